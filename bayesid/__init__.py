@@ -1,0 +1,35 @@
+"""Hydrodynamic coefficient identification and sim-to-real gap diagnosis for marine vehicles.
+
+`import bayesid` is cheap: a public name loads its module when it is first used.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+__version__ = "0.1.0"
+
+# public name -> module that defines it
+_PUBLIC: dict[str, str] = {
+    "BayesidError": "bayesid.errors",
+    "TrialError": "bayesid.errors",
+    "VehicleError": "bayesid.errors",
+    "ManoeuvreError": "bayesid.errors",
+    "ModelError": "bayesid.errors",
+    "FitError": "bayesid.errors",
+}
+
+__all__ = ["__version__", *_PUBLIC]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _PUBLIC:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(_PUBLIC[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
