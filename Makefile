@@ -1,0 +1,47 @@
+# make study [QUICK=1] [SEED=n] [DATA=folder]   the paper's cases; with DATA also the logs kept in that folder
+# make test | slow | lint | bench               each creates .venv and installs when it has to
+PYTHON ?= python3
+VENV   := .venv
+BIN    := $(VENV)/bin
+STAMP  := $(VENV)/.installed
+OUT    := $(if $(QUICK),out,reports)
+FLAGS  := $(if $(QUICK),--quick) $(if $(SEED),--seed $(SEED))
+
+.PHONY: help install study test slow lint bench clean
+.DEFAULT_GOAL := help
+
+help:
+	@sed -n '1,2s/^# //p' Makefile
+
+install: $(STAMP)
+
+$(STAMP): pyproject.toml constraints.txt
+	@command -v $(PYTHON) >/dev/null || \
+		{ echo "bayesid needs Python 3.11 or newer; '$(PYTHON)' is not on PATH. Try: make PYTHON=/path/to/python3.11"; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+		{ echo "bayesid needs Python 3.11 or newer; $(PYTHON) is `$(PYTHON) -V 2>&1`. Try: make PYTHON=python3.11"; exit 1; }
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) || \
+		{ rm -rf $(VENV); echo "$(PYTHON) cannot create a virtual environment; on Debian or Ubuntu: apt install python3-venv"; exit 1; }
+	$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[dev]" -c constraints.txt
+	@touch $(STAMP)
+
+study: $(STAMP)
+	$(BIN)/python studies/paper_cases.py --out $(OUT)/paper_cases $(FLAGS)
+	$(if $(DATA),$(BIN)/python studies/real_logs.py --data "$(DATA)" --out $(OUT)/real_logs $(FLAGS))
+
+test: $(STAMP)
+	$(BIN)/python -m pytest -q
+
+slow: $(STAMP)
+	$(BIN)/python -m pytest -q -m slow
+
+lint: $(STAMP)
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: $(STAMP)
+	@set -e; for script in benchmarks/bench_*.py; do echo "== $$script"; $(BIN)/python "$$script"; done
+
+clean:
+	rm -rf build dist out .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

@@ -1,0 +1,1 @@
+"""Figures drawn from results; each function returns a matplotlib figure and writes nothing."""
