@@ -9,11 +9,12 @@ from __future__ import annotations
 import difflib
 
 from bayesid.errors import VehicleError
+from bayesid.terms.dialects import alias, canonical_name
 from bayesid.terms.references import REFERENCES
 from bayesid.terms.row import Factor, Term, factors
 from bayesid.terms.table import TERMS
 
-__all__ = ["REFERENCES", "TERMS", "Factor", "Term", "factors", "term"]
+__all__ = ["REFERENCES", "TERMS", "Factor", "Term", "alias", "canonical_name", "factors", "term"]
 
 _BY_NAME = {row.name: row for row in TERMS}
 
