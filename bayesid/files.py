@@ -1,0 +1,132 @@
+"""Writing result files so that a reader never meets half of one, and turning results into plain JSON.
+
+Takes text, bytes or nested results (dataclasses, arrays, paths). Keeps machine traces (folders) out of JSON.
+Does not choose file names and reads nothing.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import os
+import tempfile
+from collections.abc import Mapping
+from contextlib import suppress
+from datetime import date, datetime
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+
+def write_atomic(path: str | os.PathLike[str], content: str | bytes) -> Path:
+    """Replace a file as a whole: readers see the old content or the new, never a part.
+
+    Parameters
+    ----------
+    path : file to write; missing parent folders are made
+    content : text (stored as UTF-8 with newline line ends) or bytes
+
+    Raises
+    ------
+    OSError
+        folder not writable or disk full; the old file is then untouched and no temporary file is left
+    """
+    target = Path(path)
+    data = content.encode("utf-8") if isinstance(content, str) else content
+    target.parent.mkdir(parents=True, exist_ok=True)
+    handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(data)
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.chmod(temporary, 0o666 & ~_umask())
+        os.replace(temporary, target)
+    except BaseException:
+        with suppress(OSError):
+            os.unlink(temporary)
+        raise
+    return target
+
+
+def write_json(path: str | os.PathLike[str], data: Any) -> Path:
+    """Store results as strict JSON (no NaN literals), atomically; see `to_plain` for what becomes of them."""
+    return write_atomic(path, _layout(to_plain(data), "") + "\n")
+
+
+def to_plain(value: Any) -> Any:
+    """Results as JSON types.
+
+    Arrays become lists, frozen dataclasses and mappings objects, a path its last part (a folder says where a
+    computer keeps things, not what was done), NaN null and infinity the text "inf" or "-inf". The working and
+    home folder are cut out of texts.
+
+    Raises
+    ------
+    TypeError
+        for a value that has no JSON form, naming its type
+    """
+    if value is None or (isinstance(value, bool | int) and not isinstance(value, Enum)):
+        return value
+    if isinstance(value, str):
+        return _without_folders(str(value))
+    if isinstance(value, float):
+        return _plain_float(float(value))
+    if isinstance(value, Enum):
+        return to_plain(value.value)
+    if isinstance(value, os.PathLike):
+        return Path(value).name
+    if isinstance(value, datetime | date):
+        return value.isoformat()
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {field.name: to_plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+    if isinstance(value, Mapping):
+        return {_key(key): to_plain(item) for key, item in value.items()}
+    if isinstance(value, set | frozenset):
+        return sorted((to_plain(item) for item in value), key=str)
+    if isinstance(value, list | tuple):
+        return [to_plain(item) for item in value]
+    if hasattr(value, "tolist"):  # numpy arrays and scalars, without importing numpy for plain data
+        return to_plain(value.tolist())
+    raise TypeError(f"{type(value).__name__} has no JSON form; convert it before it is stored")
+
+
+def _plain_float(value: float) -> float | str | None:
+    if math.isnan(value):
+        return None
+    if math.isinf(value):
+        return "inf" if value > 0 else "-inf"
+    return value
+
+
+def _layout(plain: Any, indent: str) -> str:
+    """Indented JSON in which a list of scalars stays on one line, so that a series does not fill pages."""
+    inner = indent + "  "
+    if isinstance(plain, dict) and plain:
+        keys = {key: json.dumps(key, ensure_ascii=False) for key in plain}
+        items = [f"{inner}{keys[key]}: {_layout(plain[key], inner)}" for key in plain]
+        return "{\n" + ",\n".join(items) + f"\n{indent}}}"
+    if isinstance(plain, list) and any(isinstance(item, dict | list) for item in plain):
+        return "[\n" + ",\n".join(inner + _layout(item, inner) for item in plain) + f"\n{indent}]"
+    return json.dumps(plain, ensure_ascii=False, allow_nan=False)
+
+
+def _key(key: Any) -> str:
+    plain = to_plain(key)
+    return plain if isinstance(plain, str) else json.dumps(plain)
+
+
+def _without_folders(text: str) -> str:
+    if "/" not in text and "\\" not in text:
+        return text
+    for folder, short in ((os.getcwd(), "."), (os.path.expanduser("~"), "~")):
+        if len(folder) > 1:
+            text = text.replace(folder, short)
+    return text
+
+
+def _umask() -> int:
+    current = os.umask(0)
+    os.umask(current)
+    return current

@@ -1,0 +1,59 @@
+"""Progress is one line per stage in a log file and a live bar on a terminal."""
+
+from __future__ import annotations
+
+import io
+
+import pytest
+
+from bayesid.progress import Progress
+
+
+class _Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def test_a_log_file_gets_one_plain_line_per_short_stage():
+    log = io.StringIO()
+    progress = Progress(stream=log)
+    assert list(progress.track("abc", "runs")) == ["a", "b", "c"]
+    assert log.getvalue().startswith("runs: done 3/3 in ")
+    assert log.getvalue().count("\n") == 1 and "\x1b" not in log.getvalue()
+
+
+def test_a_long_stage_reports_on_its_way():
+    log = io.StringIO()
+    with Progress(stream=log, every=0.0).stage("fit", 2) as stage:
+        stage.step(info="V 1.0")
+        stage.step()
+    assert [line.split(",")[0] for line in log.getvalue().splitlines()[:2]] == ["fit: 1/2", "fit: 2/2"]
+    assert "(V 1.0)" in log.getvalue()
+
+
+def test_a_stage_that_fails_says_stopped():
+    log = io.StringIO()
+    with pytest.raises(KeyError), Progress(stream=log).stage("fit"):
+        raise KeyError
+    assert log.getvalue().startswith("fit: stopped in ")
+
+
+def test_quiet_says_nothing_but_still_counts():
+    log = io.StringIO()
+    progress = Progress(quiet=True, stream=log)
+    with progress.stage("fit", 5) as stage:
+        stage.step(2)
+    progress.note("x")
+    assert stage.done == 2 and log.getvalue() == ""
+
+
+def test_nested_and_successive_bars_keep_the_finished_ones_on_screen():
+    terminal = _Terminal()
+    progress = Progress(stream=terminal)
+    with progress.stage("outer", 1) as outer:
+        list(progress.track(range(2), "inner"))
+        outer.step()
+    before = len(terminal.getvalue())
+    list(progress.track(range(2), "next"))
+    assert "inner" in terminal.getvalue()[:before] and "2/2" in terminal.getvalue()
+    assert "inner" not in terminal.getvalue()[before:]

@@ -1,0 +1,185 @@
+"""A report is self-contained, keeps foreign names as text, and stores its numbers even if drawing fails."""
+
+from __future__ import annotations
+
+import io
+import json
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bayesid.figures.style import COLOURS, styled, subplots
+from bayesid.report import Figure, Report, Section, Table, Text, literal, write
+from bayesid.report.blocks import cell_text
+from bayesid.report.markup import to_html, to_markdown
+
+NASTY = "<script>alert(1)</script> **bold** [link](https://example.org) `code` | # & \"x\" 'y'"
+ALLOWED_TAGS = {"p", "ul", "ol", "li", "pre", "code", "strong", "a"}
+
+
+class _Page(HTMLParser):
+    """Collects tags, attributes and visible text of a page."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.attributes: list[tuple[str, str, str]] = []
+        self.text = ""
+        self.feed(html)
+        self.close()
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.attributes += [(tag, name, value or "") for name, value in attrs]
+
+    def handle_data(self, data):
+        self.text += data
+
+
+@styled
+def _figure():
+    figure, axes = subplots(1, 2)
+    time = np.linspace(0, 60, 600)
+    for k, name in enumerate(COLOURS):
+        axes[0].plot(time, np.sin(time / 5 + k), label=name)
+    axes[0].legend()
+    return figure
+
+
+def _report(name: str = NASTY) -> Report:
+    table = Table([name, "n"], [[name, 1.5], [None, np.nan]], literal(name))
+    return Report(
+        name,
+        f"Lead about {literal(name)}.",
+        [
+            Section(name, [Text(literal(name)), table]),
+            Section(name, [Figure("tracks", _figure(), literal(name), alt=name)]),
+        ],
+    )
+
+
+def test_a_name_from_a_file_never_becomes_markup_or_html(tmp_path):
+    page = _Page(write(_report(), tmp_path, {}).read_text())
+    assert "script" not in page.tags
+    assert page.tags.count("a") == 2, "only the two entries of the contents"
+    assert all(value.startswith("#") for tag, name, value in page.attributes if tag == "a")
+    # title, h1, lead; two entries of the contents, two headings; text, two captions, two cells
+    assert page.text.count(NASTY) == 12
+
+
+def test_html_asks_no_other_file_or_server(tmp_path):
+    html = write(_report("Trial"), tmp_path, {}).read_text()
+    sources = [value for _, name, value in _Page(html).attributes if name in ("src", "href")]
+    assert sources and all(value.startswith(("data:image/png;base64,", "#")) for value in sources)
+    assert "url(" not in html and "@import" not in html
+
+
+@given(st.text())
+def test_any_text_gives_only_the_tags_of_the_markup(text):
+    assert set(_Page(to_html(text)).tags) <= ALLOWED_TAGS
+
+
+@given(st.text(st.characters(exclude_categories=["Cs", "Cc", "Zl", "Zp"]), min_size=1))
+def test_literal_text_reads_back_unchanged(text):
+    expected = " ".join(text.split())
+    assert _Page(f"<p>{to_html('x ' + literal(text))}</p>").text == f"x {expected}".rstrip()
+
+
+def test_markup_gives_lists_fences_bold_code_and_links():
+    link = "[more](https://example.org/?a=1&b=2)"
+    html = to_html(f"One **bold `X_u|u|`** line\nand {link}.\n\n- a\n- b\n  c\n\n```\n<x>\n```")
+    assert html == (
+        '<p>One <strong>bold <code>X_u|u|</code></strong> line and '
+        '<a href="https://example.org/?a=1&amp;b=2">more</a>.</p>\n'
+        "<ul><li>a</li><li>b c</li></ul>\n<pre><code>&lt;x&gt;</code></pre>"
+    )
+
+
+def test_coefficient_names_keep_their_stars_and_underscores():
+    assert to_html("Y_* and N_* and x**2") == "<p>Y_* and N_* and x**2</p>"
+
+
+def test_a_link_to_a_script_stays_text():
+    assert "<a" not in to_html("[x](javascript:alert(1))")
+
+
+def test_markdown_escapes_foreign_html_and_table_bars():
+    assert to_markdown("<img src=x> a|b") == "&lt;img src=x&gt; a\\|b"
+
+
+def test_results_hold_title_versions_and_a_time_in_utc(tmp_path):
+    write(_report("Cases"), tmp_path, {"inputs": {"duration": 700.0}, "seeds": [1, 2], "targets": {}})
+    record = json.loads((tmp_path / "results.json").read_text())
+    assert (record["title"], record["seeds"], record["inputs"]) == ("Cases", [1, 2], {"duration": 700.0})
+    assert {"bayesid", "python", "numpy", "scipy", "numba"} <= set(record["versions"])
+    assert record["created"].endswith("Z")
+
+
+def test_numbers_are_stored_even_if_a_figure_cannot_be_drawn(tmp_path):
+    class Broken:
+        def savefig(self, *args, **kwargs):
+            raise RuntimeError("font missing")
+
+    report = Report("Broken", "", [Section("A", [Figure("a", Broken())])])
+    with pytest.raises(RuntimeError, match="font missing"):
+        write(report, tmp_path, {"seeds": [3]})
+    assert json.loads((tmp_path / "results.json").read_text())["seeds"] == [3]
+
+
+def test_a_dense_figure_stays_below_200_kb(tmp_path):
+    rng = np.random.default_rng(1)
+
+    @styled
+    def dense():
+        figure, axes = subplots(2, 2, height=7)
+        for ax in axes.flat:
+            ax.scatter(*rng.standard_normal((2, 4000)), c=rng.random(4000), s=4)
+        return figure
+
+    write(Report("Dense", "", [Section("A", [Figure("dense", dense())])]), tmp_path, {})
+    assert (tmp_path / "figures" / "dense.png").stat().st_size < 200_000
+
+
+def test_an_unchanged_figure_gives_unchanged_bytes(tmp_path):
+    drawn = []
+    for folder in (tmp_path / "a", tmp_path / "b"):
+        write(_report("Same"), folder, {})
+        drawn.append((folder / "figures" / "tracks.png").read_bytes())
+    assert drawn[0] == drawn[1]
+
+
+def test_the_house_style_leaves_the_callers_settings_alone():
+    import matplotlib
+
+    before = dict(matplotlib.rcParams)
+    _figure().savefig(io.BytesIO())
+    assert dict(matplotlib.rcParams) == before
+
+
+@pytest.mark.parametrize("name", ["../evil", "a/b", "", "x.png", "-a"])
+def test_a_figure_name_cannot_leave_its_folder(name):
+    with pytest.raises(ValueError, match="figure name"):
+        Figure(name, b"\x89PNG")
+
+
+def test_two_figures_of_one_name_are_refused():
+    twin = Section("A", [Figure("a", b"\x89PNG"), Section("B", [Figure("a", b"\x89PNG")])])
+    with pytest.raises(ValueError, match="two figures"):
+        Report("T", "", [twin])
+
+
+def test_a_short_row_is_refused_when_the_table_is_made():
+    with pytest.raises(ValueError, match="row 1 has 1 cells for 2 columns"):
+        Table(["a", "b"], [[1, 2], [1]])
+
+
+@pytest.mark.parametrize(
+    "value, text",
+    [(1234.5678, "1235"), (123456.7, "123457"), (1e-9, "1.000e-09"), (0.0, "0"), (np.float64(-0.25), "-0.25"),
+     (2_000_000.0, "2.000e+06"), (None, "–"), (float("nan"), "–"), (True, "yes"), (np.int64(12), "12")],
+)
+def test_cells_show_four_significant_digits(value, text):
+    assert cell_text(value) == text
