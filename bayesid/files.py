@@ -51,8 +51,13 @@ def write_atomic(path: str | os.PathLike[str], content: str | bytes) -> Path:
 
 
 def write_json(path: str | os.PathLike[str], data: Any) -> Path:
-    """Store results as strict JSON (no NaN literals), atomically; see `to_plain` for what becomes of them."""
-    return write_atomic(path, _layout(to_plain(data), "") + "\n")
+    """Store results as strict JSON, atomically; see `to_plain` for what becomes of them."""
+    return write_atomic(path, json_text(data) + "\n")
+
+
+def json_text(data: Any) -> str:
+    """Results as strict JSON text (no NaN literals), indented, lists of numbers on one line."""
+    return _layout(to_plain(data), "")
 
 
 def to_plain(value: Any) -> Any:

@@ -1,0 +1,18 @@
+"""The command line `bayesid`: reads options, calls the library, prints answers.
+
+Takes arguments of a shell. Does not compute; a command imports what it needs when it runs, so that
+`bayesid --help` loads no numerical library.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import NoReturn
+
+
+def main(args: Sequence[str] | None = None) -> NoReturn:
+    """Entry point of the shell command; ends the process with 0 ok, 2 usage or bad input, 3 not converged."""
+    from bayesid.cli.guard import run
+
+    sys.exit(run(args))

@@ -1,0 +1,76 @@
+"""`bayesid study`: lists and runs the studies of a checkout (`studies/*.py`)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from bayesid.cli.options import Out, Quick, Verbose
+
+
+def study(
+    name: Annotated[str | None, typer.Argument(help="Study to run; left out: list them.")] = None,
+    out: Out = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed instead of the study's own.")] = None,
+    quick: Quick = False,
+    verbose: Verbose = False,
+) -> int:
+    """Run a study and write its report."""
+    from bayesid.cli.output import say, say_table
+
+    studies = _studies()
+    if name is None:
+        say_table(["study", "question"], [[key, _question(path)] for key, path in studies.items()])
+        return 0
+    if name not in studies:
+        raise typer.BadParameter(f"no study {name!r}; there are: {', '.join(studies)}", param_hint="NAME")
+    folder = out or Path("out" if quick else "reports") / name
+    arguments = ["--out", str(folder), *(["--quick"] if quick else [])]
+    if seed is not None:
+        arguments += ["--seed", str(seed)]
+    code = _run_script(studies[name], arguments)
+    if code == 0:
+        say(f"report: {folder / 'report.html'}")
+    return code
+
+
+def _studies() -> dict[str, Path]:
+    """Studies by name, from the working folder or the checkout this package runs from."""
+    from bayesid.errors import BayesidError
+
+    for base in (Path.cwd(), Path(__file__).resolve().parents[2]):
+        found = {path.stem: path for path in sorted((base / "studies").glob("[a-z]*.py"))}
+        if found:
+            return found
+    raise BayesidError("no folder 'studies' here; run this command inside a checkout of bayesid")
+
+
+def _question(path: Path) -> str:
+    """First line of a study's docstring."""
+    import ast
+
+    try:
+        text = ast.get_docstring(ast.parse(path.read_text("utf-8"))) or ""
+    except (SyntaxError, ValueError):
+        return ""
+    return text.split("\n")[0]
+
+
+def _run_script(path: Path, arguments: list[str]) -> int:
+    import runpy
+    import sys
+
+    before = sys.argv
+    sys.argv = [str(path), *arguments]
+    try:
+        runpy.run_path(str(path), run_name="__main__")
+    except SystemExit as end:
+        if isinstance(end.code, str):
+            print(f"bayesid: {end.code}", file=sys.stderr)
+            return 2
+        return int(end.code or 0)
+    finally:
+        sys.argv = before
+    return 0

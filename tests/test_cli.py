@@ -1,0 +1,182 @@
+"""A shell user sees an answer or one message, never a traceback; exit codes tell which."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import warnings
+
+import pytest
+
+import bayesid.cli.app
+from bayesid import __version__
+from bayesid.cli.guard import printable, run
+from bayesid.cli.output import say_json, say_table
+from bayesid.errors import FitError, TrialError, raise_all
+
+
+@pytest.fixture
+def failing(monkeypatch):
+    """Run `bayesid study` with a body that raises."""
+
+    def run_with(error: BaseException, *args: str) -> int:
+        def body(**_):
+            raise error
+
+        monkeypatch.setattr("bayesid.cli.study._studies", body)
+        return run(["study", *args])
+
+    return run_with
+
+
+def test_help_needs_no_numerical_library():
+    code = (
+        "import sys; from bayesid.cli.guard import run; code = run(['--help']);"
+        "heavy = {'numpy', 'scipy', 'numba', 'matplotlib', 'rich', 'jinja2', 'pint'} & set(sys.modules);"
+        "sys.exit(f'loaded {heavy}' if heavy else code)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "Exit codes: 0 ok, 2 usage or bad input, 3 not converged." in done.stdout
+
+
+def test_importing_the_package_loads_nothing_heavy_and_lists_its_names():
+    code = "import sys, bayesid; print('numpy' in sys.modules, 'TrialError' in dir(bayesid), bayesid.TrialError)"
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    assert done.stdout == "False True <class 'bayesid.errors.TrialError'>\n"
+
+
+def test_every_public_name_can_be_loaded():
+    import bayesid
+
+    for name in bayesid.__all__:
+        assert getattr(bayesid, name) is not None, name
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = bayesid.nothing
+
+
+def test_version_is_that_of_the_package(capsys):
+    assert run(["--version"]) == 0
+    assert capsys.readouterr().out == f"bayesid {__version__}\n"
+
+
+@pytest.mark.parametrize("line", ["nonsense", "study --nonsense", "study --seed x", "study --seed=-1"])
+def test_wrong_usage_is_exit_code_2_with_one_message(line, capsys):
+    assert run(line.split()) == 2
+    captured = capsys.readouterr()
+    assert "Error: " in captured.err and "Traceback" not in captured.err and captured.out == ""
+
+
+def test_a_bad_input_is_exit_code_2_with_the_message_of_its_error(failing, capsys):
+    assert failing(TrialError("run07.csv: time goes back at row 1843")) == 2
+    assert capsys.readouterr().err == "bayesid: run07.csv: time goes back at row 1843\n"
+
+
+def test_an_error_may_carry_its_own_exit_code(failing):
+    class NotConverged(FitError):
+        exit_code = 3
+
+    assert failing(NotConverged("stopped after 200 iterations")) == 3
+
+
+def test_a_missing_file_is_named(failing, capsys):
+    assert failing(FileNotFoundError(2, "No such file or directory", "trial.toml")) == 2
+    assert capsys.readouterr().err == "bayesid: trial.toml: No such file or directory\n"
+
+
+@pytest.mark.parametrize(
+    "error, code, words",
+    [
+        (ZeroDivisionError("division by zero"), 1, "unexpected ZeroDivisionError: division by zero"),
+        (RecursionError("deep"), 1, "unexpected RecursionError"),
+        (MemoryError(), 1, "out of memory"),
+        (KeyboardInterrupt(), 130, "stopped"),
+    ],
+)
+def test_a_surprise_is_a_message_without_traceback(error, code, words, failing, capsys):
+    assert failing(error) == code
+    err = capsys.readouterr().err
+    assert words in err and "Traceback" not in err
+
+
+def test_verbose_shows_the_traceback_of_a_surprise(failing, capsys):
+    assert failing(ZeroDivisionError("x"), "-v") == 1
+    assert "Traceback" in capsys.readouterr().err
+    assert failing(ZeroDivisionError("x")) == 1
+    assert "again with -v" in capsys.readouterr().err, "verbosity must not leak into the next run"
+
+
+def test_a_name_cannot_steer_the_terminal(failing, capsys):
+    failing(TrialError("trial \x1b[2J\x07evil"))
+    assert "\x1b" not in capsys.readouterr().err
+    assert printable("δ_r °\n\tx") == "δ_r °\n\tx"
+
+
+def test_a_warning_is_one_line(monkeypatch, capsys):
+    def body():
+        warnings.warn("3 rows dropped", stacklevel=1)
+        return {}
+
+    monkeypatch.setattr("bayesid.cli.study._studies", body)
+    with warnings.catch_warnings():
+        warnings.simplefilter("always")
+        assert run(["study"]) == 0
+    assert capsys.readouterr().err == "warning: 3 rows dropped\n"
+
+
+def test_all_problems_of_a_file_come_in_one_error():
+    with pytest.raises(TrialError, match=r"a.toml: 2 problems\n  - one\n  - two"):
+        raise_all(TrialError, "a.toml", ["one", "two"])
+    with pytest.raises(TrialError, match=r"^a.toml: one$"):
+        raise_all(TrialError, "a.toml", ["one"])
+
+
+def test_a_closed_pipe_ends_quietly():
+    code = "from bayesid.cli import main; main(['--help'])"
+    reader = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    reader.stdout.close()
+    assert reader.stderr.read() == b""
+    reader.stderr.close()
+    reader.wait()
+
+
+def test_a_study_gets_its_folder_seed_and_quick_mode(tmp_path, monkeypatch, capsys):
+    (tmp_path / "studies").mkdir()
+    script = '"""Does it run?"""\nimport sys\nprint(sys.argv[1:])\nsys.exit(3)\n'
+    (tmp_path / "studies" / "demo.py").write_text(script)
+    monkeypatch.chdir(tmp_path)
+    before = sys.argv
+    assert run(["study", "demo", "--quick", "--seed", "5"]) == 3
+    assert sys.argv is before
+    assert capsys.readouterr().out == f"{['--out', 'out/demo', '--quick', '--seed', '5']}\n"
+    assert run(["study"]) == 0
+    assert "Does it run?" in capsys.readouterr().out
+    assert run(["study", "other"]) == 2
+
+
+def test_every_command_has_help_and_a_verbose_option():
+    tree = bayesid.cli.app.command()
+
+    def walk(path, node):
+        if hasattr(node, "commands"):
+            for name, child in node.commands.items():
+                yield from walk([*path, name], child)
+        else:
+            yield path, node
+
+    for path, node in walk([], tree):
+        assert node.help, f"{path} has no help"
+        assert any("--verbose" in option.opts for option in node.params), f"{path} has no -v"
+
+
+def test_tables_align_numbers_right_and_show_a_dash_for_nothing(capsys):
+    say_table(["name", "value"], [["a", 1.5], ["long name", None]])
+    assert capsys.readouterr().out.splitlines() == [
+        "name       value", "---------  -----", "a            1.5", "long name      –"
+    ]
+
+
+def test_json_answers_are_strict_json(capsys):
+    say_json({"a": float("nan"), "b": [1.0, 2.0]})
+    assert json.loads(capsys.readouterr().out) == {"a": None, "b": [1.0, 2.0]}
