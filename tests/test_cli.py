@@ -42,7 +42,7 @@ def test_help_needs_no_numerical_library():
 
 
 def test_importing_the_package_loads_nothing_heavy_and_lists_its_names():
-    code = "import sys, bayesid; print('numpy' in sys.modules, 'TrialError' in dir(bayesid), bayesid.TrialError)"
+    code = "import sys, bayesid as b; print('numpy' in sys.modules, 'TrialError' in dir(b), b.TrialError)"
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     assert done.stdout == "False True <class 'bayesid.errors.TrialError'>\n"
 
