@@ -37,7 +37,7 @@ slow: $(STAMP)
 
 lint: $(STAMP)
 	$(BIN)/ruff check .
-	$(BIN)/mypy
+	$(BIN)/mypy bayesid $(wildcard studies/*.py)
 	$(BIN)/lint-imports
 
 bench: $(STAMP)
