@@ -1,0 +1,20 @@
+"""Logged trials: read, checked, windowed, written, summed up."""
+
+from bayesid.trials.bundle import load_trial
+from bayesid.trials.summary import trial_summary
+from bayesid.trials.trial import Channels, Environment, Run, Trial, channels_of
+from bayesid.trials.window import resample, window
+from bayesid.trials.write import write_trial
+
+__all__ = [
+    "Channels",
+    "Environment",
+    "Run",
+    "Trial",
+    "channels_of",
+    "load_trial",
+    "resample",
+    "trial_summary",
+    "window",
+    "write_trial",
+]

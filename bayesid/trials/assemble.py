@@ -1,0 +1,249 @@
+"""One CSV table becomes one run: columns found, units converted, time checked, holes treated and named.
+
+Takes a `Table` and what trial.toml says about columns and signs.
+Does not: judge whether the numbers make sense together (`health`, `consistency`).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from bayesid.channels import Channel, channel, is_channel
+from bayesid.trials.table import BadTableError, Table, summed
+from bayesid.trials.trial import Floats, Run
+from bayesid.units import UnitError, scale
+
+ABSURD = 1e12  # no channel reaches this; larger numbers are sentinels or garbage
+TIME_REPAIRS = ("none", "sort")
+_HEADER = re.compile(r"([^\[\]]*?)\s*(?:\[([^\[\]]*)\])?")
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What trial.toml says about how to read the files."""
+
+    columns: Mapping[str, str] = field(default_factory=dict)  # canonical name[unit] -> column in the file
+    rudder_positive: str = "port"
+    time_repair: str = "none"
+
+
+def split_header(text: str) -> tuple[str, str | None]:
+    """`psi[deg]` -> ("psi", "deg"); the unit is None where no brackets are given."""
+    found = _HEADER.fullmatch(text.strip())
+    return (found[1].strip(), found[2].strip() if found[2] is not None else None) if found else (text, None)
+
+
+def assemble(table: Table, reading: Reading, name: str, manoeuvre: str, role: str, notes: str = "") -> Run:
+    """Build a run.
+
+    Raises
+    ------
+    BadTableError              every problem of columns, units and time at once
+    """
+    problems: list[str] = []
+    notices = list(table.warnings)
+    where = _locate(table.names, reading.columns, problems, notices)
+    values = {}
+    for row, (column, factor) in where.items():
+        values[row.name] = table.values[:, column] * factor
+    used = {column for column, _ in where.values()}
+    extra = {
+        text or f"column {k + 1}": table.values[:, k].copy()
+        for k, text in enumerate(table.names)
+        if k not in used
+    }
+    rows = table.rows
+    if "t" in values:
+        order = _check_time(values["t"], rows, reading.time_repair, problems, notices)
+        if order is not None:
+            values = {key: array[order] for key, array in values.items()}
+            extra = {key: array[order] for key, array in extra.items()}
+    if problems:
+        raise BadTableError(problems)
+    t = values.pop("t")
+    for key in list(values):
+        _drop_absurd(key, values, notices)
+    if reading.rudder_positive == "starboard":
+        for key in list(values):
+            if channel(key).rudder:
+                values[key] = -values[key]
+    groups: dict[str, dict[str, Floats]] = {kind: {} for kind in ("pose", "velocity", *_FILLED, "propulsion")}
+    for key, array in values.items():
+        row = channel(key)
+        if row.circular:
+            array = unwrap(array)
+        if row.kind in _FILLED:
+            array = _fill(t, array, row, notices)
+        groups[row.kind][key] = array
+    problems += _missing(values, table.names)
+    if problems:
+        raise BadTableError(problems)
+    return Run(
+        name=name,
+        manoeuvre=manoeuvre,
+        role=role,
+        t=t,
+        data=groups["pose"] | groups["velocity"],
+        commands=groups["command"],
+        measured_inputs=groups["actuator"],
+        exogenous=groups["environment"],
+        propulsion=groups["propulsion"],
+        extra=extra,
+        notes=notes,
+        warnings=tuple(notices),
+    )
+
+
+_FILLED = ("command", "actuator", "environment")
+
+
+def _locate(
+    names: tuple[str, ...], columns: Mapping[str, str], problems: list[str], notices: list[str]
+) -> dict[Channel, tuple[int, float]]:
+    """Channel -> (column, factor to the inside unit). A mapped column wins over one of the same name."""
+    heads = [split_header(text) for text in names]
+    wanted: dict[str, tuple[int, str | None]] = {}
+    taken: set[int] = set()
+    for key, text in columns.items():
+        target, unit = split_header(key)
+        hits = [k for k, name in enumerate(names) if name == text.strip()]
+        hits = hits or [k for k, (head, _) in enumerate(heads) if head == text.strip()]
+        if len(hits) > 1:
+            problems.append(f"column {text!r} of [columns] occurs {len(hits)} times in the header")
+        elif hits:
+            wanted[target] = (hits[0], unit if unit is not None else heads[hits[0]][1])
+            taken.add(hits[0])
+        elif target not in {head for head, _ in heads}:
+            notices.append(f"has no column {text!r} for {target} of [columns]")
+    for k, (head, unit) in enumerate(heads):
+        if (
+            not is_channel(head)
+            or k in taken
+            or head in {split_header(key)[0] for key in columns} & set(wanted)
+        ):
+            continue
+        if head in wanted:
+            problems.append(f"{head} is given by two columns, {names[wanted[head][0]]!r} and {names[k]!r}")
+            continue
+        wanted[head] = (k, unit)
+    duplicates = {text for text in names if text and names.count(text) > 1}
+    problems += [
+        f"column {text!r} occurs twice" for text in sorted(duplicates) if split_header(text)[0] not in wanted
+    ]
+    found: dict[Channel, tuple[int, float]] = {}
+    bare = []
+    for name, (k, unit) in wanted.items():
+        row = channel(name)
+        if not unit:
+            bare.append(f"{name} as [{row.unit}]")
+            unit = row.unit
+        try:
+            found[row] = (k, scale(unit, row.unit, f"column {names[k]!r}"))
+        except UnitError as error:
+            problems.append(str(error))
+    if bare:
+        notices.append(f"no unit in the header, read {', '.join(bare)}; write name[unit]")
+    if "t" not in wanted:
+        near = next((text for text in names if text.lower().startswith(("time", "t ", "t("))), None)
+        hint = f'; is it {near!r}? map it: [columns] "t[s]" = {near!r}' if near else ""
+        problems.append(f"no time column t[s]{hint}")
+    return found
+
+
+def _check_time(
+    t: Floats, rows: np.ndarray, repair: str, problems: list[str], notices: list[str]
+) -> np.ndarray | None:
+    """Problems of time, or the order in which rows are to be taken (None: as they are)."""
+    bad = ~(np.abs(t) < ABSURD)
+    if bad.any():
+        found = [(int(row), "t is missing or not a number of seconds") for row in rows[bad]]
+        problems += summed(found, "such a time")
+        return None
+    step = np.diff(t)
+    if t.size < 2:
+        problems.append("holds one sample only")
+    if (step > 0).all():
+        return None
+    if repair == "sort":
+        order = np.argsort(t, kind="stable")
+        keep = np.concatenate(([True], np.diff(t[order]) > 0))
+        back, dropped = int((step < 0).sum()), int((~keep).sum())
+        notices.append(f"sorted by time: it went back {back} times; {dropped} repeated times dropped")
+        if keep.sum() < 2:
+            problems.append("holds one distinct time only")
+            return None
+        return order[keep]
+    ways = [
+        (
+            int(rows[k + 1]),
+            f"time {'goes back' if step[k] < 0 else 'repeats'} ({t[k + 1]:.10g} s after {t[k]:.10g} s)",
+        )
+        for k in np.flatnonzero(step <= 0)
+    ]
+    problems += summed(ways, "time that does not increase")
+    problems.append('clean the log, or say time_repair = "sort" in trial.toml to sort it and drop repeats')
+    return None
+
+
+def _drop_absurd(name: str, values: dict[str, Floats], notices: list[str]) -> None:
+    array = values[name]
+    bad = ~(np.abs(array) < ABSURD) & ~np.isnan(array)
+    if bad.any():
+        notices.append(f"{name}: {int(bad.sum())} values are infinite or beyond 1e12; treated as missing")
+        array = np.where(bad, np.nan, array)
+        values[name] = array
+    if np.isnan(array).all():
+        notices.append(f"{name}: no values; treated as not logged")
+        del values[name]
+
+
+def unwrap(angle: Floats) -> Floats:
+    """Continuous angle, rad, whatever wrap was logged; NaN stay NaN, steps across them go the short way."""
+    good = np.isfinite(angle)
+    if good.all():
+        if (np.abs(np.diff(angle)) <= np.pi).all():
+            return angle
+        return np.unwrap(angle)
+    out = angle.copy()
+    out[good] = np.unwrap(angle[good])
+    return out
+
+
+def _fill(t: Floats, array: Floats, row: Channel, notices: list[str]) -> Floats:
+    """Inputs must be known at all times: commands are held, measured ones interpolated."""
+    good = np.isfinite(array)
+    if good.all():
+        return array
+    share = 100.0 * (1.0 - good.mean())
+    if row.kind == "command":
+        last = np.maximum.accumulate(np.where(good, np.arange(t.size), -1))
+        last[last < 0] = int(np.argmax(good))
+        notices.append(f"{row.name}: {share:.1f} % missing; last command held")
+        return array[last]
+    notices.append(f"{row.name}: {share:.1f} % missing; interpolated")
+    return np.interp(t, t[good], array[good])
+
+
+def _missing(values: Mapping[str, Floats], names: tuple[str, ...]) -> list[str]:
+    """What the program cannot do without."""
+    has = set(values)
+    problems = []
+
+    spare = [text for text in names if text and not is_channel(split_header(text)[0])][:6]
+    unused = f"; unused columns: {', '.join(map(repr, spare))}" if spare else ""
+
+    def lacks(what: str, target: str) -> None:
+        problems.append(f'{what} is missing; log it or map it: [columns] "{target}" = "..."{unused}')
+
+    if not {"x", "y"} <= has and not {"u", "v"} <= has and not {"u_water", "v_water"} <= has:
+        absent = " and ".join(sorted({"x", "y"} - has))
+        lacks(f"position {absent} (and no velocity u, v to stand in for it)", f"{min({'x', 'y'} - has)}[m]")
+    if "psi" not in has and "r" not in has:
+        lacks("heading psi (and no yaw rate r to stand in for it)", "psi[deg]")
+    if not {"delta_r", "delta_r_cmd"} & has:
+        lacks("rudder angle, delta_r_cmd or delta_r,", "delta_r_cmd[deg]")
+    return problems

@@ -1,0 +1,170 @@
+"""A folder on disk becomes a `Trial`: trial.toml is read, checked and every run it names is assembled.
+
+Takes the folder or trial.toml, and optionally another folder where the logs are kept.
+Does not: read the vehicle file, or anything outside the two folders.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import replace
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+
+from bayesid.channels import channel
+from bayesid.errors import TrialError, raise_all
+from bayesid.trials.assemble import assemble
+from bayesid.trials.health import check_run, check_runs
+from bayesid.trials.stated import Stated
+from bayesid.trials.table import BadTableError, parse_table, read_bytes
+from bayesid.trials.trial import Run, Trial
+from bayesid.trials.window import window
+
+
+def load_trial(path: str | Path, data: str | Path | None = None) -> Trial:
+    """Read a trial bundle.
+
+    Parameters
+    ----------
+    path : folder of the bundle or its trial.toml
+    data : folder that holds the logs where they are kept outside the bundle; a run's `file` is looked up
+        there, and in the subfolder of the bundle's name
+
+    Returns
+    -------
+    Trial                      SI, rudder port-positive, angles unwrapped; what looked odd is in `warnings`
+
+    Raises
+    ------
+    TrialError                 once, with every problem of trial.toml and of all its files
+    """
+    path = Path(path)
+    try:
+        toml = path if path.suffix == ".toml" or path.is_file() else path / "trial.toml"
+        if not toml.exists():
+            raise TrialError(f"{toml}: does not exist; a trial is a folder with a trial.toml")
+        raw = read_bytes(toml, limit=2**20)
+    except BadTableError as error:
+        raise_all(TrialError, str(toml), error.problems)
+    except (OSError, RuntimeError, ValueError) as error:
+        raise TrialError(f"{str(path)[:200]!r}: cannot be read: {error}") from None
+    return _load(raw, toml, None if data is None else Path(data))
+
+
+def _load(raw: bytes, toml: Path, data: Path | None) -> Trial:
+    try:
+        tree = tomllib.loads(raw.decode("utf-8-sig"))
+    except UnicodeDecodeError as error:
+        raise TrialError(f"{toml}: is not UTF-8 text (byte {error.start})") from None
+    except (tomllib.TOMLDecodeError, ValueError) as error:
+        raise TrialError(f"{toml}: is not valid TOML: {error}") from None
+    except RecursionError:
+        raise TrialError(f"{toml}: is nested too deeply") from None
+    stated = Stated(tree)
+    folder = toml.parent
+    vehicle = _vehicle(stated, folder)
+    runs: list[Run] = []
+    problems = stated.problems
+    warnings = stated.warnings
+    seen: dict[Path, str] = {}
+    for entry in stated.runs:
+        try:
+            found = _find(entry.file, folder, data, stated.data_hint)
+            if found in seen:
+                raise BadTableError([f"is the same file as {seen[found]}"])
+            seen[found] = entry.file
+            with np.errstate(all="ignore"):
+                table = parse_table(read_bytes(found))
+                run = assemble(table, stated.reading, entry.name, entry.manoeuvre, entry.role, entry.notes)
+                if entry.window is not None:
+                    run = window(run, *entry.window)
+                notices = check_run(run)
+        except BadTableError as error:
+            problems += [f"{entry.file}: {problem}" for problem in error.problems]
+            continue
+        except TrialError as error:
+            problems.append(str(error))
+            continue
+        run = replace(run, warnings=run.warnings + tuple(notices))
+        warnings += [f"{entry.file}: {text}" for text in run.warnings]
+        runs.append(run)
+    if problems:
+        raise_all(TrialError, str(toml), problems)
+    if not any(run.role == "identify" for run in runs):
+        warnings.append('no run has the role "identify"; there is nothing to fit')
+    with np.errstate(all="ignore"):
+        warnings += check_runs(runs)
+    dof = stated.dof or (6 if any(_vertical(run) for run in runs) else 3)
+    return Trial(
+        name=stated.name or folder.resolve().name,
+        folder=folder,
+        vehicle_ref=vehicle,
+        dof=dof,
+        runs=tuple(runs),
+        noise=stated.noise,
+        environment=stated.environment,
+        measured_point=stated.measured_point,
+        rudder_positive=stated.reading.rudder_positive,
+        attribution=stated.attribution,
+        warnings=tuple(warnings),
+    )
+
+
+def _vertical(run: Run) -> bool:
+    names = (*run.data, *run.commands, *run.measured_inputs)
+    return any(channel(name).vertical for name in names)
+
+
+def safe_path(folder: Path, name: str) -> Path:
+    """Resolved path of a file inside a folder.
+
+    Raises
+    ------
+    BadTableError              absolute path, a way out of the folder (also by a link), or a loop of links
+    """
+    parts = PurePosixPath(name.replace("\\", "/")).parts
+    if not name.strip() or "\0" in name or len(name) > 1000:
+        raise BadTableError(["is not a file name"])
+    if name.startswith(("/", "\\")) or ".." in parts or (len(name) > 1 and name[1] == ":"):
+        raise BadTableError(["points outside the bundle; give a path relative to trial.toml"])
+    try:
+        root = folder.resolve()
+        found = (root / Path(*parts)).resolve()
+        if not found.is_relative_to(root):
+            raise BadTableError(["is a link to a place outside the bundle; copy the file instead"])
+        return found
+    except (OSError, RuntimeError, ValueError) as error:
+        raise BadTableError([f"cannot be followed ({error})"]) from None
+
+
+def _find(name: str, folder: Path, data: Path | None, hint: str) -> Path:
+    roots = [folder] if data is None else [data, data / folder.resolve().name, folder]
+    found = [safe_path(root, name) for root in roots]
+    for place in found:
+        try:
+            if place.exists():
+                return place
+        except OSError as error:
+            raise BadTableError([f"cannot be read: {error.strerror}"]) from None
+    if data is not None:
+        raise BadTableError([f"does not exist in {data} or in the bundle"])
+    kept = f"; the logs of this trial are kept elsewhere: pass data=FOLDER (--data). {hint}" if hint else ""
+    raise BadTableError([f"does not exist in {folder}{kept}"])
+
+
+def _vehicle(stated: Stated, folder: Path) -> str:
+    name = stated.vehicle
+    if not name:
+        stated.warnings.append("trial.toml names no vehicle; a fit will need one")
+        return ""
+    try:
+        found = safe_path(folder, name)
+    except BadTableError as error:
+        stated.problems += [f"vehicle {name[:80]!r} {problem}" for problem in error.problems]
+        return ""
+    if found.is_file():
+        return str(folder / name)
+    if name.endswith(".toml"):
+        stated.problems.append(f"vehicle {name!r} does not exist in {folder}")
+    return name

@@ -1,0 +1,211 @@
+"""What looks wrong in a run, one sentence each: gaps, holes, stuck or clipped sensors, odd units and signs.
+
+Takes a `Run`, or all runs of a trial.
+Does not: stop anything; these are warnings. What makes a log unusable is an error of the reader.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from bayesid.channels import channel
+from bayesid.trials.consistency import RudderCheck, check_rudder, check_track, check_yaw
+from bayesid.trials.trial import Floats, Run
+
+_DEG = math.pi / 180.0
+_LIMITS = {"phi": 1.6, "theta": 1.6, "p": 6.0, "q": 3.0, "r": 3.0, "u": 30.0, "v": 15.0, "w": 15.0}
+_SPEED_UNITS = {"kn labelled m/s": 0.514444, "m/s labelled kn": 1.943844, "ft/s labelled m/s": 0.3048}
+_LENGTH_UNITS = {"position in ft labelled m": 3.28084, "position in m labelled ft": 0.3048}
+
+
+def check_run(run: Run) -> list[str]:
+    """Warnings about one run, most basic first."""
+    notices = _sampling(run)
+    holes = [(name, 100 * float(np.isnan(values).mean())) for name, values in run.data.items()]
+    if any(share > 0.0 for _, share in holes):
+        notices.append(
+            "missing samples: " + ", ".join(f"{n} {share:.1f} %" for n, share in holes if share > 0.0)
+        )
+    notices += _missing(run)
+    notices += _stuck(run)
+    notices += _magnitudes(run)
+    notices += _agreement(run)
+    return notices
+
+
+def check_runs(runs: Sequence[Run]) -> list[str]:
+    """Warnings that need all runs: the sign of the rudder."""
+    found = [check for check in map(check_rudder, runs) if check is not None]
+    return rudder_notice(found)
+
+
+def rudder_notice(found: Sequence[RudderCheck]) -> list[str]:
+    """A warning if the runs taken together turn the wrong way, pooled over their t values."""
+    if not found:
+        return []
+    pooled = sum(check.t_value for check in found) / math.sqrt(len(found))
+    wrong = sum(check.slope > 0 for check in found)
+    if pooled > 6.0 and wrong > 0.8 * len(found):
+        return [
+            f"rudder sign: in {wrong} of {len(found)} runs positive rudder turns the vehicle to starboard; "
+            'if the log counts starboard rudder positive, say rudder_positive = "starboard" in trial.toml'
+        ]
+    return []
+
+
+def _sampling(run: Run) -> list[str]:
+    notices = []
+    step = np.diff(run.t)
+    usual = float(np.median(step))
+    gaps = np.flatnonzero(step > max(5.0 * usual, 2.0 * float(np.percentile(step, 90))))
+    if gaps.size:
+        worst = gaps[np.argmax(step[gaps])]
+        word = "gap" if gaps.size == 1 else "gaps, the longest"
+        text = f"{gaps.size} {word} of {step[worst]:.3g} s after t = {run.t[worst]:.6g} s"
+        notices.append(f"{text} (usual step {usual:.3g} s)")
+    if run.n_samples < 20:
+        notices.append(f"only {run.n_samples} samples")
+    psi = run.data.get("psi")
+    if psi is not None:
+        turn = np.abs(np.diff(psi[np.isfinite(psi)]))
+        if turn.size and float(np.percentile(turn, 98)) > 0.5:
+            worst_turn = float(np.percentile(turn, 98)) / _DEG
+            notices.append(
+                f"psi changes by {worst_turn:.0f} deg from sample to sample: sampled too coarsely "
+                f"(every {usual:.3g} s) to follow the vehicle, or psi has another unit"
+            )
+    return notices
+
+
+def _missing(run: Run) -> list[str]:
+    notices = []
+    absent = [name for name in ("x", "y", "psi") if name not in run.data]
+    if absent:
+        notices.append(f"{', '.join(absent)} not logged; only the other channels can be compared")
+    if run.input("n") is None:
+        notices.append("neither n_cmd nor n is logged; the propeller speed is unknown")
+    return notices
+
+
+def _longest_flat(values: Floats) -> tuple[int, int]:
+    """First and last index of the longest stretch of equal values."""
+    change = np.flatnonzero(np.concatenate(([True], np.diff(values) != 0.0, [True])))
+    k = int(np.argmax(np.diff(change)))
+    return int(change[k]), int(change[k + 1] - 1)
+
+
+def _stuck(run: Run) -> list[str]:
+    notices = []
+    inputs = [
+        values for name in ("delta_r", "delta_s", "delta_b", "n") if (values := run.input(name)) is not None
+    ]
+    moving = sum((np.diff(values) != 0.0).astype(int) for values in run.data.values())
+    for name, values in run.data.items():
+        good = np.flatnonzero(np.isfinite(values))
+        if good.size < 10:
+            continue
+        x = values[good]
+        row = channel(name)
+        first, last = _longest_flat(x)
+        k0, k1 = int(good[first]), int(good[last])
+        shown = (
+            f"{x[first] / (_DEG if row.unit.startswith('rad') else 1.0):.6g} {row.unit.replace('rad', 'deg')}"
+        )
+        if first == 0 and last == x.size - 1:
+            if row.vertical:
+                notices.append(f"{name} never changes ({shown}); if the vehicle is kept level, say dof = 3")
+            elif any(np.ptp(values) > 0.0 for values in inputs):
+                notices.append(f"{name} never changes ({shown}); is the sensor stuck?")
+            continue
+        length = last - first + 1
+        stirred = any(np.ptp(values[k0 : k1 + 1]) > 0.0 for values in inputs)
+        others = int((moving[k0:k1] > 0).sum())
+        usual = x.size / max(1, int((np.diff(x) != 0.0).sum()))
+        if length >= max(20, 0.03 * x.size, 20 * usual) and stirred and others > 0.5 * (k1 - k0):
+            notices.append(
+                f"{name} is stuck at {shown} from t = {run.t[k0]:.6g} to {run.t[k1]:.6g} s while others move"
+            )
+        elif usual < 1.5:
+            for edge, word in ((float(x.max()), "maximum"), (float(x.min()), "minimum")):
+                at_edge = x == edge
+                count = int(at_edge.sum())
+                if count >= max(6, 0.01 * x.size) and int((at_edge[1:] & at_edge[:-1]).sum()) > 0.6 * count:
+                    notices.append(f"{name} seems clipped: {count} samples at its {word} exactly")
+    for name in ("delta_r", "delta_s", "delta_b", "n"):
+        told, done = run.commands.get(f"{name}_cmd"), run.measured_inputs.get(name)
+        if told is not None and done is not None and np.ptp(told) > 0.0 and np.ptp(done) == 0.0:
+            notices.append(f"{name} (measured) never changes although {name}_cmd does; is it stuck?")
+    return notices
+
+
+def _magnitudes(run: Run) -> list[str]:
+    notices = []
+    for name, limit in _LIMITS.items():
+        values = run.data.get(name)
+        if values is None or not np.isfinite(values).any():
+            continue
+        size = float(np.nanmax(np.abs(values)))
+        if size > limit:  # a handful of outliers is another matter
+            size = float(np.nanpercentile(np.abs(values), 95))
+        if size > limit:
+            angle = channel(name).unit.startswith("rad")
+            shown = f"{size / _DEG:.4g} deg" + ("/s" if name in "pqr" else "") if angle else f"{size:.4g} m/s"
+            hint = "; degrees labelled as radians?" if angle else ""
+            notices.append(f"{name} reaches {shown}, which no vehicle of this kind does{hint}")
+    for group in (run.commands, run.measured_inputs):
+        for name, values in group.items():
+            if channel(name).unit != "rad":
+                continue
+            size = float(np.abs(values).max())
+            if size > 1.6:
+                notices.append(f"{name} reaches {size / _DEG:.4g} deg; degrees labelled as radians?")
+            elif 0.0 < size <= 0.7 * _DEG and channel(name).rudder and _weaves(run, values):
+                notices.append(f"{name} stays within {size / _DEG:.2g} deg; radians labelled as degrees?")
+    return notices
+
+
+def _weaves(run: Run, rudder: Floats) -> bool:
+    """True if the heading swings by more than 60 degrees while the rudder moves: not a straight run."""
+    psi = run.data.get("psi")
+    return (
+        psi is not None and float(np.ptp(rudder)) > 0.0 and float(np.nanmax(psi) - np.nanmin(psi)) > 60 * _DEG
+    )
+
+
+def _agreement(run: Run) -> list[str]:
+    notices = []
+    track = check_track(run)
+    if track is not None:
+        if track.better:
+            notices.append(
+                f"the track fits the logged motion far better with {track.better} "
+                f"(unexplained share {track.misfit:.2g} as labelled)"
+            )
+        elif track.from_velocity and track.misfit < 0.2:
+            off = abs(track.scale - 1.0)
+            if off > 0.05 + 4 * track.scale_sd:
+                units = _SPEED_UNITS | _LENGTH_UNITS
+                near = min(units, key=lambda key: abs(track.scale / units[key] - 1.0))
+                hint = f"; {near}?" if abs(track.scale / units[near] - 1.0) < 0.06 else ""
+                notices.append(f"the track is {track.scale:.3f} times as long as u, v say{hint}")
+            if abs(track.rotation) > 5 * _DEG + 4 * track.scale_sd:
+                notices.append(
+                    f"the track runs {track.rotation / _DEG:+.1f} deg (clockwise) off heading and velocity: "
+                    "position and heading use different norths, or psi, u or v is biased"
+                )
+    yaw = check_yaw(run)
+    if yaw is not None and yaw.explained > 0.8:
+        if abs(yaw.scale + 1.0) < 0.3:
+            notices.append("psi turns against r: one of them has the opposite sign")
+        elif abs(math.log(abs(yaw.scale) * _DEG)) < 0.2:
+            notices.append(
+                "psi changes 57 times as much as r says: r in radians labelled deg, or psi in degrees"
+            )
+        elif abs(math.log(abs(yaw.scale) / _DEG)) < 0.2:
+            notices.append("psi changes 1/57 as much as r says: r in degrees labelled rad, or psi in radians")
+        elif abs(yaw.scale - 1.0) > 0.1 + 4 * yaw.scale_sd:
+            notices.append(f"psi changes {yaw.scale:.3f} times as much as the integral of r")
+    return notices

@@ -1,0 +1,63 @@
+"""How noisy is each channel, judged from the channel alone.
+
+Takes a series and its times; a divided difference of order 4 or 6 removes a polynomial, noise is left.
+Does not: see slow errors; filtered logs look less noisy than they are.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bayesid.trials.trial import Floats
+
+_NORMAL = 0.6744897501960817  # median |z| of a unit normal
+
+
+def rough_noise(t: Floats, values: Floats) -> float:
+    """One sigma of white noise, robust against outliers; NaN with fewer than 12 usable stretches.
+
+    Five (or seven) neighbouring samples give sum c_i x_i / |c| with c_i = 1 / prod(t_i - t_j): zero for any
+    cubic (quintic), standard deviation one sigma for white noise, on any sampling. Motion faster than the
+    sampling can follow makes it too large. For quantised data (steps larger than the noise) it is a bound."""
+    good = np.isfinite(values)
+    t, x = t[good], values[good]
+    if x.size < 16:
+        return float("nan")
+    step = np.diff(t)
+    short = step <= 3.0 * np.median(step)
+    found = [_difference_noise(t / np.median(step), x, short, order) for order in (4, 6)]
+    return float(min(found))
+
+
+def _difference_noise(t: Floats, x: Floats, short: np.ndarray, order: int) -> float:
+    size = x.size - order
+    near = np.logical_and.reduce([short[k : short.size - order + 1 + k] for k in range(order)])
+    if near.sum() < 12:
+        return float("nan")
+    knots = np.stack([t[k : size + k] for k in range(order + 1)])
+    samples = np.stack([x[k : size + k] for k in range(order + 1)])
+    weights = np.ones_like(knots)
+    for i in range(order + 1):
+        for j in range(order + 1):
+            if i != j:
+                weights[i] /= knots[i] - knots[j]
+    resid = np.sum(weights * samples, axis=0) / np.sqrt(np.sum(weights**2, axis=0))
+    return float(np.median(np.abs(resid[near]))) / _NORMAL
+
+
+def spikes(values: Floats, sigma: float) -> np.ndarray:
+    """Indices of lone samples far from neighbours that agree with each other: more than 8 sigma from their
+    mean, and more than three times as far as the neighbours differ."""
+    index = np.flatnonzero(np.isfinite(values))
+    x = values[index]
+    if x.size < 5 or not sigma >= 0.0:
+        return np.zeros(0, dtype=int)
+    away = np.abs(x[1:-1] - 0.5 * (x[:-2] + x[2:]))
+    apart = np.abs(x[2:] - x[:-2])
+    floor = max(8.0 * sigma, 1e-3 * float(np.percentile(x, 99) - np.percentile(x, 1)), 1e-12)
+    far = (away > floor) & (away > 3.0 * apart)
+    # seen from the samples two away a spike is as high, the crest of a fast turn four times as high
+    wider = np.zeros_like(far)
+    outer = np.abs(x[2:-2] - 0.5 * (x[:-4] + x[4:]))
+    wider[1:-1] = (away[1:-1] > 3.0 * np.abs(x[4:] - x[:-4])) & (outer < 2.0 * away[1:-1])
+    return index[1:-1][far & wider]

@@ -1,0 +1,228 @@
+"""What trial.toml says, checked value by value.
+
+Takes the parsed TOML tree; gives `Stated` with every problem and every odd key it holds.
+Does not: open files.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from dataclasses import dataclass, field, replace
+from pathlib import PurePosixPath
+from typing import Any
+
+from bayesid.channels import channel, is_channel, nearest_hint
+from bayesid.trials.assemble import TIME_REPAIRS, Reading, split_header
+from bayesid.trials.trial import ROLES, Environment
+from bayesid.units import UnitError, scale
+
+MAX_RUNS = 10_000
+_KEYS = (
+    "format", "name", "vehicle", "dof", "measured_point", "rudder_positive", "time_repair", "attribution",
+    "data_hint", "noise", "environment", "columns", "runs",
+)  # fmt: skip
+_RUN_KEYS = ("file", "manoeuvre", "role", "notes", "window")
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One [[runs]] table; `window` in seconds of the log."""
+
+    file: str
+    name: str
+    manoeuvre: str
+    role: str
+    notes: str
+    window: tuple[float, float] | None
+
+
+@dataclass
+class Stated:
+    """What trial.toml says, checked value by value; `problems` collects everything wrong with it."""
+
+    tree: dict[str, Any]
+    problems: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        tree = self.tree
+        self._unknown(tree, _KEYS, "")
+        if tree.get("format") != 1 or isinstance(tree.get("format"), bool):
+            self.problems.append(f"format is {_short(tree.get('format'))}; this program reads format = 1")
+        self.name = self._text(tree, "name")[:500]
+        self.vehicle = self._text(tree, "vehicle")
+        self.attribution = self._text(tree, "attribution")
+        self.data_hint = self._text(tree, "data_hint")
+        self.dof = tree.get("dof")
+        if self.dof not in (None, 3, 6) or isinstance(self.dof, bool | float):
+            self.problems.append(f"dof is {_short(self.dof)}; 3 or 6")
+            self.dof = None
+        self.measured_point = (0.0, 0.0, 0.0)
+        if "measured_point" in tree:
+            point = _numbers(tree["measured_point"], 3)
+            if point is None:
+                self.problems.append("measured_point must be three numbers [x, y, z] in metres, body axes")
+            else:
+                self.measured_point = (point[0], point[1], point[2])
+        side = self._choice(tree, "rudder_positive", ("port", "starboard"), "port")
+        repair = self._choice(tree, "time_repair", TIME_REPAIRS, "none")
+        self.reading = Reading(self._columns(), side, repair)
+        self.noise = self._noise()
+        self.environment = self._environment()
+        self.runs = self._runs()
+
+    def _unknown(self, table: dict[str, Any], known: tuple[str, ...], place: str) -> None:
+        for key in table:
+            if key not in known:
+                near = difflib.get_close_matches(key[:40], known, n=1)
+                hint = f"; did you mean {near[0]!r}?" if near else ""
+                self.warnings.append(f"trial.toml: {place}{_short(key)} is not known and ignored{hint}")
+
+    def _text(self, table: dict[str, Any], key: str, place: str = "", default: str = "") -> str:
+        value = table.get(key, default)
+        if not isinstance(value, str):
+            self.problems.append(f"{place}{key} must be text, not {_short(value)}")
+            return default
+        return value
+
+    def _choice(self, table: dict[str, Any], key: str, allowed: tuple[str, ...], default: str) -> str:
+        value = table.get(key, default)
+        if value not in allowed:
+            self.problems.append(f"{key} is {_short(value)}; one of {', '.join(allowed)}")
+            return default
+        return str(value)
+
+    def _table(self, key: str) -> dict[str, Any]:
+        value = self.tree.get(key, {})
+        if not isinstance(value, dict):
+            self.problems.append(f"[{key}] must be a table")
+            return {}
+        return value
+
+    def _columns(self) -> dict[str, str]:
+        columns: dict[str, str] = {}
+        targets: set[str] = set()
+        for key, column in self._table("columns").items():
+            name, _ = split_header(key)
+            if not is_channel(name):
+                self.problems.append(f"[columns] {_short(key)}: no such channel{nearest_hint(name)}")
+            elif not isinstance(column, str):
+                self.problems.append(f"[columns] {_short(key)} must name a column, not {_short(column)}")
+            elif name in targets:
+                self.problems.append(f"[columns] {name} is given twice")
+            else:
+                targets.add(name)
+                columns[key] = column
+        return columns
+
+    def _noise(self) -> dict[str, float]:
+        noise: dict[str, float] = {}
+        for key, value in self._table("noise").items():
+            name, unit = split_header(key)
+            if not is_channel(name) or channel(name).kind in ("time", "command"):
+                self.problems.append(f"[noise] {_short(key)} is not a measured channel{nearest_hint(name)}")
+                continue
+            number = _number(value)
+            if number is None or not number > 0.0:
+                self.problems.append(
+                    f"[noise] {name} is {_short(value)}; one sigma must be a number above zero (SI)"
+                )
+                continue
+            inside = channel(name).unit
+            try:
+                noise[name] = number * scale(unit or inside, inside, f"[noise] {name}")
+            except UnitError as error:
+                self.problems.append(str(error))
+        return noise
+
+    def _environment(self) -> Environment | None:
+        if "environment" not in self.tree:
+            return None
+        table = self._table("environment")
+        known = ("force_rms", "nav_drift")
+        self._unknown(table, known, "[environment] ")
+        values: dict[str, float | None] = dict.fromkeys(known)
+        for key in known:
+            if key in table:
+                values[key] = _number(table[key])
+                number = values[key]
+                if number is None or number < 0.0:
+                    self.problems.append(
+                        f"[environment] {key} is {_short(table[key])}; a number, zero or more"
+                    )
+        return Environment(values["force_rms"], values["nav_drift"])
+
+    def _runs(self) -> list[Entry]:
+        tables = self.tree.get("runs", [])
+        if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
+            self.problems.append("runs must be written as [[runs]] tables")
+            return []
+        if not tables:
+            self.problems.append('names no runs; add [[runs]] with file = "..." and role = "identify"')
+        if len(tables) > MAX_RUNS:
+            self.problems.append(f"names {len(tables)} runs; the limit is {MAX_RUNS}")
+            return []
+        entries = []
+        for k, table in enumerate(tables, 1):
+            place = f"run {k}: "
+            self._unknown(table, _RUN_KEYS, place)
+            file = table.get("file")
+            if not isinstance(file, str) or not file:
+                self.problems.append(f"{place}file = {_short(file)}; the name of a CSV file is needed")
+                continue
+            role = table.get("role", "identify")
+            if role not in ROLES:
+                near = difflib.get_close_matches(str(role)[:20], ROLES, n=1, cutoff=0.3)
+                hint = f"; did you mean {near[0]!r}?" if near else ""
+                self.problems.append(f"{place}role is {_short(role)}; one of {', '.join(ROLES)}{hint}")
+                role = "holdout"
+            span = _numbers(table["window"], 2) if "window" in table else None
+            if "window" in table and (span is None or not span[0] < span[1]):
+                self.problems.append(f"{place}window must be [start, end] in seconds of the log, start first")
+                span = None
+            stem = PurePosixPath(file.replace("\\", "/")).stem
+            entries.append(
+                Entry(
+                    file,
+                    stem or file,
+                    self._text(table, "manoeuvre", place),
+                    role,
+                    self._text(table, "notes", place),
+                    (span[0], span[1]) if span else None,
+                )
+            )
+        return _unique(entries)
+
+
+def _unique(entries: list[Entry]) -> list[Entry]:
+    """Files of the same stem in different folders are called by their path."""
+    stems = [entry.name for entry in entries]
+    return [
+        replace(entry, name=str(PurePosixPath(entry.file).with_suffix("")))
+        if stems.count(entry.name) > 1
+        else entry
+        for entry in entries
+    ]
+
+
+def _number(value: Any) -> float | None:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    try:
+        number = float(value)
+    except OverflowError:
+        return None
+    return number if math.isfinite(number) else None
+
+
+def _numbers(value: Any, length: int) -> list[float] | None:
+    if not isinstance(value, list) or len(value) != length:
+        return None
+    numbers = [_number(item) for item in value]
+    return None if any(number is None for number in numbers) else [n for n in numbers if n is not None]
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."

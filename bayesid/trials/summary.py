@@ -1,0 +1,128 @@
+"""What a trial holds and whether its parts agree, as plain data for `bayesid trial check` and for reports.
+
+Takes a `Trial`.
+Does not: print, or read anything but the trial.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+
+from bayesid.channels import channel
+from bayesid.trials.consistency import check_rudder, check_track, check_yaw
+from bayesid.trials.noise import rough_noise, spikes
+from bayesid.trials.trial import Floats, Run, Trial, channels_of
+
+_DEG = math.pi / 180.0
+
+
+def trial_summary(trial: Trial) -> dict[str, Any]:
+    """Plain data: numbers, texts, lists and dicts only (JSON-ready; angles in degrees where the key says so).
+
+    Keys: name, digest, vehicle, dof, runs (list), noise (per channel: stated, estimated, ratio), warnings.
+    Per run: samples, duration, dt (median, least, greatest), gaps, missing (share per channel), spikes,
+    ranges, checks (track, yaw, rudder). `noise` is the median over runs; estimated from the high-frequency
+    rest, so a filtered log shows less and a fast vehicle sampled slowly shows more than its sensor noise."""
+    runs, estimates = [], []
+    for run in trial.runs:
+        with np.errstate(all="ignore"):
+            noise = {name: rough_noise(run.t, values) for name, values in run.data.items()}
+            runs.append(_run(run, noise))
+        estimates.append(noise)
+    warnings = list(trial.warnings)
+    noise_rows = {}
+    for name in channels_of(trial.runs):
+        found = [noise[name] for noise in estimates if math.isfinite(noise.get(name, math.nan))]
+        estimated = float(np.median(found)) if found else None
+        stated = trial.noise.get(name)
+        ratio = estimated / stated if estimated is not None and stated else None
+        noise_rows[name] = {
+            "unit": channel(name).unit,
+            "stated": stated,
+            "estimated": estimated,
+            "ratio": ratio,
+        }
+        if ratio is not None and not 0.5 < ratio < 3.0:
+            warnings.append(
+                f"noise of {name}: {estimated:.3g} {channel(name).unit} seen against {stated:.3g} stated"
+                + (
+                    " (filtered log, or the statement is too large)"
+                    if ratio < 1
+                    else " (or motion faster than sampled)"
+                )
+            )
+    for row in runs:
+        total = sum(len(times) for times in row["spikes"].values())
+        if total:
+            listed = ", ".join(f"{name} at t = {times[0]:.6g} s" for name, times in row["spikes"].items())
+            warnings.append(f"{row['name']}: {total} spikes ({listed})")
+    return {
+        "name": trial.name,
+        "digest": trial.digest,
+        "vehicle": trial.vehicle_ref,
+        "dof": trial.dof,
+        "identify": [run.name for run in trial.identify],
+        "holdout": [run.name for run in trial.holdout],
+        "rudder_positive_in_log": trial.rudder_positive,
+        "measured_point": list(trial.measured_point),
+        "environment": None if trial.environment is None else dataclasses.asdict(trial.environment),
+        "attribution": trial.attribution,
+        "noise": noise_rows,
+        "runs": runs,
+        "warnings": warnings,
+    }
+
+
+def _run(run: Run, noise: dict[str, float]) -> dict[str, Any]:
+    step = np.diff(run.t)
+    usual = float(np.median(step))
+    gaps = np.flatnonzero(step > max(5.0 * usual, 2.0 * float(np.percentile(step, 90))))
+    found = {name: spikes(values, noise[name]) for name, values in run.data.items()}
+    track, yaw, rudder = check_track(run), check_yaw(run), check_rudder(run)
+    return {
+        "name": run.name,
+        "manoeuvre": run.manoeuvre,
+        "role": run.role,
+        "digest": run.digest,
+        "samples": run.n_samples,
+        "duration": run.duration,
+        "dt": {"median": usual, "least": float(step.min()), "greatest": float(step.max())},
+        "gaps": [{"after": float(run.t[k]), "length": float(step[k])} for k in gaps[:20]],
+        "n_gaps": int(gaps.size),
+        "missing": {name: float(np.isnan(values).mean()) for name, values in run.data.items()},
+        "spikes": {name: run.t[k[:20]].tolist() for name, k in found.items() if k.size},
+        "speed": _range(_speed(run)),
+        "heading_turned_deg": _range(run.data.get("psi"), _DEG),
+        "yaw_rate_deg_s": _range(run.data.get("r"), _DEG),
+        "rudder_deg": _range(run.input("delta_r"), _DEG),
+        "rpm": _range(run.input("n")),
+        "wind_speed": _range(run.exogenous.get("wind_speed")),
+        "channels": list(run.data),
+        "inputs": [*run.commands, *run.measured_inputs],
+        "extra": list(run.extra),
+        "provenance": list(run.provenance),
+        "checks": {
+            "track": None if track is None else dataclasses.asdict(track),
+            "yaw": None if yaw is None else dataclasses.asdict(yaw),
+            "rudder": None if rudder is None else dataclasses.asdict(rudder),
+        },
+        "warnings": list(run.warnings),
+    }
+
+
+def _speed(run: Run) -> Floats | None:
+    """Speed through the water where logged, else over ground, m/s."""
+    for names in (("u_water", "v_water"), ("u", "v")):
+        if set(names) <= set(run.data):
+            return np.hypot(run.data[names[0]], run.data[names[1]])
+    return None
+
+
+def _range(values: Floats | None, unit: float = 1.0) -> list[float] | None:
+    if values is None or not np.isfinite(values).any():
+        return None
+    return [float(np.nanmin(values)) / unit, float(np.nanmax(values)) / unit]

@@ -1,0 +1,183 @@
+"""What a logged trial is: runs of measured channels, commands and inputs in SI, read-only and hashed.
+
+Takes arrays that are already converted and checked (`bayesid.trials.bundle` reads files).
+Does not: know vehicles or models; a trial only names its vehicle.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+ROLES = ("identify", "holdout")
+
+
+class Channels(dict[str, Floats]):
+    """Name -> read-only (n,) array; a dict that refuses changes and survives pickling."""
+
+    def _refuse(self, *_: Any, **__: Any) -> NoReturn:
+        raise TypeError("a run is read-only; window(), resample() and dataclasses.replace() make new ones")
+
+    __setitem__ = __delitem__ = __ior__ = _refuse  # type: ignore[assignment]
+    clear = pop = popitem = setdefault = update = _refuse  # type: ignore[assignment]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (Channels, (dict(self),))
+
+
+def _read_only(values: Any) -> Floats:
+    array = np.asarray(values, dtype=float)
+    if array.flags.writeable:
+        array = array.copy()
+        array.flags.writeable = False
+    return array
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One record of a trial.
+
+    Attributes
+    ----------
+    name : file stem
+    manoeuvre : free text
+    role : "identify", or "holdout" (never read by a fit or a choice)
+    t : (n,) s, strictly increasing, not necessarily regular
+    data : measured pose and velocity, SI, NaN where a sample is missing; angles unwrapped
+    commands : commanded inputs, finite; row k holds on [t_k, t_k+1); rudder port-positive, propeller rpm
+    measured_inputs : inputs as measured, finite (gaps interpolated), same signs and units
+    exogenous : measured wind, finite
+    propulsion : measured thrust and torque, NaN where missing
+    extra : columns without a canonical name, numbers as in the file
+    warnings : what the reader noticed, without the file name
+    provenance : how the run came from its file (windows, resampling)
+    digest : SHA-256 of everything above but warnings and notes
+    """
+
+    name: str
+    manoeuvre: str
+    role: str
+    t: Floats
+    data: Mapping[str, Floats]
+    commands: Mapping[str, Floats] = field(default_factory=dict)
+    measured_inputs: Mapping[str, Floats] = field(default_factory=dict)
+    exogenous: Mapping[str, Floats] = field(default_factory=dict)
+    propulsion: Mapping[str, Floats] = field(default_factory=dict)
+    extra: Mapping[str, Floats] = field(default_factory=dict)
+    notes: str = ""
+    warnings: tuple[str, ...] = ()
+    provenance: tuple[str, ...] = ()
+    digest: str = field(init=False)
+
+    GROUPS = ("data", "commands", "measured_inputs", "exogenous", "propulsion", "extra")
+
+    def __post_init__(self) -> None:
+        if self.role not in ROLES:
+            raise ValueError(f"role is {self.role!r}; one of {ROLES}")
+        object.__setattr__(self, "t", _read_only(self.t))
+        hashed = hashlib.sha256()
+        for text in (self.name, self.manoeuvre, self.role, *self.provenance):
+            hashed.update(text.encode("utf-8", "surrogatepass") + b"\0")
+        hashed.update(self.t.tobytes())
+        for group in self.GROUPS:
+            frozen = Channels({name: _read_only(values) for name, values in getattr(self, group).items()})
+            for name in sorted(frozen):
+                if frozen[name].shape != self.t.shape:
+                    raise ValueError(f"{self.name}: {name} has shape {frozen[name].shape}, t {self.t.shape}")
+                hashed.update(f"{group}/{name}".encode("utf-8", "surrogatepass") + b"\0")
+                hashed.update(frozen[name].tobytes())
+            object.__setattr__(self, group, frozen)
+        object.__setattr__(self, "digest", hashed.hexdigest())
+
+    @property
+    def n_samples(self) -> int:
+        return int(self.t.size)
+
+    @property
+    def duration(self) -> float:
+        """Time from first to last sample, s."""
+        return float(self.t[-1] - self.t[0])
+
+    def input(self, name: str) -> Floats | None:
+        """Input `delta_r`, `delta_s`, `delta_b` or `n`: measured where logged, else commanded, else None."""
+        return self.measured_inputs.get(name, self.commands.get(f"{name}_cmd"))
+
+
+@dataclass(frozen=True)
+class Environment:
+    """Process noise known from elsewhere; None where it is not stated.
+
+    force_rms : disturbance force relative to 1/2 rho L^2 U^2 (moments L^3)
+    nav_drift : slow position drift, m
+    """
+
+    force_rms: float | None = None
+    nav_drift: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A set of runs of one vehicle on one occasion.
+
+    Attributes
+    ----------
+    name : free text
+    folder : where trial.toml was found
+    vehicle_ref : path of a vehicle file in the bundle, or the name of a built-in vehicle; "" if not stated
+    dof : 3 or 6
+    runs : in the order of trial.toml
+    noise : channel -> one sigma of white sensor noise, SI; may be empty
+    environment : None if not stated
+    measured_point : point whose position is logged, body axes, m
+    rudder_positive : convention of the log; inside the program the rudder is always port-positive
+    warnings : what the reader noticed, with file names
+    digest : SHA-256 of runs, noise, environment, dof and measured point (not of the vehicle)
+    """
+
+    name: str
+    folder: Path
+    vehicle_ref: str
+    dof: int
+    runs: tuple[Run, ...]
+    noise: Mapping[str, float] = field(default_factory=dict)
+    environment: Environment | None = None
+    measured_point: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rudder_positive: str = "port"
+    attribution: str = ""
+    warnings: tuple[str, ...] = ()
+    digest: str = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "runs", tuple(self.runs))
+        stated = (self.dof, sorted(self.noise.items()), self.environment, tuple(self.measured_point))
+        text = repr(stated) + "".join(run.digest for run in self.runs)
+        object.__setattr__(self, "digest", hashlib.sha256(text.encode()).hexdigest())
+
+    @property
+    def identify(self) -> tuple[Run, ...]:
+        """Runs a fit may read."""
+        return tuple(run for run in self.runs if run.role == "identify")
+
+    @property
+    def holdout(self) -> tuple[Run, ...]:
+        """Runs kept for judging."""
+        return tuple(run for run in self.runs if run.role == "holdout")
+
+    def run(self, name: str) -> Run:
+        """The run of that name; KeyError lists the names there are."""
+        for run in self.runs:
+            if run.name == name:
+                return run
+        raise KeyError(f"no run {name!r} in {self.name!r}; there are {', '.join(r.name for r in self.runs)}")
+
+
+def channels_of(runs: Iterable[Run], group: str = "data") -> tuple[str, ...]:
+    """Names logged in any of the runs, in order of first appearance."""
+    return tuple(dict.fromkeys(name for run in runs for name in getattr(run, group)))

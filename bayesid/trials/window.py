@@ -1,0 +1,79 @@
+"""Parts of a run and runs on another time base, with a note of where they came from.
+
+Takes a `Run`, returns a new `Run`.
+Does not: smooth; samples are cut, or interpolated between neighbours.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from bayesid.errors import TrialError
+from bayesid.trials.trial import Floats, Run
+
+MAX_SAMPLES = 50_000_000
+
+
+def window(run: Run, t0: float, t1: float) -> Run:
+    """Samples with t0 <= t <= t1, seconds of the log.
+
+    A command given before t0 is held into the window by its first sample, as everywhere.
+
+    Raises
+    ------
+    TrialError                 fewer than two samples in the window
+    """
+    keep = (run.t >= t0) & (run.t <= t1)
+    if keep.sum() < 2:
+        raise TrialError(
+            f"{run.name}: window {t0:g} to {t1:g} s holds {int(keep.sum())} samples; "
+            f"the log runs from {run.t[0]:g} to {run.t[-1]:g} s"
+        )
+    groups: dict[str, Any] = {g: {name: v[keep] for name, v in getattr(run, g).items()} for g in Run.GROUPS}
+    note = f"window {t0:g} to {t1:g} s of {run.digest[:12]}"
+    return replace(run, t=run.t[keep], provenance=run.provenance + (note,), **groups)
+
+
+def resample(run: Run, dt: float, max_gap: float | None = None) -> Run:
+    """The run at regular times t[0], t[0] + dt, ... up to the last sample.
+
+    Commands are held (zero-order); everything else is interpolated linearly between its own finite samples.
+    Data farther than `max_gap` apart stay NaN in between (default: 5 median samples or 1.5 dt).
+
+    Raises
+    ------
+    TrialError                 dt is not positive, or longer than the run
+    """
+    if not 0.0 < dt <= run.duration:
+        raise TrialError(f"{run.name}: dt = {dt:g} s; it must be positive and at most {run.duration:g} s")
+    if run.duration / dt > MAX_SAMPLES:
+        raise TrialError(f"{run.name}: dt = {dt:g} s would give {run.duration / dt:.3g} samples")
+    if max_gap is None:
+        max_gap = max(5.0 * float(np.median(np.diff(run.t))), 1.5 * dt)
+    t = run.t[0] + dt * np.arange(int(np.floor(run.duration / dt * (1 + 1e-12))) + 1)
+    held = np.searchsorted(run.t, t + 1e-9 * dt, side="right") - 1
+    groups: dict[str, Any] = {}
+    for group in Run.GROUPS:
+        series = getattr(run, group)
+        if group == "commands":
+            groups[group] = {name: values[held] for name, values in series.items()}
+        else:
+            gap = max_gap if group in ("data", "propulsion", "extra") else np.inf
+            groups[group] = {name: _linear(run.t, values, t, gap) for name, values in series.items()}
+    note = f"resampled to {dt:g} s from {run.digest[:12]}"
+    return replace(run, t=t, provenance=run.provenance + (note,), **groups)
+
+
+def _linear(t: Floats, values: Floats, at: Floats, max_gap: float) -> Floats:
+    good = np.isfinite(values)
+    if not good.any():
+        return np.full(at.shape, np.nan)
+    knots = t[good]
+    out = np.interp(at, knots, values[good])
+    right = np.clip(np.searchsorted(knots, at), 0, knots.size - 1)
+    left = np.clip(np.searchsorted(knots, at, side="right") - 1, 0, knots.size - 1)
+    out[(knots[right] - knots[left] > max_gap) | (at < knots[0]) | (at > knots[-1])] = np.nan
+    return out

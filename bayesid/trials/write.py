@@ -1,0 +1,119 @@
+"""A trial becomes a folder again: trial.toml and one CSV per run, so that reading gives the same trial.
+
+Takes a `Trial`; writes SI and radians, rudder port-positive, shortest decimals that read back exactly.
+Does not: write into a folder that already holds another trial, unless told to.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+
+from bayesid.channels import CHANNELS, channel, is_channel
+from bayesid.errors import TrialError
+from bayesid.trials.trial import Floats, Run, Trial
+
+_ORDER = {row.name: k for k, row in enumerate(CHANNELS)}
+
+
+def write_trial(trial: Trial, folder: str | Path, overwrite: bool = False) -> Path:
+    """Write a bundle; a vehicle file the trial refers to is copied into it.
+
+    Returns
+    -------
+    Path                       of trial.toml
+
+    Raises
+    ------
+    TrialError                 the folder holds a trial.toml and `overwrite` is not set, or cannot be written
+    """
+    folder = Path(folder)
+    target = folder / "trial.toml"
+    if target.exists() and not overwrite:
+        raise TrialError(f"{folder}: holds a trial already; choose another folder or overwrite=True")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        vehicle = trial.vehicle_ref
+        if vehicle and Path(vehicle).is_file():
+            copy = folder / "vehicle.toml"
+            if not (copy.exists() and copy.samefile(vehicle)):
+                shutil.copyfile(vehicle, copy)
+            vehicle = "vehicle.toml"
+        files = _file_names(trial.runs)
+        for run, file in zip(trial.runs, files, strict=True):
+            (folder / file).write_text(run_csv(run), encoding="utf-8", newline="\n")
+        target.write_text(_toml(trial, vehicle, files), encoding="utf-8", newline="\n")
+    except OSError as error:
+        raise TrialError(f"{folder}: cannot be written: {error.strerror}") from None
+    return target
+
+
+def run_csv(run: Run) -> str:
+    """The run as CSV text, header `name[unit]`, inside units; missing samples are empty."""
+    series: dict[str, Floats] = {}
+    for group in ("data", "commands", "measured_inputs", "exogenous", "propulsion"):
+        series |= getattr(run, group)
+    names = ["t", *sorted(series, key=_ORDER.__getitem__)]
+    header = [f"{name}[{channel(name).unit}]" for name in names]
+    columns = [run.t, *(series[name] for name in names[1:])]
+    for text, values in run.extra.items():
+        if is_channel(text.split("[")[0].strip()) or not text:
+            text = f"extra {text}"
+        header.append('"' + text.replace('"', "'") + '"' if re.search(r'[,"\n\r;\t]', text) else text)
+        columns.append(values)
+    cells = [["" if np.isnan(value) else repr(value) for value in column.tolist()] for column in columns]
+    lines = [",".join(header), *(",".join(row) for row in zip(*cells, strict=True))]
+    return "\n".join(lines) + "\n"
+
+
+def _file_names(runs: tuple[Run, ...]) -> list[str]:
+    names: list[str] = []
+    for run in runs:
+        stem = re.sub(r"[^\w.-]+", "_", run.name, flags=re.ASCII).strip("._") or "run"
+        name, k = f"{stem[:100]}.csv", 2
+        while name.lower() in {other.lower() for other in names}:
+            name, k = f"{stem[:100]}_{k}.csv", k + 1
+        names.append(name)
+    return names
+
+
+def _toml(trial: Trial, vehicle: str, files: list[str]) -> str:
+    lines = ["format = 1", f"name = {_text(trial.name)}"]
+    if vehicle:
+        lines.append(f"vehicle = {_text(vehicle)}")
+    lines.append(f"dof = {trial.dof}")
+    if any(trial.measured_point):
+        lines.append(f"measured_point = [{', '.join(repr(float(v)) for v in trial.measured_point)}]")
+    if trial.attribution:
+        lines.append(f"attribution = {_text(trial.attribution)}")
+    if trial.noise:
+        lines += ["", "[noise]", *(f"{name} = {float(sigma)!r}" for name, sigma in trial.noise.items())]
+    if trial.environment is not None:
+        lines += ["", "[environment]"]
+        for key in ("force_rms", "nav_drift"):
+            value = getattr(trial.environment, key)
+            if value is not None:
+                lines.append(f"{key} = {float(value)!r}")
+    for run, file in zip(trial.runs, files, strict=True):
+        lines += ["", "[[runs]]", f"file = {_text(file)}", f"manoeuvre = {_text(run.manoeuvre)}"]
+        lines.append(f'role = "{run.role}"')
+        notes = "; ".join(text for text in (run.notes, *run.provenance) if text)
+        if notes:
+            lines.append(f"notes = {_text(notes)}")
+    return "\n".join(lines) + "\n"
+
+
+def _text(value: str) -> str:
+    """A TOML basic string."""
+    out = []
+    for char in value:
+        if char in '"\\':
+            out.append("\\" + char)
+        elif ord(char) < 32 or ord(char) == 127:
+            out.append(f"\\u{ord(char):04x}")
+        else:
+            out.append(char)
+    return '"' + "".join(out) + '"'
