@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Annotated, Any
 
 import typer
 
+from bayesid.cli import trial, vehicle
 from bayesid.cli.options import Verbose
 from bayesid.cli.study import study
 
@@ -23,7 +25,21 @@ def command() -> Any:
     )
     app.callback()(_root)
     app.command("study")(study)
+    groups = {
+        "vehicle": _group("Look at coefficient sets.", list=vehicle.listing, show=vehicle.show),
+        "trial": _group("Look at logs before they are used.", check=trial.check),
+    }
+    for name, group in groups.items():
+        app.add_typer(group, name=name)
     return typer.main.get_command(app)
+
+
+def _group(purpose: str, **commands: Callable[..., Any]) -> typer.Typer:
+    group = typer.Typer(help=purpose, no_args_is_help=True, rich_markup_mode=None)
+    for name, function in commands.items():
+        group.command(name)(function)
+    group.callback()(lambda: None)  # without it a group of one command would collapse into that command
+    return group
 
 
 def _version(wanted: bool) -> None:

@@ -1,0 +1,97 @@
+"""`bayesid trial`: looks at a trial bundle before anything is identified from it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from bayesid.cli.options import Json, Out, Verbose
+
+if TYPE_CHECKING:
+    from bayesid.trials import Trial
+
+Bundle = Annotated[Path, typer.Argument(help="Folder of the bundle, or its trial.toml.", show_default=False)]
+Data = Annotated[Path | None, typer.Option("--data", help="Folder of the logs if they lie elsewhere.")]
+
+RUN_COLUMNS = (
+    "run", "role", "samples", "duration [s]", "step [s]", "gaps", "missing [%]", "speed [m/s]",
+    "rudder [deg]", "manoeuvre",
+)
+
+
+def check(
+    bundle: Bundle, data: Data = None, out: Out = None, as_json: Json = False, verbose: Verbose = False
+) -> int:
+    """Read a bundle, list everything odd about it and what its channels hold."""
+    from bayesid.cli.output import say_json
+    from bayesid.files import write_json
+    from bayesid.trials import load_trial, trial_summary
+
+    trial = load_trial(bundle, data)
+    vehicle = _vehicle_problem(trial)
+    summary = {**trial_summary(trial), "vehicle_problem": vehicle}
+    if out is not None:
+        write_json(out / "trial_check.json", summary)
+    if as_json:
+        say_json(summary)
+    else:
+        _print(summary, verbose)
+    return 0 if vehicle is None else 2
+
+
+def _vehicle_problem(trial: Trial) -> str | None:
+    """What is wrong with the vehicle a trial names; None if it can be read, or if none is named."""
+    from bayesid.errors import VehicleError
+    from bayesid.vehicles import load_vehicle
+
+    if not trial.vehicle_ref:
+        return None
+    try:
+        load_vehicle(trial.vehicle_ref)
+    except VehicleError as error:
+        return str(error)
+    return None
+
+
+def _print(summary: dict[str, Any], verbose: bool) -> None:
+    from bayesid.cli.output import say, say_table
+
+    vehicle = Path(summary["vehicle"]).name or "not stated"
+    size = f"{len(summary['runs'])} runs, {summary['dof']} degrees of freedom"
+    say(f"{summary['name']}: {size}, vehicle {vehicle}")
+    if summary["attribution"]:
+        say(summary["attribution"])
+    say()
+    say_table(RUN_COLUMNS, [_run_row(run) for run in summary["runs"]], digits=3)
+    say()
+    say_table(
+        ["channel", "unit", "stated noise", "seen noise"],
+        [[name, row["unit"], row["stated"], row["estimated"]] for name, row in summary["noise"].items()],
+        digits=3,
+    )
+    if verbose:
+        for run in summary["runs"]:
+            say(f"\n{run['name']}: channels {', '.join(run['channels'])}; inputs {', '.join(run['inputs'])}"
+                + (f"; further columns {', '.join(run['extra'])}" if run["extra"] else ""))
+    if summary["warnings"]:
+        say(f"\n{len(summary['warnings'])} remarks:")
+        for warning in summary["warnings"]:
+            say(f"  - {warning}")
+    if summary["vehicle_problem"]:
+        say(f"\nThe vehicle cannot be used:\n{summary['vehicle_problem']}")
+    elif not summary["warnings"]:
+        say("\nNothing odd found.")
+
+
+def _run_row(run: dict[str, Any]) -> list[Any]:
+    missing = max(run["missing"].values(), default=0.0)
+    return [
+        run["name"], run["role"], run["samples"], run["duration"], run["dt"]["median"], run["n_gaps"],
+        100.0 * missing, _span(run["speed"]), _span(run["rudder_deg"]), run["manoeuvre"],
+    ]
+
+
+def _span(limits: list[float] | None) -> str | None:
+    return None if limits is None else f"{limits[0]:.3g} to {limits[1]:.3g}"

@@ -1,0 +1,115 @@
+"""`bayesid vehicle`: the built-in sets, and what stands in a vehicle file."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from bayesid.cli.options import Json, Verbose
+
+if TYPE_CHECKING:
+    from bayesid.vehicles import Vehicle
+
+Name = Annotated[str, typer.Argument(help="Built-in name or vehicle file.", show_default=False)]
+
+
+def listing(as_json: Json = False, verbose: Verbose = False) -> None:
+    """List the built-in vehicles."""
+    from bayesid.cli.output import say_json, say_table
+    from bayesid.vehicles import builtin_names, load_vehicle
+
+    vehicles = {name: load_vehicle(name) for name in builtin_names()}
+    if as_json:
+        say_json({name: _head(vehicle) for name, vehicle in vehicles.items()})
+        return
+    say_table(
+        ["vehicle", "L [m]", "mass [kg]", "dof", "coefficients", "propulsion", "source"],
+        [[name, v.L, v.mass, 3 if v.planar_only else 6, len(v.coef), v.propulsion.model,
+          v.source if verbose else _short(v.source)] for name, v in vehicles.items()],
+    )
+
+
+def show(vehicle: Name, as_json: Json = False, verbose: Verbose = False) -> None:
+    """Show a vehicle: particulars, limits and coefficients in the file's units and in SI."""
+    from bayesid.cli.output import say, say_json, say_table
+    from bayesid.vehicles import load_vehicle
+
+    found = load_vehicle(vehicle)
+    rows = _coefficient_rows(found)
+    if as_json:
+        say_json({**_head(found), "coefficients": rows})
+        return
+    say(f"{found.name}\n{found.source}\n")
+    head = {key: value for key, value in _head(found).items() if key not in ("name", "source")}
+    width = max(map(len, head))
+    for key, value in head.items():
+        say(f"{key.ljust(width)}  {_plain(value)}")
+    say()
+    columns = ["coefficient", "value", "SI value", "SI unit", "prior sd [%]", "regressor"]
+    keys = ["name", "value", "si", "unit", "prior_sd_percent", "regressor"]
+    if verbose:
+        columns, keys = [*columns, "source of the term"], [*keys, "source"]
+    say_table(columns, [[row[key] for key in keys] for row in rows])
+
+
+def _coefficient_rows(vehicle: Vehicle) -> list[dict[str, Any]]:
+    from bayesid.terms import term
+    from bayesid.vehicles import coef_si
+
+    si = coef_si(vehicle)
+    spread = vehicle.prior.relative_sd if vehicle.prior else {}
+    rows = []
+    for name, value in si.items():
+        if value == 0.0 and name not in vehicle.coef:
+            continue
+        row = term(name)
+        rows.append({
+            "name": name,
+            "value": vehicle.coef.get(name),
+            "si": value,
+            "unit": row.unit,
+            "prior_sd_percent": 100.0 * spread[name] if name in spread else None,
+            "regressor": row.regressor,
+            "source": row.source,
+        })
+    return rows
+
+
+def _head(vehicle: Vehicle) -> dict[str, Any]:
+    """Particulars as plain data; angles in degrees where the key says so."""
+    from math import degrees, isfinite
+
+    return {
+        "name": vehicle.name,
+        "source": vehicle.source,
+        "dof": 3 if vehicle.planar_only else 6,
+        "units of the set": "prime system" if vehicle.nondimensional else "SI",
+        "L [m]": vehicle.L,
+        "mass [kg]": vehicle.mass,
+        "rho [kg/m3]": vehicle.rho,
+        "Ixx Iyy Izz [kg m2]": [vehicle.Ixx, vehicle.Iyy, vehicle.Izz],
+        "centre of gravity [m]": list(vehicle.r_G),
+        "centre of buoyancy [m]": list(vehicle.r_B),
+        "weight, buoyancy [N]": [vehicle.W, vehicle.B],
+        "largest angles [deg]": {fin: degrees(a) for fin, a in vehicle.limits.items() if isfinite(a)},
+        "largest rates [deg/s]": {fin: degrees(a) for fin, a in vehicle.rates.items() if isfinite(a)},
+        "propulsion": vehicle.propulsion.model,
+        "usual speed of the shaft [rpm]": vehicle.rpm_ref,
+        "digest": vehicle.digest,
+    }
+
+
+def _plain(value: Any) -> str:
+    from bayesid.report.blocks import cell_text
+
+    if isinstance(value, list):
+        return "  ".join(cell_text(item) for item in value)
+    if isinstance(value, dict):
+        return ", ".join(f"{key} {cell_text(item)}" for key, item in value.items()) or "not stated"
+    return cell_text(value)
+
+
+def _short(text: str, length: int = 60) -> str:
+    text = " ".join(text.split())
+    return text if len(text) <= length else text[: length - 1].rsplit(" ", 1)[0] + "…"
