@@ -1,0 +1,70 @@
+"""What the operator orders: standard manoeuvres, rich inputs, command tables, names for a command line.
+
+Takes: SI, radians, rpm; positive rudder turns to port. Returns frozen OpenLoop and ClosedLoop objects.
+Does not: simulate (`bayesid.simulate`) or measure (`bayesid.measures`).
+"""
+
+from bayesid.manoeuvres.catalogue import REGISTRY, Scale
+from bayesid.manoeuvres.core import (
+    COMMANDS,
+    ClosedLoop,
+    Manoeuvre,
+    OpenLoop,
+    describe,
+    grid,
+    held,
+    mirrored,
+    on_grid,
+)
+from bayesid.manoeuvres.excite import chirp, combined, combined_held, multisine, prbs, random_rudder
+from bayesid.manoeuvres.registry import library, options, parse
+from bayesid.manoeuvres.standard import (
+    coast_down,
+    depth_change,
+    dieudonne,
+    meander,
+    pull_out,
+    speed_steps,
+    spiral,
+    straight,
+    turn,
+    vertical_zigzag,
+    zigzag,
+)
+from bayesid.manoeuvres.table import read_table, write_table
+
+__all__ = [
+    "COMMANDS",
+    "ClosedLoop",
+    "Manoeuvre",
+    "OpenLoop",
+    "REGISTRY",
+    "Scale",
+    "chirp",
+    "coast_down",
+    "combined",
+    "combined_held",
+    "depth_change",
+    "describe",
+    "dieudonne",
+    "grid",
+    "held",
+    "library",
+    "meander",
+    "mirrored",
+    "multisine",
+    "on_grid",
+    "options",
+    "parse",
+    "prbs",
+    "pull_out",
+    "random_rudder",
+    "read_table",
+    "speed_steps",
+    "spiral",
+    "straight",
+    "turn",
+    "vertical_zigzag",
+    "write_table",
+    "zigzag",
+]

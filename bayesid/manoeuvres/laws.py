@@ -1,0 +1,117 @@
+"""Helmsman and planesman: laws that read the state and order rudder or planes.
+
+Takes: frozen settings; calling a law returns a fresh controller for one run.
+Does not: integrate anything or limit rates.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bayesid.manoeuvres.core import ClosedLoop, Commands, Controller, OpenLoop, mirrored
+from bayesid.notation import STATES
+
+X, Y, Z, PHI, THETA, PSI, U, V, W, P, Q, R = range(len(STATES))
+
+
+@dataclass(frozen=True)
+class ZigzagLaw:
+    """Rudder (or stern planes) thrown over whenever the angle has left its start by the switch angle.
+
+    Positive rudder turns to port (psi falls), positive stern plane pitches the bow down (theta falls): one
+    law serves both. `deflection` and `switch` [rad]; a positive deflection is ordered first; after `executes`
+    orders (0: no end) the surface goes back to `neutral` at the next switch.
+    """
+
+    deflection: float
+    switch: float
+    approach: float
+    channel: str = "delta_r_cmd"
+    executes: int = 0
+    neutral: float = 0.0
+    held: tuple[tuple[str, float], ...] = ()
+
+    def mirrored(self) -> ZigzagLaw:
+        """Port and starboard exchanged; a vertical zig-zag is its own mirror image."""
+        if self.channel != "delta_r_cmd":
+            return self
+        return replace(self, deflection=-self.deflection, neutral=-self.neutral)
+
+    def __call__(self) -> Controller:
+        angle = PSI if self.channel == "delta_r_cmd" else THETA
+        base, side, orders, done = 0.0, 0.0, 0, False
+        others = dict(self.held)
+
+        def order(t: float, state: np.ndarray) -> Commands:
+            nonlocal base, side, orders, done
+            if side == 0.0:
+                # the heading at the first order counts as the base course, whatever the approach did
+                base = float(state[angle])
+                if t >= self.approach - 1e-9:
+                    side, orders = math.copysign(1.0, self.deflection), 1
+            elif not done and -side * (float(state[angle]) - base) >= self.switch:
+                if self.executes and orders >= self.executes:
+                    done = True
+                else:
+                    side, orders = -side, orders + 1
+            ordered = 0.0 if done else side * abs(self.deflection)
+            return {**others, self.channel: self.neutral + ordered}
+
+        return order
+
+
+@dataclass(frozen=True)
+class DepthLaw:
+    """Depth kept by stern planes: a look-ahead gives the pitch to ask for, pitch and its rate the planes.
+
+    theta_cmd = -atan((z_cmd - z)/lookahead), limited; delta_s = k_theta (theta - theta_cmd) + k_q q, limited
+    (positive plane pitches the bow down). `steps` are (time [s], depth change from the start [m]); the rudder
+    and rpm stay at `held`; the commands of `added` (time from the start of the run) come on top of
+    everything. A heavy or light boat keeps a depth error: there is no integral term, so that the law has no
+    memory.
+    """
+
+    steps: tuple[tuple[float, float], ...]
+    lookahead: float
+    max_pitch: float
+    max_plane: float
+    k_theta: float
+    k_q: float
+    held: tuple[tuple[str, float], ...] = ()
+    added: OpenLoop | None = None
+
+    def mirrored(self) -> DepthLaw:
+        """Rudder exchanged, depth and planes as they were."""
+        flip = tuple((c, -v if c == "delta_r_cmd" else v) for c, v in self.held)
+        extra = mirrored(self.added) if self.added else None
+        assert not isinstance(extra, ClosedLoop)
+        return replace(self, held=flip, added=extra)
+
+    def __call__(self) -> Controller:
+        z0: float | None = None
+        others = dict(self.held)
+        extra = self.added
+
+        def order(t: float, state: np.ndarray) -> Commands:
+            nonlocal z0
+            if z0 is None:
+                z0 = float(state[Z])
+            wanted = z0
+            for when, change in self.steps:
+                if t >= when - 1e-9:
+                    wanted = z0 + change
+            pitch = -math.atan((wanted - float(state[Z])) / self.lookahead)
+            pitch = min(max(pitch, -self.max_pitch), self.max_pitch)
+            out = dict(others)
+            out["delta_s_cmd"] = self.k_theta * (float(state[THETA]) - pitch) + self.k_q * float(state[Q])
+            if extra is not None:
+                row = max(int(np.searchsorted(extra.t, t + 1e-9, side="right")) - 1, 0)
+                for channel, values in extra.commands.items():
+                    out[channel] = out.get(channel, 0.0) + float(values[row])
+            out["delta_s_cmd"] = min(max(out["delta_s_cmd"], -self.max_plane), self.max_plane)
+            return out
+
+        return order

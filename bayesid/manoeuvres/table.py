@@ -1,0 +1,170 @@
+"""Command tables as CSV files: `t[s],delta_r_cmd[deg],n_cmd[rpm]`, one row per change or per sample.
+
+Takes: a path; row k holds until row k+1, a missing value repeats the one above it.
+Does not: read measured channels as commands unless there is no command column of that name.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+
+from bayesid.errors import ManoeuvreError, raise_all
+from bayesid.manoeuvres.core import COMMANDS, OpenLoop
+
+# Few units can stand over a command, and every start of the command line would pay for a unit library.
+UNITS = {
+    "t": {"s": 1.0, "sec": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0},
+    "angle": {"rad": 1.0, "deg": math.pi / 180, "°": math.pi / 180, "mrad": 1e-3},
+    "n": {"rpm": 1.0, "1/min": 1.0, "rps": 60.0, "1/s": 60.0, "hz": 60.0, "rad/s": 30 / math.pi},
+}
+HEADER = re.compile(r"^\s*([A-Za-z_]\w*)\s*(?:\[\s*([^\]]*?)\s*\])?\s*$")
+MAX_SHOWN = 8
+
+
+def read_table(path: str | Path, rudder_positive: str = "port") -> OpenLoop:
+    """Commands from a CSV file.
+
+    Parameters
+    ----------
+    path : file with a header `name[unit]`; t and at least one of delta_r_cmd, delta_s_cmd, delta_b_cmd, n_cmd
+        (or delta_r, delta_s, delta_b, n, read as commands). Other columns are listed and ignored. Every
+        column needs its unit.
+    rudder_positive : "port", or "starboard" for a log with the other sign
+
+    Returns
+    -------
+    OpenLoop    time counted as in the file; parameters name the file and the ignored columns
+
+    Raises
+    ------
+    ManoeuvreError    all problems of the file at once
+    """
+    path = Path(path)
+    if rudder_positive not in ("port", "starboard"):
+        raise ManoeuvreError(f"rudder_positive is {rudder_positive!r}; say 'port' or 'starboard'")
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+        rows = [
+            (n, row) for n, row in enumerate(csv.reader(text.splitlines()), 1) if any(c.strip() for c in row)
+        ]
+    except OSError as err:
+        raise ManoeuvreError(f"{path}: cannot be read ({err.strerror or err}); check the path") from None
+    except UnicodeDecodeError as err:
+        raise ManoeuvreError(
+            f"{path}: byte {err.start} is not UTF-8 text; save the table as plain CSV"
+        ) from None
+    except (csv.Error, ValueError) as err:
+        raise ManoeuvreError(f"{path}: not a CSV table ({err})") from None
+    if len(rows) < 3:
+        raise ManoeuvreError(
+            f"{path}: {max(len(rows) - 1, 0)} rows below the header; at least two are needed"
+        )
+    columns, ignored, problems = _columns(rows[0][1])
+    if problems:
+        raise_all(ManoeuvreError, str(path), problems)
+    values = {}
+    for name, (index, factor) in columns.items():
+        column, bad = _numbers(rows[1:], name, index)
+        problems += bad
+        with np.errstate(over="ignore"):
+            values[name] = column * factor
+    if problems:
+        hidden = len(problems) - MAX_SHOWN
+        raise_all(
+            ManoeuvreError,
+            str(path),
+            problems[:MAX_SHOWN] + ([f"and {hidden} more of the same kind"] if hidden > 0 else []),
+        )
+    t = values.pop("t")
+    if rudder_positive == "starboard" and "delta_r_cmd" in values:
+        values["delta_r_cmd"] = -values["delta_r_cmd"]
+    try:
+        return OpenLoop(path.stem, t, values, {"file": path.name, "ignored": tuple(ignored)})
+    except ManoeuvreError as err:
+        raise ManoeuvreError(f"{path}: {err}") from None
+
+
+def _columns(header: list[str]) -> tuple[dict[str, tuple[int, float]], list[str], list[str]]:
+    """Where each command stands and what turns it into SI."""
+    found: dict[str, tuple[int, float]] = {}
+    measured: dict[str, tuple[int, float]] = {}
+    ignored, problems, seen = [], [], set()
+    for index, title in enumerate(header):
+        match = HEADER.match(title)
+        name = match[1] if match else title.strip()
+        command = name if name in COMMANDS or name == "t" else f"{name}_cmd"
+        if not match or (command not in COMMANDS and command != "t"):
+            ignored.append(title.strip())
+            continue
+        if name in seen:
+            problems.append(f"column {name} appears twice; keep one")
+            continue
+        seen.add(name)
+        kind = "t" if name == "t" else "n" if command == "n_cmd" else "angle"
+        unit = match[2]
+        factor = UNITS[kind].get((unit or "").lower())
+        if factor is None:
+            what = "no unit" if not unit else f"unit {unit!r}"
+            problems.append(
+                f"column {name} has {what}; write {name}[{next(iter(UNITS[kind]))}] "
+                f"or one of {', '.join(UNITS[kind])}"
+            )
+        else:
+            (found if command == name else measured)[command] = (index, factor)
+    for command, place in measured.items():
+        if command in found:
+            ignored.append(command.removesuffix("_cmd"))
+        else:
+            found[command] = place
+    if "t" not in found and "t" not in seen:
+        problems.append("no column t[s]")
+    if not problems and len(found) < 2:
+        problems.append(
+            f"no command column; name at least one of {', '.join(f'{c}[unit]' for c in COMMANDS)}"
+        )
+    return found, ignored, problems
+
+
+def _numbers(rows: list[tuple[int, list[str]]], name: str, index: int) -> tuple[np.ndarray, list[str]]:
+    out, problems, last = np.empty(len(rows)), [], math.nan
+    for k, (line, row) in enumerate(rows):
+        cell = row[index].strip() if index < len(row) else ""
+        try:
+            value = float(cell) if cell else math.nan
+        except ValueError:
+            problems.append(f"line {line}: {name} is {cell[:40]!r}, not a number")
+            value = 0.0
+        if math.isinf(value):
+            problems.append(f"line {line}: {name} is infinite")
+        if math.isnan(value):
+            if name == "t" or k == 0:
+                problems.append(f"line {line}: {name} is missing; only a command below the first row may be")
+                value = 0.0
+            value = last if name != "t" and k else value
+        out[k] = last = value
+    return out, problems
+
+
+def write_table(manoeuvre: OpenLoop, path: str | Path, angle_unit: str = "deg") -> Path:
+    """Write commands so that `read_table` gives them back; rows that change nothing are left out.
+
+    The last row is kept: it ends the run. Angles in deg lose at most one unit in the last place.
+    """
+    factor = UNITS["angle"][angle_unit]
+    names = [c for c in COMMANDS if c in manoeuvre.commands]
+    table = np.column_stack([manoeuvre.commands[c] for c in names])
+    keep = np.r_[True, np.any(np.diff(table, axis=0) != 0, axis=1)]
+    keep[-1] = True
+    path = Path(path)
+    with path.open("w", newline="", encoding="utf-8") as file:
+        out = csv.writer(file)
+        out.writerow(["t[s]"] + [f"{c}[{'rpm' if c == 'n_cmd' else angle_unit}]" for c in names])
+        scale = np.array([1.0 if c == "n_cmd" else factor for c in names])
+        for time, row in zip(manoeuvre.t[keep], table[keep] / scale, strict=True):
+            out.writerow([repr(float(time)), *(repr(float(v)) for v in row)])
+    return path
