@@ -175,7 +175,7 @@ T, K = 8.0, 0.12
 
 
 def steer(manoeuvre, bias=0.0, cubic=False, linear=1.0):
-    """Heading, yaw rate and ordered rudder; with `cubic` T r' + linear r + 400 r^3 = -K delta by small steps."""
+    """Heading, yaw rate, ordered rudder; `cubic`: T r' + linear r + 400 r^3 = -K delta, by small steps."""
     dt = getattr(manoeuvre, "dt", None) or float(manoeuvre.t[1] - manoeuvre.t[0])
     control = manoeuvre.controller() if hasattr(manoeuvre, "controller") else None
     state, psi, r, out = np.zeros(12), 0.3, 0.0, []
