@@ -1,0 +1,45 @@
+"""Vehicles: coefficient sets as TOML, six of them built in, read into one convention and written back.
+
+Takes: a built-in name or a file. Gives `Vehicle`, SI coefficients, stability indices and findings.
+Does not: simulate.
+"""
+
+from __future__ import annotations
+
+from bayesid.vehicles.check import Finding, check_vehicle
+from bayesid.vehicles.inertia import added_mass, rigid_body_mass
+from bayesid.vehicles.reading import builtin_names, load_vehicle
+from bayesid.vehicles.stability import Stability, self_propulsion_speed, speed_per_rpm, stability, usual_speed
+from bayesid.vehicles.vehicle import (
+    GRAVITY,
+    Crossflow,
+    Prior,
+    Propulsion,
+    Vehicle,
+    coef_si,
+    prime_scale,
+)
+from bayesid.vehicles.writing import identified, write_vehicle
+
+__all__ = [
+    "GRAVITY",
+    "Crossflow",
+    "Finding",
+    "Prior",
+    "Propulsion",
+    "Stability",
+    "Vehicle",
+    "added_mass",
+    "builtin_names",
+    "check_vehicle",
+    "coef_si",
+    "identified",
+    "load_vehicle",
+    "prime_scale",
+    "rigid_body_mass",
+    "self_propulsion_speed",
+    "speed_per_rpm",
+    "stability",
+    "usual_speed",
+    "write_vehicle",
+]
