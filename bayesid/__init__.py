@@ -18,6 +18,20 @@ _PUBLIC: dict[str, str] = {
     "ManoeuvreError": "bayesid.errors",
     "ModelError": "bayesid.errors",
     "FitError": "bayesid.errors",
+    "Term": "bayesid.terms",
+    "TERMS": "bayesid.terms",
+    "term": "bayesid.terms",
+    "Vehicle": "bayesid.vehicles",
+    "load_vehicle": "bayesid.vehicles",
+    "coef_si": "bayesid.vehicles",
+    "Trial": "bayesid.trials",
+    "Run": "bayesid.trials",
+    "load_trial": "bayesid.trials",
+    "write_trial": "bayesid.trials",
+    "OpenLoop": "bayesid.manoeuvres",
+    "ClosedLoop": "bayesid.manoeuvres",
+    "turning_circle": "bayesid.measures",
+    "zigzag": "bayesid.measures",
 }
 
 __all__ = ["__version__", *_PUBLIC]

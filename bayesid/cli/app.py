@@ -10,6 +10,7 @@ import typer
 from bayesid.cli import trial, vehicle
 from bayesid.cli.options import Verbose
 from bayesid.cli.study import study
+from bayesid.cli.trial_measure import measure
 from bayesid.cli.vehicle_check import check
 
 EPILOGUE = "Exit codes: 0 ok, 2 usage or bad input, 3 not converged."
@@ -28,7 +29,7 @@ def command() -> Any:
     app.command("study")(study)
     groups = {
         "vehicle": _group("Look at coefficient sets.", list=vehicle.listing, show=vehicle.show, check=check),
-        "trial": _group("Look at logs before they are used.", check=trial.check),
+        "trial": _group("Look at logs before they are used.", check=trial.check, measure=measure),
     }
     for name, group in groups.items():
         app.add_typer(group, name=name)
