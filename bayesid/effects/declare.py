@@ -1,0 +1,96 @@
+"""What an unmodelled effect is: one frozen declaration with port, equation, parameters, size and source.
+
+Takes nothing; the catalogue modules beside it hold the declarations.
+Does not compile or simulate anything: the kernel generator reads these fields.
+
+Symbols an equation may use
+---------------------------
+flow      t [s from the first sample] -> north, east, down: velocity of the water over ground [m/s]
+force     u v w p q r through the water; ug vg wg over ground; udot..rdot over ground (linear only);
+          x y z phi theta psi; delta_r delta_s delta_b n; t; wind_north wind_east (measured, blowing towards);
+          L rho rpm_ref U_ref height and the mass properties; the effect's own states and parameters;
+          coef('Y_dr') a coefficient in SI, rows('Y', 'delta_r') the part of an axis that reads a symbol,
+          thrust() and drag() of the propulsion and straight-ahead rows -> body wrench added [N, N m]
+states    the same symbols -> rate of an extra state that starts at its `initial` expression
+adjust    `value` is the constant to change (mass property or coefficient in SI)
+input     x the signal so far (mean over the step), y the stage's output at the end of the last step, h the step:
+          `end` is the output at the end of the step, `mean` its mean over the step; `before` for pure delays
+sensor    the channels of the state at the sample -> the reading
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+PORTS = ("input", "flow", "force", "sensor")
+
+
+@dataclass(frozen=True)
+class EffectParameter:
+    """One unknown of an effect.
+
+    `sd` is the prior standard deviation in units of `scale`, a product of vehicle scales such as "U", "L/U" or
+    "rho*L**2*U**2/2" that turns it into `unit`. `off` is the value at which the effect is absent and `mean` the centre
+    of the prior (they differ only for shape parameters whose amplitude partner is zero when off).
+    """
+
+    name: str
+    unit: str
+    sd: float
+    scale: str = "1"
+    off: float = 0.0
+    mean: float = 0.0
+    one_sided: bool = False
+    about: str = ""
+
+
+@dataclass(frozen=True)
+class InputStage:
+    """One link of an actuator chain; links run in rising `order` (dead time 10, offset 20, backlash 25, lag 30, then the
+    vehicle's own rate limit 40 and clip 50)."""
+
+    signal: str
+    order: int
+    end: str = "x"
+    mean: str = "x"
+    delay: str | None = None
+
+
+@dataclass(frozen=True)
+class State:
+    """Extra state of a force effect: rate and initial value as expressions."""
+
+    name: str
+    rate: str
+    initial: str = "0"
+
+
+@dataclass(frozen=True)
+class Effect:
+    """An effect the nominal model leaves out. See the module docstring for the equation symbols."""
+
+    name: str
+    family: str
+    port: str
+    where: tuple[str, ...]
+    parameters: tuple[EffectParameter, ...]
+    source: str
+    magnitude: str
+    aliases: tuple[str, ...] = ()
+    dof: int = 3
+    flow: Mapping[str, str] = field(default_factory=dict)
+    force: Mapping[str, str] = field(default_factory=dict)
+    states: tuple[State, ...] = ()
+    adjust: Mapping[str, str] = field(default_factory=dict)
+    stages: tuple[InputStage, ...] = ()
+    sensor: Mapping[str, str] = field(default_factory=dict)
+    sensor_delay: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    smooth: bool = True
+
+    def key(self, parameter: str) -> str:
+        """Name of one parameter in a model's parameter layout."""
+        return f"{self.name}.{parameter}"
+
+
+RUDDER_WHERE = ("rudder", "N", "Y+N")

@@ -1,0 +1,1 @@
+"""Compiled-kernel sources, one module per kernel; see `bayesid.kernels.generate`."""
