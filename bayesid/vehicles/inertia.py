@@ -51,7 +51,9 @@ def mass_problems(vehicle: Vehicle) -> list[str]:
             axis = "XYN" if vehicle.planar_only else "XYZKMN"
             worst = axis[int(np.argmin(np.diag(block)))]
             return [f"{what}: its {worst} entry is not positive; check mass, inertias and {worst}_..dot"]
-        smallest = np.linalg.eigvalsh(0.5 * (block + block.T) / np.outer(scale, scale))[0]
+        with np.errstate(all="ignore"):  # entries of wildly different size overflow, and are refused
+            scaled = 0.5 * (block + block.T) / scale[:, None] / scale[None, :]
+        smallest = np.linalg.eigvalsh(scaled)[0] if np.isfinite(scaled).all() else -np.inf
         if not smallest > 1e-12:
             return [
                 f"{what} is not positive definite (smallest scaled eigenvalue {smallest:.3g}); "

@@ -7,6 +7,7 @@ Does not: convert conventions (`reading` does) or sample.
 from __future__ import annotations
 
 import zipfile
+import zlib
 from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
@@ -125,17 +126,24 @@ def _from_npz(entry: str, folder: Path | None) -> tuple[list[str], np.ndarray]:
             size = sum(member.file_size for member in archive.infolist())
         if size > LARGEST_COVARIANCE:
             raise ValueError(f"{shown(entry)} unpacks to {size} bytes, more than {LARGEST_COVARIANCE}")
-        with np.load(path, allow_pickle=False) as stored:
-            names, matrix = stored["names"], stored["covariance"]
+        names, matrix = _arrays(path)
     except KeyError:
         raise ValueError(f"{shown(entry)} must hold the arrays names and covariance") from None
     except FileNotFoundError:
         raise ValueError(f"{shown(entry)} is not there") from None
-    except (OSError, EOFError, zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
+    except (OSError, EOFError, zipfile.BadZipFile, NotImplementedError, RuntimeError, zlib.error) as error:
         raise ValueError(f"{shown(entry)} cannot be read as .npz ({type(error).__name__})") from None
     if names.dtype.kind != "U" or names.ndim != 1 or matrix.dtype.kind not in "fiu":
         raise ValueError(f"{shown(entry)} must hold names (text) and covariance (numbers)")
     return [str(name) for name in names], np.asarray(matrix, dtype=float)
+
+
+def _arrays(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            return stored["names"], stored["covariance"]
+    except ValueError:  # objects, or a damaged array header
+        raise OSError("not plain arrays") from None
 
 
 def _checked(names: list[str], matrix: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
@@ -149,8 +157,10 @@ def _checked(names: list[str], matrix: np.ndarray) -> tuple[tuple[str, ...], np.
     if np.any(np.diag(matrix) < 0.0):
         raise ValueError(f"variance of {names[int(np.argmin(np.diag(matrix)))]} is negative")
     scale = np.where(sd > 0.0, sd, 1.0)
-    correlation = matrix / scale[:, None] / scale[None, :]
-    if np.max(np.abs(correlation - correlation.T)) > 1e-9:
+    with np.errstate(all="ignore"):  # a tiny variance beside a large covariance overflows, and is refused
+        correlation = matrix / scale[:, None] / scale[None, :]
+        lopsided = np.max(np.abs(correlation - correlation.T))
+    if not lopsided <= 1e-9:
         raise ValueError("matrix is not symmetric")
     if np.max(np.abs(correlation)) > 1.0 + 1e-9 or np.linalg.eigvalsh(correlation)[0] < -1e-9 * len(names):
         raise ValueError("matrix is not positive semi-definite")

@@ -36,7 +36,9 @@ def read_head(head: Table) -> dict[str, Any]:
     values["mass"] = mass = head.number("mass", required=True, low=1e-6, high=1e12)
     for key in INERTIA[:3]:
         in_plane = values["planar_only"] and key != "Izz"
-        values[key] = head.number(key, 0.0 if in_plane else None, required=not in_plane, low=0.0, high=1e18)
+        values[key] = head.number(
+            key, 0.0 if in_plane else None, required=not in_plane, low=0.0 if in_plane else 1e-12, high=1e18
+        )
     for key in INERTIA[3:]:
         values[key] = head.number(key, 0.0, low=-1e18, high=1e18)
     values["r_G"] = head.vector("r_G", (0.0, 0.0, 0.0))

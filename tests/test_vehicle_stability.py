@@ -1,0 +1,152 @@
+"""Stability indices, eigenvalues and findings of the built-in sets against independent numbers."""
+
+import json
+import math
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bayesid.errors import VehicleError
+from bayesid.vehicles import (
+    Propulsion,
+    builtin_names,
+    check_vehicle,
+    load_vehicle,
+    self_propulsion_speed,
+    speed_per_rpm,
+    stability,
+    usual_speed,
+)
+
+REFERENCE = json.loads((Path(__file__).parent / "data" / "reference_stability.json").read_text("utf-8"))
+EVERY = pytest.mark.parametrize("name", builtin_names())
+
+
+@EVERY
+def test_every_built_in_set_has_a_reference(name):
+    assert name in REFERENCE
+
+
+@EVERY
+def test_horizontal_index_agrees_with_the_planar_simulator(name):
+    """1e-4, relative above 1: the reference differenced at 1e-6 m/s, where v|v| moves the REMUS by 6e-5."""
+    reference = REFERENCE[name]
+    assert pytest.approx(reference["G_H"], rel=1e-4, abs=1e-4) == stability(load_vehicle(name)).G_H
+
+
+@EVERY
+def test_eigenvalues_agree_with_the_planar_simulator(name):
+    found = [value.real for value in stability(load_vehicle(name)).horizontal]
+    assert found == pytest.approx(sorted(REFERENCE[name]["eig_xL_over_U"], reverse=True), abs=1e-4)
+
+
+@EVERY
+def test_self_propulsion_speed_agrees_with_a_simulated_straight_run(name):
+    vehicle, reference = load_vehicle(name), REFERENCE[name]
+    assert vehicle.rpm_ref == reference["rpm"]
+    assert self_propulsion_speed(vehicle, reference["rpm"]) == pytest.approx(reference["U0"], rel=1e-5)
+
+
+def test_vertical_index_of_suboff_is_the_printed_one():
+    """Roddy 1990 prints G_V = -1.163 and G_H = -0.443 for the fully appended model."""
+    result = stability(load_vehicle("suboff_full"))
+    assert pytest.approx(-1.163, abs=5e-4) == result.G_V
+    assert pytest.approx(-0.443, abs=5e-4) == result.G_H
+
+
+def test_rows_without_u_make_the_index_depend_on_speed():
+    lauv = load_vehicle("lauv")
+    assert pytest.approx(0.671, abs=5e-4) == stability(lauv).G_H
+    assert stability(lauv, 3.0).G_H < stability(lauv, 1.0).G_H
+
+
+@EVERY
+def test_index_is_positive_exactly_where_every_eigenvalue_decays(name):
+    result = stability(load_vehicle(name))
+    assert (result.G_H > 0.0) == all(value.real < 0.0 for value in result.horizontal)
+
+
+def test_vertical_eigenvalues_solve_the_linear_equations():
+    """Second route: differentiate w and q dynamics numerically from the coefficients, with hydrostatics."""
+    vehicle = load_vehicle("generic_sub")
+    result = stability(vehicle)
+    f2, f3, f4, f5 = (0.5 * vehicle.rho * vehicle.L**k for k in (2, 3, 4, 5))
+    c, U, m = vehicle.coef, result.U, vehicle.mass
+    inertia = np.array(
+        [[m - f3 * c["Z_wdot"], -f4 * c["Z_qdot"]], [-f4 * c["M_wdot"], vehicle.Iyy - f5 * c["M_qdot"]]]
+    )
+    force = np.array(
+        [
+            [f2 * c["Z_w"] * U, (f3 * c["Z_q"] + m) * U, 0.0],
+            [f3 * c["M_w"] * U, f4 * c["M_q"] * U, -vehicle.r_G[2] * vehicle.W],
+        ]
+    )
+    matrix = np.vstack([np.linalg.solve(inertia, force), [0.0, 1.0, 0.0]])
+    expected = np.sort_complex(np.linalg.eigvals(matrix) * vehicle.L / U)
+    np.testing.assert_allclose(np.sort_complex(np.array(result.vertical)), expected, rtol=1e-9)
+
+
+def test_command_speed_per_rpm_is_stated_or_follows_from_the_straight_run():
+    assert speed_per_rpm(load_vehicle("generic_sub")) == 0.09
+    lauv = load_vehicle("lauv")
+    assert speed_per_rpm(lauv) == pytest.approx(usual_speed(lauv) / 2450.0)
+
+
+def test_a_boat_without_drag_has_no_speed_of_its_own():
+    remus = load_vehicle("remus100")
+    coef = {name: value for name, value in remus.coef.items() if name != "X_u|u|"}
+    with pytest.raises(VehicleError, match="exceeds drag"):
+        usual_speed(replace(remus, coef=coef))
+
+
+@EVERY
+def test_a_built_in_set_has_no_warning(name):
+    warnings = [finding.text for finding in check_vehicle(load_vehicle(name)) if finding.level == "warning"]
+    assert warnings == []
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"coef": {"Y_v": 0.03}}, "Y_v = 0.03 is positive; damping"),
+        ({"coef": {"N_r": 0.004}}, "N_r"),
+        ({"coef": {"N_dr": 0.004}}, "stern rudder"),
+        ({"coef": {"Y_vdot": 0.01}}, "added mass should be negative"),
+        ({"coef": {"X_uu": -0.001}}, "adds it again"),
+        ({"coef": {"Y_vdot": 0.03}}, "not positive"),
+        ({"B": 2e8}, "times m g"),
+        ({"r_G": (0.0, 0.0, -0.3)}, "unstable in roll"),
+        ({"Izz": 1.5e10}, "belong to no rigid body"),
+        ({"uc_per_rpm": 10.0}, "lengths per second"),
+        ({"a": -0.002}, r"a \+ b \+ c should be 0"),
+    ],
+)
+def test_an_unphysical_number_is_found(change, words):
+    boat = load_vehicle("generic_sub")
+    values = boat.propulsion.values
+    if "coef" in change:
+        boat = replace(boat, coef=boat.coef | change["coef"])
+    elif set(change) <= set(values):
+        boat = replace(boat, propulsion=Propulsion("polynomial", values | change))
+    else:
+        boat = replace(boat, **change)
+    found = [finding.text for finding in check_vehicle(boat) if finding.level == "warning"]
+    assert any(re.search(words, text) for text in found), found
+
+
+def test_an_unstable_boat_and_missing_coupling_are_notes_not_warnings():
+    texts = " ".join(finding.text for finding in check_vehicle(load_vehicle("suboff_full")))
+    assert "G_H = -0.443" in texts
+    assert "G_V = -1.163" in texts
+    assert "Y_wp" in texts
+    assert "no [prior]" in texts
+
+
+def test_stability_of_a_boat_at_rest_is_refused():
+    with pytest.raises(VehicleError, match="positive speed"):
+        stability(load_vehicle("lauv"), 0.0)
+    with pytest.raises(VehicleError, match="positive speed"):
+        stability(load_vehicle("lauv"), math.nan)
