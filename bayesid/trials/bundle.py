@@ -60,7 +60,7 @@ def _load(raw: bytes, toml: Path, data: Path | None) -> Trial:
     except (tomllib.TOMLDecodeError, ValueError) as error:
         raise TrialError(f"{toml}: is not valid TOML: {error}") from None
     except RecursionError:
-        raise TrialError(f"{toml}: is nested too deeply") from None
+        raise TrialError(f"{toml}: is not valid TOML: nested too deeply") from None
     stated = Stated(tree)
     folder = toml.parent
     vehicle = _vehicle(stated, folder)

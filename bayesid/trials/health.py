@@ -97,6 +97,21 @@ def _longest_flat(values: Floats) -> tuple[int, int]:
     return int(change[k]), int(change[k + 1] - 1)
 
 
+def _clipped(x: Floats) -> str:
+    """Words if many neighbouring samples sit at an extreme exactly while the others do not repeat."""
+    for edge, word in ((float(x.max()), "maximum"), (float(x.min()), "minimum")):
+        at_edge = x == edge
+        count = int(at_edge.sum())
+        if count < max(6, 0.01 * x.size) or int((at_edge[1:] & at_edge[:-1]).sum()) < 0.6 * count:
+            continue
+        low, high = float(x.min()), float(x.max())
+        free = (x > low) & (x < high)
+        pairs = free[1:] & free[:-1]
+        if pairs.sum() >= 10 and float((np.diff(x)[pairs] != 0.0).mean()) > 0.9:
+            return f"{count} samples at its {word} exactly"
+    return ""
+
+
 def _stuck(run: Run) -> list[str]:
     notices = []
     inputs = [
@@ -120,6 +135,10 @@ def _stuck(run: Run) -> list[str]:
             elif any(np.ptp(values) > 0.0 for values in inputs):
                 notices.append(f"{name} never changes ({shown}); is the sensor stuck?")
             continue
+        clipped = _clipped(x) if row.unit != "m" and not row.circular else ""  # a track or a heading crests
+        if clipped:
+            notices.append(f"{name} seems clipped: {clipped}")
+            continue
         length = last - first + 1
         stirred = any(np.ptp(values[k0 : k1 + 1]) > 0.0 for values in inputs)
         others = int((moving[k0:k1] > 0).sum())
@@ -128,12 +147,6 @@ def _stuck(run: Run) -> list[str]:
             notices.append(
                 f"{name} is stuck at {shown} from t = {run.t[k0]:.6g} to {run.t[k1]:.6g} s while others move"
             )
-        elif usual < 1.5:
-            for edge, word in ((float(x.max()), "maximum"), (float(x.min()), "minimum")):
-                at_edge = x == edge
-                count = int(at_edge.sum())
-                if count >= max(6, 0.01 * x.size) and int((at_edge[1:] & at_edge[:-1]).sum()) > 0.6 * count:
-                    notices.append(f"{name} seems clipped: {count} samples at its {word} exactly")
     for name in ("delta_r", "delta_s", "delta_b", "n"):
         told, done = run.commands.get(f"{name}_cmd"), run.measured_inputs.get(name)
         if told is not None and done is not None and np.ptp(told) > 0.0 and np.ptp(done) == 0.0:

@@ -45,19 +45,19 @@ def _difference_noise(t: Floats, x: Floats, short: np.ndarray, order: int) -> fl
     return float(np.median(np.abs(resid[near]))) / _NORMAL
 
 
-def spikes(values: Floats, sigma: float) -> np.ndarray:
-    """Indices of lone samples far from neighbours that agree with each other: more than 8 sigma from their
-    mean, and more than three times as far as the neighbours differ."""
+def spikes(t: Floats, values: Floats, sigma: float) -> np.ndarray:
+    """Indices of lone samples off the curve through their neighbours.
+
+    A sample counts if it lies more than 8 sigma off the cubic through two neighbours on either side, while
+    those four agree with a quadratic three times better. Only where sampling is regular."""
     index = np.flatnonzero(np.isfinite(values))
     x = values[index]
     if x.size < 5 or not sigma >= 0.0:
         return np.zeros(0, dtype=int)
-    away = np.abs(x[1:-1] - 0.5 * (x[:-2] + x[2:]))
-    apart = np.abs(x[2:] - x[:-2])
+    step = np.diff(t[index])
+    even = np.abs(step - np.median(step)) < 0.1 * np.median(step)
+    away = np.abs(x[2:-2] - (4.0 * (x[1:-3] + x[3:-1]) - x[:-4] - x[4:]) / 6.0)
+    apart = np.abs((x[4:] - x[:-4]) - 2.0 * (x[3:-1] - x[1:-3]))
     floor = max(8.0 * sigma, 1e-3 * float(np.percentile(x, 99) - np.percentile(x, 1)), 1e-12)
     far = (away > floor) & (away > 3.0 * apart)
-    # seen from the samples two away a spike is as high, the crest of a fast turn four times as high
-    wider = np.zeros_like(far)
-    outer = np.abs(x[2:-2] - 0.5 * (x[:-4] + x[4:]))
-    wider[1:-1] = (away[1:-1] > 3.0 * np.abs(x[4:] - x[:-4])) & (outer < 2.0 * away[1:-1])
-    return index[1:-1][far & wider]
+    return index[2:-2][far & even[:-3] & even[1:-2] & even[2:-1] & even[3:]]

@@ -55,11 +55,15 @@ def trial_summary(trial: Trial) -> dict[str, Any]:
                     else " (or motion faster than sampled)"
                 )
             )
-    for row in runs:
-        total = sum(len(times) for times in row["spikes"].values())
-        if total:
-            listed = ", ".join(f"{name} at t = {times[0]:.6g} s" for name, times in row["spikes"].items())
-            warnings.append(f"{row['name']}: {total} spikes ({listed})")
+    for name in noise_rows:
+        counts = {row["name"]: row["n_spikes"][name] for row in runs if row["n_spikes"].get(name)}
+        if counts:
+            worst = max(counts, key=lambda run: counts[run])
+            first = next(row["spikes"][name][0] for row in runs if row["name"] == worst)
+            warnings.append(
+                f"{name}: {sum(counts.values())} spikes in {len(counts)} of {len(runs)} runs, "
+                f"most in {worst} ({counts[worst]}, the first at t = {first:.6g} s)"
+            )
     return {
         "name": trial.name,
         "digest": trial.digest,
@@ -81,7 +85,7 @@ def _run(run: Run, noise: dict[str, float]) -> dict[str, Any]:
     step = np.diff(run.t)
     usual = float(np.median(step))
     gaps = np.flatnonzero(step > max(5.0 * usual, 2.0 * float(np.percentile(step, 90))))
-    found = {name: spikes(values, noise[name]) for name, values in run.data.items()}
+    found = {name: spikes(run.t, values, noise[name]) for name, values in run.data.items()}
     track, yaw, rudder = check_track(run), check_yaw(run), check_rudder(run)
     return {
         "name": run.name,
@@ -95,6 +99,7 @@ def _run(run: Run, noise: dict[str, float]) -> dict[str, Any]:
         "n_gaps": int(gaps.size),
         "missing": {name: float(np.isnan(values).mean()) for name, values in run.data.items()},
         "spikes": {name: run.t[k[:20]].tolist() for name, k in found.items() if k.size},
+        "n_spikes": {name: int(k.size) for name, k in found.items() if k.size},
         "speed": _range(_speed(run)),
         "heading_turned_deg": _range(run.data.get("psi"), _DEG),
         "yaw_rate_deg_s": _range(run.data.get("r"), _DEG),

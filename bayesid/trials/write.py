@@ -62,7 +62,8 @@ def run_csv(run: Run) -> str:
     for text, values in run.extra.items():
         if is_channel(text.split("[")[0].strip()) or not text:
             text = f"extra {text}"
-        header.append('"' + text.replace('"', "'") + '"' if re.search(r'[,"\n\r;\t]', text) else text)
+        text = " ".join(text.split())
+        header.append('"' + text.replace('"', '""') + '"' if re.search(r'[,";]', text) else text)
         columns.append(values)
     cells = [["" if np.isnan(value) else repr(value) for value in column.tolist()] for column in columns]
     lines = [",".join(header), *(",".join(row) for row in zip(*cells, strict=True))]

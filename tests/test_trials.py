@@ -1,0 +1,520 @@
+"""Reading trial bundles: what is accepted, what is refused in words, what is noticed."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import math
+import os
+import pickle
+import random
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bayesid.errors import TrialError
+from bayesid.trials import Environment, Run, Trial, load_trial, resample, trial_summary, window, write_trial
+from bayesid.trials.noise import rough_noise, spikes
+
+HEADER = "t[s],x[m],y[m],psi[deg],r[deg/s],u[m/s],v[m/s],delta_r_cmd[deg],n_cmd[rpm]"
+TOML = """format = 1
+name = "bundle"
+vehicle = "remus100"
+{top}
+[[runs]]
+file = "r1.csv"
+manoeuvre = "weave"
+role = "identify"
+"""
+DEG = math.pi / 180
+
+
+def weave(n=600, dt=0.5, noise=1.0, seed=1, rudder_sign=-1.0):
+    """A kinematically exact log: r follows the rudder with a lag (port-positive: r against delta_r)."""
+    rng = np.random.default_rng(seed)
+    t = dt * np.arange(n)
+    delta = 15 * DEG * np.where(np.sin(2 * math.pi * t / 60) > 0, 1.0, -1.0)
+    r, a = np.zeros(n), math.exp(-dt / 5)
+    for k in range(1, n):
+        r[k] = a * r[k - 1] + (1 - a) * rudder_sign * 0.15 * delta[k - 1]
+    psi = 350 * DEG + np.concatenate(([0], np.cumsum(0.5 * (r[1:] + r[:-1]) * dt)))
+    u, v = np.full(n, 1.5), -0.3 * r
+    vel = (u + 1j * v) * np.exp(1j * psi)
+    track = np.concatenate(([0], np.cumsum(0.5 * (vel[1:] + vel[:-1]) * dt)))
+    sigma = {"x": 0.05, "y": 0.05, "psi": 0.002, "r": 0.0005, "u": 0.01, "v": 0.01}
+    true = {"x": track.real, "y": track.imag, "psi": psi, "r": r, "u": u, "v": v}
+    data = {name: true[name] + noise * sigma[name] * rng.standard_normal(n) for name in true}
+    return t, data, delta, np.full(n, 600.0)
+
+
+def csv_of(t, data, delta, rpm, header=HEADER, wrap=True):
+    psi = np.degrees(data["psi"])
+    psi = psi % 360 if wrap else psi
+    columns = [
+        t,
+        data["x"],
+        data["y"],
+        psi,
+        np.degrees(data["r"]),
+        data["u"],
+        data["v"],
+        np.degrees(delta),
+        rpm,
+    ]
+    rows = [",".join(f"{value:.6f}" for value in row) for row in zip(*columns, strict=True)]
+    return "\n".join([header, *rows]) + "\n"
+
+
+@pytest.fixture
+def bundle(tmp_path):
+    def make(csv=None, top="", toml=TOML):
+        (tmp_path / "trial.toml").write_text(toml.replace("{top}", top))
+        if csv is None:
+            csv = csv_of(*weave())
+        (tmp_path / "r1.csv").write_bytes(csv if isinstance(csv, bytes) else csv.encode())
+        return tmp_path
+
+    return make
+
+
+def test_clean_log_is_read_in_si_without_a_warning(bundle):
+    t, data, delta, rpm = weave()
+    trial = load_trial(bundle())
+    run = trial.runs[0]
+    assert trial.warnings == ()
+    assert trial_summary(trial)["warnings"] == []
+    assert (trial.dof, trial.vehicle_ref, run.name, run.role) == (3, "remus100", "r1", "identify")
+    np.testing.assert_allclose(run.t, t)
+    for name, values in data.items():  # heading is compared up to whole turns: the log was wrapped
+        turns = 2 * math.pi * round((run.data[name][0] - values[0]) / (2 * math.pi)) if name == "psi" else 0.0
+        np.testing.assert_allclose(run.data[name] - turns, values, atol=1e-6)
+    np.testing.assert_allclose(run.commands["delta_r_cmd"], delta, atol=1e-7)
+    np.testing.assert_allclose(run.input("n"), rpm)
+
+
+def test_arrays_and_groups_are_read_only_and_survive_pickling(bundle):
+    run = load_trial(bundle()).runs[0]
+    with pytest.raises(ValueError, match="read-only"):
+        run.data["x"][0] = 1.0
+    with pytest.raises(TypeError, match="read-only"):
+        run.data["x"] = run.t
+    again = pickle.loads(pickle.dumps(run))
+    assert again.digest == run.digest
+
+
+def test_same_content_has_the_same_digest_whatever_the_line_ends_quotes_or_delimiter(bundle):
+    text = csv_of(*weave(n=50))
+    digests = set()
+    for variant in (
+        text.encode(),
+        text.replace("\n", "\r\n").encode(),
+        b"\xef\xbb\xbf" + text.encode(),
+        text.replace(",", ";").encode(),
+        text.replace(",", "\t").encode(),
+        text.replace(",", ";").replace(".", ",").encode(),
+        ('"' + text.split("\n", 1)[0].replace(",", '","') + '"\n' + text.split("\n", 1)[1]).encode(),
+        text.replace("\n", ",\n").encode(),
+        ("# logger 7\n\n" + text).encode(),
+        text.replace("\n0.", "\n\n0.").encode(),
+    ):
+        digests.add(load_trial(bundle(variant)).digest)
+    assert len(digests) == 1
+
+
+ROW = "{t},0,0,10,0,1.5,0,0,600"
+
+
+def rows(*lines):
+    return "\n".join([HEADER, *lines]) + "\n"
+
+
+def good(*times):
+    return [ROW.format(t=t) for t in times]
+
+
+@pytest.mark.parametrize(
+    ("csv", "words"),
+    [
+        (b"", "is empty"),
+        (b"\n\n  \n", "is empty"),
+        (HEADER.encode() + b"\n", "no samples"),
+        (b"# only\n# comments", "comments only"),
+        (rows(*good(0, 1, 2, 2, 3)), "row 5: time repeats (2 s after 2 s)"),
+        (rows(*good(0, 1, 2, 1.5, 3)), "row 5: time goes back (1.5 s after 2 s)"),
+        (rows(*good(0, 1), "x,0,0,10,0,1.5,0,0,600"), "row 4: 't[s]' is 'x', not a number"),
+        (rows(*good(0, 1), ",0,0,10,0,1.5,0,0,600"), "row 4: t is missing"),
+        (rows(*good(0, 1), "2,0,0"), "row 4: 3 fields instead of 9; the log seems cut off here"),
+        (rows(*good(0)), "one sample only"),
+        (rows("0,0,0,1_0,0,1.5,0,0,600", *good(1)), "'1_0', not a number"),
+        (rows(*good(0, 1)).replace("t[s],", "Time (s),"), "[columns] \"t[s]\" = 'Time (s)'"),
+        (rows(*good(0, 1)).replace("psi[deg]", "psi[m]"), "unit of length, but angle"),
+        (rows(*good(0, 1)).replace("psi[deg]", "psi[dge]"), "did you mean [deg]"),
+        (rows(*good(0, 1)).replace("delta_r_cmd[deg]", "rudder[deg]"), "delta_r_cmd or delta_r, is missing"),
+        (rows(*good(0, 1)).replace("v[m/s]", "x[m]"), "x is given by two columns"),
+        (rows(*good(0, 1)).replace("psi", "hdg").replace("r[deg/s]", "w2"), "heading psi"),
+        (rows(*good(0, 1)).replace("x[m]", "e").replace("u[m/s]", "f"), "position x"),
+        (rows(*good(0, 1)).encode().replace(b"10", b"1\x000", 1), "row 2: holds NUL bytes"),
+        ("t[s],x[m]\n0,0\n".encode("utf-16"), "UTF-16"),
+        ("\n".join(good(0, 1, 2)), "numbers where the header should be"),
+    ],
+)
+def test_unusable_log_is_refused_with_place_and_reason(bundle, csv, words):
+    with pytest.raises(TrialError) as caught:
+        load_trial(bundle(csv))
+    assert "r1.csv: " in str(caught.value)
+    assert words in str(caught.value)
+
+
+def test_all_problems_of_a_bundle_come_in_one_message(bundle):
+    csv = rows(*good(0, 1), "a,0,0,10,0,1.5,0,0,600", "3,0", "4,0,0,b,0,1.5,0,0,600")
+    with pytest.raises(TrialError) as caught:
+        load_trial(bundle(csv, top="dof = 4\nmeasured_point = [0, 1]\n[noise]\nx = -1\nheading = 1"))
+    text = str(caught.value)
+    for words in (
+        "dof is 4",
+        "measured_point",
+        "[noise] x is -1",
+        "'heading' is not",
+        "row 4:",
+        "row 5:",
+        "row 6:",
+    ):
+        assert words in text
+
+
+@pytest.mark.parametrize(
+    ("toml", "words"),
+    [
+        ("format = 2\n[[runs]]\nfile='r1.csv'", "reads format = 1"),
+        ("format = 1\nname = 3\n[[runs]]\nfile='r1.csv'", "name must be text"),
+        ("format = 1\nruns = 3", "[[runs]] tables"),
+        ("format = 1", "names no runs"),
+        ("format = 1\n[[runs]]\nrole='identify'", "the name of a CSV file is needed"),
+        ("format = 1\n[[runs]]\nfile='r1.csv'\nrole='test'", "one of identify, holdout"),
+        ("format = 1\n[[runs]]\nfile='../r1.csv'", "outside the bundle"),
+        ("format = 1\n[[runs]]\nfile='/etc/passwd'", "outside the bundle"),
+        ("format = 1\n[[runs]]\nfile='C:/r1.csv'", "outside the bundle"),
+        ("format = 1\n[[runs]]\nfile='r9.csv'", "does not exist"),
+        ("format = 1\n[[runs]]\nfile='.'", "not a regular file"),
+        ("format = 1\n[[runs]]\nfile='r1.csv'\n[[runs]]\nfile='r1.csv'", "same file as r1.csv"),
+        ("format = 1\n[[runs]]\nfile='r1.csv'\nwindow=[5, 1]", "window must be"),
+        ("format = 1\n[[runs]]\nfile='r1.csv'\nwindow=[5e5, 6e5]", "holds 0 samples"),
+        ("format = 1\nvehicle='../v.toml'\n[[runs]]\nfile='r1.csv'", "outside the bundle"),
+        ("format = 1\nvehicle='v.toml'\n[[runs]]\nfile='r1.csv'", "vehicle 'v.toml' does not exist"),
+        ("format = 1\nrudder_positive='left'\n[[runs]]\nfile='r1.csv'", "one of port, starboard"),
+        ("format = 1\n[columns]\npsii='a'\n[[runs]]\nfile='r1.csv'", "did you mean 'psi'"),
+        ("format = 1\n[environment]\nforce_rms=-1\n[[runs]]\nfile='r1.csv'", "zero or more"),
+        ("format = [", "not valid TOML"),
+        ("a = " + "[" * 5000, "TOML"),
+        ("a = " + "9" * 5000, "TOML"),
+    ],
+)
+def test_unusable_trial_toml_is_refused_with_reason(bundle, toml, words):
+    with pytest.raises(TrialError) as caught:
+        load_trial(bundle(toml=toml))
+    assert words in str(caught.value)
+
+
+def test_links_out_of_the_bundle_and_loops_are_refused(bundle, tmp_path_factory):
+    folder = bundle()
+    outside = tmp_path_factory.mktemp("outside") / "r1.csv"
+    outside.write_text(csv_of(*weave(n=30)))
+    (folder / "r1.csv").unlink()
+    (folder / "r1.csv").symlink_to(outside)
+    with pytest.raises(TrialError, match="link to a place outside"):
+        load_trial(folder)
+    (folder / "r1.csv").unlink()
+    (folder / "r1.csv").symlink_to(folder / "r2.csv")
+    (folder / "r2.csv").symlink_to(folder / "r1.csv")
+    with pytest.raises(TrialError, match=r"r1\.csv: "):
+        load_trial(folder)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
+def test_a_pipe_is_refused_instead_of_waited_for(bundle):
+    folder = bundle()
+    (folder / "r1.csv").unlink()
+    os.mkfifo(folder / "r1.csv")
+    with pytest.raises(TrialError, match="not a regular file"):
+        load_trial(folder)
+
+
+def test_a_huge_file_is_refused_before_it_is_read(bundle):
+    folder = bundle()
+    with open(folder / "r1.csv", "wb") as file:
+        file.truncate(3 * 2**30)  # sparse
+    with pytest.raises(TrialError, match="the limit is 256 MB"):
+        load_trial(folder)
+
+
+def test_logs_may_be_kept_in_another_folder(bundle, tmp_path_factory):
+    folder = bundle()
+    data = tmp_path_factory.mktemp("data")
+    (folder / "r1.csv").rename(data / "r1.csv")
+    with pytest.raises(TrialError, match="does not exist"):
+        load_trial(folder)
+    assert load_trial(folder, data=data).runs[0].n_samples == 600
+
+
+def test_time_can_be_sorted_on_request(bundle):
+    trial = load_trial(bundle(rows(*good(0, 2, 1, 2, 3)), top='time_repair = "sort"'))
+    np.testing.assert_array_equal(trial.runs[0].t, [0, 1, 2, 3])
+    assert any("1 repeated times dropped" in text for text in trial.warnings)
+
+
+def test_foreign_columns_and_units_give_the_same_run(bundle):
+    text = csv_of(*weave())
+    plain = load_trial(bundle(text)).runs[0]
+    head = "Zeit [ms],East,North (m),Heading (deg),r[deg/s],u[m/s],v[m/s],delta_r_cmd[deg],n_cmd[rpm]"
+    lines = [line.split(",") for line in text.strip().split("\n")[1:]]
+    foreign = [[f"{1000 * float(c[0]):.3f}", c[2], c[1], *c[3:]] for c in lines]
+    top = '[columns]\nt = "Zeit [ms]"\n"x[m]" = "North (m)"\n"y[m]" = "East"\n"psi[deg]" = "Heading (deg)"'
+    mapped = load_trial(bundle("\n".join([head, *map(",".join, foreign)]), top=top)).runs[0]
+    for name in plain.data:
+        np.testing.assert_allclose(mapped.data[name], plain.data[name], atol=1e-12)
+    np.testing.assert_allclose(mapped.t, plain.t, atol=1e-12)
+
+
+def test_starboard_positive_rudder_is_turned_to_port_positive(bundle):
+    port = load_trial(bundle(csv_of(*weave()))).runs[0]
+    t, data, delta, rpm = weave()
+    star = load_trial(bundle(csv_of(t, data, -delta, rpm), top='rudder_positive = "starboard"'))
+    np.testing.assert_allclose(star.runs[0].commands["delta_r_cmd"], port.commands["delta_r_cmd"], atol=1e-12)
+    assert star.warnings == ()
+
+
+def test_vertical_channels_make_a_trial_six_dof_unless_it_says_otherwise(bundle):
+    csv = csv_of(*weave(n=40)).replace("v[m/s]", "z[m]")
+    assert load_trial(bundle(csv)).dof == 6
+    assert load_trial(bundle(csv, top="dof = 3")).dof == 3
+
+
+def test_missing_samples_stay_missing_in_data_and_are_filled_in_inputs(bundle):
+    lines = csv_of(*weave(n=40)).strip().split("\n")
+    cells = [line.split(",") for line in lines]
+    for k in (5, 6, 7):
+        cells[k][1] = ""
+        cells[k][7] = "NaN"
+    trial = load_trial(bundle("\n".join(map(",".join, cells))))
+    run = trial.runs[0]
+    assert np.flatnonzero(np.isnan(run.data["x"])).tolist() == [4, 5, 6]
+    np.testing.assert_array_equal(run.commands["delta_r_cmd"][4:7], run.commands["delta_r_cmd"][3])
+    assert any("missing samples: x 7.5 %" in text for text in trial.warnings)
+    assert any("last command held" in text for text in trial.warnings)
+
+
+def _drifted(change):
+    t, data, delta, rpm = weave()
+    data = dict(data)
+    change(data)
+    return csv_of(t, data, delta, rpm)
+
+
+def _stick(data):
+    data["r"] = data["r"].copy()
+    data["r"][200:300] = data["r"][200]
+
+
+def _clip(data):
+    data["r"] = np.clip(data["r"], -0.02, 0.02)
+
+
+def _flip_psi(data):
+    data["psi"] = -data["psi"]
+
+
+def _swap_xy(data):
+    data["x"], data["y"] = data["y"], data["x"]
+
+
+def _knots(data):
+    data["u"], data["v"] = data["u"] / 0.514444, data["v"] / 0.514444
+
+
+def _turn_north(data):
+    turned = (data["x"] + 1j * data["y"]) * np.exp(0.2j)
+    data["x"], data["y"] = turned.real, turned.imag
+
+
+@pytest.mark.parametrize(
+    ("csv", "words"),
+    [
+        (csv_of(*weave()).replace("psi[deg]", "psi[rad]"), "heading in degrees labelled rad"),
+        (csv_of(*weave()).replace("psi[deg]", "psi[rad]"), "psi changes 57 times"),
+        (csv_of(*weave()).replace("r[deg/s]", "r[rad/s]"), "psi changes 1/57 as much as r"),
+        (csv_of(*weave()).replace("delta_r_cmd[deg]", "delta_r_cmd[rad]"), "degrees labelled as radians"),
+        (csv_of(*weave()).replace("[m],y[m]", "[ft],y[ft]"), "the track is 0.305 times as long"),
+        (_drifted(_knots), "kn labelled m/s"),
+        (_drifted(_stick), "r is stuck at"),
+        (_drifted(_clip), "r seems clipped"),
+        (_drifted(_flip_psi), "psi turns against r"),
+        (_drifted(_swap_xy), "x and y swapped"),
+        (_drifted(_turn_north), "the track runs +11.5 deg (clockwise) off"),
+        (csv_of(*weave(rudder_sign=1.0)), 'rudder_positive = "starboard"'),
+        (csv_of(*weave(n=12)), "only 12 samples"),
+        (csv_of(*weave()).replace(",600.000000", ","), "n_cmd: no values"),
+        (csv_of(*weave()).replace("psi[deg]", "psi"), "no unit in the header, read psi as [rad]"),
+        (
+            "\n".join(k for j, k in enumerate(csv_of(*weave()).split("\n")) if not 100 < j < 140),
+            "1 gap of 20 s",
+        ),
+    ],
+)
+def test_suspicious_log_is_noticed(bundle, csv, words):
+    trial = load_trial(bundle(csv))
+    assert any(words in text for text in trial.warnings), trial.warnings
+
+
+def test_estimated_noise_equals_the_noise_put_in(bundle):
+    stated = "[noise]\nx = 0.05\ny = 0.05\npsi = 0.002\nr = 0.0005\nu = 0.01\nv = 0.05"
+    summary = trial_summary(load_trial(bundle(top=stated)))
+    for name, row in summary["noise"].items():
+        expected = 0.2 if name == "v" else 1.0  # v is stated five times too large
+        assert row["ratio"] == pytest.approx(expected, rel=0.25)  # 600 samples: one sigma is about 5 %
+    assert any("noise of v" in text for text in summary["warnings"])
+    json.dumps(summary)
+
+
+@pytest.mark.parametrize("regular", [True, False])
+def test_noise_estimate_ignores_a_cubic_and_irregular_sampling(regular):
+    rng = np.random.default_rng(5)
+    t = np.arange(4000.0) if regular else np.cumsum(rng.uniform(0.5, 1.5, 4000))
+    values = 1e-6 * (t - 500) ** 3 + 0.3 * rng.standard_normal(4000)
+    assert rough_noise(t, values) == pytest.approx(0.3, rel=0.1)
+
+
+def test_spikes_are_found_and_crests_are_not():
+    t = 0.25 * np.arange(400)
+    values = np.sin(t) + 0.001 * np.random.default_rng(3).standard_normal(400)
+    assert spikes(t, values, 0.001).size == 0
+    values[[100, 250]] += 0.5
+    assert spikes(t, values, 0.001).tolist() == [100, 250]
+
+
+def test_window_and_resample_keep_their_origin(bundle):
+    run = load_trial(bundle()).runs[0]
+    part = window(run, 50.0, 100.0)
+    assert (part.t[0], part.t[-1], part.n_samples) == (50.0, 100.0, 101)
+    assert part.digest != run.digest
+    assert run.digest[:12] in part.provenance[0]
+    fine = resample(part, 0.1)
+    np.testing.assert_allclose(fine.t, 50 + 0.1 * np.arange(501))
+    np.testing.assert_allclose(fine.data["x"][::5], part.data["x"], atol=1e-9)
+    np.testing.assert_array_equal(fine.commands["delta_r_cmd"][:-1:5], part.commands["delta_r_cmd"][:-1])
+    assert set(np.unique(fine.commands["delta_r_cmd"])) <= set(np.unique(part.commands["delta_r_cmd"]))
+    assert len(fine.provenance) == 2
+    with pytest.raises(TrialError, match="holds 0 samples"):
+        window(run, 1e4, 2e4)
+    with pytest.raises(TrialError, match="must be positive"):
+        resample(run, 0.0)
+
+
+def test_resampling_leaves_long_gaps_missing():
+    t = np.concatenate((np.arange(10.0), np.arange(60.0, 70.0)))
+    run = Run("a", "", "identify", t, {"x": t.copy()}, {"delta_r_cmd": np.zeros(20)})
+    out = resample(run, 1.0)
+    assert np.isnan(out.data["x"][10:60]).all()
+    np.testing.assert_allclose(out.data["x"][[9, 60]], [9.0, 60.0])
+
+
+def test_written_trial_reads_back_exactly(bundle, tmp_path_factory):
+    top = "measured_point = [0.1, 0.0, -0.2]\n[noise]\nx = 0.05\n[environment]\nnav_drift = 0.5"
+    csv = csv_of(*weave(n=60)).replace("v[m/s]", "wind_speed[kn]").replace("u[m/s]", '"gain, ""raw"""')
+    trial = load_trial(bundle(csv, top=top))
+    out = tmp_path_factory.mktemp("out") / "copy"
+    write_trial(trial, out)
+    again = load_trial(out)
+    assert again.digest == trial.digest
+    assert (again.dof, again.noise, again.environment) == (trial.dof, trial.noise, Environment(None, 0.5))
+    with pytest.raises(TrialError, match="holds a trial already"):
+        write_trial(trial, out)
+
+
+NAMES = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
+FLOATS = st.floats(-1e9, 1e9, allow_subnormal=False)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.data())
+def test_any_trial_survives_writing_and_reading(tmp_path_factory, data):
+    runs = []
+    for k in range(data.draw(st.integers(1, 3))):
+        n = data.draw(st.integers(2, 12))
+        steps = data.draw(st.lists(st.floats(1e-3, 1e3), min_size=n, max_size=n))
+        t = np.cumsum(steps)
+        x = np.array(data.draw(st.lists(FLOATS | st.just(math.nan), min_size=n, max_size=n)))
+        x[0] = 1.0
+        psi = np.cumsum(data.draw(st.lists(st.floats(-3, 3), min_size=n, max_size=n)))
+        command = np.array(data.draw(st.lists(st.floats(-1, 1), min_size=n, max_size=n)))
+        name = data.draw(NAMES)
+        measured = {"x": x, "y": t.copy(), "psi": psi}
+        commands = {"delta_r_cmd": command}
+        runs.append(Run(name, data.draw(NAMES), "identify" if k else "holdout", t, measured, commands))
+    trial = Trial(data.draw(NAMES), Path("."), "remus100", 3, tuple(runs), {"x": 0.5})
+    out = tmp_path_factory.mktemp("trial")
+    write_trial(trial, out)
+    again = load_trial(out)
+    for one, two in zip(trial.runs, again.runs, strict=True):
+        assert (one.manoeuvre, one.role) == (two.manoeuvre, two.role)
+        np.testing.assert_array_equal(one.t, two.t)
+        for group in ("data", "commands"):
+            for name, values in getattr(one, group).items():
+                np.testing.assert_allclose(getattr(two, group)[name], values, rtol=0, atol=1e-12)
+
+
+def _fuzz():
+    path = Path(__file__).parent / "fuzz" / "fuzz_files.py"
+    spec = importlib.util.spec_from_file_location("fuzz_files", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+FUZZ = _fuzz()
+
+
+@settings(max_examples=400, deadline=None)
+@given(st.integers(0, len(FUZZ.SEEDS) - 1), st.randoms(use_true_random=False))
+def test_damaged_files_give_a_result_or_one_clear_error(seed, rng):
+    FUZZ.try_one(FUZZ.mutate(FUZZ.SEEDS[seed], rng))
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.sampled_from([b"c", b"t", b"v"]), st.binary(max_size=300))
+def test_arbitrary_bytes_give_a_result_or_one_clear_error(kind, body):
+    FUZZ.try_one(kind + body)
+
+
+def test_a_second_of_random_damage_is_refused_cleanly():
+    assert FUZZ.plain(1.0, [], report=lambda text: None) > 10
+    assert FUZZ.mutate(b"cabc", random.Random(1)) != b"cabc"
+
+
+SHARED = Path(__file__).resolve().parents[2] / "shared"
+
+
+@pytest.mark.skipif(not (SHARED / "practice").is_dir(), reason="practice bundles are not part of the project")
+@pytest.mark.parametrize("kind", ["practice", "blind"])
+def test_every_bundle_at_hand_loads_and_its_noise_is_as_stated(kind):
+    for folder in sorted(path for path in (SHARED / kind).iterdir() if (path / "trial.toml").exists()):
+        summary = trial_summary(load_trial(folder))
+        for name, row in summary["noise"].items():
+            if name != "r":  # rates of small vehicles change faster than their logs are sampled
+                assert 0.85 < row["ratio"] < 1.25, (folder.name, name)
+        assert not [text for text in summary["warnings"] if "missing" not in text and "spikes" not in text]
+
+
+@pytest.mark.skipif(not (SHARED / "data").is_dir(), reason="the logs are not part of the project")
+@pytest.mark.parametrize(("name", "identify", "holdout"), [("kvlcc2_hsva", 7, 6), ("esso_osaka", 11, 9)])
+def test_real_logs_load_and_agree_with_their_conventions(name, identify, holdout):
+    folder = Path(__file__).resolve().parents[1] / "studies" / "real_logs" / name
+    trial = load_trial(folder, data=SHARED / "data")
+    assert (len(trial.identify), len(trial.holdout), trial.dof) == (identify, holdout, 3)
+    assert trial.warnings == ()
+    for row in trial_summary(trial)["runs"]:
+        assert row["checks"]["track"]["scale"] == pytest.approx(1.0, abs=0.01)
+        assert row["checks"]["yaw"]["scale"] == pytest.approx(1.0, abs=0.1)
+        assert row["checks"]["rudder"]["slope"] < 0  # port-positive inside
