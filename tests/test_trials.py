@@ -394,6 +394,22 @@ def test_spikes_are_found_and_crests_are_not():
     assert spikes(t, values, 0.001).tolist() == [100, 250]
 
 
+def test_a_kink_is_no_spike():
+    t = np.arange(100.0)
+    values = np.abs(t - 50) + 0.001 * np.random.default_rng(3).standard_normal(100)
+    assert spikes(t, values, 0.001).size == 0
+
+
+def test_resampling_keeps_the_last_sample_whatever_the_rounding():
+    for dt in (0.1, 0.3, 0.7):
+        t = np.cumsum(np.full(1000, dt))
+        run = Run("a", "", "identify", t, {"x": t.copy()}, {"delta_r_cmd": t.copy()})
+        out = resample(run, dt)
+        assert out.n_samples == 1000
+        assert np.isfinite(out.data["x"]).all()
+        np.testing.assert_array_equal(out.commands["delta_r_cmd"], t)
+
+
 def test_window_and_resample_keep_their_origin(bundle):
     run = load_trial(bundle()).runs[0]
     part = window(run, 50.0, 100.0)
@@ -504,7 +520,7 @@ def test_every_bundle_at_hand_loads_and_its_noise_is_as_stated(kind):
         for name, row in summary["noise"].items():
             if name != "r":  # rates of small vehicles change faster than their logs are sampled
                 assert 0.85 < row["ratio"] < 1.25, (folder.name, name)
-        assert not [text for text in summary["warnings"] if "missing" not in text and "spikes" not in text]
+        assert not [text for text in summary["warnings"] if "missing" not in text and "outliers" not in text]
 
 
 @pytest.mark.skipif(not (SHARED / "data").is_dir(), reason="the logs are not part of the project")

@@ -59,5 +59,7 @@ def spikes(t: Floats, values: Floats, sigma: float) -> np.ndarray:
     away = np.abs(x[2:-2] - (4.0 * (x[1:-3] + x[3:-1]) - x[:-4] - x[4:]) / 6.0)
     apart = np.abs((x[4:] - x[:-4]) - 2.0 * (x[3:-1] - x[1:-3]))
     floor = max(8.0 * sigma, 1e-3 * float(np.percentile(x, 99) - np.percentile(x, 1)), 1e-12)
-    far = (away > floor) & (away > 3.0 * apart)
+    # a kink (a yaw rate when the rudder is laid) continues the line on either side; a spike does neither
+    left, right = np.abs(x[2:-2] - 2.0 * x[1:-3] + x[:-4]), np.abs(x[2:-2] - 2.0 * x[3:-1] + x[4:])
+    far = (away > floor) & (away > 3.0 * apart) & (np.minimum(left, right) > 0.6 * away)
     return index[2:-2][far & even[:-3] & even[1:-2] & even[2:-1] & even[3:]]

@@ -61,7 +61,7 @@ def trial_summary(trial: Trial) -> dict[str, Any]:
             worst = max(counts, key=lambda run: counts[run])
             first = next(row["spikes"][name][0] for row in runs if row["name"] == worst)
             warnings.append(
-                f"{name}: {sum(counts.values())} spikes in {len(counts)} of {len(runs)} runs, "
+                f"{name}: {sum(counts.values())} lone outliers in {len(counts)} of {len(runs)} runs, "
                 f"most in {worst} ({counts[worst]}, the first at t = {first:.6g} s)"
             )
     return {

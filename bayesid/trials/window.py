@@ -71,9 +71,9 @@ def _linear(t: Floats, values: Floats, at: Floats, max_gap: float) -> Floats:
     good = np.isfinite(values)
     if not good.any():
         return np.full(at.shape, np.nan)
-    knots = t[good]
+    knots, edge = t[good], 1e-9 * (t[-1] - t[0])
     out = np.interp(at, knots, values[good])
     right = np.clip(np.searchsorted(knots, at), 0, knots.size - 1)
     left = np.clip(np.searchsorted(knots, at, side="right") - 1, 0, knots.size - 1)
-    out[(knots[right] - knots[left] > max_gap) | (at < knots[0]) | (at > knots[-1])] = np.nan
+    out[(knots[right] - knots[left] > max_gap) | (at < knots[0] - edge) | (at > knots[-1] + edge)] = np.nan
     return out
