@@ -34,13 +34,17 @@ class Parameter:
 
 @dataclass(frozen=True)
 class PropulsionModel:
-    """One way to state thrust; `rows` turns (values, rho, L) into X_prop_* [SI], None for `kt`."""
+    """One way to state thrust; `rows` turns (values, rho, L) into X_prop_* [SI], None for `kt`.
+
+    With `holds_drag` the hull's drag is part of the model, so a drag row in [coef] would count it twice.
+    """
 
     name: str
     equation: str
     parameters: Mapping[str, Parameter]
     source: str
     rows: Callable[[Mapping[str, float], float, float], dict[str, float]] | None
+    holds_drag: bool = False
 
 
 def _positive(unit: str, required: bool = True) -> Parameter:
@@ -80,6 +84,7 @@ MODELS: dict[str, PropulsionModel] = {
             },
             "gertler1967",
             _polynomial,
+            holds_drag=True,
         ),
         PropulsionModel(
             "thrust",
@@ -113,6 +118,7 @@ MODELS: dict[str, PropulsionModel] = {
             },
             "healey1993",
             _nps,
+            holds_drag=True,
         ),
         PropulsionModel(
             "kt",

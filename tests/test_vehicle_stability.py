@@ -150,3 +150,10 @@ def test_stability_of_a_boat_at_rest_is_refused():
         stability(load_vehicle("lauv"), 0.0)
     with pytest.raises(VehicleError, match="positive speed"):
         stability(load_vehicle("lauv"), math.nan)
+
+
+def test_thrust_that_falls_with_speed_is_not_taken_for_hull_drag():
+    """A fitted propeller has X_prop_u|u| < 0 beside X_u|u|; polynomial and nps alone hold the drag."""
+    values = {"X_prop_u|u|": -1.0, "X_prop_un": 0.0, "X_prop_n|n|": 2e-6, "X_prop_n": 0.0, "rpm_ref": 1500.0}
+    boat = replace(load_vehicle("remus100"), propulsion=Propulsion("quadratic", values))
+    assert not [finding for finding in check_vehicle(boat) if finding.level == "warning"]

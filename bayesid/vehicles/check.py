@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bayesid.errors import VehicleError
-from bayesid.propulsion import propulsion_rows
+from bayesid.propulsion import MODELS
 from bayesid.vehicles.convention import munk_and_coriolis
 from bayesid.vehicles.inertia import mass_problems
 from bayesid.vehicles.stability import Stability, self_propulsion_speed, stability
@@ -98,8 +98,7 @@ def _propulsion(vehicle: Vehicle) -> list[Finding]:
     found = []
     p = vehicle.propulsion
     drag_rows = [name for name in ("X_uu", "X_u|u|", "X_u0") if vehicle.coef.get(name)]
-    inside = propulsion_rows(p.model, p.values, vehicle.rho, vehicle.L)["X_prop_u|u|"] < 0.0
-    if inside and drag_rows:
+    if MODELS[p.model].holds_drag and drag_rows:
         text = f"the {p.model} model holds the hull drag and {' and '.join(drag_rows)} adds it again"
         found.append(Finding("warning", text, tuple(drag_rows)))
     if vehicle.rpm_ref is None:
