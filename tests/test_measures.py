@@ -7,6 +7,8 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.optimize import brentq
 
 from bayesid.errors import ManoeuvreError
@@ -253,6 +255,28 @@ def test_zigzag_tolerates_noise_gaps_and_uneven_sampling():
     assert abs(np.mean(errors)) < 0.15 * DEG
 
 
+@pytest.mark.parametrize("dt", [0.02, 0.2, 1.0])
+def test_rudder_that_travels_at_a_finite_rate_gives_the_same_executes_at_any_sampling(dt):
+    t, psi, _, rudder = steer(zigzag(20 * DEG, 20 * DEG, 60, 10.0, 150.0, 0.02))
+    measured, travel = np.empty_like(rudder), 0.0
+    for k, order in enumerate(rudder):
+        measured[k] = travel
+        travel += np.clip(order - travel, -3 * DEG * 0.02, 3 * DEG * 0.02)
+    every = round(dt / 0.02)
+    m, exact = measure_zigzag(t[::every], psi[::every], measured[::every]), measure_zigzag(t, psi, rudder)
+    # the rudder is still travelling when the run ends, so the last order may or may not be seen
+    assert m.executes[:5] == pytest.approx(exact.executes[:5], abs=0.05 + 0.05 * dt)
+
+
+def test_run_that_starts_with_the_rudder_over_counts_its_start_as_the_first_execute():
+    t, psi, _, rudder = steer(zigzag(10 * DEG, 10 * DEG, 60, 5.0, 150.0, 0.05))
+    late = t > 5.2
+    whole, m = measure_zigzag(t, psi, rudder), measure_zigzag(t[late], psi[late], rudder[late])
+    assert m.executes[1:] == whole.executes[1:] and m.overshoots == pytest.approx(whole.overshoots)
+    assert m.rudder == pytest.approx(whole.rudder) and m.first_side == whole.first_side
+    assert "rudder over" in m.reasons["initial_turning_time"]
+
+
 def test_zigzag_cut_short_reports_the_overshoots_it_has():
     t, psi, _, rudder = steer(zigzag(10 * DEG, 10 * DEG, 60, 5.0, 250.0, 0.05))
     executes = measure_zigzag(t, psi, rudder).executes
@@ -296,7 +320,7 @@ def test_spiral_of_a_stable_vehicle_has_no_loop():
     run = dieudonne(60, hold=120.0, approach=20.0, dt=0.2)
     t, psi, _, rudder = steer(run)
     m = measure_spiral(t, psi, rudder, shortest=100.0)
-    assert m.reasons == {} and m.differ == ()
+    assert m.reasons == {} and m.differ == () and m.unsettled == ()
     assert m.loop_width == pytest.approx(0.0, abs=0.01 * DEG)
     assert m.loop_height == pytest.approx(0.0, abs=1e-5)
     assert dict(m.going_up)[max(a for a, _ in m.going_up)] == pytest.approx(-K * 15 * DEG, rel=1e-4)
@@ -315,6 +339,11 @@ def test_spiral_of_an_unstable_vehicle_shows_the_loop_of_its_cubic():
     assert m.loop_height == pytest.approx(2 * math.sqrt(0.3 / 400), rel=1e-2)
 
 
+def test_holds_too_short_to_settle_are_named():
+    t, psi, _, rudder = steer(dieudonne(60, hold=12.0, approach=20.0, dt=0.1))
+    assert measure_spiral(t, psi, rudder, shortest=10.0).unsettled
+
+
 def test_spiral_with_too_few_holds_says_so():
     t, psi, _, rudder = steer(pull_out(20 * DEG, 60, 10, 60, 120, 0.1))
     m = measure_spiral(t, psi, rudder, shortest=5.0)
@@ -328,3 +357,38 @@ def test_imo_overshoot_limits_follow_length_over_speed(ratio, first, second):
     limits = imo_limits(100.0, 100.0 / ratio)
     assert limits["overshoot_10_10_first"] == pytest.approx(first * DEG)
     assert limits["overshoot_10_10_second"] == pytest.approx(second * DEG)
+
+
+def test_steering_before_a_turn_or_zigzag_is_not_taken_for_it():
+    run = circle(t0=60.0)
+    run["rudder"] = np.where((run["t"] > 10) & (run["t"] < 20), 15 * DEG, run["rudder"])
+    assert turning_circle(**run).execute == 60.0
+    t, psi, _, rudder = steer(zigzag(20 * DEG, 20 * DEG, 60, 60.0, 150.0, 0.05))
+    rudder = np.where((t > 10) & (t < 20), 11 * DEG, rudder)
+    assert measure_zigzag(t, psi, rudder).executes[0] == pytest.approx(60.0)
+
+
+CHANNEL = st.lists(
+    st.one_of(st.floats(-10, 10), st.just(math.nan), st.just(0.0), st.floats(width=32)),
+    min_size=24,
+    max_size=24,
+).map(np.array)
+
+
+@settings(max_examples=40, deadline=None)
+@given(CHANNEL, CHANNEL, CHANNEL, CHANNEL.map(lambda c: np.repeat(c[:4], 6)))
+def test_no_data_make_a_measure_fail_without_a_reason(x, y, psi, rudder):
+    t = np.cumsum(np.linspace(0.1, 2.0, 24))
+    results = (
+        turning_circle(t, x, y, psi, rudder, x, y),
+        measure_zigzag(t, psi, rudder, x, y),
+        measure_pull_out(t, psi, rudder),
+        measure_spiral(t, psi, rudder, 0.5),
+    )
+    for m in results:
+        lost = [
+            f.name
+            for f in fields(m)
+            if isinstance(getattr(m, f.name), float) and math.isnan(getattr(m, f.name))
+        ]
+        assert not set(lost) - set(m.reasons), (m, lost)

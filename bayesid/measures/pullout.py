@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from bayesid.measures.tools import Channel, channel, checked, orders
+from bayesid.measures.tools import channel, checked, orders, slope
 
 DEG = math.pi / 180
 
@@ -67,16 +67,16 @@ def pull_out(t: np.ndarray, psi: np.ndarray, rudder: np.ndarray, settle: float =
     turning = heading.between(begin + 0.75 * (release - begin), release)
     after = heading.between(release + settle * (end - release), end)
     reasons: dict[str, str] = {}
-    rate = _slope(turning)
+    rate = slope(turning)
     sign = -1.0 if rate < 0 else 1.0
     if math.isnan(rate):
         reasons["turning_rate"] = "too few headings before the rudder came back"
-    residual = _slope(after)
+    residual = slope(after)
     if math.isnan(residual):
         reasons["residual_rate"] = "too few headings after the rudder came back"
     else:
         middle = 0.5 * (after.t[0] + after.t[-1])
-        early, late = _slope(after.between(-math.inf, middle)), _slope(after.between(middle, math.inf))
+        early, late = slope(after.between(-math.inf, middle)), slope(after.between(middle, math.inf))
         # the slope of noisy headings over n samples and a span s is known to sigma*sqrt(12/n)/s
         blur = 6 * heading.sigma * math.sqrt(12 / (after.t.size / 2)) / (0.5 * (after.t[-1] - after.t[0]))
         if not abs(late - early) <= max(0.02 * abs(rate), blur):
@@ -86,7 +86,3 @@ def pull_out(t: np.ndarray, psi: np.ndarray, rudder: np.ndarray, settle: float =
             )
             residual = math.nan
     return PullOut("starboard" if sign > 0 else "port", release, abs(rate), sign * residual, neutral, reasons)
-
-
-def _slope(c: Channel) -> float:
-    return float(np.polyfit(c.t - c.t[0], c.y, 1)[0]) if c.t.size >= 3 else math.nan

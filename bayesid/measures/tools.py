@@ -111,6 +111,11 @@ def crossing(c: Channel, level: float, span: float) -> float:
     return float(c.t[k - 1] + share * (c.t[k] - c.t[k - 1]))
 
 
+def slope(c: Channel) -> float:
+    """Mean rate of change, by a straight line; NaN for fewer than three samples."""
+    return float(np.polyfit(c.t - c.t.mean(), c.y, 1)[0]) if c.t.size >= 3 else math.nan
+
+
 def value(c: Channel, at: float, window: float, scale: float) -> float:
     """Value at a time [s]; with noise, of a parabola over +-window [s]. NaN outside or in a gap."""
     if c.t.size < 2 or not (c.t[0] <= at <= c.t[-1]):
@@ -183,23 +188,32 @@ def orders(c: Channel, smallest: float) -> list[Order]:
             continue
         if abs(level - last[2]) < smallest:
             continue
-        found.append(Order(_foot(c, last[1], begin, last[2], level), last[2], level))
+        found.append(Order(_foot(c, last[0], end, last[2], level), last[2], level))
         last = (begin, end, level)
     return found
 
 
 def _plateaus(y: np.ndarray, tolerance: float) -> tuple[list[float], list[tuple[int, int]]]:
-    """Stretches that stay within a tolerance of their median, merged when neighbours agree."""
+    """Stretches that stay within a tolerance of their median, merged when neighbours agree.
+
+    A surface that travels at a finite rate stays in any band for a while, too: a stretch whose ends differ
+    as a ramp's do is travel, however long the sampling makes it.
+    """
     levels: list[float] = []
     spans: list[tuple[int, int]] = []
     begin = 0
-    # a stretch counts as held from three samples on; shorter ones are travel
     while begin < y.size:
         end, low, high = begin, y[begin], y[begin]
         while end < y.size and max(high, y[end]) - min(low, y[end]) <= 2 * tolerance:
             low, high = min(low, y[end]), max(high, y[end])
             end += 1
-        if end - begin >= 3:
+        third = max(1, (end - begin) // 3)
+        drift = abs(np.median(y[begin : begin + third]) - np.median(y[end - third : end]))
+        if begin == 0 and drift > tolerance:
+            # a short hold before the first order: what little there is of it
+            end = int(np.argmax(np.abs(y - y[0]) > 0.25 * tolerance))
+            drift = 0.0
+        if end - begin >= 3 and drift <= tolerance:
             level = float(np.median(y[begin:end]))
             if levels and abs(level - levels[-1]) <= 2 * tolerance:
                 old = spans[-1]
@@ -212,13 +226,13 @@ def _plateaus(y: np.ndarray, tolerance: float) -> tuple[list[float], list[tuple[
     return levels, spans
 
 
-def _foot(c: Channel, low: int, high: int, before: float, after: float) -> float:
-    low, high = max(low - 3, 1), min(high + 3, c.t.size)
-    share = (c.y[low - 1 : high] - before) / (after - before)
-    k10 = int(np.argmax(share > 0.1))
+def _foot(c: Channel, begin: int, end: int, before: float, after: float) -> float:
+    """Time at which the travel between two held deflections began; rows `begin` to `end` hold both."""
+    t, share = c.t[begin:end], (c.y[begin:end] - before) / (after - before)
     k50 = int(np.argmax(share > 0.5))
-    t = c.t[low - 1 : high]
-    if k10 == k50 or k10 == 0:
+    low = np.flatnonzero(share[:k50] <= 0.1)
+    k10 = int(low[-1]) + 1 if low.size else k50
+    if k10 == k50:
         return float(t[k50])
 
     def at(k: int, level: float) -> float:

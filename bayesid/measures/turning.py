@@ -17,9 +17,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from bayesid.measures.tools import Channel, Order, channel, checked, crossing, orders, value
+from bayesid.measures.tools import Channel, Order, channel, checked, crossing, orders, slope, value
 
-STEADY_TOLERANCE = 0.05  # relative change of the yaw rate between the halves of the window
+STEADY_TOLERANCE = 0.05  # relative change of the yaw rate from one circle to the next, or over a quarter turn
+HALVES_TOLERANCE = 0.10  # the same between the halves of the only circle, which wind and waves make uneven
 DEG = math.pi / 180
 
 
@@ -85,7 +86,7 @@ def turning_circle(
     """
     t, data = checked("turning circle", t, x=x, y=y, psi=psi, rudder=rudder, u=u, v=v)
     reasons: dict[str, str] = {}
-    order, end = _turn_order(t, data["rudder"])
+    order, end = _turn_order(t, data["rudder"], channel(t, data["psi"], angle=True))
     if order is None:
         return _no_turn("no rudder order found: the rudder never leaves its first value")
     heading = channel(t, data["psi"], angle=True).between(-math.inf, end)
@@ -149,16 +150,19 @@ def turning_circle(
     )
 
 
-def _turn_order(t: np.ndarray, rudder: np.ndarray) -> tuple[Order | None, float]:
-    """First order of at least half the largest deflection, and the end of the turn it starts."""
+def _turn_order(t: np.ndarray, rudder: np.ndarray, heading: Channel) -> tuple[Order | None, float]:
+    """The order that turned the vehicle furthest, and when that turn ends; earlier steering is left out."""
     c = channel(t, rudder)
-    if c.t.size < 2:
+    if c.t.size < 2 or heading.t.size < 2:
         return None, math.nan
     largest = float(np.quantile(np.abs(c.y - np.median(c.y[:3])), 0.98))
     found = orders(c, max(0.5 * largest, 6 * c.sigma, 0.2 * DEG))
     if not found:
         return None, math.nan
-    return found[0], found[1].t if len(found) > 1 else float(t[-1])
+    edges = [*(o.t for o in found), float(t[-1])]
+    turned = np.abs(np.diff(np.interp(edges, heading.t, heading.y)))
+    k = int(np.argmax(turned))
+    return found[k], edges[k + 1]
 
 
 def _mean_direction(heading: Channel, until: float) -> float:
@@ -244,19 +248,16 @@ def _steady(
     if last.t.size < 10:
         return give_up("too few samples in the last part of the turn")
     middle = 0.5 * (last.t[0] + last.t[-1])
-    halves = [
-        np.polyfit(h.t - middle, h.y, 1)[0]
-        for h in (last.between(begin, middle), last.between(middle, end))
-        if h.t.size >= 3
-    ]
-    rate = float(np.polyfit(last.t - middle, last.y, 1)[0])
-    if len(halves) < 2 or rate <= 0:
+    rate, earlier, later = slope(last), slope(last.between(begin, middle)), slope(last.between(middle, end))
+    tolerance = HALVES_TOLERANCE if circle else STEADY_TOLERANCE
+    if total >= 900 * DEG:
+        before = float(np.interp(total - 720 * DEG, np.maximum.accumulate(turned.y), turned.t))
+        earlier, later, tolerance = slope(turned.between(before, begin)), rate, STEADY_TOLERANCE
+    change = abs(later - earlier) / rate if rate > 0 else math.nan
+    if math.isnan(change):
         return give_up("a gap in the last part of the turn")
-    change = abs(halves[1] - halves[0]) / rate
-    if change > STEADY_TOLERANCE:
-        return give_up(
-            f"the yaw rate still changes by {100 * change:.0f} % over the last part; turn for longer"
-        )
+    if change > tolerance:
+        return give_up(f"the yaw rate still changes by {100 * change:.0f} % towards the end; turn for longer")
     out["steady_yaw_rate"] = rate
     headings = Channel(last.t, psi0 + sign * last.y, last.sigma)
     fit = _circle(

@@ -10,12 +10,12 @@ Definitions: IMO Resolution MSC.137(76), sections 2.2.4 and 3.2; ITTC Recommende
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from bayesid.measures.tools import Channel, channel, checked, crossing, orders, peak, value
+from bayesid.measures.tools import Channel, Order, channel, checked, crossing, orders, peak, value
 
 DEG = math.pi / 180
 
@@ -27,8 +27,8 @@ class Zigzag:
     `overshoots[k]` is how far the heading went on after execute k+2, `overshoot_times` how long. `switch` is
     the change of heading at the second execute, `initial_turning_time` the time and
     `initial_turning_distance` the way along the track from the first execute to it. `reach` is the time from
-    the first execute until the heading is back at the base course, `period` the mean time between executes
-    to the same side from the second on.
+    the first execute until the heading is back at the base course, `period` the time from the second to the
+    fourth execute. A run that starts with the rudder over counts its first sample as the first execute.
     """
 
     first_side: str
@@ -59,6 +59,7 @@ class Spiral:
     loop_width: float
     loop_height: float
     differ: tuple[float, ...]
+    unsettled: tuple[float, ...]
     reasons: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -83,88 +84,106 @@ def zigzag(
     t, data = checked("zig-zag", t, psi=psi, rudder=rudder, x=x, y=y)
     c = channel(t, data["rudder"])
     heading = channel(t, data["psi"], angle=True)
-    largest = float(np.quantile(np.abs(c.y - np.median(c.y[:3])), 0.9)) if c.t.size else 0.0
-    found = orders(c, max(0.5 * largest, 6 * c.sigma, 0.2 * DEG)) if c.t.size > 1 else []
-    names = ["rudder", "switch", "initial_turning_time", "initial_turning_distance", "reach", "period"]
+    found, end = _executes(c)
     if not found or heading.t.size < 5:
-        why = "no rudder order found" if not found else "too few headings"
-        return Zigzag(
-            "",
-            math.nan,
-            math.nan,
-            (),
-            (),
-            (),
-            math.nan,
-            math.nan,
-            math.nan,
-            math.nan,
-            dict.fromkeys([*names, "first_side", "overshoots"], why),
-        )
-    # rudder amidships after the last reversal ends the zig-zag; it is an execute, not a new leg
-    executes = [o.t for o in found]
+        return _no_zigzag("no rudder order found" if not found else "too few headings")
+    executes = [order.t for order in found]
+    if len(executes) < 2:
+        return _no_zigzag("only one rudder order found; two needed", executes)
     early = heading.between(-math.inf, executes[0])
-    noisy = heading.sigma > 1e-6 and early.t.size >= 5
-    base = (
-        float(np.median(early.y[-max(5, early.t.size // 2) :]))
-        if noisy
-        else float(np.interp(executes[0], heading.t, heading.y))
-    )
+    base = float(np.interp(executes[0], heading.t, heading.y))
+    if heading.sigma > 1e-6 and early.t.size >= 5:
+        base = float(np.median(early.y[-max(5, early.t.size // 2) :]))
     reasons: dict[str, str] = {}
+    angles = [
+        value(heading, b, 0.15 * (b - a), 0.05) - base for a, b in zip(executes, executes[1:], strict=False)
+    ]
+    # the second leg shows the side best: a run that starts with the rudder over may start off its base course
+    sign = math.copysign(1.0, angles[0] - angles[1] if len(angles) > 1 else angles[0])
     overshoots, lags = [], []
-    sign = 0.0
-    for k, at in enumerate(executes[1:], 1):
-        window = heading.between(at, executes[k + 1] if k + 1 < len(executes) else math.inf)
-        leg = at - executes[k - 1]
-        angle = value(heading, at, 0.15 * leg, 0.05) - base
-        if k == 1:
-            sign, switch = math.copysign(1.0, angle), abs(angle)
+    for k, angle in enumerate(angles, 1):
         side = sign if k % 2 else -sign
-        when, top = peak(Channel(window.t, side * (window.y - base), heading.sigma), 0.2 * leg, 0.05)
-        if math.isnan(top):
-            reasons["overshoots"] = f"the run ends before the heading turns back after execute {k + 1}"
+        window = heading.between(executes[k], executes[k + 1] if k + 1 < len(executes) else end)
+        swing = Channel(window.t, side * (window.y - base), heading.sigma)
+        when, top = peak(swing, 0.2 * (executes[k] - executes[k - 1]), 0.05)
+        if math.isnan(top - angle):
+            reasons["overshoots"] = f"no peak of the heading after execute {k + 1} (run too short, or a gap)"
             break
         overshoots.append(top - side * angle)
-        lags.append(when - at)
-    if len(executes) < 2:
-        reasons |= dict.fromkeys(names[1:] + ["overshoots"], "only one rudder order found; two needed")
-        return Zigzag(
-            "",
-            abs(found[0].after - found[0].before),
-            math.nan,
-            tuple(executes),
-            (),
-            (),
-            math.nan,
-            math.nan,
-            math.nan,
-            math.nan,
-            reasons | {"first_side": "only one rudder order"},
-        )
+        lags.append(when - executes[k])
+    started_over = found[0].before == found[0].after
+    switch, turning_time = abs(angles[0]), executes[1] - executes[0]
+    distance = _distance(t, data, executes[0], executes[1])
+    if started_over:
+        switch = turning_time = distance = math.nan
+        why = "the run starts with the rudder over"
+        reasons |= dict.fromkeys(("switch", "initial_turning_time", "initial_turning_distance"), why)
+    elif math.isnan(distance):
+        reasons["initial_turning_distance"] = "no track between the first two executes"
     later = heading.between(executes[1] + (lags[0] if lags else 0.0), math.inf)
     reach = crossing(Channel(later.t, -sign * (later.y - base), heading.sigma), 0.0, 2 * DEG) - executes[0]
+    if started_over:
+        reach = math.nan
     if math.isnan(reach):
-        reasons["reach"] = "the heading does not come back to the base course"
-    period = math.nan
-    if len(executes) >= 4:
-        period = float(np.mean([b - a for a, b in zip(executes[1:], executes[3:], strict=False)]))
-    else:
+        reasons["reach"] = "the heading does not come back to the base course of an approach"
+    if math.isnan(switch):
+        reasons.setdefault("switch", "a gap in the heading at the second execute")
+    period = executes[3] - executes[1] if len(executes) >= 4 else math.nan
+    if len(executes) < 4:
         reasons["period"] = f"{len(executes)} executes; four needed"
-    distance = _distance(t, data, executes[0], executes[1])
-    if math.isnan(distance):
-        reasons["initial_turning_distance"] = "no track between the first two executes"
+    first_side = "starboard" if sign > 0 else "port"
+    rudder_step = abs(found[0].after) if started_over else abs(found[0].after - found[0].before)
     return Zigzag(
-        "starboard" if sign > 0 else "port",
-        abs(found[0].after - found[0].before),
+        first_side,
+        rudder_step,
         switch,
         tuple(executes),
         tuple(overshoots),
         tuple(lags),
-        executes[1] - executes[0],
+        turning_time,
         distance,
         reach,
         period,
         reasons,
+    )
+
+
+def _executes(c: Channel) -> tuple[list[Order], float]:
+    """Rudder orders of the longest stretch that alternates between the two sides, and when its last leg ends.
+
+    Steering before the zig-zag is passed over. The first sample is an order if the rudder is over by then;
+    such an order has before == after.
+    """
+    if c.t.size < 2:
+        return [], math.inf
+    high, low = float(np.quantile(c.y, 0.98)), float(np.quantile(c.y, 0.02))
+    largest, middle = 0.5 * (high - low), 0.5 * (high + low)
+    found = orders(c, max(0.5 * largest, 6 * c.sigma, 0.2 * DEG))
+    if found and abs(found[0].before - middle) > 0.6 * largest:
+        found.insert(0, Order(float(c.t[0]), found[0].before, found[0].before))
+    best: list[Order] = []
+    stretch: list[Order] = []
+    for order in found:
+        over = abs(order.after - middle) > 0.6 * largest
+        if not (over and stretch and (order.after - middle) * (stretch[-1].after - middle) < 0):
+            stretch = []
+        if over:
+            stretch = [*stretch, order]
+        if len(stretch) > len(best):
+            best = stretch
+    best = best or found[:1]
+    return best, next((order.t for order in found if best and order.t > best[-1].t), math.inf)
+
+
+def _no_zigzag(why: str, executes: Sequence[float] = ()) -> Zigzag:
+    names = ("rudder", "switch", "initial_turning_time", "initial_turning_distance", "reach", "period")
+    return Zigzag(
+        first_side="",
+        executes=tuple(executes),
+        overshoots=(),
+        overshoot_times=(),
+        reasons=dict.fromkeys((*names, "first_side", "overshoots"), why),
+        **dict.fromkeys(names, math.nan),
     )
 
 
@@ -216,17 +235,19 @@ def spiral(
     found = orders(c, max(0.4 * DEG, 6 * c.sigma)) if c.t.size > 1 else []
     edges = [float(t[0]), *(o.t for o in found), float(t[-1])] if found else []
     levels = [found[0].before, *(o.after for o in found)] if found else []
-    held = []
+    held, moving = [], []
     for begin, end, level in zip(edges, edges[1:], levels, strict=False):
         if end - begin < shortest * (1 - 1e-6):
             continue
         part = heading.between(begin + settle * (end - begin), end)
         if part.t.size >= 3:
-            held.append((level, float(np.polyfit(part.t - begin, part.y, 1)[0])))
+            rate, bend = np.polyfit(part.t - part.t.mean(), part.y, 2)[1::-1]
+            held.append((level, float(rate)))
+            moving.append((level, abs(2.0 * bend) * float(part.t[-1] - part.t[0])))
     if len(held) < 5:
         why = f"{len(held)} rudder angles held for {shortest:g} s or longer; at least five needed"
         return Spiral(
-            (), (), math.nan, math.nan, (), dict.fromkeys(("loop_width", "loop_height", "differ"), why)
+            (), (), math.nan, math.nan, (), (), dict.fromkeys(("loop_width", "loop_height", "differ"), why)
         )
     # the approach is no part of a branch: the branches run between the two extreme angles
     angles = np.array([level for level, _ in held])
@@ -251,7 +272,8 @@ def spiral(
         reasons["loop_height"] = "a branch does not pass the neutral rudder"
     if math.isnan(width):
         reasons["loop_width"] = "a branch does not change the sense of the turn"
-    return Spiral(down, up, width, height, differ, reasons)
+    unsettled = tuple(sorted({level for level, change in moving if change > tolerance * scale}))
+    return Spiral(down, up, width, height, differ, unsettled, reasons)
 
 
 def _at_neutral(branch: tuple[tuple[float, float], ...], neutral: float) -> float:
