@@ -19,7 +19,7 @@ from bayesid.units import UnitError, scale
 
 ABSURD = 1e12  # no channel reaches this; larger numbers are sentinels or garbage
 TIME_REPAIRS = ("none", "sort")
-_HEADER = re.compile(r"([^\[\]]*?)\s*(?:\[([^\[\]]*)\])?")
+_HEADER = re.compile(r"([^\[\]()]*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))?")
 
 
 @dataclass(frozen=True)
@@ -32,9 +32,12 @@ class Reading:
 
 
 def split_header(text: str) -> tuple[str, str | None]:
-    """`psi[deg]` -> ("psi", "deg"); the unit is None where no brackets are given."""
+    """`psi[deg]` or `psi (deg)` -> ("psi", "deg"); the unit is None where no brackets are given."""
     found = _HEADER.fullmatch(text.strip())
-    return (found[1].strip(), found[2].strip() if found[2] is not None else None) if found else (text, None)
+    if found is None:
+        return text, None
+    unit = found[2] if found[2] is not None else found[3]
+    return found[1].strip(), None if unit is None else unit.strip()
 
 
 def assemble(table: Table, reading: Reading, name: str, manoeuvre: str, role: str, notes: str = "") -> Run:
@@ -54,8 +57,13 @@ def assemble(table: Table, reading: Reading, name: str, manoeuvre: str, role: st
     extra = {
         text or f"column {k + 1}": table.values[:, k].copy()
         for k, text in enumerate(table.names)
-        if k not in used
+        if k not in used and k not in table.text
     }
+    for k, found in table.text.items():
+        if k in used:
+            problems += summed(found, f"text in {table.names[k]!r}")
+        else:
+            notices.append(f"column {table.names[k]!r} holds text and is left out")
     rows = table.rows
     if "t" in values:
         order = _check_time(values["t"], rows, reading.time_repair, problems, notices)

@@ -17,8 +17,15 @@ from bayesid.trials.trial import Floats, Run
 
 _DEG = math.pi / 180.0
 _LIMITS = {"phi": 1.6, "theta": 1.6, "p": 6.0, "q": 3.0, "r": 3.0, "u": 30.0, "v": 15.0, "w": 15.0}
-_SPEED_UNITS = {"kn labelled m/s": 0.514444, "m/s labelled kn": 1.943844, "ft/s labelled m/s": 0.3048}
-_LENGTH_UNITS = {"position in ft labelled m": 3.28084, "position in m labelled ft": 0.3048}
+# track length over integrated velocity -> the mislabelling that gives it
+_SCALES = {
+    "speed in kn labelled m/s": 0.514444,
+    "speed in m/s labelled kn": 1.943844,
+    "speed in ft/s labelled m/s or position in m labelled ft": 0.3048,
+    "position in ft labelled m": 3.28084,
+    "time in ms labelled s": 1e-3,
+    "time in minutes labelled s": 60.0,
+}
 
 
 def check_run(run: Run) -> list[str]:
@@ -200,9 +207,8 @@ def _agreement(run: Run) -> list[str]:
         elif track.from_velocity and track.misfit < 0.2:
             off = abs(track.scale - 1.0)
             if off > 0.05 + 4 * track.scale_sd:
-                units = _SPEED_UNITS | _LENGTH_UNITS
-                near = min(units, key=lambda key: abs(track.scale / units[key] - 1.0))
-                hint = f"; {near}?" if abs(track.scale / units[near] - 1.0) < 0.06 else ""
+                near = min(_SCALES, key=lambda key: abs(track.scale / _SCALES[key] - 1.0))
+                hint = f"; {near}?" if abs(track.scale / _SCALES[near] - 1.0) < 0.06 else ""
                 notices.append(f"the track is {track.scale:.3f} times as long as u, v say{hint}")
             if abs(track.rotation) > 5 * _DEG + 4 * track.scale_sd:
                 notices.append(

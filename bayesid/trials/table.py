@@ -10,7 +10,8 @@ import csv
 import io
 import os
 import stat
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -25,12 +26,15 @@ _MISSING = frozenset({"", "nan", "na", "n/a", "null", "none", "-", "--"})
 
 @dataclass(frozen=True)
 class Table:
-    """names (m), values (n, m), rows (n,): row of the file, header = first row that counts."""
+    """names (m), values (n, m), rows (n,): row of the file, header = first row that counts.
+
+    text : column -> (row, problem) of each entry that is not a number; such entries are NaN in `values`"""
 
     names: tuple[str, ...]
     values: Floats
     rows: np.ndarray
     warnings: tuple[str, ...] = ()
+    text: Mapping[int, list[tuple[int, str]]] = field(default_factory=dict)
 
 
 class BadTableError(Exception):
@@ -118,10 +122,9 @@ def parse_table(raw: bytes) -> Table:
         body = body.replace(b",", b"?").replace(delimiter, b",")
     values = _fast(body, len(names))
     if values is not None:
-        rows = np.arange(row + 1, row + 1 + len(values))
-    else:
-        values, rows = _slow(body, names, row + 1)
-    return Table(tuple(names), values, rows, tuple(notes))
+        return Table(tuple(names), values, np.arange(row + 1, row + 1 + len(values)), tuple(notes))
+    values, rows, text = _slow(body, names, row + 1)
+    return Table(tuple(names), values, rows, tuple(notes), text)
 
 
 def _header(line: bytes) -> tuple[list[str], bytes]:
@@ -168,11 +171,13 @@ def _fast(body: bytes, width: int) -> Floats | None:
     return values if values.shape[1] == width and len(values) == body.count(b"\n") + 1 else None
 
 
-def _slow(body: bytes, names: list[str], first: int) -> tuple[Floats, np.ndarray]:
+def _slow(
+    body: bytes, names: list[str], first: int
+) -> tuple[Floats, np.ndarray, dict[int, list[tuple[int, str]]]]:
     """Row by row, so that every problem gets its row; skips blank rows."""
     width = len(names)
     ragged: list[tuple[int, str]] = []
-    text: list[tuple[int, str]] = []
+    text: dict[int, list[tuple[int, str]]] = {}
     values: list[list[float]] = []
     rows: list[int] = []
     lines = body.decode("latin-1").split("\n")
@@ -181,7 +186,7 @@ def _slow(body: bytes, names: list[str], first: int) -> tuple[Floats, np.ndarray
     for row, line in enumerate(lines, first):
         if not line.strip():
             continue
-        fields = line.split(",")
+        fields = _split(line)
         if len(fields) == width + 1 and not fields[-1].strip():
             fields.pop()
         if len(fields) != width:
@@ -189,18 +194,27 @@ def _slow(body: bytes, names: list[str], first: int) -> tuple[Floats, np.ndarray
             ragged.append((row, f"{len(fields)} fields instead of {width}{cut}"))
             continue
         numbers = []
-        for name, item in zip(names, fields, strict=True):
+        for k, item in enumerate(fields):
             value = _number(item)
             if value is None:
-                text.append((row, f"{name!r} is {item.strip()[:30]!r}, not a number"))
+                text.setdefault(k, []).append((row, f"{names[k]!r} is {item.strip()[:30]!r}, not a number"))
                 value = np.nan
             numbers.append(value)
         values.append(numbers)
         rows.append(row)
-    problems = summed(ragged, "a wrong number of fields") + summed(text, "text instead of numbers")
-    if problems:
-        raise BadTableError(problems)
-    return np.array(values, dtype=float).reshape(-1, width), np.array(rows, dtype=int)
+    if ragged:
+        used = [entry for found in text.values() for entry in found]
+        raise BadTableError(summed(ragged, "a wrong number of fields") + summed(sorted(used), "text"))
+    return np.array(values, dtype=float).reshape(-1, width), np.array(rows, dtype=int), text
+
+
+def _split(line: str) -> list[str]:
+    if '"' in line:
+        try:
+            return next(csv.reader([line]))
+        except (csv.Error, StopIteration):
+            pass
+    return line.split(",")
 
 
 def _number(item: str) -> float | None:
