@@ -459,6 +459,16 @@ def test_written_trial_reads_back_exactly(bundle, tmp_path_factory):
         write_trial(trial, out)
 
 
+def test_a_vehicle_file_and_its_covariance_travel_with_the_trial(bundle, tmp_path_factory):
+    folder = bundle(toml=TOML.replace("remus100", "vehicle.toml"))
+    (folder / "vehicle.toml").write_text('[prior]\ncovariance = "cov.npz"\n')
+    (folder / "cov.npz").write_bytes(b"any")
+    out = tmp_path_factory.mktemp("out")
+    write_trial(load_trial(folder), out)
+    assert load_trial(out).vehicle_ref == str(out / "vehicle.toml")
+    assert (out / "cov.npz").read_bytes() == b"any"
+
+
 NAMES = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
 FLOATS = st.floats(-1e9, 1e9, allow_subnormal=False)
 

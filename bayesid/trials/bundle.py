@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import tomllib
 from dataclasses import replace
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from bayesid.channels import channel
 from bayesid.errors import TrialError, raise_all
 from bayesid.trials.assemble import assemble
 from bayesid.trials.health import check_run, check_runs
+from bayesid.trials.paths import safe_path
 from bayesid.trials.stated import Stated
 from bayesid.trials.table import BadTableError, parse_table, read_bytes
 from bayesid.trials.trial import Run, Trial
@@ -114,28 +115,6 @@ def _load(raw: bytes, toml: Path, data: Path | None) -> Trial:
 def _vertical(run: Run) -> bool:
     names = (*run.data, *run.commands, *run.measured_inputs)
     return any(channel(name).vertical for name in names)
-
-
-def safe_path(folder: Path, name: str) -> Path:
-    """Resolved path of a file inside a folder.
-
-    Raises
-    ------
-    BadTableError              absolute path, a way out of the folder (also by a link), or a loop of links
-    """
-    parts = PurePosixPath(name.replace("\\", "/")).parts
-    if not name.strip() or "\0" in name or len(name) > 1000:
-        raise BadTableError(["is not a file name"])
-    if name.startswith(("/", "\\")) or ".." in parts or (len(name) > 1 and name[1] == ":"):
-        raise BadTableError(["points outside the bundle; give a path relative to trial.toml"])
-    try:
-        root = folder.resolve()
-        found = (root / Path(*parts)).resolve()
-        if not found.is_relative_to(root):
-            raise BadTableError(["is a link to a place outside the bundle; copy the file instead"])
-        return found
-    except (OSError, RuntimeError, ValueError) as error:
-        raise BadTableError([f"cannot be followed ({error})"]) from None
 
 
 def _find(name: str, folder: Path, data: Path | None, hint: str) -> Path:

@@ -8,12 +8,15 @@ from __future__ import annotations
 
 import re
 import shutil
+import tomllib
 from pathlib import Path
 
 import numpy as np
 
 from bayesid.channels import CHANNELS, channel, is_channel
 from bayesid.errors import TrialError
+from bayesid.trials.paths import safe_path
+from bayesid.trials.table import BadTableError
 from bayesid.trials.trial import Floats, Run, Trial
 
 _ORDER = {row.name: k for k, row in enumerate(CHANNELS)}
@@ -38,9 +41,7 @@ def write_trial(trial: Trial, folder: str | Path, overwrite: bool = False) -> Pa
         folder.mkdir(parents=True, exist_ok=True)
         vehicle = trial.vehicle_ref
         if vehicle and Path(vehicle).is_file():
-            copy = folder / "vehicle.toml"
-            if not (copy.exists() and copy.samefile(vehicle)):
-                shutil.copyfile(vehicle, copy)
+            _copy_vehicle(Path(vehicle), folder)
             vehicle = "vehicle.toml"
         files = _file_names(trial.runs)
         for run, file in zip(trial.runs, files, strict=True):
@@ -49,6 +50,21 @@ def write_trial(trial: Trial, folder: str | Path, overwrite: bool = False) -> Pa
     except OSError as error:
         raise TrialError(f"{folder}: cannot be written: {error.strerror}") from None
     return target
+
+
+def _copy_vehicle(vehicle: Path, folder: Path) -> None:
+    """The vehicle file and, where its prior names one, the covariance file beside it."""
+    files = {vehicle: folder / "vehicle.toml"}
+    try:
+        tree = tomllib.loads(vehicle.read_text(encoding="utf-8-sig"))
+        name = tree["prior"]["covariance"]
+        files[safe_path(vehicle.parent, name)] = safe_path(folder, name)
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError, BadTableError):
+        pass  # no such file is named, or the vehicle is not one: its own reader will say so
+    for source, target in files.items():
+        if source.is_file() and not (target.exists() and target.samefile(source)):
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(source, target)
 
 
 def run_csv(run: Run) -> str:
