@@ -29,6 +29,7 @@ class Zigzag:
     `initial_turning_distance` the way along the track from the first execute to it. `reach` is the time from
     the first execute until the heading is back at the base course, `period` the time from the second to the
     fourth execute. A run that starts with the rudder over counts its first sample as the first execute.
+    In the vertical plane `first_side` "port" stands for bow down first.
     """
 
     first_side: str
