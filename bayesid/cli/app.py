@@ -9,6 +9,7 @@ import typer
 
 from bayesid.cli import trial, vehicle
 from bayesid.cli.options import Verbose
+from bayesid.cli.simulate import simulate
 from bayesid.cli.study import study
 from bayesid.cli.trial_measure import measure
 from bayesid.cli.vehicle_check import check
@@ -26,6 +27,7 @@ def command() -> Any:
         pretty_exceptions_enable=False,
     )
     app.callback()(_root)
+    app.command("simulate")(simulate)
     app.command("study")(study)
     groups = {
         "vehicle": _group("Look at coefficient sets.", list=vehicle.listing, show=vehicle.show, check=check),

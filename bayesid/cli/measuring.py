@@ -124,13 +124,16 @@ NEEDS = {
 }
 
 
-def say_measures(measured: list[dict[str, Any]]) -> None:
-    """Print what `measure` found."""
+def say_measures(measured: list[dict[str, Any]], length: float | None = None) -> None:
+    """Print what `measure` found; with the vehicle's length [m] distances also in lengths."""
     from bayesid.cli.output import say, say_table
 
     for result in measured:
         say()
-        if result["rows"]:
+        if result["rows"] and length:
+            rows = [(*row, f"{row[1] / length:.3g} L" if row[2] == "m" else "") for row in result["rows"]]
+            say_table([result["kind"], "value", "unit", ""], rows)
+        elif result["rows"]:
             say_table([result["kind"], "value", "unit"], result["rows"])
         else:
             say(result["kind"])

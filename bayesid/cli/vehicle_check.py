@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -13,10 +14,14 @@ if TYPE_CHECKING:
     from bayesid.vehicles.stability import Stability
 
 T = TypeVar("T")
+DEG = math.pi / 180
+REPETITIVE = {"switch", "reach", *(f"overshoot {k}" for k in range(4, 1000))}
+LARGEST = 35 * DEG  # where a vehicle states no limit
 
 
 def check(vehicle: Name, out: Out = None, as_json: Json = False, verbose: Verbose = False) -> None:
-    """Check a vehicle: stability indices, and what no real vehicle does."""
+    """Check a vehicle: stability, how it turns and zig-zags, and what no real vehicle does."""
+    from bayesid.cli.measuring import say_measures
     from bayesid.cli.output import say, say_json, say_table
     from bayesid.files import write_json
     from bayesid.vehicles import load_vehicle
@@ -33,6 +38,7 @@ def check(vehicle: Name, out: Out = None, as_json: Json = False, verbose: Verbos
             "eigenvalues, horizontal [U/L]": [[value.real, value.imag] for value in straight.horizontal],
             "eigenvalues, vertical [U/L]": [[value.real, value.imag] for value in straight.vertical],
         }
+    result["behaviour"] = behaviour = _behaviour(found)
     if out is not None:
         write_json(out / "vehicle_check.json", result)
     if as_json:
@@ -41,6 +47,7 @@ def check(vehicle: Name, out: Out = None, as_json: Json = False, verbose: Verbos
     say(f"{found.name}\n")
     if straight is not None:
         say_table(["straight run", "value", "meaning"], _stability_rows(straight))
+    say_measures([{**item, "kind": item["manoeuvre"]} for item in behaviour], found.L)
     say()
     warnings = [finding for finding in findings if finding.level == "warning"]
     notes = [finding for finding in findings if finding.level != "warning"]
@@ -51,6 +58,38 @@ def check(vehicle: Name, out: Out = None, as_json: Json = False, verbose: Verbos
                 say(f"  - {finding.text}")
     if not warnings:
         say("Nothing unphysical found.")
+
+
+def _behaviour(vehicle: Vehicle) -> list[dict[str, Any]]:
+    """Turning circle and zig-zags in the horizontal plane from the usual straight run, planes amidships."""
+    from bayesid.cli.measuring import measure
+    from bayesid.errors import BayesidError
+    from bayesid.manoeuvres import Scale, parse
+    from bayesid.model import build_model
+    from bayesid.simulate import fly, steady_start
+
+    found = []
+    limit = vehicle.limits.get("delta_r", float("inf"))
+    for text, angle in (("turn:20,side=starboard", 20), ("zigzag:10/10", 10), ("zigzag:20/20", 20)):
+        if text.startswith("zigzag") and limit < angle * DEG * (1 - 1e-9):
+            continue
+        text = text if limit >= angle * DEG else "turn:" + f"{limit / DEG:.6g},side=starboard"
+        try:
+            model = build_model(vehicle, 3)
+            start = steady_start(model)
+            speed = float(start[model.states.index("u")])
+            rudder = min(limit, LARGEST)
+            order = parse(text, Scale(vehicle.L, speed, vehicle.rpm_ref or 0.0, rudder, dof=3))
+            track, commands = fly(model, model.nominal, order, start)
+        except BayesidError as error:
+            found.append({"manoeuvre": text, "rows": [], "reasons": {"not possible": str(error)}})
+            continue
+        channels = {name: track[name] for name in ("x", "y", "psi", "u", "v")}
+        found += [
+            {**item, "manoeuvre": text, "rows": [row for row in item["rows"] if row[0] not in REPETITIVE]}
+            for item in measure(text, track.t, {**channels, "delta_r": commands["delta_r_cmd"]})
+        ]
+    return found
 
 
 def _or_none(function: Callable[[Vehicle], T], vehicle: Vehicle) -> T | None:
