@@ -41,7 +41,7 @@ EFFECTS = (
             EffectParameter("delay", "s", 0.47, "L/U", about="commands act this much later than logged"),
         ),
         stages=(InputStage("delta_r", 10, delay="delay"),),
-        source="pure delay of a zero-order-held command; the step a switch falls in gets its time-weighted mean",
+        source="pure delay of a held command; the step a switch falls in gets its time-weighted mean",
         magnitude="0.05-0.5 s, or a clock offset of either sign",
     ),
     Effect(

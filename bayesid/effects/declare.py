@@ -12,10 +12,15 @@ force     u v w p q r through the water; ug vg wg over ground; udot..rdot over g
           coef('Y_dr') a coefficient in SI, rows('Y', 'delta_r') the part of an axis that reads a symbol,
           thrust() and drag() of the propulsion and straight-ahead rows -> body wrench added [N, N m]
 states    the same symbols -> rate of an extra state that starts at its `initial` expression
-adjust    `value` is the constant to change (mass property or coefficient in SI)
-input     x the signal so far (mean over the step), y the stage's output at the end of the last step, h the step:
-          `end` is the output at the end of the step, `mean` its mean over the step; `before` for pure delays
-sensor    the channels of the state at the sample -> the reading
+adjust    `value` is the constant to change (mass property or coefficient in SI); all formulas of one
+          effect read the constants as they were before it
+input     x the signal so far (mean over the step), y the stage's output at the end of the last step, h the
+          step: `end` is the output at the end of the step, `mean` its mean over the step; `delay` names the
+          parameter of a pure delay
+sensor    the channels an effect changes as read so far, every other channel of the true state -> the reading
+
+Functions: abs sgn sqrt sin cos exp tanh min max step. A power that is no whole number takes a negative base
+as 0. At a tie min() and max() have the slope of their first argument.
 """
 
 from __future__ import annotations
@@ -30,9 +35,10 @@ PORTS = ("input", "flow", "force", "sensor")
 class EffectParameter:
     """One unknown of an effect.
 
-    `sd` is the prior standard deviation in units of `scale`, a product of vehicle scales such as "U", "L/U" or
-    "rho*L**2*U**2/2" that turns it into `unit`. `off` is the value at which the effect is absent and `mean` the centre
-    of the prior (they differ only for shape parameters whose amplitude partner is zero when off).
+    `sd` is the prior standard deviation in units of `scale`, a product of vehicle scales such as "U", "L/U"
+    or "rho*L**2*U**2/2" that turns it into `unit`. `off` is the value at which the effect is absent and
+    `mean` the centre of the prior (they differ only for shape parameters whose amplitude partner is zero when
+    off).
     """
 
     name: str
@@ -47,8 +53,8 @@ class EffectParameter:
 
 @dataclass(frozen=True)
 class InputStage:
-    """One link of an actuator chain; links run in rising `order` (dead time 10, offset 20, backlash 25, lag 30, then the
-    vehicle's own rate limit 40 and clip 50)."""
+    """One link of an actuator chain; links run in rising `order` (dead time 10, offset 20, backlash 25, lag
+    30, then the vehicle's own rate limit 40 and clip 50)."""
 
     signal: str
     order: int

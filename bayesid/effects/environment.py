@@ -66,7 +66,7 @@ EFFECTS = (
             ),
         ),
         force={"X": _wind("X"), "Y": _wind("Y"), "N": _wind("N")},
-        source="quadratic air drag in the relative wind (Fossen 2021, wind forces), less the drag of still air",
+        source="quadratic drag of the relative wind (Fossen 2021, wind forces), less that of still air",
         magnitude="first-order for surface models in the open",
     ),
     Effect(

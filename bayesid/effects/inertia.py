@@ -2,6 +2,12 @@
 
 from bayesid.effects.declare import Effect, EffectParameter
 
+
+def _pulled(towards: str) -> str:
+    """Centre of buoyancy with that of the ballast, which displaces as much as it weighs."""
+    return f"value + mass_fraction*W*({towards} - value)/max(B + mass_fraction*W, 1e-9)"
+
+
 EFFECTS = (
     Effect(
         name="cg_offset_x",
@@ -37,6 +43,13 @@ EFFECTS = (
             "x_G": "(value + mass_fraction*x)/(1 + mass_fraction)",
             "Izz": "value*(1 + mass_fraction) + mass_fraction*m*x*x",
             "Iyy": "value*(1 + mass_fraction) + mass_fraction*m*x*x",
+            "Ixx": "value*(1 + mass_fraction)",
+            # its own weight and buoyancy act at one point, (x, y_G, z_G), and leave no trim behind
+            "W": "value*(1 + mass_fraction)",
+            "B": "value + mass_fraction*W",
+            "x_B": _pulled("x"),
+            "y_B": _pulled("y_G"),
+            "z_B": _pulled("z_G"),
         },
         source="Newton-Euler with flooded water spread like the hull's own mass and centred at x",
         magnitude="2-8 % where free-flood spaces are uncertain",

@@ -2,6 +2,13 @@
 
 from bayesid.effects.declare import RUDDER_WHERE, Effect, EffectParameter
 
+
+def _stalled(axis: str) -> str:
+    """What 1/(1 + s/3) takes away, s = (delta/delta_stall)^2."""
+    s = "inverse_stall_angle**2*delta_r**2"
+    return f"-{s}/(3 + {s})*rows('{axis}', 'delta_r')"
+
+
 EFFECTS = (
     Effect(
         name="rudder_effectiveness",
@@ -46,12 +53,9 @@ EFFECTS = (
                 about="reciprocal of the stall angle, 0 = none",
             ),
         ),
-        force={
-            "Y": "-inverse_stall_angle**2*delta_r**2/(3 + inverse_stall_angle**2*delta_r**2)*rows('Y', 'delta_r')",
-            "N": "-inverse_stall_angle**2*delta_r**2/(3 + inverse_stall_angle**2*delta_r**2)*rows('N', 'delta_r')",
-        },
+        force={"Y": _stalled("Y"), "N": _stalled("N")},
         smooth=False,
-        source="assumed: lift factor 1/(1 + (delta/delta_stall)^2/3), equal to a cubic or tanh stall to second order",
+        source="assumed: lift factor 1/(1 + (delta/delta_stall)^2/3), a cubic or tanh stall to second order",
         magnitude="onset at 15-35 degrees of inflow angle",
     ),
     Effect(

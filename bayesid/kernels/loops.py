@@ -1,10 +1,12 @@
 """Time loops around the generated equations: scalar run, sensitivities, step transitions, adjoint.
 
-Takes sizes and a prefix, gives source text that is printed into every kernel module (numba caches per module, and the
-loops must see their own module's equations). RK4 with inputs held over each step throughout.
+Takes sizes and a prefix, gives source text that is printed into every kernel module (numba caches per module,
+and the loops must see their own module's equations). RK4 with inputs held over each step throughout.
 """
 
 from __future__ import annotations
+
+import re
 
 _TEMPLATE = '''
 @njit(cache=True, nogil=True)
@@ -52,8 +54,8 @@ def @_slopes(x, act, exo, t, par, minv, n, rows, entries, columns, dact, act_col
              k, jac, dpar, dinp, b):
     """One linearisation with the forcing b (NX x n) of the wanted columns.
 
-    `columns[e]` is the output column of sparse parameter entry e (-1: not wanted); `act_columns` maps actuator-slope
-    columns to output columns; `input_columns` maps raw inputs (actuators, then exogenous) to output columns.
+    `columns[e]` is the output column of sparse parameter entry e (-1: not wanted); `act_columns` maps
+    actuator-slope columns, `input_columns` raw inputs (actuators, then exogenous) to output columns.
     """
     @_linearise(x, act, exo, t, par, minv, k, jac, dpar, dinp)
     b[:] = 0.0
@@ -101,8 +103,8 @@ def @_advance(x, act, exo, t, h, par, minv, n, rows, entries, columns, dact, act
             xs[:] = x
             ss[:] = s
         shift = 0.0 if stage == 0 else (h if stage == 3 else 0.5 * h)
-        @_slopes(xs, act, exo, t + shift, par, minv, n, rows, entries, columns, dact, act_columns, input_columns,
-                 k, jac, dpar, dinp, b)
+        @_slopes(xs, act, exo, t + shift, par, minv, n, rows, entries, columns, dact, act_columns,
+                 input_columns, k, jac, dpar, dinp, b)
         @_propagate(jac, ss, b, ks, n)
         weight = 2.0 if (stage == 1 or stage == 2) else 1.0
         if stage == 0:
@@ -127,9 +129,9 @@ def @_advance(x, act, exo, t, h, par, minv, n, rows, entries, columns, dact, act
 
 
 @njit(cache=True, nogil=True)
-def @_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, rows, entries, columns, act_columns,
-                  input_columns, out, sens, rate, srate):
-    """States and their sensitivities at the recorded steps; `rate`, `srate` get their time derivatives if not empty."""
+def @_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, rows, entries, columns,
+                  act_columns, input_columns, out, sens, rate, srate):
+    """States and sensitivities at the recorded steps; if not empty `rate`, `srate` get their rates."""
     n = s0.shape[1]
     x = x0.copy()
     s = s0.copy().reshape(NX * n)
@@ -151,21 +153,22 @@ def @_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, rows,
             sens[sample] = s.reshape(NX, n)
             if want_rate:
                 j = min(q, steps.size - 1)
-                @_slopes(x, act[j], exo[j], times[j] + (steps[j] if q > j else 0.0), par, minv, n, rows, entries, columns,
-                         dact[j], act_columns, input_columns, k, jac, dpar, dinp, b)
+                t = times[j] + (steps[j] if q > j else 0.0)
+                @_slopes(x, act[j], exo[j], t, par, minv, n, rows, entries, columns, dact[j], act_columns,
+                         input_columns, k, jac, dpar, dinp, b)
                 @_propagate(jac, s, b, ks, n)
                 rate[sample, :] = k
                 srate[sample] = ks.reshape(NX, n)
             sample += 1
         if q < steps.size:
-            @_advance(x, act[q], exo[q], times[q], steps[q], par, minv, n, rows, entries, columns, dact[q], act_columns,
-                      input_columns, s, xs, ss, k, jac, dpar, dinp, b, ks, acc, sacc)
+            @_advance(x, act[q], exo[q], times[q], steps[q], par, minv, n, rows, entries, columns, dact[q],
+                      act_columns, input_columns, s, xs, ss, k, jac, dpar, dinp, b, ks, acc, sacc)
 
 
 @njit(cache=True, nogil=True)
-def @_transition(par, minv, x0, times, steps, act, dact, exo, rows, entries, columns, act_columns, input_columns, n,
-                 out, phi):
-    """Step maps: phi[s] = d x(s+1) / d [x(s), wanted columns], NX x (NX + n), and the states before each step."""
+def @_transition(par, minv, x0, times, steps, act, dact, exo, rows, entries, columns, act_columns,
+                 input_columns, n, out, phi):
+    """Step maps phi[s] = d x(s+1) / d [x(s), wanted columns], NX x (NX + n), and states before each step."""
     m = NX + n
     x = x0.copy()
     s = np.empty(NX * m)
@@ -184,15 +187,15 @@ def @_transition(par, minv, x0, times, steps, act, dact, exo, rows, entries, col
         s[:] = 0.0
         for i in range(NX):
             s[i * m + i] = 1.0
-        @_advance(x, act[q], exo[q], times[q], steps[q], par, minv, m, rows, entries, columns, dact[q], act_columns,
-                  input_columns, s, xs, ss, k, jac, dpar, dinp, b, ks, acc, sacc)
+        @_advance(x, act[q], exo[q], times[q], steps[q], par, minv, m, rows, entries, columns, dact[q],
+                  act_columns, input_columns, s, xs, ss, k, jac, dpar, dinp, b, ks, acc, sacc)
         out[q + 1, :] = x
         phi[q] = s.reshape(NX, m)
 
 
 @njit(cache=True, nogil=True, fastmath={'contract'})
 def @_adjoint(par, minv, x0, times, steps, act, exo, record, cot, gx0, gpar, gact):
-    """Discrete adjoint of `@_simulate`: cotangents of the recorded states to initial state, parameters, actuators."""
+    """Discrete adjoint of `@_simulate`: cotangents of recorded states to start, parameters and actuators."""
     n_steps = steps.size
     path = np.empty((n_steps + 1, NX))
     whole = np.arange(n_steps + 1)
@@ -253,11 +256,5 @@ def loop_source(prefix: str, nx: int, nv: int, na: int, ne: int) -> str:
     """Loops of one set of functions, sizes written in as numbers."""
     text = _TEMPLATE.replace("@_", f"{prefix}_")
     for name, value in (("NX", nx), ("NV", nv), ("NA", na), ("NE", ne)):
-        text = _replace_word(text, name, str(value))
+        text = re.sub(rf"\b{name}\b", str(value), text)
     return text
-
-
-def _replace_word(text: str, word: str, new: str) -> str:
-    import re
-
-    return re.sub(rf"\b{word}\b", new, text)

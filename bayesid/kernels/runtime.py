@@ -1,7 +1,8 @@
 """Find, load or generate the compiled kernel of a vehicle.
 
-Takes a `KernelSpec` and, for effects a user declared, their declarations. Gives a `Kernel` with the bare and the full set
-of functions. Committed modules are imported; every other combination is printed once into a cache folder.
+Takes a `KernelSpec` and, for effects a user declared, their declarations. Gives a `Kernel` with the bare and
+the full set of functions. Committed modules are imported; every other combination is printed once into a
+cache folder.
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ from typing import Any
 import numpy as np
 
 from bayesid.effects import CATALOGUE, Effect
-from bayesid.kernels.dynamics import KernelSpec
-from bayesid.kernels.generate import COMMITTED, LANES, module_source
+from bayesid.kernels.context import LANES
+from bayesid.kernels.layout import COMMITTED, KernelSpec
 
 __all__ = ["LANES", "Functions", "Kernel", "load_kernel"]
 
@@ -48,7 +49,8 @@ class Functions:
 
 @dataclass(frozen=True, eq=False)
 class Kernel:
-    """Compiled equations of one `KernelSpec`; `bare` leaves the effects out, `full` has them all at par's values."""
+    """Compiled equations of one `KernelSpec`; `bare` leaves the effects out, `full` has them all at par's
+    values."""
 
     spec: KernelSpec
     parameters: tuple[str, ...]
@@ -128,6 +130,8 @@ def _functions(module: ModuleType, prefix: str) -> Functions:
 
 
 def _generated(spec: KernelSpec, effects: tuple[Effect, ...]) -> ModuleType:
+    from bayesid.kernels.generate import module_source  # not needed by any committed kernel
+
     source = module_source(spec, effects)
     name = f"bayesid_kernel_{spec.name}_{hashlib.sha256(source.encode()).hexdigest()[:16]}"
     if name in sys.modules:

@@ -1,0 +1,82 @@
+"""What the water does to the hull: its velocity in body axes, cross-flow speeds, and strip drag.
+
+Takes the graph under construction and its symbols. Gives nodes that `dynamics` puts together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from bayesid.effects import Effect
+from bayesid.errors import ModelError
+from bayesid.kernels.expr import Graph, Node
+from bayesid.kernels.formulas import CURRENT, SWING
+from bayesid.kernels.layout import KernelSpec
+
+Nodes = Mapping[str, Node]
+
+
+def parse_effect(
+    g: Graph, effect: Effect, formula: str, names: Nodes, calls: Mapping[str, Any] | None = None
+) -> Node:
+    """Node of one formula of an effect; an error names the effect. The effect's parameters come on top of
+    `names`."""
+    own = {p.name: g.sym(effect.key(p.name)) for p in effect.parameters}
+    try:
+        return g.parse(formula, {**names, **own}, calls)
+    except ModelError as exc:
+        raise ModelError(f"effect {effect.name!r}: {exc}") from None
+
+
+def current(
+    g: Graph, effects: tuple[Effect, ...], inputs: Nodes, ground: Nodes, time: Node
+) -> tuple[dict[str, Node], dict[str, Node]]:
+    """Velocity of the water and its rate in body axes: c = R' V, dc/dt = R' dV/dt - omega x c."""
+    earth = {k: inputs.get(f"flow_{k}", g.zero) for k in ("north", "east", "down")}
+    for effect in effects:
+        for direction, formula in effect.flow.items():
+            earth[direction] = g.add(earth[direction], parse_effect(g, effect, formula, {"t": time}))
+    rate = {k: g.diff(node, time) for k, node in earth.items()}
+    body = {k: g.parse(text, {**ground, **earth}) for k, text in CURRENT.items()}
+    turned = {k: g.parse(text, {**ground, **rate}) for k, text in CURRENT.items()}
+    names = {**ground, "uc": body["u"], "vc": body["v"], "wc": body["w"]}
+    return body, {k: g.add(turned[k], g.parse(SWING[k], names)) for k in body}
+
+
+def cross_flow_speeds(g: Graph, spec: KernelSpec, const: Nodes, water: Nodes) -> dict[str, Node]:
+    """Rv and Rw: sqrt(v^2 + w^2) where `cross` is 1, |v| and |w| where it is 0 and in the plane."""
+    if spec.dof == 3:
+        return {"Rv": g.call("abs", water["v"]), "Rw": g.call("abs", water["w"])}
+    vv, ww = (g.mul(water[k], water[k]) for k in "vw")
+    return {
+        "Rv": g.call("sqrt", g.add(vv, g.mul(const["cross"], ww))),
+        "Rw": g.call("sqrt", g.add(ww, g.mul(const["cross"], vv))),
+    }
+
+
+def strip_drag(g: Graph, spec: KernelSpec, const: Nodes, water: Nodes) -> dict[str, Node]:
+    """Strip drag by a trapezoid of stations over the length (Healey & Lienard 1993 form)."""
+    n = spec.sections
+    out = dict.fromkeys(("Y", "Z", "M", "N"), g.zero)
+    for i in range(n):
+        xi = -0.5 + i / (n - 1)
+        weight = (0.5 if i in (0, n - 1) else 1.0) / (n - 1)
+        x = g.mul(g.const(xi), const["L"])
+        a = g.add(water["v"], g.mul(x, water["r"]))
+        if spec.dof == 3:
+            side, heave = g.mul(const["strip_Y"], g.mul(a, g.call("abs", a))), g.zero
+        else:
+            b = g.sub(water["w"], g.mul(x, water["q"]))
+            aa, bb = g.mul(a, a), g.mul(b, b)
+            pressure = g.mul(
+                g.add(g.mul(const["strip_Y"], aa), g.mul(const["strip_Z"], bb)),
+                g.call("rsqrt", g.add(aa, bb)),
+            )
+            side, heave = g.mul(pressure, a), g.mul(pressure, b)
+        step = g.mul(g.const(weight), const["L"])
+        out["Y"] = g.sub(out["Y"], g.mul(step, side))
+        out["N"] = g.sub(out["N"], g.mul(g.mul(step, x), side))
+        out["Z"] = g.sub(out["Z"], g.mul(step, heave))
+        out["M"] = g.add(out["M"], g.mul(g.mul(step, x), heave))
+    return out
