@@ -1,7 +1,7 @@
 """A model: one vehicle, its kernel, and the parameter vector both agree on.
 
-Takes a `Vehicle` and the number of degrees of freedom. Gives names, SI values at nominal, scales to the vehicle file's
-units, prior standard deviations and effect scales. Does not simulate.
+Takes a `Vehicle` and the number of degrees of freedom. Gives names, SI values at nominal, scales to the
+vehicle file's units, prior standard deviations and effect scales. Does not simulate.
 """
 
 from __future__ import annotations
@@ -13,14 +13,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import brentq
 
 from bayesid.effects import Effect
-from bayesid.errors import ModelError
+from bayesid.errors import ModelError, VehicleError
 from bayesid.kernels import Declared, Kernel, KernelSpec, load_kernel
-from bayesid.propulsion import propulsion_force
 from bayesid.terms import TERMS
-from bayesid.vehicles import Vehicle, coef_si, prime_scale
+from bayesid.vehicles import Vehicle, coef_si, prime_scale, self_propulsion_speed
 
 _UNLIMITED_RATE = 1e6
 _UNLIMITED_ANGLE = 10.0
@@ -55,7 +53,7 @@ class Model:
 
     @cached_property
     def coefficients(self) -> tuple[str, ...]:
-        """Coefficients the vehicle file states and this model reads (inputs, propulsion and mass excluded)."""
+        """Coefficients the vehicle file states and this model reads."""
         return tuple(n for n in self.kernel.parameters if n in self.vehicle.coef)
 
     @cached_property
@@ -181,43 +179,19 @@ def build_model(vehicle: Vehicle, dof: int | None = None, declared: Iterable[Eff
     return Model(vehicle, dof, kernel, nominal)
 
 
-def self_propulsion_speed(vehicle: Vehicle, rpm: float) -> float:
-    """Steady straight-ahead speed [m/s] at given revolutions: root of thrust plus the rows of X that read only u."""
-    coef = coef_si(vehicle)
-    a, b, c = (coef.get(n, 0.0) for n in ("X_u|u|", "X_uu", "X_u0"))
-
-    def surge(u: float) -> float:
-        hull = a * u * abs(u) + b * u * u + c * u
-        return hull + float(
-            propulsion_force(
-                vehicle.propulsion.model, vehicle.propulsion.values, vehicle.rho, vehicle.L, u, rpm
-            )
-        )
-
-    if rpm == 0.0:
-        return 0.0
-    high = 0.1
-    while surge(high) > 0 and high < 200.0:
-        high *= 1.5
-    if surge(high) > 0 or surge(1e-9) <= 0:
-        raise ModelError(
-            f"vehicle {vehicle.name!r} has no steady speed at {rpm:g} rpm; check drag and propulsion"
-        )
-    return float(brentq(surge, 1e-9, high, xtol=1e-12))
-
-
 def _nominal(vehicle: Vehicle, kernel: Kernel) -> np.ndarray:
     coef = coef_si(vehicle)
     rpm = vehicle.rpm_ref or 1.0
     try:
         speed = self_propulsion_speed(vehicle, rpm)
-    except ModelError:
+    except VehicleError:
         speed = vehicle.U_ref or 1.0
     diameter = vehicle.dimensions.get("diameter", 0.0) or (
         vehicle.crossflow.height if vehicle.crossflow else 0.1 * vehicle.L
     )
     values = {
-        "m": vehicle.mass, "L": vehicle.L, "rho": vehicle.rho, "height": diameter, "rpm_ref": rpm, "U_ref": speed,
+        "m": vehicle.mass, "L": vehicle.L, "rho": vehicle.rho, "height": diameter,
+        "rpm_ref": rpm, "U_ref": speed,
         "W": vehicle.W, "B": vehicle.B, "cross": 0.0 if vehicle.plain_abs else 1.0,
         "uc_per_rpm": vehicle.propulsion.values.get("uc_per_rpm", speed / rpm),
         "point_x": 0.0, "point_y": 0.0, "point_z": 0.0,
@@ -227,6 +201,7 @@ def _nominal(vehicle: Vehicle, kernel: Kernel) -> np.ndarray:
     }  # fmt: skip
     for fin, letter in (("delta_r", "r"), ("delta_s", "s"), ("delta_b", "b")):
         values[f"inverse_rate_{letter}"] = 1.0 / min(vehicle.rates.get(fin, math.inf), _UNLIMITED_RATE)
+        values[f"servo_lag_{letter}"] = 0.0
         values[f"limit_{letter}"] = min(vehicle.limits.get(fin, math.inf), _UNLIMITED_ANGLE)
     if vehicle.propulsion.model == "kt":
         p = vehicle.propulsion.values

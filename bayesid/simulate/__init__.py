@@ -1,0 +1,37 @@
+"""Run a model: states, readings and their exact sensitivities for one or many parameter vectors.
+
+Takes a `Model`, a `Plan` (time steps and inputs of one run) and parameters in SI. Gives arrays.
+Does not read files, choose parameters or judge a fit.
+
+Signal order: command -> actuator chain -> forces in moving water -> state -> sensors. RK4 with fixed steps,
+actuator positions held at their mean over each step, commands held between their samples.
+"""
+
+from bayesid.simulate.batch import THREADED_FROM, simulate_batch
+from bayesid.simulate.closed import fly, steady_start
+from bayesid.simulate.maps import interval_maps, reading_slopes
+from bayesid.simulate.plan import STEP_PER_LENGTH, Plan, plan_run, plan_trial_run
+from bayesid.simulate.prepare import actuate
+from bayesid.simulate.sensors import observe, observe_sensitivity
+from bayesid.simulate.single import Sensitivity, Track, gradient, sensitivities, simulate
+
+__all__ = [
+    "STEP_PER_LENGTH",
+    "THREADED_FROM",
+    "Plan",
+    "Sensitivity",
+    "Track",
+    "actuate",
+    "fly",
+    "gradient",
+    "interval_maps",
+    "observe",
+    "observe_sensitivity",
+    "plan_run",
+    "plan_trial_run",
+    "reading_slopes",
+    "sensitivities",
+    "simulate",
+    "simulate_batch",
+    "steady_start",
+]

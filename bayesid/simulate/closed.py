@@ -1,0 +1,105 @@
+"""Fly a manoeuvre, open or closed loop, and the straight run it starts from.
+
+Takes manoeuvres of `bayesid.manoeuvres`. A controller sees the true state at its own instants, and its
+commands go through the actuator chain of the model like any other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from bayesid.model import Model
+from bayesid.simulate.plan import plan_run
+from bayesid.simulate.prepare import (
+    check_parameters,
+    check_start,
+    choose,
+    held_mean,
+    inverse_mass,
+    require_finite,
+    start,
+)
+from bayesid.simulate.single import Track, simulate
+from bayesid.vehicles import self_propulsion_speed
+
+Array = np.ndarray
+
+
+def fly(
+    model: Model, par: Array, manoeuvre: Any, x0: Array, max_step: float | None = None
+) -> tuple[Track, dict[str, Array]]:
+    """Run a manoeuvre of `bayesid.manoeuvres`, open or closed loop.
+
+    Returns
+    -------
+    Track at the manoeuvre's own samples, and the commands given, "delta_r_cmd" [rad], "n_cmd" [rpm] ...
+
+    Raises
+    ------
+    ModelError
+        if a state leaves the finite numbers; names the time
+    """
+    if hasattr(manoeuvre, "commands"):
+        plan = plan_run(model, manoeuvre.t, manoeuvre.commands, max_step=max_step)
+        return simulate(model, par, plan, x0), dict(manoeuvre.commands)
+    count = round(manoeuvre.duration / manoeuvre.dt)
+    t = np.arange(count + 1) * manoeuvre.dt
+    plan = plan_run(model, t, {}, max_step=max_step)
+    par = check_parameters(model, plan, par)
+    fun = choose(model, par, None)
+    x, _, _ = start(fun, par, plan.exogenous[0], check_start(model, x0))
+    minv = inverse_mass(model, fun, par[None])[0]
+    decide, names = manoeuvre.controller(), model.kernel.actuators
+    delays = {a: delay for a, ids in fun.act_delays.items() if (delay := float(sum(par[i] for i in ids)))}
+    na, nc = len(names), len(fun.act_columns)
+    memory, carried = np.zeros(fun.act_memory), np.zeros((fun.act_memory, nc))
+    no_slope, no_slopes = np.zeros((1, na)), np.zeros((1, na, nc))
+    given = np.zeros((count + 1, na))
+    out, act = np.empty((count + 1, x.size)), np.empty((plan.steps.size, na))
+    out[0] = x
+    for i in range(count):
+        given[i] = _row(decide(t[i], _twelve(model, x)), names)
+        now = slice(plan.record[i], plan.record[i + 1])
+        steps, times = plan.steps[now], plan.times[now]
+        command = np.repeat(given[i][None], steps.size, axis=0)
+        for a, delay in delays.items():
+            command[:, a], _ = held_mean(t[: i + 1], given[: i + 1, a], times - delay, steps)
+        fun.actuate(command, no_slope, steps, par, False, i == 0, memory, carried, act[now], no_slopes)
+        last = np.array([steps.size])
+        fun.simulate(par, minv, x, times, steps, act[now], plan.exogenous[now], last, out[i + 1 : i + 2])
+        x = out[i + 1].copy()
+    given[count] = given[count - 1]
+    require_finite(t, out, fun.states)
+    track = Track(t, out, fun.states, act, fun is model.kernel.full)
+    return track, {f"{n}_cmd": given[:, a] for a, n in enumerate(names)}
+
+
+def steady_start(model: Model, rpm: float | None = None, heading: float = 0.0) -> Array:
+    """Initial state of a straight run at the self-propulsion speed of given revolutions, 0 for 0.
+
+    Raises
+    ------
+    VehicleError
+        if thrust and drag do not balance
+    """
+    rpm = rpm if rpm is not None else (model.vehicle.rpm_ref or 0.0)
+    out = np.zeros(len(model.states))
+    out[model.states.index("psi")] = heading
+    out[model.states.index("u")] = self_propulsion_speed(model.vehicle, rpm) if rpm != 0.0 else 0.0
+    return out
+
+
+def _row(given: Mapping[str, float], names: tuple[str, ...]) -> Array:
+    return np.array([float(given.get(f"{n}_cmd", given.get(n, 0.0))) for n in names])
+
+
+def _twelve(model: Model, x: Array) -> Array:
+    """State in the 12-entry order of `notation.STATES`, zeros out of the plane."""
+    if model.dof == 6:
+        return x[:12]
+    out = np.zeros(12)
+    out[[0, 1, 5, 6, 7, 11]] = x[:6]
+    return out
