@@ -2,10 +2,6 @@
 
 from bayesid.effects.declare import RUDDER_WHERE, Effect, EffectParameter, InputStage
 
-_LAG = dict(
-    end="x + (y - x)*exp(-h/max(tau, 1e-12))",
-    mean="x + (y - x)*(tau/h)*(1 - exp(-h/max(tau, 1e-12)))",
-)
 _DEG = 0.017453292519943295
 
 EFFECTS = (
@@ -27,8 +23,8 @@ EFFECTS = (
         parameters=(
             EffectParameter("tau", "s", 0.47, "L/U", one_sided=True, about="first-order time constant"),
         ),
-        stages=(InputStage("delta_r", 30, **_LAG),),
-        source="first-order steering gear; the discrete filter exp(-h/tau) makes tau = 0 exact",
+        adjust={"servo_lag_r": "value + tau"},
+        source="first-order servo inside its rate limit, solved exactly over a step so that tau = 0 is exact",
         magnitude="0.1-0.5 s for AUVs, 1-3 s for ships",
     ),
     Effect(

@@ -15,10 +15,14 @@ from bayesid.kernels.expr import Graph, Node
 from bayesid.kernels.layout import FIN
 from bayesid.kernels.printing import statements
 
-# The vehicle's own limits close every chain; the effects' links come before them.
-_RATE_END = "y + min(max(x - y, -h/inverse_rate), h/inverse_rate)"
-_RATE_MEAN = (
-    "y + sgn(x - y)/inverse_rate*min(abs(x - y)*inverse_rate, h)*(1 - min(abs(x - y)*inverse_rate, h)/(2*h))"
+# The vehicle's own servo closes every chain: it runs at its rate limit while the error exceeds limit times lag and
+# decays exponentially from there. One element rather than a lag followed by a limit, which would catch up too fast.
+_RUN = "min(max(abs(x - y)*inverse_rate - servo_lag, 0), h)"
+_LEFT = f"(abs(x - y) - {_RUN}/inverse_rate)"
+_DECAY = f"exp(-(h - {_RUN})/max(servo_lag, 1e-12))"
+_SERVO_END = f"x - sgn(x - y)*{_LEFT}*{_DECAY}"
+_SERVO_MEAN = (
+    f"x - sgn(x - y)/h*(0.5*(abs(x - y) + {_LEFT})*{_RUN} + {_LEFT}*servo_lag*(1 - {_DECAY}))"
 )
 _CLIP = "min(max(x, -limit), limit)"
 _ARGUMENTS = "command, delay_slope, steps, par, slopes, restart, memory, carried, act, dact"
@@ -80,8 +84,10 @@ def _chain(c: Context, g: Graph, signal: str, number: int) -> list[_Link]:
     ]
     if signal in FIN:
         letter = FIN[signal]
-        rate, limit = (_constant(g, f"{kind}_{letter}", c.effects) for kind in ("inverse_rate", "limit"))
-        stages.append((InputStage(signal, 40, _RATE_END, _RATE_MEAN), {"inverse_rate": rate}))
+        kinds = ("inverse_rate", "servo_lag", "limit")
+        rate, lag, limit = (_constant(g, f"{kind}_{letter}", c.effects) for kind in kinds)
+        servo = {"inverse_rate": rate, "servo_lag": lag}
+        stages.append((InputStage(signal, 40, _SERVO_END, _SERVO_MEAN), servo))
         stages.append((InputStage(signal, 50, _CLIP, _CLIP), {"limit": limit}))
     links = []
     for i, (stage, own) in enumerate(sorted(stages, key=lambda s: s[0].order), start=number):

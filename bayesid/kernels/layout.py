@@ -103,7 +103,7 @@ def parameter_names(spec: KernelSpec, effects: tuple[Effect, ...]) -> list[str]:
     if spec.dof == 6:
         names += VERTICAL
     for fin in fins:
-        names += [f"inverse_rate_{FIN[fin]}", f"limit_{FIN[fin]}"]
+        names += [f"inverse_rate_{FIN[fin]}", f"servo_lag_{FIN[fin]}", f"limit_{FIN[fin]}"]
     if spec.propulsion == "kt":
         names += KT
     if spec.eta:

@@ -1,0 +1,177 @@
+"""How large the environment is: latent forces, sensor drift, and the filter settings they mean.
+
+Takes amplitudes and correlation times. Gives whitened stacks of all runs. Does not estimate (see `levels`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bayesid.coloured.kalman import smooth, whiten
+from bayesid.coloured.path import Array, Path
+from bayesid.model import Model
+
+
+@dataclass(frozen=True)
+class Colours:
+    """Stationary standard deviations and correlation times of the environment.
+
+    Attributes
+    ----------
+    force : one per force axis [N, N m]
+    force_tau : [s]
+    drift : slow position error, one standard deviation [m]
+    drift_tau : [s]
+    """
+
+    force: tuple[float, ...]
+    force_tau: float
+    drift: float
+    drift_tau: float
+
+    def scaled(self, factor: float) -> Colours:
+        """All amplitudes times a factor."""
+        return Colours(tuple(f * factor for f in self.force), self.force_tau, self.drift * factor, self.drift_tau)
+
+
+@dataclass(frozen=True)
+class Latent:
+    """A generic latent signal put into named inputs or channels.
+
+    Attributes
+    ----------
+    inputs : names of latent inputs (see `path.latent_inputs`)
+    channels : names of measured channels
+    sd : one standard deviation per input and channel [SI]
+    tau : correlation time [s]
+    masks : per run, (n,) bool where it may act; None everywhere
+    """
+
+    inputs: tuple[str, ...]
+    channels: tuple[str, ...]
+    sd: tuple[float, ...]
+    tau: float
+    masks: tuple[Array, ...] | None = None
+
+
+def force_unit(model: Model) -> Array:
+    """1/2 rho L^2 U^2 for forces and 1/2 rho L^3 U^2 for moments, per force axis."""
+    s = model.scales
+    base = 0.5 * s["rho"] * s["L"] ** 2 * s["U"] ** 2
+    names = [n for n in model.kernel.exogenous if n.startswith("force_")]
+    return np.array([base * (1.0 if n[-1] in "XYZ" else s["L"]) for n in names])
+
+
+@dataclass(frozen=True, eq=False)
+class Filter:
+    """Arguments of `kalman.whiten` and `kalman.smooth` for one run."""
+
+    variance: Array
+    gamma: Array
+    decay_f: Array
+    variance_f: Array
+    drift: Array
+    decay_d: Array
+    variance_d: Array
+    start: Array
+
+
+def filter_settings(model: Model, path: Path, colours: Colours, latent: Latent | None = None, run: int = 0) -> Filter:
+    """Filter settings of one run under an environment and, if given, a generic latent signal."""
+    log = path.log
+    gaps = np.diff(log.plan.t)
+    n_force = len(colours.force)
+    q = len(log.channels)
+    names = [model.kernel.channels[c] for c in log.channels]
+    gamma = [path.gamma[:, :, :n_force]]
+    decay = [np.repeat(np.exp(-gaps / colours.force_tau)[:, None], n_force, axis=1)]
+    variance = [np.array(colours.force) ** 2]
+    position = [j for j, c in enumerate(names) if c in ("x", "y", "z")]
+    drift = np.zeros((q, len(position)))
+    for k, j in enumerate(position):
+        drift[j, k] = 1.0
+    decay_d = [np.repeat(np.exp(-gaps / colours.drift_tau)[:, None], len(position), axis=1)]
+    variance_d = [np.full(len(position), colours.drift**2)]
+    if latent is not None:
+        where = [path.inputs.index(n) for n in latent.inputs]
+        extra = path.gamma[:, :, where]
+        if latent.masks is not None:
+            extra = extra * latent.masks[run][:-1, None, None]
+        gamma.append(extra)
+        decay.append(np.repeat(np.exp(-gaps / latent.tau)[:, None], len(where), axis=1))
+        variance.append(np.array(latent.sd[: len(where)]) ** 2)
+        seen = [names.index(c) for c in latent.channels if c in names]
+        more = np.zeros((q, len(seen)))
+        for k, j in enumerate(seen):
+            more[j, k] = 1.0
+        drift = np.hstack([drift, more])
+        decay_d.append(np.repeat(np.exp(-gaps / latent.tau)[:, None], len(seen), axis=1))
+        sd = dict(zip(latent.channels, latent.sd[len(where) :], strict=True))
+        variance_d.append(np.array([sd[names[j]] ** 2 for j in seen]))
+    nx = path.states.shape[1]
+    start = np.full(nx, 1e-16)
+    start[: log.start_sd.size] = log.start_sd**2
+    return Filter(
+        log.sigma**2,
+        np.ascontiguousarray(np.concatenate(gamma, axis=2)),
+        np.hstack(decay),
+        np.concatenate(variance),
+        drift,
+        np.hstack(decay_d),
+        np.concatenate(variance_d),
+        start,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class White:
+    """Whitened residual and columns of one run; `logdet` of its covariance, `used` readings."""
+
+    resid: Array
+    columns: Array
+    logdet: float
+    used: int
+
+
+def whitened(
+    model: Model, path: Path, resid: Array, columns: Array, colours: Colours, latent: Latent | None = None, run: int = 0
+) -> White:
+    """Whitened residual (n*q,) and columns (n*q, k) of one run."""
+    f = filter_settings(model, path, colours, latent, run)
+    stack = np.concatenate([resid[:, :, None], columns], axis=2)
+    stack = np.where(path.log.valid[:, :, None], stack, 0.0)
+    out = np.empty((stack.shape[0] * stack.shape[1], stack.shape[2]))
+    logdet, used = whiten(
+        np.ascontiguousarray(stack), path.log.valid, np.ascontiguousarray(path.slope), f.variance, path.phi, f.gamma,
+        f.decay_f, f.variance_f, f.drift, f.decay_d, f.variance_d, f.start, out,
+    )  # fmt: skip
+    return White(out[:, 0], out[:, 1:], logdet, used)
+
+
+@dataclass(frozen=True, eq=False)
+class Smoothed:
+    """Smoothed deviation of one run: state, latent inputs and drifts with variances; standardised innovations."""
+
+    mean: Array
+    variance: Array
+    standard: Array
+
+
+def smoothed(model: Model, path: Path, resid: Array, colours: Colours, latent: Latent | None = None, run: int = 0) -> Smoothed:
+    """Posterior mean and variance of the deviation along one run."""
+    f = filter_settings(model, path, colours, latent, run)
+    n, q = resid.shape
+    m = path.states.shape[1] + f.variance_f.size + f.variance_d.size
+    mean, var, standard = np.empty((n, m)), np.empty((n, m)), np.empty((n, q))
+    smooth(
+        np.where(path.log.valid, resid, 0.0), path.log.valid, np.ascontiguousarray(path.slope), f.variance, path.phi,
+        f.gamma, f.decay_f, f.variance_f, f.drift, f.decay_d, f.variance_d, f.start, mean, var, standard,
+    )  # fmt: skip
+    return Smoothed(mean, var, standard)
+
+
+def total_logdet(whites: Sequence[White]) -> float:
+    return float(sum(w.logdet for w in whites))

@@ -1,0 +1,74 @@
+"""Gaussian evidence of a whitened linear model, its posterior, and what columns explain.
+
+Takes whitened residual and columns with unit-normal unknowns. Pure linear algebra; knows nothing of vehicles.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Gram:
+    """Products of whitened columns: enough for any evidence without going back to the data.
+
+    Attributes
+    ----------
+    ss : (k, k) columns' columns
+    se : (k,) columns' residual
+    ee : residual squared
+    logdet : log determinant of the residual's covariance
+    used : number of readings
+    """
+
+    ss: Array
+    se: Array
+    ee: float
+    logdet: float
+    used: int
+
+    def __add__(self, other: Gram) -> Gram:
+        return Gram(self.ss + other.ss, self.se + other.se, self.ee + other.ee, self.logdet + other.logdet, self.used + other.used)
+
+    def __sub__(self, other: Gram) -> Gram:
+        return Gram(self.ss - other.ss, self.se - other.se, self.ee - other.ee, self.logdet - other.logdet, self.used - other.used)
+
+    def pick(self, columns: Array) -> Gram:
+        """Gram matrix of some of the columns."""
+        return Gram(self.ss[np.ix_(columns, columns)], self.se[columns], self.ee, self.logdet, self.used)
+
+
+def gram(resid: Array, columns: Array, logdet: float, used: int) -> Gram:
+    """Products of whitened residual and columns."""
+    return Gram(columns.T @ columns, columns.T @ resid, float(resid @ resid), logdet, used)
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """Gaussian posterior of unit-normal unknowns and the log evidence."""
+
+    mean: Array
+    covariance: Array
+    log_evidence: float
+
+
+def posterior(g: Gram) -> Posterior:
+    """Posterior and log evidence of e = S z + noise with z ~ N(0, I) and whitened noise.
+
+    log Z = -1/2 [e'e - g'H^-1 g] - 1/2 log|Sigma| - 1/2 log|H| - n/2 log 2 pi, H = I + S'S, g = S'e.
+    """
+    k = g.se.size
+    constant = -0.5 * g.used * np.log(2 * np.pi)
+    if k == 0:
+        return Posterior(np.zeros(0), np.zeros((0, 0)), -0.5 * (g.ee + g.logdet) + constant)
+    h = np.eye(k) + g.ss
+    factor = cho_factor(h, lower=True)
+    mean = cho_solve(factor, g.se)
+    logdet_h = 2.0 * float(np.log(np.diag(factor[0])).sum())
+    log_z = -0.5 * (g.ee - float(g.se @ mean)) - 0.5 * g.logdet - 0.5 * logdet_h + constant
+    return Posterior(mean, cho_solve(factor, np.eye(k)), log_z)
