@@ -21,9 +21,7 @@ _RUN = "min(max(abs(x - y)*inverse_rate - servo_lag, 0), h)"
 _LEFT = f"(abs(x - y) - {_RUN}/inverse_rate)"
 _DECAY = f"exp(-(h - {_RUN})/max(servo_lag, 1e-12))"
 _SERVO_END = f"x - sgn(x - y)*{_LEFT}*{_DECAY}"
-_SERVO_MEAN = (
-    f"x - sgn(x - y)/h*(0.5*(abs(x - y) + {_LEFT})*{_RUN} + {_LEFT}*servo_lag*(1 - {_DECAY}))"
-)
+_SERVO_MEAN = f"x - sgn(x - y)/h*(0.5*(abs(x - y) + {_LEFT})*{_RUN} + {_LEFT}*servo_lag*(1 - {_DECAY}))"
 _CLIP = "min(max(x, -limit), limit)"
 _ARGUMENTS = "command, delay_slope, steps, par, slopes, restart, memory, carried, act, dact"
 _SETTLED = 1e9  # s: a link that has waited this long has come to rest

@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import re
 
+from bayesid.kernels.context import FUSED, PLAIN
+
 _TEMPLATE = '''
-@njit(cache=True, nogil=True)
+@PLAIN
 def @_inverses(pars, out):
     """Inverse mass matrix, flat, of every parameter vector."""
     for b in range(pars.shape[0]):
         out[b, :] = np.linalg.inv(@_mass(pars[b])).ravel()
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@FUSED
 def @_simulate(par, minv, x0, times, steps, act, exo, record, out):
     """States at the recorded steps, one parameter vector."""
     x = x0.copy()
@@ -49,7 +51,7 @@ def @_simulate(par, minv, x0, times, steps, act, exo, record, out):
             sample += 1
 
 
-@njit(cache=True, nogil=True)
+@PLAIN
 def @_slopes(x, act, exo, t, par, minv, n, rows, entries, columns, dact, act_columns, input_columns,
              k, jac, dpar, dinp, b):
     """One linearisation with the forcing b (NX x n) of the wanted columns.
@@ -94,7 +96,7 @@ def @_slopes(x, act, exo, t, par, minv, n, rows, entries, columns, dact, act_col
                         b[rows[row] * n + c] += slope
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@FUSED
 def @_advance(x, act, exo, t, h, par, minv, n, rows, entries, columns, dact, act_columns, input_columns,
               s, xs, ss, k, jac, dpar, dinp, b, ks, acc, sacc):
     """One RK4 step of the state and of n sensitivity columns (flat, NX x n)."""
@@ -128,7 +130,7 @@ def @_advance(x, act, exo, t, h, par, minv, n, rows, entries, columns, dact, act
         s[i] += h / 6.0 * sacc[i]
 
 
-@njit(cache=True, nogil=True)
+@PLAIN
 def @_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, rows, entries, columns,
                   act_columns, input_columns, out, sens, rate, srate):
     """States and sensitivities at the recorded steps; if not empty `rate`, `srate` get their rates."""
@@ -165,7 +167,7 @@ def @_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, rows,
                       act_columns, input_columns, s, xs, ss, k, jac, dpar, dinp, b, ks, acc, sacc)
 
 
-@njit(cache=True, nogil=True)
+@PLAIN
 def @_transition(par, minv, x0, times, steps, act, dact, exo, rows, entries, columns, act_columns,
                  input_columns, n, out, phi):
     """Step maps phi[s] = d x(s+1) / d [x(s), wanted columns], NX x (NX + n), and states before each step."""
@@ -193,7 +195,7 @@ def @_transition(par, minv, x0, times, steps, act, dact, exo, rows, entries, col
         phi[q] = s.reshape(NX, m)
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@FUSED
 def @_adjoint(par, minv, x0, times, steps, act, exo, record, cot, gx0, gpar, gact):
     """Discrete adjoint of `@_simulate`: cotangents of recorded states to start, parameters and actuators."""
     n_steps = steps.size
@@ -254,7 +256,7 @@ def @_adjoint(par, minv, x0, times, steps, act, exo, record, cot, gx0, gpar, gac
 
 def loop_source(prefix: str, nx: int, nv: int, na: int, ne: int) -> str:
     """Loops of one set of functions, sizes written in as numbers."""
-    text = _TEMPLATE.replace("@_", f"{prefix}_")
+    text = _TEMPLATE.replace("@PLAIN", PLAIN).replace("@FUSED", FUSED).replace("@_", f"{prefix}_")
     for name, value in (("NX", nx), ("NV", nv), ("NA", na), ("NE", ne)):
         text = re.sub(rf"\b{name}\b", str(value), text)
     return text

@@ -56,7 +56,7 @@ BARE_STATES = (
 )
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def bare_mass(par):
     """Mass matrix, added mass included."""
     mass = np.zeros((3, 3))
@@ -72,13 +72,13 @@ def bare_mass(par):
     return mass
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def bare_start(x, exo, t, par, slope_x, slope_par):
     """Fill the effects' own states of x with their initial values, and the slopes of those."""
     return 6
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def bare_rhs(x, act, exo, t, par, minv, k):
     """Rate of the state."""
     t134 = math.cos(x[2])
@@ -136,7 +136,7 @@ def bare_rhs(x, act, exo, t, par, minv, k):
     k[5] = a2
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def bare_lanes(par, minv, x0, times, steps, act, exo, record, out):
     """RK4 over 16 parameter vectors; arrays are flat with 16 values per entry."""
     work = np.zeros(288)
@@ -261,7 +261,7 @@ BARE_ENTRIES = np.array([(0, 0), (0, 2), (0, 3), (0, 14), (0, 15), (0, 16), (0, 
 BARE_ROWS = np.array([3, 4, 5, 0, 1, 2], dtype=np.int64)
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def bare_linearise(x, act, exo, t, par, minv, k, jac, dpar, dinp):
     """Rate, its Jacobian, and slopes of the balance rows by parameter (sparse) and input."""
     t134 = math.cos(x[2])
@@ -566,7 +566,7 @@ def bare_linearise(x, act, exo, t, par, minv, k, jac, dpar, dinp):
     jac[5, 5] = minv[6] * d0_5 + minv[7] * d1_5 + minv[8] * d2_5
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def bare_propagate(jac, s_in, b, s_out, n):
     """s_out = jac s_in + b for n columns, written for the non-zero pattern of the Jacobian."""
     j0_2 = jac[0, 2]
@@ -603,7 +603,7 @@ def bare_propagate(jac, s_in, b, s_out, n):
         s_out[5 * n + c] = b[5 * n + c] + j5_2 * c2 + j5_3 * c3 + j5_4 * c4 + j5_5 * c5
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def bare_vjp(x, act, exo, t, par, minv, lam, gx, gp, ga):
     """Cotangents of one rate evaluation: gx and ga set where read, gp accumulated."""
     t134 = math.cos(x[2])
@@ -798,7 +798,7 @@ BARE_SENSOR_ENTRIES = np.array([(0, 9), (0, 10), (1, 9), (1, 10)], dtype=np.int6
 BARE_DELAYS = {}
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def bare_sense(xs, exo, times, par, slopes, obs, dx, dpar):
     """Readings of every channel at every sample, with slopes by state and parameter if asked."""
     for i in range(times.size):
@@ -839,7 +839,7 @@ BARE_ACT_DELAYS = {0: [], 1: []}
 BARE_ACT_MEMORY = 2
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def bare_actuate(command, delay_slope, steps, par, slopes, restart, memory, carried, act, dact):
     """Actuator positions held over each step (their mean), from commands held over each step."""
     tangent = np.zeros(3)
@@ -1004,14 +1004,14 @@ def bare_actuate(command, delay_slope, steps, par, slopes, restart, memory, carr
                 dact[s, 1, c] = tangent[c]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def bare_inverses(pars, out):
     """Inverse mass matrix, flat, of every parameter vector."""
     for b in range(pars.shape[0]):
         out[b, :] = np.linalg.inv(bare_mass(pars[b])).ravel()
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def bare_simulate(par, minv, x0, times, steps, act, exo, record, out):
     """States at the recorded steps, one parameter vector."""
     x = x0.copy()
@@ -1044,7 +1044,7 @@ def bare_simulate(par, minv, x0, times, steps, act, exo, record, out):
             sample += 1
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def bare_slopes(x, act, exo, t, par, minv, n, rows, entries, columns, dact, act_columns, input_columns,
              k, jac, dpar, dinp, b):
     """One linearisation with the forcing b (6 x n) of the wanted columns.
@@ -1089,7 +1089,7 @@ def bare_slopes(x, act, exo, t, par, minv, n, rows, entries, columns, dact, act_
                         b[rows[row] * n + c] += slope
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def bare_advance(x, act, exo, t, h, par, minv, n, rows, entries, columns, dact, act_columns, input_columns,
               s, xs, ss, k, jac, dpar, dinp, b, ks, acc, sacc):
     """One RK4 step of the state and of n sensitivity columns (flat, 6 x n)."""
@@ -1123,7 +1123,7 @@ def bare_advance(x, act, exo, t, h, par, minv, n, rows, entries, columns, dact, 
         s[i] += h / 6.0 * sacc[i]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def bare_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, rows, entries, columns,
                   act_columns, input_columns, out, sens, rate, srate):
     """States and sensitivities at the recorded steps; if not empty `rate`, `srate` get their rates."""
@@ -1160,7 +1160,7 @@ def bare_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, ro
                       act_columns, input_columns, s, xs, ss, k, jac, dpar, dinp, b, ks, acc, sacc)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def bare_transition(par, minv, x0, times, steps, act, dact, exo, rows, entries, columns, act_columns,
                  input_columns, n, out, phi):
     """Step maps phi[s] = d x(s+1) / d [x(s), wanted columns], 6 x (6 + n), and states before each step."""
@@ -1188,7 +1188,7 @@ def bare_transition(par, minv, x0, times, steps, act, dact, exo, rows, entries, 
         phi[q] = s.reshape(6, m)
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def bare_adjoint(par, minv, x0, times, steps, act, exo, record, cot, gx0, gpar, gact):
     """Discrete adjoint of `bare_simulate`: cotangents of recorded states to start, parameters and actuators."""
     n_steps = steps.size
@@ -1250,7 +1250,7 @@ FULL_STATES = (
 )
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def full_mass(par):
     """Mass matrix, added mass included."""
     mass = np.zeros((3, 3))
@@ -1269,7 +1269,7 @@ def full_mass(par):
     return mass
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def full_start(x, exo, t, par, slope_x, slope_par):
     """Fill the effects' own states of x with their initial values, and the slopes of those."""
     t161 = (par[73] + exo[2]) + (par[75] + ((par[77] * t) * 0.0016666666666666668))
@@ -1290,7 +1290,7 @@ def full_start(x, exo, t, par, slope_x, slope_par):
     return 6
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def full_rhs(x, act, exo, t, par, minv, k):
     """Rate of the state."""
     t118 = par[3] + par[88]
@@ -1421,7 +1421,7 @@ def full_rhs(x, act, exo, t, par, minv, k):
     k[5] = a2
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def full_lanes(par, minv, x0, times, steps, act, exo, record, out):
     """RK4 over 16 parameter vectors; arrays are flat with 16 values per entry."""
     work = np.zeros(336)
@@ -1625,7 +1625,7 @@ FULL_ENTRIES = np.array([(0, 0), (0, 2), (0, 3), (0, 4), (0, 14), (0, 15), (0, 1
 FULL_ROWS = np.array([3, 4, 5, 0, 1, 2, 6], dtype=np.int64)
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def full_linearise(x, act, exo, t, par, minv, k, jac, dpar, dinp):
     """Rate, its Jacobian, and slopes of the balance rows by parameter (sparse) and input."""
     t118 = par[3] + par[88]
@@ -2622,7 +2622,7 @@ def full_linearise(x, act, exo, t, par, minv, k, jac, dpar, dinp):
     jac[5, 6] = minv[7] * d1_6 + minv[8] * d2_6
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def full_propagate(jac, s_in, b, s_out, n):
     """s_out = jac s_in + b for n columns, written for the non-zero pattern of the Jacobian."""
     j0_2 = jac[0, 2]
@@ -2668,7 +2668,7 @@ def full_propagate(jac, s_in, b, s_out, n):
         s_out[6 * n + c] = b[6 * n + c] + j6_2 * c2 + j6_3 * c3 + j6_4 * c4 + j6_6 * c6
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def full_vjp(x, act, exo, t, par, minv, lam, gx, gp, ga):
     """Cotangents of one rate evaluation: gx and ga set where read, gp accumulated."""
     t118 = par[3] + par[88]
@@ -3212,7 +3212,7 @@ FULL_SENSOR_ENTRIES = np.array([(0, 9), (0, 10), (0, 107), (0, 108), (1, 9), (1,
 FULL_DELAYS = {'x': [109], 'y': [109], 'u': [112], 'v': [112]}
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def full_sense(xs, exo, times, par, slopes, obs, dx, dpar):
     """Readings of every channel at every sample, with slopes by state and parameter if asked."""
     for i in range(times.size):
@@ -3308,7 +3308,7 @@ FULL_ACT_DELAYS = {0: [65], 1: []}
 FULL_ACT_MEMORY = 4
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def full_actuate(command, delay_slope, steps, par, slopes, restart, memory, carried, act, dact):
     """Actuator positions held over each step (their mean), from commands held over each step."""
     tangent = np.zeros(8)
@@ -3568,14 +3568,14 @@ def full_actuate(command, delay_slope, steps, par, slopes, restart, memory, carr
                 dact[s, 1, c] = tangent[c]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def full_inverses(pars, out):
     """Inverse mass matrix, flat, of every parameter vector."""
     for b in range(pars.shape[0]):
         out[b, :] = np.linalg.inv(full_mass(pars[b])).ravel()
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def full_simulate(par, minv, x0, times, steps, act, exo, record, out):
     """States at the recorded steps, one parameter vector."""
     x = x0.copy()
@@ -3608,7 +3608,7 @@ def full_simulate(par, minv, x0, times, steps, act, exo, record, out):
             sample += 1
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def full_slopes(x, act, exo, t, par, minv, n, rows, entries, columns, dact, act_columns, input_columns,
              k, jac, dpar, dinp, b):
     """One linearisation with the forcing b (7 x n) of the wanted columns.
@@ -3653,7 +3653,7 @@ def full_slopes(x, act, exo, t, par, minv, n, rows, entries, columns, dact, act_
                         b[rows[row] * n + c] += slope
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def full_advance(x, act, exo, t, h, par, minv, n, rows, entries, columns, dact, act_columns, input_columns,
               s, xs, ss, k, jac, dpar, dinp, b, ks, acc, sacc):
     """One RK4 step of the state and of n sensitivity columns (flat, 7 x n)."""
@@ -3687,7 +3687,7 @@ def full_advance(x, act, exo, t, h, par, minv, n, rows, entries, columns, dact, 
         s[i] += h / 6.0 * sacc[i]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, rows, entries, columns,
                   act_columns, input_columns, out, sens, rate, srate):
     """States and sensitivities at the recorded steps; if not empty `rate`, `srate` get their rates."""
@@ -3724,7 +3724,7 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, ro
                       act_columns, input_columns, s, xs, ss, k, jac, dpar, dinp, b, ks, acc, sacc)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def full_transition(par, minv, x0, times, steps, act, dact, exo, rows, entries, columns, act_columns,
                  input_columns, n, out, phi):
     """Step maps phi[s] = d x(s+1) / d [x(s), wanted columns], 7 x (7 + n), and states before each step."""
@@ -3752,7 +3752,7 @@ def full_transition(par, minv, x0, times, steps, act, dact, exo, rows, entries, 
         phi[q] = s.reshape(7, m)
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def full_adjoint(par, minv, x0, times, steps, act, exo, record, cot, gx0, gpar, gact):
     """Discrete adjoint of `full_simulate`: cotangents of recorded states to start, parameters and actuators."""
     n_steps = steps.size

@@ -56,7 +56,7 @@ BARE_STATES = (
 )
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def bare_mass(par):
     """Mass matrix, added mass included."""
     mass = np.zeros((3, 3))
@@ -72,13 +72,13 @@ def bare_mass(par):
     return mass
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def bare_start(x, exo, t, par, slope_x, slope_par):
     """Fill the effects' own states of x with their initial values, and the slopes of those."""
     return 6
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def bare_rhs(x, act, exo, t, par, minv, k):
     """Rate of the state."""
     t136 = math.cos(x[2])
@@ -208,7 +208,7 @@ def bare_rhs(x, act, exo, t, par, minv, k):
     k[5] = a2
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def bare_lanes(par, minv, x0, times, steps, act, exo, record, out):
     """RK4 over 16 parameter vectors; arrays are flat with 16 values per entry."""
     work = np.zeros(288)
@@ -404,7 +404,7 @@ BARE_ENTRIES = np.array([(0, 0), (0, 2), (0, 3), (0, 16), (0, 17), (0, 18), (0, 
 BARE_ROWS = np.array([3, 4, 5, 0, 1, 2], dtype=np.int64)
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def bare_linearise(x, act, exo, t, par, minv, k, jac, dpar, dinp):
     """Rate, its Jacobian, and slopes of the balance rows by parameter (sparse) and input."""
     t136 = math.cos(x[2])
@@ -1137,7 +1137,7 @@ def bare_linearise(x, act, exo, t, par, minv, k, jac, dpar, dinp):
     jac[5, 5] = minv[6] * d0_5 + minv[7] * d1_5 + minv[8] * d2_5
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def bare_propagate(jac, s_in, b, s_out, n):
     """s_out = jac s_in + b for n columns, written for the non-zero pattern of the Jacobian."""
     j0_2 = jac[0, 2]
@@ -1174,7 +1174,7 @@ def bare_propagate(jac, s_in, b, s_out, n):
         s_out[5 * n + c] = b[5 * n + c] + j5_2 * c2 + j5_3 * c3 + j5_4 * c4 + j5_5 * c5
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def bare_vjp(x, act, exo, t, par, minv, lam, gx, gp, ga):
     """Cotangents of one rate evaluation: gx and ga set where read, gp accumulated."""
     t136 = math.cos(x[2])
@@ -1654,7 +1654,7 @@ BARE_SENSOR_ENTRIES = np.array([(0, 9), (0, 10), (1, 9), (1, 10)], dtype=np.int6
 BARE_DELAYS = {}
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def bare_sense(xs, exo, times, par, slopes, obs, dx, dpar):
     """Readings of every channel at every sample, with slopes by state and parameter if asked."""
     for i in range(times.size):
@@ -1695,7 +1695,7 @@ BARE_ACT_DELAYS = {0: [], 1: []}
 BARE_ACT_MEMORY = 2
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def bare_actuate(command, delay_slope, steps, par, slopes, restart, memory, carried, act, dact):
     """Actuator positions held over each step (their mean), from commands held over each step."""
     tangent = np.zeros(3)
@@ -1860,14 +1860,14 @@ def bare_actuate(command, delay_slope, steps, par, slopes, restart, memory, carr
                 dact[s, 1, c] = tangent[c]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def bare_inverses(pars, out):
     """Inverse mass matrix, flat, of every parameter vector."""
     for b in range(pars.shape[0]):
         out[b, :] = np.linalg.inv(bare_mass(pars[b])).ravel()
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def bare_simulate(par, minv, x0, times, steps, act, exo, record, out):
     """States at the recorded steps, one parameter vector."""
     x = x0.copy()
@@ -1900,7 +1900,7 @@ def bare_simulate(par, minv, x0, times, steps, act, exo, record, out):
             sample += 1
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def bare_slopes(x, act, exo, t, par, minv, n, rows, entries, columns, dact, act_columns, input_columns,
              k, jac, dpar, dinp, b):
     """One linearisation with the forcing b (6 x n) of the wanted columns.
@@ -1945,7 +1945,7 @@ def bare_slopes(x, act, exo, t, par, minv, n, rows, entries, columns, dact, act_
                         b[rows[row] * n + c] += slope
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def bare_advance(x, act, exo, t, h, par, minv, n, rows, entries, columns, dact, act_columns, input_columns,
               s, xs, ss, k, jac, dpar, dinp, b, ks, acc, sacc):
     """One RK4 step of the state and of n sensitivity columns (flat, 6 x n)."""
@@ -1979,7 +1979,7 @@ def bare_advance(x, act, exo, t, h, par, minv, n, rows, entries, columns, dact, 
         s[i] += h / 6.0 * sacc[i]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def bare_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, rows, entries, columns,
                   act_columns, input_columns, out, sens, rate, srate):
     """States and sensitivities at the recorded steps; if not empty `rate`, `srate` get their rates."""
@@ -2016,7 +2016,7 @@ def bare_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, ro
                       act_columns, input_columns, s, xs, ss, k, jac, dpar, dinp, b, ks, acc, sacc)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def bare_transition(par, minv, x0, times, steps, act, dact, exo, rows, entries, columns, act_columns,
                  input_columns, n, out, phi):
     """Step maps phi[s] = d x(s+1) / d [x(s), wanted columns], 6 x (6 + n), and states before each step."""
@@ -2044,7 +2044,7 @@ def bare_transition(par, minv, x0, times, steps, act, dact, exo, rows, entries, 
         phi[q] = s.reshape(6, m)
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def bare_adjoint(par, minv, x0, times, steps, act, exo, record, cot, gx0, gpar, gact):
     """Discrete adjoint of `bare_simulate`: cotangents of recorded states to start, parameters and actuators."""
     n_steps = steps.size
@@ -2106,7 +2106,7 @@ FULL_STATES = (
 )
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def full_mass(par):
     """Mass matrix, added mass included."""
     mass = np.zeros((3, 3))
@@ -2125,7 +2125,7 @@ def full_mass(par):
     return mass
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def full_start(x, exo, t, par, slope_x, slope_par):
     """Fill the effects' own states of x with their initial values, and the slopes of those."""
     t163 = (par[75] + exo[2]) + (par[77] + ((par[79] * t) * 0.0016666666666666668))
@@ -2146,7 +2146,7 @@ def full_start(x, exo, t, par, slope_x, slope_par):
     return 6
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def full_rhs(x, act, exo, t, par, minv, k):
     """Rate of the state."""
     t120 = par[3] + par[90]
@@ -2348,7 +2348,7 @@ def full_rhs(x, act, exo, t, par, minv, k):
     k[5] = a2
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def full_lanes(par, minv, x0, times, steps, act, exo, record, out):
     """RK4 over 16 parameter vectors; arrays are flat with 16 values per entry."""
     work = np.zeros(336)
@@ -2623,7 +2623,7 @@ FULL_ENTRIES = np.array([(0, 0), (0, 2), (0, 3), (0, 4), (0, 16), (0, 17), (0, 1
 FULL_ROWS = np.array([3, 4, 5, 0, 1, 2, 6], dtype=np.int64)
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def full_linearise(x, act, exo, t, par, minv, k, jac, dpar, dinp):
     """Rate, its Jacobian, and slopes of the balance rows by parameter (sparse) and input."""
     t120 = par[3] + par[90]
@@ -4099,7 +4099,7 @@ def full_linearise(x, act, exo, t, par, minv, k, jac, dpar, dinp):
     jac[5, 6] = minv[7] * d1_6 + minv[8] * d2_6
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def full_propagate(jac, s_in, b, s_out, n):
     """s_out = jac s_in + b for n columns, written for the non-zero pattern of the Jacobian."""
     j0_2 = jac[0, 2]
@@ -4145,7 +4145,7 @@ def full_propagate(jac, s_in, b, s_out, n):
         s_out[6 * n + c] = b[6 * n + c] + j6_2 * c2 + j6_3 * c3 + j6_4 * c4 + j6_6 * c6
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def full_vjp(x, act, exo, t, par, minv, lam, gx, gp, ga):
     """Cotangents of one rate evaluation: gx and ga set where read, gp accumulated."""
     t120 = par[3] + par[90]
@@ -4971,7 +4971,7 @@ FULL_SENSOR_ENTRIES = np.array([(0, 9), (0, 10), (0, 109), (0, 110), (1, 9), (1,
 FULL_DELAYS = {'x': [111], 'y': [111], 'u': [114], 'v': [114]}
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def full_sense(xs, exo, times, par, slopes, obs, dx, dpar):
     """Readings of every channel at every sample, with slopes by state and parameter if asked."""
     for i in range(times.size):
@@ -5067,7 +5067,7 @@ FULL_ACT_DELAYS = {0: [67], 1: []}
 FULL_ACT_MEMORY = 4
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def full_actuate(command, delay_slope, steps, par, slopes, restart, memory, carried, act, dact):
     """Actuator positions held over each step (their mean), from commands held over each step."""
     tangent = np.zeros(8)
@@ -5327,14 +5327,14 @@ def full_actuate(command, delay_slope, steps, par, slopes, restart, memory, carr
                 dact[s, 1, c] = tangent[c]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def full_inverses(pars, out):
     """Inverse mass matrix, flat, of every parameter vector."""
     for b in range(pars.shape[0]):
         out[b, :] = np.linalg.inv(full_mass(pars[b])).ravel()
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def full_simulate(par, minv, x0, times, steps, act, exo, record, out):
     """States at the recorded steps, one parameter vector."""
     x = x0.copy()
@@ -5367,7 +5367,7 @@ def full_simulate(par, minv, x0, times, steps, act, exo, record, out):
             sample += 1
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def full_slopes(x, act, exo, t, par, minv, n, rows, entries, columns, dact, act_columns, input_columns,
              k, jac, dpar, dinp, b):
     """One linearisation with the forcing b (7 x n) of the wanted columns.
@@ -5412,7 +5412,7 @@ def full_slopes(x, act, exo, t, par, minv, n, rows, entries, columns, dact, act_
                         b[rows[row] * n + c] += slope
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def full_advance(x, act, exo, t, h, par, minv, n, rows, entries, columns, dact, act_columns, input_columns,
               s, xs, ss, k, jac, dpar, dinp, b, ks, acc, sacc):
     """One RK4 step of the state and of n sensitivity columns (flat, 7 x n)."""
@@ -5446,7 +5446,7 @@ def full_advance(x, act, exo, t, h, par, minv, n, rows, entries, columns, dact, 
         s[i] += h / 6.0 * sacc[i]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, rows, entries, columns,
                   act_columns, input_columns, out, sens, rate, srate):
     """States and sensitivities at the recorded steps; if not empty `rate`, `srate` get their rates."""
@@ -5483,7 +5483,7 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, ro
                       act_columns, input_columns, s, xs, ss, k, jac, dpar, dinp, b, ks, acc, sacc)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def full_transition(par, minv, x0, times, steps, act, dact, exo, rows, entries, columns, act_columns,
                  input_columns, n, out, phi):
     """Step maps phi[s] = d x(s+1) / d [x(s), wanted columns], 7 x (7 + n), and states before each step."""
@@ -5511,7 +5511,7 @@ def full_transition(par, minv, x0, times, steps, act, dact, exo, rows, entries, 
         phi[q] = s.reshape(7, m)
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def full_adjoint(par, minv, x0, times, steps, act, exo, record, cot, gx0, gpar, gact):
     """Discrete adjoint of `full_simulate`: cotangents of recorded states to start, parameters and actuators."""
     n_steps = steps.size

@@ -69,7 +69,7 @@ BARE_STATES = (
 )
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def bare_mass(par):
     """Mass matrix, added mass included."""
     mass = np.zeros((6, 6))
@@ -106,13 +106,13 @@ def bare_mass(par):
     return mass
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def bare_start(x, exo, t, par, slope_x, slope_par):
     """Fill the effects' own states of x with their initial values, and the slopes of those."""
     return 12
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def bare_rhs(x, act, exo, t, par, minv, k):
     """Rate of the state."""
     t265 = math.cos(x[4])
@@ -256,7 +256,7 @@ def bare_rhs(x, act, exo, t, par, minv, k):
     k[11] = a5
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def bare_lanes(par, minv, x0, times, steps, act, exo, record, out):
     """RK4 over 16 parameter vectors; arrays are flat with 16 values per entry."""
     work = np.zeros(576)
@@ -516,7 +516,7 @@ BARE_ENTRIES = np.array([(0, 0), (0, 2), (0, 3), (0, 16), (0, 17), (0, 18), (0, 
 BARE_ROWS = np.array([6, 7, 8, 9, 10, 11, 0, 1, 2, 3, 4, 5], dtype=np.int64)
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def bare_linearise(x, act, exo, t, par, minv, k, jac, dpar, dinp):
     """Rate, its Jacobian, and slopes of the balance rows by parameter (sparse) and input."""
     t265 = math.cos(x[4])
@@ -1642,7 +1642,7 @@ def bare_linearise(x, act, exo, t, par, minv, k, jac, dpar, dinp):
     jac[11, 11] = minv[30] * d0_11 + minv[31] * d1_11 + minv[32] * d2_11 + minv[33] * d3_11 + minv[34] * d4_11 + minv[35] * d5_11
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def bare_propagate(jac, s_in, b, s_out, n):
     """s_out = jac s_in + b for n columns, written for the non-zero pattern of the Jacobian."""
     j0_3 = jac[0, 3]
@@ -1755,7 +1755,7 @@ def bare_propagate(jac, s_in, b, s_out, n):
         s_out[11 * n + c] = b[11 * n + c] + j11_3 * c3 + j11_4 * c4 + j11_5 * c5 + j11_6 * c6 + j11_7 * c7 + j11_8 * c8 + j11_9 * c9 + j11_10 * c10 + j11_11 * c11
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def bare_vjp(x, act, exo, t, par, minv, lam, gx, gp, ga):
     """Cotangents of one rate evaluation: gx and ga set where read, gp accumulated."""
     t265 = math.cos(x[4])
@@ -2330,7 +2330,7 @@ BARE_SENSOR_ENTRIES = np.array([(0, 9), (0, 10), (0, 23), (1, 9), (1, 10), (1, 2
 BARE_DELAYS = {}
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def bare_sense(xs, exo, times, par, slopes, obs, dx, dpar):
     """Readings of every channel at every sample, with slopes by state and parameter if asked."""
     for i in range(times.size):
@@ -2442,7 +2442,7 @@ BARE_ACT_DELAYS = {0: [], 1: [], 2: [], 3: []}
 BARE_ACT_MEMORY = 6
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def bare_actuate(command, delay_slope, steps, par, slopes, restart, memory, carried, act, dact):
     """Actuator positions held over each step (their mean), from commands held over each step."""
     tangent = np.zeros(9)
@@ -2903,14 +2903,14 @@ def bare_actuate(command, delay_slope, steps, par, slopes, restart, memory, carr
                 dact[s, 3, c] = tangent[c]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def bare_inverses(pars, out):
     """Inverse mass matrix, flat, of every parameter vector."""
     for b in range(pars.shape[0]):
         out[b, :] = np.linalg.inv(bare_mass(pars[b])).ravel()
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def bare_simulate(par, minv, x0, times, steps, act, exo, record, out):
     """States at the recorded steps, one parameter vector."""
     x = x0.copy()
@@ -2943,7 +2943,7 @@ def bare_simulate(par, minv, x0, times, steps, act, exo, record, out):
             sample += 1
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def bare_slopes(x, act, exo, t, par, minv, n, rows, entries, columns, dact, act_columns, input_columns,
              k, jac, dpar, dinp, b):
     """One linearisation with the forcing b (12 x n) of the wanted columns.
@@ -2988,7 +2988,7 @@ def bare_slopes(x, act, exo, t, par, minv, n, rows, entries, columns, dact, act_
                         b[rows[row] * n + c] += slope
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def bare_advance(x, act, exo, t, h, par, minv, n, rows, entries, columns, dact, act_columns, input_columns,
               s, xs, ss, k, jac, dpar, dinp, b, ks, acc, sacc):
     """One RK4 step of the state and of n sensitivity columns (flat, 12 x n)."""
@@ -3022,7 +3022,7 @@ def bare_advance(x, act, exo, t, h, par, minv, n, rows, entries, columns, dact, 
         s[i] += h / 6.0 * sacc[i]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def bare_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, rows, entries, columns,
                   act_columns, input_columns, out, sens, rate, srate):
     """States and sensitivities at the recorded steps; if not empty `rate`, `srate` get their rates."""
@@ -3059,7 +3059,7 @@ def bare_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, ro
                       act_columns, input_columns, s, xs, ss, k, jac, dpar, dinp, b, ks, acc, sacc)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def bare_transition(par, minv, x0, times, steps, act, dact, exo, rows, entries, columns, act_columns,
                  input_columns, n, out, phi):
     """Step maps phi[s] = d x(s+1) / d [x(s), wanted columns], 12 x (12 + n), and states before each step."""
@@ -3087,7 +3087,7 @@ def bare_transition(par, minv, x0, times, steps, act, dact, exo, rows, entries, 
         phi[q] = s.reshape(12, m)
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def bare_adjoint(par, minv, x0, times, steps, act, exo, record, cot, gx0, gpar, gact):
     """Discrete adjoint of `bare_simulate`: cotangents of recorded states to start, parameters and actuators."""
     n_steps = steps.size
@@ -3149,7 +3149,7 @@ FULL_STATES = (
 )
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def full_mass(par):
     """Mass matrix, added mass included."""
     mass = np.zeros((6, 6))
@@ -3189,7 +3189,7 @@ def full_mass(par):
     return mass
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def full_start(x, exo, t, par, slope_x, slope_par):
     """Fill the effects' own states of x with their initial values, and the slopes of those."""
     t312 = (par[184] + exo[2]) + (par[186] + ((par[188] * t) * 0.0016666666666666668))
@@ -3230,7 +3230,7 @@ def full_start(x, exo, t, par, slope_x, slope_par):
     return 12
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def full_rhs(x, act, exo, t, par, minv, k):
     """Rate of the state."""
     t234 = par[3] + par[200]
@@ -3470,7 +3470,7 @@ def full_rhs(x, act, exo, t, par, minv, k):
     k[11] = a5
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def full_lanes(par, minv, x0, times, steps, act, exo, record, out):
     """RK4 over 16 parameter vectors; arrays are flat with 16 values per entry."""
     work = np.zeros(624)
@@ -3832,7 +3832,7 @@ FULL_ENTRIES = np.array([(0, 0), (0, 2), (0, 3), (0, 4), (0, 16), (0, 17), (0, 1
 FULL_ROWS = np.array([6, 7, 8, 9, 10, 11, 0, 1, 2, 3, 4, 5, 12], dtype=np.int64)
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def full_linearise(x, act, exo, t, par, minv, k, jac, dpar, dinp):
     """Rate, its Jacobian, and slopes of the balance rows by parameter (sparse) and input."""
     t234 = par[3] + par[200]
@@ -6045,7 +6045,7 @@ def full_linearise(x, act, exo, t, par, minv, k, jac, dpar, dinp):
     jac[11, 12] = minv[31] * d1_12 + minv[35] * d5_12
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def full_propagate(jac, s_in, b, s_out, n):
     """s_out = jac s_in + b for n columns, written for the non-zero pattern of the Jacobian."""
     j0_3 = jac[0, 3]
@@ -6178,7 +6178,7 @@ def full_propagate(jac, s_in, b, s_out, n):
         s_out[12 * n + c] = b[12 * n + c] + j12_3 * c3 + j12_4 * c4 + j12_5 * c5 + j12_6 * c6 + j12_7 * c7 + j12_12 * c12
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def full_vjp(x, act, exo, t, par, minv, lam, gx, gp, ga):
     """Cotangents of one rate evaluation: gx and ga set where read, gp accumulated."""
     t234 = par[3] + par[200]
@@ -7218,7 +7218,7 @@ FULL_SENSOR_ENTRIES = np.array([(0, 9), (0, 10), (0, 23), (0, 221), (0, 222), (1
 FULL_DELAYS = {'x': [223], 'y': [223], 'u': [226], 'v': [226], 'w': [226], 'z': [228]}
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def full_sense(xs, exo, times, par, slopes, obs, dx, dpar):
     """Readings of every channel at every sample, with slopes by state and parameter if asked."""
     for i in range(times.size):
@@ -7408,7 +7408,7 @@ FULL_ACT_DELAYS = {0: [170], 1: [], 2: [], 3: []}
 FULL_ACT_MEMORY = 9
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def full_actuate(command, delay_slope, steps, par, slopes, restart, memory, carried, act, dact):
     """Actuator positions held over each step (their mean), from commands held over each step."""
     tangent = np.zeros(15)
@@ -7995,14 +7995,14 @@ def full_actuate(command, delay_slope, steps, par, slopes, restart, memory, carr
                 dact[s, 3, c] = tangent[c]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def full_inverses(pars, out):
     """Inverse mass matrix, flat, of every parameter vector."""
     for b in range(pars.shape[0]):
         out[b, :] = np.linalg.inv(full_mass(pars[b])).ravel()
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def full_simulate(par, minv, x0, times, steps, act, exo, record, out):
     """States at the recorded steps, one parameter vector."""
     x = x0.copy()
@@ -8035,7 +8035,7 @@ def full_simulate(par, minv, x0, times, steps, act, exo, record, out):
             sample += 1
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def full_slopes(x, act, exo, t, par, minv, n, rows, entries, columns, dact, act_columns, input_columns,
              k, jac, dpar, dinp, b):
     """One linearisation with the forcing b (13 x n) of the wanted columns.
@@ -8080,7 +8080,7 @@ def full_slopes(x, act, exo, t, par, minv, n, rows, entries, columns, dact, act_
                         b[rows[row] * n + c] += slope
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def full_advance(x, act, exo, t, h, par, minv, n, rows, entries, columns, dact, act_columns, input_columns,
               s, xs, ss, k, jac, dpar, dinp, b, ks, acc, sacc):
     """One RK4 step of the state and of n sensitivity columns (flat, 13 x n)."""
@@ -8114,7 +8114,7 @@ def full_advance(x, act, exo, t, h, par, minv, n, rows, entries, columns, dact, 
         s[i] += h / 6.0 * sacc[i]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, rows, entries, columns,
                   act_columns, input_columns, out, sens, rate, srate):
     """States and sensitivities at the recorded steps; if not empty `rate`, `srate` get their rates."""
@@ -8151,7 +8151,7 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, ro
                       act_columns, input_columns, s, xs, ss, k, jac, dpar, dinp, b, ks, acc, sacc)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model='numpy')
 def full_transition(par, minv, x0, times, steps, act, dact, exo, rows, entries, columns, act_columns,
                  input_columns, n, out, phi):
     """Step maps phi[s] = d x(s+1) / d [x(s), wanted columns], 13 x (13 + n), and states before each step."""
@@ -8179,7 +8179,7 @@ def full_transition(par, minv, x0, times, steps, act, dact, exo, rows, entries, 
         phi[q] = s.reshape(13, m)
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'})
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def full_adjoint(par, minv, x0, times, steps, act, exo, record, cot, gx0, gpar, gact):
     """Discrete adjoint of `full_simulate`: cotangents of recorded states to start, parameters and actuators."""
     n_steps = steps.size
