@@ -168,11 +168,11 @@ def @_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, rows,
 
 
 @PLAIN
-def @_transition(par, minv, x0, times, steps, act, dact, exo, rows, entries, columns, act_columns,
-                 input_columns, n, out, phi):
-    """Step maps phi[s] = d x(s+1) / d [x(s), wanted columns], NX x (NX + n), and states before each step."""
+def @_transition(par, minv, path, times, steps, act, dact, exo, record, rows, entries, columns, act_columns,
+                 input_columns, n, ends, maps):
+    """Each sample interval run from path[i]: where it ends, and d end / d [state, wanted columns]."""
     m = NX + n
-    x = x0.copy()
+    x = np.empty(NX)
     s = np.empty(NX * m)
     xs = np.empty(NX)
     k = np.empty(NX)
@@ -184,15 +184,16 @@ def @_transition(par, minv, x0, times, steps, act, dact, exo, rows, entries, col
     b = np.empty(NX * m)
     ks = np.empty(NX * m)
     sacc = np.empty(NX * m)
-    out[0, :] = x
-    for q in range(steps.size):
+    for i in range(record.size - 1):
+        x[:] = path[i]
         s[:] = 0.0
-        for i in range(NX):
-            s[i * m + i] = 1.0
-        @_advance(x, act[q], exo[q], times[q], steps[q], par, minv, m, rows, entries, columns, dact[q],
-                  act_columns, input_columns, s, xs, ss, k, jac, dpar, dinp, b, ks, acc, sacc)
-        out[q + 1, :] = x
-        phi[q] = s.reshape(NX, m)
+        for j in range(NX):
+            s[j * m + j] = 1.0
+        for q in range(record[i], record[i + 1]):
+            @_advance(x, act[q], exo[q], times[q], steps[q], par, minv, m, rows, entries, columns, dact[q],
+                      act_columns, input_columns, s, xs, ss, k, jac, dpar, dinp, b, ks, acc, sacc)
+        ends[i, :] = x
+        maps[i] = s.reshape(NX, m)
 
 
 @FUSED

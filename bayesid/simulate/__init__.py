@@ -9,7 +9,7 @@ actuator positions held at their mean over each step, commands held between thei
 
 from bayesid.simulate.batch import THREADED_FROM, simulate_batch
 from bayesid.simulate.closed import fly, steady_start
-from bayesid.simulate.maps import interval_maps, reading_slopes
+from bayesid.simulate.maps import Maps, Readings, interval_maps, readings_on
 from bayesid.simulate.plan import STEP_PER_LENGTH, Plan, plan_run, plan_trial_run
 from bayesid.simulate.prepare import actuate
 from bayesid.simulate.sensors import observe, observe_sensitivity
@@ -18,7 +18,9 @@ from bayesid.simulate.single import Sensitivity, Track, gradient, sensitivities,
 __all__ = [
     "STEP_PER_LENGTH",
     "THREADED_FROM",
+    "Maps",
     "Plan",
+    "Readings",
     "Sensitivity",
     "Track",
     "actuate",
@@ -29,7 +31,7 @@ __all__ = [
     "observe_sensitivity",
     "plan_run",
     "plan_trial_run",
-    "reading_slopes",
+    "readings_on",
     "sensitivities",
     "simulate",
     "simulate_batch",

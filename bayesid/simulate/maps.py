@@ -1,76 +1,157 @@
-"""Linear maps along one run: state to state and inputs to state over each sample interval, state to readings.
+"""One sample interval at a time along any path: where each ends, and how that moves with state, inputs, parameters.
 
-Takes a `Model`, parameters in SI and a `Plan`. Gives arrays a Kalman filter can use. Does not filter.
+Takes a `Model`, parameters in SI, a `Plan` and the states at the samples, which need not obey the equations.
+Gives arrays a Kalman filter can use. Does not filter.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from bayesid.errors import ModelError
 from bayesid.model import Model
 from bayesid.simulate.plan import Plan
-from bayesid.simulate.prepare import actuate, check_parameters, check_start, choose, inverse_mass, start
-from bayesid.simulate.single import Track
+from bayesid.simulate.prepare import actuate, check_parameters, choose, inverse_mass
 
 Array = np.ndarray
 
 
+@dataclass(frozen=True, eq=False)
+class Maps:
+    """Linear maps over the n-1 sample intervals of a run.
+
+    Attributes
+    ----------
+    ends : (n-1, nx) state at the next sample when the interval starts on the path
+    phi : (n-1, nx, nx) by the state at the start
+    gamma : (n-1, nx, k) by inputs held over the interval, per SI unit (rpm for n)
+    psi : (n-1, nx, p) by the free parameters
+    """
+
+    ends: Array
+    phi: Array
+    gamma: Array
+    psi: Array
+
+
 def interval_maps(
-    model: Model, par: Array, plan: Plan, x0: Array, inputs: Sequence[str], full: bool | None = None
-) -> tuple[Array, Array]:
-    """Derivatives of the state at the next sample by the state at this one and by inputs held between them.
+    model: Model, par: Array, plan: Plan, states: Array, inputs: Sequence[str], free: Array, full: bool = True
+) -> Maps:
+    """Maps of every sample interval started on the path.
 
     Parameters
     ----------
+    states : (n, nx) states at the samples, all of the kernel's (`model.kernel.full.states` or `bare`)
     inputs : names among the kernel's actuators and exogenous inputs
+    free : (p,) positions of parameters
 
-    Returns
-    -------
-    (n-1, nx, nx) and (n-1, nx, len(inputs)), inputs per SI unit (rpm for n)
+    Raises
+    ------
+    ModelError
+        if an interval ends outside the finite numbers; names the time
     """
     par = check_parameters(model, plan, par)
     fun = choose(model, par, full)
     act, dact = actuate(model, par, plan, slopes=True, full=full)
-    x, _, _ = start(fun, par, plan.exogenous[0], check_start(model, x0))
-    nx, n = x.size, len(inputs)
+    nx, n_in, n_free = len(fun.states), len(inputs), len(free)
     position = {name: nx + i for i, name in enumerate(inputs)}
     names = (*model.kernel.actuators, *model.kernel.exogenous)
-    columns = np.array([position.get(name, -1) for name in names], dtype=np.int64)
-    no_parameters = np.full(fun.entries.shape[0], -1, dtype=np.int64)
-    no_chain = np.full(len(fun.act_columns), -1, dtype=np.int64)
-    out, maps = np.empty((plan.steps.size + 1, nx)), np.empty((plan.steps.size, nx, nx + n))
+    input_columns = np.array([position.get(name, -1) for name in names], dtype=np.int64)
+    column = {int(p): nx + n_in + c for c, p in enumerate(free)}
+    columns = np.array([column.get(int(p), -1) for p in fun.entries[:, 1]], dtype=np.int64)
+    act_columns = np.array([column.get(p, -1) for p in fun.act_columns], dtype=np.int64)
+    count = plan.record.size - 1
+    ends, maps = np.empty((count, nx)), np.empty((count, nx, nx + n_in + n_free))
     fun.transition(
-        par, inverse_mass(model, fun, par[None])[0], x, plan.times, plan.steps, act, dact, plan.exogenous, fun.rows,
-        fun.entries, no_parameters, no_chain, columns, n, out, maps,
+        par, inverse_mass(model, fun, par[None])[0], np.ascontiguousarray(states), plan.times, plan.steps, act, dact,
+        plan.exogenous, plan.record, fun.rows, fun.entries, columns, act_columns, input_columns, n_in + n_free, ends,
+        maps,
     )  # fmt: skip
-    return _compose(maps, plan.record, nx)
+    good = np.isfinite(ends).all(axis=1)
+    if not good.all():
+        raise ModelError(f"the vehicle diverges between samples at t = {plan.t[int(np.argmin(good))]:.6g} s")
+    return Maps(
+        ends,
+        np.ascontiguousarray(maps[:, :, :nx]),
+        np.ascontiguousarray(maps[:, :, nx : nx + n_in]),
+        np.ascontiguousarray(maps[:, :, nx + n_in :]),
+    )
 
 
-@njit(cache=True, nogil=True)
-def _compose(maps: Array, record: Array, nx: int) -> tuple[Array, Array]:
-    """Maps over sample intervals from maps over steps."""
-    n, m = record.size - 1, maps.shape[2]
-    phi, gamma = np.empty((n, nx, nx)), np.empty((n, nx, m - nx))
-    for i in range(n):
-        a, b = np.eye(nx), np.zeros((nx, m - nx))
-        for s in range(record[i], record[i + 1]):
-            f = np.ascontiguousarray(maps[s, :, :nx])
-            a = f @ a
-            b = f @ b + maps[s, :, nx:]
-        phi[i], gamma[i] = a, b
-    return phi, gamma
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """Readings on a path with slopes.
+
+    Attributes
+    ----------
+    values : (n, channels)
+    by_state : (n, channels, nx)
+    by_parameter : (n, channels, p)
+    """
+
+    values: Array
+    by_state: Array
+    by_parameter: Array
 
 
-def reading_slopes(model: Model, par: Array, plan: Plan, track: Track) -> Array:
-    """(n, channels, nx) derivative of every reading by the state at its sample (sensor delays left out)."""
-    fun = model.kernel.full if track.full else model.kernel.bare
-    n, nc = plan.t.size, len(model.kernel.channels)
-    obs, dx = np.empty((n, nc)), np.zeros((n, nc, track.states.shape[1]))
-    dpar = np.zeros((n, max(len(fun.sensor_entries), 1)))
-    exo = plan.exogenous[np.minimum(plan.record, plan.steps.size - 1)]
+def readings_on(
+    model: Model, par: Array, plan: Plan, states: Array, maps: Maps, free: Array, full: bool = True
+) -> Readings:
+    """Readings of every channel on a path, with slopes by the state at the sample and by the free parameters.
+
+    A sensor delay T reads x(t) - T dx/dt to second order, the rate taken from the interval maps, so that its slopes
+    need the state at one sample only.
+    """
     par = np.ascontiguousarray(par, dtype=float)
-    fun.sense(np.ascontiguousarray(track.states), exo, plan.t - plan.t[0], par, True, obs, dx, dpar)
-    return dx
+    fun = choose(model, par, full)
+    column = {int(p): c for c, p in enumerate(free)}
+    rate, turn, force = _rates(plan, states, maps)
+    values, by_state, sparse = _sense(fun, par, plan, states)
+    by_parameter = np.zeros((plan.t.size, values.shape[1], len(free)))
+    entries = [(e, int(c), column[int(p)]) for e, (c, p) in enumerate(fun.sensor_entries) if int(p) in column]
+    for e, c, k in entries:
+        by_parameter[:, c, k] += sparse[:, e]
+    for channel, ids in fun.delays.items():
+        delay = float(sum(par[i] for i in ids))
+        wanted = [column[i] for i in ids if i in column]
+        if delay == 0.0 and not wanted:
+            continue
+        acceleration = np.einsum("ixy,iy->ix", turn, rate)
+        late, late_slope, late_sparse = _sense(fun, par, plan, states - delay * rate + 0.5 * delay**2 * acceleration)
+        values[:, channel] = late[:, channel]
+        back = np.eye(states.shape[1]) - delay * turn + 0.5 * delay**2 * turn @ turn
+        by_state[:, channel] = np.einsum("ix,ixy->iy", late_slope[:, channel], back)
+        by_parameter[:, channel] = -delay * np.einsum("ix,ixk->ik", late_slope[:, channel], force)
+        for e, c, k in entries:
+            if c == channel:
+                by_parameter[:, c, k] += late_sparse[:, e]
+        for k in wanted:
+            by_parameter[:, channel, k] -= np.einsum("ix,ix->i", late_slope[:, channel], rate - delay * acceleration)
+    return Readings(values, by_state, by_parameter)
+
+
+def _rates(plan: Plan, states: Array, maps: Maps) -> tuple[Array, Array, Array]:
+    """Rate of the state, its Jacobian and its slope by parameters at the samples, from the interval maps."""
+    gaps = np.diff(plan.t)[:, None]
+    mean_rate = (maps.ends - states[:-1]) / gaps
+    rate = np.empty_like(states)
+    rate[1:-1] = 0.5 * (mean_rate[1:] + mean_rate[:-1])
+    rate[0], rate[-1] = mean_rate[0], mean_rate[-1]
+    eye = np.eye(states.shape[1])
+    step = (maps.phi - eye) / gaps[:, :, None]
+    turn = step - 0.5 * gaps[:, :, None] * step @ step
+    turn = np.concatenate([turn, turn[-1:]])
+    force = maps.psi / gaps[:, :, None]
+    return rate, turn, np.concatenate([force, force[-1:]])
+
+
+def _sense(fun: object, par: Array, plan: Plan, states: Array) -> tuple[Array, Array, Array]:
+    n, nc = plan.t.size, len(fun.module.CHANNELS)  # type: ignore[attr-defined]
+    obs, dx = np.empty((n, nc)), np.zeros((n, nc, states.shape[1]))
+    dpar = np.zeros((n, max(len(fun.sensor_entries), 1)))  # type: ignore[attr-defined]
+    exo = plan.exogenous[np.minimum(plan.record, plan.steps.size - 1)]
+    fun.sense(np.ascontiguousarray(states), exo, plan.t - plan.t[0], par, True, obs, dx, dpar)  # type: ignore[attr-defined]
+    return obs, dx, dpar

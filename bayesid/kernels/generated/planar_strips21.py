@@ -2017,11 +2017,11 @@ def bare_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, ro
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def bare_transition(par, minv, x0, times, steps, act, dact, exo, rows, entries, columns, act_columns,
-                 input_columns, n, out, phi):
-    """Step maps phi[s] = d x(s+1) / d [x(s), wanted columns], 6 x (6 + n), and states before each step."""
+def bare_transition(par, minv, path, times, steps, act, dact, exo, record, rows, entries, columns, act_columns,
+                 input_columns, n, ends, maps):
+    """Each sample interval run from path[i]: where it ends, and d end / d [state, wanted columns]."""
     m = 6 + n
-    x = x0.copy()
+    x = np.empty(6)
     s = np.empty(6 * m)
     xs = np.empty(6)
     k = np.empty(6)
@@ -2033,15 +2033,16 @@ def bare_transition(par, minv, x0, times, steps, act, dact, exo, rows, entries, 
     b = np.empty(6 * m)
     ks = np.empty(6 * m)
     sacc = np.empty(6 * m)
-    out[0, :] = x
-    for q in range(steps.size):
+    for i in range(record.size - 1):
+        x[:] = path[i]
         s[:] = 0.0
-        for i in range(6):
-            s[i * m + i] = 1.0
-        bare_advance(x, act[q], exo[q], times[q], steps[q], par, minv, m, rows, entries, columns, dact[q],
-                  act_columns, input_columns, s, xs, ss, k, jac, dpar, dinp, b, ks, acc, sacc)
-        out[q + 1, :] = x
-        phi[q] = s.reshape(6, m)
+        for j in range(6):
+            s[j * m + j] = 1.0
+        for q in range(record[i], record[i + 1]):
+            bare_advance(x, act[q], exo[q], times[q], steps[q], par, minv, m, rows, entries, columns, dact[q],
+                      act_columns, input_columns, s, xs, ss, k, jac, dpar, dinp, b, ks, acc, sacc)
+        ends[i, :] = x
+        maps[i] = s.reshape(6, m)
 
 
 @njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
@@ -5484,11 +5485,11 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, ro
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def full_transition(par, minv, x0, times, steps, act, dact, exo, rows, entries, columns, act_columns,
-                 input_columns, n, out, phi):
-    """Step maps phi[s] = d x(s+1) / d [x(s), wanted columns], 7 x (7 + n), and states before each step."""
+def full_transition(par, minv, path, times, steps, act, dact, exo, record, rows, entries, columns, act_columns,
+                 input_columns, n, ends, maps):
+    """Each sample interval run from path[i]: where it ends, and d end / d [state, wanted columns]."""
     m = 7 + n
-    x = x0.copy()
+    x = np.empty(7)
     s = np.empty(7 * m)
     xs = np.empty(7)
     k = np.empty(7)
@@ -5500,15 +5501,16 @@ def full_transition(par, minv, x0, times, steps, act, dact, exo, rows, entries, 
     b = np.empty(7 * m)
     ks = np.empty(7 * m)
     sacc = np.empty(7 * m)
-    out[0, :] = x
-    for q in range(steps.size):
+    for i in range(record.size - 1):
+        x[:] = path[i]
         s[:] = 0.0
-        for i in range(7):
-            s[i * m + i] = 1.0
-        full_advance(x, act[q], exo[q], times[q], steps[q], par, minv, m, rows, entries, columns, dact[q],
-                  act_columns, input_columns, s, xs, ss, k, jac, dpar, dinp, b, ks, acc, sacc)
-        out[q + 1, :] = x
-        phi[q] = s.reshape(7, m)
+        for j in range(7):
+            s[j * m + j] = 1.0
+        for q in range(record[i], record[i + 1]):
+            full_advance(x, act[q], exo[q], times[q], steps[q], par, minv, m, rows, entries, columns, dact[q],
+                      act_columns, input_columns, s, xs, ss, k, jac, dpar, dinp, b, ks, acc, sacc)
+        ends[i, :] = x
+        maps[i] = s.reshape(7, m)
 
 
 @njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})

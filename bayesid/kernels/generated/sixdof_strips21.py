@@ -6373,11 +6373,11 @@ def bare_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, ro
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def bare_transition(par, minv, x0, times, steps, act, dact, exo, rows, entries, columns, act_columns,
-                 input_columns, n, out, phi):
-    """Step maps phi[s] = d x(s+1) / d [x(s), wanted columns], 12 x (12 + n), and states before each step."""
+def bare_transition(par, minv, path, times, steps, act, dact, exo, record, rows, entries, columns, act_columns,
+                 input_columns, n, ends, maps):
+    """Each sample interval run from path[i]: where it ends, and d end / d [state, wanted columns]."""
     m = 12 + n
-    x = x0.copy()
+    x = np.empty(12)
     s = np.empty(12 * m)
     xs = np.empty(12)
     k = np.empty(12)
@@ -6389,15 +6389,16 @@ def bare_transition(par, minv, x0, times, steps, act, dact, exo, rows, entries, 
     b = np.empty(12 * m)
     ks = np.empty(12 * m)
     sacc = np.empty(12 * m)
-    out[0, :] = x
-    for q in range(steps.size):
+    for i in range(record.size - 1):
+        x[:] = path[i]
         s[:] = 0.0
-        for i in range(12):
-            s[i * m + i] = 1.0
-        bare_advance(x, act[q], exo[q], times[q], steps[q], par, minv, m, rows, entries, columns, dact[q],
-                  act_columns, input_columns, s, xs, ss, k, jac, dpar, dinp, b, ks, acc, sacc)
-        out[q + 1, :] = x
-        phi[q] = s.reshape(12, m)
+        for j in range(12):
+            s[j * m + j] = 1.0
+        for q in range(record[i], record[i + 1]):
+            bare_advance(x, act[q], exo[q], times[q], steps[q], par, minv, m, rows, entries, columns, dact[q],
+                      act_columns, input_columns, s, xs, ss, k, jac, dpar, dinp, b, ks, acc, sacc)
+        ends[i, :] = x
+        maps[i] = s.reshape(12, m)
 
 
 @njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
@@ -15096,11 +15097,11 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, ro
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def full_transition(par, minv, x0, times, steps, act, dact, exo, rows, entries, columns, act_columns,
-                 input_columns, n, out, phi):
-    """Step maps phi[s] = d x(s+1) / d [x(s), wanted columns], 13 x (13 + n), and states before each step."""
+def full_transition(par, minv, path, times, steps, act, dact, exo, record, rows, entries, columns, act_columns,
+                 input_columns, n, ends, maps):
+    """Each sample interval run from path[i]: where it ends, and d end / d [state, wanted columns]."""
     m = 13 + n
-    x = x0.copy()
+    x = np.empty(13)
     s = np.empty(13 * m)
     xs = np.empty(13)
     k = np.empty(13)
@@ -15112,15 +15113,16 @@ def full_transition(par, minv, x0, times, steps, act, dact, exo, rows, entries, 
     b = np.empty(13 * m)
     ks = np.empty(13 * m)
     sacc = np.empty(13 * m)
-    out[0, :] = x
-    for q in range(steps.size):
+    for i in range(record.size - 1):
+        x[:] = path[i]
         s[:] = 0.0
-        for i in range(13):
-            s[i * m + i] = 1.0
-        full_advance(x, act[q], exo[q], times[q], steps[q], par, minv, m, rows, entries, columns, dact[q],
-                  act_columns, input_columns, s, xs, ss, k, jac, dpar, dinp, b, ks, acc, sacc)
-        out[q + 1, :] = x
-        phi[q] = s.reshape(13, m)
+        for j in range(13):
+            s[j * m + j] = 1.0
+        for q in range(record[i], record[i + 1]):
+            full_advance(x, act[q], exo[q], times[q], steps[q], par, minv, m, rows, entries, columns, dact[q],
+                      act_columns, input_columns, s, xs, ss, k, jac, dpar, dinp, b, ks, acc, sacc)
+        ends[i, :] = x
+        maps[i] = s.reshape(13, m)
 
 
 @njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
