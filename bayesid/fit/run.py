@@ -1,0 +1,332 @@
+"""Fit a problem: rounds of SLSQP, each rescaled where the last one ended, from one or several starts.
+
+Takes a `Problem` and `Options`. Gives a `Fit`; one that did not converge is a result with a message.
+Does not choose parameters, read logs or write reports.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.optimize import lsq_linear
+from scipy.stats import qmc
+
+from bayesid.errors import FitError
+from bayesid.fit.journal import Journal
+from bayesid.fit.result import Fit
+from bayesid.fit.slsqp import Clock, Enough, Round, run_round
+from bayesid.likelihood import Problem, flat_directions, singular_values
+
+Array = np.ndarray
+ROUNDING = 1e-13  # relative to the readings: below it residuals are arithmetic, not misfit
+SHARES = ("line_search", "gradient", "subproblem", "other")
+SAME = 1e-3  # starts whose costs differ by less than this share end in the same minimum
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to search.
+
+    rounds, iterations : at most this many rounds of at most so many SLSQP iterations
+    gain : converged when the predicted further decrease of the cost is below this [half chi-square: 1e-3
+        moves no estimate by more than 0.05 sd] ...
+    relative_gain : ... or below this share of the cost
+    goal : stop as soon as the cost is below this
+    starts : number of starts; the first is the parameter set's own, the others a Sobol design within the
+        bounds
+    spread : half width of that design where there are no bounds, in units of the scale
+    flat_level : relative sd beyond which a direction counts as flat
+    profile : estimate the noise of every channel from its residuals (as the maximum of the likelihood does)
+    """
+
+    rounds: int = 20
+    iterations: int = 25
+    gain: float = 1e-3
+    relative_gain: float = 1e-6
+    goal: float = 0.0
+    starts: int = 1
+    spread: float = 0.3
+    flat_level: float = 0.5
+    profile: bool = False
+    seed: int = 0
+
+
+def fit(
+    problem: Problem,
+    options: Options | None = None,
+    folder: Path | str | None = None,
+    resume: bool = True,
+    watch: Callable[[int, float, float], None] | None = None,
+) -> Fit:
+    """Minimise the cost of a problem.
+
+    Parameters
+    ----------
+    folder : gets `iterates.jsonl` (every iterate as it is reached) and `fit.json` (before anything else is
+        done)
+    resume : go on from an `iterates.jsonl` of the same problem and seed
+    watch : called with (iterations done, cost, step)
+
+    Raises
+    ------
+    FitError
+        if the vehicle diverges at the start values
+    """
+    options = options or Options()
+    if not np.isfinite(problem.cost(problem.start)):
+        raise FitError(
+            "the simulated vehicle diverges at the start values; check signs and units of the coefficients"
+        )
+    journal = Journal(
+        Path(folder) / "iterates.jsonl" if folder else None,
+        {"digest": problem.digest, "seed": options.seed, "names": list(problem.names)},
+        resume,
+    )
+    try:
+        searches = [
+            _search(problem, options, number, z0, journal, watch)
+            for number, z0 in enumerate(start_points(problem, options))
+        ]
+    finally:
+        journal.close()
+    best = min(searches, key=lambda s: s.cost_unit if options.profile else s.cost)
+    clock = Clock()
+    for search in searches:
+        clock.add(search.clock)
+    result = _result(problem, options, best, searches, clock)
+    if folder:
+        result.save(Path(folder) / "fit.json")
+    return result
+
+
+def start_points(problem: Problem, options: Options) -> list[Array]:
+    """Starts (k,): the parameter set's own, then a scrambled Sobol design; initial states as the data
+    suggest.
+    """
+    points = [problem.start]
+    if options.starts > 1:
+        k = len(problem.params.names)
+        start, scale = problem.start[:k], problem.scale[:k]
+        low = np.maximum(problem.low[:k], start - options.spread * scale)
+        high = np.minimum(problem.high[:k], start + options.spread * scale)
+        design = qmc.Sobol(k, seed=np.random.default_rng(options.seed))
+        count = 1 << (options.starts - 2).bit_length() if options.starts > 2 else 1
+        for row in design.random(count)[: options.starts - 1]:
+            points.append(np.concatenate([low + row * (high - low), problem.start[k:]]))
+    return points
+
+
+class _Search:
+    """One start on its way: its point, path and clock."""
+
+    def __init__(self, problem: Problem, number: int, z: Array) -> None:
+        self.problem, self.number, self.z = problem, number, z
+        self.cost_start = self.cost = problem.cost(z)
+        self.costs: list[float] = []
+        self.steps: list[float] = []
+        self.rounds = 0
+        self.clock = Clock()
+        self.status, self.message, self.predicted = "budget", "", float("nan")
+
+    @property
+    def cost_unit(self) -> float:
+        """Negative log-likelihood up to a constant, with the noise of this search."""
+        logs = sum(
+            float(np.isfinite(r.readings[:, j]).sum()) * np.log(r.sigma[j])
+            for r in self.problem.runs
+            for j in range(len(r.channels))
+        )
+        return self.cost + logs
+
+
+def _search(
+    problem: Problem,
+    options: Options,
+    number: int,
+    z0: Array,
+    journal: Journal,
+    watch: Callable[[int, float, float], None] | None,
+) -> _Search:
+    search = _Search(problem, number, z0)
+    if _restore(search, journal.found):
+        return search
+    if not np.isfinite(search.cost):
+        search.status, search.message = "diverged", "the simulated vehicle diverges at this start"
+        return search
+
+    def after(z: Array, cost: float, step: float) -> None:
+        search.costs.append(cost)
+        search.steps.append(step)
+        journal.write(
+            kind="iterate", start=number, round=search.rounds, cost=cost, step=step, z=z.tolist(),
+            sigma=_sigma(search.problem) if options.profile else None,
+        )  # fmt: skip
+        if watch is not None:
+            watch(len(search.costs), cost, step)
+        if cost <= options.goal:
+            raise Enough("the cost goal is reached")
+
+    slow = 0
+    while search.rounds < options.rounds:
+        settled = not options.profile or _profile(search)
+        search.predicted, zero = predicted_gain(search.problem, search.z)
+        search.status, search.message = _judge(search, options, zero, slow)
+        if search.status != "budget" and settled:
+            break
+        done: Round = run_round(search.problem, search.z, options.iterations, 1e-9, after)
+        search.rounds += 1
+        search.clock.add(done.clock)
+        slow = slow + 1 if done.cost > 0.999 * search.cost else 0
+        search.z, search.cost = done.z, done.cost
+    else:
+        search.predicted, zero = predicted_gain(search.problem, search.z)
+        search.status, search.message = _judge(search, options, zero, slow)
+    journal.write(
+        kind="end", start=number, status=search.status, message=search.message, cost=search.cost,
+        cost_start=search.cost_start, rounds=search.rounds, z=search.z.tolist(), predicted=search.predicted,
+        sigma=_sigma(search.problem) if options.profile else None, clock=vars(search.clock),
+    )  # fmt: skip
+    return search
+
+
+def _restore(search: _Search, found: list[dict[str, Any]]) -> bool:
+    """Take up what an earlier run left of this start; True if it had ended."""
+    mine = [line for line in found if line.get("start") == search.number]
+    for line in mine:
+        if line["kind"] == "iterate":
+            search.costs.append(line["cost"])
+            search.steps.append(line["step"])
+            search.rounds = int(line["round"])
+        search.z = np.array(line["z"], dtype=float)
+        if line.get("sigma"):
+            search.problem = search.problem.with_sigma(line["sigma"])
+    if mine and mine[-1]["kind"] == "end":
+        end = mine[-1]
+        search.status, search.message, search.rounds = end["status"], end["message"], end["rounds"]
+        search.cost, search.cost_start = end["cost"], end["cost_start"]
+        search.predicted = end["predicted"]
+        search.clock = Clock(**end["clock"])
+        return True
+    search.cost = search.problem.cost(search.z)
+    return False
+
+
+def _sigma(problem: Problem) -> dict[str, float]:
+    return {c: float(s) for r in problem.runs for c, s in zip(r.channels, r.sigma, strict=True)}
+
+
+def _profile(search: _Search) -> bool:
+    """Noise that maximises the likelihood at this point; True if it did not change by more than 1 %.
+
+    Held above 1e-6 of a channel's spread, so that perfect data do not make it vanish.
+    """
+    floor: dict[str, float] = {}
+    for run in search.problem.runs:
+        for j, c in enumerate(run.channels):
+            floor[c] = max(floor.get(c, 0.0), 1e-6 * float(np.nanstd(run.readings[:, j])))
+    new = {c: max(v, floor[c], 1e-12) for c, v in search.problem.channel_rms(search.z).items()}
+    old = _sigma(search.problem)
+    if all(abs(new[c] / old[c] - 1.0) < 0.01 for c in new):
+        return True
+    search.problem = search.problem.with_sigma(new)
+    search.cost = search.problem.cost(search.z)
+    return False
+
+
+def predicted_gain(problem: Problem, z: Array) -> tuple[float, bool]:
+    """Decrease of the cost a Gauss-Newton step within the bounds would bring, and whether residuals are at
+    rounding.
+
+    Directions without curvature (relative 1e-12) bring nothing.
+    """
+    resid, jac = problem.jacobian(z)
+    size = sum(float(np.nansum((r.readings / r.sigma) ** 2)) for r in problem.runs)
+    zero = float(resid @ resid) <= (10 * ROUNDING) ** 2 * size
+    q, s, vt = np.linalg.svd(jac * problem.scale, full_matrices=False)
+    keep = s > 1e-12 * max(s[0], 1e-300)
+    matrix, target = s[keep, None] * vt[keep], -(q.T @ resid)[keep]
+    low, high = ((limit - z) / problem.scale for limit in (problem.low, problem.high))
+    low, high = np.minimum(low, -1e-12), np.maximum(high, 1e-12)
+    step = lsq_linear(matrix, target, (low, high), method="bvls" if np.isfinite(low).any() else "trf").x
+    return max(0.5 * float(target @ target - np.sum((matrix @ step - target) ** 2)), 0.0), zero
+
+
+def _judge(search: _Search, options: Options, zero: bool, slow: int) -> tuple[str, str]:
+    if zero:
+        return "rounding", "converged: residuals are at rounding level"
+    if search.cost <= options.goal:
+        return "goal", f"the cost goal {options.goal:.3g} is reached"
+    limit = max(options.gain, options.relative_gain * search.cost)
+    if search.predicted <= limit:
+        return (
+            "converged",
+            f"converged: a further step would lower the cost by {search.predicted:.2g} (limit {limit:.2g})",
+        )
+    if slow >= 2:
+        return "stalled", (
+            f"stalled: two rounds gained less than 0.1 % although {search.predicted:.3g} of "
+            f"{search.cost:.3g} seems "
+            "possible; a bound, a kink or a narrow valley holds it"
+        )
+    return "budget", (
+        f"not converged after {search.rounds} rounds: a step promises {search.predicted:.3g} of "
+        f"{search.cost:.3g}; "
+        "allow more rounds or free fewer coefficients"
+    )
+
+
+def _result(problem: Problem, options: Options, best: _Search, searches: list[_Search], clock: Clock) -> Fit:
+    problem = best.problem
+    z, low, high, scale = best.z, problem.low, problem.high, problem.scale
+    k = len(problem.params.names)
+    _, jac = problem.jacobian(z)
+    n_prior = problem.prior(z)[0].size
+    data = (jac[: jac.shape[0] - n_prior] if n_prior else jac) * scale
+    prior = np.array([p.prior.spread if p.prior is not None else np.inf for p in problem.params.free])
+    if problem.params.joint is not None:
+        for name, v in zip(problem.params.joint.names, np.diag(problem.params.joint.covariance), strict=True):
+            prior[problem.params.names.index(name)] = np.sqrt(v)
+    prior_all = np.concatenate([prior, *(r.initial_sd for r in problem.runs)])
+    half = np.where(np.isfinite(high - low), 0.5 * (high - low), np.inf)
+    seen = data[:, :k] if not problem.n_initial else _projected(data, k)
+    flat = flat_directions(
+        problem.names[:k], seen, options.flat_level, prior / scale[:k], half[:k] / scale[:k]
+    )
+    covariance = covariance_of(jac * scale) * np.outer(scale, scale)
+    width = np.where(np.isfinite(high - low), high - low, np.inf)
+    near = (z - low <= 1e-6 * width) | (high - z <= 1e-6 * width)
+    total = clock.line_search + clock.gradient + clock.subproblem + clock.other
+    same = sum(abs(s.cost - best.cost) <= SAME * max(best.cost, 1e-300) for s in searches)
+    message = best.message
+    if len(searches) > 1:
+        message += f"; {same} of {len(searches)} starts end there"
+    return Fit(
+        names=problem.names, n_params=k, z=z, start=problem.start, low=low, high=high, scale=scale,
+        sd=np.sqrt(np.diag(covariance)), covariance=covariance, prior_sd=prior_all,
+        cost_start=best.cost_start, cost=best.cost, n_readings=problem.n_readings,
+        at_bound=tuple(n for n, b in zip(problem.names, near & np.isfinite(width), strict=True) if b),
+        status=best.status, message=message, predicted_gain=best.predicted, flat=flat,
+        singular_values=singular_values(seen)[0], costs=tuple(best.costs), steps=tuple(best.steps),
+        rounds=best.rounds,
+        shares={n: getattr(clock, n) / max(total, 1e-12) for n in SHARES},
+        seconds=total, n_cost=clock.n_cost, n_gradient=clock.n_gradient,
+        starts=tuple({"cost_start": s.cost_start, "cost": s.cost, "reason": s.message} for s in searches),
+        sigma=_sigma(problem), channel_rms=problem.channel_rms(z), seed=options.seed, digest=problem.digest,
+    )  # fmt: skip
+
+
+def _projected(data: Array, k: int) -> Array:
+    """Jacobian by the parameters with what the initial states can imitate taken out."""
+    q, _ = np.linalg.qr(data[:, k:])
+    return data[:, :k] - q @ (q.T @ data[:, :k])
+
+
+def covariance_of(jac: Array) -> Array:
+    """Inverse of J^T J by singular values; directions flat to rounding get the sd of the rounding level."""
+    values, vt = singular_values(jac)
+    floor = 1e-12 * max(values.max(), 1e-300)
+    return (vt.T / np.maximum(values, floor) ** 2) @ vt

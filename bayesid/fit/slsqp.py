@@ -1,0 +1,164 @@
+"""One round of SLSQP in coordinates where the problem looks round.
+
+Takes a `Problem` and a point. Gives the point it ends at, the path and where the time went.
+Does not restart, judge convergence or store anything.
+
+SLSQP starts every run with the identity as its Hessian. In the coordinates used here the Gauss-Newton Hessian
+at the start, plus a damping that shrinks with the cost, is the identity: the first step is a Gauss-Newton
+step. The bounds, a box in the coefficients, become linear constraints.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.optimize import minimize
+
+from bayesid.likelihood import Problem
+
+Array = np.ndarray
+# Cost of a diverged run in units of the round's first cost: finite, so that the line search backs off.
+DIVERGED = 1e6
+# Damping over cost, in relative changes: a direction it outweighs would change the cost by less than 1e-3 of
+# itself if all coefficients moved by a tenth.
+DAMPING = 0.2
+
+
+class Enough(Exception):
+    """Raised by a watcher to end a round at the iterate it was shown."""
+
+
+@dataclass
+class Clock:
+    """Seconds per kind of work, and counts."""
+
+    line_search: float = 0.0
+    gradient: float = 0.0
+    subproblem: float = 0.0
+    other: float = 0.0
+    n_cost: int = 0
+    n_gradient: int = 0
+
+    def add(self, more: Clock) -> None:
+        for name, value in vars(more).items():
+            setattr(self, name, getattr(self, name) + value)
+
+
+@dataclass
+class Round:
+    """What one round did; `costs` and `steps` per iteration (step: rms relative change of the unknowns)."""
+
+    z: Array
+    cost: float
+    costs: list[float] = field(default_factory=list)
+    steps: list[float] = field(default_factory=list)
+    clock: Clock = field(default_factory=Clock)
+    message: str = ""
+
+
+def whitening(jac: Array, scale: Array, cost: float) -> Array:
+    """(k, k) map from round coordinates to unknowns; the damped Gauss-Newton Hessian of cost/`cost` is 1."""
+    scaled = jac * scale
+    hessian = scaled.T @ scaled
+    values, vectors = np.linalg.eigh(hessian)
+    damping = max(DAMPING * cost, 1e-16 * max(values[-1], 1e-300))
+    width = np.sqrt(cost / (np.maximum(values, 0.0) + damping))
+    return scale[:, None] * vectors * width
+
+
+def run_round(
+    problem: Problem,
+    z0: Array,
+    iterations: int,
+    tolerance: float,
+    watch: Callable[[Array, float, float], None] | None = None,
+) -> Round:
+    """Run SLSQP from `z0` for at most `iterations` steps.
+
+    Parameters
+    ----------
+    tolerance : stop when an iteration gains less than this share of the round's first cost
+    watch : called after every iteration with (z, cost, step); may raise `Enough`
+    """
+    clock = Clock()
+    begin = time.perf_counter()
+    resid, jac = problem.jacobian(z0)
+    cost0 = 0.5 * float(resid @ resid)
+    slope0 = jac.T @ resid
+    clock.gradient += time.perf_counter() - begin
+    clock.n_gradient += 1
+    out = Round(z0.copy(), cost0, clock=clock)
+    if cost0 == 0.0:
+        out.message = "the cost is zero"
+        return out
+    transform = whitening(jac, problem.scale, cost0)
+    low, high, scale = problem.low, problem.high, problem.scale
+    below, above = np.isfinite(low), np.isfinite(high)
+    rows = np.vstack([transform[below] / scale[below, None], -transform[above] / scale[above, None]])
+    slack = np.concatenate(
+        [(z0[below] - low[below]) / scale[below], (high[above] - z0[above]) / scale[above]]
+    )
+    known: dict[bytes, float] = {}
+
+    def point(s: Array) -> Array:
+        return np.clip(z0 + transform @ s, low, high)
+
+    def fun(s: Array) -> float:
+        start = time.perf_counter()
+        key = s.tobytes()
+        if key not in known:
+            if len(known) > 64:
+                known.clear()
+            known[key] = problem.cost(point(s)) if s.any() else cost0
+            clock.n_cost += 1
+        clock.line_search += time.perf_counter() - start
+        return min(known[key] / cost0, DIVERGED)
+
+    def slope(s: Array) -> Array:
+        start = time.perf_counter()
+        by_z = problem.cost_gradient(point(s))[1] if s.any() else slope0
+        clock.n_gradient += 1
+        clock.gradient += time.perf_counter() - start
+        return transform.T @ by_z / cost0
+
+    last = z0.copy()
+
+    def after(s: Array) -> None:
+        nonlocal last
+        start = time.perf_counter()
+        z = point(s)
+        before = clock.line_search
+        value = fun(s) * cost0
+        clock.line_search = before
+        step = float(np.sqrt(np.mean(((z - last) / scale) ** 2)))
+        last = z
+        out.costs.append(value)
+        out.steps.append(step)
+        if value < out.cost:
+            out.z, out.cost = z, value
+        if watch is not None:
+            watch(z, value, step)
+        clock.other += time.perf_counter() - start
+
+    constraints = (
+        {"type": "ineq", "fun": lambda s: rows @ s + slack, "jac": lambda s: rows} if slack.size else ()
+    )
+    try:
+        result = minimize(
+            fun,
+            np.zeros(z0.size),
+            jac=slope,
+            method="SLSQP",
+            constraints=constraints,
+            callback=after,
+            options={"maxiter": iterations, "ftol": tolerance},
+        )
+        out.message = str(result.message)
+    except Enough as reason:
+        out.message = str(reason)
+    total = time.perf_counter() - begin
+    clock.subproblem = max(total - clock.line_search - clock.gradient - clock.other, 0.0)
+    return out

@@ -1,0 +1,1 @@
+"""Results in words, tables and figures: one module per report. Does not compute results."""

@@ -1,0 +1,228 @@
+"""The report of the three cases of Furlong et al. (2003): targets, table 1 beside the paper's, figures,
+words.
+
+Takes the plain records of `fit.twin`, facts of the study and its targets. Does not simulate.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from bayesid.figures import cases as figures
+from bayesid.report import Figure, Report, Section, Table, Text
+from bayesid.sections.paper_explanations import Runs, explanations, median_error, remedy
+from bayesid.sections.paper_targets import Records, values
+
+# Table 1 of the paper: V at the start, V at the end, largest error [m], words on the coefficients
+PAPER = {
+    "1": (3.3e8, 2.0e-2, 2e-3, 'many improve, N "particularly poorly"'),
+    "2": (1.1e8, 1.0e-3, 1e-3, "good; one stray in X, one in Y"),
+    "3": (1.3e8, 2.3e2, 0.5, "very poor, five on the 25 % bounds"),
+}
+PAPER_KNOWN_WRONG = 1.3e5
+Targets = Mapping[str, Mapping[str, Any]]
+
+
+def paper_report(
+    records: Records, facts: Mapping[str, Any], targets: Targets, titles: Mapping[str, str]
+) -> Report:
+    """The report; `titles` names every case in words."""
+    passed = sum(bool(t["pass"]) for t in targets.values())
+    error = 1e3 * np.median(values(records["1"], "goal", "max_position_error"))
+    lead = (
+        "**A matched track does not mean matched coefficients.** With all 22 coefficients of the horizontal "
+        "plane "
+        f"unknown, a ten-minute spiral is reproduced to {error:.2g} mm while the coefficients stay wrong by "
+        f"{median_error(records['1'], 'goal'):.2g} % (median of {len(records['1'])} seeds; "
+        f"{median_error(records['1'], 'start'):.2g} % at the start). Three combinations cannot be seen at "
+        f"all, "
+        f"whatever the optimiser. {passed} of {len(targets)} targets are met."
+    )
+    sections = [
+        _targets_section(targets),
+        _table_section(records),
+        _tracks_section(facts["tracks"]),
+        *(_case_section(name, records[name], titles[name]) for name in PAPER),
+        _switch_section(records, titles),
+        explanations(records, facts),
+        remedy(records, facts),
+        _monitoring(records, titles),
+        _setup(facts["dt"]),
+    ]
+    return Report("The three cases of Furlong et al. (2003)", lead, sections)
+
+
+def _span(numbers: np.ndarray) -> str:
+    """Median and range in one cell."""
+    return f"{np.median(numbers):.2g} ({np.min(numbers):.2g} .. {np.max(numbers):.2g})"
+
+
+def _on_bound(runs: Runs) -> int:
+    return sum(bool(r["at_bound"]) for r in runs)
+
+
+def _targets_section(targets: Targets) -> Section:
+    rows: list[list[Any]] = []
+    for name, target in targets.items():
+        rows.append([name, target["what"], "", "", target["pass"]])
+        for check, value in target["value"].items():
+            shown = (", ".join(value) or "none") if isinstance(value, list) else value
+            text = shown if isinstance(shown, str) else f"{shown:.3g}"
+            rows.append(["", check, text, target["bar"][check], target["passes"][check]])
+    caption = "A value over seeds is that of the worst seed unless it says median or share."
+    return Section("Targets", [Table(["target", "statement", "value", "bar", "met"], rows, caption)])
+
+
+def _table_section(records: Records) -> Section:
+    rows: list[list[Any]] = []
+    for name, (v0, v1, error, words) in PAPER.items():
+        rows.append([f"{name}, paper", v0, f"{v1:.1e}", f"{v0 / v1:.1e}", f"< {1e3 * error:g}", words])
+        runs = records[name]
+        start = values(runs, "V_start")
+        for stage, label in (("goal", "ours, at the paper's factor"), ("end", "ours, carried on")):
+            if stage not in runs[0]:
+                continue
+            end, apart = values(runs, stage, "V"), 1e3 * values(runs, stage, "max_position_error")
+            off = f"rms error {median_error(runs, 'start'):.1f} -> {median_error(runs, stage):.2g} %"
+            if name == "3":
+                off += f", on a bound in {_on_bound(runs)} of {len(runs)} seeds"
+            factor = f"{np.median(start / end):.1e}"
+            rows.append([f"{name}, {label}", np.median(start), _span(end), factor, _span(apart), off])
+    truth = values(records["3"], "V_truth")
+    gain = np.median(truth / values(records["3"], "end", "V"))
+    text = (
+        "V is the paper's cost: the unweighted sum of squared differences of positions [m] and heading "
+        "[rad] over "
+        "the samples, noise free. Ours: median (smallest .. largest) over seeds. With the true unknowns "
+        "beside the "
+        f"wrong knowns of Case 3, V is {_span(truth)} (paper: {PAPER_KNOWN_WRONG:.1e}): wrong coefficients "
+        f"fit better "
+        f"than the true ones, by a factor of {gain:.1e} (paper: 565). A good optimiser ends far below the "
+        f"paper's "
+        "final costs, so those are not bars to hit: the paper's search stopped earlier."
+    )
+    columns = ["case", "V start", "V end", "factor", "largest error [mm]", "coefficients"]
+    return Section("Table 1 beside the paper's", [Text(text), Table(columns, rows, digits=2)])
+
+
+def _tracks_section(found: Mapping[str, Any]) -> Section:
+    tracks = {name: (np.array(xy[0]), np.array(xy[1])) for name, xy in found["xy"].items()}
+    errors = {name: np.array(e) for name, e in found["errors"].items()}
+    plan = (
+        f"The spiral, as in the paper's Fig. 1. Start values and estimate of Case 1, seed {found['seed']}; "
+        f"target and "
+        "estimate lie on each other."
+    )
+    over = f"Distance from the target over time (paper: Fig. 2), Case 1, seed {found['seed']}."
+    drawn = figures.errors_over_time(np.array(found["t"]), errors)
+    blocks = [Figure("track", figures.tracks(tracks), plan), Figure("position_error", drawn, over)]
+    return Section("Track and position error", blocks)
+
+
+_CASE_TEXT = {
+    "1": "Bounds: 10 % either side of the start value, so they need not contain the truth. Blue: where the "
+    "search "
+    "stands when V has fallen by the paper's factor; orange: carried on until the residuals are rounding.",
+    "2": "Bounds: 25 % either side of the truth. Blue: at the paper's factor, where a few weakly seen "
+    "coefficients "
+    "still stray, as in the paper; orange: carried on with exact gradients, all of them are found.",
+    "3": "The knowns are wrong by up to 1 %. The search ends at a minimum far below V of the true unknowns; "
+    "the "
+    "unknowns pay for the knowns, some as far as the bounds.",
+}
+
+
+def _case_section(name: str, runs: Runs, title: str) -> Section:
+    stage = "goal" if "goal" in runs[0] else "end"
+    paths = (("start", "ratio"), (stage, "ratio"), ("low",), ("high",))
+    start, end, low, high = (values(runs, *path) for path in paths)
+    later = values(runs, "end", "ratio") if stage == "goal" else None
+    counts = Counter(n for run in runs for n in run["at_bound"])
+    listed = ", ".join(f"`{n}` {c}" for n, c in counts.most_common()) or "none"
+    limits = (0.8, 1.22) if name == "1" else (0.72, 1.28)
+    figure = figures.ratios(runs[0]["names"], start, end, low, high, limits, later)
+    caption = f"Coefficients over their true values, {len(runs)} seeds (paper: Fig. {int(name) + 2})."
+    text = f"{_CASE_TEXT[name]}\n\nOn a bound at the end (seeds of {len(runs)}): {listed}."
+    return Section(f"Case {name}: {title}", [Text(text), Figure(f"ratios_case{name}", figure, caption)])
+
+
+def _switch_section(records: Records, titles: Mapping[str, str]) -> Section:
+    rows: list[list[Any]] = []
+    for name, runs in records.items():
+        if name[0] not in "23":
+            continue
+        error = 100 * np.abs(values(runs, "end", "ratio") - 1)
+        worst = runs[0]["names"][int(np.argmax(np.median(error, axis=0)))]
+        apart = _span(1e3 * values(runs, "end", "max_position_error"))
+        errors = [median_error(runs, "start"), median_error(runs, "end"), float(error.max())]
+        rows.append([f"{name[0]}: {titles[name]}", len(runs), *errors, worst, apart, _on_bound(runs)])
+    text = (
+        "The paper does not say whether the static rudder coefficients (`Y_dr`, `N_dr`, `X_drdr`) and the "
+        "acceleration derivatives were known in Cases 2 and 3. Both are switches here. Errors of the "
+        "coefficients "
+        "are rms over the unknowns, medians over seeds; `largest` is over everything."
+    )
+    columns = [
+        "case",
+        "seeds",
+        "error at start [%]",
+        "at the end [%]",
+        "largest [%]",
+        "worst",
+        "position error [mm]",
+        "seeds on a bound",
+    ]
+    return Section("Both switches of Cases 2 and 3", [Text(text), Table(columns, rows, digits=2)])
+
+
+def _monitoring(records: Records, titles: Mapping[str, str]) -> Section:
+    rows: list[list[Any]] = []
+    for name, runs in records.items():
+        shares = [100 * float(np.median(values(runs, "shares", key))) for key in runs[0]["shares"]]
+        counts = [int(np.median(values(runs, key))) for key in ("iterations", "rounds")]
+        reasons = ", ".join(f"{k} {v}" for k, v in sorted(Counter(r["status"] for r in runs).items()))
+        label = f"{name[0]}: {titles[name]}" if name[0] in "123" else titles.get(name, name)
+        rows.append([label, float(np.median(values(runs, "seconds"))), *shares, *counts, reasons])
+    text = (
+        "Line search: evaluations of V. Gradient: adjoint (6-DOF: sensitivities), plus one sensitivity run "
+        "per "
+        "restart. The quadratic sub-problem and the Hessian update are one call of scipy's SLSQP and are "
+        "timed "
+        "together. Medians over seeds; two seeds ran at a time."
+    )
+    columns = [
+        "case",
+        "time per seed [s]",
+        "line search [%]",
+        "gradient [%]",
+        "subproblem + Hessian [%]",
+        "other [%]",
+        "iterations",
+        "rounds",
+        "stopped (seeds)",
+    ]
+    return Section("Where the time went", [Text(text), Table(columns, rows, digits=2)])
+
+
+def _setup(dt: float) -> Section:
+    text = (
+        "Vehicle: `generic_sub`, a public stand-in for the paper's classified boat. Input: 90 rpm, rudder 5 "
+        "to 30 "
+        "degrees to starboard, linear in time from 10 s to 600 s; the paper prints no rudder or rpm "
+        "history. Samples "
+        f"every {dt:g} s: the paper's printed costs and largest errors together need more than 5000 samples "
+        f"in 600 s. "
+        "Starts are uniform within 10 % of the truth, errors of the knowns uniform within 1 %; the paper "
+        "states the "
+        "widths, not the distributions.\n\n"
+        "Each fit runs rounds of scipy's SLSQP with exact gradients. Every round starts in coordinates in "
+        "which the "
+        "damped Gauss-Newton Hessian is the identity, first on samples every half second, then on all of "
+        "them. The "
+        "bounds hold throughout, as linear constraints."
+    )
+    return Section("Set-up, and what the paper leaves open", [Text(text)])
