@@ -69,6 +69,16 @@ class Context:
             **{f"g{i}": f"g{i}" for i in range(self.nx)},
         }
 
+    def local_symbols(self) -> dict[str, str]:
+        """As `symbols`, with state and inputs in local variables (see `step_head`)."""
+        d = self.dyn
+        return {
+            **self.symbols(),
+            **{n: f"z{i}" for i, n in enumerate(d.states)},
+            **{n: f"u{i}" for i, n in enumerate(d.actuators)},
+            **{n: f"e{i}" for i, n in enumerate(d.exogenous)},
+        }
+
     def emit(
         self,
         outputs: list[tuple[str, Node]],
@@ -76,8 +86,9 @@ class Context:
         symbols: Mapping[str, str] | None = None,
         prefix: str = "t",
         lanes: bool = False,
+        known: dict[Node, str] | None = None,
     ) -> list[str]:
-        lines = statements(self.g, outputs, symbols or self.symbols(), prefix, lanes)
+        lines = statements(self.g, outputs, symbols or self.symbols(), prefix, lanes, known)
         return [" " * indent + line for line in lines]
 
     def slopes(self, node: Node, names: Iterable[str]) -> Iterator[tuple[int, Node]]:
@@ -100,6 +111,26 @@ class Context:
             for i in range(n)
         ]
 
-    def store_rates(self) -> list[str]:
-        slow = [f"    k[{i}] = k{i}" for i in self.place[self.nv :]]
-        return slow + [f"    k[{p}] = a{i}" for i, p in enumerate(self.place[: self.nv])]
+    def rate_name(self, i: int) -> str:
+        """Local variable that holds the rate of state i."""
+        row = self.place.index(i)
+        return f"a{row}" if row < self.nv else f"k{i}"
+
+
+def step_head(c: Context, step: str) -> list[str]:
+    """Length and inputs of one step as local variables."""
+    return [
+        f"        h = steps[{step}]",
+        *[f"        u{i} = act[{step}, {i}]" for i in range(len(c.dyn.actuators))],
+        *[f"        e{i} = exo[{step}, {i}]" for i in range(len(c.dyn.exogenous))],
+    ]
+
+
+def stage_head(start: str, plain: bool = False) -> list[str]:
+    """Weight of an RK4 stage, the way to the next one, and the stage's time."""
+    begin = start if plain else f"times[{start}]"
+    return [
+        "            weight = 2.0 if (stage == 1 or stage == 2) else 1.0",
+        "            half = h if stage == 2 else 0.5 * h",
+        f"            t = {begin} + (0.0 if stage == 0 else (h if stage == 3 else 0.5 * h))",
+    ]

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import ast
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
 
 from bayesid.errors import ModelError
 
@@ -265,8 +265,8 @@ class Nodes:
             return self.neg(*args)
         return self.call(name, *args)
 
-    def closure(self, roots: Iterable[Node]) -> set[Node]:
-        """Every node the roots are built from, themselves included."""
+    def closure(self, roots: Iterable[Node], known: Container[Node] = ()) -> set[Node]:
+        """Every node the roots are built from, themselves included; not what `known` nodes are built from."""
         seen: set[Node] = set()
         stack = list(roots)
         while stack:
@@ -274,6 +274,6 @@ class Nodes:
             if n in seen:
                 continue
             seen.add(n)
-            if self._nodes[n][0] not in ("const", "sym"):
+            if n not in known and self._nodes[n][0] not in ("const", "sym"):
                 stack.extend(self._nodes[n][1:])
         return seen

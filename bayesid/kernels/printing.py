@@ -18,6 +18,7 @@ def statements(
     symbols: Mapping[str, str],
     prefix: str = "t",
     lanes: bool = False,
+    known: dict[Node, str] | None = None,
 ) -> list[str]:
     """Statements `target = expression` that compute all outputs, in order.
 
@@ -27,11 +28,13 @@ def statements(
     symbols : source text of every symbol by name
     prefix : temporaries are named `prefix<number>`
     lanes : print no library call that would stop the loop around the statements from vectorising
+    known : temporaries of earlier statements in scope, not computed again; those made here are added
     """
-    need = sorted(graph.closure(node for _, node in outputs))
+    known = {} if known is None else known
+    need = sorted(graph.closure((node for _, node in outputs), known))
     uses = dict.fromkeys(need, 0)
     for n in need:
-        if graph.key(n)[0] not in ("const", "sym"):
+        if n not in known and graph.key(n)[0] not in ("const", "sym"):
             for child in graph.key(n)[1:]:
                 uses[child] += 1
     for _, node in outputs:
@@ -41,7 +44,9 @@ def statements(
     done_angles: set[Node] = set()
     for n in need:
         key = graph.key(n)
-        if key[0] == "const":
+        if n in known:
+            text[n] = known[n]
+        elif key[0] == "const":
             text[n] = repr(key[1]) if key[1] >= 0 else f"({key[1]!r})"
         elif key[0] == "sym":
             text[n] = symbols[key[1]]
@@ -50,12 +55,12 @@ def statements(
             if angle not in done_angles:
                 done_angles.add(angle)
                 lines += _sincos_lines(f"{prefix}{angle}", text[angle])
-            text[n] = f"{prefix}{angle}_{key[0]}"
+            text[n] = known[n] = f"{prefix}{angle}_{key[0]}"
         else:
             expression = _render(key, text)
             if uses[n] > 1 or len(expression) > LONG:
                 lines.append(f"{prefix}{n} = {expression}")
-                text[n] = f"{prefix}{n}"
+                text[n] = known[n] = f"{prefix}{n}"
             else:
                 text[n] = f"({expression})"
     for target, node in outputs:

@@ -34,7 +34,7 @@ class Functions:
 
     states: tuple[str, ...]
     entries: np.ndarray
-    rows: np.ndarray
+    adjoint_parameters: np.ndarray
     sensor_entries: np.ndarray
     delays: dict[int, list[int]]
     act_columns: tuple[int, ...]
@@ -45,6 +45,11 @@ class Functions:
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.module, f"{self.prefix}_{name}")
+
+    @property
+    def traced(self) -> int:
+        """Numbers a forward run leaves per stage for the adjoint: states and accelerations."""
+        return len(self.states) + len(self.module.VELOCITIES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +123,7 @@ def _functions(module: ModuleType, prefix: str) -> Functions:
     return Functions(
         states=getattr(module, f"{upper}_STATES"),
         entries=getattr(module, f"{upper}_ENTRIES"),
-        rows=getattr(module, f"{upper}_ROWS"),
+        adjoint_parameters=getattr(module, f"{upper}_ADJOINT_PARAMETERS"),
         sensor_entries=getattr(module, f"{upper}_SENSOR_ENTRIES"),
         delays={module.CHANNELS.index(c): ids for c, ids in getattr(module, f"{upper}_DELAYS").items()},
         act_columns=getattr(module, f"{upper}_ACT_COLUMNS"),

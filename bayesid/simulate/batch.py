@@ -12,7 +12,15 @@ import numpy as np
 from bayesid.kernels import LANES
 from bayesid.model import Model
 from bayesid.simulate.plan import Plan
-from bayesid.simulate.prepare import actuate, check_parameters, check_start, choose, inverse_mass, start
+from bayesid.simulate.prepare import (
+    NO_LANE_TRACE,
+    actuate,
+    check_parameters,
+    check_start,
+    choose,
+    inverse_mass,
+    start,
+)
 
 Array = np.ndarray
 
@@ -57,7 +65,7 @@ def simulate_batch(
         flat = np.empty(plan.t.size * nx * LANES)
         fun.lanes(
             pars[index].T.ravel(), minv[index].T.ravel(), lane_x.ravel(), plan.times, plan.steps, act,
-            plan.exogenous, plan.record, flat,
+            plan.exogenous, plan.record, flat, NO_LANE_TRACE,
         )  # fmt: skip
         out[first : first + k] = flat.reshape(plan.t.size, nx, LANES)[:, :, :k].transpose(2, 0, 1)
 

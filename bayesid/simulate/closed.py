@@ -14,6 +14,7 @@ import numpy as np
 from bayesid.model import Model
 from bayesid.simulate.plan import plan_run
 from bayesid.simulate.prepare import (
+    NO_TRACE,
     check_parameters,
     check_start,
     choose,
@@ -69,7 +70,8 @@ def fly(
             command[:, a], _ = held_mean(t[: i + 1], given[: i + 1, a], times - delay, steps)
         fun.actuate(command, no_slope, steps, par, False, i == 0, memory, carried, act[now], no_slopes)
         last = np.array([steps.size])
-        fun.simulate(par, minv, x, times, steps, act[now], plan.exogenous[now], last, out[i + 1 : i + 2])
+        here = out[i + 1 : i + 2]
+        fun.simulate(par, minv, x, times, steps, act[now], plan.exogenous[now], last, here, NO_TRACE)
         x = out[i + 1].copy()
     given[count] = given[count - 1]
     require_finite(t, out, fun.states)

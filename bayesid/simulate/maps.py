@@ -63,13 +63,15 @@ def interval_maps(
     column = {int(p): nx + n_in + c for c, p in enumerate(free)}
     columns = np.array([column.get(int(p), -1) for p in fun.entries[:, 1]], dtype=np.int64)
     act_columns = np.array([column.get(p, -1) for p in fun.act_columns], dtype=np.int64)
-    count = plan.record.size - 1
-    ends, maps = np.empty((count, nx)), np.empty((count, nx, nx + n_in + n_free))
-    fun.transition(
-        par, inverse_mass(model, fun, par[None])[0], np.ascontiguousarray(states), plan.times, plan.steps, act, dact,
-        plan.exogenous, plan.record, fun.rows, fun.entries, columns, act_columns, input_columns, n_in + n_free, ends,
-        maps,
+    size, n = plan.record.size, nx + n_in + n_free
+    path = np.array(states, dtype=float, order="C")
+    ends, maps = np.empty((size, nx)), np.empty((size, nx, n))
+    fun.variational(
+        par, inverse_mass(model, fun, par[None])[0], path[0], np.eye(nx, n), plan.times, plan.steps, act,
+        dact, plan.exogenous, plan.record, fun.entries, columns, act_columns, input_columns, path, ends, maps,
+        np.empty((0, nx)), np.empty((0, nx, n)),
     )  # fmt: skip
+    ends, maps = ends[1:], maps[1:]
     good = np.isfinite(ends).all(axis=1)
     if not good.all():
         raise ModelError(f"the vehicle diverges between samples at t = {plan.t[int(np.argmin(good))]:.6g} s")
@@ -105,7 +107,7 @@ def readings_on(
     A sensor delay T reads x(t) - T dx/dt to second order, the rate taken from the interval maps, so that its slopes
     need the state at one sample only.
     """
-    par = np.ascontiguousarray(par, dtype=float)
+    par = np.array(par, dtype=float, order="C")
     fun = choose(model, par, full)
     column = {int(p): c for c, p in enumerate(free)}
     rate, turn, force = _rates(plan, states, maps)
@@ -120,7 +122,9 @@ def readings_on(
         if delay == 0.0 and not wanted:
             continue
         acceleration = np.einsum("ixy,iy->ix", turn, rate)
-        late, late_slope, late_sparse = _sense(fun, par, plan, states - delay * rate + 0.5 * delay**2 * acceleration)
+        late, late_slope, late_sparse = _sense(
+            fun, par, plan, states - delay * rate + 0.5 * delay**2 * acceleration
+        )
         values[:, channel] = late[:, channel]
         back = np.eye(states.shape[1]) - delay * turn + 0.5 * delay**2 * turn @ turn
         by_state[:, channel] = np.einsum("ix,ixy->iy", late_slope[:, channel], back)
@@ -129,7 +133,9 @@ def readings_on(
             if c == channel:
                 by_parameter[:, c, k] += late_sparse[:, e]
         for k in wanted:
-            by_parameter[:, channel, k] -= np.einsum("ix,ix->i", late_slope[:, channel], rate - delay * acceleration)
+            by_parameter[:, channel, k] -= np.einsum(
+                "ix,ix->i", late_slope[:, channel], rate - delay * acceleration
+            )
     return Readings(values, by_state, by_parameter)
 
 

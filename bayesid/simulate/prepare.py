@@ -16,6 +16,7 @@ from bayesid.simulate.plan import Plan
 
 Array = np.ndarray
 
+NO_TRACE, NO_LANE_TRACE = np.empty((0, 4, 1)), np.empty(0)
 _FIN = {"delta_r": "r", "delta_s": "s", "delta_b": "b"}
 
 
@@ -36,18 +37,16 @@ def check_parameters(model: Model, plan: Plan, par: Array) -> Array:
     ModelError
         if the last axis is not as long as the model's parameter vector
     """
-    par = np.ascontiguousarray(par, dtype=float)
+    par = np.array(par, dtype=float, order="C")  # numba compiles again for a read-only array
     if par.shape[-1:] != (len(model.kernel.parameters),):
         raise ModelError(
             f"parameters of shape {par.shape}: model of {model.vehicle.name!r} ({model.dof}-DOF) has "
             f"{len(model.kernel.parameters)}; start from model.nominal"
         )
     measured = [_FIN[name] for name in plan.measured if name in _FIN]
-    if measured:
-        par = par.copy()
-        for letter in measured:
-            par[..., model.index[f"inverse_rate_{letter}"]] = 1e-9
-            par[..., model.index[f"limit_{letter}"]] = 10.0
+    for letter in measured:
+        par[..., model.index[f"inverse_rate_{letter}"]] = 1e-9
+        par[..., model.index[f"limit_{letter}"]] = 10.0
     return par
 
 
@@ -89,15 +88,16 @@ def inverse_mass(model: Model, fun: Functions, pars: Array) -> Array:
     ModelError
         if a mass matrix cannot be inverted
     """
-    out = np.empty((pars.shape[0], len(model.kernel.velocities) ** 2))
+    nv = len(model.kernel.velocities)
+    mass = np.zeros((pars.shape[0], nv, nv))
+    fun.masses(pars, mass)
     try:
-        fun.inverses(pars, out)
+        return np.linalg.inv(mass).reshape(-1, nv * nv)
     except np.linalg.LinAlgError:
         raise ModelError(
             f"mass matrix of {model.vehicle.name!r} with these values cannot be inverted; check mass, "
             "inertia and the acceleration derivatives"
         ) from None
-    return out
 
 
 def actuate(

@@ -33,7 +33,7 @@ def observe(
     -------
     (n, channels) in the order of `model.kernel.channels`
     """
-    par = np.ascontiguousarray(par, dtype=float)
+    par = np.array(par, dtype=float, order="C")
     fun = choose(model, par, full)
     if states.shape[1] != len(fun.states):  # states of the other set of functions: theirs are the sensors
         fun = model.kernel.full if fun is model.kernel.bare else model.kernel.bare
@@ -68,7 +68,7 @@ def observe_sensitivity(
     ModelError
         if a late sensor lacks the rates of the states
     """
-    par = np.ascontiguousarray(par, dtype=float)
+    par = np.array(par, dtype=float, order="C")
     fun = choose(model, par, result.track.full if full is None else full)
     states, n = result.track.states, plan.t.size
     column = {int(p): c for c, p in enumerate(np.asarray(free))}

@@ -13,6 +13,7 @@ import numpy as np
 from bayesid.model import Model
 from bayesid.simulate.plan import Plan
 from bayesid.simulate.prepare import (
+    NO_TRACE,
     actuate,
     check_parameters,
     check_start,
@@ -88,7 +89,7 @@ def simulate(model: Model, par: Array, plan: Plan, x0: Array, full: bool | None 
     x, _, _ = start(fun, par, plan.exogenous[0], check_start(model, x0))
     minv = inverse_mass(model, fun, par[None])[0]
     out = np.empty((plan.t.size, x.size))
-    fun.simulate(par, minv, x, plan.times, plan.steps, act, plan.exogenous, plan.record, out)
+    fun.simulate(par, minv, x, plan.times, plan.steps, act, plan.exogenous, plan.record, out, NO_TRACE)
     require_finite(plan.t, out, fun.states)
     return Track(plan.t, out, fun.states, act, is_full)
 
@@ -139,7 +140,7 @@ def sensitivities(
     rate, srate = (np.empty((size if rates else 0, *a.shape[1:])) for a in (out, sens))
     fun.variational(
         par, inverse_mass(model, fun, par[None])[0], x, s0, plan.times, plan.steps, act, dact, plan.exogenous,
-        plan.record, fun.rows, fun.entries, columns, act_columns, no_inputs, out, sens, rate, srate,
+        plan.record, fun.entries, columns, act_columns, no_inputs, rate[:0], out, sens, rate, srate,
     )  # fmt: skip
     require_finite(plan.t, out, fun.states)
     return Sensitivity(Track(plan.t, out, fun.states, act, full), sens[:, :, :n], rate, srate[:, :, :n])
@@ -175,11 +176,12 @@ def gradient(
     x, slope_x, slope_par = start(fun, par, plan.exogenous[0], x0)
     minv = inverse_mass(model, fun, par[None])[0]
     out = np.empty((plan.t.size, x.size))
-    fun.simulate(par, minv, x, plan.times, plan.steps, act, plan.exogenous, plan.record, out)
+    trace = np.empty((plan.steps.size, 4, fun.traced))
+    fun.simulate(par, minv, x, plan.times, plan.steps, act, plan.exogenous, plan.record, out, trace)
     require_finite(plan.t, out, fun.states)
     gx0, gpar, gact = np.zeros(x.size), np.zeros(par.size), np.zeros_like(act)
     fun.adjoint(
-        par, minv, x, plan.times, plan.steps, act, plan.exogenous, plan.record,
+        par, minv, plan.times, plan.steps, act, plan.exogenous, plan.record, trace,
         np.ascontiguousarray(cotangent(out)), gx0, gpar, gact,
     )  # fmt: skip
     np.add.at(gpar, np.array(fun.act_columns, dtype=np.int64), np.einsum("sa,sac->c", gact, dact))

@@ -1,0 +1,154 @@
+"""Print the discrete adjoint of the forward run, for one parameter vector and for sixteen at once.
+
+From cotangents of the recorded states to those of initial state, parameters and actuator positions.
+
+Takes a `Context`. Gives source lines. Reads the stages a forward run left in its `trace`.
+"""
+
+from __future__ import annotations
+
+from bayesid.kernels.context import FUSED, LANES, Context, step_head
+from bayesid.kernels.expr import Node
+
+_ARGUMENTS = "par, minv, times, steps, act, exo, record, trace, cot, gx0, gpar, gact"
+
+
+def _slopes(c: Context) -> dict[Node, Node]:
+    """Derivatives of g . rows by every symbol, in one reverse sweep."""
+    g = c.g
+    return g.gradient(g.total(g.mul(g.sym(f"g{i}"), node) for i, node in enumerate(c.rows)))
+
+
+def _row_cotangents(c: Context, cotangent: str, minv: str) -> list[str]:
+    """g0..: cotangents of the balance rows (through the inverse mass matrix), then of the slow rows."""
+    out = []
+    for i in range(c.nv):
+        terms = (f"{minv.format(j * c.nv + i)} * {cotangent.format(c.place[j])}" for j in range(c.nv))
+        out.append(f"g{i} = " + " + ".join(terms))
+    return out + [f"g{i} = {cotangent.format(c.place[i])}" for i in range(c.nv, c.nx)]
+
+
+def _stage_shift() -> list[str]:
+    return [
+        "weight = h / 3.0 if (stage == 1 or stage == 2) else h / 6.0",
+        "move = 0.0 if stage == 3 else (h if stage == 2 else 0.5 * h)",
+        "t = times[s] + (0.0 if stage == 0 else (h if stage == 3 else 0.5 * h))",
+    ]
+
+
+def adjoint_lines(c: Context) -> list[str]:
+    d, nx, na = c.dyn, range(c.nx), len(c.dyn.actuators)
+    slopes = _slopes(c)
+    outputs = [(f"y{i}", slopes.get(c.g.sym(n), c.g.zero)) for i, n in enumerate(d.states)]
+    for target, names in (("gpar[{}] +", list(c.index)), ("ga{} +", d.actuators)):
+        outputs += [
+            (target.format(i), slopes[c.g.sym(n)]) for i, n in enumerate(names) if c.g.sym(n) in slopes
+        ]
+    body = [
+        *_stage_shift(),
+        *[f"c{i} = weight * lam{i} + move * y{i}" for i in nx],
+        *[f"z{i} = trace[s, stage, {i}]" for i in nx],
+        *[f"a{i} = trace[s, stage, {c.nx + i}]" for i in range(c.nv)],
+        *_row_cotangents(c, "c{}", "minv[{}]"),
+    ]
+    return [
+        FUSED,
+        f"def {c.prefix}_adjoint({_ARGUMENTS}):",
+        '    """Discrete adjoint of the run that filled `trace`; gx0 and gact are set, gpar is added to."""',
+        *[f"    lam{i} = 0.0" for i in nx],
+        "    sample = record.size - 1",
+        "    for q in range(steps.size, -1, -1):",
+        "        while sample >= 0 and record[sample] == q:",
+        *[f"            lam{i} += cot[sample, {i}]" for i in nx],
+        "            sample -= 1",
+        "        if q == 0:",
+        "            break",
+        "        s = q - 1",
+        *step_head(c, "s"),
+        *[f"        y{i} = 0.0" for i in nx],
+        *[f"        back{i} = lam{i}" for i in nx],
+        *[f"        ga{i} = 0.0" for i in range(na)],
+        "        for stage in range(3, -1, -1):",
+        *[" " * 12 + line for line in body],
+        *c.emit(outputs, 12, c.local_symbols(), prefix="v"),
+        *[f"            back{i} += y{i}" for i in nx],
+        *[f"        lam{i} = back{i}" for i in nx],
+        *[f"        gact[s, {i}] = ga{i}" for i in range(na)],
+        *[f"    gx0[{i}] = lam{i}" for i in nx],
+    ]
+
+
+def adjoint_lanes_lines(c: Context) -> list[str]:
+    """As `adjoint_lines` for sixteen vectors; what changes lies in one array: the lane loop vectorises."""
+    d, nx, nv, na = c.dyn, c.nx, c.nv, len(c.dyn.actuators)
+    slopes = _slopes(c)
+    used = [i for i, n in enumerate(c.index) if c.g.sym(n) in slopes]
+    lam, back, gx, state = 0, nx, 2 * nx, 3 * nx
+    inputs, gradient = state + nx + nv, state + nx + nv + na
+    ga = gradient + len(used)
+    rows = ga + na
+
+    def at(row: int) -> str:
+        return f"work[{row * LANES} + l]"
+
+    symbols = c.symbols()
+    symbols |= {n: f"par[{i * LANES} + l]" for n, i in c.index.items()}
+    symbols |= {n: at(state + i) for i, n in enumerate(d.states)}
+    symbols |= {a: at(state + nx + i) for i, a in enumerate(c.accel)}
+    symbols |= {n: at(inputs + i) for i, n in enumerate(d.actuators)}
+    symbols |= {n: f"e{i}" for i, n in enumerate(d.exogenous)}
+    names = list(c.index)
+    outputs = [(f"y{i}", slopes.get(c.g.sym(n), c.g.zero)) for i, n in enumerate(d.states)]
+    outputs += [(at(gradient + j) + " +", slopes[c.g.sym(names[i])]) for j, i in enumerate(used)]
+    outputs += [
+        (at(ga + i) + " +", slopes[c.g.sym(n)]) for i, n in enumerate(d.actuators) if c.g.sym(n) in slopes
+    ]
+    body = [
+        *[f"c{i} = weight * {at(lam + i)} + move * {at(gx + i)}" for i in range(nx)],
+        *_row_cotangents(c, "c{}", f"minv[{{}} * {LANES} + l]"),
+    ]
+    size, stage_size = nx * LANES, (nx + nv) * LANES
+    return [
+        f"{c.upper}_ADJOINT_PARAMETERS = np.array({used!r}, dtype=np.int64)",
+        "",
+        "",
+        FUSED,
+        f"def {c.prefix}_adjoint_lanes({_ARGUMENTS}):",
+        f'    """Discrete adjoint over {LANES} vectors; arrays are flat with {LANES} values per entry."""',
+        f"    work = np.zeros({rows * LANES})",
+        "    sample = record.size - 1",
+        "    for q in range(steps.size, -1, -1):",
+        "        while sample >= 0 and record[sample] == q:",
+        f"            for i in range({size}):",
+        f"                work[i] += cot[sample * {size} + i]",
+        "            sample -= 1",
+        "        if q == 0:",
+        "            break",
+        "        s = q - 1",
+        "        h = steps[s]",
+        *[f"        e{i} = exo[s, {i}]" for i in range(len(d.exogenous))],
+        f"        for i in range({size}):",
+        f"            work[{back * LANES} + i] = work[i]",
+        f"            work[{gx * LANES} + i] = 0.0",
+        f"        for i in range({na * LANES}):",
+        f"            work[{inputs * LANES} + i] = act[s * {na * LANES} + i]",
+        f"            work[{ga * LANES} + i] = 0.0",
+        "        for stage in range(3, -1, -1):",
+        *[" " * 12 + line for line in _stage_shift()],
+        f"            at = (s * 4 + stage) * {stage_size}",
+        f"            for i in range({stage_size}):",
+        f"                work[{state * LANES} + i] = trace[at + i]",
+        f"            for l in range({LANES}):",
+        *[" " * 16 + line for line in body],
+        *c.emit(outputs, 16, symbols, prefix="v", lanes=True),
+        *[f"                {at(gx + i)} = y{i}" for i in range(nx)],
+        *[f"                {at(back + i)} += y{i}" for i in range(nx)],
+        f"        for i in range({size}):",
+        f"            work[i] = work[{back * LANES} + i]",
+        f"        for i in range({na * LANES}):",
+        f"            gact[s * {na * LANES} + i] = work[{ga * LANES} + i]",
+        f"    for i in range({size}):",
+        "        gx0[i] = work[i]",
+        f"    for i in range({len(used) * LANES}):",
+        f"        gpar[i] = work[{gradient * LANES} + i]",
+    ]
