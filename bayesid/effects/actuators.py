@@ -23,6 +23,7 @@ EFFECTS = (
         parameters=(
             EffectParameter("tau", "s", 0.47, "L/U", one_sided=True, about="first-order time constant"),
         ),
+        smooth=False,
         adjust={"servo_lag_r": "value + tau"},
         source="first-order servo inside its rate limit, solved exactly over a step so that tau = 0 is exact",
         magnitude="0.1-0.5 s for AUVs, 1-3 s for ships",

@@ -1,6 +1,7 @@
 """Print the actuator chains: from commands held over each step to positions held over each step.
 
-Takes a `Context`. Gives source lines. A link gives its mean over the step, which the forces see and the next
+Takes a `Context`. Gives source lines. `delay_slope` and `stretch` are the derivatives of command and step
+length by the delay of each actuator. A link gives its mean over the step, which the forces see and the next
 link gets, and its value at the end of the step, which it remembers; slopes by the chain's parameters run
 along.
 """
@@ -15,15 +16,16 @@ from bayesid.kernels.expr import Graph, Node
 from bayesid.kernels.layout import FIN
 from bayesid.kernels.printing import statements
 
-# The vehicle's own servo closes every chain: it runs at its rate limit while the error exceeds limit times lag and
-# decays exponentially from there. One element rather than a lag followed by a limit, which would catch up too fast.
+# The vehicle's own servo closes every chain: it runs at its rate limit while the error exceeds limit times
+# lag and decays exponentially from there. One element rather than a lag followed by a limit, which would catch
+# up too fast.
 _RUN = "min(max(abs(x - y)*inverse_rate - servo_lag, 0), h)"
 _LEFT = f"(abs(x - y) - {_RUN}/inverse_rate)"
 _DECAY = f"exp(-(h - {_RUN})/max(servo_lag, 1e-12))"
 _SERVO_END = f"x - sgn(x - y)*{_LEFT}*{_DECAY}"
 _SERVO_MEAN = f"x - sgn(x - y)/h*(0.5*(abs(x - y) + {_LEFT})*{_RUN} + {_LEFT}*servo_lag*(1 - {_DECAY}))"
 _CLIP = "min(max(x, -limit), limit)"
-_ARGUMENTS = "command, delay_slope, steps, par, slopes, restart, memory, carried, act, dact"
+_ARGUMENTS = "command, delay_slope, stretch, steps, par, slopes, restart, memory, carried, act, dact"
 _SETTLED = 1e9  # s: a link that has waited this long has come to rest
 
 
@@ -121,6 +123,10 @@ def _step(
         slopes, added = [], []
         for tag, node, target in (("m", link.mean, "tangent[{}]"), ("e", link.end, f"carried[{i}, {{}}]")):
             slopes += [(f"{tag}{z}", g.diff(node, g.sym(f"{z}{i}"))) for z in "xy"]
+            by_length = g.diff(node, g.sym("h"))
+            if delayed and g.value(by_length) != 0.0:
+                slopes.append((f"{tag}h", by_length))
+                added += [f"            {target.format(c)} += {tag}h * stretch[s, {a}]" for c in delayed]
             for c, name in enumerate(columns):
                 slope = g.diff(node, g.sym(name))
                 if g.value(slope) != 0.0:

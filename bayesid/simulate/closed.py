@@ -18,10 +18,11 @@ from bayesid.simulate.prepare import (
     check_parameters,
     check_start,
     choose,
-    held_mean,
+    cut,
     inverse_mass,
     require_finite,
     start,
+    step_mean,
 )
 from bayesid.simulate.single import Track, simulate
 from bayesid.vehicles import self_propulsion_speed
@@ -57,7 +58,7 @@ def fly(
     delays = {a: delay for a, ids in fun.act_delays.items() if (delay := float(sum(par[i] for i in ids)))}
     na, nc = len(names), len(fun.act_columns)
     memory, carried = np.zeros(fun.act_memory), np.zeros((fun.act_memory, nc))
-    no_slope, no_slopes = np.zeros((1, na)), np.zeros((1, na, nc))
+    none, no_slopes = np.zeros((1, na)), np.zeros((1, na, nc))
     given = np.zeros((count + 1, na))
     out, act = np.empty((count + 1, x.size)), np.empty((plan.steps.size, na))
     out[0] = x
@@ -66,9 +67,12 @@ def fly(
         now = slice(plan.record[i], plan.record[i + 1])
         steps, times = plan.steps[now], plan.times[now]
         command = np.repeat(given[i][None], steps.size, axis=0)
-        for a, delay in delays.items():
-            command[:, a], _ = held_mean(t[: i + 1], given[: i + 1, a], times - delay, steps)
-        fun.actuate(command, no_slope, steps, par, False, i == 0, memory, carried, act[now], no_slopes)
+        moves = cut(times, steps, command, t[: i + 1], given[: i + 1], delays)
+        moved = np.empty_like(moves.command)
+        fun.actuate(
+            moves.command, none, none, moves.lengths, par, False, i == 0, memory, carried, moved, no_slopes
+        )
+        act[now] = step_mean(moves, steps, moved)
         last = np.array([steps.size])
         here = out[i + 1 : i + 2]
         fun.simulate(par, minv, x, times, steps, act[now], plan.exogenous[now], last, here, NO_TRACE)

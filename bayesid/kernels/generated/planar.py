@@ -1294,7 +1294,7 @@ BARE_ACT_MEMORY = 2
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def bare_actuate(command, delay_slope, steps, par, slopes, restart, memory, carried, act, dact):
+def bare_actuate(command, delay_slope, stretch, steps, par, slopes, restart, memory, carried, act, dact):
     """Actuator positions held over each step (their mean), from commands held over each step."""
     tangent = np.zeros(3)
     if restart:
@@ -1393,23 +1393,23 @@ def bare_actuate(command, delay_slope, steps, par, slopes, restart, memory, carr
             v266 = v28 * (v163 * v250)
             v268 = v22 * v266
             v277 = v254 - v9
-            v289 = (v12 * v171) * v249
-            v293 = (v17 / par[11]) - (v178 * v289)
-            v300 = v28 * (v163 * v289)
-            v307 = -(v10 * (((v20 * v289) + (v16 * (0.5 * v293))) + ((v29 * (par[12] * v293)) - (v22 * v300))))
-            v308 = (v170 - 1.0) * v249
-            v310 = v178 * v308
-            v325 = v28 * ((v163 * v308) - ((1.0 - (1.0 if (1e-12 - par[12]) > 0.0 else 0.0)) * (v27 / v26)))
-            v331 = v10 * (((v20 * v308) - (v16 * (0.5 * v310))) + ((v29 * (v18 - (par[12] * v310))) - (v22 * v325)))
-            v333 = v34 * v266
+            v314 = (v12 * v171) * v249
+            v318 = (v17 / par[11]) - (v178 * v314)
+            v325 = v28 * (v163 * v314)
+            v332 = -(v10 * (((v20 * v314) + (v16 * (0.5 * v318))) + ((v29 * (par[12] * v318)) - (v22 * v325))))
+            v333 = (v170 - 1.0) * v249
+            v335 = v178 * v333
+            v350 = v28 * ((v163 * v333) - ((1.0 - (1.0 if (1e-12 - par[12]) > 0.0 else 0.0)) * (v27 / v26)))
+            v356 = v10 * (((v20 * v333) - (v16 * (0.5 * v335))) + ((v29 * (v18 - (par[12] * v335))) - (v22 * v350)))
+            v358 = v34 * v266
             mx = 1.0 - (v10 * ((v251 + (v16 * (0.5 * (v9 + v256)))) + ((v29 * (par[12] * v256)) - v268)))
             my = -(v10 * (((v16 * (0.5 * (v277 - v9))) - v251) + (v268 + (v29 * (par[12] * v277)))))
-            mp0 = v307
-            mp1 = -v331
-            ex = 1.0 - (v333 + (v28 * (v9 * v256)))
-            ey = v333 - (v28 * (v9 * v277))
-            ep0 = -((v34 * v300) + (v28 * (v9 * v293)))
-            ep1 = (v28 * (v9 * v310)) - (v34 * v325)
+            mp0 = v332
+            mp1 = -v356
+            ex = 1.0 - (v358 + (v28 * (v9 * v256)))
+            ey = v358 - (v28 * (v9 * v277))
+            ep0 = -((v34 * v325) + (v28 * (v9 * v318)))
+            ep1 = (v28 * (v9 * v335)) - (v34 * v350)
             for c in range(3):
                 old = tangent[c]
                 tangent[c] = mx * old + my * carried[0, c]
@@ -4144,7 +4144,7 @@ FULL_ACT_MEMORY = 4
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def full_actuate(command, delay_slope, steps, par, slopes, restart, memory, carried, act, dact):
+def full_actuate(command, delay_slope, stretch, steps, par, slopes, restart, memory, carried, act, dact):
     """Actuator positions held over each step (their mean), from commands held over each step."""
     tangent = np.zeros(8)
     if restart:
@@ -4319,7 +4319,8 @@ def full_actuate(command, delay_slope, steps, par, slopes, restart, memory, carr
             v194 = 1.0 if (v9 - v28) > 0.0 else 0.0
             v195 = 1.0 - v194
             v202 = 1.0 / v6
-            v273 = 1.0 - (1.0 if (v30 - h) > 0.0 else 0.0)
+            v272 = 1.0 if (v30 - h) > 0.0 else 0.0
+            v273 = 1.0 - v272
             v274 = (v195 * (v6 * v24)) * v273
             v275 = v35 * v274
             v278 = v202 * v274
@@ -4327,38 +4328,45 @@ def full_actuate(command, delay_slope, steps, par, slopes, restart, memory, carr
             v290 = v43 * (v187 * v274)
             v292 = v37 * v290
             v301 = v278 - v24
-            v313 = (v27 * v195) * v273
-            v317 = (v32 / v6) - (v202 * v313)
-            v324 = v43 * (v187 * v313)
-            v331 = -(v25 * (((v35 * v313) + (v31 * (0.5 * v317))) + ((v44 * (v9 * v317)) - (v37 * v324))))
-            v332 = (v194 - 1.0) * v273
-            v334 = v202 * v332
-            v349 = v43 * ((v187 * v332) - ((1.0 - (1.0 if (1e-12 - v9) > 0.0 else 0.0)) * (v42 / v41)))
-            v355 = v25 * (((v35 * v332) - (v31 * (0.5 * v334))) + ((v44 * (v33 - (v9 * v334))) - (v37 * v349)))
-            v356 = -v355
-            v357 = v49 * v290
-            v372 = -((v49 * v324) + (v43 * (v24 * v317)))
-            v379 = (v43 * (v24 * v334)) - (v49 * v349)
+            v316 = v202 * v272
+            v329 = v43 * (v187 * ((-1.0) + v272))
+            v337 = (((v31 * v35) + (v37 * v44)) * (v25 / h)) - (v25 * (((v35 * v272) - (v31 * (0.5 * v316))) + ((-(v44 * (v9 * v316))) - (v37 * v329))))
+            v338 = (v27 * v195) * v273
+            v342 = (v32 / v6) - (v202 * v338)
+            v349 = v43 * (v187 * v338)
+            v356 = -(v25 * (((v35 * v338) + (v31 * (0.5 * v342))) + ((v44 * (v9 * v342)) - (v37 * v349))))
+            v357 = (v194 - 1.0) * v273
+            v359 = v202 * v357
+            v374 = v43 * ((v187 * v357) - ((1.0 - (1.0 if (1e-12 - v9) > 0.0 else 0.0)) * (v42 / v41)))
+            v380 = v25 * (((v35 * v357) - (v31 * (0.5 * v359))) + ((v44 * (v33 - (v9 * v359))) - (v37 * v374)))
+            v381 = -v380
+            v382 = v49 * v290
+            v404 = -((v49 * v349) + (v43 * (v24 * v342)))
+            v411 = (v43 * (v24 * v359)) - (v49 * v374)
             mx = 1.0 - (v25 * ((v275 + (v31 * (0.5 * (v24 + v280)))) + ((v44 * (v9 * v280)) - v292)))
             my = -(v25 * (((v31 * (0.5 * (v301 - v24))) - v275) + (v292 + (v44 * (v9 * v301)))))
-            mp1 = v331
-            mp2 = v356
-            mp5 = v356
-            mp6 = v331
-            ex = 1.0 - (v357 + (v43 * (v24 * v280)))
-            ey = v357 - (v43 * (v24 * v301))
-            ep1 = v372
-            ep2 = v379
-            ep5 = v379
-            ep6 = v372
+            mh = v337
+            mp1 = v356
+            mp2 = v381
+            mp5 = v381
+            mp6 = v356
+            ex = 1.0 - (v382 + (v43 * (v24 * v280)))
+            ey = v382 - (v43 * (v24 * v301))
+            eh = (v43 * (v24 * v316)) - (v49 * v329)
+            ep1 = v404
+            ep2 = v411
+            ep5 = v411
+            ep6 = v404
             for c in range(8):
                 old = tangent[c]
                 tangent[c] = mx * old + my * carried[2, c]
                 carried[2, c] = ex * old + ey * carried[2, c]
+            tangent[0] += mh * stretch[s, 0]
             tangent[1] += mp1
             tangent[2] += mp2
             tangent[5] += mp5
             tangent[6] += mp6
+            carried[2, 0] += eh * stretch[s, 0]
             carried[2, 1] += ep1
             carried[2, 2] += ep2
             carried[2, 5] += ep5

@@ -1414,7 +1414,7 @@ BARE_ACT_MEMORY = 2
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def bare_actuate(command, delay_slope, steps, par, slopes, restart, memory, carried, act, dact):
+def bare_actuate(command, delay_slope, stretch, steps, par, slopes, restart, memory, carried, act, dact):
     """Actuator positions held over each step (their mean), from commands held over each step."""
     tangent = np.zeros(3)
     if restart:
@@ -1513,23 +1513,23 @@ def bare_actuate(command, delay_slope, steps, par, slopes, restart, memory, carr
             v272 = v28 * (v169 * v256)
             v274 = v22 * v272
             v283 = v260 - v9
-            v295 = (v12 * v177) * v255
-            v299 = (v17 / par[11]) - (v184 * v295)
-            v306 = v28 * (v169 * v295)
-            v313 = -(v10 * (((v20 * v295) + (v16 * (0.5 * v299))) + ((v29 * (par[12] * v299)) - (v22 * v306))))
-            v314 = (v176 - 1.0) * v255
-            v316 = v184 * v314
-            v331 = v28 * ((v169 * v314) - ((1.0 - (1.0 if (1e-12 - par[12]) > 0.0 else 0.0)) * (v27 / v26)))
-            v337 = v10 * (((v20 * v314) - (v16 * (0.5 * v316))) + ((v29 * (v18 - (par[12] * v316))) - (v22 * v331)))
-            v339 = v34 * v272
+            v320 = (v12 * v177) * v255
+            v324 = (v17 / par[11]) - (v184 * v320)
+            v331 = v28 * (v169 * v320)
+            v338 = -(v10 * (((v20 * v320) + (v16 * (0.5 * v324))) + ((v29 * (par[12] * v324)) - (v22 * v331))))
+            v339 = (v176 - 1.0) * v255
+            v341 = v184 * v339
+            v356 = v28 * ((v169 * v339) - ((1.0 - (1.0 if (1e-12 - par[12]) > 0.0 else 0.0)) * (v27 / v26)))
+            v362 = v10 * (((v20 * v339) - (v16 * (0.5 * v341))) + ((v29 * (v18 - (par[12] * v341))) - (v22 * v356)))
+            v364 = v34 * v272
             mx = 1.0 - (v10 * ((v257 + (v16 * (0.5 * (v9 + v262)))) + ((v29 * (par[12] * v262)) - v274)))
             my = -(v10 * (((v16 * (0.5 * (v283 - v9))) - v257) + (v274 + (v29 * (par[12] * v283)))))
-            mp0 = v313
-            mp1 = -v337
-            ex = 1.0 - (v339 + (v28 * (v9 * v262)))
-            ey = v339 - (v28 * (v9 * v283))
-            ep0 = -((v34 * v306) + (v28 * (v9 * v299)))
-            ep1 = (v28 * (v9 * v316)) - (v34 * v331)
+            mp0 = v338
+            mp1 = -v362
+            ex = 1.0 - (v364 + (v28 * (v9 * v262)))
+            ey = v364 - (v28 * (v9 * v283))
+            ep0 = -((v34 * v331) + (v28 * (v9 * v324)))
+            ep1 = (v28 * (v9 * v341)) - (v34 * v356)
             for c in range(3):
                 old = tangent[c]
                 tangent[c] = mx * old + my * carried[0, c]
@@ -4412,7 +4412,7 @@ FULL_ACT_MEMORY = 4
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def full_actuate(command, delay_slope, steps, par, slopes, restart, memory, carried, act, dact):
+def full_actuate(command, delay_slope, stretch, steps, par, slopes, restart, memory, carried, act, dact):
     """Actuator positions held over each step (their mean), from commands held over each step."""
     tangent = np.zeros(8)
     if restart:
@@ -4587,7 +4587,8 @@ def full_actuate(command, delay_slope, steps, par, slopes, restart, memory, carr
             v200 = 1.0 if (v9 - v28) > 0.0 else 0.0
             v201 = 1.0 - v200
             v208 = 1.0 / v6
-            v279 = 1.0 - (1.0 if (v30 - h) > 0.0 else 0.0)
+            v278 = 1.0 if (v30 - h) > 0.0 else 0.0
+            v279 = 1.0 - v278
             v280 = (v201 * (v6 * v24)) * v279
             v281 = v35 * v280
             v284 = v208 * v280
@@ -4595,38 +4596,45 @@ def full_actuate(command, delay_slope, steps, par, slopes, restart, memory, carr
             v296 = v43 * (v193 * v280)
             v298 = v37 * v296
             v307 = v284 - v24
-            v319 = (v27 * v201) * v279
-            v323 = (v32 / v6) - (v208 * v319)
-            v330 = v43 * (v193 * v319)
-            v337 = -(v25 * (((v35 * v319) + (v31 * (0.5 * v323))) + ((v44 * (v9 * v323)) - (v37 * v330))))
-            v338 = (v200 - 1.0) * v279
-            v340 = v208 * v338
-            v355 = v43 * ((v193 * v338) - ((1.0 - (1.0 if (1e-12 - v9) > 0.0 else 0.0)) * (v42 / v41)))
-            v361 = v25 * (((v35 * v338) - (v31 * (0.5 * v340))) + ((v44 * (v33 - (v9 * v340))) - (v37 * v355)))
-            v362 = -v361
-            v363 = v49 * v296
-            v378 = -((v49 * v330) + (v43 * (v24 * v323)))
-            v385 = (v43 * (v24 * v340)) - (v49 * v355)
+            v322 = v208 * v278
+            v335 = v43 * (v193 * ((-1.0) + v278))
+            v343 = (((v31 * v35) + (v37 * v44)) * (v25 / h)) - (v25 * (((v35 * v278) - (v31 * (0.5 * v322))) + ((-(v44 * (v9 * v322))) - (v37 * v335))))
+            v344 = (v27 * v201) * v279
+            v348 = (v32 / v6) - (v208 * v344)
+            v355 = v43 * (v193 * v344)
+            v362 = -(v25 * (((v35 * v344) + (v31 * (0.5 * v348))) + ((v44 * (v9 * v348)) - (v37 * v355))))
+            v363 = (v200 - 1.0) * v279
+            v365 = v208 * v363
+            v380 = v43 * ((v193 * v363) - ((1.0 - (1.0 if (1e-12 - v9) > 0.0 else 0.0)) * (v42 / v41)))
+            v386 = v25 * (((v35 * v363) - (v31 * (0.5 * v365))) + ((v44 * (v33 - (v9 * v365))) - (v37 * v380)))
+            v387 = -v386
+            v388 = v49 * v296
+            v410 = -((v49 * v355) + (v43 * (v24 * v348)))
+            v417 = (v43 * (v24 * v365)) - (v49 * v380)
             mx = 1.0 - (v25 * ((v281 + (v31 * (0.5 * (v24 + v286)))) + ((v44 * (v9 * v286)) - v298)))
             my = -(v25 * (((v31 * (0.5 * (v307 - v24))) - v281) + (v298 + (v44 * (v9 * v307)))))
-            mp1 = v337
-            mp2 = v362
-            mp5 = v362
-            mp6 = v337
-            ex = 1.0 - (v363 + (v43 * (v24 * v286)))
-            ey = v363 - (v43 * (v24 * v307))
-            ep1 = v378
-            ep2 = v385
-            ep5 = v385
-            ep6 = v378
+            mh = v343
+            mp1 = v362
+            mp2 = v387
+            mp5 = v387
+            mp6 = v362
+            ex = 1.0 - (v388 + (v43 * (v24 * v286)))
+            ey = v388 - (v43 * (v24 * v307))
+            eh = (v43 * (v24 * v322)) - (v49 * v335)
+            ep1 = v410
+            ep2 = v417
+            ep5 = v417
+            ep6 = v410
             for c in range(8):
                 old = tangent[c]
                 tangent[c] = mx * old + my * carried[2, c]
                 carried[2, c] = ex * old + ey * carried[2, c]
+            tangent[0] += mh * stretch[s, 0]
             tangent[1] += mp1
             tangent[2] += mp2
             tangent[5] += mp5
             tangent[6] += mp6
+            carried[2, 0] += eh * stretch[s, 0]
             carried[2, 1] += ep1
             carried[2, 2] += ep2
             carried[2, 5] += ep5

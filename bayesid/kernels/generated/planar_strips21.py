@@ -2229,7 +2229,7 @@ BARE_ACT_MEMORY = 2
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def bare_actuate(command, delay_slope, steps, par, slopes, restart, memory, carried, act, dact):
+def bare_actuate(command, delay_slope, stretch, steps, par, slopes, restart, memory, carried, act, dact):
     """Actuator positions held over each step (their mean), from commands held over each step."""
     tangent = np.zeros(3)
     if restart:
@@ -2328,23 +2328,23 @@ def bare_actuate(command, delay_slope, steps, par, slopes, restart, memory, carr
             v268 = v28 * (v165 * v252)
             v270 = v22 * v268
             v279 = v256 - v9
-            v291 = (v12 * v173) * v251
-            v295 = (v17 / par[11]) - (v180 * v291)
-            v302 = v28 * (v165 * v291)
-            v309 = -(v10 * (((v20 * v291) + (v16 * (0.5 * v295))) + ((v29 * (par[12] * v295)) - (v22 * v302))))
-            v310 = (v172 - 1.0) * v251
-            v312 = v180 * v310
-            v327 = v28 * ((v165 * v310) - ((1.0 - (1.0 if (1e-12 - par[12]) > 0.0 else 0.0)) * (v27 / v26)))
-            v333 = v10 * (((v20 * v310) - (v16 * (0.5 * v312))) + ((v29 * (v18 - (par[12] * v312))) - (v22 * v327)))
-            v335 = v34 * v268
+            v316 = (v12 * v173) * v251
+            v320 = (v17 / par[11]) - (v180 * v316)
+            v327 = v28 * (v165 * v316)
+            v334 = -(v10 * (((v20 * v316) + (v16 * (0.5 * v320))) + ((v29 * (par[12] * v320)) - (v22 * v327))))
+            v335 = (v172 - 1.0) * v251
+            v337 = v180 * v335
+            v352 = v28 * ((v165 * v335) - ((1.0 - (1.0 if (1e-12 - par[12]) > 0.0 else 0.0)) * (v27 / v26)))
+            v358 = v10 * (((v20 * v335) - (v16 * (0.5 * v337))) + ((v29 * (v18 - (par[12] * v337))) - (v22 * v352)))
+            v360 = v34 * v268
             mx = 1.0 - (v10 * ((v253 + (v16 * (0.5 * (v9 + v258)))) + ((v29 * (par[12] * v258)) - v270)))
             my = -(v10 * (((v16 * (0.5 * (v279 - v9))) - v253) + (v270 + (v29 * (par[12] * v279)))))
-            mp0 = v309
-            mp1 = -v333
-            ex = 1.0 - (v335 + (v28 * (v9 * v258)))
-            ey = v335 - (v28 * (v9 * v279))
-            ep0 = -((v34 * v302) + (v28 * (v9 * v295)))
-            ep1 = (v28 * (v9 * v312)) - (v34 * v327)
+            mp0 = v334
+            mp1 = -v358
+            ex = 1.0 - (v360 + (v28 * (v9 * v258)))
+            ey = v360 - (v28 * (v9 * v279))
+            ep0 = -((v34 * v327) + (v28 * (v9 * v320)))
+            ep1 = (v28 * (v9 * v337)) - (v34 * v352)
             for c in range(3):
                 old = tangent[c]
                 tangent[c] = mx * old + my * carried[0, c]
@@ -6061,7 +6061,7 @@ FULL_ACT_MEMORY = 4
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def full_actuate(command, delay_slope, steps, par, slopes, restart, memory, carried, act, dact):
+def full_actuate(command, delay_slope, stretch, steps, par, slopes, restart, memory, carried, act, dact):
     """Actuator positions held over each step (their mean), from commands held over each step."""
     tangent = np.zeros(8)
     if restart:
@@ -6236,7 +6236,8 @@ def full_actuate(command, delay_slope, steps, par, slopes, restart, memory, carr
             v196 = 1.0 if (v9 - v28) > 0.0 else 0.0
             v197 = 1.0 - v196
             v204 = 1.0 / v6
-            v275 = 1.0 - (1.0 if (v30 - h) > 0.0 else 0.0)
+            v274 = 1.0 if (v30 - h) > 0.0 else 0.0
+            v275 = 1.0 - v274
             v276 = (v197 * (v6 * v24)) * v275
             v277 = v35 * v276
             v280 = v204 * v276
@@ -6244,38 +6245,45 @@ def full_actuate(command, delay_slope, steps, par, slopes, restart, memory, carr
             v292 = v43 * (v189 * v276)
             v294 = v37 * v292
             v303 = v280 - v24
-            v315 = (v27 * v197) * v275
-            v319 = (v32 / v6) - (v204 * v315)
-            v326 = v43 * (v189 * v315)
-            v333 = -(v25 * (((v35 * v315) + (v31 * (0.5 * v319))) + ((v44 * (v9 * v319)) - (v37 * v326))))
-            v334 = (v196 - 1.0) * v275
-            v336 = v204 * v334
-            v351 = v43 * ((v189 * v334) - ((1.0 - (1.0 if (1e-12 - v9) > 0.0 else 0.0)) * (v42 / v41)))
-            v357 = v25 * (((v35 * v334) - (v31 * (0.5 * v336))) + ((v44 * (v33 - (v9 * v336))) - (v37 * v351)))
-            v358 = -v357
-            v359 = v49 * v292
-            v374 = -((v49 * v326) + (v43 * (v24 * v319)))
-            v381 = (v43 * (v24 * v336)) - (v49 * v351)
+            v318 = v204 * v274
+            v331 = v43 * (v189 * ((-1.0) + v274))
+            v339 = (((v31 * v35) + (v37 * v44)) * (v25 / h)) - (v25 * (((v35 * v274) - (v31 * (0.5 * v318))) + ((-(v44 * (v9 * v318))) - (v37 * v331))))
+            v340 = (v27 * v197) * v275
+            v344 = (v32 / v6) - (v204 * v340)
+            v351 = v43 * (v189 * v340)
+            v358 = -(v25 * (((v35 * v340) + (v31 * (0.5 * v344))) + ((v44 * (v9 * v344)) - (v37 * v351))))
+            v359 = (v196 - 1.0) * v275
+            v361 = v204 * v359
+            v376 = v43 * ((v189 * v359) - ((1.0 - (1.0 if (1e-12 - v9) > 0.0 else 0.0)) * (v42 / v41)))
+            v382 = v25 * (((v35 * v359) - (v31 * (0.5 * v361))) + ((v44 * (v33 - (v9 * v361))) - (v37 * v376)))
+            v383 = -v382
+            v384 = v49 * v292
+            v406 = -((v49 * v351) + (v43 * (v24 * v344)))
+            v413 = (v43 * (v24 * v361)) - (v49 * v376)
             mx = 1.0 - (v25 * ((v277 + (v31 * (0.5 * (v24 + v282)))) + ((v44 * (v9 * v282)) - v294)))
             my = -(v25 * (((v31 * (0.5 * (v303 - v24))) - v277) + (v294 + (v44 * (v9 * v303)))))
-            mp1 = v333
-            mp2 = v358
-            mp5 = v358
-            mp6 = v333
-            ex = 1.0 - (v359 + (v43 * (v24 * v282)))
-            ey = v359 - (v43 * (v24 * v303))
-            ep1 = v374
-            ep2 = v381
-            ep5 = v381
-            ep6 = v374
+            mh = v339
+            mp1 = v358
+            mp2 = v383
+            mp5 = v383
+            mp6 = v358
+            ex = 1.0 - (v384 + (v43 * (v24 * v282)))
+            ey = v384 - (v43 * (v24 * v303))
+            eh = (v43 * (v24 * v318)) - (v49 * v331)
+            ep1 = v406
+            ep2 = v413
+            ep5 = v413
+            ep6 = v406
             for c in range(8):
                 old = tangent[c]
                 tangent[c] = mx * old + my * carried[2, c]
                 carried[2, c] = ex * old + ey * carried[2, c]
+            tangent[0] += mh * stretch[s, 0]
             tangent[1] += mp1
             tangent[2] += mp2
             tangent[5] += mp5
             tangent[6] += mp6
+            carried[2, 0] += eh * stretch[s, 0]
             carried[2, 1] += ep1
             carried[2, 2] += ep2
             carried[2, 5] += ep5
