@@ -1,4 +1,4 @@
-"""Residuals are circular and skip gaps, their Jacobian is exact, and flat directions carry the right names."""
+"""Residuals are circular and skip gaps, their Jacobian is exact, and flat directions are named rightly."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Free, fixed and tied parameters reach the model as stated, and priors are residuals with the right slope."""
+"""Free, fixed and tied parameters reach the model as stated, and priors are residuals with their slope."""
 
 from __future__ import annotations
 
