@@ -5,13 +5,13 @@ Takes amplitudes and correlation times. Gives whitened stacks of all runs. Does 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from bayesid.coloured.kalman import smooth, whiten
-from bayesid.coloured.path import Array, Path
+from bayesid.coloured.log import Array
+from bayesid.coloured.path import Path
 from bayesid.model import Model
 
 
@@ -111,9 +111,6 @@ def filter_settings(model: Model, path: Path, colours: Colours, latent: Latent |
         decay_d.append(np.repeat(np.exp(-gaps / latent.tau)[:, None], len(seen), axis=1))
         sd = dict(zip(latent.channels, latent.sd[len(where) :], strict=True))
         variance_d.append(np.array([sd[names[j]] ** 2 for j in seen]))
-    nx = path.states.shape[1]
-    start = np.full(nx, 1e-16)
-    start[: log.start_sd.size] = log.start_sd**2
     return Filter(
         log.sigma**2,
         np.ascontiguousarray(np.concatenate(gamma, axis=2)),
@@ -122,7 +119,7 @@ def filter_settings(model: Model, path: Path, colours: Colours, latent: Latent |
         drift,
         np.hstack(decay_d),
         np.concatenate(variance_d),
-        start,
+        log.start_sd**2,
     )
 
 
@@ -136,17 +133,50 @@ class White:
     used: int
 
 
+def known(path: Path, step: Array) -> tuple[Array, Array, Array]:
+    """Residual, drive and initial deviation when the parameters are moved by `step` from the path's own.
+
+    The deviation is measured from the path: latent forces zero, initial state that of the readings.
+    """
+    n_force = path.point.force.shape[1]
+    resid = path.resid - path.direct @ step
+    drive = path.defect + path.psi @ step - np.einsum("ixf,if->ix", path.gamma[:, :, :n_force], path.point.force)
+    return resid, drive, path.log.path[0] - path.point.states[0]
+
+
 def whitened(
-    model: Model, path: Path, resid: Array, columns: Array, colours: Colours, latent: Latent | None = None, run: int = 0
+    model: Model,
+    path: Path,
+    step: Array,
+    scale: Array,
+    colours: Colours,
+    latent: Latent | None = None,
+    run: int = 0,
+    extra: tuple[Array, Array] | None = None,
 ) -> White:
-    """Whitened residual (n*q,) and columns (n*q, k) of one run."""
+    """Whitened residual (n*q,) and columns (n*q, k) of one run.
+
+    Parameters
+    ----------
+    step : (p,) where the residual is taken, as a move from the path's parameters
+    scale : (p,) unit of each column [SI]
+    extra : further columns, direct (n, q, k) and drive (n-1, nx, k), e.g. secants
+    """
     f = filter_settings(model, path, colours, latent, run)
-    stack = np.concatenate([resid[:, :, None], columns], axis=2)
-    stack = np.where(path.log.valid[:, :, None], stack, 0.0)
-    out = np.empty((stack.shape[0] * stack.shape[1], stack.shape[2]))
+    resid, drive, first = known(path, step)
+    direct = [resid[:, :, None], path.direct * scale]
+    drives = [drive[:, :, None], -path.psi * scale]
+    if extra is not None:
+        direct.append(extra[0])
+        drives.append(-extra[1])
+    columns = np.concatenate(direct, axis=2)
+    columns = np.ascontiguousarray(np.where(path.log.valid[:, :, None], columns, 0.0))
+    firsts = np.zeros((first.size, columns.shape[2]))
+    firsts[:, 0] = first
+    out = np.empty((columns.shape[0] * columns.shape[1], columns.shape[2]))
     logdet, used = whiten(
-        np.ascontiguousarray(stack), path.log.valid, np.ascontiguousarray(path.slope), f.variance, path.phi, f.gamma,
-        f.decay_f, f.variance_f, f.drift, f.decay_d, f.variance_d, f.start, out,
+        columns, np.ascontiguousarray(np.concatenate(drives, axis=2)), firsts, path.log.valid, path.slope, f.variance,
+        path.phi, f.gamma, f.decay_f, f.variance_f, f.drift, f.decay_d, f.variance_d, f.start, out,
     )  # fmt: skip
     return White(out[:, 0], out[:, 1:], logdet, used)
 
@@ -160,18 +190,17 @@ class Smoothed:
     standard: Array
 
 
-def smoothed(model: Model, path: Path, resid: Array, colours: Colours, latent: Latent | None = None, run: int = 0) -> Smoothed:
-    """Posterior mean and variance of the deviation along one run."""
+def smoothed(
+    model: Model, path: Path, step: Array, colours: Colours, latent: Latent | None = None, run: int = 0
+) -> Smoothed:
+    """Posterior deviation from the path along one run, its parameters moved by `step`."""
     f = filter_settings(model, path, colours, latent, run)
+    resid, drive, first = known(path, step)
     n, q = resid.shape
-    m = path.states.shape[1] + f.variance_f.size + f.variance_d.size
+    m = first.size + f.variance_f.size + f.variance_d.size
     mean, var, standard = np.empty((n, m)), np.empty((n, m)), np.empty((n, q))
     smooth(
-        np.where(path.log.valid, resid, 0.0), path.log.valid, np.ascontiguousarray(path.slope), f.variance, path.phi,
-        f.gamma, f.decay_f, f.variance_f, f.drift, f.decay_d, f.variance_d, f.start, mean, var, standard,
+        np.where(path.log.valid, resid, 0.0), drive, first, path.log.valid, path.slope, f.variance, path.phi, f.gamma,
+        f.decay_f, f.variance_f, f.drift, f.decay_d, f.variance_d, f.start, mean, var, standard,
     )  # fmt: skip
     return Smoothed(mean, var, standard)
-
-
-def total_logdet(whites: Sequence[White]) -> float:
-    return float(sum(w.logdet for w in whites))

@@ -17,13 +17,19 @@ import numpy as np
 
 from bayesid.coloured.colours import Colours, force_unit, smoothed, whitened
 from bayesid.coloured.evidence import Gram, Posterior, gram, posterior
-from bayesid.coloured.path import Array, Log, Path, Point, linearise
+from bayesid.coloured.log import Array, Log
+from bayesid.coloured.path import Path, Point, first_point, linearise
 from bayesid.errors import ModelError
 from bayesid.model import Model
 
-OUTLIER = 5.0
 # A step this long in posterior standard deviations changes the evidence by about 0.02.
 SETTLED = 0.2
+# Longest step of one pass, in prior standard deviations.
+LONGEST = 3.0
+# Movement of the readings in the last pass, in sensor standard deviations, that counts as none.
+JOINED = 0.05
+# Latent force over 1/2 rho L^2 U^2 that no longer moves a track by as much as a sensor sees.
+QUIET = 3e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,8 +66,9 @@ class ColouredFit:
     points, paths : one per run
     grams : one per run, columns in units of the prior sd, residual relative to the prior mean
     standard : per run (n, q) standardised innovations
-    outliers : per run, number of readings set aside
     passes, converged : Gauss-Newton passes and whether the last step was below `SETTLED` posterior sd
+    follow, follow_level : points of the most probable pass and its latent force over 1/2 rho L^2 U^2: a path that
+        follows the data even where the model cannot
     """
 
     free: Free
@@ -73,9 +80,10 @@ class ColouredFit:
     paths: tuple[Path, ...]
     grams: tuple[Gram, ...]
     standard: tuple[Array, ...]
-    outliers: tuple[int, ...]
     passes: int
     converged: bool
+    follow: tuple[Point, ...]
+    follow_level: float
 
     @property
     def log_evidence(self) -> float:
@@ -93,29 +101,11 @@ class ColouredFit:
         return total / max(1, sum(int(p.log.valid.sum()) for p in self.paths))
 
 
-def shifted_resid(path: Path, mean_par: Array, where: Array, start: Array) -> Array:
-    """Residual of the readings against the linear model at the prior mean (parameters, initial state, no forces)."""
-    log, point = path.log, path.point
-    n, nx = path.states.shape
-    offset = np.zeros(nx)
-    offset[: start.size] = point.x0 - start
-    out = path.resid.copy()
-    nf = point.force.shape[1]
-    moved = np.empty((n, nx))
-    moved[0] = offset
-    for i in range(n - 1):
-        moved[i + 1] = path.phi[i] @ moved[i] + path.gamma[i, :, :nf] @ point.force[i]
-    out += np.einsum("iqx,ix->iq", path.slope, moved)
-    out += path.columns @ (point.par[where] - mean_par)
-    return np.where(log.valid, out, 0.0)
-
-
 def stack(model: Model, paths: Sequence[Path], free: Free, colours: Colours) -> list[Gram]:
-    """Whitened Gram matrix of every run."""
+    """Whitened Gram matrix of every run, residual relative to the prior mean, columns per prior sd."""
     out = []
     for k, path in enumerate(paths):
-        resid = shifted_resid(path, free.mean, free.where, path.log.start)
-        w = whitened(model, path, resid, path.columns * free.sd, colours, run=k)
+        w = whitened(model, path, free.mean - path.point.par[free.where], free.sd, colours, run=k)
         out.append(gram(w.resid, w.columns, w.logdet, w.used))
     return out
 
@@ -126,39 +116,33 @@ def fit(
     free: Free,
     colours: Colours,
     start: Sequence[Point] | None = None,
-    loud: float = 0.02,
-    passes: int = 14,
-    full: bool = True,
-    find_outliers: bool = True,
+    loud: float = 0.03,
+    passes: int = 25,
 ) -> ColouredFit:
     """Fit all runs at once.
 
     Parameters
     ----------
     colours : the environment's real level
-    start : points to begin from (default: prior mean, first readings, no forces)
-    loud : latent force of the first pass over 1/2 rho L^2 U^2; lowered by 20 each pass until the real level
+    start : points to begin from (default: prior mean along the readings' own path)
+    loud : latent force of the first pass over 1/2 rho L^2 U^2, lowered to half of what the path still needs each
+        pass until the real level is reached; 0 starts at the real level
     passes : at most this many
     """
     unit = force_unit(model)
     base = model.nominal.copy()
     base[free.where] = free.mean
-    points = (
-        list(start)
-        if start is not None
-        else [Point(base, log.start, np.zeros((log.n - 1, unit.size))) for log in logs]
-    )
-    logs = list(logs)
-    original = [log.valid for log in logs]
+    points = list(start) if start is not None else [first_point(model, log, base) for log in logs]
     values = points[0].par[free.where].copy()
     best: tuple[float, list[Point], Array] | None = None
     standards: list[Array] = []
-    converged, halvings, k = False, 0, 0
-    paths: list[Path] = []
+    converged, halvings, level, settled = False, 0, loud, 0
+    follow: tuple[float, tuple[Point, ...], float] = (-np.inf, tuple(points), loud)
+    k = 0
     for k in range(passes):
-        now = _level(model, colours, loud * 0.05**k)
+        now = _level(model, colours, level)
         try:
-            paths = [linearise(model, log, p, free.where, full) for log, p in zip(logs, points, strict=True)]
+            paths = [linearise(model, log, p, free.where) for log, p in zip(logs, points, strict=True)]
         except ModelError:
             if best is None:
                 raise
@@ -167,53 +151,70 @@ def fit(
         grams = stack(model, paths, free, now)
         total = sum(grams[1:], grams[0])
         post = posterior(total)
+        if post.log_evidence > follow[0]:
+            follow = (post.log_evidence, tuple(points), level if now is not colours else 0.0)
         z = (values - free.mean) / free.sd
         merit = -0.5 * (total.ee - 2 * total.se @ z + z @ total.ss @ z + z @ z + total.logdet)
-        if now is colours:
-            if best is not None and merit < best[0] - 0.5 and halvings < 4:
-                halvings += 1
-                points, values = _between(best[1], points, 0.4), best[2] + 0.4 * (values - best[2])
-                continue
-            if best is None or merit > best[0]:
-                best = (merit, points, values)
-            halvings = 0
-        else:
+        if now is not colours:
             best = (-np.inf, points, values)
+        elif best is not None and merit < best[0] - 0.5 and halvings < 4:
+            halvings += 1
+            points, values = _between(best[1], points, 0.4), best[2] + 0.4 * (values - best[2])
+            continue
+        else:
+            best, halvings = (merit, points, values), 0
         step = post.mean - z
         biggest = float(np.abs(step).max()) if step.size else 0.0
-        factor = min(1.0, (3.0 if k < 3 else 1.5) / biggest) if biggest > 0 else 1.0
+        factor = min(1.0, LONGEST / biggest) if biggest > 0 else 1.0
         proposal = np.maximum(values + factor * step * free.sd, free.low)
-        solved = (proposal - free.mean) / free.sd
-        new_points, standards = [], []
-        for i, (path, log) in enumerate(zip(paths, logs, strict=True)):
-            resid = shifted_resid(path, free.mean, free.where, log.start) - (path.columns * free.sd) @ solved
-            sm = smoothed(model, path, resid, now)
-            nx = path.states.shape[1]
-            par = path.point.par.copy()
-            par[free.where] = proposal
-            force = sm.mean[:-1, nx : nx + unit.size] if any(now.force) else np.zeros((log.n - 1, unit.size))
-            new_points.append(Point(par, log.start + sm.mean[0, : log.start.size], np.ascontiguousarray(force)))
-            standards.append(sm.standard)
-            if find_outliers and k >= 2 and halvings == 0:
-                bad = np.abs(sm.standard) > OUTLIER * max(1.0, _robust_scale(sm.standard))
-                if bad.sum() < 0.05 * original[i].sum():
-                    logs[i] = replace(log, valid=original[i] & ~bad)
-        done = solved - z
+        points, standards = _moved(model, paths, free, proposal, now)
+        done = (proposal - values) / free.sd
         length = float(np.sqrt(done @ done + done @ total.ss @ done)) if done.size else 0.0
-        points, values = new_points, proposal
-        if now is colours and length < SETTLED and k >= 3:
-            converged = True
-            break
+        values = proposal
+        if now is colours:
+            settled = settled + 1 if length < SETTLED else 0
+            if settled and _joined(paths, points):
+                converged = True
+                break
+        else:
+            need = max(float(np.sqrt(np.mean(p.force**2, axis=0) / unit**2).max()) for p in points)
+            level = min(0.5 * need, 0.5 * level)
     return ColouredFit(
-        free, values, post, points[0].par, now, tuple(points), tuple(paths), tuple(grams), tuple(standards),
-        tuple(int((o & ~log.valid).sum()) for o, log in zip(original, logs, strict=True)), k + 1, converged,
+        free, values, post, points[0].par, now, tuple(points), tuple(paths), tuple(grams), tuple(standards), k + 1,
+        converged, follow[1], follow[2],
     )  # fmt: skip
+
+
+def _moved(
+    model: Model, paths: Sequence[Path], free: Free, values: Array, colours: Colours
+) -> tuple[list[Point], list[Array]]:
+    """Points at new parameter values with smoothed states and forces, and the standardised innovations."""
+    n_force = len(colours.force)
+    points, standards = [], []
+    for i, path in enumerate(paths):
+        par = path.point.par.copy()
+        par[free.where] = values
+        sm = smoothed(model, path, values - path.point.par[free.where], colours, run=i)
+        nx = path.point.states.shape[1]
+        force = np.ascontiguousarray(sm.mean[:-1, nx : nx + n_force])
+        points.append(Point(par, path.point.states + sm.mean[:, :nx], force))
+        standards.append(sm.standard)
+    return points, standards
+
+
+def _joined(paths: Sequence[Path], points: Sequence[Point]) -> bool:
+    """Whether the last pass moved no state by more than a fraction of what the sensors see."""
+    for path, point in zip(paths, points, strict=True):
+        moved = np.einsum("iqx,ix->iq", path.slope, point.states - path.point.states)
+        if np.sqrt(np.mean((moved / path.log.sigma) ** 2)) > JOINED:
+            return False
+    return True
 
 
 def _level(model: Model, real: Colours, level: float) -> Colours:
     """The environment of one pass: `level` of latent force while that is louder than the real one."""
     unit = force_unit(model)
-    if np.all(level * unit <= np.maximum(real.force, 1e-7 * unit)):
+    if np.all(level * unit <= np.maximum(real.force, QUIET * unit)):
         return real
     usual = 2.0 * model.scales["L"] / model.scales["U"]
     return replace(real, force=tuple(np.maximum(real.force, level * unit)), force_tau=max(real.force_tau, usual))
@@ -222,12 +223,10 @@ def _level(model: Model, real: Colours, level: float) -> Colours:
 def _between(a: Sequence[Point], b: Sequence[Point], share: float) -> list[Point]:
     """Points a share of the way from a to b."""
     return [
-        Point(p.par + share * (q.par - p.par), p.x0 + share * (q.x0 - p.x0), p.force + share * (q.force - p.force))
+        Point(
+            p.par + share * (q.par - p.par),
+            p.states + share * (q.states - p.states),
+            p.force + share * (q.force - p.force),
+        )
         for p, q in zip(a, b, strict=True)
     ]
-
-
-def _robust_scale(standard: Array) -> float:
-    x = np.abs(standard[standard != 0.0])
-    return float(np.median(x) / 0.6745) if x.size else 1.0
-

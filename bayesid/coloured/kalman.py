@@ -17,6 +17,8 @@ from numba import njit
 @njit(cache=True, nogil=True, error_model="numpy")
 def whiten(
     columns: np.ndarray,
+    drive: np.ndarray,
+    first: np.ndarray,
     valid: np.ndarray,
     slope: np.ndarray,
     variance: np.ndarray,
@@ -35,6 +37,8 @@ def whiten(
     Parameters
     ----------
     columns : (n, q, c) residual and sensitivity columns by sample and channel
+    drive : (n-1, nx, c) known change of the state deviation over each interval, per column
+    first : (nx, c) known initial deviation, per column
     valid : (n, q) bool, readings present
     slope : (n, q, nx) derivative of each reading by the state
     variance : (q,) white sensor variance
@@ -62,6 +66,9 @@ def whiten(
     for i in range(nd):
         p[nx + nf + i, nx + nf + i] = variance_d[i]
     mean = np.zeros((m, c))
+    for i in range(nx):
+        for k in range(c):
+            mean[i, k] = first[i, k]
     turned = np.zeros((m, c))
     tp = np.zeros((m, m))
     h = np.zeros(m)
@@ -111,7 +118,7 @@ def whiten(
             break
         for a in range(nx):
             for k in range(c):
-                turned[a, k] = 0.0
+                turned[a, k] = drive[i, a, k]
             for b in range(nx):
                 f = phi[i, a, b]
                 for k in range(c):
@@ -166,6 +173,8 @@ def whiten(
 @njit(cache=True, nogil=True, error_model="numpy")
 def smooth(
     resid: np.ndarray,
+    drive: np.ndarray,
+    first: np.ndarray,
     valid: np.ndarray,
     slope: np.ndarray,
     variance: np.ndarray,
@@ -185,7 +194,7 @@ def smooth(
 
     Parameters
     ----------
-    resid : (n, q) residual of the readings; the rest as in `whiten`
+    resid, drive, first : (n, q), (n-1, nx), (nx,) residual of the readings and known deviation; rest as in `whiten`
     mean_out, var_out : (n, nx + nf + nd) filled with smoothed means and variances
     standard : (n, q) filled with innovations over their predicted standard deviation, 0 where missing
     """
@@ -202,6 +211,7 @@ def smooth(
     for i in range(nd):
         p[nx + nf + i, nx + nf + i] = variance_d[i]
     mean = np.zeros(m)
+    mean[:nx] = first
     predicted = np.zeros((n, m))
     covariance = np.zeros((n, m, m))
     gains = np.zeros((n, q, m))
@@ -237,6 +247,7 @@ def smooth(
             for a in range(nd):
                 f[nx + nf + a, nx + nf + a] = decay_d[i, a]
             mean = f @ mean
+            mean[:nx] += drive[i]
             p = f @ p @ f.T
             for a in range(nf):
                 p[nx + a, nx + a] += variance_f[a] * (1.0 - decay_f[i, a] ** 2)

@@ -1,0 +1,99 @@
+"""How loud the environment is, measured from the data: latent force per axis, drift, correlation times.
+
+Takes logs along a path. Gives `Colours` by maximum marginal likelihood under a wide prior. Does not decide what is
+environment and what is a gap: the caller picks the runs (straight runs and repeats, where no effect is excited).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize
+
+from bayesid.coloured.colours import Colours, force_unit
+from bayesid.coloured.evidence import posterior
+from bayesid.coloured.fit import Free, fit, stack
+from bayesid.coloured.log import Array, Log
+from bayesid.model import Model
+
+# Prior medians over 1/2 rho L^2 U^2 and L, and spreads of their logarithms: wide enough for a basin and for a rough sea.
+FORCE_MEDIAN, FORCE_SPREAD = 3e-5, 1.5
+DRIFT_MEDIAN, DRIFT_SPREAD = 0.05, 1.5
+TAU_FORCE, TAU_DRIFT, TAU_SPREAD = 3.0, 25.0, 0.7
+
+
+@dataclass(frozen=True)
+class Environment:
+    """Environment of a trial.
+
+    Attributes
+    ----------
+    colours : Colours
+    source : "stated", "measured" or "assumed"
+    spread : standard deviation of the logarithm of the amplitudes
+    """
+
+    colours: Colours
+    source: str
+    spread: float
+
+
+def silent(model: Model) -> Colours:
+    """No process noise at all."""
+    unit, s = force_unit(model), model.scales
+    return Colours((0.0,) * unit.size, TAU_FORCE * s["L"] / s["U"], 0.0, TAU_DRIFT * s["L"] / s["U"])
+
+
+def stated(model: Model, force_rms: float, nav_drift: float) -> Environment:
+    """Environment a bundle states: force over 1/2 rho L^2 U^2 (moments L^3), drift in m."""
+    quiet = silent(model)
+    force = tuple(float(f) for f in force_rms * force_unit(model))
+    return Environment(Colours(force, quiet.force_tau, nav_drift, quiet.drift_tau), "stated", 0.0)
+
+
+def measure(model: Model, logs: Sequence[Log], free: Free, rounds: int = 2) -> Environment:
+    """Environment of runs on which the nominal structure is trusted.
+
+    Coefficients are integrated out under their prior; amplitudes and times maximise the marginal likelihood.
+    """
+    unit, s = force_unit(model), model.scales
+    time = s["L"] / s["U"]
+    centre = np.log(np.concatenate([np.full(unit.size, FORCE_MEDIAN), [DRIFT_MEDIAN, TAU_FORCE, TAU_DRIFT]]))
+    spread = np.concatenate([np.full(unit.size, FORCE_SPREAD), [DRIFT_SPREAD, TAU_SPREAD, TAU_SPREAD]])
+
+    def colours(theta: Array) -> Colours:
+        value = np.exp(theta)
+        return Colours(
+            tuple(float(f) for f in value[: unit.size] * unit), float(value[-2] * time), float(value[-3] * s["L"]),
+            float(value[-1] * time),
+        )  # fmt: skip
+
+    theta = centre.copy()
+    spread_found = 0.5
+    for _ in range(rounds):
+        fitted = fit(model, logs, free, colours(theta), passes=10)
+
+        def cost(t: Array, paths: tuple = fitted.paths) -> float:
+            grams = stack(model, paths, free, colours(t))
+            return -posterior(sum(grams[1:], grams[0])).log_evidence + 0.5 * float((((t - centre) / spread) ** 2).sum())
+
+        found = minimize(cost, theta, method="L-BFGS-B", bounds=[(c - 2.5 * w, c + 2.5 * w) for c, w in zip(centre, spread, strict=True)],
+                         options={"maxiter": 12, "eps": 0.02})  # fmt: skip
+        theta = found.x
+    return Environment(colours(theta), "measured", spread_found)
+
+
+def is_straight(model: Model, log: Log) -> bool:
+    """Whether a run keeps its heading within 15 degrees at steady revolutions, with little rudder."""
+    a = model.kernel.actuators
+    rudder = log.plan.command[:, a.index("delta_r")]
+    rpm = log.plan.command[:, a.index("n")]
+    heading = log.path[:, model.kernel.full.states.index("psi")]
+    limit = float(model.nominal[model.index["limit_r"]])
+    return bool(
+        np.ptp(heading) < 0.26
+        and np.std(rudder) < 0.1 * min(limit, 0.6)
+        and np.ptp(rpm) <= 0.02 * max(1.0, np.abs(rpm).max())
+    )

@@ -1,0 +1,120 @@
+"""One logged run as the coloured likelihood reads it, and a first guess of its path from the readings alone.
+
+Takes a `Model` and a `trials.Run`. Gives a frozen `Log`. Does not fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.ndimage import median_filter
+from scipy.signal import savgol_filter
+
+from bayesid.model import Model
+from bayesid.simulate import Plan, plan_trial_run
+
+Array = np.ndarray
+ANGLES = frozenset({"psi", "phi", "theta"})
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """Readings of one run.
+
+    Attributes
+    ----------
+    name, manoeuvre, role : as in the bundle
+    plan : Plan
+    channels : (q,) positions of the measured channels in `model.kernel.channels`
+    data, valid : (n, q) readings [SI] and whether they count
+    sigma : (q,) white sensor noise, one standard deviation
+    path : (n, nx) first guess of the states of the full kernel
+    start_sd : (nx,) how far the first state may be off
+    """
+
+    name: str
+    manoeuvre: str
+    role: str
+    plan: Plan
+    channels: tuple[int, ...]
+    data: Array
+    valid: Array
+    sigma: Array
+    path: Array
+    start_sd: Array
+
+    @property
+    def n(self) -> int:
+        return int(self.plan.t.size)
+
+    def without(self, bad: Array) -> Log:
+        """Same log with some readings set aside."""
+        return replace(self, valid=self.valid & ~bad)
+
+
+def read_run(model: Model, run: Any, noise: Mapping[str, float], channels: Sequence[str]) -> Log:
+    """Log of a trial run.
+
+    Parameters
+    ----------
+    run : trials.Run
+    noise : channel -> white sensor sigma [SI]
+    channels : names to use, a subset of the kernel's channels
+    """
+    plan = plan_trial_run(model, run)
+    names = [c for c in channels if c in run.data]
+    data = np.column_stack([run.data[c] for c in names])
+    s = model.scales
+    wide = {
+        **dict.fromkeys(("x", "y", "z"), 0.5 * s["L"] + 10.0 * max(noise.get(n, 0.0) for n in ("x", "y"))),
+        **dict.fromkeys(("phi", "theta", "psi"), 0.3),
+        **dict.fromkeys(("u", "v", "w"), 0.3 * s["U"]),
+        **dict.fromkeys(("p", "q", "r"), 0.5 * s["U"] / s["L"]),
+    }
+    states = model.kernel.full.states
+    return Log(
+        name=run.name,
+        manoeuvre=run.manoeuvre,
+        role=run.role,
+        plan=plan,
+        channels=tuple(model.kernel.channels.index(c) for c in names),
+        data=data,
+        valid=np.isfinite(data),
+        sigma=np.array([noise[c] for c in names]),
+        path=_first_path(model, run),
+        start_sd=np.array([wide.get(n, 0.1 * s["U"]) for n in states]),
+    )
+
+
+def _first_path(model: Model, run: Any) -> Array:
+    """States from smoothed readings and their slopes; zero where nothing tells."""
+    t, s = run.t, model.scales
+    spacing = float(np.median(np.diff(t)))
+    grid = np.arange(t[0], t[-1] + 0.5 * spacing, spacing)
+    half = int(np.clip(round(0.5 * s["L"] / s["U"] / spacing), 2, max(2, (grid.size - 1) // 4)))
+    value: dict[str, Array] = {}
+    slope: dict[str, Array] = {}
+    for name in set(run.data) & set(model.states):
+        y = run.data[name]
+        good = np.isfinite(y)
+        if good.sum() < 5:
+            continue
+        even = median_filter(np.interp(grid, t[good], y[good]), 5, mode="nearest")
+        if grid.size > 2 * half + 1:
+            value[name] = np.interp(t, grid, savgol_filter(even, 2 * half + 1, 2))
+            slope[name] = np.interp(t, grid, savgol_filter(even, 2 * half + 1, 2, deriv=1, delta=spacing))
+        else:
+            value[name], slope[name] = np.interp(t, grid, even), np.interp(t, grid, np.gradient(even, spacing))
+    psi = value.get("psi", np.zeros(t.size))
+    if "x" in slope and "y" in slope:
+        value.setdefault("u", slope["x"] * np.cos(psi) + slope["y"] * np.sin(psi))
+        value.setdefault("v", slope["y"] * np.cos(psi) - slope["x"] * np.sin(psi))
+    for angle, rate in (("psi", "r"), ("theta", "q"), ("phi", "p")):
+        if angle in slope:
+            value.setdefault(rate, slope[angle])
+    value.setdefault("u", np.full(t.size, s["U"]))
+    value["v_lagged"] = value.get("v", np.zeros(t.size))
+    return np.column_stack([value.get(n, np.zeros(t.size)) for n in model.kernel.full.states])

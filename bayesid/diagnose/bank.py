@@ -1,0 +1,272 @@
+"""One bank of whitened columns: coefficients and every effect of the catalogue, along one path.
+
+Takes a `Problem` and linearisation points. Gives Gram matrices per run from which any combination of effects is scored
+without another simulation, and what the manoeuvres can tell apart before any data. Does not refit or judge.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bayesid.coloured.colours import Colours, force_unit, whitened
+from bayesid.coloured.evidence import Gram, gram, posterior
+from bayesid.coloured.fit import Free
+from bayesid.coloured.free import effect_prior
+from bayesid.coloured.path import Array, Path, Point, latent_inputs, linearise, with_forces, wrap
+from bayesid.diagnose.problem import Problem
+from bayesid.effects import Effect
+from bayesid.simulate import interval_maps, readings_on
+
+# Secant sizes, in prior standard deviations, of effects without a slope when off.
+SECANTS = (0.15, 0.8)
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """Columns of one effect in the bank; several `variants` where secants of several sizes stand in for a slope."""
+
+    effect: Effect
+    variants: tuple[Array, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Bank:
+    """Whitened products along one path.
+
+    Attributes
+    ----------
+    grams : per environment level, one Gram per run; columns are coefficients, then effects
+    levels : the environments
+    n_coef : number of coefficient columns
+    effects : name -> Column
+    """
+
+    grams: tuple[tuple[Gram, ...], ...]
+    levels: tuple[Colours, ...]
+    n_coef: int
+    effects: dict[str, Column]
+
+    def total(self, level: int) -> Gram:
+        """All runs together."""
+        grams = self.grams[level]
+        return sum(grams[1:], grams[0])
+
+    def columns(self, chosen: Sequence[str], variants: Sequence[int] = ()) -> Array:
+        """Positions of the coefficients and of the chosen effects."""
+        out = [np.arange(self.n_coef)]
+        for i, name in enumerate(chosen):
+            column = self.effects[name]
+            out.append(column.variants[variants[i] if i < len(variants) else 0])
+        return np.concatenate(out)
+
+
+def testable(problem: Problem, effect: Effect) -> bool:
+    """Whether an effect can show in this trial at all."""
+    names = set(problem.channels)
+    if effect.dof > problem.model.dof:
+        return False
+    seen = set(effect.sensor) | {c for group in effect.sensor_delay.values() for c in group}
+    return not (effect.port == "sensor" and not (seen & names))
+
+
+def build_bank(
+    problem: Problem, points: Sequence[Point], levels: Sequence[Colours], effects: Sequence[Effect], with_effects: Free | None = None
+) -> Bank:
+    """Bank along a path.
+
+    Parameters
+    ----------
+    levels : environments under which to whiten
+    effects : the effects to give columns
+    with_effects : parameters free besides the coefficients (effects already in the model)
+    """
+    model = problem.model
+    base = problem.coefficients if with_effects is None else problem.coefficients + with_effects
+    smooth = [e for e in effects if e.smooth]
+    free = base
+    position = {}
+    for effect in smooth:
+        more = effect_prior(model, effect)
+        position[effect.name] = np.arange(len(free.names), len(free.names) + len(more.names))
+        free = free + more
+    kinked = [e for e in effects if not e.smooth]
+    n_free = len(free.names)
+    columns = {e.name: Column(e, (position[e.name],)) for e in smooth}
+    for i, effect in enumerate(kinked):
+        first = n_free + i * len(SECANTS)
+        columns[effect.name] = Column(effect, tuple(np.array([first + j]) for j in range(len(SECANTS))))
+    paths, extras = [], []
+    for log, point in zip(problem.logs, points, strict=True):
+        path = linearise(model, log, point, free.where)
+        paths.append(path)
+        extras.append(_secants(problem, path, kinked) if kinked else None)
+    grams = []
+    for colours in levels:
+        row = []
+        for k, (path, extra) in enumerate(zip(paths, extras, strict=True)):
+            w = whitened(model, path, free.mean - path.point.par[free.where], free.sd, colours, run=k, extra=extra)
+            row.append(gram(w.resid, w.columns, w.logdet, w.used))
+        grams.append(tuple(row))
+    return Bank(tuple(grams), tuple(levels), len(base.names), columns)
+
+
+def _secants(problem: Problem, path: Path, effects: Sequence[Effect]) -> tuple[Array, Array]:
+    """Difference quotients of readings and interval ends, in units of one prior standard deviation."""
+    model, log, point = problem.model, path.log, path.point
+    nothing = np.zeros(0, dtype=np.int64)
+    inputs = latent_inputs(model)
+    plan = with_forces(model, log.plan, point.force)
+    picked = list(log.channels)
+    direct, drive = [], []
+    ends = path.defect + point.states[1:]
+    for effect in effects:
+        prior = effect_prior(model, effect)
+        for size in SECANTS:
+            par = point.par.copy()
+            par[prior.where] = np.maximum(par[prior.where], prior.mean) + size * prior.sd
+            maps = interval_maps(model, par, plan, point.states, inputs, nothing)
+            readings = readings_on(model, par, plan, point.states, maps, nothing).values[:, picked]
+            resid = wrap(model, log, log.data - readings)
+            direct.append(np.where(np.isfinite(resid), path.resid - resid, 0.0) / size)
+            drive.append((maps.ends - ends) / size)
+    return np.stack(direct, axis=2), np.stack(drive, axis=2)
+
+
+@dataclass(frozen=True)
+class Score:
+    """Screen of one effect: gain in log evidence over no effect, best level and secant."""
+
+    name: str
+    gain: float
+    level: int
+    variant: int
+
+
+def levels_between(problem: Problem, follow: float) -> list[Colours]:
+    """Environments from the real one up to what the following path needed."""
+    real = problem.environment.colours
+    unit = force_unit(problem.model)
+    quiet = max(float((np.array(real.force) / unit).max()), 1e-6)
+    out = [real]
+    level = quiet * 6.0
+    while level < follow:
+        out.append(replace(real, force=tuple(np.maximum(real.force, level * unit))))
+        level *= 6.0
+    if follow > quiet:
+        out.append(replace(real, force=tuple(np.maximum(real.force, follow * unit))))
+    return out
+
+
+def screen(bank: Bank) -> list[Score]:
+    """All effects of the bank, best first; every level counts, as the true effect lowers the noise that is needed."""
+    base = [posterior(bank.total(i).pick(bank.columns(()))).log_evidence for i in range(len(bank.levels))]
+    none = max(base)
+    out = []
+    for name, column in bank.effects.items():
+        best = Score(name, -np.inf, 0, 0)
+        for i in range(len(bank.levels)):
+            total = bank.total(i)
+            for v in range(len(column.variants)):
+                gain = posterior(total.pick(bank.columns((name,), (v,)))).log_evidence - none
+                if gain > best.gain:
+                    best = Score(name, float(gain), i, v)
+        out.append(best)
+    return sorted(out, key=lambda s: -s.gain)
+
+
+def widened(bank: Bank, names: Sequence[str], factor: float = 10.0) -> dict[str, float]:
+    """Gain in log evidence when one coefficient's prior sd is multiplied, per coefficient, best over the levels."""
+    out: dict[str, float] = {}
+    base = [posterior(bank.total(i).pick(bank.columns(()))).log_evidence for i in range(len(bank.levels))]
+    for j, name in enumerate(names):
+        scale = np.ones(bank.n_coef)
+        scale[j] = factor
+        gains = []
+        for i in range(len(bank.levels)):
+            g = bank.total(i).pick(bank.columns(()))
+            wide = Gram(g.ss * np.outer(scale, scale), g.se * scale, g.ee, g.logdet, g.used)
+            gains.append(posterior(wide).log_evidence - max(base))
+        out[name] = float(max(gains))
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class Ambiguity:
+    """What the manoeuvres can tell, from information alone.
+
+    Attributes
+    ----------
+    names : effects
+    detect : (k,) noncentrality of each effect at one prior sd after the coefficients took their part
+    absorbed : (k,) share of the signature the coefficients can hide
+    margin : (k, k) expected log-evidence margin of truth i over explanation j at the stated size
+    groups : effects that cannot be told apart at the stated size
+    size : in prior standard deviations
+    """
+
+    names: tuple[str, ...]
+    detect: Array
+    absorbed: Array
+    margin: Array
+    groups: tuple[tuple[str, ...], ...]
+    size: float
+
+
+def ambiguity(bank: Bank, size: float = 0.3, level: int = 0) -> Ambiguity:
+    """Detectability, absorption and isolability of all effects of a bank (design note A6)."""
+    names = tuple(bank.effects)
+    a = bank.total(level).ss
+    c = bank.n_coef
+    inner = np.linalg.inv(np.eye(c) + a[:c, :c])
+    blocks = [bank.effects[n].variants[0] for n in names]
+    schur = a[c:, c:] - a[c:, :c] @ inner @ a[:c, c:]
+    detect, absorbed = np.zeros(len(names)), np.ones(len(names))
+    unit = []
+    for i, b in enumerate(blocks):
+        u = np.ones(b.size) / np.sqrt(b.size)
+        unit.append(u)
+        detect[i] = u @ schur[np.ix_(b - c, b - c)] @ u
+        whole = u @ a[np.ix_(b, b)] @ u
+        absorbed[i] = 1.0 - detect[i] / whole if whole > 0 else 1.0
+    margin = np.zeros((len(names), len(names)))
+    for i, bi in enumerate(blocks):
+        cii = schur[np.ix_(bi - c, bi - c)]
+        truth = size * unit[i]
+        for j, bj in enumerate(blocks):
+            if i == j:
+                continue
+            cjj, cji = schur[np.ix_(bj - c, bj - c)], schur[np.ix_(bj - c, bi - c)] @ truth
+            loss = size**2 * detect[i] - cji @ np.linalg.solve(cjj + np.eye(bj.size), cji)
+            own = cii @ truth
+            loss_own = size**2 * detect[i] - own @ np.linalg.solve(cii + np.eye(bi.size), own)
+            margin[i, j] = 0.5 * (loss - loss_own) + _occam(cii) - _occam(cjj)
+    return Ambiguity(names, detect, absorbed, margin, _groups(names, detect, margin, size), size)
+
+
+def _occam(c: Array) -> float:
+    k = c.shape[0]
+    return 0.5 * float(np.trace(np.linalg.solve(c + np.eye(k), c))) - 0.5 * float(np.linalg.slogdet(np.eye(k) + c)[1])
+
+
+def _groups(names: tuple[str, ...], detect: Array, margin: Array, size: float) -> tuple[tuple[str, ...], ...]:
+    """Connected components of detectable effects whose expected margin is below 5 either way."""
+    seen: set[int] = set()
+    out = []
+    visible = [i for i in range(len(names)) if size**2 * detect[i] >= 10.0]
+    for i in visible:
+        if i in seen:
+            continue
+        stack, group = [i], []
+        while stack:
+            k = stack.pop()
+            if k in seen:
+                continue
+            seen.add(k)
+            group.append(k)
+            stack += [j for j in visible if j not in seen and min(margin[k, j], margin[j, k]) < 5.0]
+        if len(group) > 1:
+            out.append(tuple(names[k] for k in sorted(group)))
+    return tuple(out)

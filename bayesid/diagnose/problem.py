@@ -1,0 +1,160 @@
+"""What a diagnosis works on: model, identify runs, coefficient priors, environment.
+
+Takes a trial and a vehicle. Gives a frozen `Problem`. Held-out runs are not even read here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from bayesid.coloured.colours import Colours, force_unit
+from bayesid.coloured.fit import ColouredFit, Free, fit
+from bayesid.coloured.free import coefficient_prior, effect_prior
+from bayesid.coloured.levels import Environment, is_straight, measure, silent, stated
+from bayesid.coloured.log import Log, read_run
+from bayesid.coloured.path import Point, first_point
+from bayesid.effects import Effect
+from bayesid.errors import TrialError
+from bayesid.model import Model
+from bayesid.trials import Trial
+
+OUTLIER = 6.0
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A gap to diagnose.
+
+    Attributes
+    ----------
+    model : Model
+    logs : identify runs, outliers set aside
+    coefficients : Free
+    environment : Environment
+    channels : measured channels used
+    outliers : (run, time [s], channel) of the readings set aside
+    warnings : sentences for the report
+    """
+
+    model: Model
+    logs: tuple[Log, ...]
+    coefficients: Free
+    environment: Environment
+    channels: tuple[str, ...]
+    outliers: tuple[tuple[str, float, str], ...]
+    warnings: tuple[str, ...]
+
+
+def pose(model: Model, trial: Trial, say: Say = lambda text: None, as_built: float | None = None) -> Problem:
+    """Problem of a trial.
+
+    Parameters
+    ----------
+    as_built : relative sd of the coefficients if an earlier clean identification fixed them (as-built frame)
+
+    Raises
+    ------
+    TrialError
+        if there is nothing to identify from
+    """
+    warnings: list[str] = []
+    runs = trial.identify
+    if not runs:
+        raise TrialError(f"{trial.name}: no run has role 'identify'; a diagnosis needs at least one")
+    noise = dict(trial.noise)
+    measured = {c for run in runs for c in run.data}
+    missing = [c for c in model.kernel.channels if c in measured and c not in noise]
+    if missing:
+        noise |= _noise_from_data(runs, missing)
+        warnings.append(f"sensor noise of {', '.join(missing)} is not stated; estimated from fast changes of the readings")
+    channels = tuple(c for c in model.kernel.channels if c in noise and c in measured)
+    logs = [read_run(model, run, noise, channels) for run in runs]
+    say("reading: readings that no smooth motion explains")
+    logs, outliers = _set_aside(model, logs)
+    coefficients = coefficient_prior(model)
+    if as_built is not None:
+        coefficients = Free(
+            coefficients.names, coefficients.where, coefficients.mean, as_built * np.abs(coefficients.mean), coefficients.low
+        )
+    if model.vehicle.prior is None and as_built is None:
+        warnings.append("the vehicle file states no prior; coefficients are taken as known to 10 %")
+    environment = _environment(model, trial, logs, coefficients, warnings, say)
+    return Problem(model, tuple(logs), coefficients, environment, channels, tuple(outliers), tuple(warnings))
+
+
+def _noise_from_data(runs: tuple, names: list[str]) -> dict[str, float]:
+    """White noise per channel from third differences, which remove smooth motion."""
+    out = {}
+    for name in names:
+        scatter = []
+        for run in runs:
+            if name in run.data:
+                y = run.data[name]
+                d = y[3:] - 3 * y[2:-1] + 3 * y[1:-2] - y[:-3]
+                d = d[np.isfinite(d)]
+                if d.size > 10:
+                    scatter.append(1.4826 * np.median(np.abs(d)) / np.sqrt(20.0))
+        if scatter:
+            out[name] = max(float(np.median(scatter)), 1e-9)
+    return out
+
+
+def _set_aside(model: Model, logs: list[Log]) -> tuple[list[Log], list[tuple[str, float, str]]]:
+    """Logs without readings that stand out although the path may bend freely."""
+    loud = Colours(tuple(0.03 * force_unit(model)), silent(model).force_tau, 0.0, silent(model).drift_tau)
+    nothing = Free((), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0), np.zeros(0))
+    fitted = fit(model, logs, nothing, loud, passes=3, loud=0.0)
+    out, found = [], []
+    for log, standard in zip(logs, fitted.standard, strict=True):
+        spread = max(1.0, float(np.median(np.abs(standard[log.valid]))) / 0.6745)
+        bad = log.valid & (np.abs(standard) > OUTLIER * spread)
+        bad[:3] = False
+        for i, j in np.argwhere(bad):
+            found.append((log.name, float(log.plan.t[i]), model.kernel.channels[log.channels[j]]))
+        out.append(log.without(bad) if bad.sum() < 0.05 * log.valid.sum() else log)
+    return out, found
+
+
+def _environment(
+    model: Model, trial: Trial, logs: list[Log], free: Free, warnings: list[str], say: Say
+) -> Environment:
+    told = trial.environment
+    if told is not None and told.force_rms is not None:
+        return stated(model, told.force_rms, told.nav_drift or 0.0)
+    straight = [log for log in logs if is_straight(model, log)]
+    if straight:
+        say(f"environment: measured from {len(straight)} straight run(s)")
+        return measure(model, straight, free)
+    warnings.append("no straight run: the environment is estimated from all runs, so a gap may hide in it")
+    found = measure(model, logs, free)
+    return Environment(found.colours, "assumed", 1.0)
+
+
+def start_points(problem: Problem, effect_free: Free, effects: tuple[Effect, ...]) -> list[Point]:
+    """Points of a refit: nominal coefficients; effects that have no slope when off start half a prior sd away."""
+    par = problem.model.nominal.copy()
+    for effect in effects:
+        for p in effect.parameters:
+            i = problem.model.index[effect.key(p.name)]
+            k = effect_free.names.index(effect.key(p.name))
+            par[i] = p.mean if effect.smooth else p.mean + 0.5 * effect_free.sd[k]
+    return [first_point(problem.model, log, par) for log in problem.logs]
+
+
+def fit_with(
+    problem: Problem, effects: tuple[Effect, ...], start: list[Point] | None = None, passes: int = 25, loud: float = 0.03
+) -> ColouredFit:
+    """Coloured fit of coefficients and of some effects' parameters."""
+    free = problem.coefficients
+    extra = None
+    for effect in effects:
+        more = effect_prior(problem.model, effect)
+        extra = more if extra is None else extra + more
+        free = free + more
+    if start is None and extra is not None:
+        start = start_points(problem, extra, effects)
+    return fit(problem.model, problem.logs, free, problem.environment.colours, start=start, passes=passes, loud=loud)
