@@ -192,6 +192,7 @@ def _nominal(vehicle: Vehicle, kernel: Kernel) -> np.ndarray:
     values = {
         "m": vehicle.mass, "L": vehicle.L, "rho": vehicle.rho, "height": diameter,
         "rpm_ref": rpm, "U_ref": speed,
+        "torque_ref": vehicle.propulsion.values.get("Q_ref", 0.0),
         "W": vehicle.W, "B": vehicle.B, "cross": 0.0 if vehicle.plain_abs else 1.0,
         "uc_per_rpm": vehicle.propulsion.values.get("uc_per_rpm", speed / rpm),
         "point_x": 0.0, "point_y": 0.0, "point_z": 0.0,

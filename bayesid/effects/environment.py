@@ -35,8 +35,8 @@ EFFECTS = (
         port="force",
         where=("X+Y+N", "X", "Y", "Y+N", "current"),
         parameters=(
-            EffectParameter("F_north", "N", 2e-4, "rho*L**2*U**2/2"),
-            EffectParameter("F_east", "N", 2e-4, "rho*L**2*U**2/2"),
+            EffectParameter("F_north", "N", 2e-4, "rho*L**2*U**2/2", about="force to the north"),
+            EffectParameter("F_east", "N", 2e-4, "rho*L**2*U**2/2", about="force to the east"),
         ),
         force={
             "X": "F_north*cos(psi) + F_east*sin(psi)",

@@ -81,7 +81,7 @@ EFFECTS = (
         name="tether_drag",
         family="tether_drag",
         port="force",
-        where=("X", "X+Y+N", "Y+N", "N", "rpm"),
+        where=("X+Y+N", "X", "Y+N", "N", "rpm"),
         parameters=(
             EffectParameter(
                 "k", "N*s^2/m^2", 2e-4, "rho*L**2/2", one_sided=True, about="quadratic drag at the stern"

@@ -60,7 +60,7 @@ EFFECTS = (
         where=("K",),
         parameters=(
             EffectParameter(
-                "torque", "N*m", 2e-5, "rho*L**3*U**2/2", about="on the hull at the reference rpm"
+                "torque", "N*m", 2e-5, "rho*L**3*U**2/2", about="beyond the file's, at the reference rpm"
             ),
         ),
         force={"K": "torque*n*abs(n)/rpm_ref**2"},

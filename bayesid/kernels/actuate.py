@@ -17,8 +17,7 @@ from bayesid.kernels.layout import FIN
 from bayesid.kernels.printing import statements
 
 # The vehicle's own servo closes every chain: it runs at its rate limit while the error exceeds limit times
-# lag and decays exponentially from there. One element rather than a lag followed by a limit, which would catch
-# up too fast.
+# lag and decays exponentially from there. A lag followed by a limit would catch up too fast.
 _RUN = "min(max(abs(x - y)*inverse_rate - servo_lag, 0), h)"
 _LEFT = f"(abs(x - y) - {_RUN}/inverse_rate)"
 _DECAY = f"exp(-(h - {_RUN})/max(servo_lag, 1e-12))"

@@ -17,7 +17,7 @@ from bayesid.effects import Effect
 from bayesid.errors import ModelError
 from bayesid.kernels.expr import Graph, Node
 from bayesid.kernels.flow import cross_flow_speeds, current, parse_effect, strip_drag
-from bayesid.kernels.formulas import ETA, KINEMATICS_3, KINEMATICS_6, KT_THRUST, RIGID_BODY, STATICS
+from bayesid.kernels.formulas import ETA, KINEMATICS_3, KINEMATICS_6, KT_THRUST, RIGID_BODY, STATICS, TORQUE
 from bayesid.kernels.layout import (
     AXIS,
     PLANAR_STATES,
@@ -76,6 +76,9 @@ def build(spec: KernelSpec, effects: tuple[Effect, ...], active: bool) -> Dynami
     if spec.propulsion == "kt":
         kt = dyn.graph.parse(KT_THRUST, {**at.const, **at.water, **at.inputs})
         thrust, wrench["X"] = dyn.graph.add(thrust, kt), dyn.graph.add(wrench["X"], kt)
+    if spec.dof == 6:
+        torque = dyn.graph.parse(TORQUE, {**at.const, **at.inputs})
+        wrench["K"] = dyn.graph.add(wrench["K"], torque)
     _add_effects(dyn, effects, at, parts, thrust, wrench)
     for axis in dyn.axes:
         dyn.wrench[axis] = dyn.graph.add(wrench[axis], at.inputs[f"force_{axis}"])

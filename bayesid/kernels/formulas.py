@@ -41,6 +41,8 @@ KT_THRUST = (
     "(1 - t_p)*rho*D**4*Kt0*n*abs(n)/3600"
     "*(1 - (max(u*(1 - w_p)*60/(D*kt_a*(sgn(n)*max(abs(n), 1e-6) + (1 - abs(sgn(n)))*1e-6)), 0))**kt_b)"
 )
+# Reaction of the propeller on the hull, `torque_ref` at the reference revolutions.
+TORQUE = "torque_ref*n*abs(n)/rpm_ref**2"
 # Velocity of the water in body axes; and what turning axes add to its rate: -omega x c.
 CURRENT = {
     "u": "north*cos(theta)*cos(psi) + east*cos(theta)*sin(psi) - down*sin(theta)",

@@ -53,7 +53,22 @@ RATE = {"u": "udot", "v": "vdot", "w": "wdot", "p": "pdot", "q": "qdot", "r": "r
 AXIS = {"u": "X", "v": "Y", "w": "Z", "p": "K", "q": "M", "r": "N"}
 
 SHARED = ("m", "Izz", "x_G", "y_G", "L", "rho", "height", "rpm_ref", "U_ref", "point_x", "point_y")
-VERTICAL = ("Ixx", "Iyy", "Ixy", "Ixz", "Iyz", "z_G", "W", "B", "x_B", "y_B", "z_B", "cross", "point_z")
+VERTICAL = (
+    "Ixx",
+    "Iyy",
+    "Ixy",
+    "Ixz",
+    "Iyz",
+    "z_G",
+    "W",
+    "B",
+    "x_B",
+    "y_B",
+    "z_B",
+    "cross",
+    "point_z",
+    "torque_ref",
+)
 KT = ("Kt0", "kt_a", "kt_b", "w_p", "t_p", "D")
 FIN = {"delta_r": "r", "delta_s": "s", "delta_b": "b"}
 

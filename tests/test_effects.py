@@ -1,0 +1,233 @@
+"""The catalogue of effects: names as agreed, absent when off, alive when on, generated for users."""
+
+import os
+import subprocess
+import sys
+import tomllib
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from plain_kernel import EVERY, uncompiled
+
+from bayesid.effects import CATALOGUE, PORTS, Effect, EffectParameter
+from bayesid.errors import ModelError
+from bayesid.kernels import runtime
+from bayesid.kernels.generate import GENERATED, module_source
+from bayesid.kernels.layout import COMMITTED
+from bayesid.model import build_model
+from bayesid.simulate import observe, plan_run, simulate, steady_start
+from bayesid.terms import term
+from bayesid.vehicles import load_vehicle
+
+AGREED = tomllib.loads((Path(__file__).parent / "data" / "effect_names.toml").read_text("utf-8"))["effect"]
+BY_NAME = {e.name: e for e in CATALOGUE}
+# what no kernel holds: a coefficient that is wrong is a parameter of its own
+ELSEWHERE = {"coefficient_error"}
+# the kernel's unknowns are cartesian, which keeps them differentiable at no wind; reports speak of V and from
+OTHER_PARAMETERS = {"wind": ["blowing_north", "blowing_east", "area_coefficients"]}
+
+
+@pytest.mark.parametrize("agreed", [a for a in AGREED if a["name"] not in ELSEWHERE], ids=lambda a: a["name"])
+def test_names_and_places_are_those_agreed(agreed):
+    effect = BY_NAME[agreed["name"]]
+    assert effect.family == agreed["family"]
+    assert effect.port == agreed["port"]
+    assert list(effect.where) == agreed["where"]
+    assert list(effect.aliases) == agreed.get("aliases", [])
+    expected = OTHER_PARAMETERS.get(effect.name, agreed["parameters"])
+    assert [p.name for p in effect.parameters] == expected
+
+
+def test_nothing_is_in_the_catalogue_that_was_not_agreed():
+    assert set(BY_NAME) == {a["name"] for a in AGREED} - ELSEWHERE
+
+
+@pytest.mark.parametrize("effect", CATALOGUE, ids=lambda e: e.name)
+def test_declarations_are_complete(effect):
+    assert effect.port in PORTS
+    assert effect.source
+    assert effect.magnitude
+    for p in effect.parameters:
+        assert p.about, p.name
+        assert p.unit, p.name
+        assert p.sd > 0
+
+
+@lru_cache
+def lively(dof):
+    """Both sides of the rudder, wind, changing shaft speed; in six degrees near the surface."""
+    model = build_model(load_vehicle("generic_sub"), dof)
+    if dof == 6:
+        model = uncompiled(model)
+    k = np.arange(9)
+    t = 0.25 * k * model.scales["L"] / model.scales["U"]
+    rpm = model.vehicle.rpm_ref
+    inputs = {"delta_r_cmd": 0.2 * np.sin(2.0 * k + 0.5), "n_cmd": rpm * (1 + 0.1 * np.cos(k))}
+    inputs |= {"delta_s_cmd": 0.05 * np.cos(k), "delta_b_cmd": 0.03 * np.sin(k)}
+    wind = {"wind_speed": 4.0 + 0.1 * k, "wind_from": 0.3 + 0.1 * k}
+    x0 = steady_start(model)
+    x0[model.states.index("v")] = 0.05 * model.scales["U"]
+    return model, plan_run(model, t, inputs, exogenous=wind), x0
+
+
+@lru_cache
+def readings(dof, changes=(), full=True):
+    model, plan, x0 = lively(dof)
+    par = model.with_values(dict(changes))
+    track = simulate(model, par, plan, x0, full=full)
+    return observe(model, par, plan, track.states, full=full)
+
+
+@pytest.mark.parametrize("effect", CATALOGUE, ids=lambda e: e.name)
+def test_turning_an_effect_on_changes_the_readings(effect):
+    """By more than 1e-6 of the run, at one prior width; its off value changes nothing (see below)."""
+    dof = max(effect.dof, 3)
+    model, *_ = lively(dof)
+    values = {effect.key(p.name): p.mean + model.prior_sd(effect.key(p.name)) for p in effect.parameters}
+    on, off = readings(dof, tuple(values.items())), readings(dof)
+    assert np.abs((on - off) / np.maximum(np.abs(off).max(axis=0), 1e-9)).max() > 1e-6
+
+
+@pytest.mark.parametrize("dof", [3, 6])
+def test_off_values_reproduce_the_bare_model(dof):
+    """With every effect at its off value, and without any: 1e-12 of each channel's range."""
+    on, off = readings(dof, full=True), readings(dof, full=False)
+    assert np.abs((on - off) / np.maximum(np.abs(off).max(axis=0), 1e-9)).max() < 1e-12
+
+
+@pytest.mark.parametrize("effect", CATALOGUE, ids=lambda e: e.name)
+def test_shape_parameters_alone_change_nothing(effect):
+    """Where off and mean differ (a decay, a lag) the effect is off by its amplitude, whatever the shape."""
+    dof = max(effect.dof, 3)
+    shapes = [(effect.key(p.name), 1.3 * p.off) for p in effect.parameters if p.off != 0.0]
+    assert np.allclose(readings(dof, tuple(shapes)), readings(dof), rtol=1e-12, atol=1e-12)
+
+
+def test_ballast_carries_its_own_weight():
+    """Neutral water added anywhere leaves a resting, trimmed vehicle at rest."""
+    model, plan, x0 = lively(6)
+    model = build_model(load_vehicle("generic_sub"), 6)
+    model = uncompiled(model)
+    still = plan_run(model, plan.t, {})
+    par = model.with_values({"ballast_mass.mass_fraction": 0.06, "ballast_mass.x": 0.2 * model.scales["L"]})
+    par[model.index["x_G"]] = par[model.index["x_B"]] = 0.0
+    par[model.index["y_G"]] = par[model.index["y_B"]] = 0.0
+    track = simulate(model, par, still, np.zeros(12))
+    assert np.abs(track.states).max() < 1e-9
+
+
+def test_a_biased_compass_does_not_turn_the_lever_arm():
+    """Readings of x with both effects: those with the lever arm alone."""
+    arm = (("position_lever_arm.l_x", 3.0),)
+    x = lively(3)[0].kernel.channels.index("x")
+    both = readings(3, (*arm, ("heading_bias.bias", 0.3)))
+    assert np.array_equal(both[:, x], readings(3, arm)[:, x])
+
+
+def test_wind_blows_to_where_its_parameters_point():
+    """Air from the north (blowing to the south) pushes a vehicle that heads north back: X < 0."""
+    model, plan, x0 = lively(3)
+    x0 = steady_start(model)
+    t = np.array([0.0, 1.0])
+    plan = plan_run(model, t, {"n_cmd": np.full(2, model.vehicle.rpm_ref)})
+    calm = simulate(model, model.nominal, plan, x0, full=True)
+    V, blows_from = 10.0, 0.0
+    towards = {"wind.blowing_north": -V * np.cos(blows_from), "wind.blowing_east": -V * np.sin(blows_from)}
+    windy = simulate(model, model.with_values(towards), plan, x0)
+    assert windy["u"][-1] < calm["u"][-1]
+
+
+@pytest.mark.parametrize("spec", COMMITTED, ids=lambda s: s.name)
+def test_committed_kernels_are_what_the_generator_prints(spec):
+    assert (GENERATED / f"{spec.name}.py").read_bytes() == module_source(spec).encode()
+
+
+def test_every_row_of_the_table_is_in_some_kernel():
+    from bayesid.kernels.layout import rows_of
+    from bayesid.terms import TERMS
+
+    carried = {row.name for spec in EVERY for row in rows_of(spec)}
+    assert carried == {row.name for row in TERMS}
+    assert term("Y_v").name in carried
+
+
+# ---- effects of a user ----------------------------------------------------------------------------------
+PUSH = Effect(
+    name="push",
+    family="push",
+    port="force",
+    where=("Y",),
+    parameters=(EffectParameter("F", "N", 1.0, about="force to starboard"),),
+    force={"Y": "F"},
+    source="assumed: a test",
+    magnitude="any",
+)
+PROGRAM = """
+import numpy as np
+from bayesid.effects import Effect, EffectParameter
+from bayesid.kernels import Declared, KernelSpec, load_kernel
+push = Effect(name="push", family="push", port="force", where=("Y",), source="assumed: a test",
+              magnitude="any", parameters=(EffectParameter("F", "N", 1.0, about="force to starboard"),), force={"Y": "F"})
+kernel = load_kernel(KernelSpec(3), (Declared(push),))
+print(kernel.digest, "push.F" in kernel.parameters)
+"""
+
+
+def test_a_declared_effect_is_generated_into_the_cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("BAYESID_CACHE", str(tmp_path))
+    runtime.load_kernel.cache_clear()
+    model = uncompiled_declared(build_model(load_vehicle("generic_sub"), 3, declared=[PUSH]))
+    assert len(list(tmp_path.rglob("*.py"))) == 1
+    plan = plan_run(model, np.array([0.0, 0.1]), {"n_cmd": np.full(2, 60.0)}, max_step=0.1)
+    x0 = steady_start(model)
+    pushed = simulate(model, model.with_values({"push.F": 1e5}), plan, x0)
+    mass = model.nominal[model.index["m"]] - model.nominal[model.index["Y_vdot"]]
+    assert pushed["v"][-1] == pytest.approx(1e5 / mass * 0.1, rel=0.1)
+    assert simulate(model, model.nominal, plan, x0)["v"][-1] == pytest.approx(0.0, abs=1e-12)
+
+
+def uncompiled_declared(model):
+    """As `plain_kernel.uncompiled`, for a module outside the package."""
+    from dataclasses import replace
+    from types import ModuleType
+
+    text = Path(model.kernel.full.module.__file__).read_text("utf-8")
+    undecorated = "def njit(*given, **options):\n    return given[0] if given else (lambda f: f)"
+    module = ModuleType("declared")
+    exec(compile(text.replace("from numba import njit", undecorated), "declared", "exec"), module.__dict__)
+    bare, full = (runtime._functions(module, prefix) for prefix in ("bare", "full"))
+    return replace(model, kernel=replace(model.kernel, bare=bare, full=full))
+
+
+def _python(folder):
+    return subprocess.Popen(
+        [sys.executable, "-c", PROGRAM], env={**os.environ, "BAYESID_CACHE": str(folder)},
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+
+
+def test_two_processes_generate_the_same_declared_effect(tmp_path):
+    """At the same time into one folder: both succeed, one file remains."""
+    both = [_python(tmp_path), _python(tmp_path)]
+    answers = {process.communicate(timeout=120) for process in both}
+    assert [process.returncode for process in both] == [0, 0], answers
+    assert len({out for out, _ in answers}) == 1
+    assert [p.suffix for p in tmp_path.rglob("*") if p.is_file() and p.parent.name == "kernels"] == [".py"]
+
+
+def test_a_cache_folder_that_cannot_be_written_is_no_obstacle(tmp_path):
+    """A file in the place of the folder, which stops even the superuser."""
+    (tmp_path / "bayesid").write_text("in the way")
+    process = _python(tmp_path)
+    out, err = process.communicate(timeout=120)
+    assert process.returncode == 0, err
+    assert out.endswith("True\n")
+
+
+def test_an_equation_with_an_unknown_name_is_refused_with_the_effects_name():
+    from dataclasses import replace
+
+    with pytest.raises(ModelError, match=r"effect 'push'.*unknown name 'G'"):
+        module_source(COMMITTED[0], (*CATALOGUE, replace(PUSH, force={"Y": "F*G"})))
