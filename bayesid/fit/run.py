@@ -18,7 +18,7 @@ from scipy.stats import qmc
 from bayesid.errors import FitError
 from bayesid.fit.journal import Journal
 from bayesid.fit.result import Fit
-from bayesid.fit.slsqp import Clock, Enough, Round, run_round
+from bayesid.fit.slsqp import DAMPING, Clock, Enough, Round, run_round
 from bayesid.likelihood import Problem, flat_directions, singular_values
 
 Array = np.ndarray
@@ -170,17 +170,19 @@ def _search(
         if cost <= options.goal:
             raise Enough("the cost goal is reached")
 
-    slow = 0
+    slow, damping = 0, DAMPING
     while search.rounds < options.rounds:
         settled = not options.profile or _profile(search)
         search.predicted, zero = predicted_gain(search.problem, search.z)
         search.status, search.message = _judge(search, options, zero, slow)
         if search.status != "budget" and settled:
             break
-        done: Round = run_round(search.problem, search.z, options.iterations, 1e-9, after)
+        done: Round = run_round(search.problem, search.z, options.iterations, 1e-9, damping, after)
         search.rounds += 1
         search.clock.add(done.clock)
         slow = slow + 1 if done.cost > 0.999 * search.cost else 0
+        # a bent valley: short line searches all along; the next round goes shorter ways from the beginning
+        damping = min(100 * damping, 1e6) if done.cost > 0.3 * search.cost else max(0.01 * damping, DAMPING)
         search.z, search.cost = done.z, done.cost
     else:
         search.predicted, zero = predicted_gain(search.problem, search.z)

@@ -59,13 +59,13 @@ class Round:
     message: str = ""
 
 
-def whitening(jac: Array, scale: Array, cost: float) -> Array:
+def whitening(jac: Array, scale: Array, cost: float, damping: float = DAMPING) -> Array:
     """(k, k) map from round coordinates to unknowns; the damped Gauss-Newton Hessian of cost/`cost` is 1."""
     scaled = jac * scale
     hessian = scaled.T @ scaled
     values, vectors = np.linalg.eigh(hessian)
-    damping = max(DAMPING * cost, 1e-16 * max(values[-1], 1e-300))
-    width = np.sqrt(cost / (np.maximum(values, 0.0) + damping))
+    floor = max(damping * cost, 1e-16 * max(values[-1], 1e-300))
+    width = np.sqrt(cost / (np.maximum(values, 0.0) + floor))
     return scale[:, None] * vectors * width
 
 
@@ -74,6 +74,7 @@ def run_round(
     z0: Array,
     iterations: int,
     tolerance: float,
+    damping: float = DAMPING,
     watch: Callable[[Array, float, float], None] | None = None,
 ) -> Round:
     """Run SLSQP from `z0` for at most `iterations` steps.
@@ -81,6 +82,7 @@ def run_round(
     Parameters
     ----------
     tolerance : stop when an iteration gains less than this share of the round's first cost
+    damping : of the Gauss-Newton Hessian, over the cost, in relative changes
     watch : called after every iteration with (z, cost, step); may raise `Enough`
     """
     clock = Clock()
@@ -94,7 +96,7 @@ def run_round(
     if cost0 == 0.0:
         out.message = "the cost is zero"
         return out
-    transform = whitening(jac, problem.scale, cost0)
+    transform = whitening(jac, problem.scale, cost0, damping)
     low, high, scale = problem.low, problem.high, problem.scale
     below, above = np.isfinite(low), np.isfinite(high)
     rows = np.vstack([transform[below] / scale[below, None], -transform[above] / scale[above, None]])
@@ -112,33 +114,37 @@ def run_round(
         if key not in known:
             if len(known) > 64:
                 known.clear()
-            known[key] = problem.cost(point(s)) if s.any() else cost0
+            z = point(s)
+            known[key] = problem.cost(z) if s.any() else cost0
             clock.n_cost += 1
+            if known[key] < out.cost:
+                out.z, out.cost = z, known[key]
         clock.line_search += time.perf_counter() - start
         return min(known[key] / cost0, DIVERGED)
 
+    last = z0.copy()
+
     def slope(s: Array) -> Array:
+        # asked for once per iteration, where the line search ended; scipy's callback sees the next full step
+        # instead
+        if not s.any():
+            return transform.T @ slope0 / cost0
+        accepted(s)
         start = time.perf_counter()
-        by_z = problem.cost_gradient(point(s))[1] if s.any() else slope0
+        by_z = problem.cost_gradient(point(s))[1]
         clock.n_gradient += 1
         clock.gradient += time.perf_counter() - start
         return transform.T @ by_z / cost0
 
-    last = z0.copy()
-
-    def after(s: Array) -> None:
+    def accepted(s: Array) -> None:
         nonlocal last
+        value = fun(s) * cost0
         start = time.perf_counter()
         z = point(s)
-        before = clock.line_search
-        value = fun(s) * cost0
-        clock.line_search = before
         step = float(np.sqrt(np.mean(((z - last) / scale) ** 2)))
         last = z
         out.costs.append(value)
         out.steps.append(step)
-        if value < out.cost:
-            out.z, out.cost = z, value
         if watch is not None:
             watch(z, value, step)
         clock.other += time.perf_counter() - start
@@ -153,7 +159,6 @@ def run_round(
             jac=slope,
             method="SLSQP",
             constraints=constraints,
-            callback=after,
             options={"maxiter": iterations, "ftol": tolerance},
         )
         out.message = str(result.message)
