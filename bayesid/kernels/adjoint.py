@@ -7,7 +7,9 @@ Takes a `Context`. Gives source lines. Reads the stages a forward run left in it
 
 from __future__ import annotations
 
-from bayesid.kernels.context import FUSED, LANES, Context, step_head
+from collections.abc import Callable
+
+from bayesid.kernels.context import FUSED, LANES, Context, LaneRows, step_head
 from bayesid.kernels.expr import Node
 
 _ARGUMENTS = "par, minv, times, steps, act, exo, record, trace, cot, gx0, gpar, gact"
@@ -19,13 +21,13 @@ def _slopes(c: Context) -> dict[Node, Node]:
     return g.gradient(g.total(g.mul(g.sym(f"g{i}"), node) for i, node in enumerate(c.rows)))
 
 
-def _row_cotangents(c: Context, cotangent: str, minv: str) -> list[str]:
+def _row_cotangents(c: Context, minv: Callable[[int], str]) -> list[str]:
     """g0..: cotangents of the balance rows (through the inverse mass matrix), then of the slow rows."""
     out = []
     for i in range(c.nv):
-        terms = (f"{minv.format(j * c.nv + i)} * {cotangent.format(c.place[j])}" for j in range(c.nv))
+        terms = (f"{minv(j * c.nv + i)} * c{c.place[j]}" for j in range(c.nv))
         out.append(f"g{i} = " + " + ".join(terms))
-    return out + [f"g{i} = {cotangent.format(c.place[i])}" for i in range(c.nv, c.nx)]
+    return out + [f"g{i} = c{c.place[i]}" for i in range(c.nv, c.nx)]
 
 
 def _stage_shift() -> list[str]:
@@ -49,7 +51,7 @@ def adjoint_lines(c: Context) -> list[str]:
         *[f"c{i} = weight * lam{i} + move * y{i}" for i in nx],
         *[f"z{i} = trace[s, stage, {i}]" for i in nx],
         *[f"a{i} = trace[s, stage, {c.nx + i}]" for i in range(c.nv)],
-        *_row_cotangents(c, "c{}", "minv[{}]"),
+        *_row_cotangents(c, "minv[{}]".format),
     ]
     return [
         FUSED,
@@ -79,35 +81,26 @@ def adjoint_lines(c: Context) -> list[str]:
 
 
 def adjoint_lanes_lines(c: Context) -> list[str]:
-    """As `adjoint_lines` for sixteen vectors; what changes lies in one array: the lane loop vectorises."""
-    d, nx, nv, na = c.dyn, c.nx, c.nv, len(c.dyn.actuators)
-    slopes = _slopes(c)
-    used = [i for i, n in enumerate(c.index) if c.g.sym(n) in slopes]
-    lam, back, gx, state = 0, nx, 2 * nx, 3 * nx
-    inputs, gradient = state + nx + nv, state + nx + nv + na
-    ga = gradient + len(used)
-    rows = ga + na
-
-    def at(row: int) -> str:
-        return f"work[{row * LANES} + l]"
-
-    symbols = c.symbols()
-    symbols |= {n: f"par[{i * LANES} + l]" for n, i in c.index.items()}
-    symbols |= {n: at(state + i) for i, n in enumerate(d.states)}
-    symbols |= {a: at(state + nx + i) for i, a in enumerate(c.accel)}
-    symbols |= {n: at(inputs + i) for i, n in enumerate(d.actuators)}
-    symbols |= {n: f"e{i}" for i, n in enumerate(d.exogenous)}
-    names = list(c.index)
-    outputs = [(f"y{i}", slopes.get(c.g.sym(n), c.g.zero)) for i, n in enumerate(d.states)]
-    outputs += [(at(gradient + j) + " +", slopes[c.g.sym(names[i])]) for j, i in enumerate(used)]
+    """As `adjoint_lines`, for sixteen vectors."""
+    g, d, nx, nv, na = c.g, c.dyn, c.nx, c.nv, len(c.dyn.actuators)
+    slopes, names = _slopes(c), list(c.index)
+    used = [i for i, n in enumerate(names) if g.sym(n) in slopes]
+    rows = LaneRows(
+        cotangent=nx, back=nx, slope=nx, stage=nx, acceleration=nv, act=na, by_act=na, minv=nv * nv,
+        par=len(names), by_par=len(used),
+    )  # fmt: skip
+    outputs = [(f"y{i}", slopes.get(g.sym(n), g.zero)) for i, n in enumerate(d.states)]
+    outputs += [(rows.at("by_par", j) + " +", slopes[g.sym(names[i])]) for j, i in enumerate(used)]
     outputs += [
-        (at(ga + i) + " +", slopes[c.g.sym(n)]) for i, n in enumerate(d.actuators) if c.g.sym(n) in slopes
+        (rows.at("by_act", i) + " +", slopes[g.sym(n)])
+        for i, n in enumerate(d.actuators)
+        if g.sym(n) in slopes
     ]
     body = [
-        *[f"c{i} = weight * {at(lam + i)} + move * {at(gx + i)}" for i in range(nx)],
-        *_row_cotangents(c, "c{}", f"minv[{{}} * {LANES} + l]"),
+        *[f"c{i} = weight * {rows.at('cotangent', i)} + move * {rows.at('slope', i)}" for i in range(nx)],
+        *_row_cotangents(c, lambda i: rows.at("minv", i)),
     ]
-    size, stage_size = nx * LANES, (nx + nv) * LANES
+    size, traced = nx * LANES, (nx + nv) * LANES
     return [
         f"{c.upper}_ADJOINT_PARAMETERS = np.array({used!r}, dtype=np.int64)",
         "",
@@ -115,40 +108,36 @@ def adjoint_lanes_lines(c: Context) -> list[str]:
         FUSED,
         f"def {c.prefix}_adjoint_lanes({_ARGUMENTS}):",
         f'    """Discrete adjoint over {LANES} vectors; arrays are flat with {LANES} values per entry."""',
-        f"    work = np.zeros({rows * LANES})",
+        f"    work = np.zeros({rows.count * LANES})",
+        *rows.fill(4, "par", "par[i]"),
+        *rows.fill(4, "minv", "minv[i]"),
         "    sample = record.size - 1",
         "    for q in range(steps.size, -1, -1):",
         "        while sample >= 0 and record[sample] == q:",
         f"            for i in range({size}):",
-        f"                work[i] += cot[sample * {size} + i]",
+        f"                work[{rows.first['cotangent'] * LANES} + i] += cot[sample * {size} + i]",
         "            sample -= 1",
         "        if q == 0:",
         "            break",
         "        s = q - 1",
         "        h = steps[s]",
         *[f"        e{i} = exo[s, {i}]" for i in range(len(d.exogenous))],
-        f"        for i in range({size}):",
-        f"            work[{back * LANES} + i] = work[i]",
-        f"            work[{gx * LANES} + i] = 0.0",
-        f"        for i in range({na * LANES}):",
-        f"            work[{inputs * LANES} + i] = act[s * {na * LANES} + i]",
-        f"            work[{ga * LANES} + i] = 0.0",
+        *rows.copy(8, "back", "cotangent"),
+        *rows.fill(8, "slope", "0.0"),
+        *rows.fill(8, "by_act", "0.0"),
+        *rows.fill(8, "act", f"act[s * {na * LANES} + i]"),
         "        for stage in range(3, -1, -1):",
         *[" " * 12 + line for line in _stage_shift()],
-        f"            at = (s * 4 + stage) * {stage_size}",
-        f"            for i in range({stage_size}):",
-        f"                work[{state * LANES} + i] = trace[at + i]",
+        f"            of = (s * 4 + stage) * {traced}",
+        *rows.fill(12, "stage", "trace[of + i]"),
+        *rows.fill(12, "acceleration", f"trace[of + {size} + i]"),
         f"            for l in range({LANES}):",
         *[" " * 16 + line for line in body],
-        *c.emit(outputs, 16, symbols, prefix="v", lanes=True),
-        *[f"                {at(gx + i)} = y{i}" for i in range(nx)],
-        *[f"                {at(back + i)} += y{i}" for i in range(nx)],
-        f"        for i in range({size}):",
-        f"            work[i] = work[{back * LANES} + i]",
-        f"        for i in range({na * LANES}):",
-        f"            gact[s * {na * LANES} + i] = work[{ga * LANES} + i]",
-        f"    for i in range({size}):",
-        "        gx0[i] = work[i]",
-        f"    for i in range({len(used) * LANES}):",
-        f"        gpar[i] = work[{gradient * LANES} + i]",
+        *c.emit(outputs, 16, c.lane_symbols(rows), prefix="v", lanes=True),
+        *[f"                {rows.at('slope', i)} = y{i}" for i in range(nx)],
+        *[f"                {rows.at('back', i)} += y{i}" for i in range(nx)],
+        *rows.copy(8, "cotangent", "back"),
+        *rows.store(8, "by_act", f"gact[s * {na * LANES} + i]"),
+        *rows.store(4, "cotangent", "gx0[i]"),
+        *rows.store(4, "by_par", "gpar[i]"),
     ]

@@ -6,7 +6,7 @@ stage loop, not called: a call costs numba one more optimisation of its body per
 
 from __future__ import annotations
 
-from bayesid.kernels.context import FUSED, LANES, Context, stage_head, step_head
+from bayesid.kernels.context import FUSED, LANES, Context, LaneRows, stage_head, step_head
 
 
 def simulate_lines(c: Context) -> list[str]:
@@ -46,30 +46,23 @@ def simulate_lines(c: Context) -> list[str]:
 
 
 def lanes_lines(c: Context) -> list[str]:
-    """RK4 with the stage loop outside the lane loop, so that the inner one vectorises (16 constant lanes).
-
-    All that is written lies in one array, `work`: state at the start of the step, at the stage, weighted sum
-    of the rates, accelerations. More arrays would need more run-time overlap checks than numba's LLVM grants.
-    """
-    nx, na, d = c.nx, len(c.dyn.actuators), c.dyn
-    symbols = c.symbols()
-    symbols |= {n: f"par[{i * LANES} + l]" for n, i in c.index.items()}
-    symbols |= {n: f"work[{(nx + i) * LANES} + l]" for i, n in enumerate(d.states)}
-    symbols |= {n: f"act[base + {i * LANES} + l]" for i, n in enumerate(d.actuators)}
-    symbols |= {n: f"e{i}" for i, n in enumerate(d.exogenous)}
-    body = c.emit(c.rate_outputs(), 16, symbols, lanes=True)
-    body += c.accelerations(16, f"minv[{{}} * {LANES} + l]")
-    body += [f"                work[{(3 * nx + i) * LANES} + l] = a{i}" for i in range(c.nv)]
+    """RK4 with the stage loop outside the lane loop, so that the inner one vectorises (16 constant lanes)."""
+    nx, nv, na, d = c.nx, c.nv, len(c.dyn.actuators), c.dyn
+    rows = LaneRows(
+        start=nx, stage=nx, total=nx, acceleration=nv, act=na, minv=nv * nv, par=len(d.parameters)
+    )
+    body = c.emit(c.rate_outputs(), 16, c.lane_symbols(rows), lanes=True)
+    body += c.accelerations(16, lambda i: rows.at("minv", i))
+    body += [f"                {rows.at('acceleration', i)} = a{i}" for i in range(nv)]
     for i in range(nx):
-        rate, total = c.rate_name(i), f"work[{(2 * nx + i) * LANES} + l]"
+        rate, total = c.rate_name(i), rows.at("total", i)
         body += [
             " " * 16 + f"q{i} = {total} + weight * {rate}",
             " " * 16 + f"{total} = q{i} * keep",
-            " " * 16 + f"w{i} = work[{i * LANES} + l] + (q{i} * sixth if last else half * {rate})",
-            " " * 16 + f"work[{(nx + i) * LANES} + l] = w{i}",
+            " " * 16 + f"w{i} = {rows.at('start', i)} + (q{i} * sixth if last else half * {rate})",
+            " " * 16 + f"{rows.at('stage', i)} = w{i}",
         ]
-    size = nx * LANES
-    traced = (nx + c.nv) * LANES
+    size, traced = nx * LANES, (nx + nv) * LANES
     return [
         FUSED,
         f"def {c.prefix}_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):",
@@ -77,38 +70,33 @@ def lanes_lines(c: Context) -> list[str]:
         "",
         "    `trace`, if not empty, gets state and acceleration of every stage.",
         '    """',
-        f"    work = np.zeros({(3 * nx + c.nv) * LANES})",
-        f"    for i in range({size}):",
-        "        work[i] = x0[i]",
-        f"        work[{size} + i] = x0[i]",
+        f"    work = np.zeros({rows.count * LANES})",
+        *rows.fill(4, "par", "par[i]"),
+        *rows.fill(4, "minv", "minv[i]"),
+        *rows.fill(4, "start", "x0[i]"),
+        *rows.fill(4, "stage", "x0[i]"),
         "    store = trace.size > 0",
         "    sample = 0",
-        "    while sample < record.size and record[sample] == 0:",
-        f"        for i in range({size}):",
-        f"            out[sample * {size} + i] = work[i]",
-        "        sample += 1",
-        "    for s in range(steps.size):",
+        "    for s in range(steps.size + 1):",
+        "        while sample < record.size and record[sample] == s:",
+        *rows.store(12, "start", f"out[sample * {size} + i]"),
+        "            sample += 1",
+        "        if s == steps.size:",
+        "            break",
         "        h = steps[s]",
         "        sixth = h / 6.0",
-        f"        base = s * {na * LANES}",
         *[f"        e{i} = exo[s, {i}]" for i in range(len(d.exogenous))],
+        *rows.fill(8, "act", f"act[s * {na * LANES} + i]"),
         "        for stage in range(4):",
         *stage_head("s"),
         "            last = stage == 3",
         "            keep = 0.0 if last else 1.0",
-        f"            at = (s * 4 + stage) * {traced}",
+        f"            to = (s * 4 + stage) * {traced}",
         "            if store:",
-        f"                for i in range({size}):",
-        f"                    trace[at + i] = work[{size} + i]",
+        *rows.store(16, "stage", "trace[to + i]"),
         f"            for l in range({LANES}):",
         *body,
         "            if store:",
-        f"                for i in range({c.nv * LANES}):",
-        f"                    trace[at + {size} + i] = work[{3 * size} + i]",
-        f"        for i in range({size}):",
-        f"            work[i] = work[{size} + i]",
-        "        while sample < record.size and record[sample] == s + 1:",
-        f"            for i in range({size}):",
-        f"                out[sample * {size} + i] = work[i]",
-        "            sample += 1",
+        *rows.store(16, "acceleration", f"trace[to + {size} + i]"),
+        *rows.copy(8, "start", "stage"),
     ]

@@ -34,7 +34,7 @@ def variational_lines(c: Context) -> list[str]:
         inputs += [(f"dinp[{row}, {k}]", s) for k, s in c.slopes(node, [*d.actuators, *d.exogenous])]
         if row < nv or len(parameters) + len(inputs) > before:
             forced.append(row)
-    jacobian, columns = _state_slopes(c)
+    jacobian, pattern = _state_slopes(c)
     known: dict[Node, str] = {}
     symbols = c.local_symbols()
     forcing = 3 * nx
@@ -103,7 +103,6 @@ def variational_lines(c: Context) -> list[str]:
         *c.emit(c.rate_outputs(), 12, symbols, known=known),
         *c.accelerations(12),
         *c.emit(jacobian + parameters, 12, symbols, prefix="v", known=known),
-        *_jacobian(c, columns),
         "            for o in range(blocks):",
         f"                base = o * {block} + {forcing * LANES}",
         f"                for l in range({len(forced) * LANES}):",
@@ -116,7 +115,7 @@ def variational_lines(c: Context) -> list[str]:
         "            for o in range(blocks):",
         f"                base = o * {block}",
         f"                for l in range({LANES}):",
-        *_propagate(c, forced, forcing),
+        *_propagate(c, pattern, forced, forcing),
         *[f"            q{i} += weight * {c.rate_name(i)}" for i in range(nx)],
         *[f"            z{i} = b{i} + half * {c.rate_name(i)}" for i in range(nx)],
         "            if want_rate and stage == 0:",
@@ -143,56 +142,34 @@ def _copy_columns(c: Context, rows: int, indent: int, text: str, shift: int = 0)
     ]
 
 
-def _state_slopes(c: Context) -> tuple[Outputs, dict[int, list[int]]]:
-    """Outputs d<row>_<column> (balance) and j<state>_<column> (slow rows); balance rows of every column."""
+def _state_slopes(c: Context) -> tuple[Outputs, list[list[int]]]:
+    """Outputs d<row>_<column>: slopes of the balance and of the slow rows by state; columns of every row."""
     outputs: Outputs = []
-    columns: dict[int, list[int]] = {}
+    pattern: list[list[int]] = []
     for row, node in enumerate(c.rows):
-        for k, slope in c.slopes(node, c.dyn.states):
-            if row < c.nv:
-                outputs.append((f"d{row}_{k}", slope))
-                columns.setdefault(k, []).append(row)
-            else:
-                outputs.append((f"j{c.place[row]}_{k}", slope))
-    return outputs, dict(sorted(columns.items()))
+        slopes = list(c.slopes(node, c.dyn.states))
+        outputs += [(f"d{row}_{k}", slope) for k, slope in slopes]
+        pattern.append([k for k, _ in slopes])
+    return outputs, pattern
 
 
-def _jacobian(c: Context, columns: dict[int, list[int]]) -> list[str]:
-    return [
-        f"            j{c.place[i]}_{k} = " + " + ".join(f"minv[{i * c.nv + j}] * d{j}_{k}" for j in rows)
-        for k, rows in columns.items()
-        for i in range(c.nv)
-    ]
-
-
-def _pattern(c: Context) -> dict[int, list[int]]:
-    """Non-zero columns of the Jacobian by state."""
-    out: dict[int, set[int]] = {}
-    for row, node in enumerate(c.rows):
-        for k, _ in c.slopes(node, c.dyn.states):
-            for place in c.place[: c.nv] if row < c.nv else [c.place[row]]:
-                out.setdefault(place, set()).add(k)
-    return {i: sorted(k) for i, k in out.items()}
-
-
-def _propagate(c: Context, forced: list[int], forcing: int) -> list[str]:
-    """Rate of sixteen columns, jac s + forcing, and their share of the RK4 step."""
+def _propagate(c: Context, pattern: list[list[int]], forced: list[int], forcing: int) -> list[str]:
+    """Rate of sixteen columns and their share of the RK4 step; the inverse mass comes last."""
     nx, nv = c.nx, c.nv
     at = "work[base + {} + l]"
-    pattern = _pattern(c)
     body = [f"c{i} = " + at.format((nx + i) * LANES) for i in range(nx)]
-    body += [f"g{j} = " + at.format((forcing + j) * LANES) for j in range(len(forced))]
+    for row in range(nx):
+        terms = [at.format((forcing + forced.index(row)) * LANES)] if row in forced else []
+        terms += [f"d{row}_{k} * c{k}" for k in pattern[row]]
+        body.append(f"g{row} = " + (" + ".join(terms) or "0.0"))
     for i in range(nx):
         row = c.place.index(i)
-        terms = [f"j{i}_{k} * c{k}" for k in pattern.get(i, [])]
-        if row < nv:
-            terms = [f"minv[{row * nv + j}] * g{j}" for j in range(nv)] + terms
-        elif row in forced:
-            terms = [f"g{forced.index(row)}", *terms]
-        body.append(f"r{i} = " + (" + ".join(terms) or "0.0"))
-    for i in range(nx):
-        body.append(at.format((2 * nx + i) * LANES) + f" += weight * r{i}")
-        body.append(at.format((nx + i) * LANES) + " = " + at.format(i * LANES) + f" + half * r{i}")
+        rate = " + ".join(f"minv[{row * nv + j}] * g{j}" for j in range(nv)) if row < nv else f"g{row}"
+        body += [
+            f"r{i} = {rate}",
+            at.format((2 * nx + i) * LANES) + f" += weight * r{i}",
+            at.format((nx + i) * LANES) + " = " + at.format(i * LANES) + f" + half * r{i}",
+        ]
     return [" " * 20 + line for line in body]
 
 
