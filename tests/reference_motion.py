@@ -1,8 +1,8 @@
 """Equations of motion written out once more, by hand and in plain numpy, to test the generated ones against.
 
 From Gertler and Hagen (1967) and Fossen (2021) in vector form: rigid body by Newton-Euler,
-with cross products, rows spelt out as products. Shares nothing with `bayesid.kernels`; reads only SI coefficients and
-mass properties. Six degrees of freedom; held in the plane by `planar`.
+with cross products, rows spelt out as products. Shares nothing with `bayesid.kernels`; reads only SI
+coefficients and mass properties. Six degrees of freedom; held in the plane by `planar`.
 """
 
 import numpy as np
@@ -170,6 +170,9 @@ def make_rate(vehicle, planar=False, current=(0.0, 0.0, 0.0)):
             force += strip_drag(vehicle, water)
         if not planar:
             force += restoring(vehicle, phi, theta)
+            values = vehicle.propulsion.values
+            if "Q_ref" in values:  # reaction of the propeller
+                force[3] += values["Q_ref"] * n * abs(n) / values["rpm_ref"] ** 2
         out = np.zeros(12)
         out[:3] = R @ nu[:3]
         p, q, r = nu[3:]

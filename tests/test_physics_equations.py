@@ -97,6 +97,7 @@ def test_added_mass_coriolis_does_no_work(seed):
         "x_G": 0.1,
         "z_G": 0.2,
         "L": 1.0,
+        "rpm_ref": 1.0,
         **potential_flow(added),
     }
     for name, value in values.items():
@@ -123,6 +124,7 @@ def test_potential_flow_keeps_its_kinetic_energy_over_a_tumble():
         "x_G": 0.05,
         "z_G": 0.1,
         "L": 1.0,
+        "rpm_ref": 1.0,
         **potential_flow(added),
     }
     for name, value in values.items():

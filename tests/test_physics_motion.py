@@ -130,7 +130,7 @@ def test_port_and_starboard_are_mirror_images(name, dof):
     model = model_of(name, dof)
     even = {"Y_*", "K_*", "N_*"}
     par = model.with_values({n: 0.0 for n in even if n in model.index})
-    par[[model.index[n] for n in ("y_G", "y_B", "Ixy", "Iyz") if n in model.index]] = 0.0
+    par[[model.index[n] for n in ("y_G", "y_B", "Ixy", "Iyz", "torque_ref") if n in model.index]] = 0.0
     for seed in range(3):
         state, fins, n = random_state(model, np.random.default_rng(seed))
         other, mirrored_fins = state.copy(), fins * [-1, 1, 1]
@@ -204,6 +204,22 @@ def test_the_integrator_is_of_fourth_order():
         errors.append(np.abs(simulate(model, par, plan, x0).states[-1] - reference)[:2].max())
     slope = -np.polyfit(np.log(steps), np.log(errors), 1)[0]
     assert abs(slope - 4.0) < 0.1
+
+
+@pytest.mark.parametrize(("name", "within"), [("nps_auv2", 0.02), ("generic_sub", 0.1), ("lauv", 0.001)])
+def test_default_steps_follow_a_moving_rudder(name, within):
+    """Reversals of 20 deg for 40 L/U against steps 64 times shorter [m]; sensors tell 0.1 m at best."""
+    model = model_of(name)
+    time = model.scales["L"] / model.scales["U"]
+    k = np.arange(26)
+    t = 1.6 * time * k
+    inputs = {"delta_r_cmd": 0.35 * (-1.0) ** k * (k > 0), "n_cmd": np.full(26, model.vehicle.rpm_ref)}
+    x0 = steady_start(model)
+    coarse, fine = (
+        simulate(model, model.nominal, plan_run(model, t, inputs, max_step=step), x0).states
+        for step in (None, 0.00125 * time)
+    )
+    assert np.hypot(*(coarse - fine)[:, :2].T).max() < within
 
 
 def lively(name, dof):

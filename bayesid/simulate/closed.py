@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from bayesid.model import Model
-from bayesid.simulate.plan import plan_run
+from bayesid.simulate.plan import MOVING_STEP_PER_LENGTH, plan_run
 from bayesid.simulate.prepare import (
     NO_TRACE,
     check_parameters,
@@ -49,6 +49,8 @@ def fly(
         return simulate(model, par, plan, x0), dict(manoeuvre.commands)
     count = round(manoeuvre.duration / manoeuvre.dt)
     t = np.arange(count + 1) * manoeuvre.dt
+    if max_step is None:  # where fins will move is not known yet
+        max_step = 2 * MOVING_STEP_PER_LENGTH * model.scales["L"] / max(model.scales["U"], 1e-3)
     plan = plan_run(model, t, {}, max_step=max_step)
     par = check_parameters(model, plan, par)
     fun = choose(model, par, None)
