@@ -19,7 +19,7 @@ Numbers = dict[str, float]
 
 @dataclass(frozen=True)
 class Scales:
-    """Sizes of the vehicle: length [m], speed [m/s], density, mass [kg], z_G - z_B [m], run length [s]."""
+    """Sizes of the vehicle: length [m], speed [m/s], density, mass [kg], z_G - z_B [m], run [s], dof."""
 
     L: float
     U: float
@@ -27,6 +27,7 @@ class Scales:
     mass: float
     arm: float
     run: float
+    dof: int = 3
 
     @property
     def LU(self) -> float:
@@ -107,6 +108,17 @@ def _ballast(rng, size, s):
     return {"mass_fraction": share, "x": x}, {"ballast": share, "ballast_x": x}
 
 
+def _centre(parameter: str, field: str, share: float, tilt: float) -> Draw:
+    """Shift of the centre of mass: a share of the length in the plane; in 6-DOF what heels or trims the
+    vehicle by `tilt` [rad], since its righting arm is short."""
+
+    def draw(rng: np.random.Generator, size: float, s: Scales) -> tuple[Numbers, Numbers]:
+        value = size * sign(rng) * (share * s.L if s.dof == 3 else min(share * s.L, tilt * s.arm))
+        return {parameter: value}, {field: value}
+
+    return draw
+
+
 def _added(rng, size, s):
     e = [0.3 * size * sign(rng) * float(rng.uniform(0.5, 1.0)) for _ in range(3)]
     return dict(zip(("e_X", "e_Y", "e_N"), e, strict=True)), dict(zip(("e_x", "e_y", "e_n"), e, strict=True))
@@ -167,8 +179,8 @@ CATALOGUE = (
     E("hull_fouling", simple("drag_increase", "foul", 0.25, one_sided=True)),
     E("propeller_side_force", simple("side_force", "side", 0.1)),
     E("propeller_torque", simple("torque", "torque", 0.06, "list"), dof=6),
-    E("cg_offset_x", simple("x_G", "x_g", 0.02, "L")),
-    E("cg_offset_y", simple("y_G", "y_g", 0.015, "L")),
+    E("cg_offset_x", _centre("x_G", "x_g", 0.02, 0.05)),
+    E("cg_offset_y", _centre("y_G", "y_g", 0.015, 0.1)),
     E("ballast_mass", _ballast),
     E("added_mass_error", _added),
     E("crossflow_drag", _crossflow),

@@ -111,7 +111,9 @@ def _draw(
     logged = SUITES[sensors][dof]
     boat = load_vehicle(name)
     speed = cruising_speed(boat, float(boat.rpm_ref or 1.0))
-    scales = Scales(boat.L, speed, boat.rho, boat.mass, boat.r_G[2] - boat.r_B[2], DESIGNS[name][1]["zigzag"])
+    scales = Scales(
+        boat.L, speed, boat.rho, boat.mass, boat.r_G[2] - boat.r_B[2], DESIGNS[name][1]["zigzag"], dof
+    )
     kind = kind or ("none" if effects == () else _kind_of(effects, variant) or drawn["kind"])
     rng = stream_of(seed, attempt, "effects")
     cases = _choose(rng, kind, effects, variant, dof, logged)

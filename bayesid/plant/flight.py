@@ -100,7 +100,7 @@ def fly(
             x, servo, t[k], t[k + 1], parts, changes, values, given[k, 1], given[k, 2], body.packed, gap,
             sea, spacing, track[1 + k * parts : 1 + (k + 1) * parts],
         )  # fmt: skip
-        if not (np.abs(x[6:9]).max() < 6 * number["U0"] and abs(x[4]) < 1.3 and abs(x[3]) < 1.5):
+        if not (np.abs(x[6:9]).max() < 6 * number["U0"] and abs(x[4]) < 0.7 and abs(x[3]) < 0.8):
             raise ModelError(f"plant: the vehicle is out of control {t[k + 1]:g} s into the run")
     given[-1] = given[-2]
     fine = np.append(np.repeat(t[:-1], parts) + np.tile(np.arange(parts) * dt / parts, t.size - 1), t[-1])

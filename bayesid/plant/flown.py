@@ -23,6 +23,8 @@ from bayesid.plant.sensing import read
 from bayesid.plant.settings import GROUPS
 
 SETTLE = 12.0  # L/U of straight run before a record starts
+# what changes with time starts with the record, not with the approach
+TIMED = ("an", "ae", "tide_w", "t_decay", "t_late", "step_d", "stuck_to", "psi_creep", "r_creep")
 LOGGED = {3: ("delta_r_cmd", "n_cmd"), 6: ("delta_r_cmd", "delta_s_cmd", "n_cmd")}
 
 
@@ -115,13 +117,15 @@ def _orders(c: Campaign, body: Body, plan: RunPlan):
 
 def _start(c: Campaign, body: Body, plan: RunPlan) -> np.ndarray:
     """State after a straight approach by the helmsman at the first revolutions of the run."""
-    number = body.number
+    number, calm = body.number, c.gap.copy()
+    for field in TIMED:
+        calm[field] = 0.0
     first = plan.levels[0][2] if plan.levels else plan.rpm
-    x = start_state(number["U0"] * first / number["n_ref"], plan.heading, plan.depth, c.gap, plan.place)
+    x = start_state(number["U0"] * first / number["n_ref"], plan.heading, plan.depth, calm, plan.place)
     steady = RunPlan(**{**vars(plan), "kind": "straight", "rpm": first, "levels": ()})
     count = round(SETTLE * number["L"] / number["U0"] / plan.dt)
     t = np.arange(count + 1) * plan.dt
-    x = fly(body, c.gap, t, _orders(c, body, steady), x, step=0.05).states[-1].copy()
+    x = fly(body, calm, t, _orders(c, body, steady), x, step=0.05).states[-1].copy()
     x[0], x[1] = plan.place
     return x
 

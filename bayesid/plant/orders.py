@@ -174,7 +174,8 @@ def orders_for(
             out[0] = steer(t, seen)["delta_r_cmd"]
         else:
             # positive rudder turns to port, so a heading too far to starboard asks for positive rudder
-            wanted = 0.8 * (seen[5] - run.heading) + 0.6 * LU * seen[11]
+            # (rate: below 1.1 L/U the unstable remus100 hunts at two orders a second, above 1.4 the lauv)
+            wanted = 0.5 * (seen[5] - run.heading) + 1.15 * LU * seen[11]
             out[0] = min(max(wanted, -math.radians(5.0)), math.radians(5.0))
         if dive is not None:
             out[1] = dive(t, seen)["delta_s_cmd"]
