@@ -1,0 +1,65 @@
+"""Each catalogue effect planted by the plant and switched on in bayesid.simulate: two codes, one response."""
+
+import math
+
+import numpy as np
+import pytest
+
+from bayesid.model import build_model
+from bayesid.plant.body import build
+from bayesid.plant.cases import CATALOGUE, Scales
+from bayesid.plant.flight import fly, start_state
+from bayesid.plant.sensing import read
+from bayesid.plant.settings import settings
+from bayesid.simulate import observe, plan_run, simulate
+from bayesid.vehicles import load_vehicle
+
+CHANNELS = ("x", "y", "psi", "u", "v", "r")
+# Share of the effect by which the two may differ. The plant stalls as tanh, the catalogue as a rational
+# function of the same second order; the late velocity log is a cubic through half-second samples there.
+TOLERANCE = {"rudder_stall": 0.05, "velocity_latency": 0.25}
+USUAL = 0.01
+SIZE = 0.7
+
+
+@pytest.fixture(scope="module")
+def both():
+    """response(settings, parameters) -> readings of the plant and of simulate for the same orders."""
+    vehicle = load_vehicle("nps_auv2")
+    model = build_model(vehicle, 3)
+    U = float(model.scales["U"])
+    LU = vehicle.L / U
+    t = np.arange(int(25 * LU / 0.5) + 1) * 0.5
+    orders = np.zeros((t.size, 3))
+    orders[:, 0] = math.radians(15) * np.sign(np.sin(np.pi * (t - 2 * LU - 0.01) / (5 * LU))) * (t > 2 * LU)
+    orders[:, 0] += math.radians(2) * np.sin(2.0 * t / LU)
+    orders[:, 2] = vehicle.rpm_ref * (1.0 - 0.2 * (t > 12 * LU))
+    inputs = {"delta_r_cmd": orders[:, 0], "n_cmd": orders[:, 2]}
+    plan = plan_run(model, t, inputs, max_step=0.002 * LU)
+    start = start_state(0.97 * U, 0.7, 0.0, settings(), (0.0, 0.0))
+
+    def response(fields, values):
+        gap = settings(fields)
+        mine = read(fly(build(vehicle, vehicle.coef, 3, gap), gap, t, orders, start), gap)
+        par = model.with_values(values)
+        theirs = observe(model, par, plan, simulate(model, par, plan, start[[0, 1, 5, 6, 7, 11]]).states)
+        return mine, dict(zip(model.kernel.channels, theirs.T, strict=True))
+
+    scales = Scales(vehicle.L, U, vehicle.rho, vehicle.mass, vehicle.r_G[2], 25 * LU)
+    return response, scales
+
+
+@pytest.mark.parametrize("case", [c for c in CATALOGUE if c.dof == 3], ids=lambda c: c.name)
+def test_both_implementations_of_an_effect_agree(both, case):
+    response, scales = both
+    parameters, fields = case.draw(np.random.default_rng(4), SIZE, scales)
+    values = {f"{case.name}.{name}": value for name, value in parameters.items()}
+    if case.name == "wind":  # the catalogue knows the air by its velocity and assumes the areas
+        fields |= {"air_x": 0.03, "air_y": 0.1, "air_arm": 0.05}
+        values = {"wind.blowing_north": fields["air_n"], "wind.blowing_east": fields["air_e"]}
+    bare, _ = response({}, {})
+    mine, theirs = response(fields, values)
+    floor = {"x": 0.01 * scales.L, "y": 0.01 * scales.L}
+    for name in CHANNELS:
+        effect = max(np.abs(mine[name] - bare[name]).max(), floor.get(name, 5e-3))
+        assert np.abs(mine[name] - theirs[name]).max() < TOLERANCE.get(case.name, USUAL) * effect, name
