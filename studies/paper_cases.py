@@ -94,7 +94,14 @@ def main(out: Path, quick: bool, first_seed: int) -> dict[str, Any]:
         "dt": DT,
         "quick": quick,
     }
-    results = {"inputs": inputs, "seeds": list(seeds), "targets": targets, "facts": facts, "records": records}
+    numbers = {k: v for k, v in facts.items() if k != "tracks"}
+    results = {
+        "inputs": inputs,
+        "seeds": list(seeds),
+        "targets": targets,
+        "facts": numbers,
+        "records": records,
+    }
     report.write(paper_report(records, facts, targets, titles), out, results)
     met, missed = (", ".join(n for n, t in targets.items() if t["pass"] is ok) for ok in (True, False))
     progress.note(f"targets met: {met or 'none'}; missed: {missed or 'none'}")

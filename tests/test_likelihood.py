@@ -212,3 +212,15 @@ def test_what_holds_a_flat_direction_is_said():
         (found,) = flat_directions(("a", "b"), jac, 0.5, np.full(2, prior), np.full(2, half))
         assert (found.name, found.exact, found.decided_by) == ("1.00 b", False, holder)
     assert rank(np.array([1.0, 1e-15])) == 1
+
+
+def test_the_compressed_jacobian_has_the_same_normal_equations(problem):
+    z = moved(problem)
+    resid, jac = problem.jacobian(z)
+    small_resid, small = problem.compressed(z)
+    assert small.shape[0] < 40 and small_resid @ small_resid == pytest.approx(resid @ resid, rel=1e-12)
+    scaled, other = jac * problem.scale, small * problem.scale
+    assert other.T @ other == pytest.approx(
+        scaled.T @ scaled, rel=1e-9, abs=1e-9 * np.abs(scaled.T @ scaled).max()
+    )
+    assert other.T @ small_resid == pytest.approx(scaled.T @ resid, rel=1e-8)

@@ -69,7 +69,7 @@ def ratios(
     figure, axes = subplots(height=3.4)
     k = len(names)
     place = np.arange(k)
-    bottom, top = low.min(axis=0), high.max(axis=0)
+    bottom, top = np.minimum(low, high).min(axis=0), np.maximum(low, high).max(axis=0)
     axes.bar(place, top - bottom, 0.84, bottom, color="#EEEEEE", label="bounds")
     axes.axhline(1.0, color="black", linewidth=0.8)
 
@@ -101,7 +101,8 @@ def ratios(
 def error_against_cost(groups: Mapping[str, tuple[Array, Array]]) -> Any:
     """Rms coefficient error over V/V0, one group of points per stage."""
     figure, axes = subplots(height=3.0)
-    for (name, (cost, error)), colour in zip(groups.items(), COLOURS.values(), strict=False):
+    colours = (NOMINAL, FITTED, COLOURS["orange"])
+    for (name, (cost, error)), colour in zip(groups.items(), colours, strict=False):
         axes.semilogx(np.maximum(cost, 1e-30), 100 * np.asarray(error), "o", color=colour, label=name)
     axes.set_xlabel("V / V at the start")
     axes.set_ylabel("rms coefficient error [%]")
@@ -118,6 +119,7 @@ def singular_spectra(spectra: Mapping[str, Array]) -> Any:
     for (name, values), marker in zip(spectra.items(), "osD^v", strict=False):
         shown = np.maximum(values, 1e-14)
         axes.semilogy(np.arange(1, values.size + 1), shown, f"{marker}-", label=name, linewidth=0.6)
+    axes.xaxis.get_major_locator().set_params(integer=True)
     axes.set_xlabel("number")
     axes.set_ylabel("singular value [m per relative change]")
     axes.legend()

@@ -2,5 +2,6 @@
 
 from bayesid.fit.result import Fit, load_fit
 from bayesid.fit.run import Options, fit, start_points
+from bayesid.fit.trial import RunOutcome, TrialFit, fit_trial
 
-__all__ = ["Fit", "Options", "fit", "load_fit", "start_points"]
+__all__ = ["Fit", "Options", "RunOutcome", "TrialFit", "fit", "fit_trial", "load_fit", "start_points"]

@@ -40,7 +40,9 @@ class Options:
         bounds
     spread : half width of that design where there are no bounds, in units of the scale
     flat_level : relative sd beyond which a direction counts as flat
-    profile : estimate the noise of every channel from its residuals (as the maximum of the likelihood does)
+    profile : weigh every channel by its own residuals: their rms, as the maximum of the likelihood has it,
+        times the root of their correlation time [samples], so that errors that persist do not count as many
+        readings
     """
 
     rounds: int = 20
@@ -177,12 +179,15 @@ def _search(
         search.status, search.message = _judge(search, options, zero, slow)
         if search.status != "budget" and settled:
             break
-        done: Round = run_round(search.problem, search.z, options.iterations, 1e-9, damping, after)
+        done: Round = run_round(
+            search.problem, search.z, options.iterations, 1e-9, search.predicted, damping, after
+        )
         search.rounds += 1
         search.clock.add(done.clock)
-        slow = slow + 1 if done.cost > 0.999 * search.cost else 0
+        gained = search.cost - done.cost
+        slow = slow + 1 if gained < 0.01 * search.predicted else 0
         # a bent valley: short line searches all along; the next round goes shorter ways from the beginning
-        damping = min(100 * damping, 1e6) if done.cost > 0.3 * search.cost else max(0.01 * damping, DAMPING)
+        damping = min(100 * damping, 1e6) if gained < 0.7 * search.predicted else max(0.01 * damping, DAMPING)
         search.z, search.cost = done.z, done.cost
     else:
         search.predicted, zero = predicted_gain(search.problem, search.z)
@@ -222,7 +227,8 @@ def _sigma(problem: Problem) -> dict[str, float]:
 
 
 def _profile(search: _Search) -> bool:
-    """Noise that maximises the likelihood at this point; True if it did not change by more than 1 %.
+    """Weights from the residuals at this point (see `Options.profile`); True if none changed by more than 3
+    %.
 
     Held above 1e-6 of a channel's spread, so that perfect data do not make it vanish.
     """
@@ -239,13 +245,25 @@ def _profile(search: _Search) -> bool:
     return False
 
 
+def memory(resid: Array) -> float:
+    """Integrated autocorrelation time [samples] of a residual series: 1 if white, more if errors persist."""
+    x = resid - np.mean(resid) if resid.size else resid
+    if x.size < 8 or not np.any(x):
+        return 1.0
+    power = np.abs(np.fft.rfft(resid, 2 * resid.size)) ** 2  # an offset is an error that persists: keep it
+    correlation = np.fft.irfft(power)[: resid.size]
+    tau = 2 * np.cumsum(correlation / correlation[0]) - 1
+    window = np.arange(resid.size) > 5 * tau  # Sokal's window
+    return float(np.clip(tau[np.argmax(window)] if window.any() else tau[-1], 1.0, resid.size))
+
+
 def predicted_gain(problem: Problem, z: Array) -> tuple[float, bool]:
     """Decrease of the cost a Gauss-Newton step within the bounds would bring, and whether residuals are at
     rounding.
 
     Directions without curvature (relative 1e-12) bring nothing.
     """
-    resid, jac = problem.jacobian(z)
+    resid, jac = problem.compressed(z)
     size = sum(float(np.nansum((r.readings / r.sigma) ** 2)) for r in problem.runs)
     zero = float(resid @ resid) <= (10 * ROUNDING) ** 2 * size
     q, s, vt = np.linalg.svd(jac * problem.scale, full_matrices=False)
@@ -270,14 +288,13 @@ def _judge(search: _Search, options: Options, zero: bool, slow: int) -> tuple[st
         )
     if slow >= 2:
         return "stalled", (
-            f"stalled: two rounds gained less than 0.1 % although {search.predicted:.3g} of "
-            f"{search.cost:.3g} seems "
-            "possible; a bound, a kink or a narrow valley holds it"
+            f"stalled: two rounds gained less than 1 % of what a step promises ({search.predicted:.3g} "
+            f"of {search.cost:.3g}); the cost has a kink or a jump here, as when an unstable "
+            "vehicle tips to the other side: cut the runs into shorter pieces"
         )
     return "budget", (
         f"not converged after {search.rounds} rounds: a step promises {search.predicted:.3g} of "
-        f"{search.cost:.3g}; "
-        "allow more rounds or free fewer coefficients"
+        f"{search.cost:.3g}; allow more rounds or free fewer coefficients"
     )
 
 
@@ -285,7 +302,7 @@ def _result(problem: Problem, options: Options, best: _Search, searches: list[_S
     problem = best.problem
     z, low, high, scale = best.z, problem.low, problem.high, problem.scale
     k = len(problem.params.names)
-    _, jac = problem.jacobian(z)
+    _, jac = problem.compressed(z)
     n_prior = problem.prior(z)[0].size
     data = (jac[: jac.shape[0] - n_prior] if n_prior else jac) * scale
     prior = np.array([p.prior.spread if p.prior is not None else np.inf for p in problem.params.free])

@@ -20,10 +20,11 @@ from scipy.optimize import minimize
 from bayesid.likelihood import Problem
 
 Array = np.ndarray
-# Cost of a diverged run in units of the round's first cost: finite, so that the line search backs off.
-DIVERGED = 1e6
-# Damping over cost, in relative changes: a direction it outweighs would change the cost by less than 1e-3 of
-# itself if all coefficients moved by a tenth.
+# Scaled cost of a diverged run: finite, so that the line search backs off.
+DIVERGED = 1e12
+# Damping over the excess (the cost that can still go), in relative changes: a direction it outweighs would
+# change the cost by less than 1e-3 of the excess if all coefficients moved by a tenth. In units of the whole
+# cost, noise included, it froze weakly seen directions of measured data.
 DAMPING = 0.2
 
 
@@ -59,13 +60,13 @@ class Round:
     message: str = ""
 
 
-def whitening(jac: Array, scale: Array, cost: float, damping: float = DAMPING) -> Array:
-    """(k, k) map from round coordinates to unknowns; the damped Gauss-Newton Hessian of cost/`cost` is 1."""
+def whitening(jac: Array, scale: Array, excess: float, damping: float = DAMPING) -> Array:
+    """(k, k) map from round coordinates to unknowns; the damped Gauss-Newton Hessian of cost/excess is 1."""
     scaled = jac * scale
     hessian = scaled.T @ scaled
     values, vectors = np.linalg.eigh(hessian)
-    floor = max(damping * cost, 1e-16 * max(values[-1], 1e-300))
-    width = np.sqrt(cost / (np.maximum(values, 0.0) + floor))
+    floor = max(damping * excess, 1e-16 * max(values[-1], 1e-300))
+    width = np.sqrt(excess / (np.maximum(values, 0.0) + floor))
     return scale[:, None] * vectors * width
 
 
@@ -74,6 +75,7 @@ def run_round(
     z0: Array,
     iterations: int,
     tolerance: float,
+    excess: float | None = None,
     damping: float = DAMPING,
     watch: Callable[[Array, float, float], None] | None = None,
 ) -> Round:
@@ -81,13 +83,14 @@ def run_round(
 
     Parameters
     ----------
-    tolerance : stop when an iteration gains less than this share of the round's first cost
-    damping : of the Gauss-Newton Hessian, over the cost, in relative changes
+    tolerance : stop when an iteration gains less than this share of the excess
+    excess : how far the cost may still fall, the unit of the round; by default all of it
+    damping : of the Gauss-Newton Hessian, over the excess, in relative changes
     watch : called after every iteration with (z, cost, step); may raise `Enough`
     """
     clock = Clock()
     begin = time.perf_counter()
-    resid, jac = problem.jacobian(z0)
+    resid, jac = problem.compressed(z0)
     cost0 = 0.5 * float(resid @ resid)
     slope0 = jac.T @ resid
     clock.gradient += time.perf_counter() - begin
@@ -96,7 +99,8 @@ def run_round(
     if cost0 == 0.0:
         out.message = "the cost is zero"
         return out
-    transform = whitening(jac, problem.scale, cost0, damping)
+    excess = cost0 if excess is None else max(excess, 1e-13 * cost0)
+    transform = whitening(jac, problem.scale, excess, damping)
     low, high, scale = problem.low, problem.high, problem.scale
     below, above = np.isfinite(low), np.isfinite(high)
     rows = np.vstack([transform[below] / scale[below, None], -transform[above] / scale[above, None]])
@@ -120,7 +124,7 @@ def run_round(
             if known[key] < out.cost:
                 out.z, out.cost = z, known[key]
         clock.line_search += time.perf_counter() - start
-        return min(known[key] / cost0, DIVERGED)
+        return min((known[key] - cost0) / excess, DIVERGED)
 
     last = z0.copy()
 
@@ -128,17 +132,18 @@ def run_round(
         # asked for once per iteration, where the line search ended; scipy's callback sees the next full step
         # instead
         if not s.any():
-            return transform.T @ slope0 / cost0
+            return transform.T @ slope0 / excess
         accepted(s)
         start = time.perf_counter()
         by_z = problem.cost_gradient(point(s))[1]
         clock.n_gradient += 1
         clock.gradient += time.perf_counter() - start
-        return transform.T @ by_z / cost0
+        return transform.T @ by_z / excess
 
     def accepted(s: Array) -> None:
         nonlocal last
-        value = fun(s) * cost0
+        fun(s)
+        value = known[s.tobytes()]
         start = time.perf_counter()
         z = point(s)
         step = float(np.sqrt(np.mean(((z - last) / scale) ** 2)))

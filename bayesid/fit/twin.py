@@ -139,7 +139,8 @@ def run_case(
 
     record: dict[str, Any] = {
         "case": case.name, "seed": seed, "names": case.unknown, "V_start": v0, "start": point(fine.start),
-        "low": fine.low / truth, "high": fine.high / truth, "V_truth": 2 * fine.cost(truth),
+        "low": np.minimum(fine.low / truth, fine.high / truth),
+        "high": np.maximum(fine.low / truth, fine.high / truth), "V_truth": 2 * fine.cost(truth),
         "known_ratio": (base / np.where(model.nominal == 0, 1.0, model.nominal))[model.positions(case.known)],
     }  # fmt: skip
     found: list[Fit] = []

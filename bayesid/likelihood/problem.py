@@ -178,9 +178,38 @@ class Problem:
 
     def jacobian(self, z: Array) -> tuple[Array, Array]:
         """Residuals and their exact Jacobian (rows as in `residuals`) by all unknowns."""
+        return self._stacked(z, self._block(z))
+
+    def compressed(self, z: Array) -> tuple[Array, Array]:
+        """Residuals and Jacobian turned, run by run, into as few rows as there are unknowns, plus one.
+
+        An orthogonal change of rows: norms, J^T J and J^T r are those of `jacobian`, which for long logs with
+        many initial states would not fit into memory. The prior's rows stay as they are and come last.
+        """
+        block = self._block(z)
+
+        def one(i: int) -> tuple[Array, Array]:
+            resid, jac = block(i)
+            triangle = np.asarray(np.linalg.qr(np.column_stack([jac, resid]), mode="r"))
+            return triangle[:, -1], triangle[:, :-1]
+
+        return self._stacked(z, one)
+
+    def _stacked(self, z: Array, block: Callable[[int], tuple[Array, Array]]) -> tuple[Array, Array]:
+        k = len(self.params.names)
+        resids, rows = [], []
+        for i, (resid, jac) in enumerate(self._each(block)):
+            out = np.zeros((resid.size, z.size))
+            out[:, :k], out[:, self._columns(i)] = jac[:, :k], jac[:, k:]
+            resids.append(resid)
+            rows.append(out)
+        resid, prior = self.prior(z)
+        return np.concatenate([*resids, resid]), np.vstack([*rows, prior])
+
+    def _block(self, z: Array) -> Callable[[int], tuple[Array, Array]]:
+        """Residuals of one run and their Jacobian by the parameters and the run's own initial states."""
         par, starts = self.split(z)
         positions, slopes = self._chain
-        k = len(self.params.names)
 
         def one(i: int) -> tuple[Array, Array]:
             run = self.runs[i]
@@ -196,15 +225,10 @@ class Problem:
             jac = jac[:, picked] / np.asarray(run.sigma)[:, None]
             jac[~np.isfinite(run.readings)] = 0.0
             flat = jac.reshape(-1, jac.shape[2])
-            out = np.zeros((flat.shape[0], z.size))
-            out[:, :k] = flat[:, : positions.size] @ slopes
             where = [positions.size + self.model.states.index(s) for s in run.initial]
-            out[:, self._columns(i)] = flat[:, where]
-            return resid.ravel(), out
+            return resid.ravel(), np.hstack([flat[:, : positions.size] @ slopes, flat[:, where]])
 
-        parts = self._each(one)
-        resid, block = self.prior(z)
-        return np.concatenate([*(r for r, _ in parts), resid]), np.vstack([*(j for _, j in parts), block])
+        return one
 
     def _sensitivities(self, par: Array, i: int, x0: Array) -> Sensitivity:
         run = self.runs[i]
@@ -226,7 +250,7 @@ class Problem:
     def cost_gradient(self, z: Array) -> tuple[float, Array]:
         """Cost and its exact gradient; see `adjoint`."""
         if not self._direct or not (self.model.dof == 3 if self.adjoint is None else self.adjoint):
-            resid, jac = self.jacobian(z)
+            resid, jac = self.compressed(z)
             return 0.5 * float(resid @ resid), jac.T @ resid
         par, starts = self.split(z)
         positions, slopes = self._chain

@@ -71,7 +71,8 @@ def _targets_section(targets: Targets) -> Section:
         rows.append([name, target["what"], "", "", target["pass"]])
         for check, value in target["value"].items():
             shown = (", ".join(value) or "none") if isinstance(value, list) else value
-            text = shown if isinstance(shown, str) else f"{shown:.3g}"
+            digits = 6 if isinstance(shown, float) and 0.99 < shown < 1 else 3
+            text = shown if isinstance(shown, str) else f"{shown:.{digits}g}"
             rows.append(["", check, text, target["bar"][check], target["passes"][check]])
     caption = "A value over seeds is that of the worst seed unless it says median or share."
     return Section("Targets", [Table(["target", "statement", "value", "bar", "met"], rows, caption)])

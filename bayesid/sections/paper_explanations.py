@@ -189,11 +189,11 @@ def _sixdof(records: Records, facts: Mapping[str, Any]) -> Section:
     other = records.get("sixdof-sub")
     if other:
         text = (
-            f"The same on `{facts['sixdof-sub']['vehicle']}`: {_outcome(other)} Its set has the Gertler-Hagen "
-            "rows `Y_v|r|` = (v/|v|) R |r| and `Z_w|q|`, R = (v² + w²)^½. With sway and heave together these "
-            "forces jump where v or w changes sign; the track then jumps, by millimetres to centimetres, as "
-            "coefficients change, and a gradient search stops at a jump. In the plane, or with |v| and |w| for "
-            "R, they are continuous."
+            f"The same on `{facts['sixdof-sub']['vehicle']}`: {_outcome(other)} Its set has the "
+            "Gertler-Hagen rows `Y_v|r|` = (v/|v|) R |r| and `Z_w|q|`, R = (v² + w²)^½. With sway and heave "
+            "together these forces jump where v or w changes sign; the track then jumps, by millimetres to "
+            "centimetres, as coefficients change, and a gradient search stops at a jump. In the plane, or "
+            "with |v| and |w| for R, they are continuous."
         )
         blocks.append(Text(text))
     return Section("Six degrees of freedom", blocks)

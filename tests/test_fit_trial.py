@@ -1,0 +1,138 @@
+"""A trial is fitted, held-out runs are predicted and not read, and the vehicle found can be used again."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bayesid.errors import FitError
+from bayesid.fit import fit_trial
+from bayesid.fit.run import memory
+from bayesid.fit.trial import outcomes
+from bayesid.manoeuvres import turn, zigzag
+from bayesid.model import build_model
+from bayesid.sections.fit import fit_report, write_fit_report
+from bayesid.vehicles import coef_si, load_vehicle
+from bayesid.virtual import virtual_trial
+
+NOISE = {"x": 1.0, "y": 1.0, "psi": 0.01, "u": 0.05, "v": 0.05, "r": 1e-3}
+FREE = ("Y_v", "N_v", "Y_r", "N_r", "Y_dr", "N_dr")
+
+
+@pytest.fixture(scope="module")
+def trial():
+    model = build_model(load_vehicle("generic_sub"), 3)
+    truth = model.with_values({n: 1.15 * model.nominal[model.index[n]] for n in FREE})
+    manoeuvres = {
+        "zz": zigzag(0.35, 0.35, 90.0, 10.0, 300.0, 1.0),
+        "back": zigzag(-0.2, 0.2, 90.0, 10.0, 300.0, 1.0),
+        "circle": turn(0.3, 90.0, 20.0, 300.0, 1.0),
+    }
+    rng = np.random.default_rng(2)
+    return virtual_trial(
+        model,
+        truth,
+        manoeuvres,
+        title="twin <b>&",
+        vehicle_ref="generic_sub",
+        noise=NOISE,
+        rng=rng,
+        holdout=("circle",),
+    )
+
+
+@pytest.fixture(scope="module")
+def found(trial, tmp_path_factory):
+    return fit_trial(trial, out=tmp_path_factory.mktemp("fit"), free=FREE, use_prior=False)
+
+
+def test_held_out_runs_are_predicted_at_the_noise(found):
+    (circle,) = [r for r in found.runs if r.role == "holdout"]
+    before, after = circle.rms_nominal / circle.sigma, circle.rms_fitted / circle.sigma
+    assert before.max() > 10
+    # the initial state is read from the first 40 s of a noisy run, hence not quite 1
+    assert after.max() < 2.5
+
+
+def test_held_out_readings_do_not_reach_the_fit(trial, found):
+    spoiled = tuple(
+        replace(r, data={k: v + 100.0 for k, v in r.data.items()}) if r.role == "holdout" else r
+        for r in trial.runs
+    )
+    again = fit_trial(replace(trial, runs=spoiled), free=FREE, use_prior=False)
+    assert np.array_equal(again.fit.z, found.fit.z)
+
+
+def test_the_identified_vehicle_is_a_vehicle_file_with_its_covariance(trial, tmp_path):
+    found = fit_trial(trial, out=tmp_path, free=FREE, use_prior=False)
+    vehicle = load_vehicle(tmp_path / "vehicle.toml")
+    values = coef_si(vehicle)
+    for name, value in found.fit.values.items():
+        assert values[name] == pytest.approx(value, rel=1e-12)
+    assert set(FREE) == set(vehicle.prior.names)
+    model = build_model(vehicle, 3)
+    for name, sd in zip(found.fit.names, found.fit.sd[:6], strict=False):
+        assert model.prior_sd(name) == pytest.approx(sd, rel=0.02)  # the bounds add a little
+
+
+def test_a_second_fit_starts_from_the_first_and_keeps_what_it_knew(trial, found):
+    again = fit_trial(trial, found.identified, free=FREE)
+    moved = (again.fit.z[:6] - found.fit.z[:6]) / found.fit.sd[:6]
+    assert np.abs(moved).max() < 0.3
+    assert (again.fit.sd[:6] < found.fit.sd[:6]).all()
+
+
+def test_the_report_shows_verdict_coefficients_residuals_and_runs(found, tmp_path):
+    page = write_fit_report(found, tmp_path).read_text()
+    text = (tmp_path / "report.md").read_text()
+    for name in FREE:
+        assert name in text
+    assert "twin <b>&" not in page and "held out: predicted" in page
+    stored = json.loads((tmp_path / "results.json").read_text())
+    assert (
+        stored["verdict"] == found.fit.verdict and stored["fit"]["values"]
+        if "values" in stored["fit"]
+        else True
+    )
+    for png in (tmp_path / "figures").glob("*.png"):
+        assert png.stat().st_size < 200_000
+
+
+def test_an_open_combination_is_in_the_report_by_name(trial):
+    names = (*FREE, "Y_vdot", "Y_rdot", "Y_v|v|", "Y_v|r|", "Y_|r|dr")
+    loose = fit_trial(trial, free=names, use_prior=False)
+    assert not loose.fit.success and loose.fit.converged
+    sections = {s.title: s for s in fit_report(loose).sections}
+    rows = sections["What the data leave open"].blocks[1].rows
+    assert any("Y_rdot" in row[0] and row[1] == "none at all" for row in rows)
+    assert "not a success" in fit_report(loose).lead
+
+
+def test_a_vehicle_that_cannot_follow_a_run_is_shown_as_missing(found, trial):
+    wild = replace(found.vehicle, coef={**found.vehicle.coef, "N_r": 50 * abs(found.vehicle.coef["N_r"])})
+    problem = replace(found.problem, model=build_model(wild, 3))
+    runs = outcomes(problem, trial, found.fit)
+    assert all(np.isnan(r.nominal).all() and np.isnan(r.rms_nominal).all() for r in runs)
+    fit_report(replace(found, runs=runs))
+
+
+def test_a_trial_without_a_vehicle_or_a_run_to_fit_is_refused_in_words(trial):
+    with pytest.raises(FitError, match="names no vehicle"):
+        fit_trial(replace(trial, vehicle_ref=""))
+    with pytest.raises(FitError, match='role "identify"'):
+        fit_trial(replace(trial, runs=tuple(replace(r, role="holdout") for r in trial.runs)))
+    with pytest.raises(FitError, match="no parameter Y_zzz"):
+        fit_trial(trial, free=("Y_zzz",))
+
+
+def test_memory_of_white_noise_is_one_and_of_an_autoregression_as_theory_says():
+    rng = np.random.default_rng(3)
+    white = rng.standard_normal(20000)
+    assert memory(white) == pytest.approx(1.0, abs=0.1)
+    series = np.zeros(20000)
+    for i in range(1, series.size):
+        series[i] = 0.9 * series[i - 1] + white[i]
+    assert memory(series) == pytest.approx(19.0, rel=0.15)  # (1 + a) / (1 - a)
