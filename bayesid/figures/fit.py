@@ -95,12 +95,14 @@ def estimates(labels: Sequence[str], change: Array, sd: Array, prior_sd: Array, 
 
 @styled
 def search(costs: Sequence[float], steps: Sequence[float]) -> Any:
-    """Cost and step over iterations, logarithmic."""
+    """Cost (above the lowest) and step over iterations, logarithmic."""
     figure, axes = subplots(height=2.4)
     count = np.arange(1, len(costs) + 1)
-    axes.semilogy(count, np.maximum(costs, 1e-300), color=FITTED, label="cost")
+    last = min(costs)
+    above = np.maximum(np.asarray(costs) - last, 1e-6 * max(last, 1e-300))
+    axes.semilogy(count, above, color=FITTED)
     axes.set_xlabel("iteration")
-    axes.set_ylabel("cost")
+    axes.set_ylabel("cost above its last", color=FITTED)
     twin = axes.twinx()
     twin.semilogy(count, np.maximum(steps, 1e-16), ".", color=COLOURS["orange"], markersize=3)
     twin.set_ylabel("step (rms relative change)", color=COLOURS["orange"])

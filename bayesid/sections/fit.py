@@ -101,11 +101,11 @@ def _coefficients(found: TrialFit) -> Section:
         if any(abs(d.vector[i]) > 0.3 for d in open_names):
             flags.append("part of an open combination")
         start, value, sd = fit.start[i] / scale[i], fit.z[i] / scale[i], fit.sd[i] / abs(scale[i])
-        prior = fit.prior_sd[i] / abs(scale[i]) if np.isfinite(fit.prior_sd[i]) else None
         size = abs(value) or 1.0
+        prior = 100 * fit.prior_sd[i] / abs(scale[i]) / size if np.isfinite(fit.prior_sd[i]) else None
         rows.append([name, start, value, 100 * sd / size, prior, ", ".join(flags)])
     unit = "prime system, as in the vehicle file" if found.vehicle.nondimensional else "SI"
-    columns = ["coefficient", "start", "estimate", "sd [%]", "prior sd", "remark"]
+    columns = ["coefficient", "start", "estimate", "sd [%]", "prior sd [%]", "remark"]
     start = np.where(fit.start[:k] == 0, fit.scale[:k], fit.start[:k])
     change = np.where(fit.start[:k] == 0, 1 + fit.z[:k] / start, fit.z[:k] / start)
     labels = [_LABELS.get(n, n) for n in fit.names[:k]]
