@@ -7,7 +7,7 @@ Signal order: command -> actuator chain -> forces in moving water -> state -> se
 actuator positions held at their mean over each step, commands held between their samples.
 """
 
-from bayesid.simulate.batch import THREADED_FROM, simulate_batch
+from bayesid.simulate.batch import THREADED_FROM, gradient_batch, simulate_batch
 from bayesid.simulate.closed import fly, steady_start
 from bayesid.simulate.maps import Maps, Readings, interval_maps, readings_on
 from bayesid.simulate.plan import STEP_PER_LENGTH, Plan, plan_run, plan_trial_run
@@ -26,6 +26,7 @@ __all__ = [
     "actuate",
     "fly",
     "gradient",
+    "gradient_batch",
     "interval_maps",
     "observe",
     "observe_sensitivity",
