@@ -10,8 +10,7 @@ import pytest
 
 from bayesid.errors import FitError
 from bayesid.fit import fit_trial
-from bayesid.fit.run import memory
-from bayesid.fit.trial import outcomes
+from bayesid.fit.trial import memory, outcomes
 from bayesid.manoeuvres import turn, zigzag
 from bayesid.model import build_model
 from bayesid.sections.fit import fit_report, write_fit_report

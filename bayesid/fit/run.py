@@ -12,17 +12,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.optimize import lsq_linear
 from scipy.stats import qmc
 
 from bayesid.errors import FitError
+from bayesid.fit.curvature import covariance_of, predicted_gain, without
 from bayesid.fit.journal import Journal
 from bayesid.fit.result import Fit
 from bayesid.fit.slsqp import DAMPING, Clock, Enough, Round, run_round
 from bayesid.likelihood import Problem, flat_directions, singular_values
 
 Array = np.ndarray
-ROUNDING = 1e-13  # relative to the readings: below it residuals are arithmetic, not misfit
 SHARES = ("line_search", "gradient", "subproblem", "other")
 SAME = 1e-3  # starts whose costs differ by less than this share end in the same minimum
 
@@ -245,36 +244,6 @@ def _profile(search: _Search) -> bool:
     return False
 
 
-def memory(resid: Array) -> float:
-    """Integrated autocorrelation time [samples] of a residual series: 1 if white, more if errors persist."""
-    x = resid - np.mean(resid) if resid.size else resid
-    if x.size < 8 or not np.any(x):
-        return 1.0
-    power = np.abs(np.fft.rfft(resid, 2 * resid.size)) ** 2  # an offset is an error that persists: keep it
-    correlation = np.fft.irfft(power)[: resid.size]
-    tau = 2 * np.cumsum(correlation / correlation[0]) - 1
-    window = np.arange(resid.size) > 5 * tau  # Sokal's window
-    return float(np.clip(tau[np.argmax(window)] if window.any() else tau[-1], 1.0, resid.size))
-
-
-def predicted_gain(problem: Problem, z: Array) -> tuple[float, bool]:
-    """Decrease of the cost a Gauss-Newton step within the bounds would bring, and whether residuals are at
-    rounding.
-
-    Directions without curvature (relative 1e-12) bring nothing.
-    """
-    resid, jac = problem.compressed(z)
-    size = sum(float(np.nansum((r.readings / r.sigma) ** 2)) for r in problem.runs)
-    zero = float(resid @ resid) <= (10 * ROUNDING) ** 2 * size
-    q, s, vt = np.linalg.svd(jac * problem.scale, full_matrices=False)
-    keep = s > 1e-12 * max(s[0], 1e-300)
-    matrix, target = s[keep, None] * vt[keep], -(q.T @ resid)[keep]
-    low, high = ((limit - z) / problem.scale for limit in (problem.low, problem.high))
-    low, high = np.minimum(low, -1e-12), np.maximum(high, 1e-12)
-    step = lsq_linear(matrix, target, (low, high), method="bvls" if np.isfinite(low).any() else "trf").x
-    return max(0.5 * float(target @ target - np.sum((matrix @ step - target) ** 2)), 0.0), zero
-
-
 def _judge(search: _Search, options: Options, zero: bool, slow: int) -> tuple[str, str]:
     if zero:
         return "rounding", "converged: residuals are at rounding level"
@@ -311,7 +280,7 @@ def _result(problem: Problem, options: Options, best: _Search, searches: list[_S
             prior[problem.params.names.index(name)] = np.sqrt(v)
     prior_all = np.concatenate([prior, *(r.initial_sd for r in problem.runs)])
     half = np.where(np.isfinite(high - low), 0.5 * (high - low), np.inf)
-    seen = data[:, :k] if not problem.n_initial else _projected(data, k)
+    seen = data[:, :k] if not problem.n_initial else without(data, k)
     flat = flat_directions(
         problem.names[:k], seen, options.flat_level, prior / scale[:k], half[:k] / scale[:k]
     )
@@ -336,16 +305,3 @@ def _result(problem: Problem, options: Options, best: _Search, searches: list[_S
         starts=tuple({"cost_start": s.cost_start, "cost": s.cost, "reason": s.message} for s in searches),
         sigma=_sigma(problem), channel_rms=problem.channel_rms(z), seed=options.seed, digest=problem.digest,
     )  # fmt: skip
-
-
-def _projected(data: Array, k: int) -> Array:
-    """Jacobian by the parameters with what the initial states can imitate taken out."""
-    q, _ = np.linalg.qr(data[:, k:])
-    return data[:, :k] - q @ (q.T @ data[:, :k])
-
-
-def covariance_of(jac: Array) -> Array:
-    """Inverse of J^T J by singular values; directions flat to rounding get the sd of the rounding level."""
-    values, vt = singular_values(jac)
-    floor = 1e-12 * max(values.max(), 1e-300)
-    return (vt.T / np.maximum(values, floor) ** 2) @ vt
