@@ -75,21 +75,32 @@ def fit(
 
     --out gets every iterate as it is found, fit.json, vehicle.toml of the identified vehicle and a report.
     """
+    from bayesid.errors import FitError
     from bayesid.fit import Options
     from bayesid.fit.pieces import fit_in_pieces
     from bayesid.progress import Progress
     from bayesid.trials import load_trial
     from bayesid.vehicles import load_vehicle
 
-    trial = prepared(load_trial(bundle, data), _names(runs), resample, QUICK_SAMPLES if quick else None)
+    logged = load_trial(bundle, data)
+    if not (vehicle or logged.vehicle_ref):
+        raise FitError(f"{logged.name} names no vehicle; give --vehicle, or name one in trial.toml")
+    ship = load_vehicle(vehicle or logged.vehicle_ref)
+    kept = _names(fixed) or []
+    unknown = [name for name in kept if name not in ship.coef]
+    if unknown:
+        raise FitError(
+            f"{ship.name} has no coefficient {', '.join(unknown)} to keep; it has {', '.join(ship.coef)}"
+        )
+    trial = prepared(logged, _names(runs), resample, QUICK_SAMPLES if quick else None)
     profile = estimate or not trial.noise
     options = Options(
         seed=seed, starts=starts, profile=profile, **({"rounds": QUICK_ROUNDS} if quick else {})
     )
     with Progress(quiet=as_json).stage("fit") as stage:
         found = fit_in_pieces(
-            trial, pieces, load_vehicle(vehicle) if vehicle else None, out,
-            free=_names(free), fixed=_names(fixed) or (), options=options, resume=not fresh,
+            trial, pieces, ship, out,
+            free=_names(free), fixed=kept, options=options, resume=not fresh,
             watch=lambda done, cost, step: stage.step(info=f"cost {cost:.6g}, step {step:.1g}"),
         )  # fmt: skip
     _answer(found, out, as_json, verbose)
@@ -146,7 +157,7 @@ def _answer(found: TrialFit, out: Path | None, as_json: bool, verbose: bool) -> 
         bound = "on a bound" if name in result.at_bound else ""
         relative = 100 * result.sd[i] / max(abs(result.z[i]), 1e-300)
         rows.append([name, result.start[i] / scale[i], result.z[i] / scale[i], relative, bound])
-    say_table(["coefficient", "start", "estimate", "sd [%]", ""], rows)
+    say_table(["coefficient", "start", "estimate", "sd [%]", "remark"], rows)
     if result.flat:
         say("\nNot determined by these data:")
         for d in result.flat:

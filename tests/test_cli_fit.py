@@ -1,0 +1,93 @@
+"""`bayesid fit`: what it finds, what it refuses to call a success, and that a killed fit goes on."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bayesid.cli.guard import run
+from bayesid.fit.pieces import in_pieces
+from bayesid.trials import load_trial
+from bayesid.vehicles import load_vehicle
+
+PLANTED = -0.0045  # N_dr of generic_sub is -0.003854
+NOISE = {"x": 1.0, "y": 1.0, "psi": 0.005, "u": 0.02, "v": 0.02, "r": 0.0005}
+RUNS = ["--runs", "01_zigzag_20_20"]
+
+
+@pytest.fixture(scope="module")
+def pond(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("pond")
+    noise = [part for name, sigma in NOISE.items() for part in ("--noise", f"{name}={sigma}")]
+    flown = ["simulate", "generic_sub", "zigzag:20/20", "turn:25", "--dt", "2", "--out", str(folder)]
+    assert run([*flown, *noise, "--set", f"N_dr={PLANTED}", "--seed", "1"]) == 0
+    return folder
+
+
+def test_a_planted_coefficient_is_found_and_the_held_out_turn_predicted(pond, tmp_path, capsys):
+    code = run(["fit", str(pond), *RUNS, "--free", "N_v,N_r,N_dr", "--out", str(tmp_path), "--json"])
+    answer = json.loads(capsys.readouterr().out)
+    assert code == 0 and answer["success"]
+    scale = np.array([answer["estimates_SI"]["N_dr"][k] for k in ("start", "value", "sd")])
+    nominal = load_vehicle("generic_sub").coef["N_dr"]
+    value, sd = nominal * scale[1:] / scale[0]
+    assert abs(value - PLANTED) < 4 * abs(sd)  # one fixed seed; a sound fit misses this once in 16 000
+    (turn,) = [r for r in answer["runs"] if r["role"] == "holdout"]
+    heading = turn["channels"]["psi"]
+    assert heading["rms_fitted"] < 0.2 * heading["rms_nominal"]
+    found = load_vehicle(tmp_path / "vehicle.toml")
+    assert found.coef["N_dr"] == pytest.approx(value) and found.prior.covariance is not None
+    assert {p.name for p in tmp_path.iterdir()} >= {"fit.json", "iterates.jsonl", "report.html", "report.md"}
+
+
+def test_a_flat_valley_is_not_called_a_success(pond, capsys):
+    """All rows of the yaw axis, inertia included, can be scaled together without a trace in the motion."""
+    yaw = [n for n in load_vehicle("generic_sub").coef if n.startswith(("Y_", "N_"))]
+    planar = [n for n in yaw if n in ("Y_vdot", "Y_v", "Y_r", "Y_dr", "N_rdot", "N_v", "N_r", "N_dr")]
+    code = run(["fit", str(pond), *RUNS, "--free", ",".join(planar), "--quick", "--json"])
+    answer = json.loads(capsys.readouterr().out)
+    assert code == 3 and not answer["success"]
+    assert answer["flat"] or not answer["converged"]
+
+
+def test_a_killed_fit_goes_on_from_its_iterates(pond, tmp_path, capsys):
+    def fitted(folder):
+        run(["fit", str(pond), *RUNS, "--free", "N_r,N_dr", "--out", str(folder), "--json"])
+        return json.loads(capsys.readouterr().out)["estimates_SI"]["N_dr"]["value"]
+
+    whole = fitted(tmp_path / "whole")
+    lines = (tmp_path / "whole" / "iterates.jsonl").read_text().splitlines()
+    cut = tmp_path / "cut" / "iterates.jsonl"
+    cut.parent.mkdir()
+    cut.write_text("\n".join(lines[:4]) + '\n{"kind": "iter')  # as a kill leaves it
+    assert fitted(cut.parent) == pytest.approx(whole, rel=1e-4)
+    assert cut.read_text().splitlines()[:4] == lines[:4]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--runs", "nope"], "no run nope"),
+        (["--fix", "N_dx"], "N_dx"),
+        (["--free", "N_dx"], "N_dx"),
+        (["--vehicle", "nope"], "nope"),
+    ],
+)
+def test_a_wrong_name_is_one_message(pond, capsys, options, words):
+    assert run(["fit", str(pond), *options]) == 2
+    said = capsys.readouterr().err
+    assert words in said and "Traceback" not in said
+
+
+def test_pieces_cover_every_sample_and_leave_held_out_runs_whole(pond):
+    trial = load_trial(pond)
+    cut = in_pieces(trial, 100.0)
+    first = trial.runs[0]
+    mine = [r for r in cut.runs if r.name.startswith(first.name)]
+    assert len(mine) == round(first.duration / 100.0)
+    assert set(np.concatenate([r.t for r in mine])) == set(first.t)
+    held = replace(trial, runs=tuple(replace(r, role="holdout") for r in trial.runs))
+    assert [r.n_samples for r in in_pieces(held, 100.0).runs] == [r.n_samples for r in trial.runs]
