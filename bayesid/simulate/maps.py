@@ -1,4 +1,4 @@
-"""One sample interval at a time along any path: where each ends, and how that moves with state, inputs, parameters.
+"""One sample interval at a time along any path: its end, and how that moves with state, inputs, parameters.
 
 Takes a `Model`, parameters in SI, a `Plan` and the states at the samples, which need not obey the equations.
 Gives arrays a Kalman filter can use. Does not filter.
@@ -104,8 +104,8 @@ def readings_on(
 ) -> Readings:
     """Readings of every channel on a path, with slopes by the state at the sample and by the free parameters.
 
-    A sensor delay T reads x(t) - T dx/dt to second order, the rate taken from the interval maps, so that its slopes
-    need the state at one sample only.
+    A sensor delay T reads x(t) - T dx/dt to second order, the rate taken from the interval maps, so that its
+    slopes need the state at one sample only.
     """
     par = np.array(par, dtype=float, order="C")
     fun = choose(model, par, full)
