@@ -85,7 +85,8 @@ def main(out: Path, quick: bool, first_seed: int) -> dict[str, Any]:
     titles = {
         **{n: c.title for n, c in cases.items()},
         "joint": "three manoeuvres",
-        "sixdof": "6-DOF meander",
+        "sixdof": "6-DOF, remus100",
+        "sixdof-sub": "6-DOF, generic_sub",
     }
     inputs = {
         "vehicle": VEHICLE,

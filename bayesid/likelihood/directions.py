@@ -47,9 +47,12 @@ def combination(names: Sequence[str], vector: Array) -> str:
     order = np.argsort(-np.abs(vector))
     sign = np.sign(vector[order[0]]) or 1.0
     words: list[str] = []
+    least = (
+        SHOWN if np.sum(np.abs(vector) >= SHOWN) > 1 else 0.02
+    )  # one name alone would hide the combination
     for i in order:
         value = sign * vector[i]
-        if abs(value) < SHOWN:
+        if abs(value) < least:
             break
         glue = ("" if value > 0 else "-") if not words else ("+ " if value > 0 else "- ")
         words.append(f"{glue}{abs(value):.2f} {names[i]}")
