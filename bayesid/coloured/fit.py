@@ -26,8 +26,11 @@ from bayesid.model import Model
 SETTLED = 0.2
 # Longest step of one pass, in prior standard deviations.
 LONGEST = 3.0
+WARM = 2
 # Movement of the readings in the last pass, in sensor standard deviations, that counts as none.
 JOINED = 0.05
+# Passes at the real level after which a model that explains far less than a free force is given up.
+HOPELESS = 6
 # Latent force over 1/2 rho L^2 U^2 that no longer moves a track by as much as a sensor sees.
 QUIET = 3e-6
 
@@ -52,6 +55,9 @@ class Free:
         )
 
 
+NOTHING = Free((), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0), np.zeros(0))
+
+
 @dataclass(frozen=True, eq=False)
 class ColouredFit:
     """Converged (or not) coloured fit.
@@ -67,8 +73,8 @@ class ColouredFit:
     grams : one per run, columns in units of the prior sd, residual relative to the prior mean
     standard : per run (n, q) standardised innovations
     passes, converged : Gauss-Newton passes and whether the last step was below `SETTLED` posterior sd
-    follow, follow_level : points of the most probable pass and its latent force over 1/2 rho L^2 U^2: a path that
-        follows the data even where the model cannot
+    follow, follow_level, follow_evidence : points of the most probable pass, its latent force over
+        1/2 rho L^2 U^2 and its log evidence: a path that follows the data even where the model cannot
     """
 
     free: Free
@@ -84,6 +90,7 @@ class ColouredFit:
     converged: bool
     follow: tuple[Point, ...]
     follow_level: float
+    follow_evidence: float
 
     @property
     def log_evidence(self) -> float:
@@ -134,45 +141,52 @@ def fit(
     base[free.where] = free.mean
     points = list(start) if start is not None else [first_point(model, log, base) for log in logs]
     values = points[0].par[free.where].copy()
-    best: tuple[float, list[Point], Array] | None = None
+    best: _Best | None = None
     standards: list[Array] = []
-    converged, halvings, level, settled = False, 0, loud, 0
+    converged, level, settled, real = False, loud, 0, 0
     follow: tuple[float, tuple[Point, ...], float] = (-np.inf, tuple(points), loud)
     k = 0
     for k in range(passes):
         now = _level(model, colours, level)
         try:
             paths = [linearise(model, log, p, free.where) for log, p in zip(logs, points, strict=True)]
+            grams = stack(model, paths, free, now)
+            total = sum(grams[1:], grams[0])
+            if not (np.isfinite(total.ee) and np.isfinite(total.ss).all() and np.isfinite(total.se).all()):
+                raise ModelError("the path left the region where the model can be linearised")
         except ModelError:
             if best is None:
                 raise
-            points, values = _between(best[1], points, 0.3), best[2] + 0.3 * (values - best[2])
+            best.share *= 0.3
+            points, standards, values = best.again(model, free)
             continue
-        grams = stack(model, paths, free, now)
-        total = sum(grams[1:], grams[0])
         post = posterior(total)
         if post.log_evidence > follow[0]:
             follow = (post.log_evidence, tuple(points), level if now is not colours else 0.0)
         z = (values - free.mean) / free.sd
         merit = -0.5 * (total.ee - 2 * total.se @ z + z @ total.ss @ z + z @ z + total.logdet)
-        if now is not colours:
-            best = (-np.inf, points, values)
-        elif best is not None and merit < best[0] - 0.5 and halvings < 4:
-            halvings += 1
-            points, values = _between(best[1], points, 0.4), best[2] + 0.4 * (values - best[2])
-            continue
-        else:
-            best, halvings = (merit, points, values), 0
+        if now is colours and best is not None and best.colours is colours and merit < best.merit - 0.5:
+            if best.share > 0.02:
+                best.share *= 0.3
+                points, standards, values = best.again(model, free)
+                continue
         step = post.mean - z
         biggest = float(np.abs(step).max()) if step.size else 0.0
-        factor = min(1.0, LONGEST / biggest) if biggest > 0 else 1.0
-        proposal = np.maximum(values + factor * step * free.sd, free.low)
-        points, standards = _moved(model, paths, free, proposal, now)
+        share = min(1.0, LONGEST / biggest) if biggest > 0 else 1.0
+        if k < WARM and loud > 0:
+            share = 0.0  # the first passes only let the path settle; slopes along raw readings are biased by their noise
+        best = _Best(merit, paths, values, step * free.sd, now, share)
+        points, standards, proposal = best.again(model, free)
         done = (proposal - values) / free.sd
         length = float(np.sqrt(done @ done + done @ total.ss @ done)) if done.size else 0.0
         values = proposal
+        if k < WARM and loud > 0:
+            continue
         if now is colours:
             settled = settled + 1 if length < SETTLED else 0
+            real += 1
+            if real >= HOPELESS and post.log_evidence < follow[0] - 1e3:
+                break
             if settled and _joined(paths, points):
                 converged = True
                 break
@@ -181,7 +195,7 @@ def fit(
             level = min(0.5 * need, 0.5 * level)
     return ColouredFit(
         free, values, post, points[0].par, now, tuple(points), tuple(paths), tuple(grams), tuple(standards), k + 1,
-        converged, follow[1], follow[2],
+        converged, follow[1], follow[2], follow[0],
     )  # fmt: skip
 
 
@@ -220,13 +234,19 @@ def _level(model: Model, real: Colours, level: float) -> Colours:
     return replace(real, force=tuple(np.maximum(real.force, level * unit)), force_tau=max(real.force_tau, usual))
 
 
-def _between(a: Sequence[Point], b: Sequence[Point], share: float) -> list[Point]:
-    """Points a share of the way from a to b."""
-    return [
-        Point(
-            p.par + share * (q.par - p.par),
-            p.states + share * (q.states - p.states),
-            p.force + share * (q.force - p.force),
-        )
-        for p, q in zip(a, b, strict=True)
-    ]
+@dataclass
+class _Best:
+    """Best point so far and the step tried from it."""
+
+    merit: float
+    paths: Sequence[Path]
+    values: Array
+    step: Array
+    colours: Colours
+    share: float
+
+    def again(self, model: Model, free: Free) -> tuple[list[Point], list[Array], Array]:
+        """Points, innovations and values a share of the step away, the path smoothed for those values."""
+        values = np.maximum(self.values + self.share * self.step, free.low)
+        points, standards = _moved(model, self.paths, free, values, self.colours)
+        return points, standards, values

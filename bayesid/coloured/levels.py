@@ -14,13 +14,16 @@ from scipy.optimize import minimize
 
 from bayesid.coloured.colours import Colours, force_unit
 from bayesid.coloured.evidence import posterior
-from bayesid.coloured.fit import Free, fit, stack
+from bayesid.coloured.fit import NOTHING, Free, fit, stack
 from bayesid.coloured.log import Array, Log
+from bayesid.coloured.path import linearise
 from bayesid.model import Model
 
 # Prior medians over 1/2 rho L^2 U^2 and L, and spreads of their logarithms: wide enough for a basin and for a rough sea.
 FORCE_MEDIAN, FORCE_SPREAD = 3e-5, 1.5
 DRIFT_MEDIAN, DRIFT_SPREAD = 0.05, 1.5
+# How far the environment of manoeuvring runs may lie from that of the straight ones, in the logarithm.
+REPEATABLE = 0.4
 TAU_FORCE, TAU_DRIFT, TAU_SPREAD = 3.0, 25.0, 0.7
 
 
@@ -53,15 +56,26 @@ def stated(model: Model, force_rms: float, nav_drift: float) -> Environment:
     return Environment(Colours(force, quiet.force_tau, nav_drift, quiet.drift_tau), "stated", 0.0)
 
 
-def measure(model: Model, logs: Sequence[Log], free: Free, rounds: int = 2) -> Environment:
+def measure(
+    model: Model, logs: Sequence[Log], free: Free, rounds: int = 2, known: Environment | None = None, steps: int = 12
+) -> Environment:
     """Environment of runs on which the nominal structure is trusted.
 
     Coefficients are integrated out under their prior; amplitudes and times maximise the marginal likelihood.
+
+    Parameters
+    ----------
+    known : an earlier measurement to stay close to (`REPEATABLE` in the logarithm)
     """
     unit, s = force_unit(model), model.scales
     time = s["L"] / s["U"]
-    centre = np.log(np.concatenate([np.full(unit.size, FORCE_MEDIAN), [DRIFT_MEDIAN, TAU_FORCE, TAU_DRIFT]]))
-    spread = np.concatenate([np.full(unit.size, FORCE_SPREAD), [DRIFT_SPREAD, TAU_SPREAD, TAU_SPREAD]])
+    if known is None:
+        centre = np.log(np.concatenate([np.full(unit.size, FORCE_MEDIAN), [DRIFT_MEDIAN, TAU_FORCE, TAU_DRIFT]]))
+        spread = np.concatenate([np.full(unit.size, FORCE_SPREAD), [DRIFT_SPREAD, TAU_SPREAD, TAU_SPREAD]])
+    else:
+        c = known.colours
+        level = [*(np.array(c.force) / unit), c.drift / s["L"], c.force_tau / time, c.drift_tau / time]
+        centre, spread = np.log(level), np.full(unit.size + 3, REPEATABLE)
 
     def colours(theta: Array) -> Colours:
         value = np.exp(theta)
@@ -73,14 +87,17 @@ def measure(model: Model, logs: Sequence[Log], free: Free, rounds: int = 2) -> E
     theta = centre.copy()
     spread_found = 0.5
     for _ in range(rounds):
-        fitted = fit(model, logs, free, colours(theta), passes=10)
+        # Coefficients stay nominal along the path: a row of the balance and its noise may shrink together without any
+        # change in the track, and a path fitted under too quiet a guess would take that way out.
+        settled = fit(model, logs, NOTHING, colours(theta), passes=8)
+        linear = tuple(linearise(model, log, point, free.where) for log, point in zip(logs, settled.points, strict=True))
 
-        def cost(t: Array, paths: tuple = fitted.paths) -> float:
+        def cost(t: Array, paths: tuple = linear) -> float:
             grams = stack(model, paths, free, colours(t))
             return -posterior(sum(grams[1:], grams[0])).log_evidence + 0.5 * float((((t - centre) / spread) ** 2).sum())
 
         found = minimize(cost, theta, method="L-BFGS-B", bounds=[(c - 2.5 * w, c + 2.5 * w) for c, w in zip(centre, spread, strict=True)],
-                         options={"maxiter": 12, "eps": 0.02})  # fmt: skip
+                         options={"maxiter": steps, "eps": 0.02})  # fmt: skip
         theta = found.x
     return Environment(colours(theta), "measured", spread_found)
 

@@ -18,7 +18,7 @@ from bayesid.coloured.free import effect_prior
 from bayesid.coloured.path import Array, Path, Point, latent_inputs, linearise, with_forces, wrap
 from bayesid.diagnose.problem import Problem
 from bayesid.effects import Effect
-from bayesid.simulate import interval_maps, readings_on
+from bayesid.simulate import inertia_ratio, interval_maps, readings_on
 
 # Secant sizes, in prior standard deviations, of effects without a slope when off.
 SECANTS = (0.15, 0.8)
@@ -118,7 +118,6 @@ def _secants(problem: Problem, path: Path, effects: Sequence[Effect]) -> tuple[A
     model, log, point = problem.model, path.log, path.point
     nothing = np.zeros(0, dtype=np.int64)
     inputs = latent_inputs(model)
-    plan = with_forces(model, log.plan, point.force)
     picked = list(log.channels)
     direct, drive = [], []
     ends = path.defect + point.states[1:]
@@ -127,6 +126,8 @@ def _secants(problem: Problem, path: Path, effects: Sequence[Effect]) -> tuple[A
         for size in SECANTS:
             par = point.par.copy()
             par[prior.where] = np.maximum(par[prior.where], prior.mean) + size * prior.sd
+            ratio, _ = inertia_ratio(model, par, nothing)
+            plan = with_forces(model, log.plan, point.force @ ratio.T)
             maps = interval_maps(model, par, plan, point.states, inputs, nothing)
             readings = readings_on(model, par, plan, point.states, maps, nothing).values[:, picked]
             resid = wrap(model, log, log.data - readings)

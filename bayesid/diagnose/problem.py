@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from bayesid.coloured.colours import Colours, force_unit
-from bayesid.coloured.fit import ColouredFit, Free, fit
+from bayesid.coloured.fit import NOTHING, ColouredFit, Free, fit
 from bayesid.coloured.free import coefficient_prior, effect_prior
 from bayesid.coloured.levels import Environment, is_straight, measure, silent, stated
 from bayesid.coloured.log import Log, read_run
-from bayesid.coloured.path import Point, first_point
+from bayesid.coloured.path import Point
 from bayesid.effects import Effect
 from bayesid.errors import TrialError
 from bayesid.model import Model
@@ -38,6 +38,8 @@ class Problem:
     channels : measured channels used
     outliers : (run, time [s], channel) of the readings set aside
     warnings : sentences for the report
+    path, path_level : nominal model along a path that follows the data, and the latent force this needs over
+        1/2 rho L^2 U^2: where sensitivities are taken while nothing is known
     """
 
     model: Model
@@ -47,6 +49,8 @@ class Problem:
     channels: tuple[str, ...]
     outliers: tuple[tuple[str, float, str], ...]
     warnings: tuple[str, ...]
+    path: tuple[Point, ...]
+    path_level: float
 
 
 def pose(model: Model, trial: Trial, say: Say = lambda text: None, as_built: float | None = None) -> Problem:
@@ -83,7 +87,12 @@ def pose(model: Model, trial: Trial, say: Say = lambda text: None, as_built: flo
     if model.vehicle.prior is None and as_built is None:
         warnings.append("the vehicle file states no prior; coefficients are taken as known to 10 %")
     environment = _environment(model, trial, logs, coefficients, warnings, say)
-    return Problem(model, tuple(logs), coefficients, environment, channels, tuple(outliers), tuple(warnings))
+    say("path: the nominal model led along the data by a free force")
+    led = fit(model, logs, NOTHING, environment.colours, passes=16)
+    return Problem(
+        model, tuple(logs), coefficients, environment, channels, tuple(outliers), tuple(warnings), led.follow,
+        led.follow_level,
+    )  # fmt: skip
 
 
 def _noise_from_data(runs: tuple, names: list[str]) -> dict[str, float]:
@@ -106,8 +115,7 @@ def _noise_from_data(runs: tuple, names: list[str]) -> dict[str, float]:
 def _set_aside(model: Model, logs: list[Log]) -> tuple[list[Log], list[tuple[str, float, str]]]:
     """Logs without readings that stand out although the path may bend freely."""
     loud = Colours(tuple(0.03 * force_unit(model)), silent(model).force_tau, 0.0, silent(model).drift_tau)
-    nothing = Free((), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0), np.zeros(0))
-    fitted = fit(model, logs, nothing, loud, passes=3, loud=0.0)
+    fitted = fit(model, logs, NOTHING, loud, passes=3, loud=0.0)
     out, found = [], []
     for log, standard in zip(logs, fitted.standard, strict=True):
         spread = max(1.0, float(np.median(np.abs(standard[log.valid]))) / 0.6745)
@@ -128,7 +136,8 @@ def _environment(
     straight = [log for log in logs if is_straight(model, log)]
     if straight:
         say(f"environment: measured from {len(straight)} straight run(s)")
-        return measure(model, straight, free)
+        first = measure(model, straight, free)
+        return measure(model, logs, free, rounds=1, known=first, steps=5)
     warnings.append("no straight run: the environment is estimated from all runs, so a gap may hide in it")
     found = measure(model, logs, free)
     return Environment(found.colours, "assumed", 1.0)
@@ -142,7 +151,7 @@ def start_points(problem: Problem, effect_free: Free, effects: tuple[Effect, ...
             i = problem.model.index[effect.key(p.name)]
             k = effect_free.names.index(effect.key(p.name))
             par[i] = p.mean if effect.smooth else p.mean + 0.5 * effect_free.sd[k]
-    return [first_point(problem.model, log, par) for log in problem.logs]
+    return [Point(par, point.states, point.force) for point in problem.path]
 
 
 def fit_with(
@@ -155,6 +164,7 @@ def fit_with(
         more = effect_prior(problem.model, effect)
         extra = more if extra is None else extra + more
         free = free + more
-    if start is None and extra is not None:
-        start = start_points(problem, extra, effects)
+    if start is None:
+        start = start_points(problem, extra, effects) if extra is not None else list(problem.path)
+        loud = max(problem.path_level, 1e-5)
     return fit(problem.model, problem.logs, free, problem.environment.colours, start=start, passes=passes, loud=loud)

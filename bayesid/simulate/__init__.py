@@ -9,7 +9,7 @@ actuator positions held at their mean over each step, commands held between thei
 
 from bayesid.simulate.batch import THREADED_FROM, gradient_batch, simulate_batch
 from bayesid.simulate.closed import fly, steady_start
-from bayesid.simulate.maps import Maps, Readings, interval_maps, readings_on
+from bayesid.simulate.maps import Maps, Readings, inertia_ratio, interval_maps, readings_on
 from bayesid.simulate.plan import STEP_PER_LENGTH, Plan, plan_run, plan_trial_run
 from bayesid.simulate.prepare import actuate
 from bayesid.simulate.sensors import observe, observe_sensitivity
@@ -27,6 +27,7 @@ __all__ = [
     "fly",
     "gradient",
     "gradient_batch",
+    "inertia_ratio",
     "interval_maps",
     "observe",
     "observe_sensitivity",

@@ -14,7 +14,7 @@ import numpy as np
 from bayesid.errors import ModelError
 from bayesid.model import Model
 from bayesid.simulate.plan import Plan
-from bayesid.simulate.prepare import actuate, check_parameters, choose, inverse_mass
+from bayesid.simulate.prepare import actuate, check_parameters, choose, inverse_mass, mass_matrices
 
 Array = np.ndarray
 
@@ -81,6 +81,25 @@ def interval_maps(
         np.ascontiguousarray(maps[:, :, nx : nx + n_in]),
         np.ascontiguousarray(maps[:, :, nx + n_in :]),
     )
+
+
+def inertia_ratio(model: Model, par: Array, free: Array) -> tuple[Array, Array]:
+    """Mass matrix over the nominal one, M(par) M0^-1, and its derivative by the free parameters.
+
+    Returns
+    -------
+    (nv, nv) and (p, nv, nv)
+    """
+    fun = model.kernel.full
+    back = np.linalg.inv(mass_matrices(model, fun, model.nominal[None])[0])
+    step = 1e-4 * np.maximum(np.abs(model.nominal[free]), np.maximum(np.abs(par[free]), 1e-6))
+    pars = np.repeat(np.asarray(par, dtype=float)[None], 2 * len(free) + 1, axis=0)
+    for i, (p, h) in enumerate(zip(free, step, strict=True)):
+        pars[1 + 2 * i, p] += h
+        pars[2 + 2 * i, p] -= h
+    mass = mass_matrices(model, fun, pars)
+    slope = (mass[1::2] - mass[2::2]) / (2.0 * step[:, None, None]) if len(free) else mass[:0]
+    return mass[0] @ back, slope @ back
 
 
 @dataclass(frozen=True, eq=False)

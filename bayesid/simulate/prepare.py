@@ -82,6 +82,14 @@ def start(fun: Functions, par: Array, exogenous: Array, x0: Array) -> tuple[Arra
     return x, slope_x, slope_par
 
 
+def mass_matrices(model: Model, fun: Functions, pars: Array) -> Array:
+    """(b, nv, nv) mass matrices, added mass included, of (b, n) parameter vectors."""
+    nv = len(model.kernel.velocities)
+    mass = np.zeros((pars.shape[0], nv, nv))
+    fun.masses(np.ascontiguousarray(pars, dtype=float), mass)
+    return mass
+
+
 def inverse_mass(model: Model, fun: Functions, pars: Array) -> Array:
     """(b, nv*nv) inverse mass matrices of (b, n) parameter vectors.
 
@@ -91,10 +99,8 @@ def inverse_mass(model: Model, fun: Functions, pars: Array) -> Array:
         if a mass matrix cannot be inverted
     """
     nv = len(model.kernel.velocities)
-    mass = np.zeros((pars.shape[0], nv, nv))
-    fun.masses(pars, mass)
     try:
-        return np.linalg.inv(mass).reshape(-1, nv * nv)
+        return np.linalg.inv(mass_matrices(model, fun, pars)).reshape(-1, nv * nv)
     except np.linalg.LinAlgError:
         raise ModelError(
             f"mass matrix of {model.vehicle.name!r} with these values cannot be inverted; check mass, "

@@ -1,0 +1,94 @@
+"""The verdict: one of seven words, with the effects, the set and the reasons behind it.
+
+Takes `Candidates`. Gives a frozen `Verdict`. Reads no data and no held-out run.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bayesid.diagnose.problem import Problem
+from bayesid.diagnose.which import COEFFICIENT_ERROR, PRIOR_OUTSIDE, Candidates, credible_set, pulls
+
+# Evidence an effect or a latent signal needs, absorption from which an effect is hidden, probability that names one.
+NAMED, REMAINDER, HIDDEN, SURE = 5.0, 20.0, 0.98, 0.95
+WORDS = ("none", "effect", "effect_with_remainder", "several", "outside", "coefficients", "ambiguous")
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What the diagnosis says.
+
+    Attributes
+    ----------
+    word : one of `WORDS`
+    effects : names the verdict stands on
+    set95 : smallest set of hypotheses with 95 % probability
+    hidden : effects the coefficients can absorb, which lie along the fitted coefficient change
+    reasons : sentences, numbers included
+    """
+
+    word: str
+    effects: tuple[str, ...]
+    set95: tuple[str, ...]
+    hidden: tuple[str, ...]
+    reasons: tuple[str, ...]
+
+
+def judge(problem: Problem, candidates: Candidates) -> Verdict:
+    """Verdict of a comparison."""
+    probability = candidates.probabilities
+    set95 = credible_set(probability)
+    absorbed = dict(zip(candidates.ambiguity.names, candidates.ambiguity.absorbed, strict=True))
+    families = {e.name: e.family for e in problem.model.kernel.effects}
+    hidden = tuple(n for n, a in absorbed.items() if a > HIDDEN)
+    none = candidates.none
+    best = candidates.best
+    gain = best.log_evidence - none.log_evidence
+    before = candidates.where.places[0]
+    pull = pulls(none.fit, problem)
+    conflict = float(np.abs(pull).max()) if pull.size else 0.0
+    reasons = [
+        f"best explanation {' + '.join(best.effects) or 'none'}: log evidence {gain:+.1f} over no effect",
+        f"a free force or signal anywhere would raise it by {before.evidence:+.1f} at best (in {before.channel})",
+        f"largest coefficient move without an effect: {conflict:.1f} prior sd",
+    ]
+    if gain < NAMED:
+        if before.evidence > REMAINDER and probability["outside"] > 0.5:
+            return Verdict("outside", (), set95, (), tuple(reasons))
+        if "none" in set95 or before.evidence < NAMED:
+            if conflict > 4.0 and probability["none"] < 0.5:
+                return Verdict("coefficients", (), set95, hidden, tuple(reasons))
+            return Verdict("none", (), set95, (), tuple(reasons))
+        return Verdict("ambiguous", _names(set95), set95, (), tuple(reasons))
+    left = candidates.where_after.places[0].evidence if candidates.where_after is not None else 0.0
+    reasons.append(f"after it a free signal would add {left:+.1f}")
+    if best.effects[0].startswith(COEFFICIENT_ERROR):
+        if probability["outside"] > 0.5:
+            return Verdict("outside", (), set95, (), tuple(reasons))
+        return Verdict("coefficients", (COEFFICIENT_ERROR,), set95, hidden, tuple(reasons))
+    single = max((c for c in candidates.refits if len(c.effects) == 1), key=lambda c: c.log_evidence)
+    rest = candidates.where_after.outside if candidates.where_after is not None else -np.inf
+    explained = max(best.log_evidence, rest + float(np.log(PRIOR_OUTSIDE))) - none.log_evidence
+    outside_wins = candidates.evidence["outside"] > explained + NAMED
+    if outside_wins:
+        return Verdict("outside", (), set95, (), tuple(reasons))
+    if len(best.effects) > 1:
+        return Verdict("several", best.effects, set95, hidden, tuple(reasons))
+    name = single.effects[0]
+    if absorbed.get(name, 0.0) > HIDDEN:
+        along = tuple(n for n in hidden if candidates.evidence.get(n, -np.inf) > gain - 20.0)
+        return Verdict("coefficients", (), set95, along, tuple(reasons))
+    if "none" in set95:
+        return Verdict("none" if probability["none"] > 0.5 else "ambiguous", _names(set95), set95, (), tuple(reasons))
+    rivals = {families.get(n, n) for n in set95}
+    if len(rivals) > 1:
+        return Verdict("ambiguous", _names(set95), set95, (), tuple(reasons))
+    word = "effect_with_remainder" if left > REMAINDER else "effect"
+    return Verdict(word, (name,), set95, (), tuple(reasons))
+
+
+def _names(set95: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(n for n in set95 if n not in ("none", "outside"))
