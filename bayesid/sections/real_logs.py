@@ -1,0 +1,217 @@
+"""The report of a ship identified from logs: held-out runs predicted with several sets of rows, one in full.
+
+Takes fits of the same runs with different rows. Does not fit or simulate, and stores no series.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from bayesid.fit import RunOutcome, TrialFit
+from bayesid.report import Block, Report, Section, Table, Text, literal
+from bayesid.sections.fit import fit_report
+from bayesid.sections.prediction import prediction_numbers, prediction_rows
+
+SHORT = 20.0  # deg: a heading off by more is no prediction
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One set of rows: its fit, and held-out runs predicted piece by piece."""
+
+    key: str
+    words: str
+    found: TrialFit
+    pieces: tuple[RunOutcome, ...]
+
+
+def logs_report(
+    variants: Sequence[Variant], outside: Sequence[RunOutcome], facts: Mapping[str, Any]
+) -> Report:
+    """The report; the last variant is shown in full."""
+    best = variants[-1]
+    held = zigzags(best.found.runs)
+    given, found = (np.median([_errors(run, which)["psi"] for run in held]) for which in WHICH)
+    short_given, short_found = (
+        np.median([_errors(run, which)["psi"] for run in zigzags(best.pieces)]) for which in WHICH
+    )
+    trial = best.found.trial
+    lead = (
+        f"**{len(held)} held-out zig-zags are predicted to {found:.2g} degrees of heading (median of rms "
+        f"errors), "
+        f"{given:.2g} with the coefficients it starts from.** From their first readings, rudder as "
+        f"logged, in "
+        f"one go of "
+        f"{min(r.t[-1] - r.t[0] for r in held):.0f} to {max(r.t[-1] - r.t[0] for r in held):.0f} s; "
+        f"predicted in "
+        f"pieces of {facts['piece']:g} s: {short_found:.2g} degrees, start {short_given:.2g}. "
+        f"{facts['note']} {_verdict(best.found)}"
+    )
+    own = fit_report(replace(best.found, runs=tuple(r for r in best.found.runs if r.role == "holdout")))
+    sections = [
+        _prediction(variants),
+        _rows_that_matter(variants, facts),
+        *([_outside(outside)] if outside else []),
+        _settings(best.found, facts),
+        *own.sections,
+    ]
+    return Report(f"{trial.name}: identified from half of the runs", lead, sections)
+
+
+WHICH = ("rms_nominal", "rms_fitted")
+
+
+def zigzags(runs: Sequence[RunOutcome], role: str = "holdout") -> list[RunOutcome]:
+    """Zig-zags of a role."""
+    return [r for r in runs if r.role == role and r.manoeuvre.startswith("zigzag")]
+
+
+def _errors(run: RunOutcome, which: str) -> dict[str, float]:
+    """Heading [deg], yaw rate [deg/s], sway and surge [m/s] and position [m] rms; position as a distance."""
+    rms = dict(zip(run.channels, (float(v) for v in getattr(run, which)), strict=True))
+    degrees = 180 / np.pi
+    return {
+        "psi": degrees * rms["psi"], "r": degrees * rms["r"], "v": rms["v"], "u": rms["u"],
+        "position": float(np.hypot(rms["x"], rms["y"])),
+    }  # fmt: skip
+
+
+def _verdict(found: TrialFit) -> str:
+    if found.fit.success:
+        return "The fit converged."
+    if not found.fit.converged:
+        return "The search did not converge (see Search): the coefficients are where it stopped."
+    return "The search converged, and some combinations of coefficients stay open (see below)."
+
+
+def _prediction(variants: Sequence[Variant]) -> Section:
+    best = variants[-1]
+    rows = []
+    for run in best.found.runs:
+        if run.role == "holdout":
+            given, found = _errors(run, WHICH[0]), _errors(run, WHICH[1])
+            row: list[Any] = [run.name, run.manoeuvre, float(run.t[-1] - run.t[0])]
+            for key in ("psi", "r", "position"):
+                row += [given[key], found[key]]
+            rows.append(row)
+    columns = ["run", "manoeuvre", "duration [s]", "psi, given [deg]", "psi, found [deg]"]
+    columns += ["r, given [deg/s]", "r, found [deg/s]", "position, given [m]", "position, found [m]"]
+    text = (
+        "Rms errors of held-out runs in one go: the fit has not read them, only the initial state comes "
+        "from their "
+        "first seconds. `given` is the set the fit starts from, rows fitted to a published MMG model of "
+        "the hull; `found` the identified one. A ship that is "
+        "unstable on course "
+        "doubles a heading error every few lengths when the rudder is replayed without a helmsman, so "
+        "the gentlest "
+        "zig-zags are the hardest to predict in one go."
+    )
+    lost = [row[0] for row in rows if row[4] > SHORT]
+    if lost:
+        text += f"\n\nNot predicted (heading off by more than {SHORT:g} degrees rms): {', '.join(lost)}."
+    return Section("Prediction of the held-out runs", [Text(text), Table(columns, rows, digits=3)])
+
+
+def _rows_that_matter(variants: Sequence[Variant], facts: Mapping[str, Any]) -> Section:
+    rows: list[list[Any]] = []
+    first = variants[-1]
+    table: list[tuple[str, Any, Any, str, str]] = [
+        ("the set the fits start from", first.found.runs, first.pieces, WHICH[0], "–")
+    ]
+    for v in variants:
+        state = v.found.fit.status + (
+            "" if v.found.fit.success or not v.found.fit.converged else ", open directions"
+        )
+        table.append(
+            (f"{v.words} ({v.found.fit.n_params} unknowns)", v.found.runs, v.pieces, WHICH[1], state)
+        )
+    for words, runs, pieces, which, state in table:
+        whole = [_errors(r, which) for r in zigzags(runs)]
+        short = [_errors(r, which) for r in zigzags(pieces)]
+        row: list[Any] = [words]
+        for errors in (whole, short):
+            row += [float(np.median([e[key] for e in errors])) for key in ("psi", "r", "position")]
+        rows.append([*row, state])
+    columns = ["rows", "psi, whole [deg]", "r, whole [deg/s]", "position, whole [m]"]
+    columns += ["psi, pieces [deg]", "r, pieces [deg/s]", "position, pieces [m]", "search"]
+    text = (
+        "Medians over the held-out zig-zags, in one go (whole) and restarted from readings every "
+        f"{facts['piece']:g} s (pieces). The plain set has products of two velocities only; the others "
+        f"add cubic "
+        "rows (`N_vvr` and its kin) and the propeller race on the rudder (`eta`). `Y_*` and `N_*`, a "
+        "constant side "
+        "force and moment of the single screw, are free in the first and the last fit."
+    )
+    return Section("Which rows matter", [Text(text), Table(columns, rows, digits=3)])
+
+
+def _outside(outside: Sequence[RunOutcome]) -> Section:
+    text = (
+        "Random four-quadrant runs: the propeller reverses and the ship moves astern and sideways, where "
+        "the rows of "
+        "this vehicle do not hold. They were not fitted and are shown so that nobody trusts the vehicle "
+        "there; a dash "
+        "means that the simulation left all bounds."
+    )
+    blocks: list[Block] = [Text(text)]
+    columns = ("run", "role", "channel", "rms as given", "as found", "fit as given [%]", "as found [%]")
+    blocks.append(Table(columns, prediction_rows(outside), digits=3))
+    return Section("Outside the model", blocks)
+
+
+def _settings(found: TrialFit, facts: Mapping[str, Any]) -> Section:
+    held = sum(r.role == "holdout" for r in found.runs)
+    text = (
+        f"Logs resampled to {facts['dt']:g} s. Runs to identify are cut into {len(found.problem.runs)} "
+        f"pieces of about "
+        f"{facts['piece']:g} s with an initial state each; {held} whole runs are held out. Kept at "
+        f"published values: "
+        f"{', '.join(f'`{n}`' for n in facts['fixed'])}, because with them free all rows of an axis can "
+        f"be scaled "
+        "together without a trace in the motion. The noise of a channel is the rms of its residuals "
+        "times the root of "
+        "their correlation time in samples: errors of a model persist, and a thousand readings that err "
+        "together are "
+        "not a thousand readings."
+    )
+    if facts["way"] is not None:
+        text += (
+            f"\n\nRuns begin where the ship has reached {100 * facts['way']:.0f} % of its speed: they "
+            f"were started "
+            "from rest, where the rows do not hold."
+        )
+    if found.trial.attribution:
+        text += f"\n\n{literal(found.trial.attribution)}."
+    return Section("How", [Text(text)])
+
+
+def logs_results(
+    variants: Sequence[Variant], outside: Sequence[RunOutcome], facts: Mapping[str, Any], seed: int
+) -> dict[str, Any]:
+    """Numbers for results.json: settings, estimates and errors; no series and no initial states."""
+    trial = variants[-1].found.trial
+    fits = {}
+    for v in variants:
+        fit, k = v.found.fit, v.found.fit.n_params
+        fits[v.key] = {
+            "rows": v.words, "verdict": fit.verdict, "status": fit.status, "success": fit.success,
+            "cost": [fit.cost_start, fit.cost], "sigma": dict(fit.sigma), "at_bound": fit.at_bound,
+            "estimates_SI": {
+                n: {"start": float(fit.start[i]), "value": float(fit.z[i]), "sd": float(fit.sd[i])}
+                for i, n in enumerate(fit.names[:k])
+            },
+            "open": [{"name": d.name, "held_by": d.decided_by} for d in fit.flat],
+            "prediction": prediction_numbers(r for r in v.found.runs if r.role == "holdout"),
+            "prediction_in_pieces": prediction_numbers(v.pieces),
+        }  # fmt: skip
+    return {
+        "inputs": {
+            "trial": trial.name, "trial_digest": trial.digest, "attribution": trial.attribution,
+            "vehicle_digest": variants[-1].found.vehicle.digest, **facts,
+        },
+        "seeds": [seed], "fits": fits, "outside": prediction_numbers(outside),
+    }  # fmt: skip

@@ -1,0 +1,167 @@
+"""Does a ship identified from half of its logged zig-zags predict the other half? KVLCC2 (HSVA), Esso Osaka.
+
+Usage: python studies/real_logs.py --data FOLDER [--out FOLDER] [--quick] [--seed N]. FOLDER holds
+`kvlcc2_hsva` and `esso_osaka`; the logs are not part of this project (studies/real_logs/*/trial.toml say
+where they come from). An interrupted fit goes on where it was.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bayesid import report
+from bayesid.fit import Options, TrialFit
+from bayesid.fit.pieces import fit_in_pieces, in_pieces
+from bayesid.fit.trial import outcomes
+from bayesid.progress import Progress
+from bayesid.sections.real_logs import Variant, logs_report, logs_results
+from bayesid.terms import term
+from bayesid.trials import Run, Trial, load_trial, resample, window
+from bayesid.vehicles import Vehicle, load_vehicle
+
+HERE = Path(__file__).parent / "real_logs"
+# With these free the rows of an axis can be scaled together and no trial shows it; published values are kept.
+INERTIA = ("X_udot", "Y_vdot", "N_rdot")
+WIND = "wind.area_coefficients"
+SINGLE_SCREW = (
+    "Y_*",
+    "N_*",
+)  # a propeller pushes sideways; an unstable ship turns it into a drift of heading
+# rows that stand in for cubic ones in a plain Gertler-Hagen set: name -> (cubic row, typical v' or r')
+PLAIN = {
+    "Y_v|v|": ("Y_vvv", 0.2), "Y_v|r|": ("Y_vrr", 0.3), "N_v|v|": ("N_vvv", 0.2), "N_|v|r": ("N_vvr", 0.2),
+    "N_r|r|": ("N_rrr", 0.3),
+}  # fmt: skip
+LOOSE = 2.0  # relative sd of rows whose start is such a guess
+
+
+@dataclass(frozen=True)
+class Setting:
+    """How the logs of one ship are used.
+
+    dt : sample step [s]
+    piece : length of a fitted piece [s], about two legs of a zig-zag
+    way : share of its speed at which a run begins, None for the whole record
+    wind : fit the exposed area to the measured wind, as a last step
+    """
+
+    dt: float
+    piece: float
+    way: float | None
+    wind: bool
+    note: str
+
+
+SETTINGS = {
+    "kvlcc2_hsva": Setting(
+        0.5, 80.0, None, False,
+        "The logs are filtered and practically free of noise, so what remains is error of the model. The "
+        "weights "
+        "come from the residuals, and the standard deviations below say how far this model is from the "
+        "ship, not "
+        "how good the sensors were.",
+    ),
+    "esso_osaka": Setting(
+        1.0, 60.0, 0.7, True,
+        "Rudder and propeller are commands, not measurements, and wind (0.7 to 2.4 m/s at 0.1 to 0.5 m/s "
+        "of ship "
+        "speed) is not in the model fitted here: both are in the residuals, and so in the standard "
+        "deviations.",
+    ),
+}  # fmt: skip
+
+
+def main(data: Path, out: Path, quick: bool, seed: int) -> None:
+    """One report per set of logs that is in the folder."""
+    progress = Progress()
+    for name, setting in SETTINGS.items():
+        if not (data / name).is_dir():
+            progress.note(f"{name}: no such folder in {data.name}; left out")
+            continue
+        study(name, setting, data / name, out / name, quick, seed, progress)
+
+
+def study(
+    name: str, setting: Setting, data: Path, out: Path, quick: bool, seed: int, progress: Progress
+) -> list[Variant]:
+    """Fit three sets of rows to the same runs, predict the others, write the report."""
+    logged = load_trial(HERE / name, data)
+    step = (2 if quick else 1) * setting.dt
+    trial = replace(logged, runs=tuple(resample(begun(run, setting.way), step) for run in logged.runs))
+    inside = replace(trial, runs=tuple(r for r in trial.runs if not r.manoeuvre.startswith("random")))
+    ship = load_vehicle(HERE / name / "vehicle.toml")
+    options = Options(seed=seed, profile=True, rounds=3 if quick else 12)
+    sets: list[tuple[str, str, Vehicle, tuple[str, ...]]] = [
+        ("plain", "plain Gertler-Hagen rows", plain(ship), SINGLE_SCREW),
+        ("symmetric", "cubic and propeller-race rows, no side force of the screw", ship, ()),
+        ("all", "cubic and propeller-race rows, side force of the screw", ship, SINGLE_SCREW),
+    ]
+    if setting.wind:
+        sets.append(("wind", "the same and measured wind on the hull", ship, (*SINGLE_SCREW, WIND)))
+    variants = []
+    for key, words, vehicle, extra in sets:
+        free = (*(n for n in vehicle.coef if n not in INERTIA), *extra)
+        with progress.stage(f"{name}: {words}") as stage:
+            found = fit_in_pieces(
+                inside, setting.piece, vehicle, out / "fits" / key, free=free, options=options,
+                watch=lambda done, cost, step, s=stage: s.step(info=f"cost {cost:.5g}"),
+            )  # fmt: skip
+            variants.append(Variant(key, words, found, short_runs(inside, found, setting.piece)))
+    strange = tuple(r for r in trial.runs if r.manoeuvre.startswith("random"))
+    best = variants[-1].found
+    outside = outcomes(best.problem, replace(trial, runs=strange), best.fit) if strange else ()
+    facts = {
+        "dt": step,
+        "piece": setting.piece,
+        "way": setting.way,
+        "note": setting.note,
+        "fixed": INERTIA,
+        "quick": quick,
+    }
+    report.write(logs_report(variants, outside, facts), out, logs_results(variants, outside, facts, seed))
+    return variants
+
+
+def begun(run: Run, share: float | None) -> Run:
+    """The run from where the ship has gathered way; the rows do not hold at the start from rest."""
+    if share is None or run.manoeuvre.startswith("random"):
+        return run
+    under_way = np.flatnonzero(run.data["u"] > share * np.nanquantile(run.data["u"], 0.95))
+    return window(run, float(run.t[under_way[0]]), float(run.t[-1]))
+
+
+def plain(ship: Vehicle) -> Vehicle:
+    """The ship with products of velocities only: cubic and propeller-race rows out, |v| and |r| rows in."""
+    ours = {n: v for n, v in ship.coef.items() if term(n).group != "eta" and n.count("v") + n.count("r") < 3}
+    coef = {n: v for n, v in ours.items() if n in ("X_drdr", "X_vv", "X_vr", "X_rr") or "vv" not in n}
+    guesses = {n: size * ship.coef[row] for n, (row, size) in PLAIN.items() if ship.coef.get(row)}
+    prior = ship.prior
+    if prior is not None:
+        kept = {n: sd for n, sd in prior.relative_sd.items() if n in coef}
+        prior = replace(prior, relative_sd=kept | dict.fromkeys(guesses, LOOSE))
+    return replace(ship, name=f"{ship.name}, plain rows", coef=coef | guesses, prior=prior)
+
+
+def short_runs(trial: Trial, found: TrialFit, seconds: float) -> tuple[Any, ...]:
+    """Held-out runs predicted piece by piece, each from its own first readings."""
+    held = tuple(replace(run, role="identify") for run in trial.holdout)
+    pieces = in_pieces(replace(trial, runs=held), seconds)
+    whole = replace(pieces, runs=tuple(replace(run, role="holdout") for run in pieces.runs))
+    return outcomes(found.problem, whole, found.fit)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--data", type=Path, required=True, help="folder with kvlcc2_hsva and esso_osaka")
+    parser.add_argument("--out", type=Path, default=Path("reports/real_logs"))
+    parser.add_argument("--quick", action="store_true", help="half the samples, three rounds")
+    parser.add_argument("--seed", type=int, default=0)
+    given = parser.parse_args()
+    main(given.data, given.out, given.quick, given.seed)
