@@ -139,7 +139,8 @@ def compare(problem: Problem, say: Say = lambda text: None) -> Candidates:
         with_rest = after.outside - none.log_evidence + float(np.log(PRIOR_OUTSIDE))
         name = refits[0].effects[0]
         evidence[name] = float(np.logaddexp(evidence[name], with_rest))
-    return Candidates(none, tuple(refits), tuple(scores), evidence, probabilities(problem, evidence), bank, known, where, after)
+    probability = probabilities(evidence, refits, none)
+    return Candidates(none, tuple(refits), tuple(scores), evidence, probability, bank, known, where, after)
 
 
 def _shortlist(scores: Sequence[Score]) -> list[Score]:
@@ -237,15 +238,26 @@ def _evidence(
     return out
 
 
-def probabilities(problem: Problem, evidence: dict[str, float]) -> dict[str, float]:
-    """Posterior probability of none, every catalogue name, coefficient_error and outside."""
+def probabilities(evidence: dict[str, float], refits: Sequence[Candidate], none: Candidate) -> dict[str, float]:
+    """Posterior probability of none, every catalogue name, coefficient_error and outside.
+
+    The mass of several effects at once is shared by them; every further effect pays the catalogue's prior again.
+    """
     names = [n for n in evidence if n != "outside"]
-    log_prior = {n: np.log(PRIOR_CATALOGUE / len(names)) for n in names}
-    log_prior["outside"] = np.log(PRIOR_OUTSIDE)
-    joint = {n: log_prior[n] + evidence[n] for n in evidence}
-    joint["none"] = np.log(PRIOR_NONE)
+    each = float(np.log(PRIOR_CATALOGUE / len(names)))
+    joint = {(n,): each + evidence[n] for n in names}
+    joint[("outside",)] = float(np.log(PRIOR_OUTSIDE)) + evidence["outside"]
+    joint[("none",)] = float(np.log(PRIOR_NONE))
+    for c in refits:
+        if len(c.effects) > 1:
+            key = tuple(sorted(c.effects))
+            joint[key] = max(joint.get(key, -np.inf), len(key) * each + c.log_evidence - none.log_evidence)
     total = logsumexp(list(joint.values()))
-    return {n: float(np.exp(v - total)) for n, v in joint.items()}
+    out = dict.fromkeys([*names, "outside", "none"], 0.0)
+    for key, value in joint.items():
+        for n in key:
+            out[n] += float(np.exp(value - total)) / len(key)
+    return out
 
 
 def credible_set(probability: dict[str, float], mass: float = 0.95) -> tuple[str, ...]:

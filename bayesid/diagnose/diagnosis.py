@@ -1,0 +1,203 @@
+"""A whole diagnosis: problem, comparison, verdict, shrink on held-out runs, next manoeuvre, and its JSON.
+
+Takes a trial and a vehicle. Gives a frozen `Diagnosis`; `as_json` is the contract of `schema.json` (format 1).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from bayesid.coloured.fit import fit
+from bayesid.coloured.levels import silent
+from bayesid.diagnose.next_run import Proposal, propose
+from bayesid.diagnose.problem import Problem, pose
+from bayesid.diagnose.shrink import Shrink, ladder
+from bayesid.diagnose.verdict import Verdict, judge
+from bayesid.diagnose.which import COEFFICIENT_ERROR, Candidates, compare, parameter_table
+from bayesid.model import Model
+from bayesid.trials import Trial
+
+Say = Callable[[str], None]
+FORMAT = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """Everything a diagnosis found.
+
+    Attributes
+    ----------
+    trial, model : what was diagnosed
+    problem, candidates, verdict : see their modules
+    shrink : ladder on the held-out runs, read after the verdict was frozen
+    proposals : next manoeuvres, best first
+    warnings : sentences
+    seed : of the bootstrap
+    """
+
+    trial: Trial
+    model: Model
+    problem: Problem
+    candidates: Candidates
+    verdict: Verdict
+    shrink: Shrink
+    proposals: tuple[Proposal, ...]
+    warnings: tuple[str, ...]
+    seed: int
+
+
+def diagnose(
+    trial: Trial, model: Model, seed: int = 0, say: Say = lambda text: None, as_built: float | None = None, plan_next: bool = True
+) -> Diagnosis:
+    """Diagnose the gap between a model and a trial.
+
+    Parameters
+    ----------
+    as_built : relative sd of the coefficients from an earlier clean identification (as-built frame)
+    say : called with a sentence before each stage
+    plan_next : also rank manoeuvres to fly next
+
+    Raises
+    ------
+    TrialError
+        if there is nothing to identify from
+    """
+    problem = pose(model, trial, say, as_built)
+    candidates = compare(problem, say)
+    verdict = judge(problem, candidates)
+    warnings = [*trial.warnings, *problem.warnings]
+    say("held-out runs: how far the gap shrinks")
+    shrink = _shrink(problem, trial, candidates, seed)
+    for rung in shrink.rungs:
+        if verdict.word in ("effect", "effect_with_remainder", "several") and rung.worth and rung.interval[1] < 0:
+            warnings.append(f"the named effect predicts the held-out runs worse over {rung.horizon}; do not rely on it")
+    proposals: tuple[Proposal, ...] = ()
+    if plan_next:
+        say("which manoeuvre to fly next")
+        proposals = propose(problem, candidates.bank, [n for n in verdict.set95 if n in candidates.bank.effects], 0.3)[:5]
+    return Diagnosis(trial, model, problem, candidates, verdict, shrink, proposals, tuple(warnings), seed)
+
+
+def _shrink(problem: Problem, trial: Trial, candidates: Candidates, seed: int) -> Shrink:
+    if not trial.holdout:
+        return Shrink((), ())
+    models = {"nominal": problem.model.nominal, "recalibrated": candidates.none.fit.par}
+    if any(problem.environment.colours.force):
+        white = fit(problem.model, problem.logs, problem.coefficients, silent(problem.model), passes=12)
+        models["recalibrated, white"] = white.par
+    best = candidates.best
+    gain = best.log_evidence - candidates.none.log_evidence
+    models["with effect"] = best.fit.par if gain > 0 else candidates.none.fit.par
+    return ladder(problem, trial, models, problem.environment.colours, seed)
+
+
+def as_json(d: Diagnosis) -> dict[str, Any]:
+    """Plain data of `diagnosis.json`, format 1."""
+    from bayesid import __version__
+
+    model, c, v = d.model, d.candidates, d.verdict
+    catalogue = [e.name for e in model.kernel.effects]
+    probability = {n: float(p) for n, p in c.probabilities.items()}
+    table = parameter_table(c.best.fit, d.problem)
+    effects = []
+    named = v.effects if v.effects else tuple(n for n in c.best.effects if n in model.effects and probability.get(n, 0) > 0.5)
+    for name in named:
+        effect = model.effects.get(name)
+        values = {}
+        if effect is not None:
+            for p in effect.parameters:
+                if effect.key(p.name) in table:
+                    value, sd = table[effect.key(p.name)]
+                    values[p.name] = {"value": value, "sd": sd, "unit": p.unit}
+        effects.append({"name": name, "probability": probability.get(name, 0.0), "parameters": _contract(name, values)})
+    places = c.where.places
+    rungs = d.shrink.rungs
+    full = rungs[-1] if rungs else None
+    return {
+        "format": FORMAT,
+        "bayesid": __version__,
+        "trial": {"name": d.trial.name, "digest": d.trial.digest, "dof": model.dof, "channels": list(d.problem.channels)},
+        "model": model.digest,
+        "seed": d.seed,
+        "verdict": v.word,
+        "effects": effects,
+        "probabilities": {n: probability.get(n, 0.0) for n in ["none", *catalogue, COEFFICIENT_ERROR, "outside"]},
+        "set95": list(v.set95),
+        "hidden_by_coefficients": list(v.hidden),
+        "reasons": list(v.reasons),
+        "ambiguity_groups": [list(g) for g in c.ambiguity.groups],
+        "detectability": {
+            n: {"noncentrality_at_one_prior_sd": float(x), "absorbed": float(a)}
+            for n, x, a in zip(c.ambiguity.names, c.ambiguity.detect, c.ambiguity.absorbed, strict=True)
+        },
+        "where": {
+            "channel": places[0].channel if places[0].evidence > 5.0 else None,
+            "evidence": {p.channel: float(p.evidence) for p in places},
+            "windows": [{"name": m.name, "evidence": float(m.evidence)} for m in c.where.masks if m.kind != "regime"][:5],
+            "regimes": [{"name": m.name, "evidence": float(m.evidence)} for m in c.where.masks if m.kind == "regime"][:5],
+            "after": {p.channel: float(p.evidence) for p in c.where_after.places} if c.where_after else {},
+        },
+        "gap": {
+            "before_nominal": full.excess["nominal"] if full else None,
+            "before": full.excess["recalibrated"] if full else None,
+            "after": full.excess["with effect"] if full else None,
+            "floor": 0.0,
+            "shrink": _number(full.shrink) if full else None,
+            "interval": [_number(x) for x in full.interval] if full else None,
+            "horizons": [
+                {
+                    "horizon": r.horizon, "seconds": _number(r.seconds), "excess": r.excess, "shrink": _number(r.shrink),
+                    "interval": [_number(x) for x in r.interval], "worth_shrinking": r.worth, "rms": r.rms,
+                    "channels": r.channels,
+                }
+                for r in rungs
+            ],
+        },
+        "environment": {
+            "source": d.problem.environment.source,
+            "force": list(d.problem.environment.colours.force),
+            "force_tau": d.problem.environment.colours.force_tau,
+            "drift": d.problem.environment.colours.drift,
+            "drift_tau": d.problem.environment.colours.drift_tau,
+        },
+        "coefficients": {
+            n: {"value": float(x / model.file_scale(n)), "sd": float(s / abs(model.file_scale(n)))}
+            for n, x, s in zip(
+                d.problem.coefficients.names, c.best.fit.values, c.best.fit.sd, strict=False
+            )
+        },
+        "next_manoeuvre": [
+            {"name": p.name, "duration": p.duration, "margin_now": p.margin_now, "margin_with": p.margin_with} for p in d.proposals
+        ],
+        "warnings": list(d.warnings),
+    }  # fmt: skip
+
+
+def _number(x: float) -> float | None:
+    return float(x) if np.isfinite(x) else None
+
+
+def _contract(name: str, values: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
+    """Parameters under the names of the contract: wind as speed and direction."""
+    if name != "wind" or "blowing_north" not in values:
+        return dict(values)
+    n, e = values["blowing_north"], values["blowing_east"]
+    speed = float(np.hypot(n["value"], e["value"]))
+    spread = float(np.hypot(n["sd"], e["sd"]) / np.sqrt(2))
+    came = float((np.arctan2(e["value"], n["value"]) + np.pi) % (2 * np.pi))
+    return {
+        "V_wind": {"value": speed, "sd": spread, "unit": "m/s"},
+        "from": {"value": came, "sd": min(spread / max(speed, 1e-9), np.pi), "unit": "rad"},
+        "area_coefficients": values["area_coefficients"],
+    }
+
+
+def schema() -> dict[str, Any]:
+    """JSON Schema of `diagnosis.json`."""
+    return json.loads(files("bayesid.diagnose").joinpath("schema.json").read_text(encoding="utf-8"))
