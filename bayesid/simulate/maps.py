@@ -147,7 +147,9 @@ def readings_on(
         values[:, channel] = late[:, channel]
         back = np.eye(states.shape[1]) - delay * turn + 0.5 * delay**2 * turn @ turn
         by_state[:, channel] = np.einsum("ix,ixy->iy", late_slope[:, channel], back)
-        by_parameter[:, channel] = -delay * np.einsum("ix,ixk->ik", late_slope[:, channel], force)
+        change = np.gradient(force, plan.t, axis=0) if plan.t.size > 1 else np.zeros_like(force)
+        forth = -delay * force + 0.5 * delay**2 * (turn @ force + change)
+        by_parameter[:, channel] = np.einsum("ix,ixk->ik", late_slope[:, channel], forth)
         for e, c, k in entries:
             if c == channel:
                 by_parameter[:, c, k] += late_sparse[:, e]
