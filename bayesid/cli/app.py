@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from bayesid.cli import trial, vehicle
+from bayesid.cli.diagnose import diagnose
 from bayesid.cli.fit import fit
 from bayesid.cli.options import Verbose
 from bayesid.cli.simulate import simulate
@@ -30,6 +31,7 @@ def command() -> Any:
     app.callback()(_root)
     app.command("simulate")(simulate)
     app.command("fit")(fit)
+    app.command("diagnose")(diagnose)
     app.command("study")(study)
     groups = {
         "vehicle": _group("Look at coefficient sets.", list=vehicle.listing, show=vehicle.show, check=check),

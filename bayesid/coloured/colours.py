@@ -34,7 +34,9 @@ class Colours:
 
     def scaled(self, factor: float) -> Colours:
         """All amplitudes times a factor."""
-        return Colours(tuple(f * factor for f in self.force), self.force_tau, self.drift * factor, self.drift_tau)
+        return Colours(
+            tuple(f * factor for f in self.force), self.force_tau, self.drift * factor, self.drift_tau
+        )
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,9 @@ class Filter:
     start: Array
 
 
-def filter_settings(model: Model, path: Path, colours: Colours, latent: Latent | None = None, run: int = 0) -> Filter:
+def filter_settings(
+    model: Model, path: Path, colours: Colours, latent: Latent | None = None, run: int = 0
+) -> Filter:
     """Filter settings of one run under an environment and, if given, a generic latent signal."""
     log = path.log
     gaps = np.diff(log.plan.t)
@@ -140,7 +144,9 @@ def known(path: Path, step: Array) -> tuple[Array, Array, Array]:
     """
     n_force = path.point.force.shape[1]
     resid = path.resid - path.direct @ step
-    drive = path.defect + path.psi @ step - np.einsum("ixf,if->ix", path.gamma[:, :, :n_force], path.point.force)
+    drive = (
+        path.defect + path.psi @ step - np.einsum("ixf,if->ix", path.gamma[:, :, :n_force], path.point.force)
+    )
     return resid, drive, path.log.path[0] - path.point.states[0]
 
 
@@ -175,15 +181,29 @@ def whitened(
     firsts[:, 0] = first
     out = np.empty((columns.shape[0] * columns.shape[1], columns.shape[2]))
     logdet, used = whiten(
-        columns, np.ascontiguousarray(np.concatenate(drives, axis=2)), firsts, path.log.valid, path.slope, f.variance,
-        path.phi, f.gamma, f.decay_f, f.variance_f, f.drift, f.decay_d, f.variance_d, f.start, out,
-    )  # fmt: skip
+        columns,
+        np.ascontiguousarray(np.concatenate(drives, axis=2)),
+        firsts,
+        path.log.valid,
+        path.slope,
+        f.variance,
+        path.phi,
+        f.gamma,
+        f.decay_f,
+        f.variance_f,
+        f.drift,
+        f.decay_d,
+        f.variance_d,
+        f.start,
+        out,
+    )
     return White(out[:, 0], out[:, 1:], logdet, used)
 
 
 @dataclass(frozen=True, eq=False)
 class Smoothed:
-    """Smoothed deviation of one run: state, latent inputs and drifts with variances; standardised innovations."""
+    """Smoothed deviation of one run: state, latent inputs and drifts with variances; standardised
+    innovations."""
 
     mean: Array
     variance: Array
@@ -200,7 +220,22 @@ def smoothed(
     m = first.size + f.variance_f.size + f.variance_d.size
     mean, var, standard = np.empty((n, m)), np.empty((n, m)), np.empty((n, q))
     smooth(
-        np.where(path.log.valid, resid, 0.0), drive, first, path.log.valid, path.slope, f.variance, path.phi, f.gamma,
-        f.decay_f, f.variance_f, f.drift, f.decay_d, f.variance_d, f.start, mean, var, standard,
-    )  # fmt: skip
+        np.where(path.log.valid, resid, 0.0),
+        drive,
+        first,
+        path.log.valid,
+        path.slope,
+        f.variance,
+        path.phi,
+        f.gamma,
+        f.decay_f,
+        f.variance_f,
+        f.drift,
+        f.decay_d,
+        f.variance_d,
+        f.start,
+        mean,
+        var,
+        standard,
+    )
     return Smoothed(mean, var, standard)

@@ -33,10 +33,22 @@ class Gram:
     used: int
 
     def __add__(self, other: Gram) -> Gram:
-        return Gram(self.ss + other.ss, self.se + other.se, self.ee + other.ee, self.logdet + other.logdet, self.used + other.used)
+        return Gram(
+            self.ss + other.ss,
+            self.se + other.se,
+            self.ee + other.ee,
+            self.logdet + other.logdet,
+            self.used + other.used,
+        )
 
     def __sub__(self, other: Gram) -> Gram:
-        return Gram(self.ss - other.ss, self.se - other.se, self.ee - other.ee, self.logdet - other.logdet, self.used - other.used)
+        return Gram(
+            self.ss - other.ss,
+            self.se - other.se,
+            self.ee - other.ee,
+            self.logdet - other.logdet,
+            self.used - other.used,
+        )
 
     def pick(self, columns: Array) -> Gram:
         """Gram matrix of some of the columns."""

@@ -1,11 +1,12 @@
 """Gauss-Newton fit of coefficients, effect parameters, initial states and latent forces to all runs at once.
 
-Takes logs, free parameters with Gaussian priors and an environment. Gives a frozen `ColouredFit`: estimates, log
-evidence, paths about the optimum. Does not choose effects or judge.
+Takes logs, free parameters with Gaussian priors and an environment. Gives a frozen `ColouredFit`: estimates,
+log evidence, paths about the optimum. Does not choose effects or judge.
 
-Each pass linearises about the current path, solves for the parameters with initial states and latent forces integrated
-out exactly, then smooths those. The environment is lowered from loud to its real level over the first passes, so that
-the path follows the data while the parameters are still wrong (full-length replays do not converge otherwise).
+Each pass linearises about the current path, solves for the parameters with initial states and latent forces
+integrated out exactly, then smooths those. The environment is lowered from loud to its real level over the
+first passes, so that the path follows the data while the parameters are still wrong (full-length replays do
+not converge otherwise).
 """
 
 from __future__ import annotations
@@ -132,7 +133,8 @@ def fit(
     ----------
     colours : the environment's real level
     start : points to begin from (default: prior mean along the readings' own path)
-    loud : latent force of the first pass over 1/2 rho L^2 U^2, lowered to half of what the path still needs each
+    loud : latent force of the first pass over 1/2 rho L^2 U^2, lowered to half of what the path still needs
+    each
         pass until the real level is reached; 0 starts at the real level
     passes : at most this many
     """
@@ -165,16 +167,16 @@ def fit(
             follow = (post.log_evidence, tuple(points), level if now is not colours else 0.0)
         z = (values - free.mean) / free.sd
         merit = -0.5 * (total.ee - 2 * total.se @ z + z @ total.ss @ z + z @ z + total.logdet)
-        if now is colours and best is not None and best.colours is colours and merit < best.merit - 0.5:
-            if best.share > 0.02:
-                best.share *= 0.3
-                points, standards, values = best.again(model, free)
-                continue
+        if best is not None and best.refused(merit, now, colours):
+            best.share *= 0.3
+            points, standards, values = best.again(model, free)
+            continue
         step = post.mean - z
         biggest = float(np.abs(step).max()) if step.size else 0.0
         share = min(1.0, LONGEST / biggest) if biggest > 0 else 1.0
         if k < WARM and loud > 0:
-            share = 0.0  # the first passes only let the path settle; slopes along raw readings are biased by their noise
+            # Only let the path settle: slopes along raw readings are biased by their noise.
+            share = 0.0
         best = _Best(merit, paths, values, step * free.sd, now, share)
         points, standards, proposal = best.again(model, free)
         done = (proposal - values) / free.sd
@@ -194,9 +196,21 @@ def fit(
             need = max(float(np.sqrt(np.mean(p.force**2, axis=0) / unit**2).max()) for p in points)
             level = min(0.5 * need, 0.5 * level)
     return ColouredFit(
-        free, values, post, points[0].par, now, tuple(points), tuple(paths), tuple(grams), tuple(standards), k + 1,
-        converged, follow[1], follow[2], follow[0],
-    )  # fmt: skip
+        free,
+        values,
+        post,
+        points[0].par,
+        now,
+        tuple(points),
+        tuple(paths),
+        tuple(grams),
+        tuple(standards),
+        k + 1,
+        converged,
+        follow[1],
+        follow[2],
+        follow[0],
+    )
 
 
 def _moved(
@@ -231,7 +245,9 @@ def _level(model: Model, real: Colours, level: float) -> Colours:
     if np.all(level * unit <= np.maximum(real.force, QUIET * unit)):
         return real
     usual = 2.0 * model.scales["L"] / model.scales["U"]
-    return replace(real, force=tuple(np.maximum(real.force, level * unit)), force_tau=max(real.force_tau, usual))
+    return replace(
+        real, force=tuple(np.maximum(real.force, level * unit)), force_tau=max(real.force_tau, usual)
+    )
 
 
 @dataclass
@@ -244,6 +260,10 @@ class _Best:
     step: Array
     colours: Colours
     share: float
+
+    def refused(self, merit: float, now: Colours, real: Colours) -> bool:
+        """Whether a try at the real level came out worse and a shorter step is worth it."""
+        return now is real and self.colours is real and merit < self.merit - 0.5 and self.share > 0.02
 
     def again(self, model: Model, free: Free) -> tuple[list[Point], list[Array], Array]:
         """Points, innovations and values a share of the step away, the path smoothed for those values."""

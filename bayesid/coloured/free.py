@@ -16,7 +16,9 @@ from bayesid.model import Model, eval_scale
 DEFAULT_RELATIVE_SD = 0.1
 
 
-def coefficient_prior(model: Model, names: Iterable[str] | None = None, widen: dict[str, float] | None = None) -> Free:
+def coefficient_prior(
+    model: Model, names: Iterable[str] | None = None, widen: dict[str, float] | None = None
+) -> Free:
     """Coefficients free within the vehicle file's prior (10 % where it states none).
 
     Parameters
@@ -42,6 +44,11 @@ def effect_prior(model: Model, effect: Effect) -> Free:
         names,
         model.positions(names),
         np.array([p.mean for p in effect.parameters]),
-        np.array([p.sd * eval_scale(p.scale, model.scales) if p.unit != "L/U" and p.unit != "L" else p.sd for p in effect.parameters]),
+        np.array(
+            [
+                p.sd * eval_scale(p.scale, model.scales) if p.unit != "L/U" and p.unit != "L" else p.sd
+                for p in effect.parameters
+            ]
+        ),
         np.array([p.off if p.one_sided else -np.inf for p in effect.parameters]),
     )

@@ -1,11 +1,12 @@
 """Whiten residuals and sensitivity columns of one run, and smooth its latent inputs.
 
-Takes step maps of a linearised run. The unknown deviation [dx, f, d] holds the state, Ornstein-Uhlenbeck latent inputs f
-held over each sample interval, and Ornstein-Uhlenbeck sensor drifts d. Because the filter is linear in the data, one
-pass with the residual's gains whitens any number of further columns. Does not choose amplitudes.
+Takes step maps of a linearised run. The unknown deviation [dx, f, d] holds the state, Ornstein-Uhlenbeck
+latent inputs f held over each sample interval, and Ornstein-Uhlenbeck sensor drifts d. Because the filter is
+linear in the data, one pass with the residual's gains whitens any number of further columns. Does not choose
+amplitudes.
 
-The innovations form of the likelihood is exact for this model (Schweppe 1965); readings enter one at a time, so no
-matrix is inverted.
+The innovations form of the likelihood is exact for this model (Schweppe 1965); readings enter one at a time,
+so no matrix is inverted.
 """
 
 from __future__ import annotations
@@ -43,7 +44,8 @@ def whiten(
     slope : (n, q, nx) derivative of each reading by the state
     variance : (q,) white sensor variance
     phi, gamma : (n-1, nx, nx) and (n-1, nx, nf) maps over a sample interval
-    decay_f, variance_f : (n-1, nf) and (nf,) decay factor per interval and stationary variance of the latent inputs
+    decay_f, variance_f : (n-1, nf) and (nf,) decay factor per interval and stationary variance of the latent
+    inputs
     drift : (q, nd) which drift enters which channel
     decay_d, variance_d : (n-1, nd) and (nd,)
     start : (nx,) prior variance of the initial deviation
@@ -194,7 +196,8 @@ def smooth(
 
     Parameters
     ----------
-    resid, drive, first : (n, q), (n-1, nx), (nx,) residual of the readings and known deviation; rest as in `whiten`
+    resid, drive, first : (n, q), (n-1, nx), (nx,) residual of the readings and known deviation; rest as in
+    `whiten`
     mean_out, var_out : (n, nx + nf + nd) filled with smoothed means and variances
     standard : (n, q) filled with innovations over their predicted standard deviation, 0 where missing
     """

@@ -1,7 +1,8 @@
 """How loud the environment is, measured from the data: latent force per axis, drift, correlation times.
 
-Takes logs along a path. Gives `Colours` by maximum marginal likelihood under a wide prior. Does not decide what is
-environment and what is a gap: the caller picks the runs (straight runs and repeats, where no effect is excited).
+Takes logs along a path. Gives `Colours` by maximum marginal likelihood under a wide prior. Does not decide
+what is environment and what is a gap: the caller picks the runs (straight runs and repeats, where no effect
+is excited).
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from bayesid.coloured.log import Array, Log
 from bayesid.coloured.path import linearise
 from bayesid.model import Model
 
-# Prior medians over 1/2 rho L^2 U^2 and L, and spreads of their logarithms: wide enough for a basin and for a rough sea.
+# Prior medians over 1/2 rho L^2 U^2 and L, and spreads of their logarithms: wide enough for a basin and for
+# a rough sea.
 FORCE_MEDIAN, FORCE_SPREAD = 3e-5, 1.5
 DRIFT_MEDIAN, DRIFT_SPREAD = 0.05, 1.5
 # How far the environment of manoeuvring runs may lie from that of the straight ones, in the logarithm.
@@ -57,7 +59,12 @@ def stated(model: Model, force_rms: float, nav_drift: float) -> Environment:
 
 
 def measure(
-    model: Model, logs: Sequence[Log], free: Free, rounds: int = 2, known: Environment | None = None, steps: int = 12
+    model: Model,
+    logs: Sequence[Log],
+    free: Free,
+    rounds: int = 2,
+    known: Environment | None = None,
+    steps: int = 12,
 ) -> Environment:
     """Environment of runs on which the nominal structure is trusted.
 
@@ -70,7 +77,9 @@ def measure(
     unit, s = force_unit(model), model.scales
     time = s["L"] / s["U"]
     if known is None:
-        centre = np.log(np.concatenate([np.full(unit.size, FORCE_MEDIAN), [DRIFT_MEDIAN, TAU_FORCE, TAU_DRIFT]]))
+        centre = np.log(
+            np.concatenate([np.full(unit.size, FORCE_MEDIAN), [DRIFT_MEDIAN, TAU_FORCE, TAU_DRIFT]])
+        )
         spread = np.concatenate([np.full(unit.size, FORCE_SPREAD), [DRIFT_SPREAD, TAU_SPREAD, TAU_SPREAD]])
     else:
         c = known.colours
@@ -80,24 +89,35 @@ def measure(
     def colours(theta: Array) -> Colours:
         value = np.exp(theta)
         return Colours(
-            tuple(float(f) for f in value[: unit.size] * unit), float(value[-2] * time), float(value[-3] * s["L"]),
+            tuple(float(f) for f in value[: unit.size] * unit),
+            float(value[-2] * time),
+            float(value[-3] * s["L"]),
             float(value[-1] * time),
-        )  # fmt: skip
+        )
 
     theta = centre.copy()
     spread_found = 0.5
     for _ in range(rounds):
-        # Coefficients stay nominal along the path: a row of the balance and its noise may shrink together without any
-        # change in the track, and a path fitted under too quiet a guess would take that way out.
+        # Coefficients stay nominal along the path: a row of the balance and its noise may shrink together
+        # without any change in the track, and a path fitted under too quiet a guess would take that way out.
         settled = fit(model, logs, NOTHING, colours(theta), passes=8)
-        linear = tuple(linearise(model, log, point, free.where) for log, point in zip(logs, settled.points, strict=True))
+        linear = tuple(
+            linearise(model, log, point, free.where) for log, point in zip(logs, settled.points, strict=True)
+        )
 
         def cost(t: Array, paths: tuple = linear) -> float:
             grams = stack(model, paths, free, colours(t))
-            return -posterior(sum(grams[1:], grams[0])).log_evidence + 0.5 * float((((t - centre) / spread) ** 2).sum())
+            return -posterior(sum(grams[1:], grams[0])).log_evidence + 0.5 * float(
+                (((t - centre) / spread) ** 2).sum()
+            )
 
-        found = minimize(cost, theta, method="L-BFGS-B", bounds=[(c - 2.5 * w, c + 2.5 * w) for c, w in zip(centre, spread, strict=True)],
-                         options={"maxiter": steps, "eps": 0.02})  # fmt: skip
+        found = minimize(
+            cost,
+            theta,
+            method="L-BFGS-B",
+            bounds=[(c - 2.5 * w, c + 2.5 * w) for c, w in zip(centre, spread, strict=True)],
+            options={"maxiter": steps, "eps": 0.02},
+        )
         theta = found.x
     return Environment(colours(theta), "measured", spread_found)
 

@@ -107,7 +107,10 @@ def _first_path(model: Model, run: Any) -> Array:
             value[name] = np.interp(t, grid, savgol_filter(even, 2 * half + 1, 2))
             slope[name] = np.interp(t, grid, savgol_filter(even, 2 * half + 1, 2, deriv=1, delta=spacing))
         else:
-            value[name], slope[name] = np.interp(t, grid, even), np.interp(t, grid, np.gradient(even, spacing))
+            value[name], slope[name] = (
+                np.interp(t, grid, even),
+                np.interp(t, grid, np.gradient(even, spacing)),
+            )
     psi = value.get("psi", np.zeros(t.size))
     if "x" in slope and "y" in slope:
         value.setdefault("u", slope["x"] * np.cos(psi) + slope["y"] * np.sin(psi))

@@ -1,12 +1,13 @@
 """Linearise a model along any path of one logged run.
 
-Takes a `Log` and a `Point` (parameters, states at every sample, latent forces), which need not obey the equations:
-each sample interval is run on its own and the gap to the next state is kept as a defect. Gives a frozen `Path`.
-Does not whiten, choose amplitudes or know which columns are coefficients and which are effects.
+Takes a `Log` and a `Point` (parameters, states at every sample, latent forces), which need not obey the
+equations: each sample interval is run on its own and the gap to the next state is kept as a defect. Gives a
+frozen `Path`. Does not whiten, choose amplitudes or know which columns are coefficients and which are
+effects.
 
-A latent force is stated for the nominal inertia: it is the acceleration it gives that is fixed while inertia is free.
-Otherwise a row of the balance could shrink together with its noise, and a path fitted jointly with the coefficients
-would always prefer that (measured: N_rdot 20 prior sd off on a clean trial in a rough sea).
+A latent force is stated for the nominal inertia: it is the acceleration it gives that is fixed while inertia
+is free. Otherwise a row of the balance could shrink together with its noise, and a path fitted jointly with
+the coefficients would always prefer that (measured: N_rdot 20 prior sd off on a clean trial in a rough sea).
 """
 
 from __future__ import annotations
@@ -96,9 +97,17 @@ def linearise(model: Model, log: Log, point: Point, free: Array) -> Path:
     resid = wrap(model, log, log.data - readings.values[:, picked])
     defect = maps.ends - point.states[1:]
     return Path(
-        log, point, resid, np.ascontiguousarray(readings.by_state[:, picked]), readings.by_parameter[:, picked],
-        maps.phi, maps.gamma, maps.psi, defect, inputs,
-    )  # fmt: skip
+        log,
+        point,
+        resid,
+        np.ascontiguousarray(readings.by_state[:, picked]),
+        readings.by_parameter[:, picked],
+        maps.phi,
+        maps.gamma,
+        maps.psi,
+        defect,
+        inputs,
+    )
 
 
 def wrap(model: Model, log: Log, resid: Array) -> Array:

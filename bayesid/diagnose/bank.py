@@ -1,7 +1,8 @@
 """One bank of whitened columns: coefficients and every effect of the catalogue, along one path.
 
-Takes a `Problem` and linearisation points. Gives Gram matrices per run from which any combination of effects is scored
-without another simulation, and what the manoeuvres can tell apart before any data. Does not refit or judge.
+Takes a `Problem` and linearisation points. Gives Gram matrices per run from which any combination of effects
+is scored without another simulation, and what the manoeuvres can tell apart before any data. Does not refit
+or judge.
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ from bayesid.coloured.colours import Colours, force_unit, whitened
 from bayesid.coloured.evidence import Gram, gram, posterior
 from bayesid.coloured.fit import Free
 from bayesid.coloured.free import effect_prior
-from bayesid.coloured.path import Array, Path, Point, latent_inputs, linearise, with_forces, wrap
+from bayesid.coloured.log import Array
+from bayesid.coloured.path import Path, Point, latent_inputs, linearise, with_forces, wrap
 from bayesid.diagnose.problem import Problem
 from bayesid.effects import Effect
 from bayesid.simulate import inertia_ratio, interval_maps, readings_on
@@ -26,7 +28,8 @@ SECANTS = (0.15, 0.8)
 
 @dataclass(frozen=True, eq=False)
 class Column:
-    """Columns of one effect in the bank; several `variants` where secants of several sizes stand in for a slope."""
+    """Columns of one effect in the bank; several `variants` where secants of several sizes stand in for a
+    slope."""
 
     effect: Effect
     variants: tuple[Array, ...]
@@ -73,7 +76,11 @@ def testable(problem: Problem, effect: Effect) -> bool:
 
 
 def build_bank(
-    problem: Problem, points: Sequence[Point], levels: Sequence[Colours], effects: Sequence[Effect], with_effects: Free | None = None
+    problem: Problem,
+    points: Sequence[Point],
+    levels: Sequence[Colours],
+    effects: Sequence[Effect],
+    with_effects: Free | None = None,
 ) -> Bank:
     """Bank along a path.
 
@@ -107,7 +114,9 @@ def build_bank(
     for colours in levels:
         row = []
         for k, (path, extra) in enumerate(zip(paths, extras, strict=True)):
-            w = whitened(model, path, free.mean - path.point.par[free.where], free.sd, colours, run=k, extra=extra)
+            w = whitened(
+                model, path, free.mean - path.point.par[free.where], free.sd, colours, run=k, extra=extra
+            )
             row.append(gram(w.resid, w.columns, w.logdet, w.used))
         grams.append(tuple(row))
     return Bank(tuple(grams), tuple(levels), len(base.names), columns)
@@ -162,7 +171,8 @@ def levels_between(problem: Problem, follow: float) -> list[Colours]:
 
 
 def screen(bank: Bank) -> list[Score]:
-    """All effects of the bank, best first; every level counts, as the true effect lowers the noise that is needed."""
+    """All effects of the bank, best first; every level counts, as the true effect lowers the noise that is
+    needed."""
     base = [posterior(bank.total(i).pick(bank.columns(()))).log_evidence for i in range(len(bank.levels))]
     none = max(base)
     out = []
@@ -179,7 +189,8 @@ def screen(bank: Bank) -> list[Score]:
 
 
 def widened(bank: Bank, names: Sequence[str], factor: float = 10.0) -> dict[str, float]:
-    """Gain in log evidence when one coefficient's prior sd is multiplied, per coefficient, best over the levels."""
+    """Gain in log evidence when one coefficient's prior sd is multiplied, per coefficient, best over the
+    levels."""
     out: dict[str, float] = {}
     base = [posterior(bank.total(i).pick(bank.columns(()))).log_evidence for i in range(len(bank.levels))]
     for j, name in enumerate(names):
@@ -249,7 +260,9 @@ def ambiguity(bank: Bank, size: float = 0.3, level: int = 0) -> Ambiguity:
 
 def _occam(c: Array) -> float:
     k = c.shape[0]
-    return 0.5 * float(np.trace(np.linalg.solve(c + np.eye(k), c))) - 0.5 * float(np.linalg.slogdet(np.eye(k) + c)[1])
+    return 0.5 * float(np.trace(np.linalg.solve(c + np.eye(k), c))) - 0.5 * float(
+        np.linalg.slogdet(np.eye(k) + c)[1]
+    )
 
 
 def _groups(names: tuple[str, ...], detect: Array, margin: Array, size: float) -> tuple[tuple[str, ...], ...]:

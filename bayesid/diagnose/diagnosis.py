@@ -1,6 +1,7 @@
 """A whole diagnosis: problem, comparison, verdict, shrink on held-out runs, next manoeuvre, and its JSON.
 
-Takes a trial and a vehicle. Gives a frozen `Diagnosis`; `as_json` is the contract of `schema.json` (format 1).
+Takes a trial and a vehicle. Gives a frozen `Diagnosis`; `as_json` is the contract of `schema.json` (format
+1).
 """
 
 from __future__ import annotations
@@ -53,7 +54,12 @@ class Diagnosis:
 
 
 def diagnose(
-    trial: Trial, model: Model, seed: int = 0, say: Say = lambda text: None, as_built: float | None = None, plan_next: bool = True
+    trial: Trial,
+    model: Model,
+    seed: int = 0,
+    say: Say = lambda text: None,
+    as_built: float | None = None,
+    plan_next: bool = True,
 ) -> Diagnosis:
     """Diagnose the gap between a model and a trial.
 
@@ -75,12 +81,20 @@ def diagnose(
     say("held-out runs: how far the gap shrinks")
     shrink = _shrink(problem, trial, candidates, seed)
     for rung in shrink.rungs:
-        if verdict.word in ("effect", "effect_with_remainder", "several") and rung.worth and rung.interval[1] < 0:
-            warnings.append(f"the named effect predicts the held-out runs worse over {rung.horizon}; do not rely on it")
+        if (
+            verdict.word in ("effect", "effect_with_remainder", "several")
+            and rung.worth
+            and rung.interval[1] < 0
+        ):
+            warnings.append(
+                f"the named effect predicts the held-out runs worse over {rung.horizon}; do not rely on it"
+            )
     proposals: tuple[Proposal, ...] = ()
     if plan_next:
         say("which manoeuvre to fly next")
-        proposals = propose(problem, candidates.bank, [n for n in verdict.set95 if n in candidates.bank.effects], 0.3)[:5]
+        proposals = propose(
+            problem, candidates.bank, [n for n in verdict.set95 if n in candidates.bank.effects], 0.3
+        )[:5]
     return Diagnosis(trial, model, problem, candidates, verdict, shrink, proposals, tuple(warnings), seed)
 
 
@@ -106,7 +120,11 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
     probability = {n: float(p) for n, p in c.probabilities.items()}
     table = parameter_table(c.best.fit, d.problem)
     effects = []
-    named = v.effects if v.effects else tuple(n for n in c.best.effects if n in model.effects and probability.get(n, 0) > 0.5)
+    named = (
+        v.effects
+        if v.effects
+        else tuple(n for n in c.best.effects if n in model.effects and probability.get(n, 0) > 0.5)
+    )
     for name in named:
         effect = model.effects.get(name)
         values = {}
@@ -115,19 +133,32 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
                 if effect.key(p.name) in table:
                     value, sd = table[effect.key(p.name)]
                     values[p.name] = {"value": value, "sd": sd, "unit": p.unit}
-        effects.append({"name": name, "probability": probability.get(name, 0.0), "parameters": _contract(name, values)})
+        effects.append(
+            {
+                "name": name,
+                "probability": min(1.0, probability.get(name, 0.0) * max(len(v.effects), 1)),
+                "parameters": _contract(name, values),
+            }
+        )
     places = c.where.places
     rungs = d.shrink.rungs
     full = rungs[-1] if rungs else None
     return {
         "format": FORMAT,
         "bayesid": __version__,
-        "trial": {"name": d.trial.name, "digest": d.trial.digest, "dof": model.dof, "channels": list(d.problem.channels)},
+        "trial": {
+            "name": d.trial.name,
+            "digest": d.trial.digest,
+            "dof": model.dof,
+            "channels": list(d.problem.channels),
+        },
         "model": model.digest,
         "seed": d.seed,
         "verdict": v.word,
         "effects": effects,
-        "probabilities": {n: probability.get(n, 0.0) for n in ["none", *catalogue, COEFFICIENT_ERROR, "outside"]},
+        "probabilities": {
+            n: probability.get(n, 0.0) for n in ["none", *catalogue, COEFFICIENT_ERROR, "outside"]
+        },
         "set95": list(v.set95),
         "hidden_by_coefficients": list(v.hidden),
         "reasons": list(v.reasons),
@@ -139,8 +170,12 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
         "where": {
             "channel": places[0].channel if places[0].evidence > 5.0 else None,
             "evidence": {p.channel: float(p.evidence) for p in places},
-            "windows": [{"name": m.name, "evidence": float(m.evidence)} for m in c.where.masks if m.kind != "regime"][:5],
-            "regimes": [{"name": m.name, "evidence": float(m.evidence)} for m in c.where.masks if m.kind == "regime"][:5],
+            "windows": [
+                {"name": m.name, "evidence": float(m.evidence)} for m in c.where.masks if m.kind != "regime"
+            ][:5],
+            "regimes": [
+                {"name": m.name, "evidence": float(m.evidence)} for m in c.where.masks if m.kind == "regime"
+            ][:5],
             "after": {p.channel: float(p.evidence) for p in c.where_after.places} if c.where_after else {},
         },
         "gap": {
@@ -152,8 +187,13 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
             "interval": [_number(x) for x in full.interval] if full else None,
             "horizons": [
                 {
-                    "horizon": r.horizon, "seconds": _number(r.seconds), "excess": r.excess, "shrink": _number(r.shrink),
-                    "interval": [_number(x) for x in r.interval], "worth_shrinking": r.worth, "rms": r.rms,
+                    "horizon": r.horizon,
+                    "seconds": _number(r.seconds),
+                    "excess": r.excess,
+                    "shrink": _number(r.shrink),
+                    "interval": [_number(x) for x in r.interval],
+                    "worth_shrinking": r.worth,
+                    "rms": r.rms,
                     "channels": r.channels,
                 }
                 for r in rungs
@@ -168,15 +208,14 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
         },
         "coefficients": {
             n: {"value": float(x / model.file_scale(n)), "sd": float(s / abs(model.file_scale(n)))}
-            for n, x, s in zip(
-                d.problem.coefficients.names, c.best.fit.values, c.best.fit.sd, strict=False
-            )
+            for n, x, s in zip(d.problem.coefficients.names, c.best.fit.values, c.best.fit.sd, strict=False)
         },
         "next_manoeuvre": [
-            {"name": p.name, "duration": p.duration, "margin_now": p.margin_now, "margin_with": p.margin_with} for p in d.proposals
+            {"name": p.name, "duration": p.duration, "margin_now": p.margin_now, "margin_with": p.margin_with}
+            for p in d.proposals
         ],
         "warnings": list(d.warnings),
-    }  # fmt: skip
+    }
 
 
 def _number(x: float) -> float | None:

@@ -1,6 +1,7 @@
 """Which manoeuvre to fly next: the one that best tells the explanations still standing apart.
 
-Takes a `Problem` and candidate names. Gives ranked manoeuvres by the expected log-evidence margin of the worst pair
+Takes a `Problem` and candidate names. Gives ranked manoeuvres by the expected log-evidence margin of the
+worst pair
 (T-optimality: Hunter & Reiner 1965; Atkinson & Fedorov 1975). Flies the nominal model; needs no data.
 """
 
@@ -83,7 +84,10 @@ def _information(problem: Problem, bank: Bank, manoeuvre: object) -> Gram | None
     t = np.arange(track.t[0], stop, spacing)
     if t.size < 20:
         return None
-    held = {k: v[np.clip(np.searchsorted(track.t, t, side="right") - 1, 0, v.size - 1)] for k, v in commands.items()}
+    held = {
+        k: v[np.clip(np.searchsorted(track.t, t, side="right") - 1, 0, v.size - 1)]
+        for k, v in commands.items()
+    }
     plan = plan_run(model, t, held)
     like = problem.logs[0]
     base = np.column_stack([np.interp(t, track.t, track.states[:, j]) for j in range(len(model.states))])
@@ -92,9 +96,17 @@ def _information(problem: Problem, bank: Bank, manoeuvre: object) -> Gram | None
     states[:, base.shape[1] :] = base[:, [model.states.index("v")]]
     q = len(like.channels)
     log = Log(
-        "next", "next", "identify", plan, like.channels, np.zeros((t.size, q)), np.ones((t.size, q), dtype=bool), like.sigma,
-        states, like.start_sd,
-    )  # fmt: skip
+        "next",
+        "next",
+        "identify",
+        plan,
+        like.channels,
+        np.zeros((t.size, q)),
+        np.ones((t.size, q), dtype=bool),
+        like.sigma,
+        states,
+        like.start_sd,
+    )
     point = Point(model.nominal.copy(), states, np.zeros((t.size - 1, len(bank.levels[0].force))))
     smooth = [c.effect for c in bank.effects.values() if c.effect.smooth]
     kinked = [c.effect for c in bank.effects.values() if not c.effect.smooth]

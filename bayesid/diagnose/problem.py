@@ -74,7 +74,9 @@ def pose(model: Model, trial: Trial, say: Say = lambda text: None, as_built: flo
     missing = [c for c in model.kernel.channels if c in measured and c not in noise]
     if missing:
         noise |= _noise_from_data(runs, missing)
-        warnings.append(f"sensor noise of {', '.join(missing)} is not stated; estimated from fast changes of the readings")
+        warnings.append(
+            f"sensor noise of {', '.join(missing)} is not stated; estimated from fast changes of the readings"
+        )
     channels = tuple(c for c in model.kernel.channels if c in noise and c in measured)
     logs = [read_run(model, run, noise, channels) for run in runs]
     say("reading: readings that no smooth motion explains")
@@ -82,7 +84,11 @@ def pose(model: Model, trial: Trial, say: Say = lambda text: None, as_built: flo
     coefficients = coefficient_prior(model)
     if as_built is not None:
         coefficients = Free(
-            coefficients.names, coefficients.where, coefficients.mean, as_built * np.abs(coefficients.mean), coefficients.low
+            coefficients.names,
+            coefficients.where,
+            coefficients.mean,
+            as_built * np.abs(coefficients.mean),
+            coefficients.low,
         )
     if model.vehicle.prior is None and as_built is None:
         warnings.append("the vehicle file states no prior; coefficients are taken as known to 10 %")
@@ -90,9 +96,16 @@ def pose(model: Model, trial: Trial, say: Say = lambda text: None, as_built: flo
     say("path: the nominal model led along the data by a free force")
     led = fit(model, logs, NOTHING, environment.colours, passes=16)
     return Problem(
-        model, tuple(logs), coefficients, environment, channels, tuple(outliers), tuple(warnings), led.follow,
+        model,
+        tuple(logs),
+        coefficients,
+        environment,
+        channels,
+        tuple(outliers),
+        tuple(warnings),
+        led.follow,
         led.follow_level,
-    )  # fmt: skip
+    )
 
 
 def _noise_from_data(runs: tuple, names: list[str]) -> dict[str, float]:
@@ -144,7 +157,8 @@ def _environment(
 
 
 def start_points(problem: Problem, effect_free: Free, effects: tuple[Effect, ...]) -> list[Point]:
-    """Points of a refit: nominal coefficients; effects that have no slope when off start half a prior sd away."""
+    """Points of a refit: nominal coefficients; effects that have no slope when off start half a prior sd
+    away."""
     par = problem.model.nominal.copy()
     for effect in effects:
         for p in effect.parameters:
@@ -155,7 +169,11 @@ def start_points(problem: Problem, effect_free: Free, effects: tuple[Effect, ...
 
 
 def fit_with(
-    problem: Problem, effects: tuple[Effect, ...], start: list[Point] | None = None, passes: int = 25, loud: float = 0.03
+    problem: Problem,
+    effects: tuple[Effect, ...],
+    start: list[Point] | None = None,
+    passes: int = 25,
+    loud: float = 0.03,
 ) -> ColouredFit:
     """Coloured fit of coefficients and of some effects' parameters."""
     free = problem.coefficients
@@ -167,4 +185,6 @@ def fit_with(
     if start is None:
         start = start_points(problem, extra, effects) if extra is not None else list(problem.path)
         loud = max(problem.path_level, 1e-5)
-    return fit(problem.model, problem.logs, free, problem.environment.colours, start=start, passes=passes, loud=loud)
+    return fit(
+        problem.model, problem.logs, free, problem.environment.colours, start=start, passes=passes, loud=loud
+    )

@@ -3,7 +3,8 @@
 Takes fitted models and the held-out runs, which nothing before this has read. Gives a frozen `Shrink`.
 Never changes a verdict.
 
-A prediction starts from a state fitted to a short lead-in and runs open loop over the horizon; it is scored in units of
+A prediction starts from a state fitted to a short lead-in and runs open loop over the horizon; it is scored
+in units of
 the sensors' noise after the lead-in.
 """
 
@@ -73,16 +74,22 @@ class Shrink:
     runs: tuple[str, ...]
 
 
-def ladder(problem: Problem, trial: Trial, models: Mapping[str, Array], colours: Colours, seed: int) -> Shrink:
+def ladder(
+    problem: Problem, trial: Trial, models: Mapping[str, Array], colours: Colours, seed: int
+) -> Shrink:
     """Score models on the held-out runs.
 
     Parameters
     ----------
-    models : "nominal", "recalibrated" (one or more keys starting so, the best counts) and "with effect" -> parameters
+    models : "nominal", "recalibrated" (one or more keys starting so, the best counts) and "with effect"
+        -> parameters
     colours : environment, for the floor
     """
     rng = np.random.default_rng(seed)
-    noise = {problem.model.kernel.channels[c]: s for c, s in zip(problem.logs[0].channels, problem.logs[0].sigma, strict=True)}
+    noise = {
+        problem.model.kernel.channels[c]: s
+        for c, s in zip(problem.logs[0].channels, problem.logs[0].sigma, strict=True)
+    }
     time = problem.model.scales["L"] / problem.model.scales["U"]
     rungs = []
     for name, length in (("6 L/U", SHORT * time), ("23 L/U", LONG * time), ("full replay", np.nan)):
@@ -138,7 +145,9 @@ def _predict(
         except BayesidError:
             return None
         resid = np.where(log.valid, wrap(model, log, log.data - obs), np.nan)[~early]
-        resid = np.where(np.abs(resid) > 50 * np.nanmedian(np.abs(resid), axis=0) + 20 * log.sigma, np.nan, resid)
+        resid = np.where(
+            np.abs(resid) > 50 * np.nanmedian(np.abs(resid), axis=0) + 20 * log.sigma, np.nan, resid
+        )
         errors[name] = np.nanmean((resid / log.sigma) ** 2, axis=0)
         rms[name] = {c: float(np.sqrt(np.nanmean(resid[:, j] ** 2))) for j, c in enumerate(problem.channels)}
         if name == "with effect":
@@ -147,7 +156,9 @@ def _predict(
 
 
 def _floor(model: Model, known: Log, point: Point, colours: Colours, late: Array) -> Array:
-    """Expected squared error in noise units of the best prediction: sensor noise, environment and initial state."""
+    """Expected squared error in noise units of the best prediction: sensor noise, environment and initial
+    state.
+    """
     path = linearise(model, known, point, NOTHING.where)
     sm = smoothed(model, path, np.zeros(0), colours)
     nx = point.states.shape[1]
@@ -157,7 +168,9 @@ def _floor(model: Model, known: Log, point: Point, colours: Colours, late: Array
     return 1.0 + np.mean((spread + drift)[late] / known.sigma**2, axis=0)
 
 
-def _rung(problem: Problem, name: str, length: float, segments: Sequence[Segment], rng: np.random.Generator) -> Rung:
+def _rung(
+    problem: Problem, name: str, length: float, segments: Sequence[Segment], rng: np.random.Generator
+) -> Rung:
     keys = list(segments[0].errors)
     excess = {k: np.array([np.nanmean(s.errors[k] - s.floor) for s in segments]) for k in keys}
     before_keys = [k for k in keys if k.startswith("recalibrated")]
@@ -172,10 +185,17 @@ def _rung(problem: Problem, name: str, length: float, segments: Sequence[Segment
         ratio.append(1.0 - max(a, 0.0) / b if b > 0 else np.nan)
     worth = bool(before.mean() > 0.05 and (n < 3 or np.quantile(base, 0.05) > 0))
     shrink = 1.0 - max(float(after.mean()), 0.0) / float(before.mean()) if worth else float("nan")
-    interval = tuple(float(q) for q in np.nanquantile(ratio, (0.05, 0.95))) if worth and n >= 3 else (float("nan"),) * 2
+    interval = (
+        tuple(float(q) for q in np.nanquantile(ratio, (0.05, 0.95)))
+        if worth and n >= 3
+        else (float("nan"),) * 2
+    )
     shown = {"nominal": "nominal", "recalibrated": before_key, "with effect": "with effect"}
     channels = {
-        label: {c: float(np.mean([s.errors[k][j] - s.floor[j] for s in segments])) for j, c in enumerate(problem.channels)}
+        label: {
+            c: float(np.mean([s.errors[k][j] - s.floor[j] for s in segments]))
+            for j, c in enumerate(problem.channels)
+        }
         for label, k in shown.items()
     }
     rms = {
@@ -183,6 +203,12 @@ def _rung(problem: Problem, name: str, length: float, segments: Sequence[Segment
         for label, k in shown.items()
     }
     return Rung(
-        name, float(length), {label: float(excess[k].mean()) for label, k in shown.items()}, shrink,
-        (interval[0], interval[1]), worth, rms, channels,
-    )  # fmt: skip
+        name,
+        float(length),
+        {label: float(excess[k].mean()) for label, k in shown.items()},
+        shrink,
+        (interval[0], interval[1]),
+        worth,
+        rms,
+        channels,
+    )

@@ -12,7 +12,8 @@ import numpy as np
 from bayesid.diagnose.problem import Problem
 from bayesid.diagnose.which import COEFFICIENT_ERROR, PRIOR_OUTSIDE, Candidates, credible_set, pulls
 
-# Evidence an effect or a latent signal needs, absorption from which an effect is hidden, probability that names one.
+# Evidence an effect or a latent signal needs, absorption from which an effect is hidden, probability that
+# names one.
 NAMED, REMAINDER, HIDDEN, SURE = 5.0, 20.0, 0.98, 0.95
 WORDS = ("none", "effect", "effect_with_remainder", "several", "outside", "coefficients", "ambiguous")
 
@@ -52,7 +53,8 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
     conflict = float(np.abs(pull).max()) if pull.size else 0.0
     reasons = [
         f"best explanation {' + '.join(best.effects) or 'none'}: log evidence {gain:+.1f} over no effect",
-        f"a free force or signal anywhere would raise it by {before.evidence:+.1f} at best (in {before.channel})",
+        f"a free force or signal anywhere would raise it by {before.evidence:+.1f} at best (in "
+        f"{before.channel})",
         f"largest coefficient move without an effect: {conflict:.1f} prior sd",
     ]
     if gain < NAMED:
@@ -82,7 +84,9 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
         along = tuple(n for n in hidden if candidates.evidence.get(n, -np.inf) > gain - 20.0)
         return Verdict("coefficients", (), set95, along, tuple(reasons))
     if "none" in set95:
-        return Verdict("none" if probability["none"] > 0.5 else "ambiguous", _names(set95), set95, (), tuple(reasons))
+        return Verdict(
+            "none" if probability["none"] > 0.5 else "ambiguous", _names(set95), set95, (), tuple(reasons)
+        )
     rivals = {families.get(n, n) for n in set95}
     if len(rivals) > 1:
         return Verdict("ambiguous", _names(set95), set95, (), tuple(reasons))

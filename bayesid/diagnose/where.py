@@ -1,7 +1,8 @@
-"""Where the gap lies: a generic latent signal put into each channel, then masked to time, manoeuvre and regime.
+"""Where the gap lies: a generic latent signal put into each channel, then masked to time, manoeuvre and
+regime.
 
-Takes a `Problem` and linearisation points. Gives evidence per channel and per mask, and the smoothed force with its
-band. Names channels, never causes.
+Takes a `Problem` and linearisation points. Gives evidence per channel and per mask, and the smoothed force
+with its band. Names channels, never causes.
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ import numpy as np
 from bayesid.coloured.colours import Colours, Latent, force_unit, smoothed, whitened
 from bayesid.coloured.evidence import gram, posterior
 from bayesid.coloured.fit import Free
-from bayesid.coloured.path import Array, Path, Point, linearise
+from bayesid.coloured.log import Array
+from bayesid.coloured.path import Path, Point, linearise
 from bayesid.diagnose.problem import Problem
 from bayesid.model import Model
 
@@ -53,7 +55,8 @@ class Where:
     places : channels, most probable first; evidence over the environment alone
     masks : windows, manoeuvres and regimes of the winning channel, most probable first
     outside : log evidence of a latent force averaged over channel, amplitude and time
-    times, force, band : per run, smoothed latent force in X, Y, N (and Z, K, M) [N, N m] and one standard deviation
+    times, force, band : per run, smoothed latent force in X, Y, N (and Z, K, M) [N, N m] and one standard
+    deviation
     """
 
     places: tuple[Place, ...]
@@ -94,7 +97,9 @@ def units(model: Model) -> dict[str, float]:
     out |= {"delta_r": 0.3, "delta_s": 0.3, "delta_b": 0.3, "n": 0.3 * rpm}
     out |= dict.fromkeys(("flow_north", "flow_east", "flow_down"), 0.3 * s["U"])
     out |= dict.fromkeys(("x", "y", "z"), s["L"]) | dict.fromkeys(("psi", "phi", "theta"), 0.3)
-    out |= dict.fromkeys(("u", "v", "w"), 0.3 * s["U"]) | dict.fromkeys(("p", "q", "r"), 0.3 * s["U"] / s["L"])
+    out |= dict.fromkeys(("u", "v", "w"), 0.3 * s["U"]) | dict.fromkeys(
+        ("p", "q", "r"), 0.3 * s["U"] / s["L"]
+    )
     return out
 
 
@@ -120,7 +125,9 @@ def locate(problem: Problem, points: Sequence[Point], free: Free, masks: bool = 
     """
     model = problem.model
     colours = problem.environment.colours
-    paths = [linearise(model, log, point, free.where) for log, point in zip(problem.logs, points, strict=True)]
+    paths = [
+        linearise(model, log, point, free.where) for log, point in zip(problem.logs, points, strict=True)
+    ]
     base = _evidence(problem, paths, free, colours, None)
     size, time = units(model), model.scales["L"] / model.scales["U"]
     places, forces = [], []
@@ -128,7 +135,9 @@ def locate(problem: Problem, points: Sequence[Point], free: Free, masks: bool = 
         tried = []
         for a in AMPLITUDES:
             for tau in TIMES:
-                latent = Latent(inputs, channels, tuple(a * size[n] for n in (*inputs, *channels)), tau * time)
+                latent = Latent(
+                    inputs, channels, tuple(a * size[n] for n in (*inputs, *channels)), tau * time
+                )
                 tried.append((_evidence(problem, paths, free, colours, latent), a, tau * time))
         best = max(tried)
         average = _log_mean([t[0] for t in tried])
@@ -136,10 +145,19 @@ def locate(problem: Problem, points: Sequence[Point], free: Free, masks: bool = 
         if inputs and inputs[0].startswith("force_"):
             forces.append(average)
     places.sort(key=lambda p: -p.evidence)
-    found = _masks(problem, paths, free, colours, places[0], base) if masks and places[0].evidence > 5.0 else ()
+    found = (
+        _masks(problem, paths, free, colours, places[0], base) if masks and places[0].evidence > 5.0 else ()
+    )
     times, force, band = _force(problem, paths, free, colours, size, places)
     return Where(
-        tuple(places), found, _log_mean(forces), base, tuple(log.name for log in problem.logs), times, force, band
+        tuple(places),
+        found,
+        _log_mean(forces),
+        base,
+        tuple(log.name for log in problem.logs),
+        times,
+        force,
+        band,
     )
 
 
@@ -160,13 +178,16 @@ def _masks(
         share = sum(int(m.sum()) for m in where) / sum(m.size for m in where)
         if not 0.02 < share < 0.98:
             continue
-        latent = Latent(inputs, channels, tuple(place.amplitude * size[n] for n in inputs), place.tau, tuple(where))
+        latent = Latent(
+            inputs, channels, tuple(place.amplitude * size[n] for n in inputs), place.tau, tuple(where)
+        )
         out.append(Mask(kind, name, _evidence(problem, paths, free, colours, latent) - base, share))
     return tuple(sorted(out, key=lambda m: -m.evidence))
 
 
 def regimes(problem: Problem) -> list[tuple[str, str, list[Array]]]:
-    """Masks per run: each manoeuvre, time windows, and regimes of motion taken from the readings' own path."""
+    """Masks per run: each manoeuvre, time windows, and regimes of motion taken from the readings' own
+    path."""
     model = problem.model
     names = model.kernel.full.states
     logs = problem.logs
@@ -207,7 +228,12 @@ def regimes(problem: Problem) -> list[tuple[str, str, list[Array]]]:
 
 
 def _force(
-    problem: Problem, paths: Sequence[Path], free: Free, colours: Colours, size: dict[str, float], places: Sequence[Place]
+    problem: Problem,
+    paths: Sequence[Path],
+    free: Free,
+    colours: Colours,
+    size: dict[str, float],
+    places: Sequence[Place],
 ) -> tuple[tuple[Array, ...], tuple[Array, ...], tuple[Array, ...]]:
     """Smoothed force in all axes, under the amplitude of the best force place."""
     force_places = [p for p in places if p.channel[0] in "XYZKMN"]

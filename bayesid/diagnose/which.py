@@ -1,6 +1,7 @@
 """Which effect: refits of a shortlist, probabilities of every hypothesis, several effects at once.
 
-Takes a `Problem`. Gives frozen `Candidates`. Probabilities follow from evidence and stated priors only; thresholds and
+Takes a `Problem`. Gives frozen `Candidates`. Probabilities follow from evidence and stated priors only;
+thresholds and
 words are the verdict's business.
 
 Priors (design note A4): 0.5 none, 0.4 shared by the catalogue, 0.1 outside it.
@@ -16,8 +17,19 @@ from scipy.special import log_ndtr, logsumexp
 
 from bayesid.coloured.fit import ColouredFit, Free, fit
 from bayesid.coloured.free import effect_prior
-from bayesid.coloured.path import Array, Point
-from bayesid.diagnose.bank import Ambiguity, Bank, Score, ambiguity, build_bank, levels_between, screen, testable, widened
+from bayesid.coloured.log import Array
+from bayesid.coloured.path import Point
+from bayesid.diagnose.bank import (
+    Ambiguity,
+    Bank,
+    Score,
+    ambiguity,
+    build_bank,
+    levels_between,
+    screen,
+    testable,
+    widened,
+)
 from bayesid.diagnose.problem import Problem, fit_with
 from bayesid.diagnose.where import Where, locate
 from bayesid.effects import Effect
@@ -25,7 +37,8 @@ from bayesid.effects import Effect
 PRIOR_NONE, PRIOR_CATALOGUE, PRIOR_OUTSIDE = 0.5, 0.4, 0.1
 COEFFICIENT_ERROR = "coefficient_error"
 SHORTLIST = 6
-# A further effect must raise the log evidence by this much, and is dropped again if its removal costs less than 3.
+# A further effect must raise the log evidence by this much, and is dropped again if its removal costs less
+# than 3.
 ADD, DROP, MOST = 5.0, 3.0, 3
 Say = Callable[[str], None]
 
@@ -96,7 +109,8 @@ def explains(candidate: Candidate) -> bool:
 def standing(candidate: Candidate, gain: float) -> tuple[bool, float]:
     """Rank of a candidate in forward selection.
 
-    Refits that explain the data come first, by evidence. The others are ordered by the screen, which lets a free force
+    Refits that explain the data come first, by evidence. The others are ordered by the screen, which lets a
+    free force
     take the rest, so that the first of two effects is not refused for the second's sake.
     """
     done = explains(candidate)
@@ -128,7 +142,11 @@ def compare(problem: Problem, say: Say = lambda text: None) -> Candidates:
     gains = {s.name: s.gain for s in scores}
     if single:
         first = max(single, key=lambda c: standing(c, gains[c.effects[0]]))
-        if (first.log_evidence > none.log_evidence + ADD) if explains(first) else gains[first.effects[0]] > ADD:
+        if (
+            (first.log_evidence > none.log_evidence + ADD)
+            if explains(first)
+            else gains[first.effects[0]] > ADD
+        ):
             refits = _several(problem, refits, first, effects, say)
     if refits and refits[0].log_evidence > none.log_evidence + ADD:
         say("what the best explanation leaves")
@@ -144,7 +162,9 @@ def compare(problem: Problem, say: Say = lambda text: None) -> Candidates:
 
 
 def _shortlist(scores: Sequence[Score]) -> list[Score]:
-    """Best of the screen: at most `SHORTLIST`, none that a correct screen would put 60 % and 20 nats below the best."""
+    """Best of the screen: at most `SHORTLIST`, none that a correct screen would put 60 % and 20 nats below
+    the best.
+    """
     top = scores[0].gain
     return [s for s in scores[:SHORTLIST] if s.gain > min(0.1 * top, top - 20.0) and s.gain > -8.0]
 
@@ -154,7 +174,9 @@ def _likely_coefficients(wide: dict[str, float], scores: Sequence[Score]) -> lis
     return [n for n in ranked[:2] if wide[n] > max(2.0, 0.05 * scores[0].gain)]
 
 
-def _refit(problem: Problem, effects: tuple[Effect, ...], say: Say, start: list[Point] | None = None) -> Candidate:
+def _refit(
+    problem: Problem, effects: tuple[Effect, ...], say: Say, start: list[Point] | None = None
+) -> Candidate:
     say("refit with " + " + ".join(e.name for e in effects))
     fitted = fit_with(problem, effects, start=start)
     return Candidate(tuple(e.name for e in effects), corrected_evidence(fitted), fitted)
@@ -165,7 +187,14 @@ def _refit_wide(problem: Problem, name: str, base: ColouredFit, say: Say) -> Can
     free = problem.coefficients
     sd = free.sd.copy()
     sd[free.names.index(name)] *= 10.0
-    fitted = fit(problem.model, problem.logs, replace(free, sd=sd), problem.environment.colours, start=problem.path, loud=max(problem.path_level, 1e-5))
+    fitted = fit(
+        problem.model,
+        problem.logs,
+        replace(free, sd=sd),
+        problem.environment.colours,
+        start=problem.path,
+        loud=max(problem.path_level, 1e-5),
+    )
     return Candidate((f"{COEFFICIENT_ERROR}:{name}",), fitted.log_evidence, fitted)
 
 
@@ -223,7 +252,9 @@ def _evidence(
     wide: dict[str, float],
     where: Where,
 ) -> dict[str, float]:
-    """Log evidence over none of every name; effects that were not refitted keep their screen, capped by the refits."""
+    """Log evidence over none of every name; effects that were not refitted keep their screen, capped by
+    the refits.
+    """
     out: dict[str, float] = {}
     refitted = {c.effects[0]: c.log_evidence - none.log_evidence for c in refits if len(c.effects) == 1}
     floor = min(refitted.values()) if refitted else 0.0
@@ -238,14 +269,17 @@ def _evidence(
     return out
 
 
-def probabilities(evidence: dict[str, float], refits: Sequence[Candidate], none: Candidate) -> dict[str, float]:
+def probabilities(
+    evidence: dict[str, float], refits: Sequence[Candidate], none: Candidate
+) -> dict[str, float]:
     """Posterior probability of none, every catalogue name, coefficient_error and outside.
 
-    The mass of several effects at once is shared by them; every further effect pays the catalogue's prior again.
+    The mass of several effects at once is shared by them; every further effect pays the catalogue's prior
+    again.
     """
     names = [n for n in evidence if n != "outside"]
     each = float(np.log(PRIOR_CATALOGUE / len(names)))
-    joint = {(n,): each + evidence[n] for n in names}
+    joint: dict[tuple[str, ...], float] = {(n,): each + evidence[n] for n in names}
     joint[("outside",)] = float(np.log(PRIOR_OUTSIDE)) + evidence["outside"]
     joint[("none",)] = float(np.log(PRIOR_NONE))
     for c in refits:
@@ -274,7 +308,10 @@ def credible_set(probability: dict[str, float], mass: float = 0.95) -> tuple[str
 def parameter_table(fitted: ColouredFit, problem: Problem) -> dict[str, tuple[float, float]]:
     """Effect parameters of a fit: name -> (value, sd) in SI."""
     k = len(problem.coefficients.names)
-    return {n: (float(v), float(s)) for n, v, s in zip(fitted.free.names[k:], fitted.values[k:], fitted.sd[k:], strict=True)}
+    return {
+        n: (float(v), float(s))
+        for n, v, s in zip(fitted.free.names[k:], fitted.values[k:], fitted.sd[k:], strict=True)
+    }
 
 
 def pulls(fitted: ColouredFit, problem: Problem) -> Array:

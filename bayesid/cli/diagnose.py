@@ -1,0 +1,110 @@
+"""`bayesid diagnose`: where the gap between simulator and trial lies, what causes it, how far it shrinks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from bayesid.cli.guard import OK
+from bayesid.cli.options import Json, Out, Quick, Seed, Verbose
+from bayesid.cli.trial import Bundle, Data
+
+Vehicle = Annotated[
+    str | None, typer.Option("--vehicle", help="Built-in name or vehicle file instead of the trial's.")
+]
+AsBuilt = Annotated[
+    float | None,
+    typer.Option(
+        "--as-built",
+        metavar="SD",
+        help="Coefficients known to this share from an earlier clean trial, e.g. 0.02.",
+    ),
+]
+Effects = Annotated[
+    Path | None,
+    typer.Option("--effects", help="Python file whose EFFECTS are added to the catalogue; it is run."),
+]
+
+
+def diagnose(
+    bundle: Bundle,
+    data: Data = None,
+    out: Out = None,
+    vehicle: Vehicle = None,
+    as_built: AsBuilt = None,
+    effects: Effects = None,
+    seed: Seed = 0,
+    quick: Quick = False,
+    as_json: Json = False,
+    verbose: Verbose = False,
+) -> int:
+    """Diagnose the gap between a simulator and a trial.
+
+    --out gets diagnosis.json and a report. Held-out runs are read only after the verdict stands.
+    """
+    from bayesid.diagnose.diagnosis import as_json as plain
+    from bayesid.diagnose.diagnosis import diagnose as run
+    from bayesid.files import json_text, write_json
+    from bayesid.model import build_model
+    from bayesid.progress import Progress
+    from bayesid.trials import load_trial
+    from bayesid.vehicles import load_vehicle
+
+    trial = load_trial(bundle, data=data)
+    progress = Progress(quiet=as_json)
+    model = build_model(load_vehicle(vehicle or trial.vehicle_ref), trial.dof, declared=_declared(effects))
+    found = run(trial, model, seed=seed, say=progress.note, as_built=as_built, plan_next=not quick)
+    record = plain(found)
+    if out is not None:
+        Path(out).mkdir(parents=True, exist_ok=True)
+        write_json(Path(out) / "diagnosis.json", record)
+        from bayesid.sections.diagnosis import write_diagnosis_report
+
+        report = write_diagnosis_report(found, Path(out), record)
+        progress.note(f"report: {report}")
+    if as_json:
+        print(json_text(record))
+    else:
+        _tell(record)
+    return OK
+
+
+def _declared(path: Path | None) -> tuple:
+    if path is None:
+        return ()
+    import runpy
+
+    from bayesid.effects import Effect
+    from bayesid.errors import ModelError
+
+    try:
+        found = runpy.run_path(str(path)).get("EFFECTS", ())
+    except Exception as exc:
+        raise ModelError(f"{path.name}: cannot be run as a Python file of effects: {exc}") from None
+    if not found or not all(isinstance(e, Effect) for e in found):
+        raise ModelError(f"{path.name}: define EFFECTS, a tuple of bayesid.effects.Effect")
+    return tuple(found)
+
+
+def _tell(record: dict) -> None:
+    print(f"verdict: {record['verdict']}")
+    for effect in record["effects"]:
+        values = ", ".join(
+            f"{n} = {p['value']:.4g} +- {p['sd']:.2g} {p['unit']}" for n, p in effect["parameters"].items()
+        )
+        print(f"  {effect['name']} (probability {effect['probability']:.3f}) {values}")
+    print("95 % set: " + ", ".join(record["set95"]))
+    for reason in record["reasons"]:
+        print(f"  {reason}")
+    gap = record["gap"]
+    if gap["shrink"] is not None:
+        print(
+            f"held-out gap (noise units): {gap['before']:.3g} before, {gap['after']:.3g} after: shrinks "
+            f"by {gap['shrink']:.1%}"
+        )
+    elif gap["before"] is not None:
+        print("held-out gap: nothing to shrink")
+    for warning in record["warnings"]:
+        print(f"note: {warning}")
