@@ -182,7 +182,7 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
             "before_nominal": full.excess["nominal"] if full else None,
             "before": full.excess["recalibrated"] if full else None,
             "after": full.excess["with effect"] if full else None,
-            "floor": 0.0,
+            "floor": full.floor if full else None,
             "shrink": _number(full.shrink) if full else None,
             "interval": [_number(x) for x in full.interval] if full else None,
             "horizons": [
@@ -193,6 +193,7 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
                     "shrink": _number(r.shrink),
                     "interval": [_number(x) for x in r.interval],
                     "worth_shrinking": r.worth,
+                    "floor": r.floor,
                     "rms": r.rms,
                     "channels": r.channels,
                 }

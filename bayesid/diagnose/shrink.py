@@ -52,6 +52,7 @@ class Rung:
     excess : model -> mean squared error in noise units above the floor
     shrink, interval : 1 - after/before and its 90 % interval; nan where nothing is left to shrink
     worth : whether the gap before is above zero at 95 %
+    floor : expected error of the best prediction, noise variances
     rms : model -> channel -> root mean square error [SI]
     channels : model -> channel -> excess
     """
@@ -62,6 +63,7 @@ class Rung:
     shrink: float
     interval: tuple[float, float]
     worth: bool
+    floor: float
     rms: dict[str, dict[str, float]]
     channels: dict[str, dict[str, float]]
 
@@ -183,7 +185,10 @@ def _rung(
         b, a = float(before[pick].mean()), float(after[pick].mean())
         base.append(b)
         ratio.append(1.0 - max(a, 0.0) / b if b > 0 else np.nan)
-    worth = bool(before.mean() > 0.05 and (n < 3 or np.quantile(base, 0.05) > 0))
+    floor = float(np.mean([s.floor for s in segments]))
+    # Three segments give an interval; with fewer the gap must stand out of what the best model would leave.
+    sure = np.quantile(base, 0.05) > 0 if n >= 3 else before.mean() > 0.5 * floor
+    worth = bool(before.mean() > 0.05 and sure)
     shrink = 1.0 - max(float(after.mean()), 0.0) / float(before.mean()) if worth else float("nan")
     interval = (
         tuple(float(q) for q in np.nanquantile(ratio, (0.05, 0.95)))
@@ -209,6 +214,7 @@ def _rung(
         shrink,
         (interval[0], interval[1]),
         worth,
+        floor,
         rms,
         channels,
     )
