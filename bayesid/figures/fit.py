@@ -84,6 +84,9 @@ def estimates(labels: Sequence[str], change: Array, sd: Array, prior_sd: Array, 
         place, change, bars, fmt="o", color=FITTED, capsize=2, linewidth=1, label="estimate, one sd"
     )
     reach = min(limit, max(0.1, 1.2 * float(np.max(np.abs(change - 1) + np.minimum(bars, limit)))))
+    for outside, marker, edge in ((change > 1 + reach, "^", 1 + reach), (change < 1 - reach, "v", 1 - reach)):
+        if outside.any():
+            axes.plot(place[outside], np.full(outside.sum(), edge), marker, color=FITTED, clip_on=False)
     axes.set_ylim(1 - reach, 1 + reach)
     axes.set_xlim(-0.6, len(labels) - 0.4)
     axes.set_xticks(place, list(labels), rotation=60, ha="right", rotation_mode="anchor")
@@ -95,14 +98,17 @@ def estimates(labels: Sequence[str], change: Array, sd: Array, prior_sd: Array, 
 
 @styled
 def search(costs: Sequence[float], steps: Sequence[float]) -> Any:
-    """Cost (above the lowest) and step over iterations, logarithmic."""
+    """Cost above the lowest and step over iterations, logarithmic; the cost itself where it rises because the
+    weights are estimated between rounds.
+    """
     figure, axes = subplots(height=2.4)
     count = np.arange(1, len(costs) + 1)
     last = min(costs)
-    above = np.maximum(np.asarray(costs) - last, 1e-6 * max(last, 1e-300))
-    axes.semilogy(count, above, color=FITTED)
+    reweighed = costs[-1] > 1.01 * last
+    above = np.asarray(costs) - (0.0 if reweighed else last)
+    axes.semilogy(count, np.maximum(above, 1e-6 * max(last, 1e-300)), color=FITTED)
     axes.set_xlabel("iteration")
-    axes.set_ylabel("cost above its last", color=FITTED)
+    axes.set_ylabel("cost, weights changing" if reweighed else "cost above its last", color=FITTED)
     twin = axes.twinx()
     twin.semilogy(count, np.maximum(steps, 1e-16), ".", color=COLOURS["orange"], markersize=3)
     twin.set_ylabel("step (rms relative change)", color=COLOURS["orange"])

@@ -116,7 +116,8 @@ def _coefficients(found: TrialFit) -> Section:
         "holds as far as the residuals are white (see the memory column of the residuals)."
     )
     caption = (
-        "Estimates over their start values; a parameter that starts at zero is shown as 1 + value / scale."
+        "Estimates over their start values; a parameter that starts at zero is shown as 1 + value / scale. "
+        "Triangles: outside the figure."
     )
     return Section(
         "Coefficients",

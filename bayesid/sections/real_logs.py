@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 
 from bayesid.fit import RunOutcome, TrialFit
-from bayesid.report import Block, Report, Section, Table, Text, literal
+from bayesid.report import Report, Section, Table, Text, literal
 from bayesid.sections.fit import fit_report
-from bayesid.sections.prediction import prediction_numbers, prediction_rows
+from bayesid.sections.prediction import prediction_numbers
 
+KEYS = {"psi": "psi [deg]", "r": "r [deg/s]", "position": "position [m]"}
+FAR = 3.0  # prior sd; beyond it an estimate has left what was known of the hull
 SHORT = 20.0  # deg: a heading off by more is no prediction
 
 
@@ -40,16 +42,12 @@ def logs_report(
         np.median([_errors(run, which)["psi"] for run in zigzags(best.pieces)]) for which in WHICH
     )
     trial = best.found.trial
+    short, long = min(r.t[-1] - r.t[0] for r in held), max(r.t[-1] - r.t[0] for r in held)
     lead = (
         f"**{len(held)} held-out zig-zags are predicted to {found:.2g} degrees of heading (median of rms "
-        f"errors), "
-        f"{given:.2g} with the coefficients it starts from.** From their first readings, rudder as "
-        f"logged, in "
-        f"one go of "
-        f"{min(r.t[-1] - r.t[0] for r in held):.0f} to {max(r.t[-1] - r.t[0] for r in held):.0f} s; "
-        f"predicted in "
-        f"pieces of {facts['piece']:g} s: {short_found:.2g} degrees, start {short_given:.2g}. "
-        f"{facts['note']} {_verdict(best.found)}"
+        f"errors), {given:.2g} with the coefficients the fit starts from.** From their first readings, "
+        f"rudder as logged, in one go of {short:.0f} to {long:.0f} s; in pieces of {facts['piece']:g} s: "
+        f"{short_found:.2g} degrees, start {short_given:.2g}. {facts['note']} {_verdict(best.found)}"
     )
     own = fit_report(replace(best.found, runs=tuple(r for r in best.found.runs if r.role == "holdout")))
     sections = [
@@ -81,43 +79,53 @@ def _errors(run: RunOutcome, which: str) -> dict[str, float]:
 
 
 def _verdict(found: TrialFit) -> str:
-    if found.fit.success:
-        return "The fit converged."
-    if not found.fit.converged:
-        return "The search did not converge (see Search): the coefficients are where it stopped."
-    return "The search converged, and some combinations of coefficients stay open (see below)."
+    """How the search ended, and whether the numbers can be the coefficients of a hull."""
+    fit, k = found.fit, found.fit.n_params
+    words = "The search converged." if fit.converged else "The search did not converge (see Search)."
+    if fit.converged and not fit.success:
+        words += " Some combinations of coefficients stay open (see below)."
+    away = np.abs(fit.z[:k] - fit.start[:k]) / fit.prior_sd[:k]
+    far = [name for name, a in zip(fit.names, away, strict=False) if a > FAR]
+    if far:
+        words += (
+            f" {len(far)} of {k} estimates lie more than {FAR:g} prior standard deviations from where they "
+            f"started ({', '.join(f'`{n}`' for n in far)}): they predict this ship on such manoeuvres, "
+            "but they make up for forces the rows lack and are not to be read as coefficients of the hull."
+        )
+    return words
+
+
+def _pairs(given: Mapping[str, float], found: Mapping[str, float]) -> list[str]:
+    """Given → found for every key, on one line each."""
+    words = [["lost" if np.isnan(e[key]) else f"{e[key]:.3g}" for e in (given, found)] for key in KEYS]
+    return [f"{a}\N{NO-BREAK SPACE}→\N{NO-BREAK SPACE}{b}" for a, b in words]
 
 
 def _prediction(variants: Sequence[Variant]) -> Section:
     best = variants[-1]
-    rows = []
+    rows, lost = [], []
     for run in best.found.runs:
         if run.role == "holdout":
             given, found = _errors(run, WHICH[0]), _errors(run, WHICH[1])
             row: list[Any] = [run.name, run.manoeuvre, float(run.t[-1] - run.t[0])]
-            for key in ("psi", "r", "position"):
-                row += [given[key], found[key]]
+            row += _pairs(given, found)
             rows.append(row)
-    columns = ["run", "manoeuvre", "duration [s]", "psi, given [deg]", "psi, found [deg]"]
-    columns += ["r, given [deg/s]", "r, found [deg/s]", "position, given [m]", "position, found [m]"]
+            if not found["psi"] <= SHORT:
+                lost.append(run.name)
+    columns = ["run", "manoeuvre", "time [s]", *KEYS.values()]
     text = (
-        "Rms errors of held-out runs in one go: the fit has not read them, only the initial state comes "
-        "from their "
-        "first seconds. `given` is the set the fit starts from, rows fitted to a published MMG model of "
-        "the hull; `found` the identified one. A ship that is "
-        "unstable on course "
-        "doubles a heading error every few lengths when the rudder is replayed without a helmsman, so "
-        "the gentlest "
-        "zig-zags are the hardest to predict in one go."
+        "Rms errors of held-out runs in one go, given → found: the fit has not read them, only the initial "
+        "state comes from their first seconds. `given` is the set the fit starts from, rows fitted to a "
+        "published MMG model of the hull; `found` the identified one. A ship that is unstable on course "
+        "doubles a heading error every few lengths when the rudder is replayed without a helmsman, so the "
+        "gentlest zig-zags are the hardest to predict in one go."
     )
-    lost = [row[0] for row in rows if row[4] > SHORT]
     if lost:
         text += f"\n\nNot predicted (heading off by more than {SHORT:g} degrees rms): {', '.join(lost)}."
     return Section("Prediction of the held-out runs", [Text(text), Table(columns, rows, digits=3)])
 
 
 def _rows_that_matter(variants: Sequence[Variant], facts: Mapping[str, Any]) -> Section:
-    rows: list[list[Any]] = []
     first = variants[-1]
     table: list[tuple[str, Any, Any, str, str]] = [
         ("the set the fits start from", first.found.runs, first.pieces, WHICH[0], "–")
@@ -129,60 +137,50 @@ def _rows_that_matter(variants: Sequence[Variant], facts: Mapping[str, Any]) -> 
         table.append(
             (f"{v.words} ({v.found.fit.n_params} unknowns)", v.found.runs, v.pieces, WHICH[1], state)
         )
+    whole: list[list[Any]] = []
+    short: list[list[Any]] = []
     for words, runs, pieces, which, state in table:
-        whole = [_errors(r, which) for r in zigzags(runs)]
-        short = [_errors(r, which) for r in zigzags(pieces)]
-        row: list[Any] = [words]
-        for errors in (whole, short):
-            row += [float(np.median([e[key] for e in errors])) for key in ("psi", "r", "position")]
-        rows.append([*row, state])
-    columns = ["rows", "psi, whole [deg]", "r, whole [deg/s]", "position, whole [m]"]
-    columns += ["psi, pieces [deg]", "r, pieces [deg/s]", "position, pieces [m]", "search"]
+        for rows, chosen in ((whole, runs), (short, pieces)):
+            errors = [_errors(run, which) for run in zigzags(chosen)]
+            rows.append([words, *(float(np.median([e[key] for e in errors])) for key in KEYS), state])
+    columns = ["rows", *KEYS.values(), "search"]
     text = (
         "Medians over the held-out zig-zags, in one go (whole) and restarted from readings every "
-        f"{facts['piece']:g} s (pieces). The plain set has products of two velocities only; the others "
-        f"add cubic "
-        "rows (`N_vvr` and its kin) and the propeller race on the rudder (`eta`). `Y_*` and `N_*`, a "
-        "constant side "
-        "force and moment of the single screw, are free in the first and the last fit."
+        f"{facts['piece']:g} s (pieces). The plain set has products of two velocities only; the others add "
+        "cubic rows (`N_vvr` and its kin) and the propeller race on the rudder (`eta`). `Y_*` and `N_*`, a "
+        "constant side force and moment of the single screw, are free in all fits but the one that says "
+        "otherwise."
     )
-    return Section("Which rows matter", [Text(text), Table(columns, rows, digits=3)])
+    pieces = f"Held-out zig-zags restarted every {facts['piece']:g} s."
+    tables = [Table(columns, whole, "Held-out zig-zags in one go.", 3), Table(columns, short, pieces, 3)]
+    return Section("Which rows matter", [Text(text), *tables])
 
 
 def _outside(outside: Sequence[RunOutcome]) -> Section:
     text = (
-        "Random four-quadrant runs: the propeller reverses and the ship moves astern and sideways, where "
-        "the rows of "
-        "this vehicle do not hold. They were not fitted and are shown so that nobody trusts the vehicle "
-        "there; a dash "
-        "means that the simulation left all bounds."
+        "Random four-quadrant runs: the propeller reverses and the ship moves astern and sideways, where the "
+        "rows of this vehicle do not hold. They were not fitted and are shown so that nobody trusts the "
+        "vehicle there; `lost` means that the simulation left all bounds."
     )
-    blocks: list[Block] = [Text(text)]
-    columns = ("run", "role", "channel", "rms as given", "as found", "fit as given [%]", "as found [%]")
-    blocks.append(Table(columns, prediction_rows(outside), digits=3))
-    return Section("Outside the model", blocks)
+    rows = [[r.name, r.manoeuvre, *_pairs(_errors(r, WHICH[0]), _errors(r, WHICH[1]))] for r in outside]
+    table = Table(["run", "manoeuvre", *KEYS.values()], rows)
+    return Section("Outside the model", [Text(text), table])
 
 
 def _settings(found: TrialFit, facts: Mapping[str, Any]) -> Section:
     held = sum(r.role == "holdout" for r in found.runs)
     text = (
         f"Logs resampled to {facts['dt']:g} s. Runs to identify are cut into {len(found.problem.runs)} "
-        f"pieces of about "
-        f"{facts['piece']:g} s with an initial state each; {held} whole runs are held out. Kept at "
-        f"published values: "
-        f"{', '.join(f'`{n}`' for n in facts['fixed'])}, because with them free all rows of an axis can "
-        f"be scaled "
-        "together without a trace in the motion. The noise of a channel is the rms of its residuals "
-        "times the root of "
-        "their correlation time in samples: errors of a model persist, and a thousand readings that err "
-        "together are "
-        "not a thousand readings."
+        f"pieces of about {facts['piece']:g} s with an initial state each; {held} whole runs are held out. "
+        f"Kept at published values: {', '.join(f'`{n}`' for n in facts['fixed'])}, because with them free "
+        "all rows of an axis can be scaled together without a trace in the motion. The noise of a channel is "
+        "the rms of its residuals times the root of their correlation time in samples: errors of a model "
+        "persist, and a thousand readings that err together are not a thousand readings."
     )
     if facts["way"] is not None:
         text += (
-            f"\n\nRuns begin where the ship has reached {100 * facts['way']:.0f} % of its speed: they "
-            f"were started "
-            "from rest, where the rows do not hold."
+            f"\n\nRuns begin where the ship has reached {100 * facts['way']:.0f} % of its speed: they were "
+            "started from rest, where the rows do not hold."
         )
     if found.trial.attribution:
         text += f"\n\n{literal(found.trial.attribution)}."
