@@ -107,7 +107,7 @@ def test_shape_parameters_alone_change_nothing(effect):
 
 def test_ballast_carries_its_own_weight():
     """Neutral water added anywhere leaves a resting, trimmed vehicle at rest."""
-    model, plan, x0 = lively(6)
+    model, plan, _ = lively(6)
     model = build_model(load_vehicle("generic_sub"), 6)
     model = uncompiled(model)
     still = plan_run(model, plan.t, {})
@@ -169,7 +169,8 @@ import numpy as np
 from bayesid.effects import Effect, EffectParameter
 from bayesid.kernels import Declared, KernelSpec, load_kernel
 push = Effect(name="push", family="push", port="force", where=("Y",), source="assumed: a test",
-              magnitude="any", parameters=(EffectParameter("F", "N", 1.0, about="force to starboard"),), force={"Y": "F"})
+              magnitude="any", parameters=(EffectParameter("F", "N", 1.0, about="force to starboard"),),
+              force={"Y": "F"})
 kernel = load_kernel(KernelSpec(3), (Declared(push),))
 print(kernel.digest, "push.F" in kernel.parameters)
 """
