@@ -68,7 +68,7 @@ def test_a_current_of_a_fifth_of_the_speed_is_found_from_nominal(name):
 
 
 def test_replaying_whole_runs_does_not_arrive_from_there():
-    # control, and the reason for the latent force: the same unknowns, data and prior, Gauss-Newton on whole runs
+    # control, and the reason for latent forces: same unknowns, data and prior, Gauss-Newton on whole runs
     problem, _, found = case("remus100", 0)
     assert found.converged
     with pytest.raises(ModelError, match="diverges"):
