@@ -12,6 +12,9 @@ from bayesid.cli.options import Out, Quick, Verbose
 
 def study(
     name: Annotated[str | None, typer.Argument(help="Study to run; left out: list them.")] = None,
+    data: Annotated[
+        Path | None, typer.Option("--data", help="Folder of the logs, for a study that reads some.")
+    ] = None,
     out: Out = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed instead of the study's own.")] = None,
     quick: Quick = False,
@@ -28,6 +31,8 @@ def study(
         raise typer.BadParameter(f"no study {name!r}; there are: {', '.join(studies)}", param_hint="NAME")
     folder = out or Path("out" if quick else "reports") / name
     arguments = ["--out", str(folder), *(["--quick"] if quick else [])]
+    if data is not None:
+        arguments += ["--data", str(data)]
     if seed is not None:
         arguments += ["--seed", str(seed)]
     code = _run_script(studies[name], arguments)
