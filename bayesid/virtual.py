@@ -6,6 +6,7 @@ Does not write files, and adds no process noise.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -44,7 +45,7 @@ def virtual_run(
     Raises
     ------
     ModelError
-        a noise channel the model does not give, noise without a generator, or a vehicle that diverges
+        a noise channel the model does not give, a negative sigma, noise without a generator, or a vehicle that diverges
     """
     manoeuvre = _with_shaft_speed(model, manoeuvre)
     names = [channel for channel in model.kernel.channels if not channel.endswith("_water")]
@@ -52,6 +53,9 @@ def virtual_run(
     unknown = [channel for channel in noise if channel not in names]
     if unknown:
         raise ModelError(f"no channel {', '.join(unknown)} to put noise on; there are {', '.join(names)}")
+    wrong = [f"{channel} = {sigma:g}" for channel, sigma in noise.items() if not 0 <= sigma < math.inf]
+    if wrong:
+        raise ModelError(f"noise {', '.join(wrong)}: a standard deviation is finite and not negative")
     if any(noise.values()) and rng is None:
         raise ModelError("noise needs a random generator")
     track, commands = fly(model, par, manoeuvre, steady_start(model, _first_shaft_speed(manoeuvre)))

@@ -90,6 +90,7 @@ def test_a_table_without_shaft_speed_keeps_the_usual_one(model, scale, tmp_path)
         (["zigzag:10/10", "--set", "ocean_curent.V_north=1"], "did you mean ocean_current.V_north"),
         (["zigzag:10/10", "--set", "N_r"], "is not NAME=VALUE"),
         (["zigzag:10/10", "--noise", "sonar=1"], "no channel sonar"),
+        (["zigzag:10/10", "--noise", "x=-1"], "x = -1: a standard deviation"),
         (["zigzag:10/10", "--dof", "4"], "choose 3"),
         (["zigzac:10/10"], "zigzag"),
         (["turn:20", "--set", "N_r=1"], "diverges"),

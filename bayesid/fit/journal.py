@@ -41,7 +41,7 @@ class Journal:
                 target.write_text("".join(json.dumps(line) + "\n" for line in lines), encoding="utf-8")
             self._handle = target.open("a", encoding="utf-8")
         except OSError as error:
-            raise FitError(f"{target.name}: the fit's log cannot be written ({error.strerror})") from None
+            raise FitError(f"{target}: the fit's log cannot be written ({error.strerror})") from None
 
     def write(self, **line: Any) -> None:
         """Append one line; a reader never sees half of it followed by another."""

@@ -36,7 +36,7 @@ def write_trial(trial: Trial, folder: str | Path, overwrite: bool = False) -> Pa
     folder = Path(folder)
     target = folder / "trial.toml"
     if target.exists() and not overwrite:
-        raise TrialError(f"{folder}: holds a trial already; choose another folder or overwrite=True")
+        raise TrialError(f"{folder}: holds a trial already; choose another folder or delete it")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         vehicle = trial.vehicle_ref
