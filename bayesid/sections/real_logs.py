@@ -177,6 +177,8 @@ def _settings(found: TrialFit, facts: Mapping[str, Any]) -> Section:
         "the rms of its residuals times the root of their correlation time in samples: errors of a model "
         "persist, and a thousand readings that err together are not a thousand readings."
     )
+    if facts["quick"]:
+        text += "\n\n**A quick run**: half of the samples and few rounds; its numbers are not to be quoted."
     if facts["way"] is not None:
         text += (
             f"\n\nRuns begin where the ship has reached {100 * facts['way']:.0f} % of its speed: they were "
