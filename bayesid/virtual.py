@@ -45,7 +45,8 @@ def virtual_run(
     Raises
     ------
     ModelError
-        a noise channel the model does not give, a negative sigma, noise without a generator, or a vehicle that diverges
+        a noise channel the model does not give, a negative sigma, noise without a generator, or a vehicle
+        that diverges
     """
     manoeuvre = _with_shaft_speed(model, manoeuvre)
     names = [channel for channel in model.kernel.channels if not channel.endswith("_water")]
