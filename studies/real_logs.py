@@ -76,6 +76,8 @@ SETTINGS = {
 
 def main(data: Path, out: Path, quick: bool, seed: int) -> None:
     """One report per set of logs that is in the folder."""
+    if not any((data / name).is_dir() for name in SETTINGS):
+        raise SystemExit(f"{data}: holds none of the folders {', '.join(SETTINGS)}")
     progress = Progress()
     for name, setting in SETTINGS.items():
         if not (data / name).is_dir():

@@ -155,6 +155,18 @@ def test_a_study_gets_its_folder_seed_and_quick_mode(tmp_path, monkeypatch, caps
     assert run(["study", "other"]) == 2
 
 
+def test_a_study_names_the_reports_it_wrote_and_no_other(tmp_path, monkeypatch, capsys):
+    (tmp_path / "studies").mkdir()
+    script = (
+        '"""Does it write?"""\nimport pathlib, sys\nfolder = pathlib.Path(sys.argv[2]) / "ship"\n'
+        'folder.mkdir(parents=True)\n(folder / "report.html").write_text("x")\n'
+    )
+    (tmp_path / "studies" / "demo.py").write_text(script)
+    monkeypatch.chdir(tmp_path)
+    assert run(["study", "demo", "--out", "here"]) == 0
+    assert capsys.readouterr().out.splitlines() == ["report: here/ship/report.html"]
+
+
 def test_every_command_has_help_and_a_verbose_option():
     tree = bayesid.cli.app.command()
 

@@ -37,7 +37,8 @@ def study(
         arguments += ["--seed", str(seed)]
     code = _run_script(studies[name], arguments)
     if code == 0:
-        say(f"report: {folder / 'report.html'}")
+        for path in sorted(folder.rglob("report.html")):  # one, or one per data set
+            say(f"report: {path}")
     return code
 
 
