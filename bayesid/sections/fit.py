@@ -219,5 +219,5 @@ def _inputs(found: TrialFit) -> Section:
         f"- Sources of the rows: {', '.join(f'`{s}`' for s in sources)}",
     ]
     if found.trial.attribution:
-        lines.append(f"- Data: {literal(found.trial.attribution)}")
+        lines.append(f"- Data: {literal(found.trial.attribution.removeprefix('Data: '))}")
     return Section("Inputs", [Text("\n".join(lines))])
