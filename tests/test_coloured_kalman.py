@@ -47,10 +47,11 @@ class Run:
 
     def smooth(self, column=0):
         m = self.nx + self.nf + self.nd
-        mean, var, standard = np.empty((self.n, m)), np.empty((self.n, m)), np.empty((self.n, self.q))
+        mean, var = np.empty((self.n, m)), np.empty((self.n, m))
+        standard, alone = np.empty((self.n, self.q)), np.empty((self.n, self.q))
         data = [a[..., column].copy() for a in (self.columns, self.drive, self.first)]
-        smooth(*data, *self.settings(), mean, var, standard)
-        return mean, var, standard
+        smooth(*data, *self.settings(), mean, var, standard, alone)
+        return mean, var, standard, alone
 
     def dense(self):
         """Unknowns [dx, f, d]: mean, covariance. Readings: matrix, covariance, distance from their mean."""
@@ -107,7 +108,7 @@ def test_whitened_products_and_determinant_are_those_of_dense_algebra(case):
 @pytest.mark.parametrize("case", CASES)
 def test_smoothed_mean_and_variance_are_those_of_dense_algebra(case):
     run = Run(**case)
-    mean, var, _ = run.smooth()
+    mean, var, _, _ = run.smooth()
     prior, covariance, read, spread, resid = run.dense()
     gain = np.linalg.solve(spread, read @ covariance).T
     np.testing.assert_allclose(mean.ravel(), prior[:, 0] + gain @ resid[:, 0], rtol=CLOSE, atol=CLOSE)
@@ -118,8 +119,20 @@ def test_smoothed_mean_and_variance_are_those_of_dense_algebra(case):
 def test_standardised_innovations_are_the_whitened_residual():
     run = Run(5)
     out, _, _ = run.whiten()
-    _, _, standard = run.smooth()
+    _, _, standard, _ = run.smooth()
     np.testing.assert_allclose(standard.ravel(), out[:, 0], rtol=CLOSE, atol=CLOSE)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_misfit_of_a_reading_given_all_others_is_that_of_dense_algebra(case):
+    run = Run(**case)
+    _, _, _, alone = run.smooth()
+    _, _, _, spread, resid = run.dense()
+    # leave one out: e_i - E[e_i | others] = (S^-1 e)_i / (S^-1)_ii, of variance 1/(S^-1)_ii
+    inverse = np.linalg.inv(spread)
+    expected = (inverse @ resid[:, 0]) / np.sqrt(np.diag(inverse))
+    np.testing.assert_allclose(alone[run.valid], expected, rtol=CLOSE, atol=CLOSE)
+    assert not alone[~run.valid].any()
 
 
 def test_a_missing_reading_leaves_no_trace_whatever_stands_in_its_place():

@@ -202,12 +202,15 @@ def whitened(
 
 @dataclass(frozen=True, eq=False)
 class Smoothed:
-    """Smoothed deviation of one run: state, latent inputs and drifts with variances; standardised
-    innovations."""
+    """Smoothed deviation of one run: state, latent inputs and drifts with variances.
+
+    `standard` are innovations and `alone` the misfit of each reading given all others, over their deviations.
+    """
 
     mean: Array
     variance: Array
     standard: Array
+    alone: Array
 
 
 def smoothed(
@@ -218,7 +221,7 @@ def smoothed(
     resid, drive, first = known(path, step)
     n, q = resid.shape
     m = first.size + f.variance_f.size + f.variance_d.size
-    mean, var, standard = np.empty((n, m)), np.empty((n, m)), np.empty((n, q))
+    mean, var, standard, alone = np.empty((n, m)), np.empty((n, m)), np.empty((n, q)), np.empty((n, q))
     smooth(
         np.where(path.log.valid, resid, 0.0),
         drive,
@@ -237,5 +240,6 @@ def smoothed(
         mean,
         var,
         standard,
+        alone,
     )
-    return Smoothed(mean, var, standard)
+    return Smoothed(mean, var, standard, alone)

@@ -191,6 +191,7 @@ def smooth(
     mean_out: np.ndarray,
     var_out: np.ndarray,
     standard: np.ndarray,
+    alone: np.ndarray,
 ) -> None:
     """Smoothed deviation of one run (Bryson-Frazier form, no inverse of a covariance).
 
@@ -200,6 +201,7 @@ def smooth(
     `whiten`
     mean_out, var_out : (n, nx + nf + nd) filled with smoothed means and variances
     standard : (n, q) filled with innovations over their predicted standard deviation, 0 where missing
+    alone : (n, q) the same of each reading given all others, earlier and later (de Jong and Penzer 1998)
     """
     n, q = resid.shape
     nx = phi.shape[1]
@@ -227,6 +229,7 @@ def smooth(
         covariance[i] = p
         for j in range(q):
             standard[i, j] = 0.0
+            alone[i, j] = 0.0
             if not valid[i, j]:
                 continue
             h = rows[i, j]
@@ -275,8 +278,10 @@ def smooth(
                 continue
             h = rows[i, j]
             k = gains[i, j]
-            lam = lam - h * (k @ lam) - h * (innovation[i, j] / spread[i, j])
             bk = big @ k
+            pull = k @ lam + innovation[i, j] / spread[i, j]
+            alone[i, j] = pull / np.sqrt(k @ bk + 1.0 / spread[i, j])
+            lam = lam - h * pull
             big = big - np.outer(h, bk) - np.outer(bk, h) + np.outer(h, h) * (k @ bk + 1.0 / spread[i, j])
         mean_out[i] = predicted[i] - covariance[i] @ lam
         for a in range(m):
