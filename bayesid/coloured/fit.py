@@ -27,6 +27,8 @@ from bayesid.model import Model
 SETTLED = 0.2
 # Longest step of one pass, in prior standard deviations.
 LONGEST = 3.0
+# Change of the objective that counts as none where noise bends the valley and steps stay of one size.
+FLAT = 0.3
 WARM = 2
 # Movement of the readings in the last pass, in sensor standard deviations, that counts as none.
 JOINED = 0.05
@@ -145,7 +147,7 @@ def fit(
     values = points[0].par[free.where].copy()
     best: _Best | None = None
     standards: list[Array] = []
-    converged, level, settled, real = False, loud, 0, 0
+    converged, level, settled, real, flat = False, loud, 0, 0, 0
     follow: tuple[float, tuple[Point, ...], float] = (-np.inf, tuple(points), loud)
     k = 0
     for k in range(passes):
@@ -171,6 +173,8 @@ def fit(
             best.share *= 0.3
             points, standards, values = best.again(model, free)
             continue
+        same = best is not None and best.colours is colours and abs(merit - best.merit) < FLAT
+        flat = flat + 1 if same else 0
         step = post.mean - z
         biggest = float(np.abs(step).max()) if step.size else 0.0
         share = min(1.0, LONGEST / biggest) if biggest > 0 else 1.0
@@ -189,7 +193,7 @@ def fit(
             real += 1
             if real >= HOPELESS and post.log_evidence < follow[0] - 1e3:
                 break
-            if settled and _joined(paths, points):
+            if (settled or flat >= 3) and _joined(paths, points):
                 converged = True
                 break
         else:

@@ -142,7 +142,8 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
         )
     places = c.where.places
     rungs = d.shrink.rungs
-    full = rungs[-1] if rungs else None
+    worth = [r for r in rungs if r.worth]
+    full = worth[-1] if worth else (rungs[-1] if rungs else None)
     return {
         "format": FORMAT,
         "bayesid": __version__,

@@ -6,22 +6,26 @@ Takes a trial and a vehicle. Gives a frozen `Problem`. Held-out runs are not eve
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
-from bayesid.coloured.colours import Colours, force_unit
+from bayesid.coloured.colours import Colours, force_unit, smoothed
 from bayesid.coloured.fit import NOTHING, ColouredFit, Free, fit
 from bayesid.coloured.free import coefficient_prior, effect_prior
 from bayesid.coloured.levels import Environment, is_straight, measure, silent, stated
 from bayesid.coloured.log import Log, read_run
-from bayesid.coloured.path import Point
+from bayesid.coloured.path import Point, linearise
 from bayesid.effects import Effect
 from bayesid.errors import TrialError
 from bayesid.model import Model
 from bayesid.trials import Trial
 
-OUTLIER = 6.0
+# Misfit of an outlier over its deviation, and the force over 1/2 rho L^2 U^2 the path may bend with meanwhile.
+OUTLIER, BENDING = 6.0, 0.003
+# Share of a channel's readings in a run above which outliers are no accident.
+MOST_OUTLIERS = 0.1
 Say = Callable[[str], None]
 
 
@@ -126,18 +130,42 @@ def _noise_from_data(runs: tuple, names: list[str]) -> dict[str, float]:
 
 
 def _set_aside(model: Model, logs: list[Log]) -> tuple[list[Log], list[tuple[str, float, str]]]:
-    """Logs without readings that stand out although the path may bend freely."""
-    loud = Colours(tuple(0.03 * force_unit(model)), silent(model).force_tau, 0.0, silent(model).drift_tau)
-    fitted = fit(model, logs, NOTHING, loud, passes=3, loud=0.0)
+    """Logs without readings that all others contradict although the path may bend.
+
+    The worst reading of its neighbourhood goes first: an outlier spoils the misfit of those next to it.
+    """
+    force = tuple(BENDING * force_unit(model))
+    loud = Colours(force, silent(model).force_tau, 0.0, silent(model).drift_tau)
+    kept, start = list(logs), None
+    for _ in range(2):
+        fitted = fit(model, kept, NOTHING, loud, start=start, passes=3, loud=0.0)
+        start, before = fitted.points, kept
+        kept = [_stripped(model, log, point, loud) for log, point in zip(kept, fitted.points, strict=True)]
+        if all(new is old for new, old in zip(kept, before, strict=True)):
+            break
     out, found = [], []
-    for log, standard in zip(logs, fitted.standard, strict=True):
-        spread = max(1.0, float(np.median(np.abs(standard[log.valid]))) / 0.6745)
-        bad = log.valid & (np.abs(standard) > OUTLIER * spread)
-        bad[:3] = False
+    for log, new in zip(logs, kept, strict=True):
+        bad = log.valid & ~new.valid
+        # many in one channel are no accident: that is a gap, and the diagnosis' own business
+        bad &= bad.sum(axis=0) <= np.maximum(MOST_OUTLIERS * log.valid.sum(axis=0), 2)
         for i, j in np.argwhere(bad):
             found.append((log.name, float(log.plan.t[i]), model.kernel.channels[log.channels[j]]))
-        out.append(log.without(bad) if bad.sum() < 0.05 * log.valid.sum() else log)
+        out.append(log.without(bad))
     return out, found
+
+
+def _stripped(model: Model, log: Log, point: Point, colours: Colours) -> Log:
+    """One log without its outliers, along a fixed path; the same object where there is none."""
+    path = linearise(model, log, point, NOTHING.where)
+    for _ in range(12):
+        alone = np.abs(smoothed(model, path, NOTHING.mean, colours).alone)
+        spread = max(1.0, float(np.median(alone[path.log.valid])) / 0.6745)
+        near = maximum_filter1d(alone.max(axis=1), 7, mode="constant")
+        bad = path.log.valid & (alone > OUTLIER * spread) & (alone == near[:, None])
+        if not bad.any():
+            break
+        path = replace(path, log=path.log.without(bad))
+    return path.log
 
 
 def _environment(

@@ -78,6 +78,9 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
     if outside_wins:
         return Verdict("outside", (), set95, (), tuple(reasons))
     if len(best.effects) > 1:
+        if left > REMAINDER:
+            # Further effects that leave a remainder only bend towards it; the first one stands.
+            return Verdict("effect_with_remainder", best.effects[:1], set95, hidden, tuple(reasons))
         return Verdict("several", best.effects, set95, hidden, tuple(reasons))
     name = single.effects[0]
     if absorbed.get(name, 0.0) > HIDDEN:

@@ -15,8 +15,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import log_ndtr, logsumexp
 
-from bayesid.coloured.fit import ColouredFit, Free, fit
+from bayesid.coloured.evidence import posterior
+from bayesid.coloured.fit import ColouredFit, Free, fit, stack
 from bayesid.coloured.free import effect_prior
+from bayesid.coloured.levels import REPEATABLE
 from bayesid.coloured.log import Array
 from bayesid.coloured.path import Point
 from bayesid.diagnose.bank import (
@@ -40,6 +42,8 @@ SHORTLIST = 6
 # A further effect must raise the log evidence by this much, and is dropped again if its removal costs less
 # than 3.
 ADD, DROP, MOST = 5.0, 3.0, 3
+# Shifts of the logarithm of a measured environment that are averaged over.
+LOUDER = (-0.7, -0.35, 0.0, 0.35, 0.7, 1.05)
 Say = Callable[[str], None]
 
 
@@ -101,6 +105,30 @@ def corrected_evidence(fitted: ColouredFit) -> float:
     return out
 
 
+def repeatable_bonus(problem: Problem, fitted: ColouredFit) -> float:
+    """Gain in log evidence when a measured environment may differ between runs by its own repeatability.
+
+    Averaged over a log-normal factor on all amplitudes; 0 where the environment was stated.
+    """
+    if problem.environment.source == "stated" or not any(problem.environment.colours.force):
+        return 0.0
+    logs = np.array(LOUDER)
+    weight = -0.5 * (logs / REPEATABLE) ** 2
+    weight -= logsumexp(weight)
+    values = []
+    for shift in logs:
+        grams = stack(
+            problem.model, fitted.paths, fitted.free, problem.environment.colours.scaled(float(np.exp(shift)))
+        )
+        values.append(posterior(sum(grams[1:], grams[0])).log_evidence)
+    return float(logsumexp(np.array(values) + weight) - fitted.log_evidence)
+
+
+def weighed(problem: Problem, effects: tuple[str, ...], fitted: ColouredFit) -> Candidate:
+    """Candidate with its corrected evidence."""
+    return Candidate(effects, corrected_evidence(fitted) + repeatable_bonus(problem, fitted), fitted)
+
+
 def explains(candidate: Candidate) -> bool:
     """Whether a refit arrived and leaves residuals of about the size of the noise."""
     return candidate.fit.converged and candidate.fit.chi2 < 1.5
@@ -122,7 +150,7 @@ def compare(problem: Problem, say: Say = lambda text: None) -> Candidates:
     model = problem.model
     say("fit without any effect")
     base = fit_with(problem, ())
-    none = Candidate((), base.log_evidence, base)
+    none = weighed(problem, (), base)
     fine = explains(none)
     follow = list(base.points) if fine else list(problem.path)
     level = 0.0 if fine else problem.path_level
@@ -153,7 +181,7 @@ def compare(problem: Problem, say: Say = lambda text: None) -> Candidates:
         best = refits[0].fit
         after = locate(problem, best.follow if not best.converged else best.points, best.free, masks=False)
     evidence = _evidence(problem, none, refits, scores, wide, where)
-    if after is not None and len(refits[0].effects) == 1 and refits[0].effects[0] in evidence:
+    if after is not None and refits[0].effects[0] in evidence:
         with_rest = after.outside - none.log_evidence + float(np.log(PRIOR_OUTSIDE))
         name = refits[0].effects[0]
         evidence[name] = float(np.logaddexp(evidence[name], with_rest))
@@ -179,7 +207,7 @@ def _refit(
 ) -> Candidate:
     say("refit with " + " + ".join(e.name for e in effects))
     fitted = fit_with(problem, effects, start=start)
-    return Candidate(tuple(e.name for e in effects), corrected_evidence(fitted), fitted)
+    return weighed(problem, tuple(e.name for e in effects), fitted)
 
 
 def _refit_wide(problem: Problem, name: str, base: ColouredFit, say: Say) -> Candidate:
@@ -195,7 +223,7 @@ def _refit_wide(problem: Problem, name: str, base: ColouredFit, say: Say) -> Can
         start=problem.path,
         loud=max(problem.path_level, 1e-5),
     )
-    return Candidate((f"{COEFFICIENT_ERROR}:{name}",), fitted.log_evidence, fitted)
+    return weighed(problem, (f"{COEFFICIENT_ERROR}:{name}",), fitted)
 
 
 def _several(
@@ -265,7 +293,8 @@ def _evidence(
     prefix = f"{COEFFICIENT_ERROR}:"
     wide = {n: refitted.get(prefix + n, min(v, floor if refitted else v)) for n, v in wide.items()}
     out[COEFFICIENT_ERROR] = float(logsumexp(list(wide.values())) - np.log(max(len(wide), 1)))
-    out["outside"] = where.outside - none.log_evidence
+    # Two linearisations of no effect; the worse one must not speak for "outside".
+    out["outside"] = where.outside - max(none.log_evidence, where.base)
     return out
 
 
