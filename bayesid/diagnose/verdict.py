@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bayesid.diagnose.problem import Problem
-from bayesid.diagnose.which import COEFFICIENT_ERROR, PRIOR_OUTSIDE, Candidates, credible_set, pulls
+from bayesid.diagnose.which import COEFFICIENT_ERROR, Candidates, credible_set, pulls
 
 # Evidence an effect or a latent signal needs, absorption from which an effect is hidden, probability that
 # names one.
@@ -67,16 +67,11 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
         return Verdict("ambiguous", _names(set95), set95, (), tuple(reasons))
     left = candidates.where_after.places[0].evidence if candidates.where_after is not None else 0.0
     reasons.append(f"after it a free signal would add {left:+.1f}")
+    if probability["outside"] > 0.5:
+        return Verdict("outside", (), set95, (), tuple(reasons))
     if best.effects[0].startswith(COEFFICIENT_ERROR):
-        if probability["outside"] > 0.5:
-            return Verdict("outside", (), set95, (), tuple(reasons))
         return Verdict("coefficients", (COEFFICIENT_ERROR,), set95, hidden, tuple(reasons))
     single = max((c for c in candidates.refits if len(c.effects) == 1), key=lambda c: c.log_evidence)
-    rest = candidates.where_after.outside if candidates.where_after is not None else -np.inf
-    explained = max(best.log_evidence, rest + float(np.log(PRIOR_OUTSIDE))) - none.log_evidence
-    outside_wins = candidates.evidence["outside"] > explained + NAMED
-    if outside_wins:
-        return Verdict("outside", (), set95, (), tuple(reasons))
     if len(best.effects) > 1:
         if left > REMAINDER:
             # Further effects that leave a remainder only bend towards it; the first one stands.
