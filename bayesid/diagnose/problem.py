@@ -22,7 +22,7 @@ from bayesid.errors import TrialError
 from bayesid.model import Model
 from bayesid.trials import Trial
 
-# Misfit of an outlier over its deviation, and the force over 1/2 rho L^2 U^2 the path may bend with meanwhile.
+# Misfit of an outlier over its deviation; force over 1/2 rho L^2 U^2 with which the path may bend meanwhile.
 OUTLIER, BENDING = 6.0, 0.003
 # Share of a channel's readings in a run above which outliers are no accident.
 MOST_OUTLIERS = 0.1
