@@ -105,6 +105,8 @@ def test_a_prior_that_holds_a_flat_direction_makes_it_a_success(model):
     held = fit(trial_problem(model, trial, ParameterSet(priors)), Options(rounds=6))
     assert sum(d.exact and d.decided_by == "bounds" for d in loose.flat) == 2
     assert not any(d.exact and d.decided_by != "prior" for d in held.flat)
+    by_prior = replace(held, status="converged", flat=tuple(d for d in held.flat if d.decided_by == "prior"))
+    assert by_prior.flat and by_prior.success and "on the prior, not on these data" in by_prior.verdict
 
 
 def test_a_coefficient_on_its_bound_is_reported(model):

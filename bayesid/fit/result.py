@@ -90,8 +90,11 @@ class Fit:
     def verdict(self) -> str:
         """One sentence: converged or not, and what the data do not determine."""
         open_ones = [d for d in self.flat if d.decided_by != "prior"]
-        if not open_ones:
+        if not self.flat:
             return self.message
+        if not open_ones:
+            word = "combination rests" if len(self.flat) == 1 else "combinations rest"
+            return f"{self.message}; {len(self.flat)} {word} on the prior, not on these data"
         word = "combination is" if len(open_ones) == 1 else "combinations are"
         return (
             f"{self.message}; not a success: {len(open_ones)} {word} not determined by these data "
