@@ -14,7 +14,7 @@ from typing import NoReturn
 
 def main(args: Sequence[str] | None = None) -> NoReturn:
     """Entry point of the shell command; ends the process with 0 ok, 2 usage or bad input, 3 not converged."""
-    # Matrices here are small: a second BLAS thread costs more than it gives (7 s instead of 10 for a diagnosis).
+    # Matrices here are small: a second BLAS thread costs more than it gives (a diagnosis: 7 s, not 10).
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from bayesid.cli.guard import run
 
