@@ -53,6 +53,29 @@ def test_a_flat_valley_is_not_called_a_success(pond, capsys):
     assert answer["flat"] or not answer["converged"]
 
 
+def test_residuals_far_above_the_noise_are_said(pond, tmp_path, capsys):
+    current = ["simulate", "generic_sub", "zigzag:20/20", "--dt", "2", "--out", str(tmp_path)]
+    noise = [part for name, sigma in NOISE.items() for part in ("--noise", f"{name}={sigma}")]
+    assert run([*current, *noise, "--set", "ocean_current.V_north=0.5"]) == 0
+    capsys.readouterr()
+    run(["fit", str(tmp_path), "--free", "N_v,N_r,N_dr", "--quick"])
+    assert "not to be trusted" in capsys.readouterr().out
+    run(["fit", str(pond), *RUNS, "--free", "N_v,N_r,N_dr"])
+    said = capsys.readouterr().out
+    assert "times the noise" in said and "not to be trusted" not in said
+
+
+def test_noise_stated_for_some_channels_leaves_the_others_to_the_residuals(pond, tmp_path, capsys):
+    """Weighed by what a noise-free series shows, u, v and r would count ten million times too much."""
+    folder = tmp_path / "partly"
+    flown = ["simulate", "generic_sub", "zigzag:20/20", "--dt", "2", "--out", str(folder)]
+    assert run([*flown, "--noise", "x=1", "--noise", "y=1", "--set", "ocean_current.V_north=0.3"]) == 0
+    run(["fit", str(folder), "--free", "N_v,N_r,N_dr", "--quick", "--out", str(tmp_path / "fit"), "--json"])
+    capsys.readouterr()
+    sigma = json.loads((tmp_path / "fit" / "fit.json").read_text())["sigma"]
+    assert min(sigma[c] for c in ("u", "v", "r", "psi")) > 1e-6
+
+
 def test_a_killed_fit_goes_on_from_its_iterates(pond, tmp_path, capsys):
     def fitted(folder):
         run(["fit", str(pond), *RUNS, "--free", "N_r,N_dr", "--out", str(folder), "--json"])

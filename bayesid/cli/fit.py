@@ -50,6 +50,7 @@ Estimate = Annotated[
     bool, typer.Option("--estimate-noise", help="Weights from the residuals instead of the stated noise.")
 ]
 Fresh = Annotated[bool, typer.Option("--fresh", help="Do not go on from an interrupted fit in --out.")]
+MISFIT = 3.0  # residuals of so many times the noise are not noise
 QUICK_SAMPLES, QUICK_ROUNDS = 300, 6
 
 
@@ -93,7 +94,7 @@ def fit(
             f"{ship.name} has no coefficient {', '.join(unknown)} to keep; it has {', '.join(ship.coef)}"
         )
     trial = prepared(logged, _names(runs), resample, QUICK_SAMPLES if quick else None)
-    profile = estimate or not trial.noise
+    profile = True if estimate else None  # None: where the trial leaves the noise of a channel open
     options = Options(
         seed=seed, starts=starts, profile=profile, **({"rounds": QUICK_ROUNDS} if quick else {})
     )
@@ -138,7 +139,7 @@ def _names(text: str | None) -> list[str] | None:
 
 def _answer(found: TrialFit, out: Path | None, as_json: bool, verbose: bool) -> None:
     from bayesid.cli.output import say, say_json, say_table
-    from bayesid.sections.fit import write_fit_report
+    from bayesid.sections.fit import noise_level, write_fit_report
     from bayesid.sections.prediction import PREDICTION_COLUMNS, prediction_rows
 
     result = found.fit
@@ -150,7 +151,15 @@ def _answer(found: TrialFit, out: Path | None, as_json: bool, verbose: bool) -> 
         f"{len(found.problem.runs)} runs, {result.n_readings} readings, {result.n_params} unknown parameters"
     )
     say(f"{found.trial.name}: {size}, {result.seconds:.1f} s")
-    say(f"{result.verdict}.\n")
+    say(f"{result.verdict}.")
+    before, after = (noise_level(found.runs, "identify", key) for key in ("rms_nominal", "rms_fitted"))
+    say(f"residuals of the fitted runs: from {before} to {after} times the noise")
+    if 2 * result.cost > MISFIT**2 * result.n_readings:
+        say(
+            "The model misses these runs, or the stated noise is too small: the standard deviations are not "
+            "to be trusted. Try --estimate-noise, or `bayesid diagnose`."
+        )
+    say()
     scale = found.problem.params.vector("file_scale")
     rows = []
     for i, name in enumerate(result.names[: result.n_params]):

@@ -41,7 +41,7 @@ class Options:
     flat_level : relative sd beyond which a direction counts as flat
     profile : weigh every channel by its own residuals: their rms, as the maximum of the likelihood has it,
         times the root of their correlation time [samples], so that errors that persist do not count as many
-        readings
+        readings. None: no, but `fit_trial` does where the trial leaves the noise of a channel open
     """
 
     rounds: int = 20
@@ -52,7 +52,7 @@ class Options:
     starts: int = 1
     spread: float = 0.3
     flat_level: float = 0.5
-    profile: bool = False
+    profile: bool | None = None
     seed: int = 0
 
 

@@ -96,7 +96,7 @@ def fit_trial(
     ties : name -> (free name, factor, offset)
     params : the unknowns themselves instead of free, fixed, ties, use_prior and relative_bounds
     channels : readings to compare, by default all
-    options : by default the noise of channels the trial states none for makes all of them be estimated
+    options : with `profile` None, a channel the trial states no noise for makes all of them be estimated
 
     Raises
     ------
@@ -115,9 +115,10 @@ def fit_trial(
             model, names, relative_bounds=relative_bounds, use_prior=use_prior, ties=ties
         )
     problem = trial_problem(model, trial, params, channels=channels, threads=threads)
-    if options is None:
+    options = options or Options()
+    if options.profile is None:
         stated = all(c in trial.noise for run in problem.runs for c in run.channels)
-        options = Options(profile=not stated)
+        options = replace(options, profile=not stated)
     result = fit(problem, options, out, resume, watch)
     problem = problem.with_sigma(result.sigma)
     found = _identified(model, trial, result)

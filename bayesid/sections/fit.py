@@ -59,15 +59,14 @@ def fit_report(found: TrialFit) -> Report:
         f"**{found.fit.verdict[0].upper()}{found.fit.verdict[1:]}.**",
         f"{found.fit.n_params} coefficients of {literal(found.vehicle.name)} fitted to "
         f"{len(found.trial.identify)} runs of {literal(found.trial.name)}: residuals fall from "
-        f"{_level(found.runs, 'identify', 'rms_nominal')} to {_level(found.runs, 'identify', 'rms_fitted')} "
-        f"times the "
-        "noise (rms over channels).",
+        f"{noise_level(found.runs, 'identify', 'rms_nominal')} to "
+        f"{noise_level(found.runs, 'identify', 'rms_fitted')} times the noise (rms over channels).",
     ]
     if held:
         parts.append(
             f"On the {len(held)} held-out runs, which the fit has not read, from "
-            f"{_level(found.runs, 'holdout', 'rms_nominal')} to "
-            f"{_level(found.runs, 'holdout', 'rms_fitted')}."
+            f"{noise_level(found.runs, 'holdout', 'rms_nominal')} to "
+            f"{noise_level(found.runs, 'holdout', 'rms_fitted')}."
         )
     sections = [
         _coefficients(found),
@@ -80,7 +79,8 @@ def fit_report(found: TrialFit) -> Report:
     return Report(f"Fit of {found.trial.name}", " ".join(parts), sections)
 
 
-def _level(runs: tuple[RunOutcome, ...], role: str, which: str) -> str:
+def noise_level(runs: tuple[RunOutcome, ...], role: str, which: str) -> str:
+    """Rms over channels of the errors in units of the weights, in words."""
     ratios = [getattr(r, which) / r.sigma for r in runs if r.role == role]
     found = np.concatenate(ratios) if ratios else np.zeros(0)
     found = found[np.isfinite(found)]
