@@ -44,13 +44,11 @@ def test_a_planted_coefficient_is_found_and_the_held_out_turn_predicted(pond, tm
 
 
 def test_a_flat_valley_is_not_called_a_success(pond, capsys):
-    """All rows of the yaw axis, inertia included, can be scaled together without a trace in the motion."""
-    yaw = [n for n in load_vehicle("generic_sub").coef if n.startswith(("Y_", "N_"))]
-    planar = [n for n in yaw if n in ("Y_vdot", "Y_v", "Y_r", "Y_dr", "N_rdot", "N_v", "N_r", "N_dr")]
-    code = run(["fit", str(pond), *RUNS, "--free", ",".join(planar), "--quick", "--json"])
+    """All rows of one axis, inertia included, can be scaled together without a trace in the motion."""
+    code = run(["fit", str(pond), *RUNS, "--quick", "--json"])
     answer = json.loads(capsys.readouterr().out)
     assert code == 3 and not answer["success"]
-    assert answer["flat"] or not answer["converged"]
+    assert any("Y_vdot" in d["name"] and d["held_by"] != "prior" for d in answer["flat"])
 
 
 def test_residuals_far_above_the_noise_are_said(pond, tmp_path, capsys):
@@ -74,6 +72,15 @@ def test_noise_stated_for_some_channels_leaves_the_others_to_the_residuals(pond,
     capsys.readouterr()
     sigma = json.loads((tmp_path / "fit" / "fit.json").read_text())["sigma"]
     assert min(sigma[c] for c in ("u", "v", "r", "psi")) > 1e-6
+
+
+def test_fewer_readings_find_the_same_coefficients(pond, capsys):
+    """Rudder orders once moved to the coarse samples: N_v came out 5.7 times too large."""
+    run(["fit", str(pond), *RUNS, "--free", "N_v,N_r,N_dr", "--resample", "4", "--json"])
+    answer = json.loads(capsys.readouterr().out)
+    for name in ("N_v", "N_r"):
+        found = answer["estimates_SI"][name]
+        assert abs(found["value"] - found["start"]) < 4 * found["sd"]  # one fixed seed
 
 
 def test_a_killed_fit_goes_on_from_its_iterates(pond, tmp_path, capsys):

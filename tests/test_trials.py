@@ -16,7 +16,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bayesid.errors import TrialError
-from bayesid.trials import Environment, Run, Trial, load_trial, resample, trial_summary, window, write_trial
+from bayesid.trials import (
+    Environment,
+    Run,
+    Trial,
+    load_trial,
+    resample,
+    thin,
+    trial_summary,
+    window,
+    write_trial,
+)
 from bayesid.trials.noise import rough_noise, spikes
 
 HEADER = "t[s],x[m],y[m],psi[deg],r[deg/s],u[m/s],v[m/s],delta_r_cmd[deg],n_cmd[rpm]"
@@ -436,6 +446,20 @@ def test_window_and_resample_keep_their_origin(bundle):
         window(run, 1e4, 2e4)
     with pytest.raises(TrialError, match="must be positive"):
         resample(run, 0.0)
+
+
+def test_thinning_keeps_every_switch_of_a_command_and_few_readings():
+    t = 0.5 * np.arange(41)
+    order = np.where((t >= 3.5) & (t < 11.0), 0.2, 0.0)
+    wind = {"wind_speed": t.copy()}
+    run = Run("a", "", "identify", t, {"x": 2 * t}, {"delta_r_cmd": order}, exogenous=wind)
+    out = thin(run, 2.0)
+    np.testing.assert_allclose(out.t, [0, 2, 3.5, 4, 6, 8, 10, 11, 12, 14, 16, 18, 20])
+    np.testing.assert_array_equal(out.commands["delta_r_cmd"] > 0, (out.t >= 3.5) & (out.t < 11.0))
+    read = np.isfinite(out.data["x"])
+    np.testing.assert_allclose(out.t[read], 2.0 * np.arange(11))
+    np.testing.assert_allclose(out.data["x"][read], 2 * out.t[read])
+    np.testing.assert_allclose(out.exogenous["wind_speed"], out.t)
 
 
 def test_resampling_leaves_long_gaps_missing():

@@ -35,7 +35,7 @@ Runs = Annotated[
     ),
 ]
 Resample = Annotated[
-    float | None, typer.Option("--resample", metavar="DT", min=1e-4, help="Sample step [s].")
+    float | None, typer.Option("--resample", metavar="DT", min=1e-4, help="Read every so many seconds only.")
 ]
 Pieces = Annotated[
     float | None,
@@ -109,16 +109,16 @@ def fit(
 
 
 def prepared(trial: Trial, names: list[str] | None, step: float | None, most: int | None) -> Trial:
-    """The trial with the runs to fit chosen, and resampled.
+    """The trial with the runs to fit chosen, and thinned.
 
     Parameters
     ----------
     names : runs to fit, all others are held out; None keeps the roles of the file
-    step : sample step [s]
-    most : resample runs of more samples than this, where `step` is not given
+    step : time between readings [s]
+    most : thin runs of more samples than this, where `step` is not given
     """
     from bayesid.errors import TrialError
-    from bayesid.trials import resample
+    from bayesid.trials import thin
 
     there = [run.name for run in trial.runs]
     unknown = [name for name in names or () if name not in there]
@@ -129,7 +129,7 @@ def prepared(trial: Trial, names: list[str] | None, step: float | None, most: in
         if names is not None:
             run = replace(run, role="identify" if run.name in names else "holdout")
         coarse = step or (run.duration / most if most and run.n_samples > most else None)
-        runs.append(resample(run, coarse) if coarse else run)
+        runs.append(thin(run, coarse) if coarse else run)
     return replace(trial, runs=tuple(runs))
 
 

@@ -3,7 +3,7 @@
 from bayesid.trials.bundle import load_trial
 from bayesid.trials.summary import trial_summary
 from bayesid.trials.trial import Channels, Environment, Run, Trial, channels_of
-from bayesid.trials.window import resample, window
+from bayesid.trials.window import resample, thin, window
 from bayesid.trials.write import write_trial
 
 __all__ = [
@@ -14,6 +14,7 @@ __all__ = [
     "channels_of",
     "load_trial",
     "resample",
+    "thin",
     "trial_summary",
     "window",
     "write_trial",

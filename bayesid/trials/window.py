@@ -54,6 +54,38 @@ def resample(run: Run, dt: float, max_gap: float | None = None) -> Run:
     if max_gap is None:
         max_gap = max(5.0 * float(np.median(np.diff(run.t))), 1.5 * dt)
     t = run.t[0] + dt * np.arange(int(np.floor(run.duration / dt * (1 + 1e-12))) + 1)
+    return _at(run, t, dt, max_gap, f"resampled to {dt:g} s from {run.digest[:12]}")
+
+
+def thin(run: Run, dt: float) -> Run:
+    """As `resample`, for fits: readings every dt, but commands still switch when they did.
+
+    The samples at switches in between hold no readings. Held from one coarse sample to the next, a rudder
+    order comes up to dt late: a 20/20 zig-zag at 4 instead of 2 s then gave N_v 5.7 times too large at 5.9
+    times the noise, thinned 2 % too large at 0.99.
+
+    Raises
+    ------
+    TrialError                 as `resample`
+    """
+    coarse = resample(run, dt)
+    switches = np.zeros(run.n_samples, dtype=bool)
+    for values in run.commands.values():
+        switches[1:] |= (np.diff(values) != 0) & np.isfinite(values[1:])
+    own = run.t[switches & (run.t < coarse.t[-1])]
+    after = np.clip(np.searchsorted(coarse.t, own), 1, coarse.n_samples - 1)
+    near = np.minimum(np.abs(coarse.t[after] - own), np.abs(own - coarse.t[after - 1]))
+    t = np.sort(np.concatenate([coarse.t, own[near > 1e-6 * dt]]))
+    out = _at(run, t, dt, np.inf, coarse.provenance[-1])
+    at = np.searchsorted(t, coarse.t)
+    data = {name: np.full(t.shape, np.nan) for name in out.data}
+    for name, values in data.items():
+        values[at] = coarse.data[name]
+    return replace(out, data=data)
+
+
+def _at(run: Run, t: Floats, dt: float, max_gap: float, note: str) -> Run:
+    """Commands held and everything else interpolated at the times t."""
     held = np.searchsorted(run.t, t + 1e-9 * dt, side="right") - 1
     groups: dict[str, Any] = {}
     for group in Run.GROUPS:
@@ -63,7 +95,6 @@ def resample(run: Run, dt: float, max_gap: float | None = None) -> Run:
         else:
             gap = max_gap if group in ("data", "propulsion", "extra") else np.inf
             groups[group] = {name: _linear(run.t, values, t, gap) for name, values in series.items()}
-    note = f"resampled to {dt:g} s from {run.digest[:12]}"
     return replace(run, t=t, provenance=run.provenance + (note,), **groups)
 
 
