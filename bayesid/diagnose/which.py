@@ -132,8 +132,8 @@ def weighed(problem: Problem, effects: tuple[str, ...], fitted: ColouredFit) -> 
 def away_from_straight(problem: Problem, candidate: Candidate, none: Candidate) -> Candidate:
     """Candidate whose evidence for an input effect does not rest on straight runs.
 
-    There a helmsman answers the disturbances, so rudder and force are correlated and a disturbance faster than
-    the sampling looks like play or lag (play of 0.016 degrees at +25 nats on a clean campaign).
+    There a helmsman answers the disturbances: rudder and force are correlated, and a disturbance faster
+    than the sampling looks like play or lag (play of 0.016 degrees at +25 nats on a clean campaign).
     """
     model = problem.model
     ports = {model.effects[n].port for n in candidate.effects if n in model.effects}
