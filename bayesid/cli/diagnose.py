@@ -105,6 +105,6 @@ def _tell(record: dict) -> None:
             f"by {gap['shrink']:.1%}"
         )
     elif gap["before"] is not None:
-        print("held-out gap: nothing to shrink")
+        print("held-out gap: nothing to shrink beyond what recalibration closes")
     for warning in record["warnings"]:
         print(f"note: {warning}")

@@ -102,5 +102,5 @@ def ladder(horizons: Sequence[str], before_nominal: Array, before: Array, after:
     axes.set_yscale("log")
     axes.set_xticks(x, horizons)
     axes.set_ylabel("mean squared error\nabove the floor [noise variances]")
-    axes.legend(loc="upper left")
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3)
     return figure

@@ -15,6 +15,7 @@ import numpy as np
 
 from bayesid import report
 from bayesid.diagnose.diagnosis import Diagnosis
+from bayesid.diagnose.shrink import Rung
 from bayesid.figures import diagnosis as figures
 from bayesid.report import Block, Figure, Report, Section, Table, Text, literal
 
@@ -24,9 +25,8 @@ HEADLINES = {
     "effect_with_remainder": "One unmodelled effect explains most of the gap; something of it remains.",
     "several": "Several unmodelled effects together explain the gap.",
     "outside": "There is a gap, and no effect of the catalogue explains it.",
-    "coefficients": "The gap closes by moving coefficients beyond their stated uncertainty; which cause "
-    "moved them cannot "
-    "be told from these runs.",
+    "coefficients": "The gap closes by moving coefficients beyond their stated uncertainty. An effect named "
+    "below acts on these runs as such a change does, so the track alone cannot prove it.",
     "ambiguous": "There is a gap, but these runs cannot tell which of several causes makes it.",
 }
 _DEGREES = {"rad": ("deg", 180 / math.pi), "rad/s": ("deg/s", 180 / math.pi)}
@@ -212,7 +212,7 @@ def _shrink(found: Diagnosis) -> list[Block]:
     ]
     rows = []
     for r in rungs:
-        told = "nothing to shrink" if not r.worth else f"{r.shrink:.1%}"
+        told = _closed(r) if not r.worth else f"{r.shrink:.1%}"
         if r.worth and math.isfinite(r.interval[0]):
             told += f" ({r.interval[0]:.0%} to {r.interval[1]:.0%})"
         name = r.horizon + (f" ({r.seconds:.0f} s)" if math.isfinite(r.seconds) else "")
@@ -253,6 +253,13 @@ def _shrink(found: Diagnosis) -> list[Block]:
         )
     )
     return blocks
+
+
+def _closed(rung: Rung) -> str:
+    """Words where the recalibrated model leaves no gap."""
+    if rung.excess["nominal"] > 1.0 and rung.excess["recalibrated"] < 0.1 * rung.excess["nominal"]:
+        return "closed by recalibration"
+    return "nothing to shrink"
 
 
 def _ambiguity(found: Diagnosis) -> list[Block]:
