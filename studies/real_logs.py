@@ -21,7 +21,7 @@ from bayesid.fit.trial import outcomes
 from bayesid.progress import Progress
 from bayesid.sections.real_logs import Variant, logs_report, logs_results
 from bayesid.terms import term
-from bayesid.trials import Run, Trial, load_trial, resample, window
+from bayesid.trials import Run, Trial, load_trial, thin, window
 from bayesid.vehicles import Vehicle, load_vehicle
 
 HERE = Path(__file__).parent / "real_logs"
@@ -44,7 +44,7 @@ LOOSE = 2.0  # relative sd of rows whose start is such a guess
 class Setting:
     """How the logs of one ship are used.
 
-    dt : sample step [s]
+    dt : time between readings [s]
     piece : length of a fitted piece [s], about two legs of a zig-zag
     way : share of its speed at which a run begins, None for the whole record
     wind : fit the exposed area to the measured wind, as a last step
@@ -92,7 +92,7 @@ def study(
     """Fit three sets of rows to the same runs, predict the others, write the report."""
     logged = load_trial(HERE / name, data)
     step = (2 if quick else 1) * setting.dt
-    trial = replace(logged, runs=tuple(resample(begun(run, setting.way), step) for run in logged.runs))
+    trial = replace(logged, runs=tuple(thin(begun(run, setting.way), step) for run in logged.runs))
     inside = replace(trial, runs=tuple(r for r in trial.runs if not r.manoeuvre.startswith("random")))
     ship = load_vehicle(HERE / name / "vehicle.toml")
     options = Options(seed=seed, profile=True, rounds=3 if quick else 12)

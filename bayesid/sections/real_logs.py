@@ -170,8 +170,9 @@ def _outside(outside: Sequence[RunOutcome]) -> Section:
 def _settings(found: TrialFit, facts: Mapping[str, Any]) -> Section:
     held = sum(r.role == "holdout" for r in found.runs)
     text = (
-        f"Logs resampled to {facts['dt']:g} s. Runs to identify are cut into {len(found.problem.runs)} "
-        f"pieces of about {facts['piece']:g} s with an initial state each; {held} whole runs are held out. "
+        f"Logs thinned to a reading every {facts['dt']:g} s, orders at their own times. Runs to identify are "
+        f"cut into {len(found.problem.runs)} pieces of about {facts['piece']:g} s with an initial state "
+        f"each; {held} whole runs are held out. "
         f"Kept at published values: {', '.join(f'`{n}`' for n in facts['fixed'])}, because with them free "
         "all rows of an axis can be scaled together without a trace in the motion. The noise of a channel is "
         "the rms of its residuals times the root of their correlation time in samples: errors of a model "
