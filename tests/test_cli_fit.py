@@ -58,9 +58,12 @@ def test_residuals_far_above_the_noise_are_said(pond, tmp_path, capsys):
     capsys.readouterr()
     run(["fit", str(tmp_path), "--free", "N_v,N_r,N_dr", "--quick"])
     assert "not to be trusted" in capsys.readouterr().out
+    run(["fit", str(tmp_path), "--free", "N_v,N_r,N_dr", "--quick", "--estimate-noise"])
+    said = capsys.readouterr().out
+    assert "Estimated noise, times the stated: " in said and "not to be trusted" not in said
     run(["fit", str(pond), *RUNS, "--free", "N_v,N_r,N_dr"])
     said = capsys.readouterr().out
-    assert "times the noise" in said and "not to be trusted" not in said
+    assert "times the noise" in said and "not to be trusted" not in said and "times the stated" not in said
 
 
 def test_noise_stated_for_some_channels_leaves_the_others_to_the_residuals(pond, tmp_path, capsys):

@@ -159,6 +159,14 @@ def _answer(found: TrialFit, out: Path | None, as_json: bool, verbose: bool) -> 
             "The model misses these runs, or the stated noise is too small: the standard deviations are not "
             "to be trusted. Try --estimate-noise, or `bayesid diagnose`."
         )
+    stated = found.trial.noise
+    above = {c: v / stated[c] for c, v in result.sigma.items() if stated.get(c, 0) > 0}
+    far = [f"{c} {ratio:.3g}" for c, ratio in above.items() if ratio > MISFIT]
+    if far:
+        say(
+            f"Estimated noise, times the stated: {', '.join(far)}. So much is error of the model or a "
+            "disturbance rather than noise; see `bayesid diagnose`."
+        )
     say()
     scale = found.problem.params.vector("file_scale")
     rows = []

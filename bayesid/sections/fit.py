@@ -156,15 +156,13 @@ def _residuals(found: TrialFit) -> Section:
             factor, unit = _unit(c)
             row = [run.name, run.role, f"{c} [{unit}]", factor * run.sigma[j], factor * run.rms_nominal[j]]
             rows.append([*row, factor * run.rms_fitted[j], run.rms_fitted[j] / run.sigma[j], run.memory[j]])
-    columns = ["run", "role", "channel", "weight (sigma)"]
-    columns += ["rms as given", "rms as found", "over sigma", "memory"]
+    columns = ["run", "role", "channel", "sigma", "given", "found", "ratio", "memory"]
     text = (
-        "`memory` is the correlation time of the residuals as found, in samples: 1 is white noise; at 100 "
-        "the errors "
-        "of a hundred neighbouring samples go together, which points at the model, a disturbance or a "
-        "filter rather "
-        "than at sensor noise. Held-out runs are predicted; only their initial state is read from their "
-        "first seconds."
+        "`sigma` is the noise used as weight, `given` and `found` are rms errors of the vehicle as given and "
+        "as found, `ratio` is found over sigma. `memory` is the correlation time of the residuals as found, "
+        "in samples: 1 is white noise; at 100 the errors of a hundred neighbouring samples go together, "
+        "which points at the model, a disturbance or a filter rather than at sensor noise. Held-out runs are "
+        "predicted; only their initial state is read from their first seconds."
     )
     return Section("Residuals", [Text(text), Table(columns, rows, digits=3)])
 
