@@ -31,8 +31,8 @@ def quick_words(count: int, stated: int) -> str:
     """What a run of `count` seeds says about bars stated for `stated`."""
     return (
         f"This is a quick run of {count} seeds; the bars are stated for {stated}. With so few, a median or a "
-        "share can land on either side of its bar: a target missed by one of these alone (T4 with seeds 0 and 1) is "
-        "not a failure of the reproduction, nor does one met confirm it. The full run decides."
+        "share can land on either side of its bar: a target missed by one of these alone (T4 with seeds 0 "
+        "and 1) is not a failure of the reproduction, nor does one met confirm it. The full run decides."
     )
 
 
