@@ -19,8 +19,9 @@ from bayesid.coloured.levels import silent
 from bayesid.diagnose.next_run import Proposal, propose
 from bayesid.diagnose.problem import Problem, pose
 from bayesid.diagnose.shrink import Shrink, ladder
-from bayesid.diagnose.verdict import Verdict, judge
+from bayesid.diagnose.verdict import Verdict, judge, simplest
 from bayesid.diagnose.which import COEFFICIENT_ERROR, Candidates, compare, parameter_table
+from bayesid.errors import BayesidError
 from bayesid.model import Model
 from bayesid.trials import Trial
 
@@ -79,7 +80,11 @@ def diagnose(
     verdict = judge(problem, candidates)
     warnings = [*trial.warnings, *problem.warnings]
     say("held-out runs: how far the gap shrinks")
-    shrink = _shrink(problem, trial, candidates, seed)
+    try:
+        shrink = _shrink(problem, trial, candidates, seed)
+    except BayesidError as exc:
+        shrink = Shrink((), ())
+        warnings.append(f"held-out runs could not be predicted: {exc}")
     for rung in shrink.rungs:
         if (
             verdict.word in ("effect", "effect_with_remainder", "several")
@@ -105,7 +110,7 @@ def _shrink(problem: Problem, trial: Trial, candidates: Candidates, seed: int) -
     if any(problem.environment.colours.force):
         white = fit(problem.model, problem.logs, problem.coefficients, silent(problem.model), passes=12)
         models["recalibrated, white"] = white.par
-    best = candidates.best
+    best = simplest(candidates)
     gain = best.log_evidence - candidates.none.log_evidence
     models["with effect"] = best.fit.par if gain > 0 else candidates.none.fit.par
     return ladder(problem, trial, models, problem.environment.colours, seed)
@@ -118,12 +123,13 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
     model, c, v = d.model, d.candidates, d.verdict
     catalogue = [e.name for e in model.kernel.effects]
     probability = {n: float(p) for n, p in c.probabilities.items()}
-    table = parameter_table(c.best.fit, d.problem)
+    best = simplest(c)
+    table = parameter_table(best.fit, d.problem)
     effects = []
     named = (
         v.effects
         if v.effects
-        else tuple(n for n in c.best.effects if n in model.effects and probability.get(n, 0) > 0.5)
+        else tuple(n for n in best.effects if n in model.effects and probability.get(n, 0) > 0.5)
     )
     for name in named:
         effect = model.effects.get(name)
@@ -210,7 +216,7 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
         },
         "coefficients": {
             n: {"value": float(x / model.file_scale(n)), "sd": float(s / abs(model.file_scale(n)))}
-            for n, x, s in zip(d.problem.coefficients.names, c.best.fit.values, c.best.fit.sd, strict=False)
+            for n, x, s in zip(d.problem.coefficients.names, best.fit.values, best.fit.sd, strict=False)
         },
         "next_manoeuvre": [
             {"name": p.name, "duration": p.duration, "margin_now": p.margin_now, "margin_with": p.margin_with}

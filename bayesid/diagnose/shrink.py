@@ -142,6 +142,8 @@ def _predict(
             point = Point(par, log.path, np.zeros((log.n - 1, len(colours.force))))
             begun = fit(model, [known], NOTHING, colours, start=[point], loud=0.0, passes=8)
             x0 = begun.points[0].states[0, : len(model.states)]
+            if name == "with effect":
+                floor = _floor(model, known, begun.points[0], colours, ~early)
             track = simulate(model, par, log.plan, x0, full=True)
             obs = observe(model, par, log.plan, track.states, full=True)[:, list(log.channels)]
         except BayesidError:
@@ -152,8 +154,6 @@ def _predict(
         )
         errors[name] = np.nanmean((resid / log.sigma) ** 2, axis=0)
         rms[name] = {c: float(np.sqrt(np.nanmean(resid[:, j] ** 2))) for j, c in enumerate(problem.channels)}
-        if name == "with effect":
-            floor = _floor(model, known, begun.points[0], colours, ~early)
     return Segment(run.name, start, horizon, errors, rms, floor)
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bayesid.diagnose.problem import Problem
-from bayesid.diagnose.which import COEFFICIENT_ERROR, Candidates, credible_set, pulls
+from bayesid.diagnose.which import COEFFICIENT_ERROR, Candidate, Candidates, credible_set, pulls
 
 # Evidence an effect or a latent signal needs, absorption from which an effect is hidden, probability that
 # names one.
@@ -46,7 +46,7 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
     families = {e.name: e.family for e in problem.model.kernel.effects}
     hidden = tuple(n for n, a in absorbed.items() if a > HIDDEN)
     none = candidates.none
-    best = candidates.best
+    best = simplest(candidates)
     gain = best.log_evidence - none.log_evidence
     before = candidates.where.places[0]
     pull = pulls(none.fit, problem)
@@ -90,6 +90,15 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
         return Verdict("ambiguous", _names(set95), set95, (), tuple(reasons))
     word = "effect_with_remainder" if left > REMAINDER else "effect"
     return Verdict(word, (name,), set95, (), tuple(reasons))
+
+
+def simplest(candidates: Candidates) -> Candidate:
+    """Best explanation; several effects only where they are worth it over the best single one."""
+    best = candidates.best
+    alone = [c for c in candidates.refits if len(c.effects) == 1]
+    if len(best.effects) > 1 and alone and best.log_evidence < alone[0].log_evidence + NAMED:
+        return alone[0]
+    return best
 
 
 def _names(set95: tuple[str, ...]) -> tuple[str, ...]:

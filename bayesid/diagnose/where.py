@@ -54,7 +54,7 @@ class Where:
     ----------
     places : channels, most probable first; evidence over the environment alone
     masks : windows, manoeuvres and regimes of the winning channel, most probable first
-    outside : log evidence of a latent force averaged over channel, amplitude and time
+    outside : log evidence of a latent force or input averaged over channel, amplitude and time
     times, force, band : per run, smoothed latent force in X, Y, N (and Z, K, M) [N, N m] and one standard
     deviation
     """
@@ -142,7 +142,7 @@ def locate(problem: Problem, points: Sequence[Point], free: Free, masks: bool = 
         best = max(tried)
         average = _log_mean([t[0] for t in tried])
         places.append(Place(name, best[0] - base, best[1], best[2], average - base))
-        if inputs and inputs[0].startswith("force_"):
+        if inputs:
             forces.append(average)
     places.sort(key=lambda p: -p.evidence)
     found = (

@@ -35,6 +35,7 @@ from bayesid.diagnose.bank import (
 from bayesid.diagnose.problem import Problem, fit_with
 from bayesid.diagnose.where import Where, locate
 from bayesid.effects import Effect
+from bayesid.kernels.layout import names_read
 
 PRIOR_NONE, PRIOR_CATALOGUE, PRIOR_OUTSIDE = 0.5, 0.4, 0.1
 COEFFICIENT_ERROR = "coefficient_error"
@@ -42,6 +43,8 @@ SHORTLIST = 6
 # A further effect must raise the log evidence by this much, and is dropped again if its removal costs less
 # than 3.
 ADD, DROP, MOST = 5.0, 3.0, 3
+# Slack of the check of evidence against the distance of the parameters from zero [nats].
+WALD_SLACK = 3.0
 # Shifts of the logarithm of a measured environment that are averaged over.
 LOUDER = (-0.7, -0.35, 0.0, 0.35, 0.7, 1.05)
 Say = Callable[[str], None]
@@ -136,9 +139,9 @@ def away_from_straight(problem: Problem, candidate: Candidate, none: Candidate) 
     than the sampling looks like play or lag (play of 0.016 degrees at +25 nats on a clean campaign).
     """
     model = problem.model
-    ports = {model.effects[n].port for n in candidate.effects if n in model.effects}
+    remembers = any(_remembers(model.effects[n]) for n in candidate.effects if n in model.effects)
     straight = [is_straight(model, log) for log in problem.logs]
-    if "input" not in ports or not any(straight) or all(straight):
+    if not remembers or not any(straight) or all(straight):
         return candidate
     gains = []
     for c in (candidate, none):
@@ -146,6 +149,41 @@ def away_from_straight(problem: Problem, candidate: Candidate, none: Candidate) 
         gains.append(posterior(sum(kept[1:], kept[0])).log_evidence)
     limit = none.log_evidence + gains[0] - gains[1]
     return replace(candidate, log_evidence=min(candidate.log_evidence, float(limit)))
+
+
+def _remembers(effect: Effect) -> bool:
+    """Whether an input effect answers with the past of the command: delay, lag, play or rate."""
+    if effect.port != "input":
+        return False
+    return bool(effect.adjust) or any(stage.delay or "y" in names_read(stage.end) for stage in effect.stages)
+
+
+def checked(problem: Problem, candidate: Candidate, none: Candidate) -> Candidate:
+    """Candidate whose evidence neither rests on straight runs nor exceeds what its parameters can gain."""
+    c = away_from_straight(problem, candidate, none)
+    if none.fit.converged and not c.effects[0].startswith(COEFFICIENT_ERROR):
+        c = replace(c, log_evidence=min(c.log_evidence, none.log_evidence + wald_limit(problem, c.fit)))
+    return c
+
+
+def wald_limit(problem: Problem, fitted: ColouredFit) -> float:
+    """Most that effect parameters can have gained: half their squared distance from zero in posterior sd.
+
+    Shape parameters, whose off value is not zero, do not count. Evidence beyond this comes from refits of
+    unlike quality, not from the effect.
+    """
+    k = len(problem.coefficients.names)
+    model = problem.model
+    where = [
+        i
+        for i in range(k, len(fitted.free.names))
+        if model.effect_off.get(int(fitted.free.where[i]), 0.0) == 0.0
+    ]
+    if not where:
+        return float("inf")
+    z = (fitted.values - fitted.free.mean)[where] / fitted.free.sd[where]
+    inside = fitted.posterior.covariance[np.ix_(where, where)]
+    return 0.5 * float(z @ np.linalg.solve(inside, z)) + WALD_SLACK
 
 
 def explains(candidate: Candidate) -> bool:
@@ -183,7 +221,7 @@ def compare(problem: Problem, say: Say = lambda text: None) -> Candidates:
     wide = widened(bank, problem.coefficients.names)
     refits = [_refit(problem, (model.effects[s.name],), say) for s in _shortlist(scores)]
     refits += [_refit_wide(problem, name, base, say) for name in _likely_coefficients(wide, scores)]
-    refits = sorted((away_from_straight(problem, c, none) for c in refits), key=lambda c: -c.log_evidence)
+    refits = sorted((checked(problem, c, none) for c in refits), key=lambda c: -c.log_evidence)
     after = None
     single = [c for c in refits if not c.effects[0].startswith(COEFFICIENT_ERROR)]
     gains = {s.name: s.gain for s in scores}
@@ -195,9 +233,7 @@ def compare(problem: Problem, say: Say = lambda text: None) -> Candidates:
             else gains[first.effects[0]] > ADD
         ):
             refits = _several(problem, refits, first, effects, say)
-            refits = sorted(
-                (away_from_straight(problem, c, none) for c in refits), key=lambda c: -c.log_evidence
-            )
+            refits = sorted((checked(problem, c, none) for c in refits), key=lambda c: -c.log_evidence)
     if refits and refits[0].log_evidence > none.log_evidence + ADD:
         say("what the best explanation leaves")
         best = refits[0].fit
