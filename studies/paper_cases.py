@@ -104,11 +104,12 @@ def main(out: Path, quick: bool, first_seed: int) -> dict[str, Any]:
         "records": records,
     }
     caution = quick_words(len(seeds), SEEDS) if quick else ""
-    report.write(paper_report(records, facts, targets, titles, caution), out, results)
+    page = report.write(paper_report(records, facts, targets, titles, caution), out, results)
     met, missed = (", ".join(n for n, t in targets.items() if t["pass"] is ok) for ok in (True, False))
     progress.note(f"targets met: {met or 'none'}; missed: {missed or 'none'}")
     if caution:
         progress.note(caution)
+    progress.note(f"report: {page}")
     return targets
 
 
