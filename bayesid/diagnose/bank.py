@@ -109,7 +109,7 @@ def build_bank(
     for log, point in zip(problem.logs, points, strict=True):
         path = linearise(model, log, point, free.where)
         paths.append(path)
-        extras.append(_secants(problem, path, kinked) if kinked else None)
+        extras.append(secants(problem, path, kinked) if kinked else None)
     grams = []
     for colours in levels:
         row = []
@@ -122,7 +122,7 @@ def build_bank(
     return Bank(tuple(grams), tuple(levels), len(base.names), columns)
 
 
-def _secants(problem: Problem, path: Path, effects: Sequence[Effect]) -> tuple[Array, Array]:
+def secants(problem: Problem, path: Path, effects: Sequence[Effect]) -> tuple[Array, Array]:
     """Difference quotients of readings and interval ends, in units of one prior standard deviation."""
     model, log, point = problem.model, path.log, path.point
     nothing = np.zeros(0, dtype=np.int64)

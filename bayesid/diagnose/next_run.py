@@ -17,7 +17,7 @@ from bayesid.coloured.evidence import Gram, gram
 from bayesid.coloured.free import effect_prior
 from bayesid.coloured.log import Array, Log
 from bayesid.coloured.path import Point, linearise
-from bayesid.diagnose.bank import Bank, ambiguity
+from bayesid.diagnose.bank import Bank, ambiguity, secants
 from bayesid.diagnose.problem import Problem
 from bayesid.errors import BayesidError
 from bayesid.manoeuvres import library
@@ -114,9 +114,7 @@ def _information(problem: Problem, bank: Bank, manoeuvre: object) -> Gram | None
     for effect in smooth:
         free = free + effect_prior(model, effect)
     path = linearise(model, log, point, free.where)
-    from bayesid.diagnose.bank import _secants
-
-    extra = _secants(problem, path, kinked) if kinked else None
+    extra = secants(problem, path, kinked) if kinked else None
     zero = np.zeros(len(free.names))
     w = whitened(model, path, zero, free.sd, bank.levels[0], extra=extra)
     empty: Array = np.zeros_like(w.resid)

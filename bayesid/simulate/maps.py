@@ -15,6 +15,7 @@ from bayesid.errors import ModelError
 from bayesid.model import Model
 from bayesid.simulate.plan import Plan
 from bayesid.simulate.prepare import actuate, check_parameters, choose, inverse_mass, mass_matrices
+from bayesid.simulate.sensors import read_channels
 
 Array = np.ndarray
 
@@ -130,7 +131,7 @@ def readings_on(
     fun = choose(model, par, full)
     column = {int(p): c for c, p in enumerate(free)}
     rate, turn, force = _rates(plan, states, maps)
-    values, by_state, sparse = _sense(fun, par, plan, states)
+    values, by_state, sparse = read_channels(fun, par, plan, states, True)
     by_parameter = np.zeros((plan.t.size, values.shape[1], len(free)))
     entries = [(e, int(c), column[int(p)]) for e, (c, p) in enumerate(fun.sensor_entries) if int(p) in column]
     for e, c, k in entries:
@@ -141,8 +142,8 @@ def readings_on(
         if delay == 0.0 and not wanted:
             continue
         acceleration = np.einsum("ixy,iy->ix", turn, rate)
-        late, late_slope, late_sparse = _sense(
-            fun, par, plan, states - delay * rate + 0.5 * delay**2 * acceleration
+        late, late_slope, late_sparse = read_channels(
+            fun, par, plan, states - delay * rate + 0.5 * delay**2 * acceleration, True
         )
         values[:, channel] = late[:, channel]
         back = np.eye(states.shape[1]) - delay * turn + 0.5 * delay**2 * turn @ turn
@@ -173,12 +174,3 @@ def _rates(plan: Plan, states: Array, maps: Maps) -> tuple[Array, Array, Array]:
     turn = np.concatenate([turn, turn[-1:]])
     force = maps.psi / gaps[:, :, None]
     return rate, turn, np.concatenate([force, force[-1:]])
-
-
-def _sense(fun: object, par: Array, plan: Plan, states: Array) -> tuple[Array, Array, Array]:
-    n, nc = plan.t.size, len(fun.module.CHANNELS)  # type: ignore[attr-defined]
-    obs, dx = np.empty((n, nc)), np.zeros((n, nc, states.shape[1]))
-    dpar = np.zeros((n, max(len(fun.sensor_entries), 1)))  # type: ignore[attr-defined]
-    exo = plan.exogenous[np.minimum(plan.record, plan.steps.size - 1)]
-    fun.sense(np.ascontiguousarray(states), exo, plan.t - plan.t[0], par, True, obs, dx, dpar)  # type: ignore[attr-defined]
-    return obs, dx, dpar

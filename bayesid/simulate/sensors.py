@@ -37,14 +37,14 @@ def observe(
     fun = choose(model, par, full)
     if states.shape[1] != len(fun.states):  # states of the other set of functions: theirs are the sensors
         fun = model.kernel.full if fun is model.kernel.bare else model.kernel.bare
-    obs, _, _ = _read(fun, par, plan, states, False)
+    obs, _, _ = read_channels(fun, par, plan, states, False)
     for channel, ids in fun.delays.items():
         delay = float(sum(par[i] for i in ids))
         if delay != 0.0:
             if rate is None:
                 rate = np.gradient(states, plan.t, axis=0, edge_order=2 if plan.t.size > 2 else 1)
             earlier, _ = _hermite(plan.t, states, rate, plan.t - delay)
-            obs[:, channel] = _read(fun, par, plan, earlier, False)[0][:, channel]
+            obs[:, channel] = read_channels(fun, par, plan, earlier, False)[0][:, channel]
     return obs
 
 
@@ -73,7 +73,7 @@ def observe_sensitivity(
     states, n = result.track.states, plan.t.size
     column = {int(p): c for c, p in enumerate(np.asarray(free))}
     entries = [(e, int(c), column[int(p)]) for e, (c, p) in enumerate(fun.sensor_entries) if int(p) in column]
-    obs, dx, dpar = _read(fun, par, plan, states, True)
+    obs, dx, dpar = read_channels(fun, par, plan, states, True)
     jac = np.einsum("icx,ixk->ick", dx, result.jacobian)
     for e, c, k in entries:
         jac[:, c, k] += dpar[:, e]
@@ -87,7 +87,7 @@ def observe_sensitivity(
         at = plan.t - delay
         earlier, speed = _hermite(plan.t, states, result.rate, at)
         slopes, _ = _hermite(plan.t, result.jacobian.reshape(n, -1), result.jacobian_rate.reshape(n, -1), at)
-        late, late_dx, late_dpar = _read(fun, par, plan, earlier, True)
+        late, late_dx, late_dpar = read_channels(fun, par, plan, earlier, True)
         obs[:, channel] = late[:, channel]
         jac[:, channel] = np.einsum("ix,ixk->ik", late_dx[:, channel], slopes.reshape(result.jacobian.shape))
         for e, c, k in entries:
@@ -98,7 +98,9 @@ def observe_sensitivity(
     return obs, jac
 
 
-def _read(fun: Functions, par: Array, plan: Plan, states: Array, slopes: bool) -> tuple[Array, Array, Array]:
+def read_channels(
+    fun: Functions, par: Array, plan: Plan, states: Array, slopes: bool
+) -> tuple[Array, Array, Array]:
     """Readings, their slopes by the states, and by the parameters (sparse, `fun.sensor_entries`)."""
     n, nc = plan.t.size, len(fun.module.CHANNELS)
     obs = np.empty((n, nc))
