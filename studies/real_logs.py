@@ -123,7 +123,10 @@ def study(
         "fixed": INERTIA,
         "quick": quick,
     }
-    report.write(logs_report(variants, outside, facts), out, logs_results(variants, outside, facts, seed))
+    page = report.write(
+        logs_report(variants, outside, facts), out, logs_results(variants, outside, facts, seed)
+    )
+    progress.note(f"report: {page}")
     return variants
 
 
