@@ -18,6 +18,8 @@ from bayesid.simulate import Plan, plan_trial_run
 
 Array = np.ndarray
 ANGLES = frozenset({"psi", "phi", "theta"})
+# Error of the first guess of velocities over U, of turning rates over U/L.
+STEEP = 0.07
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,17 +86,23 @@ def read_run(model: Model, run: Any, noise: Mapping[str, float], channels: Seque
         data=data,
         valid=np.isfinite(data),
         sigma=np.array([noise[c] for c in names]),
-        path=_first_path(model, run),
+        path=_first_path(model, run, noise),
         start_sd=np.array([wide.get(n, 0.1 * s["U"]) for n in states]),
     )
 
 
-def _first_path(model: Model, run: Any) -> Array:
-    """States from smoothed readings and their slopes; zero where nothing tells."""
+def _first_path(model: Model, run: Any, noise: Mapping[str, float]) -> Array:
+    """States from smoothed readings and their slopes; zero where nothing tells.
+
+    The window of a channel is half L/U, or as long as its noise needs for slopes good to `STEEP`.
+    """
     t, s = run.t, model.scales
     spacing = float(np.median(np.diff(t)))
     grid = np.arange(t[0], t[-1] + 0.5 * spacing, spacing)
-    half = int(np.clip(round(0.5 * s["L"] / s["U"] / spacing), 2, max(2, (grid.size - 1) // 4)))
+    most = max(2, (grid.size - 1) // 4)
+    rate = dict.fromkeys(("x", "y", "z"), STEEP * s["U"]) | dict.fromkeys(
+        ("phi", "theta", "psi"), STEEP * s["U"] / s["L"]
+    )
     value: dict[str, Array] = {}
     slope: dict[str, Array] = {}
     for name in set(run.data) & set(model.states):
@@ -102,6 +110,12 @@ def _first_path(model: Model, run: Any) -> Array:
         good = np.isfinite(y)
         if good.sum() < 5:
             continue
+        half = round(0.5 * s["L"] / s["U"] / spacing)
+        if name in rate:
+            # deviation of the middle slope of n readings: sigma sqrt(12 / n^3) / spacing
+            noisy = noise.get(name, 0.0) * np.sqrt(12.0) / (rate[name] * spacing)
+            half = max(half, round(0.5 * noisy ** (2.0 / 3.0)))
+        half = int(np.clip(half, 2, most))
         even = median_filter(np.interp(grid, t[good], y[good]), 5, mode="nearest")
         if grid.size > 2 * half + 1:
             value[name] = np.interp(t, grid, savgol_filter(even, 2 * half + 1, 2))
@@ -113,11 +127,11 @@ def _first_path(model: Model, run: Any) -> Array:
             )
     psi = value.get("psi", np.zeros(t.size))
     if "x" in slope and "y" in slope:
-        value.setdefault("u", slope["x"] * np.cos(psi) + slope["y"] * np.sin(psi))
-        value.setdefault("v", slope["y"] * np.cos(psi) - slope["x"] * np.sin(psi))
-    for angle, rate in (("psi", "r"), ("theta", "q"), ("phi", "p")):
-        if angle in slope:
-            value.setdefault(rate, slope[angle])
+        # Slopes at the ends of a record are poor; a vehicle drifts and overtakes its own speed only so far.
+        ahead = slope["x"] * np.cos(psi) + slope["y"] * np.sin(psi)
+        aside = slope["y"] * np.cos(psi) - slope["x"] * np.sin(psi)
+        value.setdefault("u", np.clip(ahead, -s["U"], 2.5 * s["U"]))
+        value.setdefault("v", np.clip(aside, -0.6 * s["U"], 0.6 * s["U"]))
     value.setdefault("u", np.full(t.size, s["U"]))
     value["v_lagged"] = value.get("v", np.zeros(t.size))
     return np.column_stack([value.get(n, np.zeros(t.size)) for n in model.kernel.full.states])
