@@ -10,7 +10,8 @@ from gap_trials import model_of, orders, other_vehicle, planted_trial
 from bayesid.diagnose import bank as banks
 from bayesid.diagnose.problem import pose
 from bayesid.diagnose.verdict import judge
-from bayesid.diagnose.which import compare, credible_set
+from bayesid.diagnose.weigh import credible_set
+from bayesid.diagnose.which import compare
 from bayesid.errors import TrialError
 
 CATALOGUE_WORDS = ("effect", "effect_with_remainder", "several")

@@ -16,11 +16,12 @@ import numpy as np
 
 from bayesid.coloured.fit import fit
 from bayesid.coloured.levels import silent
+from bayesid.diagnose.candidate import COEFFICIENT_ERROR, parameter_table
 from bayesid.diagnose.next_run import Proposal, propose
 from bayesid.diagnose.problem import Problem, pose
 from bayesid.diagnose.shrink import Shrink, ladder
 from bayesid.diagnose.verdict import Verdict, judge, simplest
-from bayesid.diagnose.which import COEFFICIENT_ERROR, Candidates, compare, parameter_table
+from bayesid.diagnose.which import Candidates, compare
 from bayesid.errors import BayesidError
 from bayesid.model import Model
 from bayesid.trials import Trial

@@ -9,8 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bayesid.diagnose.candidate import COEFFICIENT_ERROR, Candidate, pulls
 from bayesid.diagnose.problem import Problem
-from bayesid.diagnose.which import COEFFICIENT_ERROR, Candidate, Candidates, credible_set, pulls
+from bayesid.diagnose.weigh import credible_set
+from bayesid.diagnose.which import Candidates
 
 # Evidence an effect or a latent signal needs, absorption from which an effect is hidden, probability that
 # names one.
@@ -70,6 +72,10 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
     if probability["outside"] > 0.5:
         return Verdict("outside", (), set95, (), tuple(reasons))
     if best.effects[0].startswith(COEFFICIENT_ERROR):
+        if "none" in set95:
+            return Verdict(
+                "none" if probability["none"] > 0.5 else "ambiguous", (), set95, (), tuple(reasons)
+            )
         return Verdict("coefficients", (COEFFICIENT_ERROR,), set95, hidden, tuple(reasons))
     single = max((c for c in candidates.refits if len(c.effects) == 1), key=lambda c: c.log_evidence)
     if len(best.effects) > 1:

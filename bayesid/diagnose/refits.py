@@ -1,0 +1,116 @@
+"""Refits: of the screen's shortlist, of widened coefficients, and of several effects by forward selection.
+
+Takes a `Problem` and scores. Gives `Candidate`s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from bayesid.coloured.fit import Free, fit
+from bayesid.coloured.free import effect_prior
+from bayesid.diagnose.bank import Score, build_bank, levels_between, screen
+from bayesid.diagnose.candidate import COEFFICIENT_ERROR, Candidate, explains, standing, weighed
+from bayesid.diagnose.problem import Problem, fit_with
+from bayesid.effects import Effect
+from bayesid.errors import ModelError
+from bayesid.model import Model
+
+SHORTLIST = 6
+# A further effect must raise the log evidence by this much, and is dropped again if its removal costs less
+# than 3.
+ADD, DROP, MOST = 5.0, 3.0, 3
+Say = Callable[[str], None]
+
+
+def shortlist(scores: Sequence[Score]) -> list[Score]:
+    """Best of the screen: at most `SHORTLIST`, none that a correct screen would put 60 % and 20 nats below
+    the best.
+    """
+    top = scores[0].gain
+    return [s for s in scores[:SHORTLIST] if s.gain > min(0.1 * top, top - 20.0) and s.gain > -8.0]
+
+
+def likely_coefficients(wide: dict[str, float], scores: Sequence[Score]) -> list[str]:
+    ranked = sorted(wide, key=lambda n: -wide[n])
+    return [n for n in ranked[:2] if wide[n] > max(2.0, 0.05 * scores[0].gain)]
+
+
+def refit(problem: Problem, effects: tuple[Effect, ...], say: Say) -> list[Candidate]:
+    """Candidate of some effects; none where the model cannot follow the data with them at all."""
+    names = tuple(e.name for e in effects)
+    say("refit with " + " + ".join(names))
+    try:
+        return [weighed(problem, names, fit_with(problem, effects))]
+    except ModelError as exc:
+        say(f"given up: {exc}")
+        return []
+
+
+def refit_wide(problem: Problem, name: str, say: Say) -> list[Candidate]:
+    """Candidate in which one coefficient may be ten prior standard deviations off."""
+    say(f"refit with a wide prior on {name}")
+    free = problem.coefficients
+    sd = free.sd.copy()
+    sd[free.names.index(name)] *= 10.0
+    try:
+        fitted = fit(
+            problem.model,
+            problem.logs,
+            replace(free, sd=sd),
+            problem.environment.colours,
+            start=problem.path,
+            loud=max(problem.path_level, 1e-5),
+        )
+    except ModelError as exc:
+        say(f"given up: {exc}")
+        return []
+    return [weighed(problem, (f"{COEFFICIENT_ERROR}:{name}",), fitted)]
+
+
+def several(
+    problem: Problem, refits: list[Candidate], current: Candidate, effects: list[Effect], say: Say
+) -> list[Candidate]:
+    """Forward selection from the best single effect, then backward.
+
+    A step must raise the evidence of the refit where the smaller model explains the data, and the screen's
+    otherwise.
+    """
+    model = problem.model
+    while len(current.effects) < MOST:
+        chosen = [model.effects[n] for n in current.effects]
+        families = {e.family for e in chosen}
+        others = [e for e in effects if e.family not in families]
+        inside = _joint(model, chosen)
+        points = current.fit.points if current.fit.converged else current.fit.follow
+        level = 0.0 if current.fit.converged else current.fit.follow_level
+        bank = build_bank(problem, points, levels_between(problem, level), others, inside)
+        ranked = [s for s in screen(bank)[:3] if s.gain > 0.5 * ADD]
+        if not ranked:
+            break
+        tried = [c for s in ranked for c in refit(problem, (*chosen, model.effects[s.name]), say)]
+        if not tried:
+            break
+        gains = {s.name: s.gain for s in ranked}
+        best = max(tried, key=lambda c: standing(c, gains[c.effects[-1]]))
+        if explains(current) and best.log_evidence < current.log_evidence + ADD:
+            break
+        refits = [best, *refits]
+        current = best
+    if len(current.effects) > 2:
+        for name in current.effects:
+            fewer = tuple(model.effects[n] for n in current.effects if n != name)
+            smaller = refit(problem, fewer, say)
+            refits += smaller
+            if any(c.log_evidence > current.log_evidence - DROP for c in smaller):
+                break
+    return sorted(refits, key=lambda c: -c.log_evidence)
+
+
+def _joint(model: Model, effects: Sequence[Effect]) -> Free:
+    parts = [effect_prior(model, e) for e in effects]
+    out = parts[0]
+    for part in parts[1:]:
+        out = out + part
+    return out

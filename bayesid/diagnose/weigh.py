@@ -1,0 +1,87 @@
+"""Probability of every hypothesis from its evidence and stated priors.
+
+Priors (design note A4): 0.5 none, 0.4 shared by the catalogue, 0.1 outside it. Thresholds and words are the
+verdict's business.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.special import logsumexp
+
+from bayesid.diagnose.bank import Score, testable
+from bayesid.diagnose.candidate import COEFFICIENT_ERROR, Candidate, explains
+from bayesid.diagnose.problem import Problem
+from bayesid.diagnose.where import Where
+
+PRIOR_NONE, PRIOR_CATALOGUE, PRIOR_OUTSIDE = 0.5, 0.4, 0.1
+
+
+def evidences(
+    problem: Problem,
+    none: Candidate,
+    refits: Sequence[Candidate],
+    scores: Sequence[Score],
+    wide: dict[str, float],
+    where: Where,
+) -> dict[str, float]:
+    """Log evidence over none of every name; effects that were not refitted keep their screen, capped by
+    the refits.
+    """
+    out: dict[str, float] = {}
+    # Two linearisations of no effect. The worse one must not speak for "outside", nor for a refit that itself
+    # did not arrive: both are then measured against the better.
+    zero = max(none.log_evidence, where.base)
+    refitted = {
+        c.effects[0]: c.log_evidence - (none.log_evidence if explains(c) else zero)
+        for c in refits
+        if len(c.effects) == 1
+    }
+    floor = min(refitted.values()) if refitted else 0.0
+    for score in scores:
+        out[score.name] = refitted.get(score.name, min(score.gain, floor))
+    for effect in problem.model.kernel.effects:
+        out.setdefault(effect.name, 0.0 if testable(problem, effect) else -np.inf)
+    prefix = f"{COEFFICIENT_ERROR}:"
+    wide = {n: refitted.get(prefix + n, min(v, floor if refitted else v)) for n, v in wide.items()}
+    out[COEFFICIENT_ERROR] = float(logsumexp(list(wide.values())) - np.log(max(len(wide), 1)))
+    out["outside"] = where.outside - zero
+    return out
+
+
+def probabilities(
+    evidence: dict[str, float], refits: Sequence[Candidate], none: Candidate
+) -> dict[str, float]:
+    """Posterior probability of none, every catalogue name, coefficient_error and outside.
+
+    The mass of several effects at once is shared by them; every further effect pays the catalogue's prior
+    again.
+    """
+    names = [n for n in evidence if n != "outside"]
+    each = float(np.log(PRIOR_CATALOGUE / len(names)))
+    joint: dict[tuple[str, ...], float] = {(n,): each + evidence[n] for n in names}
+    joint[("outside",)] = float(np.log(PRIOR_OUTSIDE)) + evidence["outside"]
+    joint[("none",)] = float(np.log(PRIOR_NONE))
+    for c in refits:
+        if len(c.effects) > 1:
+            key = tuple(sorted(c.effects))
+            joint[key] = max(joint.get(key, -np.inf), len(key) * each + c.log_evidence - none.log_evidence)
+    total = logsumexp(list(joint.values()))
+    out = dict.fromkeys([*names, "outside", "none"], 0.0)
+    for key, value in joint.items():
+        for n in key:
+            out[n] += float(np.exp(value - total)) / len(key)
+    return out
+
+
+def credible_set(probability: dict[str, float], mass: float = 0.95) -> tuple[str, ...]:
+    """Smallest set of names that holds the mass, most probable first."""
+    out, total = [], 0.0
+    for name in sorted(probability, key=lambda n: -probability[n]):
+        out.append(name)
+        total += probability[name]
+        if total >= mass:
+            break
+    return tuple(out)
