@@ -36,6 +36,10 @@ class FitError(BayesidError):
     """A fit was set up wrongly; a fit that merely fails to converge is a result, not an error."""
 
 
+class SampleError(BayesidError):
+    """A sampler was set up wrongly or cannot go on; one that merely has not converged is a result."""
+
+
 def raise_all(cls: type[BayesidError], where: str, problems: Iterable[str]) -> NoReturn:
     """Raise one error that lists every problem of a place at once.
 

@@ -1,0 +1,141 @@
+"""Has a chain converged? R-hat across ensembles, chain length in autocorrelation times, effective sizes.
+
+Takes draws of independent ensembles. Gives numbers and, where they fall short, reasons in words.
+A wrong target passes all of this: that the moves sample what they should is for tests.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+
+Array = np.ndarray
+MOST_RANKED = 200_000  # draws ranked for R-hat; more would change its fourth digit
+
+
+@dataclass(frozen=True)
+class Limits:
+    """When a chain counts as converged.
+
+    rhat : at most, rank-normalised and split (Vehtari et al. 2021), one chain per ensemble
+    n_tau : at least so many autocorrelation times per ensemble, the largest of all unknowns
+    tau_change : its estimate from the first three quarters differs by less than this share
+    ess : at least so many effective draws of every unknown, bulk and tail
+    """
+
+    rhat: float = 1.01
+    n_tau: float = 50.0
+    tau_change: float = 0.1
+    ess: float = 400.0
+
+
+@dataclass(frozen=True, eq=False)
+class Gate:
+    """Verdict on a chain.
+
+    Attributes
+    ----------
+    converged : all limits hold
+    reasons : in words, what falls short; empty if converged
+    rhat, ess_bulk, ess_tail, tau : (k,) per unknown; tau in steps of the sampler
+    n_tau : kept steps per ensemble over the largest tau
+    tau_change : relative change of the largest tau since three quarters of the chain
+    stuck : walkers (ensemble, walker) that hardly moved
+    """
+
+    converged: bool
+    reasons: tuple[str, ...]
+    rhat: Array
+    ess_bulk: Array
+    ess_tail: Array
+    tau: Array
+    n_tau: float
+    tau_change: float
+    stuck: tuple[tuple[int, int], ...]
+
+
+def judge(draws: Array, names: tuple[str, ...], thin: int = 1, limits: Limits | None = None) -> Gate:
+    """Judge draws.
+
+    Parameters
+    ----------
+    draws : (ensembles, steps, walkers, k), warm-up left out
+    names : (k,)
+    thin : sampler steps per stored one
+    """
+    limits = limits or Limits()
+    e, n, w, k = draws.shape
+    tau = thin * autocorrelation_time(draws)
+    before = thin * autocorrelation_time(draws[:, : max(3 * n // 4, 2)])
+    rhat = np.array([_rhat(draws[..., j]) for j in range(k)])
+    bulk, tail = (np.array([_ess(draws[..., j], kind) for j in range(k)]) for kind in ("bulk", "tail"))
+    slowest = int(np.argmax(tau))
+    length = n * thin / tau[slowest]
+    change = abs(float(before.max() / tau[slowest]) - 1.0)
+    stuck = _stuck(draws)
+    reasons = []
+    if e < 2:
+        reasons.append("one ensemble alone cannot be compared with another")
+    if not rhat.max() <= limits.rhat:
+        worst = int(np.argmax(rhat))
+        reasons.append(f"R-hat {rhat[worst]:.4f} of {names[worst]} (limit {limits.rhat:g})")
+    if not length >= limits.n_tau:
+        reasons.append(
+            f"{length:.1f} autocorrelation times of {names[slowest]} (at least {limits.n_tau:g}; "
+            f"one is {tau[slowest]:.0f} steps)"
+        )
+    if not change <= limits.tau_change:
+        reasons.append(f"the autocorrelation time still changes by {100 * change:.0f} %")
+    for kind, ess in (("bulk", bulk), ("tail", tail)):
+        if not ess.min() >= limits.ess:
+            worst = int(np.argmin(ess))
+            reasons.append(
+                f"{kind} effective size {ess[worst]:.0f} of {names[worst]} (at least {limits.ess:g})"
+            )
+    if stuck:
+        reasons.append(
+            f"{len(stuck)} of {e * w} walkers hardly moved: a separate mode or the edge of a region "
+            "where the simulation fails; start closer to the mode (smaller spread) or narrow the bounds"
+        )
+    return Gate(not reasons, tuple(reasons), rhat, bulk, tail, tau, length, change, stuck)
+
+
+def autocorrelation_time(draws: Array) -> Array:
+    """(k,) integrated autocorrelation times [stored steps], mean of the ensembles; emcee's estimate."""
+    from emcee.autocorr import integrated_time
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found = np.array([integrated_time(one, tol=0, quiet=True) for one in draws])
+    return np.maximum(np.where(np.isfinite(found), found, draws.shape[1]).mean(axis=0), 1.0)
+
+
+def _rhat(one: Array) -> float:
+    """Of (ensembles, steps, walkers): a chain is an ensemble, step by step, so that halves are halves."""
+    import arviz
+
+    e, n, w = one.shape
+    stride = max(1, one.size // MOST_RANKED)
+    chains = one[:, ::stride].reshape(e, -1)
+    if np.ptp(chains) == 0:
+        return float("nan")
+    return float(arviz.rhat(chains)) if e > 1 else float(arviz.rhat(chains.reshape(2, -1)))
+
+
+def _ess(one: Array, kind: str) -> float:
+    """Of (ensembles, steps, walkers): a chain is a walker."""
+    import arviz
+
+    chains = np.swapaxes(one, 1, 2).reshape(-1, one.shape[1])
+    if one.shape[1] < 4 or np.ptp(chains) == 0:
+        return 0.0
+    return float(arviz.ess(chains, method=kind))
+
+
+def _stuck(draws: Array) -> tuple[tuple[int, int], ...]:
+    """Walkers that moved in fewer than a tenth as many stored steps as the median walker."""
+    moved = np.any(np.diff(draws, axis=1) != 0, axis=3).mean(axis=1)
+    limit = 0.1 * np.median(moved)
+    return tuple((int(i), int(j)) for i, j in np.argwhere((moved < limit) | (moved == 0)))

@@ -1,0 +1,164 @@
+"""Where a chain is kept: one HDF5 file per ensemble and round, each whole or not there.
+
+A killed process, a full disk or a power cut costs the round at work and nothing else: its state of the random
+numbers is that of the round before, so that the chain goes on as if it had not been interrupted.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bayesid.errors import SampleError
+from bayesid.files import json_text, write_atomic
+from bayesid.sample.moves import Reference
+
+Array = np.ndarray
+RandomState = tuple[str, Array, int, int, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """One round of one ensemble, and all that the next one needs.
+
+    Attributes
+    ----------
+    coords : (n, walkers, k) whitened; the last entry is where the next round begins
+    log_prob : (n, walkers)
+    accepted : share of proposals accepted
+    reference : for the Gaussian move of the next round
+    random : state of the ensemble's random numbers
+    counts : (3,) evaluations in all, out of bounds, diverged
+    seconds : processor time
+    """
+
+    coords: Array
+    log_prob: Array
+    accepted: float
+    reference: Reference
+    random: RandomState
+    counts: Array
+    seconds: float
+
+
+class Store:
+    """Blocks of a chain in a folder, or in memory where there is none."""
+
+    def __init__(self, folder: Path | None) -> None:
+        self.folder = folder
+        self._kept: dict[tuple[int, int], Block] = {}
+
+    def begin(self, setup: Mapping[str, Any], resume: bool) -> None:
+        """Make the folder ready.
+
+        Raises
+        ------
+        SampleError
+            a chain is there and `resume` is not set, or it was made with another set-up
+        """
+        if self.folder is None:
+            return
+        path = self.folder / "setup.json"
+        text = json_text(setup) + "\n"
+        if path.exists():
+            if not resume:
+                raise SampleError(
+                    f"{self.folder.name} holds a chain already; resume it, or delete or rename the folder"
+                )
+            try:
+                before, now = json.loads(path.read_text(encoding="utf-8")), json.loads(text)
+            except ValueError:
+                raise SampleError(f"{self.folder.name}/setup.json is damaged; delete the folder") from None
+            other = [k for k in now if before.get(k) != now[k]]
+            if other:
+                raise SampleError(
+                    f"{self.folder.name} holds a chain made with another {', '.join(other)}; "
+                    "sample into another folder"
+                )
+            return
+        if self.folder.exists() and any(self.folder.glob("*.h5")):
+            shutil.rmtree(self.folder)  # blocks without a set-up belong to nothing
+        write_atomic(path, text)
+
+    def _path(self, ensemble: int, number: int) -> Path | None:
+        return None if self.folder is None else self.folder / f"ensemble{ensemble}-{number:03d}.h5"
+
+    def get(self, ensemble: int, number: int) -> Block | None:
+        """A block, None if it is not there.
+
+        Raises
+        ------
+        SampleError
+            if its file is damaged
+        """
+        if (ensemble, number) not in self._kept:
+            path = self._path(ensemble, number)
+            if path is None or not path.exists():
+                return None
+            self._kept[ensemble, number] = _read(path)
+        return self._kept[ensemble, number]
+
+    def put(self, ensemble: int, number: int, block: Block) -> None:
+        """Keep a block.
+
+        Raises
+        ------
+        SampleError
+            if it cannot be written; those before it are safe
+        """
+        path = self._path(ensemble, number)
+        if path is not None:
+            try:
+                write_atomic(path, _bytes(block))
+            except OSError as error:
+                raise SampleError(
+                    f"{path.name} cannot be written ({error.strerror or error}); the chain up to round "
+                    f"{number} is safe: make room and resume"
+                ) from None
+        self._kept[ensemble, number] = block
+
+
+def _bytes(block: Block) -> bytes:
+    import h5py
+
+    buffer = io.BytesIO()
+    with h5py.File(buffer, "w") as file:
+        for name in ("coords", "log_prob"):
+            file.create_dataset(name, data=getattr(block, name), compression="gzip", compression_opts=1)
+        file["reference_mean"], file["reference_root"] = block.reference.mean, block.reference.root
+        kind, keys, at, has_gauss, cached = block.random
+        file["random_keys"], file["random_rest"] = keys, np.array([at, has_gauss], dtype=np.int64)
+        file["random_cached"], file["counts"] = cached, block.counts
+        file.attrs.update(kind=kind, accepted=block.accepted, seconds=block.seconds)
+    return buffer.getvalue()
+
+
+def _read(path: Path) -> Block:
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            at, has_gauss = (int(i) for i in file["random_rest"][()])
+            random = (
+                str(file.attrs["kind"]),
+                file["random_keys"][()],
+                at,
+                has_gauss,
+                float(file["random_cached"][()]),
+            )
+            return Block(
+                file["coords"][()], file["log_prob"][()], float(file.attrs["accepted"]),
+                Reference(file["reference_mean"][()], file["reference_root"][()]), random,
+                file["counts"][()], float(file.attrs["seconds"]),
+            )  # fmt: skip
+    except (OSError, KeyError, ValueError) as error:
+        raise SampleError(
+            f"{path.name} is damaged ({type(error).__name__}); delete it and those with higher numbers"
+        ) from None
