@@ -10,7 +10,9 @@ import typer
 from bayesid.cli import trial, vehicle
 from bayesid.cli.diagnose import diagnose
 from bayesid.cli.fit import fit
+from bayesid.cli.identify import identify
 from bayesid.cli.options import Verbose
+from bayesid.cli.predict import predict
 from bayesid.cli.simulate import simulate
 from bayesid.cli.study import study
 from bayesid.cli.trial_measure import measure
@@ -31,7 +33,9 @@ def command() -> Any:
     app.callback()(_root)
     app.command("simulate")(simulate)
     app.command("fit")(fit)
+    app.command("identify")(identify)
     app.command("diagnose")(diagnose)
+    app.command("predict")(predict)
     app.command("study")(study)
     groups = {
         "vehicle": _group("Look at coefficient sets.", list=vehicle.listing, show=vehicle.show, check=check),

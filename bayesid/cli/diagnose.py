@@ -42,10 +42,12 @@ def diagnose(
 ) -> int:
     """Diagnose the gap between a simulator and a trial.
 
-    --out gets diagnosis.json and a report. Held-out runs are read only after the verdict stands.
+    --out gets diagnosis.json, a report, and model.json for `bayesid predict`. Held-out runs are read only
+    after the verdict stands.
     """
     from bayesid.diagnose.diagnosis import as_json as plain
     from bayesid.diagnose.diagnosis import diagnose as run
+    from bayesid.diagnose.found import found_in, write_found
     from bayesid.files import json_text, write_json
     from bayesid.model import build_model
     from bayesid.progress import Progress
@@ -54,12 +56,13 @@ def diagnose(
 
     trial = load_trial(bundle, data=data)
     progress = Progress(quiet=as_json)
-    model = build_model(load_vehicle(vehicle or trial.vehicle_ref), trial.dof, declared=_declared(effects))
+    model = build_model(load_vehicle(vehicle or trial.vehicle_ref), trial.dof, declared=declared(effects))
     found = run(trial, model, seed=seed, say=progress.note, as_built=as_built, plan_next=not quick)
     record = plain(found)
     if out is not None:
         Path(out).mkdir(parents=True, exist_ok=True)
         write_json(Path(out) / "diagnosis.json", record)
+        write_found(found_in(found), out)
         from bayesid.sections.diagnosis import write_diagnosis_report
 
         report = write_diagnosis_report(found, Path(out), record)
@@ -71,7 +74,8 @@ def diagnose(
     return OK
 
 
-def _declared(path: Path | None) -> tuple:
+def declared(path: Path | None) -> tuple:
+    """Effects of a user's Python file."""
     if path is None:
         return ()
     import runpy

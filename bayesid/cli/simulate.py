@@ -64,7 +64,7 @@ def simulate(
     found = load_vehicle(vehicle)
     model = build_model(found, dof)
     par = model.with_values(_changes(model, change), units="file")
-    scale = _scale(model, rpm, dt)
+    scale = scale_of(model, rpm, dt)
     flown = {_run_name(text, k): parse(text, scale) for k, text in enumerate(manoeuvres, 1)}
     texts = dict(zip(flown, (text.replace(":", " ", 1) for text in manoeuvres), strict=True))
     trial = virtual_trial(
@@ -86,7 +86,7 @@ def simulate(
         say(f"trial bundle: {out / 'trial.toml'}")
 
 
-def _scale(model: Model, rpm: float | None, dt: float | None) -> Any:
+def scale_of(model: Model, rpm: float | None, dt: float | None) -> Any:
     """Size of the vehicle for manoeuvres that leave something open."""
     from bayesid.errors import VehicleError
     from bayesid.manoeuvres import Scale

@@ -6,13 +6,13 @@ commands go through the actuator chain of the model like any other.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
 from bayesid.model import Model
-from bayesid.simulate.plan import MOVING_STEP_PER_LENGTH, plan_run
+from bayesid.simulate.plan import MOVING_STEP_PER_LENGTH, Plan, plan_run
 from bayesid.simulate.prepare import (
     NO_TRACE,
     check_parameters,
@@ -31,9 +31,18 @@ Array = np.ndarray
 
 
 def fly(
-    model: Model, par: Array, manoeuvre: Any, x0: Array, max_step: float | None = None
+    model: Model,
+    par: Array,
+    manoeuvre: Any,
+    x0: Array,
+    max_step: float | None = None,
+    disturb: Callable[[Plan], Plan] | None = None,
 ) -> tuple[Track, dict[str, Array]]:
     """Run a manoeuvre of `bayesid.manoeuvres`, open or closed loop.
+
+    Parameters
+    ----------
+    disturb : puts wind or latent forces into the plan before it is run
 
     Returns
     -------
@@ -46,12 +55,14 @@ def fly(
     """
     if hasattr(manoeuvre, "commands"):
         plan = plan_run(model, manoeuvre.t, manoeuvre.commands, max_step=max_step)
+        plan = plan if disturb is None else disturb(plan)
         return simulate(model, par, plan, x0), dict(manoeuvre.commands)
     count = round(manoeuvre.duration / manoeuvre.dt)
     t = np.arange(count + 1) * manoeuvre.dt
     if max_step is None:  # where fins will move is not known yet
         max_step = 2 * MOVING_STEP_PER_LENGTH * model.scales["L"] / max(model.scales["U"], 1e-3)
     plan = plan_run(model, t, {}, max_step=max_step)
+    plan = plan if disturb is None else disturb(plan)
     par = check_parameters(model, plan, par)
     fun = choose(model, par, None)
     x, _, _ = start(fun, par, plan.exogenous[0], check_start(model, x0))

@@ -1,0 +1,251 @@
+"""The diagnosed model as something to predict with: hypotheses, parameters with covariance, disturbance.
+
+Takes a `Diagnosis`. Gives a frozen `Found`, which goes into `model.json` beside `diagnosis.json` and comes
+back. Does not simulate.
+
+A verdict that names effects leaves one hypothesis. Any other leaves a mixture, weighted by evidence and
+prior, so that a prediction is as unsure of the cause as the verdict is. What no hypothesis explains is not
+forgotten: each is given the disturbance its own residuals call for, and is fitted again under it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bayesid.coloured.colours import Colours, force_unit
+from bayesid.coloured.evidence import posterior
+from bayesid.coloured.fit import ColouredFit, fit, stack
+from bayesid.diagnose.candidate import Candidate
+from bayesid.diagnose.diagnosis import Diagnosis
+from bayesid.diagnose.verdict import simplest
+from bayesid.diagnose.weigh import PRIOR_CATALOGUE, PRIOR_NONE
+from bayesid.effects import Effect
+from bayesid.errors import ModelError
+from bayesid.files import write_json
+from bayesid.model import Model, build_model
+from bayesid.vehicles import load_vehicle, write_vehicle
+
+Array = np.ndarray
+FORMAT = 1
+MODEL_FILE, VEHICLE_FILE = "model.json", "vehicle_nominal.toml"
+# Weight below which a hypothesis is left out of a prediction.
+LEAST = 0.01
+# Latent force over 1/2 rho L^2 U^2 tried as what a hypothesis leaves unexplained, its times in L/U, and the
+# evidence [nats] from which it is believed.
+LEVELS, TIMES, WORTH = 10.0 ** np.arange(-5.0, -1.2, 0.5), (2.0, 8.0), 5.0
+SHARES = (0.1, 0.3, 1.0, 3.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """One explanation, ready to draw from.
+
+    Attributes
+    ----------
+    effects : names, empty for none
+    weight : share of the draws
+    names, mean, covariance, low : free parameters [SI], their Gaussian, and bounds of one-sided ones
+    colours : disturbance force and slow position error that go with it
+    """
+
+    effects: tuple[str, ...]
+    weight: float
+    names: tuple[str, ...]
+    mean: Array
+    covariance: Array
+    low: Array
+    colours: Colours
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A diagnosed model.
+
+    Attributes
+    ----------
+    model : Model, nominal
+    hypotheses : weights add up to 1
+    noise : channel -> white sensor noise, one standard deviation [SI]
+    verdict : word of the verdict it came from
+    trial : digest of the trial
+    """
+
+    model: Model
+    hypotheses: tuple[Hypothesis, ...]
+    noise: Mapping[str, float]
+    verdict: str
+    trial: str
+
+    def draw(self, rng: np.random.Generator, count: int) -> list[tuple[Hypothesis, Array]]:
+        """Parameter vectors of every hypothesis: (draws, n_par) each, `count` in all."""
+        counts = rng.multinomial(count, [h.weight for h in self.hypotheses])
+        out = []
+        for h, n in zip(self.hypotheses, counts, strict=True):
+            pars = np.repeat(self.model.nominal[None], n, axis=0)
+            values = rng.multivariate_normal(h.mean, h.covariance, size=n, method="eigh")
+            pars[:, self.model.positions(h.names)] = np.maximum(values, h.low)
+            if n:
+                out.append((h, pars))
+        return out
+
+
+def found_in(d: Diagnosis) -> Found:
+    """The diagnosed model of a diagnosis."""
+    problem, chosen = d.problem, _chosen(d)
+    each = PRIOR_CATALOGUE / (len(d.model.kernel.effects) + 1)
+    fits, weights = [], []
+    for c in chosen:
+        fitted, evidence = _with_remainder(d, c)
+        prior = each ** len(c.effects) if c.effects else PRIOR_NONE
+        fits.append(fitted)
+        weights.append(evidence + c.log_evidence - c.fit.log_evidence + np.log(prior))
+    share = np.exp(np.array(weights) - max(weights))
+    share = np.where(share >= LEAST * share.sum(), share, 0.0)
+    share /= share.sum()
+    hypotheses = tuple(
+        _hypothesis(c.effects, float(w), f) for c, w, f in zip(chosen, share, fits, strict=True) if w > 0
+    )
+    noise = {
+        d.model.kernel.channels[c]: float(s)
+        for log in problem.logs
+        for c, s in zip(log.channels, log.sigma, strict=True)
+    }
+    return Found(d.model, hypotheses, noise, d.verdict.word, d.trial.digest)
+
+
+def _chosen(d: Diagnosis) -> list[Candidate]:
+    """The explanation a verdict names, or all that are worth weighing."""
+    c = d.candidates
+    if d.verdict.word in ("effect", "effect_with_remainder", "several"):
+        same = [r for r in c.refits if set(r.effects) == set(d.verdict.effects)]
+        return [same[0] if same else simplest(c)]
+    return [c.none, *(r for r in c.refits if len(r.effects) == 1)]
+
+
+def _hypothesis(effects: tuple[str, ...], weight: float, f: ColouredFit) -> Hypothesis:
+    covariance = f.posterior.covariance * np.outer(f.free.sd, f.free.sd)
+    return Hypothesis(effects, weight, f.free.names, f.values, covariance, f.free.low, f.colours)
+
+
+def _with_remainder(d: Diagnosis, c: Candidate) -> tuple[ColouredFit, float]:
+    """Fit of a candidate under the disturbance its residuals call for, and its log evidence."""
+    model, fitted = d.model, c.fit
+    unit, time = force_unit(model), model.scales["L"] / model.scales["U"]
+    real = d.problem.environment.colours
+
+    def evidence(colours: Colours) -> float:
+        grams = stack(model, fitted.paths, fitted.free, colours)
+        value = posterior(sum(grams[1:], grams[0])).log_evidence
+        return value if np.isfinite(value) else -np.inf
+
+    def added(level: Array, tau: float) -> Colours:
+        force = np.sqrt(np.array(real.force) ** 2 + (level * unit) ** 2)
+        return replace(real, force=tuple(float(f) for f in force), force_tau=tau)
+
+    best, colours, level, tau = evidence(real), real, np.zeros(unit.size), real.force_tau
+    start = best
+    for trial in (added(np.full(unit.size, x), t * time) for x in LEVELS for t in TIMES):
+        value = evidence(trial)
+        if value > best:
+            best, colours = value, trial
+    if best < start + WORTH:
+        return fitted, start
+    tau = colours.force_tau
+    level = np.sqrt(np.maximum(np.array(colours.force) ** 2 - np.array(real.force) ** 2, 0.0)) / unit
+    for axis in range(unit.size):  # one level for all axes, then each axis on its own
+        for share in SHARES:
+            tried = level.copy()
+            tried[axis] *= share
+            value = evidence(added(tried, tau))
+            if value > best:
+                best, colours, level = value, added(tried, tau), tried
+    again = fit(model, d.problem.logs, fitted.free, colours, start=fitted.points, loud=0.0, passes=8)
+    return again, max(best, again.log_evidence)
+
+
+def write_found(found: Found, folder: str | os.PathLike[str]) -> Path:
+    """Write `model.json` and the nominal vehicle beside it; returns the path of the former."""
+    target = Path(folder)
+    write_vehicle(found.model.vehicle, target / VEHICLE_FILE)
+    hypotheses = [
+        {
+            "effects": list(h.effects),
+            "weight": h.weight,
+            "names": list(h.names),
+            "mean": h.mean.tolist(),
+            "covariance": h.covariance.tolist(),
+            "one_sided": np.isfinite(h.low).tolist(),
+            "low": np.where(np.isfinite(h.low), h.low, 0.0).tolist(),
+            "force": list(h.colours.force),
+            "force_tau": h.colours.force_tau,
+            "drift": h.colours.drift,
+            "drift_tau": h.colours.drift_tau,
+        }
+        for h in found.hypotheses
+    ]
+    record = {
+        "format": FORMAT,
+        "vehicle": VEHICLE_FILE,
+        "dof": found.model.dof,
+        "digest": found.model.digest,
+        "verdict": found.verdict,
+        "trial": found.trial,
+        "noise": dict(found.noise),
+        "hypotheses": hypotheses,
+    }
+    return write_json(target / MODEL_FILE, record)
+
+
+def read_found(folder: str | os.PathLike[str], declared: Iterable[Effect] = ()) -> Found:
+    """Read what `write_found` wrote.
+
+    Parameters
+    ----------
+    declared : effects beyond the catalogue, the same as in the diagnosis
+
+    Raises
+    ------
+    ModelError
+        if there is no such file, it is not one of these, or the equations have changed since
+    """
+    path = Path(folder) / MODEL_FILE
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+        if record["format"] != FORMAT:
+            raise ModelError(f"{path}: format {record['format']!r}; this version reads {FORMAT}")
+        hypotheses = tuple(_read(h) for h in record["hypotheses"])
+        vehicle, dof, digest = path.with_name(record["vehicle"]), int(record["dof"]), record["digest"]
+        rest = dict(record["noise"]), str(record["verdict"]), str(record["trial"])
+    except OSError as error:
+        raise ModelError(
+            f"{path}: cannot be read ({error.strerror}); `bayesid diagnose BUNDLE --out FOLDER` writes it"
+        ) from None
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise ModelError(f"{path}: is not a diagnosed model ({error})") from None
+    model = build_model(load_vehicle(vehicle), dof, declared=declared)
+    if model.digest != digest:
+        raise ModelError(
+            f"{path}: was made with other equations or another vehicle file; diagnose again, and give the "
+            "same --effects file if there was one"
+        )
+    return Found(model, hypotheses, *rest)
+
+
+def _read(h: Mapping[str, Any]) -> Hypothesis:
+    def array(values: Sequence[Any]) -> Array:
+        return np.array(values, dtype=float)
+
+    low = np.where(np.array(h["one_sided"], dtype=bool), array(h["low"]), -np.inf)
+    colours = Colours(tuple(h["force"]), h["force_tau"], h["drift"], h["drift_tau"])
+    names = tuple(h["names"])
+    mean, covariance = array(h["mean"]), array(h["covariance"])
+    if mean.shape != (len(names),) or covariance.shape != (len(names),) * 2:
+        raise ValueError("mean and covariance do not fit the names")
+    return Hypothesis(tuple(h["effects"]), float(h["weight"]), names, mean, covariance, low, colours)
