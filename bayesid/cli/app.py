@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from bayesid.cli import trial, vehicle
+from bayesid.cli import blind, trial, vehicle
 from bayesid.cli.diagnose import diagnose
 from bayesid.cli.fit import fit
 from bayesid.cli.identify import identify
@@ -40,6 +40,12 @@ def command() -> Any:
     groups = {
         "vehicle": _group("Look at coefficient sets.", list=vehicle.listing, show=vehicle.show, check=check),
         "trial": _group("Look at logs before they are used.", check=trial.check, measure=measure),
+        "blind": _group(
+            "Check the diagnosis on effects nobody here knows.",
+            make=blind.make,
+            solve=blind.solve,
+            score=blind.score,
+        ),
     }
     for name, group in groups.items():
         app.add_typer(group, name=name)

@@ -1,0 +1,165 @@
+"""How plainly a planted cause shows in a campaign: noncentrality, share the coefficients hide, nearest rival.
+
+Takes a `plant.Campaign`, whose truth is known. Gives a frozen `Detectability`. Does not read noisy logs or
+verdicts: the true vehicle flies its orders without noise, and what the nominal structure with the true
+coefficients leaves of that track is weighed with the true noise and the true environment.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bayesid.blind.families import family_of
+from bayesid.coloured.colours import Colours
+from bayesid.coloured.evidence import Gram
+from bayesid.coloured.fit import NOTHING, fit
+from bayesid.coloured.free import coefficient_prior
+from bayesid.coloured.levels import Environment, silent
+from bayesid.coloured.log import Log, read_run
+from bayesid.diagnose.bank import Bank, build_bank, testable
+from bayesid.diagnose.problem import Problem
+from bayesid.model import build_model
+from bayesid.plant import Campaign, Planted, fly_campaign, still, true_response
+from bayesid.trials import Run
+from bayesid.vehicles import Prior
+
+PLANT_AXES = ("X", "Y", "N", "Z", "M")  # order of the plant's process forces
+
+
+@dataclass(frozen=True)
+class Detectability:
+    """Of one planted cause.
+
+    Attributes
+    ----------
+    name : of the cause
+    noncentrality : D, squared distance from the nominal structure in noise units after the coefficients took
+        what their prior lets them
+    absorbed : share the coefficients take
+    margin : expected log evidence over the best explanation of another family (nan: cause without a name)
+    rival : that explanation
+    """
+
+    name: str
+    noncentrality: float
+    absorbed: float
+    margin: float
+    rival: str
+
+
+def detectability(campaign: Campaign, rivals: bool = True) -> tuple[Detectability, ...]:
+    """One entry per planted cause, each as if it were there alone; none for a campaign without.
+
+    Parameters
+    ----------
+    rivals : also weigh every effect of the catalogue against it (most of the time this takes)
+
+    Raises
+    ------
+    ModelError                 the vehicle cannot be flown with one of its causes alone
+    """
+    out = []
+    for planted in campaign.planted:
+        wrong = campaign.coefficient_error if planted.name == "coefficient_error" else {}
+        out.append(_of(replace(campaign, planted=(planted,), coefficient_error=dict(wrong)), planted, rivals))
+    return tuple(out)
+
+
+def _of(campaign: Campaign, planted: Planted, rivals: bool) -> Detectability:
+    problem = true_problem(campaign)
+    model = problem.model
+    effects = [e for e in model.kernel.effects if testable(problem, e)] if rivals else []
+    bank = build_bank(problem, problem.path, [problem.environment.colours], effects)
+    total, n = bank.total(0), bank.n_coef
+    coefficients = np.arange(n)
+    distance = total.ee
+    left = distance - _taken(total, coefficients)
+    absorbed = 1.0 - left / distance if distance > 0 else 1.0
+    margin, rival = _nearest(bank, planted.name) if rivals else (float("nan"), "")
+    return Detectability(planted.name, max(left, 0.0), absorbed, margin, rival)
+
+
+def true_problem(campaign: Campaign) -> Problem:
+    """Noise-free readings of the identify runs, the nominal structure with the true coefficients, and the
+    true noise and environment."""
+    calm = still(campaign)
+    flight, weather = fly_campaign(calm), campaign.weather
+    # a coefficient that is the planted cause stays at its nominal value: its error is what is to be seen
+    true = {n: campaign.vehicle.coef[n] if n in campaign.coefficient_error else v
+            for n, v in campaign.coef.items()}  # fmt: skip
+    prior = Prior(dict.fromkeys(true, campaign.prior_sd))
+    model = build_model(replace(campaign.vehicle, coef=true, prior=prior), campaign.dof)
+    channels = tuple(c for c in model.kernel.channels if c in campaign.sigma)
+    logs: list[Log] = []
+    for flown in flight.runs:
+        if flown.plan.role != "identify":
+            continue
+        clean = true_response(calm, flown.plan.name)
+        data = {c: clean[c] for c in channels}
+        run = Run(flown.plan.name, flown.plan.manoeuvre, "identify", flown.t, data, flown.commands)
+        logs.append(read_run(model, run, campaign.sigma, channels))
+    colours = silent(model)
+    if any(weather.amplitude):
+        level = dict(zip(PLANT_AXES, np.array(weather.amplitude) * _typical(campaign), strict=True))
+        axes = [n[-1] for n in model.kernel.exogenous if n.startswith("force_")]
+        force = tuple(float(level.get(a, 0.0)) for a in axes)
+        colours = Colours(force, weather.tau, weather.drift, weather.drift_tau)
+    led = fit(model, logs, NOTHING, colours, passes=16)
+    return Problem(
+        model, tuple(logs), coefficient_prior(model), Environment(colours, "stated", 0.0), channels, (), (),
+        led.follow, led.follow_level,
+    )  # fmt: skip
+
+
+def _typical(campaign: Campaign) -> np.ndarray:
+    return fly_campaign(campaign).typical
+
+
+def _taken(g: Gram, columns: np.ndarray) -> float:
+    """Squared distance that columns with unit-normal unknowns explain."""
+    se = g.se[columns]
+    return float(se @ np.linalg.solve(np.eye(columns.size) + g.ss[np.ix_(columns, columns)], se))
+
+
+def expected_gain(bank: Bank, columns: np.ndarray, level: int = 0) -> float:
+    """Mean log evidence over the coefficients alone when the bank's residual is the mean of the data.
+
+    Design note A6: noise adds 1/2 tr((C + I)^-1 C), the prior volume costs 1/2 ln|I + C|; C is the
+    information on the columns after the coefficients took their part.
+    """
+    g, n = bank.total(level), bank.n_coef
+    base = np.arange(n)
+    inner = np.linalg.solve(np.eye(n) + g.ss[:n, :n], g.ss[:n, columns])
+    c = g.ss[np.ix_(columns, columns)] - g.ss[columns, :n] @ inner
+    eye = np.eye(columns.size)
+    mean = 0.5 * (_taken(g, np.concatenate([base, columns])) - _taken(g, base))
+    noise = 0.5 * float(np.trace(np.linalg.solve(c + eye, c)))
+    return mean + noise - 0.5 * float(np.linalg.slogdet(eye + c)[1])
+
+
+def widened_gain(bank: Bank, j: int, factor: float = 10.0, level: int = 0) -> float:
+    """Mean log evidence of one coefficient with a wider prior over the stated one."""
+    g, n = bank.total(level).pick(np.arange(bank.n_coef)), bank.n_coef
+    out = []
+    for scale in (factor, 1.0):
+        unit = np.ones(n)
+        unit[j] = scale
+        wide = Gram(g.ss * np.outer(unit, unit), g.se * unit, g.ee, g.logdet, g.used)
+        h = np.eye(n) + wide.ss
+        noise = float(np.trace(np.linalg.solve(h, wide.ss)))
+        out.append(0.5 * (_taken(wide, np.arange(n)) + noise - float(np.linalg.slogdet(h)[1])))
+    return out[0] - out[1]
+
+
+def _nearest(bank: Bank, name: str) -> tuple[float, str]:
+    """Margin of the named cause over the best explanation of another family, and which that is."""
+    gains = {n: max(expected_gain(bank, v) for v in c.variants) for n, c in bank.effects.items()}
+    gains["coefficient_error"] = max(widened_gain(bank, j) for j in range(bank.n_coef))
+    gains["none"] = 0.0
+    family = family_of(name)
+    others = {n: g for n, g in gains.items() if family_of(n) != family}
+    rival = max(others, key=lambda n: others[n])
+    own = max((g for n, g in gains.items() if family_of(n) == family), default=float("nan"))
+    return float(own - others[rival]), rival

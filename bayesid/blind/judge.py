@@ -1,0 +1,313 @@
+"""One verdict laid beside its answer.
+
+Takes an `Answer` and a verdict (the plain data of diagnosis.json; None where the diagnosis failed). Gives a
+frozen `Case`: every count that scoring needs, and in one sentence why a miss was missed. Does not average.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from bayesid.blind.answers import Answer
+from bayesid.blind.families import FAMILIES, by_family, families_of, family_of, places_of
+
+# Design note, section 9: detectable; told apart from every other family; hidden by the coefficients.
+DETECTABLE, ISOLABLE, HIDDEN = 25.0, 10.0, 0.98
+NAMING = ("effect", "effect_with_remainder", "several")
+REJECTING = ("outside", "effect_with_remainder")
+FLOOR = 1e-6  # a stated probability below one in a million is scored as that
+LOCATED = 20.0  # evidence of a free signal from which its place counts
+# What a failed diagnosis is taken to have said: the prior.
+_PRIOR = {"none": 0.5, "outside": 0.1}
+
+
+@dataclass(frozen=True)
+class Case:
+    """A judged verdict; nan and None where a quantity does not apply.
+
+    Attributes
+    ----------
+    stratum : "none", "outside", "faint" (D < 25), "hidden", "not isolable", "clear", "unweighed"
+    noncentrality, absorbed, margin, rival : of the plainest cause (see `detect`)
+    word, named, top, stated : verdict, named families, most probable family and its probability
+    right : families that are right
+    acceptable : families that are right, and none where the cause is below detectability
+    p_right, brier, log : probability of the right families and scores
+    covered, size : whether the 95 % set holds what is acceptable, and how many families it has
+    outcome : right, in part, set, missed, wrong name, false alarm, ...
+    reason : of a miss, from the numbers
+    parameters : (effect, parameter, error, error in stated sd) where the right effect is named
+    coefficients : (number within two stated sd, number) under the chosen model
+    place, located : most evident channel and whether it is allowed (None: evidence below 20)
+    before, after, shrink : held-out excess of the recalibrated and of the diagnosed model, and the ratio
+    worst_absorbed : largest absorbed share among effects named alone
+    """
+
+    name: str
+    kind: str
+    factors: Mapping[str, str]
+    planted: tuple[str, ...]
+    sizes: tuple[float, ...]
+    stratum: str
+    noncentrality: float
+    absorbed: float
+    margin: float
+    rival: str
+    least: float
+    word: str
+    named: frozenset[str]
+    top: str
+    stated: float
+    right: frozenset[str]
+    acceptable: frozenset[str]
+    p_right: float
+    brier: float
+    log: float
+    covered: bool
+    size: int
+    outcome: str
+    reason: str
+    parameters: tuple[tuple[str, str, float, float], ...]
+    coefficients: tuple[int, int]
+    place: str | None
+    located: bool | None
+    before: float
+    after: float
+    shrink: float
+    worst_absorbed: float
+    cost: float
+    dof: int
+
+    @property
+    def fate(self) -> str:
+        """Where the verdict went: right, nearest rival, other family, none, outside, coefficients, ..."""
+        if self.outcome in ("right", "rejected"):
+            return "right"
+        if self.word in ("none", "outside", "coefficients", "failed"):
+            return self.word
+        if self.word == "ambiguous":
+            return "cannot tell"
+        if self.named & self.right:
+            return "right"
+        return "nearest rival" if family_of(self.rival) in self.named else "other family"
+
+
+def judge(answer: Answer, verdict: Mapping[str, Any] | None, cost: float = math.nan) -> Case:
+    """Judge one bundle; `cost` is its CPU time [s]."""
+    told: Mapping[str, Any] = verdict or {
+        "verdict": "failed",
+        "effects": [],
+        "set95": [],
+        "probabilities": {},
+    }
+    right = answer.families
+    shown = [c.shown for c in answer.causes if c.shown is not None]
+    plain = max(shown, key=lambda s: s.noncentrality, default=None)
+    stratum = _stratum(answer, plain)
+    probability = by_family(told["probabilities"] or _PRIOR | dict.fromkeys(FAMILIES, 0.4 / len(FAMILIES)))
+    total = sum(probability.values())
+    probability = {n: p / total for n, p in probability.items()} if total > 0 else probability
+    top = max(probability, key=lambda n: probability[n])
+    acceptable = right | {"none"} if stratum == "faint" else right
+    if stratum == "hidden" and told["verdict"] == "coefficients":
+        acceptable = acceptable | {"coefficient_error"}
+    names = [e["name"] for e in told["effects"]]
+    named = families_of(names) if told["verdict"] in NAMING else frozenset()
+    stated_set = families_of(told["set95"])
+    p_right = sum(probability.get(f, 0.0) for f in right)
+    target = dict.fromkeys(right, 1.0 / len(right))
+    brier = sum((p - target.get(n, 0.0)) ** 2 for n, p in probability.items())
+    gap = told.get("gap") or {}
+    shrink, before, after = (_number(gap.get(k)) for k in ("shrink", "before", "after"))
+    place, located = _located(answer, told)
+    covered = bool(stated_set & acceptable) if answer.kind != "two" else right <= stated_set or (
+        stratum == "faint" and "none" in stated_set)  # fmt: skip
+    outcome = _outcome(answer, told, named, stated_set, bool(plain and plain.absorbed > HIDDEN))
+    return Case(
+        name=answer.name,
+        kind=answer.kind,
+        factors=answer.factors,
+        planted=tuple(c.name + (f" ({c.variant})" if c.variant else "") for c in answer.causes),
+        sizes=tuple(c.size for c in answer.causes),
+        stratum=stratum,
+        noncentrality=plain.noncentrality if plain else (0.0 if not answer.causes else math.nan),
+        absorbed=plain.absorbed if plain else math.nan,
+        margin=plain.margin if plain else math.nan,
+        rival=plain.rival if plain else "",
+        least=min((s.noncentrality for s in shown), default=math.nan),
+        word=told["verdict"],
+        named=named,
+        top=top,
+        stated=probability[top],
+        right=right,
+        acceptable=acceptable,
+        p_right=p_right,
+        brier=brier,
+        log=-math.log(max(min(p_right, 1.0), FLOOR)),
+        covered=covered,
+        size=len(stated_set),
+        outcome=outcome,
+        reason=_reason(answer, outcome, plain, told, named),
+        parameters=_parameters(answer, told),
+        coefficients=_coefficients(answer, told),
+        place=place,
+        located=located,
+        before=before,
+        after=after,
+        shrink=shrink,
+        worst_absorbed=_absorbed(told, names),
+        cost=cost,
+        dof=int(answer.factors.get("dof") or 3),
+    )
+
+
+def _stratum(answer: Answer, plain: Any) -> str:
+    if answer.kind == "none":
+        return "none"
+    if plain is None:
+        return "outside" if answer.kind == "outside" else "unweighed"
+    if plain.noncentrality < DETECTABLE:
+        return "faint"
+    if answer.kind == "outside":
+        return "outside"
+    if plain.absorbed > HIDDEN and answer.causes[0].name != "coefficient_error":
+        return "hidden"
+    return "not isolable" if plain.margin < ISOLABLE else "clear"
+
+
+def _outcome(answer: Answer, told: Mapping[str, Any], named: frozenset[str], stated_set: frozenset[str],
+             hidden: bool) -> str:  # fmt: skip
+    word, right = told["verdict"], answer.families
+    if word == "failed":
+        return "failed"
+    if answer.kind == "none":
+        if word == "none":
+            return "right"
+        return "wrong name" if named else "false alarm"
+    if answer.kind == "outside":
+        if word in REJECTING or (word == "ambiguous" and "outside" in stated_set):
+            return "right"
+        if named:
+            return "wrong name"
+        return "no gap" if word == "none" else "missed"
+    if named:
+        if named - right:
+            return "in part" if named & right and answer.kind == "two" else "wrong name"
+        return "right" if right <= named else "in part"
+    if word == "coefficients" and ("coefficient_error" in right or hidden):
+        return "right"
+    if word == "none":
+        return "no gap"
+    if word == "outside" and answer.kind == "variant":
+        return "rejected"
+    return "set" if right & stated_set else "missed"
+
+
+def _reason(answer: Answer, outcome: str, plain: Any, told: Mapping[str, Any], named: frozenset[str]) -> str:
+    """Why a verdict is not simply right, from the numbers of answer and verdict."""
+    if outcome == "right" or outcome == "rejected":
+        return ""
+    if outcome == "failed":
+        return "the diagnosis did not end"
+    if answer.kind == "none":
+        where = told.get("where", {}).get("channel")
+        said = ", ".join(sorted(named)) or told["verdict"]
+        sea = answer.factors.get("sea", "")
+        return (
+            f"nothing planted; {said} at {_top_gain(told)} in {where or 'no channel'}, sea {sea or 'unknown'}"
+        )
+    if plain is None:
+        return "detectability of the cause is not known"
+    d = f"D = {plain.noncentrality:.3g}"
+    if plain.noncentrality < DETECTABLE:
+        hidden = f", {plain.absorbed:.1%} absorbed by the coefficients" if plain.absorbed > 0.9 else ""
+        return f"below detectability ({d}{hidden})"
+    if answer.kind == "two" and outcome == "in part":
+        faint = [c.name for c in answer.causes if c.shown and c.shown.noncentrality < DETECTABLE]
+        if faint:
+            return f"{' and '.join(faint)} below detectability"
+    if plain.absorbed > HIDDEN:
+        return f"absorbed by the coefficients to {plain.absorbed:.1%} ({d})"
+    if plain.margin == plain.margin and plain.margin < ISOLABLE:
+        return f"expected margin over {plain.rival} only {plain.margin:.1f} ({d})"
+    if family_of(plain.rival) in named:
+        return f"named its nearest rival {plain.rival}, expected margin {plain.margin:.0f} ({d})"
+    groups = [g for g in told.get("ambiguity_groups", []) if families_of(g) & answer.families]
+    if named and any(families_of(g) & named for g in groups):
+        return f"named another of a group the diagnosis itself called alike ({d})"
+    if answer.kind == "variant":
+        return f"the catalogue words this cause otherwise: {answer.causes[0].variant} ({d})"
+    if told["verdict"] == "outside":
+        return f"the best refit left a remainder or did not arrive ({d})"
+    if outcome == "set":
+        return f"in the set without being named ({d})"
+    return f"detectable ({d}); the refit took another way"
+
+
+def _top_gain(told: Mapping[str, Any]) -> str:
+    evidence = [v for v in told.get("where", {}).get("evidence", {}).values() if v is not None]
+    return f"{max(evidence):.1f} nats of a free signal" if evidence else "no evidence"
+
+
+def _located(answer: Answer, told: Mapping[str, Any]) -> tuple[str | None, bool | None]:
+    where = told.get("where") or {}
+    evidence = {n: float(v) for n, v in where.get("evidence", {}).items() if v is not None}
+    if not evidence or not answer.causes or max(evidence.values()) <= LOCATED:
+        return where.get("channel"), None
+    place = max(evidence, key=lambda n: evidence[n])
+    allowed = {p for c in answer.causes for p in places_of(c.name)}
+    return place, place in allowed if allowed else None
+
+
+def _parameters(answer: Answer, told: Mapping[str, Any]) -> tuple[tuple[str, str, float, float], ...]:
+    out = []
+    named = {e["name"]: e["parameters"] for e in told["effects"] if told["verdict"] in NAMING}
+    for cause in answer.causes:
+        for name, true in (cause.parameters or {}).items():
+            found = named.get(cause.name, {}).get(name)
+            if found is None:
+                continue
+            error = float(found["value"]) - float(true)
+            if cause.name == "wind" and name == "from":
+                error = (error + math.pi) % (2 * math.pi) - math.pi
+            sd = float(found["sd"])
+            out.append(
+                (cause.name, name, error / abs(true) if true else math.nan, error / sd if sd else math.nan)
+            )
+    return tuple(out)
+
+
+def _coefficients(answer: Answer, told: Mapping[str, Any]) -> tuple[int, int]:
+    """Coefficients within two stated deviations, where the chosen structure is right."""
+    stated = told.get("coefficients") or {}
+    named = families_of(e["name"] for e in told["effects"]) if told["verdict"] in NAMING else frozenset()
+    sound = told["verdict"] == "none" if answer.kind == "none" else named == answer.families
+    if not stated or not answer.coefficients or not sound or answer.kind == "variant":
+        return 0, 0
+    from bayesid.errors import BayesidError
+    from bayesid.vehicles import load_vehicle
+
+    try:
+        nominal = load_vehicle(answer.factors["vehicle"]).coef
+    except (BayesidError, KeyError):
+        return 0, 0
+    inside = count = 0
+    for name, draw in answer.coefficients.items():
+        if name in stated and name in nominal and stated[name]["sd"]:
+            true = nominal[name] * (1.0 + draw)
+            inside += abs(stated[name]["value"] - true) <= 2.0 * stated[name]["sd"]
+            count += 1
+    return inside, count
+
+
+def _absorbed(told: Mapping[str, Any], names: list[str]) -> float:
+    if told["verdict"] not in ("effect", "effect_with_remainder") or len(names) != 1:
+        return math.nan
+    return _number((told.get("detectability") or {}).get(names[0], {}).get("absorbed"))
+
+
+def _number(value: Any) -> float:
+    return float(value) if isinstance(value, int | float) and math.isfinite(value) else math.nan

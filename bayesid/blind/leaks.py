@@ -1,0 +1,98 @@
+"""Whether a pack is whole and silent: every bundle that was announced, and no answer anybody could read.
+
+Takes the folder of a pack. Raises one error that lists everything wrong. Does not diagnose.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from bayesid.blind.families import CATALOGUE_NAMES
+from bayesid.blind.seal import (
+    COMMITMENTS,
+    FORMAT,
+    BlindError,
+    digest_of_file,
+    digest_of_folder,
+    read_json,
+)
+from bayesid.errors import raise_all
+
+READABLE = {".toml", ".csv"}
+# Keys by which makers of packs write down what they planted, and names no log or vehicle file has use for.
+TELLING = ("coefficient_draw", "coefficients_off", '"label"', '"effects"', '"planted"', "evidence_class")
+WORDS = tuple(n for n in CATALOGUE_NAMES if "_" in n) + ("bank_suction", "vortex_shedding", "hull_moment")
+
+
+def check_pack(pack: Path) -> dict[str, Any] | None:
+    """Check a pack before anything is solved.
+
+    Returns
+    -------
+    the commitments, or None for a folder of bundles without
+
+    Raises
+    ------
+    BlindError                 no bundles, a bundle missing or changed, or something that may be an answer
+    """
+    if not pack.is_dir():
+        raise BlindError(f"{pack}: is no folder; a pack is a folder of trial bundles")
+    bundles = {p.parent.name: p.parent for p in pack.glob("*/trial.toml")}
+    if not bundles:
+        raise BlindError(f"{pack}: no bundle (a folder with trial.toml) in this pack")
+    told = read_json(pack / COMMITMENTS, "the commitments") if (pack / COMMITMENTS).exists() else None
+    problems = _leaks(pack, told)
+    if told is not None:
+        problems += _missing(bundles, told)
+    if problems:
+        raise_all(BlindError, str(pack), problems)
+    return told
+
+
+def _missing(bundles: dict[str, Path], told: Any) -> list[str]:
+    announced = told.get("bundles") if isinstance(told, dict) else None
+    if not isinstance(announced, dict) or told.get("format") != FORMAT:
+        return [f"{COMMITMENTS}: is not of format {FORMAT}; ask for the pack again"]
+    out = [f"incomplete: bundle {n} is announced but missing" for n in sorted(set(announced) - set(bundles))]
+    out += [f"bundle {n} was not announced" for n in sorted(set(bundles) - set(announced))]
+    out += [
+        f"bundle {n} was changed after the pack was sealed"
+        for n in sorted(set(bundles) & set(announced))
+        if digest_of_folder(bundles[n]) != announced[n].get("bundle")
+    ]
+    return out
+
+
+def _leaks(pack: Path, told: Any) -> list[str]:
+    sealed = set()
+    if isinstance(told, dict) and isinstance(told.get("bundles"), dict):
+        sealed = {entry.get("answer") for entry in told["bundles"].values() if isinstance(entry, dict)}
+    out = []
+    for path in sorted(pack.rglob("*")):
+        if path.is_dir() and not path.is_symlink():
+            continue
+        name = path.relative_to(pack).as_posix()
+        if name == COMMITMENTS:
+            continue
+        if path.is_symlink():
+            out.append(f"{name}: is a link out of the pack; put the file itself there")
+        elif digest_of_file(path) in sealed:
+            out.append(f"{name}: is a sealed answer; take it out of the pack unread")
+        elif path.suffix.lower() not in READABLE:
+            out.append(f"{name}: may hold an answer; a pack holds .toml and .csv files only")
+        else:
+            found = _telling(path)
+            if found:
+                out.append(f"{name}: holds {found!r}, which belongs into an answer; take it out of the pack")
+    return out
+
+
+def _telling(path: Path) -> str:
+    text = path.read_text(encoding="utf-8", errors="replace")
+    if path.suffix.lower() == ".csv":
+        # numbers tell nothing; letters stand in the header and in comments
+        text = "\n".join(
+            line for line in text.splitlines() if any(c.isalpha() and c not in "eEnNaA" for c in line)
+        )
+    return next((word for word in (*TELLING, *WORDS) if word in text), "")

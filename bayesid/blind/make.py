@@ -1,0 +1,121 @@
+"""Blind packs: bundles for whoever is to find out, sealed answers for whoever is to judge.
+
+Takes a count, a seed and factors of the plant. Writes bundles and their commitments into one folder, answers
+into another. Does not diagnose.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict
+from datetime import UTC, datetime
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+from bayesid.blind.detect import Detectability, detectability
+from bayesid.blind.seal import COMMITMENTS, FORMAT, BlindError, digest_of_file, digest_of_folder, salt
+from bayesid.errors import BayesidError
+from bayesid.files import write_atomic, write_json
+from bayesid.plant import draw_campaign, truth, write_bundle
+from bayesid.progress import Progress
+
+
+def make_pack(
+    seeds: Iterable[int],
+    out: Path,
+    answers: Path,
+    factors: Mapping[str, Any] | None = None,
+    prefix: str = "p",
+    jobs: int = 1,
+    progress: Progress | None = None,
+) -> Path:
+    """Write one bundle per seed into `out` and one answer each into `answers`, then the commitments.
+
+    Bundles that are there with their answer are kept, so that a broken run can be resumed.
+
+    Parameters
+    ----------
+    factors : what is fixed in `plant.draw_campaign`; the rest is drawn
+
+    Returns
+    -------
+    path of the commitments
+
+    Raises
+    ------
+    BlindError                 one folder lies within the other, or the pack is sealed already
+    """
+    out, answers = out.resolve(), answers.resolve()
+    if out == answers or out in answers.parents or answers in out.parents:
+        raise BlindError("answers must be in a folder of their own, not within the pack or around it")
+    if (out / COMMITMENTS).exists():
+        raise BlindError(f"{out}: is a finished pack already; choose another folder")
+    tasks = [(seed, f"{prefix}{seed:04d}", out, answers, dict(factors or {})) for seed in seeds]
+    progress = progress or Progress()
+    with progress.stage("bundles", len(tasks)) as stage:
+        for name in in_processes(_make_one, tasks, jobs):
+            stage.step(info=name)
+    names = [task[1] for task in tasks]
+    return seal_pack(out, answers, names)
+
+
+def seal_pack(out: Path, answers: Path, names: Iterable[str]) -> Path:
+    """Publish the fingerprints of answers and bundles in the pack."""
+    bundles = {
+        name: {"answer": digest_of_file(answers / f"{name}.json"), "bundle": digest_of_folder(out / name)}
+        for name in sorted(names)
+    }
+    made = datetime.now(UTC).isoformat(timespec="seconds")
+    return write_json(out / COMMITMENTS, {"format": FORMAT, "made": made, "bundles": bundles})
+
+
+def _make_one(task: tuple[int, str, Path, Path, dict[str, Any]]) -> str:
+    seed, name, out, answers, factors = task
+    if (answers / f"{name}.json").exists() and (out / name / "trial.toml").exists():
+        return name
+    for stale in (out / name).glob("*"):  # of a run that was stopped within this bundle
+        stale.unlink()
+    campaign = draw_campaign(seed, **factors)
+    shown = [asdict(d) for d in detectability(campaign)]
+    answer = write_bundle(campaign, out / name)
+    write_answer(answers / f"{name}.json", answer | {"factors": factors, "detectability": shown})
+    return name
+
+
+def write_answer(path: Path, answer: Mapping[str, Any]) -> Path:
+    """Write an answer with a salt."""
+    return write_atomic(path, json.dumps({"salt": salt(), **answer}, indent=1) + "\n")
+
+
+def redraw(answer: Mapping[str, Any]) -> tuple[Detectability, ...] | None:
+    """Detectability of an answer that does not state it, from its seed; None if the plant has changed since.
+
+    The campaign is drawn again and must be true to the answer in everything.
+    """
+    keys = ("seed", "attempt", "effects", "coefficient_draw_relative", "environment", "noise", "runs")
+    if any(key not in answer for key in keys):
+        return None
+    try:
+        campaign = draw_campaign(int(answer["seed"]), **answer.get("factors", {}))
+        again = json.loads(json.dumps(truth(campaign, str(answer["name"]))))
+        if any(again[key] != answer[key] for key in keys):
+            return None
+        return detectability(campaign)
+    except (BayesidError, TypeError, ValueError):
+        return None
+
+
+def in_processes(work: Any, tasks: list[Any], jobs: int) -> Iterable[Any]:
+    """Results in the order of the tasks; in this process for one job."""
+    if jobs <= 1 or len(tasks) <= 1:
+        yield from map(work, tasks)
+        return
+    with ProcessPoolExecutor(min(jobs, len(tasks)), mp_context=get_context("spawn")) as pool:
+        try:
+            yield from pool.map(work, tasks)
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise

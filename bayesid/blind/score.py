@@ -1,0 +1,219 @@
+"""Scores of a whole campaign of verdicts against the bars of the design note, with intervals and counts.
+
+Takes judged `Case`s. Gives frozen `Quantity` rows. A bar is met when the 95 % interval of the score reaches
+it; every sheet has a control that must fail.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bayesid.blind.answers import Answer
+from bayesid.blind.intervals import bootstrap, clopper
+from bayesid.blind.judge import DETECTABLE, HIDDEN, ISOLABLE, NAMING, REJECTING, Case, judge
+
+LEAST = 20  # cases in a bin of the calibration
+EDGES = (0.0, 0.5, 0.8, 0.95, 0.99, 1.0)
+CPU = {3: 10.0, 6: 120.0}
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One line of the sheet.
+
+    Attributes
+    ----------
+    name, about : what is scored, and over which cases
+    value, interval : score and 95 % interval
+    hits, count : of a share; `hits` is -1 for a mean or quantile over `count` cases
+    bar : (low, high) the score may have, None where none is set
+    met : whether the interval reaches the bar; None without cases or without a bar
+    """
+
+    name: str
+    about: str
+    value: float
+    interval: tuple[float, float]
+    hits: int
+    count: int
+    bar: tuple[float, float] | None
+    met: bool | None
+
+
+def _meets(interval: tuple[float, float], bar: tuple[float, float] | None, count: int) -> bool | None:
+    if bar is None or count == 0 or not all(math.isfinite(x) for x in interval):
+        return None
+    return interval[1] >= bar[0] and interval[0] <= bar[1]
+
+
+def share(name: str, about: str, hits: Sequence[bool], bar: tuple[float, float] | None = None) -> Quantity:
+    """A proportion."""
+    k, n = int(sum(hits)), len(hits)
+    interval = clopper(k, n)
+    return Quantity(name, about, k / n if n else math.nan, interval, k, n, bar, _meets(interval, bar, n))
+
+
+def average(name: str, about: str, values: Sequence[float], bar: tuple[float, float] | None = None,
+            statistic: Callable[..., np.ndarray] = np.mean) -> Quantity:  # fmt: skip
+    """A mean, or another statistic that takes `axis`."""
+    x = np.array([v for v in values if math.isfinite(v)])
+    interval = bootstrap(x, statistic)
+    value = float(statistic(x, axis=0)) if x.size else math.nan
+    return Quantity(name, about, value, interval, -1, x.size, bar, _meets(interval, bar, x.size))
+
+
+def _tenth(x: np.ndarray, axis: int) -> np.ndarray:
+    return np.quantile(x, 0.1, axis=axis)
+
+
+def at_least(x: float) -> tuple[float, float]:
+    return x, math.inf
+
+
+def at_most(x: float) -> tuple[float, float]:
+    return -math.inf, x
+
+
+def sheet(cases: Sequence[Case], oracle: Mapping[str, float] | None = None, dof: int = 3) -> list[Quantity]:
+    """All quantities with a bar in section 9 of the design note.
+
+    Parameters
+    ----------
+    cases : of one number of degrees of freedom
+    oracle : bundle -> shrink of a refit with the true effects on the same data; 1 where not given
+    """
+    effect = [c for c in cases if c.kind == "effect"]
+    told = [c for c in effect if c.noncentrality >= DETECTABLE and c.margin >= ISOLABLE]
+    clear = [c for c in told if c.stratum == "clear"]
+    none = [c for c in cases if c.kind == "none"]
+    outside = [c for c in cases if c.kind == "outside"]
+    variant = [c for c in cases if c.kind == "variant" and c.noncentrality >= DETECTABLE]
+    two = [c for c in cases if c.kind == "two" and c.least >= DETECTABLE]
+    named = [c for c in cases if c.word in NAMING]
+    single = [*none, *effect, *outside]
+    plain = [c for c in single if c.kind == "none" or c.noncentrality >= DETECTABLE]
+    located = [c for c in cases if c.located is not None]
+    gap = [c for c in outside if c.before >= 0.5]
+    costs = [c.cost for c in cases if math.isfinite(c.cost)]
+    out = [
+        share("top-1 by family", "one effect, D >= 25, margin >= 10", [c.top in c.right for c in told],
+              at_least(0.95)),
+        share("named by family", "the same, not hidden; the verdict names it",
+              [c.outcome == "right" for c in clear]),
+        share("95 % set holds the answer", "none, one effect, outside; none counts where D < 25",
+              [c.covered for c in single], at_least(0.93)),
+        average("families in the 95 % set", "the same", [float(c.size) for c in single], at_most(2.5)),
+        share("false alarm on none", "any verdict but none", [c.word != "none" for c in none], at_most(0.02)),
+        share("wrong name", "of all verdicts that name effects", [bool(c.named - c.right) for c in named],
+              at_most(0.03)),
+        share("outside rejected or with remainder", "outside, held-out gap >= 0.5",
+              [c.outcome == "right" for c in gap], at_least(0.85)),
+        share("false name on outside", "outside, named without a remainder",
+              [c.word in NAMING and c.word not in REJECTING for c in outside], at_most(0.05)),
+        share("variants: right class", "another form of a named cause, D >= 25",
+              [c.top in c.right or bool(c.named & c.right) for c in variant], at_least(0.8)),
+        share("variants: misfit flagged", "named, and more than 10 % of the gap left",
+              [c.word in REJECTING for c in variant if c.named and c.shrink < 0.9]),
+        share("channel right", "evidence of a free signal above 20", [bool(c.located) for c in located],
+              at_least(0.9)),
+        share("two effects both found", "both D >= 25", [c.right <= c.named for c in two], at_least(0.85)),
+        average("log score", "none; outside and one effect with D >= 25", [c.log for c in plain],
+                at_most(0.5)),
+        average("log score", "all of one class", [c.log for c in single]),
+        average("Brier score", "all of one class", [c.brier for c in single]),
+    ]  # fmt: skip
+    out += _shrinks(cases, oracle or {})
+    parameters = [abs(z) <= 2.0 for c in cases for *_, z in c.parameters if math.isfinite(z)]
+    inside, count = (sum(c.coefficients[k] for c in cases) for k in (0, 1))
+    out += [
+        share("effect parameters within 2 sd", "right effect named", parameters, (0.90, 0.99)),
+        share("coefficients within 2 sd", "right structure chosen",
+              [True] * inside + [False] * (count - inside), (0.90, 0.99)),
+        share("hidden effects named alone", "absorbed above 0.98 by the diagnosis' own account",
+              [c.worst_absorbed > HIDDEN for c in named if c.word != "several"], at_most(0.0)),
+        average("CPU per bundle [s]", "median", costs, at_most(CPU[dof]), np.median),
+    ]  # fmt: skip
+    return out
+
+
+def _shrinks(cases: Sequence[Case], oracle: Mapping[str, float]) -> list[Quantity]:
+    known = [c for c in cases if c.kind in ("effect", "two", "variant") and c.noncentrality >= DETECTABLE]
+    gaps = [c for c in known if c.before > 0.1 and math.isfinite(c.shrink)]
+    ratio = [max(c.shrink, -1.0) / o for c in gaps if (o := oracle.get(c.name, 1.0)) > 0.05]
+    against = "the refit with the true effects" if oracle else "the floor (no oracle given: a lower bound)"
+    about = f"planted effects, held-out gap > 0.1, against {against}"
+    return [
+        average("shrink efficiency, median", about, ratio, at_least(0.97), np.median),
+        average("shrink efficiency, 10th percentile", about, ratio, at_least(0.85), _tenth),
+    ]
+
+
+@dataclass(frozen=True)
+class Bin:
+    """Answers stated with similar probability: mean stated, share of hits, interval, number."""
+
+    stated: float
+    hit: float
+    interval: tuple[float, float]
+    count: int
+    met: bool
+
+
+def calibration(cases: Sequence[Case], slack: float = 0.07) -> list[Bin]:
+    """Most probable answer against how often it is acceptable, in bins of at least `LEAST` where there are so
+    many."""
+    ordered = sorted(cases, key=lambda c: c.stated)
+    groups: list[list[Case]] = []
+    for low, high in zip(EDGES[:-1], EDGES[1:], strict=True):
+        inside = [c for c in ordered if low < c.stated <= high or (low == 0.0 and c.stated == 0.0)]
+        if groups and (len(groups[-1]) < LEAST):
+            groups[-1] += inside
+        elif inside:
+            groups.append(inside)
+    if len(groups) > 1 and len(groups[-1]) < LEAST:
+        last = groups.pop()
+        groups[-1] += last
+    out = []
+    for group in groups:
+        hits = sum(c.top in c.acceptable for c in group)
+        stated, interval = float(np.mean([c.stated for c in group])), clopper(hits, len(group))
+        met = interval[1] >= stated - slack and interval[0] <= stated + slack
+        out.append(Bin(stated, hits / len(group), interval, len(group), met))
+    return out
+
+
+def shuffled(answers: Mapping[str, Answer], verdicts: Mapping[str, dict], seed: int = 0) -> Quantity:
+    """Control that must fail: every bundle is judged by the verdict of another one of its dof."""
+    rng = np.random.default_rng(seed)
+    cases: list[Case] = []
+    for dof in sorted({a.factors.get("dof", "3") for a in answers.values()}):
+        names = [n for n in sorted(answers) if answers[n].factors.get("dof", "3") == dof and n in verdicts]
+        if len(names) < 2:
+            continue
+        order = rng.permutation(names)
+        cases += [
+            judge(answers[a], verdicts[b]) for a, b in zip(order, np.roll(order, 1), strict=True)
+        ]  # a ring: nobody keeps his own
+    hits = [c.top in c.right for c in cases if c.kind == "effect" and c.noncentrality >= DETECTABLE]
+    found = share(
+        "control: verdicts of other bundles, top-1", "one effect, D >= 25; must fail", hits, at_least(0.95)
+    )
+    return replace(found, met=found.met)
+
+
+def table(cases: Sequence[Case], key: Callable[[Case], str]) -> list[list[object]]:
+    """Per value of `key`: number, right, top-1 acceptable, covered, mean set, wrong names, log score."""
+    out: list[list[object]] = []
+    for value in sorted({key(c) for c in cases}):
+        some = [c for c in cases if key(c) == value]
+        n = len(some)
+        out.append([
+            value, n, sum(c.outcome == "right" for c in some), sum(c.top in c.acceptable for c in some),
+            sum(c.covered for c in some), float(np.mean([c.size for c in some])),
+            sum(c.outcome == "wrong name" for c in some), float(np.mean([c.log for c in some])),
+        ])  # fmt: skip
+    return out

@@ -1,0 +1,222 @@
+"""Solve a blind pack: diagnose every bundle, write verdicts, seal them.
+
+Takes a pack (a folder of bundles, with commitments or without). Writes <bundle>/diagnosis.json with its
+report, and seal.json. Refuses a pack in which an answer may be read. Does not know answers.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+import traceback
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+from bayesid.blind.leaks import check_pack
+from bayesid.blind.seal import (
+    FORMAT,
+    SEAL,
+    BlindError,
+    digest_of_file,
+    digest_of_folder,
+    digest_of_list,
+    read_json,
+    versions,
+)
+from bayesid.errors import BayesidError
+from bayesid.files import write_json
+from bayesid.progress import Progress
+
+NOTE = "solved.json"
+SPATIAL_COST = 13.0  # a 6-DOF bundle takes about this many times a planar one: for the time left only
+Keep = Callable[[Any, Path], None]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How bundles are solved.
+
+    Attributes
+    ----------
+    seed : of the bootstrap of the shrink
+    plan_next : also rank manoeuvres to fly next
+    report : write report.html and figures beside each verdict
+    keep : called with each diagnosis and its folder, to keep more of it; must not change the verdict
+    """
+
+    seed: int = 0
+    plan_next: bool = True
+    report: bool = True
+    keep: Keep | None = None
+
+
+def solve_pack(
+    pack: Path,
+    out: Path,
+    jobs: int = 1,
+    settings: Settings | None = None,
+    progress: Progress | None = None,
+    names: tuple[str, ...] = (),
+) -> dict[str, Any]:
+    """Diagnose every bundle of a pack and seal the verdicts.
+
+    Bundles already solved in `out` are kept. Without failure the seal is written; a bundle whose diagnosis
+    fails is listed in it with its message and counts as unanswered.
+
+    Parameters
+    ----------
+    jobs : worker processes
+    names : only these bundles; the verdicts are then not sealed
+
+    Returns
+    -------
+    dict                       what seal.json holds (without seal where only some bundles were asked for)
+
+    Raises
+    ------
+    BlindError                 an answer is readable in the pack, a bundle is missing or was changed, the
+                               folder of verdicts lies within the pack or holds those of another pack
+    """
+    pack, out = pack.resolve(), out.resolve()
+    if out == pack or pack in out.parents:
+        raise BlindError(f"{out}: verdicts must not be written into the pack; choose another folder")
+    settings, progress = settings or Settings(), progress or Progress()
+    commitments = check_pack(pack)
+    bundles = sorted(p.parent for p in pack.glob("*/trial.toml"))
+    unknown = sorted(set(names) - {b.name for b in bundles})
+    if unknown:
+        raise BlindError(f"{pack}: no bundle {', '.join(unknown)}; there are {len(bundles)}")
+    if names:
+        bundles = [b for b in bundles if b.name in names]
+    digests = {b.name: digest_of_folder(b) for b in bundles}
+    _check_out(out, digests)
+    now = versions()
+    todo = [b for b in bundles if not _done(out / b.name, digests[b.name])]
+    kept = len(bundles) - len(todo)
+    if kept:
+        progress.note(f"{kept} bundles are solved already and kept")
+    started = datetime.now(UTC).isoformat(timespec="seconds")
+    _run(todo, out, digests, jobs, settings, now, progress)
+    if names:
+        return {"verdicts": {b.name: digest_of_file(out / b.name / "diagnosis.json") for b in bundles
+                             if (out / b.name / "diagnosis.json").exists()}}  # fmt: skip
+    return _seal(out, digests, commitments, now, started)
+
+
+def _check_out(out: Path, digests: dict[str, str]) -> None:
+    if (out / SEAL).exists():
+        raise BlindError(f"{out}: holds sealed verdicts; a sealed folder is not written to again")
+    for note in out.glob(f"*/{NOTE}"):
+        name = note.parent.name
+        if name in digests and read_json(note, "a note of `blind solve`").get("bundle") != digests[name]:
+            raise BlindError(
+                f"{name}: the verdict in {out} is of another bundle of this name; choose another folder"
+            )
+
+
+def _done(folder: Path, digest: str) -> bool:
+    note = folder / NOTE
+    if not note.exists():
+        return False
+    told = read_json(note, "a note of `blind solve`")
+    if told.get("failure"):
+        return False
+    verdict = folder / "diagnosis.json"
+    return told["bundle"] == digest and verdict.exists() and digest_of_file(verdict) == told["verdict"]
+
+
+def _run(todo: list[Path], out: Path, digests: dict[str, str], jobs: int, settings: Settings,
+         now: dict[str, str], progress: Progress) -> None:  # fmt: skip
+    weight = {b.name: SPATIAL_COST if _spatial(b) else 1.0 for b in todo}
+    # the long ones first, so that the last worker does not sit on one alone
+    todo = sorted(todo, key=lambda b: (-weight[b.name], b.name))
+    tasks = [(b, out / b.name, digests[b.name], settings, now["code"]) for b in todo]
+    left, begun = sum(weight.values()), time.monotonic()
+    with progress.stage("bundles", len(tasks)) as stage:
+        for name, told in _results(tasks, jobs):
+            left -= weight[name]
+            share = sum(weight.values()) - left
+            minutes = left * (time.monotonic() - begun) / share / 60.0
+            stage.step(info=f"{name} {told}, about {minutes:.0f} min left")
+
+
+def _results(tasks: list[Any], jobs: int) -> Any:
+    if jobs <= 1:
+        yield from map(_solve_one, tasks)
+        return
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    with ProcessPoolExecutor(min(jobs, max(len(tasks), 1)), mp_context=get_context("spawn")) as pool:
+        futures = [pool.submit(_solve_one, task) for task in tasks]
+        try:
+            for future in as_completed(futures):
+                yield future.result()
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def _solve_one(task: tuple[Path, Path, str, Settings, str]) -> tuple[str, str]:
+    """Verdict of one bundle, written to disk; (name, what it says)."""
+    bundle, folder, digest, settings, code = task
+    from bayesid.diagnose.diagnosis import as_json, diagnose
+    from bayesid.model import build_model
+    from bayesid.sections.diagnosis import write_diagnosis_report
+    from bayesid.trials import load_trial
+    from bayesid.vehicles import load_vehicle
+
+    folder.mkdir(parents=True, exist_ok=True)
+    cpu, wall = time.process_time(), time.monotonic()
+    note: dict[str, Any] = {"bundle": digest, "code": code}
+    said = "failed"
+    try:
+        trial = load_trial(bundle)
+        model = build_model(load_vehicle(trial.vehicle_ref), trial.dof)
+        found = diagnose(trial, model, seed=settings.seed, plan_next=settings.plan_next)
+        record = as_json(found)
+        note |= {"cpu_seconds": time.process_time() - cpu, "wall_seconds": time.monotonic() - wall}
+        verdict = write_json(folder / "diagnosis.json", record)
+        note |= {"verdict": digest_of_file(verdict), "dof": trial.dof}
+        note |= {"simulated_seconds": float(sum(r.t[-1] - r.t[0] for r in trial.runs))}
+        said = record["verdict"]
+        if settings.report:
+            write_diagnosis_report(found, folder, record)
+        if settings.keep is not None:
+            settings.keep(found, folder)
+    except BayesidError as error:
+        note |= {"failure": str(error)}
+    except Exception as error:  # one bundle must not cost the others theirs
+        note |= {"failure": f"{type(error).__name__}: {error}", "trace": traceback.format_exc(limit=-3)}
+    write_json(folder / NOTE, note)
+    return bundle.name, said
+
+
+def _spatial(bundle: Path) -> bool:
+    """Whether a bundle looks like 6-DOF, from its header only."""
+    first = next(iter(sorted(bundle.glob("*.csv"))), None)
+    head = first.open(encoding="utf-8", errors="replace").readline() if first else ""
+    return "dof = 6" in (bundle / "trial.toml").read_text("utf-8", errors="replace") or "z[" in head
+
+
+def _seal(out: Path, digests: dict[str, str], commitments: dict[str, Any] | None, now: dict[str, str],
+          started: str) -> dict[str, Any]:  # fmt: skip
+    notes = {name: read_json(out / name / NOTE, "a note of `blind solve`") for name in digests}
+    verdicts = {n: t["verdict"] for n, t in notes.items() if "verdict" in t}
+    keys = ("cpu_seconds", "wall_seconds", "simulated_seconds", "dof", "code")
+    seal = {
+        "format": FORMAT,
+        "versions": now,
+        "started": started,
+        "sealed": datetime.now(UTC).isoformat(timespec="seconds"),
+        "pack": {"bundles": digests, "commitments": commitments},
+        "verdicts": verdicts,
+        "failures": {n: t["failure"] for n, t in notes.items() if "failure" in t},
+        "cost": {n: {k: t[k] for k in keys if k in t} for n, t in notes.items()},
+        "seal": digest_of_list(verdicts),
+    }
+    write_json(out / SEAL, seal)
+    return seal

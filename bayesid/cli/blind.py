@@ -1,0 +1,120 @@
+"""`bayesid blind`: make sealed packs, solve them, score the verdicts; take a known effect away from a log."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from bayesid.cli.guard import NOT_CONVERGED, OK
+from bayesid.cli.options import Json, Quick, Seed, Verbose
+
+Jobs = Annotated[int, typer.Option("--jobs", "-j", min=1, help="Worker processes.")]
+OutFolder = Annotated[Path, typer.Option("--out", "-o", help="Folder for the results; made if missing.")]
+
+
+def make(
+    out: OutFolder,
+    answers: Annotated[Path, typer.Option("--answers", help="Folder of the answers, apart from the pack.")],
+    count: Annotated[int, typer.Option("--count", "-n", min=1, help="How many bundles.")] = 10,
+    seed: Seed = 1,
+    kind: Annotated[str | None, typer.Option(help="none, effect, two, variant or outside.")] = None,
+    effect: Annotated[list[str] | None, typer.Option(help="Effect to plant; may be given twice.")] = None,
+    vehicle: Annotated[str | None, typer.Option(help="Vehicle of the plant.")] = None,
+    dof: Annotated[int | None, typer.Option(help="3 or 6.")] = None,
+    sensors: Annotated[str | None, typer.Option(help="full, 'no velocity log' or 'pose only'.")] = None,
+    sea: Annotated[str | None, typer.Option(help="still, calm, mid or rough.")] = None,
+    jobs: Jobs = 1,
+    verbose: Verbose = False,
+) -> int:
+    """Make a pack of trial bundles with sealed answers.
+
+    The fingerprint of every answer is published in the pack; give away --out and keep --answers.
+    """
+    from bayesid.blind.make import make_pack
+
+    given = {"kind": kind, "effects": effect or None, "vehicle": vehicle, "dof": dof}
+    given |= {"sensors": sensors, "sea": sea}
+    factors = {key: value for key, value in given.items() if value is not None}
+    path = make_pack(range(seed, seed + count), out, answers, factors, jobs=jobs)
+    print(f"{count} bundles in {out}, commitments in {path.name}; answers in {answers}: keep them apart")
+    return OK
+
+
+def solve(
+    pack: Annotated[Path, typer.Argument(help="Folder of trial bundles.")],
+    out: OutFolder,
+    only: Annotated[
+        list[str] | None, typer.Option("--only", help="This bundle only; may be given twice. Not sealed.")
+    ] = None,
+    jobs: Jobs = 1,
+    seed: Seed = 0,
+    quick: Quick = False,
+    verbose: Verbose = False,
+) -> int:
+    """Diagnose every bundle of a pack and seal the verdicts.
+
+    Refuses a pack in which an answer may be read. Run it again after a stop: what is solved is kept.
+    --quick leaves out the next manoeuvre and the reports.
+    """
+    from bayesid.blind.solve import Settings, solve_pack
+
+    settings = Settings(seed, plan_next=not quick, report=not quick)
+    seal = solve_pack(pack, out, jobs, settings, names=tuple(only or ()))
+    if "seal" not in seal:
+        print(f"{len(seal['verdicts'])} verdicts in {out}, not sealed: only some bundles were asked for")
+        return OK
+    print(f"{len(seal['verdicts'])} verdicts in {out}, sealed as {seal['seal'][:16]}")
+    for name, message in seal["failures"].items():
+        print(f"{name}: no verdict: {message}")
+    return NOT_CONVERGED if seal["failures"] else OK
+
+
+def score(
+    answers: Annotated[Path, typer.Argument(help="Folder of the answers, or a file of labels.")],
+    verdicts: Annotated[Path, typer.Argument(help="Folder of the verdicts.")],
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder for the report.")] = None,
+    unsealed: Annotated[
+        bool, typer.Option("--unsealed", help="Score verdicts without a seal, whichever are there.")
+    ] = False,
+    jobs: Jobs = 1,
+    as_json: Json = False,
+    verbose: Verbose = False,
+) -> int:
+    """Score verdicts against answers; both seals are checked first.
+
+    Detectability is computed from the seed of an answer that does not state it, and kept in --out.
+    """
+    from bayesid import report
+    from bayesid.blind.sheet import score_pack
+    from bayesid.cli.output import say, say_json, say_table
+    from bayesid.sections.blind import blind_report, quantity_row, results
+
+    cache = None if out is None else out / "detectability.json"
+    sheet = score_pack(answers, verdicts, unsealed, cache, jobs)
+    plain = results(sheet)
+    if out is not None:
+        report.write(
+            blind_report(sheet), out, {"inputs": {"bundles": len(sheet.cases)}, "seeds": [], **plain}
+        )
+    if as_json:
+        say_json(plain)
+        return OK
+    for dof, rows in sheet.quantities.items():
+        say(f"{dof} degrees of freedom")
+        say_table(
+            ["quantity", "over", "score", "cases", "95 % interval", "bar", ""],
+            [quantity_row(q) for q in rows],
+            3,
+        )
+        say()
+    control = f"{sheet.control.hits}/{sheet.control.count}"
+    say(f"control that must fail: {control} right with verdicts of other bundles")
+    if sheet.sealed is None:
+        say("not sealed: a development score, no blind check")
+    for c in sheet.cases:
+        if c.outcome not in ("right", "rejected"):
+            said = ", ".join(sorted(c.named)) or c.word
+            say(f"{c.name}: {' + '.join(c.planted) or 'none'} -> {said}: {c.outcome}; {c.reason}")
+    return OK
