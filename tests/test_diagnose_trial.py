@@ -195,7 +195,7 @@ def scattered(trial, seed):
 
 
 def test_scattered_outliers_are_found_whatever_the_gap_and_good_readings_stay():
-    # measured 83 %; 37 % and as many good readings lost when judged by innovations alone
+    # measured 82 %, here; on logs of the plant 88 % (80 % of those of 8 to 12 sigma) at a precision of 99 %
     found, planted = 0, 0
     for name in ("remus100", "generic_sub"):
         model = model_of(name)

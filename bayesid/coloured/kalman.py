@@ -273,6 +273,8 @@ def smooth(
                 f[nx + nf + a, nx + nf + a] = decay_d[i, a]
             lam = f.T @ lam
             big = f.T @ big @ f
+            # the update below contracts a symmetric matrix only; rounding would grow with an unstable hull
+            big = 0.5 * (big + big.T)
         for j in range(q - 1, -1, -1):
             if not valid[i, j]:
                 continue

@@ -6,26 +6,21 @@ Takes a trial and a vehicle. Gives a frozen `Problem`. Held-out runs are not eve
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
 
-from bayesid.coloured.colours import Colours, force_unit, smoothed
 from bayesid.coloured.fit import NOTHING, ColouredFit, Free, fit
 from bayesid.coloured.free import coefficient_prior, effect_prior
-from bayesid.coloured.levels import Environment, is_straight, measure, silent, stated
+from bayesid.coloured.levels import Environment, measure, stated
 from bayesid.coloured.log import Log, read_run
-from bayesid.coloured.path import Point, linearise
+from bayesid.coloured.path import Point
+from bayesid.diagnose.outliers import set_aside
 from bayesid.effects import Effect
 from bayesid.errors import TrialError
 from bayesid.model import Model
 from bayesid.trials import Trial
 
-# Misfit of an outlier over its deviation; force over 1/2 rho L^2 U^2 with which the path may bend meanwhile.
-OUTLIER, BENDING = 6.0, 0.003
-# Share of a channel's readings in a run above which outliers are no accident.
-MOST_OUTLIERS = 0.1
 Say = Callable[[str], None]
 
 
@@ -84,7 +79,7 @@ def pose(model: Model, trial: Trial, say: Say = lambda text: None, as_built: flo
     channels = tuple(c for c in model.kernel.channels if c in noise and c in measured)
     logs = [read_run(model, run, noise, channels) for run in runs]
     say("reading: readings that no smooth motion explains")
-    logs, outliers = _set_aside(model, logs)
+    logs, outliers = set_aside(model, logs)
     coefficients = coefficient_prior(model)
     if as_built is not None:
         coefficients = Free(
@@ -105,7 +100,7 @@ def pose(model: Model, trial: Trial, say: Say = lambda text: None, as_built: flo
         coefficients,
         environment,
         channels,
-        tuple(outliers),
+        outliers,
         tuple(warnings),
         led.follow,
         led.follow_level,
@@ -129,52 +124,13 @@ def _noise_from_data(runs: tuple, names: list[str]) -> dict[str, float]:
     return out
 
 
-def _set_aside(model: Model, logs: list[Log]) -> tuple[list[Log], list[tuple[str, float, str]]]:
-    """Logs without readings that all others contradict although the path may bend.
-
-    The worst reading of its neighbourhood goes first: an outlier spoils the misfit of those next to it.
-    """
-    force = tuple(BENDING * force_unit(model))
-    loud = Colours(force, silent(model).force_tau, 0.0, silent(model).drift_tau)
-    kept, start = list(logs), None
-    for _ in range(2):
-        fitted = fit(model, kept, NOTHING, loud, start=start, passes=3, loud=0.0)
-        start, before = fitted.points, kept
-        kept = [_stripped(model, log, point, loud) for log, point in zip(kept, fitted.points, strict=True)]
-        if all(new is old for new, old in zip(kept, before, strict=True)):
-            break
-    out, found = [], []
-    for log, new in zip(logs, kept, strict=True):
-        bad = log.valid & ~new.valid
-        # many in one channel are no accident: that is a gap, and the diagnosis' own business
-        bad &= bad.sum(axis=0) <= np.maximum(MOST_OUTLIERS * log.valid.sum(axis=0), 2)
-        for i, j in np.argwhere(bad):
-            found.append((log.name, float(log.plan.t[i]), model.kernel.channels[log.channels[j]]))
-        out.append(log.without(bad))
-    return out, found
-
-
-def _stripped(model: Model, log: Log, point: Point, colours: Colours) -> Log:
-    """One log without its outliers, along a fixed path; the same object where there is none."""
-    path = linearise(model, log, point, NOTHING.where)
-    for _ in range(12):
-        alone = np.abs(smoothed(model, path, NOTHING.mean, colours).alone)
-        spread = max(1.0, float(np.median(alone[path.log.valid])) / 0.6745)
-        near = maximum_filter1d(alone.max(axis=1), 7, mode="constant")
-        bad = path.log.valid & (alone > OUTLIER * spread) & (alone == near[:, None])
-        if not bad.any():
-            break
-        path = replace(path, log=path.log.without(bad))
-    return path.log
-
-
 def _environment(
     model: Model, trial: Trial, logs: list[Log], free: Free, warnings: list[str], say: Say
 ) -> Environment:
     told = trial.environment
     if told is not None and told.force_rms is not None:
         return stated(model, told.force_rms, told.nav_drift or 0.0)
-    straight = [log for log in logs if is_straight(model, log)]
+    straight = [log for log in logs if log.straight]
     if straight:
         say(f"environment: measured from {len(straight)} straight run(s)")
         first = measure(model, straight, free)
