@@ -197,9 +197,12 @@ def _solve_one(task: tuple[Path, Path, str, Settings, str]) -> tuple[str, str]:
 
 def _spatial(bundle: Path) -> bool:
     """Whether a bundle looks like 6-DOF, from its header only."""
-    first = next(iter(sorted(bundle.glob("*.csv"))), None)
-    head = first.open(encoding="utf-8", errors="replace").readline() if first else ""
-    return "dof = 6" in (bundle / "trial.toml").read_text("utf-8", errors="replace") or "z[" in head
+    head = ""
+    for first in sorted(bundle.glob("*.csv"))[:1]:
+        with first.open(encoding="utf-8", errors="replace") as stream:
+            head = stream.readline()
+    told = (bundle / "trial.toml").read_text("utf-8", errors="replace")
+    return "dof = 6" in told or ("z[" in head and "dof = 3" not in told)
 
 
 def _seal(out: Path, digests: dict[str, str], commitments: dict[str, Any] | None, now: dict[str, str],

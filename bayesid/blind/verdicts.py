@@ -26,7 +26,7 @@ def load_verdicts(folder: Path) -> dict[str, dict[str, Any]]:
 
     Raises
     ------
-    BlindError                 there is none, or one is no diagnosis
+    BlindError                 one is no diagnosis
     """
     found = {}
     for file in sorted(folder.glob("*/diagnosis.json")):
@@ -35,8 +35,6 @@ def load_verdicts(folder: Path) -> dict[str, dict[str, Any]]:
         if not isinstance(verdict, dict) or not keys <= set(verdict):
             raise BlindError(f"{file.parent.name}/diagnosis.json: is no diagnosis of format 1")
         found[file.parent.name] = verdict
-    if not found:
-        raise BlindError(f"{folder}: holds no <bundle>/diagnosis.json")
     return found
 
 

@@ -1,0 +1,233 @@
+"""The blind protocol: what it refuses, what it notices, what it keeps. One tiny bundle is really diagnosed."""
+
+import json
+import re
+import shutil
+
+import pytest
+from gap_trials import model_of, other_vehicle, planted_trial
+
+from bayesid.blind.answers import load_answers
+from bayesid.blind.leaks import check_pack
+from bayesid.blind.make import make_pack, seal_pack, write_answer
+from bayesid.blind.seal import COMMITMENTS, SEAL, BlindError, digest_of_file
+from bayesid.blind.sheet import score_pack
+from bayesid.blind.solve import NOTE, Settings, solve_pack
+from bayesid.cli.guard import run as cli
+from bayesid.diagnose.diagnosis import schema
+from bayesid.progress import Progress
+from bayesid.trials import load_trial, write_trial
+from bayesid.vehicles import write_vehicle
+
+QUIET = Progress(quiet=True)
+
+
+def answer(name, kind="none", effects=(), **more):
+    """An answer as the plant writes it, without what only tables need."""
+    planted = [{"name": n, "variant": "", "kind": kind, "size": 1.0, "parameters": {}} for n in effects]
+    told = {
+        "name": name,
+        "kind": kind,
+        "effects": planted,
+        "vehicle": "remus100",
+        "dof": 3,
+        "sensors": "full",
+    }
+    told |= {"campaign": "rich", "prior_relative_sd": 0.05, "environment": {"sea": "still"}}
+    return told | {"coefficient_draw_relative": {}} | more
+
+
+@pytest.fixture(scope="module")
+def original(tmp_path_factory):
+    """A sealed pack of one tiny bundle, its answer, its sealed verdict."""
+    base = tmp_path_factory.mktemp("blind")
+    model = model_of("remus100")
+    trial = planted_trial(model, other_vehicle(model, 11), seed=11, holdout=("turn",))
+    write_trial(trial, base / "pack" / "pond")
+    write_vehicle(model.vehicle, base / "pack" / "pond" / "vehicle.toml")
+    toml = base / "pack" / "pond" / "trial.toml"
+    toml.write_text(re.sub("vehicle = .*", 'vehicle = "vehicle.toml"', toml.read_text()))
+    (base / "answers").mkdir()
+    write_answer(base / "answers" / "pond.json", answer("pond"))
+    seal_pack(base / "pack", base / "answers", ["pond"])
+    solve_pack(base / "pack", base / "out", settings=Settings(plan_next=False, report=False), progress=QUIET)
+    return base
+
+
+@pytest.fixture
+def world(original, tmp_path):
+    """A copy that may be spoilt."""
+    for part in ("pack", "answers", "out"):
+        shutil.copytree(original / part, tmp_path / part)
+    return tmp_path
+
+
+def score(world, **options):
+    return score_pack(world / "answers", world / "out", progress=QUIET, **options)
+
+
+def test_a_whole_pack_is_solved_sealed_and_scored(world):
+    jsonschema = pytest.importorskip("jsonschema")
+    verdict = json.loads((world / "out" / "pond" / "diagnosis.json").read_text())
+    jsonschema.validate(verdict, schema())
+    seal = json.loads((world / "out" / SEAL).read_text())
+    assert set(seal["verdicts"]) == {"pond"} and not seal["failures"]
+    assert {"bayesid", "code", "numpy"} <= set(seal["versions"])
+    assert seal["cost"]["pond"]["cpu_seconds"] > 0
+    sheet = score(world)
+    (case,) = sheet.cases
+    assert case.name == "pond" and case.outcome == "right" and sheet.sealed is not None
+
+
+def test_a_verdict_changed_after_the_seal_is_noticed(world):
+    path = world / "out" / "pond" / "diagnosis.json"
+    path.write_text(path.read_text().replace('"none"', '"wind"', 1))
+    with pytest.raises(BlindError, match="pond: the verdict was changed after the seal"):
+        score(world)
+
+
+def test_a_verdict_changed_together_with_its_fingerprint_is_noticed(world):
+    path = world / "out" / "pond" / "diagnosis.json"
+    path.write_text(path.read_text() + " ")
+    seal = json.loads((world / "out" / SEAL).read_text())
+    seal["verdicts"]["pond"] = digest_of_file(path)
+    (world / "out" / SEAL).write_text(json.dumps(seal))
+    with pytest.raises(BlindError, match="the seal is broken"):
+        score(world)
+
+
+def test_a_verdict_added_or_taken_away_after_the_seal_is_noticed(world):
+    shutil.copytree(world / "out" / "pond", world / "out" / "lake")
+    shutil.rmtree(world / "out" / "pond")
+    with pytest.raises(BlindError, match="2 problems") as error:
+        score(world)
+    assert "lake: a verdict was added" in str(error.value)
+    assert "pond: the sealed verdict is missing" in str(error.value)
+
+
+def test_an_answer_changed_after_the_commitment_is_noticed(world):
+    path = world / "answers" / "pond.json"
+    path.write_text(path.read_text().replace('"none"', '"variant"', 1).replace('"salt"', '"sugar"', 1))
+    told = json.loads(path.read_text()) | answer("pond", "effect", ["wind"])
+    path.write_text(json.dumps(told))
+    with pytest.raises(BlindError, match="pond: the answer is not the one that was sealed"):
+        score(world)
+
+
+def test_a_missing_answer_is_noticed(world):
+    (world / "answers" / "pond.json").rename(world / "answers" / "lake.json")
+    with pytest.raises(BlindError, match="pond: no answer for this bundle"):
+        score(world)
+
+
+def test_verdicts_without_a_seal_are_scored_only_when_asked(world):
+    (world / "out" / SEAL).unlink()
+    with pytest.raises(BlindError, match="holds no seal.json"):
+        score(world)
+    assert score(world, unsealed=True).sealed is None
+
+
+def test_an_answer_in_the_pack_stops_the_solver_before_it_starts(world):
+    shutil.rmtree(world / "out")
+    shutil.copy(world / "answers" / "pond.json", world / "pack" / "pond" / "notes.csv")
+    with pytest.raises(BlindError, match=r"pond/notes.csv: is a sealed answer"):
+        solve_pack(world / "pack", world / "out", progress=QUIET)
+    assert not (world / "out").exists()
+
+
+@pytest.mark.parametrize("name, text, said", [
+    ("labels.json", "[]", "labels.json: may hold an answer"),
+    ("pond/readme.txt", "it was the wind", "readme.txt: may hold an answer"),
+    ("pond/extra.toml", 'cause = "rudder_offset"', "holds 'rudder_offset'"),
+    ("pond/more.csv", '# "label" = 3\n', "holds '\"label\"'"),
+])  # fmt: skip
+def test_whatever_may_hold_an_answer_is_refused(world, name, text, said):
+    (world / "pack" / name).write_text(text)
+    with pytest.raises(BlindError, match=said.replace("(", r"\(")):
+        check_pack(world / "pack")
+
+
+def test_a_link_out_of_the_pack_is_refused(world):
+    (world / "pack" / "pond" / "more.csv").symlink_to(world / "answers" / "pond.json")
+    with pytest.raises(BlindError, match=r"more.csv: is a link"):
+        check_pack(world / "pack")
+
+
+def test_a_pack_with_a_missing_or_a_changed_bundle_is_refused(world):
+    run = next((world / "pack" / "pond").glob("*.csv"))
+    run.write_text(run.read_text() + "\n")
+    with pytest.raises(BlindError, match="pond was changed after the pack was sealed"):
+        check_pack(world / "pack")
+    (world / "pack" / "pond").rename(world / "pack" / "lake")
+    with pytest.raises(BlindError, match="incomplete: bundle pond is announced but missing"):
+        check_pack(world / "pack")
+
+
+def test_a_folder_without_commitments_is_solved_and_says_so(world):
+    (world / "pack" / COMMITMENTS).unlink()
+    assert check_pack(world / "pack") is None
+
+
+def test_a_solved_bundle_is_kept_and_a_torn_one_is_not(world):
+    (world / "out" / SEAL).unlink()
+    before = (world / "out" / "pond" / NOTE).stat().st_mtime_ns
+    seal = solve_pack(world / "pack", world / "out", progress=QUIET)
+    assert (world / "out" / "pond" / NOTE).stat().st_mtime_ns == before
+    assert set(seal["verdicts"]) == {"pond"}
+    with pytest.raises(BlindError, match="sealed folder is not written to again"):
+        solve_pack(world / "pack", world / "out", progress=QUIET)
+
+
+def test_verdicts_of_another_bundle_of_the_same_name_are_not_taken_over(world):
+    (world / "out" / SEAL).unlink()
+    note = json.loads((world / "out" / "pond" / NOTE).read_text())
+    (world / "out" / "pond" / NOTE).write_text(json.dumps(note | {"bundle": "0" * 64}))
+    with pytest.raises(BlindError, match="pond: the verdict in .* is of another bundle"):
+        solve_pack(world / "pack", world / "out", progress=QUIET)
+
+
+def test_a_bundle_that_cannot_be_read_is_sealed_as_unanswered_and_scored_as_a_miss(world):
+    (world / "pack" / COMMITMENTS).unlink()
+    (world / "pack" / "pond" / "trial.toml").write_text("format = 1\n")
+    seal = solve_pack(world / "pack", world / "new", progress=QUIET)
+    assert seal["verdicts"] == {} and "pond" in seal["failures"]
+    (case,) = score_pack(world / "answers", world / "new", progress=QUIET).cases
+    assert case.outcome == "failed" and not case.covered
+
+
+def test_verdicts_do_not_go_into_the_pack_nor_answers_beside_it(world):
+    with pytest.raises(BlindError, match="must not be written into the pack"):
+        solve_pack(world / "pack", world / "pack" / "out", progress=QUIET)
+    with pytest.raises(BlindError, match="folder of their own"):
+        make_pack([1], world / "made", world / "made" / "answers", progress=QUIET)
+
+
+def test_a_made_pack_is_silent_committed_and_resumed(tmp_path):
+    factors = {
+        "vehicle": "lauv",
+        "dof": 3,
+        "sensors": "full",
+        "effects": ["rudder_offset"],
+        "sizes": (1.0, 1.0),
+    }
+    make_pack([3], tmp_path / "pack", tmp_path / "answers", factors, progress=QUIET)
+    told = check_pack(tmp_path / "pack")
+    name = "p0003"
+    assert told["bundles"][name]["answer"] == digest_of_file(tmp_path / "answers" / f"{name}.json")
+    known = load_answers(tmp_path / "answers")[name]
+    assert known.families == {"rudder_offset"}
+    assert known.causes[0].shown.noncentrality > 25  # two degrees of rudder are plain to see
+    assert load_trial(tmp_path / "pack" / name).dof == 3
+    (tmp_path / "pack" / COMMITMENTS).unlink()
+    before = (tmp_path / "answers" / f"{name}.json").read_bytes()
+    make_pack([3], tmp_path / "pack", tmp_path / "answers", factors, progress=QUIET)
+    assert (tmp_path / "answers" / f"{name}.json").read_bytes() == before  # same salt: it was kept
+    with pytest.raises(BlindError, match="finished pack"):
+        make_pack([3], tmp_path / "pack", tmp_path / "answers", factors, progress=QUIET)
+
+
+def test_a_user_sees_one_message_and_no_traceback(world, capsys):
+    (world / "pack" / "labels.json").write_text("[]")
+    assert cli(["blind", "solve", str(world / "pack"), "--out", str(world / "new")]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and "labels.json" in said and "Traceback" not in said
