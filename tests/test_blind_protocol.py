@@ -1,4 +1,4 @@
-"""The blind protocol: what it refuses, what it notices, what it keeps. One tiny bundle is really diagnosed."""
+"""The blind protocol: what it refuses, notices and keeps. One tiny bundle is really diagnosed."""
 
 import json
 import re
@@ -122,7 +122,7 @@ def test_a_missing_answer_is_noticed(world):
 
 def test_verdicts_without_a_seal_are_scored_only_when_asked(world):
     (world / "out" / SEAL).unlink()
-    with pytest.raises(BlindError, match="holds no seal.json"):
+    with pytest.raises(BlindError, match=r"holds no seal\.json"):
         score(world)
     assert score(world, unsealed=True).sealed is None
 
@@ -182,7 +182,7 @@ def test_verdicts_of_another_bundle_of_the_same_name_are_not_taken_over(world):
     (world / "out" / SEAL).unlink()
     note = json.loads((world / "out" / "pond" / NOTE).read_text())
     (world / "out" / "pond" / NOTE).write_text(json.dumps(note | {"bundle": "0" * 64}))
-    with pytest.raises(BlindError, match="pond: the verdict in .* is of another bundle"):
+    with pytest.raises(BlindError, match=r"pond: the verdict in .* is of another bundle"):
         solve_pack(world / "pack", world / "out", progress=QUIET)
 
 
