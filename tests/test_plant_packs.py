@@ -9,6 +9,7 @@ import pytest
 from bayesid.errors import TrialError
 from bayesid.plant import draw_campaign, fly_campaign, still, true_response, write_bundle, write_pack
 from bayesid.plant.__main__ import main
+from bayesid.plant.example import example_campaign
 from bayesid.trials import load_trial
 from bayesid.vehicles import load_vehicle
 
@@ -28,6 +29,24 @@ def test_the_same_seed_writes_the_same_bytes(tmp_path):
     assert first == again
     assert files(tmp_path / "a")["r1.csv"] != files(tmp_path / "c")["r1.csv"]
     assert first != other
+
+
+def test_the_built_in_example_is_what_its_seed_gives(tmp_path, monkeypatch):
+    # numbers, not bytes: another libm may turn a last digit
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "example" / "gap").mkdir(parents=True)  # results of an earlier diagnosis are no bundle
+    truth = write_bundle(example_campaign(), tmp_path / "again", "example")
+    kept, made = load_trial("example"), load_trial(tmp_path / "again")
+    assert [(r.name, r.role, r.manoeuvre) for r in kept.runs] == [
+        (r.name, r.role, r.manoeuvre) for r in made.runs
+    ]
+    for a, b in zip(kept.runs, made.runs, strict=True):
+        for name, values in a.data.items():
+            assert values == pytest.approx(b.data[name], abs=2e-3, nan_ok=True)
+    assert kept.noise == made.noise
+    assert load_vehicle(kept.vehicle_ref).coef == load_vehicle(made.vehicle_ref).coef
+    assert truth["effects"][0]["name"] not in "".join(p.read_text() for p in kept.folder.iterdir())
+    assert sum(p.stat().st_size for p in kept.folder.iterdir()) < 300_000
 
 
 def test_fixing_one_factor_leaves_the_other_draws_alone():

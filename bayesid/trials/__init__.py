@@ -1,6 +1,6 @@
 """Logged trials: read, checked, windowed, written, summed up."""
 
-from bayesid.trials.bundle import load_trial
+from bayesid.trials.bundle import builtin_trials, load_trial
 from bayesid.trials.summary import trial_summary
 from bayesid.trials.trial import Channels, Environment, Run, Trial, channels_of
 from bayesid.trials.window import resample, thin, window
@@ -11,6 +11,7 @@ __all__ = [
     "Environment",
     "Run",
     "Trial",
+    "builtin_trials",
     "channels_of",
     "load_trial",
     "resample",

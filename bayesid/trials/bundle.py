@@ -22,13 +22,15 @@ from bayesid.trials.table import BadTableError, parse_table, read_bytes
 from bayesid.trials.trial import Run, Trial
 from bayesid.trials.window import window
 
+BUILTIN = Path(__file__).parent / "builtin"
+
 
 def load_trial(path: str | Path, data: str | Path | None = None) -> Trial:
     """Read a trial bundle.
 
     Parameters
     ----------
-    path : folder of the bundle or its trial.toml
+    path : folder of the bundle or its trial.toml, or the name of a built-in bundle ("example")
     data : folder that holds the logs where they are kept outside the bundle; a run's `file` is looked up
         there, and in the subfolder of the bundle's name
 
@@ -42,15 +44,30 @@ def load_trial(path: str | Path, data: str | Path | None = None) -> Trial:
     """
     path = Path(path)
     try:
+        path = _builtin(path)
         toml = path if path.suffix == ".toml" or path.is_file() else path / "trial.toml"
         if not toml.exists():
-            raise TrialError(f"{toml}: does not exist; a trial is a folder with a trial.toml")
+            raise TrialError(
+                f"{toml}: does not exist; a trial is a folder with a trial.toml, or the name of a built-in "
+                f"one ({', '.join(builtin_trials())})"
+            )
         raw = read_bytes(toml, limit=2**20)
     except BadTableError as error:
         raise_all(TrialError, str(toml), error.problems)
     except (OSError, RuntimeError, ValueError) as error:
         raise TrialError(f"{str(path)[:200]!r}: cannot be read: {error}") from None
     return _load(raw, toml, None if data is None else Path(data))
+
+
+def builtin_trials() -> tuple[str, ...]:
+    """Names of the bundles that come with the package."""
+    return tuple(sorted(p.parent.name for p in BUILTIN.glob("*/trial.toml")))
+
+
+def _builtin(path: Path) -> Path:
+    """Folder of a built-in bundle where the path is its bare name and no bundle of that name lies here."""
+    here = path.is_file() or (path / "trial.toml").exists()
+    return BUILTIN / path if not here and str(path) in builtin_trials() else path
 
 
 def _load(raw: bytes, toml: Path, data: Path | None) -> Trial:
