@@ -5,7 +5,7 @@ Takes amplitudes and correlation times. Gives whitened stacks of all runs. Does 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,18 +25,37 @@ class Colours:
     force_tau : [s]
     drift : slow position error, one standard deviation [m]
     drift_tau : [s]
+    arms : moment per force of each pair of `COUPLED` axes the model has [m]; empty stands for zeros
     """
 
     force: tuple[float, ...]
     force_tau: float
     drift: float
     drift_tau: float
+    arms: tuple[float, ...] = ()
 
     def scaled(self, factor: float) -> Colours:
         """All amplitudes times a factor."""
-        return Colours(
-            tuple(f * factor for f in self.force), self.force_tau, self.drift * factor, self.drift_tau
-        )
+        return replace(self, force=tuple(f * factor for f in self.force), drift=self.drift * factor)
+
+
+# Moments that come with a lateral or vertical disturbance: it acts at some place along the hull, and the
+# true inertia turns a side force into yaw otherwise than the nominal one does.
+COUPLED = (("Y", "N"), ("Z", "M"), ("Y", "K"))
+
+
+def pairs(model: Model) -> tuple[tuple[int, int], ...]:
+    """Positions (moment, force) of the `COUPLED` axes the model has, among its force axes."""
+    axes = [n[-1] for n in model.kernel.exogenous if n.startswith("force_")]
+    return tuple((axes.index(m), axes.index(f)) for f, m in COUPLED if f in axes and m in axes)
+
+
+def mixing(model: Model, colours: Colours) -> Array:
+    """(nf, nf) matrix that turns the independent latent signals into forces of the axes."""
+    out = np.eye(len(colours.force))
+    for (moment, force), arm in zip(pairs(model), colours.arms, strict=False):
+        out[moment, force] = arm
+    return out
 
 
 @dataclass(frozen=True)
@@ -84,13 +103,16 @@ class Filter:
 def filter_settings(
     model: Model, path: Path, colours: Colours, latent: Latent | None = None, run: int = 0
 ) -> Filter:
-    """Filter settings of one run under an environment and, if given, a generic latent signal."""
+    """Filter settings of one run under an environment and, if given, a generic latent signal.
+
+    Latent inputs in order: environment, latent signal, jumps of the state after events.
+    """
     log = path.log
     gaps = np.diff(log.plan.t)
     n_force = len(colours.force)
     q = len(log.channels)
     names = [model.kernel.channels[c] for c in log.channels]
-    gamma = [path.gamma[:, :, :n_force]]
+    gamma = [path.gamma[:, :, :n_force] @ mixing(model, colours)]
     decay = [np.repeat(np.exp(-gaps / colours.force_tau)[:, None], n_force, axis=1)]
     variance = [np.array(colours.force) ** 2]
     position = [j for j, c in enumerate(names) if c in ("x", "y", "z")]
@@ -115,6 +137,14 @@ def filter_settings(
         decay_d.append(np.repeat(np.exp(-gaps / latent.tau)[:, None], len(seen), axis=1))
         sd = dict(zip(latent.channels, latent.sd[len(where) :], strict=True))
         variance_d.append(np.array([sd[names[j]] ** 2 for j in seen]))
+    if log.fresh is not None:
+        at, states = np.nonzero(log.fresh)
+        jumps = np.zeros((log.fresh.shape[0], log.fresh.shape[1], log.fresh.shape[1]))
+        jumps[at, states, states] = log.fresh[at, states]
+        seen = np.unique(states)
+        gamma.append(jumps[:, :, seen])
+        decay.append(np.zeros((gaps.size, seen.size)))
+        variance.append(np.ones(seen.size))
     return Filter(
         log.sigma**2,
         np.ascontiguousarray(np.concatenate(gamma, axis=2)),

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bayesid.coloured.colours import Colours, force_unit, smoothed, whitened
+from bayesid.coloured.colours import Colours, force_unit, mixing, smoothed, whitened
 from bayesid.coloured.evidence import Gram, Posterior, gram, posterior
 from bayesid.coloured.log import Array, Log
 from bayesid.coloured.path import Path, Point, first_point, linearise
@@ -228,7 +228,7 @@ def _moved(
         par[free.where] = values
         sm = smoothed(model, path, values - path.point.par[free.where], colours, run=i)
         nx = path.point.states.shape[1]
-        force = np.ascontiguousarray(sm.mean[:-1, nx : nx + n_force])
+        force = np.ascontiguousarray(sm.mean[:-1, nx : nx + n_force] @ mixing(model, colours).T)
         points.append(Point(par, path.point.states + sm.mean[:, :nx], force))
         standards.append(sm.standard)
     return points, standards

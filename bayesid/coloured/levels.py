@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize
 
-from bayesid.coloured.colours import Colours, force_unit
+from bayesid.coloured.colours import Colours, force_unit, pairs
 from bayesid.coloured.evidence import posterior
 from bayesid.coloured.fit import NOTHING, Free, fit, stack
 from bayesid.coloured.log import Array, Log
@@ -27,6 +27,8 @@ DRIFT_MEDIAN, DRIFT_SPREAD = 0.05, 1.5
 # How far the environment of manoeuvring runs may lie from that of the straight ones, in the logarithm.
 REPEATABLE = 0.4
 TAU_FORCE, TAU_DRIFT, TAU_SPREAD = 3.0, 25.0, 0.7
+# Prior sd of the arms of the disturbances over L, and how well a measured one repeats.
+ARM_SPREAD, ARM_REPEATS = 0.25, 0.05
 
 
 @dataclass(frozen=True)
@@ -76,23 +78,31 @@ def measure(
     """
     unit, s = force_unit(model), model.scales
     time = s["L"] / s["U"]
+    arms = len(pairs(model))
     if known is None:
-        centre = np.log(
+        logs_centre = np.log(
             np.concatenate([np.full(unit.size, FORCE_MEDIAN), [DRIFT_MEDIAN, TAU_FORCE, TAU_DRIFT]])
         )
-        spread = np.concatenate([np.full(unit.size, FORCE_SPREAD), [DRIFT_SPREAD, TAU_SPREAD, TAU_SPREAD]])
+        logs_spread = np.concatenate(
+            [np.full(unit.size, FORCE_SPREAD), [DRIFT_SPREAD, TAU_SPREAD, TAU_SPREAD]]
+        )
+        centre = np.concatenate([logs_centre, np.zeros(arms)])
+        spread = np.concatenate([logs_spread, np.full(arms, ARM_SPREAD)])
     else:
         c = known.colours
         level = [*(np.array(c.force) / unit), c.drift / s["L"], c.force_tau / time, c.drift_tau / time]
-        centre, spread = np.log(level), np.full(unit.size + 3, REPEATABLE)
+        before = np.array(c.arms) / s["L"] if c.arms else np.zeros(arms)
+        centre = np.concatenate([np.log(level), before])
+        spread = np.concatenate([np.full(unit.size + 3, REPEATABLE), np.full(arms, ARM_REPEATS)])
 
     def colours(theta: Array) -> Colours:
-        value = np.exp(theta)
+        value = np.exp(theta[: unit.size + 3])
         return Colours(
             tuple(float(f) for f in value[: unit.size] * unit),
             float(value[-2] * time),
             float(value[-3] * s["L"]),
             float(value[-1] * time),
+            tuple(float(x) for x in theta[unit.size + 3 :] * s["L"]),
         )
 
     theta = centre.copy()
@@ -120,17 +130,3 @@ def measure(
         )
         theta = found.x
     return Environment(colours(theta), "measured", spread_found)
-
-
-def is_straight(model: Model, log: Log) -> bool:
-    """Whether a run keeps its heading within 15 degrees at steady revolutions, with little rudder."""
-    a = model.kernel.actuators
-    rudder = log.plan.command[:, a.index("delta_r")]
-    rpm = log.plan.command[:, a.index("n")]
-    heading = log.path[:, model.kernel.full.states.index("psi")]
-    limit = float(model.nominal[model.index["limit_r"]])
-    return bool(
-        np.ptp(heading) < 0.26
-        and np.std(rudder) < 0.1 * min(limit, 0.6)
-        and np.ptp(rpm) <= 0.02 * max(1.0, np.abs(rpm).max())
-    )

@@ -35,6 +35,9 @@ class Log:
     sigma : (q,) white sensor noise, one standard deviation
     path : (n, nx) first guess of the states of the full kernel
     start_sd : (nx,) how far the first state may be off
+    straight : heading kept at steady revolutions with little rudder: what moves sideways is the environment
+    fresh : (n-1, nx) deviation by which the state may jump at the end of each interval: none, unless an event
+        took the vehicle or its navigation out of the model's hands
     """
 
     name: str
@@ -47,6 +50,8 @@ class Log:
     sigma: Array
     path: Array
     start_sd: Array
+    straight: bool = False
+    fresh: Array | None = None
 
     @property
     def n(self) -> int:
@@ -77,6 +82,7 @@ def read_run(model: Model, run: Any, noise: Mapping[str, float], channels: Seque
         **dict.fromkeys(("p", "q", "r"), 0.5 * s["U"] / s["L"]),
     }
     states = model.kernel.full.states
+    path = _first_path(model, run, noise)
     return Log(
         name=run.name,
         manoeuvre=run.manoeuvre,
@@ -86,8 +92,9 @@ def read_run(model: Model, run: Any, noise: Mapping[str, float], channels: Seque
         data=data,
         valid=np.isfinite(data),
         sigma=np.array([noise[c] for c in names]),
-        path=_first_path(model, run, noise),
+        path=path,
         start_sd=np.array([wide.get(n, 0.1 * s["U"]) for n in states]),
+        straight=_straight(model, plan, path),
     )
 
 
@@ -135,3 +142,17 @@ def _first_path(model: Model, run: Any, noise: Mapping[str, float]) -> Array:
     value.setdefault("u", np.full(t.size, s["U"]))
     value["v_lagged"] = value.get("v", np.zeros(t.size))
     return np.column_stack([value.get(n, np.zeros(t.size)) for n in model.kernel.full.states])
+
+
+def _straight(model: Model, plan: Plan, path: Array) -> bool:
+    """Whether a run keeps its heading within 15 degrees at steady revolutions, with little rudder."""
+    a = model.kernel.actuators
+    rudder = plan.command[:, a.index("delta_r")]
+    rpm = plan.command[:, a.index("n")]
+    heading = path[:, model.kernel.full.states.index("psi")]
+    limit = float(model.nominal[model.index["limit_r"]])
+    return bool(
+        np.ptp(heading) < 0.26
+        and np.std(rudder) < 0.1 * min(limit, 0.6)
+        and np.ptp(rpm) <= 0.02 * max(1.0, np.abs(rpm).max())
+    )

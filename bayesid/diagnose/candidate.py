@@ -12,7 +12,7 @@ from scipy.special import log_ndtr, logsumexp
 
 from bayesid.coloured.evidence import posterior
 from bayesid.coloured.fit import ColouredFit, stack
-from bayesid.coloured.levels import REPEATABLE, is_straight
+from bayesid.coloured.levels import REPEATABLE
 from bayesid.coloured.log import Array
 from bayesid.diagnose.problem import Problem
 from bayesid.effects import Effect
@@ -83,7 +83,7 @@ def away_from_straight(problem: Problem, candidate: Candidate, none: Candidate) 
     """
     model = problem.model
     remembers = any(_remembers(model.effects[n]) for n in candidate.effects if n in model.effects)
-    straight = [is_straight(model, log) for log in problem.logs]
+    straight = [log.straight for log in problem.logs]
     if not remembers or not any(straight) or all(straight):
         return candidate
     gains = []
