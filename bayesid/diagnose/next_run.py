@@ -46,7 +46,7 @@ def propose(problem: Problem, bank: Bank, names: Sequence[str], size: float) -> 
     """
     model = problem.model
     chosen = [n for n in names if n in bank.effects]
-    now = _worst(bank, chosen, size)
+    now = worst_margin(bank, chosen, size)
     rpm = model.vehicle.rpm_ref or 1.0
     limit = float(min(model.nominal[model.index["limit_r"]], 0.6))
     out = []
@@ -56,17 +56,19 @@ def propose(problem: Problem, bank: Bank, names: Sequence[str], size: float) -> 
         return ()
     for name, manoeuvre in flown.items():
         try:
-            added = _information(problem, bank, manoeuvre)
+            added = run_gram(problem, bank, manoeuvre)
         except BayesidError:
             continue
         if added is None:
             continue
         more = replace(bank, grams=tuple((*g, added) if i == 0 else g for i, g in enumerate(bank.grams)))
-        out.append(Proposal(name, float(manoeuvre.t[-1]), now, _worst(more, chosen, size)))
+        out.append(Proposal(name, float(manoeuvre.t[-1]), now, worst_margin(more, chosen, size)))
     return tuple(sorted(out, key=lambda p: -p.margin_with))
 
 
-def _worst(bank: Bank, names: Sequence[str], size: float) -> float:
+def worst_margin(bank: Bank, names: Sequence[str], size: float) -> float:
+    """Expected log-evidence margin [nats] of the pair that is hardest to tell apart; with fewer than two
+    names half the median noncentrality of all effects."""
     told = ambiguity(bank, size)
     if len(names) >= 2:
         index = [told.names.index(n) for n in names]
@@ -75,12 +77,26 @@ def _worst(bank: Bank, names: Sequence[str], size: float) -> float:
     return float(np.median(seen)) / 2.0
 
 
-def _information(problem: Problem, bank: Bank, manoeuvre: object) -> Gram | None:
-    """Gram matrix a manoeuvre would add, in the column order of the bank."""
+def run_gram(
+    problem: Problem, bank: Bank, manoeuvre: object, par: Array | None = None, longest: float = LONGEST
+) -> Gram | None:
+    """Gram matrix a manoeuvre would add, in the column order of the bank; None if too few readings.
+
+    Parameters
+    ----------
+    par : (n_par,) vehicle that flies it, effects off; the nominal one by default
+    longest : what comes later is not counted [L/U]
+
+    Raises
+    ------
+    ModelError
+        if the vehicle diverges
+    """
     model = problem.model
-    track, commands = fly(model, model.nominal, manoeuvre, steady_start(model))
+    par = model.nominal if par is None else par
+    track, commands = fly(model, par, manoeuvre, steady_start(model))
     spacing = float(np.median(np.diff(problem.logs[0].plan.t)))
-    stop = min(track.t[-1], LONGEST * model.scales["L"] / model.scales["U"])
+    stop = min(track.t[-1], longest * model.scales["L"] / model.scales["U"])
     t = np.arange(track.t[0], stop, spacing)
     if t.size < 20:
         return None
@@ -107,7 +123,7 @@ def _information(problem: Problem, bank: Bank, manoeuvre: object) -> Gram | None
         states,
         like.start_sd,
     )
-    point = Point(model.nominal.copy(), states, np.zeros((t.size - 1, len(bank.levels[0].force))))
+    point = Point(np.array(par), states, np.zeros((t.size - 1, len(bank.levels[0].force))))
     smooth = [c.effect for c in bank.effects.values() if c.effect.smooth]
     kinked = [c.effect for c in bank.effects.values() if not c.effect.smooth]
     free = problem.coefficients

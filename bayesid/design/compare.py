@@ -1,0 +1,244 @@
+"""Manoeuvres side by side: what each reveals, what it adds to those flown, what it lets one predict.
+
+Takes a `Case` (vehicle, knowledge, logger, limits) and drawn vehicles. Gives frozen tables. Does not choose
+or draw pictures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.stats import spearmanr
+
+from bayesid.design.criteria import Criteria, criteria, gain, posterior
+from bayesid.design.goals import prediction_rows
+from bayesid.design.information import (
+    Flight,
+    Information,
+    Logging,
+    flown_information,
+    information,
+    nothing,
+    planned,
+)
+from bayesid.design.knowledge import Knowledge, flying
+from bayesid.design.limits import Limits, flyable, library_within, may_fly
+from bayesid.design.refit import Refit, prediction_error, refitted
+from bayesid.errors import ModelError
+from bayesid.likelihood import RunData
+from bayesid.manoeuvres import Manoeuvre, straight
+from bayesid.model import Model
+from bayesid.simulate import sensitivities
+
+Array = np.ndarray
+WILD = 1e5  # growth of a disturbance beyond which orders without feedback make no prediction
+Watch = Callable[[str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A vehicle before its next run.
+
+    flown : runs already logged, as a fit reads them
+    """
+
+    model: Model
+    knowledge: Knowledge
+    logging: Logging
+    bounds: Limits
+    flown: tuple[RunData, ...] = ()
+
+    def draws(self, rng: np.random.Generator, count: int) -> Array:
+        """(<= count, n) vehicles as the knowledge allows, those that cannot turn left out."""
+        found = self.knowledge.draws(self.model, rng, count)
+        return flying(self.model, found, (flyable(self.model, d, self.bounds) for d in found))
+
+    def now(self, draws: Array) -> Information:
+        """Information of the runs flown."""
+        if not self.flown:
+            return nothing(self.knowledge, len(draws))
+        return flown_information(self.model, self.knowledge, draws, self.flown)
+
+    def of(self, manoeuvre: Manoeuvre, draws: Array, name: str = "") -> Information:
+        """Information of a manoeuvre."""
+        return information(self.model, self.knowledge, draws, manoeuvre, self.logging, name)
+
+    def flight(self, manoeuvre: Manoeuvre, par: Array | None = None, name: str = "") -> Flight:
+        """The manoeuvre flown by one vehicle, the nominal one by default."""
+        return planned(self.model, self.model.nominal if par is None else par, manoeuvre, self.logging, name)
+
+    def growth(self, flight: Flight) -> float:
+        """How many times a yaw rate at the start comes back as heading per length travelled."""
+        nobody = np.zeros(0, dtype=np.int64)
+        start = sensitivities(self.model, self.model.nominal, flight.run.plan, flight.run.x0, nobody).jacobian
+        psi, r = (self.model.states.index(n) for n in ("psi", "r"))
+        return float(np.max(np.abs(start[:, psi, r]))) * self.model.scales["U"] / self.model.scales["L"]
+
+    @cached_property
+    def steady(self) -> bool:
+        """Whether the nominal vehicle keeps straight without a hand on the rudder for the whole duration."""
+        run = straight(self.bounds.usual, self.bounds.duration, self.bounds.dt)
+        return self.growth(self.flight(run)) <= WILD
+
+    def allowed(self) -> tuple[dict[str, Manoeuvre], dict[str, str]]:
+        """Library manoeuvres of the right duration within the limits, and why the others are not."""
+        fit, refused = {}, {}
+        for name, manoeuvre in library_within(self.model, self.bounds).items():
+            try:
+                flight = self.flight(manoeuvre)
+            except ModelError as exc:
+                refused[name] = str(exc)
+                continue
+            why = may_fly(self.bounds, flight.track, flight.commands)
+            grown = self.growth(flight)
+            if grown > WILD:
+                why = f"the vehicle is unstable: a disturbance at the start grows {grown:.0e}-fold"
+            if why:
+                refused[name] = why
+            else:
+                fit[name] = manoeuvre
+        return fit, refused
+
+
+@dataclass(frozen=True, eq=False)
+class Excitation:
+    """What every manoeuvre reveals.
+
+    Attributes
+    ----------
+    criteria : one per manoeuvre, richest (largest gain) first
+    added : gain [nats] on top of the runs flown, in the same order
+    now : of the runs flown
+    """
+
+    criteria: tuple[Criteria, ...]
+    added: Array
+    now: Criteria
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(c.name for c in self.criteria)
+
+    def contraction(self) -> Array:
+        """(m, k) expected contraction."""
+        return np.array([c.contraction for c in self.criteria])
+
+
+def excitation(
+    case: Case, manoeuvres: Mapping[str, Manoeuvre], draws: Array, watch: Watch = lambda name: None
+) -> tuple[Excitation, dict[str, Information]]:
+    """Criteria of every manoeuvre; those a drawn vehicle cannot fly are left out."""
+    now = case.now(draws)
+    infos: dict[str, Information] = {}
+    for name, manoeuvre in manoeuvres.items():
+        with suppress(ModelError):
+            infos[name] = case.of(manoeuvre, draws, name)
+        watch(name)
+    found = sorted((criteria(case.knowledge, i) for i in infos.values()), key=lambda c: -c.gain)
+    base = gain(now.grams)
+    added = np.array([np.mean(gain(now.grams + infos[c.name].grams) - base) for c in found])
+    return Excitation(tuple(found), added, criteria(case.knowledge, now)), infos
+
+
+@dataclass(frozen=True, eq=False)
+class Crossing:
+    """Identify on the row, predict the column; rms error over sensor noise.
+
+    Attributes
+    ----------
+    names : (m,)
+    predicted : (m, m) from information alone, over the drawn vehicles
+    actual : (m, m) of refits of virtual trials, root mean square over true vehicles; nan where none was made
+    prior : (m,) predicted error with nothing flown
+    """
+
+    names: tuple[str, ...]
+    predicted: Array
+    actual: Array
+    prior: Array
+
+    def others(self, table: Array) -> Array:
+        """(m,) log-mean error of a row over all columns but its own."""
+        with np.errstate(divide="ignore"):
+            logs = np.log(np.maximum(table, 1e-12))
+        np.fill_diagonal(logs, np.nan)
+        return np.exp(np.nanmean(logs, axis=1))
+
+
+def crossing(
+    case: Case, manoeuvres: Mapping[str, Manoeuvre], infos: Mapping[str, Information], draws: Array
+) -> Crossing:
+    """Predicted part of the table; `actual` is filled by `crossed`."""
+    names = tuple(infos)
+    rows = {
+        name: np.array(
+            [
+                prediction_rows(case.model, case.knowledge, par, case.flight(manoeuvres[name], par).run)
+                for par in draws
+            ]
+        )
+        for name in names
+    }
+    table = np.empty((len(names), len(names)))
+    for i, row in enumerate(names):
+        left = posterior(infos[row].grams)
+        for j, column in enumerate(names):
+            table[i, j] = _rms(rows[column], left)
+    prior = np.array([np.sqrt(np.mean(np.sum(rows[n] ** 2, axis=2))) for n in names])
+    return Crossing(names, table, np.full_like(table, np.nan), prior)
+
+
+def _rms(rows: Array, left: Array) -> float:
+    return float(np.sqrt(np.mean(np.einsum("dni,dij,dnj->dn", rows, left, rows, optimize=True))))
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """Refits of one true vehicle, one per manoeuvre."""
+
+    par: Array
+    flights: Mapping[str, Flight]
+    refits: Mapping[str, Refit]
+
+
+def tried(
+    case: Case, manoeuvres: Mapping[str, Manoeuvre], par: Array, seed: int, watch: Watch = lambda name: None
+) -> Trial:
+    """Every manoeuvre flown by one true vehicle, logged with noise and refitted on its own."""
+    flights, refits = {}, {}
+    for k, (name, manoeuvre) in enumerate(manoeuvres.items()):
+        with suppress(ModelError):
+            flights[name] = case.flight(manoeuvre, par, name)
+            refits[name] = refitted(case.model, case.knowledge, [flights[name]], par, seed * 1000 + k)
+        watch(name)
+    return Trial(par, flights, refits)
+
+
+def crossed(case: Case, table: Crossing, trials: Sequence[Trial]) -> Crossing:
+    """The table with the errors that refits really make."""
+    total = np.zeros_like(table.predicted)
+    count = np.zeros_like(total)
+    for trial in trials:
+        for i, row in enumerate(table.names):
+            for j, column in enumerate(table.names):
+                if row in trial.refits and column in trial.flights:
+                    error = prediction_error(
+                        case.model, case.knowledge, trial.refits[row].values, trial.par, trial.flights[column]
+                    )
+                    total[i, j] += error**2
+                    count[i, j] += 1
+    actual = np.sqrt(np.divide(total, count, out=np.full_like(total, np.nan), where=count > 0))
+    return Crossing(table.names, table.predicted, actual, table.prior)
+
+
+def rank_correlation(a: Array, b: Array) -> float:
+    """Spearman's rank correlation of two arrays where both are finite; nan if one of them does not vary."""
+    x, y = np.ravel(a), np.ravel(b)
+    keep = np.isfinite(x) & np.isfinite(y)
+    if keep.sum() < 3 or np.ptp(x[keep]) == 0 or np.ptp(y[keep]) == 0:
+        return float("nan")
+    return float(spearmanr(x[keep], y[keep]).statistic)

@@ -1,0 +1,148 @@
+"""The next manoeuvre: what the search may order, and that what it finds beats what it could have had."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import combinations_with_replacement
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bayesid.design import (
+    Case,
+    Effort,
+    choose,
+    knowledge,
+    library_within,
+    limits,
+    next_manoeuvre,
+    usual_logging,
+)
+from bayesid.design.choose import rank
+from bayesid.design.freeform import frame
+from bayesid.design.goals import Gain, predict, shrink
+from bayesid.errors import FitError
+from bayesid.manoeuvres import read_table, write_table
+from bayesid.model import build_model
+from bayesid.vehicles import load_vehicle
+
+MODEL = build_model(load_vehicle("generic_sub"), 3)
+KNOWN = knowledge(MODEL, [n for n in MODEL.coefficients if n not in ("X_udot", "Y_vdot", "N_rdot")])
+CASE = Case(MODEL, KNOWN, usual_logging(MODEL), limits(MODEL, duration=400.0))
+SMALL = Effort(search=2, judge=4, evaluations=120, random=4)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10_000), st.floats(0.05, 1.0), st.floats(0.001, 0.1))
+def test_orders_keep_to_angle_rate_and_shaft_speed(seed: int, rudder: float, rate: float) -> None:
+    bounds = replace(CASE.bounds, rudder=0.6 * rudder, rate=rate)
+    shape = frame(bounds, 19.0)
+    orders = shape.orders(np.random.default_rng(seed).uniform(-1, 1, shape.size))
+    fin = orders.commands["delta_r_cmd"]
+    assert np.max(np.abs(fin)) <= bounds.rudder * (1 + 1e-12)
+    assert np.max(np.abs(np.diff(fin))) <= rate * bounds.dt * (1 + 1e-9)
+    assert orders.commands["n_cmd"].min() >= bounds.rpm[0] and orders.commands["n_cmd"].max() <= bounds.rpm[1]
+    assert fin[0] == 0.0 and orders.commands["n_cmd"][0] == bounds.usual
+    assert orders.t[-1] == pytest.approx(bounds.duration, abs=bounds.dt)
+
+
+def test_orders_are_read_back_where_the_rate_allows() -> None:
+    shape = frame(replace(CASE.bounds, rate=1.0), 19.0)
+    x = np.random.default_rng(0).uniform(-1, 1, shape.size)
+    orders = shape.orders(x)
+    # the order at a knot is that of the last grid point before it
+    assert shape.read(orders.t, orders.commands) == pytest.approx(x, abs=0.1)
+
+
+def test_library_within_limits_lasts_as_long_as_asked() -> None:
+    found = library_within(MODEL, CASE.bounds)
+    assert len(found) >= 14
+    for name, manoeuvre in found.items():
+        assert manoeuvre.duration == pytest.approx(400.0, abs=0.02 * 400), name
+
+
+@pytest.fixture(scope="module")
+def infos() -> dict:
+    draws = CASE.draws(np.random.default_rng(1), 3)
+    found = library_within(MODEL, CASE.bounds)
+    return {n: CASE.of(found[n], draws, n) for n in ("zigzag_10", "turn", "chirp", "pullout", "random")}
+
+
+def test_choice_of_three_is_the_best_of_all_sets(infos: dict) -> None:
+    now = np.zeros_like(infos["turn"].grams)
+    goal = Gain()
+    choice = choose(infos, goal, now, 3)
+    every = [goal.value(sum(infos[n].grams for n in s)) for s in combinations_with_replacement(infos, 3)]
+    assert choice.values[-1] == pytest.approx(max(every))
+    assert list(choice.values) == sorted(choice.values)
+    assert choice.names[0] == rank({n: infos[n] for n in choice.names}, goal, now)[0][0]
+
+
+def test_shrinking_needs_another_run_than_the_one_flown(infos: dict) -> None:
+    now = infos["turn"]
+    best = rank(infos, shrink(now), now.grams)[0][0]
+    repeated, other = (1 - shrink(now).shown(now.grams + infos[n].grams) for n in ("turn", best))
+    assert best != "turn" and other > 2 * repeated > 0
+
+
+def test_worst_reading_is_never_predicted_better_than_the_mean(infos: dict) -> None:
+    draws = CASE.draws(np.random.default_rng(1), 3)
+    turn = library_within(MODEL, CASE.bounds)["turn"]
+    mean, worst = (predict(MODEL, KNOWN, draws, turn, CASE.logging, w) for w in (False, True))
+    for info in infos.values():
+        assert worst.shown(info.grams) > mean.shown(info.grams)
+
+
+@pytest.mark.parametrize("kind", ["shrink", "predict", "gain"])
+def test_design_beats_library_and_random_orders_on_vehicles_it_never_saw(kind: str) -> None:
+    wanted = library_within(MODEL, CASE.bounds)["zigzag_10"]
+    plan = next_manoeuvre(CASE, kind, np.random.default_rng(2), wanted=wanted, effort=SMALL, count=2)
+    assert plan.best.kind == "designed"
+    assert plan.designed.value > max(c.value for c in plan.randoms)
+
+
+def test_same_seed_same_design() -> None:
+    effort = replace(SMALL, evaluations=60)
+    one, two = (next_manoeuvre(CASE, "gain", np.random.default_rng(2), effort=effort, count=1) for _ in "ab")
+    assert one.designed == two.designed
+
+
+def test_design_stays_within_its_room() -> None:
+    narrow = replace(CASE, bounds=replace(CASE.bounds, box=600.0))
+    plan = next_manoeuvre(narrow, "gain", np.random.default_rng(3), effort=SMALL, count=1)
+    track = plan.flight.track
+    assert max(np.ptp(track["x"]), np.ptp(track["y"])) <= 600.0
+    assert "straight" in plan.refused and "area" in plan.refused["straight"]
+
+
+def test_table_of_a_design_flies_the_same_run(tmp_path: Path) -> None:
+    shape = frame(CASE.bounds, 19.0)
+    orders = shape.orders(np.random.default_rng(6).uniform(-1, 1, shape.size))
+    back = read_table(write_table(orders, tmp_path / "next.csv"))
+    one, two = (CASE.flight(m).track.states[-1] for m in (orders, back))
+    assert one == pytest.approx(two, rel=1e-6)
+
+
+def test_goals_without_what_they_need_are_refused() -> None:
+    with pytest.raises(FitError, match="needs a wanted manoeuvre"):
+        next_manoeuvre(CASE, "predict", np.random.default_rng(0))
+    with pytest.raises(FitError, match="needs causes"):
+        next_manoeuvre(CASE, "tell", np.random.default_rng(0))
+    with pytest.raises(FitError, match="is unknown"):
+        next_manoeuvre(CASE, "win", np.random.default_rng(0))
+
+
+def test_pitch_and_depth_bind_a_diving_vehicle() -> None:
+    deep = build_model(load_vehicle("generic_sub"), 6)
+    bounds = limits(deep, duration=300.0, depth=20.0, pitch=math.radians(5.0))
+    case = Case(deep, knowledge(deep), usual_logging(deep), bounds)
+    shape = frame(bounds, deep.scales["L"] / deep.scales["U"])
+    x = np.zeros(shape.size)
+    n = len(shape.knots)
+    x[n : 2 * n] = 1.0
+    flight = case.flight(shape.orders(x))
+    assert set(bounds.violations(flight.track)) == {"depth", "pitch"}
