@@ -6,10 +6,11 @@ vehicle file's units, prior standard deviations and effect scales. Does not simu
 
 from __future__ import annotations
 
+import difflib
 import hashlib
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -177,6 +178,23 @@ def build_model(vehicle: Vehicle, dof: int | None = None, declared: Iterable[Eff
     nominal = _nominal(vehicle, kernel)
     nominal.setflags(write=False)
     return Model(vehicle, dof, kernel, nominal)
+
+
+def without_effects(model: Model, names: Iterable[str]) -> Model:
+    """The same model and parameters, some effects no longer on offer: a towing tank has no wind.
+
+    Raises
+    ------
+    ModelError
+        for a name that is no effect of the model; says which come near
+    """
+    names = tuple(names)
+    for name in names:
+        if name not in model.effects:
+            near = difflib.get_close_matches(name, model.effects, n=3, cutoff=0.5)
+            raise ModelError(f"no effect {name!r}" + (f"; did you mean {', '.join(near)}?" if near else ""))
+    kept = tuple(e for e in model.kernel.effects if e.name not in names)
+    return replace(model, kernel=replace(model.kernel, effects=kept))
 
 
 def _nominal(vehicle: Vehicle, kernel: Kernel) -> np.ndarray:

@@ -16,7 +16,7 @@ from bayesid.errors import ModelError
 from bayesid.kernels import runtime
 from bayesid.kernels.generate import GENERATED, module_source
 from bayesid.kernels.layout import COMMITTED
-from bayesid.model import build_model
+from bayesid.model import build_model, without_effects
 from bayesid.simulate import observe, plan_run, simulate, steady_start
 from bayesid.terms import term
 from bayesid.vehicles import load_vehicle
@@ -232,3 +232,13 @@ def test_an_equation_with_an_unknown_name_is_refused_with_the_effects_name():
 
     with pytest.raises(ModelError, match=r"effect 'push'.*unknown name 'G'"):
         module_source(COMMITTED[0], (*CATALOGUE, replace(PUSH, force={"Y": "F*G"})))
+
+
+def test_an_effect_left_out_leaves_the_parameters_alone():
+    model = build_model(load_vehicle("remus100"), 3)
+    fewer = without_effects(model, ("wind", "ocean_current"))
+    assert set(model.effects) - set(fewer.effects) == {"wind", "ocean_current"}
+    assert fewer.kernel.parameters == model.kernel.parameters
+    assert np.array_equal(fewer.nominal, model.nominal) and fewer.digest == model.digest
+    with pytest.raises(ModelError, match="did you mean ocean_current"):
+        without_effects(model, ("ocean_curent",))

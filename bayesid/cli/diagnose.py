@@ -27,6 +27,15 @@ Effects = Annotated[
     typer.Option("--effects", help="Python file whose EFFECTS are added to the catalogue; it is run."),
 ]
 
+Exclude = Annotated[
+    str | None,
+    typer.Option(
+        "--exclude",
+        metavar="NAMES",
+        help="Effects that cannot be here, e.g. wind,ocean_current in a towing tank.",
+    ),
+]
+
 
 def diagnose(
     bundle: Bundle,
@@ -35,6 +44,7 @@ def diagnose(
     vehicle: Vehicle = None,
     as_built: AsBuilt = None,
     effects: Effects = None,
+    exclude: Exclude = None,
     seed: Seed = 0,
     quick: Quick = False,
     as_json: Json = False,
@@ -49,7 +59,7 @@ def diagnose(
     from bayesid.diagnose.diagnosis import diagnose as run
     from bayesid.diagnose.found import found_in, write_found
     from bayesid.files import json_text, write_json
-    from bayesid.model import build_model
+    from bayesid.model import build_model, without_effects
     from bayesid.progress import Progress
     from bayesid.trials import load_trial
     from bayesid.vehicles import load_vehicle
@@ -57,6 +67,7 @@ def diagnose(
     trial = load_trial(bundle, data=data)
     progress = Progress(quiet=as_json)
     model = build_model(load_vehicle(vehicle or trial.vehicle_ref), trial.dof, declared=declared(effects))
+    model = without_effects(model, [n.strip() for n in (exclude or "").split(",") if n.strip()])
     found = run(trial, model, seed=seed, say=progress.note, as_built=as_built, plan_next=not quick)
     record = plain(found)
     if out is not None:
