@@ -16,7 +16,7 @@ import numpy as np
 from bayesid.errors import FitError, ModelError
 from bayesid.fit.result import Fit
 from bayesid.fit.run import Options, fit
-from bayesid.likelihood import Problem, coefficient_set, measured_base, run_data, trial_problem
+from bayesid.likelihood import Problem, coefficient_set, measured_base, memory, run_data, trial_problem
 from bayesid.model import Model, build_model
 from bayesid.params import ParameterSet
 from bayesid.terms import TERMS
@@ -213,15 +213,3 @@ def _outcome(run: Run, data: Any, nominal: Array, fitted: Array) -> RunOutcome:
         run.name, run.manoeuvre, run.role, run.t, data.channels, data.readings, nominal, fitted,
         np.asarray(data.sigma), rms(nominal), rms(fitted), persistence,
     )  # fmt: skip
-
-
-def memory(resid: Array) -> float:
-    """Integrated autocorrelation time [samples] of a residual series: 1 if white, more if errors persist."""
-    x = resid - np.mean(resid) if resid.size else resid
-    if x.size < 8 or not np.any(x):
-        return 1.0
-    power = np.abs(np.fft.rfft(resid, 2 * resid.size)) ** 2  # an offset is an error that persists: keep it
-    correlation = np.fft.irfft(power)[: resid.size]
-    tau = 2 * np.cumsum(correlation / correlation[0]) - 1
-    window = np.arange(resid.size) > 5 * tau  # Sokal's window
-    return float(np.clip(tau[np.argmax(window)] if window.any() else tau[-1], 1.0, resid.size))

@@ -5,6 +5,9 @@ from bayesid.sample.ensembles import Options, sample
 from bayesid.sample.gate import Gate, Limits, judge
 from bayesid.sample.moves import WEIGHTS, GaussianMove, Reference, make_moves
 from bayesid.sample.posterior import Posterior, load_posterior
+from bayesid.sample.settings import Settings
+from bayesid.sample.setup import trial_density
+from bayesid.sample.trial import TrialDensity
 
 __all__ = [
     "WEIGHTS",
@@ -16,9 +19,12 @@ __all__ = [
     "Options",
     "Posterior",
     "Reference",
+    "Settings",
+    "TrialDensity",
     "Unknowns",
     "judge",
     "load_posterior",
     "make_moves",
     "sample",
+    "trial_density",
 ]

@@ -11,8 +11,10 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
+from scipy.special import ndtr, ndtri
 
 Array = np.ndarray
+SWEEPS = 50
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,14 +61,17 @@ class Density(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Laplace:
-    """Gaussian about the mode, in sampling coordinates.
+    """Gaussian about the mode, in sampling coordinates, cut at the bounds.
 
     mode : (k,)
     covariance : (k, k); positive definite
+    low, high : (k,) bounds; None for none
     """
 
     mode: Array
     covariance: Array
+    low: Array | None = None
+    high: Array | None = None
 
     @cached_property
     def root(self) -> Array:
@@ -87,3 +92,38 @@ class Laplace:
     def whitened(self, q: Array) -> Array:
         """Whitened coordinates, in which the Gaussian is standard normal."""
         return np.asarray((q - self.mode) @ self.inverse_root.T)
+
+    def draw(self, count: int, spread: float, random: np.random.RandomState) -> Array:
+        """(count, k) draws from a Gaussian `spread` times as wide, within the bounds.
+
+        Draws outside are pulled towards the mode until they are inside and then moved by sweeps of a Gibbs
+        sampler of the cut Gaussian: with eight parameters held by bounds alone one draw in fifty is inside.
+        """
+        x = self.mode + spread * random.standard_normal((count, self.mode.size)) @ self.root.T
+        if self.low is None or self.high is None:
+            return x
+        low, high = self.low, self.high
+        outside = ~np.all((x >= low) & (x <= high), axis=1)
+        if not outside.any():
+            return x
+        step = x[outside] - self.mode
+        with np.errstate(divide="ignore", invalid="ignore"):
+            room = np.where(step > 0, (high - self.mode) / step, (low - self.mode) / step)
+        room = np.where(step == 0, np.inf, np.maximum(room, 0.0))
+        share = np.minimum(room.min(axis=1), 1.0) * random.uniform(size=step.shape[0])
+        x[outside] = self._swept(self.mode + step * share[:, None], spread, random)
+        return x
+
+    def _swept(self, x: Array, spread: float, random: np.random.RandomState) -> Array:
+        sd = np.sqrt(np.diag(self.covariance))
+        precision = np.linalg.inv(self.covariance / np.outer(sd, sd)) / spread**2
+        low, high = ((np.asarray(b) - self.mode) / sd for b in (self.low, self.high))
+        z = (x - self.mode) / sd
+        for _ in range(SWEEPS):
+            for i in range(sd.size):
+                width = 1.0 / np.sqrt(precision[i, i])
+                centre = z[:, i] - (z @ precision[i]) / precision[i, i]
+                a, b = ndtr((low[i] - centre) / width), ndtr((high[i] - centre) / width)
+                value = ndtri(np.clip(a + (b - a) * random.uniform(size=a.size), 1e-15, 1 - 1e-15))
+                z[:, i] = np.clip(centre + width * value, low[i], high[i])
+        return np.asarray(self.mode + z * sd)

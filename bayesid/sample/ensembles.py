@@ -246,7 +246,7 @@ class _Crew:
         ever nearer."""
         words = np.random.SeedSequence([self.options.seed, ensemble]).generate_state(8)
         random = np.random.RandomState(words)
-        coords = self.options.spread * random.standard_normal((self.walkers, self.k))
+        coords = self._drawn(self.walkers, self.options.spread, random)
         values = log_prob(coords)
         for attempt in range(START_TRIES):
             bad = ~np.isfinite(values)
@@ -254,12 +254,15 @@ class _Crew:
                 state: Any = random.get_state()
                 return state, coords, values
             reach = self.options.spread * 0.85 ** max(attempt - 3, 0)
-            coords[bad] = reach * random.standard_normal((int(bad.sum()), self.k))
+            coords[bad] = self._drawn(int(bad.sum()), reach, random)
             values[bad] = log_prob(coords[bad])
         raise SampleError(
             f"{int(bad.sum())} of {self.walkers} walkers find no start of finite density around the mode: "
             "the simulation fails or the bounds end there; fit again, or widen the bounds"
         )
+
+    def _drawn(self, count: int, spread: float, random: np.random.RandomState) -> Array:
+        return self.laplace.whitened(self.laplace.draw(count, spread, random))
 
 
 def _posterior(crew: _Crew, number: int, gate: Gate | None, laplace: Laplace) -> Posterior:

@@ -116,7 +116,7 @@ def _rhat(one: Array) -> float:
     """Of (ensembles, steps, walkers): a chain is an ensemble, step by step, so that halves are halves."""
     import arviz
 
-    e, n, w = one.shape
+    e = one.shape[0]
     stride = max(1, one.size // MOST_RANKED)
     chains = one[:, ::stride].reshape(e, -1)
     if np.ptp(chains) == 0:

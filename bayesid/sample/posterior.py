@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -165,9 +165,9 @@ class Posterior:
 
     # ---- storing ----
     def to_netcdf(self, path: str | os.PathLike[str]) -> Path:
-        """Write for ArviZ: groups `posterior` and `sample_stats`, a chain is a walker, all else in attributes.
+        """Write for ArviZ: groups `posterior` and `sample_stats`; a chain is a walker.
 
-        Whole or not at all.
+        All else is in the attributes. The file is written whole or not at all.
         """
         import h5py  # noqa: F401  (the engine; named here so that a missing one is told before work is lost)
         import xarray
@@ -195,6 +195,7 @@ class Posterior:
         target.parent.mkdir(parents=True, exist_ok=True)
         temporary = target.with_name(f".{target.name}.part")
         try:
+            mode: Literal["w", "a"]
             for group, variables, mode in (("posterior", draws, "w"), ("sample_stats", stats, "a")):
                 data = xarray.Dataset(variables, coords, attributes)
                 zipped = {name: {"zlib": True, "complevel": 1} for name in variables}
