@@ -9,11 +9,11 @@ import typer
 
 from bayesid.cli.fit import Fixed, Free, Other, Resample, Runs
 from bayesid.cli.guard import OK
-from bayesid.cli.options import Json, Out, Quick, Verbose
+from bayesid.cli.options import Json, Out, Quick, Seed, Verbose
 from bayesid.cli.trial import Bundle, Data
 
 if TYPE_CHECKING:
-    from bayesid.identifiability import Identifiability
+    from bayesid.identifiability import Derived, Identifiability
 
 FitFolder = Annotated[
     Path | None,
@@ -24,6 +24,7 @@ Assumed = Annotated[
     typer.Option("--prior", metavar="SD", min=1e-6, help="Relative prior sd where the vehicle states none."),
 ]
 QUICK_SAMPLES = 300
+DRAWS, ZIGZAGS = 200, 40  # of prior and posterior, for what the vehicle does
 
 
 def identify(
@@ -38,8 +39,10 @@ def identify(
     fit: FitFolder = None,
     prior: Assumed = 0.5,
     profile: Annotated[
-        bool, typer.Option("--profile/--no-profile", help="Refit every coefficient's neighbourhood too.")
+        bool,
+        typer.Option("--profile/--no-profile", help="Refit around every coefficient, fly drawn vehicles."),
     ] = True,
+    seed: Seed = 0,
     quick: Quick = False,
     as_json: Json = False,
     verbose: Verbose = False,
@@ -80,7 +83,8 @@ def identify(
     guessed = sorted(seen - set(trial.noise) - set(earlier.sigma if earlier else ()))
     if guessed:
         remarks.append(f"no noise is stated for {', '.join(guessed)}; taken from the readings themselves")
-    with Progress(quiet=as_json).stage("identify", 4 * len(params.names) if profile else None) as stage:
+    progress = Progress(quiet=as_json)
+    with progress.stage("identify", 4 * len(params.names) if profile else None) as stage:
         found = look(
             problem, level=prior, profile=profile, at_bound=[n for n in bound if n in params.names],
             log=out / "profile.jsonl" if out is not None and profile else None, step=stage.step,
@@ -90,19 +94,43 @@ def identify(
         "vehicle_digest": ship.digest, "digest": problem.digest, "point": point, "remarks": remarks,
         "assumed_prior": prior,
     }  # fmt: skip
-    _answer(found, facts, out, as_json, verbose)
+    behaviour = None
+    if profile and not quick:
+        with progress.stage("turning circles and zig-zags", 2 * ZIGZAGS) as stage:
+            behaviour = _behaviour(problem, found, seed, stage.step)
+    _answer(found, facts, behaviour, out, as_json, verbose)
     return OK
 
 
+def _behaviour(problem: Any, found: Identifiability, seed: int, step: Any) -> tuple[Derived, Derived]:
+    """Derived quantities of draws of the prior and of the posterior."""
+    import numpy as np
+
+    from bayesid.identifiability import derived, full_vectors
+
+    rng = np.random.default_rng(seed)
+    draws = [found.information.draws(DRAWS, rng, prior) for prior in (True, False)]
+    prior, posterior = (
+        derived(problem.model, full_vectors(problem, d), zigzags=ZIGZAGS, step=step) for d in draws
+    )
+    return prior, posterior
+
+
 def _answer(
-    found: Identifiability, facts: dict[str, Any], out: Path | None, as_json: bool, verbose: bool
+    found: Identifiability,
+    facts: dict[str, Any],
+    behaviour: tuple[Derived, Derived] | None,
+    out: Path | None,
+    as_json: bool,
+    verbose: bool,
 ) -> None:
     from bayesid.cli.output import say, say_json, say_table
     from bayesid.sections import identify as words
 
-    page = words.write_identify_report(found, facts, out) if out is not None else None
+    page = words.write_identify_report(found, facts, out, behaviour) if out is not None else None
     if as_json:
-        say_json({**facts, **words.numbers(found)})
+        extra = {"derived": words.derived_numbers(*behaviour)} if behaviour else {}
+        say_json({**facts, **words.numbers(found), **extra})
         return
     size = f"{found.n_readings} readings, {len(found.names)} coefficients of {facts['vehicle']}"
     say(f"{facts['trial']}: {size}")
@@ -121,5 +149,8 @@ def _answer(
             say(f"  {name}  (sd from the data: {sd})" + (f"\n    {what}" if what else ""))
             if verbose:
                 say("    |cos| " + ", ".join(f"{k} {v:.4f}" for k, v in d.agreement.items()))
+    if behaviour is not None:
+        say("\nWhat matters anyway:")
+        say_table(words.DERIVED_COLUMNS, words.derived_rows(*behaviour))
     if page is not None:
         say(f"\nreport: {page}")

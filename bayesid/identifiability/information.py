@@ -44,13 +44,16 @@ class Information:
     prior: Array
 
     @cached_property
-    def covariance(self) -> Array:
-        """(k, k) posterior covariance in units squared, Laplace; from a triangular factor, so that flat
+    def root(self) -> Array:
+        """(k, k) matrix A with A A^T = covariance, in units: the inverse of a triangular factor, so that flat
         directions beside stiff ones keep their digits.
         """
-        triangle = np.asarray(np.linalg.qr(np.vstack([self.data, self.prior]), mode="r"))
-        root = np.linalg.solve(triangle, np.eye(triangle.shape[0]))
-        return root @ root.T
+        return _inverse_root(np.vstack([self.data, self.prior]))
+
+    @cached_property
+    def covariance(self) -> Array:
+        """(k, k) posterior covariance in units squared, Laplace."""
+        return self.root @ self.root.T
 
     @property
     def sd(self) -> Array:
@@ -89,6 +92,11 @@ class Information:
         sd = np.sqrt(np.diag(self.covariance))
         return self.covariance / np.outer(sd, sd)
 
+    def draws(self, count: int, rng: np.random.Generator, prior: bool = False) -> Array:
+        """(count, k) normal draws [SI] about the point, of the posterior (Laplace) or of the prior."""
+        root = _inverse_root(self.prior) if prior else self.root
+        return self.z + rng.standard_normal((count, self.z.size)) @ root.T * self.unit
+
     def share_along(self, direction: Array) -> float:
         """Share of the data in what is known along a direction (k,), in units: 1 fixed by them, 0 open."""
         seen = float(np.sum((self.data @ direction) ** 2))
@@ -99,6 +107,12 @@ class Information:
         """A direction in units as unit vector of relative changes."""
         out = direction * self.unit / self.scale
         return out / np.linalg.norm(out)
+
+
+def _inverse_root(rows: Array) -> Array:
+    """A with A A^T = (rows^T rows)^-1."""
+    triangle = np.asarray(np.linalg.qr(rows, mode="r"))
+    return np.linalg.solve(triangle, np.eye(triangle.shape[0]))
 
 
 def with_assumed_priors(problem: Problem, level: float = LEVEL) -> Problem:

@@ -14,27 +14,81 @@ import numpy as np
 
 from bayesid import report
 from bayesid.figures import identify as figures
-from bayesid.identifiability import Identifiability, Open
+from bayesid.identifiability import Derived, Identifiability, Open
+from bayesid.identifiability.derived import UNITS
 from bayesid.report import Block, Figure, Report, Section, Table, Text, literal
 
 MOST_PROFILES = 24
 DIRECTION_COLUMNS = ("combination (relative changes)", "what it is", "sd from the data", "data share")
+DERIVED_COLUMNS = ("quantity", "from the prior: 90 %", "with the data: median", "90 %", "narrower by")
 LEDGER_COLUMNS = ("coefficient", "value", "prior sd [%]", "sd [%]", "index", "contraction", "verdict")
 
 
 def write_identify_report(
-    found: Identifiability, facts: Mapping[str, Any], folder: str | os.PathLike[str]
+    found: Identifiability,
+    facts: Mapping[str, Any],
+    folder: str | os.PathLike[str],
+    behaviour: tuple[Derived, Derived] | None = None,
 ) -> Path:
     """Write report.html, report.md, results.json and figures; returns the path of the HTML file.
 
     Parameters
     ----------
+    behaviour : derived quantities of draws of the prior and of the posterior
     facts : "trial", "vehicle", "digest", "point" (where it was looked at, in words), "remarks" (list)
     """
     lead = f"**{sentence(found)}** {_agreement_words(found)}"
     sections = [*identify_sections(found), _inputs(found, facts)]
+    results = {"inputs": dict(facts), "identifiability": numbers(found)}
+    if behaviour is not None:
+        sections.insert(2, derived_section(*behaviour))
+        results["derived"] = derived_numbers(*behaviour)
     page = Report(f"What {literal(facts['trial'])} can tell", lead, sections)
-    return report.write(page, folder, {"inputs": dict(facts), "identifiability": numbers(found)})
+    return report.write(page, folder, results)
+
+
+def derived_section(prior: Derived, posterior: Derived) -> Section:
+    """What the vehicle does, from the prior alone and with the data."""
+    text = (
+        "Stability indices, a turning circle and a zig-zag of vehicles drawn from the prior and from the "
+        "posterior: what a designer asks for is often well known where no single coefficient is."
+    )
+    table = Table(DERIVED_COLUMNS, derived_rows(prior, posterior))
+    return Section("What matters anyway", [Text(text), table])
+
+
+def derived_rows(prior: Derived, posterior: Derived) -> list[list[Any]]:
+    """Rows of `DERIVED_COLUMNS`; quantities no draw has are left out."""
+    rows = []
+    for name in posterior.values:
+        before, after = prior.interval(name), posterior.interval(name)
+        if not np.isfinite(after[0]):
+            continue
+        widths = [one[2] - one[1] for one in (before, after)]
+        unit = f" [{UNITS[name]}]" if UNITS[name] else ""
+        rows.append(
+            [
+                f"{name}{unit}", f"{before[1]:.4g} to {before[2]:.4g}", after[0],
+                f"{after[1]:.4g} to {after[2]:.4g}", _times(widths[0], widths[1]),
+            ]
+        )  # fmt: skip
+    return rows
+
+
+def _times(before: float, after: float) -> str:
+    ratio = before / max(after, 1e-300)
+    return f"{ratio:.0f}" if ratio >= 10 else f"{ratio:.1f}"
+
+
+def derived_numbers(prior: Derived, posterior: Derived) -> dict[str, Any]:
+    """Median and 90 % interval of every quantity, before and after."""
+    return {
+        name: {
+            "unit": UNITS[name], "prior": prior.interval(name), "posterior": posterior.interval(name),
+            "missing": [prior.missing(name), posterior.missing(name)],
+        }
+        for name in posterior.values
+    }  # fmt: skip
 
 
 def identify_sections(found: Identifiability, prefix: str = "") -> list[Section]:
