@@ -9,6 +9,7 @@ import typer
 
 from bayesid.cli import blind, trial, vehicle
 from bayesid.cli.diagnose import diagnose
+from bayesid.cli.excite import excite
 from bayesid.cli.fit import fit
 from bayesid.cli.identify import identify
 from bayesid.cli.options import Verbose
@@ -35,6 +36,7 @@ def command() -> Any:
     app.command("fit")(fit)
     app.command("identify")(identify)
     app.command("diagnose")(diagnose)
+    app.command("excite")(excite)
     app.command("predict")(predict)
     app.command("study")(study)
     groups = {

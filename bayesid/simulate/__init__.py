@@ -12,6 +12,7 @@ from bayesid.simulate.closed import fly, steady_start
 from bayesid.simulate.maps import Maps, Readings, inertia_ratio, interval_maps, readings_on
 from bayesid.simulate.plan import STEP_PER_LENGTH, Plan, plan_run, plan_trial_run
 from bayesid.simulate.prepare import actuate
+from bayesid.simulate.rates import rates_on
 from bayesid.simulate.sensors import observe, observe_sensitivity
 from bayesid.simulate.single import Sensitivity, Track, gradient, sensitivities, simulate
 
@@ -33,6 +34,7 @@ __all__ = [
     "observe_sensitivity",
     "plan_run",
     "plan_trial_run",
+    "rates_on",
     "readings_on",
     "sensitivities",
     "simulate",
