@@ -47,7 +47,7 @@ def spiral_problem(model):
 
 @pytest.fixture(scope="module")
 def on_spiral(spiral_problem):
-    return identify(spiral_problem, level=0.1)
+    return identify(spiral_problem, level=0.1, offsets=(-2.0, 2.0))
 
 
 def draws_of(info, count, seed):
