@@ -8,6 +8,8 @@ from typing import Annotated, Any
 import typer
 
 from bayesid.cli import blind, trial, vehicle
+from bayesid.cli.compare import compare
+from bayesid.cli.design import design
 from bayesid.cli.diagnose import diagnose
 from bayesid.cli.excite import excite
 from bayesid.cli.fit import fit
@@ -38,6 +40,8 @@ def command() -> Any:
     app.command("diagnose")(diagnose)
     app.command("excite")(excite)
     app.command("predict")(predict)
+    app.command("compare")(compare)
+    app.command("design")(design)
     app.command("study")(study)
     groups = {
         "vehicle": _group("Look at coefficient sets.", list=vehicle.listing, show=vehicle.show, check=check),

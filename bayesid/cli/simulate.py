@@ -68,8 +68,14 @@ def simulate(
     flown = {_run_name(text, k): parse(text, scale) for k, text in enumerate(manoeuvres, 1)}
     texts = dict(zip(flown, (text.replace(":", " ", 1) for text in manoeuvres), strict=True))
     trial = virtual_trial(
-        model, par, flown, title=f"simulated {found.name}", vehicle_ref=vehicle, descriptions=texts,
-        noise=_numbers(noise, "--noise"), rng=np.random.default_rng(seed),
+        model,
+        par,
+        flown,
+        title=f"simulated {found.name}",
+        vehicle_ref=vehicle,
+        descriptions=texts,
+        noise=numbers(noise, "--noise"),
+        rng=np.random.default_rng(seed),
     )
     results = {run.name: _summary(run) for run in trial.runs}
     if out is not None:
@@ -110,7 +116,7 @@ def _changes(model: Model, pairs: list[str] | None) -> dict[str, float]:
     from bayesid.terms import canonical_name
 
     found = {}
-    for given, value in _numbers(pairs, "--set").items():
+    for given, value in numbers(pairs, "--set").items():
         name = given
         with suppress(VehicleError):
             name = given if given in model.index else canonical_name(given)
@@ -122,7 +128,7 @@ def _changes(model: Model, pairs: list[str] | None) -> dict[str, float]:
     return found
 
 
-def _numbers(pairs: list[str] | None, option: str) -> dict[str, float]:
+def numbers(pairs: list[str] | None, option: str) -> dict[str, float]:
     """NAME=VALUE texts as numbers."""
     found: dict[str, float] = {}
     for pair in pairs or ():

@@ -2,7 +2,7 @@
 
 from bayesid.design.causes import Causes, causes
 from bayesid.design.choose import Choice, choose
-from bayesid.design.compare import Case, Crossing, Excitation, crossed, crossing, excitation, tried
+from bayesid.design.compare import Case, Crossing, Richness, crossed, crossing, richness, tried
 from bayesid.design.criteria import Criteria, criteria, flat_names
 from bayesid.design.information import Information, Logging, information, usual_logging
 from bayesid.design.knowledge import Knowledge, knowledge
@@ -19,7 +19,7 @@ __all__ = [
     "Criteria",
     "Crossing",
     "Effort",
-    "Excitation",
+    "Richness",
     "Information",
     "Knowledge",
     "Limits",
@@ -31,7 +31,7 @@ __all__ = [
     "criteria",
     "crossed",
     "crossing",
-    "excitation",
+    "richness",
     "flat_names",
     "information",
     "knowledge",

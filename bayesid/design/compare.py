@@ -44,6 +44,7 @@ class Case:
     """A vehicle before its next run.
 
     flown : runs already logged, as a fit reads them
+    drawn_from : where vehicles are drawn from, the knowledge itself by default; the posterior of the runs
     """
 
     model: Model
@@ -51,10 +52,11 @@ class Case:
     logging: Logging
     bounds: Limits
     flown: tuple[RunData, ...] = ()
+    drawn_from: Knowledge | None = None
 
     def draws(self, rng: np.random.Generator, count: int) -> Array:
         """(<= count, n) vehicles as the knowledge allows, those that cannot turn left out."""
-        found = self.knowledge.draws(self.model, rng, count)
+        found = (self.drawn_from or self.knowledge).draws(self.model, rng, count)
         return flying(self.model, found, (flyable(self.model, d, self.bounds) for d in found))
 
     def now(self, draws: Array) -> Information:
@@ -105,7 +107,7 @@ class Case:
 
 
 @dataclass(frozen=True, eq=False)
-class Excitation:
+class Richness:
     """What every manoeuvre reveals.
 
     Attributes
@@ -128,9 +130,9 @@ class Excitation:
         return np.array([c.contraction for c in self.criteria])
 
 
-def excitation(
+def richness(
     case: Case, manoeuvres: Mapping[str, Manoeuvre], draws: Array, watch: Watch = lambda name: None
-) -> tuple[Excitation, dict[str, Information]]:
+) -> tuple[Richness, dict[str, Information]]:
     """Criteria of every manoeuvre; those a drawn vehicle cannot fly are left out."""
     now = case.now(draws)
     infos: dict[str, Information] = {}
@@ -141,7 +143,7 @@ def excitation(
     found = sorted((criteria(case.knowledge, i) for i in infos.values()), key=lambda c: -c.gain)
     base = gain(now.grams)
     added = np.array([np.mean(gain(now.grams + infos[c.name].grams) - base) for c in found])
-    return Excitation(tuple(found), added, criteria(case.knowledge, now)), infos
+    return Richness(tuple(found), added, criteria(case.knowledge, now)), infos
 
 
 @dataclass(frozen=True, eq=False)

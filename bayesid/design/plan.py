@@ -22,7 +22,7 @@ from bayesid.errors import FitError, ModelError
 from bayesid.manoeuvres import Manoeuvre, OpenLoop
 
 Array = np.ndarray
-Watch = Callable[[str, int, float], None]
+Watch = Callable[[int, float], None]
 GOALS = ("shrink", "predict", "gain", "tell")
 
 
@@ -104,7 +104,7 @@ def next_manoeuvre(
     count: int = 3,
     effort: Effort | None = None,
     causes: Causes | None = None,
-    watch: Watch = lambda what, done, value: None,
+    watch: Watch = lambda done, value: None,
 ) -> Plan:
     """Plan the next run.
 
@@ -115,6 +115,7 @@ def next_manoeuvre(
     wanted, worst : the manoeuvre to predict, and whether its worst reading counts (G) or their mean (I)
     count : manoeuvres to choose and order from the library
     causes : needed for "tell"
+    watch : called with (manoeuvres tried, best score)
 
     Raises
     ------
@@ -147,10 +148,7 @@ def next_manoeuvre(
         except ModelError:
             return -np.inf
 
-    found = search(
-        shape, score, rng, known, effort.evaluations,
-        watch=lambda used, value: watch("search", used, value),
-    )  # fmt: skip
+    found = search(shape, score, rng, known, effort.evaluations, watch=watch)
     flight = case.flight(found.orders, name="designed")
     entries += _judge(bench, {"designed": found.orders}, "designed", {})
     if not any(c.kind == "designed" for c in entries):
@@ -162,7 +160,6 @@ def next_manoeuvre(
         anything = random_design(shape, rng)
         if not penalty(case, anything):
             randoms += _judge(bench, {f"random {i}": anything}, "random", {})
-        watch("random designs", len(randoms), 0.0)
     choice, told = None, None
     if isinstance(bench, _Matrices):
         choice = choose(bench.infos, bench.goal, bench.now.grams, count)
