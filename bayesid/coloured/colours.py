@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bayesid.coloured.kalman import smooth, whiten
+from bayesid.coloured.kalman import smooth_filtered, whiten
 from bayesid.coloured.log import Array
 from bayesid.coloured.path import Path
 from bayesid.model import Model
@@ -141,10 +141,10 @@ def filter_settings(
         at, states = np.nonzero(log.fresh)
         jumps = np.zeros((log.fresh.shape[0], log.fresh.shape[1], log.fresh.shape[1]))
         jumps[at, states, states] = log.fresh[at, states]
-        seen = np.unique(states)
-        gamma.append(jumps[:, :, seen])
-        decay.append(np.zeros((gaps.size, seen.size)))
-        variance.append(np.ones(seen.size))
+        jumped = np.unique(states)
+        gamma.append(jumps[:, :, jumped])
+        decay.append(np.zeros((gaps.size, jumped.size)))
+        variance.append(np.ones(jumped.size))
     return Filter(
         log.sigma**2,
         np.ascontiguousarray(np.concatenate(gamma, axis=2)),
@@ -234,13 +234,15 @@ def whitened(
 class Smoothed:
     """Smoothed deviation of one run: state, latent inputs and drifts with variances.
 
-    `standard` are innovations and `alone` the misfit of each reading given all others, over their deviations.
+    `filtered` are means given the readings up to each sample, `standard` innovations and `alone` the misfit
+    of each reading given all others, over their deviations.
     """
 
     mean: Array
     variance: Array
     standard: Array
     alone: Array
+    filtered: Array
 
 
 def smoothed(
@@ -251,8 +253,9 @@ def smoothed(
     resid, drive, first = known(path, step)
     n, q = resid.shape
     m = first.size + f.variance_f.size + f.variance_d.size
-    mean, var, standard, alone = np.empty((n, m)), np.empty((n, m)), np.empty((n, q)), np.empty((n, q))
-    smooth(
+    mean, var, filtered = np.empty((n, m)), np.empty((n, m)), np.empty((n, m))
+    standard, alone = np.empty((n, q)), np.empty((n, q))
+    smooth_filtered(
         np.where(path.log.valid, resid, 0.0),
         drive,
         first,
@@ -271,5 +274,6 @@ def smoothed(
         var,
         standard,
         alone,
+        filtered,
     )
-    return Smoothed(mean, var, standard, alone)
+    return Smoothed(mean, var, standard, alone, filtered)

@@ -229,7 +229,8 @@ def _moved(
         sm = smoothed(model, path, values - path.point.par[free.where], colours, run=i)
         nx = path.point.states.shape[1]
         force = np.ascontiguousarray(sm.mean[:-1, nx : nx + n_force] @ mixing(model, colours).T)
-        points.append(Point(par, path.point.states + sm.mean[:, :nx], force))
+        before = path.point.states + sm.filtered[:, :nx]
+        points.append(Point(par, path.point.states + sm.mean[:, :nx], force, before))
         standards.append(sm.standard)
     return points, standards
 

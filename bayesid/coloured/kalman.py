@@ -173,7 +173,7 @@ def whiten(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def smooth(
+def smooth_filtered(
     resid: np.ndarray,
     drive: np.ndarray,
     first: np.ndarray,
@@ -192,6 +192,7 @@ def smooth(
     var_out: np.ndarray,
     standard: np.ndarray,
     alone: np.ndarray,
+    filtered: np.ndarray,
 ) -> None:
     """Smoothed deviation of one run (Bryson-Frazier form, no inverse of a covariance).
 
@@ -202,6 +203,7 @@ def smooth(
     mean_out, var_out : (n, nx + nf + nd) filled with smoothed means and variances
     standard : (n, q) filled with innovations over their predicted standard deviation, 0 where missing
     alone : (n, q) the same of each reading given all others, earlier and later (de Jong and Penzer 1998)
+    filtered : (n, nx + nf + nd) filled with means given the readings up to each sample
     """
     n, q = resid.shape
     nx = phi.shape[1]
@@ -244,6 +246,7 @@ def smooth(
             standard[i, j] = e / np.sqrt(s)
             mean = mean + g / s * e
             p = p - np.outer(g, g) / s
+        filtered[i] = mean
         if i < n - 1:
             f[:] = 0.0
             f[:nx, :nx] = phi[i]
@@ -288,3 +291,31 @@ def smooth(
         mean_out[i] = predicted[i] - covariance[i] @ lam
         for a in range(m):
             var_out[i, a] = covariance[i, a, a] - covariance[i, a] @ big @ covariance[i, a]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def smooth(
+    resid: np.ndarray,
+    drive: np.ndarray,
+    first: np.ndarray,
+    valid: np.ndarray,
+    slope: np.ndarray,
+    variance: np.ndarray,
+    phi: np.ndarray,
+    gamma: np.ndarray,
+    decay_f: np.ndarray,
+    variance_f: np.ndarray,
+    drift: np.ndarray,
+    decay_d: np.ndarray,
+    variance_d: np.ndarray,
+    start: np.ndarray,
+    mean_out: np.ndarray,
+    var_out: np.ndarray,
+    standard: np.ndarray,
+    alone: np.ndarray,
+) -> None:
+    """`smooth_filtered` where the filtered means are of no use."""
+    smooth_filtered(
+        resid, drive, first, valid, slope, variance, phi, gamma, decay_f, variance_f, drift, decay_d,
+        variance_d, start, mean_out, var_out, standard, alone, np.empty_like(mean_out),
+    )  # fmt: skip

@@ -9,9 +9,11 @@ A latent force is stated for the nominal inertia: it is the acceleration it give
 is free. Otherwise a row of the balance could shrink together with its noise, and a path fitted jointly with
 the coefficients would always prefer that (measured: N_rdot 20 prior sd off on a clean trial in a rough sea).
 
-In a straight run all sideways motion answers the environment, and slopes by the parameters along it would let
-a coefficient shrink the noise in the same way (a disturbance measured 70 times too quiet). They are taken at
-the mean sideways motion instead.
+Slopes by the parameters are taken along the filtered path, what was known before each interval, once there
+is one. Along the smoothed path they would be correlated with the very innovations they explain, and
+coefficients would drift to where they shrink the noise (prediction-error identification; Ljung 1999, 8.5). In
+a straight run even the rudder answers the environment, so there slopes are taken at rest, fins at their means
+(otherwise a disturbance was measured 70 times too quiet).
 """
 
 from __future__ import annotations
@@ -37,11 +39,31 @@ class Point:
     par : (n_par,) parameters [SI]
     states : (n, nx) states at the samples
     force : (n-1, n_force) latent forces held over each sample interval [N, N m]
+    before : (n, nx) states known from readings up to each sample; None where no filter has run
     """
 
     par: Array
     states: Array
     force: Array
+    before: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Aside:
+    """States and inputs beside the path at which slopes by the parameters are taken, and what they give.
+
+    Attributes
+    ----------
+    plan : inputs, without latent forces
+    states : (n, nx)
+    ends : (n-1, nx) end of each interval started at `states`
+    values : (n, q) readings at `states`
+    """
+
+    plan: Plan
+    states: Array
+    ends: Array
+    values: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +77,7 @@ class Path:
     direct : (n, q, p) of the readings by the free parameters at fixed state
     phi, gamma, psi : (n-1, nx, ..) maps by state, latent inputs (`inputs`) and free parameters
     defect : (n-1, nx) end of each interval minus the next state of the path
+    aside : Aside, where `direct` and `psi` were taken: the path itself where no filter has run
     """
 
     log: Log
@@ -67,6 +90,7 @@ class Path:
     psi: Array
     defect: Array
     inputs: tuple[str, ...]
+    aside: Aside
 
 
 def latent_inputs(model: Model) -> tuple[str, ...]:
@@ -90,25 +114,27 @@ def linearise(model: Model, log: Log, point: Point, free: Array) -> Path:
     ModelError
         if an interval leaves the finite numbers
     """
-    nothing = free[:0]
-    known = nothing if log.straight else free
-    ratio, ratio_slope = inertia_ratio(model, point.par, known)
+    beside = len(free) > 0 and (log.straight or point.before is not None)
+    here = free[:0] if beside else free
+    ratio, ratio_slope = inertia_ratio(model, point.par, here)
     plan = with_forces(model, log.plan, point.force @ ratio.T)
     inputs = latent_inputs(model)
-    maps = interval_maps(model, point.par, plan, point.states, inputs, known)
+    maps = interval_maps(model, point.par, plan, point.states, inputs, here)
     n_force = point.force.shape[1]
     raw = maps.gamma[:, :, :n_force].copy()
     maps.gamma[:, :, :n_force] = raw @ ratio
-    if point.force.any() and len(known):
+    if point.force.any() and len(here):
         maps.psi[:] += np.einsum("ixf,pfg,ig->ixp", raw, ratio_slope, point.force, optimize=True)
-    readings = readings_on(model, point.par, plan, point.states, maps, known)
-    psi, direct = maps.psi, readings.by_parameter
-    if log.straight and len(free):
-        calm = _calmed(model, point.states)
-        rest = replace(log.plan, command=_held(model, log.plan.command), levels=_held(model, log.plan.levels))
-        by_rest = interval_maps(model, point.par, rest, calm, (), free)
-        psi, direct = by_rest.psi, readings_on(model, point.par, rest, calm, by_rest, free).by_parameter
+    readings = readings_on(model, point.par, plan, point.states, maps, here)
     picked = list(log.channels)
+    psi, direct = maps.psi, readings.by_parameter
+    aside = Aside(plan, point.states, maps.ends, readings.values[:, picked])
+    if beside:
+        where, states = _beside(model, log, point)
+        other = interval_maps(model, point.par, where, states, (), free)
+        seen = readings_on(model, point.par, where, states, other, free)
+        psi, direct = other.psi, seen.by_parameter
+        aside = Aside(where, states, other.ends, seen.values[:, picked])
     resid = wrap(model, log, log.data - readings.values[:, picked])
     defect = maps.ends - point.states[1:]
     return Path(
@@ -122,7 +148,17 @@ def linearise(model: Model, log: Log, point: Point, free: Array) -> Path:
         psi,
         defect,
         inputs,
+        aside,
     )
+
+
+def _beside(model: Model, log: Log, point: Point) -> tuple[Plan, Array]:
+    """Inputs and states at which slopes by the parameters are taken."""
+    if not log.straight:
+        assert point.before is not None
+        return log.plan, point.before
+    plan = replace(log.plan, command=_held(model, log.plan.command), levels=_held(model, log.plan.levels))
+    return plan, _calmed(model, point.states)
 
 
 def _calmed(model: Model, states: Array) -> Array:

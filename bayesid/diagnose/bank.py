@@ -17,10 +17,10 @@ from bayesid.coloured.evidence import Gram, gram, posterior
 from bayesid.coloured.fit import Free
 from bayesid.coloured.free import effect_prior
 from bayesid.coloured.log import Array
-from bayesid.coloured.path import Path, Point, latent_inputs, linearise, with_forces, wrap
+from bayesid.coloured.path import Path, Point, linearise, wrap
 from bayesid.diagnose.problem import Problem
 from bayesid.effects import Effect
-from bayesid.simulate import inertia_ratio, interval_maps, readings_on
+from bayesid.simulate import interval_maps, readings_on
 
 # Secant sizes, in prior standard deviations, of effects without a slope when off.
 SECANTS = (0.15, 0.8)
@@ -126,22 +126,19 @@ def secants(problem: Problem, path: Path, effects: Sequence[Effect]) -> tuple[Ar
     """Difference quotients of readings and interval ends, in units of one prior standard deviation."""
     model, log, point = problem.model, path.log, path.point
     nothing = np.zeros(0, dtype=np.int64)
-    inputs = latent_inputs(model)
     picked = list(log.channels)
+    where = path.aside
     direct, drive = [], []
-    ends = path.defect + point.states[1:]
     for effect in effects:
         prior = effect_prior(model, effect)
         for size in SECANTS:
             par = point.par.copy()
             par[prior.where] = np.maximum(par[prior.where], prior.mean) + size * prior.sd
-            ratio, _ = inertia_ratio(model, par, nothing)
-            plan = with_forces(model, log.plan, point.force @ ratio.T)
-            maps = interval_maps(model, par, plan, point.states, inputs, nothing)
-            readings = readings_on(model, par, plan, point.states, maps, nothing).values[:, picked]
-            resid = wrap(model, log, log.data - readings)
-            direct.append(np.where(np.isfinite(resid), path.resid - resid, 0.0) / size)
-            drive.append((maps.ends - ends) / size)
+            maps = interval_maps(model, par, where.plan, where.states, (), nothing)
+            values = readings_on(model, par, where.plan, where.states, maps, nothing).values[:, picked]
+            change = wrap(model, log, values - where.values)
+            direct.append(np.where(log.valid, change, 0.0) / size)
+            drive.append((maps.ends - where.ends) / size)
     return np.stack(direct, axis=2), np.stack(drive, axis=2)
 
 

@@ -5,6 +5,7 @@ Takes a `Problem` and coloured fits. Gives frozen `Candidate`s. Does not choose 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -101,12 +102,18 @@ def _remembers(effect: Effect) -> bool:
     return bool(effect.adjust) or any(stage.delay or "y" in names_read(stage.end) for stage in effect.stages)
 
 
-def checked(problem: Problem, candidate: Candidate, none: Candidate) -> Candidate:
-    """Candidate whose evidence neither rests on straight runs nor exceeds what its parameters can gain."""
+def checked(problem: Problem, candidate: Candidate, none: Candidate, gains: Mapping[str, float]) -> Candidate:
+    """Candidate whose evidence neither rests on straight runs nor exceeds what its parameters can gain.
+
+    A refit that did not arrive and fits worse than no effect claims no more than its screen, `gains`.
+    """
     c = away_from_straight(problem, candidate, none)
-    if none.fit.converged and not c.effects[0].startswith(COEFFICIENT_ERROR):
-        c = replace(c, log_evidence=min(c.log_evidence, none.log_evidence + wald_limit(problem, c.fit)))
-    return c
+    if not none.fit.converged or c.effects[0].startswith(COEFFICIENT_ERROR):
+        return c
+    limit = wald_limit(problem, c.fit)
+    if not c.fit.converged and c.fit.chi2 > none.fit.chi2 and len(c.effects) == 1:
+        limit = min(limit, gains.get(c.effects[0], limit))
+    return replace(c, log_evidence=min(c.log_evidence, none.log_evidence + limit))
 
 
 def wald_limit(problem: Problem, fitted: ColouredFit) -> float:

@@ -6,7 +6,7 @@ Takes a trial and a vehicle. Gives a frozen `Problem`. Held-out runs are not eve
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -149,7 +149,7 @@ def start_points(problem: Problem, effect_free: Free, effects: tuple[Effect, ...
             i = problem.model.index[effect.key(p.name)]
             k = effect_free.names.index(effect.key(p.name))
             par[i] = p.mean if effect.smooth else p.mean + 0.5 * effect_free.sd[k]
-    return [Point(par, point.states, point.force) for point in problem.path]
+    return [replace(point, par=par) for point in problem.path]
 
 
 def fit_with(

@@ -14,9 +14,8 @@ from bayesid.diagnose.problem import Problem
 from bayesid.diagnose.weigh import credible_set
 from bayesid.diagnose.which import Candidates
 
-# Evidence an effect or a latent signal needs, absorption from which an effect is hidden, probability that
-# names one.
-NAMED, REMAINDER, HIDDEN, SURE = 5.0, 20.0, 0.98, 0.95
+# Share of its signature the coefficients absorb from which an effect is hidden.
+HIDDEN = 0.98
 WORDS = ("none", "effect", "effect_with_remainder", "several", "outside", "coefficients", "ambiguous")
 
 
@@ -48,22 +47,25 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
     families = {e.name: e.family for e in problem.model.kernel.effects}
     hidden = tuple(n for n, a in absorbed.items() if a > HIDDEN)
     none = candidates.none
+    limit = candidates.thresholds
     best = simplest(candidates)
     gain = best.log_evidence - none.log_evidence
     before = candidates.where.places[0]
     pull = pulls(none.fit, problem)
     conflict = float(np.abs(pull).max()) if pull.size else 0.0
     reasons = [
-        f"best explanation {' + '.join(best.effects) or 'none'}: log evidence {gain:+.1f} over no effect",
+        f"best explanation {' + '.join(best.effects) or 'none'}: log evidence {gain:+.1f} over no effect "
+        f"(by chance {limit.named:.1f} in 1 of 100 trials)",
         f"a free force or signal anywhere would raise it by {before.evidence:+.1f} at best (in "
-        f"{before.channel})",
-        f"largest coefficient move without an effect: {conflict:.1f} prior sd",
+        f"{before.channel}; by chance at most {limit.remainder:.1f})",
+        f"largest coefficient move without an effect: {conflict:.1f} prior sd (by chance "
+        f"{limit.conflict:.1f})",
     ]
-    if gain < NAMED:
-        if before.evidence > REMAINDER and probability["outside"] > 0.5:
+    if gain < limit.named:
+        if before.evidence > limit.remainder and probability["outside"] > 0.5:
             return Verdict("outside", (), set95, (), tuple(reasons))
-        if "none" in set95 or before.evidence < NAMED:
-            if conflict > 4.0 and probability["none"] < 0.5:
+        if "none" in set95 or before.evidence < limit.named:
+            if conflict > max(limit.conflict, 3.0) and probability["none"] < 0.5:
                 return Verdict("coefficients", (), set95, hidden, tuple(reasons))
             return Verdict("none", (), set95, (), tuple(reasons))
         return Verdict("ambiguous", _names(set95), set95, (), tuple(reasons))
@@ -79,7 +81,7 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
         return Verdict("coefficients", (COEFFICIENT_ERROR,), set95, hidden, tuple(reasons))
     single = max((c for c in candidates.refits if len(c.effects) == 1), key=lambda c: c.log_evidence)
     if len(best.effects) > 1:
-        if left > REMAINDER:
+        if left > limit.remainder:
             # Further effects that leave a remainder only bend towards it; the first one stands.
             return Verdict("effect_with_remainder", best.effects[:1], set95, hidden, tuple(reasons))
         return Verdict("several", best.effects, set95, hidden, tuple(reasons))
@@ -94,7 +96,7 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
     rivals = {families.get(n, n) for n in set95}
     if len(rivals) > 1:
         return Verdict("ambiguous", _names(set95), set95, (), tuple(reasons))
-    word = "effect_with_remainder" if left > REMAINDER else "effect"
+    word = "effect_with_remainder" if left > limit.remainder else "effect"
     return Verdict(word, (name,), set95, (), tuple(reasons))
 
 
@@ -102,7 +104,11 @@ def simplest(candidates: Candidates) -> Candidate:
     """Best explanation; several effects only where they are worth it over the best single one."""
     best = candidates.best
     alone = [c for c in candidates.refits if len(c.effects) == 1]
-    if len(best.effects) > 1 and alone and best.log_evidence < alone[0].log_evidence + NAMED:
+    if (
+        len(best.effects) > 1
+        and alone
+        and best.log_evidence < alone[0].log_evidence + candidates.thresholds.named
+    ):
         return alone[0]
     return best
 

@@ -88,6 +88,11 @@ def channel_sets(problem: Problem) -> dict[str, tuple[tuple[str, ...], tuple[str
     return out
 
 
+def tried(problem: Problem) -> int:
+    """Number of free signals `locate` tries."""
+    return len(channel_sets(problem)) * len(AMPLITUDES) * len(TIMES)
+
+
 def units(model: Model) -> dict[str, float]:
     """A large disturbance of each latent input and channel: amplitudes are fractions of it."""
     s = model.scales
@@ -132,15 +137,15 @@ def locate(problem: Problem, points: Sequence[Point], free: Free, masks: bool = 
     size, time = units(model), model.scales["L"] / model.scales["U"]
     places, forces = [], []
     for name, (inputs, channels) in channel_sets(problem).items():
-        tried = []
+        seen = []
         for a in AMPLITUDES:
             for tau in TIMES:
                 latent = Latent(
                     inputs, channels, tuple(a * size[n] for n in (*inputs, *channels)), tau * time
                 )
-                tried.append((_evidence(problem, paths, free, colours, latent), a, tau * time))
-        best = max(tried)
-        average = _log_mean([t[0] for t in tried])
+                seen.append((_evidence(problem, paths, free, colours, latent), a, tau * time))
+        best = max(seen)
+        average = _log_mean([t[0] for t in seen])
         places.append(Place(name, best[0] - base, best[1], best[2], average - base))
         if inputs:
             forces.append(average)

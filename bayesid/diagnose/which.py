@@ -25,8 +25,9 @@ from bayesid.diagnose.bank import (
 from bayesid.diagnose.candidate import COEFFICIENT_ERROR, Candidate, checked, explains, standing, weighed
 from bayesid.diagnose.problem import Problem, fit_with
 from bayesid.diagnose.refits import ADD, likely_coefficients, refit, refit_wide, several, shortlist
+from bayesid.diagnose.thresholds import Thresholds, thresholds
 from bayesid.diagnose.weigh import PRIOR_OUTSIDE, evidences, probabilities
-from bayesid.diagnose.where import Where, locate
+from bayesid.diagnose.where import Where, locate, tried
 
 Say = Callable[[str], None]
 
@@ -45,6 +46,7 @@ class Candidates:
     bank : Bank the screen used
     ambiguity : Ambiguity
     where, where_after : Where before any effect and after the best one
+    thresholds : Thresholds of this design
     """
 
     none: Candidate
@@ -56,6 +58,7 @@ class Candidates:
     ambiguity: Ambiguity
     where: Where
     where_after: Where | None
+    thresholds: Thresholds
 
     @property
     def best(self) -> Candidate:
@@ -63,8 +66,8 @@ class Candidates:
         return self.refits[0] if self.refits else self.none
 
 
-def compare(problem: Problem, say: Say = lambda text: None) -> Candidates:
-    """Screen the catalogue, refit a shortlist, weigh every hypothesis."""
+def compare(problem: Problem, say: Say = lambda text: None, seed: int = 0) -> Candidates:
+    """Screen the catalogue, refit a shortlist, weigh every hypothesis; `seed` draws the thresholds."""
     model = problem.model
     say("fit without any effect")
     base = fit_with(problem, ())
@@ -77,15 +80,16 @@ def compare(problem: Problem, say: Say = lambda text: None) -> Candidates:
     bank = build_bank(problem, follow, levels_between(problem, level), effects)
     scores = screen(bank)
     known = ambiguity(bank)
+    limits = thresholds(bank, tried(problem), seed)
     say("where the gap lies")
     where = locate(problem, follow, problem.coefficients)
     wide = widened(bank, problem.coefficients.names)
     refits = [c for s in shortlist(scores) for c in refit(problem, (model.effects[s.name],), say)]
     refits += [c for name in likely_coefficients(wide, scores) for c in refit_wide(problem, name, say)]
-    refits = sorted((checked(problem, c, none) for c in refits), key=lambda c: -c.log_evidence)
+    gains = {s.name: s.gain for s in scores}
+    refits = sorted((checked(problem, c, none, gains) for c in refits), key=lambda c: -c.log_evidence)
     after = None
     single = [c for c in refits if not c.effects[0].startswith(COEFFICIENT_ERROR)]
-    gains = {s.name: s.gain for s in scores}
     if single:
         first = max(single, key=lambda c: standing(c, gains[c.effects[0]]))
         if (
@@ -94,7 +98,7 @@ def compare(problem: Problem, say: Say = lambda text: None) -> Candidates:
             else gains[first.effects[0]] > ADD
         ):
             refits = several(problem, refits, first, effects, say)
-            refits = sorted((checked(problem, c, none) for c in refits), key=lambda c: -c.log_evidence)
+            refits = sorted((checked(problem, c, none, gains) for c in refits), key=lambda c: -c.log_evidence)
     if refits and refits[0].log_evidence > none.log_evidence + ADD:
         say("what the best explanation leaves")
         best = refits[0].fit
@@ -106,4 +110,6 @@ def compare(problem: Problem, say: Say = lambda text: None) -> Candidates:
         with_rest = after.outside - none.log_evidence + float(np.log(PRIOR_OUTSIDE))
         evidence[name] = float(np.logaddexp(evidence[name], with_rest))
     probability = probabilities(evidence, refits, none)
-    return Candidates(none, tuple(refits), tuple(scores), evidence, probability, bank, known, where, after)
+    return Candidates(
+        none, tuple(refits), tuple(scores), evidence, probability, bank, known, where, after, limits
+    )
