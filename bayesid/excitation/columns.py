@@ -98,6 +98,9 @@ def evaluate(expression: str, model: Model, states: Array, actuators: Array) -> 
     names = dict.fromkeys(("z", "phi", "theta", "w", "p", "q", "delta_s", "delta_b"), zero)
     names |= {n: states[:, i] for i, n in enumerate(model.states)}
     names |= {n: actuators[:, i] for i, n in enumerate(model.kernel.actuators)}
+    cross = float(model.nominal[model.index["cross"]]) if "cross" in model.index else 0.0
+    names["Rv"] = np.sqrt(names["v"] ** 2 + cross * names["w"] ** 2)
+    names["Rw"] = np.sqrt(names["w"] ** 2 + cross * names["v"] ** 2)
     used = {node.id for node in ast.walk(ast.parse(expression, mode="eval")) if isinstance(node, ast.Name)}
     unknown = used - names.keys() - FUNCTIONS.keys()
     if unknown:

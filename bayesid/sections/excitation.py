@@ -17,8 +17,8 @@ from bayesid.figures import excitation as figures
 from bayesid.report import Block, Figure, Report, Section, Table, Text, literal
 from bayesid.trials import Trial
 
-TERM_COLUMNS = ("term", "status", "inclusion", "value", "sd", "share of force", "margin", "stands for")
-_MANY = 8
+TERM_COLUMNS = ("term", "status", "inclusion", "value", "sd", "share of force", "margin", "or else")
+_MANY = 3
 _BEYOND = "Beyond the vehicle file, its own terms held within their prior,"
 
 

@@ -1,0 +1,151 @@
+"""The form of a missing force: planted terms come back with their size, other forces are given no form."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import jsonschema
+import numpy as np
+import pytest
+from gap_trials import model_of, other_vehicle, planted_trial
+
+from bayesid.coloured.fit import Free, fit
+from bayesid.diagnose import description as module
+from bayesid.diagnose.description import as_json, describe, force_library
+from bayesid.diagnose.diagnosis import schema
+from bayesid.diagnose.problem import pose
+from bayesid.diagnose.where import locate
+from bayesid.excitation.columns import evaluate
+from bayesid.model import build_model
+from bayesid.vehicles import load_vehicle
+
+SAMPLES = 120
+LOWEST = np.full(1, -np.inf)
+
+
+@lru_cache
+def scales():
+    """Model, force unit 1/2 rho L^2 U^2, L and U of the submarine."""
+    model = model_of("generic_sub")
+    s = model.scales
+    return model, 0.5 * s["rho"] * s["L"] ** 2 * s["U"] ** 2, s["L"], s["U"]
+
+
+@lru_cache
+def described_term(name):
+    return described(planted(name))[0]
+
+
+def described(values, force=None, seed=0):
+    model = scales()[0]
+    trial = planted_trial(
+        model, {**other_vehicle(model, seed + 5), **values}, seed=seed, samples=SAMPLES, force=force
+    )
+    problem = pose(model, trial)
+    where = locate(problem, problem.path, problem.coefficients, masks=False)
+    return describe(problem, problem.path, problem.coefficients, where, problem.path_level), problem
+
+
+def planted(name):
+    _, unit, length, speed = scales()
+    return {
+        "Y_vvv": {"Y_vvv": -9.0 * unit / speed**3},
+        "X_vv": {"X_vv": -0.1 * unit / speed**2},
+        "N_v|r|": {"N_v|r|": 0.05 * unit * length**2 / speed**2},
+    }[name]
+
+
+@pytest.mark.parametrize("name", ["Y_vvv", "X_vv", "N_v|r|"])
+def test_a_planted_term_is_named_with_its_size(name):
+    """Two runs of 48 L/U; coefficients of the flown vehicle drawn from the 5 % prior. X_vv is a row the
+    vehicle has, sixteen times its value."""
+    found = described_term(name)
+    (term,) = found.terms
+    assert term.name == name
+    truth = planted(name)[name]
+    assert abs(term.value - truth) < 4.0 * term.sd
+    assert term.sd < 0.1 * abs(truth)
+    assert term.gain > 50.0 and found.predictive > 20.0
+    assert term.in_model == (name == "X_vv")
+    assert name in found.sentences[0]
+
+
+def test_a_vehicle_within_its_prior_gets_no_description():
+    found, _ = described({})
+    assert not found.terms
+
+
+@pytest.mark.parametrize("kind", ["pulse", "drag from half way", "drifting"])
+def test_a_force_that_follows_no_motion_is_given_no_form(kind):
+    """Negative control: forces of time, of sizes the free force sees at 30 to 6000 nats."""
+    _, unit, length, speed = scales()
+    time = length / speed
+    rng = np.random.default_rng(4)
+
+    def drifting(t):
+        steps = np.exp(-np.diff(t, prepend=t[0]) / (3 * time))
+        out = np.zeros(t.size)
+        for i in range(1, t.size):
+            out[i] = steps[i] * out[i - 1] + np.sqrt(1 - steps[i] ** 2) * rng.standard_normal()
+        return out
+
+    def force(name, t):
+        if kind == "pulse":
+            return {"Y": 3e-4 * unit * ((t > 10 * time) & (t < 14 * time)) * (name == "turn")}
+        if kind == "drifting":
+            return {"Y": 3e-4 * unit * drifting(t)}
+        return {"X": -2e-4 * unit * (t > 20 * time) * (name == "turn")}
+
+    found, _ = described({}, force)
+    assert not found.terms
+    assert "none is named" in found.sentences[0] or "No term" in found.sentences[0]
+
+
+def test_evidence_of_the_named_term_is_that_of_a_refit_with_it(monkeypatch):
+    """Expected: converged non-linear refits with one more row free beside the coefficients. The named term's
+    evidence agrees within 3 nats; linear columns along its path flatter a rival, so none is overlooked."""
+    kept = {}
+    original = module._improved
+
+    def spy(trial, chosen):
+        kept["trial"] = trial
+        return original(trial, chosen)
+
+    monkeypatch.setattr(module, "_improved", spy)
+    monkeypatch.setattr(module, "SIZES", (1e-3,))
+    found, problem = described(planted("Y_vvv"))
+    assert [t.name for t in found.terms] == ["Y_vvv"]
+    trial, model = kept["trial"], problem.model
+    names = [c.name for c in trial.columns]
+    for name, within in (("Y_vvv", 3.0), ("Y_rrr", np.inf)):
+        j = names.index(name)
+        row = Free((name,), model.positions([name]), np.zeros(1), 1e-3 * trial.unit[[j]], LOWEST)
+        fitted = fit(
+            model, problem.logs, problem.coefficients + row, problem.environment.colours,
+            start=problem.path, loud=problem.path_level,
+        )  # fmt: skip
+        assert fitted.converged
+        assert -3.0 < trial.evidence([j]) - fitted.log_evidence < within, name
+
+
+def test_every_term_of_the_library_can_be_evaluated_and_has_a_unit():
+    for dof in (3, 6):
+        model = build_model(load_vehicle("remus100"), dof)
+        columns = force_library(model)
+        assert len({c.name for c in columns}) == len(columns) > 40
+        rng = np.random.default_rng(0)
+        states = 0.3 * rng.standard_normal((5, len(model.states)))
+        act = rng.standard_normal((5, len(model.kernel.actuators)))
+        for column in columns:
+            assert np.isfinite(evaluate(column.expression, model, states, act)).all()
+            assert module._unit(column).startswith(("kg", "N"))
+
+
+def test_the_block_of_the_record_is_what_the_schema_states():
+    found = described_term("X_vv")
+    block = schema()["properties"]["description"]
+    jsonschema.validate(as_json(found), block)
+    broken = as_json(found)
+    del broken["terms"][0]["gain"]
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(broken, block)
