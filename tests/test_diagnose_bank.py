@@ -12,6 +12,7 @@ from bayesid.coloured.evidence import Gram, gram, posterior
 from bayesid.diagnose import bank as banks
 from bayesid.diagnose.bank import Bank, Column, ambiguity, build_bank, screen, widened
 from bayesid.diagnose.problem import fit_with, pose
+from bayesid.diagnose.thresholds import chance, thresholds
 
 
 @lru_cache
@@ -261,3 +262,22 @@ def test_effects_with_one_column_in_two_banks_share_a_group():
     assert abs(known.margin[0, 1]) < 1e-9 and known.margin[0, 2] > 5.0
     np.testing.assert_allclose(known.detect, 1600.0)
     np.testing.assert_allclose(known.absorbed, 0.0, atol=1e-12)
+
+
+def test_thresholds_are_what_trials_without_effect_reach_by_chance():
+    _, bank, _ = nominal_case()
+    best, moved = chance(bank, seed=1, draws=2000)
+    draws = Draws(bank, seed=2)
+    seen = []
+    for _ in range(150):
+        g = draws.one()
+        seen.append(
+            max(gain(bank, g, n, v) for n, e in bank.effects.items() for v in range(len(e.variants)))
+        )
+    # the same distribution from the evidence itself, draw by draw
+    assert stats.ks_2samp(best, seen).pvalue > 1e-3
+    assert stats.ks_2samp(best + 0.7, seen).pvalue < 1e-3
+    limit = thresholds(bank, tried=100, seed=1)
+    assert 3.0 <= limit.named < np.log(len(bank.effects) / 0.01) + 1
+    assert np.mean(moved > limit.conflict) <= 0.0101
+    assert thresholds(bank, tried=100, seed=1) == limit

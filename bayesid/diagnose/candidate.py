@@ -45,10 +45,12 @@ class Candidate:
 def corrected_evidence(fitted: ColouredFit) -> float:
     """Laplace evidence with the half-normal correction of one-sided parameters (design note A9)."""
     out = fitted.log_evidence
-    z = (fitted.values - fitted.free.mean) / fitted.free.sd
+    # the optimum of the quadratic, beyond the bound where the data prefer the forbidden side
+    z = fitted.posterior.mean
     sd = np.sqrt(np.diag(fitted.posterior.covariance))
     for i in np.flatnonzero(np.isfinite(fitted.free.low)):
-        out += float(np.log(2.0) + log_ndtr(z[i] / max(sd[i], 1e-12)))
+        edge = (fitted.free.low[i] - fitted.free.mean[i]) / fitted.free.sd[i]
+        out += float(log_ndtr((z[i] - edge) / max(sd[i], 1e-12)) - log_ndtr(-edge))
     return out
 
 

@@ -1,0 +1,95 @@
+"""Runs against each other: does what the others say about an effect predict this run, and do they agree?
+
+Takes `Candidate`s. Uses the Gram matrices of their refits, so nothing is fitted again; held-out runs are not
+read (design note A1).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from bayesid.coloured.evidence import Gram, posterior
+from bayesid.coloured.log import Array
+from bayesid.diagnose.candidate import Candidate
+
+
+@dataclass(frozen=True, eq=False)
+class Crossed:
+    """Leave-one-run-out comparison of an explanation with no effect.
+
+    Attributes
+    ----------
+    gains : (runs,) log density of each run given all others, over that without an effect
+    disagreement : p-value of the runs having one and the same effect
+    """
+
+    gains: Array
+    disagreement: float
+
+    @property
+    def total(self) -> float:
+        return float(self.gains.sum())
+
+    @property
+    def refuted(self) -> bool:
+        """Whether the others predict a run worse with the effect than without, at 95 % over the runs."""
+        n = self.gains.size
+        if n < 3:
+            return False
+        error = float(self.gains.std(ddof=1)) / np.sqrt(n)
+        return self.total < 0 and self.total / n + float(stats.t.ppf(0.95, n - 1)) * error < 0
+
+
+def left_out(grams: tuple[Gram, ...]) -> Array:
+    """(runs,) log predictive density of each run given all others."""
+    total = sum(grams[1:], grams[0])
+    whole = posterior(total).log_evidence
+    return np.array([whole - posterior(total - g).log_evidence for g in grams])
+
+
+def crossed(candidate: Candidate, none: Candidate, coefficients: int) -> Crossed:
+    """Runs against each other.
+
+    Parameters
+    ----------
+    coefficients : number of leading columns that are coefficients; the others are the effect's
+    """
+    gains = left_out(candidate.fit.grams) - left_out(none.fit.grams)
+    return Crossed(gains, disagreement(candidate.fit.grams, coefficients))
+
+
+def disagreement(grams: tuple[Gram, ...], coefficients: int) -> float:
+    """p-value of one common effect against one of its own for every run, coefficients common.
+
+    Twice the gain in the maximised density is chi-square with (runs - 1) (effect parameters) degrees of
+    freedom; directions no run shows do not count.
+    """
+    c = coefficients
+    k = grams[0].se.size - c
+    runs = len(grams)
+    if k == 0 or runs < 2:
+        return 1.0
+    own = np.zeros((c + k * runs, c + k * runs))
+    score = np.zeros(c + k * runs)
+    for m, g in enumerate(grams):
+        at = np.concatenate([np.arange(c), c + k * m + np.arange(k)])
+        own[np.ix_(at, at)] += g.ss
+        score[at] += g.se
+    own[:c, :c] += np.eye(c)
+    common = np.zeros((c + k * runs, c + k))
+    common[:c, :c] = np.eye(c)
+    for m in range(runs):
+        common[c + k * m : c + k * (m + 1), c:] = np.eye(k)
+    gain, rank = _explained(own, score)
+    less, fewer = _explained(common.T @ own @ common, common.T @ score)
+    return float(stats.chi2.sf(max(gain - less, 0.0), max(rank - fewer, 1)))
+
+
+def _explained(a: Array, b: Array) -> tuple[float, int]:
+    """b' a^+ b and the rank of a, directions below 1e-3 of a prior's information left out."""
+    value, vector = np.linalg.eigh(a)
+    keep = value > 1e-3
+    return float(((vector[:, keep].T @ b) ** 2 / value[keep]).sum()), int(keep.sum())
