@@ -113,6 +113,8 @@ def _tell(record: dict) -> None:
     print("95 % set: " + ", ".join(record["set95"]))
     for reason in record["reasons"]:
         print(f"  {reason}")
+    for sentence in (record["description"] or {}).get("sentences", ()):
+        print(f"  {sentence}")
     gap = record["gap"]
     if gap["shrink"] is not None:
         print(

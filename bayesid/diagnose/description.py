@@ -46,8 +46,8 @@ BLOCK = 6.0  # L/U
 
 _ROWS = {
     "X": ("vr", "vv", "rr", "uu", "drdr", "prop_un", "prop_n|n|"),
-    "Y": ("v", "r", "v|v|", "r|r|", "v|r|", "|v|r", "vvv", "rrr", "dr", "*"),
-    "N": ("v", "r", "v|v|", "r|r|", "v|r|", "|v|r", "vvv", "rrr", "dr", "*"),
+    "Y": ("v", "r", "v|v|", "r|r|", "v|r|", "|v|r", "vvv", "vvr", "vrr", "rrr", "dr", "*"),
+    "N": ("v", "r", "v|v|", "r|r|", "v|r|", "|v|r", "vvv", "vvr", "vrr", "rrr", "dr", "*"),
     "Z": ("w", "q", "w|w|", "w|q|", "vv", "rr", "vr", "ds", "*"),
     "K": ("v", "r", "p", "v|v|", "p|p|", "dr", "*"),
     "M": ("w", "q", "w|w|", "q|q|", "vv", "rr", "vr", "ds", "*"),

@@ -17,6 +17,8 @@ import numpy as np
 from bayesid.coloured.fit import fit
 from bayesid.coloured.levels import silent
 from bayesid.diagnose.candidate import COEFFICIENT_ERROR, parameter_table
+from bayesid.diagnose.description import Description, describe_gap
+from bayesid.diagnose.description import as_json as described
 from bayesid.diagnose.next_run import Proposal, propose
 from bayesid.diagnose.problem import Problem, pose
 from bayesid.diagnose.shrink import Shrink, ladder
@@ -42,6 +44,7 @@ class Diagnosis:
     proposals : next manoeuvres, best first
     warnings : sentences
     seed : of the bootstrap
+    description : what the missing force is made of, where an effect does not explain all of it
     """
 
     trial: Trial
@@ -53,6 +56,7 @@ class Diagnosis:
     proposals: tuple[Proposal, ...]
     warnings: tuple[str, ...]
     seed: int
+    description: Description | None = None
 
 
 def diagnose(
@@ -80,6 +84,13 @@ def diagnose(
     candidates = compare(problem, say)
     verdict = judge(problem, candidates)
     warnings = [*trial.warnings, *problem.warnings]
+    description = None
+    if verdict.word in ("outside", "effect_with_remainder"):
+        say("what the missing force is made of")
+        try:
+            description = describe_gap(problem, candidates, verdict.word != "outside", seed)
+        except BayesidError as exc:
+            warnings.append(f"the missing force could not be described: {exc}")
     say("held-out runs: how far the gap shrinks")
     try:
         shrink = _shrink(problem, trial, candidates, seed)
@@ -101,7 +112,9 @@ def diagnose(
         proposals = propose(
             problem, candidates.bank, [n for n in verdict.set95 if n in candidates.bank.effects], 0.3
         )[:5]
-    return Diagnosis(trial, model, problem, candidates, verdict, shrink, proposals, tuple(warnings), seed)
+    return Diagnosis(
+        trial, model, problem, candidates, verdict, shrink, proposals, tuple(warnings), seed, description
+    )
 
 
 def _shrink(problem: Problem, trial: Trial, candidates: Candidates, seed: int) -> Shrink:
@@ -208,6 +221,7 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
                 for r in rungs
             ],
         },
+        "description": described(d.description) if d.description is not None else None,
         "environment": {
             "source": d.problem.environment.source,
             "force": list(d.problem.environment.colours.force),

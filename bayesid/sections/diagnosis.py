@@ -58,6 +58,7 @@ def diagnosis_report(found: Diagnosis, record: Mapping[str, Any]) -> Report:
     sections = [
         Section("Verdict", _verdict(found, record)),
         Section("Where the gap lies", _where(found)),
+        *_description(found),
         Section("Which effect", _which(found)),
         Section("How far it shrinks", _shrink(found)),
         Section("What these runs can tell apart", _ambiguity(found)),
@@ -154,6 +155,26 @@ def _where(found: Diagnosis) -> list[Block]:
             Figure("force", drawn, "Smoothed missing force in body axes, with two standard deviations.")
         )
     return blocks
+
+
+def _description(found: Diagnosis) -> list[Section]:
+    d = found.description
+    if d is None:
+        return []
+    blocks: list[Block] = [Text("\n\n".join(literal(s) for s in d.sentences))]
+    if d.terms:
+        blocks.append(
+            Table(
+                ["term", "regressor", "value", "sd", "unit", "kept in draws", "gain [nats]", "or else"],
+                [
+                    [t.name, t.expression, t.value, t.sd, t.unit, t.inclusion, t.gain, ", ".join(t.rivals)]
+                    for t in d.terms
+                ],
+                "Terms of the missing force. Each was proposed by a sparse regression of the smoothed force "
+                "and then earned its evidence beside coefficients that were free within their prior.",
+            )
+        )
+    return [Section("What the missing force is made of", blocks)]
 
 
 def _which(found: Diagnosis) -> list[Block]:
