@@ -195,6 +195,18 @@ def test_a_bundle_that_cannot_be_read_is_sealed_as_unanswered_and_scored_as_a_mi
     assert case.outcome == "failed" and not case.covered
 
 
+def test_a_fault_of_the_program_is_not_sealed_unless_accepted(world, monkeypatch):
+    def broken(*_, **__):
+        raise ZeroDivisionError("a fault")
+
+    monkeypatch.setattr("bayesid.diagnose.diagnosis.diagnose", broken)
+    with pytest.raises(BlindError, match="pond: ZeroDivisionError: a fault"):
+        solve_pack(world / "pack", world / "new", progress=QUIET)
+    assert not (world / "new" / SEAL).exists()
+    seal = solve_pack(world / "pack", world / "new", settings=Settings(accept_faults=True), progress=QUIET)
+    assert set(seal["failures"]) == {"pond"}
+
+
 def test_verdicts_do_not_go_into_the_pack_nor_answers_beside_it(world):
     with pytest.raises(BlindError, match="must not be written into the pack"):
         solve_pack(world / "pack", world / "pack" / "out", progress=QUIET)

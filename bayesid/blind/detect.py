@@ -14,14 +14,15 @@ import numpy as np
 from bayesid.blind.families import family_of
 from bayesid.coloured.colours import Colours
 from bayesid.coloured.evidence import Gram
-from bayesid.coloured.fit import NOTHING, fit
 from bayesid.coloured.free import coefficient_prior
 from bayesid.coloured.levels import Environment, silent
 from bayesid.coloured.log import Log, read_run
+from bayesid.coloured.path import Point, first_point
 from bayesid.diagnose.bank import Bank, build_bank, testable
 from bayesid.diagnose.problem import Problem
-from bayesid.model import build_model
-from bayesid.plant import Campaign, Planted, fly_campaign, still, true_response
+from bayesid.model import Model, build_model
+from bayesid.notation import POSE, VELOCITY
+from bayesid.plant import Campaign, FlownRun, Planted, fly_campaign, still, true_response
 from bayesid.trials import Run
 from bayesid.vehicles import Prior
 
@@ -93,6 +94,7 @@ def true_problem(campaign: Campaign) -> Problem:
     model = build_model(replace(campaign.vehicle, coef=true, prior=prior), campaign.dof)
     channels = tuple(c for c in model.kernel.channels if c in campaign.sigma)
     logs: list[Log] = []
+    points: list[Point] = []
     for flown in flight.runs:
         if flown.plan.role != "identify":
             continue
@@ -100,17 +102,27 @@ def true_problem(campaign: Campaign) -> Problem:
         data = {c: clean[c] for c in channels}
         run = Run(flown.plan.name, flown.plan.manoeuvre, "identify", flown.t, data, flown.commands)
         logs.append(read_run(model, run, campaign.sigma, channels))
+        points.append(_true_path(model, logs[-1], flown))
     colours = silent(model)
     if any(weather.amplitude):
         level = dict(zip(PLANT_AXES, np.array(weather.amplitude) * _typical(campaign), strict=True))
         axes = [n[-1] for n in model.kernel.exogenous if n.startswith("force_")]
         force = tuple(float(level.get(a, 0.0)) for a in axes)
         colours = Colours(force, weather.tau, weather.drift, weather.drift_tau)
-    led = fit(model, logs, NOTHING, colours, passes=16)
     return Problem(
         model, tuple(logs), coefficient_prior(model), Environment(colours, "stated", 0.0), channels, (), (),
-        led.follow, led.follow_level,
+        tuple(points), 0.0,
     )  # fmt: skip
+
+
+def _true_path(model: Model, log: Log, flown: FlownRun) -> Point:
+    """Where to linearise: the true track, from which the nominal structure departs in every interval."""
+    true = flown.track.states[:: flown.track.parts]
+    at = dict(zip(POSE + VELOCITY, true[:, :12].T, strict=True))
+    at["v_lagged"] = at["v"]
+    zero = np.zeros(log.n)
+    states = np.column_stack([at.get(name, zero) for name in model.kernel.full.states])
+    return replace(first_point(model, log, model.nominal), states=states)
 
 
 def _typical(campaign: Campaign) -> np.ndarray:

@@ -7,7 +7,8 @@ into another. Does not diagnose.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict
 from datetime import UTC, datetime
@@ -22,12 +23,15 @@ from bayesid.files import write_atomic, write_json
 from bayesid.plant import draw_campaign, truth, write_bundle
 from bayesid.progress import Progress
 
+# Sizes, in reference magnitudes, a cause may be brought to: a fiftieth is of no consequence, 1.5 is a lot.
+SIZES, SIZE_TO_START = (0.02, 1.5), 0.2
+
 
 def make_pack(
     seeds: Iterable[int],
     out: Path,
     answers: Path,
-    factors: Mapping[str, Any] | None = None,
+    factors: Mapping[str, Any] | Callable[[int], Mapping[str, Any]] | None = None,
     prefix: str = "p",
     jobs: int = 1,
     progress: Progress | None = None,
@@ -38,7 +42,8 @@ def make_pack(
 
     Parameters
     ----------
-    factors : what is fixed in `plant.draw_campaign`; the rest is drawn
+    factors : what is fixed in `plant.draw_campaign`, or a function of the seed that says; the rest is drawn.
+        "aim" is the noncentrality to which the size of the planted causes is brought
 
     Returns
     -------
@@ -53,7 +58,8 @@ def make_pack(
         raise BlindError("answers must be in a folder of their own, not within the pack or around it")
     if (out / COMMITMENTS).exists():
         raise BlindError(f"{out}: is a finished pack already; choose another folder")
-    tasks = [(seed, f"{prefix}{seed:04d}", out, answers, dict(factors or {})) for seed in seeds]
+    say = factors if callable(factors) else lambda seed: factors or {}
+    tasks = [(seed, f"{prefix}{seed:04d}", out, answers, dict(say(seed))) for seed in seeds]
     progress = progress or Progress()
     with progress.stage("bundles", len(tasks)) as stage:
         for name in in_processes(_make_one, tasks, jobs):
@@ -78,11 +84,26 @@ def _make_one(task: tuple[int, str, Path, Path, dict[str, Any]]) -> str:
         return name
     for stale in (out / name).glob("*"):  # of a run that was stopped within this bundle
         stale.unlink()
-    campaign = draw_campaign(seed, **factors)
+    given = {key: value for key, value in factors.items() if key != "aim"}
+    if "aim" in factors:
+        given["sizes"] = aimed_sizes(seed, given, float(factors["aim"]))
+    campaign = draw_campaign(seed, **given)
     shown = [asdict(d) for d in detectability(campaign)]
     answer = write_bundle(campaign, out / name)
-    write_answer(answers / f"{name}.json", answer | {"factors": factors, "detectability": shown})
+    write_answer(answers / f"{name}.json", answer | {"factors": given, "detectability": shown})
     return name
+
+
+def aimed_sizes(seed: int, factors: Mapping[str, Any], aim: float) -> tuple[float, float]:
+    """Size, as a range of one value, at which the plainest cause has about the noncentrality asked for.
+
+    Noncentrality goes with the square of a small size: one step from a middling one, kept within SIZES.
+    """
+    campaign = draw_campaign(seed, **{**factors, "sizes": (SIZE_TO_START, SIZE_TO_START)})
+    found = max((d.noncentrality for d in detectability(campaign, rivals=False)), default=0.0)
+    size = SIZE_TO_START * math.sqrt(aim / found) if found > 0.0 else SIZES[1]
+    size = min(max(size, SIZES[0]), SIZES[1])
+    return size, size
 
 
 def write_answer(path: Path, answer: Mapping[str, Any]) -> Path:

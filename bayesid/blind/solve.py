@@ -28,7 +28,7 @@ from bayesid.blind.seal import (
     read_json,
     versions,
 )
-from bayesid.errors import BayesidError
+from bayesid.errors import BayesidError, raise_all
 from bayesid.files import write_json
 from bayesid.progress import Progress
 
@@ -47,12 +47,14 @@ class Settings:
     plan_next : also rank manoeuvres to fly next
     report : write report.html and figures beside each verdict
     keep : called with each diagnosis and its folder, to keep more of it; must not change the verdict
+    accept_faults : seal although the program itself failed on some bundles; they count as unanswered
     """
 
     seed: int = 0
     plan_next: bool = True
     report: bool = True
     keep: Keep | None = None
+    accept_faults: bool = False
 
 
 def solve_pack(
@@ -65,8 +67,8 @@ def solve_pack(
 ) -> dict[str, Any]:
     """Diagnose every bundle of a pack and seal the verdicts.
 
-    Bundles already solved in `out` are kept. Without failure the seal is written; a bundle whose diagnosis
-    fails is listed in it with its message and counts as unanswered.
+    Bundles already solved in `out` are kept. A bundle that cannot be read or diagnosed is listed in the seal
+    with its message and counts as unanswered; faults of the program are not sealed unless accepted.
 
     Parameters
     ----------
@@ -80,7 +82,8 @@ def solve_pack(
     Raises
     ------
     BlindError                 an answer is readable in the pack, a bundle is missing or was changed, the
-                               folder of verdicts lies within the pack or holds those of another pack
+                               folder of verdicts lies within the pack or holds those of another pack, or the
+                               program failed on a bundle
     """
     pack, out = pack.resolve(), out.resolve()
     if out == pack or pack in out.parents:
@@ -102,6 +105,7 @@ def solve_pack(
         progress.note(f"{kept} bundles are solved already and kept")
     started = datetime.now(UTC).isoformat(timespec="seconds")
     _run(todo, out, digests, jobs, settings, now, progress)
+    _check_faults(bundles, out, settings.accept_faults)
     if names:
         return {"verdicts": {b.name: digest_of_file(out / b.name / "diagnosis.json") for b in bundles
                              if (out / b.name / "diagnosis.json").exists()}}  # fmt: skip
@@ -143,6 +147,16 @@ def _run(todo: list[Path], out: Path, digests: dict[str, str], jobs: int, settin
             share = sum(weight.values()) - left
             minutes = left * (time.monotonic() - begun) / share / 60.0
             stage.step(info=f"{name} {told}, about {minutes:.0f} min left")
+
+
+def _check_faults(bundles: list[Path], out: Path, accepted: bool) -> None:
+    notes = {b.name: read_json(out / b.name / NOTE, "a note of `blind solve`") for b in bundles}
+    faults = [f"{name}: {note['failure']}" for name, note in notes.items() if "trace" in note]
+    if faults and not accepted:
+        faults.append(
+            "nothing is sealed; run again when mended (what is solved is kept), or accept the faults"
+        )
+        raise_all(BlindError, f"the program failed on {len(faults) - 1} bundles", faults)
 
 
 def _results(tasks: list[Any], jobs: int) -> Any:

@@ -48,6 +48,9 @@ def solve(
     only: Annotated[
         list[str] | None, typer.Option("--only", help="This bundle only; may be given twice. Not sealed.")
     ] = None,
+    accept_faults: Annotated[
+        bool, typer.Option("--accept-faults", help="Seal although the program failed on some bundles.")
+    ] = False,
     jobs: Jobs = 1,
     seed: Seed = 0,
     quick: Quick = False,
@@ -60,7 +63,7 @@ def solve(
     """
     from bayesid.blind.solve import Settings, solve_pack
 
-    settings = Settings(seed, plan_next=not quick, report=not quick)
+    settings = Settings(seed, plan_next=not quick, report=not quick, accept_faults=accept_faults)
     seal = solve_pack(pack, out, jobs, settings, names=tuple(only or ()))
     if "seal" not in seal:
         print(f"{len(seal['verdicts'])} verdicts in {out}, not sealed: only some bundles were asked for")

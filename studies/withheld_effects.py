@@ -1,0 +1,111 @@
+"""Are effects named that nobody here knows? Sealed campaigns of the plant, solved blind, scored, compared.
+
+Usage: python studies/withheld_effects.py [--out FOLDER] [--work FOLDER] [--count N] [--spatial N] [--seed S]
+[--jobs J] [--quick]. Packs, answers and verdicts go to the work folder; what is finished there is kept, so
+the same line goes on after a stop. Development uses seeds 1000 to 1099, scores count from 5000 on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bayesid import report
+from bayesid.blind.answers import load_answers
+from bayesid.blind.baselines import CHOICES, keep_baselines, needs_oracle, oracle
+from bayesid.blind.families import family_of
+from bayesid.blind.judge import DETECTABLE
+from bayesid.blind.make import in_processes, make_pack
+from bayesid.blind.seal import COMMITMENTS, SEAL
+from bayesid.blind.sheet import Sheet, score_pack
+from bayesid.blind.solve import Settings, solve_pack
+from bayesid.blind.verdicts import load_verdicts
+from bayesid.files import write_json
+from bayesid.plant import KINDS
+from bayesid.progress import Progress
+from bayesid.sections.blind import blind_report, results
+from bayesid.sections.blind_baselines import baselines_section
+
+COUNT, SPATIAL, SEED = 300, 40, 5000
+QUICK = (3, 1)
+AIM = (5.0, 500.0)  # noncentrality of single effects, log-uniform
+PAIRS = (0.3, 0.8)  # sizes of two effects at once
+SHARE_ROUGH = 0.5  # of the campaigns without an effect
+APART = 100000  # between planar and 6-DOF seeds
+
+
+def mixture(seed: int) -> dict[str, Any]:
+    """Factors of one campaign: classes as in the plant, faint and plain effects, half the nulls rough."""
+    rng = np.random.default_rng([seed, 9])
+    kind = str(rng.choice(list(KINDS), p=list(KINDS.values())))
+    out: dict[str, Any] = {"kind": kind, "dof": 6 if seed >= APART else 3}
+    aim = float(np.exp(rng.uniform(*np.log(AIM))))
+    if kind == "none" and rng.random() < SHARE_ROUGH:
+        out["sea"] = "rough"
+    if kind == "effect":
+        out["aim"] = aim
+    if kind == "two":
+        out["sizes"] = PAIRS
+    return out
+
+
+def main(out: Path, work: Path, count: int, spatial: int, seed: int, jobs: int, accept: bool) -> Sheet:
+    """Make, solve, open, score, report."""
+    progress = Progress()
+    packs, answers, verdicts = (work / name for name in ("packs", "answers", "verdicts"))
+    seeds = [*range(seed, seed + count), *range(seed + APART, seed + APART + spatial)]
+    if not (packs / COMMITMENTS).exists():
+        make_pack(seeds, packs, answers, mixture, "w", jobs, progress)
+    if not (verdicts / SEAL).exists():
+        keep = Settings(plan_next=False, report=False, keep=keep_baselines, accept_faults=accept)
+        solve_pack(packs, verdicts, jobs, keep, progress)
+    reached = oracles(packs, answers, verdicts, work / "oracle.json", jobs, progress)
+    sheet = score_pack(answers, verdicts, jobs=jobs, oracle=reached, progress=progress)
+    chosen = {n: json.loads((verdicts / n / CHOICES).read_text("utf-8")) for n in load_verdicts(verdicts)}
+    title = "Withheld effects: sealed campaigns, solved blind"
+    document = blind_report(sheet, [baselines_section(sheet.cases, chosen, reached, family_of)], title)
+    inputs = {"planar": count, "spatial": spatial, "aim": AIM, "pairs": PAIRS, "share_rough": SHARE_ROUGH}
+    path = report.write(document, out, {"inputs": inputs, "seeds": [seed], **results(sheet)})
+    progress.note(f"report: {path}")
+    return sheet
+
+
+def oracles(packs: Path, answers: Path, verdicts: Path, kept: Path, jobs: int, progress: Progress) -> dict:
+    """Shrink of refits with the true effects, for every gap that is worth it."""
+    found: dict[str, float | None] = json.loads(kept.read_text("utf-8")) if kept.exists() else {}
+    known, told = load_answers(answers), load_verdicts(verdicts)
+    for name in told.keys() - found.keys():  # the verdict stands on this very fit: it is its own oracle
+        if not needs_oracle(known[name], told[name]):
+            found[name] = told[name]["gap"]["shrink"]
+    shown = {n: [c.shown.noncentrality for c in known[n].causes if c.shown] for n in told}
+    left = [n for n in sorted(told.keys() - found.keys()) if max(shown[n], default=0.0) >= DETECTABLE]
+    tasks = [(known[n], packs / n, verdicts / n, told[n]) for n in left]
+    with progress.stage("oracles", len(tasks)) as stage:
+        for name, shrink in in_processes(oracle, tasks, jobs):
+            found[name] = shrink if math.isfinite(shrink) else None
+            write_json(kept, found)
+            stage.step(info=name)
+    return {n: s for n, s in found.items() if s is not None}
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, default=Path("reports/withheld_effects"))
+    parser.add_argument("--work", type=Path, help="default: out/withheld_effects, or beside a quick report")
+    parser.add_argument("--count", type=int, default=COUNT, help="planar campaigns")
+    parser.add_argument("--spatial", type=int, default=SPATIAL, help="campaigns in 6-DOF")
+    parser.add_argument("--seed", type=int, default=SEED)
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument(
+        "--accept-faults", action="store_true", help="score bundles the program failed on as misses"
+    )
+    parser.add_argument("--quick", action="store_true", help="three planar campaigns and one in 6-DOF")
+    given = parser.parse_args()
+    numbers = QUICK if given.quick else (given.count, given.spatial)
+    place = given.work or (given.out / "work" if given.quick else Path("out/withheld_effects"))
+    main(given.out, place, *numbers, given.seed, given.jobs, given.accept_faults)
