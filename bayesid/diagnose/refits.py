@@ -101,6 +101,8 @@ def several(
     if len(current.effects) > 2:
         for name in current.effects:
             fewer = tuple(model.effects[n] for n in current.effects if n != name)
+            if any(set(c.effects) == {e.name for e in fewer} for c in refits):
+                continue
             smaller = refit(problem, fewer, say)
             refits += smaller
             if any(c.log_evidence > current.log_evidence - DROP for c in smaller):

@@ -9,13 +9,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bayesid.diagnose.candidate import COEFFICIENT_ERROR, Candidate, pulls
+from bayesid.diagnose.candidate import COEFFICIENT_ERROR, Candidate, explains, pulls
+from bayesid.diagnose.crossed import crossed
 from bayesid.diagnose.problem import Problem
 from bayesid.diagnose.weigh import credible_set
 from bayesid.diagnose.which import Candidates
 
 # Share of its signature the coefficients absorb from which an effect is hidden.
 HIDDEN = 0.98
+# p-value of the runs having the same effect below which it is not the whole cause.
+DISAGREE = 1e-3
 WORDS = ("none", "effect", "effect_with_remainder", "several", "outside", "coefficients", "ambiguous")
 
 
@@ -79,13 +82,20 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
                 "none" if probability["none"] > 0.5 else "ambiguous", (), set95, (), tuple(reasons)
             )
         return Verdict("coefficients", (COEFFICIENT_ERROR,), set95, hidden, tuple(reasons))
-    single = max((c for c in candidates.refits if len(c.effects) == 1), key=lambda c: c.log_evidence)
+    runs = crossed(best, none, len(problem.coefficients.names))
+    rest = left > limit.remainder or runs.disagreement < DISAGREE
+    reasons.append(
+        f"each run predicted from the others: {runs.total:+.1f} over no effect; that all runs have one and the "
+        f"same effect has p = {runs.disagreement:.2g}"
+    )
+    if runs.refuted and explains(best):
+        return Verdict("ambiguous", _names(set95), set95, (), tuple(reasons))
     if len(best.effects) > 1:
-        if left > limit.remainder:
+        if rest:
             # Further effects that leave a remainder only bend towards it; the first one stands.
             return Verdict("effect_with_remainder", best.effects[:1], set95, hidden, tuple(reasons))
         return Verdict("several", best.effects, set95, hidden, tuple(reasons))
-    name = single.effects[0]
+    name = best.effects[0]
     if absorbed.get(name, 0.0) > HIDDEN:
         along = tuple(n for n in hidden if candidates.evidence.get(n, -np.inf) > gain - 20.0)
         return Verdict("coefficients", (), set95, along, tuple(reasons))
@@ -96,7 +106,7 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
     rivals = {families.get(n, n) for n in set95}
     if len(rivals) > 1:
         return Verdict("ambiguous", _names(set95), set95, (), tuple(reasons))
-    word = "effect_with_remainder" if left > limit.remainder else "effect"
+    word = "effect_with_remainder" if rest else "effect"
     return Verdict(word, (name,), set95, (), tuple(reasons))
 
 

@@ -31,14 +31,7 @@ def evidences(
     the refits.
     """
     out: dict[str, float] = {}
-    # Two linearisations of no effect. The worse one must not speak for "outside", nor for a refit that itself
-    # did not arrive: both are then measured against the better.
-    zero = max(none.log_evidence, where.base)
-    refitted = {
-        c.effects[0]: c.log_evidence - (none.log_evidence if explains(c) else zero)
-        for c in refits
-        if len(c.effects) == 1
-    }
+    refitted = {c.effects[0]: over_none(c, none, where) for c in refits if len(c.effects) == 1}
     floor = min(refitted.values()) if refitted else 0.0
     for score in scores:
         out[score.name] = refitted.get(score.name, min(score.gain, floor))
@@ -47,12 +40,26 @@ def evidences(
     prefix = f"{COEFFICIENT_ERROR}:"
     wide = {n: refitted.get(prefix + n, min(v, floor if refitted else v)) for n, v in wide.items()}
     out[COEFFICIENT_ERROR] = float(logsumexp(list(wide.values())) - np.log(max(len(wide), 1)))
-    out["outside"] = where.outside - zero
+    out["outside"] = where.outside - zero(none, where)
     return out
 
 
+def zero(none: Candidate, where: Where) -> float:
+    """Log evidence of no effect: the better of its two linearisations."""
+    return max(none.log_evidence, where.base)
+
+
+def over_none(candidate: Candidate, none: Candidate, where: Where) -> float:
+    """Log evidence of a refit over no effect.
+
+    The worse linearisation of no effect must not speak for a refit that itself leaves the data unexplained:
+    that one is measured against the better.
+    """
+    return candidate.log_evidence - (none.log_evidence if explains(candidate) else zero(none, where))
+
+
 def probabilities(
-    evidence: dict[str, float], refits: Sequence[Candidate], none: Candidate
+    evidence: dict[str, float], refits: Sequence[Candidate], none: Candidate, where: Where
 ) -> dict[str, float]:
     """Posterior probability of none, every catalogue name, coefficient_error and outside.
 
@@ -67,7 +74,7 @@ def probabilities(
     for c in refits:
         if len(c.effects) > 1:
             key = tuple(sorted(c.effects))
-            joint[key] = max(joint.get(key, -np.inf), len(key) * each + c.log_evidence - none.log_evidence)
+            joint[key] = max(joint.get(key, -np.inf), len(key) * each + over_none(c, none, where))
     total = logsumexp(list(joint.values()))
     out = dict.fromkeys([*names, "outside", "none"], 0.0)
     for key, value in joint.items():

@@ -26,7 +26,7 @@ from bayesid.diagnose.candidate import COEFFICIENT_ERROR, Candidate, checked, ex
 from bayesid.diagnose.problem import Problem, fit_with
 from bayesid.diagnose.refits import ADD, likely_coefficients, refit, refit_wide, several, shortlist
 from bayesid.diagnose.thresholds import Thresholds, thresholds
-from bayesid.diagnose.weigh import PRIOR_OUTSIDE, evidences, probabilities
+from bayesid.diagnose.weigh import PRIOR_OUTSIDE, evidences, probabilities, zero
 from bayesid.diagnose.where import Where, locate, tried
 
 Say = Callable[[str], None]
@@ -107,9 +107,9 @@ def compare(problem: Problem, say: Say = lambda text: None, seed: int = 0) -> Ca
     name = refits[0].effects[0] if refits else ""
     if after is not None and name in evidence and evidence[name] > 0.5 * evidence["outside"]:
         # The effect explains most of it, a free force may take the rest.
-        with_rest = after.outside - none.log_evidence + float(np.log(PRIOR_OUTSIDE))
+        with_rest = after.outside - zero(none, where) + float(np.log(PRIOR_OUTSIDE))
         evidence[name] = float(np.logaddexp(evidence[name], with_rest))
-    probability = probabilities(evidence, refits, none)
+    probability = probabilities(evidence, refits, none, where)
     return Candidates(
         none, tuple(refits), tuple(scores), evidence, probability, bank, known, where, after, limits
     )
