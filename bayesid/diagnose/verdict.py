@@ -85,8 +85,8 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
     runs = crossed(best, none, len(problem.coefficients.names))
     rest = left > limit.remainder or runs.disagreement < DISAGREE
     reasons.append(
-        f"each run predicted from the others: {runs.total:+.1f} over no effect; that all runs have one and the "
-        f"same effect has p = {runs.disagreement:.2g}"
+        f"each run predicted from the others: {runs.total:+.1f} over no effect; that all runs have one and "
+        f"the same effect has p = {runs.disagreement:.2g}"
     )
     if runs.refuted and explains(best):
         return Verdict("ambiguous", _names(set95), set95, (), tuple(reasons))
