@@ -39,7 +39,7 @@ class Detectability:
     noncentrality : D, squared distance from the nominal structure in noise units after the coefficients took
         what their prior lets them
     absorbed : share the coefficients take
-    margin : expected log evidence over the best explanation of another family (nan: cause without a name)
+    margin : expected log evidence over the best explanation of another family (nan: not weighed)
     rival : that explanation
     """
 
@@ -55,7 +55,7 @@ def detectability(campaign: Campaign, rivals: bool = True) -> tuple[Detectabilit
 
     Parameters
     ----------
-    rivals : also weigh every effect of the catalogue against it (most of the time this takes)
+    rivals : also weigh every effect of the catalogue against a cause that is alone and has a name there
 
     Raises
     ------
@@ -64,7 +64,8 @@ def detectability(campaign: Campaign, rivals: bool = True) -> tuple[Detectabilit
     out = []
     for planted in campaign.planted:
         wrong = campaign.coefficient_error if planted.name == "coefficient_error" else {}
-        out.append(_of(replace(campaign, planted=(planted,), coefficient_error=dict(wrong)), planted, rivals))
+        weigh = rivals and len(campaign.planted) == 1 and planted.kind != "outside"
+        out.append(_of(replace(campaign, planted=(planted,), coefficient_error=dict(wrong)), planted, weigh))
     return tuple(out)
 
 
