@@ -246,14 +246,23 @@ class Smoothed:
 
 
 def smoothed(
-    model: Model, path: Path, step: Array, colours: Colours, latent: Latent | None = None, run: int = 0
+    model: Model,
+    path: Path,
+    step: Array,
+    colours: Colours,
+    latent: Latent | None = None,
+    run: int = 0,
+    variances: bool = True,
 ) -> Smoothed:
-    """Posterior deviation from the path along one run, its parameters moved by `step`."""
+    """Posterior deviation from the path along one run, its parameters moved by `step`.
+
+    Without `variances` that array is empty, which is quicker.
+    """
     f = filter_settings(model, path, colours, latent, run)
     resid, drive, first = known(path, step)
     n, q = resid.shape
     m = first.size + f.variance_f.size + f.variance_d.size
-    mean, var, filtered = np.empty((n, m)), np.empty((n, m)), np.empty((n, m))
+    mean, var, filtered = np.empty((n, m)), np.empty((n, m) if variances else (0, m)), np.empty((n, m))
     standard, alone = np.empty((n, q)), np.empty((n, q))
     smooth_filtered(
         np.where(path.log.valid, resid, 0.0),

@@ -226,7 +226,7 @@ def _moved(
     for i, path in enumerate(paths):
         par = path.point.par.copy()
         par[free.where] = values
-        sm = smoothed(model, path, values - path.point.par[free.where], colours, run=i)
+        sm = smoothed(model, path, values - path.point.par[free.where], colours, run=i, variances=False)
         nx = path.point.states.shape[1]
         force = np.ascontiguousarray(sm.mean[:-1, nx : nx + n_force] @ mixing(model, colours).T)
         before = path.point.states + sm.filtered[:, :nx]

@@ -16,6 +16,119 @@ from numba import njit
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def _spread(
+    p: np.ndarray,
+    work: np.ndarray,
+    phi: np.ndarray,
+    gamma: np.ndarray,
+    decay_f: np.ndarray,
+    variance_f: np.ndarray,
+    decay_d: np.ndarray,
+    variance_d: np.ndarray,
+) -> None:
+    """Covariance `p` (m, m) of [dx, f, d] one interval later, in place; `work` (m, m) is overwritten."""
+    nx, nf, nd, m = phi.shape[0], gamma.shape[1], decay_d.size, p.shape[0]
+    for a in range(nx):
+        for k in range(m):
+            total = 0.0
+            for b in range(nx):
+                total += phi[a, b] * p[b, k]
+            for b in range(nf):
+                total += gamma[a, b] * p[nx + b, k]
+            work[a, k] = total
+    for a in range(nf):
+        for k in range(m):
+            work[nx + a, k] = decay_f[a] * p[nx + a, k]
+    for a in range(nd):
+        for k in range(m):
+            work[nx + nf + a, k] = decay_d[a] * p[nx + nf + a, k]
+    for a in range(m):
+        for b in range(nx):
+            total = 0.0
+            for k in range(nx):
+                total += work[a, k] * phi[b, k]
+            for k in range(nf):
+                total += work[a, nx + k] * gamma[b, k]
+            p[a, b] = total
+        for b in range(nf):
+            p[a, nx + b] = work[a, nx + b] * decay_f[b]
+        for b in range(nd):
+            p[a, nx + nf + b] = work[a, nx + nf + b] * decay_d[b]
+    for a in range(nf):
+        p[nx + a, nx + a] += variance_f[a] * (1.0 - decay_f[a] ** 2)
+    for a in range(nd):
+        p[nx + nf + a, nx + nf + a] += variance_d[a] * (1.0 - decay_d[a] ** 2)
+    _even(p)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _even(p: np.ndarray) -> None:
+    """Make a matrix symmetric in place."""
+    for a in range(p.shape[0]):
+        for b in range(a):
+            mid = 0.5 * (p[a, b] + p[b, a])
+            p[a, b] = mid
+            p[b, a] = mid
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _back(
+    lam: np.ndarray,
+    big: np.ndarray,
+    work: np.ndarray,
+    line: np.ndarray,
+    phi: np.ndarray,
+    gamma: np.ndarray,
+    decay_f: np.ndarray,
+    decay_d: np.ndarray,
+) -> None:
+    """F' lam and F' big F for the map F of one interval, in place; `work` (m, m), `line` (m,) overwritten."""
+    nx, nf, nd, m = phi.shape[0], gamma.shape[1], decay_d.size, lam.size
+    for k in range(nx):
+        total = 0.0
+        for a in range(nx):
+            total += phi[a, k] * lam[a]
+        line[k] = total
+    for k in range(nf):
+        total = decay_f[k] * lam[nx + k]
+        for a in range(nx):
+            total += gamma[a, k] * lam[a]
+        line[nx + k] = total
+    for k in range(nd):
+        line[nx + nf + k] = decay_d[k] * lam[nx + nf + k]
+    for k in range(m):
+        lam[k] = line[k]
+    for a in range(m):
+        for k in range(nx):
+            total = 0.0
+            for b in range(nx):
+                total += big[a, b] * phi[b, k]
+            work[a, k] = total
+        for k in range(nf):
+            total = big[a, nx + k] * decay_f[k]
+            for b in range(nx):
+                total += big[a, b] * gamma[b, k]
+            work[a, nx + k] = total
+        for k in range(nd):
+            work[a, nx + nf + k] = big[a, nx + nf + k] * decay_d[k]
+    for k in range(m):
+        for a in range(nx):
+            total = 0.0
+            for b in range(nx):
+                total += phi[b, a] * work[b, k]
+            big[a, k] = total
+        for a in range(nf):
+            total = decay_f[a] * work[nx + a, k]
+            for b in range(nx):
+                total += gamma[b, a] * work[b, k]
+            big[nx + a, k] = total
+        for a in range(nd):
+            big[nx + nf + a, k] = decay_d[a] * work[nx + nf + a, k]
+    # the updates contract a symmetric matrix only; rounding would grow with an unstable hull
+    _even(big)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def whiten(
     columns: np.ndarray,
     drive: np.ndarray,
@@ -129,44 +242,14 @@ def whiten(
                 f = gamma[i, a, b]
                 for k in range(c):
                     turned[a, k] += f * mean[nx + b, k]
-            for k in range(m):
-                total = 0.0
-                for b in range(nx):
-                    total += phi[i, a, b] * p[b, k]
-                for b in range(nf):
-                    total += gamma[i, a, b] * p[nx + b, k]
-                tp[a, k] = total
         for a in range(nf):
             for k in range(c):
                 turned[nx + a, k] = decay_f[i, a] * mean[nx + a, k]
-            for k in range(m):
-                tp[nx + a, k] = decay_f[i, a] * p[nx + a, k]
         for a in range(nd):
             for k in range(c):
                 turned[nx + nf + a, k] = decay_d[i, a] * mean[nx + nf + a, k]
-            for k in range(m):
-                tp[nx + nf + a, k] = decay_d[i, a] * p[nx + nf + a, k]
+        _spread(p, tp, phi[i], gamma[i], decay_f[i], variance_f, decay_d[i], variance_d)
         for a in range(m):
-            for b in range(nx):
-                total = 0.0
-                for k in range(nx):
-                    total += tp[a, k] * phi[i, b, k]
-                for k in range(nf):
-                    total += tp[a, nx + k] * gamma[i, b, k]
-                p[a, b] = total
-            for b in range(nf):
-                p[a, nx + b] = tp[a, nx + b] * decay_f[i, b]
-            for b in range(nd):
-                p[a, nx + nf + b] = tp[a, nx + nf + b] * decay_d[i, b]
-        for a in range(nf):
-            p[nx + a, nx + a] += variance_f[a] * (1.0 - decay_f[i, a] ** 2)
-        for a in range(nd):
-            p[nx + nf + a, nx + nf + a] += variance_d[a] * (1.0 - decay_d[i, a] ** 2)
-        for a in range(m):
-            for b in range(a):
-                mid = 0.5 * (p[a, b] + p[b, a])
-                p[a, b] = mid
-                p[b, a] = mid
             for k in range(c):
                 mean[a, k] = turned[a, k]
     return logdet, used
@@ -200,7 +283,7 @@ def smooth_filtered(
     ----------
     resid, drive, first : (n, q), (n-1, nx), (nx,) residual of the readings and known deviation; rest as in
     `whiten`
-    mean_out, var_out : (n, nx + nf + nd) filled with smoothed means and variances
+    mean_out, var_out : (n, nx + nf + nd) filled with smoothed means and variances; an empty var_out is left
     standard : (n, q) filled with innovations over their predicted standard deviation, 0 where missing
     alone : (n, q) the same of each reading given all others, earlier and later (de Jong and Penzer 1998)
     filtered : (n, nx + nf + nd) filled with means given the readings up to each sample
@@ -220,77 +303,102 @@ def smooth_filtered(
     mean = np.zeros(m)
     mean[:nx] = first
     predicted = np.zeros((n, m))
-    covariance = np.zeros((n, m, m))
+    covariance = np.empty((n, m, m))
     gains = np.zeros((n, q, m))
     innovation = np.zeros((n, q))
     spread = np.zeros((n, q))
     rows = np.zeros((n, q, m))
-    f = np.zeros((m, m))
+    work, line, bk = np.empty((m, m)), np.empty(m), np.empty(m)
     for i in range(n):
-        predicted[i] = mean
-        covariance[i] = p
+        for a in range(m):
+            predicted[i, a] = mean[a]
+            for b in range(m):
+                covariance[i, a, b] = p[a, b]
         for j in range(q):
             standard[i, j] = 0.0
             alone[i, j] = 0.0
             if not valid[i, j]:
                 continue
             h = rows[i, j]
-            h[:nx] = slope[i, j]
-            h[nx + nf :] = drift[j]
-            g = p @ h
-            s = variance[j] + h @ g
-            e = resid[i, j] - h @ mean
-            gains[i, j] = g / s
+            for a in range(nx):
+                h[a] = slope[i, j, a]
+            for a in range(nd):
+                h[nx + nf + a] = drift[j, a]
+            s = variance[j]
+            e = resid[i, j]
+            for a in range(m):
+                total = 0.0
+                for b in range(m):
+                    total += p[a, b] * h[b]
+                line[a] = total
+            for a in range(m):
+                s += h[a] * line[a]
+                e -= h[a] * mean[a]
             innovation[i, j] = e
             spread[i, j] = s
             standard[i, j] = e / np.sqrt(s)
-            mean = mean + g / s * e
-            p = p - np.outer(g, g) / s
-        filtered[i] = mean
+            for a in range(m):
+                ga = line[a] / s
+                gains[i, j, a] = ga
+                mean[a] += ga * e
+                for b in range(m):
+                    p[a, b] -= ga * line[b]
+        for a in range(m):
+            filtered[i, a] = mean[a]
         if i < n - 1:
-            f[:] = 0.0
-            f[:nx, :nx] = phi[i]
-            f[:nx, nx : nx + nf] = gamma[i]
+            for a in range(nx):
+                total = drive[i, a]
+                for b in range(nx):
+                    total += phi[i, a, b] * mean[b]
+                for b in range(nf):
+                    total += gamma[i, a, b] * mean[nx + b]
+                line[a] = total
             for a in range(nf):
-                f[nx + a, nx + a] = decay_f[i, a]
+                line[nx + a] = decay_f[i, a] * mean[nx + a]
             for a in range(nd):
-                f[nx + nf + a, nx + nf + a] = decay_d[i, a]
-            mean = f @ mean
-            mean[:nx] += drive[i]
-            p = f @ p @ f.T
-            for a in range(nf):
-                p[nx + a, nx + a] += variance_f[a] * (1.0 - decay_f[i, a] ** 2)
-            for a in range(nd):
-                p[nx + nf + a, nx + nf + a] += variance_d[a] * (1.0 - decay_d[i, a] ** 2)
-            p = 0.5 * (p + p.T)
+                line[nx + nf + a] = decay_d[i, a] * mean[nx + nf + a]
+            for a in range(m):
+                mean[a] = line[a]
+            _spread(p, work, phi[i], gamma[i], decay_f[i], variance_f, decay_d[i], variance_d)
     lam = np.zeros(m)
     big = np.zeros((m, m))
     for i in range(n - 1, -1, -1):
         if i < n - 1:
-            f[:] = 0.0
-            f[:nx, :nx] = phi[i]
-            f[:nx, nx : nx + nf] = gamma[i]
-            for a in range(nf):
-                f[nx + a, nx + a] = decay_f[i, a]
-            for a in range(nd):
-                f[nx + nf + a, nx + nf + a] = decay_d[i, a]
-            lam = f.T @ lam
-            big = f.T @ big @ f
-            # the update below contracts a symmetric matrix only; rounding would grow with an unstable hull
-            big = 0.5 * (big + big.T)
+            _back(lam, big, work, line, phi[i], gamma[i], decay_f[i], decay_d[i])
         for j in range(q - 1, -1, -1):
             if not valid[i, j]:
                 continue
             h = rows[i, j]
             k = gains[i, j]
-            bk = big @ k
-            pull = k @ lam + innovation[i, j] / spread[i, j]
-            alone[i, j] = pull / np.sqrt(k @ bk + 1.0 / spread[i, j])
-            lam = lam - h * pull
-            big = big - np.outer(h, bk) - np.outer(bk, h) + np.outer(h, h) * (k @ bk + 1.0 / spread[i, j])
-        mean_out[i] = predicted[i] - covariance[i] @ lam
+            pull = innovation[i, j] / spread[i, j]
+            more = 1.0 / spread[i, j]
+            for a in range(m):
+                total = 0.0
+                for b in range(m):
+                    total += big[a, b] * k[b]
+                bk[a] = total
+                pull += k[a] * lam[a]
+            for a in range(m):
+                more += k[a] * bk[a]
+            alone[i, j] = pull / np.sqrt(more)
+            for a in range(m):
+                lam[a] -= h[a] * pull
+                for b in range(m):
+                    big[a, b] += h[a] * h[b] * more - h[a] * bk[b] - bk[a] * h[b]
         for a in range(m):
-            var_out[i, a] = covariance[i, a, a] - covariance[i, a] @ big @ covariance[i, a]
+            total = predicted[i, a]
+            for b in range(m):
+                total -= covariance[i, a, b] * lam[b]
+            mean_out[i, a] = total
+        if var_out.size > 0:
+            for a in range(m):
+                left = covariance[i, a, a]
+                for b in range(m):
+                    total = 0.0
+                    for c in range(m):
+                        total += big[b, c] * covariance[i, a, c]
+                    left -= covariance[i, a, b] * total
+                var_out[i, a] = left
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
