@@ -152,6 +152,20 @@ def test_a_steady_turn_cannot_tell_vv_from_vr_from_rr(submarine):
         assert witness(found, name).status != "found", name
 
 
+def test_a_plain_ensemble_names_terms_a_spiral_cannot_tell(submarine):
+    """The control that must fail: pysindy's ensemble of single rows is sure of cubic terms that are not
+    there."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # pysindy's dependencies warn on import
+        from bayesid.excitation.sindy import ensemble
+    runs, noise = flown(submarine, ["spiral"])
+    motions, _ = smooth_tracks(submarine, runs, noise)
+    kept = ensemble(submarine, motions, library(submarine, extra=False), "Y", threshold=0.05, draws=20)
+    assert min(kept[n] for n in ("Y_vvv", "Y_vvr", "Y_vrr", "Y_rrr")) >= 0.8
+    ours = excite_motions(submarine, motions, draws=20)
+    assert not [n for n in ("Y_vvv", "Y_vvr", "Y_vrr", "Y_rrr") if witness(ours, n).status == "found"]
+
+
 def test_a_planted_cubic_is_found_from_rich_runs_and_not_told_from_a_spiral(submarine):
     names = ["multisine", "zigzag_20_port", "prbs"]
     runs, noise = flown(submarine, names, cubic(submarine), share=0.3)

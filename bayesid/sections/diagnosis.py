@@ -171,7 +171,8 @@ def _description(found: Diagnosis) -> list[Section]:
                     for t in d.terms
                 ],
                 "Terms of the missing force. Each was proposed by a sparse regression of the smoothed force "
-                "and then earned its evidence beside coefficients that were free within their prior.",
+                "and then earned its evidence beside coefficients that were free within their prior. Between "
+                "terms of one axis the readings chose, not the regression, whose draws may then be few.",
             )
         )
     return [Section("What the missing force is made of", blocks)]
