@@ -1,4 +1,5 @@
-# make study [QUICK=1] [SEED=n] [DATA=folder]   the paper's cases; with DATA also the logs kept in that folder
+# make study [QUICK=1] [SEED=n] [DATA=folder]   gaps and their causes; with DATA also the real logs kept in that folder
+# make paper [QUICK=1] [SEED=n]                 the three cases of Furlong et al. (2003)
 # make test | slow | lint | bench               each creates .venv and installs when it has to
 PYTHON ?= python3
 VENV   := .venv
@@ -7,11 +8,11 @@ STAMP  := $(VENV)/.installed
 OUT    := $(if $(QUICK),out,reports)
 FLAGS  := $(if $(QUICK),--quick) $(if $(SEED),--seed $(SEED))
 
-.PHONY: help install study test slow lint bench clean
+.PHONY: help install study paper test slow lint bench clean
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '1,2s/^# //p' Makefile
+	@sed -n '1,3s/^# //p' Makefile
 
 install: $(STAMP)
 
@@ -26,8 +27,11 @@ $(STAMP): pyproject.toml constraints.txt
 	@touch $(STAMP)
 
 study: $(STAMP)
-	$(BIN)/python studies/paper_cases.py --out $(OUT)/paper_cases $(FLAGS)
+	$(BIN)/python studies/sim_to_real_gap.py --out $(OUT)/sim_to_real_gap $(FLAGS) $(if $(DATA),--data "$(DATA)")
 	$(if $(DATA),$(BIN)/python studies/real_logs.py --data "$(DATA)" --out $(OUT)/real_logs $(FLAGS))
+
+paper: $(STAMP)
+	$(BIN)/python studies/paper_cases.py --out $(OUT)/paper_cases $(FLAGS)
 
 test: $(STAMP)
 	$(BIN)/python -m pytest -q

@@ -1,0 +1,76 @@
+"""The built-in example from first overlay to closed gap. Diagnosed first; its answer is drawn afterwards."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bayesid.diagnose.diagnosis import Diagnosis, as_json, diagnose
+from bayesid.diagnose.found import Found, Hypothesis, found_in, write_found
+from bayesid.diagnose.predict import predict_run
+from bayesid.files import write_json
+from bayesid.model import build_model
+from bayesid.plant import truth
+from bayesid.plant.example import NAME, example_campaign
+from bayesid.progress import Progress
+from bayesid.sections.diagnosis import write_diagnosis_report
+from bayesid.trials import Run, load_trial
+from bayesid.vehicles import load_vehicle
+
+DRAWS = 200
+
+
+def example(out: Path, seed: int, progress: Progress, draws: int = DRAWS) -> dict[str, Any]:
+    """Diagnose the example bundle, predict its held-out runs with three models, then look at the answer."""
+    trial = load_trial(NAME)
+    model = build_model(load_vehicle(trial.vehicle_ref), trial.dof)
+    with progress.stage("example bundle"):
+        d = diagnose(trial, model, seed=seed, say=progress.note)
+        found = found_in(d)
+    record = as_json(d)
+    write_json(out / NAME / "diagnosis.json", record)
+    write_found(found, out / NAME)
+    write_diagnosis_report(d, out / NAME, record)
+    runs = [predicted(run, d, found, seed, draws) for run in trial.holdout]
+    answer = truth(example_campaign(), NAME)
+    return {"found": record, "truth": answer, "runs": runs, "coverage": coverage(d, answer)}
+
+
+def predicted(run: Run, d: Diagnosis, found: Found, seed: int, draws: int) -> dict[str, Any]:
+    """A held-out run as logged and as three models predict it from the same first readings."""
+    quiet = replace(found.hypotheses[0].colours, force=(0.0,) * len(found.hypotheses[0].colours.force))
+    base = d.candidates.none.fit
+    where = d.model.positions(base.free.names)
+
+    def at(values: np.ndarray) -> Found:
+        none = np.full(values.size, -np.inf)
+        known = Hypothesis((), 1.0, base.free.names, values, np.zeros((values.size,) * 2), none, quiet)
+        return replace(found, hypotheses=(known,))
+
+    p = predict_run(found, run, draws, seed)
+    low, high = p.band()
+    out: dict[str, Any] = {"name": run.name, "manoeuvre": run.manoeuvre, "t": run.t, "lead": p.lead}
+    out["log"] = {c: run.data[c] for c in p.channels}
+    for key, model in (
+        ("nominal", at(d.model.nominal[where])),
+        ("recalibrated", at(base.values)),
+        ("diagnosed", found),
+    ):
+        q = p if key == "diagnosed" else predict_run(model, run, 20, seed)
+        out[key] = {c: q.mean[:, j] for j, c in enumerate(q.channels)}
+    out["low"] = {c: low[:, j] for j, c in enumerate(p.channels)}
+    out["high"] = {c: high[:, j] for j, c in enumerate(p.channels)}
+    return out
+
+
+def coverage(d: Diagnosis, answer: dict[str, Any]) -> dict[str, int]:
+    """How many true coefficients lie within two standard deviations of the estimates."""
+    drawn, record = answer["coefficient_draw_relative"], as_json(d)["coefficients"]
+    nominal = d.model.vehicle.coef
+    inside = [
+        abs(nominal[n] * (1 + drawn[n]) - v["value"]) <= 2 * v["sd"] for n, v in record.items() if n in drawn
+    ]
+    return {"inside": sum(inside), "of": len(inside)}
