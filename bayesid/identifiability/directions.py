@@ -114,20 +114,22 @@ def _open(info: Information, vector: Array, kind: str, words: str, exact: bool) 
     per_relative = value / np.linalg.norm(vector * info.unit / info.scale)
     sd = np.inf if exact or per_relative == 0 else float(1.0 / per_relative)
     return Open(
-        combination(info.names, relative), kind, words, _fixed(info.names, relative),
+        combination(info.names, relative), kind, words, _fixed(info, relative),
         info.share_along(vector), value, sd, exact, vector, relative, {},
     )  # fmt: skip
 
 
-def _fixed(names: Sequence[str], vector: Array) -> str:
-    """The combination orthogonal to a direction of two coefficients."""
-    pair = np.flatnonzero(np.abs(vector) >= SHOWN)
+def _fixed(info: Information, relative: Array) -> str:
+    """The combination orthogonal to a direction of two coefficients, if the data do fix it; else ""."""
+    pair = np.flatnonzero(np.abs(relative) >= SHOWN)
     if pair.size != 2:
         return ""
-    other = np.zeros_like(vector)
+    other = np.zeros_like(relative)
     i, j = pair
-    other[i], other[j] = -vector[j], vector[i]
-    return combination(names, other / np.linalg.norm(other))
+    other[i], other[j] = -relative[j], relative[i]
+    if info.share_along(other * info.scale / info.unit) < HALF:
+        return ""
+    return combination(info.names, other / np.linalg.norm(other))
 
 
 def _family(info: Information, vector: Array) -> tuple[str, str]:

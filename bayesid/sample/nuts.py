@@ -37,7 +37,7 @@ class NutsOptions:
 
     chains : independent ones, each an ensemble of one walker in the result
     tune, draws : per chain, warm-up and kept
-    accept : acceptance the step size is tuned to
+    accept : acceptance the step size is tuned to; high, since scaled equations bend the posterior
     depth : at most 2^depth gradients per draw
     spread : how much wider than the Laplace approximation chains start
     """
@@ -45,11 +45,12 @@ class NutsOptions:
     chains: int = 4
     tune: int = 300
     draws: int = 1000
-    accept: float = 0.8
+    accept: float = 0.95
     depth: int = 8
     spread: float = 2.0
     seed: int = 0
-    limits: Limits = field(default_factory=Limits)
+    # autocorrelation times near one draw fluctuate by more than a share; effective sizes judge the length
+    limits: Limits = field(default_factory=lambda: Limits(tau_change=np.inf))
 
 
 class _Impossible(ValueError):

@@ -1,0 +1,236 @@
+"""What do a spiral's 22 coefficients look like as a posterior, and what do further runs and real logs add?
+
+Usage: python studies/posterior.py [--data FOLDER] [--out FOLDER] [--quick] [--seed N]. FOLDER holds
+`kvlcc2_hsva` and `esso_osaka` (see studies/real_logs.py; the logs are not part of this project). Chains are
+kept in OUT/chains, an interrupted one goes on; delete that folder to start afresh.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import math
+import runpy
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bayesid import report
+from bayesid.errors import SampleError
+from bayesid.fit import Options as FitOptions
+from bayesid.fit import fit
+from bayesid.fit.pieces import fit_in_pieces
+from bayesid.identifiability import derived, full_vectors, identify, predict, with_assumed_priors
+from bayesid.likelihood import Problem, coefficient_set, trial_problem
+from bayesid.manoeuvres import Manoeuvre, chirp, spiral, zigzag
+from bayesid.model import Model, build_model
+from bayesid.progress import Progress
+from bayesid.sample import Options, Posterior, load_posterior, sample
+from bayesid.sample.nuts import NutsOptions, sample_nuts
+from bayesid.sample.setup import trial_density
+from bayesid.sample.slopes import SlopedTrial
+from bayesid.sections.posterior import Sampled, Tracks, posterior_report, posterior_results
+from bayesid.simulate import fly, plan_run, simulate, steady_start
+from bayesid.trials import load_trial, thin
+from bayesid.vehicles import load_vehicle
+from bayesid.virtual import virtual_trial
+
+VEHICLE, RPM, DT = "generic_sub", 90.0, 1.0
+DEG = math.pi / 180
+NOISE = {"x": 1.0, "y": 1.0, "psi": 0.5 * DEG}  # the paper reads positions and angles
+PRIOR = 0.1  # relative sd of every coefficient: the size of the paper's starting errors
+# the paper's Case 2: what a towing tank without a planar motion mechanism gives is known
+KNOWN = ("X_vv", "Y_v", "Y_v|v|", "N_v", "N_v|v|", "X_drdr", "Y_dr", "N_dr")
+ACCELERATION = ("X_udot", "Y_vdot", "Y_rdot", "N_vdot", "N_rdot")
+DRAWS, ZIGZAGS = 400, 60
+LOGS = Path(__file__).parent / "real_logs.py"
+
+
+def main(out: Path, data: Path | None, quick: bool, seed: int) -> dict[str, Any]:
+    """Sample every case, look at it through all lenses, write the report."""
+    progress = Progress()
+    model = build_model(load_vehicle(VEHICLE), 3)
+    flown = manoeuvres(quick)
+    all22, known14 = model.coefficients, tuple(n for n in model.coefficients if n not in KNOWN)
+    plans: list[tuple[str, str, tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = [
+        ("spiral14", "spiral, 14 unknown", ("spiral",), known14, ("emcee", "NUTS")),
+        ("spiral22", "spiral, 22 unknown", ("spiral",), all22, ("emcee", "NUTS")),
+        ("joint22", "spiral, zig-zag and rich run, 22 unknown", tuple(flown), all22, ("NUTS",)),
+    ]
+    if quick:
+        plans = [("spiral14", "short spiral, 14 unknown", ("spiral",), known14, ("NUTS",))]
+    if importlib.util.find_spec("nutpie") is None:
+        progress.note("nutpie is missing (pip install 'bayesid[nuts]'): the ensembles alone")
+        plans = [(*plan[:-1], ("emcee",)) for plan in plans]
+    cases = {}
+    for key, words, runs, names, samplers in plans:
+        problem = pose(model, {n: flown[n] for n in runs}, names, seed)
+        cases[key] = sampled(key, words, problem, None, samplers, out, quick, seed, progress)
+    logs = {} if data is None or quick else real(data, out, seed, progress)
+    with progress.stage("runs not flown"):
+        tracks = {n: tracks_of(model, n, m, cases, seed) for n, m in flown.items()}
+        facts: dict[str, Any] = {"accelerations": accelerations(cases), "tracks": tracks}
+    facts |= {"noise": NOISE, "prior": PRIOR, "quick": quick, "vehicle": VEHICLE}
+    results = posterior_results(cases, logs, facts, seed)
+    page = report.write(posterior_report(cases, logs, facts), out, results)
+    progress.note(f"report: {page}")
+    return results
+
+
+def manoeuvres(quick: bool) -> dict[str, Manoeuvre]:
+    """The paper's spiral, a zig-zag, and a rich run: swept rudder and steps of the shaft speed."""
+    end = 200.0 if quick else 600.0
+    return {
+        "spiral": spiral(RPM, end=end, dt=DT),
+        "zig-zag": zigzag(20 * DEG, 20 * DEG, RPM, approach=10.0, duration=end, dt=DT),
+        "rich": chirp(25 * DEG, 1 / 150, 1 / 20, RPM, end, DT, (1.0, 0.7, 1.1, 0.8)),
+    }
+
+
+def pose(model: Model, flown: dict[str, Manoeuvre], names: tuple[str, ...], seed: int) -> Problem:
+    """Noisy readings of the true vehicle, every coefficient of `names` known beforehand to 10 %."""
+    rng = np.random.default_rng(seed)
+    trial = virtual_trial(
+        model, model.nominal, flown, title="twin", vehicle_ref=VEHICLE, noise=NOISE, rng=rng
+    )
+    problem = trial_problem(model, trial, coefficient_set(model, names), channels=tuple(NOISE), threads=1)
+    return with_assumed_priors(problem, PRIOR)
+
+
+def sampled(
+    key: str, words: str, problem: Problem, z: np.ndarray | None, samplers: tuple[str, ...], out: Path,
+    quick: bool, seed: int, progress: Progress,
+) -> Sampled:  # fmt: skip
+    """Fit (unless done), sample with every sampler, and look through the three lenses with the draws."""
+    if z is None:
+        with progress.stage(f"{key}: fit"):
+            z = fit(problem, FitOptions(seed=seed)).z
+    density = trial_density(problem, z)
+    folder = out / "chains" / key
+    found: dict[str, Posterior] = {}
+    for name in samplers:
+        with progress.stage(f"{key}: {name}") as stage:
+            stored = folder / f"{name}.nc"
+            if stored.exists() and (kept := load_posterior(stored)).digest == density.digest:
+                found[name] = kept
+                continue
+            if name == "NUTS":
+                few = (
+                    NutsOptions(tune=150, draws=200, seed=seed)
+                    if quick
+                    else NutsOptions(seed=seed, draws=500)
+                )
+                found[name] = sample_nuts(SlopedTrial(density), density.laplace, few)
+            else:
+                found[name] = sample(
+                    density, density.laplace, Options(seed=seed), folder, resume=(folder / "chain").exists(),
+                    watch=stage.step,
+                )  # fmt: skip
+            found[name].to_netcdf(stored)
+    first = next(iter(found.values()))
+    k = len(problem.params.names)
+    seen = identify(
+        problem.with_sigma(levels(first)), z, draws=first.params,
+        profile=() if key in ("hsva", "esso") else True, log=folder / "profile.jsonl",
+    )  # fmt: skip
+    rng = np.random.default_rng(seed)
+    pair = tuple(
+        derived(problem.model, full_vectors(problem, d), zigzags=0 if quick else ZIGZAGS)
+        for d in (density.prior_draws(DRAWS, rng)[:, :k], first.subset(DRAWS, rng)[:, :k])
+    )
+    return Sampled(key, words, problem, z, found, seen, (pair[0], pair[1]))
+
+
+def levels(posterior: Posterior) -> dict[str, float]:
+    """Median of every sampled noise level."""
+    names = [n for n in posterior.names if n.startswith("sigma:")]
+    return {n.removeprefix("sigma:"): float(np.median(posterior.column(n))) for n in names}
+
+
+def tracks_of(model: Model, name: str, manoeuvre: Manoeuvre, cases: dict[str, Sampled], seed: int) -> Tracks:
+    """Bands of one run, orders as the true vehicle's, by the prior and by every posterior."""
+    x0 = steady_start(model, RPM)
+    track, orders = fly(model, model.nominal, manoeuvre, x0)
+    plan = plan_run(model, track.t, orders)
+    truth = simulate(model, model.nominal, plan, x0).states
+    rng = np.random.default_rng(seed)
+    widest = cases.get("spiral22", next(iter(cases.values())))
+    density = trial_density(widest.problem, widest.z)
+    k = len(widest.problem.params.names)
+    bands = {
+        "prior": predict(
+            model, full_vectors(widest.problem, density.prior_draws(DRAWS, rng)[:, :k]), plan, x0
+        )
+    }
+    for case in cases.values():
+        draws = case.first.subset(DRAWS, rng)[:, : len(case.problem.params.names)]
+        bands[case.words] = predict(model, full_vectors(case.problem, draws), plan, x0)
+    return Tracks(name, truth, bands)
+
+
+def accelerations(cases: dict[str, Sampled]) -> dict[str, Any]:
+    """Structural directions with the acceleration derivatives known to 10 and 0.1 %: relative sd along."""
+    case = cases.get("spiral22")
+    if case is None:
+        return {}
+    found = {}
+    for words, sd in (("10 %", PRIOR), ("0.1 %", 1e-3)):
+        params = case.problem.params
+        for name in ACCELERATION:
+            prior = params[name].prior
+            assert prior is not None
+            params = params.changed([name], prior=replace(prior, spread=sd * params[name].scale))
+        info = identify(case.problem.with_params(params), case.z, profile=False).information
+        along = {}
+        for d in case.seen.structural:
+            way = d.relative * info.scale / info.unit
+            along[d.words] = float(
+                1.0 / np.hypot(np.linalg.norm(info.data @ way), np.linalg.norm(info.prior @ way))
+            )
+        found[words] = along
+    return found
+
+
+def real(data: Path, out: Path, seed: int, progress: Progress) -> dict[str, Sampled]:
+    """The logs of studies/real_logs.py with its rows and pieces, wind left out."""
+    theirs = runpy.run_path(str(LOGS))
+    found = {}
+    for key, name in (("hsva", "kvlcc2_hsva"), ("esso", "esso_osaka")):
+        if not (data / name).is_dir():
+            progress.note(f"{name}: no such folder in {data.name}; left out")
+            continue
+        setting = theirs["SETTINGS"][name]
+        logged = load_trial(LOGS.parent / "real_logs" / name, data / name)
+        runs = tuple(thin(theirs["begun"](run, setting.way), 2 * setting.dt) for run in logged.runs)
+        inside = replace(logged, runs=tuple(r for r in runs if not r.manoeuvre.startswith("random")))
+        ship = load_vehicle(LOGS.parent / "real_logs" / name / "vehicle.toml")
+        free = (*(n for n in ship.coef if n not in theirs["INERTIA"]), *theirs["SINGLE_SCREW"])
+        with progress.stage(f"{key}: fit") as stage:
+            fitted = fit_in_pieces(
+                inside, setting.piece, ship, out / "chains" / key, free=free,
+                options=FitOptions(seed=seed, profile=True, rounds=12),
+                watch=lambda done, cost, step, s=stage: s.step(info=f"cost {cost:.5g}"),
+            )  # fmt: skip
+        problem = with_assumed_priors(fitted.problem)
+        try:
+            found[key] = sampled(
+                key, f"{logged.name}, {len(problem.runs)} pieces", problem, fitted.fit.z, ("emcee",), out,
+                False, seed, progress,
+            )  # fmt: skip
+        except SampleError as error:
+            progress.note(f"{key}: {error}")
+    return found
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--data", type=Path, help="folder with kvlcc2_hsva and esso_osaka")
+    parser.add_argument("--out", type=Path, default=Path("reports/posterior"))
+    parser.add_argument("--quick", action="store_true", help="one short spiral, one sampler")
+    parser.add_argument("--seed", type=int, default=0)
+    given = parser.parse_args()
+    main(given.out, given.data, given.quick, given.seed)
