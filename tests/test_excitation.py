@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from bayesid.errors import ModelError, TrialError
 from bayesid.excitation import Column, exact_motion, excite, library
 from bayesid.excitation.columns import evaluate, rows, theta
 from bayesid.excitation.select import select_axis
-from bayesid.excitation.track import smooth_tracks
+from bayesid.excitation.track import smooth_tracks, stated_or_rough
 from bayesid.excitation.witness import excite_motions
 from bayesid.manoeuvres import library as manoeuvre_library
 from bayesid.model import build_model
@@ -49,6 +50,10 @@ def flown(model, names, values=None, share=1.0, seed=1):
     rng = np.random.default_rng(seed)
     orders, par = manoeuvres(model), model.with_values(values or {})
     return [virtual_run(model, par, orders[n], name=n, noise=noise, rng=rng) for n in names], noise
+
+
+def only(runs, channels):
+    return [replace(run, data={c: run.data[c] for c in channels}) for run in runs]
 
 
 def exact(model, names, values=None, dt=0.2):
@@ -204,7 +209,7 @@ def test_smoothed_velocities_are_as_wrong_as_they_say(submarine):
 def test_velocities_come_from_positions_and_heading_alone(submarine):
     runs, noise = flown(submarine, ["zigzag_20_port"], share=0.3)
     clean, _ = flown(submarine, ["zigzag_20_port"], share=0.0)
-    motions, _ = smooth_tracks(submarine, runs, {c: noise[c] for c in ("x", "y", "psi")})
+    motions, _ = smooth_tracks(submarine, only(runs, ("x", "y", "psi")), noise)
     truth = 0.5 * (clean[0].data["v"][1:] + clean[0].data["v"][:-1])
     wrong = motions[0].states[:, submarine.states.index("v")] - truth
     assert np.std(wrong) < 0.2 * np.std(truth)
@@ -224,10 +229,20 @@ def test_pysindy_finds_the_same_coefficients(remus):
             assert values[column.name] == pytest.approx(column.nominal, rel=1e-8), column.name
 
 
+def test_noise_that_is_not_stated_is_taken_from_the_log(submarine):
+    runs, noise = flown(submarine, ["zigzag_20_port", "multisine"])
+    found = stated_or_rough(runs, {"x": noise["x"]})
+    assert found["x"] == noise["x"]
+    for channel in ("y", "psi", "r", "u", "v"):
+        assert found[channel] == pytest.approx(noise[channel], rel=0.15)
+    clean, _ = flown(submarine, ["multisine"], share=0.0)
+    assert smooth_tracks(submarine, clean, {})[0][0].sd.max() < 1.0
+
+
 def test_a_log_without_speed_or_position_is_refused(submarine):
     runs, noise = flown(submarine, ["zigzag_10_port"])
-    with pytest.raises(TrialError, match="cannot be had from"):
-        smooth_tracks(submarine, runs, {"r": noise["r"], "psi": noise["psi"]})
+    with pytest.raises(TrialError, match="u, v cannot be had from psi, r"):
+        smooth_tracks(submarine, only(runs, ("psi", "r")), noise)
 
 
 def test_wrong_forms_and_empty_sets_are_refused(submarine):

@@ -22,6 +22,7 @@ from bayesid.kernels.formulas import KINEMATICS_3, KINEMATICS_6
 from bayesid.model import Model
 from bayesid.simulate import actuate
 from bayesid.trials import Run
+from bayesid.trials.noise import rough_noise
 
 Array = np.ndarray
 
@@ -30,6 +31,8 @@ TIMES = (0.5, 1.5, 5.0)
 PASSES = 5
 # Misfit of a reading given all others, over its deviation, from which it is set aside.
 OUTLIER = 6.0
+# Least noise of a channel that states none, over its standard deviation.
+SMOOTH = 1e-4
 # What must be logged for a velocity to be seen: any one of these sets.
 _SEEN = {
     "u": (("u",), ("u_water",), ("x", "y")),
@@ -76,7 +79,7 @@ def smooth_tracks(
 
     Parameters
     ----------
-    noise : channel -> one sigma of white sensor noise [SI]; channels without it are not read
+    noise : channel -> one sigma of white sensor noise [SI]; estimated for channels without it
     drift : one sigma of a slow position error [m]
 
     Raises
@@ -84,11 +87,27 @@ def smooth_tracks(
     TrialError
         if neither a speed nor positions, or neither heading nor yaw rate, are logged
     """
-    works = [_begin(model, _log(model, run, noise)) for run in runs]
+    whole = stated_or_rough(runs, noise)
+    works = [_begin(model, _log(model, run, whole)) for run in runs]
     time = model.scales["L"] / model.scales["U"]
     tried = [_settle(model, works, tau * time, drift) for tau in TIMES]
     best = max(tried, key=lambda found: sum(work.value for work in found[0]))
     return [_motion(model, work, best[1]) for work in best[0]], best[1]
+
+
+def stated_or_rough(runs: Sequence[Run], noise: Mapping[str, float]) -> dict[str, float]:
+    """Noise of every channel logged: as stated, else from its own fast changes.
+
+    A filtered or simulated log looks almost free of noise; a floor of `SMOOTH` of its spread keeps it usable.
+    """
+    out = {name: sigma for name, sigma in noise.items() if sigma > 0}
+    for name in {c for run in runs for c in run.data} - out.keys():
+        rough = [rough_noise(run.t, run.data[name]) for run in runs if name in run.data]
+        spread = [float(np.nanstd(run.data[name])) for run in runs if name in run.data]
+        found = [max(r, SMOOTH * s) for r, s in zip(rough, spread, strict=True) if np.isfinite(r)]
+        if found and max(found) > 0:
+            out[name] = float(np.median(found))
+    return out
 
 
 def _log(model: Model, run: Run, noise: Mapping[str, float]) -> Log:
@@ -101,7 +120,7 @@ def _log(model: Model, run: Run, noise: Mapping[str, float]) -> Log:
     if missing:
         raise TrialError(
             f"{run.name}: {', '.join(missing)} cannot be had from {', '.join(channels) or 'nothing'}; log x, "
-            "y and psi, or u, v and r, and state their noise"
+            "y and psi, or u, v and r"
         )
     return read_run(model, run, noise, channels)
 

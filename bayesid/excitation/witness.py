@@ -108,7 +108,7 @@ def excite(
     Parameters
     ----------
     runs : logged, or flown by `virtual.virtual_run`
-    noise : channel -> one sigma of white sensor noise [SI]
+    noise : channel -> one sigma of white sensor noise [SI]; estimated for channels without it
     form : "weak" (no accelerations needed) or "strong"
     draws : bootstrap draws over stretches of time
     drift : one sigma of a slow position error [m]
