@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from bayesid.blind.detect import Detectability
+from bayesid.blind.detect import Detectability, from_json
 from bayesid.blind.families import CATALOGUE_NAMES, family_of
 from bayesid.blind.seal import BlindError, digest_of_file, read_json
 
@@ -99,7 +99,7 @@ def _from_plant(file: Path) -> Answer:
         causes = []
         for k, e in enumerate(raw["effects"]):
             scored = e["parameters"] if e["kind"] == "effect" and e["name"] != "coefficient_error" else None
-            detect = Detectability(**shown[k]) if shown else None
+            detect = from_json(shown[k]) if shown else None
             causes.append(Cause(e["name"], e["variant"], float(e["size"]), scored, detect))
         factors = {
             "vehicle": str(raw["vehicle"]),
@@ -107,7 +107,7 @@ def _from_plant(file: Path) -> Answer:
             "sensors": str(raw["sensors"]),
             "sea": str(raw["environment"]["sea"]),
             "campaign": str(raw["campaign"]),
-            "prior": f"{raw['prior_relative_sd']:g}",
+            "prior": f"{float(raw['prior_relative_sd']):g}",
         }
         return Answer(
             file.stem, _kind(raw["kind"], causes), tuple(causes), factors, raw["coefficient_draw_relative"],

@@ -7,7 +7,10 @@ coefficients leaves of that track is weighed with the true noise and the true en
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -48,6 +51,12 @@ class Detectability:
     absorbed: float
     margin: float
     rival: str
+
+
+def from_json(stored: Mapping[str, Any]) -> Detectability:
+    """A detectability that has been through JSON, where nan is null."""
+    plain: dict[str, Any] = {k: math.nan if v is None else v for k, v in stored.items()}
+    return Detectability(**plain)
 
 
 def detectability(campaign: Campaign, rivals: bool = True) -> tuple[Detectability, ...]:

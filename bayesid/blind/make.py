@@ -19,7 +19,7 @@ from typing import Any
 from bayesid.blind.detect import Detectability, detectability
 from bayesid.blind.seal import COMMITMENTS, FORMAT, BlindError, digest_of_file, digest_of_folder, salt
 from bayesid.errors import BayesidError
-from bayesid.files import write_atomic, write_json
+from bayesid.files import write_json
 from bayesid.plant import draw_campaign, truth, write_bundle
 from bayesid.progress import Progress
 
@@ -108,7 +108,7 @@ def aimed_sizes(seed: int, factors: Mapping[str, Any], aim: float) -> tuple[floa
 
 def write_answer(path: Path, answer: Mapping[str, Any]) -> Path:
     """Write an answer with a salt."""
-    return write_atomic(path, json.dumps({"salt": salt(), **answer}, indent=1) + "\n")
+    return write_json(path, {"salt": salt(), **answer})
 
 
 def redraw(answer: Mapping[str, Any]) -> tuple[Detectability, ...] | None:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from bayesid.blind.answers import Answer, load_answers, with_shown
-from bayesid.blind.detect import Detectability
+from bayesid.blind.detect import from_json
 from bayesid.blind.judge import Case, judge
 from bayesid.blind.make import in_processes, redraw
 from bayesid.blind.score import Bin, Quantity, calibration, sheet, shuffled, table
@@ -121,11 +121,5 @@ def weighed(
     for name, answer in todo.items():
         shown = kept.get(keys[name])
         if shown:
-            out[name] = with_shown(answer, tuple(_read(s) for s in shown))
+            out[name] = with_shown(answer, tuple(from_json(s) for s in shown))
     return out
-
-
-def _read(stored: Mapping[str, Any]) -> Detectability:
-    """A detectability that has been through JSON, where nan is null."""
-    plain: dict[str, Any] = {k: math.nan if v is None else v for k, v in stored.items()}
-    return Detectability(**plain)

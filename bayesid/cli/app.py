@@ -49,6 +49,7 @@ def command() -> Any:
         "blind": _group(
             "Check the diagnosis on effects nobody here knows.",
             make=blind.make,
+            remove=blind.remove,
             solve=blind.solve,
             score=blind.score,
         ),

@@ -42,6 +42,30 @@ def make(
     return OK
 
 
+def remove(
+    bundle: Annotated[Path, typer.Argument(help="Folder of the trial bundle.")],
+    what: Annotated[str, typer.Argument(help="wind, rudder, current or rate_limit.")],
+    out: OutFolder,
+    answers: Annotated[Path, typer.Option("--answers", help="Folder of the answers, apart from the pack.")],
+    data: Annotated[Path | None, typer.Option("--data", help="Folder of the logs, if apart.")] = None,
+    name: Annotated[str, typer.Option("--name", help="Name of the reduced bundle.")] = "",
+    verbose: Verbose = False,
+) -> int:
+    """Take a measured channel or a known limit away from a real log, to have it found again.
+
+    wind: wind columns. rudder: measured angles. current: velocities through the water. rate_limit: that of
+    the rudder in the vehicle file. What the instrument said goes into the sealed answer.
+    """
+    from bayesid.blind.remove import remove as take
+
+    found = take(bundle, what, out, answers, data, name)
+    for effect, values in found.effects.items():
+        told = ", ".join(f"{n} = {v:.4g}" for n, v in values.items())
+        print(f"{effect}: {told} is the sealed answer")
+    print(f"reduced bundle in {out}; keep {answers} apart")
+    return OK
+
+
 def solve(
     pack: Annotated[Path, typer.Argument(help="Folder of trial bundles.")],
     out: OutFolder,
