@@ -41,6 +41,11 @@ class Candidate:
     log_evidence: float
     fit: ColouredFit
 
+    @property
+    def widens(self) -> bool:
+        """Whether it is a coefficient with a wide prior, not an effect."""
+        return bool(self.effects) and self.effects[0].startswith(COEFFICIENT_ERROR)
+
 
 def corrected_evidence(fitted: ColouredFit) -> float:
     """Laplace evidence with the half-normal correction of one-sided parameters (design note A9)."""
@@ -110,7 +115,7 @@ def checked(problem: Problem, candidate: Candidate, none: Candidate, gains: Mapp
     A refit that did not arrive and fits worse than no effect claims no more than its screen, `gains`.
     """
     c = away_from_straight(problem, candidate, none)
-    if not none.fit.converged or c.effects[0].startswith(COEFFICIENT_ERROR):
+    if not none.fit.converged or c.widens:
         return c
     limit = wald_limit(problem, c.fit)
     if not c.fit.converged and c.fit.chi2 > none.fit.chi2 and len(c.effects) == 1:

@@ -15,6 +15,9 @@ from bayesid.coloured.evidence import Gram, posterior
 from bayesid.coloured.log import Array
 from bayesid.diagnose.candidate import Candidate
 
+# p-value of the runs having the same effect below which it is not the whole cause.
+DISAGREE = 1e-3
+
 
 @dataclass(frozen=True, eq=False)
 class Crossed:
@@ -24,10 +27,16 @@ class Crossed:
     ----------
     gains : (runs,) log density of each run given all others, over that without an effect
     disagreement : p-value of the runs having one and the same effect
+    excess : its chi-square over the degrees of freedom
     """
 
     gains: Array
     disagreement: float
+    excess: float
+
+    @property
+    def disagree(self) -> bool:
+        return self.disagreement < DISAGREE
 
     @property
     def total(self) -> float:
@@ -58,20 +67,20 @@ def crossed(candidate: Candidate, none: Candidate, coefficients: int) -> Crossed
     coefficients : number of leading columns that are coefficients; the others are the effect's
     """
     gains = left_out(candidate.fit.grams) - left_out(none.fit.grams)
-    return Crossed(gains, disagreement(candidate.fit.grams, coefficients))
+    return Crossed(gains, *disagreement(candidate.fit.grams, coefficients))
 
 
-def disagreement(grams: tuple[Gram, ...], coefficients: int) -> float:
-    """p-value of one common effect against one of its own for every run, coefficients common.
+def disagreement(grams: tuple[Gram, ...], coefficients: int) -> tuple[float, float]:
+    """p-value, and chi-square over its degrees of freedom, of one common effect against one for every run.
 
-    Twice the gain in the maximised density is chi-square with (runs - 1) (effect parameters) degrees of
-    freedom; directions no run shows do not count.
+    Coefficients are common. Twice the gain in the maximised density is chi-square with (runs - 1) times
+    (effect parameters) degrees of freedom; directions no run shows do not count.
     """
     c = coefficients
     k = grams[0].se.size - c
     runs = len(grams)
     if k == 0 or runs < 2:
-        return 1.0
+        return 1.0, 1.0
     own = np.zeros((c + k * runs, c + k * runs))
     score = np.zeros(c + k * runs)
     for m, g in enumerate(grams):
@@ -85,7 +94,8 @@ def disagreement(grams: tuple[Gram, ...], coefficients: int) -> float:
         common[c + k * m : c + k * (m + 1), c:] = np.eye(k)
     gain, rank = _explained(own, score)
     less, fewer = _explained(common.T @ own @ common, common.T @ score)
-    return float(stats.chi2.sf(max(gain - less, 0.0), max(rank - fewer, 1)))
+    chi2, freedom = max(gain - less, 0.0), max(rank - fewer, 1)
+    return float(stats.chi2.sf(chi2, freedom)), chi2 / freedom
 
 
 def _explained(a: Array, b: Array) -> tuple[float, int]:

@@ -17,8 +17,6 @@ from bayesid.diagnose.which import Candidates
 
 # Share of its signature the coefficients absorb from which an effect is hidden.
 HIDDEN = 0.98
-# p-value of the runs having the same effect below which it is not the whole cause.
-DISAGREE = 1e-3
 WORDS = ("none", "effect", "effect_with_remainder", "several", "outside", "coefficients", "ambiguous")
 
 
@@ -76,14 +74,14 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
     reasons.append(f"after it a free signal would add {left:+.1f}")
     if probability["outside"] > 0.5:
         return Verdict("outside", (), set95, (), tuple(reasons))
-    if best.effects[0].startswith(COEFFICIENT_ERROR):
+    if best.widens:
         if "none" in set95:
             return Verdict(
                 "none" if probability["none"] > 0.5 else "ambiguous", (), set95, (), tuple(reasons)
             )
         return Verdict("coefficients", (COEFFICIENT_ERROR,), set95, hidden, tuple(reasons))
     runs = crossed(best, none, len(problem.coefficients.names))
-    rest = left > limit.remainder or runs.disagreement < DISAGREE
+    rest = left > limit.remainder or runs.disagree
     reasons.append(
         f"each run predicted from the others: {runs.total:+.1f} over no effect; that all runs have one and "
         f"the same effect has p = {runs.disagreement:.2g}"
@@ -91,6 +89,8 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
     if runs.refuted and explains(best):
         return Verdict("ambiguous", _names(set95), set95, (), tuple(reasons))
     if len(best.effects) > 1:
+        if rest and probability[best.effects[0]] < 0.5:
+            return Verdict("ambiguous", best.effects, set95, hidden, tuple(reasons))
         if rest:
             # Further effects that leave a remainder only bend towards it; the first one stands.
             return Verdict("effect_with_remainder", best.effects[:1], set95, hidden, tuple(reasons))

@@ -6,7 +6,7 @@ verdict's business.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.special import logsumexp
@@ -59,27 +59,45 @@ def over_none(candidate: Candidate, none: Candidate, where: Where) -> float:
 
 
 def probabilities(
-    evidence: dict[str, float], refits: Sequence[Candidate], none: Candidate, where: Where
+    evidence: dict[str, float],
+    refits: Sequence[Candidate],
+    none: Candidate,
+    where: Where,
+    excess: float = 1.0,
+    rest: Mapping[tuple[str, ...], float] | None = None,
 ) -> dict[str, float]:
     """Posterior probability of none, every catalogue name, coefficient_error and outside.
 
     The mass of several effects at once is shared by them; every further effect pays the catalogue's prior
     again.
+
+    Parameters
+    ----------
+    excess : how much the runs disagree about the best explanation, chi-square over its degrees of freedom. A
+        form that is not quite right says that there is a gap, but not in all its nats which cause: what a
+        cause lags behind the best is divided by it (quasi-likelihood; Wedderburn 1974).
+    rest : log evidence of several effects when a free force takes what they leave
     """
     names = [n for n in evidence if n != "outside"]
     each = float(np.log(PRIOR_CATALOGUE / len(names)))
-    joint: dict[tuple[str, ...], float] = {(n,): each + evidence[n] for n in names}
-    joint[("outside",)] = float(np.log(PRIOR_OUTSIDE)) + evidence["outside"]
-    joint[("none",)] = float(np.log(PRIOR_NONE))
+    gain: dict[tuple[str, ...], float] = {(n,): evidence[n] for n in (*names, "outside")}
     for c in refits:
         if len(c.effects) > 1:
             key = tuple(sorted(c.effects))
-            joint[key] = max(joint.get(key, -np.inf), len(key) * each + over_none(c, none, where))
+            gain[key] = max(gain.get(key, -np.inf), over_none(c, none, where))
+    for effects, value in (rest or {}).items():
+        key = tuple(sorted(effects))
+        if len(key) > 1:
+            gain[key] = float(np.logaddexp(gain[key], value))
+    top = max(gain.values())
+    joint = {key: top - (top - value) / max(excess, 1.0) + len(key) * each for key, value in gain.items()}
+    joint[("outside",)] += float(np.log(PRIOR_OUTSIDE)) - each
+    joint[("none",)] = float(np.log(PRIOR_NONE))
     total = logsumexp(list(joint.values()))
     out = dict.fromkeys([*names, "outside", "none"], 0.0)
     for key, value in joint.items():
-        for n in key:
-            out[n] += float(np.exp(value - total)) / len(key)
+        for n, share in zip(key, _shares(key, evidence, excess), strict=True):
+            out[n] += float(np.exp(value - total)) * share
     return out
 
 
@@ -92,3 +110,14 @@ def credible_set(probability: dict[str, float], mass: float = 0.95) -> tuple[str
         if total >= mass:
             break
     return tuple(out)
+
+
+def _shares(key: tuple[str, ...], evidence: dict[str, float], excess: float) -> list[float]:
+    """How several effects share their mass: alike, or by what each says alone where the runs disagree.
+
+    Then some of them are likely there to mend the form of another.
+    """
+    if len(key) == 1 or excess <= 1.0:
+        return [1.0 / len(key)] * len(key)
+    weight = [max(evidence.get(n, 0.0), 0.0) + 1.0 for n in key]
+    return [w / sum(weight) for w in weight]

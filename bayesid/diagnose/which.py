@@ -6,7 +6,7 @@ thresholds and words are the verdict's business.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,11 +22,12 @@ from bayesid.diagnose.bank import (
     testable,
     widened,
 )
-from bayesid.diagnose.candidate import COEFFICIENT_ERROR, Candidate, checked, explains, standing, weighed
+from bayesid.diagnose.candidate import Candidate, checked, explains, standing, weighed
+from bayesid.diagnose.crossed import crossed
 from bayesid.diagnose.problem import Problem, fit_with
 from bayesid.diagnose.refits import ADD, likely_coefficients, refit, refit_wide, several, shortlist
 from bayesid.diagnose.thresholds import Thresholds, thresholds
-from bayesid.diagnose.weigh import PRIOR_OUTSIDE, evidences, probabilities, zero
+from bayesid.diagnose.weigh import PRIOR_OUTSIDE, evidences, over_none, probabilities, zero
 from bayesid.diagnose.where import Where, locate, tried
 
 Say = Callable[[str], None]
@@ -89,7 +90,7 @@ def compare(problem: Problem, say: Say = lambda text: None, seed: int = 0) -> Ca
     gains = {s.name: s.gain for s in scores}
     refits = sorted((checked(problem, c, none, gains) for c in refits), key=lambda c: -c.log_evidence)
     after = None
-    single = [c for c in refits if not c.effects[0].startswith(COEFFICIENT_ERROR)]
+    single = [c for c in refits if not c.widens]
     if single:
         first = max(single, key=lambda c: standing(c, gains[c.effects[0]]))
         if (
@@ -104,12 +105,24 @@ def compare(problem: Problem, say: Say = lambda text: None, seed: int = 0) -> Ca
         best = refits[0].fit
         after = locate(problem, best.follow if not best.converged else best.points, best.free, masks=False)
     evidence = evidences(problem, none, refits, scores, wide, where)
-    name = refits[0].effects[0] if refits else ""
-    if after is not None and name in evidence and evidence[name] > 0.5 * evidence["outside"]:
-        # The effect explains most of it, a free force may take the rest.
-        with_rest = after.outside - zero(none, where) + float(np.log(PRIOR_OUTSIDE))
-        evidence[name] = float(np.logaddexp(evidence[name], with_rest))
-    probability = probabilities(evidence, refits, none, where)
+    rest: dict[tuple[str, ...], float] = {}
+    if after is not None and over_none(refits[0], none, where) > 0.5 * evidence["outside"]:
+        # The effects explain most of it, a free force may take the rest.
+        rest[refits[0].effects] = after.outside - zero(none, where) + float(np.log(PRIOR_OUTSIDE))
+        for names, value in rest.items():
+            if names[0] in evidence and len(names) == 1:
+                evidence[names[0]] = float(np.logaddexp(evidence[names[0]], value))
+    excess = _excess(refits, none, len(problem.coefficients.names))
+    probability = probabilities(evidence, refits, none, where, excess, rest)
     return Candidates(
         none, tuple(refits), tuple(scores), evidence, probability, bank, known, where, after, limits
     )
+
+
+def _excess(refits: Sequence[Candidate], none: Candidate, coefficients: int) -> float:
+    """How much the runs disagree about the best explanation; 1 where they agree or it explains too little."""
+    best = refits[0] if refits else none
+    if best.log_evidence <= none.log_evidence or not explains(best) or best.widens:
+        return 1.0
+    runs = crossed(best, none, coefficients)
+    return runs.excess if runs.disagree else 1.0
