@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib.resources import files
 from typing import Any
 
@@ -19,6 +19,7 @@ from bayesid.coloured.levels import silent
 from bayesid.diagnose.candidate import COEFFICIENT_ERROR, parameter_table
 from bayesid.diagnose.description import Description, describe_gap
 from bayesid.diagnose.description import as_json as described
+from bayesid.diagnose.events import find_events, verdict_with, with_events
 from bayesid.diagnose.next_run import Proposal, propose
 from bayesid.diagnose.problem import Problem, pose
 from bayesid.diagnose.shrink import Shrink, ladder
@@ -81,8 +82,13 @@ def diagnose(
         if there is nothing to identify from
     """
     problem = pose(model, trial, say, as_built)
-    candidates = compare(problem, say)
-    verdict = judge(problem, candidates)
+    candidates = compare(problem, say, seed)
+    events = find_events(problem, trial, simplest(candidates), say)
+    if events:
+        say("the same without " + ", ".join(f"{e.run} {e.start:.0f}-{e.end:.0f} s" for e in events))
+        problem = pose(model, trial, say, as_built, events)
+        candidates = with_events(compare(problem, say, seed), events)
+    verdict = verdict_with(judge(problem, candidates), events)
     warnings = [*trial.warnings, *problem.warnings]
     description = None
     if verdict.word in ("outside", "effect_with_remainder"):
@@ -221,6 +227,7 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
                 for r in rungs
             ],
         },
+        "events": [asdict(e) for e in d.problem.events],
         "description": described(d.description) if d.description is not None else None,
         "environment": {
             "source": d.problem.environment.source,

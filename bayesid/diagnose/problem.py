@@ -15,6 +15,7 @@ from bayesid.coloured.free import coefficient_prior, effect_prior
 from bayesid.coloured.levels import Environment, measure, stated
 from bayesid.coloured.log import Log, read_run
 from bayesid.coloured.path import Point
+from bayesid.diagnose.event import Event, blanked, released
 from bayesid.diagnose.outliers import set_aside
 from bayesid.effects import Effect
 from bayesid.errors import TrialError
@@ -39,6 +40,7 @@ class Problem:
     warnings : sentences for the report
     path, path_level : nominal model along a path that follows the data, and the latent force this needs over
         1/2 rho L^2 U^2: where sensitivities are taken while nothing is known
+    events : what happened once and is left out
     """
 
     model: Model
@@ -50,14 +52,22 @@ class Problem:
     warnings: tuple[str, ...]
     path: tuple[Point, ...]
     path_level: float
+    events: tuple[Event, ...] = ()
 
 
-def pose(model: Model, trial: Trial, say: Say = lambda text: None, as_built: float | None = None) -> Problem:
+def pose(
+    model: Model,
+    trial: Trial,
+    say: Say = lambda text: None,
+    as_built: float | None = None,
+    events: tuple[Event, ...] = (),
+) -> Problem:
     """Problem of a trial.
 
     Parameters
     ----------
     as_built : relative sd of the coefficients if an earlier clean identification fixed them (as-built frame)
+    events : what happened once and is to be left out
 
     Raises
     ------
@@ -65,7 +75,7 @@ def pose(model: Model, trial: Trial, say: Say = lambda text: None, as_built: flo
         if there is nothing to identify from
     """
     warnings: list[str] = []
-    runs = trial.identify
+    runs = tuple(blanked(run, events) for run in trial.identify)
     if not runs:
         raise TrialError(f"{trial.name}: no run has role 'identify'; a diagnosis needs at least one")
     noise = dict(trial.noise)
@@ -77,7 +87,7 @@ def pose(model: Model, trial: Trial, say: Say = lambda text: None, as_built: flo
             f"sensor noise of {', '.join(missing)} is not stated; estimated from fast changes of the readings"
         )
     channels = tuple(c for c in model.kernel.channels if c in noise and c in measured)
-    logs = [read_run(model, run, noise, channels) for run in runs]
+    logs = [released(model, read_run(model, run, noise, channels), events) for run in runs]
     say("reading: readings that no smooth motion explains")
     logs, outliers = set_aside(model, logs)
     coefficients = coefficient_prior(model)
@@ -104,6 +114,7 @@ def pose(model: Model, trial: Trial, say: Say = lambda text: None, as_built: flo
         tuple(warnings),
         led.follow,
         led.follow_level,
+        events,
     )
 
 

@@ -341,6 +341,30 @@ def _next(found: Diagnosis) -> list[Block]:
     ]
 
 
+EVENT_KINDS = {
+    "sensor": "readings wrong for a while",
+    "jump": "position shifts and stays",
+    "motion": "the vehicle moves as nothing here explains",
+}
+
+
+def _events(found: Diagnosis) -> list[Block]:
+    if not found.problem.events:
+        return []
+    rows = [
+        [literal(e.run), f"{e.start:.1f}", f"{e.end:.1f}", e.channel, EVENT_KINDS[e.kind], e.misfit]
+        for e in found.problem.events
+    ]
+    return [
+        Table(
+            ["run", "from [s]", "to [s]", "channel", "what", "misfit over the median"],
+            rows,
+            "Events: short pieces predicted far worse than all others whatever effect is added. They are "
+            "left out; what follows starts from a state of its own.",
+        )
+    ]
+
+
 def _notes(found: Diagnosis) -> list[Block]:
     e = found.problem.environment
     c = e.colours
@@ -353,7 +377,7 @@ def _notes(found: Diagnosis) -> list[Block]:
         *[f"- {literal(w)}" for w in found.warnings],
     ]
     rows = [[run, f"{t:.2f}", channel] for run, t, channel in found.problem.outliers[:20]]
-    blocks: list[Block] = [Text("\n".join(lines))]
+    blocks: list[Block] = [Text("\n".join(lines)), *_events(found)]
     if rows:
         blocks.append(Table(["run", "time [s]", "channel"], rows, "Readings set aside (first 20)."))
     return blocks
