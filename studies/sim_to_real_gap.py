@@ -15,11 +15,15 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parent))
 
 from gap.delphin2 import delphin2
+from gap.esso_osaka import esso_osaka
 from gap.example import example
+from gap.kvlcc2 import kvlcc2
 from gap.planted import CASES, SIZES, planted
 
 from bayesid import report
 from bayesid.progress import Progress
+from bayesid.report import Section
+from bayesid.sections.gap_real import esso_section, kvlcc2_section
 from bayesid.sections.gap_study import gap_report
 
 QUICK = (0,)  # one campaign, and no Delphin2: its kernel takes half a minute to compile
@@ -33,18 +37,37 @@ def main(out: Path, quick: bool, seed: int, data: Path | None = None) -> dict[st
     story = example(out, seed, progress, QUICK_DRAWS if quick else DRAWS)
     rows = planted(chosen, out / "campaigns", seed, progress)
     parts: dict[str, Any] = {"example": story, "planted": rows}
+    real: dict[str, Any] = {}
     if not quick:
         parts["delphin2"] = delphin2(progress)
+    if data is not None:
+        parts["more"], real = real_logs(data, quick, seed, progress)
     results = {
         "inputs": {"cases": [CASES[i] for i in chosen], "sizes": SIZES, "quick": quick},
         "seeds": [seed, *(seed + i for i in chosen)],
         "example": {k: story[k] for k in ("found", "truth", "coverage")},
         "campaigns": rows,
         "delphin2": parts.get("delphin2"),
+        "real": real,
     }
     path = report.write(gap_report(parts), out, results)
     progress.note(f"report: {path}")
     return results
+
+
+def real_logs(data: Path, quick: bool, seed: int, progress: Progress) -> tuple[list[Section], dict[str, Any]]:
+    """Sections and findings of the logs that are in the folder."""
+    sections, found = [], {}
+    for name, study, section in (
+        ("kvlcc2_hsva", kvlcc2, kvlcc2_section),
+        ("esso_osaka", esso_osaka, esso_section),
+    ):
+        if (data / name).is_dir():
+            found[name] = study(data / name, quick, seed, progress)
+            sections.append(section(found[name]))
+        else:
+            progress.note(f"{name}: no such folder in {data.name}; left out")
+    return sections, found
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -114,3 +115,15 @@ def _row(key: tuple[str, str, str], values: Sequence[float], draws: int, level: 
         "high": high,
         "share": good.size / draws,
     }
+
+
+def thinned(p: Prediction, every: int) -> Prediction:
+    """Every so many-th sample of a prediction, for tables that need not be as fine as the simulation."""
+    pick = slice(None, None, every)
+    return replace(
+        p,
+        t=p.t[pick],
+        draws=p.draws[:, pick],
+        commands={n: np.asarray(v)[pick] for n, v in p.commands.items()},
+        orders=None if p.orders is None else p.orders[:, pick],
+    )

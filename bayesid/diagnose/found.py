@@ -24,6 +24,7 @@ from bayesid.coloured.evidence import posterior
 from bayesid.coloured.fit import ColouredFit, fit, stack
 from bayesid.diagnose.candidate import Candidate
 from bayesid.diagnose.diagnosis import Diagnosis
+from bayesid.diagnose.problem import Problem
 from bayesid.diagnose.verdict import simplest
 from bayesid.diagnose.weigh import PRIOR_CATALOGUE, PRIOR_NONE
 from bayesid.effects import Effect
@@ -102,7 +103,7 @@ def found_in(d: Diagnosis) -> Found:
     each = PRIOR_CATALOGUE / (len(d.model.kernel.effects) + 1)
     fits, weights = [], []
     for c in chosen:
-        fitted, evidence = _with_remainder(d, c)
+        fitted, evidence = _with_remainder(problem, c.fit)
         prior = each ** len(c.effects) if c.effects else PRIOR_NONE
         fits.append(fitted)
         weights.append(evidence + c.log_evidence - c.fit.log_evidence + np.log(prior))
@@ -112,12 +113,21 @@ def found_in(d: Diagnosis) -> Found:
     hypotheses = tuple(
         _hypothesis(c.effects, float(w), f) for c, w, f in zip(chosen, share, fits, strict=True) if w > 0
     )
-    noise = {
-        d.model.kernel.channels[c]: float(s)
+    return Found(d.model, hypotheses, _noise(problem), d.verdict.word, d.trial.digest)
+
+
+def found_with(problem: Problem, effects: tuple[str, ...], fitted: ColouredFit, trial: str = "") -> Found:
+    """The model of one fit, chosen by hand; its residuals' disturbance included."""
+    again, _ = _with_remainder(problem, fitted)
+    return Found(problem.model, (_hypothesis(effects, 1.0, again),), _noise(problem), "fit", trial)
+
+
+def _noise(problem: Problem) -> dict[str, float]:
+    return {
+        problem.model.kernel.channels[c]: float(s)
         for log in problem.logs
         for c, s in zip(log.channels, log.sigma, strict=True)
     }
-    return Found(d.model, hypotheses, noise, d.verdict.word, d.trial.digest)
 
 
 def _chosen(d: Diagnosis) -> list[Candidate]:
@@ -134,11 +144,11 @@ def _hypothesis(effects: tuple[str, ...], weight: float, f: ColouredFit) -> Hypo
     return Hypothesis(effects, weight, f.free.names, f.values, covariance, f.free.low, f.colours)
 
 
-def _with_remainder(d: Diagnosis, c: Candidate) -> tuple[ColouredFit, float]:
-    """Fit of a candidate under the disturbance its residuals call for, and its log evidence."""
-    model, fitted = d.model, c.fit
+def _with_remainder(problem: Problem, fitted: ColouredFit) -> tuple[ColouredFit, float]:
+    """The fit under the disturbance its residuals call for, and its log evidence."""
+    model = problem.model
     unit, time = force_unit(model), model.scales["L"] / model.scales["U"]
-    real = d.problem.environment.colours
+    real = problem.environment.colours
 
     def evidence(colours: Colours) -> float:
         grams = stack(model, fitted.paths, fitted.free, colours)
@@ -166,7 +176,7 @@ def _with_remainder(d: Diagnosis, c: Candidate) -> tuple[ColouredFit, float]:
             value = evidence(added(tried, tau))
             if value > best:
                 best, colours, level = value, added(tried, tau), tried
-    again = fit(model, d.problem.logs, fitted.free, colours, start=fitted.points, loud=0.0, passes=8)
+    again = fit(model, problem.logs, fitted.free, colours, start=fitted.points, loud=0.0, passes=8)
     return again, max(best, again.log_evidence)
 
 
