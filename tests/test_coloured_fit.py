@@ -5,7 +5,7 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-from gap_trials import model_of, other_vehicle, planted_trial
+from gap_trials import model_of, noise_of, other_vehicle, planted_trial
 
 from bayesid.coloured.fit import fit
 from bayesid.coloured.log import read_run
@@ -127,3 +127,17 @@ def test_a_log_keeps_missing_readings_out():
     k = list(gone).index("x")
     assert (~log.valid[:, k]).sum() == np.isnan(gone["x"]).sum()
     assert np.isfinite(log.path).all()
+
+
+def test_the_first_guess_of_a_path_has_the_velocities_positions_and_heading_tell():
+    model = model_of("remus100")
+    trial = planted_trial(model, seed=4)
+    run = trial.runs[0]
+    noise = {c: noise_of(model)[c] for c in ("x", "y", "psi")}
+    bare = replace(run, data={c: run.data[c] for c in noise})
+    log = read_run(model, bare, noise, tuple(noise))
+    states = model.kernel.full.states
+    for name, unit in (("u", model.scales["U"]), ("r", model.scales["U"] / model.scales["L"])):
+        miss = log.path[:, states.index(name)] - run.data[name]
+        assert np.sqrt(np.mean(miss**2)) < 0.12 * unit, name
+    assert np.ptp(log.path[:, states.index("r")]) > 0.2 * model.scales["U"] / model.scales["L"]

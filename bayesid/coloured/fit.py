@@ -161,7 +161,7 @@ def fit(
         except ModelError:
             if best is None:
                 raise
-            best.share *= 0.3
+            best.shorten()
             points, standards, values = best.again(model, free)
             continue
         post = posterior(total)
@@ -170,7 +170,7 @@ def fit(
         z = (values - free.mean) / free.sd
         merit = -0.5 * (total.ee - 2 * total.se @ z + z @ total.ss @ z + z @ z + total.logdet)
         if best is not None and best.refused(merit, now, colours):
-            best.share *= 0.3
+            best.shorten()
             points, standards, values = best.again(model, free)
             continue
         same = best is not None and best.colours is colours and abs(merit - best.merit) < FLAT
@@ -181,7 +181,7 @@ def fit(
         if k < WARM and loud > 0:
             # Only let the path settle: slopes along raw readings are biased by their noise.
             share = 0.0
-        best = _Best(merit, paths, values, step * free.sd, now, share)
+        best = _Best(merit, paths, values, step * free.sd, now, share, any(colours.force))
         points, standards, proposal = best.again(model, free)
         done = (proposal - values) / free.sd
         length = float(np.sqrt(done @ done + done @ total.ss @ done)) if done.size else 0.0
@@ -218,9 +218,19 @@ def fit(
 
 
 def _moved(
-    model: Model, paths: Sequence[Path], free: Free, values: Array, colours: Colours
+    model: Model,
+    paths: Sequence[Path],
+    free: Free,
+    values: Array,
+    colours: Colours,
+    noisy: bool,
+    stride: float,
 ) -> tuple[list[Point], list[Array]]:
-    """Points at new parameter values with smoothed states and forces, and the standardised innovations."""
+    """Points at new parameter values with smoothed states and forces, and the standardised innovations.
+
+    Slopes are later taken along the filtered path where the environment is `noisy`; in still water the
+    smoothed path is the vehicle's own answer, and better known.
+    """
     n_force = len(colours.force)
     points, standards = [], []
     for i, path in enumerate(paths):
@@ -228,9 +238,10 @@ def _moved(
         par[free.where] = values
         sm = smoothed(model, path, values - path.point.par[free.where], colours, run=i, variances=False)
         nx = path.point.states.shape[1]
-        force = np.ascontiguousarray(sm.mean[:-1, nx : nx + n_force] @ mixing(model, colours).T)
-        before = path.point.states + sm.filtered[:, :nx]
-        points.append(Point(par, path.point.states + sm.mean[:, :nx], force, before))
+        force = sm.mean[:-1, nx : nx + n_force] @ mixing(model, colours).T
+        force = np.ascontiguousarray(path.point.force + stride * (force - path.point.force))
+        before = path.point.states + sm.filtered[:, :nx] if noisy else None
+        points.append(Point(par, path.point.states + stride * sm.mean[:, :nx], force, before))
         standards.append(sm.standard)
     return points, standards
 
@@ -265,6 +276,13 @@ class _Best:
     step: Array
     colours: Colours
     share: float
+    noisy: bool
+    stride: float = 1.0
+
+    def shorten(self) -> None:
+        """Shorter step of the parameters and of the path: along the old path defects are small by design."""
+        self.share *= 0.3
+        self.stride *= 0.3
 
     def refused(self, merit: float, now: Colours, real: Colours) -> bool:
         """Whether a try at the real level came out worse and a shorter step is worth it."""
@@ -273,5 +291,5 @@ class _Best:
     def again(self, model: Model, free: Free) -> tuple[list[Point], list[Array], Array]:
         """Points, innovations and values a share of the step away, the path smoothed for those values."""
         values = np.maximum(self.values + self.share * self.step, free.low)
-        points, standards = _moved(model, self.paths, free, values, self.colours)
+        points, standards = _moved(model, self.paths, free, values, self.colours, self.noisy, self.stride)
         return points, standards, values

@@ -138,7 +138,10 @@ def _first_path(model: Model, run: Any, noise: Mapping[str, float]) -> Array:
         ahead = slope["x"] * np.cos(psi) + slope["y"] * np.sin(psi)
         aside = slope["y"] * np.cos(psi) - slope["x"] * np.sin(psi)
         value.setdefault("u", np.clip(ahead, -s["U"], 2.5 * s["U"]))
-        value.setdefault("v", np.clip(aside, -0.6 * s["U"], 0.6 * s["U"]))
+        value.setdefault("v", np.clip(aside, -0.4 * s["U"], 0.4 * s["U"]))
+    for angle, turn in (("psi", "r"), ("theta", "q"), ("phi", "p")):
+        if angle in slope:
+            value.setdefault(turn, slope[angle])
     value.setdefault("u", np.full(t.size, s["U"]))
     value["v_lagged"] = value.get("v", np.zeros(t.size))
     return np.column_stack([value.get(n, np.zeros(t.size)) for n in model.kernel.full.states])

@@ -7,7 +7,7 @@ thresholds and words are the verdict's business.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -87,6 +87,7 @@ def compare(problem: Problem, say: Say = lambda text: None, seed: int = 0) -> Ca
     wide = widened(bank, problem.coefficients.names)
     refits = [c for s in shortlist(scores) for c in refit(problem, (model.effects[s.name],), say)]
     refits += [c for name in likely_coefficients(wide, scores) for c in refit_wide(problem, name, say)]
+    none = _second_start(problem, none, refits, say)
     gains = {s.name: s.gain for s in scores}
     refits = sorted((checked(problem, c, none, gains) for c in refits), key=lambda c: -c.log_evidence)
     after = None
@@ -117,6 +118,21 @@ def compare(problem: Problem, say: Say = lambda text: None, seed: int = 0) -> Ca
     return Candidates(
         none, tuple(refits), tuple(scores), evidence, probability, bank, known, where, after, limits
     )
+
+
+def _second_start(problem: Problem, none: Candidate, refits: Sequence[Candidate], say: Say) -> Candidate:
+    """No effect fitted once more from where a refit explains the data, if its first start did not arrive."""
+    done = [c for c in refits if explains(c)]
+    if explains(none) or not done:
+        return none
+    say("fit without any effect from a second start")
+    best = max(done, key=lambda c: c.log_evidence).fit
+    par = problem.model.nominal.copy()
+    where = problem.coefficients.where
+    par[where] = best.par[where]
+    start = [replace(point, par=par) for point in best.points]
+    again = weighed(problem, (), fit_with(problem, (), start=start))
+    return max(none, again, key=lambda c: c.log_evidence)
 
 
 def _excess(refits: Sequence[Candidate], none: Candidate, coefficients: int) -> float:
