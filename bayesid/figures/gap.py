@@ -70,5 +70,7 @@ def steady(
         panel.set_xlabel(xlabels[k])
         panel.set_ylabel(ylabels[k])
         panel.set_title(title[k])
-    axes[0][0].legend(loc="best", fontsize=7)
+        panel.margins(x=0.08)
+    handles, labels = axes[0][0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=2)
     return figure

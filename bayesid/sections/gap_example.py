@@ -78,7 +78,7 @@ def _where(found: Mapping[str, Any]) -> Section:
 
 def _which(found: Mapping[str, Any]) -> Section:
     top = sorted(found["probabilities"].items(), key=lambda p: -p[1])[:4]
-    rows = [[name.replace("_", " "), p] for name, p in top]
+    rows = [[name.replace("_", " "), p if p > 1e-6 else "below 1e-6"] for name, p in top]
     return Section(
         "Which",
         [
@@ -95,7 +95,11 @@ def _closed(found: Mapping[str, Any], runs: list[Mapping[str, Any]]) -> Section:
             f"{h['shrink']:.1%}" if h["worth_shrinking"] and h["shrink"] is not None else "nothing to shrink"
         )
         rows.append(
-            [h["horizon"], *(h["excess"][k] for k in ("nominal", "recalibrated", "with effect")), told]
+            [
+                h["horizon"],
+                *(at_floor(h["excess"][k]) for k in ("nominal", "recalibrated", "with effect")),
+                told,
+            ]
         )
     return Section(
         "Closed",
@@ -117,6 +121,11 @@ def _closed(found: Mapping[str, Any], runs: list[Mapping[str, Any]]) -> Section:
             ),
         ],
     )
+
+
+def at_floor(excess: float | None) -> Any:
+    """An error above the floor; what scatters below it is at the floor."""
+    return excess if excess is None or excess > 0.05 else "at the floor"
 
 
 def _answer(story: Mapping[str, Any]) -> Section:

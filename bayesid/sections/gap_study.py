@@ -10,7 +10,7 @@ from typing import Any
 
 from bayesid.report import Report, Section, Table, Text
 from bayesid.sections.gap_delphin2 import delphin2_section
-from bayesid.sections.gap_example import example_section
+from bayesid.sections.gap_example import at_floor, example_section
 
 _RIGHT = {"none": "none", "outside": "outside"}
 
@@ -81,11 +81,6 @@ def _ladder(row: Mapping[str, Any]) -> list[Any]:
     told = "nothing to shrink" if not worth or gap["shrink"] is None else f"{gap['shrink']:.1%}"
     values = [at_floor(gap[k]) for k in ("before_nominal", "before", "after")]
     return [_planted(row), *values, told]
-
-
-def at_floor(excess: float | None) -> Any:
-    """An error above the floor; what scatters below it is at the floor."""
-    return excess if excess is None or excess > 0.05 else "at the floor"
 
 
 def _planted(row: Mapping[str, Any]) -> str:

@@ -1,0 +1,100 @@
+"""The study of gaps: published numbers as logs, what counts as right, and how a real log is asked."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bayesid.model import build_model
+from bayesid.sections.gap_study import judge, planted_section
+from bayesid.trials import Run, Trial
+from bayesid.vehicles import load_vehicle
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "studies"))
+
+from gap import delphin2, esso_osaka, planted
+
+
+def test_delphin2_is_too_fast_at_low_set_points_and_turns_too_fast_at_high_ones():
+    # published values against the published simulator, as its owners' tables have them
+    vehicle = load_vehicle("delphin2")
+    model, trial = build_model(vehicle, 3), delphin2.published(vehicle.validation)
+    said = np.array(delphin2.steady_values(model, trial, model.nominal))
+    measured = np.array([next(iter(run.data.values()))[-1] for run in trial.runs])
+    straight = np.array([run.manoeuvre == "straight" for run in trial.runs])
+    speed, rate = (said / measured - 1.0)[straight], (said / measured - 1.0)[~straight]
+    assert straight.sum() == 7 and (~straight).sum() == 9
+    assert speed.min() == pytest.approx(0.03, abs=0.01) and speed.max() == pytest.approx(0.59, abs=0.01)
+    assert speed.argmax() < 2 and speed.argmin() == 6
+    assert rate.min() == pytest.approx(-0.15, abs=0.01) and rate.max() == pytest.approx(0.20, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    "kind, planted, verdict, named, set95, outcome",
+    [
+        ("none", (), "none", (), ("none",), "right"),
+        ("none", (), "effect", ("wind",), ("wind",), "wrong name"),
+        ("effect", ("wind",), "effect", ("wind",), ("wind",), "right"),
+        ("effect", ("wind",), "effect", ("tether_drag",), ("tether_drag",), "wrong name"),
+        ("effect", ("wind",), "ambiguous", ("wind", "tether_drag"), ("tether_drag", "wind"), "right"),
+        ("effect", ("wind",), "ambiguous", ("wind",), ("wind", "none"), "not found"),
+        ("two", ("wind", "heading_bias"), "effect", ("wind",), ("wind",), "in part"),
+        ("outside", ("bank_suction",), "outside", (), ("outside",), "right"),
+        ("outside", ("bank_suction",), "effect", ("wind",), ("wind",), "wrong name"),
+    ],
+)
+def test_an_outcome_is_judged_by_what_was_planted(kind, planted, verdict, named, set95, outcome):
+    row = row_of(kind, planted, verdict, named, set95)
+    assert judge(row) == outcome
+    section = planted_section([row], [outcome])
+    assert section.blocks[1].rows[0][-1] == outcome
+
+
+def row_of(kind, planted, verdict, named, set95):
+    gap = {"before_nominal": 3.0, "before": 2.0, "after": -1.0, "shrink": None, "horizons": []}
+    found = {
+        "verdict": verdict,
+        "effects": [{"name": n, "parameters": {}} for n in named],
+        "set95": list(set95),
+        "gap": gap,
+    }
+    truth = {"effects": [{"name": n, "parameters": {}} for n in planted]}
+    return {
+        "vehicle": "v", "sea": "calm", "planted": list(planted), "kind": kind, "found": found, "truth": truth,
+    }  # fmt: skip
+
+
+def test_finished_campaigns_are_read_back(tmp_path):
+    row = {"kept": True}
+    (tmp_path / "00-301.json").write_text('{"kept": true}')
+    (tmp_path / "02-303.json").write_text('{"kept": true}')
+    from bayesid.progress import Progress
+
+    assert planted.planted((0, 2), tmp_path, 301, Progress(quiet=True)) == [row, row]
+
+
+def test_a_hidden_channel_is_not_handed_on():
+    t = np.arange(5.0)
+    data = {c: np.zeros(5) for c in ("x", "y", "psi", "u", "v", "r")}
+    wind = {"wind_speed": np.ones(5), "wind_from": np.zeros(5)}
+    extra = {"u[m/s]": np.full(5, 2.0), "v[m/s]": np.full(5, 3.0)}
+    run = Run("turn_14-Oct", "turn", "identify", t, data, {"n_cmd": t}, exogenous=wind, extra=extra)
+    trial = Trial("pond", Path("."), "", 3, (run, replace(run, name="zigzag_31-Jul")))
+    only = esso_osaka.picked(trial, "Oct", ("r",)).runs
+    assert [r.name for r in only] == ["turn_14-Oct"]
+    assert not only[0].exogenous and "r" not in only[0].data
+    assert esso_osaka.picked(trial, "Oct", wind=True).runs[0].exogenous
+    filtered = esso_osaka.picked(trial, "Jul", filtered=True).runs[0]
+    assert filtered.data["u"][0] == 2.0 and filtered.data["v"][0] == 3.0
+
+
+def test_mean_wind_is_the_mean_of_vectors():
+    # wind from north and from east in turn: from north-east, weaker than its mean speed by root two
+    t = np.arange(4.0)
+    wind = {"wind_speed": np.full(4, 2.0), "wind_from": np.array([0.0, np.pi / 2, 0.0, np.pi / 2])}
+    run = Run("a", "turn", "identify", t, {"x": t}, {"n_cmd": t}, exogenous=wind)
+    found = esso_osaka.mean_wind(Trial("pond", Path("."), "", 3, (run,)), "a")
+    assert found["from"] == pytest.approx(np.pi / 4)
+    assert found["speed"] == pytest.approx(np.sqrt(2)) and found["mean_speed"] == pytest.approx(2.0)
