@@ -117,11 +117,7 @@ def sampled(
                 found[name] = kept
                 continue
             if name == "NUTS":
-                few = (
-                    NutsOptions(tune=150, draws=200, seed=seed)
-                    if quick
-                    else NutsOptions(seed=seed, draws=500)
-                )
+                few = NutsOptions(tune=200, draws=200 if quick else 300, seed=seed)
                 found[name] = sample_nuts(SlopedTrial(density), density.laplace, few)
             else:
                 found[name] = sample(
