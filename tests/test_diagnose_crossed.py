@@ -1,0 +1,94 @@
+"""Runs against each other, and the weighing of causes: closed forms and Monte Carlo on linear worlds."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from bayesid.coloured.evidence import gram
+from bayesid.diagnose.crossed import Crossed, disagreement, left_out
+from bayesid.diagnose.weigh import credible_set, probabilities
+
+COEF, OWN, RUNS, READINGS = 3, 2, 5, 40
+
+
+def world(rng, spread=0.0):
+    """Columns and residuals of five runs; the effect differs by `spread` prior sd from run to run."""
+    z, phi = rng.standard_normal(COEF), rng.standard_normal(OWN)
+    out = []
+    for _ in range(RUNS):
+        s = 0.4 * rng.standard_normal((READINGS, COEF + OWN))
+        here = phi + spread * rng.standard_normal(OWN)
+        out.append((s @ np.r_[z, here] + rng.standard_normal(READINGS), s))
+    return out
+
+
+def grams(runs):
+    return tuple(gram(e, s, 0.0, READINGS) for e, s in runs)
+
+
+def density(runs):
+    e, s = np.concatenate([e for e, _ in runs]), np.vstack([s for _, s in runs])
+    return stats.multivariate_normal(np.zeros(e.size), np.eye(e.size) + s @ s.T).logpdf(e)
+
+
+def test_the_density_of_a_run_given_the_others_is_the_ratio_of_dense_densities():
+    runs = world(np.random.default_rng(0))
+    exact = [density(runs) - density(runs[:m] + runs[m + 1 :]) for m in range(RUNS)]
+    np.testing.assert_allclose(left_out(grams(runs)), exact, atol=1e-9)
+
+
+def test_the_p_value_of_one_and_the_same_effect_is_uniform_where_it_is_the_same():
+    rng = np.random.default_rng(1)
+    p = [disagreement(grams(world(rng)), COEF)[0] for _ in range(300)]
+    assert stats.kstest(p, "uniform").pvalue > 1e-3
+
+
+def test_runs_with_effects_of_their_own_disagree():
+    rng = np.random.default_rng(2)
+    found = [disagreement(grams(world(rng, spread=1.0)), COEF) for _ in range(20)]
+    assert np.median([p for p, _ in found]) < 1e-4
+    assert min(excess for _, excess in found) > 1.5
+
+
+def test_an_effect_the_other_runs_speak_against_is_refuted_and_a_doubtful_one_is_not():
+    assert Crossed(np.array([-3.0, -4.0, -2.5, -3.5]), 1.0, 1.0).refuted
+    assert not Crossed(np.array([-3.0, 40.0, -2.5, -3.5]), 1.0, 1.0).refuted
+    assert not Crossed(np.array([-1.0, 0.9]), 1.0, 1.0).refuted  # two runs cannot say
+    assert not Crossed(np.array([3.0, 4.0, -2.5, 3.5]), 1.0, 1.0).refuted
+
+
+def candidate(log_evidence, *effects):
+    fit = SimpleNamespace(converged=True, chi2=1.0)
+    return SimpleNamespace(effects=effects, log_evidence=log_evidence, fit=fit)
+
+
+@pytest.fixture
+def weighing():
+    none, where = candidate(0.0), SimpleNamespace(base=0.0)
+    pair = candidate(60.0, "a", "b")
+    evidence = {"a": 40.0, "b": 10.0, "c": 30.0, "coefficient_error": 2.0, "outside": 5.0}
+    return lambda excess, refits=(pair,): probabilities(evidence, refits, none, where, excess)
+
+
+def test_probabilities_are_prior_times_evidence(weighing):
+    p = weighing(1.0, ())
+    assert sum(p.values()) == pytest.approx(1.0)
+    each = 0.4 / 4
+    assert p["a"] / p["c"] == pytest.approx(np.exp(10.0))
+    assert p["a"] / p["none"] == pytest.approx(each * np.exp(40.0) / 0.5)
+    assert p["outside"] / p["none"] == pytest.approx(0.1 * np.exp(5.0) / 0.5)
+
+
+def test_two_effects_share_alike_until_the_runs_disagree_about_them(weighing):
+    agreed, disagreed = weighing(1.0), weighing(4.0)
+    assert agreed["a"] == pytest.approx(agreed["b"], rel=1e-6)
+    assert disagreed["a"] > 3 * disagreed["b"]
+
+
+def test_disagreement_lets_more_causes_stand_but_not_no_cause(weighing):
+    sharp, soft = weighing(1.0, ()), weighing(8.0, ())
+    assert credible_set(sharp) == ("a",)
+    assert {"a", "c"} <= set(credible_set(soft))
+    assert soft["none"] < 1e-6
