@@ -7,10 +7,8 @@ run goes on with. Does not know trials or models.
 from __future__ import annotations
 
 import hashlib
-import threading
 import time
 from collections.abc import Callable, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,7 +17,7 @@ import numpy as np
 
 from bayesid.errors import SampleError
 from bayesid.sample.density import Density, Laplace
-from bayesid.sample.gate import Gate, Limits, judge
+from bayesid.sample.gate import Gate, Limits, autocorrelation_time, judge, long_enough
 from bayesid.sample.moves import WEIGHTS, Reference, make_moves
 from bayesid.sample.posterior import Posterior
 from bayesid.sample.store import Block, RandomState, Store
@@ -33,7 +31,7 @@ START_TRIES = 40
 class Options:
     """How to sample.
 
-    ensembles : independent ones, each with its own random numbers
+    ensembles : independent ones, side by side: they share calls of the density, not walkers
     walkers : per ensemble; by default the next multiple of 32 above 2.2 times the unknowns, so that halves
         fill the lanes of the simulation kernels
     spread : how much wider than the Laplace approximation walkers start
@@ -73,7 +71,6 @@ def sample(
     folder: Path | str | None = None,
     *,
     resume: bool = False,
-    threads: int = 2,
     watch: Callable[[int, str], None] | None = None,
 ) -> Posterior:
     """Sample until the gate is passed or `max_steps` are done.
@@ -82,8 +79,7 @@ def sample(
     ----------
     folder : gets the chain as it grows, and posterior.nc
     resume : go on with the chain in the folder; it becomes the very chain an unbroken run would have given
-    threads : ensembles at work at the same time; does not change the chain
-    watch : called from this thread with steps done per ensemble since the last call, and a note
+    watch : called with steps done per ensemble since the last call, and a note
 
     Raises
     ------
@@ -98,18 +94,22 @@ def sample(
     made_with = {n: v for n, v in asdict(options).items() if n not in ("max_steps", "limits")}
     store.begin({**identity, **made_with}, resume)
     crew = _Crew(density, laplace, options, store)
-    number, judged, gate = 0, 0, None
+    number, judged = 0, 0
     while True:
-        crew.round(number, threads, watch)
+        crew.round(number, watch)
         kept = crew.stored(number) - crew.discarded(number)
         last = (crew.stored(number) - crew.warm) * options.thin >= options.max_steps
         if last or (number >= WARM_ROUNDS + 1 and kept >= 1.15 * judged):
-            judged = kept
-            gate = judge(crew.draws(number)[0], density.unknowns.names, options.thin, options.limits)
+            judged, draws = kept, crew.draws(number)[0]
+            enough, length, tau = long_enough(draws, options.thin, options.limits)
             if watch is not None:
-                watch(0, _note(gate, options))
-            if gate.converged or last:
-                break
+                watch(0, f"{length:.0f} of {options.limits.n_tau:g} autocorrelation times of {tau:.0f} steps")
+            if enough or last:
+                gate = judge(draws, density.unknowns.names, options.thin, options.limits)
+                if watch is not None:
+                    watch(0, "converged" if gate.converged else f"not converged: {gate.reasons[0]}")
+                if gate.converged or last:
+                    break
         number += 1
     posterior = _posterior(crew, number, gate, laplace)
     if folder is not None:
@@ -132,24 +132,13 @@ def _digest(laplace: Laplace) -> str:
     return hashlib.sha256(np.ascontiguousarray(joined).tobytes()).hexdigest()[:16]
 
 
-def _note(gate: Gate, options: Options) -> str:
-    if gate.converged:
-        return "converged"
-    return (
-        f"R-hat {np.nanmax(gate.rhat):.3f}, {gate.n_tau:.0f} of {options.limits.n_tau:g} autocorrelation "
-        f"times of {gate.tau.max():.0f} steps, effective size {gate.ess_bulk.min():.0f}"
-    )
-
-
 class _Crew:
-    """All ensembles of a run: brings them round by round to the same length."""
+    """All ensembles of a run, brought forward round by round."""
 
     def __init__(self, density: Density, laplace: Laplace, options: Options, store: Store) -> None:
         self.density, self.laplace, self.options, self.store = density, laplace, options, store
         self.k = len(density.unknowns.names)
-        self.walkers = options.size(self.k)
-        self.stop = threading.Event()
-        self.done = [0] * options.ensembles
+        self.shape = (options.ensembles, options.size(self.k), self.k)
 
     @property
     def warm(self) -> int:
@@ -163,90 +152,84 @@ class _Crew:
         """Stored steps left out, after this round."""
         return max(self.warm, int(np.ceil(self.options.discard * self.stored(number))))
 
-    def round(self, number: int, threads: int, watch: Callable[[int, str], None] | None) -> None:
-        """Do a round of every ensemble that has not done it yet."""
-        todo = [e for e in range(self.options.ensembles) if self.store.get(e, number) is None]
-        shown = self.done = [0] * self.options.ensembles
-        reported = 0
-        with ThreadPoolExecutor(max(min(threads, len(todo)), 1)) as pool:
-            futures: set[Future[None]] = {pool.submit(self._advance, e, number) for e in todo}
-            try:
-                while futures:
-                    finished, futures = wait(futures, timeout=0.5)
-                    for future in finished:
-                        future.result()
-                    if watch is not None:
-                        total = sum(shown) // self.options.ensembles
-                        watch((total - reported) * self.options.thin, "")
-                        reported = total
-            except BaseException:
-                self.stop.set()
-                raise
+    def blocks(self, number: int) -> list[Block]:
+        """All rounds up to this one."""
+        found = [self.store.get(i) for i in range(number + 1)]
+        return [b for b in found if b is not None]
 
     def draws(self, number: int) -> tuple[Array, Array]:
         """(ensembles, steps, walkers, k) natural units and log densities, warm-up left out."""
-        from_ = self.discarded(number)
-        coords, log_prob = [], []
-        for e in range(self.options.ensembles):
-            blocks = self.blocks(e, number)
-            coords.append(np.concatenate([b.coords for b in blocks])[from_:])
-            log_prob.append(np.concatenate([b.log_prob for b in blocks])[from_:])
-        return self.density.natural(self.laplace.points(np.stack(coords))), np.stack(log_prob)
+        blocks, first = self.blocks(number), self.discarded(number)
+        coords = np.concatenate([b.coords for b in blocks])[first:]
+        log_prob = np.concatenate([b.log_prob for b in blocks])[first:]
+        points = self.laplace.points(np.moveaxis(coords, 1, 0))
+        return self.density.natural(points), np.moveaxis(log_prob, 1, 0)
 
-    def blocks(self, ensemble: int, number: int) -> list[Block]:
-        found = [self.store.get(ensemble, i) for i in range(number + 1)]
-        return [b for b in found if b is not None]
-
-    # ---- one ensemble ----
-    def _advance(self, ensemble: int, number: int) -> None:
+    def round(self, number: int, watch: Callable[[int, str], None] | None) -> None:
+        """Do a round if it is not there yet."""
         from emcee import EnsembleSampler, State
 
+        if self.store.get(number) is not None:
+            return
         counts = np.zeros(3, dtype=np.int64)
-        begin = time.thread_time()
+        begin = time.process_time()
+        log_prob = self._counted(counts)
+        before = self.store.get(number - 1) if number else None
+        if before is None:
+            random, coords, values = self._start(log_prob)
+            references = [Reference.standard(self.k)] * self.shape[0]
+        else:
+            random, references = before.random, before.references
+            coords, values = before.coords[-1], before.log_prob[-1]
+        sampler = EnsembleSampler(
+            values.size, self.k, log_prob, vectorize=True, moves=make_moves(references, self.options.weights)
+        )
+        steps, thin = self.options.round_steps(number), self.options.thin
+        state = State(coords.reshape(-1, self.k), log_prob=values.ravel(), random_state=random)
+        for _ in sampler.sample(state, iterations=steps, thin_by=thin, skip_initial_state_check=True):
+            if watch is not None:
+                watch(thin, "")
+        found = sampler.get_chain().reshape(steps, *self.shape)
+        if number < WARM_ROUNDS:
+            references = self._renewed(number, found)
+        self.store.put(
+            number,
+            Block(
+                found, sampler.get_log_prob().reshape(found.shape[:3]),
+                sampler.acceptance_fraction.reshape(self.shape[:2]).mean(axis=1),
+                np.stack([r.mean for r in references]), np.stack([r.root for r in references]),
+                sampler.random_state, counts, time.process_time() - begin,
+            ),
+        )  # fmt: skip
+
+    def _renewed(self, number: int, found: Array) -> list[Reference]:
+        """References from the later half of what every ensemble has done so far."""
+        late = np.concatenate([*(b.coords for b in self.blocks(number - 1)), found])
+        late = late[late.shape[0] // 2 :]
+        references = []
+        for e in range(self.shape[0]):
+            one = late[:, e]
+            worth = self.shape[1] * one.shape[0] / float(np.mean(autocorrelation_time(one[None])))
+            references.append(Reference.of(one.reshape(-1, self.k), worth))
+        return references
+
+    def _counted(self, counts: Array) -> Callable[[Array], Array]:
+        """Density of whitened points, never NaN, that counts what it could not tell."""
 
         def log_prob(x: Array) -> Array:
             values = np.asarray(self.density.log_prob(self.laplace.points(x)), dtype=float)
-            counts[0] += values.size
-            counts[1] += int(np.isneginf(values).sum())
-            broken = ~np.isfinite(values) & ~np.isneginf(values)
-            counts[2] += int(broken.sum())
-            return np.where(np.isfinite(values), values, -np.inf)
+            outside, finite = np.isneginf(values), np.isfinite(values)
+            counts[:] += values.size, int(outside.sum()), int((~finite & ~outside).sum())
+            return np.where(finite, values, -np.inf)
 
-        before = self.store.get(ensemble, number - 1) if number else None
-        if before is None:
-            random, coords, values = self._start(ensemble, log_prob)
-            reference = Reference.standard(self.k)
-        else:
-            random, reference = before.random, before.reference
-            coords, values = before.coords[-1], before.log_prob[-1]
-        sampler = EnsembleSampler(
-            self.walkers, self.k, log_prob, vectorize=True,
-            moves=make_moves(reference, self.options.weights),
-        )  # fmt: skip
-        steps, thin = self.options.round_steps(number), self.options.thin
-        chain = sampler.sample(
-            State(coords, log_prob=values, random_state=random), iterations=steps, thin_by=thin,
-            skip_initial_state_check=True,
-        )  # fmt: skip
-        for _ in chain:
-            self.done[ensemble] += 1
-            if self.stop.is_set():
-                return
-        found = sampler.get_chain()
-        if number < WARM_ROUNDS:
-            reference = Reference.of(found[steps // 2 :].reshape(-1, self.k))
-        block = Block(
-            found, sampler.get_log_prob(), float(np.mean(sampler.acceptance_fraction)), reference,
-            sampler.random_state, counts, time.thread_time() - begin,
-        )  # fmt: skip
-        self.store.put(ensemble, number, block)
+        return log_prob
 
-    def _start(self, ensemble: int, log_prob: Callable[[Array], Array]) -> tuple[RandomState, Array, Array]:
+    def _start(self, log_prob: Callable[[Array], Array]) -> tuple[RandomState, Array, Array]:
         """Walkers around the mode, wider than the Laplace approximation; those of no density drawn again,
         ever nearer."""
-        words = np.random.SeedSequence([self.options.seed, ensemble]).generate_state(8)
-        random = np.random.RandomState(words)
-        coords = self._drawn(self.walkers, self.options.spread, random)
+        random = np.random.RandomState(np.random.SeedSequence(self.options.seed).generate_state(8))
+        count = self.shape[0] * self.shape[1]
+        coords = self._drawn(count, self.options.spread, random)
         values = log_prob(coords)
         for attempt in range(START_TRIES):
             bad = ~np.isfinite(values)
@@ -257,7 +240,7 @@ class _Crew:
             coords[bad] = self._drawn(int(bad.sum()), reach, random)
             values[bad] = log_prob(coords[bad])
         raise SampleError(
-            f"{int(bad.sum())} of {self.walkers} walkers find no start of finite density around the mode: "
+            f"{int(bad.sum())} of {count} walkers find no start of finite density around the mode: "
             "the simulation fails or the bounds end there; fit again, or widen the bounds"
         )
 
@@ -265,13 +248,10 @@ class _Crew:
         return self.laplace.whitened(self.laplace.draw(count, spread, random))
 
 
-def _posterior(crew: _Crew, number: int, gate: Gate | None, laplace: Laplace) -> Posterior:
-    assert gate is not None
-    options, density = crew.options, crew.density
+def _posterior(crew: _Crew, number: int, gate: Gate, laplace: Laplace) -> Posterior:
+    options, density, blocks = crew.options, crew.density, crew.blocks(number)
     draws, log_prob = crew.draws(number)
-    blocks = [crew.blocks(e, number) for e in range(options.ensembles)]
-    every = [b for rows in blocks for b in rows]
-    counts = np.sum([b.counts for b in every], axis=0)
+    counts = np.sum([b.counts for b in blocks], axis=0)
     log_prior = getattr(density, "log_prior", None)
     prior = np.full(log_prob.shape, np.nan)
     if log_prior is not None:
@@ -283,8 +263,8 @@ def _posterior(crew: _Crew, number: int, gate: Gate | None, laplace: Laplace) ->
     return Posterior(
         density.unknowns, draws, log_prob, prior, gate, mode,
         np.sqrt(0.5 * np.sum(spread**2, axis=0)),
-        np.array([np.average([b.accepted for b in r], weights=[len(b.coords) for b in r]) for r in blocks]),
+        np.average([b.accepted for b in blocks], axis=0, weights=[len(b.coords) for b in blocks]),
         options.thin, crew.discarded(number) * options.thin,
         {"all": int(counts[0]), "out of bounds": int(counts[1]), "diverged": int(counts[2])},
-        float(sum(b.seconds for b in every)), options.seed, density.digest, settings,
+        float(sum(b.seconds for b in blocks)), options.seed, density.digest, settings,
     )  # fmt: skip

@@ -6,13 +6,12 @@ A wrong target passes all of this: that the moves sample what they should is for
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
 
 Array = np.ndarray
-MOST_RANKED = 200_000  # draws ranked for R-hat; more would change its fourth digit
+MOST_RANKED = 100_000  # draws ranked for R-hat; more would change its fourth digit
 
 
 @dataclass(frozen=True)
@@ -69,17 +68,18 @@ def judge(draws: Array, names: tuple[str, ...], thin: int = 1, limits: Limits | 
     e, n, w, k = draws.shape
     tau = thin * autocorrelation_time(draws)
     before = thin * autocorrelation_time(draws[:, : max(3 * n // 4, 2)])
-    rhat = np.array([_rhat(draws[..., j]) for j in range(k)])
-    bulk, tail = (np.array([_ess(draws[..., j], kind) for j in range(k)]) for kind in ("bulk", "tail"))
+    # neighbours within a third of the correlation time tell nothing new, but cost as much to rank
+    sparse = draws[:, :: max(1, int(tau.max() / thin / 3))]
+    rhat = np.array([_rhat(sparse[..., j]) for j in range(k)])
+    bulk, tail = (np.array([_ess(sparse[..., j], kind) for j in range(k)]) for kind in ("bulk", "tail"))
     slowest = int(np.argmax(tau))
-    length = n * thin / tau[slowest]
-    change = abs(float(before.max() / tau[slowest]) - 1.0)
+    length, change = _length(tau, before, n * thin)
     stuck = _stuck(draws)
     reasons = []
     if e < 2:
         reasons.append("one ensemble alone cannot be compared with another")
     if not rhat.max() <= limits.rhat:
-        worst = int(np.argmax(rhat))
+        worst = int(np.argmax(np.where(np.isnan(rhat), np.inf, rhat)))
         reasons.append(f"R-hat {rhat[worst]:.4f} of {names[worst]} (limit {limits.rhat:g})")
     if not length >= limits.n_tau:
         reasons.append(
@@ -102,14 +102,44 @@ def judge(draws: Array, names: tuple[str, ...], thin: int = 1, limits: Limits | 
     return Gate(not reasons, tuple(reasons), rhat, bulk, tail, tau, length, change, stuck)
 
 
-def autocorrelation_time(draws: Array) -> Array:
-    """(k,) integrated autocorrelation times [stored steps], mean of the ensembles; emcee's estimate."""
-    from emcee.autocorr import integrated_time
+def long_enough(draws: Array, thin: int = 1, limits: Limits | None = None) -> tuple[bool, float, float]:
+    """Whether the chain has the length the gate asks for; its length in, and, the largest correlation time.
 
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        found = np.array([integrated_time(one, tol=0, quiet=True) for one in draws])
-    return np.maximum(np.where(np.isfinite(found), found, draws.shape[1]).mean(axis=0), 1.0)
+    The part of the gate that costs little: a chain that is too short need not be ranked.
+    """
+    limits = limits or Limits()
+    tau = thin * autocorrelation_time(draws)
+    before = thin * autocorrelation_time(draws[:, : max(3 * draws.shape[1] // 4, 2)])
+    length, change = _length(tau, before, draws.shape[1] * thin)
+    return length >= limits.n_tau and change <= limits.tau_change, length, float(tau.max())
+
+
+def _length(tau: Array, before: Array, steps: int) -> tuple[float, float]:
+    """Steps in largest correlation times, and how much that changed since three quarters of the chain."""
+    return float(steps / tau.max()), abs(float(before.max() / tau.max()) - 1.0)
+
+
+def autocorrelation_time(draws: Array, window: float = 5.0) -> Array:
+    """(k,) integrated autocorrelation times [stored steps] of (ensembles, steps, walkers, k) draws.
+
+    Autocovariances are averaged over the walkers of an ensemble about the ensemble's mean, summed up to
+    `window` times the result (Sokal 1997), and the times averaged over the ensembles.
+    """
+    n, k = draws.shape[1], draws.shape[3]
+    found = np.empty((draws.shape[0], k))
+    lags = np.arange(n)
+    for e, one in enumerate(draws):
+        for j in range(k):
+            x = one[..., j] - one[..., j].mean()
+            power = np.fft.rfft(x, 1 << (2 * n - 1).bit_length(), axis=0)
+            covariance = np.fft.irfft(np.sum(power.real**2 + power.imag**2, axis=1))[:n] / (n - lags)
+            if not covariance[0] > 0:
+                found[e, j] = n
+                continue
+            sums = 2.0 * np.cumsum(covariance / covariance[0]) - 1.0
+            enough = lags >= window * sums
+            found[e, j] = sums[np.argmax(enough)] if enough.any() else n
+    return np.maximum(found.mean(axis=0), 1.0)
 
 
 def _rhat(one: Array) -> float:

@@ -6,7 +6,7 @@ Takes a `ParameterSet`, or a noise level as stated. Normalised but for the cut a
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from scipy.special import gammaln
@@ -19,29 +19,51 @@ LOG_2PI = float(np.log(2 * np.pi))
 DRAW_TRIES = 10_000
 
 
-def log_prior(params: ParameterSet, x: Array) -> Array:
-    """(b,) log prior density of (b, k) parameters; -inf outside the bounds."""
-    low, high = params.vector("low"), params.vector("high")
-    out = np.where(np.all((x >= low) & (x <= high), axis=1), 0.0, -np.inf)
-    joint = () if params.joint is None else params.joint.names
-    for i, p in enumerate(params.free):
-        kind = "uniform" if p.prior is None else p.prior.kind
-        if p.prior is not None and kind == "normal" and np.isfinite(p.prior.spread):
-            z = (x[:, i] - p.prior.centre) / p.prior.spread
-            out -= 0.5 * z * z + np.log(p.prior.spread) + 0.5 * LOG_2PI
-        elif p.prior is not None and kind == "lognormal":
-            ratio = x[:, i] / p.prior.centre
-            with np.errstate(divide="ignore", invalid="ignore"):
-                logs = np.where(ratio > 0, np.log(ratio), -np.inf)
-                size = np.where(ratio > 0, np.log(np.abs(x[:, i])), 0.0)
-                out -= 0.5 * (logs / p.prior.spread) ** 2 + size + np.log(p.prior.spread) + 0.5 * LOG_2PI
-        elif np.isfinite(p.high - p.low) and p.name not in joint:
-            out -= np.log(p.high - p.low)
-    if params.joint is not None:
-        where = [params.names.index(n) for n in params.joint.names]
-        white = (x[:, where] - params.joint.mean) @ params.joint.whitener.T
-        out -= 0.5 * np.sum(white**2, axis=1) + 0.5 * LOG_2PI * white.shape[1]
-    return out
+@dataclass(frozen=True, eq=False)
+class ParameterPrior:
+    """Prior density of a parameter set, laid out for many points."""
+
+    params: ParameterSet
+
+    def __post_init__(self) -> None:
+        p, free = self.params, self.params.free
+        joint = set() if p.joint is None else set(p.joint.names)
+        kinds = [
+            "joint" if e.name in joint
+            else "uniform" if e.prior is None or not np.isfinite(e.prior.spread) else e.prior.kind
+            for e in free
+        ]  # fmt: skip
+        found: dict[str, Any] = {"low": p.vector("low"), "high": p.vector("high"), "const": 0.0}
+        for kind in ("normal", "lognormal"):
+            at = np.array([i for i, k in enumerate(kinds) if k == kind], dtype=np.int64)
+            chosen = [q for i in at if (q := free[i].prior) is not None]
+            found[kind] = at
+            found[f"{kind}_centre"] = np.array([q.centre for q in chosen], dtype=float)
+            found[f"{kind}_spread"] = np.array([q.spread for q in chosen], dtype=float)
+            found["const"] -= float(np.sum(np.log(found[f"{kind}_spread"]) + 0.5 * LOG_2PI))
+        room = (found["high"] - found["low"])[[k == "uniform" for k in kinds]]
+        found["const"] -= float(np.sum(np.log(room[np.isfinite(room)])))
+        if p.joint is not None:
+            found["joint"] = np.array([p.names.index(n) for n in p.joint.names], dtype=np.int64)
+            found["const"] -= 0.5 * LOG_2PI * p.joint.whitener.shape[0]
+        object.__setattr__(self, "_laid", found)
+
+    def log(self, x: Array) -> Array:
+        """(b,) log density of (b, k) points; -inf outside the bounds."""
+        f: dict[str, Any] = self._laid  # type: ignore[attr-defined]
+        z = (x[:, f["normal"]] - f["normal_centre"]) / f["normal_spread"]
+        out = f["const"] - 0.5 * np.einsum("bi,bi->b", z, z)
+        if f["lognormal"].size:
+            values = x[:, f["lognormal"]]
+            ratio = np.maximum(values / f["lognormal_centre"], 1e-300)
+            z = np.log(ratio) / f["lognormal_spread"]
+            out -= np.sum(0.5 * z * z + np.log(np.maximum(np.abs(values), 1e-300)), axis=1)
+            out[np.any(values / f["lognormal_centre"] <= 0, axis=1)] = -np.inf
+        if self.params.joint is not None:
+            white = (x[:, f["joint"]] - self.params.joint.mean) @ self.params.joint.whitener.T
+            out -= 0.5 * np.sum(white**2, axis=1)
+        out[np.any((x < f["low"]) | (x > f["high"]), axis=1)] = -np.inf
+        return np.asarray(out)
 
 
 def prior_moments(params: ParameterSet) -> tuple[Array, Array]:

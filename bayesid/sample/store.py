@@ -1,4 +1,4 @@
-"""Where a chain is kept: one HDF5 file per ensemble and round, each whole or not there.
+"""Where a chain is kept: one HDF5 file per round, each whole or not there.
 
 A killed process, a full disk or a power cut costs the round at work and nothing else: its state of the random
 numbers is that of the round before, so that the chain goes on as if it had not been interrupted.
@@ -26,26 +26,32 @@ RandomState = tuple[str, Array, int, int, float]
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """One round of one ensemble, and all that the next one needs.
+    """One round of all ensembles, and what the next one needs.
 
     Attributes
     ----------
-    coords : (n, walkers, k) whitened; the last entry is where the next round begins
-    log_prob : (n, walkers)
-    accepted : share of proposals accepted
-    reference : for the Gaussian move of the next round
-    random : state of the ensemble's random numbers
+    coords : (n, ensembles, walkers, k) whitened; the last entry is where the next round begins
+    log_prob : (n, ensembles, walkers)
+    accepted : (ensembles,) share of proposals accepted
+    means, roots : (ensembles, k), (ensembles, k, k) reference of the Gaussian move in the next round
+    random : state of the random numbers
     counts : (3,) evaluations in all, out of bounds, diverged
     seconds : processor time
     """
 
     coords: Array
     log_prob: Array
-    accepted: float
-    reference: Reference
+    accepted: Array
+    means: Array
+    roots: Array
     random: RandomState
     counts: Array
     seconds: float
+
+    @property
+    def references(self) -> list[Reference]:
+        """Per ensemble."""
+        return [Reference(m, r) for m, r in zip(self.means, self.roots, strict=True)]
 
 
 class Store:
@@ -53,7 +59,7 @@ class Store:
 
     def __init__(self, folder: Path | None) -> None:
         self.folder = folder
-        self._kept: dict[tuple[int, int], Block] = {}
+        self._kept: dict[int, Block] = {}
 
     def begin(self, setup: Mapping[str, Any], resume: bool) -> None:
         """Make the folder ready.
@@ -87,33 +93,33 @@ class Store:
             shutil.rmtree(self.folder)  # blocks without a set-up belong to nothing
         write_atomic(path, text)
 
-    def _path(self, ensemble: int, number: int) -> Path | None:
-        return None if self.folder is None else self.folder / f"ensemble{ensemble}-{number:03d}.h5"
+    def _path(self, number: int) -> Path | None:
+        return None if self.folder is None else self.folder / f"round{number:03d}.h5"
 
-    def get(self, ensemble: int, number: int) -> Block | None:
-        """A block, None if it is not there.
+    def get(self, number: int) -> Block | None:
+        """A round, None if it is not there.
 
         Raises
         ------
         SampleError
             if its file is damaged
         """
-        if (ensemble, number) not in self._kept:
-            path = self._path(ensemble, number)
+        if number not in self._kept:
+            path = self._path(number)
             if path is None or not path.exists():
                 return None
-            self._kept[ensemble, number] = _read(path)
-        return self._kept[ensemble, number]
+            self._kept[number] = _read(path)
+        return self._kept[number]
 
-    def put(self, ensemble: int, number: int, block: Block) -> None:
-        """Keep a block.
+    def put(self, number: int, block: Block) -> None:
+        """Keep a round.
 
         Raises
         ------
         SampleError
             if it cannot be written; those before it are safe
         """
-        path = self._path(ensemble, number)
+        path = self._path(number)
         if path is not None:
             try:
                 write_atomic(path, _bytes(block))
@@ -122,7 +128,7 @@ class Store:
                     f"{path.name} cannot be written ({error.strerror or error}); the chain up to round "
                     f"{number} is safe: make room and resume"
                 ) from None
-        self._kept[ensemble, number] = block
+        self._kept[number] = block
 
 
 def _bytes(block: Block) -> bytes:
@@ -132,11 +138,12 @@ def _bytes(block: Block) -> bytes:
     with h5py.File(buffer, "w") as file:
         for name in ("coords", "log_prob"):
             file.create_dataset(name, data=getattr(block, name), compression="gzip", compression_opts=1)
-        file["reference_mean"], file["reference_root"] = block.reference.mean, block.reference.root
+        for name in ("accepted", "means", "roots", "counts"):
+            file[name] = getattr(block, name)
         kind, keys, at, has_gauss, cached = block.random
         file["random_keys"], file["random_rest"] = keys, np.array([at, has_gauss], dtype=np.int64)
-        file["random_cached"], file["counts"] = cached, block.counts
-        file.attrs.update(kind=kind, accepted=block.accepted, seconds=block.seconds)
+        file["random_cached"] = cached
+        file.attrs.update(kind=kind, seconds=block.seconds)
     return buffer.getvalue()
 
 
@@ -153,11 +160,10 @@ def _read(path: Path) -> Block:
                 has_gauss,
                 float(file["random_cached"][()]),
             )
-            return Block(
-                file["coords"][()], file["log_prob"][()], float(file.attrs["accepted"]),
-                Reference(file["reference_mean"][()], file["reference_root"][()]), random,
-                file["counts"][()], float(file.attrs["seconds"]),
-            )  # fmt: skip
+            names = ("coords", "log_prob", "accepted", "means", "roots")
+            coords, log_prob, accepted, means, roots = (file[name][()] for name in names)
+            counts, seconds = file["counts"][()], float(file.attrs["seconds"])
+            return Block(coords, log_prob, accepted, means, roots, random, counts, seconds)
     except (OSError, KeyError, ValueError) as error:
         raise SampleError(
             f"{path.name} is damaged ({type(error).__name__}); delete it and those with higher numbers"

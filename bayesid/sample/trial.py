@@ -18,7 +18,7 @@ from scipy.special import gammaln
 from bayesid.likelihood import Problem, readings_batch
 from bayesid.sample.density import Laplace, Unknowns
 from bayesid.sample.misfit import Channel, Sums
-from bayesid.sample.priors import LOG_2PI, NoisePrior, draw_params, log_prior, prior_moments
+from bayesid.sample.priors import LOG_2PI, NoisePrior, ParameterPrior, draw_params, prior_moments
 from bayesid.sample.settings import Settings
 
 Array = np.ndarray
@@ -38,6 +38,7 @@ class TrialDensity:
     data : per run and channel
     noise_prior : of the channels in `channels`
     laplace : Gaussian approximation about the estimate
+    threads : at work on batches of 128 points and more; does not change a number
     """
 
     problem: Problem
@@ -47,11 +48,21 @@ class TrialDensity:
     data: tuple[tuple[Channel, ...], ...]
     noise_prior: NoisePrior
     laplace: Laplace
+    threads: int = 2
 
     # ---- layout ----
     @property
     def k(self) -> int:
         return len(self.problem.params.names)
+
+    @cached_property
+    def _prior(self) -> ParameterPrior:
+        return ParameterPrior(self.problem.params)
+
+    @cached_property
+    def _estimated(self) -> list[Array]:
+        """Initial states at the estimate."""
+        return self.problem.split(self.z)[1]
 
     @cached_property
     def _initial(self) -> slice:
@@ -136,7 +147,7 @@ class TrialDensity:
 
     def log_prior(self, v: Array) -> Array:
         """(b,) log prior density of (b, k) points in natural units, by them; -inf outside the bounds."""
-        out = log_prior(self.problem.params, v[:, : self.k])
+        out = self._prior.log(v[:, : self.k])
         if width(self._initial):
             at = self._initial
             distance = (v[:, at] - self.unknowns.prior_mean[at]) / self.unknowns.prior_sd[at]
@@ -155,13 +166,13 @@ class TrialDensity:
         """(b,) log likelihood of (b, k) points in natural units; nan where a run diverges."""
         v = np.atleast_2d(v)
         with np.errstate(all="ignore"):
-            readings = readings_batch(self.problem, v[:, : self.k], self._starts(v))
+            readings = readings_batch(self.problem, v[:, : self.k], self._starts(v), self.threads)
             if self.choice.student is not None:
                 return self._student(v, readings)
             return self._gaussian(v, readings)
 
     def _starts(self, v: Array) -> list[Array]:
-        _, starts = self.problem.split(self.z)
+        starts = self._estimated
         if not width(self._initial):
             return starts
         at, found = self.k, []
