@@ -109,7 +109,10 @@ def solve_pack(
     if names:
         return {"verdicts": {b.name: digest_of_file(out / b.name / "diagnosis.json") for b in bundles
                              if (out / b.name / "diagnosis.json").exists()}}  # fmt: skip
-    return _seal(out, digests, commitments, now, started)
+    seal = _seal(out, digests, commitments, now, started)
+    if settings.report and seal["verdicts"]:
+        _overview(out, seal)
+    return seal
 
 
 def _check_out(out: Path, digests: dict[str, str]) -> None:
@@ -217,6 +220,17 @@ def _spatial(bundle: Path) -> bool:
             head = stream.readline()
     told = (bundle / "trial.toml").read_text("utf-8", errors="replace")
     return "dof = 6" in told or ("z[" in head and "dof = 3" not in told)
+
+
+def _overview(out: Path, seal: dict[str, Any]) -> None:
+    """report.md and report.html of all verdicts beside the seal."""
+    from bayesid import report
+    from bayesid.sections.blind_verdicts import verdicts_report
+
+    told = {n: read_json(out / n / "diagnosis.json", "a verdict") for n in seal["verdicts"]}
+    report.write(
+        verdicts_report(seal, told), out, {"inputs": seal["pack"], "seeds": [], "seal": seal["seal"]}
+    )
 
 
 def _seal(out: Path, digests: dict[str, str], commitments: dict[str, Any] | None, now: dict[str, str],
