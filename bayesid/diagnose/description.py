@@ -66,7 +66,7 @@ _MORE = {
         "nn": "n*abs(n)",
         "cos(phi)cos(theta)": "cos(phi)*cos(theta)",
     },
-    "K": {"nn": "n*abs(n)", "sin(phi)": "sin(phi)*cos(theta)"},
+    "K": {"|dr|": "u*u*abs(delta_r)", "nn": "n*abs(n)", "sin(phi)": "sin(phi)*cos(theta)"},
     "M": {"ds|ds|": "u*u*delta_s*abs(delta_s)", "nn": "n*abs(n)", "sin(theta)": "sin(theta)"},
 }
 

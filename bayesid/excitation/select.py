@@ -43,7 +43,8 @@ class Witness:
     in_model : whether the vehicle file has it
     status : one of `STATUSES`
     inclusion : share of bootstrap draws that keep the column
-    value, sd : coefficient in the selected model and its bootstrap spread [SI]; nan if not selected
+    value, sd : median coefficient of the draws that keep it and their spread [SI]; nan if none does. The
+        spread does not know of a wrong selection of the other columns (see `select_axis`)
     share : rms of its force over rms of the target
     group : columns that could stand in for each other, this one among them
     margin : log likelihood, less the price of columns, by which the best model without it loses
@@ -164,6 +165,11 @@ def select_axis(
     data: Rows, axis: str, draws: int, rng: np.random.Generator, prior: Mapping[str, float] | None = None
 ) -> AxisFit:
     """Witnesses of all columns of one axis.
+
+    Measured on 16 sets of three rich runs (remus100, generic_sub, coefficients drawn within 5 %): of 102
+    columns found 2 are false, both at the larger noise; values lie within three spreads of the truth in 59
+    of 63 cases at 0.3 of navigation-grade noise and in 28 of 37 at all of it. With the vehicle's rows held
+    within their prior no set asked for anything beyond them.
 
     Parameters
     ----------
