@@ -177,7 +177,8 @@ def known(path: Path, step: Array) -> tuple[Array, Array, Array]:
     drive = (
         path.defect + path.psi @ step - np.einsum("ixf,if->ix", path.gamma[:, :, :n_force], path.point.force)
     )
-    return resid, drive, path.log.path[0] - path.point.states[0]
+    first = path.log.path[0] if path.log.first is None else path.log.first
+    return resid, drive, first - path.point.states[0]
 
 
 def whitened(

@@ -20,6 +20,8 @@ Array = np.ndarray
 ANGLES = frozenset({"psi", "phi", "theta"})
 # Error of the first guess of velocities over U, of turning rates over U/L.
 STEEP = 0.07
+# Start of a run, in L/U, whose median speed is the prior mean of an unmeasured first speed.
+LEAD = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +38,7 @@ class Log:
     path : (n, nx) first guess of the states of the full kernel
     start_sd : (nx,) how far the first state may be off
     straight : heading kept at steady revolutions with little rudder: what moves sideways is the environment
+    first : (nx,) prior mean of the first state; None is that of `path`
     fresh : (n-1, nx) deviation by which the state may jump at the end of each interval: none, unless an event
         took the vehicle or its navigation out of the model's hands
     """
@@ -51,6 +54,7 @@ class Log:
     path: Array
     start_sd: Array
     straight: bool = False
+    first: Array | None = None
     fresh: Array | None = None
 
     @property
@@ -83,6 +87,16 @@ def read_run(model: Model, run: Any, noise: Mapping[str, float], channels: Seque
     }
     states = model.kernel.full.states
     path = _first_path(model, run, noise)
+    first = path[0].copy()
+    # Velocities nobody measured: slopes of positions at the end of a record are no prior, and v is small.
+    if "u" not in names:
+        lead = plan.t - plan.t[0] <= LEAD * s["L"] / s["U"]
+        first[states.index("u")] = np.median(path[lead, states.index("u")])
+    for name, sd in (("v", 0.2), ("w", 0.1)):
+        if name not in names and name in states:
+            first[states.index(name)], wide[name] = 0.0, sd * s["U"]
+    if "v" not in names and "v_lagged" in states:
+        first[states.index("v_lagged")] = 0.0
     return Log(
         name=run.name,
         manoeuvre=run.manoeuvre,
@@ -95,6 +109,7 @@ def read_run(model: Model, run: Any, noise: Mapping[str, float], channels: Seque
         path=path,
         start_sd=np.array([wide.get(n, 0.1 * s["U"]) for n in states]),
         straight=_straight(model, plan, path),
+        first=first,
     )
 
 

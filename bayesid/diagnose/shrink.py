@@ -140,7 +140,7 @@ def _predict(
     for name, par in models.items():
         try:
             point = Point(par, log.path, np.zeros((log.n - 1, len(colours.force))))
-            begun = fit(model, [known], NOTHING, colours, start=[point], loud=0.0, passes=8)
+            begun = fit(model, [known], NOTHING, colours, start=[point], loud=0.0, passes=15)
             x0 = begun.points[0].states[0, : len(model.states)]
             if name == "with effect":
                 floor = _floor(model, known, begun.points[0], colours, ~early)
