@@ -45,7 +45,7 @@ def main(out: Path, quick: bool, seed: int, data: Path | None = None) -> dict[st
     results = {
         "inputs": {"cases": [CASES[i] for i in chosen], "sizes": SIZES, "quick": quick},
         "seeds": [seed, *(seed + i for i in chosen)],
-        "example": {k: story[k] for k in ("found", "truth", "coverage")},
+        "example": {k: story[k] for k in ("found", "truth", "coefficients", "excitation")},
         "campaigns": rows,
         "delphin2": parts.get("delphin2"),
         "real": real,

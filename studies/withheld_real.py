@@ -134,7 +134,7 @@ def without_wind(data: Path, out: Path, quick: bool, seed: int, progress: Progre
         blind = replace(blind, runs=blind.runs[:2])
     hidden = hidden_wind(trial, ship, picked(trial, "Oct"), seed, progress) if not quick else None
     results = {
-        "inputs": {"quick": quick, "trial": trial.digest, "channels": "x, y, psi, u, v unfiltered"},
+        "inputs": {"quick": quick, "trial": trial.digest, "channels": "x, y, psi"},
         "seeds": [seed],
         "hidden": hidden,
         "withheld": hidden_wind(trial, ship, blind, seed, progress),

@@ -14,6 +14,7 @@ import numpy as np
 from bayesid.report import Block, Section, Table, Text, literal
 
 DEG = 180.0 / math.pi
+MOST = 6  # names of a set that are spelt out
 
 
 def kvlcc2_section(found: Mapping[str, Any]) -> Section:
@@ -100,10 +101,10 @@ def told(record: Mapping[str, Any]) -> list[Block]:
     where = record["where"]
     places = sorted(where["evidence"].items(), key=lambda p: -p[1])[:4]
     regimes = [m for m in where["regimes"] if m["evidence"] > 5.0][:3]
-    named = "; ".join(_effect(e) for e in record["effects"])
+    named = "; ".join(_effect(e) for e in record["effects"] if e["parameters"])
     lines = [
         f"- verdict: **{record['verdict'].replace('_', ' ')}**" + (f", {named}" if named else ""),
-        "- 95 % set: " + ", ".join(n.replace("_", " ") for n in record["set95"]),
+        "- 95 % set: " + _set(record["set95"]),
         "- a free signal gains most in " + ", ".join(f"{name} ({value:+.0f})" for name, value in places),
     ]
     if regimes:
@@ -130,6 +131,11 @@ def told(record: Mapping[str, Any]) -> list[Block]:
             )
         )
     return blocks
+
+
+def _set(names: Sequence[str]) -> str:
+    shown = ", ".join(n.replace("_", " ") for n in names[:MOST])
+    return shown if len(names) <= MOST else f"{shown} and {len(names) - MOST} more"
 
 
 def _effect(effect: Mapping[str, Any]) -> str:

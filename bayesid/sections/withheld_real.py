@@ -12,6 +12,7 @@ from typing import Any
 from bayesid.report import Report, Section, Table, Text, literal
 
 DEG = 180.0 / math.pi
+MOST = 4  # names of a set that are spelt out
 SKIPPED = ("rudder", "switch", "approach speed")
 
 
@@ -200,5 +201,6 @@ def wind_row(row: Mapping[str, Any], area: float) -> list[Any]:
             f"{speed['value']:.2f} ± {2 * speed['sd']:.2f}",
             f"{speed['value'] / math.sqrt(area):.2f}" if area > 0.01 else "",
         ]
-    names = ", ".join(n.replace("_", " ") for n in found["set95"])
+    names = ", ".join(n.replace("_", " ") for n in found["set95"][:MOST])
+    names += f" and {len(found['set95']) - MOST} more" if len(found["set95"]) > MOST else ""
     return [row["run"], found["verdict"].replace("_", " "), names, *said, told]

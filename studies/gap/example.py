@@ -11,16 +11,19 @@ import numpy as np
 from bayesid.diagnose.diagnosis import Diagnosis, as_json, diagnose
 from bayesid.diagnose.found import Found, Hypothesis, found_in, write_found
 from bayesid.diagnose.predict import predict_run
+from bayesid.excitation import excite
 from bayesid.files import write_json
 from bayesid.model import build_model
 from bayesid.plant import truth
 from bayesid.plant.example import NAME, example_campaign
 from bayesid.progress import Progress
 from bayesid.sections.diagnosis import write_diagnosis_report
+from bayesid.sections.excitation import finding, term_rows
 from bayesid.trials import Run, load_trial
 from bayesid.vehicles import load_vehicle
 
 DRAWS = 200
+EXCITE = 60  # bootstrap draws of the excitation
 
 
 def example(out: Path, seed: int, progress: Progress, draws: int = DRAWS) -> dict[str, Any]:
@@ -35,8 +38,16 @@ def example(out: Path, seed: int, progress: Progress, draws: int = DRAWS) -> dic
     write_found(found, out / NAME)
     write_diagnosis_report(d, out / NAME, record)
     runs = [predicted(run, d, found, seed, draws) for run in trial.holdout]
+    with progress.stage("excitation of the example"):
+        excited = excite(model, trial.identify, trial.noise, draws=min(draws, EXCITE), seed=seed)
     answer = truth(example_campaign(), NAME)
-    return {"found": record, "truth": answer, "runs": runs, "coverage": coverage(d, answer)}
+    return {
+        "found": record,
+        "truth": answer,
+        "runs": runs,
+        "coefficients": coefficients(d, answer),
+        "excitation": {"rows": term_rows(excited), "finding": finding(excited)},
+    }
 
 
 def predicted(run: Run, d: Diagnosis, found: Found, seed: int, draws: int) -> dict[str, Any]:
@@ -66,11 +77,11 @@ def predicted(run: Run, d: Diagnosis, found: Found, seed: int, draws: int) -> di
     return out
 
 
-def coverage(d: Diagnosis, answer: dict[str, Any]) -> dict[str, int]:
-    """How many true coefficients lie within two standard deviations of the estimates."""
-    drawn, record = answer["coefficient_draw_relative"], as_json(d)["coefficients"]
-    nominal = d.model.vehicle.coef
-    inside = [
-        abs(nominal[n] * (1 + drawn[n]) - v["value"]) <= 2 * v["sd"] for n, v in record.items() if n in drawn
-    ]
-    return {"inside": sum(inside), "of": len(inside)}
+def coefficients(d: Diagnosis, answer: dict[str, Any]) -> list[list[Any]]:
+    """Name, nominal value, prior sd, estimate, its sd, and the true value, in file units."""
+    drawn, nominal = answer["coefficient_draw_relative"], d.model.vehicle.coef
+    rows = []
+    for n, v in as_json(d)["coefficients"].items():
+        prior = d.model.prior_sd(n) / abs(d.model.file_scale(n))
+        rows.append([n, nominal[n], float(prior), v["value"], v["sd"], nominal[n] * (1 + drawn[n])])
+    return rows
