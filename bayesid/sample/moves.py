@@ -113,7 +113,7 @@ class SideBySide(Move):
 def make_moves(
     references: Sequence[Reference], weights: Mapping[str, float] | None = None
 ) -> list[tuple[Any, float]]:
-    """Moves of ensembles side by side, one per reference, and their weights, as emcee's sampler takes them."""
+    """Moves of ensembles side by side, one per reference, and their weights, as emcee takes them."""
     makers: dict[str, tuple[Callable[[Reference], Any], int]] = {
         "gaussian": (GaussianMove, 1),  # walkers do not look at each other: all move at once
         "de": (lambda _: DEMove(), 2),
