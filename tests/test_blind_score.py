@@ -19,7 +19,9 @@ from bayesid.coloured.evidence import Gram
 from bayesid.diagnose.bank import Bank, Column, build_bank
 from bayesid.effects import CATALOGUE
 from bayesid.plant import draw_campaign
+from bayesid.plant.body import cruising_speed
 from bayesid.plant.strangers import OUTSIDE
+from bayesid.vehicles import load_vehicle
 
 PLAIN = Detectability("", 400.0, 0.1, 50.0, "wind")
 
@@ -114,6 +116,21 @@ def test_place_counts_only_where_the_evidence_is_plain():
     assert judge(truth("effect", "heading_bias"), said("none", where=told)).located is True
     told = {"channel": "psi", "evidence": {"psi": 15.0}}
     assert judge(truth("effect", "wind"), said("effect", "wind", where=told)).located is None
+
+
+def test_a_cause_taken_for_weather_is_told_as_the_reason():
+    # unit of a moment: half the density times L^3 U^2, here with the vehicle's own speed
+    source = {"environment": {"force_rms": [2e-5, 2e-5, 2e-6, 0.0, 0.0]}}
+    answer = replace(truth("outside", "vortex_shedding"), source=source)
+    answer = replace(answer, factors=dict(answer.factors) | {"vehicle": "lauv"})
+    vehicle = load_vehicle("lauv")
+    unit = 0.5 * vehicle.rho * vehicle.L**2 * cruising_speed(vehicle, vehicle.rpm_ref) ** 2
+    for times, said_so in ((1.0, False), (10.0, True)):
+        told = said(
+            "none", environment={"force": [2e-5 * unit, 2e-5 * unit, 2e-6 * unit * vehicle.L * times]}
+        )
+        reason = judge(answer, told).reason
+        assert ("disturbance in N taken 10 times too loud" in reason) == said_so
 
 
 def test_every_stranger_of_the_plant_has_a_place():

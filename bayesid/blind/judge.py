@@ -13,6 +13,7 @@ from typing import Any
 
 from bayesid.blind.answers import Answer
 from bayesid.blind.families import FAMILIES, by_family, families_of, family_of, places_of
+from bayesid.blind.weather import loudest
 
 # Design note, section 9: detectable; told apart from every other family; hidden by the coefficients.
 DETECTABLE, ISOLABLE, HIDDEN = 25.0, 10.0, 0.98
@@ -150,7 +151,7 @@ def judge(answer: Answer, verdict: Mapping[str, Any] | None, cost: float = math.
         covered=covered,
         size=len(stated_set),
         outcome=outcome,
-        reason=_reason(answer, outcome, plain, told, named),
+        reason=_explained(answer, outcome, plain, told, named),
         parameters=_parameters(answer, told),
         coefficients=_coefficients(answer, told),
         place=place,
@@ -206,6 +207,14 @@ def _outcome(answer: Answer, told: Mapping[str, Any], named: frozenset[str], sta
     return "set" if right & stated_set else "missed"
 
 
+def _explained(
+    answer: Answer, outcome: str, plain: Any, told: Mapping[str, Any], named: frozenset[str]
+) -> str:
+    """Reason of a miss, and whether the environment was misjudged meanwhile."""
+    reason = _reason(answer, outcome, plain, told, named)
+    return "; ".join(part for part in (reason, loudest(answer, told)) if part) if reason else ""
+
+
 def _reason(answer: Answer, outcome: str, plain: Any, told: Mapping[str, Any], named: frozenset[str]) -> str:
     """Why a verdict is not simply right, from the numbers of answer and verdict."""
     if outcome == "right" or outcome == "rejected":
@@ -216,15 +225,18 @@ def _reason(answer: Answer, outcome: str, plain: Any, told: Mapping[str, Any], n
         where = told.get("where", {}).get("channel")
         said = ", ".join(sorted(named)) or told["verdict"]
         sea = answer.factors.get("sea", "")
-        return (
-            f"nothing planted; {said} at {_top_gain(told)} in {where or 'no channel'}, sea {sea or 'unknown'}"
-        )
+        place = where or "no channel"
+        return f"nothing planted; {said}; a free signal gains {_top_gain(told)} in {place}, sea {sea}"
     if plain is None:
         return "detectability of the cause is not known"
     d = f"D = {plain.noncentrality:.3g}"
     if plain.noncentrality < DETECTABLE:
         hidden = f", {plain.absorbed:.1%} absorbed by the coefficients" if plain.absorbed > 0.9 else ""
         return f"below detectability ({d}{hidden})"
+    if answer.kind == "outside" and not named:
+        return f"a free signal gains {_top_gain(told)} over the environment the verdict assumes ({d})"
+    if answer.kind == "outside":
+        return f"named what is most like it ({d}, {_top_gain(told)} of a free signal)"
     if answer.kind == "two" and outcome == "in part":
         faint = [c.name for c in answer.causes if c.shown and c.shown.noncentrality < DETECTABLE]
         if faint:
@@ -244,12 +256,12 @@ def _reason(answer: Answer, outcome: str, plain: Any, told: Mapping[str, Any], n
         return f"the best refit left a remainder or did not arrive ({d})"
     if outcome == "set":
         return f"in the set without being named ({d})"
-    return f"detectable ({d}); the refit took another way"
+    return f"detectable ({d}), margin {plain.margin:.3g} over {plain.rival or 'none'}; unexplained"
 
 
 def _top_gain(told: Mapping[str, Any]) -> str:
     evidence = [v for v in told.get("where", {}).get("evidence", {}).values() if v is not None]
-    return f"{max(evidence):.1f} nats of a free signal" if evidence else "no evidence"
+    return f"{max(evidence):.1f} nats" if evidence else "nothing known"
 
 
 def _located(answer: Answer, told: Mapping[str, Any]) -> tuple[str | None, bool | None]:
