@@ -18,6 +18,7 @@ from bayesid.diagnose.diagnosis import Diagnosis
 from bayesid.diagnose.shrink import Rung
 from bayesid.figures import diagnosis as figures
 from bayesid.report import Block, Figure, Report, Section, Table, Text, literal
+from bayesid.sections import effect_posterior
 
 HEADLINES = {
     "none": "No gap beyond what noise, environment and the stated uncertainty of the coefficients explain.",
@@ -52,7 +53,7 @@ def write_diagnosis_report(
 
 def diagnosis_report(found: Diagnosis, record: Mapping[str, Any]) -> Report:
     """The report as plain data."""
-    lead = f"**{HEADLINES[found.verdict.word]}** {_names(record)}"
+    lead = f"**{HEADLINES[found.verdict.word]}** {_names(record)} {_outcome(found)}".rstrip()
     if found.trial.attribution:
         lead += f"\n\n{literal(found.trial.attribution)}"
     sections = [
@@ -60,6 +61,7 @@ def diagnosis_report(found: Diagnosis, record: Mapping[str, Any]) -> Report:
         Section("Where the gap lies", _where(found)),
         *_description(found),
         Section("Which effect", _which(found)),
+        *effect_posterior.sections(found),
         Section("How far it shrinks", _shrink(found)),
         Section("What these runs can tell apart", _ambiguity(found)),
         Section("What to fly next", _next(found)),
@@ -76,6 +78,34 @@ def _names(record: Mapping[str, Any]) -> str:
     return "; ".join(parts) + ("." if parts else "")
 
 
+def _outcome(found: Diagnosis) -> str:
+    """What it comes to on held-out runs, in degrees of heading."""
+    worth = [r for r in found.shrink.rungs if r.worth and "psi" in r.rms["nominal"]]
+    if not worth or not found.verdict.effects:
+        return ""
+    last = worth[-1]
+    over = "a whole run" if not math.isfinite(last.seconds) else f"{last.seconds:.0f} s"
+    as_was, tuned, now = (
+        last.rms[k]["psi"] * 180 / math.pi for k in ("nominal", "recalibrated", "with effect")
+    )
+    return (
+        f"Over {over} of the held-out runs the heading was off by {as_was:.2g} degrees rms as given, by "
+        f"{tuned:.2g} with re-tuned coefficients, and by {now:.2g} with the effect."
+    )
+
+
+def _meaning(found: Diagnosis, record: Mapping[str, Any]) -> list[str]:
+    """What the parameters of the named effects stand for, and how large they usually are."""
+    lines = []
+    for named in record["effects"]:
+        effect = found.model.effects.get(named["name"])
+        if effect is not None and named["parameters"]:
+            about = "; ".join(f"{_words(p.name)} is {p.about}" for p in effect.parameters if p.about)
+            usual = f" Usual size: {effect.magnitude}." if effect.magnitude else ""
+            lines.append(f"- {_words(effect.name)}: {about}.{usual}")
+    return lines
+
+
 def _words(name: str) -> str:
     return name.replace("_", " ")
 
@@ -90,10 +120,16 @@ def _verdict(found: Diagnosis, record: Mapping[str, Any]) -> list[Block]:
     probability = record["probabilities"]
     top = sorted(probability, key=lambda n: -probability[n])[:6]
     blocks: list[Block] = [
-        Text("\n".join(f"- {reason}" for reason in found.verdict.reasons)),
+        Text(
+            "\n".join([*_meaning(found, record), *(f"- {reason}" for reason in found.verdict.reasons)])
+            + "\n\nLog evidence is in nats: 3 are odds of 20 to 1, 7 of 1000 to 1."
+        ),
         Table(
             ["hypothesis", "probability", "in the 95 % set"],
-            [[_words(n), probability[n], "yes" if n in found.verdict.set95 else ""] for n in top],
+            [
+                [_words(n), _probability(probability[n]), "yes" if n in found.verdict.set95 else ""]
+                for n in top
+            ],
             "Probabilities over no effect, every effect of the catalogue, one wrong coefficient, and "
             "something outside.",
         ),
@@ -110,6 +146,10 @@ def _verdict(found: Diagnosis, record: Mapping[str, Any]) -> list[Block]:
             )
         )
     return blocks
+
+
+def _probability(p: float) -> Any:
+    return p if p >= 1e-6 else "below 1e-6"
 
 
 def _where(found: Diagnosis) -> list[Block]:
@@ -238,12 +278,15 @@ def _shrink(found: Diagnosis) -> list[Block]:
         if r.worth and math.isfinite(r.interval[0]):
             told += f" ({r.interval[0]:.0%} to {r.interval[1]:.0%})"
         name = r.horizon + (f" ({r.seconds:.0f} s)" if math.isfinite(r.seconds) else "")
-        rows.append([name, r.excess["nominal"], r.excess["recalibrated"], r.excess["with effect"], told])
+        rows.append(
+            [name, *(at_floor(r.excess[k]) for k in ("nominal", "recalibrated", "with effect")), told]
+        )
     blocks.append(
         Table(
             ["horizon", "nominal", "recalibrated", "with the effect", "shrinks by"],
             rows,
-            "Mean squared prediction error above the floor, in noise variances.",
+            "Mean squared prediction error above the floor, in noise variances; the floor is what noise, "
+            "environment and an unknown start leave to the best of models.",
         )
     )
     drawn = figures.ladder(
@@ -282,6 +325,11 @@ def _closed(rung: Rung) -> str:
     if rung.excess["nominal"] > 1.0 and rung.excess["recalibrated"] < 0.1 * rung.excess["nominal"]:
         return "closed by recalibration"
     return "nothing to shrink"
+
+
+def at_floor(excess: float) -> Any:
+    """An error above the floor; what scatters below it is at the floor."""
+    return excess if excess > 0.05 else "at the floor"
 
 
 def _ambiguity(found: Diagnosis) -> list[Block]:
@@ -331,13 +379,16 @@ def _next(found: Diagnosis) -> list[Block]:
         return [Text("No manoeuvre was ranked.")]
     rows = [[_words(p.name), p.duration, p.margin_now, p.margin_with] for p in found.proposals]
     return [
+        Text(
+            "`bayesid predict BUNDLE MANOEUVRE --model THIS_FOLDER` says, with a band, what each would show."
+        ),
         Table(
             ["manoeuvre", "duration [s]", "margin now [nats]", "margin with it [nats]"],
             rows,
             "Expected margin of the worst pair still in the 95 % set (or of a typical effect over none "
             "where the set has one "
             "member) at 0.3 prior standard deviations.",
-        )
+        ),
     ]
 
 

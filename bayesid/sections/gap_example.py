@@ -13,6 +13,7 @@ import numpy as np
 
 from bayesid.figures.gap import overlay
 from bayesid.report import Block, Figure, Section, Table, Text
+from bayesid.sections.diagnosis import at_floor
 
 DEG = 180.0 / math.pi
 
@@ -122,11 +123,6 @@ def _closed(found: Mapping[str, Any], runs: list[Mapping[str, Any]]) -> Section:
             ),
         ],
     )
-
-
-def at_floor(excess: float | None) -> Any:
-    """An error above the floor; what scatters below it is at the floor."""
-    return excess if excess is None or excess > 0.05 else "at the floor"
 
 
 def _answer(story: Mapping[str, Any]) -> Section:

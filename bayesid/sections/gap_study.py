@@ -9,8 +9,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from bayesid.report import Report, Section, Table, Text
+from bayesid.sections.diagnosis import at_floor
 from bayesid.sections.gap_delphin2 import delphin2_section
-from bayesid.sections.gap_example import at_floor, example_section
+from bayesid.sections.gap_example import example_section
 
 _RIGHT = {"none": "none", "outside": "outside"}
 
@@ -79,7 +80,7 @@ def _ladder(row: Mapping[str, Any]) -> list[Any]:
     gap = row["found"]["gap"]
     worth = any(h["worth_shrinking"] for h in gap["horizons"])
     told = "nothing to shrink" if not worth or gap["shrink"] is None else f"{gap['shrink']:.1%}"
-    values = [at_floor(gap[k]) for k in ("before_nominal", "before", "after")]
+    values = [None if gap[k] is None else at_floor(gap[k]) for k in ("before_nominal", "before", "after")]
     return [_planted(row), *values, told]
 
 
