@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bayesid.coloured.evidence import Gram
+from bayesid.coloured.evidence import Gram, posterior
 from bayesid.diagnose.bank import Bank, build_bank, testable
 from bayesid.diagnose.next_run import run_gram, worst_margin
 from bayesid.diagnose.problem import Problem
@@ -88,3 +88,10 @@ def causes(problem: Problem, names: Sequence[str], size: float = SIZE, longest: 
     effects = [model.effects[n] for n in dict.fromkeys(names)]
     bank = build_bank(problem, problem.path, [problem.environment.colours], effects)
     return Causes(problem, bank, tuple(e.name for e in effects), size, longest)
+
+
+def evidence(goal: Causes) -> dict[str, float]:
+    """Log evidence [nats] of every cause alone over no cause at all, from the readings of the posed trial."""
+    total = goal.bank.total(0)
+    none = posterior(total.pick(goal.bank.columns(()))).log_evidence
+    return {n: posterior(total.pick(goal.bank.columns((n,)))).log_evidence - none for n in goal.names}

@@ -30,12 +30,14 @@ class Refit:
     ----------
     values : (k,) coefficients where the posterior is highest [SI]
     covariance : (k, k) of xi there, in units of what was known; initial states marginalised
+    unknowns : (nz,) coefficients and initial states as the problem orders them
     cost : half the sum of squared residuals
     converged : whether a further step would lower the cost by less than `GAIN`
     """
 
     values: Array
     covariance: Array
+    unknowns: Array
     cost: float
     converged: bool
 
@@ -88,7 +90,7 @@ def refit(problem: Problem, knowledge: Knowledge, passes: int = 40) -> Refit:
     k = len(knowledge.names)
     inner = np.linalg.solve(knowledge.root, np.diag(knowledge.sd))
     whole = marginal(jac * scale, k)
-    return Refit(z[:k], inner @ whole @ inner.T, problem.cost(z), converged)
+    return Refit(z[:k], inner @ whole @ inner.T, z, problem.cost(z), converged)
 
 
 def _descend(problem: Problem, z: Array, scale: Array, passes: int) -> tuple[Array, Array, bool]:
