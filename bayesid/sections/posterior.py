@@ -42,6 +42,8 @@ CORNERS = (("X_vv", "X_vr", "X_rr"), ("N_v|v|", "N_|v|r", "N_r|r|"), ("Y_v|v|", 
 class Sampled:
     """One case: a problem, its posterior by one or two samplers, and what identifiability says of it.
 
+    posteriors : by sampler; empty where the case was looked at by its Laplace approximation only
+    draws : (m, k) of the parameters [SI], of the first posterior or of Laplace
     behaviour : derived quantities of prior and posterior
     """
 
@@ -50,13 +52,9 @@ class Sampled:
     problem: Problem
     z: Array
     posteriors: Mapping[str, Posterior]
+    draws: Array
     seen: Identifiability
     behaviour: tuple[Derived, Derived]
-
-    @property
-    def first(self) -> Posterior:
-        """The posterior everything but the comparison of samplers is made from."""
-        return next(iter(self.posteriors.values()))
 
     @property
     def nominal(self) -> Array:
@@ -125,8 +123,11 @@ def _chains(every: Mapping[str, Sampled]) -> Section:
         "`in tau` the length of the chain in it, `ESS / s` the least bulk size per processor second. Where a "
         "gate stays shut, intervals are not final."
     )
-    rows, reasons = [], []
+    rows: list[list[Any]] = []
+    reasons = []
     for case in every.values():
+        if not case.posteriors:
+            rows.append([case.words, "none: Laplace", *[None] * 7, False])
         for name, p in case.posteriors.items():
             g = p.gate
             rows.append(
@@ -142,7 +143,9 @@ def _chains(every: Mapping[str, Sampled]) -> Section:
     if reasons:
         blocks.append(Text("Short of the gate:\n\n" + "\n".join(reasons)))
     for case in every.values():
-        p = case.first
+        if not case.posteriors:
+            continue
+        p = next(iter(case.posteriors.values()))
         count = min(p.n_params, 24)
         e = p.draws.shape[0]
         drawn = p.draws[..., :count].reshape(e, -1, count)
@@ -200,7 +203,7 @@ def _ridges(cases: Mapping[str, Sampled]) -> Section:
         sets = {}
         for c in chosen:
             where = [c.seen.names.index(n) for n in here]
-            sets[c.words] = c.first.params[:, where] / c.nominal[where]
+            sets[c.words] = c.draws[:, where] / c.nominal[where]
         drawn = figures.corner(here, sets, np.ones(len(here)))
         blocks.append(Figure(f"corner_{number + 1}", drawn, f"{', '.join(here)}: value over true value."))
     return Section("Ridges", blocks)
@@ -208,7 +211,7 @@ def _ridges(cases: Mapping[str, Sampled]) -> Section:
 
 def _in_units(case: Sampled) -> Array:
     """(m, k) draws of the parameters in prior standard deviations."""
-    return case.first.params / case.seen.information.unit
+    return case.draws / case.seen.information.unit
 
 
 def _widths(cases: Mapping[str, Sampled]) -> Section:
@@ -373,13 +376,11 @@ def _logs(logs: Mapping[str, Sampled]) -> Section:
 
 
 def _standing(case: Sampled, i: int) -> tuple[float, float, float]:
-    p = case.first
-    size = abs(float(p.prior_mean[i])) or float(case.seen.information.scale[i])
-    return (
-        float(p.mean[i]) / size * np.sign(float(p.prior_mean[i]) or 1.0),
-        p.prior_sd[i] / size,
-        p.sd[i] / size,
-    )
+    """Mean of the posterior over that of the prior, and both standard deviations over its size."""
+    before = float(case.problem.params.start[i])
+    size = abs(before) or float(case.seen.information.scale[i])
+    mean, sd = float(np.mean(case.draws[:, i])), float(np.std(case.draws[:, i]))
+    return mean / (before or size), case.seen.entries[i].prior_sd / size, sd / size
 
 
 def _inputs(facts: Mapping[str, Any]) -> Section:
