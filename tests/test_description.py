@@ -10,9 +10,10 @@ import pytest
 from gap_trials import model_of, other_vehicle, planted_trial
 
 from bayesid.coloured.fit import Free, fit
-from bayesid.diagnose import description as module
-from bayesid.diagnose.description import as_json, describe, force_library
+from bayesid.diagnose import description, term_trial
+from bayesid.diagnose.description import as_json, describe
 from bayesid.diagnose.diagnosis import schema
+from bayesid.diagnose.force_terms import force_library, unit_of
 from bayesid.diagnose.problem import pose
 from bayesid.diagnose.where import locate
 from bayesid.excitation.columns import evaluate
@@ -105,14 +106,14 @@ def test_evidence_of_the_named_term_is_that_of_a_refit_with_it(monkeypatch):
     """Expected: converged non-linear refits with one more row free beside the coefficients. The named term's
     evidence agrees within 3 nats; linear columns along its path flatter a rival, so none is overlooked."""
     kept = {}
-    original = module._improved
+    original = description.improved
 
     def spy(trial, chosen):
         kept["trial"] = trial
         return original(trial, chosen)
 
-    monkeypatch.setattr(module, "_improved", spy)
-    monkeypatch.setattr(module, "SIZES", (1e-3,))
+    monkeypatch.setattr(description, "improved", spy)
+    monkeypatch.setattr(term_trial, "SIZES", (1e-3,))
     found, problem = described(planted("Y_vvv"))
     assert [t.name for t in found.terms] == ["Y_vvv"]
     trial, model = kept["trial"], problem.model
@@ -138,7 +139,7 @@ def test_every_term_of_the_library_can_be_evaluated_and_has_a_unit():
         act = rng.standard_normal((5, len(model.kernel.actuators)))
         for column in columns:
             assert np.isfinite(evaluate(column.expression, model, states, act)).all()
-            assert module._unit(column).startswith(("kg", "N"))
+            assert unit_of(column).startswith(("kg", "N"))
 
 
 def test_the_block_of_the_record_is_what_the_schema_states():
