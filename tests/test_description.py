@@ -56,7 +56,7 @@ def planted(name):
     }[name]
 
 
-@pytest.mark.parametrize("name", ["Y_vvv", "X_vv", "N_v|r|"])
+@pytest.mark.parametrize("name", ["Y_vvv", "X_vv", pytest.param("N_v|r|", marks=pytest.mark.slow)])
 def test_a_planted_term_is_named_with_its_size(name):
     """Two runs of 48 L/U; coefficients of the flown vehicle drawn from the 5 % prior. X_vv is a row the
     vehicle has, sixteen times its value."""
@@ -76,7 +76,9 @@ def test_a_vehicle_within_its_prior_gets_no_description():
     assert not found.terms
 
 
-@pytest.mark.parametrize("kind", ["pulse", "drag from half way", "drifting"])
+@pytest.mark.parametrize(
+    "kind", [pytest.param("pulse", marks=pytest.mark.slow), "drag from half way", "drifting"]
+)
 def test_a_force_that_follows_no_motion_is_given_no_form(kind):
     """Negative control: forces of time, of sizes the free force sees at 30 to 6000 nats."""
     _, unit, length, speed = scales()
@@ -102,6 +104,7 @@ def test_a_force_that_follows_no_motion_is_given_no_form(kind):
     assert "none is named" in found.sentences[0] or "No term" in found.sentences[0]
 
 
+@pytest.mark.slow
 def test_evidence_of_the_named_term_is_that_of_a_refit_with_it(monkeypatch):
     """Expected: converged non-linear refits with one more row free beside the coefficients. The named term's
     evidence agrees within 3 nats; linear columns along its path flatter a rival, so none is overlooked."""

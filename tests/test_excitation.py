@@ -157,6 +157,7 @@ def test_a_steady_turn_cannot_tell_vv_from_vr_from_rr(submarine):
         assert witness(found, name).status != "found", name
 
 
+@pytest.mark.slow
 def test_a_plain_ensemble_names_terms_a_spiral_cannot_tell(submarine):
     """The control that must fail: pysindy's ensemble of single rows is sure of cubic terms that are not
     there."""
@@ -184,6 +185,7 @@ def test_a_planted_cubic_is_found_from_rich_runs_and_not_told_from_a_spiral(subm
     assert "Y_vvv" not in [w.name for w in poor.candidates]
 
 
+@pytest.mark.slow
 def test_without_a_planted_term_rich_runs_ask_for_none(submarine):
     """The negative control of the planted cubic: same runs, same noise."""
     runs, noise = flown(submarine, ["multisine", "zigzag_20_port", "prbs"], share=0.3)
