@@ -41,7 +41,7 @@ def main(out: Path, quick: bool, seed: int, data: Path | None = None) -> dict[st
     if not quick:
         parts["delphin2"] = delphin2(progress)
     if data is not None:
-        parts["more"], real = real_logs(data, quick, seed, progress)
+        parts["more"], real = real_logs(data, out / "campaigns", quick, seed, progress)
     results = {
         "inputs": {"cases": [CASES[i] for i in chosen], "sizes": SIZES, "quick": quick},
         "seeds": [seed, *(seed + i for i in chosen)],
@@ -55,7 +55,9 @@ def main(out: Path, quick: bool, seed: int, data: Path | None = None) -> dict[st
     return results
 
 
-def real_logs(data: Path, quick: bool, seed: int, progress: Progress) -> tuple[list[Section], dict[str, Any]]:
+def real_logs(
+    data: Path, store: Path, quick: bool, seed: int, progress: Progress
+) -> tuple[list[Section], dict[str, Any]]:
     """Sections and findings of the logs that are in the folder."""
     sections, found = [], {}
     for name, study, section in (
@@ -63,7 +65,7 @@ def real_logs(data: Path, quick: bool, seed: int, progress: Progress) -> tuple[l
         ("esso_osaka", esso_osaka, esso_section),
     ):
         if (data / name).is_dir():
-            found[name] = study(data / name, quick, seed, progress)
+            found[name] = study(data / name, store, quick, seed, progress)
             sections.append(section(found[name]))
         else:
             progress.note(f"{name}: no such folder in {data.name}; left out")

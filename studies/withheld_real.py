@@ -132,12 +132,14 @@ def without_wind(data: Path, out: Path, quick: bool, seed: int, progress: Progre
     blind = replace(blind, runs=tuple(run for run in blind.runs if run.name not in known))
     if quick:
         blind = replace(blind, runs=blind.runs[:2])
-    hidden = hidden_wind(trial, ship, picked(trial, "Oct"), seed, progress) if not quick else None
+    hidden = (
+        hidden_wind(trial, ship, picked(trial, "Oct"), out / "runs", seed, progress) if not quick else None
+    )
     results = {
         "inputs": {"quick": quick, "trial": trial.digest, "channels": "x, y, psi"},
         "seeds": [seed],
         "hidden": hidden,
-        "withheld": hidden_wind(trial, ship, blind, seed, progress),
+        "withheld": hidden_wind(trial, ship, blind, out / "runs", seed, progress),
         "attribution": trial.attribution,
     }
     write_json(out / "verdicts.json", results)

@@ -21,7 +21,7 @@ def kvlcc2_section(found: Mapping[str, Any]) -> Section:
     """How well sets of rows explain a tanker, what is left, and what a diagnosis says of it."""
     sets = found["sets"]
     seconds = sets[0]["seconds"]
-    short = [h for h in seconds if np.isfinite(seconds[h])]
+    short = [h for h, value in seconds.items() if value is not None and np.isfinite(value)]
     rows = [
         [
             s["words"],

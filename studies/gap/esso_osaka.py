@@ -13,11 +13,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from gap.keep import keep
 from real_logs import HERE, begun
 
 from bayesid.diagnose.diagnosis import as_json, diagnose
 from bayesid.diagnose.problem import fit_with, pose
-from bayesid.model import build_model, without_effects
+from bayesid.model import Model, build_model, without_effects
 from bayesid.progress import Progress
 from bayesid.trials import Run, Trial, load_trial, thin
 from bayesid.vehicles import Vehicle, identified, load_vehicle
@@ -57,7 +58,7 @@ def picked(
     return replace(trial, runs=tuple(run_of(run) for run in trial.runs if word in run.name))
 
 
-def esso_osaka(data: Path, quick: bool, seed: int, progress: Progress) -> dict[str, Any]:
+def esso_osaka(data: Path, store: Path, quick: bool, seed: int, progress: Progress) -> dict[str, Any]:
     """Every question as one diagnosis, and the hide-and-seek for the wind of October."""
     trial, ship = pond_logs(data, 2 * STEP if quick else STEP)
     fine, _ = pond_logs(data, FINE)
@@ -75,7 +76,8 @@ def esso_osaka(data: Path, quick: bool, seed: int, progress: Progress) -> dict[s
     found = {}
     for key, words, logs in questions[:1] if quick else questions:
         with progress.stage(f"Esso Osaka: {words}"):
-            found[key] = {"words": words, "found": as_json(diagnose(logs, model, seed=seed, plan_next=False))}
+            record = keep(store, f"esso-{key}-{seed}", lambda logs=logs: diagnosed(logs, model, seed))
+            found[key] = {"words": words, "found": record}
     out = {
         "questions": found,
         "gyro": gyro_by_hand(data),
@@ -83,7 +85,7 @@ def esso_osaka(data: Path, quick: bool, seed: int, progress: Progress) -> dict[s
         "attribution": trial.attribution,
     }
     if not quick:
-        out["wind"] = hidden_wind(trial, ship, picked(trial, "Oct"), seed, progress)
+        out["wind"] = hidden_wind(trial, ship, picked(trial, "Oct"), store, seed, progress)
     return out
 
 
@@ -134,7 +136,14 @@ def in_wind(trial: Trial, ship: Vehicle) -> tuple[Vehicle, dict[str, float]]:
     return vehicle, {"area": float(fitted.values[at]), "sd": float(fitted.sd[at])}
 
 
-def hidden_wind(trial: Trial, ship: Vehicle, logs: Trial, seed: int, progress: Progress) -> dict[str, Any]:
+def diagnosed(logs: Trial, model: Model, seed: int) -> dict[str, Any]:
+    """Record of one diagnosis."""
+    return as_json(diagnose(logs, model, seed=seed, plan_next=False))
+
+
+def hidden_wind(
+    trial: Trial, ship: Vehicle, logs: Trial, store: Path, seed: int, progress: Progress
+) -> dict[str, Any]:
     """Each run alone, without its anemometer: which effect acts on it, from where, how strong."""
     vehicle, area = in_wind(trial, ship)
     model = without_effects(build_model(vehicle, 3), NOT_HERE)
@@ -142,7 +151,7 @@ def hidden_wind(trial: Trial, ship: Vehicle, logs: Trial, seed: int, progress: P
     for run in progress.track(logs.runs, "runs without wind"):
         data = {c: v for c, v in run.data.items() if c not in ("r", *DERIVED)}
         alone = replace(logs, runs=(replace(run, role="identify", data=data, exogenous={}),))
-        record = as_json(diagnose(alone, model, seed=seed, plan_next=False))
+        record = keep(store, f"wind-{run.name}-{seed}", lambda alone=alone: diagnosed(alone, model, seed))
         rows.append({"run": run.name, "found": record, "measured": mean_wind(trial, run.name)})
     return {"area": area, "runs": rows}
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from gap.keep import keep
 from real_logs import HERE, plain
 
 from bayesid.diagnose.diagnosis import as_json, diagnose
@@ -49,37 +50,47 @@ def row_sets(ship: Vehicle) -> list[tuple[str, str, Vehicle, tuple[str, ...]]]:
     ]
 
 
-def kvlcc2(data: Path, quick: bool, seed: int, progress: Progress) -> dict[str, Any]:
+def kvlcc2(data: Path, store: Path, quick: bool, seed: int, progress: Progress) -> dict[str, Any]:
     """Row sets on held-out zig-zags, and two diagnoses."""
     trial, ship = tank_logs(data, 2 * STEP if quick else STEP)
     sets = []
     for key, words, vehicle, effects in progress.track(row_sets(ship), "KVLCC2 rows"):
-        model = tank(vehicle)
-        problem = pose(model, trial)
-        fitted = fit_with(problem, tuple(model.effects[n] for n in effects))
-        models = {"nominal": model.nominal, "recalibrated": fitted.par, "with effect": fitted.par}
-        steps = ladder(problem, trial, models, problem.environment.colours, seed)
-        sets.append(
-            {
-                "key": key,
-                "words": words,
-                "converged": fitted.converged,
-                "left": missing_force(problem, fitted),
-                "rms": {r.horizon: r.rms["recalibrated"] for r in steps.rungs},
-                "nominal": {r.horizon: r.rms["nominal"] for r in steps.rungs},
-                "seconds": {r.horizon: r.seconds for r in steps.rungs},
-            }
-        )
+
+        def judged(vehicle: Vehicle = vehicle, effects: tuple[str, ...] = effects) -> dict[str, Any]:
+            return row_set(trial, vehicle, effects, seed)
+
+        sets.append({"key": key, "words": words, **keep(store, f"kvlcc2-rows-{key}-{seed}", judged)})
     diagnoses = {}
     for key, words, vehicle, _ in row_sets(ship)[:: 2 if quick else 3][: 1 if quick else 2]:
         with progress.stage(f"KVLCC2: diagnosis, {words}"):
-            diagnoses[key] = as_json(diagnose(trial, tank(vehicle), seed=seed, plan_next=False))
+            model = tank(vehicle)
+            diagnoses[key] = keep(
+                store,
+                f"kvlcc2-diagnosis-{key}-{seed}",
+                lambda model=model: as_json(diagnose(trial, model, seed=seed, plan_next=False)),
+            )
     return {
         "sets": sets,
         "diagnoses": diagnoses,
         "holdout": [r.name for r in trial.holdout],
         "excluded": NOT_HERE,
         "attribution": trial.attribution,
+    }
+
+
+def row_set(trial: Trial, vehicle: Vehicle, effects: tuple[str, ...], seed: int) -> dict[str, Any]:
+    """One set of rows re-tuned to the identify runs: what is left there, errors on held-out zig-zags."""
+    model = tank(vehicle)
+    problem = pose(model, trial)
+    fitted = fit_with(problem, tuple(model.effects[n] for n in effects))
+    models = {"nominal": model.nominal, "recalibrated": fitted.par, "with effect": fitted.par}
+    steps = ladder(problem, trial, models, problem.environment.colours, seed)
+    return {
+        "converged": fitted.converged,
+        "left": missing_force(problem, fitted),
+        "rms": {r.horizon: r.rms["recalibrated"] for r in steps.rungs},
+        "nominal": {r.horizon: r.rms["nominal"] for r in steps.rungs},
+        "seconds": {r.horizon: r.seconds for r in steps.rungs},
     }
 
 
