@@ -133,9 +133,10 @@ def _causes(
     """The causes to tell apart, after the trial or after runs taken as flown."""
     import numpy as np
 
-    from bayesid.design import causes
+    from bayesid.design.causes import CALM, causes
     from bayesid.diagnose.problem import pose
     from bayesid.manoeuvres import parse
+    from bayesid.trials import Environment
     from bayesid.virtual import virtual_trial
 
     names = [n.strip() for n in tell.split(",") if n.strip()]
@@ -149,7 +150,10 @@ def _causes(
             model, model.nominal, flown, title="taken as flown", vehicle_ref=model.vehicle.name,
             noise=case.logging.sigma, rng=np.random.default_rng(seed),
         )  # fmt: skip
-        notes.append(f"Taken as flown: {', '.join(flown)}; the calm-water log is made up from the vehicle.")
+        trial = replace(trial, environment=Environment(CALM, 0.0))
+        notes.append(
+            f"Taken as flown: {', '.join(flown)}, in a sea of {CALM:g} of 1/2 rho L^2 U^2 rms."
+        )
     posed = pose(model, trial)
     longest = case.bounds.duration * model.scales["U"] / model.scales["L"]
     return causes(posed, names, size, longest * 1.01)

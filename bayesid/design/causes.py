@@ -19,6 +19,7 @@ from bayesid.errors import ModelError
 from bayesid.manoeuvres import Manoeuvre
 
 Array = np.ndarray
+CALM = 1e-5  # disturbance force over 1/2 rho L^2 U^2 taken for a trial that was never sailed
 SIZE = 0.3  # of the causes, in their prior standard deviations, unless said otherwise
 
 
