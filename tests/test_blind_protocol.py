@@ -7,7 +7,10 @@ import shutil
 import pytest
 from gap_trials import model_of, other_vehicle, planted_trial
 
+from bayesid import report
 from bayesid.blind.answers import load_answers
+from bayesid.blind.baselines import CHOICES, NAMES, keep_baselines, oracle
+from bayesid.blind.families import family_of
 from bayesid.blind.leaks import check_pack
 from bayesid.blind.make import make_pack, seal_pack, write_answer
 from bayesid.blind.seal import COMMITMENTS, SEAL, BlindError, digest_of_file
@@ -16,10 +19,14 @@ from bayesid.blind.solve import NOTE, Settings, solve_pack
 from bayesid.cli.guard import run as cli
 from bayesid.diagnose.diagnosis import schema
 from bayesid.progress import Progress
+from bayesid.sections.blind import blind_report, results
+from bayesid.sections.blind_baselines import baselines_section
+from bayesid.sections.blind_verdicts import verdicts_report
 from bayesid.trials import load_trial, write_trial
 from bayesid.vehicles import write_vehicle
 
 QUIET = Progress(quiet=True)
+SETTINGS = Settings(plan_next=False, report=False, keep=keep_baselines)
 
 
 def answer(name, kind="none", effects=(), **more):
@@ -50,7 +57,7 @@ def original(tmp_path_factory):
     (base / "answers").mkdir()
     write_answer(base / "answers" / "pond.json", answer("pond"))
     seal_pack(base / "pack", base / "answers", ["pond"])
-    solve_pack(base / "pack", base / "out", settings=Settings(plan_next=False, report=False), progress=QUIET)
+    solve_pack(base / "pack", base / "out", settings=SETTINGS, progress=QUIET)
     return base
 
 
@@ -77,6 +84,32 @@ def test_a_whole_pack_is_solved_sealed_and_scored(world):
     sheet = score(world)
     (case,) = sheet.cases
     assert case.name == "pond" and case.outcome == "right" and sheet.sealed is not None
+
+
+def test_baselines_and_oracle_run_on_what_the_solver_kept(world):
+    folder = world / "out" / "pond"
+    told = json.loads((folder / CHOICES).read_text())
+    assert set(NAMES) <= set(told) and told["bic"]["top"] in told["bic"]["probabilities"]
+    write_answer(world / "other" / "pond.json", answer("pond", "effect", ["rudder_offset"]))
+    verdict = json.loads((folder / "diagnosis.json").read_text())
+    horizon = {"horizon": "6 L/U", "worth_shrinking": True, "excess": {"recalibrated": 5.0}}
+    verdict["gap"] = verdict["gap"] | {"horizons": [horizon]}
+    known = load_answers(world / "other")["pond"]
+    name, shrink = oracle((known, world / "pack" / "pond", folder, verdict))
+    # nothing is planted, so a refit with one effect too many predicts the held-out run down to the noise
+    assert name == "pond" and 0.8 < shrink <= 1.0
+
+
+def test_sheet_and_verdicts_can_be_reported(world, tmp_path):
+    sheet = score(world)
+    told = {"pond": json.loads((world / "out" / "pond" / CHOICES).read_text())}
+    section = baselines_section(sheet.cases, told, {"pond": 1.0}, family_of)
+    page = report.write(blind_report(sheet, [section]), tmp_path / "sheet", results(sheet))
+    assert "Every miss, and why" in page.read_text() and "white noise, chi-square" in page.read_text()
+    seal = json.loads((world / "out" / SEAL).read_text())
+    verdict = json.loads((world / "out" / "pond" / "diagnosis.json").read_text())
+    page = report.write(verdicts_report(seal, {"pond": verdict}), tmp_path / "verdicts", {})
+    assert "What is expected" in page.read_text()
 
 
 def test_a_verdict_changed_after_the_seal_is_noticed(world):
