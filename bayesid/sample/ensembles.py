@@ -103,7 +103,10 @@ def sample(
             judged, draws = kept, crew.draws(number)[0]
             enough, length, tau = long_enough(draws, options.thin, options.limits)
             if watch is not None:
-                watch(0, f"{length:.0f} of {options.limits.n_tau:g} autocorrelation times of {tau:.0f} steps")
+                words = f"{length:.0f} of {options.limits.n_tau:g} autocorrelation times of {tau:.0f} steps"
+                more = max(options.limits.n_tau / max(length, 1e-9) - 1, 0) * kept * options.thin
+                seconds = min(more, options.max_steps) / (1 - options.discard) * crew.pace
+                watch(0, words + (f", about {seconds:.0f} s left" if seconds > 1 else ""))
             if enough or last:
                 gate = judge(draws, density.unknowns.names, options.thin, options.limits)
                 if watch is not None:
@@ -139,6 +142,7 @@ class _Crew:
         self.density, self.laplace, self.options, self.store = density, laplace, options, store
         self.k = len(density.unknowns.names)
         self.shape = (options.ensembles, options.size(self.k), self.k)
+        self.pace = 0.0  # wall seconds per step of the last round
 
     @property
     def warm(self) -> int:
@@ -172,7 +176,7 @@ class _Crew:
         if self.store.get(number) is not None:
             return
         counts = np.zeros(3, dtype=np.int64)
-        begin = time.process_time()
+        begin, clock = time.process_time(), time.monotonic()
         log_prob = self._counted(counts)
         before = self.store.get(number - 1) if number else None
         if before is None:
@@ -190,6 +194,7 @@ class _Crew:
             if watch is not None:
                 watch(thin, "")
         found = sampler.get_chain().reshape(steps, *self.shape)
+        self.pace = (time.monotonic() - clock) / (steps * thin)
         if number < WARM_ROUNDS:
             references = self._renewed(number, found)
         self.store.put(

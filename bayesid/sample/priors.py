@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import gammaln
 
 from bayesid.errors import SampleError
-from bayesid.params import ParameterSet
+from bayesid.params import ParameterSet, Prior
 
 Array = np.ndarray
 LOG_2PI = float(np.log(2 * np.pi))
@@ -45,7 +45,8 @@ class ParameterPrior:
         found["const"] -= float(np.sum(np.log(room[np.isfinite(room)])))
         if p.joint is not None:
             found["joint"] = np.array([p.names.index(n) for n in p.joint.names], dtype=np.int64)
-            found["const"] -= 0.5 * LOG_2PI * p.joint.whitener.shape[0]
+            white = p.joint.whitener
+            found["const"] += 0.5 * float(np.linalg.slogdet(white @ white.T)[1]) - 0.5 * LOG_2PI * len(white)
         object.__setattr__(self, "_laid", found)
 
     def log(self, x: Array) -> Array:
@@ -64,6 +65,15 @@ class ParameterPrior:
             out -= 0.5 * np.sum(white**2, axis=1)
         out[np.any((x < f["low"]) | (x > f["high"]), axis=1)] = -np.inf
         return np.asarray(out)
+
+
+def with_prior(params: ParameterSet, relative_sd: float) -> ParameterSet:
+    """The set with a normal prior of this share of its scale for every free parameter that has none."""
+    joint = set() if params.joint is None else set(params.joint.names)
+    bare = [p for p in params.free if p.prior is None and p.name not in joint]
+    for p in bare:
+        params = params.changed([p.name], prior=Prior("normal", p.start, relative_sd * p.scale))
+    return params
 
 
 def prior_moments(params: ParameterSet) -> tuple[Array, Array]:
