@@ -22,7 +22,14 @@ from bayesid.errors import SampleError
 from bayesid.fit import Options as FitOptions
 from bayesid.fit import fit
 from bayesid.fit.pieces import fit_in_pieces
-from bayesid.identifiability import derived, full_vectors, identify, predict, with_assumed_priors
+from bayesid.identifiability import (
+    Information,
+    derived,
+    full_vectors,
+    identify,
+    predict,
+    with_assumed_priors,
+)
 from bayesid.likelihood import Problem, coefficient_set, trial_problem
 from bayesid.manoeuvres import Manoeuvre, chirp, spiral, zigzag
 from bayesid.model import Model, build_model
@@ -58,26 +65,30 @@ def main(out: Path, data: Path | None, quick: bool, seed: int, by_laplace: bool 
     model = build_model(load_vehicle(VEHICLE), 3)
     flown = manoeuvres(quick)
     all22, known14 = model.coefficients, tuple(n for n in model.coefficients if n not in KNOWN)
-    plans: list[tuple[str, str, tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = [
-        ("spiral14", "spiral, 14 unknown", ("spiral",), known14, ("emcee", "NUTS")),
-        ("spiral22", "spiral, 22 unknown", ("spiral",), all22, ("NUTS",)),
-        ("joint22", "spiral, zig-zag and rich run, 22 unknown", tuple(flown), all22, ("NUTS",)),
+    plans: list[tuple[str, str, tuple[str, ...], tuple[str, ...], float, tuple[str, ...]]] = [
+        ("spiral14", "spiral, 14 unknown", ("spiral",), known14, 1.0, ("emcee", "NUTS")),
+        ("spiral22", "spiral, 22 unknown", ("spiral",), all22, 1.0, ("NUTS",)),
+        ("fine14", "spiral, 14 unknown, 0.1 m", ("spiral",), known14, 0.1, ("NUTS",)),
+        ("finejoint14", "three runs, 14 unknown, 0.1 m", tuple(flown), known14, 0.1, ("NUTS",)),
+        ("joint22", "three runs, 22 unknown", tuple(flown), all22, 1.0, ("NUTS",)),
     ]
     if quick:
-        plans = [("spiral14", "short spiral, 14 unknown", ("spiral",), known14, ("NUTS",))]
+        plans = [("spiral14", "short spiral, 14 unknown", ("spiral",), known14, 1.0, ("NUTS",))]
     if importlib.util.find_spec("nutpie") is None:
         progress.note("nutpie is missing (pip install 'bayesid[nuts]'): the ensembles alone")
         plans = [(*plan[:-1], ("emcee",)) for plan in plans]
     cases = {}
-    for key, words, runs, names, samplers in plans:
-        problem = pose(model, {n: flown[n] for n in runs}, names, seed)
+    for key, words, runs, names, share, samplers in plans:
+        problem = pose(model, {n: flown[n] for n in runs}, names, share, seed)
         cases[key] = sampled(key, words, problem, None, samplers, out, quick, seed, progress)
     logs = (
         {} if data is None or quick else real(data, () if by_laplace else plans[-1][-1], out, seed, progress)
     )
     with progress.stage("runs not flown"):
-        tracks = {n: tracks_of(model, n, m, cases, seed) for n, m in flown.items()}
+        alike = {k: c for k, c in cases.items() if "fine" not in k}  # one noise
+        tracks = {n: tracks_of(model, n, m, alike, seed) for n, m in flown.items()}
         facts: dict[str, Any] = {"accelerations": accelerations(cases), "tracks": tracks}
+    facts["collapse"] = {} if quick else collapse(model, flown, {22: all22, 14: known14}, seed)
     facts |= {"noise": NOISE, "prior": PRIOR, "quick": quick, "vehicle": VEHICLE}
     results = posterior_results(cases, logs, facts, seed)
     page = report.write(posterior_report(cases, logs, facts), out, results)
@@ -95,11 +106,14 @@ def manoeuvres(quick: bool) -> dict[str, Manoeuvre]:
     }
 
 
-def pose(model: Model, flown: dict[str, Manoeuvre], names: tuple[str, ...], seed: int) -> Problem:
-    """Noisy readings of the true vehicle, every coefficient of `names` known beforehand to 10 %."""
+def pose(
+    model: Model, flown: dict[str, Manoeuvre], names: tuple[str, ...], share: float, seed: int
+) -> Problem:
+    """Readings of the true vehicle with `share` of the noise, every one of `names` known before to 10 %."""
     rng = np.random.default_rng(seed)
+    noise = {c: share * s for c, s in NOISE.items()}
     trial = virtual_trial(
-        model, model.nominal, flown, title="twin", vehicle_ref=VEHICLE, noise=NOISE, rng=rng
+        model, model.nominal, flown, title="twin", vehicle_ref=VEHICLE, noise=noise, rng=rng
     )
     problem = trial_problem(model, trial, coefficient_set(model, names), channels=tuple(NOISE), threads=1)
     return with_assumed_priors(problem, PRIOR)
@@ -125,7 +139,7 @@ def sampled(
             if name == "NUTS":
                 # equations scaled as a whole bend the posterior of 22 unknowns: short steps there
                 accept = 0.8 if key in LOGS else 0.9
-                few = NutsOptions(tune=200, draws=200 if quick else 300, accept=accept, seed=seed)
+                few = NutsOptions(tune=200, draws=200 if quick else 500, accept=accept, seed=seed)
                 found[name] = sample_nuts(SlopedTrial(density), density.laplace, few)
             else:
                 found[name] = sample(
@@ -203,6 +217,39 @@ def accelerations(cases: dict[str, Sampled]) -> dict[str, Any]:
             )
         found[words] = along
     return found
+
+
+def collapse(
+    model: Model, flown: dict[str, Manoeuvre], sets: dict[int, tuple[str, ...]], seed: int
+) -> dict[str, Any]:
+    """What one and three runs leave along the spiral's open directions, at the true vehicle, by noise."""
+    found = {}
+    for count, names in sets.items():
+        for share in (1.0, 0.3, 0.1):
+            one, three = (
+                identify(pose(model, runs, names, share, seed), profile=False)
+                for runs in ({"spiral": flown["spiral"]}, flown)
+            )
+            rows = []
+            for d in one.directions:
+                infos = (one.information, three.information)
+                left = [relative_sd(info, d.vector) for info in infos]
+                sd = [float(np.sqrt(d.vector @ info.covariance @ d.vector)) for info in infos]
+                rows.append({"name": d.name, "words": d.words, "data_sd": left, "sd_over_prior": sd})
+            found[f"{count} unknown, {share * NOISE['x']:g} m"] = {
+                "open": [len(one.directions), len(three.directions)],
+                "structural": [len(one.structural), len(three.structural)],
+                "rows": rows,
+            }
+    return found
+
+
+def relative_sd(info: Information, way: np.ndarray) -> float:
+    """Relative sd the data alone leave along a direction (k,) in prior units; inf below rounding."""
+    change = float(np.linalg.norm(info.data @ way))
+    if change < 1e-11 * float(np.linalg.norm(info.reach * way)):
+        return math.inf
+    return float(np.linalg.norm(way * info.unit / info.scale)) / change
 
 
 def real(
