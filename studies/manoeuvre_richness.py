@@ -94,7 +94,8 @@ def main(data: Path | None, out: Path, quick: bool, seed: int) -> Path:
     for name in SETTINGS if data is not None and not quick else ():
         if (data / name).is_dir():
             logs[name] = part(name, lambda n=name: real(n, data / n, progress))
-    results = {"seeds": [seed], "vehicles": vehicles, "six_dof": deep, "tell": told, "logs": logs}
+    plain = {n: {k: v for k, v in r.items() if k != "orders"} for n, r in vehicles.items()}
+    results = {"seeds": [seed], "vehicles": plain, "six_dof": deep, "tell": told, "logs": logs}
     page = report.write(richness_report(vehicles, deep, told, logs, quick), out, results)
     progress.note(f"report: {page}")
     return page

@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from io import BytesIO
 from typing import Any
 
 import numpy as np
+from PIL import Image  # comes with matplotlib
 
 from bayesid.figures.style import COLOURS, styled, subplots, track_axes
 
@@ -19,6 +21,16 @@ LABELS = {
     "delta_s_cmd": ("stern planes [deg]", 180 / math.pi),
     "n_cmd": ("shaft speed [rpm]", 1.0),
 }
+
+
+def compact(figure: Any, colours: int = 64) -> bytes:
+    """PNG of a figure in few colours: a third of the size, for reports of many maps."""
+    whole, small = BytesIO(), BytesIO()
+    figure.savefig(whole, format="png")
+    Image.open(whole).convert("RGB").quantize(colours, dither=Image.Dither.NONE).save(
+        small, "PNG", optimize=True
+    )
+    return small.getvalue()
 
 
 @styled
