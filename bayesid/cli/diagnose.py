@@ -52,7 +52,8 @@ def diagnose(
 ) -> int:
     """Diagnose the gap between a simulator and a trial.
 
-    --out gets diagnosis.json, a report, and model.json for `bayesid predict`. Held-out runs are read only
+    --out gets diagnosis.json, a report, posterior.nc where an effect is named (without --quick), and
+    model.json for `bayesid predict`. Held-out runs are read only
     after the verdict stands.
     """
     from bayesid.diagnose.diagnosis import as_json as plain
@@ -68,12 +69,22 @@ def diagnose(
     progress = Progress(quiet=as_json)
     model = build_model(load_vehicle(vehicle or trial.vehicle_ref), trial.dof, declared=declared(effects))
     model = without_effects(model, [n.strip() for n in (exclude or "").split(",") if n.strip()])
-    found = run(trial, model, seed=seed, say=progress.note, as_built=as_built, plan_next=not quick)
+    found = run(
+        trial,
+        model,
+        seed=seed,
+        say=progress.note,
+        as_built=as_built,
+        plan_next=not quick,
+        draw=out is not None and not quick,
+    )
     record = plain(found)
     if out is not None:
         Path(out).mkdir(parents=True, exist_ok=True)
         write_json(Path(out) / "diagnosis.json", record)
         write_found(found_in(found), out)
+        if found.posterior is not None:
+            found.posterior.posterior.to_netcdf(Path(out) / "posterior.nc")
         from bayesid.sections.diagnosis import write_diagnosis_report
 
         report = write_diagnosis_report(found, Path(out), record)

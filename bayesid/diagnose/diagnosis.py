@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from bayesid.coloured.fit import fit
+from bayesid.coloured.fit import ColouredFit, fit
 from bayesid.coloured.levels import silent
 from bayesid.diagnose.candidate import COEFFICIENT_ERROR, parameter_table
 from bayesid.diagnose.description import Description, describe_gap
@@ -22,6 +22,8 @@ from bayesid.diagnose.description import as_json as described
 from bayesid.diagnose.events import find_events, verdict_with, with_events
 from bayesid.diagnose.next_run import Proposal, propose
 from bayesid.diagnose.problem import Problem, pose
+from bayesid.diagnose.sampled import EffectPosterior, sample_effect
+from bayesid.diagnose.sampled import as_json as sampled
 from bayesid.diagnose.shrink import Shrink, ladder
 from bayesid.diagnose.verdict import Verdict, judge, simplest
 from bayesid.diagnose.which import Candidates, compare
@@ -30,7 +32,10 @@ from bayesid.model import Model
 from bayesid.trials import Trial
 
 Say = Callable[[str], None]
+Array = np.ndarray
 FORMAT = 1
+SHRINK_DRAWS = 16
+NAMING = ("effect", "effect_with_remainder", "several")
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +51,7 @@ class Diagnosis:
     warnings : sentences
     seed : of the bootstrap
     description : what the missing force is made of, where an effect does not explain all of it
+    posterior : draws of the named effects' parameters and of what could hide them, where asked for
     """
 
     trial: Trial
@@ -58,6 +64,7 @@ class Diagnosis:
     warnings: tuple[str, ...]
     seed: int
     description: Description | None = None
+    posterior: EffectPosterior | None = None
 
 
 def diagnose(
@@ -67,6 +74,7 @@ def diagnose(
     say: Say = lambda text: None,
     as_built: float | None = None,
     plan_next: bool = True,
+    draw: bool = False,
 ) -> Diagnosis:
     """Diagnose the gap between a model and a trial.
 
@@ -75,6 +83,7 @@ def diagnose(
     as_built : relative sd of the coefficients from an earlier clean identification (as-built frame)
     say : called with a sentence before each stage
     plan_next : also rank manoeuvres to fly next
+    draw : also sample the named effects' parameters by emcee; it confirms, the verdict stands before
 
     Raises
     ------
@@ -104,11 +113,7 @@ def diagnose(
         shrink = Shrink((), ())
         warnings.append(f"held-out runs could not be predicted: {exc}")
     for rung in shrink.rungs:
-        if (
-            verdict.word in ("effect", "effect_with_remainder", "several")
-            and rung.worth
-            and rung.interval[1] < 0
-        ):
+        if verdict.word in NAMING and rung.worth and rung.interval[1] < 0:
             warnings.append(
                 f"the named effect predicts the held-out runs worse over {rung.horizon}; do not rely on it"
             )
@@ -118,22 +123,72 @@ def diagnose(
         proposals = propose(
             problem, candidates.bank, [n for n in verdict.set95 if n in candidates.bank.effects], 0.3
         )[:5]
+    posterior = None
+    if draw:
+        posterior = _drawn(problem, candidates, verdict, seed, say, warnings)
     return Diagnosis(
-        trial, model, problem, candidates, verdict, shrink, proposals, tuple(warnings), seed, description
+        trial,
+        model,
+        problem,
+        candidates,
+        verdict,
+        shrink,
+        proposals,
+        tuple(warnings),
+        seed,
+        description,
+        posterior,
     )
+
+
+def _drawn(
+    problem: Problem, candidates: Candidates, verdict: Verdict, seed: int, say: Say, warnings: list[str]
+) -> EffectPosterior | None:
+    """Posterior of the explanation the verdict stands on; None where it names none or its refit stopped."""
+    if verdict.word not in NAMING:
+        return None
+    of = next((c for c in candidates.refits if set(c.effects) == set(verdict.effects)), None)
+    if of is None or not of.fit.converged:
+        return None
+    try:
+        found = sample_effect(problem, of.fit, seed, say=say)
+    except BayesidError as exc:
+        warnings.append(f"the posterior of {' + '.join(of.effects)} could not be sampled: {exc}")
+        return None
+    if not found.posterior.converged:
+        warnings.append(f"the posterior draws did not pass their gate: {found.posterior.gate.reasons[0]}")
+    elif not found.agrees:
+        warnings.append(
+            "the posterior is not the Gaussian its deviations suggest; use the intervals of the draws"
+        )
+    return found
 
 
 def _shrink(problem: Problem, trial: Trial, candidates: Candidates, seed: int) -> Shrink:
     if not trial.holdout:
         return Shrink((), ())
     models = {"nominal": problem.model.nominal, "recalibrated": candidates.none.fit.par}
+    rng = np.random.default_rng(seed)
+    draws = {"recalibrated": parameter_draws(candidates.none.fit, rng)}
     if any(problem.environment.colours.force):
         white = fit(problem.model, problem.logs, problem.coefficients, silent(problem.model), passes=12)
         models["recalibrated, white"] = white.par
+        draws["recalibrated, white"] = parameter_draws(white, rng)
     best = simplest(candidates)
     gain = best.log_evidence - candidates.none.log_evidence
     models["with effect"] = best.fit.par if gain > 0 else candidates.none.fit.par
-    return ladder(problem, trial, models, problem.environment.colours, seed)
+    draws["with effect"] = parameter_draws(best.fit, rng) if gain > 0 else draws["recalibrated"]
+    return ladder(problem, trial, models, problem.environment.colours, seed, draws)
+
+
+def parameter_draws(fitted: ColouredFit, rng: np.random.Generator, count: int = SHRINK_DRAWS) -> Array:
+    """(count, n_par) parameter vectors from the Gaussian posterior of a fit, cut at its bounds."""
+    root = np.linalg.cholesky(fitted.posterior.covariance)
+    z = (fitted.values - fitted.free.mean) / fitted.free.sd
+    out = np.repeat(fitted.par[None], count, axis=0)
+    values = fitted.free.mean + fitted.free.sd * (z + rng.standard_normal((count, z.size)) @ root.T)
+    out[:, fitted.free.where] = np.maximum(values, fitted.free.low)
+    return out
 
 
 def as_json(d: Diagnosis) -> dict[str, Any]:
@@ -222,12 +277,20 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
                     "worth_shrinking": r.worth,
                     "floor": r.floor,
                     "rms": r.rms,
+                    "pieces": r.pieces,
+                    "posterior_draws": r.draws,
                     "channels": r.channels,
                 }
                 for r in rungs
             ],
         },
+        "measures": [
+            {"run": m.run, "name": m.name, "unit": m.unit, "logged": m.logged}
+            | {k: _number(m.models.get(k, float("nan"))) for k in ("nominal", "recalibrated", "with effect")}
+            for m in d.shrink.measures
+        ],
         "events": [asdict(e) for e in d.problem.events],
+        "posterior": sampled(d.posterior) if d.posterior is not None else None,
         "description": described(d.description) if d.description is not None else None,
         "environment": {
             "source": d.problem.environment.source,

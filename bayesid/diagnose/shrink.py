@@ -4,8 +4,8 @@ Takes fitted models and the held-out runs, which nothing before this has read. G
 Never changes a verdict.
 
 A prediction starts from a state fitted to a short lead-in and runs open loop over the horizon; it is scored
-in units of
-the sensors' noise after the lead-in.
+in units of the sensors' noise after the lead-in. Intervals come from a bootstrap over these pieces (block by
+block) and, in the same stroke, over posterior draws of the models' parameters.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from bayesid.coloured.log import Array, Log, read_run
 from bayesid.coloured.path import Point, linearise, wrap
 from bayesid.diagnose.problem import Problem
 from bayesid.errors import BayesidError
+from bayesid.measures import turning_circle, zigzag
 from bayesid.model import Model
 from bayesid.simulate import observe, simulate
 from bayesid.trials import Run, Trial, window
@@ -28,11 +29,26 @@ from bayesid.trials import Run, Trial, window
 LEAD, SHORT, LONG = 6.0, 6.0, 23.0
 MOST_SEGMENTS = 8
 DRAWS = 400
+FULL = "full replay"
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One standard measure of a held-out run: as logged and as each model replays it [m, rad]."""
+
+    run: str
+    name: str
+    unit: str
+    logged: float
+    models: dict[str, float]
 
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """One prediction: mean squared error in noise units per channel, after the lead-in."""
+    """One prediction: mean squared error in noise units per channel, after the lead-in.
+
+    `drawn` holds the mean over channels for posterior draws of a model, `measures` those of a full replay.
+    """
 
     run: str
     start: float
@@ -40,6 +56,8 @@ class Segment:
     errors: dict[str, Array]
     rms: dict[str, dict[str, float]]
     floor: Array
+    drawn: dict[str, Array]
+    measures: tuple[Measured, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +73,7 @@ class Rung:
     floor : expected error of the best prediction, noise variances
     rms : model -> channel -> root mean square error [SI]
     channels : model -> channel -> excess
+    pieces, draws : predictions scored, posterior draws of each model; what the interval rests on
     """
 
     horizon: str
@@ -66,18 +85,26 @@ class Rung:
     floor: float
     rms: dict[str, dict[str, float]]
     channels: dict[str, dict[str, float]]
+    pieces: int = 0
+    draws: int = 0
 
 
 @dataclass(frozen=True, eq=False)
 class Shrink:
-    """Ladder over all horizons; empty without held-out runs."""
+    """Ladder over all horizons; empty without held-out runs. `measures` of their full replays."""
 
     rungs: tuple[Rung, ...]
     runs: tuple[str, ...]
+    measures: tuple[Measured, ...] = ()
 
 
 def ladder(
-    problem: Problem, trial: Trial, models: Mapping[str, Array], colours: Colours, seed: int
+    problem: Problem,
+    trial: Trial,
+    models: Mapping[str, Array],
+    colours: Colours,
+    seed: int,
+    draws: Mapping[str, Array] | None = None,
 ) -> Shrink:
     """Score models on the held-out runs.
 
@@ -86,6 +113,7 @@ def ladder(
     models : "nominal", "recalibrated" (one or more keys starting so, the best counts) and "with effect"
         -> parameters
     colours : environment, for the floor
+    draws : model -> (d, n_par) parameter vectors of its posterior, for the intervals
     """
     rng = np.random.default_rng(seed)
     noise = {
@@ -93,17 +121,21 @@ def ladder(
         for c, s in zip(problem.logs[0].channels, problem.logs[0].sigma, strict=True)
     }
     time = problem.model.scales["L"] / problem.model.scales["U"]
-    rungs = []
-    for name, length in (("6 L/U", SHORT * time), ("23 L/U", LONG * time), ("full replay", np.nan)):
+    rungs: list[Rung] = []
+    measures: tuple[Measured, ...] = ()
+    for name, length in (("6 L/U", SHORT * time), ("23 L/U", LONG * time), (FULL, np.nan)):
         segments = []
         for run in trial.holdout:
             for piece, start in _pieces(run, LEAD * time, length):
-                found = _predict(problem, piece, noise, models, colours, LEAD * time, start, name)
+                found = _predict(
+                    problem, piece, noise, models, colours, LEAD * time, start, name, draws or {}
+                )
                 if found is not None:
                     segments.append(found)
         if segments:
             rungs.append(_rung(problem, name, length, segments, rng))
-    return Shrink(tuple(rungs), tuple(run.name for run in trial.holdout))
+            measures = tuple(m for s in segments for m in s.measures)
+    return Shrink(tuple(rungs), tuple(run.name for run in trial.holdout), measures)
 
 
 def _pieces(run: Run, lead: float, length: float) -> list[tuple[Run, float]]:
@@ -124,6 +156,7 @@ def _predict(
     lead: float,
     start: float,
     horizon: str,
+    draws: Mapping[str, Array],
 ) -> Segment | None:
     model = problem.model
     try:
@@ -135,7 +168,7 @@ def _predict(
     if early.sum() < 4 or (~early).sum() < 4:
         return None
     known = log.without(np.repeat(~early[:, None], len(log.channels), axis=1))
-    errors, rms = {}, {}
+    errors, rms, drawn, replays = {}, {}, {}, {}
     floor = np.ones(len(log.channels))
     for name, par in models.items():
         try:
@@ -148,13 +181,64 @@ def _predict(
             obs = observe(model, par, log.plan, track.states, full=True)[:, list(log.channels)]
         except BayesidError:
             return None
+        replays[name] = obs
+        if name in draws:
+            drawn[name] = _drawn(model, draws[name], log, x0, ~early)
         resid = np.where(log.valid, wrap(model, log, log.data - obs), np.nan)[~early]
         resid = np.where(
             np.abs(resid) > 50 * np.nanmedian(np.abs(resid), axis=0) + 20 * log.sigma, np.nan, resid
         )
         errors[name] = np.nanmean((resid / log.sigma) ** 2, axis=0)
         rms[name] = {c: float(np.sqrt(np.nanmean(resid[:, j] ** 2))) for j, c in enumerate(problem.channels)}
-    return Segment(run.name, start, horizon, errors, rms, floor)
+    measures = _measures(problem, run, log, replays) if horizon == FULL else ()
+    return Segment(run.name, start, horizon, errors, rms, floor, drawn, measures)
+
+
+def _drawn(model: Model, pars: Array, log: Log, x0: Array, late: Array) -> Array:
+    """(d,) mean squared error of posterior draws over all channels; nan where a draw diverges."""
+    out = np.full(len(pars), np.nan)
+    for i, par in enumerate(pars):
+        try:
+            track = simulate(model, par, log.plan, x0, full=True)
+            obs = observe(model, par, log.plan, track.states, full=True)[:, list(log.channels)]
+        except BayesidError:
+            continue
+        resid = np.where(log.valid, wrap(model, log, log.data - obs), np.nan)[late]
+        resid = np.where(
+            np.abs(resid) > 50 * np.nanmedian(np.abs(resid), axis=0) + 20 * log.sigma, np.nan, resid
+        )
+        out[i] = float(np.nanmean(np.nanmean((resid / log.sigma) ** 2, axis=0)))
+    return out
+
+
+def _measures(problem: Problem, run: Run, log: Log, replays: Mapping[str, Array]) -> tuple[Measured, ...]:
+    """Tactical diameter, advance or overshoots of a run, by its logged orders; none where it has neither."""
+    rudder, names = run.input("delta_r"), list(problem.channels)
+    rudder = run.commands.get("delta_r_cmd", rudder)
+    if rudder is None or not {"x", "y", "psi"} <= set(names):
+        return ()
+    x, y, psi = (names.index(c) for c in ("x", "y", "psi"))
+    text = run.manoeuvre.lower()
+
+    def told(values: Array) -> dict[str, tuple[float, str]]:
+        if "turn" in text:
+            turn = turning_circle(run.t, values[:, x], values[:, y], values[:, psi], rudder)
+            return {"tactical diameter": (turn.tactical_diameter, "m"), "advance": (turn.advance, "m")}
+        zig = zigzag(run.t, values[:, psi], rudder, values[:, x], values[:, y])
+        return {f"overshoot {i + 1}": (v, "rad") for i, v in enumerate(zig.overshoots[:2])}
+
+    if "turn" not in text and "zig" not in text:
+        return ()
+    try:
+        logged = told(np.where(log.valid, log.data, np.nan))
+        replayed = {name: told(obs) for name, obs in replays.items()}
+    except (BayesidError, ValueError):
+        return ()
+    return tuple(
+        Measured(run.name, what, unit, value, {n: r[what][0] for n, r in replayed.items() if what in r})
+        for what, (value, unit) in logged.items()
+        if np.isfinite(value)
+    )
 
 
 def _floor(model: Model, known: Log, point: Point, colours: Colours, late: Array) -> Array:
@@ -179,20 +263,28 @@ def _rung(
     before_key = min(before_keys, key=lambda k: float(excess[k].mean()))
     before, after = excess[before_key], excess["with effect"]
     n = len(segments)
+    sampled = {}
+    for k in (before_key, "with effect"):
+        if all(k in s.drawn and np.isfinite(s.drawn[k]).any() for s in segments):
+            # a draw misses by the estimate's error and its own: its spread counts, not that second share
+            raw = np.array([s.drawn[k] for s in segments])
+            sampled[k] = raw - np.nanmean(raw, axis=1, keepdims=True) + excess[k][:, None]
     ratio, base = [], []
     for _ in range(DRAWS):
-        pick = rng.integers(0, n, n)
-        b, a = float(before[pick].mean()), float(after[pick].mean())
+        # with two pieces there is nothing to resample: the draws alone speak
+        pick = rng.integers(0, n, n) if n >= 3 else np.arange(n)
+        b = _one(before, sampled.get(before_key), pick, rng)
+        a = _one(after, sampled.get("with effect"), pick, rng)
         base.append(b)
         ratio.append(1.0 - max(a, 0.0) / b if b > 0 else np.nan)
     floor = float(np.mean([s.floor for s in segments]))
     # Three segments give an interval; with fewer the gap must stand out of what the best model would leave.
-    sure = np.quantile(base, 0.05) > 0 if n >= 3 else before.mean() > 0.5 * floor
+    sure = np.quantile(base, 0.05) > 0 and (n >= 3 or before.mean() > 0.5 * floor)
     worth = bool(before.mean() > 0.05 and sure)
     shrink = 1.0 - max(float(after.mean()), 0.0) / float(before.mean()) if worth else float("nan")
     interval = (
         tuple(float(q) for q in np.nanquantile(ratio, (0.05, 0.95)))
-        if worth and n >= 3
+        if worth and (n >= 3 or len(sampled) == 2)
         else (float("nan"),) * 2
     )
     shown = {"nominal": "nominal", "recalibrated": before_key, "with effect": "with effect"}
@@ -217,4 +309,13 @@ def _rung(
         floor,
         rms,
         channels,
+        n,
+        max((v.shape[1] for v in sampled.values()), default=0),
     )
+
+
+def _one(values: Array, sampled: Array | None, pick: Array, rng: np.random.Generator) -> float:
+    """Mean excess of the picked pieces, of one posterior draw where there are any."""
+    if sampled is None:
+        return float(values[pick].mean())
+    return float(np.nanmean(sampled[pick, rng.integers(0, sampled.shape[1])]))

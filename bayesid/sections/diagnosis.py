@@ -286,7 +286,8 @@ def _shrink(found: Diagnosis) -> list[Block]:
             ["horizon", "nominal", "recalibrated", "with the effect", "shrinks by"],
             rows,
             "Mean squared prediction error above the floor, in noise variances; the floor is what noise, "
-            "environment and an unknown start leave to the best of models.",
+            "environment and an unknown start leave to the best of models. The 90 % intervals resample the "
+            "pieces predicted and draw the models' parameters from their posteriors.",
         )
     )
     drawn = figures.ladder(
@@ -317,7 +318,22 @@ def _shrink(found: Diagnosis) -> list[Block]:
             "Full replay, root mean square error.",
         )
     )
+    if found.shrink.measures:
+        blocks.append(_measures(found))
     return blocks
+
+
+def _measures(found: Diagnosis) -> Table:
+    rows: list[list[Any]] = []
+    for m in found.shrink.measures:
+        unit, scale = _DEGREES.get(m.unit, (m.unit, 1.0))
+        models = (m.models.get(k, math.nan) * scale for k in ("nominal", "recalibrated", "with effect"))
+        rows.append([literal(m.run), f"{m.name} [{unit}]", m.logged * scale, *models])
+    return Table(
+        ["run", "measure", "as logged", "nominal", "recalibrated", "with the effect"],
+        rows,
+        "Standard measures of the held-out runs, replayed with the logged orders.",
+    )
 
 
 def _closed(rung: Rung) -> str:
