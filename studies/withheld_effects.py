@@ -54,7 +54,9 @@ def mixture(seed: int) -> dict[str, Any]:
     return out
 
 
-def main(out: Path, work: Path, count: int, spatial: int, seed: int, jobs: int, accept: bool) -> Sheet:
+def main(
+    out: Path, work: Path, count: int, spatial: int, seed: int, jobs: int, accept: bool, minutes: float | None
+) -> Sheet:
     """Make, solve, open, score, report."""
     progress = Progress()
     packs, answers, verdicts = (work / name for name in ("packs", "answers", "verdicts"))
@@ -62,7 +64,7 @@ def main(out: Path, work: Path, count: int, spatial: int, seed: int, jobs: int, 
     if not (packs / COMMITMENTS).exists():
         make_pack(seeds, packs, answers, mixture, "w", jobs, progress)
     if not (verdicts / SEAL).exists():
-        keep = Settings(plan_next=False, report=False, keep=keep_baselines, accept_faults=accept)
+        keep = Settings(0, False, False, keep_baselines, accept_faults=accept, minutes=minutes)
         solve_pack(packs, verdicts, jobs, keep, progress)
     reached = oracles(packs, answers, verdicts, work / "oracle.json", jobs, progress)
     sheet = score_pack(answers, verdicts, jobs=jobs, oracle=reached, progress=progress)
@@ -104,8 +106,11 @@ if __name__ == "__main__":
     parser.add_argument(
         "--accept-faults", action="store_true", help="score bundles the program failed on as misses"
     )
+    parser.add_argument(
+        "--minutes", type=float, help="begin no diagnosis after this time; score what there is"
+    )
     parser.add_argument("--quick", action="store_true", help="three planar campaigns and one in 6-DOF")
     given = parser.parse_args()
     numbers = QUICK if given.quick else (given.count, given.spatial)
     place = given.work or (given.out / "work" if given.quick else Path("out/withheld_effects"))
-    main(given.out, place, *numbers, given.seed, given.jobs, given.accept_faults)
+    main(given.out, place, *numbers, given.seed, given.jobs, given.accept_faults, given.minutes)

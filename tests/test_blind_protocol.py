@@ -240,6 +240,20 @@ def test_a_fault_of_the_program_is_not_sealed_unless_accepted(world, monkeypatch
     assert set(seal["failures"]) == {"pond"}
 
 
+def test_time_that_runs_out_is_told_and_what_was_not_solved_is_left_out(world):
+    seal = solve_pack(world / "pack", world / "new", settings=Settings(minutes=0.0), progress=QUIET)
+    assert seal["unsolved"] == ["pond"] and seal["verdicts"] == {}
+    with pytest.raises(BlindError, match="no bundle has both"):
+        score_pack(world / "answers", world / "new", progress=QUIET)
+    shutil.copytree(world / "pack" / "pond", world / "pack" / "lake")
+    write_answer(world / "answers" / "lake.json", answer("lake"))
+    seal_pack(world / "pack", world / "answers", ["pond", "lake"])
+    (world / "out" / SEAL).unlink()
+    solve_pack(world / "pack", world / "out", settings=Settings(minutes=0.0), progress=QUIET)
+    sheet = score(world)
+    assert sheet.missing == ("lake",) and [c.name for c in sheet.cases] == ["pond"]
+
+
 def test_verdicts_do_not_go_into_the_pack_nor_answers_beside_it(world):
     with pytest.raises(BlindError, match="must not be written into the pack"):
         solve_pack(world / "pack", world / "pack" / "out", progress=QUIET)

@@ -44,7 +44,7 @@ class Sheet:
     control : the line that must fail
     strata : table per factor, see `score.table`
     sealed : what the seal says, None for unsealed verdicts
-    missing : answers without a verdict (unsealed only)
+    missing : bundles without a verdict, left out: not solved in the time given, or unsealed and not there
     """
 
     cases: tuple[Case, ...]
@@ -81,7 +81,8 @@ def score_pack(
     known = load_answers(answers)
     sealed = None if unsealed else check_seals(verdicts, known)
     found = load_verdicts(verdicts)
-    asked = sorted(sealed["pack"]["bundles"]) if sealed else sorted(set(found) & set(known))
+    unsolved = set(sealed.get("unsolved", ())) if sealed else set()
+    asked = sorted(set(sealed["pack"]["bundles"]) - unsolved) if sealed else sorted(set(found) & set(known))
     if not asked:
         raise BlindError(f"no bundle has both an answer in {answers} and a verdict in {verdicts}")
     known = weighed({n: known[n] for n in asked}, cache, jobs, progress or Progress())
@@ -95,7 +96,7 @@ def score_pack(
         dof: tuple(sheet([c for c in cases if c.dof == dof], oracle, dof))
         for dof in sorted({c.dof for c in cases})
     }
-    missing = () if sealed else tuple(sorted(set(load_answers(answers)) - set(found)))
+    missing = tuple(sorted(unsolved if sealed else set(load_answers(answers)) - set(found)))
     strata = {name: table(cases, key) for name, key in STRATA.items()}
     control = shuffled(known, found)
     return Sheet(tuple(cases), quantities, tuple(calibration(cases)), control, strata, sealed, missing)

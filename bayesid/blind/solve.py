@@ -6,13 +6,15 @@ report, and seal.json. Refuses a pack in which an answer may be read. Does not k
 
 from __future__ import annotations
 
+import math
 import os
 import time
 import traceback
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from itertools import islice
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -48,6 +50,7 @@ class Settings:
     report : write report.html and figures beside each verdict
     keep : called with each diagnosis and its folder, to keep more of it; must not change the verdict
     accept_faults : seal although the program itself failed on some bundles; they count as unanswered
+    minutes : begin no bundle after this time and seal what there is; the others are listed as not solved
     """
 
     seed: int = 0
@@ -55,6 +58,7 @@ class Settings:
     report: bool = True
     keep: Keep | None = None
     accept_faults: bool = False
+    minutes: float | None = None
 
 
 def solve_pack(
@@ -145,7 +149,7 @@ def _run(todo: list[Path], out: Path, digests: dict[str, str], jobs: int, settin
     tasks = [(b, out / b.name, digests[b.name], settings, now["code"]) for b in todo]
     left, begun = sum(weight.values()), time.monotonic()
     with progress.stage("bundles", len(tasks)) as stage:
-        for name, told in _results(tasks, jobs):
+        for name, told in _results(tasks, jobs, settings.minutes):
             left -= weight[name]
             share = sum(weight.values()) - left
             minutes = left * (time.monotonic() - begun) / share / 60.0
@@ -153,7 +157,8 @@ def _run(todo: list[Path], out: Path, digests: dict[str, str], jobs: int, settin
 
 
 def _check_faults(bundles: list[Path], out: Path, accepted: bool) -> None:
-    notes = {b.name: read_json(out / b.name / NOTE, "a note of `blind solve`") for b in bundles}
+    solved = [b for b in bundles if (out / b.name / NOTE).exists()]
+    notes = {b.name: read_json(out / b.name / NOTE, "a note of `blind solve`") for b in solved}
     faults = [f"{name}: {note['failure']}" for name, note in notes.items() if "trace" in note]
     if faults and not accepted:
         faults.append(
@@ -162,16 +167,25 @@ def _check_faults(bundles: list[Path], out: Path, accepted: bool) -> None:
         raise_all(BlindError, f"the program failed on {len(faults) - 1} bundles", faults)
 
 
-def _results(tasks: list[Any], jobs: int) -> Any:
+def _results(tasks: list[Any], jobs: int, minutes: float | None) -> Any:
+    """Names and words of verdicts as they come; none is begun after `minutes`."""
+    last = math.inf if minutes is None else time.monotonic() + 60.0 * minutes
     if jobs <= 1:
-        yield from map(_solve_one, tasks)
+        for task in tasks:
+            if time.monotonic() >= last:
+                return
+            yield _solve_one(task)
         return
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    left = iter(tasks)
     with ProcessPoolExecutor(min(jobs, max(len(tasks), 1)), mp_context=get_context("spawn")) as pool:
-        futures = [pool.submit(_solve_one, task) for task in tasks]
+        running = {pool.submit(_solve_one, task) for task in islice(left, jobs) if time.monotonic() < last}
         try:
-            for future in as_completed(futures):
-                yield future.result()
+            while running:
+                done, running = wait(running, return_when=FIRST_COMPLETED)
+                if time.monotonic() < last:
+                    running |= {pool.submit(_solve_one, task) for task in islice(left, len(done))}
+                yield from (future.result() for future in done)
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
@@ -235,7 +249,10 @@ def _overview(out: Path, seal: dict[str, Any]) -> None:
 
 def _seal(out: Path, digests: dict[str, str], commitments: dict[str, Any] | None, now: dict[str, str],
           started: str) -> dict[str, Any]:  # fmt: skip
-    notes = {name: read_json(out / name / NOTE, "a note of `blind solve`") for name in digests}
+    unsolved = sorted(name for name in digests if not (out / name / NOTE).exists())
+    for name in unsolved:  # what a stop left behind is no verdict
+        (out / name / "diagnosis.json").unlink(missing_ok=True)
+    notes = {n: read_json(out / n / NOTE, "a note of `blind solve`") for n in digests if n not in unsolved}
     verdicts = {n: t["verdict"] for n, t in notes.items() if "verdict" in t}
     keys = ("cpu_seconds", "wall_seconds", "simulated_seconds", "dof", "code")
     seal = {
@@ -245,6 +262,7 @@ def _seal(out: Path, digests: dict[str, str], commitments: dict[str, Any] | None
         "sealed": datetime.now(UTC).isoformat(timespec="seconds"),
         "pack": {"bundles": digests, "commitments": commitments},
         "verdicts": verdicts,
+        "unsolved": unsolved,
         "failures": {n: t["failure"] for n, t in notes.items() if "failure" in t},
         "cost": {n: {k: t[k] for k in keys if k in t} for n, t in notes.items()},
         "seal": digest_of_list(verdicts),

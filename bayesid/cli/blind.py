@@ -75,6 +75,10 @@ def solve(
     accept_faults: Annotated[
         bool, typer.Option("--accept-faults", help="Seal although the program failed on some bundles.")
     ] = False,
+    minutes: Annotated[
+        float | None,
+        typer.Option("--minutes", min=0.0, help="Begin no bundle after this time; seal the rest."),
+    ] = None,
     jobs: Jobs = 1,
     seed: Seed = 0,
     quick: Quick = False,
@@ -87,12 +91,16 @@ def solve(
     """
     from bayesid.blind.solve import Settings, solve_pack
 
-    settings = Settings(seed, plan_next=not quick, report=not quick, accept_faults=accept_faults)
+    settings = Settings(
+        seed, plan_next=not quick, report=not quick, accept_faults=accept_faults, minutes=minutes
+    )
     seal = solve_pack(pack, out, jobs, settings, names=tuple(only or ()))
     if "seal" not in seal:
         print(f"{len(seal['verdicts'])} verdicts in {out}, not sealed: only some bundles were asked for")
         return OK
     print(f"{len(seal['verdicts'])} verdicts in {out}, sealed as {seal['seal'][:16]}")
+    if seal["unsolved"]:
+        print(f"{len(seal['unsolved'])} bundles were not solved in the time given; the seal lists them")
     for name, message in seal["failures"].items():
         print(f"{name}: no verdict: {message}")
     return NOT_CONVERGED if seal["failures"] else OK

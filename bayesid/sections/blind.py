@@ -72,6 +72,11 @@ def _lead(sheet: Any) -> str:
     )
     if sheet.sealed is None:
         text += " These verdicts are **not sealed**: a development score, no blind check."
+    if sheet.sealed is not None and sheet.missing:
+        text += (
+            f" {len(sheet.missing)} bundles were not solved in the time given and are left out, whatever "
+            "their answers."
+        )
     if sheet.control.met is not False:
         text += " **The control did not fail**: with so few bundles these scores show nothing."
     return text
