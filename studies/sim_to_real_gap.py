@@ -39,7 +39,7 @@ def main(out: Path, quick: bool, seed: int, data: Path | None = None) -> dict[st
     parts: dict[str, Any] = {"example": story, "planted": rows}
     real: dict[str, Any] = {}
     if not quick:
-        parts["delphin2"] = delphin2(progress)
+        parts["delphin2"] = delphin2(out / "campaigns", progress)
     if data is not None:
         parts["more"], real = real_logs(data, out / "campaigns", quick, seed, progress)
     results = {

@@ -19,8 +19,10 @@ DEG = 180.0 / math.pi
 
 def delphin2_section(found: Mapping[str, Any]) -> Section:
     """Measured against nominal, hypotheses by evidence, what the best of them says."""
-    rows = sorted(found["hypotheses"], key=lambda h: -h["log_evidence"])
+    arrived = [h for h in found["hypotheses"] if h["values"]]
+    rows = sorted(arrived, key=lambda h: -h["log_evidence"])
     base = next(h for h in rows if not h["effects"])
+    lost = [_words(h) for h in found["hypotheses"] if not h["values"]]
     table = [
         [
             _words(h),
@@ -51,7 +53,10 @@ def delphin2_section(found: Mapping[str, Any]) -> Section:
                 "of an "
                 "assumed accuracy of 0.01 m/s and 0.2 degrees/s: 1 would be a complete explanation.",
             ),
-            Text(_finding(rows)),
+            Text(
+                _finding(rows)
+                + (f" Refits that left the stable vehicles: {', '.join(lost)}." if lost else "")
+            ),
         ],
     )
 

@@ -8,16 +8,19 @@ cannot show in a table of steady values and are not asked.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from gap.keep import keep
 
 from bayesid.diagnose.candidate import weighed
 from bayesid.diagnose.problem import Problem, fit_with, pose
 from bayesid.effects import Effect, EffectParameter
 from bayesid.effects.declare import InputStage
+from bayesid.errors import ModelError
 from bayesid.model import Model, build_model
 from bayesid.progress import Progress
 from bayesid.simulate import observe, plan_trial_run, simulate
@@ -65,7 +68,7 @@ def revolutions(setpoint: float) -> float:
     return 60.0 * (-0.0055060 * setpoint**2 + 0.4135859 * setpoint - 1.7894599)
 
 
-def delphin2(progress: Progress) -> dict[str, Any]:
+def delphin2(store: Path, progress: Progress) -> dict[str, Any]:
     """Refit every hypothesis to the 16 published numbers; what each says of them."""
     vehicle = load_vehicle("delphin2")
     vehicle = replace(vehicle, prior=Prior(dict.fromkeys(vehicle.coef, PRIOR)))
@@ -74,29 +77,37 @@ def delphin2(progress: Progress) -> dict[str, Any]:
     problem = pose(model, trial)
     rows = []
     for effects in progress.track(HYPOTHESES, "Delphin2 hypotheses"):
-        fitted = fit_with(problem, tuple(model.effects[n] for n in effects))
-        candidate = weighed(problem, effects, fitted)
-        k = len(problem.coefficients.names)
-        pull = (fitted.values - fitted.free.mean)[:k] / fitted.free.sd[:k]
-        worst = int(np.abs(pull).argmax())
-        rows.append(
-            {
-                "effects": effects,
-                "log_evidence": candidate.log_evidence,
-                "chi2": misfit(model, problem, trial, fitted.par),
-                "converged": fitted.converged,
-                "parameters": {
-                    n: (float(v), float(s))
-                    for n, v, s in zip(fitted.free.names[k:], fitted.values[k:], fitted.sd[k:], strict=True)
-                },
-                "largest_pull": [fitted.free.names[worst], float(pull[worst])],
-                "values": steady_values(model, trial, fitted.par),
-            }
-        )
+        name = "delphin2-" + ("+".join(effects) or "none")
+        rows.append(keep(store, name, lambda effects=effects: refitted(problem, trial, effects)))
     nominal = steady_values(model, trial, model.nominal)
     measured = [float(next(iter(r.data.values()))[-1]) for r in trial.runs]
     names = [(r.name, r.manoeuvre) for r in trial.runs]
     return {"runs": names, "measured": measured, "nominal": nominal, "hypotheses": rows}
+
+
+def refitted(problem: Problem, trial: Trial, effects: tuple[str, ...]) -> dict[str, Any]:
+    """One hypothesis: evidence, parameters and the steady values it says, none where it diverges."""
+    model = problem.model
+    fitted = fit_with(problem, tuple(model.effects[n] for n in effects))
+    k = len(problem.coefficients.names)
+    pull = (fitted.values - fitted.free.mean)[:k] / fitted.free.sd[:k]
+    worst = int(np.abs(pull).argmax())
+    try:
+        values = steady_values(model, trial, fitted.par)
+    except ModelError:
+        values = []
+    return {
+        "effects": effects,
+        "log_evidence": weighed(problem, effects, fitted).log_evidence,
+        "chi2": misfit(trial, values) if values else None,
+        "converged": fitted.converged,
+        "parameters": {
+            n: (float(v), float(s))
+            for n, v, s in zip(fitted.free.names[k:], fitted.values[k:], fitted.sd[k:], strict=True)
+        },
+        "largest_pull": [fitted.free.names[worst], float(pull[worst])],
+        "values": values,
+    }
 
 
 def published(table: Any) -> Trial:
@@ -142,10 +153,10 @@ def steady_values(model: Model, trial: Trial, par: np.ndarray) -> list[float]:
     return out
 
 
-def misfit(model: Model, problem: Problem, trial: Trial, par: np.ndarray) -> float:
+def misfit(trial: Trial, values: Sequence[float]) -> float:
     """Mean squared error of the 16 numbers in units of their assumed accuracy."""
     total = []
-    for run, value in zip(trial.runs, steady_values(model, trial, par), strict=True):
+    for run, value in zip(trial.runs, values, strict=True):
         channel = next(iter(run.data))
         sd = SPEED_SD if channel == "u" else RATE_SD
         total.append(((value - run.data[channel][-1]) / sd) ** 2)
