@@ -38,7 +38,7 @@ from bayesid.fit.pieces import in_pieces
 from bayesid.likelihood import measured_base, run_data
 from bayesid.manoeuvres import OpenLoop, on_grid
 from bayesid.model import build_model
-from bayesid.progress import Progress
+from bayesid.progress import Progress, Stage
 from bayesid.sections.planning import comparison_record, plan_record
 from bayesid.sections.richness import richness_report
 from bayesid.terms import term
@@ -68,7 +68,7 @@ class Size:
 
 
 FULL = Size(12, 4, 20, Effort(4, 12, 1200, 20), 4000)
-QUICK = Size(3, 1, 5, Effort(2, 3, 60, 4), 0)
+QUICK = Size(3, 1, 5, Effort(2, 3, 50, 2), 0)
 
 
 def main(data: Path | None, out: Path, quick: bool, seed: int) -> Path:
@@ -82,8 +82,8 @@ def main(data: Path | None, out: Path, quick: bool, seed: int) -> Path:
     vehicles = {}
     for name in VEHICLES[:1] if quick else VEHICLES:
         case = case_of(name)
-        record = {"comparison": part(f"{name}_compare", lambda c=case: library_part(c, size, seed, progress))}
-        record |= part(f"{name}_design", lambda c=case: design_part(c, size, seed, progress))
+        record = {"comparison": part(f"{name}_compare", partial(library_part, case, size, seed, progress))}
+        record |= part(f"{name}_design", partial(design_part, case, size, seed, progress))
         if size.steps and name in SAMPLED:
             work = partial(sampled_part, case, record["orders"]["shrink"], name, size, seed, progress)
             record["sampled"] = part(f"{name}_sampled", work)
@@ -93,7 +93,7 @@ def main(data: Path | None, out: Path, quick: bool, seed: int) -> Path:
     logs = {}
     for name in SETTINGS if data is not None and not quick else ():
         if (data / name).is_dir():
-            logs[name] = part(name, lambda n=name: real(n, data / n, progress))
+            logs[name] = part(name, partial(real, name, data / name, progress))
     plain = {n: {k: v for k, v in r.items() if k != "orders"} for n, r in vehicles.items()}
     results = {"seeds": [seed], "vehicles": plain, "six_dof": deep, "tell": told, "logs": logs}
     page = report.write(richness_report(vehicles, deep, told, logs, quick), out, results)
@@ -135,7 +135,7 @@ def design_part(case: Case, size: Size, seed: int, progress: Progress) -> dict[s
         with progress.stage(f"design to {goal}", size.effort.evaluations) as stage:
             plans[goal] = next_manoeuvre(
                 after, goal, np.random.default_rng(seed), wanted=wanted, effort=size.effort,
-                watch=lambda done, best, s=stage: s.step(info=f"best {best:.4g}"),
+                watch=partial(shown, stage),
             )  # fmt: skip
     rng = np.random.default_rng(seed + 1)
     open_ones = shrink(after.now(after.draws(rng, size.draws)))
@@ -152,6 +152,11 @@ def design_part(case: Case, size: Size, seed: int, progress: Progress) -> dict[s
         "orders": {g: orders_of(p) for g, p in plans.items()},
         "test": test,
     }
+
+
+def shown(stage: Stage, done: int, best: float) -> None:
+    """One manoeuvre tried."""
+    stage.step(info=f"best {best:.4g}")
 
 
 def orders_of(plan: Plan) -> dict[str, Any]:
@@ -203,10 +208,14 @@ def tell_part(case: Case, size: Size, seed: int, progress: Progress) -> dict[str
     with progress.stage("design to tell", effort.evaluations) as stage:
         plan = next_manoeuvre(
             case, "tell", np.random.default_rng(seed), causes=goal, effort=effort,
-            watch=lambda done, best: stage.step(info=f"best {best:.4g}"),
+            watch=partial(shown, stage),
         )  # fmt: skip
     rival = next(c.name for c in plan.candidates if c.kind == "library")
-    campaigns = {"nothing more": {}, rival: {rival: library[rival]}, "designed": {"designed": plan.orders}}
+    campaigns: dict[str, dict[str, Any]] = {
+        "nothing more": {},
+        rival: {rival: library[rival]},
+        "designed": {"designed": plan.orders},
+    }
     rows = []
     for cause in progress.track(CAUSES, "causes planted"):
         prior = effect_prior(model, model.effects[cause])

@@ -161,9 +161,14 @@ def _targets(
             e, s = (_vector(c[k]) for k in ("expected", "sampled"))
             good = e > WELL
             ratio = (1 - s[good]) / (1 - e[good])
+            out = [n for n, g, x in zip(c["names"], good, (1 - s) / (1 - e), strict=True)
+                   if g and not 1 / FACTOR < x < FACTOR]  # fmt: skip
             rows.append([
                 f"{name}, {label}: the same against emcee",
-                f"{ratio.min():.2f} to {ratio.max():.2f} over {ratio.size}" if good.any() else "none is",
+                f"{ratio.min():.2f} to {ratio.max():.2f} over {ratio.size}"
+                + (f"; outside: {', '.join(out)}" if out else "")
+                if good.any()
+                else "none is",
                 bool(good.any() and np.all((ratio < FACTOR) & (ratio > 1 / FACTOR))),
             ])  # fmt: skip
         for goal, plan in v["plans"].items():
