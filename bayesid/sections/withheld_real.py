@@ -22,12 +22,16 @@ def facility_report(results: Mapping[str, Any]) -> Report:
     n = results["inputs"]
     lead = (
         "The same ship was tested free-running in another facility, whose logs are not here. These are "
-        f"predictions of its manoeuvres from a straight run at {n['speed']} m/s and {n['rpm']} rpm, made from "
+        f"predictions of its manoeuvres from a straight run at {n['speed']} m/s and {n['rpm']} rpm, made "
+        "from "
         "the zig-zags of this facility alone; one CSV per manoeuvre holds mean and 95 % band. "
         f"**On zig-zags of this facility kept out of the fit, {inside} of {count} measured overshoots lie in "
-        "their 95 % band.** The error of the rows repeats from draw to draw, and the draws do not know it. The "
-        f"bands of the predicted zig-zags are therefore widened {results['widened']:.1f} times, after which half "
-        "of the held-out overshoots lie where half should. Circles have no such check: theirs is the model's own "
+        "their 95 % band.** The error of the rows repeats from draw to draw, and the draws do not know it. "
+        "The "
+        f"bands of the predicted zig-zags are therefore widened {results['widened']:.1f} times, after which "
+        "half "
+        "of the held-out overshoots lie where half should. Circles have no such check: theirs is the "
+        "model's own "
         "band, and too narrow if anything.\n\n" + literal(results["attribution"])
     )
     sections = [
