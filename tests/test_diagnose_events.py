@@ -7,10 +7,13 @@ import numpy as np
 import pytest
 from gap_trials import model_of, other_vehicle, planted_trial
 
+from bayesid.coloured.fit import NOTHING
+from bayesid.coloured.path import linearise
 from bayesid.diagnose.event import blanked, released
 from bayesid.diagnose.events import identify_events, suspects, verdict_with
 from bayesid.diagnose.problem import fit_with, pose
 from bayesid.diagnose.verdict import Verdict
+from bayesid.diagnose.windows import ratios, windows
 
 SAMPLES = 160  # two runs of 64 L/U
 
@@ -95,6 +98,18 @@ def test_a_gap_that_lasts_is_no_event():
     _, problem, events = case("remus100", "current")
     assert fit_with(problem, ()).chi2 > 10.0
     assert events == () and suspects(problem) == ()
+
+
+@pytest.mark.parametrize("name", ["remus100", "generic_sub"])
+def test_no_window_of_a_clean_trial_stands_out(name):
+    # misfit per reading of some 30 readings: 1 give or take 0.26; 40 windows of two runs
+    _, problem, events = case(name, "")
+    model, fitted = problem.model, fit_with(problem, ())
+    paths = [linearise(model, log, p, NOTHING.where)
+             for log, p in zip(problem.logs, fitted.points, strict=True)]  # fmt: skip
+    found = ratios(windows(model, paths, NOTHING, problem.environment.colours))
+    assert found.size > 30 and 0.8 < np.median(found) < 1.2 and found.max() < 2.5
+    assert events == () and suspects(problem, fitted) == ()
 
 
 def test_only_what_an_event_spoiled_is_left_out():

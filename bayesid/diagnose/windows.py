@@ -78,12 +78,15 @@ def gram_of(model: Model, path: Path, free: Free, colours: Colours, latent: Late
 
 
 def cut(path: Path, first: int, last: int) -> Path:
-    """Samples first to last - 1 of a path, as a run of its own; its plan keeps the times only."""
+    """Samples first to last - 1 of a path, as a run of its own; its plan keeps the times only.
+
+    It starts about the path's own state there, not about the guess for the run's first sample.
+    """
     s, steps = slice(first, last), slice(first, last - 1)
     p = path.point
     return replace(
         path,
-        log=cut_log(path.log, first, last),
+        log=replace(cut_log(path.log, first, last), first=p.states[first]),
         point=replace(p, states=p.states[s], force=p.force[steps]),
         resid=path.resid[s],
         slope=path.slope[s],
