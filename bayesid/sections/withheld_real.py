@@ -148,6 +148,7 @@ def wind_report(results: Mapping[str, Any]) -> Report:
                         [wind_row(row, area["area"]) for row in results["hidden"]["runs"]],
                         "October.",
                     ),
+                    Text(_worth(results["hidden"]["runs"])),
                 ],
             )
         )
@@ -189,6 +190,28 @@ COLUMNS = (
 )  # fmt: skip
 
 
+def _worth(rows: Sequence[Mapping[str, Any]]) -> str:
+    """How far said and measured wind are apart where both are known."""
+    turned, ratio = [], []
+    for row in rows:
+        effect, known = _wind(row["found"]), row["measured"]
+        if effect is not None and "V_wind" in effect["parameters"] and known:
+            off = effect["parameters"]["from"]["value"] - known["from"]
+            turned.append(DEG * ((off + math.pi) % (2 * math.pi) - math.pi))
+            ratio.append(effect["parameters"]["V_wind"]["value"] / known["speed"])
+    missed = [row["measured"]["speed"] for row in rows if _wind(row["found"]) is None and row["measured"]]
+    words = f"Wind is said to act in {len(turned)} of {len(rows)} runs"
+    if turned:
+        words += (
+            f"; there it comes from {min(turned):+.0f} to {max(turned):+.0f} degrees beside the anemometer, "
+            "at "
+            f"{min(ratio):.2f} to {max(ratio):.2f} of its speed"
+        )
+    if missed:
+        words += f". In the others the anemometer had {min(missed):.1f} to {max(missed):.1f} m/s"
+    return words + ". The statements below deserve no more trust than that."
+
+
 def _wind(found: Mapping[str, Any]) -> Mapping[str, Any] | None:
     return next((e for e in found["effects"] if e["name"] == "wind"), None)
 
@@ -205,6 +228,13 @@ def wind_row(row: Mapping[str, Any], area: float) -> list[Any]:
             f"{speed['value']:.2f} ± {2 * speed['sd']:.2f}",
             f"{speed['value'] / math.sqrt(area):.2f}" if area > 0.01 else "",
         ]
+    force: Mapping[str, Any] = next(
+        (e["parameters"] for e in found["effects"] if e["name"] == "steady_force"), {}
+    )
+    if effect is None and force:
+        n, e = force["F_north"]["value"], force["F_east"]["value"]
+        come = DEG * (math.atan2(-e, -n) % (2 * math.pi))
+        said[0] = f"{come:.0f}: a steady force of {math.hypot(n, e):.2g} N"
     names = ", ".join(n.replace("_", " ") for n in found["set95"][:MOST])
     names += f" and {len(found['set95']) - MOST} more" if len(found["set95"]) > MOST else ""
     return [row["run"], found["verdict"].replace("_", " "), names, *said, told]
