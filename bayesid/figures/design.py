@@ -11,6 +11,7 @@ from io import BytesIO
 from typing import Any
 
 import numpy as np
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from PIL import Image  # comes with matplotlib
 
 from bayesid.figures.style import COLOURS, styled, subplots, track_axes
@@ -54,8 +55,10 @@ def contraction_map(
 
 
 @styled
-def cross_map(panels: Mapping[str, Array], names: Sequence[str]) -> Any:
-    """Identify on the row, predict the column: error over sensor noise, logarithmic."""
+def cross_map(
+    panels: Mapping[str, Array], names: Sequence[str], label: str = "rms error over sensor noise"
+) -> Any:
+    """Identify on the row, predict the column; logarithmic."""
     figure, axes = subplots(1, len(panels), height=1.6 + 0.19 * len(names), squeeze=False, sharey=True)
     finite = np.concatenate([v[np.isfinite(v) & (v > 0)] for v in panels.values()])
     low, high = np.log10(np.quantile(finite, [0.02, 0.98]))
@@ -71,9 +74,7 @@ def cross_map(panels: Mapping[str, Array], names: Sequence[str]) -> Any:
         ax.grid(False)
     axes[0, 0].set_yticks(range(len(names)), names, fontsize=7)
     axes[0, 0].set_ylabel("identified on")
-    bar = figure.colorbar(
-        image, ax=list(axes[0]), label="rms error over sensor noise", fraction=0.03, pad=0.01
-    )
+    bar = figure.colorbar(image, ax=list(axes[0]), label=label, fraction=0.03, pad=0.01)
     ticks = np.arange(math.ceil(low), math.floor(high) + 1)
     if ticks.size >= 2:
         bar.set_ticks(ticks.tolist(), labels=[f"$10^{{{int(t)}}}$" for t in ticks])
@@ -88,7 +89,7 @@ def against(
     groups: Mapping[str, tuple[Array, Array]], xlabel: str, ylabel: str, band: float = 1.0, log: bool = True
 ) -> Any:
     """Points of one quantity against another; with `band` > 1 the diagonal and a factor either side of it."""
-    figure, ax = subplots(height=3.4, width=5.2)
+    figure, ax = subplots(height=3.4, width=7.2 if len(groups) > 1 else 4.6)
     markers = "os^Dvx"
     for k, (name, (x, y)) in enumerate(groups.items()):
         ax.plot(x, y, markers[k % 6], label=name, alpha=0.7, markersize=4)
@@ -101,9 +102,14 @@ def against(
     if log:
         ax.set_xscale("log")
         ax.set_yscale("log")
+        for axis in (ax.xaxis, ax.yaxis):
+            axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+            axis.set_minor_formatter(NullFormatter())
     ax.set_xlabel(xlabel)
     ax.set_ylabel(ylabel)
-    ax.legend()
+    if len(groups) > 1:
+        figure.legend(loc="outside right upper")
     return figure
 
 

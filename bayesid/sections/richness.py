@@ -296,8 +296,10 @@ def _map(panels: Mapping[str, Array], rows: list[str], columns: list[str]) -> by
     return figures.compact(figures.contraction_map(panels, rows, columns))
 
 
-def _table(panels: Mapping[str, Array], names: list[str]) -> bytes:
-    return figures.compact(figures.cross_map(panels, names))
+def _table(
+    panels: Mapping[str, Array], names: list[str], label: str = "rms error over sensor noise"
+) -> bytes:
+    return figures.compact(figures.cross_map(panels, names, label))
 
 
 def _drawn(orders: Mapping[str, Array]) -> bytes:
@@ -406,7 +408,7 @@ def _logs(key: str, v: Mapping[str, Any]) -> list[Block]:
             f"logs_{key}", figures.against({key: (gains, others)}, "information gain [nats]",
             "error over the joint fit's", 1.0, False), "One point per run.",
         ),
-        Figure(f"cross_{key}", _table({"errors over the joint fit": excess}, names),
+        Figure(f"cross_{key}", _table({"each run alone": excess}, names, "error over the joint fit's"),
                "Identify on the row, predict the column."),
     ]  # fmt: skip
     if len(kinds) > 1:
