@@ -16,6 +16,7 @@ from bayesid.cli.fit import fit
 from bayesid.cli.identify import identify
 from bayesid.cli.options import Verbose
 from bayesid.cli.predict import predict
+from bayesid.cli.sample import sample
 from bayesid.cli.simulate import simulate
 from bayesid.cli.study import study
 from bayesid.cli.trial_measure import measure
@@ -37,6 +38,7 @@ def command() -> Any:
     app.command("simulate")(simulate)
     app.command("fit")(fit)
     app.command("identify")(identify)
+    app.command("sample")(sample)
     app.command("diagnose")(diagnose)
     app.command("excite")(excite)
     app.command("predict")(predict)

@@ -1,0 +1,48 @@
+"""`bayesid sample`: the answer, the exit code below the gate, and going on."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from bayesid.cli.guard import run
+from bayesid.sample import load_posterior
+
+NOISE = {"x": 1.0, "y": 1.0, "psi": 0.005, "r": 0.0005}
+CHOICE = ["--free", "N_v,N_r,N_dr", "--prior", "0.2"]
+
+
+@pytest.fixture(scope="module")
+def pond(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("pond")
+    noise = [part for name, sigma in NOISE.items() for part in ("--noise", f"{name}={sigma}")]
+    flown = ["simulate", "generic_sub", "turn:25,duration=200", "--dt", "4", "--out", str(folder)]
+    assert run([*flown, *noise, "--seed", "1"]) == 0
+    return folder
+
+
+def test_a_chain_cut_short_is_code_3_and_resumed_it_converges_around_the_truth(pond, tmp_path, capsys):
+    short = ["sample", str(pond), "--out", str(tmp_path), *CHOICE]
+    assert run([*short, "--max-steps", "20"]) == 3
+    said = capsys.readouterr().out
+    assert "Not converged; no interval is final" in said
+    assert "no interval is final" in (tmp_path / "report.md").read_text(encoding="utf-8")
+    assert run([*short]) == 2
+    assert "holds a chain already" in capsys.readouterr().err
+    assert run([*short, "--resume", "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["converged"] and answer["rhat_max"] <= 1.01 and answer["steps_in_tau"] >= 50
+    posterior = load_posterior(tmp_path / "posterior.nc")
+    assert posterior.names[:3] == ("N_v", "N_r", "N_dr") and posterior.names[3].startswith("sigma:")
+    truth = posterior.prior_mean[:3]  # the vehicle flew as its file says
+    assert np.all(np.abs(posterior.mean[:3] - truth) < 4 * posterior.sd[:3])
+    assert np.all(posterior.sd[:3] < 0.8 * posterior.prior_sd[:3])
+    assert {p.name for p in tmp_path.iterdir()} >= {"chain", "fit.json", "report.html", "results.json"}
+
+
+def test_settings_that_exclude_each_other_are_told_before_any_work(pond, tmp_path, capsys):
+    assert run(["sample", str(pond), "--out", str(tmp_path), "--student", "4"]) == 2
+    assert "Student-t noise has no closed form" in capsys.readouterr().err
+    assert not any(tmp_path.iterdir())
