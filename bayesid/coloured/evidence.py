@@ -10,6 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
+from bayesid.errors import ModelError
+
 Array = np.ndarray
 
 
@@ -73,11 +75,18 @@ def posterior(g: Gram) -> Posterior:
     """Posterior and log evidence of e = S z + noise with z ~ N(0, I) and whitened noise.
 
     log Z = -1/2 [e'e - g'H^-1 g] - 1/2 log|Sigma| - 1/2 log|H| - n/2 log 2 pi, H = I + S'S, g = S'e.
+
+    Raises
+    ------
+    ModelError
+        if a product is not finite
     """
     k = g.se.size
     constant = -0.5 * g.used * np.log(2 * np.pi)
     if k == 0:
         return Posterior(np.zeros(0), np.zeros((0, 0)), -0.5 * (g.ee + g.logdet) + constant)
+    if not (np.isfinite(g.ss).all() and np.isfinite(g.se).all() and np.isfinite(g.ee)):
+        raise ModelError("the path left the region where the model can be linearised")
     h = np.eye(k) + g.ss
     factor = cho_factor(h, lower=True)
     mean = cho_solve(factor, g.se)

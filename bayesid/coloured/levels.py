@@ -15,9 +15,10 @@ from scipy.optimize import minimize
 
 from bayesid.coloured.colours import Colours, force_unit, pairs
 from bayesid.coloured.evidence import posterior
-from bayesid.coloured.fit import NOTHING, Free, fit, stack
+from bayesid.coloured.fit import NOTHING, ColouredFit, Free, fit, stack
 from bayesid.coloured.log import Array, Log
-from bayesid.coloured.path import linearise
+from bayesid.coloured.path import Path, linearise
+from bayesid.errors import ModelError
 from bayesid.model import Model
 
 # Prior medians over 1/2 rho L^2 U^2 and L, and spreads of their logarithms: wide enough for a basin and for
@@ -29,6 +30,8 @@ REPEATABLE = 0.4
 TAU_FORCE, TAU_DRIFT, TAU_SPREAD = 3.0, 25.0, 0.7
 # Prior sd of the arms of the disturbances over L, and how well a measured one repeats.
 ARM_SPREAD, ARM_REPEATS = 0.25, 0.05
+# Cost of an environment under which a path leaves the numbers.
+HOPELESS = 1e12
 
 
 @dataclass(frozen=True)
@@ -111,15 +114,14 @@ def measure(
         # Coefficients stay nominal along the path: a row of the balance and its noise may shrink together
         # without any change in the track, and a path fitted under too quiet a guess would take that way out.
         settled = fit(model, logs, NOTHING, colours(theta), passes=8)
-        linear = tuple(
-            linearise(model, log, point, free.where) for log, point in zip(logs, settled.points, strict=True)
-        )
+        linear = _linear(model, logs, settled, free)
 
         def cost(t: Array, paths: tuple = linear) -> float:
             grams = stack(model, paths, free, colours(t))
-            return -posterior(sum(grams[1:], grams[0])).log_evidence + 0.5 * float(
-                (((t - centre) / spread) ** 2).sum()
-            )
+            total = sum(grams[1:], grams[0])
+            if not (np.isfinite(total.ss).all() and np.isfinite(total.se).all() and np.isfinite(total.ee)):
+                return HOPELESS
+            return -posterior(total).log_evidence + 0.5 * float((((t - centre) / spread) ** 2).sum())
 
         found = minimize(
             cost,
@@ -130,3 +132,15 @@ def measure(
         )
         theta = found.x
     return Environment(colours(theta), "measured", spread_found)
+
+
+def _linear(model: Model, logs: Sequence[Log], settled: ColouredFit, free: Free) -> tuple[Path, ...]:
+    """Paths about where a fit ended; about its most probable pass if the last step left the numbers."""
+    try:
+        return tuple(
+            linearise(model, log, p, free.where) for log, p in zip(logs, settled.points, strict=True)
+        )
+    except ModelError:
+        return tuple(
+            linearise(model, log, p, free.where) for log, p in zip(logs, settled.follow, strict=True)
+        )

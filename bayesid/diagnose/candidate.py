@@ -17,6 +17,7 @@ from bayesid.coloured.levels import REPEATABLE
 from bayesid.coloured.log import Array
 from bayesid.diagnose.problem import Problem
 from bayesid.effects import Effect
+from bayesid.errors import ModelError
 from bayesid.kernels.layout import names_read
 
 COEFFICIENT_ERROR = "coefficient_error"
@@ -74,7 +75,10 @@ def repeatable_bonus(problem: Problem, fitted: ColouredFit) -> float:
         grams = stack(
             problem.model, fitted.paths, fitted.free, problem.environment.colours.scaled(float(np.exp(shift)))
         )
-        values.append(posterior(sum(grams[1:], grams[0])).log_evidence)
+        try:
+            values.append(posterior(sum(grams[1:], grams[0])).log_evidence)
+        except ModelError:
+            return 0.0
     return float(logsumexp(np.array(values) + weight) - fitted.log_evidence)
 
 
