@@ -86,7 +86,7 @@ def _unknowns(posterior: Posterior, unit: str) -> Section:
             "50 and 90 % intervals of the posterior in prior standard deviations; grey: 90 % of the prior."
         )
         blocks.append(Figure("intervals", drawn, caption))
-    return Section("Unknowns", (*blocks, Table(COLUMNS, rows(posterior))))
+    return Section("Unknowns", (*blocks, Table(COLUMNS, rows(posterior), digits=5)))
 
 
 def _chain(posterior: Posterior) -> Section:
@@ -135,6 +135,6 @@ def _model(found: TrialFit, posterior: Posterior) -> Section:
         f"Runs {names}; {found.fit.n_readings} readings. Noise {density.get('noise')}, initial states "
         f"{density.get('initial')}"
         + (f", Student-t with {density['student']:g} degrees of freedom" if density.get("student") else "")
-        + f". {memory} {literal(found.fit.verdict)}."
+        + f". {memory} The fit: {literal(found.fit.verdict)}."
     )
     return Section("The model", (Text(text),))
