@@ -6,9 +6,14 @@ from functools import lru_cache
 import numpy as np
 import pytest
 from gap_trials import model_of, noise_of, other_vehicle, planted_trial
+from scipy.stats import multivariate_normal
 
-from bayesid.coloured.fit import fit
+from bayesid.coloured import levels
+from bayesid.coloured.colours import filter_settings
+from bayesid.coloured.evidence import posterior
+from bayesid.coloured.fit import fit, stack
 from bayesid.coloured.log import read_run
+from bayesid.coloured.path import first_point, linearise
 from bayesid.diagnose import bank as banks
 from bayesid.diagnose.bank import build_bank, levels_between, screen
 from bayesid.diagnose.problem import fit_with, pose
@@ -141,3 +146,58 @@ def test_the_first_guess_of_a_path_has_the_velocities_positions_and_heading_tell
         miss = log.path[:, states.index(name)] - run.data[name]
         assert np.sqrt(np.mean(miss**2)) < 0.12 * unit, name
     assert np.ptp(log.path[:, states.index("r")]) > 0.2 * model.scales["U"] / model.scales["L"]
+
+
+def test_log_evidence_of_a_trial_is_that_of_its_readings_written_out():
+    # the whole chain, a vehicle's own maps: one covariance of all readings, coefficients included
+    model = model_of()
+    trial = planted_trial(model, other_vehicle(model, 2), 2, samples=14)
+    problem = pose(model, trial)
+    colours = levels.stated(model, 1e-4, 0.3).colours
+    log = problem.logs[0]
+    free = problem.coefficients
+    point = first_point(model, log, model.nominal)
+    path = linearise(model, log, point, free.where)
+    gram = stack(model, [path], free, colours)[0]
+    f = filter_settings(model, path, colours)
+    n, q, nx, nf = log.n, len(log.channels), path.phi.shape[1], f.gamma.shape[2]
+    # everything random as one standard normal vector: coefficients, first state, forces, drifts
+    k, steps = len(free.names), f.gamma.shape[0]
+    first, force = k, k + nx
+    drift = force + nf * n
+    size = drift + f.drift.shape[1] * n
+    state, mean = np.zeros((nx, size)), log.path[0] - point.states[0]
+    state[:, first : first + nx] = np.diag(np.sqrt(f.start))
+    latent = np.zeros((nf, size))
+    latent[:, force : force + nf] = np.diag(np.sqrt(f.variance_f))
+    slow = np.zeros((f.drift.shape[1], size))
+    slow[:, drift : drift + len(slow)] = np.diag(np.sqrt(f.variance_d))
+    rows, resid = [], []
+    for i in range(n):
+        row = path.slope[i] @ state + f.drift @ slow
+        row[:, :k] += path.direct[i] * free.sd
+        rows.append(row)
+        resid.append(path.resid[i] - path.slope[i] @ mean)
+        if i == steps:
+            break
+        state = path.phi[i] @ state + f.gamma[i] @ latent
+        state[:, :k] += path.psi[i] * free.sd
+        mean = path.phi[i] @ mean + path.defect[i]
+        fresh = np.sqrt(f.variance_f * (1 - f.decay_f[i] ** 2))
+        latent = f.decay_f[i][:, None] * latent
+        latent[:, force + nf * (i + 1) : force + nf * (i + 2)] += np.diag(fresh)
+        fresh = np.sqrt(f.variance_d * (1 - f.decay_d[i] ** 2))
+        slow = f.decay_d[i][:, None] * slow
+        at = drift + len(slow) * (i + 1)
+        slow[:, at : at + len(slow)] += np.diag(fresh)
+    s = np.concatenate(rows) / np.tile(log.sigma, n)[:, None]
+    e = np.concatenate(resid) / np.tile(log.sigma, n)
+    kept = log.valid.ravel()
+    assert kept.sum() == n * q == gram.used
+    dense = multivariate_normal(np.zeros(kept.sum()), np.eye(kept.sum()) + s @ s.T).logpdf(e)
+    dense -= np.log(np.tile(log.sigma, n)).sum()
+    found = posterior(gram).log_evidence
+    assert abs(found - dense) < 1e-8 * max(1.0, abs(dense))
+    # control: without the drift it is another number
+    calm = posterior(stack(model, [path], free, replace(colours, drift=0.0))[0]).log_evidence
+    assert abs(calm - dense) > 1e-3

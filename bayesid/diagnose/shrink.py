@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import t as student
 
 from bayesid.coloured.colours import Colours, smoothed
 from bayesid.coloured.fit import NOTHING, fit
@@ -279,7 +280,7 @@ def _rung(
         ratio.append(1.0 - max(a, 0.0) / b if b > 0 else np.nan)
     floor = float(np.mean([s.floor for s in segments]))
     # Three segments give an interval; with fewer the gap must stand out of what the best model would leave.
-    sure = np.quantile(base, 0.05) > 0 and (n >= 3 or before.mean() > 0.5 * floor)
+    sure = np.quantile(base, 0.05) > 0 and (_stands_out(before) if n >= 3 else before.mean() > 0.5 * floor)
     worth = bool(before.mean() > 0.05 and sure)
     shrink = 1.0 - max(float(after.mean()), 0.0) / float(before.mean()) if worth else float("nan")
     interval = (
@@ -312,6 +313,12 @@ def _rung(
         n,
         max((v.shape[1] for v in sampled.values()), default=0),
     )
+
+
+def _stands_out(values: Array) -> bool:
+    """Whether a mean is above zero at 95 % by Student's t: a bootstrap of three pieces is too sure."""
+    error = float(values.std(ddof=1)) / np.sqrt(values.size)
+    return float(values.mean()) > float(student.ppf(0.95, values.size - 1)) * error
 
 
 def _one(values: Array, sampled: Array | None, pick: Array, rng: np.random.Generator) -> float:

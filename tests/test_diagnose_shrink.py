@@ -1,0 +1,80 @@
+"""How far the gap shrinks on held-out runs: intervals from pieces and posterior draws, standard measures."""
+
+from functools import lru_cache
+
+import numpy as np
+from gap_trials import model_of, other_vehicle, planted_trial
+
+from bayesid.diagnose.diagnosis import parameter_draws
+from bayesid.diagnose.problem import fit_with, pose
+from bayesid.diagnose.shrink import ladder
+
+
+@lru_cache
+def case(gap, known=0.005):
+    """Ladder of a trial whose turn is held out, with a current as the explanation offered.
+
+    known : relative sd of the coefficients; one short run cannot teach many of them
+    """
+    model = model_of()
+    U = model.scales["U"]
+    truth = other_vehicle(model_of(relative_sd=known), 1)
+    if gap:
+        truth |= {"ocean_current.V_north": 0.08 * U, "ocean_current.V_east": 0.04 * U}
+    trial = planted_trial(model, truth, 1, samples=120, holdout=("turn",))
+    problem = pose(model, trial, as_built=known)
+    none, best = fit_with(problem, ()), fit_with(problem, (model.effects["ocean_current"],))
+    models = {"nominal": model.nominal, "recalibrated": none.par, "with effect": best.par}
+    rng = np.random.default_rng(0)
+    draws = {"recalibrated": parameter_draws(none, rng), "with effect": parameter_draws(best, rng)}
+    colours = problem.environment.colours
+    with_draws = ladder(problem, trial, models, colours, 0, draws)
+    return model, best, with_draws, ladder(problem, trial, models, colours, 0)
+
+
+def test_the_true_effect_closes_the_gap_within_its_interval():
+    _, _, shrink, _ = case(True)
+    long = shrink.rungs[-1]
+    assert long.worth and long.excess["recalibrated"] > 10.0
+    assert long.shrink > 0.9 and long.interval[0] > 0.8
+    for rung in shrink.rungs:
+        if rung.worth and np.isfinite(rung.interval[0]):
+            assert rung.interval[0] <= rung.shrink + 0.1 and rung.interval[1] <= 1.0
+
+
+def test_without_a_gap_there_is_nothing_to_shrink():
+    _, _, shrink, _ = case(False)
+    for rung in shrink.rungs:
+        assert not rung.worth and np.isnan(rung.shrink), rung.horizon
+
+
+def test_one_run_has_an_interval_from_posterior_draws_alone():
+    _, _, with_draws, without = case(True)
+    one, bare = with_draws.rungs[-1], without.rungs[-1]
+    assert one.pieces == 1 and one.draws == 16 and np.isfinite(one.interval).all()
+    # control: with neither pieces nor draws to resample no interval is claimed
+    assert bare.draws == 0 and np.isnan(bare.interval).all()
+    assert one.shrink == bare.shrink
+
+
+def test_posterior_draws_have_the_posterior_s_mean_and_deviation():
+    _, best, _, _ = case(True)
+    draws = parameter_draws(best, np.random.default_rng(1), 4000)[:, best.free.where]
+    z = (draws - best.values) / best.sd
+    assert np.abs(z.mean(axis=0)).max() < 0.1 and np.abs(z.std(axis=0) - 1.0).max() < 0.06
+    fixed = np.setdiff1d(np.arange(best.par.size), best.free.where)
+    some = parameter_draws(best, np.random.default_rng(1), 3)[:, fixed]
+    np.testing.assert_array_equal(some, np.repeat(best.par[None, fixed], 3, axis=0))
+
+
+def test_coefficients_less_well_known_widen_the_interval():
+    narrow, wide = (case(True, known)[2].rungs[-1].interval for known in (0.005, 0.05))
+    assert wide[1] - wide[0] > 2.0 * (narrow[1] - narrow[0])
+
+
+def test_measures_of_the_replay_come_as_logged_and_by_each_model():
+    _, _, shrink, _ = case(True)
+    advance = next(m for m in shrink.measures if m.name == "advance")
+    assert set(advance.models) == {"nominal", "recalibrated", "with effect"}
+    off = {k: abs(v - advance.logged) for k, v in advance.models.items()}
+    assert off["with effect"] < off["nominal"]
