@@ -59,6 +59,20 @@ def kvlcc2_section(found: Mapping[str, Any]) -> Section:
             3,
         ),
     ]
+    stripped = found["diagnoses"].get("plain")
+    if stripped and any(e["name"] == "rudder_propeller_interaction" for e in stripped["effects"]):
+        blocks.append(
+            Text(
+                "The plain set was stripped of the rows of the rudder in the propeller race, and that is "
+                "among what its "
+                "diagnosis asks for, first of all. The company it keeps (an offset of the centre of "
+                "gravity, a loss of "
+                "thrust) is known to be false: mass and thrust were measured. On a ship unlike its "
+                "equations several "
+                "names in one verdict are stand-ins for rows, and held-out heading does not get better by "
+                "them."
+            )
+        )
     words = {s["key"]: s["words"] for s in sets}
     for key, record in found["diagnoses"].items():
         blocks.append(Section(f"Diagnosis: {words[key]}", told(record)))
@@ -90,7 +104,10 @@ def esso_section(found: Mapping[str, Any]) -> Section:
             more = _sides(found["sides"])
         if key == "late":
             more = [Text("Known from the makers of the data: the filter lags by 0.4 to 0.6 s.")]
-        blocks.append(Section(question["words"].capitalize(), [*told(question["found"]), *more]))
+        if "direct" in question:
+            more.append(Text(_direct(question["direct"])))
+        title = question["words"][0].upper() + question["words"][1:]
+        blocks.append(Section(title, [*told(question["found"]), *more]))
     if "wind" in found:
         blocks.append(_hidden(found["wind"]))
     return Section("Esso Osaka: a tanker in wind", blocks)
@@ -146,6 +163,16 @@ def _effect(effect: Mapping[str, Any]) -> str:
             f"{name.replace('_', ' ')} {p['value'] * scale:.3g} ± {p['sd'] * scale:.1g} {unit}".strip()
         )
     return effect["name"].replace("_", " ") + (f" ({', '.join(values)})" if values else "")
+
+
+def _direct(d: Mapping[str, Any]) -> str:
+    unit = "" if d["unit"] in ("-", "") else f" {d['unit']}"
+    words = (
+        f"Asked directly, whatever the verdict: {d['effect'].replace('_', ' ')} alone is refitted as "
+        f"{d['parameter']} {d['value']:.2g} ± {d['sd']:.1g}{unit} and changes the log evidence by "
+        f"{d['gain']:+.1f}"
+    )
+    return words + ("." if d["converged"] else "; a refit did not arrive, so do not rely on it.")
 
 
 def _gyro(rows: Sequence[Sequence[Any]]) -> list[Block]:

@@ -16,6 +16,7 @@ import numpy as np
 from gap.keep import keep
 from real_logs import HERE, begun
 
+from bayesid.diagnose.candidate import weighed
 from bayesid.diagnose.diagnosis import as_json, diagnose
 from bayesid.diagnose.problem import fit_with, pose
 from bayesid.model import Model, build_model, without_effects
@@ -24,6 +25,7 @@ from bayesid.trials import Run, Trial, load_trial, thin
 from bayesid.vehicles import Vehicle, identified, load_vehicle
 
 STEP = 1.5  # between readings [s], a fifth of the time the ship takes for its own length
+ASKED = {"late": "velocity_latency", "servo": "actuator_lag", "sides": "rudder_asymmetry"}
 FINE = 1.0  # where a delay is asked for
 WAY = 0.7  # share of its speed at which a run begins
 # The compass wanders by 5 to 13 mrad against the integrated gyro within minutes.
@@ -78,6 +80,12 @@ def esso_osaka(data: Path, store: Path, quick: bool, seed: int, progress: Progre
         with progress.stage(f"Esso Osaka: {words}"):
             record = keep(store, f"esso-{key}-{seed}", lambda logs=logs: diagnosed(logs, model, seed))
             found[key] = {"words": words, "found": record}
+            if key in ASKED:
+                found[key]["direct"] = keep(
+                    store,
+                    f"esso-{key}-direct-{seed}",
+                    lambda logs=logs, key=key: asked(logs, model, ASKED[key]),
+                )
     out = {
         "questions": found,
         "gyro": gyro_by_hand(data),
@@ -134,6 +142,24 @@ def in_wind(trial: Trial, ship: Vehicle) -> tuple[Vehicle, dict[str, float]]:
     )
     at = fitted.free.names.index("wind.area_coefficients")
     return vehicle, {"area": float(fitted.values[at]), "sd": float(fitted.sd[at])}
+
+
+def asked(logs: Trial, model: Model, name: str) -> dict[str, Any]:
+    """One effect refitted alone, whatever the verdict: its first parameter, and its evidence over none."""
+    problem = pose(model, logs)
+    none = weighed(problem, (), fit_with(problem, ()))
+    effect = model.effects[name]
+    fitted = fit_with(problem, (effect,))
+    at = fitted.free.names.index(effect.key(effect.parameters[0].name))
+    return {
+        "effect": name,
+        "parameter": effect.parameters[0].name,
+        "unit": effect.parameters[0].unit,
+        "value": float(fitted.values[at]),
+        "sd": float(fitted.sd[at]),
+        "gain": weighed(problem, (name,), fitted).log_evidence - none.log_evidence,
+        "converged": fitted.converged and none.fit.converged,
+    }
 
 
 def diagnosed(logs: Trial, model: Model, seed: int) -> dict[str, Any]:
