@@ -89,7 +89,13 @@ def main(out: Path, data: Path | None, quick: bool, seed: int, by_laplace: bool 
         tracks = {n: tracks_of(model, n, m, alike, seed) for n, m in flown.items()}
         facts: dict[str, Any] = {"accelerations": accelerations(cases), "tracks": tracks}
     facts["collapse"] = {} if quick else collapse(model, flown, {22: all22, 14: known14}, seed)
-    facts |= {"noise": NOISE, "prior": PRIOR, "quick": quick, "vehicle": VEHICLE}
+    facts |= {
+        "by_laplace": by_laplace and bool(logs),
+        "noise": NOISE,
+        "prior": PRIOR,
+        "quick": quick,
+        "vehicle": VEHICLE,
+    }
     results = posterior_results(cases, logs, facts, seed)
     page = report.write(posterior_report(cases, logs, facts), out, results)
     progress.note(f"report: {page}")

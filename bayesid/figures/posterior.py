@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Canvas
 
@@ -17,7 +18,7 @@ from bayesid.figures.identify import label
 from bayesid.figures.style import COLOURS, MEASURED, styled, subplots, track_axes
 
 Array = np.ndarray
-ORDER = (COLOURS["blue"], COLOURS["orange"], COLOURS["green"], COLOURS["grey"])
+ORDER = tuple(COLOURS[c] for c in ("blue", "orange", "green", "grey", "purple", "sky", "amber"))
 MOST_DRAWS = 4000  # per set in a corner plot
 
 
@@ -42,11 +43,13 @@ def corner(
     except ImportError:
         raise SampleError("corner plots need the package corner: pip install 'bayesid[corner]'") from None
     k = len(names)
+    size *= 1.4 if k == 2 else 1.0  # room for the names of the sets
     every = np.concatenate(list(sets.values()))
     low, high = np.quantile(every, [0.002, 0.998], axis=0)
     pad = 0.05 * (high - low)
     reach = list(zip(low - pad, high + pad, strict=True))
-    figure = Canvas(figsize=(size * k, size * k), layout="none")  # corner lays out its panels itself
+    with rc_context({"figure.constrained_layout.use": False}):  # corner lays out its panels itself
+        figure = Canvas(figsize=(size * k, size * k))
     FigureCanvasAgg(figure)
     figure.subplots(k, k)
     for (_, draws), colour in zip(sets.items(), ORDER, strict=False):
@@ -71,7 +74,13 @@ def corner(
             axes.set_ylim(0, 1.1 * max(tops))
     for number, name in enumerate(sets):
         figure.text(
-            0.98, 0.97 - 0.035 * number, name, color=ORDER[number % 4], ha="right", va="top", fontsize=9
+            0.98,
+            0.98 - 0.14 / (size * k) * number,
+            name,
+            color=ORDER[number % len(ORDER)],
+            ha="right",
+            va="top",
+            fontsize=9,
         )
     return figure
 

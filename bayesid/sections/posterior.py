@@ -118,6 +118,8 @@ def _lead(cases: Mapping[str, Sampled], facts: Mapping[str, Any]) -> str:
         )
     bad = [c.words for c in cases.values() for p in c.posteriors.values() if not p.converged]
     parts.append(f"Not converged: {', '.join(bad)}." if bad else "All chains passed their gate.")
+    if facts["by_laplace"]:
+        parts.append("Real logs: Laplace approximation only, no chains.")
     if facts["quick"]:
         parts.append("Quick run: short chains, one case; it decides nothing.")
     return " ".join(parts)
@@ -135,7 +137,7 @@ def _chains(every: Mapping[str, Sampled]) -> Section:
     reasons = []
     for case in every.values():
         if not case.posteriors:
-            rows.append([case.words, "none: Laplace", *[None] * 7, False])
+            rows.append([case.words, "none: Laplace", *[None] * 8])
         for name, p in case.posteriors.items():
             g = p.gate
             rows.append(
