@@ -12,7 +12,9 @@ from bayesid.cli.options import Json, Out, Verbose
 if TYPE_CHECKING:
     from bayesid.trials import Trial
 
-Bundle = Annotated[Path, typer.Argument(help="Folder of the bundle, its trial.toml, or example.", show_default=False)]
+Bundle = Annotated[
+    Path, typer.Argument(help="Folder of the bundle, its trial.toml, or example.", show_default=False)
+]
 Data = Annotated[Path | None, typer.Option("--data", help="Folder of the logs if they lie elsewhere.")]
 
 RUN_COLUMNS = (
