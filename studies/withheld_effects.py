@@ -111,6 +111,6 @@ if __name__ == "__main__":
     )
     parser.add_argument("--quick", action="store_true", help="three planar campaigns and one in 6-DOF")
     given = parser.parse_args()
-    numbers = QUICK if given.quick else (given.count, given.spatial)
+    planar, spatial = QUICK if given.quick else (given.count, given.spatial)
     place = given.work or (given.out / "work" if given.quick else Path("out/withheld_effects"))
-    main(given.out, place, *numbers, given.seed, given.jobs, given.accept_faults, given.minutes)
+    main(given.out, place, planar, spatial, given.seed, given.jobs, given.accept_faults, given.minutes)
