@@ -77,9 +77,9 @@ def _corner(found: Diagnosis) -> Figure:
             scale[i] = nominal
             names.append(f"{n} / nominal")
         else:
-            degrees = _is_angle(found, n)
-            scale[i] = math.pi / 180 if degrees else 1.0
-            names.append(n.split(".")[-1].replace("_", " ") + (" [deg]" if degrees else ""))
+            unit = _unit(found, n)
+            scale[i] = math.pi / 180 if unit == "deg" else 1.0
+            names.append(n.split(".")[-1].replace("_", " ") + (f" [{unit}]" if unit else ""))
     drawn = figures.corner(names, {"emcee": draws / scale, "Laplace": gauss / scale})
     return Figure(
         "effect_corner",
@@ -89,7 +89,10 @@ def _corner(found: Diagnosis) -> Figure:
     )
 
 
-def _is_angle(found: Diagnosis, name: str) -> bool:
+def _unit(found: Diagnosis, name: str) -> str:
+    """Unit an effect's parameter is shown in; empty for a plain number."""
     effect, _, parameter = name.partition(".")
     declared = found.model.effects.get(effect)
-    return declared is not None and any(q.name == parameter and q.unit == "rad" for q in declared.parameters)
+    units = {q.name: q.unit for q in declared.parameters} if declared is not None else {}
+    unit = units.get(parameter, "")
+    return {"rad": "deg", "-": ""}.get(unit, unit)
