@@ -59,7 +59,9 @@ LOGS = {"hsva": "kvlcc2_hsva", "esso": "esso_osaka"}
 FAR = 50.0  # bounds of real ships, in sizes of a coefficient: their estimates go far, and a bound is a wall
 
 
-def main(out: Path, data: Path | None, quick: bool, seed: int, by_laplace: bool = False) -> dict[str, Any]:
+def main(
+    out: Path, data: Path | None, quick: bool, seed: int, by_laplace: tuple[str, ...] = ()
+) -> dict[str, Any]:
     """Sample every case, look at it through all lenses, write the report."""
     progress = Progress()
     model = build_model(load_vehicle(VEHICLE), 3)
@@ -81,16 +83,14 @@ def main(out: Path, data: Path | None, quick: bool, seed: int, by_laplace: bool 
     for key, words, runs, names, share, samplers in plans:
         problem = pose(model, {n: flown[n] for n in runs}, names, share, seed)
         cases[key] = sampled(key, words, problem, None, samplers, out, quick, seed, progress)
-    logs = (
-        {} if data is None or quick else real(data, () if by_laplace else plans[-1][-1], out, seed, progress)
-    )
+    logs = {} if data is None or quick else real(data, plans[-1][-1], by_laplace, out, seed, progress)
     with progress.stage("runs not flown"):
         alike = {k: c for k, c in cases.items() if "fine" not in k}  # one noise
         tracks = {n: tracks_of(model, n, m, alike, seed) for n, m in flown.items()}
         facts: dict[str, Any] = {"accelerations": accelerations(cases), "tracks": tracks}
     facts["collapse"] = {} if quick else collapse(model, flown, {22: all22, 14: known14}, seed)
     facts |= {
-        "by_laplace": by_laplace and bool(logs),
+        "by_laplace": [k for k in logs if k in by_laplace],
         "noise": NOISE,
         "prior": PRIOR,
         "quick": quick,
@@ -259,7 +259,12 @@ def relative_sd(info: Information, way: np.ndarray) -> float:
 
 
 def real(
-    data: Path, samplers: tuple[str, ...], out: Path, seed: int, progress: Progress
+    data: Path,
+    samplers: tuple[str, ...],
+    by_laplace: tuple[str, ...],
+    out: Path,
+    seed: int,
+    progress: Progress,
 ) -> dict[str, Sampled]:
     """The logs of studies/real_logs.py with its rows and pieces, wind left out."""
     theirs = runpy.run_path(str(REAL))
@@ -283,7 +288,8 @@ def real(
         problem = with_assumed_priors(fitted.problem)
         try:
             found[key] = sampled(
-                key, f"{logged.name}, {len(problem.runs)} pieces", problem, fitted.fit.z, samplers, out,
+                key, f"{logged.name}, {len(problem.runs)} pieces", problem, fitted.fit.z,
+                () if key in by_laplace else samplers, out,
                 False, seed, progress,
             )  # fmt: skip
         except SampleError as error:
@@ -299,6 +305,6 @@ if __name__ == "__main__":
     parser.add_argument("--out", type=Path, default=Path("reports/posterior"))
     parser.add_argument("--quick", action="store_true", help="one short spiral, one sampler")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--laplace", action="store_true", help="no chains for the real logs")
+    parser.add_argument("--laplace", nargs="*", choices=LOGS, default=(), help="real logs without a chain")
     given = parser.parse_args()
-    main(given.out, given.data, given.quick, given.seed, given.laplace)
+    main(given.out, given.data, given.quick, given.seed, tuple(given.laplace))

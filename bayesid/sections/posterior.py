@@ -94,10 +94,13 @@ def posterior_report(
         *([_logs(logs)] if logs else []),
         _inputs(facts),
     ]
-    return Report("What the data fix: posteriors of a spiral and of real logs", _lead(cases, facts), sections)
+    return Report(
+        "What the data fix: posteriors of a spiral and of real logs", _lead(cases, logs, facts), sections
+    )
 
 
-def _lead(cases: Mapping[str, Sampled], facts: Mapping[str, Any]) -> str:
+def _lead(cases: Mapping[str, Sampled], logs: Mapping[str, Sampled], facts: Mapping[str, Any]) -> str:
+    every = {**cases, **logs}
     case = cases.get("spiral22") or next(iter(cases.values()))
     runs: Mapping[str, Tracks] = facts["tracks"]
     held = {name: t.bands[case.words].end_spread for name, t in runs.items()}
@@ -116,10 +119,10 @@ def _lead(cases: Mapping[str, Sampled], facts: Mapping[str, Any]) -> str:
             f"{one[1]:.4g} .. {one[2]:.4g}; a zig-zag "
             f"not flown to {held['zig-zag']:.2g} m, a rich run to {held['rich']:.2g} m."
         )
-    bad = [c.words for c in cases.values() for p in c.posteriors.values() if not p.converged]
+    bad = [c.words for c in every.values() for p in c.posteriors.values() if not p.converged]
     parts.append(f"Not converged: {', '.join(bad)}." if bad else "All chains passed their gate.")
     if facts["by_laplace"]:
-        parts.append("Real logs: Laplace approximation only, no chains.")
+        parts.append(f"By Laplace approximation only, no chain: {', '.join(facts['by_laplace'])}.")
     if facts["quick"]:
         parts.append("Quick run: short chains, one case; it decides nothing.")
     return " ".join(parts)
