@@ -67,32 +67,32 @@ def planted_section(rows: Sequence[Mapping[str, Any]], judged: Sequence[str]) ->
                 "An honest set that holds the cause counts as right; a wrong name is the worst outcome.",
             ),
             Table(
-                ["planted", "nominal", "recalibrated", "with the effect", "shrinks by"],
+                ["planted", "horizon", "nominal", "recalibrated", "with the effect", "shrinks by"],
                 [_ladder(row) for row in rows],
-                "Held-out runs: mean squared prediction error above the floor over 6 L/U, in noise "
-                "variances. Where "
-                "re-tuned coefficients leave little, the right name adds nothing over so short a time; all "
-                "horizons "
-                "are in results.json.",
+                "Held-out runs: mean squared prediction error above the floor, in noise variances, over the "
+                "shortest horizon with a sure gap. Where re-tuned coefficients leave little, the right name "
+                "adds nothing over so short a time; all horizons are in results.json.",
             ),
         ],
     )
 
 
 def _ladder(row: Mapping[str, Any]) -> list[Any]:
-    """Shortest horizon: it has the most segments, and every campaign has it."""
+    """Shortest horizon over which the gap before is sure, else the shortest."""
     found = row["found"]
     if not found["gap"]["horizons"]:
-        return [_planted(row), None, None, None, "no held-out run"]
-    h = found["gap"]["horizons"][0]
+        return [_planted(row), "", None, None, None, "no held-out run"]
+    h = next((h for h in found["gap"]["horizons"] if h["worth_shrinking"]), found["gap"]["horizons"][0])
+    start = [_planted(row), h["horizon"]]
     nominal, tuned, now = (at_floor(h["excess"][k]) for k in ("nominal", "recalibrated", "with effect"))
     if found["verdict"] not in ("effect", "effect_with_remainder", "several"):
-        return [_planted(row), nominal, tuned, "none named", ""]
+        return [*start, nominal, tuned, "none named", ""]
     if h["shrink"] is None or not h["worth_shrinking"]:
-        return [_planted(row), nominal, tuned, now, "nothing to shrink"]
+        unsure = "gap not sure: too few pieces" if tuned != "at the floor" else "nothing to shrink"
+        return [*start, nominal, tuned, now, unsure]
     low, high = h["interval"]
     between = "" if low is None or high is None else f" ({low:.0%} to {high:.0%})"
-    return [_planted(row), nominal, tuned, now, f"{h['shrink']:.0%}{between}"]
+    return [*start, nominal, tuned, now, f"{h['shrink']:.0%}{between}"]
 
 
 def _planted(row: Mapping[str, Any]) -> str:
