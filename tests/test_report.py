@@ -15,6 +15,7 @@ from bayesid.figures.style import COLOURS, styled, subplots
 from bayesid.report import Figure, Report, Section, Table, Text, literal, write
 from bayesid.report.blocks import cell_text
 from bayesid.report.markup import to_html, to_markdown
+from bayesid.report.picture import png_bytes, reduced
 
 NASTY = "<script>alert(1)</script> **bold** [link](https://example.org) `code` | # & \"x\" 'y'"
 ALLOWED_TAGS = {"p", "ul", "ol", "li", "pre", "code", "strong", "a"}
@@ -92,7 +93,7 @@ def test_markup_gives_lists_fences_bold_code_and_links():
     link = "[more](https://example.org/?a=1&b=2)"
     html = to_html(f"One **bold `X_u|u|`** line\nand {link}.\n\n- a\n- b\n  c\n\n```\n<x>\n```")
     assert html == (
-        '<p>One <strong>bold <code>X_u|u|</code></strong> line and '
+        "<p>One <strong>bold <code>X_u|u|</code></strong> line and "
         '<a href="https://example.org/?a=1&amp;b=2">more</a>.</p>\n'
         "<ul><li>a</li><li>b c</li></ul>\n<pre><code>&lt;x&gt;</code></pre>"
     )
@@ -143,6 +144,36 @@ def test_a_dense_figure_stays_below_200_kb(tmp_path):
     assert (tmp_path / "figures" / "dense.png").stat().st_size < 200_000
 
 
+def _pixels(data: bytes):
+    from PIL import Image
+
+    with Image.open(io.BytesIO(data)) as picture:
+        return np.asarray(picture.convert("RGB"), dtype=float)
+
+
+def test_a_drawing_is_stored_with_a_palette_a_third_as_large_and_looks_the_same():
+    whole = io.BytesIO()
+    figure = _figure()
+    figure.savefig(whole, format="png", bbox_inches="tight", metadata={"Software": None})
+    stored = png_bytes(Figure("tracks", figure))
+    assert stored[25] == 3, "PNG of palette type"
+    assert len(stored) < 0.45 * len(whole.getvalue())
+    change = np.abs(_pixels(stored) - _pixels(whole.getvalue()))
+    assert np.sqrt(np.mean(change**2)) < 1.5 and np.mean(change > 16) < 0.005
+
+
+def test_a_picture_that_a_palette_would_spoil_stays_as_it_is():
+    from PIL import Image
+
+    rng = np.random.default_rng(0)
+    noise = io.BytesIO()
+    Image.fromarray(rng.integers(0, 256, (120, 120, 3), dtype=np.uint8)).save(noise, "PNG")
+    assert reduced(noise.getvalue()) == noise.getvalue()
+    large = io.BytesIO()
+    Image.fromarray(rng.integers(0, 256, (400, 400, 3), dtype=np.uint8)).save(large, "PNG")
+    assert len(reduced(large.getvalue())) < 200_000 < len(large.getvalue())
+
+
 def test_an_unchanged_figure_gives_unchanged_bytes(tmp_path):
     drawn = []
     for folder in (tmp_path / "a", tmp_path / "b"):
@@ -178,8 +209,18 @@ def test_a_short_row_is_refused_when_the_table_is_made():
 
 @pytest.mark.parametrize(
     "value, text",
-    [(1234.5678, "1235"), (123456.7, "123457"), (1e-9, "1.000e-09"), (0.0, "0"), (np.float64(-0.25), "-0.25"),
-     (2_000_000.0, "2.000e+06"), (None, "–"), (float("nan"), "–"), (True, "yes"), (np.int64(12), "12")],
+    [
+        (1234.5678, "1235"),
+        (123456.7, "123457"),
+        (1e-9, "1.000e-09"),
+        (0.0, "0"),
+        (np.float64(-0.25), "-0.25"),
+        (2_000_000.0, "2.000e+06"),
+        (None, "–"),
+        (float("nan"), "–"),
+        (True, "yes"),
+        (np.int64(12), "12"),
+    ],
 )
 def test_cells_show_four_significant_digits(value, text):
     assert cell_text(value) == text

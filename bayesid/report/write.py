@@ -5,7 +5,6 @@ Takes a Report and the results behind it. Every file is replaced as a whole; not
 
 from __future__ import annotations
 
-import io
 import os
 import platform
 from base64 import b64encode
@@ -20,9 +19,9 @@ from bayesid import __version__
 from bayesid.files import write_atomic, write_json
 from bayesid.report.blocks import Block, Figure, Report, Section, Table, Text, cell_text, figures_of
 from bayesid.report.markup import inline_html, inline_markdown, plain_markdown, to_html, to_markdown
+from bayesid.report.picture import png_bytes
 
 PACKAGES = ("numpy", "scipy", "numba", "matplotlib", "emcee", "pysindy", "arviz", "pint", "h5py", "jinja2")
-MAX_PNG = 200_000  # bytes; above it a figure is reduced to 256 colours
 
 
 def write(report: Report, folder: str | os.PathLike[str], results: Mapping[str, Any]) -> Path:
@@ -62,23 +61,6 @@ def versions() -> dict[str, str]:
         except metadata.PackageNotFoundError:
             continue
     return found
-
-
-def png_bytes(figure: Figure) -> bytes:
-    """The picture as PNG without date or tool name: an unchanged figure gives unchanged bytes."""
-    if not hasattr(figure.image, "savefig"):
-        return bytes(figure.image)
-    buffer = io.BytesIO()
-    figure.image.savefig(buffer, format="png", bbox_inches="tight", metadata={"Software": None})
-    data = buffer.getvalue()
-    if len(data) > MAX_PNG:
-        from PIL import Image  # comes with matplotlib
-
-        reduced = io.BytesIO()
-        with Image.open(io.BytesIO(data)) as picture:
-            picture.convert("RGB").quantize(256).save(reduced, format="PNG", optimize=True)
-        data = min(data, reduced.getvalue(), key=len)
-    return data
 
 
 def _html(report: Report, images: Mapping[str, bytes], record: Mapping[str, Any]) -> str:
