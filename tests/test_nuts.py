@@ -8,7 +8,7 @@ import pytest
 from bayesid.errors import SampleError
 from bayesid.sample import Laplace, Unknowns
 from bayesid.sample import nuts as module
-from bayesid.sample.nuts import NutsOptions, sample_nuts
+from bayesid.sample.nuts import NutsOptions, continue_nuts, sample_nuts
 
 pytest.importorskip("nutpie")
 K = 10
@@ -33,6 +33,9 @@ class Gaussian:
 
     def natural(self, q):
         return np.asarray(q)
+
+    def coordinates(self, v):
+        return np.asarray(v)
 
     def log_prob(self, q):
         z = q / self.sd
@@ -69,6 +72,33 @@ def test_the_same_seed_gives_the_same_chain():
     target, start = Gaussian(), Laplace(np.zeros(K), Gaussian().covariance)
     one, two = (sample_nuts(target, start, NutsOptions(draws=50, tune=50), threads=t) for t in (1, 2))
     assert one.draws.tolist() == two.draws.tolist()
+
+
+def test_a_lengthened_chain_keeps_its_draws_and_gets_the_spread_right():
+    # far too wide a start: what 300 draws say of the shape has to serve the rest
+    target = Gaussian()
+    start = Laplace(np.zeros(K), 9.0 * np.diag(target.sd**2))
+    short = sample_nuts(target, start, NutsOptions(draws=75, tune=100, accept=0.8, seed=2), threads=1)
+    assert not short.converged
+    long = continue_nuts(target, start, short, NutsOptions(draws=1000, tune=100, accept=0.8, seed=2))
+    assert long.draws.shape[:2] == (4, 1075)
+    assert long.draws[:, :75].tolist() == short.draws.tolist()
+    assert long.converged, long.gate.reasons
+    # 4000 draws of about 4000 effective, tails of a wrong start included
+    assert long.draws[:, 75:].reshape(-1, K).std(axis=0) / target.sd == pytest.approx(np.ones(K), abs=0.06)
+    assert long.seconds > short.seconds and long.counts["all"] > short.counts["all"]
+    per_draw = (long.counts["all"] - short.counts["all"]) / 4400
+    assert per_draw < 0.7 * short.counts["all"] / 700, "whitened with its own draws it needs fewer gradients"
+    again = continue_nuts(target, start, short, NutsOptions(draws=1000, tune=100, accept=0.8, seed=2))
+    assert again.draws.tolist() == long.draws.tolist()
+
+
+def test_a_chain_of_another_density_is_not_lengthened():
+    target, start = Gaussian(), Laplace(np.zeros(K), Gaussian().covariance)
+    found = sample_nuts(target, start, NutsOptions(draws=50, tune=50), threads=1)
+    target.digest = "another"
+    with pytest.raises(SampleError, match="not of this density"):
+        continue_nuts(target, start, found)
 
 
 def test_a_wall_across_the_posterior_is_told_and_keeps_the_gate_shut():

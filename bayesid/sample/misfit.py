@@ -8,6 +8,7 @@ Q(r, s) = r^T R(phi)^-1 s is a fixed combination of a few sums that do not depen
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -34,9 +35,14 @@ class Channel:
     links: Array
     tau: float
 
-    @property
+    @cached_property
     def count(self) -> int:
         return int(np.isfinite(self.readings).sum())
+
+    @cached_property
+    def gram(self) -> Array:
+        """(m, m) slopes by slopes, all readings."""
+        return np.asarray(self.slopes.T @ self.slopes)
 
     def residuals(self, simulated: Array) -> Array:
         """(b, n) simulated minus read [SI], 0 where missing."""

@@ -60,6 +60,9 @@ class SlopedTrial:
     def natural(self, q: Array) -> Array:
         return self.density.natural(q)
 
+    def coordinates(self, v: Array) -> Array:
+        return self.density.coordinates(v)
+
     def log_prob(self, q: Array) -> Array:
         return self.density.log_prob(q)
 
@@ -124,7 +127,7 @@ class _Runs:
         if d.choice.student is not None:
             return self._student(run.channels, row, levels, resid)
         weights = [1.0 / (s * s * c.tau) for s, c in zip(levels, row, strict=True)]
-        shift, root = self._initial_state(run, number, row, weights, resid)
+        shift, spread = self._initial_state(run, number, row, weights, resid)
         out = np.empty_like(readings)
         for j, (name, c) in enumerate(zip(run.channels, row, strict=True)):
             squares, count, w = float(resid[j] @ resid[j]), c.count / c.tau, weights[j]
@@ -132,9 +135,7 @@ class _Runs:
             by_log = squares * w - count
             if shift is not None:
                 moved = c.slopes @ shift
-                gram = c.slopes.T @ c.slopes
-                by_log += w * float(moved @ moved) - 2.0 * w * float(resid[j] @ moved)
-                by_log += w * float(np.trace(np.linalg.solve(root.T, np.linalg.solve(root, gram))))
+                by_log += w * float(moved @ (moved - 2.0 * resid[j]) + (spread * c.gram).sum())
                 out[:, j] = w * (moved - resid[j])
             else:
                 out[:, j] = -w * resid[j]
@@ -144,7 +145,7 @@ class _Runs:
     def _initial_state(
         self, run: Any, number: int, row: tuple[Channel, ...], weights: list[float], resid: list[Array]
     ) -> tuple[Array | None, Array]:
-        """Best change of an integrated initial state (m,), and the root of its precision."""
+        """Best change of an integrated initial state (m,), and its covariance (m, m)."""
         d = self.density
         m = row[0].slopes.shape[1]
         if not m:
@@ -156,14 +157,13 @@ class _Runs:
         bent = np.diag(precision)
         for c, w, r in zip(row, weights, resid, strict=True):
             right = right + w * (r @ c.slopes)
-            bent = bent + w * (c.slopes.T @ c.slopes)
-        root = np.linalg.cholesky(bent)
-        solved = np.linalg.solve(root, right)
-        self.value += 0.5 * float(solved @ solved) - 0.5 * float(np.sum(precision * offset**2))
-        self.value += 0.5 * float(np.sum(np.log(precision[precision > 0]))) - float(
-            np.log(np.diag(root)).sum()
-        )
-        return np.linalg.solve(root.T, solved), root
+            bent = bent + w * c.gram
+        spread = np.linalg.inv(bent)
+        shift = spread @ right
+        self.value += 0.5 * float(right @ shift) - 0.5 * float(np.sum(precision * offset**2))
+        self.value += 0.5 * float(np.sum(np.log(precision[precision > 0])))
+        self.value -= float(np.log(np.diag(np.linalg.cholesky(bent))).sum())
+        return shift, spread
 
     def _student(
         self, names: tuple[str, ...], row: tuple[Channel, ...], levels: list[float], resid: list[Array]

@@ -123,6 +123,13 @@ class TrialDensity:
         out[..., self._phi] = 1.0 / (1.0 + np.exp(-out[..., self._phi]))
         return out
 
+    def coordinates(self, v: Array) -> Array:
+        """Sampling coordinates (..., k) of points in natural units: the inverse of `natural`."""
+        out = np.array(v, dtype=float)
+        out[..., self._sigma] = np.log(out[..., self._sigma])
+        out[..., self._phi] = np.log(out[..., self._phi] / (1.0 - out[..., self._phi]))
+        return out
+
     # ---- density ----
     def log_prob(self, q: Array) -> Array:
         """(b,) log posterior density by q, up to a constant.
