@@ -1,5 +1,6 @@
 """How far the gap shrinks on held-out runs: intervals from pieces and posterior draws, standard measures."""
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -8,6 +9,7 @@ from gap_trials import model_of, other_vehicle, planted_trial
 from bayesid.diagnose.diagnosis import parameter_draws
 from bayesid.diagnose.problem import fit_with, pose
 from bayesid.diagnose.shrink import ladder
+from bayesid.trials import window
 
 
 @lru_cache
@@ -78,3 +80,41 @@ def test_measures_of_the_replay_come_as_logged_and_by_each_model():
     assert set(advance.models) == {"nominal", "recalibrated", "with effect"}
     off = {k: abs(v - advance.logged) for k, v in advance.models.items()}
     assert off["with effect"] < off["nominal"]
+
+
+def without(run, channels):
+    return replace(run, data={c: v for c, v in run.data.items() if c not in channels})
+
+
+def test_runs_may_log_different_channels():
+    model, best, _, _ = case(True)
+    trial = planted_trial(model, seed=1, samples=120, holdout=("turn",))
+    zigzag, turn = trial.runs
+    models = {"nominal": model.nominal, "recalibrated": model.nominal, "with effect": best.par}
+    # one that only the second of the identify runs reads is predicted
+    more = (without(zigzag, "uv"), replace(turn, name="again", role="identify"), turn)
+    some = replace(trial, runs=more)
+    problem = pose(model, some, as_built=0.005)
+    assert "u" in problem.channels
+    last = ladder(problem, some, models, problem.environment.colours, 0).rungs[-1]
+    assert np.isfinite(list(last.rms["nominal"].values())).all()
+    # one it lacks is no number, and the others are what they are without it anywhere
+    problem = pose(model, trial, as_built=0.005)
+    lacking = replace(trial, runs=(zigzag, without(turn, "r")))
+    last = ladder(problem, lacking, models, problem.environment.colours, 0).rungs[-1]
+    assert np.isnan(last.rms["nominal"]["r"]) and np.isnan(last.channels["nominal"]["r"])
+    assert np.isfinite(last.excess["with effect"]) and last.floor > 1.0
+    nowhere = pose(model, replace(trial, runs=(without(zigzag, "r"), turn)), as_built=0.005)
+    other = ladder(nowhere, lacking, models, problem.environment.colours, 0).rungs[-1]
+    for channel in nowhere.channels:
+        assert last.rms["nominal"][channel] == other.rms["nominal"][channel], channel
+
+
+def test_a_run_of_few_readings_and_one_without_any_of_a_channel_are_no_obstacle():
+    model = model_of()
+    zigzag, turn = planted_trial(model, seed=1, samples=60).runs
+    silent = replace(turn, data=turn.data | {"r": np.full(turn.t.size, np.nan)})
+    trial = planted_trial(model, seed=1, samples=60)
+    short = window(zigzag, 0.0, float(zigzag.t[4]))
+    assert short.t.size < 9
+    assert len(pose(model, replace(trial, runs=(short, silent))).logs) == 2

@@ -99,7 +99,10 @@ def _lasting(bad: Array, valid: Array) -> Array:
     for j in range(bad.shape[1]):
         where = np.flatnonzero(valid[:, j])
         row = bad[where, j]
-        crowd = np.convolve(row, np.ones(2 * NEAR + 1), mode="same") >= LASTING
+        if not row.any():
+            continue
+        # "full" and cut: "same" is as long as the longer of the two, and a run may have few readings
+        crowd = np.convolve(row, np.ones(2 * NEAR + 1))[NEAR : NEAR + row.size] >= LASTING
         out[where, j] = row & crowd
     return out
 

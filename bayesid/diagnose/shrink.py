@@ -48,7 +48,8 @@ class Measured:
 class Segment:
     """One prediction: mean squared error in noise units per channel, after the lead-in.
 
-    `drawn` holds the mean over channels for posterior draws of a model, `measures` those of a full replay.
+    Channels are those of the problem, nan where the piece does not read one. `drawn` holds the mean over
+    channels for posterior draws of a model, `measures` those of a full replay.
     """
 
     run: str
@@ -119,7 +120,8 @@ def ladder(
     rng = np.random.default_rng(seed)
     noise = {
         problem.model.kernel.channels[c]: s
-        for c, s in zip(problem.logs[0].channels, problem.logs[0].sigma, strict=True)
+        for log in problem.logs
+        for c, s in zip(log.channels, log.sigma, strict=True)
     }
     time = problem.model.scales["L"] / problem.model.scales["U"]
     rungs: list[Rung] = []
@@ -185,14 +187,30 @@ def _predict(
         replays[name] = obs
         if name in draws:
             drawn[name] = _drawn(model, draws[name], log, x0, ~early)
-        resid = np.where(log.valid, wrap(model, log, log.data - obs), np.nan)[~early]
-        resid = np.where(
-            np.abs(resid) > 50 * np.nanmedian(np.abs(resid), axis=0) + 20 * log.sigma, np.nan, resid
-        )
-        errors[name] = np.nanmean((resid / log.sigma) ** 2, axis=0)
-        rms[name] = {c: float(np.sqrt(np.nanmean(resid[:, j] ** 2))) for j, c in enumerate(problem.channels)}
+        square = _squares(model, log, obs, ~early)
+        at = [problem.channels.index(model.kernel.channels[c]) for c in log.channels]
+        errors[name] = np.full(len(problem.channels), np.nan)
+        errors[name][at] = square
+        sigma = np.full(len(problem.channels), np.nan)
+        sigma[at] = log.sigma
+        rms[name] = dict(zip(problem.channels, np.sqrt(errors[name]) * sigma, strict=True))
+    if not np.isfinite(errors["with effect"]).any():
+        return None
+    whole = np.full(len(problem.channels), np.nan)
+    whole[at] = floor
     measures = _measures(problem, run, log, replays) if horizon == FULL else ()
-    return Segment(run.name, start, horizon, errors, rms, floor, drawn, measures)
+    return Segment(run.name, start, horizon, errors, rms, whole, drawn, measures)
+
+
+def _squares(model: Model, log: Log, obs: Array, late: Array) -> Array:
+    """(q,) mean squared error in noise units after the lead-in, gross readings left out; nan without any."""
+    resid = np.where(log.valid, wrap(model, log, log.data - obs), np.nan)[late]
+    out = np.full(resid.shape[1], np.nan)
+    for j, sigma in enumerate(log.sigma):
+        miss = np.abs(resid[np.isfinite(resid[:, j]), j])
+        if miss.size:
+            out[j] = float(np.mean((miss[miss <= 50 * np.median(miss) + 20 * sigma] / sigma) ** 2))
+    return out
 
 
 def _drawn(model: Model, pars: Array, log: Log, x0: Array, late: Array) -> Array:
@@ -204,11 +222,7 @@ def _drawn(model: Model, pars: Array, log: Log, x0: Array, late: Array) -> Array
             obs = observe(model, par, log.plan, track.states, full=True)[:, list(log.channels)]
         except BayesidError:
             continue
-        resid = np.where(log.valid, wrap(model, log, log.data - obs), np.nan)[late]
-        resid = np.where(
-            np.abs(resid) > 50 * np.nanmedian(np.abs(resid), axis=0) + 20 * log.sigma, np.nan, resid
-        )
-        out[i] = float(np.nanmean(np.nanmean((resid / log.sigma) ** 2, axis=0)))
+        out[i] = _average(_squares(model, log, obs, late))
     return out
 
 
@@ -259,17 +273,19 @@ def _rung(
     problem: Problem, name: str, length: float, segments: Sequence[Segment], rng: np.random.Generator
 ) -> Rung:
     keys = list(segments[0].errors)
-    excess = {k: np.array([np.nanmean(s.errors[k] - s.floor) for s in segments]) for k in keys}
+    excess = {k: np.array([_average(s.errors[k] - s.floor) for s in segments]) for k in keys}
     before_keys = [k for k in keys if k.startswith("recalibrated")]
     before_key = min(before_keys, key=lambda k: float(excess[k].mean()))
     before, after = excess[before_key], excess["with effect"]
     n = len(segments)
     sampled = {}
     for k in (before_key, "with effect"):
-        if all(k in s.drawn and np.isfinite(s.drawn[k]).any() for s in segments):
-            # a draw misses by the estimate's error and its own: its spread counts, not that second share
+        if all(k in s.drawn for s in segments):
             raw = np.array([s.drawn[k] for s in segments])
-            sampled[k] = raw - np.nanmean(raw, axis=1, keepdims=True) + excess[k][:, None]
+            raw = raw[:, np.isfinite(raw).all(axis=0)]  # a draw that diverges on one piece is none
+            if raw.shape[1]:
+                # a draw misses by the estimate's error and its own: its spread counts, not that second share
+                sampled[k] = raw - raw.mean(axis=1, keepdims=True) + excess[k][:, None]
     ratio, base = [], []
     for _ in range(DRAWS):
         # with two pieces there is nothing to resample: the draws alone speak
@@ -278,7 +294,7 @@ def _rung(
         a = _one(after, sampled.get("with effect"), pick, rng)
         base.append(b)
         ratio.append(1.0 - max(a, 0.0) / b if b > 0 else np.nan)
-    floor = float(np.mean([s.floor for s in segments]))
+    floor = _average(np.array([s.floor for s in segments]))
     # Three segments give an interval; with fewer the gap must stand out of what the best model would leave.
     sure = np.quantile(base, 0.05) > 0 and (_stands_out(before) if n >= 3 else before.mean() > 0.5 * floor)
     worth = bool(before.mean() > 0.05 and sure)
@@ -291,13 +307,13 @@ def _rung(
     shown = {"nominal": "nominal", "recalibrated": before_key, "with effect": "with effect"}
     channels = {
         label: {
-            c: float(np.mean([s.errors[k][j] - s.floor[j] for s in segments]))
+            c: _average(np.array([s.errors[k][j] - s.floor[j] for s in segments]))
             for j, c in enumerate(problem.channels)
         }
         for label, k in shown.items()
     }
     rms = {
-        label: {c: float(np.sqrt(np.mean([s.rms[k][c] ** 2 for s in segments]))) for c in problem.channels}
+        label: {c: _average(np.array([s.rms[k][c] ** 2 for s in segments])) ** 0.5 for c in problem.channels}
         for label, k in shown.items()
     }
     return Rung(
@@ -315,6 +331,12 @@ def _rung(
     )
 
 
+def _average(values: Array) -> float:
+    """Mean of what is there; nan where nothing is (a channel no held-out piece reads)."""
+    there = values[np.isfinite(values)]
+    return float(there.mean()) if there.size else float("nan")
+
+
 def _stands_out(values: Array) -> bool:
     """Whether a mean is above zero at 95 % by Student's t: a bootstrap of three pieces is too sure."""
     error = float(values.std(ddof=1)) / np.sqrt(values.size)
@@ -325,4 +347,4 @@ def _one(values: Array, sampled: Array | None, pick: Array, rng: np.random.Gener
     """Mean excess of the picked pieces, of one posterior draw where there are any."""
     if sampled is None:
         return float(values[pick].mean())
-    return float(np.nanmean(sampled[pick, rng.integers(0, sampled.shape[1])]))
+    return float(sampled[pick, rng.integers(0, sampled.shape[1])].mean())
