@@ -201,6 +201,8 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
     best = simplest(c)
     table = parameter_table(best.fit, d.problem)
     effects = []
+    # Several effects share the mass of standing together (`weigh`); each of the named ones stands with it.
+    together = len(v.effects) if v.word == "several" else 1
     named = (
         v.effects
         if v.effects
@@ -217,7 +219,7 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
         effects.append(
             {
                 "name": name,
-                "probability": min(1.0, probability.get(name, 0.0) * max(len(v.effects), 1)),
+                "probability": min(1.0, probability.get(name, 0.0) * together),
                 "parameters": _contract(name, values),
             }
         )
@@ -276,10 +278,10 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
                     "interval": [_number(x) for x in r.interval],
                     "worth_shrinking": r.worth,
                     "floor": r.floor,
-                    "rms": r.rms,
+                    "rms": _numbers(r.rms),
                     "pieces": r.pieces,
                     "posterior_draws": r.draws,
-                    "channels": r.channels,
+                    "channels": _numbers(r.channels),
                 }
                 for r in rungs
             ],
@@ -313,6 +315,11 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
 
 def _number(x: float) -> float | None:
     return float(x) if np.isfinite(x) else None
+
+
+def _numbers(table: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float | None]]:
+    """Model -> channel -> number; None for a channel no held-out run reads."""
+    return {k: {c: _number(x) for c, x in row.items()} for k, row in table.items()}
 
 
 def _contract(name: str, values: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
