@@ -11,7 +11,9 @@ from bayesid.cli.guard import NOT_CONVERGED, OK
 from bayesid.cli.options import Json, Quick, Seed, Verbose
 
 Jobs = Annotated[int, typer.Option("--jobs", "-j", min=1, help="Worker processes.")]
-OutFolder = Annotated[Path, typer.Option("--out", "-o", help="Folder for the results; made if missing.")]
+OutFolder = Annotated[
+    Path, typer.Option("--out", "-o", file_okay=False, help="Folder for the results; made if missing.")
+]
 
 
 def make(
@@ -109,7 +111,9 @@ def solve(
 def score(
     answers: Annotated[Path, typer.Argument(help="Folder of the answers, or a file of labels.")],
     verdicts: Annotated[Path, typer.Argument(help="Folder of the verdicts.")],
-    out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder for the report.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", file_okay=False, help="Folder for the report.")
+    ] = None,
     unsealed: Annotated[
         bool, typer.Option("--unsealed", help="Score verdicts without a seal, whichever are there.")
     ] = False,

@@ -128,9 +128,10 @@ def _tell(record: dict) -> None:
         print(f"  {sentence}")
     gap = record["gap"]
     if gap["shrink"] is not None:
+        after = f"{gap['after']:.3g}" if gap["after"] > 0 else "at the floor"
         print(
-            f"held-out gap (noise units): {gap['before']:.3g} before, {gap['after']:.3g} after: shrinks "
-            f"by {gap['shrink']:.1%}"
+            f"held-out gap (noise units): {gap['before']:.3g} before, {after} after: shrinks by "
+            f"{gap['shrink']:.1%}"
         )
     elif gap["before"] is not None:
         print("held-out gap: nothing to shrink beyond what recalibration closes")

@@ -19,7 +19,10 @@ if TYPE_CHECKING:
     from bayesid.sample import Posterior
 
 Folder = Annotated[
-    Path, typer.Option("--out", "-o", help="Folder for the fit, the chain, posterior.nc and a report.")
+    Path,
+    typer.Option(
+        "--out", "-o", file_okay=False, help="Folder for the fit, the chain, posterior.nc and a report."
+    ),
 ]
 QUICK_SAMPLES, QUICK_STEPS = 200, 1500
 
