@@ -39,7 +39,9 @@ from bayesid.sample.nuts import NutsOptions, continue_nuts, sample_nuts
 from bayesid.sample.setup import trial_density
 from bayesid.sample.slopes import SlopedTrial
 from bayesid.sample.trial import TrialDensity
-from bayesid.sections.posterior import Sampled, Tracks, posterior_report, posterior_results
+from bayesid.sections.posterior import posterior_report
+from bayesid.sections.posterior_case import Sampled, Tracks
+from bayesid.sections.posterior_numbers import posterior_results
 from bayesid.simulate import fly, plan_run, simulate, steady_start
 from bayesid.trials import load_trial, thin
 from bayesid.vehicles import load_vehicle

@@ -13,7 +13,7 @@ import numpy as np
 
 from bayesid.figures.gap import overlay
 from bayesid.report import Block, Figure, Section, Table, Text
-from bayesid.sections.diagnosis import at_floor
+from bayesid.sections.diagnosis_proof import at_floor
 
 DEG = 180.0 / math.pi
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from bayesid.report import Report, Section, Table, Text
-from bayesid.sections.diagnosis import at_floor
+from bayesid.sections.diagnosis_proof import at_floor
 from bayesid.sections.gap_delphin2 import delphin2_section
 from bayesid.sections.gap_example import example_section
 

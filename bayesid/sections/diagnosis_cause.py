@@ -1,0 +1,118 @@
+"""Sections of a diagnosis on the cause: where the gap lives, what the missing force is made of, which effect.
+
+Takes a `Diagnosis`. Does not compute.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bayesid.diagnose.diagnosis import Diagnosis
+from bayesid.figures import diagnosis as figures
+from bayesid.report import Block, Figure, Section, Table, Text, literal
+from bayesid.sections.diagnosis_words import arrival_words, in_words
+
+
+def where_blocks(found: Diagnosis) -> list[Block]:
+    where = found.candidates.where
+    blocks: list[Block] = [
+        Text(
+            "A free signal is let into one channel at a time; the gain in log evidence says how much of "
+            "the gap that "
+            "channel can carry. No cause is named here."
+        ),
+        Figure(
+            "where",
+            figures.bars(
+                [p.channel for p in where.places],
+                np.array([p.evidence for p in where.places]),
+                "gain in log evidence [nats]",
+                20.0,
+            ),
+            "Evidence of a free signal per channel, before any effect is added.",
+        ),
+    ]
+    if where.masks:
+        rows = [[m.kind, literal(m.name), m.evidence, f"{m.share:.0%}"] for m in where.masks[:10]]
+        blocks.append(
+            Table(
+                ["kind", "where it may act", "gain [nats]", "share of samples"],
+                rows,
+                f"The signal in {where.places[0].channel} allowed only in one manoeuvre, window or "
+                f"regime. One that keeps "
+                "nearly all of the gain is where the gap lives.",
+            )
+        )
+        axes = [n[-1] for n in found.model.kernel.exogenous if n.startswith("force_")]
+        many = min(len(where.runs), 4)
+        drawn = figures.force(
+            [literal(r) for r in where.runs[:many]],
+            where.times[:many],
+            where.force[:many],
+            where.band[:many],
+            axes,
+        )
+        blocks.append(
+            Figure("force", drawn, "Smoothed missing force in body axes, with two standard deviations.")
+        )
+    return blocks
+
+
+def description_sections(found: Diagnosis) -> list[Section]:
+    d = found.description
+    if d is None:
+        return []
+    blocks: list[Block] = [Text("\n\n".join(literal(s) for s in d.sentences))]
+    if d.terms:
+        blocks.append(
+            Table(
+                ["term", "regressor", "value", "sd", "unit", "kept in draws", "gain [nats]", "or else"],
+                [
+                    [t.name, t.expression, t.value, t.sd, t.unit, t.inclusion, t.gain, ", ".join(t.rivals)]
+                    for t in d.terms
+                ],
+                "Terms of the missing force. Each was proposed by a sparse regression of the smoothed force "
+                "and then earned its evidence beside coefficients that were free within their prior. Between "
+                "terms of one axis the readings chose, not the regression, whose draws may then be few.",
+            )
+        )
+    return [Section("What the missing force is made of", blocks)]
+
+
+def which_blocks(found: Diagnosis) -> list[Block]:
+    c = found.candidates
+    scores = c.scores[:14]
+    base = c.none.log_evidence
+    rows = [["none", 0.0, c.none.fit.chi2, arrival_words(c.none.fit.converged), ""]]
+    for r in c.refits:
+        k = len(found.problem.coefficients.names)
+        values = "; ".join(
+            f"{n.split('.')[1]} = {v:.4g} ± {s:.2g}"
+            for n, v, s in zip(r.fit.free.names[k:], r.fit.values[k:], r.fit.sd[k:], strict=True)
+        )
+        rows.append(
+            [
+                " + ".join(in_words(n) for n in r.effects),
+                r.log_evidence - base,
+                r.fit.chi2,
+                arrival_words(r.fit.converged),
+                values,
+            ]
+        )
+    return [
+        Figure(
+            "screen",
+            figures.bars(
+                [in_words(s.name) for s in scores],
+                np.array([s.gain for s in scores]),
+                "gain in log evidence, screen [nats]",
+                5.0,
+            ),
+            "Screen of the whole catalogue along one path, coefficients free.",
+        ),
+        Table(
+            ["effects", "gain [nats]", "chi²", "refit", "parameters (SI)"],
+            rows,
+            "Refits of the shortlist to convergence. chi² near 1 means residuals of the size of the noise.",
+        ),
+    ]
