@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
-from bayesid.coloured.kalman import smooth, whiten
+from bayesid.coloured.kalman import whiten
+from bayesid.coloured.smoother import smooth
 
 # Both sides are exact in exact arithmetic; what is left is the rounding of a 12-step recursion.
 CLOSE = 1e-8

@@ -9,9 +9,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bayesid.coloured.kalman import smooth_filtered, whiten
+from bayesid.coloured.kalman import whiten
 from bayesid.coloured.log import Array
 from bayesid.coloured.path import Path
+from bayesid.coloured.smoother import smooth_filtered
 from bayesid.model import Model
 
 
@@ -88,7 +89,7 @@ def force_unit(model: Model) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Filter:
-    """Arguments of `kalman.whiten` and `kalman.smooth` for one run."""
+    """Arguments of `kalman.whiten` and `smoother.smooth` for one run."""
 
     variance: Array
     gamma: Array
@@ -257,14 +258,14 @@ def smoothed(
 ) -> Smoothed:
     """Posterior deviation from the path along one run, its parameters moved by `step`.
 
-    Without `variances` that array is empty, which is quicker.
+    Without `variances` neither they nor `alone` are there (empty), which is three times quicker.
     """
     f = filter_settings(model, path, colours, latent, run)
     resid, drive, first = known(path, step)
     n, q = resid.shape
     m = first.size + f.variance_f.size + f.variance_d.size
-    mean, var, filtered = np.empty((n, m)), np.empty((n, m) if variances else (0, m)), np.empty((n, m))
-    standard, alone = np.empty((n, q)), np.empty((n, q))
+    mean, var, filtered = np.empty((n, m)), np.empty((n if variances else 0, m)), np.empty((n, m))
+    standard, alone = np.empty((n, q)), np.empty((n if variances else 0, q))
     smooth_filtered(
         np.where(path.log.valid, resid, 0.0),
         drive,

@@ -15,9 +15,9 @@ import numpy as np
 
 from bayesid.coloured.colours import Colours, Filter, filter_settings, known
 from bayesid.coloured.fit import NOTHING, fit
-from bayesid.coloured.kalman import smooth
 from bayesid.coloured.log import Array, Log
 from bayesid.coloured.path import Path, Point, linearise
+from bayesid.coloured.smoother import smooth
 from bayesid.errors import ModelError
 from bayesid.model import Model
 from bayesid.simulate import plan_run, simulate_batch

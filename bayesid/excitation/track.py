@@ -14,8 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bayesid.coloured.kalman import smooth, whiten
+from bayesid.coloured.kalman import whiten
 from bayesid.coloured.log import ANGLES, Log, read_run
+from bayesid.coloured.smoother import smooth
 from bayesid.errors import TrialError
 from bayesid.excitation.motion import Motion
 from bayesid.kernels.formulas import KINEMATICS_3, KINEMATICS_6
