@@ -59,16 +59,14 @@ def results(sheet: Any) -> dict[str, Any]:
 
 def _lead(sheet: Any) -> str:
     cases = sheet.cases
-    barred = [q for rows in sheet.quantities.values() for q in rows if q.met is not None]
-    met = sum(q.met for q in barred)
+    counted = "; ".join(_counted(dof, rows, cases) for dof, rows in sheet.quantities.items())
     named = [c for c in cases if c.named]
     wrong = sum(bool(c.named - c.right) for c in named)
     nulls = [c for c in cases if c.kind == "none"]
     alarms = sum(c.word != "none" for c in nulls)
     text = (
-        f"**{met} of {len(barred)} bars met on {len(cases)} bundles**; {wrong} of {len(named)} verdicts that "
-        f"name an effect name a wrong one; {alarms} of {len(nulls)} bundles without any effect raised an "
-        "alarm."
+        f"**{counted}.** {wrong} of {len(named)} verdicts that name an effect name a wrong one; {alarms} of "
+        f"{len(nulls)} bundles without any effect raised an alarm."
     )
     if sheet.sealed is None:
         text += " These verdicts are **not sealed**: a development score, no blind check."
@@ -80,6 +78,21 @@ def _lead(sheet: Any) -> str:
     if sheet.control.met is not False:
         text += " **The control did not fail**: with so few bundles these scores show nothing."
     return text
+
+
+def _counted(dof: int, rows: Sequence[Any], cases: Sequence[Any]) -> str:
+    """Bars met of one number of degrees of freedom, and how many of those only within the interval."""
+    barred = [q for q in rows if q.met is not None]
+    met = [q for q in barred if q.met]
+    within = sum(not _reached(q) for q in met)
+    bundles = sum(c.dof == dof for c in cases)
+    text = f"{dof} degrees of freedom: {len(met)} of {len(barred)} bars met on {bundles} bundles"
+    return text + (f", {within} of them only within the 95 % interval" if within else "")
+
+
+def _reached(q: Any) -> bool:
+    """Whether the score itself is within its bar."""
+    return bool(q.bar[0] <= q.value <= q.bar[1])
 
 
 def bar_text(quantity: Any) -> str:
@@ -96,14 +109,15 @@ def quantity_row(q: Any) -> list[Any]:
     """Cells of one quantity."""
     count = f"{q.hits}/{q.count}" if q.hits >= 0 else f"{q.count}"
     interval = "–" if q.count == 0 else f"{q.interval[0]:.3g} to {q.interval[1]:.3g}"
-    met = "–" if q.met is None else ("met" if q.met else "missed")
+    met = "–" if q.met is None else ("met" if _reached(q) else "within error") if q.met else "missed"
     return [q.name, q.about, q.value if q.count else None, count, interval, bar_text(q), met]
 
 
 def _bars(sheet: Any) -> list[Any]:
     blocks: list[Any] = [
         Text(
-            "A bar is met when the 95 % interval of the score reaches it. D is the noncentrality of the "
+            "A bar is met when the 95 % interval of the score reaches it; where only the interval does, the "
+            "last column says within error, which few cases make easy. D is the noncentrality of the "
             "planted cause at its true size, computed from the noise-free answer of the true vehicle; below "
             "25 the right answer is no gap, or a set that holds the cause."
         )
