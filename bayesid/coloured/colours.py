@@ -13,6 +13,7 @@ from bayesid.coloured.kalman import whiten
 from bayesid.coloured.log import Array
 from bayesid.coloured.path import Path
 from bayesid.coloured.smoother import smooth_filtered
+from bayesid.coloured.stacks import known, stacked
 from bayesid.model import Model
 
 
@@ -113,7 +114,11 @@ def filter_settings(
     n_force = len(colours.force)
     q = len(log.channels)
     names = [model.kernel.channels[c] for c in log.channels]
-    gamma = [path.gamma[:, :, :n_force] @ mixing(model, colours)]
+    gamma = [path.gamma[:, :, :n_force]]
+    if any(colours.arms):
+        gamma[0] = gamma[0].copy()
+        for (moment, force), arm in zip(pairs(model), colours.arms, strict=False):
+            gamma[0][:, :, force] += arm * path.gamma[:, :, moment]
     decay = [np.repeat(np.exp(-gaps / colours.force_tau)[:, None], n_force, axis=1)]
     variance = [np.array(colours.force) ** 2]
     position = [j for j, c in enumerate(names) if c in ("x", "y", "z")]
@@ -158,6 +163,27 @@ def filter_settings(
     )
 
 
+def lively(f: Filter) -> tuple[Filter, Array]:
+    """Settings without latent inputs and drifts of no variance, and (nf + nd,) bool which were kept.
+
+    They stay zero whatever the data say; still water has no others.
+    """
+    force, drift = f.variance_f > 0.0, f.variance_d > 0.0
+    kept = np.concatenate([force, drift])
+    if kept.all():
+        return f, kept
+    some = replace(
+        f,
+        gamma=np.ascontiguousarray(f.gamma[:, :, force]),
+        decay_f=np.ascontiguousarray(f.decay_f[:, force]),
+        variance_f=f.variance_f[force],
+        drift=np.ascontiguousarray(f.drift[:, drift]),
+        decay_d=np.ascontiguousarray(f.decay_d[:, drift]),
+        variance_d=f.variance_d[drift],
+    )
+    return some, kept
+
+
 @dataclass(frozen=True, eq=False)
 class White:
     """Whitened residual and columns of one run; `logdet` of its covariance, `used` readings."""
@@ -166,20 +192,6 @@ class White:
     columns: Array
     logdet: float
     used: int
-
-
-def known(path: Path, step: Array) -> tuple[Array, Array, Array]:
-    """Residual, drive and initial deviation when the parameters are moved by `step` from the path's own.
-
-    The deviation is measured from the path: latent forces zero, initial state that of the readings.
-    """
-    n_force = path.point.force.shape[1]
-    resid = path.resid - path.direct @ step
-    drive = (
-        path.defect + path.psi @ step - np.einsum("ixf,if->ix", path.gamma[:, :, :n_force], path.point.force)
-    )
-    first = path.log.path[0] if path.log.first is None else path.log.first
-    return resid, drive, first - path.point.states[0]
 
 
 def whitened(
@@ -200,22 +212,13 @@ def whitened(
     scale : (p,) unit of each column [SI]
     extra : further columns, direct (n, q, k) and drive (n-1, nx, k), e.g. secants
     """
-    f = filter_settings(model, path, colours, latent, run)
-    resid, drive, first = known(path, step)
-    direct = [resid[:, :, None], path.direct * scale]
-    drives = [drive[:, :, None], -path.psi * scale]
-    if extra is not None:
-        direct.append(extra[0])
-        drives.append(-extra[1])
-    columns = np.concatenate(direct, axis=2)
-    columns = np.ascontiguousarray(np.where(path.log.valid[:, :, None], columns, 0.0))
-    firsts = np.zeros((first.size, columns.shape[2]))
-    firsts[:, 0] = first
-    out = np.empty((columns.shape[0] * columns.shape[1], columns.shape[2]))
+    f, _ = lively(filter_settings(model, path, colours, latent, run))
+    stack = stacked(path, step, scale, extra)
+    out = np.empty((stack.columns.shape[0] * stack.columns.shape[1], stack.columns.shape[2]))
     logdet, used = whiten(
-        columns,
-        np.ascontiguousarray(np.concatenate(drives, axis=2)),
-        firsts,
+        stack.columns,
+        stack.drive,
+        stack.first,
         path.log.valid,
         path.slope,
         f.variance,
@@ -260,7 +263,7 @@ def smoothed(
 
     Without `variances` neither they nor `alone` are there (empty), which is three times quicker.
     """
-    f = filter_settings(model, path, colours, latent, run)
+    f, kept = lively(filter_settings(model, path, colours, latent, run))
     resid, drive, first = known(path, step)
     n, q = resid.shape
     m = first.size + f.variance_f.size + f.variance_d.size
@@ -287,4 +290,14 @@ def smoothed(
         alone,
         filtered,
     )
+    if not kept.all():
+        at = np.flatnonzero(np.concatenate([np.ones(first.size, dtype=bool), kept]))
+        mean, var, filtered = (_spread(x, at, first.size + kept.size) for x in (mean, var, filtered))
     return Smoothed(mean, var, standard, alone, filtered)
+
+
+def _spread(values: Array, at: Array, size: int) -> Array:
+    """(n, size) with the columns of `values` at positions `at`, zero elsewhere."""
+    out = np.zeros((values.shape[0], size))
+    out[:, at] = values
+    return out

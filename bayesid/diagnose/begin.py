@@ -13,11 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bayesid.coloured.colours import Colours, Filter, filter_settings, known
+from bayesid.coloured.colours import Colours, Filter, filter_settings
 from bayesid.coloured.fit import NOTHING, fit
 from bayesid.coloured.log import Array, Log
 from bayesid.coloured.path import Path, Point, linearise
 from bayesid.coloured.smoother import smooth
+from bayesid.coloured.stacks import known
 from bayesid.errors import ModelError
 from bayesid.model import Model
 from bayesid.simulate import plan_run, simulate_batch
