@@ -5,6 +5,7 @@ Takes amplitudes and correlation times. Gives whitened stacks of all runs. Does 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -111,56 +112,59 @@ def filter_settings(
     """
     log = path.log
     gaps = np.diff(log.plan.t)
-    n_force = len(colours.force)
-    q = len(log.channels)
     names = [model.kernel.channels[c] for c in log.channels]
-    gamma = [path.gamma[:, :, :n_force]]
+    gamma = [path.gamma[:, :, : len(colours.force)]]
     if any(colours.arms):
         gamma[0] = gamma[0].copy()
         for (moment, force), arm in zip(pairs(model), colours.arms, strict=False):
             gamma[0][:, :, force] += arm * path.gamma[:, :, moment]
-    decay = [np.repeat(np.exp(-gaps / colours.force_tau)[:, None], n_force, axis=1)]
-    variance = [np.array(colours.force) ** 2]
-    position = [j for j, c in enumerate(names) if c in ("x", "y", "z")]
-    drift = np.zeros((q, len(position)))
-    for k, j in enumerate(position):
-        drift[j, k] = 1.0
-    decay_d = [np.repeat(np.exp(-gaps / colours.drift_tau)[:, None], len(position), axis=1)]
-    variance_d = [np.full(len(position), colours.drift**2)]
+    keep = [np.exp(-gaps / colours.force_tau)] * len(colours.force)
+    variance = [f**2 for f in colours.force]
+    seen = [j for j, c in enumerate(names) if c in ("x", "y", "z")]
+    keep_d = [np.exp(-gaps / colours.drift_tau)] * len(seen)
+    variance_d = [colours.drift**2] * len(seen)
     if latent is not None:
         where = [path.inputs.index(n) for n in latent.inputs]
+        sd = dict(zip((*latent.inputs, *latent.channels), latent.sd, strict=True))
+        faded = np.exp(-gaps / latent.tau)
         extra = path.gamma[:, :, where]
         if latent.masks is not None:
             extra = extra * latent.masks[run][:-1, None, None]
         gamma.append(extra)
-        decay.append(np.repeat(np.exp(-gaps / latent.tau)[:, None], len(where), axis=1))
-        variance.append(np.array(latent.sd[: len(where)]) ** 2)
-        seen = [names.index(c) for c in latent.channels if c in names]
-        more = np.zeros((q, len(seen)))
-        for k, j in enumerate(seen):
-            more[j, k] = 1.0
-        drift = np.hstack([drift, more])
-        decay_d.append(np.repeat(np.exp(-gaps / latent.tau)[:, None], len(seen), axis=1))
-        sd = dict(zip(latent.channels, latent.sd[len(where) :], strict=True))
-        variance_d.append(np.array([sd[names[j]] ** 2 for j in seen]))
+        keep += [faded] * len(where)
+        variance += [sd[n] ** 2 for n in latent.inputs]
+        more = [names.index(c) for c in latent.channels if c in names]
+        seen += more
+        keep_d += [faded] * len(more)
+        variance_d += [sd[names[j]] ** 2 for j in more]
     if log.fresh is not None:
         at, states = np.nonzero(log.fresh)
         jumps = np.zeros((log.fresh.shape[0], log.fresh.shape[1], log.fresh.shape[1]))
         jumps[at, states, states] = log.fresh[at, states]
         jumped = np.unique(states)
         gamma.append(jumps[:, :, jumped])
-        decay.append(np.zeros((gaps.size, jumped.size)))
-        variance.append(np.ones(jumped.size))
+        keep += [np.zeros(gaps.size)] * jumped.size
+        variance += [1.0] * jumped.size
+    drift = np.zeros((len(names), len(seen)))
+    drift[seen, np.arange(len(seen))] = 1.0
     return Filter(
         log.sigma**2,
-        np.ascontiguousarray(np.concatenate(gamma, axis=2)),
-        np.hstack(decay),
-        np.concatenate(variance),
+        np.ascontiguousarray(gamma[0] if len(gamma) == 1 else np.concatenate(gamma, axis=2)),
+        _beside(keep, gaps.size),
+        np.array(variance, dtype=float),
         drift,
-        np.hstack(decay_d),
-        np.concatenate(variance_d),
+        _beside(keep_d, gaps.size),
+        np.array(variance_d, dtype=float),
         log.start_sd**2,
     )
+
+
+def _beside(columns: Sequence[Array], size: int) -> Array:
+    """(size, k) of k columns."""
+    out = np.empty((size, len(columns)))
+    for k, column in enumerate(columns):
+        out[:, k] = column
+    return out
 
 
 def lively(f: Filter) -> tuple[Filter, Array]:

@@ -56,7 +56,6 @@ def interval_maps(
     """
     par = check_parameters(model, plan, par)
     fun = choose(model, par, full)
-    act, dact = actuate(model, par, plan, slopes=True, full=full)
     nx, n_in, n_free = len(fun.states), len(inputs), len(free)
     position = {name: nx + i for i, name in enumerate(inputs)}
     names = (*model.kernel.actuators, *model.kernel.exogenous)
@@ -64,6 +63,8 @@ def interval_maps(
     column = {int(p): nx + n_in + c for c, p in enumerate(free)}
     columns = np.array([column.get(int(p), -1) for p in fun.entries[:, 1]], dtype=np.int64)
     act_columns = np.array([column.get(p, -1) for p in fun.act_columns], dtype=np.int64)
+    # slopes of the actuators' chain cost twice the chain, with every delayed switch cut out of its step
+    act, dact = actuate(model, par, plan, slopes=bool((act_columns >= 0).any()), full=full)
     size, n = plan.record.size, nx + n_in + n_free
     path = np.array(states, dtype=float, order="C")
     ends, maps = np.empty((size, nx)), np.empty((size, nx, n))
@@ -130,17 +131,18 @@ def readings_on(
     par = np.array(par, dtype=float, order="C")
     fun = choose(model, par, full)
     column = {int(p): c for c, p in enumerate(free)}
-    rate, turn, force = _rates(plan, states, maps)
     values, by_state, sparse = read_channels(fun, par, plan, states, True)
     by_parameter = np.zeros((plan.t.size, values.shape[1], len(free)))
     entries = [(e, int(c), column[int(p)]) for e, (c, p) in enumerate(fun.sensor_entries) if int(p) in column]
     for e, c, k in entries:
         by_parameter[:, c, k] += sparse[:, e]
-    for channel, ids in fun.delays.items():
-        delay = float(sum(par[i] for i in ids))
-        wanted = [column[i] for i in ids if i in column]
-        if delay == 0.0 and not wanted:
-            continue
+    late_by = {channel: float(sum(par[i] for i in ids)) for channel, ids in fun.delays.items()}
+    late_by = {c: d for c, d in late_by.items() if d != 0.0 or any(i in column for i in fun.delays[c])}
+    if not late_by:
+        return Readings(values, by_state, by_parameter)
+    rate, turn, force = _rates(plan, states, maps)
+    for channel, delay in late_by.items():
+        wanted = [column[i] for i in fun.delays[channel] if i in column]
         acceleration = np.einsum("ixy,iy->ix", turn, rate)
         late, late_slope, late_sparse = read_channels(
             fun, par, plan, states - delay * rate + 0.5 * delay**2 * acceleration, True
