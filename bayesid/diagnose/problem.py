@@ -12,7 +12,7 @@ import numpy as np
 
 from bayesid.coloured.fit import NOTHING, ColouredFit, Free, fit
 from bayesid.coloured.free import coefficient_prior, effect_prior
-from bayesid.coloured.levels import Environment, measure, stated
+from bayesid.coloured.levels import Environment, measure, measure_straight, stated
 from bayesid.coloured.log import Log, read_run
 from bayesid.coloured.path import Point
 from bayesid.diagnose.event import Event, blanked, released
@@ -144,7 +144,14 @@ def _environment(
     straight = [log for log in logs if log.straight]
     if straight:
         say(f"environment: measured from {len(straight)} straight run(s)")
-        first = measure(model, straight, free)
+        first, repeated = measure_straight(model, straight, free)
+        if repeated:
+            # the manoeuvres have it as well
+            warnings.append(
+                f"the straight runs have the same disturbance in {', '.join(repeated)} at the same time: it "
+                "is not weather and is left out of the environment"
+            )
+            return first
         return measure(model, logs, free, rounds=1, known=first, steps=5)
     warnings.append("no straight run: the environment is estimated from all runs, so a gap may hide in it")
     found = measure(model, logs, free)
