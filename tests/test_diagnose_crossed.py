@@ -69,7 +69,7 @@ def weighing():
     none, where = candidate(0.0), SimpleNamespace(base=0.0)
     pair = candidate(60.0, "a", "b")
     evidence = {"a": 40.0, "b": 10.0, "c": 30.0, "coefficient_error": 2.0, "outside": 5.0}
-    return lambda excess, refits=(pair,): probabilities(evidence, refits, none, where, excess)
+    return lambda excess, refits=(pair,): probabilities(evidence, refits, none, where, excess).shared
 
 
 def test_probabilities_are_prior_times_evidence(weighing):
@@ -87,8 +87,22 @@ def test_two_effects_share_alike_until_the_runs_disagree_about_them(weighing):
     assert disagreed["a"] > 3 * disagreed["b"]
 
 
-def test_disagreement_lets_more_causes_stand_but_not_no_cause(weighing):
+def test_disagreement_lets_more_causes_stand_and_no_cause_by_the_same_measure(weighing):
     sharp, soft = weighing(1.0, ()), weighing(8.0, ())
     assert credible_set(sharp) == ("a",)
     assert {"a", "c"} <= set(credible_set(soft))
-    assert soft["none"] < 1e-6
+    assert soft["none"] / soft["a"] == pytest.approx(0.5 / 0.1 * np.exp(-40.0 / 8.0))
+
+
+def test_what_an_effect_leaves_goes_to_it_and_in_part_to_a_cause_that_only_looks_like_it():
+    none, where = candidate(0.0), SimpleNamespace(base=0.0)
+    evidence = {"a": 60.0, "c": 30.0, "coefficient_error": 2.0, "outside": 70.0}
+    refits = (candidate(60.0, "a"),)
+
+    def weigh(more, generic):
+        return probabilities(evidence | {"outside": generic}, refits, none, where, rest={("a",): more}).shared
+
+    clean, left, little = weigh(-1.0, 20.0), weigh(30.0, 70.0), weigh(400.0, 460.0)
+    assert 0.005 < clean["outside"] < 0.05  # faint or plain, a name is never quite alone
+    assert left["a"] / left["outside"] == pytest.approx(1.0 / 0.2, rel=0.05)
+    assert little["outside"] > 0.99  # what explains an eighth of the gap is a part of something else

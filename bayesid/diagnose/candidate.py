@@ -23,6 +23,8 @@ from bayesid.kernels.layout import names_read
 COEFFICIENT_ERROR = "coefficient_error"
 # Slack of the check of evidence against the distance of the parameters from zero [nats].
 WALD_SLACK = 3.0
+# Gains below which refits along paths of their own differ by chance as much as by what they explain.
+PATH_NOISE = 20.0
 # Shifts of the logarithm of a measured environment that are averaged over.
 LOUDER = (-0.7, -0.35, 0.0, 0.35, 0.7, 1.05)
 
@@ -116,15 +118,29 @@ def _remembers(effect: Effect) -> bool:
 def checked(problem: Problem, candidate: Candidate, none: Candidate, gains: Mapping[str, float]) -> Candidate:
     """Candidate whose evidence neither rests on straight runs nor exceeds what its parameters can gain.
 
-    A refit that did not arrive and fits worse than no effect claims no more than its screen, `gains`.
+    A refit that explains the data keeps its evidence, but a small gain must also be there along its own path
+    (Savage-Dickey): the paths of two fits differ by chance. One that does not is held to its Wald limit; one
+    that did not arrive and fits worse than no effect claims no more than its screen, `gains`.
     """
     c = away_from_straight(problem, candidate, none)
     if not none.fit.converged or c.widens:
         return c
+    gain = c.log_evidence - none.log_evidence
+    if explains(c):
+        gain = gain if gain > PATH_NOISE else min(gain, nested(problem, c))
+        return replace(c, log_evidence=none.log_evidence + gain)
     limit = wald_limit(problem, c.fit)
     if not c.fit.converged and c.fit.chi2 > none.fit.chi2 and len(c.effects) == 1:
         limit = min(limit, gains.get(c.effects[0], limit))
     return replace(c, log_evidence=min(c.log_evidence, none.log_evidence + limit))
+
+
+def nested(problem: Problem, candidate: Candidate) -> float:
+    """Log evidence of a refit over no effect, both along the refit's own path (Dickey 1971)."""
+    fitted = candidate.fit
+    total = sum(fitted.grams[1:], fitted.grams[0])
+    without = total.pick(np.arange(len(problem.coefficients.names)))
+    return corrected_evidence(fitted) - posterior(without).log_evidence
 
 
 def wald_limit(problem: Problem, fitted: ColouredFit) -> float:

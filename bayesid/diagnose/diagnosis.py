@@ -21,6 +21,7 @@ from bayesid.diagnose.description import Description, describe_gap
 from bayesid.diagnose.description import as_json as described
 from bayesid.diagnose.events import find_events, verdict_with, with_events
 from bayesid.diagnose.next_run import Proposal, propose
+from bayesid.diagnose.place import place_of
 from bayesid.diagnose.problem import Problem, pose
 from bayesid.diagnose.sampled import EffectPosterior, sample_effect
 from bayesid.diagnose.sampled import as_json as sampled
@@ -201,12 +202,10 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
     best = simplest(c)
     table = parameter_table(best.fit, d.problem)
     effects = []
-    # Several effects share the mass of standing together (`weigh`); each of the named ones stands with it.
-    together = len(v.effects) if v.word == "several" else 1
     named = (
         v.effects
         if v.effects
-        else tuple(n for n in best.effects if n in model.effects and probability.get(n, 0) > 0.5)
+        else tuple(n for n in best.effects if n in model.effects and c.inside.get(n, 0.0) > 0.5)
     )
     for name in named:
         effect = model.effects.get(name)
@@ -219,7 +218,7 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
         effects.append(
             {
                 "name": name,
-                "probability": min(1.0, probability.get(name, 0.0) * together),
+                "probability": float(min(1.0, c.inside.get(name, 0.0))),
                 "parameters": _contract(name, values),
             }
         )
@@ -252,7 +251,7 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
             for n, x, a in zip(c.ambiguity.names, c.ambiguity.detect, c.ambiguity.absorbed, strict=True)
         },
         "where": {
-            "channel": places[0].channel if places[0].evidence > 5.0 else None,
+            "channel": place_of(c, model),
             "evidence": {p.channel: float(p.evidence) for p in places},
             "windows": [
                 {"name": m.name, "evidence": float(m.evidence)} for m in c.where.masks if m.kind != "regime"

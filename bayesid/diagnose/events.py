@@ -230,11 +230,11 @@ def with_events(candidates: Candidates, events: Sequence[Event]) -> Candidates:
     if gain <= candidates.evidence["outside"]:
         return candidates
     evidence = candidates.evidence | {"outside": gain}
-    probability = probabilities(evidence, candidates.refits, candidates.none, candidates.where)
+    weights = probabilities(evidence, candidates.refits, candidates.none, candidates.where)
     if simplest(candidates).log_evidence > candidates.none.log_evidence + candidates.thresholds.named:
         # an effect stands on the rest of the trial; the event is a second cause and takes nothing from it
-        probability = candidates.probabilities
-    return replace(candidates, evidence=evidence, probabilities=probability)
+        return replace(candidates, evidence=evidence)
+    return replace(candidates, evidence=evidence, probabilities=weights.shared, inside=weights.inside)
 
 
 def verdict_with(verdict: Verdict, events: Sequence[Event]) -> Verdict:

@@ -72,7 +72,8 @@ def refit_wide(problem: Problem, name: str, say: Say) -> list[Candidate]:
 def several(
     problem: Problem, refits: list[Candidate], current: Candidate, effects: list[Effect], say: Say
 ) -> list[Candidate]:
-    """Forward selection from the best single effect, then backward.
+    """Forward selection from the best single effect, then backward: the first one may owe its place to the
+    second.
 
     A step must raise the evidence of the refit where the smaller model explains the data, and the screen's
     otherwise.
@@ -96,17 +97,19 @@ def several(
         best = max(tried, key=lambda c: standing(c, gains[c.effects[-1]]))
         if explains(current) and best.log_evidence < current.log_evidence + ADD:
             break
-        refits = [best, *refits]
+        refits = [*tried, *refits]
         current = best
-    if len(current.effects) > 2:
+    while len(current.effects) > 1:
+        less = []
         for name in current.effects:
             fewer = tuple(model.effects[n] for n in current.effects if n != name)
-            if any(set(c.effects) == {e.name for e in fewer} for c in refits):
-                continue
-            smaller = refit(problem, fewer, say)
-            refits += smaller
-            if any(c.log_evidence > current.log_evidence - DROP for c in smaller):
-                break
+            known = [c for c in refits if set(c.effects) == {e.name for e in fewer}]
+            less += known or refit(problem, fewer, say)
+            refits += [c for c in less if c not in refits]
+        smaller = max(less, key=lambda c: c.log_evidence, default=None)
+        if smaller is None or smaller.log_evidence < current.log_evidence - DROP:
+            break
+        current = smaller
     return sorted(refits, key=lambda c: -c.log_evidence)
 
 

@@ -5,6 +5,7 @@ Takes `Candidates`. Gives a frozen `Verdict`. Reads no data and no held-out run.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,8 @@ from bayesid.diagnose.which import Candidates
 
 # Share of its signature the coefficients absorb from which an effect is hidden.
 HIDDEN = 0.98
+# Probability of acting from which one of several effects is named.
+SURE = 0.9
 WORDS = ("none", "effect", "effect_with_remainder", "several", "outside", "coefficients", "ambiguous")
 
 
@@ -65,7 +68,7 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
     if gain < limit.named:
         if before.evidence > limit.remainder and probability["outside"] > 0.5:
             return Verdict("outside", (), set95, (), tuple(reasons))
-        if "none" in set95 or before.evidence < limit.named:
+        if "none" in set95 or before.evidence < limit.remainder:
             if conflict > max(limit.conflict, 3.0) and probability["none"] < 0.5:
                 return Verdict("coefficients", (), set95, hidden, tuple(reasons))
             return Verdict("none", (), set95, (), tuple(reasons))
@@ -88,26 +91,36 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
     )
     if runs.refuted and explains(best):
         return Verdict("ambiguous", _names(set95), set95, (), tuple(reasons))
+    if len(best.effects) > 2 and rest:
+        # Pieces of the catalogue heaped up that still leave something are no explanation.
+        return Verdict("outside", (), set95, (), tuple(reasons))
     if len(best.effects) > 1:
-        if rest and probability[best.effects[0]] < 0.5:
-            return Verdict("ambiguous", best.effects, set95, hidden, tuple(reasons))
-        if rest:
-            # Further effects that leave a remainder only bend towards it; the first one stands.
-            return Verdict("effect_with_remainder", best.effects[:1], set95, hidden, tuple(reasons))
-        return Verdict("several", best.effects, set95, hidden, tuple(reasons))
+        sure = tuple(n for n in best.effects if _acts(candidates, families, n) > SURE)
+        if len(sure) == len(best.effects) and not rest:
+            return Verdict("several", best.effects, set95, hidden, tuple(reasons))
+        if not sure:
+            return Verdict("ambiguous", _names(set95), set95, hidden, tuple(reasons))
+        # What acts beside it is not told, or only bends towards a remainder.
+        return Verdict("effect_with_remainder", sure[:1], set95, hidden, tuple(reasons))
     name = best.effects[0]
     if absorbed.get(name, 0.0) > HIDDEN:
         along = tuple(n for n in hidden if candidates.evidence.get(n, -np.inf) > gain - 20.0)
         return Verdict("coefficients", (), set95, along, tuple(reasons))
     if "none" in set95:
-        return Verdict(
-            "none" if probability["none"] > 0.5 else "ambiguous", _names(set95), set95, (), tuple(reasons)
-        )
-    rivals = {families.get(n, n) for n in set95}
+        if probability["none"] > 0.5:
+            return Verdict("none", (), set95, (), tuple(reasons))
+        return Verdict("ambiguous", _names(set95), set95, (), tuple(reasons))
+    rivals = {families.get(n, n) for n in set95} - {"outside"}
     if len(rivals) > 1:
         return Verdict("ambiguous", _names(set95), set95, (), tuple(reasons))
     word = "effect_with_remainder" if rest else "effect"
     return Verdict(word, (name,), set95, (), tuple(reasons))
+
+
+def _acts(candidates: Candidates, families: Mapping[str, str], name: str) -> float:
+    """Probability that an effect of a name's family acts, alone or with others."""
+    family = families.get(name, name)
+    return sum(p for n, p in candidates.inside.items() if families.get(n, n) == family)
 
 
 def simplest(candidates: Candidates) -> Candidate:

@@ -7,6 +7,7 @@ verdict's business.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import logsumexp
@@ -17,6 +18,9 @@ from bayesid.diagnose.problem import Problem
 from bayesid.diagnose.where import Where
 
 PRIOR_NONE, PRIOR_CATALOGUE, PRIOR_OUTSIDE = 0.5, 0.4, 0.1
+# Share of what lies outside that looks like an effect of the catalogue up to a free force: a drag that grows
+# in a step is not a loss of thrust, and yet more like it than like any generic signal.
+ALIKE = 0.2
 
 
 def evidences(
@@ -32,9 +36,14 @@ def evidences(
     """
     out: dict[str, float] = {}
     refitted = {c.effects[0]: over_none(c, none, where) for c in refits if len(c.effects) == 1}
-    floor = min(refitted.values()) if refitted else 0.0
+    sound = [over_none(c, none, where) for c in refits if len(c.effects) == 1 and explains(c)]
+    floor = min(sound) if sound else max(refitted.values(), default=0.0)
+    top = max((s.gain for s in scores), default=0.0)
     for score in scores:
-        out[score.name] = refitted.get(score.name, min(score.gain, floor))
+        # the screen's distance from its best holds where no refit explains the data
+        out[score.name] = refitted.get(
+            score.name, min(score.gain, floor if sound else floor - top + score.gain)
+        )
     for effect in problem.model.kernel.effects:
         out.setdefault(effect.name, 0.0 if testable(problem, effect) else -np.inf)
     prefix = f"{COEFFICIENT_ERROR}:"
@@ -58,6 +67,20 @@ def over_none(candidate: Candidate, none: Candidate, where: Where) -> float:
     return candidate.log_evidence - (none.log_evidence if explains(candidate) else zero(none, where))
 
 
+@dataclass(frozen=True)
+class Weights:
+    """Posterior of all hypotheses.
+
+    Attributes
+    ----------
+    shared : name -> probability, the mass of several effects at once shared by them; sums to 1
+    inside : name -> probability that it acts, alone or with others
+    """
+
+    shared: dict[str, float]
+    inside: dict[str, float]
+
+
 def probabilities(
     evidence: dict[str, float],
     refits: Sequence[Candidate],
@@ -65,18 +88,17 @@ def probabilities(
     where: Where,
     excess: float = 1.0,
     rest: Mapping[tuple[str, ...], float] | None = None,
-) -> dict[str, float]:
+) -> Weights:
     """Posterior probability of none, every catalogue name, coefficient_error and outside.
 
-    The mass of several effects at once is shared by them; every further effect pays the catalogue's prior
-    again.
+    Every further effect pays the catalogue's prior again.
 
     Parameters
     ----------
     excess : how much the runs disagree about the best explanation, chi-square over its degrees of freedom. A
         form that is not quite right says that there is a gap, but not in all its nats which cause: what a
-        cause lags behind the best is divided by it (quasi-likelihood; Wedderburn 1974).
-    rest : log evidence of several effects when a free force takes what they leave
+        cause, or none, lags behind the best is divided by it (quasi-likelihood; Wedderburn 1974).
+    rest : what a free force adds to the log evidence of some explanations
     """
     names = [n for n in evidence if n != "outside"]
     each = float(np.log(PRIOR_CATALOGUE / len(names)))
@@ -85,20 +107,32 @@ def probabilities(
         if len(c.effects) > 1:
             key = tuple(sorted(c.effects))
             gain[key] = max(gain.get(key, -np.inf), over_none(c, none, where))
-    for effects, value in (rest or {}).items():
-        key = tuple(sorted(effects))
-        if len(key) > 1:
-            gain[key] = float(np.logaddexp(gain[key], value))
-    top = max(gain.values())
-    joint = {key: top - (top - value) / max(excess, 1.0) + len(key) * each for key, value in gain.items()}
+    more = {tuple(sorted(k)): float(v) for k, v in (rest or {}).items()}
+    top = max([*gain.values(), *(gain[k] + v for k, v in more.items())])
+
+    def tempered(value: float) -> float:
+        return top - (top - value) / max(excess, 1.0)
+
+    joint = {key: tempered(value) + len(key) * each for key, value in gain.items()}
     joint[("outside",)] += float(np.log(PRIOR_OUTSIDE)) - each
-    joint[("none",)] = float(np.log(PRIOR_NONE))
+    joint[("none",)] = (tempered(0.0) if top > 0 else 0.0) + float(np.log(PRIOR_NONE))
+    for key, value in more.items():
+        both = tempered(gain[key] + value) + len(key) * each + float(np.log(PRIOR_OUTSIDE))
+        # an effect has a remainder; what explains less than half of the gap is a part of something else
+        named = gain[key] > 0.5 * evidence["outside"]
+        if named:
+            joint[key] = float(np.logaddexp(joint[key], both))
+        alike = both + (float(np.log(ALIKE)) if named else 0.0)
+        joint[("outside",)] = float(np.logaddexp(joint[("outside",)], alike))
     total = logsumexp(list(joint.values()))
-    out = dict.fromkeys([*names, "outside", "none"], 0.0)
+    shared = dict.fromkeys([*names, "outside", "none"], 0.0)
+    inside = dict.fromkeys(shared, 0.0)
     for key, value in joint.items():
+        mass = float(np.exp(value - total))
         for n, share in zip(key, _shares(key, evidence, excess), strict=True):
-            out[n] += float(np.exp(value - total)) * share
-    return out
+            shared[n] += mass * share
+            inside[n] += mass
+    return Weights(shared, inside)
 
 
 def credible_set(probability: dict[str, float], mass: float = 0.95) -> tuple[str, ...]:

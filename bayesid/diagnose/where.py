@@ -20,9 +20,9 @@ from bayesid.coloured.path import Path, Point, linearise
 from bayesid.diagnose.problem import Problem
 from bayesid.model import Model
 
-# Amplitudes relative to each channel's unit, and correlation times in L/U.
+# Amplitudes relative to each channel's unit, and correlation times in L/U: fast, slow, and lasting a run.
 AMPLITUDES = (1e-3, 1e-2, 1e-1, 1.0)
-TIMES = (1.0, 8.0)
+TIMES = (1.0, 8.0, 64.0)
 
 
 @dataclass(frozen=True)

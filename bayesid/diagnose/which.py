@@ -9,8 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from bayesid.diagnose.bank import (
     Ambiguity,
     Bank,
@@ -22,12 +20,12 @@ from bayesid.diagnose.bank import (
     testable,
     widened,
 )
-from bayesid.diagnose.candidate import Candidate, checked, explains, standing, weighed
+from bayesid.diagnose.candidate import PATH_NOISE, Candidate, checked, explains, standing, weighed
 from bayesid.diagnose.crossed import crossed
 from bayesid.diagnose.problem import Problem, fit_with
 from bayesid.diagnose.refits import ADD, likely_coefficients, refit, refit_wide, several, shortlist
 from bayesid.diagnose.thresholds import Thresholds, thresholds
-from bayesid.diagnose.weigh import PRIOR_OUTSIDE, evidences, over_none, probabilities, zero
+from bayesid.diagnose.weigh import evidences, probabilities
 from bayesid.diagnose.where import Where, locate, tried
 
 Say = Callable[[str], None]
@@ -44,6 +42,7 @@ class Candidates:
     scores : screen of every effect
     evidence : name -> log evidence over none, for every catalogue name, "outside" and "coefficient_error"
     probabilities : name -> posterior probability, same names and "none"
+    inside : name -> probability that it acts, alone or with others
     bank : Bank the screen used
     ambiguity : Ambiguity
     where, where_after : Where before any effect and after the best one
@@ -55,6 +54,7 @@ class Candidates:
     scores: tuple[Score, ...]
     evidence: dict[str, float]
     probabilities: dict[str, float]
+    inside: dict[str, float]
     bank: Bank
     ambiguity: Ambiguity
     where: Where
@@ -106,18 +106,20 @@ def compare(problem: Problem, say: Say = lambda text: None, seed: int = 0) -> Ca
         best = refits[0].fit
         after = locate(problem, best.follow if not best.converged else best.points, best.free, masks=False)
     evidence = evidences(problem, none, refits, scores, wide, where)
-    rest: dict[tuple[str, ...], float] = {}
-    if after is not None and over_none(refits[0], none, where) > 0.5 * evidence["outside"]:
-        # The effects explain most of it, a free force may take the rest.
-        rest[refits[0].effects] = after.outside - zero(none, where) + float(np.log(PRIOR_OUTSIDE))
-        for names, value in rest.items():
-            if names[0] in evidence and len(names) == 1:
-                evidence[names[0]] = float(np.logaddexp(evidence[names[0]], value))
+    rest = _rests(refits, after)
     excess = _excess(refits, none, len(problem.coefficients.names))
-    probability = probabilities(evidence, refits, none, where, excess, rest)
-    return Candidates(
-        none, tuple(refits), tuple(scores), evidence, probability, bank, known, where, after, limits
-    )
+    weights = probabilities(evidence, refits, none, where, excess, rest)
+    found = (evidence, weights.shared, weights.inside, bank, known, where, after, limits)
+    return Candidates(none, tuple(refits), tuple(scores), *found)
+
+
+def _rests(refits: Sequence[Candidate], after: Where | None) -> dict[tuple[str, ...], float]:
+    """What a free force adds to the best explanation, and to those that it cannot tell from it."""
+    if after is None or refits[0].widens:
+        return {}
+    more = after.outside - after.base
+    near = [c for c in refits if c.log_evidence > refits[0].log_evidence - PATH_NOISE and not c.widens]
+    return {c.effects: more for c in near if len(c.effects) == len(refits[0].effects)}
 
 
 def _second_start(problem: Problem, none: Candidate, refits: Sequence[Candidate], say: Say) -> Candidate:
