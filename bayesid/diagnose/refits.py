@@ -8,9 +8,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+import numpy as np
+
+from bayesid.coloured.evidence import posterior
 from bayesid.coloured.fit import Free, fit
 from bayesid.coloured.free import effect_prior
-from bayesid.diagnose.bank import Score, build_bank, levels_between, screen
+from bayesid.coloured.path import Point
+from bayesid.diagnose.bank import Bank, Score, build_bank, levels_between, screen
 from bayesid.diagnose.candidate import COEFFICIENT_ERROR, Candidate, explains, standing, weighed
 from bayesid.diagnose.problem import Problem, fit_with
 from bayesid.effects import Effect
@@ -46,6 +50,41 @@ def refit(problem: Problem, effects: tuple[Effect, ...], say: Say) -> list[Candi
     except ModelError as exc:
         say(f"given up: {exc}")
         return []
+
+
+def refit_screened(problem: Problem, bank: Bank, score: Score, say: Say) -> list[Candidate]:
+    """Candidate of one screened effect.
+
+    One without a slope when off gets a second start, from the screen's own estimate, where the first does not
+    explain the data.
+    """
+    effect = problem.model.effects[score.name]
+    out = refit(problem, (effect,), say)
+    if effect.smooth or any(explains(c) for c in out):
+        return out
+    say(f"refit with {effect.name} from the screen's estimate")
+    start = _estimated(problem, bank, score)
+    try:
+        loud = max(problem.path_level, 1e-5)
+        again = weighed(problem, (effect.name,), fit_with(problem, (effect,), start=start, loud=loud))
+    except ModelError as exc:
+        say(f"given up: {exc}")
+        return out
+    return [max([*out, again], key=lambda c: (explains(c), c.log_evidence))]
+
+
+def _estimated(problem: Problem, bank: Bank, score: Score) -> list[Point]:
+    """Points at the screen's posterior mean of coefficients and effect."""
+    model = problem.model
+    prior = effect_prior(model, model.effects[score.name])
+    total = bank.total(score.level).pick(bank.columns((score.name,), (score.variant,)))
+    z = posterior(total).mean
+    par = model.nominal.copy()
+    c = problem.coefficients
+    par[c.where] = np.maximum(c.mean + c.sd * np.clip(z[: bank.n_coef], -3.0, 3.0), c.low)
+    size = float(np.clip(z[bank.n_coef], 0.1, 3.0)) if np.isfinite(prior.low).any() else float(z[bank.n_coef])
+    par[prior.where] = prior.mean + size * prior.sd
+    return [replace(point, par=par) for point in problem.path]
 
 
 def refit_wide(problem: Problem, name: str, say: Say) -> list[Candidate]:

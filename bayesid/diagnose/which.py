@@ -23,7 +23,7 @@ from bayesid.diagnose.bank import (
 from bayesid.diagnose.candidate import PATH_NOISE, Candidate, checked, explains, standing, weighed
 from bayesid.diagnose.crossed import crossed
 from bayesid.diagnose.problem import Problem, fit_with
-from bayesid.diagnose.refits import ADD, likely_coefficients, refit, refit_wide, several, shortlist
+from bayesid.diagnose.refits import ADD, likely_coefficients, refit_screened, refit_wide, several, shortlist
 from bayesid.diagnose.thresholds import Thresholds, thresholds
 from bayesid.diagnose.weigh import evidences, probabilities
 from bayesid.diagnose.where import Where, locate, tried
@@ -85,7 +85,7 @@ def compare(problem: Problem, say: Say = lambda text: None, seed: int = 0) -> Ca
     say("where the gap lies")
     where = locate(problem, follow, problem.coefficients)
     wide = widened(bank, problem.coefficients.names)
-    refits = [c for s in shortlist(scores) for c in refit(problem, (model.effects[s.name],), say)]
+    refits = [c for s in shortlist(scores) for c in refit_screened(problem, bank, s, say)]
     refits += [c for name in likely_coefficients(wide, scores) for c in refit_wide(problem, name, say)]
     none = _second_start(problem, none, refits, say)
     gains = {s.name: s.gain for s in scores}
