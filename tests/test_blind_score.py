@@ -118,6 +118,12 @@ def test_place_counts_only_where_the_evidence_is_plain():
     assert judge(truth("effect", "wind"), said("effect", "wind", where=told)).located is None
 
 
+def test_the_verdict_s_place_and_that_of_a_free_signal_alone_are_scored_apart():
+    told = {"channel": "current", "evidence": {"psi": 60.0, "current": 55.0}}
+    case = judge(truth("effect", "ocean_current"), said("effect", "ocean_current", where=told))
+    assert (case.located, case.alone) == (True, False)
+
+
 def test_a_cause_taken_for_weather_is_told_as_the_reason():
     # unit of a moment: half the density times L^3 U^2, here with the vehicle's own speed
     source = {"environment": {"force_rms": [2e-5, 2e-5, 2e-6, 0.0, 0.0]}}

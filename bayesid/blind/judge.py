@@ -42,7 +42,9 @@ class Case:
     reason : of a miss, from the numbers
     parameters : (effect, parameter, error, error in stated sd) where the right effect is named
     coefficients : (number within two stated sd, number) under the chosen model
-    place, located : most evident channel and whether it is allowed (None: evidence below 20)
+    place, located : channel the verdict gives, all hypotheses counted, and whether it is allowed (None: evidence
+        of a free signal below 20)
+    alone : whether the channel in which a free signal gains most is allowed
     before, after, shrink : held-out excess of the recalibrated and of the diagnosed model, and the ratio
     worst_absorbed : largest absorbed share among effects named alone
     """
@@ -75,6 +77,7 @@ class Case:
     coefficients: tuple[int, int]
     place: str | None
     located: bool | None
+    alone: bool | None
     before: float
     after: float
     shrink: float
@@ -123,7 +126,7 @@ def judge(answer: Answer, verdict: Mapping[str, Any] | None, cost: float = math.
     brier = sum((p - target.get(n, 0.0)) ** 2 for n, p in probability.items())
     gap = told.get("gap") or {}
     shrink, before, after = (_number(gap.get(k)) for k in ("shrink", "before", "after"))
-    place, located = _located(answer, told)
+    place, located, alone = _located(answer, told)
     covered = bool(stated_set & acceptable) if answer.kind != "two" else right <= stated_set or (
         stratum == "faint" and "none" in stated_set)  # fmt: skip
     outcome = _outcome(answer, told, named, stated_set, bool(plain and plain.absorbed > HIDDEN))
@@ -156,6 +159,7 @@ def judge(answer: Answer, verdict: Mapping[str, Any] | None, cost: float = math.
         coefficients=_coefficients(answer, told),
         place=place,
         located=located,
+        alone=alone,
         before=before,
         after=after,
         shrink=shrink,
@@ -264,14 +268,14 @@ def _top_gain(told: Mapping[str, Any]) -> str:
     return f"{max(evidence):.1f} nats" if evidence else "nothing known"
 
 
-def _located(answer: Answer, told: Mapping[str, Any]) -> tuple[str | None, bool | None]:
+def _located(answer: Answer, told: Mapping[str, Any]) -> tuple[str | None, bool | None, bool | None]:
     where = told.get("where") or {}
     evidence = {n: float(v) for n, v in where.get("evidence", {}).items() if v is not None}
-    if not evidence or not answer.causes or max(evidence.values()) <= LOCATED:
-        return where.get("channel"), None
-    place = max(evidence, key=lambda n: evidence[n])
+    place = where.get("channel")
     allowed = {p for c in answer.causes for p in places_of(c.name)}
-    return place, place in allowed if allowed else None
+    if not allowed or not evidence or max(evidence.values()) <= LOCATED:
+        return place, None, None
+    return place, place in allowed, max(evidence, key=lambda n: evidence[n]) in allowed
 
 
 def _parameters(answer: Answer, told: Mapping[str, Any]) -> tuple[tuple[str, str, float, float], ...]:
