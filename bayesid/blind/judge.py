@@ -42,8 +42,8 @@ class Case:
     reason : of a miss, from the numbers
     parameters : (effect, parameter, error, error in stated sd) where the right effect is named
     coefficients : (number within two stated sd, number) under the chosen model
-    place, located : channel the verdict gives, all hypotheses counted, and whether it is allowed (None: evidence
-        of a free signal below 20)
+    place, located : channel the verdict gives, all hypotheses counted, and whether it is allowed (None:
+        evidence of a free signal below 20)
     alone : whether the channel in which a free signal gains most is allowed
     before, after, shrink : held-out excess of the recalibrated and of the diagnosed model, and the ratio
     worst_absorbed : largest absorbed share among effects named alone
