@@ -46,3 +46,12 @@ def test_settings_that_exclude_each_other_are_told_before_any_work(pond, tmp_pat
     assert run(["sample", str(pond), "--out", str(tmp_path), "--student", "4"]) == 2
     assert "Student-t noise has no closed form" in capsys.readouterr().err
     assert not any(tmp_path.iterdir())
+
+
+def test_runs_are_sampled_in_pieces_on_request(pond, tmp_path, capsys):
+    line = ["sample", str(pond), "--out", str(tmp_path), *CHOICE, "--pieces", "100", "--max-steps", "10"]
+    assert run(line) == 3
+    assert "Not converged" in capsys.readouterr().out
+    found = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
+    times = found["settings"]["correlation_times"]
+    assert {name.split(":")[0].split()[-1] for name in times} == {"1/3", "2/3", "3/3"}

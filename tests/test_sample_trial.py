@@ -308,3 +308,20 @@ def test_the_sampled_posterior_of_a_nearly_linear_trial_is_its_closed_form(probl
     assert np.all(np.abs(found.sd / sd - 1) < 4.5 / np.sqrt(ess) + 0.01)
     correlation = covariance[:3, :3] / np.outer(sd, sd)
     assert np.allclose(found.covariance / np.outer(found.sd, found.sd), correlation, atol=0.06)
+
+
+def test_a_start_that_an_unstable_vehicle_magnifies_beyond_rounding_is_refused(problem):
+    model, x0 = problem.model, steady_start(problem.model, 90.0)
+    times = np.arange(0.0, 600.1, 5.0)
+    plan = plan_run(model, times, {"delta_r_cmd": 0 * times, "n_cmd": 0 * times + 90.0}, max_step=2.5)
+    states = simulate(model, model.nominal, plan, x0).states
+    readings = states[:, [model.states.index(c) for c in SIGMA]]
+    ahead = replace(problem.runs[0], plan=plan, readings=readings, initial_sd=np.array([0.1, 0.01]))
+    ahead = replace(ahead, name="ahead", initial=("v", "r"))
+    straight = replace(problem, runs=(ahead,))
+    z = np.array(straight.start)
+    assert trial_density(straight, z).laplace.mode.size  # as built the vehicle keeps its course
+    z[:3] *= np.array([4.0, 0.3, 1.0])
+    with pytest.raises(SampleError, match=r"ahead: .* grows .* times; the vehicle is unstable .* --pieces"):
+        trial_density(straight, z)
+    assert trial_density(straight, z, Settings(initial="fixed")).laplace.mode.size

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from bayesid.cli.fit import Fixed, Free, Other, Resample, Runs
+from bayesid.cli.fit import Fixed, Free, Other, Pieces, Resample, Runs
 from bayesid.cli.guard import OK
 from bayesid.cli.options import Json, Out, Quick, Seed, Verbose
 from bayesid.cli.trial import Bundle, Data
@@ -36,6 +36,7 @@ def identify(
     fixed: Fixed = None,
     runs: Runs = None,
     resample: Resample = None,
+    pieces: Pieces = None,
     fit: FitFolder = None,
     prior: Assumed = 0.5,
     profile: Annotated[
@@ -55,6 +56,7 @@ def identify(
     from bayesid.cli.fit import _names, prepared
     from bayesid.errors import FitError
     from bayesid.fit import load_fit
+    from bayesid.fit.pieces import in_pieces
     from bayesid.identifiability import identify as look
     from bayesid.likelihood import coefficient_set, trial_problem
     from bayesid.model import build_model
@@ -67,6 +69,7 @@ def identify(
         raise FitError(f"{logged.name} names no vehicle; give --vehicle, or name one in trial.toml")
     ship = load_vehicle(vehicle or logged.vehicle_ref)
     trial = prepared(logged, _names(runs), resample, QUICK_SAMPLES if quick else None)
+    trial = in_pieces(trial, pieces) if pieces else trial
     model = build_model(ship, 3 if ship.planar_only else trial.dof)
     earlier = load_fit(fit / "fit.json" if fit.is_dir() else fit) if fit is not None else None
     wanted = _names(free) or (earlier.names[: earlier.n_params] if earlier else model.coefficients)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from bayesid.cli.fit import Fixed, Free, Other, Resample, Runs
+from bayesid.cli.fit import Fixed, Free, Other, Pieces, Resample, Runs
 from bayesid.cli.guard import NOT_CONVERGED, OK
 from bayesid.cli.options import Json, Quick, Seed, Verbose
 from bayesid.cli.trial import Bundle, Data
@@ -24,7 +24,7 @@ Folder = Annotated[
         "--out", "-o", file_okay=False, help="Folder for the fit, the chain, posterior.nc and a report."
     ),
 ]
-QUICK_SAMPLES, QUICK_STEPS = 200, 1500
+QUICK_SAMPLES, QUICK_STEPS = 200, 600
 
 
 def sample(
@@ -36,6 +36,7 @@ def sample(
     fixed: Fixed = None,
     runs: Runs = None,
     resample: Resample = None,
+    pieces: Pieces = None,
     prior: Annotated[
         float | None,
         typer.Option(
@@ -74,7 +75,7 @@ def sample(
     """
     from bayesid.cli.fit import _names, prepared
     from bayesid.errors import SampleError
-    from bayesid.fit import fit_trial
+    from bayesid.fit.pieces import fit_in_pieces
     from bayesid.likelihood import coefficient_set
     from bayesid.model import build_model
     from bayesid.progress import Progress
@@ -101,9 +102,12 @@ def sample(
     )  # fmt: skip
     progress = Progress(quiet=as_json)
     with progress.stage("fit") as stage:
-        found = fit_trial(
-            trial, ship, out, params=params, watch=lambda n, cost, step: stage.step(info=f"cost {cost:.6g}")
-        )
+        found = fit_in_pieces(
+            trial, pieces, ship, out, params=params,
+            watch=lambda n, cost, step: stage.step(info=f"cost {cost:.6g}"),
+        )  # fmt: skip
+    if not found.fit.converged:
+        progress.note(f"the fit had not converged ({found.fit.message}); sampling starts off the mode")
     density = trial_density(found.problem, found.fit.z, choice, trial.noise)
     with progress.stage("sample") as stage:
         posterior = draw(density, density.laplace, options, out, resume=resume, watch=_watch(stage))

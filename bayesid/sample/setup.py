@@ -19,6 +19,7 @@ from bayesid.sample.settings import Settings
 from bayesid.sample.trial import TrialDensity, width
 
 Array = np.ndarray
+ROUNDING = 1e-12  # scaled precisions of an initial state, least over largest
 _NOT_YET = Laplace(np.zeros(0), np.zeros((0, 0)))
 
 
@@ -74,7 +75,31 @@ def trial_density(
     density = TrialDensity(problem, choice, z, channels, tuple(data), prior, _NOT_YET)
     total, number = (np.array([d[c] for c in channels]) for d in (squares, counts))
     level = scale if choice.noise == "fixed" else prior.mode_of(total, number)
+    _check_starts(density, level)
     return replace(density, laplace=_laplace(density, level, number))
+
+
+def _check_starts(density: TrialDensity, level: Array) -> None:
+    """Refuse a vehicle so unstable on a run that integrating its start out drowns in rounding."""
+    for run, row in zip(density.problem.runs, density.data, strict=True):
+        if not row[0].slopes.shape[1]:
+            continue
+        with np.errstate(all="ignore"):
+            bent = np.diag(1.0 / run.initial_sd**2)
+            for name, c in zip(run.channels, row, strict=True):
+                bent = bent + c.gram / (level[density.channels.index(name)] ** 2 * c.tau)
+            size = np.sqrt(np.diag(bent))
+            values = (
+                np.linalg.eigvalsh(bent / np.outer(size, size)) if np.isfinite(bent).all() else np.zeros(1)
+            )
+        if values[0] <= ROUNDING * values[-1]:
+            most = max(float(np.abs(c.slopes).max()) for c in row)
+            growth = f"{most:.1g} times" if np.isfinite(most) else "beyond all bounds"
+            raise SampleError(
+                f"{run.name}: with these coefficients a small change of the start grows {growth}; "
+                "the vehicle is unstable on this run and its start cannot be integrated out. Cut the runs "
+                "into shorter pieces (bayesid sample --pieces), or fix the initial states"
+            )
 
 
 def _stated(problem: Problem, channel: str, stated: Mapping[str, float]) -> float:
