@@ -16,12 +16,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bayesid.coloured.colours import Colours, force_unit, mixing, smoothed, whitened
-from bayesid.coloured.evidence import Gram, Posterior, gram, posterior
+from bayesid.coloured.colours import Colours, force_unit, mixing, smoothed
+from bayesid.coloured.evidence import Gram, Posterior, posterior
 from bayesid.coloured.log import Array, Log
 from bayesid.coloured.path import Path, Point, first_point, linearise
+from bayesid.coloured.shared import linear
+from bayesid.coloured.unknowns import NOTHING, Free, stack
 from bayesid.errors import ModelError
 from bayesid.model import Model
+
+__all__ = ["NOTHING", "ColouredFit", "Free", "fit", "stack"]
 
 # A step this long in posterior standard deviations changes the evidence by about 0.02.
 SETTLED = 0.2
@@ -36,29 +40,6 @@ JOINED = 0.05
 HOPELESS = 6
 # Latent force over 1/2 rho L^2 U^2 that no longer moves a track by as much as a sensor sees.
 QUIET = 3e-6
-
-
-@dataclass(frozen=True, eq=False)
-class Free:
-    """Free parameters with Gaussian priors, all in SI and in the order of `names`."""
-
-    names: tuple[str, ...]
-    where: Array
-    mean: Array
-    sd: Array
-    low: Array
-
-    def __add__(self, other: Free) -> Free:
-        return Free(
-            (*self.names, *other.names),
-            np.concatenate([self.where, other.where]),
-            np.concatenate([self.mean, other.mean]),
-            np.concatenate([self.sd, other.sd]),
-            np.concatenate([self.low, other.low]),
-        )
-
-
-NOTHING = Free((), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0), np.zeros(0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,15 +92,6 @@ class ColouredFit:
         return total / max(1, sum(int(p.log.valid.sum()) for p in self.paths))
 
 
-def stack(model: Model, paths: Sequence[Path], free: Free, colours: Colours) -> list[Gram]:
-    """Whitened Gram matrix of every run, residual relative to the prior mean, columns per prior sd."""
-    out = []
-    for k, path in enumerate(paths):
-        w = whitened(model, path, free.mean - path.point.par[free.where], free.sd, colours, run=k)
-        out.append(gram(w.resid, w.columns, w.logdet, w.used))
-    return out
-
-
 def fit(
     model: Model,
     logs: Sequence[Log],
@@ -153,8 +125,11 @@ def fit(
     for k in range(passes):
         now = _level(model, colours, level)
         try:
-            paths = [linearise(model, log, p, free.where) for log, p in zip(logs, points, strict=True)]
-            grams = stack(model, paths, free, now)
+            if k <= WARM and loud > 0 and free.names:
+                paths, grams = linear(model, logs, points, free, now)
+            else:
+                paths = [linearise(model, log, p, free.where) for log, p in zip(logs, points, strict=True)]
+                grams = stack(model, paths, free, now)
             total = sum(grams[1:], grams[0])
             if not (np.isfinite(total.ee) and np.isfinite(total.ss).all() and np.isfinite(total.se).all()):
                 raise ModelError("the path left the region where the model can be linearised")

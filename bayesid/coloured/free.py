@@ -9,7 +9,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from bayesid.coloured.fit import Free
+from bayesid.coloured.unknowns import Free
 from bayesid.effects import Effect
 from bayesid.model import Model, eval_scale
 

@@ -140,7 +140,15 @@ def readings_on(
     late_by = {c: d for c, d in late_by.items() if d != 0.0 or any(i in column for i in fun.delays[c])}
     if not late_by:
         return Readings(values, by_state, by_parameter)
-    rate, turn, force = _rates(plan, states, maps)
+    rate = _rate(plan, states, maps)
+    for channel in [c for c, d in late_by.items() if d == 0.0]:  # nothing but the slope by the delay is new
+        change = np.einsum("ix,ix->i", by_state[:, channel], rate)
+        for k in (column[i] for i in fun.delays[channel] if i in column):
+            by_parameter[:, channel, k] -= change
+        del late_by[channel]
+    if not late_by:
+        return Readings(values, by_state, by_parameter)
+    turn, force = _turn_and_force(plan, states, maps)
     for channel, delay in late_by.items():
         wanted = [column[i] for i in fun.delays[channel] if i in column]
         acceleration = np.einsum("ixy,iy->ix", turn, rate)
@@ -163,16 +171,21 @@ def readings_on(
     return Readings(values, by_state, by_parameter)
 
 
-def _rates(plan: Plan, states: Array, maps: Maps) -> tuple[Array, Array, Array]:
-    """Rate of the state, its Jacobian and its slope by parameters at the samples, from the interval maps."""
-    gaps = np.diff(plan.t)[:, None]
-    mean_rate = (maps.ends - states[:-1]) / gaps
+def _rate(plan: Plan, states: Array, maps: Maps) -> Array:
+    """(n, nx) rate of the state at the samples, from the interval maps."""
+    mean_rate = (maps.ends - states[:-1]) / np.diff(plan.t)[:, None]
     rate = np.empty_like(states)
     rate[1:-1] = 0.5 * (mean_rate[1:] + mean_rate[:-1])
     rate[0], rate[-1] = mean_rate[0], mean_rate[-1]
+    return rate
+
+
+def _turn_and_force(plan: Plan, states: Array, maps: Maps) -> tuple[Array, Array]:
+    """Jacobian of the rate of the state and its slope by parameters at the samples."""
+    gaps = np.diff(plan.t)[:, None]
     eye = np.eye(states.shape[1])
     step = (maps.phi - eye) / gaps[:, :, None]
     turn = step - 0.5 * gaps[:, :, None] * step @ step
     turn = np.concatenate([turn, turn[-1:]])
     force = maps.psi / gaps[:, :, None]
-    return rate, turn, np.concatenate([force, force[-1:]])
+    return turn, np.concatenate([force, force[-1:]])

@@ -1,0 +1,127 @@
+"""Linearisations that many fits share: refits of one trial all begin at the same points.
+
+Takes points and free parameters. Gives paths and Gram matrices, those of an earlier fit where it stood at the
+very same points. Does not change a number: slopes by one parameter do not depend on which others are free.
+
+While a fit lets its path settle its parameters do not move, so that a dozen refits pass through the same
+points. When points come up a second time they are linearised for the parameters of every effect at once,
+which costs little more than for one, and kept for the rest.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from hashlib import blake2b
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from bayesid.coloured.colours import Colours
+from bayesid.coloured.evidence import Gram
+from bayesid.coloured.free import effect_prior
+from bayesid.coloured.log import Log
+from bayesid.coloured.path import Path, Point, linearise
+from bayesid.coloured.unknowns import Free, stack
+from bayesid.model import Model
+
+# Sets of points kept per model, their bytes at most, and points remembered as seen once.
+SETS, BYTES, SEEN = 4, 400_000_000, 32
+
+
+@dataclass(frozen=True, eq=False)
+class _Set:
+    """All runs linearised about one set of points for `free`; `logs` keeps their identities taken."""
+
+    logs: tuple[Log, ...]
+    free: Free
+    paths: tuple[Path, ...]
+    grams: tuple[Gram, ...]
+
+    def positions(self, free: Free) -> np.ndarray | None:
+        """Where the parameters of `free` stand; none if one is missing or has another prior mean."""
+        at = {int(p): i for i, p in enumerate(self.free.where)}
+        if any(int(p) not in at for p in free.where):
+            return None
+        found = np.array([at[int(p)] for p in free.where], dtype=np.int64)
+        return found if np.array_equal(self.free.mean[found], free.mean) else None
+
+
+@dataclass(eq=False)
+class _Kept:
+    """What one model keeps."""
+
+    sets: OrderedDict[bytes, _Set] = field(default_factory=OrderedDict)
+    seen: OrderedDict[bytes, tuple[Log, ...]] = field(default_factory=OrderedDict)
+
+
+_kept: WeakKeyDictionary[Model, _Kept] = WeakKeyDictionary()
+
+
+def linear(
+    model: Model, logs: Sequence[Log], points: Sequence[Point], free: Free, colours: Colours
+) -> tuple[list[Path], list[Gram]]:
+    """Every run linearised, as `linearise` and `stack` give it."""
+    kept = _kept.setdefault(model, _Kept())
+    key = _digest(logs, points, colours)
+    found = kept.sets.get(key)
+    if found is None:
+        known = kept.seen.get(key)
+        if known is None or not _same(known, logs):
+            _remember(kept.seen, key, tuple(logs), SEEN)
+            return _fresh(model, logs, points, free, colours)
+        whole = free + _others(model, free, points[0].par)
+        paths, grams = _fresh(model, logs, points, whole, colours)
+        found = _Set(tuple(logs), whole, tuple(paths), tuple(grams))
+        if sum(p.psi.nbytes + p.direct.nbytes for p in paths) * SETS < BYTES:
+            _remember(kept.sets, key, found, SETS)
+    at = found.positions(free) if _same(found.logs, logs) else None
+    if at is None:
+        return _fresh(model, logs, points, free, colours)
+    ratio = free.sd / found.free.sd[at]
+    paths = [
+        replace(p, direct=np.ascontiguousarray(p.direct[:, :, at]), psi=np.ascontiguousarray(p.psi[:, :, at]))
+        for p in found.paths
+    ]
+    grams = [g.pick(at) for g in found.grams]
+    return paths, [replace(g, ss=g.ss * np.outer(ratio, ratio), se=g.se * ratio) for g in grams]
+
+
+def _fresh(
+    model: Model, logs: Sequence[Log], points: Sequence[Point], free: Free, colours: Colours
+) -> tuple[list[Path], list[Gram]]:
+    paths = [linearise(model, log, p, free.where) for log, p in zip(logs, points, strict=True)]
+    return paths, stack(model, paths, free, colours)
+
+
+def _others(model: Model, free: Free, par: np.ndarray) -> Free:
+    """Parameters of all effects that have a slope and are at their prior mean, apart from those of `free`."""
+    out = Free((), free.where[:0], free.mean[:0], free.sd[:0], free.low[:0])
+    for effect in model.kernel.effects:
+        if not effect.smooth:
+            continue
+        prior = effect_prior(model, effect)
+        if np.array_equal(par[prior.where], prior.mean) and not np.isin(prior.where, free.where).any():
+            out = out + prior
+    return out
+
+
+def _digest(logs: Sequence[Log], points: Sequence[Point], colours: Colours) -> bytes:
+    out = blake2b(repr((colours, [id(log) for log in logs])).encode())
+    for p in points:
+        for values in (p.par, p.states, p.force):
+            out.update(np.ascontiguousarray(values).tobytes())
+        out.update(b"" if p.before is None else np.ascontiguousarray(p.before).tobytes())
+    return out.digest()
+
+
+def _same(one: Sequence[Log], other: Sequence[Log]) -> bool:
+    return len(one) == len(other) and all(a is b for a, b in zip(one, other, strict=True))
+
+
+def _remember(where: OrderedDict[bytes, Any], key: bytes, value: Any, most: int) -> None:
+    where[key] = value
+    while len(where) > most:
+        where.popitem(last=False)
