@@ -7,7 +7,7 @@ from test_coloured_stacks import MODEL, colours_of, path_of
 
 from bayesid.coloured import shared
 from bayesid.coloured.free import coefficient_prior, effect_prior
-from bayesid.coloured.path import linearise
+from bayesid.coloured.path import forces, linearise
 from bayesid.coloured.unknowns import stack
 
 COEFFICIENTS = coefficient_prior(MODEL)
@@ -22,7 +22,7 @@ def posed():
 
 def assert_is_its_own(found, logs, points, free, colours):
     paths, grams = found
-    own = [linearise(MODEL, log, p, free.where) for log, p in zip(logs, points, strict=True)]
+    own = [linearise(MODEL, log, p, free.where, forces(MODEL)) for log, p in zip(logs, points, strict=True)]
     for path, other in zip(paths, own, strict=True):
         for name in ("resid", "slope", "direct", "phi", "gamma", "psi", "defect"):
             np.testing.assert_array_equal(getattr(path, name), getattr(other, name))

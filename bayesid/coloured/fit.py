@@ -19,8 +19,8 @@ import numpy as np
 from bayesid.coloured.colours import Colours, force_unit, mixing, smoothed
 from bayesid.coloured.evidence import Gram, Posterior, posterior
 from bayesid.coloured.log import Array, Log
-from bayesid.coloured.path import Path, Point, first_point, linearise
-from bayesid.coloured.shared import linear
+from bayesid.coloured.path import Path, Point, first_point
+from bayesid.coloured.shared import fresh, linear
 from bayesid.coloured.unknowns import NOTHING, Free, stack
 from bayesid.errors import ModelError
 from bayesid.model import Model
@@ -128,8 +128,7 @@ def fit(
             if k <= WARM and loud > 0 and free.names:
                 paths, grams = linear(model, logs, points, free, now)
             else:
-                paths = [linearise(model, log, p, free.where) for log, p in zip(logs, points, strict=True)]
-                grams = stack(model, paths, free, now)
+                paths, grams = fresh(model, logs, points, free, now)
             total = sum(grams[1:], grams[0])
             if not (np.isfinite(total.ee) and np.isfinite(total.ss).all() and np.isfinite(total.se).all()):
                 raise ModelError("the path left the region where the model can be linearised")

@@ -95,9 +95,13 @@ class Path:
 
 def latent_inputs(model: Model) -> tuple[str, ...]:
     """Names of the inputs a latent signal may enter: forces first, then actuators and moving water."""
-    forces = tuple(n for n in model.kernel.exogenous if n.startswith("force_"))
     flow = tuple(n for n in model.kernel.exogenous if n.startswith("flow_"))
-    return (*forces, *model.kernel.actuators, *flow)
+    return (*forces(model), *model.kernel.actuators, *flow)
+
+
+def forces(model: Model) -> tuple[str, ...]:
+    """The latent inputs an environment enters by: all a fit needs."""
+    return tuple(n for n in model.kernel.exogenous if n.startswith("force_"))
 
 
 def first_point(model: Model, log: Log, par: Array) -> Point:
@@ -106,8 +110,15 @@ def first_point(model: Model, log: Log, par: Array) -> Point:
     return Point(par, log.path, np.zeros((log.n - 1, n_force)))
 
 
-def linearise(model: Model, log: Log, point: Point, free: Array) -> Path:
+def linearise(
+    model: Model, log: Log, point: Point, free: Array, inputs: tuple[str, ...] | None = None
+) -> Path:
     """Path of one run about a point, with exact slopes by the free parameters.
+
+    Parameters
+    ----------
+    free : (p,) positions of parameters
+    inputs : the latent inputs to carry, the forces first; default all
 
     Raises
     ------
@@ -118,15 +129,17 @@ def linearise(model: Model, log: Log, point: Point, free: Array) -> Path:
     here = free[:0] if beside else free
     ratio, ratio_slope = inertia_ratio(model, point.par, here)
     plan = with_forces(model, log.plan, point.force @ ratio.T)
-    inputs = latent_inputs(model)
+    inputs = latent_inputs(model) if inputs is None else inputs
     maps = interval_maps(model, point.par, plan, point.states, inputs, here)
     n_force = point.force.shape[1]
     raw = maps.gamma[:, :, :n_force].copy()
     maps.gamma[:, :, :n_force] = raw @ ratio
     if point.force.any() and len(here):
-        maps.psi[:] += np.einsum("ixf,pfg,ig->ixp", raw, ratio_slope, point.force, optimize=True)
+        heavy = np.flatnonzero(ratio_slope.any(axis=(1, 2)))  # the parameters the inertia depends on
+        change = np.einsum("ixf,pfg,ig->ixp", raw, ratio_slope[heavy], point.force, optimize=True)
+        maps.psi[:, :, heavy] += change
     readings = readings_on(model, point.par, plan, point.states, maps, here)
-    picked = list(log.channels)
+    picked = _columns(log.channels)
     psi, direct = maps.psi, readings.by_parameter
     aside = Aside(plan, point.states, maps.ends, readings.values[:, picked])
     if beside:
@@ -150,6 +163,13 @@ def linearise(model: Model, log: Log, point: Point, free: Array) -> Path:
         inputs,
         aside,
     )
+
+
+def _columns(channels: tuple[int, ...]) -> slice | list[int]:
+    """Channels as a slice where they are neighbours: a view is free, a copy is half the cost of a stack."""
+    if channels and channels == tuple(range(channels[0], channels[0] + len(channels))):
+        return slice(channels[0], channels[0] + len(channels))
+    return list(channels)
 
 
 def _beside(model: Model, log: Log, point: Point) -> tuple[Plan, Array]:

@@ -23,7 +23,7 @@ from bayesid.coloured.colours import Colours
 from bayesid.coloured.evidence import Gram
 from bayesid.coloured.free import effect_prior
 from bayesid.coloured.log import Log
-from bayesid.coloured.path import Path, Point, linearise
+from bayesid.coloured.path import Path, Point, forces, linearise
 from bayesid.coloured.unknowns import Free, stack
 from bayesid.model import Model
 
@@ -63,7 +63,7 @@ _kept: WeakKeyDictionary[Model, _Kept] = WeakKeyDictionary()
 def linear(
     model: Model, logs: Sequence[Log], points: Sequence[Point], free: Free, colours: Colours
 ) -> tuple[list[Path], list[Gram]]:
-    """Every run linearised, as `linearise` and `stack` give it."""
+    """What `fresh` gives, made of what an earlier fit left where it stood at the same points."""
     kept = _kept.setdefault(model, _Kept())
     key = _digest(logs, points, colours)
     found = kept.sets.get(key)
@@ -71,28 +71,37 @@ def linear(
         known = kept.seen.get(key)
         if known is None or not _same(known, logs):
             _remember(kept.seen, key, tuple(logs), SEEN)
-            return _fresh(model, logs, points, free, colours)
+            return fresh(model, logs, points, free, colours)
         whole = free + _others(model, free, points[0].par)
-        paths, grams = _fresh(model, logs, points, whole, colours)
+        paths, grams = fresh(model, logs, points, whole, colours)
         found = _Set(tuple(logs), whole, tuple(paths), tuple(grams))
         if sum(p.psi.nbytes + p.direct.nbytes for p in paths) * SETS < BYTES:
             _remember(kept.sets, key, found, SETS)
     at = found.positions(free) if _same(found.logs, logs) else None
     if at is None:
-        return _fresh(model, logs, points, free, colours)
+        return fresh(model, logs, points, free, colours)
     ratio = free.sd / found.free.sd[at]
-    paths = [
-        replace(p, direct=np.ascontiguousarray(p.direct[:, :, at]), psi=np.ascontiguousarray(p.psi[:, :, at]))
-        for p in found.paths
-    ]
+    paths = [replace(p, direct=_picked(p.direct, at), psi=_picked(p.psi, at)) for p in found.paths]
     grams = [g.pick(at) for g in found.grams]
     return paths, [replace(g, ss=g.ss * np.outer(ratio, ratio), se=g.se * ratio) for g in grams]
 
 
-def _fresh(
+def _picked(values: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """values[:, :, at], quick where most positions are 0, 1, 2, ..., as those of coefficients are."""
+    lead = int(np.argmin(np.append(at == np.arange(at.size), False)))
+    out = np.empty((*values.shape[:2], at.size))
+    out[:, :, :lead] = values[:, :, :lead]
+    if lead < at.size:
+        out[:, :, lead:] = values[:, :, at[lead:]]
+    return out
+
+
+def fresh(
     model: Model, logs: Sequence[Log], points: Sequence[Point], free: Free, colours: Colours
 ) -> tuple[list[Path], list[Gram]]:
-    paths = [linearise(model, log, p, free.where) for log, p in zip(logs, points, strict=True)]
+    """Every run linearised for the forces of the environment and `free`."""
+    inputs = forces(model)
+    paths = [linearise(model, log, p, free.where, inputs) for log, p in zip(logs, points, strict=True)]
     return paths, stack(model, paths, free, colours)
 
 

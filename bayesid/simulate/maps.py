@@ -29,7 +29,7 @@ class Maps:
     ends : (n-1, nx) state at the next sample when the interval starts on the path
     phi : (n-1, nx, nx) by the state at the start
     gamma : (n-1, nx, k) by inputs held over the interval, per SI unit (rpm for n)
-    psi : (n-1, nx, p) by the free parameters
+    psi : (n-1, nx, p) by the free parameters, a view
     """
 
     ends: Array
@@ -81,7 +81,7 @@ def interval_maps(
         ends,
         np.ascontiguousarray(maps[:, :, :nx]),
         np.ascontiguousarray(maps[:, :, nx : nx + n_in]),
-        np.ascontiguousarray(maps[:, :, nx + n_in :]),
+        maps[:, :, nx + n_in :],
     )
 
 
@@ -96,9 +96,8 @@ def inertia_ratio(model: Model, par: Array, free: Array) -> tuple[Array, Array]:
     back = np.linalg.inv(mass_matrices(model, fun, model.nominal[None])[0])
     step = 1e-4 * np.maximum(np.abs(model.nominal[free]), np.maximum(np.abs(par[free]), 1e-6))
     pars = np.repeat(np.asarray(par, dtype=float)[None], 2 * len(free) + 1, axis=0)
-    for i, (p, h) in enumerate(zip(free, step, strict=True)):
-        pars[1 + 2 * i, p] += h
-        pars[2 + 2 * i, p] -= h
+    pars[1 + 2 * np.arange(len(free)), free] += step
+    pars[2 + 2 * np.arange(len(free)), free] -= step
     mass = mass_matrices(model, fun, pars)
     slope = (mass[1::2] - mass[2::2]) / (2.0 * step[:, None, None]) if len(free) else mass[:0]
     return mass[0] @ back, slope @ back
