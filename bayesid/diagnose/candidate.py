@@ -135,11 +135,13 @@ def checked(problem: Problem, candidate: Candidate, none: Candidate, gains: Mapp
     return replace(c, log_evidence=min(c.log_evidence, none.log_evidence + limit))
 
 
-def nested(problem: Problem, candidate: Candidate) -> float:
-    """Log evidence of a refit over no effect, both along the refit's own path (Dickey 1971)."""
-    fitted = candidate.fit
+def nested(problem: Problem, candidate: Candidate, keep: tuple[str, ...] = ()) -> float:
+    """Log evidence of a refit over some of its effects, or none, along the refit's own path (Dickey 1971)."""
+    fitted, effects = candidate.fit, problem.model.effects
     total = sum(fitted.grams[1:], fitted.grams[0])
-    without = total.pick(np.arange(len(problem.coefficients.names)))
+    kept = {effects[n].key(p.name) for n in keep for p in effects[n].parameters}
+    k = len(problem.coefficients.names)
+    without = total.pick(np.array([i for i, n in enumerate(fitted.free.names) if i < k or n in kept]))
     return corrected_evidence(fitted) - posterior(without).log_evidence
 
 

@@ -15,7 +15,15 @@ from bayesid.coloured.fit import Free, fit
 from bayesid.coloured.free import effect_prior
 from bayesid.coloured.path import Point
 from bayesid.diagnose.bank import Bank, Score, build_bank, levels_between, screen
-from bayesid.diagnose.candidate import COEFFICIENT_ERROR, Candidate, explains, standing, weighed
+from bayesid.diagnose.candidate import (
+    COEFFICIENT_ERROR,
+    PATH_NOISE,
+    Candidate,
+    explains,
+    nested,
+    standing,
+    weighed,
+)
 from bayesid.diagnose.problem import Problem, fit_with
 from bayesid.effects import Effect
 from bayesid.errors import ModelError
@@ -134,7 +142,7 @@ def several(
             break
         gains = {s.name: s.gain for s in ranked}
         best = max(tried, key=lambda c: standing(c, gains[c.effects[-1]]))
-        if explains(current) and best.log_evidence < current.log_evidence + ADD:
+        if explains(current) and _step(problem, best, current) < ADD:
             break
         refits = [*tried, *refits]
         current = best
@@ -150,6 +158,12 @@ def several(
             break
         current = smaller
     return sorted(refits, key=lambda c: -c.log_evidence)
+
+
+def _step(problem: Problem, larger: Candidate, smaller: Candidate) -> float:
+    """Gain in log evidence; a small one must also be there along the larger refit's own path."""
+    gain = larger.log_evidence - smaller.log_evidence
+    return gain if gain > PATH_NOISE else min(gain, nested(problem, larger, smaller.effects))
 
 
 def _joint(model: Model, effects: Sequence[Effect]) -> Free:

@@ -19,7 +19,7 @@ from bayesid.diagnose.which import Candidates
 # Share of its signature the coefficients absorb from which an effect is hidden.
 HIDDEN = 0.98
 # Probability of acting from which one of several effects is named.
-SURE = 0.9
+SURE = 0.95
 WORDS = ("none", "effect", "effect_with_remainder", "several", "outside", "coefficients", "ambiguous")
 
 
@@ -68,7 +68,7 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
     if gain < limit.named:
         if before.evidence > limit.remainder and probability["outside"] > 0.5:
             return Verdict("outside", (), set95, (), tuple(reasons))
-        if "none" in set95 or before.evidence < limit.remainder:
+        if "none" in set95:
             if conflict > max(limit.conflict, 3.0) and probability["none"] < 0.5:
                 return Verdict("coefficients", (), set95, hidden, tuple(reasons))
             return Verdict("none", (), set95, (), tuple(reasons))
@@ -96,8 +96,8 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
         return Verdict("outside", (), set95, (), tuple(reasons))
     if len(best.effects) > 1:
         sure = tuple(n for n in best.effects if _acts(candidates, families, n) > SURE)
-        if len(sure) == len(best.effects) and not rest:
-            return Verdict("several", best.effects, set95, hidden, tuple(reasons))
+        if len(sure) > 1 and not rest:
+            return Verdict("several", sure, set95, hidden, tuple(reasons))
         if not sure:
             return Verdict("ambiguous", _names(set95), set95, hidden, tuple(reasons))
         # What acts beside it is not told, or only bends towards a remainder.
