@@ -20,7 +20,7 @@ from bayesid.diagnose.where import Where
 PRIOR_NONE, PRIOR_CATALOGUE, PRIOR_OUTSIDE = 0.5, 0.4, 0.1
 # Share of what lies outside that looks like an effect of the catalogue up to a free force: a drag that grows
 # in a step is not a loss of thrust, and yet more like it than like any generic signal.
-ALIKE = 0.2
+ALIKE = 0.5
 
 
 def evidences(
