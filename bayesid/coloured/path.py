@@ -19,6 +19,7 @@ a straight run even the rudder answers the environment, so there slopes are take
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -127,7 +128,7 @@ def linearise(
     """
     beside = len(free) > 0 and (log.straight or point.before is not None)
     here = free[:0] if beside else free
-    ratio, ratio_slope = inertia_ratio(model, point.par, here)
+    ratio, ratio_slope = _inertia(model, point.par.tobytes(), here.astype(np.int64).tobytes())
     plan = with_forces(model, log.plan, point.force @ ratio.T)
     inputs = latent_inputs(model) if inputs is None else inputs
     maps = interval_maps(model, point.par, plan, point.states, inputs, here)
@@ -163,6 +164,12 @@ def linearise(
         inputs,
         aside,
     )
+
+
+@lru_cache(maxsize=4)
+def _inertia(model: Model, par: bytes, free: bytes) -> tuple[Array, Array]:
+    """`inertia_ratio`, once for all runs of a pass."""
+    return inertia_ratio(model, np.frombuffer(par), np.frombuffer(free, dtype=np.int64))
 
 
 def _columns(channels: tuple[int, ...]) -> slice | list[int]:
