@@ -8,6 +8,7 @@ and sensors are written anew, so that an error on either side shows.
 from bayesid.plant.campaign import Campaign, Planted, Weather, still
 from bayesid.plant.draw import KINDS, SEAS, VEHICLES, draw_campaign
 from bayesid.plant.flown import Flight, FlownRun, fly_campaign, true_response
+from bayesid.plant.orders import RunPlan, ordered_run
 from bayesid.plant.pack import truth, write_bundle, write_pack
 from bayesid.plant.sensing import SUITES
 from bayesid.plant.strangers import CASES
@@ -22,9 +23,11 @@ __all__ = [
     "Flight",
     "FlownRun",
     "Planted",
+    "RunPlan",
     "Weather",
     "draw_campaign",
     "fly_campaign",
+    "ordered_run",
     "still",
     "true_response",
     "truth",

@@ -131,9 +131,10 @@ def _start(c: Campaign, body: Body, plan: RunPlan) -> np.ndarray:
 
 
 def _typical(c: Campaign, body: Body) -> np.ndarray:
-    """(5,) X: thrust of the straight run; Y, N: rms fluid force over a zig-zag or turn; Z, M as Y, N."""
+    """(5,) X: thrust of the straight run; Y, N: rms fluid force over the first zig-zag or turn
+    (without one: over the first run); Z, M as Y, N."""
     number, gap = body.number, c.gap
-    plan = next(run for run in c.runs if run.kind in ("zigzag", "turn"))
+    plan = next((run for run in c.runs if run.kind in ("zigzag", "turn")), c.runs[0])
     track = fly(body, gap, plan.t, _orders(c, body, plan), _start(c, body, plan))
     rows = slice(None, None, track.parts)
     rpm = track.orders[:, 2].copy()

@@ -1,19 +1,21 @@
 """The runs of a campaign and who steers them: tables for open loop, helmsman and planesman for closed loop.
 
-Takes: a vehicle's size and rudder limits, a random generator. Gives run plans and laws.
+Takes: a vehicle's size and rudder limits, a random generator; or any manoeuvre. Gives run plans and laws.
 Does not: fly.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from bayesid.errors import ManoeuvreError
+from bayesid.manoeuvres import ClosedLoop, Manoeuvre, OpenLoop, held
 from bayesid.manoeuvres.laws import DepthLaw, ZigzagLaw
-from bayesid.plant.flight import Law
+from bayesid.plant.flight import ORDERS, Law
 from bayesid.plant.sensing import heading_read
 
 RESOLUTION = math.radians(1e-3)  # of logged and executed orders
@@ -23,7 +25,8 @@ RESOLUTION = math.radians(1e-3)  # of logged and executed orders
 class RunPlan:
     """One run: kind, sizes [rad], times [s], rpm, where and how it starts.
 
-    `first` is +1 for port first; `levels` are (time [s], rudder [rad], rpm) rows of a random run
+    `first` is +1 for port first; `levels` are (time [s], rudder [rad], rpm) rows of a random run; `ordered`
+    is the manoeuvre of a run of kind "ordered", see `ordered_run`
     """
 
     name: str
@@ -41,6 +44,7 @@ class RunPlan:
     depth: float
     place: tuple[float, float]
     levels: tuple[tuple[float, float, float], ...] = ()
+    ordered: Manoeuvre | None = None
 
     @property
     def t(self) -> np.ndarray:
@@ -115,6 +119,31 @@ def plan_runs(
     return tuple(replace(run, name=f"r{k + 1}") for k, run in enumerate(runs))
 
 
+def ordered_run(manoeuvre: Manoeuvre, like: RunPlan, name: str, role: str = "identify") -> RunPlan:
+    """A run of any manoeuvre that starts where, at the heading and at the depth another one does.
+
+    Parameters
+    ----------
+    manoeuvre : table or law of rudder, stern planes and rpm; what it does not order is 0, rpm as in `like`
+    like : run whose start and sample time are taken over
+
+    Raises
+    ------
+    ManoeuvreError             it orders bow planes, which the vehicles of the plant do not have
+    """
+    given = _ordered_channels(manoeuvre)
+    if "delta_b_cmd" in given:
+        raise ManoeuvreError(f"plant: {manoeuvre.name} orders bow planes; leave delta_b_cmd out")
+    rpm = float(np.ravel(given.get("n_cmd", like.rpm))[0])
+    whole = math.floor(manoeuvre.duration / like.dt + 1e-9) * like.dt
+    if whole < like.dt:
+        raise ManoeuvreError(f"plant: {manoeuvre.name} is over before the first sample ({like.dt:g} s)")
+    return RunPlan(
+        name, manoeuvre.name, role, "ordered", whole, like.dt, rpm, 0.0, 0.0, 0.0, 1.0, like.heading,
+        like.depth, like.place, ordered=manoeuvre,
+    )  # fmt: skip
+
+
 def _levels(
     rng: np.random.Generator, run: RunPlan, big: float, LU: float
 ) -> tuple[tuple[float, float, float], ...]:
@@ -145,6 +174,10 @@ def _table(run: RunPlan) -> np.ndarray:
         times, rudders, rpms = np.array(run.levels).T
         row = np.searchsorted(times, t + 1e-9, side="right") - 1
         out[:, 0], out[:, 2] = rudders[row], rpms[row]
+    elif isinstance(run.ordered, OpenLoop):
+        # a change between two samples is given at the next one, as by a crew that orders at the log's rate
+        for channel, values in held(run.ordered, run.ordered.t[0] + t + 1e-9).items():
+            out[:, ORDERS.index(channel)] = values
     else:
         raise ManoeuvreError(f"plant: no table for a run of kind {run.kind!r}")
     return out
@@ -155,14 +188,18 @@ def orders_for(
 ) -> np.ndarray | Law:
     """Orders of a run: (n, 3) where they are known beforehand, else a law of the state.
 
-    Helmsman and zig-zag look at the compass as it reads. In 6-DOF the planesman holds the depth of the start.
-    Orders are whole thousandths of a degree, as logged.
+    Helmsman and laws look at the compass as it reads. In 6-DOF the planesman holds the depth of the start,
+    unless the manoeuvre orders the planes itself. Orders are whole thousandths of a degree, as logged.
     """
-    table = None if run.kind in ("zigzag", "straight") else _table(run)
+    closed = run.ordered.controller() if isinstance(run.ordered, ClosedLoop) else None
+    table = None if run.kind in ("zigzag", "straight") or closed else _table(run)
     if table is not None and dof == 3:
         return _rounded(table)
-    dive = DepthLaw((), 3.0 * L, math.radians(10.0), 0.6 * plane_max, 1.0, 0.5 * LU)() if dof == 6 else None
-    steer = ZigzagLaw(run.first * run.rudder, run.switch, run.approach)() if run.kind == "zigzag" else None
+    busy = run.ordered is not None and "delta_s_cmd" in _ordered_channels(run.ordered)
+    dive = None
+    if dof == 6 and not busy:
+        dive = DepthLaw((), 3.0 * L, math.radians(10.0), 0.6 * plane_max, 1.0, 0.5 * LU)()
+    steer = ZigzagLaw(run.first * run.rudder, run.switch, run.approach)() if run.kind == "zigzag" else closed
 
     def law(t: float, state: np.ndarray) -> np.ndarray:
         seen = state.copy()
@@ -171,7 +208,8 @@ def orders_for(
         if table is not None:
             out[:] = table[min(round(t / run.dt), len(table) - 1)]
         elif steer is not None:
-            out[0] = steer(t, seen)["delta_r_cmd"]
+            for channel, value in steer(t, seen).items():
+                out[ORDERS.index(channel)] = value
         else:
             # positive rudder turns to port, so a heading too far to starboard asks for positive rudder
             # (rate: below 1.1 L/U the unstable remus100 hunts at two orders a second, above 1.4 the lauv)
@@ -182,6 +220,11 @@ def orders_for(
         return _rounded(out)
 
     return law
+
+
+def _ordered_channels(manoeuvre: Manoeuvre) -> Mapping[str, float | np.ndarray]:
+    """Channels a manoeuvre orders, with what it orders at first (a table: always)."""
+    return manoeuvre.start if isinstance(manoeuvre, ClosedLoop) else manoeuvre.commands
 
 
 def _rounded(orders: np.ndarray) -> np.ndarray:
