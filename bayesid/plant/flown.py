@@ -122,7 +122,7 @@ def _start(c: Campaign, body: Body, plan: RunPlan) -> np.ndarray:
         calm[field] = 0.0
     first = plan.levels[0][2] if plan.levels else plan.rpm
     x = start_state(number["U0"] * first / number["n_ref"], plan.heading, plan.depth, calm, plan.place)
-    steady = RunPlan(**{**vars(plan), "kind": "straight", "rpm": first, "levels": ()})
+    steady = RunPlan(**{**vars(plan), "kind": "straight", "rpm": first, "levels": (), "ordered": None})
     count = round(SETTLE * number["L"] / number["U0"] / plan.dt)
     t = np.arange(count + 1) * plan.dt
     x = fly(body, calm, t, _orders(c, body, steady), x, step=0.05).states[-1].copy()
