@@ -233,33 +233,24 @@ def ambiguity(bank: Bank, size: float = 0.3, level: int = 0) -> Ambiguity:
     blocks = [bank.effects[n].variants[0] for n in names]
     schur = a[c:, c:] - a[c:, :c] @ inner @ a[:c, c:]
     detect, absorbed = np.zeros(len(names)), np.ones(len(names))
-    unit = []
+    units = np.zeros((schur.shape[0], len(names)))
     for i, b in enumerate(blocks):
-        u = np.ones(b.size) / np.sqrt(b.size)
-        unit.append(u)
+        units[b - c, i] = 1.0 / np.sqrt(b.size)
+        u = units[b - c, i]
         detect[i] = u @ schur[np.ix_(b - c, b - c)] @ u
         whole = u @ a[np.ix_(b, b)] @ u
         absorbed[i] = 1.0 - detect[i] / whole if whole > 0 else 1.0
-    margin = np.zeros((len(names), len(names)))
-    for i, bi in enumerate(blocks):
-        cii = schur[np.ix_(bi - c, bi - c)]
-        truth = size * unit[i]
-        for j, bj in enumerate(blocks):
-            if i == j:
-                continue
-            cjj, cji = schur[np.ix_(bj - c, bj - c)], schur[np.ix_(bj - c, bi - c)] @ truth
-            loss = size**2 * detect[i] - cji @ np.linalg.solve(cjj + np.eye(bj.size), cji)
-            own = cii @ truth
-            loss_own = size**2 * detect[i] - own @ np.linalg.solve(cii + np.eye(bi.size), own)
-            margin[i, j] = 0.5 * (loss - loss_own) + _occam(cii) - _occam(cjj)
+    # what each explanation j takes of the signature of every truth i, and its own cost
+    shown = schur @ (size * units)
+    taken, occam = np.zeros((len(names), len(names))), np.zeros(len(names))
+    for j, b in enumerate(blocks):
+        own = schur[np.ix_(b - c, b - c)]
+        wide = own + np.eye(b.size)
+        taken[:, j] = (shown[b - c] * np.linalg.solve(wide, shown[b - c])).sum(axis=0)
+        occam[j] = 0.5 * float(np.trace(np.linalg.solve(wide, own)) - np.linalg.slogdet(wide)[1])
+    margin = 0.5 * (np.diag(taken)[:, None] - taken) + occam[:, None] - occam
+    np.fill_diagonal(margin, 0.0)
     return Ambiguity(names, detect, absorbed, margin, _groups(names, detect, margin, size), size)
-
-
-def _occam(c: Array) -> float:
-    k = c.shape[0]
-    return 0.5 * float(np.trace(np.linalg.solve(c + np.eye(k), c))) - 0.5 * float(
-        np.linalg.slogdet(np.eye(k) + c)[1]
-    )
 
 
 def _groups(names: tuple[str, ...], detect: Array, margin: Array, size: float) -> tuple[tuple[str, ...], ...]:

@@ -80,12 +80,14 @@ def fly(
         now = slice(plan.record[i], plan.record[i + 1])
         steps, times = plan.steps[now], plan.times[now]
         command = np.repeat(given[i][None], steps.size, axis=0)
-        moves = cut(times, steps, command, t[: i + 1], given[: i + 1], delays)
-        moved = np.empty_like(moves.command)
-        fun.actuate(
-            moves.command, none, none, moves.lengths, par, False, i == 0, memory, carried, moved, no_slopes
-        )
-        act[now] = step_mean(moves, steps, moved)
+        if delays:
+            moves = cut(times, steps, command, t[: i + 1], given[: i + 1], delays)
+            command, lengths = moves.command, moves.lengths
+        else:
+            lengths = np.diff(times, append=times[-1] + steps[-1])
+        moved = np.empty_like(command)
+        fun.actuate(command, none, none, lengths, par, False, i == 0, memory, carried, moved, no_slopes)
+        act[now] = step_mean(moves, steps, moved) if delays else moved * lengths[:, None] / steps[:, None]
         last = np.array([steps.size])
         here = out[i + 1 : i + 2]
         fun.simulate(par, minv, x, times, steps, act[now], plan.exogenous[now], last, here, NO_TRACE)
