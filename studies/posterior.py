@@ -56,14 +56,19 @@ KNOWN = ("X_vv", "Y_v", "Y_v|v|", "N_v", "N_v|v|", "X_drdr", "Y_dr", "N_dr")
 ACCELERATION = ("X_udot", "Y_vdot", "Y_rdot", "N_vdot", "N_rdot")
 SHORT = 300.0  # s, zig-zag and rich run
 DRAWS, ZIGZAGS = 400, 60
-MORE, MOST_DRAWS = 200, 1500  # per chain; a gate still shut then is reported so
+MORE, MOST_DRAWS = 200, 1500  # per chain of NUTS; a gate still shut then is reported so
 REAL = Path(__file__).parent / "real_logs.py"
 LOGS = {"hsva": "kvlcc2_hsva", "esso": "esso_osaka"}
 FAR = 50.0  # bounds of real ships, in sizes of a coefficient: their estimates go far, and a bound is a wall
 
 
 def main(
-    out: Path, data: Path | None, quick: bool, seed: int, by_laplace: tuple[str, ...] = ()
+    out: Path,
+    data: Path | None,
+    quick: bool,
+    seed: int,
+    by_laplace: tuple[str, ...] = (),
+    most: int = MOST_DRAWS,
 ) -> dict[str, Any]:
     """Sample every case, look at it through all lenses, write the report."""
     progress = Progress()
@@ -85,8 +90,8 @@ def main(
     cases = {}
     for key, words, runs, names, share, samplers in plans:
         problem = pose(model, {n: flown[n] for n in runs}, names, share, seed)
-        cases[key] = sampled(key, words, problem, None, samplers, out, quick, seed, progress)
-    logs = {} if data is None or quick else real(data, plans[-1][-1], by_laplace, out, seed, progress)
+        cases[key] = sampled(key, words, problem, None, samplers, out, quick, seed, progress, most)
+    logs = {} if data is None or quick else real(data, plans[-1][-1], by_laplace, out, seed, progress, most)
     with progress.stage("runs not flown"):
         alike = {k: c for k, c in cases.items() if "fine" not in k}  # one noise
         tracks = {n: tracks_of(model, n, m, alike, seed) for n, m in flown.items()}
@@ -130,7 +135,7 @@ def pose(
 
 def sampled(
     key: str, words: str, problem: Problem, z: np.ndarray | None, samplers: tuple[str, ...], out: Path,
-    quick: bool, seed: int, progress: Progress,
+    quick: bool, seed: int, progress: Progress, most: int = MOST_DRAWS,
 ) -> Sampled:  # fmt: skip
     """Fit (unless done), sample with every sampler, and look through the three lenses with the draws."""
     if z is None:
@@ -146,7 +151,7 @@ def sampled(
             if kept is not None and kept.digest != density.digest:
                 kept = None
             if name == "NUTS":
-                kept = by_slopes(density, kept, stored, key in LOGS, quick, seed, stage)
+                kept = by_slopes(density, kept, stored, key in LOGS, quick, seed, most, stage)
             elif kept is None:
                 kept = sample(
                     density, density.laplace, Options(seed=seed), folder, resume=(folder / "chain").exists(),
@@ -172,7 +177,7 @@ def sampled(
 
 def by_slopes(
     density: TrialDensity, kept: Posterior | None, stored: Path, logged: bool, quick: bool, seed: int,
-    stage: Any,
+    most: int, stage: Any,
 ) -> Posterior:  # fmt: skip
     """A chain by NUTS, stored, and lengthened a few times while its gate stays shut."""
     target = SlopedTrial(density)
@@ -184,7 +189,7 @@ def by_slopes(
     if kept is None:
         kept = sample_nuts(target, density.laplace, few)
         kept.to_netcdf(stored)
-    while not (quick or kept.converged) and kept.draws.shape[1] < MOST_DRAWS:
+    while not (quick or kept.converged) and kept.draws.shape[1] < most:
         stage.step(0, f"{kept.gate.reasons[0]}: going on")
         kept = continue_nuts(target, density.laplace, kept, replace(few, tune=100, draws=MORE))
         kept.to_netcdf(stored)
@@ -287,6 +292,7 @@ def real(
     out: Path,
     seed: int,
     progress: Progress,
+    most: int = MOST_DRAWS,
 ) -> dict[str, Sampled]:
     """The logs of studies/real_logs.py with its rows and pieces, wind left out."""
     theirs = runpy.run_path(str(REAL))
@@ -312,7 +318,7 @@ def real(
             found[key] = sampled(
                 key, f"{logged.name}, {len(problem.runs)} pieces", problem, fitted.fit.z,
                 () if key in by_laplace else samplers, out,
-                False, seed, progress,
+                False, seed, progress, most,
             )  # fmt: skip
         except SampleError as error:
             progress.note(f"{key}: {error}")
@@ -328,5 +334,8 @@ if __name__ == "__main__":
     parser.add_argument("--quick", action="store_true", help="one short spiral, one sampler")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--laplace", nargs="*", choices=LOGS, default=(), help="real logs without a chain")
+    parser.add_argument(
+        "--draws", type=int, default=MOST_DRAWS, help="lengthen chains that fall short up to so many draws"
+    )
     given = parser.parse_args()
-    main(given.out, given.data, given.quick, given.seed, tuple(given.laplace))
+    main(given.out, given.data, given.quick, given.seed, tuple(given.laplace), given.draws)

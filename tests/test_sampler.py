@@ -33,6 +33,18 @@ def test_every_move_offered_samples_the_standard_deviations_of_a_gaussian(mix):
     assert np.all(np.abs(found.sd / truth - 1) < 4.5 / np.sqrt(ess))
 
 
+def test_a_fit_many_widths_off_the_posterior_costs_warm_up_only():
+    # a fit weighs channels by stated noise; where the sampled noise is another, the posterior lies elsewhere
+    density, laplace = correlated(9)
+    off = laplace.root @ np.full(9, 3.0)  # nine widths in all
+    far = Laplace(density.mean + off, laplace.covariance)
+    near = Laplace(density.mean, laplace.covariance)
+    found = [sample(density, start, Options(seed=2, first=100)) for start in (far, near)]
+    assert all(p.converged for p in found), found[0].gate.reasons
+    assert found[0].gate.tau.max() < 1.5 * found[1].gate.tau.max()
+    assert found[0].sd / np.sqrt(np.diag(density.covariance)) == pytest.approx(np.ones(9), abs=0.04)
+
+
 def test_the_snooker_move_of_emcee_is_left_out_because_it_samples_a_narrower_gaussian():
     k, walkers = 20, 64
     rng = np.random.default_rng(0)

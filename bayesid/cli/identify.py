@@ -24,6 +24,7 @@ Assumed = Annotated[
     typer.Option("--prior", metavar="SD", min=1e-6, help="Relative prior sd where the vehicle states none."),
 ]
 QUICK_SAMPLES = 300
+MOST_LEFT = 12  # open directions on the screen; a 6-DOF vehicle may have seventy
 DRAWS, ZIGZAGS = 200, 40  # of prior and posterior, for what the vehicle does
 
 
@@ -146,12 +147,16 @@ def _answer(
     say_table([words.LEDGER_COLUMNS[i] for i in chosen], [[row[i] for i in chosen] for row in rows], digits=3)
     if found.directions:
         say("\nLeft open:")
-        for d, (name, what, sd, _) in zip(
-            found.directions, words.direction_rows(found.directions), strict=True
-        ):
+        shown = found.directions if verbose else found.directions[:MOST_LEFT]
+        for d, (name, what, sd, _) in zip(shown, words.direction_rows(shown), strict=True):
             say(f"  {name}  (sd from the data: {sd})" + (f"\n    {what}" if what else ""))
             if verbose:
                 say("    |cos| " + ", ".join(f"{k} {v:.4f}" for k, v in d.agreement.items()))
+        if more := len(found.directions) - len(shown):
+            say(
+                f"  and {more} more that the data know better: -v shows them"
+                + (", the report too" if page else "")
+            )
     if behaviour is not None:
         say("\nWhat matters anyway:")
         say_table(words.DERIVED_COLUMNS, words.derived_rows(*behaviour))

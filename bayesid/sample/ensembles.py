@@ -96,6 +96,10 @@ def sample(
     crew = _Crew(density, laplace, options, store)
     number, judged = 0, 0
     while True:
+        if watch is not None and number <= WARM_ROUNDS:
+            steps = options.round_steps(number) * options.thin
+            warm = f"warm-up, round {number + 1} of {WARM_ROUNDS}, {steps} steps"
+            watch(0, warm if number < WARM_ROUNDS else "sampling")
         crew.round(number, watch)
         kept = crew.stored(number) - crew.discarded(number)
         last = (crew.stored(number) - crew.warm) * options.thin >= options.max_steps

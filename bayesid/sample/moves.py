@@ -45,14 +45,16 @@ class Reference:
     def of(points: Array, worth: float) -> Reference:
         """Moments of (n, k) whitened points worth so many independent ones.
 
-        Drawn towards those of the Laplace approximation, which count as five per dimension: a covariance of
-        few points is nearly flat in some direction, and steps along it would all be short.
+        The covariance is drawn towards that of the Laplace approximation, which counts as five points per
+        dimension: of few points it is nearly flat in some direction, and steps along it would all be short.
+        The mean is not, beyond one point: a fit weighs channels by stated noise, and where the sampled noise
+        is another the posterior lies many of its widths from the fit.
         """
         k = points.shape[1]
         share = worth / (worth + 5.0 * k)
         covariance = share * np.atleast_2d(np.cov(points, rowvar=False)) + (1 - share) * np.eye(k)
         values, vectors = np.linalg.eigh(covariance)
-        return Reference(share * points.mean(axis=0), vectors * np.sqrt(values))
+        return Reference(worth / (worth + 1.0) * points.mean(axis=0), vectors * np.sqrt(values))
 
 
 class GaussianMove(RedBlueMove):
