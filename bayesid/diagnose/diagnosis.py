@@ -202,11 +202,9 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
     best = simplest(c)
     table = parameter_table(best.fit, d.problem)
     effects = []
-    named = (
-        v.effects
-        if v.effects
-        else tuple(n for n in best.effects if n in model.effects and c.inside.get(n, 0.0) > 0.5)
-    )
+    named = v.effects
+    if not named and v.word in ("ambiguous", "coefficients"):
+        named = tuple(n for n in best.effects if n in model.effects and c.inside.get(n, 0.0) > 0.5)
     for name in named:
         effect = model.effects.get(name)
         values = {}

@@ -25,6 +25,7 @@ from bayesid.diagnose.candidate import (
     weighed,
 )
 from bayesid.diagnose.problem import Problem, fit_with
+from bayesid.diagnose.where import Where, locate
 from bayesid.effects import Effect
 from bayesid.errors import ModelError
 from bayesid.model import Model
@@ -118,13 +119,16 @@ def refit_wide(problem: Problem, name: str, say: Say) -> list[Candidate]:
 
 def several(
     problem: Problem, refits: list[Candidate], current: Candidate, effects: list[Effect], say: Say
-) -> list[Candidate]:
+) -> tuple[list[Candidate], dict[tuple[str, ...], Where]]:
     """Forward selection from the best single effect, then backward: the first one may owe its place to the
     second.
 
     A step must raise the evidence of the refit where the smaller model explains the data, and the screen's
-    otherwise.
+    otherwise. It must also raise it by more than a free force does: an effect that explains less of a
+    remainder than a force that knows nothing only bends towards it. Also returns what was left where this was
+    asked.
     """
+    left: dict[tuple[str, ...], Where] = {}
     model = problem.model
     while len(current.effects) < MOST:
         chosen = [model.effects[n] for n in current.effects]
@@ -142,8 +146,13 @@ def several(
             break
         gains = {s.name: s.gain for s in ranked}
         best = max(tried, key=lambda c: standing(c, gains[c.effects[-1]]))
-        if explains(current) and _step(problem, best, current) < ADD:
-            break
+        if explains(current):
+            step = _step(problem, best, current)
+            if step < ADD:
+                break
+            left[current.effects] = remainder(problem, current)
+            if step < left[current.effects].outside - left[current.effects].base:
+                break
         refits = [*tried, *refits]
         current = best
     while len(current.effects) > 1:
@@ -157,7 +166,14 @@ def several(
         if smaller is None or smaller.log_evidence < current.log_evidence - DROP:
             break
         current = smaller
-    return sorted(refits, key=lambda c: -c.log_evidence)
+    return sorted(refits, key=lambda c: -c.log_evidence), left
+
+
+def remainder(problem: Problem, candidate: Candidate) -> Where:
+    """Where the gap lies that a refit leaves."""
+    fitted = candidate.fit
+    points = fitted.points if fitted.converged else fitted.follow
+    return locate(problem, points, fitted.free, masks=False)
 
 
 def _step(problem: Problem, larger: Candidate, smaller: Candidate) -> float:

@@ -20,6 +20,8 @@ from bayesid.diagnose.which import Candidates
 HIDDEN = 0.98
 # Probability of acting from which one of several effects is named.
 SURE = 0.95
+# Share of what one of several effects explains below which a remainder casts no doubt on its name.
+MINOR = 0.1
 WORDS = ("none", "effect", "effect_with_remainder", "several", "outside", "coefficients", "ambiguous")
 
 
@@ -91,17 +93,17 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
     )
     if runs.refuted and explains(best):
         return Verdict("ambiguous", _names(set95), set95, (), tuple(reasons))
-    if len(best.effects) > 2 and rest:
-        # Pieces of the catalogue heaped up that still leave something are no explanation.
-        return Verdict("outside", (), set95, (), tuple(reasons))
     if len(best.effects) > 1:
-        sure = tuple(n for n in best.effects if _acts(candidates, families, n) > SURE)
-        if len(sure) > 1 and not rest:
+        # An effect that explains little beside what is left is a part of the remainder.
+        kept = tuple(n for n in best.effects if not rest or left < MINOR * _part(candidates, best, n))
+        sure = tuple(n for n in kept if _acts(candidates, families, n) > SURE)
+        if len(sure) > 1:
             return Verdict("several", sure, set95, hidden, tuple(reasons))
-        if not sure:
+        if not kept:
+            return Verdict("outside", (), set95, (), tuple(reasons))
+        if not sure or absorbed.get(sure[0], 0.0) > HIDDEN:
             return Verdict("ambiguous", _names(set95), set95, hidden, tuple(reasons))
-        # What acts beside it is not told, or only bends towards a remainder.
-        return Verdict("effect_with_remainder", sure[:1], set95, hidden, tuple(reasons))
+        return Verdict("effect_with_remainder", sure, set95, hidden, tuple(reasons))
     name = best.effects[0]
     if absorbed.get(name, 0.0) > HIDDEN:
         along = tuple(n for n in hidden if candidates.evidence.get(n, -np.inf) > gain - 20.0)
@@ -121,6 +123,16 @@ def _acts(candidates: Candidates, families: Mapping[str, str], name: str) -> flo
     """Probability that an effect of a name's family acts, alone or with others."""
     family = families.get(name, name)
     return sum(p for n, p in candidates.inside.items() if families.get(n, n) == family)
+
+
+def _part(candidates: Candidates, best: Candidate, name: str) -> float:
+    """Log evidence that is lost without one of several effects, as far as the refits tell."""
+    less = [
+        c.log_evidence
+        for c in candidates.refits
+        if set(c.effects) < set(best.effects) and name not in c.effects
+    ]
+    return best.log_evidence - max(less, default=candidates.none.log_evidence)
 
 
 def simplest(candidates: Candidates) -> Candidate:

@@ -21,6 +21,8 @@ PRIOR_NONE, PRIOR_CATALOGUE, PRIOR_OUTSIDE = 0.5, 0.4, 0.1
 # Share of what lies outside that looks like an effect of the catalogue up to a free force: a drag that grows
 # in a step is not a loss of thrust, and yet more like it than like any generic signal.
 ALIKE = 0.5
+# Nats from which a remainder shows at all.
+SEEN = 3.0
 
 
 def evidences(
@@ -122,7 +124,7 @@ def probabilities(
         named = gain[key] > 0.5 * evidence["outside"]
         if named:
             joint[key] = float(np.logaddexp(joint[key], both))
-        alike = both + (float(np.log(ALIKE)) if named else 0.0)
+        alike = both + (float(np.log(ALIKE * _unlike(gain[key], value))) if named else 0.0)
         joint[("outside",)] = float(np.logaddexp(joint[("outside",)], alike))
     total = logsumexp(list(joint.values()))
     shared = dict.fromkeys([*names, "outside", "none"], 0.0)
@@ -133,6 +135,11 @@ def probabilities(
             shared[n] += mass * share
             inside[n] += mass
     return Weights(shared, inside)
+
+
+def _unlike(explained: float, left: float) -> float:
+    """Chance that a cause only like the named one leaves so little: it leaves a tenth of what it explains."""
+    return min(1.0, max(left, SEEN) / max(0.1 * explained, SEEN))
 
 
 def credible_set(probability: dict[str, float], mass: float = 0.95) -> tuple[str, ...]:

@@ -23,7 +23,15 @@ from bayesid.diagnose.bank import (
 from bayesid.diagnose.candidate import PATH_NOISE, Candidate, checked, explains, standing, weighed
 from bayesid.diagnose.crossed import crossed
 from bayesid.diagnose.problem import Problem, fit_with
-from bayesid.diagnose.refits import ADD, likely_coefficients, refit_screened, refit_wide, several, shortlist
+from bayesid.diagnose.refits import (
+    ADD,
+    likely_coefficients,
+    refit_screened,
+    refit_wide,
+    remainder,
+    several,
+    shortlist,
+)
 from bayesid.diagnose.thresholds import Thresholds, thresholds
 from bayesid.diagnose.weigh import evidences, probabilities
 from bayesid.diagnose.where import Where, locate, tried
@@ -91,6 +99,7 @@ def compare(problem: Problem, say: Say = lambda text: None, seed: int = 0) -> Ca
     gains = {s.name: s.gain for s in scores}
     refits = sorted((checked(problem, c, none, gains) for c in refits), key=lambda c: -c.log_evidence)
     after = None
+    left: dict[tuple[str, ...], Where] = {}
     single = [c for c in refits if not c.widens]
     if single:
         first = max(single, key=lambda c: standing(c, gains[c.effects[0]]))
@@ -99,12 +108,11 @@ def compare(problem: Problem, say: Say = lambda text: None, seed: int = 0) -> Ca
             if explains(first)
             else gains[first.effects[0]] > ADD
         ):
-            refits = several(problem, refits, first, effects, say)
+            refits, left = several(problem, refits, first, effects, say)
             refits = sorted((checked(problem, c, none, gains) for c in refits), key=lambda c: -c.log_evidence)
     if refits and refits[0].log_evidence > none.log_evidence + ADD:
         say("what the best explanation leaves")
-        best = refits[0].fit
-        after = locate(problem, best.follow if not best.converged else best.points, best.free, masks=False)
+        after = left.get(refits[0].effects) or remainder(problem, refits[0])
     evidence = evidences(problem, none, refits, scores, wide, where)
     rest = _rests(refits, after)
     excess = _excess(refits, none, len(problem.coefficients.names))
