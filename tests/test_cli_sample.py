@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -55,3 +56,17 @@ def test_runs_are_sampled_in_pieces_on_request(pond, tmp_path, capsys):
     found = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
     times = found["settings"]["correlation_times"]
     assert {name.split(":")[0].split()[-1] for name in times} == {"1/3", "2/3", "3/3"}
+    page = (tmp_path / "report.md").read_text(encoding="utf-8")
+    assert "cut into 3 pieces" in page and "Noise comes out larger" not in page
+
+
+def test_noise_far_above_the_stated_is_told_as_error_of_the_model(pond, tmp_path, capsys):
+    stated = tmp_path / "stated"
+    shutil.copytree(pond, stated)
+    text = (stated / "trial.toml").read_text(encoding="utf-8")
+    assert "\ny = 1.0\n" in text
+    (stated / "trial.toml").write_text(text.replace("\ny = 1.0\n", "\ny = 0.1\n"), encoding="utf-8")
+    line = ["sample", str(stated), "--out", str(tmp_path / "out"), *CHOICE, "--max-steps", "10"]
+    assert run(line) == 3
+    assert "Noise comes out larger than stated (y " in capsys.readouterr().out
+    assert "bayesid diagnose" in (tmp_path / "out" / "report.md").read_text(encoding="utf-8")

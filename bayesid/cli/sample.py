@@ -122,7 +122,7 @@ def _watch(stage: Stage) -> Any:
 
 def _answer(found: TrialFit, posterior: Posterior, out: Path, as_json: bool) -> None:
     from bayesid.cli.output import say, say_json, say_table
-    from bayesid.sections.sample import COLUMNS, rows, verdict, write_sample_report
+    from bayesid.sections.sample import COLUMNS, noise_words, rows, verdict, write_sample_report
 
     page = write_sample_report(found, posterior, out)
     if as_json:
@@ -144,6 +144,8 @@ def _answer(found: TrialFit, posterior: Posterior, out: Path, as_json: bool) -> 
     diverged = posterior.counts["diverged"]
     if diverged:
         say(f"{diverged} of {posterior.counts['all']} simulations diverged and count as impossible.")
+    if noisy := noise_words(found, posterior):
+        say(noisy)
     say()
     say_table(COLUMNS, rows(posterior))
     say(f"\nposterior: {out / 'posterior.nc'}\nreport: {page}")

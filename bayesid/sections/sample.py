@@ -18,6 +18,8 @@ from bayesid.sample import Posterior
 
 COLUMNS = ("unknown", "mean", "sd", "5 %", "95 %", "sd / prior sd", "R-hat", "bulk size")
 MOST_SHOWN = 24  # unknowns in the figures
+MOST_NAMED = 12  # channels whose memory is listed one by one
+MISFIT = 3.0  # noise found over noise stated beyond which the model, not the sensor, is the limit
 
 
 def verdict(posterior: Posterior) -> str:
@@ -65,7 +67,36 @@ def _lead(found: TrialFit, posterior: Posterior) -> str:
     )
     if not found.fit.converged:
         words += f" The fit it starts from had not converged ({found.fit.message})."
-    return words
+    return f"{words} {noise_words(found, posterior)}".rstrip()
+
+
+def noise_words(found: TrialFit, posterior: Posterior) -> str:
+    """A sentence where sampled noise is far above the stated; empty elsewhere."""
+    stated = found.trial.noise
+    far = []
+    for name, mean in zip(posterior.names, posterior.mean, strict=True):
+        channel = name.removeprefix("sigma:")
+        if channel != name and stated.get(channel, 0.0) > 0 and mean > MISFIT * stated[channel]:
+            far.append(f"{channel} {mean / stated[channel]:.2g}")
+    if not far:
+        return ""
+    return (
+        f"Noise comes out larger than stated ({', '.join(far)} times): so much is error of the model or a "
+        "disturbance, and the intervals are those of a model that misses something; see `bayesid diagnose`."
+    )
+
+
+def _memory(taus: dict[str, float]) -> str:
+    """How many readings count as one, by channel or, for many pieces, in all."""
+    if not taus:
+        return "none does here"
+    if len(taus) <= MOST_NAMED:
+        return ", ".join(f"{literal(n)} one in {t:.1f}" for n, t in taus.items())
+    low, middle, high = np.quantile(list(taus.values()), [0.0, 0.5, 1.0])
+    return (
+        f"{len(taus)} channels of runs or pieces, one in {low:.1f} to one in {high:.1f}, half of them "
+        f"more than one in {middle:.1f} (each in results.json)"
+    )
 
 
 def _unknowns(posterior: Posterior, unit: str) -> Section:
@@ -123,13 +154,13 @@ def _chain(posterior: Posterior) -> Section:
 def _model(found: TrialFit, posterior: Posterior) -> Section:
     density = posterior.settings.get("density", {})
     taus = {n: t for n, t in posterior.settings.get("correlation_times", {}).items() if t > 1}
-    names = ", ".join(literal(run.name) for run in found.problem.runs)
+    names = ", ".join(literal(run.name) for run in found.trial.identify)
+    if len(found.problem.runs) > len(found.trial.identify):
+        names += f", cut into {len(found.problem.runs)} pieces"
     memory = {
         "ignore": "Residuals are taken as white.",
         "ar1": "Residuals of a channel follow a first-order autoregression.",
-        "inflate": "Residuals that persist count for fewer readings: "
-        + (", ".join(f"{literal(n)} one in {t:.1f}" for n, t in taus.items()) if taus else "none does here")
-        + ".",
+        "inflate": "Residuals that persist count for fewer readings: " + _memory(taus) + ".",
     }[density.get("memory", "ignore")]
     text = (
         f"Runs {names}; {found.fit.n_readings} readings. Noise {density.get('noise')}, initial states "
