@@ -119,13 +119,16 @@ def plan_runs(
     return tuple(replace(run, name=f"r{k + 1}") for k, run in enumerate(runs))
 
 
-def ordered_run(manoeuvre: Manoeuvre, like: RunPlan, name: str, role: str = "identify") -> RunPlan:
+def ordered_run(
+    manoeuvre: Manoeuvre, like: RunPlan, name: str, role: str = "identify", longest: float = math.inf
+) -> RunPlan:
     """A run of any manoeuvre that starts where, at the heading and at the depth another one does.
 
     Parameters
     ----------
     manoeuvre : table or law of rudder, stern planes and rpm; what it does not order is 0, rpm as in `like`
     like : run whose start and sample time are taken over
+    longest : the record is cut there [s]
 
     Raises
     ------
@@ -135,7 +138,7 @@ def ordered_run(manoeuvre: Manoeuvre, like: RunPlan, name: str, role: str = "ide
     if "delta_b_cmd" in given:
         raise ManoeuvreError(f"plant: {manoeuvre.name} orders bow planes; leave delta_b_cmd out")
     rpm = float(np.ravel(given.get("n_cmd", like.rpm))[0])
-    whole = math.floor(manoeuvre.duration / like.dt + 1e-9) * like.dt
+    whole = math.floor(min(manoeuvre.duration, longest) / like.dt + 1e-9) * like.dt
     if whole < like.dt:
         raise ManoeuvreError(f"plant: {manoeuvre.name} is over before the first sample ({like.dt:g} s)")
     return RunPlan(
