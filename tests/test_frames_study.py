@@ -123,8 +123,8 @@ def told(right, p, noncentrality=100.0, absorbed=0.5, margin=20.0, word="effect"
     shown = {"name": "x", "noncentrality": noncentrality, "absorbed": absorbed, "margin": margin,
              "rival": "wind"}  # fmt: skip
     return {"shown": shown, "word": word, "named": ["thrust_or_drag"] if word == "effect" else [],
-            "top": "thrust_or_drag" if right else "none", "right": right, "p_right": p, "size": 1,
-            "covered": right, "outcome": "right" if right else "no gap", "reason": "faint", "alone": alone,
+            "top": "thrust_or_drag" if right else "none", "right": right, "names_it": right, "p_right": p,
+            "size": 1, "set": ["none"], "covered": right, "outcome": "right" if right else "no gap", "reason": "faint", "alone": alone,
              "cpu_seconds": 3.0, "failure": "" if right else "it * stopped"}  # fmt: skip
 
 
@@ -140,10 +140,10 @@ def test_hidden_causes_count_where_they_show_as_built_and_are_hidden_otherwise(t
                         "sea": "calm", "frames": pair})  # fmt: skip
     rows = as_built.as_built_scores(records)
     assert (rows[0].hits, rows[0].count, rows[0].bar[0]) == (1, 2, 0.9)
-    assert (rows[1].hits, rows[1].count) == (2, 3)
+    assert (rows[2].hits, rows[2].count) == (2, 3)
     by = {q.name: q for q in rows}
-    assert by["structure frame: top-1 by family"].hits == 0
-    assert by["structure frame: hidden effect named alone"].hits == 1
+    assert by["free: top-1 by family"].hits == 0
+    assert by["free: hidden effect named alone"].hits == 1
     arms = {"first": told(False, 0.3), "repeat": told(False, 0.4), "proposed": told(True, 0.9)}
     for arm in ("repeat", "proposed"):
         arms[arm]["flown"] = {"manoeuvre": "zigzag_20_port", "seconds": 75.0}

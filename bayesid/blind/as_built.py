@@ -94,20 +94,21 @@ def as_built_scores(records: Sequence[Mapping[str, Any]]) -> list[Quantity]:
     built, free = ([r["frames"][f] for r in chosen] for f in FRAMES)
     apart = [f for f in built if (f["shown"]["margin"] or 0.0) >= ISOLABLE]
     alone = [(f["alone"] or 0.0) > HIDDEN for f in free]
-    about = "D >= 25 as built, absorbed above 0.98 by free coefficients"
+    same = "the same campaigns"
     return [
-        share("as-built frame: top-1 by family", about, [f["right"] for f in built], at_least(0.9)),
-        share("the same, absorbed or not", "D >= 25 as built",
+        share("as built: top-1 by family", "hidden when free, D ≥ 25 as built",
+              [f["right"] for f in built], at_least(0.9)),
+        share("as built: top-1, isolable", "of these, margin ≥ 10", [f["right"] for f in apart]),
+        share("as built: top-1, hidden or not", "all with D ≥ 25 as built",
               [r["frames"]["as-built"]["right"] for r in seen]),
-        share("the same, margin >= 10", "and told apart from every other family",
-              [f["right"] for f in apart]),
-        share("as-built frame: the verdict names it", about, [f["outcome"] == "right" for f in built]),
-        share("as-built frame: wrong name", about, [f["outcome"] == "wrong name" for f in built]),
-        share("as-built frame: 95 % set holds it", about, [f["covered"] for f in built]),
-        average("as-built frame: families in the set", about, [float(f["size"]) for f in built]),
-        average("as-built frame: P(family)", about, [f["p_right"] for f in built]),
-        share("structure frame: top-1 by family", "the same campaigns; the control, must fail",
+        share("as built: named by the verdict", "hidden when free, D ≥ 25 as built",
+              [f["names_it"] for f in built]),
+        share("as built: wrong name", same, [f["outcome"] == "wrong name" for f in built]),
+        share("as built: 95 % set holds it", same, [f["covered"] for f in built]),
+        average("as built: families in the set", same, [float(f["size"]) for f in built]),
+        average("as built: P(family)", same, [f["p_right"] for f in built]),
+        share("free: top-1 by family", "the same campaigns; the control, must fail",
               [f["right"] for f in free], at_least(0.9)),
-        share("structure frame: hidden effect named alone", "the same campaigns", alone, at_most(0.0)),
-        average("structure frame: P(family)", "the same campaigns", [f["p_right"] for f in free]),
+        share("free: hidden effect named alone", same, alone, at_most(0.0)),
+        average("free: P(family)", same, [f["p_right"] for f in free]),
     ]  # fmt: skip

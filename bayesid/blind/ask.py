@@ -108,6 +108,7 @@ def plain(asked: Asked) -> dict[str, Any]:
         "set": list(told.get("set95", ())),
         "size": c.size,
         "covered": c.covered,
+        "names_it": bool(c.named & c.right),
         "outcome": c.outcome,
         "reason": c.reason,
         "alone": asked.case.worst_absorbed,

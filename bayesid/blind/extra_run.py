@@ -41,7 +41,7 @@ LENGTHS = 40.0  # of the zig-zag [L/U], as long as the library's
 AIM = 0.5  # expected margin [nats] over the nearest other family in the poor campaign
 ALIKE = 5.0  # expected margin [nats] over the nearest other family below which two are a group
 TRIES = 8  # campaigns drawn until the effect is in a group
-ARMS = {"first": "one zig-zag", "repeat": "and the zig-zag again", "proposed": "and the proposed manoeuvre"}
+ARMS = {"first": "one zig-zag", "repeat": "zig-zag again", "proposed": "proposed run"}
 
 
 @dataclass(frozen=True)
@@ -187,7 +187,7 @@ def extra_run_scores(records: Sequence[Mapping[str, Any]]) -> list[Quantity]:
     """The row of the design note for each arm."""
     chosen = [r["arms"] for r in records if r["arms"]]
     bars = {"first": at_most(0.6), "repeat": None, "proposed": at_least(0.9)}
-    about = "D >= 25, margin < 5 after the first zig-zag"
+    about = "D ≥ 25, margin < 5 after one"
     out = []
     for arm, words in ARMS.items():
         said = [arms[arm] for arms in chosen]
@@ -196,6 +196,7 @@ def extra_run_scores(records: Sequence[Mapping[str, Any]]) -> list[Quantity]:
             average(f"{words}: P(family)", about, [a["p_right"] for a in said]),
             average(f"{words}: families in the set", about, [float(a["size"]) for a in said]),
             share(f"{words}: 95 % set holds it", about, [a["covered"] for a in said]),
+            share(f"{words}: named by the verdict", about, [a["names_it"] for a in said]),
             share(f"{words}: wrong name", about, [a["outcome"] == "wrong name" for a in said]),
         ]
     return out
