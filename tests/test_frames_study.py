@@ -124,7 +124,8 @@ def told(right, p, noncentrality=100.0, absorbed=0.5, margin=20.0, word="effect"
              "rival": "wind"}  # fmt: skip
     return {"shown": shown, "word": word, "named": ["thrust_or_drag"] if word == "effect" else [],
             "top": "thrust_or_drag" if right else "none", "right": right, "names_it": right, "p_right": p,
-            "size": 1, "set": ["none"], "covered": right, "outcome": "right" if right else "no gap", "reason": "faint", "alone": alone,
+            "size": 1, "set": ["none"], "covered": right,
+            "outcome": "right" if right else "no gap", "reason": "faint", "alone": alone,
              "cpu_seconds": 3.0, "failure": "" if right else "it * stopped"}  # fmt: skip
 
 

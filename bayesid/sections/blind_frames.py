@@ -88,7 +88,8 @@ def _built(records: Sequence[Mapping[str, Any]], rows: Sequence[Any]) -> list[An
             "of the file. Structure frame (free): the diagnosis takes the ten percent the file states. "
             "As-built frame: it is told one percent (`diagnose(..., as_built=0.01)`). D is the noncentrality "
             "of the planted cause, margin its expected lead over the nearest other family, absorbed the "
-            "share of its signature that coefficients hide; all from the noise-free truth in the frame concerned."
+            "share of its signature that coefficients hide; all from the noise-free truth in the frame "
+            "concerned."
         ),
         _bars(rows, "Scores; the first row is the one with a bar in the design note. Hidden: absorbed above "
               "0.98 when coefficients are free."),
