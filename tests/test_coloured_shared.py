@@ -35,6 +35,7 @@ def assert_is_its_own(found, logs, points, free, colours):
 
 
 def test_refits_from_the_same_points_get_the_linearisation_they_would_have_made():
+    shared._kept.pop(MODEL, None)
     logs, points = posed()
     colours = colours_of()
     effects = [e for e in MODEL.kernel.effects if e.smooth and e.dof <= MODEL.dof][::3]

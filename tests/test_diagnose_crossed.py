@@ -87,11 +87,11 @@ def test_two_effects_share_alike_until_the_runs_disagree_about_them(weighing):
     assert disagreed["a"] > 3 * disagreed["b"]
 
 
-def test_disagreement_lets_more_causes_stand_and_no_cause_by_the_same_measure(weighing):
+def test_disagreement_lets_more_causes_stand_but_not_no_cause(weighing):
     sharp, soft = weighing(1.0, ()), weighing(8.0, ())
     assert credible_set(sharp) == ("a",)
     assert {"a", "c"} <= set(credible_set(soft))
-    assert soft["none"] / soft["a"] == pytest.approx(0.5 / 0.1 * np.exp(-40.0 / 8.0))
+    assert soft["none"] < 1e-6
 
 
 def test_what_an_effect_leaves_goes_to_it_and_in_part_to_a_cause_that_only_looks_like_it():

@@ -99,7 +99,7 @@ def probabilities(
     ----------
     excess : how much the runs disagree about the best explanation, chi-square over its degrees of freedom. A
         form that is not quite right says that there is a gap, but not in all its nats which cause: what a
-        cause, or none, lags behind the best is divided by it (quasi-likelihood; Wedderburn 1974).
+        cause lags behind the best is divided by it (quasi-likelihood; Wedderburn 1974).
     rest : what a free force adds to the log evidence of some explanations
     """
     names = [n for n in evidence if n != "outside"]
@@ -117,7 +117,7 @@ def probabilities(
 
     joint = {key: tempered(value) + len(key) * each for key, value in gain.items()}
     joint[("outside",)] += float(np.log(PRIOR_OUTSIDE)) - each
-    joint[("none",)] = (tempered(0.0) if top > 0 else 0.0) + float(np.log(PRIOR_NONE))
+    joint[("none",)] = float(np.log(PRIOR_NONE))
     for key, value in more.items():
         both = tempered(gain[key] + value) + len(key) * each + float(np.log(PRIOR_OUTSIDE))
         # an effect has a remainder; what explains less than half of the gap is a part of something else

@@ -148,7 +148,7 @@ def _second_start(problem: Problem, none: Candidate, refits: Sequence[Candidate]
 def _excess(refits: Sequence[Candidate], none: Candidate, coefficients: int) -> float:
     """How much the runs disagree about the best explanation; 1 where they agree or it explains too little."""
     best = refits[0] if refits else none
-    if best.log_evidence <= none.log_evidence or not explains(best) or best.widens:
+    if best.log_evidence <= none.log_evidence + PATH_NOISE or not explains(best) or best.widens:
         return 1.0
     runs = crossed(best, none, coefficients)
     return runs.excess if runs.disagree else 1.0
