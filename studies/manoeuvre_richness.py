@@ -39,7 +39,8 @@ from bayesid.likelihood import measured_base, run_data
 from bayesid.manoeuvres import OpenLoop, on_grid
 from bayesid.model import build_model
 from bayesid.progress import Progress, Stage
-from bayesid.sections.planning import comparison_record, plan_record
+from bayesid.sections.planning_compare import comparison_record
+from bayesid.sections.planning_next import plan_record
 from bayesid.sections.richness import richness_report
 from bayesid.terms import term
 from bayesid.trials import Environment, load_trial, thin

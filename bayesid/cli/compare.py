@@ -11,7 +11,7 @@ from bayesid.cli.guard import OK
 from bayesid.cli.options import Json, Out, Quick, Seed, Verbose
 
 if TYPE_CHECKING:
-    from bayesid.sections.planning import Comparison
+    from bayesid.sections.planning_compare import Comparison
 
 Extra = Annotated[
     list[str] | None,
@@ -50,7 +50,7 @@ def compare(
     from bayesid.cli.output import say, say_json, say_table
     from bayesid.files import write_json
     from bayesid.progress import Progress
-    from bayesid.sections import planning as words
+    from bayesid.sections import planning_compare as words
 
     model, trial = p.read(source, vehicle, dof)
     made = p.set_up(
@@ -90,7 +90,7 @@ def compared(
     from bayesid.design.compare import crossed, crossing, rank_correlation, richness, tried
     from bayesid.design.criteria import flat_names
     from bayesid.design.witness import inclusion
-    from bayesid.sections.planning import Comparison
+    from bayesid.sections.planning_compare import Comparison
 
     rng = np.random.default_rng(seed)
     vehicles = case.draws(rng, draws)

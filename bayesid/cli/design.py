@@ -70,7 +70,7 @@ def design(
     from bayesid.files import write_json
     from bayesid.manoeuvres import parse, write_table
     from bayesid.progress import Progress
-    from bayesid.sections import planning as words
+    from bayesid.sections import planning_next as words
 
     goals = [name for name, given in (("gain", gain), ("predict", predict), ("tell", tell)) if given]
     if len(goals) > 1:
@@ -112,7 +112,7 @@ def design(
 
 def _answer(plan: Plan, notes: list[str]) -> None:
     from bayesid.cli.output import say, say_table
-    from bayesid.sections.planning import CANDIDATE_COLUMNS, candidate_rows
+    from bayesid.sections.planning_next import CANDIDATE_COLUMNS, candidate_rows
 
     p.say_notes(notes)
     say(f"goal: {plan.goal}; {plan.unit}")
