@@ -115,6 +115,9 @@ def declared(path: Path | None) -> tuple:
 
 
 def _tell(record: dict) -> None:
+    from bayesid.sections.diagnosis_words import unsigned_zeros
+    from bayesid.sections.effect_interval import warnings_told
+
     print(f"verdict: {record['verdict']}")
     for effect in record["effects"]:
         values = ", ".join(
@@ -123,7 +126,7 @@ def _tell(record: dict) -> None:
         print(f"  {effect['name']} (probability {effect['probability']:.3f}) {values}")
     print("95 % set: " + ", ".join(record["set95"]))
     for reason in record["reasons"]:
-        print(f"  {reason}")
+        print(f"  {unsigned_zeros(reason)}")
     for sentence in (record["description"] or {}).get("sentences", ()):
         print(f"  {sentence}")
     gap = record["gap"]
@@ -135,5 +138,5 @@ def _tell(record: dict) -> None:
         )
     elif gap["before"] is not None:
         print("held-out gap: nothing to shrink beyond what recalibration closes")
-    for warning in record["warnings"]:
+    for warning in warnings_told(record):
         print(f"note: {warning}")

@@ -9,28 +9,59 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.ticker import FuncFormatter
 
 from bayesid.figures.style import COLOURS, styled, subplots
 
 Array = np.ndarray
 
 
+# Gains are linear up to here and logarithmic beyond, where any exceeds the second number [nats].
+LINEAR, WIDE = 10.0, 40.0
+
+
 @styled
 def bars(names: Sequence[str], values: Array, xlabel: str, threshold: float | None = None) -> Any:
-    """Horizontal bars on a symmetric log scale, best on top."""
+    """Horizontal bars, best on top; the scale is named on the axis where it is not linear.
+
+    Parameters
+    ----------
+    threshold : what chance alone reaches, drawn as a line
+    """
     figure, axes = subplots(height=max(1.8, 0.24 * len(names) + 0.8))
     where = np.arange(len(names))[::-1]
     colours = [COLOURS["blue"] if v > 0 else COLOURS["grey"] for v in values]
     axes.barh(where, values, color=colours, height=0.7)
     axes.set_yticks(where, names)
-    axes.set_xscale("symlog", linthresh=10.0)
     if threshold is not None:
         axes.axvline(
-            threshold, color=COLOURS["orange"], linestyle="--", linewidth=1.0, label=f"{threshold:g} nats"
+            threshold,
+            color=COLOURS["orange"],
+            linestyle="--",
+            linewidth=1.0,
+            label=f"{threshold:.1f} nats: chance reaches it in at most 1 of 100 trials",
         )
-        axes.legend(loc="lower right")
+        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0))
+    finite = np.append(values[np.isfinite(values)], 0.0)
+    if np.abs(finite).max() > WIDE:
+        axes.set_xscale("symlog", linthresh=LINEAR)
+        axes.set_xticks(symlog_ticks(float(finite.min()), float(finite.max())))
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
+        axes.minorticks_off()
+        xlabel += f"; linear within {LINEAR:g}, logarithmic beyond"
     axes.set_xlabel(xlabel)
     return figure
+
+
+def symlog_ticks(low: float, high: float) -> list[float]:
+    """Round numbers from low to high for an axis that is linear within `LINEAR`; thirds of decades if few."""
+
+    def one_side(end: float) -> list[float]:
+        decades = [LINEAR * 10.0**k for k in range(12) if LINEAR * 10.0**k <= end]
+        between = [3.0 * d for d in decades if 3.0 * d <= end] if len(decades) < 4 else []
+        return sorted([*([0.5 * LINEAR] if len(decades) < 4 and end >= LINEAR else []), *decades, *between])
+
+    return [*(-t for t in reversed(one_side(-low))), 0.0, *one_side(high)]
 
 
 @styled
@@ -88,17 +119,28 @@ def isolability(names: Sequence[str], margin: Array) -> Any:
 
 
 @styled
-def ladder(horizons: Sequence[str], before_nominal: Array, before: Array, after: Array) -> Any:
-    """Excess prediction error on held-out runs of the three models over every horizon, log scale."""
+def ladder(
+    horizons: Sequence[str],
+    before_nominal: Array,
+    before: Array,
+    after: Array,
+    label: str = "with the effect",
+) -> Any:
+    """Excess prediction error on held-out runs of the three models over every horizon, log scale.
+
+    Parameters
+    ----------
+    label : what the third model is
+    """
     figure, axes = subplots(height=2.6)
     x = np.arange(len(horizons))
     series = (
         ("nominal", before_nominal, COLOURS["grey"]),
         ("recalibrated, no effect", before, COLOURS["amber"]),
-        ("with the effect", after, COLOURS["blue"]),
+        (label, after, COLOURS["blue"]),
     )
-    for i, (label, values, colour) in enumerate(series):
-        axes.bar(x + 0.27 * (i - 1), np.maximum(values, 1e-3), width=0.25, color=colour, label=label)
+    for i, (words, values, colour) in enumerate(series):
+        axes.bar(x + 0.27 * (i - 1), np.maximum(values, 1e-3), width=0.25, color=colour, label=words)
     axes.set_yscale("log")
     axes.set_xticks(x, horizons)
     axes.set_ylabel("mean squared error\nabove the floor [noise variances]")

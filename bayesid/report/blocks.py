@@ -118,7 +118,9 @@ def cell_text(value: Any, digits: int = 4) -> str:
 
 def format_number(value: float, digits: int = 4) -> str:
     """A number a reader can compare: fixed point from 1e-3 to 1e6, else a power of ten."""
-    if value == 0 or value in (float("inf"), float("-inf")):
+    if value == 0:
+        return "0"
+    if value in (float("inf"), float("-inf")):
         return f"{value:g}"
     if 1e-3 <= abs(value) < 1e6:
         text = f"{value:.{digits}g}"

@@ -18,15 +18,16 @@ from bayesid.report import Block, Report, Section, Table, Text, literal
 from bayesid.sections import effect_posterior
 from bayesid.sections.diagnosis_cause import description_sections, where_blocks, which_blocks
 from bayesid.sections.diagnosis_limits import ambiguity_blocks, next_blocks, notes_blocks
-from bayesid.sections.diagnosis_proof import shrink_blocks
-from bayesid.sections.diagnosis_words import in_words, value_words
+from bayesid.sections.diagnosis_proof import proof_label, shrink_blocks
+from bayesid.sections.diagnosis_words import in_words, unsigned_zeros, value_words
+from bayesid.sections.effect_interval import lead_words
 
 HEADLINES = {
     "none": "No gap beyond what noise, environment and the stated uncertainty of the coefficients explain.",
     "effect": "One unmodelled effect explains the gap.",
-    "effect_with_remainder": "One unmodelled effect explains most of the gap; something of it remains.",
-    "several": "Several unmodelled effects together explain the gap.",
-    "outside": "There is a gap, and no effect of the catalogue explains it.",
+    "effect_with_remainder": "One unmodelled effect is sure, and it does not explain the whole gap.",
+    "several": "Several unmodelled effects are each needed to explain the gap.",
+    "outside": "There is a gap, and no effect of the catalogue explains it well enough to be named.",
     "coefficients": "The gap closes by moving coefficients beyond their stated uncertainty. An effect named "
     "below acts on these runs as such a change does, so the track alone cannot prove it.",
     "ambiguous": "There is a gap, but these runs cannot tell which of several causes makes it.",
@@ -53,19 +54,20 @@ def write_diagnosis_report(
 
 def diagnosis_report(found: Diagnosis, record: Mapping[str, Any]) -> Report:
     """The report as plain data."""
-    lead = f"**{HEADLINES[found.verdict.word]}** {_names(record)} {_outcome(found)}".rstrip()
+    parts = (f"**{HEADLINES[found.verdict.word]}**", _names(record), lead_words(record), _outcome(found))
+    lead = " ".join(part for part in parts if part)
     if found.trial.attribution:
         lead += f"\n\n{literal(found.trial.attribution)}"
     sections = [
         Section("Verdict", _verdict(found, record)),
-        Section("Where the gap lies", where_blocks(found)),
+        Section("Where the gap lies", where_blocks(found, record)),
         *description_sections(found),
         Section("Which effect", which_blocks(found)),
-        *effect_posterior.sections(found),
+        *effect_posterior.sections(found, record),
         Section("How far it shrinks", shrink_blocks(found)),
         Section("What these runs can tell apart", ambiguity_blocks(found)),
         Section("What to fly next", next_blocks(found)),
-        Section("Data, environment and notes", notes_blocks(found)),
+        Section("Data, environment and notes", notes_blocks(found, record)),
     ]
     return Report(f"Sim-to-real gap of {literal(found.trial.name)}", lead, sections)
 
@@ -80,7 +82,9 @@ def _names(record: Mapping[str, Any]) -> str:
 
 def _outcome(found: Diagnosis) -> str:
     """What it comes to on held-out runs, in degrees of heading."""
-    worth = [r for r in found.shrink.rungs if r.worth and "psi" in r.rms["nominal"]]
+    worth = [
+        r for r in found.shrink.rungs if r.worth and math.isfinite(r.rms["nominal"].get("psi", math.nan))
+    ]
     if not worth or not found.verdict.effects:
         return ""
     last = worth[-1]
@@ -89,9 +93,17 @@ def _outcome(found: Diagnosis) -> str:
         last.rms[k]["psi"] * 180 / math.pi for k in ("nominal", "recalibrated", "with effect")
     )
     return (
-        f"Over {over} of the held-out runs the heading was off by {as_was:.2g} degrees rms as given, by "
-        f"{tuned:.2g} with re-tuned coefficients, and by {now:.2g} with the effect."
+        f"Over {over} of the held-out runs the heading was off by {_short(as_was)} degrees rms as given, "
+        f"by {_short(tuned)} with re-tuned coefficients, and by {_short(now)} {_with(proof_label(found))}."
     )
+
+
+def _short(x: float) -> str:
+    return f"{x:.0f}" if x >= 100 else f"{x:.2g}"
+
+
+def _with(label: str) -> str:
+    return label if label.startswith("with ") else f"with the {label}"
 
 
 def _meaning(found: Diagnosis, record: Mapping[str, Any]) -> list[str]:
@@ -109,9 +121,10 @@ def _meaning(found: Diagnosis, record: Mapping[str, Any]) -> list[str]:
 def _verdict(found: Diagnosis, record: Mapping[str, Any]) -> list[Block]:
     probability = record["probabilities"]
     top = sorted(probability, key=lambda n: -probability[n])[:6]
+    reasons = [unsigned_zeros(r) for r in found.verdict.reasons] + _held(found)
     blocks: list[Block] = [
         Text(
-            "\n".join([*_meaning(found, record), *(f"- {reason}" for reason in found.verdict.reasons)])
+            "\n".join([*_meaning(found, record), *(f"- {r}" for r in reasons)])
             + "\n\nLog evidence is in nats: 3 are odds of 20 to 1, 7 of 1000 to 1."
         ),
         Table(
@@ -136,6 +149,20 @@ def _verdict(found: Diagnosis, record: Mapping[str, Any]) -> list[Block]:
             )
         )
     return blocks
+
+
+def _held(found: Diagnosis) -> list[str]:
+    """Why an effect can gain much where a free signal gains nothing."""
+    c = found.candidates
+    free, limits = c.where.places[0].evidence, c.thresholds
+    if free > limits.remainder or c.best.log_evidence - c.none.log_evidence <= limits.named:
+        return []
+    e = found.problem.environment
+    return [
+        "a free signal gains no more than chance although an effect gains: the environment of these runs "
+        f"({e.source}) already holds a random force as large as what is missing, so one more random force "
+        "adds nothing; an effect gains because it says the same in every run, which no random force does"
+    ]
 
 
 def _probability(p: float) -> Any:

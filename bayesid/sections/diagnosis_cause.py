@@ -5,6 +5,9 @@ Takes a `Diagnosis`. Does not compute.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
 from bayesid.diagnose.diagnosis import Diagnosis
@@ -13,13 +16,14 @@ from bayesid.report import Block, Figure, Section, Table, Text, literal
 from bayesid.sections.diagnosis_words import arrival_words, in_words
 
 
-def where_blocks(found: Diagnosis) -> list[Block]:
-    where = found.candidates.where
+def where_blocks(found: Diagnosis, record: Mapping[str, Any]) -> list[Block]:
+    """Evidence of a free signal per channel, parts of the runs, and the smoothed force."""
+    where, limits = found.candidates.where, found.candidates.thresholds
     blocks: list[Block] = [
         Text(
             "A free signal is let into one channel at a time; the gain in log evidence says how much of "
             "the gap that "
-            "channel can carry. No cause is named here."
+            "channel can carry. No cause is named here. " + _place(found, record)
         ),
         Figure(
             "where",
@@ -27,7 +31,7 @@ def where_blocks(found: Diagnosis) -> list[Block]:
                 [p.channel for p in where.places],
                 np.array([p.evidence for p in where.places]),
                 "gain in log evidence [nats]",
-                20.0,
+                limits.remainder,
             ),
             "Evidence of a free signal per channel, before any effect is added.",
         ),
@@ -56,6 +60,22 @@ def where_blocks(found: Diagnosis) -> list[Block]:
             Figure("force", drawn, "Smoothed missing force in body axes, with two standard deviations.")
         )
     return blocks
+
+
+def _place(found: Diagnosis, record: Mapping[str, Any]) -> str:
+    """The most probable place of all hypotheses beside that of a free signal alone."""
+    first, chance = found.candidates.where.places[0], found.candidates.thresholds.remainder
+    named = record["where"]["channel"]
+    words = "" if first.evidence > chance else "None gains more than chance does. "
+    if named is None:
+        return words + "So no place is named."
+    words += f"The most probable place, all hypotheses counted by their probability, is **{named}**"
+    if named == first.channel:
+        return words + "."
+    return words + (
+        f", not {first.channel}: a free signal knows no vehicle, while the causes left can act only in "
+        "places of their own."
+    )
 
 
 def description_sections(found: Diagnosis) -> list[Section]:
@@ -106,7 +126,7 @@ def which_blocks(found: Diagnosis) -> list[Block]:
                 [in_words(s.name) for s in scores],
                 np.array([s.gain for s in scores]),
                 "gain in log evidence, screen [nats]",
-                5.0,
+                c.thresholds.named,
             ),
             "Screen of the whole catalogue along one path, coefficients free.",
         ),

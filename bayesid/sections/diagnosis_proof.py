@@ -6,19 +6,36 @@ Takes a `Diagnosis`. Does not compute.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from bayesid.diagnose.diagnosis import Diagnosis
+from bayesid.diagnose.diagnosis import NAMING, Diagnosis
 from bayesid.diagnose.shrink import Rung
+from bayesid.diagnose.verdict import simplest
 from bayesid.figures import diagnosis as figures
 from bayesid.report import Block, Figure, Table, Text, literal
-from bayesid.sections.diagnosis_words import IN_DEGREES
+from bayesid.sections.diagnosis_words import IN_DEGREES, in_words
+
+
+def proof_label(found: Diagnosis) -> str:
+    """What the third model has: what the verdict names, or the best explanation, which may be more."""
+    best = simplest(found.candidates)
+    used = best.effects if best.log_evidence > found.candidates.none.log_evidence else ()
+    if found.verdict.word in NAMING and set(used) == set(found.verdict.effects):
+        return "with the effect" if len(used) == 1 else "with the effects"
+    return f"best explanation ({' + '.join(in_words(n) for n in used) or 'none'})"
+
+
+def record_label(record: Mapping[str, Any]) -> str:
+    """The same for a `diagnosis.json`, which does not say what its best explanation holds."""
+    return "with the effect" if record["verdict"] == "effect" else "best explanation"
 
 
 def shrink_blocks(found: Diagnosis) -> list[Block]:
-    rungs = found.shrink.rungs
+    """The ladder on held-out runs, errors per channel and standard measures."""
+    rungs, label = found.shrink.rungs, proof_label(found)
     if not rungs:
         return [Text("No run was held out, so no prediction could be proven. Give a run the role `holdout`.")]
     blocks: list[Block] = [
@@ -39,18 +56,18 @@ def shrink_blocks(found: Diagnosis) -> list[Block]:
         )
     blocks.append(
         Table(
-            ["horizon", "nominal", "recalibrated", "with the effect", "shrinks by"],
+            ["horizon", "nominal", "recalibrated", label, "shrinks by"],
             rows,
             "Mean squared prediction error above the floor, in noise variances; the floor is what noise, "
             "environment and an unknown start leave to the best of models. The 90 % intervals resample the "
             "pieces predicted and draw the models' parameters from their posteriors.",
         )
     )
-    drawn = figures.ladder(
-        [r.horizon for r in rungs],
-        *(np.array([r.excess[k] for r in rungs]) for k in ("nominal", "recalibrated", "with effect")),
+    nominal, tuned, now = (
+        np.array([r.excess[k] for r in rungs]) for k in ("nominal", "recalibrated", "with effect")
     )
-    blocks.append(Figure("ladder", drawn, "The ladder from the simulator as it was to the diagnosed one."))
+    drawn = figures.ladder([r.horizon for r in rungs], nominal, tuned, now, label)
+    blocks.append(Figure("ladder", drawn, "The ladder from the simulator as it was to the last column."))
     last = rungs[-1].rms
     physical = []
     for channel in found.problem.channels:
@@ -64,32 +81,36 @@ def shrink_blocks(found: Diagnosis) -> list[Block]:
         physical.append(
             [
                 f"{channel} [{unit}]",
-                *(last[k][channel] * scale for k in ("nominal", "recalibrated", "with effect")),
+                *(_known(last[k].get(channel), scale) for k in ("nominal", "recalibrated", "with effect")),
             ]
         )
     blocks.append(
         Table(
-            ["channel", "nominal", "recalibrated", "with the effect"],
+            ["channel", "nominal", "recalibrated", label],
             physical,
-            "Full replay, root mean square error.",
+            "Full replay, root mean square error; a dash where no held-out run reads the channel.",
         )
     )
     if found.shrink.measures:
-        blocks.append(_measures(found))
+        blocks.append(_measures(found, label))
     return blocks
 
 
-def _measures(found: Diagnosis) -> Table:
+def _measures(found: Diagnosis, label: str) -> Table:
     rows: list[list[Any]] = []
     for m in found.shrink.measures:
         unit, scale = IN_DEGREES.get(m.unit, (m.unit, 1.0))
         models = (m.models.get(k, math.nan) * scale for k in ("nominal", "recalibrated", "with effect"))
         rows.append([literal(m.run), f"{m.name} [{unit}]", m.logged * scale, *models])
     return Table(
-        ["run", "measure", "as logged", "nominal", "recalibrated", "with the effect"],
+        ["run", "measure", "as logged", "nominal", "recalibrated", label],
         rows,
         "Standard measures of the held-out runs, replayed with the logged orders.",
     )
+
+
+def _known(value: float | None, scale: float) -> float | None:
+    return value * scale if value is not None and math.isfinite(value) else None
 
 
 def _closed(rung: Rung) -> str:

@@ -6,6 +6,7 @@ Takes a `Diagnosis`. Gives report sections, none where nothing was drawn. Does n
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -14,18 +15,20 @@ from bayesid.diagnose.diagnosis import Diagnosis
 from bayesid.errors import SampleError
 from bayesid.figures import posterior as figures
 from bayesid.report import Block, Figure, Section, Table, Text, literal
+from bayesid.sections.diagnosis_words import unsigned_zeros
+from bayesid.sections.effect_interval import SECTION, why
 
 MOST = 7  # panels a reader can still make out
 
 
-def sections(found: Diagnosis) -> list[Section]:
+def sections(found: Diagnosis, record: Mapping[str, Any]) -> list[Section]:
     """One section, or none."""
     if found.posterior is None:
         return []
-    return [Section("How well its parameters are known", _blocks(found))]
+    return [Section(SECTION, _blocks(found, record))]
 
 
-def _blocks(found: Diagnosis) -> list[Block]:
+def _blocks(found: Diagnosis, record: Mapping[str, Any]) -> list[Block]:
     p = found.posterior
     assert p is not None
     names, mean = p.posterior.names, p.posterior.mean
@@ -36,23 +39,24 @@ def _blocks(found: Diagnosis) -> list[Block]:
             f"{mean[i]:.4g}",
             f"{interval[i, 0]:.4g} to {interval[i, 1]:.4g}",
             f"{p.sd_ratio[i]:.2f}",
-            f"{p.shift[i]:+.2f}",
+            unsigned_zeros(f"{p.shift[i]:+.2f}"),
         ]
         for i, n in enumerate(names)
     ]
-    agrees = "The draws confirm them." if p.agrees else "Here they do not agree: use the intervals below."
     blocks: list[Block] = [
         Text(
             "The verdict rests on a Gaussian about each optimum (Laplace). emcee draws the effect's "
             "parameters jointly with the coefficients that could hide them and the loudness of the "
             "environment, from a density that "
-            f"is linearised anew at {p.density.surface.nodes.shape[0]} points. {agrees} Log "
+            f"is linearised anew at {p.density.surface.nodes.shape[0]} points. Log "
             f"evidence by bridge sampling {p.log_evidence:.2f} ± {p.error:.2f}."
         ),
+        Text(why(record["posterior"], found.problem.environment.source, 3.0 * p.density.loud_sd)),
         Table(
             ["unknown (SI)", "mean", "95 % interval", "sd over Laplace's", "shift [Laplace sd]"],
             rows,
-            "Posterior draws beside the Laplace approximation.",
+            "Posterior draws beside the Laplace approximation. `log force` and `log drift` are the logarithm "
+            "of the environment's loudness over the level assumed.",
         ),
     ]
     try:
