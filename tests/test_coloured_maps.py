@@ -331,3 +331,19 @@ def test_a_row_of_the_balance_may_not_shrink_together_with_its_noise(name):
     assert abs(cost(0.6) - nominal) < 1e-6 * abs(nominal)
     # control: noise that did not shrink with the row would be worth this much
     assert abs(cost(1.0, moment=1 / 0.6) - nominal) > 1.0
+
+
+@pytest.mark.parametrize("name", ["nps_auv2", "generic_sub"])
+def test_maps_are_numbers_where_there_is_no_cross_flow_at_all(name):
+    model = build_model(load_vehicle(name), 6)
+    states = model.kernel.full.states
+    plan = plan_run(model, np.arange(3) * 0.5, {"n_cmd": np.full(3, model.vehicle.rpm_ref or 100.0)})
+    found = []
+    for aside in (0.0, 1e-7):
+        at = np.zeros((3, len(states)))
+        at[:, states.index("u")], at[:, states.index("v")] = model.scales["U"], aside
+        found.append(interval_maps(model, model.nominal, plan, at, (), np.arange(20)))
+    for part in ("ends", "phi", "psi"):
+        still, near = (getattr(maps, part) for maps in found)
+        assert np.isfinite(still).all()
+        np.testing.assert_allclose(still, near, rtol=1e-5, atol=1e-5 * np.abs(near).max())

@@ -33,7 +33,7 @@ _NUMERIC: dict[str, Callable[[float], float]] = {
     "sgn": lambda x: (x > 0) - (x < 0),
     "step": lambda x: float(x > 0),
     "sqrt": math.sqrt,
-    "rsqrt": lambda x: 1.0 / math.sqrt(max(x, 1e-300)),
+    "rsqrt": lambda x: 1.0 / math.sqrt(max(x, 1e-60)),
     "sin": math.sin,
     "cos": math.cos,
     "exp": math.exp,

@@ -95,7 +95,8 @@ def _render(key: tuple, text: Mapping[Node, str]) -> str:
     if name == "step":
         return f"1.0 if {a} > 0.0 else 0.0"
     if name == "rsqrt":
-        return f"1.0 / math.sqrt(max({a}, 1e-300))"
+        # its slope is its cube, which must stay a number where there is no cross-flow at all
+        return f"1.0 / math.sqrt(max({a}, 1e-60))"
     if name == "log":
         return f"math.log(max({a}, 1e-300))"
     if name in ("min", "max"):

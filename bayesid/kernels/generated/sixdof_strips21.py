@@ -261,7 +261,7 @@ def bare_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t662 = t317 - (z10 * t658)
             t663 = t660 * t660
             t664 = t662 * t662
-            t670 = ((par[34] * t663) + (par[35] * t664)) * (1.0 / math.sqrt(max((t663 + t664), 1e-300)))
+            t670 = ((par[34] * t663) + (par[35] * t664)) * (1.0 / math.sqrt(max((t663 + t664), 1e-60)))
             t671 = t660 * t670
             t672 = t662 * t670
             t674 = par[4] * 0.025
@@ -271,7 +271,7 @@ def bare_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t688 = t317 - (z10 * t684)
             t689 = t686 * t686
             t690 = t688 * t688
-            t696 = ((par[34] * t689) + (par[35] * t690)) * (1.0 / math.sqrt(max((t689 + t690), 1e-300)))
+            t696 = ((par[34] * t689) + (par[35] * t690)) * (1.0 / math.sqrt(max((t689 + t690), 1e-60)))
             t697 = t686 * t696
             t698 = t688 * t696
             t700 = par[4] * 0.05
@@ -281,7 +281,7 @@ def bare_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t715 = t317 - (z10 * t711)
             t716 = t713 * t713
             t717 = t715 * t715
-            t723 = ((par[34] * t716) + (par[35] * t717)) * (1.0 / math.sqrt(max((t716 + t717), 1e-300)))
+            t723 = ((par[34] * t716) + (par[35] * t717)) * (1.0 / math.sqrt(max((t716 + t717), 1e-60)))
             t724 = t713 * t723
             t725 = t715 * t723
             t728 = t700 * t711
@@ -290,7 +290,7 @@ def bare_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t740 = t317 - (z10 * t736)
             t741 = t738 * t738
             t742 = t740 * t740
-            t748 = ((par[34] * t741) + (par[35] * t742)) * (1.0 / math.sqrt(max((t741 + t742), 1e-300)))
+            t748 = ((par[34] * t741) + (par[35] * t742)) * (1.0 / math.sqrt(max((t741 + t742), 1e-60)))
             t749 = t738 * t748
             t750 = t740 * t748
             t753 = t700 * t736
@@ -299,7 +299,7 @@ def bare_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t765 = t317 - (z10 * t761)
             t766 = t763 * t763
             t767 = t765 * t765
-            t773 = ((par[34] * t766) + (par[35] * t767)) * (1.0 / math.sqrt(max((t766 + t767), 1e-300)))
+            t773 = ((par[34] * t766) + (par[35] * t767)) * (1.0 / math.sqrt(max((t766 + t767), 1e-60)))
             t774 = t763 * t773
             t775 = t765 * t773
             t778 = t700 * t761
@@ -308,7 +308,7 @@ def bare_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t790 = t317 - (z10 * t786)
             t791 = t788 * t788
             t792 = t790 * t790
-            t798 = ((par[34] * t791) + (par[35] * t792)) * (1.0 / math.sqrt(max((t791 + t792), 1e-300)))
+            t798 = ((par[34] * t791) + (par[35] * t792)) * (1.0 / math.sqrt(max((t791 + t792), 1e-60)))
             t799 = t788 * t798
             t800 = t790 * t798
             t802 = (((((-(t671 * t674)) - (t697 * t700)) - (t700 * t724)) - (t700 * t749)) - (t700 * t774)) - (t700 * t799)
@@ -321,7 +321,7 @@ def bare_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t815 = t317 - (z10 * t811)
             t816 = t813 * t813
             t817 = t815 * t815
-            t823 = ((par[34] * t816) + (par[35] * t817)) * (1.0 / math.sqrt(max((t816 + t817), 1e-300)))
+            t823 = ((par[34] * t816) + (par[35] * t817)) * (1.0 / math.sqrt(max((t816 + t817), 1e-60)))
             t824 = t813 * t823
             t825 = t815 * t823
             t828 = t700 * t811
@@ -330,7 +330,7 @@ def bare_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t840 = t317 - (z10 * t836)
             t841 = t838 * t838
             t842 = t840 * t840
-            t848 = ((par[34] * t841) + (par[35] * t842)) * (1.0 / math.sqrt(max((t841 + t842), 1e-300)))
+            t848 = ((par[34] * t841) + (par[35] * t842)) * (1.0 / math.sqrt(max((t841 + t842), 1e-60)))
             t849 = t838 * t848
             t850 = t840 * t848
             t853 = t700 * t836
@@ -339,7 +339,7 @@ def bare_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t865 = t317 - (z10 * t861)
             t866 = t863 * t863
             t867 = t865 * t865
-            t873 = ((par[34] * t866) + (par[35] * t867)) * (1.0 / math.sqrt(max((t866 + t867), 1e-300)))
+            t873 = ((par[34] * t866) + (par[35] * t867)) * (1.0 / math.sqrt(max((t866 + t867), 1e-60)))
             t874 = t863 * t873
             t875 = t865 * t873
             t878 = t700 * t861
@@ -348,11 +348,11 @@ def bare_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t890 = t317 - (z10 * t886)
             t891 = t888 * t888
             t892 = t890 * t890
-            t898 = ((par[34] * t891) + (par[35] * t892)) * (1.0 / math.sqrt(max((t891 + t892), 1e-300)))
+            t898 = ((par[34] * t891) + (par[35] * t892)) * (1.0 / math.sqrt(max((t891 + t892), 1e-60)))
             t899 = t888 * t898
             t900 = t890 * t898
             t903 = t700 * t886
-            t915 = ((par[34] * t321) + (par[35] * t322)) * (1.0 / math.sqrt(max((t321 + t322), 1e-300)))
+            t915 = ((par[34] * t321) + (par[35] * t322)) * (1.0 / math.sqrt(max((t321 + t322), 1e-60)))
             t919 = ((((t802 - (t700 * t824)) - (t700 * t849)) - (t700 * t874)) - (t700 * t899)) - (t700 * (t316 * t915))
             t921 = ((((t807 - (t700 * t825)) - (t700 * t850)) - (t700 * t875)) - (t700 * t900)) - (t700 * (t317 * t915))
             t923 = par[4] * 0.050000000000000044
@@ -360,7 +360,7 @@ def bare_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t927 = t317 - (z10 * t923)
             t928 = t925 * t925
             t929 = t927 * t927
-            t935 = ((par[34] * t928) + (par[35] * t929)) * (1.0 / math.sqrt(max((t928 + t929), 1e-300)))
+            t935 = ((par[34] * t928) + (par[35] * t929)) * (1.0 / math.sqrt(max((t928 + t929), 1e-60)))
             t936 = t925 * t935
             t937 = t927 * t935
             t940 = t700 * t923
@@ -371,7 +371,7 @@ def bare_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t952 = t317 - (z10 * t948)
             t953 = t950 * t950
             t954 = t952 * t952
-            t960 = ((par[34] * t953) + (par[35] * t954)) * (1.0 / math.sqrt(max((t953 + t954), 1e-300)))
+            t960 = ((par[34] * t953) + (par[35] * t954)) * (1.0 / math.sqrt(max((t953 + t954), 1e-60)))
             t961 = t950 * t960
             t962 = t952 * t960
             t965 = t700 * t948
@@ -380,7 +380,7 @@ def bare_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t977 = t317 - (z10 * t973)
             t978 = t975 * t975
             t979 = t977 * t977
-            t985 = ((par[34] * t978) + (par[35] * t979)) * (1.0 / math.sqrt(max((t978 + t979), 1e-300)))
+            t985 = ((par[34] * t978) + (par[35] * t979)) * (1.0 / math.sqrt(max((t978 + t979), 1e-60)))
             t986 = t975 * t985
             t987 = t977 * t985
             t990 = t700 * t973
@@ -389,7 +389,7 @@ def bare_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t1002 = t317 - (z10 * t998)
             t1003 = t1000 * t1000
             t1004 = t1002 * t1002
-            t1010 = ((par[34] * t1003) + (par[35] * t1004)) * (1.0 / math.sqrt(max((t1003 + t1004), 1e-300)))
+            t1010 = ((par[34] * t1003) + (par[35] * t1004)) * (1.0 / math.sqrt(max((t1003 + t1004), 1e-60)))
             t1011 = t1000 * t1010
             t1012 = t1002 * t1010
             t1015 = t700 * t998
@@ -398,7 +398,7 @@ def bare_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t1027 = t317 - (z10 * t1023)
             t1028 = t1025 * t1025
             t1029 = t1027 * t1027
-            t1035 = ((par[34] * t1028) + (par[35] * t1029)) * (1.0 / math.sqrt(max((t1028 + t1029), 1e-300)))
+            t1035 = ((par[34] * t1028) + (par[35] * t1029)) * (1.0 / math.sqrt(max((t1028 + t1029), 1e-60)))
             t1036 = t1025 * t1035
             t1037 = t1027 * t1035
             t1039 = ((((t919 - (t700 * t936)) - (t700 * t961)) - (t700 * t986)) - (t700 * t1011)) - (t700 * t1036)
@@ -409,7 +409,7 @@ def bare_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t1052 = t317 - (z10 * t1048)
             t1053 = t1050 * t1050
             t1054 = t1052 * t1052
-            t1060 = ((par[34] * t1053) + (par[35] * t1054)) * (1.0 / math.sqrt(max((t1053 + t1054), 1e-300)))
+            t1060 = ((par[34] * t1053) + (par[35] * t1054)) * (1.0 / math.sqrt(max((t1053 + t1054), 1e-60)))
             t1061 = t1050 * t1060
             t1062 = t1052 * t1060
             t1065 = t700 * t1048
@@ -420,7 +420,7 @@ def bare_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t1077 = t317 - (z10 * t1073)
             t1078 = t1075 * t1075
             t1079 = t1077 * t1077
-            t1085 = ((par[34] * t1078) + (par[35] * t1079)) * (1.0 / math.sqrt(max((t1078 + t1079), 1e-300)))
+            t1085 = ((par[34] * t1078) + (par[35] * t1079)) * (1.0 / math.sqrt(max((t1078 + t1079), 1e-60)))
             t1086 = t1075 * t1085
             t1087 = t1077 * t1085
             t1090 = t700 * t1073
@@ -429,7 +429,7 @@ def bare_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t1102 = t317 - (z10 * t1098)
             t1103 = t1100 * t1100
             t1104 = t1102 * t1102
-            t1110 = ((par[34] * t1103) + (par[35] * t1104)) * (1.0 / math.sqrt(max((t1103 + t1104), 1e-300)))
+            t1110 = ((par[34] * t1103) + (par[35] * t1104)) * (1.0 / math.sqrt(max((t1103 + t1104), 1e-60)))
             t1111 = t1100 * t1110
             t1112 = t1102 * t1110
             t1115 = t700 * t1098
@@ -438,7 +438,7 @@ def bare_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t1127 = t317 - (z10 * t1123)
             t1128 = t1125 * t1125
             t1129 = t1127 * t1127
-            t1135 = ((par[34] * t1128) + (par[35] * t1129)) * (1.0 / math.sqrt(max((t1128 + t1129), 1e-300)))
+            t1135 = ((par[34] * t1128) + (par[35] * t1129)) * (1.0 / math.sqrt(max((t1128 + t1129), 1e-60)))
             t1136 = t1125 * t1135
             t1137 = t1127 * t1135
             t1140 = t700 * t1123
@@ -447,7 +447,7 @@ def bare_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t1152 = t317 - (z10 * t1148)
             t1153 = t1150 * t1150
             t1154 = t1152 * t1152
-            t1160 = ((par[34] * t1153) + (par[35] * t1154)) * (1.0 / math.sqrt(max((t1153 + t1154), 1e-300)))
+            t1160 = ((par[34] * t1153) + (par[35] * t1154)) * (1.0 / math.sqrt(max((t1153 + t1154), 1e-60)))
             t1161 = t1150 * t1160
             t1162 = t1152 * t1160
             t1164 = ((((t1039 - (t700 * t1061)) - (t700 * t1086)) - (t700 * t1111)) - (t700 * t1136)) - (t674 * t1161)
@@ -724,7 +724,7 @@ def bare_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t662 = t317 - (work[352 + l] * t658)
                 t663 = t660 * t660
                 t664 = t662 * t662
-                t670 = ((work[1856 + l] * t663) + (work[1872 + l] * t664)) * (1.0 / math.sqrt(max((t663 + t664), 1e-300)))
+                t670 = ((work[1856 + l] * t663) + (work[1872 + l] * t664)) * (1.0 / math.sqrt(max((t663 + t664), 1e-60)))
                 t671 = t660 * t670
                 t672 = t662 * t670
                 t674 = work[1376 + l] * 0.025
@@ -734,7 +734,7 @@ def bare_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t688 = t317 - (work[352 + l] * t684)
                 t689 = t686 * t686
                 t690 = t688 * t688
-                t696 = ((work[1856 + l] * t689) + (work[1872 + l] * t690)) * (1.0 / math.sqrt(max((t689 + t690), 1e-300)))
+                t696 = ((work[1856 + l] * t689) + (work[1872 + l] * t690)) * (1.0 / math.sqrt(max((t689 + t690), 1e-60)))
                 t697 = t686 * t696
                 t698 = t688 * t696
                 t700 = work[1376 + l] * 0.05
@@ -744,7 +744,7 @@ def bare_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t715 = t317 - (work[352 + l] * t711)
                 t716 = t713 * t713
                 t717 = t715 * t715
-                t723 = ((work[1856 + l] * t716) + (work[1872 + l] * t717)) * (1.0 / math.sqrt(max((t716 + t717), 1e-300)))
+                t723 = ((work[1856 + l] * t716) + (work[1872 + l] * t717)) * (1.0 / math.sqrt(max((t716 + t717), 1e-60)))
                 t724 = t713 * t723
                 t725 = t715 * t723
                 t728 = t700 * t711
@@ -753,7 +753,7 @@ def bare_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t740 = t317 - (work[352 + l] * t736)
                 t741 = t738 * t738
                 t742 = t740 * t740
-                t748 = ((work[1856 + l] * t741) + (work[1872 + l] * t742)) * (1.0 / math.sqrt(max((t741 + t742), 1e-300)))
+                t748 = ((work[1856 + l] * t741) + (work[1872 + l] * t742)) * (1.0 / math.sqrt(max((t741 + t742), 1e-60)))
                 t749 = t738 * t748
                 t750 = t740 * t748
                 t753 = t700 * t736
@@ -762,7 +762,7 @@ def bare_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t765 = t317 - (work[352 + l] * t761)
                 t766 = t763 * t763
                 t767 = t765 * t765
-                t773 = ((work[1856 + l] * t766) + (work[1872 + l] * t767)) * (1.0 / math.sqrt(max((t766 + t767), 1e-300)))
+                t773 = ((work[1856 + l] * t766) + (work[1872 + l] * t767)) * (1.0 / math.sqrt(max((t766 + t767), 1e-60)))
                 t774 = t763 * t773
                 t775 = t765 * t773
                 t778 = t700 * t761
@@ -771,7 +771,7 @@ def bare_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t790 = t317 - (work[352 + l] * t786)
                 t791 = t788 * t788
                 t792 = t790 * t790
-                t798 = ((work[1856 + l] * t791) + (work[1872 + l] * t792)) * (1.0 / math.sqrt(max((t791 + t792), 1e-300)))
+                t798 = ((work[1856 + l] * t791) + (work[1872 + l] * t792)) * (1.0 / math.sqrt(max((t791 + t792), 1e-60)))
                 t799 = t788 * t798
                 t800 = t790 * t798
                 t802 = (((((-(t671 * t674)) - (t697 * t700)) - (t700 * t724)) - (t700 * t749)) - (t700 * t774)) - (t700 * t799)
@@ -784,7 +784,7 @@ def bare_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t815 = t317 - (work[352 + l] * t811)
                 t816 = t813 * t813
                 t817 = t815 * t815
-                t823 = ((work[1856 + l] * t816) + (work[1872 + l] * t817)) * (1.0 / math.sqrt(max((t816 + t817), 1e-300)))
+                t823 = ((work[1856 + l] * t816) + (work[1872 + l] * t817)) * (1.0 / math.sqrt(max((t816 + t817), 1e-60)))
                 t824 = t813 * t823
                 t825 = t815 * t823
                 t828 = t700 * t811
@@ -793,7 +793,7 @@ def bare_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t840 = t317 - (work[352 + l] * t836)
                 t841 = t838 * t838
                 t842 = t840 * t840
-                t848 = ((work[1856 + l] * t841) + (work[1872 + l] * t842)) * (1.0 / math.sqrt(max((t841 + t842), 1e-300)))
+                t848 = ((work[1856 + l] * t841) + (work[1872 + l] * t842)) * (1.0 / math.sqrt(max((t841 + t842), 1e-60)))
                 t849 = t838 * t848
                 t850 = t840 * t848
                 t853 = t700 * t836
@@ -802,7 +802,7 @@ def bare_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t865 = t317 - (work[352 + l] * t861)
                 t866 = t863 * t863
                 t867 = t865 * t865
-                t873 = ((work[1856 + l] * t866) + (work[1872 + l] * t867)) * (1.0 / math.sqrt(max((t866 + t867), 1e-300)))
+                t873 = ((work[1856 + l] * t866) + (work[1872 + l] * t867)) * (1.0 / math.sqrt(max((t866 + t867), 1e-60)))
                 t874 = t863 * t873
                 t875 = t865 * t873
                 t878 = t700 * t861
@@ -811,11 +811,11 @@ def bare_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t890 = t317 - (work[352 + l] * t886)
                 t891 = t888 * t888
                 t892 = t890 * t890
-                t898 = ((work[1856 + l] * t891) + (work[1872 + l] * t892)) * (1.0 / math.sqrt(max((t891 + t892), 1e-300)))
+                t898 = ((work[1856 + l] * t891) + (work[1872 + l] * t892)) * (1.0 / math.sqrt(max((t891 + t892), 1e-60)))
                 t899 = t888 * t898
                 t900 = t890 * t898
                 t903 = t700 * t886
-                t915 = ((work[1856 + l] * t321) + (work[1872 + l] * t322)) * (1.0 / math.sqrt(max((t321 + t322), 1e-300)))
+                t915 = ((work[1856 + l] * t321) + (work[1872 + l] * t322)) * (1.0 / math.sqrt(max((t321 + t322), 1e-60)))
                 t919 = ((((t802 - (t700 * t824)) - (t700 * t849)) - (t700 * t874)) - (t700 * t899)) - (t700 * (t316 * t915))
                 t921 = ((((t807 - (t700 * t825)) - (t700 * t850)) - (t700 * t875)) - (t700 * t900)) - (t700 * (t317 * t915))
                 t923 = work[1376 + l] * 0.050000000000000044
@@ -823,7 +823,7 @@ def bare_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t927 = t317 - (work[352 + l] * t923)
                 t928 = t925 * t925
                 t929 = t927 * t927
-                t935 = ((work[1856 + l] * t928) + (work[1872 + l] * t929)) * (1.0 / math.sqrt(max((t928 + t929), 1e-300)))
+                t935 = ((work[1856 + l] * t928) + (work[1872 + l] * t929)) * (1.0 / math.sqrt(max((t928 + t929), 1e-60)))
                 t936 = t925 * t935
                 t937 = t927 * t935
                 t940 = t700 * t923
@@ -834,7 +834,7 @@ def bare_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t952 = t317 - (work[352 + l] * t948)
                 t953 = t950 * t950
                 t954 = t952 * t952
-                t960 = ((work[1856 + l] * t953) + (work[1872 + l] * t954)) * (1.0 / math.sqrt(max((t953 + t954), 1e-300)))
+                t960 = ((work[1856 + l] * t953) + (work[1872 + l] * t954)) * (1.0 / math.sqrt(max((t953 + t954), 1e-60)))
                 t961 = t950 * t960
                 t962 = t952 * t960
                 t965 = t700 * t948
@@ -843,7 +843,7 @@ def bare_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t977 = t317 - (work[352 + l] * t973)
                 t978 = t975 * t975
                 t979 = t977 * t977
-                t985 = ((work[1856 + l] * t978) + (work[1872 + l] * t979)) * (1.0 / math.sqrt(max((t978 + t979), 1e-300)))
+                t985 = ((work[1856 + l] * t978) + (work[1872 + l] * t979)) * (1.0 / math.sqrt(max((t978 + t979), 1e-60)))
                 t986 = t975 * t985
                 t987 = t977 * t985
                 t990 = t700 * t973
@@ -852,7 +852,7 @@ def bare_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t1002 = t317 - (work[352 + l] * t998)
                 t1003 = t1000 * t1000
                 t1004 = t1002 * t1002
-                t1010 = ((work[1856 + l] * t1003) + (work[1872 + l] * t1004)) * (1.0 / math.sqrt(max((t1003 + t1004), 1e-300)))
+                t1010 = ((work[1856 + l] * t1003) + (work[1872 + l] * t1004)) * (1.0 / math.sqrt(max((t1003 + t1004), 1e-60)))
                 t1011 = t1000 * t1010
                 t1012 = t1002 * t1010
                 t1015 = t700 * t998
@@ -861,7 +861,7 @@ def bare_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t1027 = t317 - (work[352 + l] * t1023)
                 t1028 = t1025 * t1025
                 t1029 = t1027 * t1027
-                t1035 = ((work[1856 + l] * t1028) + (work[1872 + l] * t1029)) * (1.0 / math.sqrt(max((t1028 + t1029), 1e-300)))
+                t1035 = ((work[1856 + l] * t1028) + (work[1872 + l] * t1029)) * (1.0 / math.sqrt(max((t1028 + t1029), 1e-60)))
                 t1036 = t1025 * t1035
                 t1037 = t1027 * t1035
                 t1039 = ((((t919 - (t700 * t936)) - (t700 * t961)) - (t700 * t986)) - (t700 * t1011)) - (t700 * t1036)
@@ -872,7 +872,7 @@ def bare_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t1052 = t317 - (work[352 + l] * t1048)
                 t1053 = t1050 * t1050
                 t1054 = t1052 * t1052
-                t1060 = ((work[1856 + l] * t1053) + (work[1872 + l] * t1054)) * (1.0 / math.sqrt(max((t1053 + t1054), 1e-300)))
+                t1060 = ((work[1856 + l] * t1053) + (work[1872 + l] * t1054)) * (1.0 / math.sqrt(max((t1053 + t1054), 1e-60)))
                 t1061 = t1050 * t1060
                 t1062 = t1052 * t1060
                 t1065 = t700 * t1048
@@ -883,7 +883,7 @@ def bare_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t1077 = t317 - (work[352 + l] * t1073)
                 t1078 = t1075 * t1075
                 t1079 = t1077 * t1077
-                t1085 = ((work[1856 + l] * t1078) + (work[1872 + l] * t1079)) * (1.0 / math.sqrt(max((t1078 + t1079), 1e-300)))
+                t1085 = ((work[1856 + l] * t1078) + (work[1872 + l] * t1079)) * (1.0 / math.sqrt(max((t1078 + t1079), 1e-60)))
                 t1086 = t1075 * t1085
                 t1087 = t1077 * t1085
                 t1090 = t700 * t1073
@@ -892,7 +892,7 @@ def bare_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t1102 = t317 - (work[352 + l] * t1098)
                 t1103 = t1100 * t1100
                 t1104 = t1102 * t1102
-                t1110 = ((work[1856 + l] * t1103) + (work[1872 + l] * t1104)) * (1.0 / math.sqrt(max((t1103 + t1104), 1e-300)))
+                t1110 = ((work[1856 + l] * t1103) + (work[1872 + l] * t1104)) * (1.0 / math.sqrt(max((t1103 + t1104), 1e-60)))
                 t1111 = t1100 * t1110
                 t1112 = t1102 * t1110
                 t1115 = t700 * t1098
@@ -901,7 +901,7 @@ def bare_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t1127 = t317 - (work[352 + l] * t1123)
                 t1128 = t1125 * t1125
                 t1129 = t1127 * t1127
-                t1135 = ((work[1856 + l] * t1128) + (work[1872 + l] * t1129)) * (1.0 / math.sqrt(max((t1128 + t1129), 1e-300)))
+                t1135 = ((work[1856 + l] * t1128) + (work[1872 + l] * t1129)) * (1.0 / math.sqrt(max((t1128 + t1129), 1e-60)))
                 t1136 = t1125 * t1135
                 t1137 = t1127 * t1135
                 t1140 = t700 * t1123
@@ -910,7 +910,7 @@ def bare_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t1152 = t317 - (work[352 + l] * t1148)
                 t1153 = t1150 * t1150
                 t1154 = t1152 * t1152
-                t1160 = ((work[1856 + l] * t1153) + (work[1872 + l] * t1154)) * (1.0 / math.sqrt(max((t1153 + t1154), 1e-300)))
+                t1160 = ((work[1856 + l] * t1153) + (work[1872 + l] * t1154)) * (1.0 / math.sqrt(max((t1153 + t1154), 1e-60)))
                 t1161 = t1150 * t1160
                 t1162 = t1152 * t1160
                 t1164 = ((((t1039 - (t700 * t1061)) - (t700 * t1086)) - (t700 * t1111)) - (t700 * t1136)) - (t674 * t1161)
@@ -1268,7 +1268,7 @@ def bare_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t662 = t317 - (z10 * t658)
             t663 = t660 * t660
             t664 = t662 * t662
-            t670 = ((par[34] * t663) + (par[35] * t664)) * (1.0 / math.sqrt(max((t663 + t664), 1e-300)))
+            t670 = ((par[34] * t663) + (par[35] * t664)) * (1.0 / math.sqrt(max((t663 + t664), 1e-60)))
             t671 = t660 * t670
             t672 = t662 * t670
             t674 = par[4] * 0.025
@@ -1278,7 +1278,7 @@ def bare_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t688 = t317 - (z10 * t684)
             t689 = t686 * t686
             t690 = t688 * t688
-            t696 = ((par[34] * t689) + (par[35] * t690)) * (1.0 / math.sqrt(max((t689 + t690), 1e-300)))
+            t696 = ((par[34] * t689) + (par[35] * t690)) * (1.0 / math.sqrt(max((t689 + t690), 1e-60)))
             t697 = t686 * t696
             t698 = t688 * t696
             t700 = par[4] * 0.05
@@ -1288,7 +1288,7 @@ def bare_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t715 = t317 - (z10 * t711)
             t716 = t713 * t713
             t717 = t715 * t715
-            t723 = ((par[34] * t716) + (par[35] * t717)) * (1.0 / math.sqrt(max((t716 + t717), 1e-300)))
+            t723 = ((par[34] * t716) + (par[35] * t717)) * (1.0 / math.sqrt(max((t716 + t717), 1e-60)))
             t724 = t713 * t723
             t725 = t715 * t723
             t728 = t700 * t711
@@ -1297,7 +1297,7 @@ def bare_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t740 = t317 - (z10 * t736)
             t741 = t738 * t738
             t742 = t740 * t740
-            t748 = ((par[34] * t741) + (par[35] * t742)) * (1.0 / math.sqrt(max((t741 + t742), 1e-300)))
+            t748 = ((par[34] * t741) + (par[35] * t742)) * (1.0 / math.sqrt(max((t741 + t742), 1e-60)))
             t749 = t738 * t748
             t750 = t740 * t748
             t753 = t700 * t736
@@ -1306,7 +1306,7 @@ def bare_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t765 = t317 - (z10 * t761)
             t766 = t763 * t763
             t767 = t765 * t765
-            t773 = ((par[34] * t766) + (par[35] * t767)) * (1.0 / math.sqrt(max((t766 + t767), 1e-300)))
+            t773 = ((par[34] * t766) + (par[35] * t767)) * (1.0 / math.sqrt(max((t766 + t767), 1e-60)))
             t774 = t763 * t773
             t775 = t765 * t773
             t778 = t700 * t761
@@ -1315,7 +1315,7 @@ def bare_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t790 = t317 - (z10 * t786)
             t791 = t788 * t788
             t792 = t790 * t790
-            t798 = ((par[34] * t791) + (par[35] * t792)) * (1.0 / math.sqrt(max((t791 + t792), 1e-300)))
+            t798 = ((par[34] * t791) + (par[35] * t792)) * (1.0 / math.sqrt(max((t791 + t792), 1e-60)))
             t799 = t788 * t798
             t800 = t790 * t798
             t802 = (((((-(t671 * t674)) - (t697 * t700)) - (t700 * t724)) - (t700 * t749)) - (t700 * t774)) - (t700 * t799)
@@ -1328,7 +1328,7 @@ def bare_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t815 = t317 - (z10 * t811)
             t816 = t813 * t813
             t817 = t815 * t815
-            t823 = ((par[34] * t816) + (par[35] * t817)) * (1.0 / math.sqrt(max((t816 + t817), 1e-300)))
+            t823 = ((par[34] * t816) + (par[35] * t817)) * (1.0 / math.sqrt(max((t816 + t817), 1e-60)))
             t824 = t813 * t823
             t825 = t815 * t823
             t828 = t700 * t811
@@ -1337,7 +1337,7 @@ def bare_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t840 = t317 - (z10 * t836)
             t841 = t838 * t838
             t842 = t840 * t840
-            t848 = ((par[34] * t841) + (par[35] * t842)) * (1.0 / math.sqrt(max((t841 + t842), 1e-300)))
+            t848 = ((par[34] * t841) + (par[35] * t842)) * (1.0 / math.sqrt(max((t841 + t842), 1e-60)))
             t849 = t838 * t848
             t850 = t840 * t848
             t853 = t700 * t836
@@ -1346,7 +1346,7 @@ def bare_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t865 = t317 - (z10 * t861)
             t866 = t863 * t863
             t867 = t865 * t865
-            t873 = ((par[34] * t866) + (par[35] * t867)) * (1.0 / math.sqrt(max((t866 + t867), 1e-300)))
+            t873 = ((par[34] * t866) + (par[35] * t867)) * (1.0 / math.sqrt(max((t866 + t867), 1e-60)))
             t874 = t863 * t873
             t875 = t865 * t873
             t878 = t700 * t861
@@ -1355,11 +1355,11 @@ def bare_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t890 = t317 - (z10 * t886)
             t891 = t888 * t888
             t892 = t890 * t890
-            t898 = ((par[34] * t891) + (par[35] * t892)) * (1.0 / math.sqrt(max((t891 + t892), 1e-300)))
+            t898 = ((par[34] * t891) + (par[35] * t892)) * (1.0 / math.sqrt(max((t891 + t892), 1e-60)))
             t899 = t888 * t898
             t900 = t890 * t898
             t903 = t700 * t886
-            t915 = ((par[34] * t321) + (par[35] * t322)) * (1.0 / math.sqrt(max((t321 + t322), 1e-300)))
+            t915 = ((par[34] * t321) + (par[35] * t322)) * (1.0 / math.sqrt(max((t321 + t322), 1e-60)))
             t919 = ((((t802 - (t700 * t824)) - (t700 * t849)) - (t700 * t874)) - (t700 * t899)) - (t700 * (t316 * t915))
             t921 = ((((t807 - (t700 * t825)) - (t700 * t850)) - (t700 * t875)) - (t700 * t900)) - (t700 * (t317 * t915))
             t923 = par[4] * 0.050000000000000044
@@ -1367,7 +1367,7 @@ def bare_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t927 = t317 - (z10 * t923)
             t928 = t925 * t925
             t929 = t927 * t927
-            t935 = ((par[34] * t928) + (par[35] * t929)) * (1.0 / math.sqrt(max((t928 + t929), 1e-300)))
+            t935 = ((par[34] * t928) + (par[35] * t929)) * (1.0 / math.sqrt(max((t928 + t929), 1e-60)))
             t936 = t925 * t935
             t937 = t927 * t935
             t940 = t700 * t923
@@ -1378,7 +1378,7 @@ def bare_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t952 = t317 - (z10 * t948)
             t953 = t950 * t950
             t954 = t952 * t952
-            t960 = ((par[34] * t953) + (par[35] * t954)) * (1.0 / math.sqrt(max((t953 + t954), 1e-300)))
+            t960 = ((par[34] * t953) + (par[35] * t954)) * (1.0 / math.sqrt(max((t953 + t954), 1e-60)))
             t961 = t950 * t960
             t962 = t952 * t960
             t965 = t700 * t948
@@ -1387,7 +1387,7 @@ def bare_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t977 = t317 - (z10 * t973)
             t978 = t975 * t975
             t979 = t977 * t977
-            t985 = ((par[34] * t978) + (par[35] * t979)) * (1.0 / math.sqrt(max((t978 + t979), 1e-300)))
+            t985 = ((par[34] * t978) + (par[35] * t979)) * (1.0 / math.sqrt(max((t978 + t979), 1e-60)))
             t986 = t975 * t985
             t987 = t977 * t985
             t990 = t700 * t973
@@ -1396,7 +1396,7 @@ def bare_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t1002 = t317 - (z10 * t998)
             t1003 = t1000 * t1000
             t1004 = t1002 * t1002
-            t1010 = ((par[34] * t1003) + (par[35] * t1004)) * (1.0 / math.sqrt(max((t1003 + t1004), 1e-300)))
+            t1010 = ((par[34] * t1003) + (par[35] * t1004)) * (1.0 / math.sqrt(max((t1003 + t1004), 1e-60)))
             t1011 = t1000 * t1010
             t1012 = t1002 * t1010
             t1015 = t700 * t998
@@ -1405,7 +1405,7 @@ def bare_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t1027 = t317 - (z10 * t1023)
             t1028 = t1025 * t1025
             t1029 = t1027 * t1027
-            t1035 = ((par[34] * t1028) + (par[35] * t1029)) * (1.0 / math.sqrt(max((t1028 + t1029), 1e-300)))
+            t1035 = ((par[34] * t1028) + (par[35] * t1029)) * (1.0 / math.sqrt(max((t1028 + t1029), 1e-60)))
             t1036 = t1025 * t1035
             t1037 = t1027 * t1035
             t1039 = ((((t919 - (t700 * t936)) - (t700 * t961)) - (t700 * t986)) - (t700 * t1011)) - (t700 * t1036)
@@ -1416,7 +1416,7 @@ def bare_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t1052 = t317 - (z10 * t1048)
             t1053 = t1050 * t1050
             t1054 = t1052 * t1052
-            t1060 = ((par[34] * t1053) + (par[35] * t1054)) * (1.0 / math.sqrt(max((t1053 + t1054), 1e-300)))
+            t1060 = ((par[34] * t1053) + (par[35] * t1054)) * (1.0 / math.sqrt(max((t1053 + t1054), 1e-60)))
             t1061 = t1050 * t1060
             t1062 = t1052 * t1060
             t1065 = t700 * t1048
@@ -1427,7 +1427,7 @@ def bare_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t1077 = t317 - (z10 * t1073)
             t1078 = t1075 * t1075
             t1079 = t1077 * t1077
-            t1085 = ((par[34] * t1078) + (par[35] * t1079)) * (1.0 / math.sqrt(max((t1078 + t1079), 1e-300)))
+            t1085 = ((par[34] * t1078) + (par[35] * t1079)) * (1.0 / math.sqrt(max((t1078 + t1079), 1e-60)))
             t1086 = t1075 * t1085
             t1087 = t1077 * t1085
             t1090 = t700 * t1073
@@ -1436,7 +1436,7 @@ def bare_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t1102 = t317 - (z10 * t1098)
             t1103 = t1100 * t1100
             t1104 = t1102 * t1102
-            t1110 = ((par[34] * t1103) + (par[35] * t1104)) * (1.0 / math.sqrt(max((t1103 + t1104), 1e-300)))
+            t1110 = ((par[34] * t1103) + (par[35] * t1104)) * (1.0 / math.sqrt(max((t1103 + t1104), 1e-60)))
             t1111 = t1100 * t1110
             t1112 = t1102 * t1110
             t1115 = t700 * t1098
@@ -1445,7 +1445,7 @@ def bare_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t1127 = t317 - (z10 * t1123)
             t1128 = t1125 * t1125
             t1129 = t1127 * t1127
-            t1135 = ((par[34] * t1128) + (par[35] * t1129)) * (1.0 / math.sqrt(max((t1128 + t1129), 1e-300)))
+            t1135 = ((par[34] * t1128) + (par[35] * t1129)) * (1.0 / math.sqrt(max((t1128 + t1129), 1e-60)))
             t1136 = t1125 * t1135
             t1137 = t1127 * t1135
             t1140 = t700 * t1123
@@ -1454,7 +1454,7 @@ def bare_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t1152 = t317 - (z10 * t1148)
             t1153 = t1150 * t1150
             t1154 = t1152 * t1152
-            t1160 = ((par[34] * t1153) + (par[35] * t1154)) * (1.0 / math.sqrt(max((t1153 + t1154), 1e-300)))
+            t1160 = ((par[34] * t1153) + (par[35] * t1154)) * (1.0 / math.sqrt(max((t1153 + t1154), 1e-60)))
             t1161 = t1150 * t1160
             t1162 = t1152 * t1160
             t1164 = ((((t1039 - (t700 * t1061)) - (t700 * t1086)) - (t700 * t1111)) - (t700 * t1136)) - (t674 * t1161)
@@ -1540,47 +1540,47 @@ def bare_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             v405 = t328 * v404
             v413 = abs(t317)
             v667 = (par[34] * t663) + (par[35] * t664)
-            v669 = 1.0 / math.sqrt(max((t663 + t664), 1e-300))
+            v669 = 1.0 / math.sqrt(max((t663 + t664), 1e-60))
             v693 = (par[34] * t689) + (par[35] * t690)
-            v695 = 1.0 / math.sqrt(max((t689 + t690), 1e-300))
+            v695 = 1.0 / math.sqrt(max((t689 + t690), 1e-60))
             v720 = (par[34] * t716) + (par[35] * t717)
-            v722 = 1.0 / math.sqrt(max((t716 + t717), 1e-300))
+            v722 = 1.0 / math.sqrt(max((t716 + t717), 1e-60))
             v745 = (par[34] * t741) + (par[35] * t742)
-            v747 = 1.0 / math.sqrt(max((t741 + t742), 1e-300))
+            v747 = 1.0 / math.sqrt(max((t741 + t742), 1e-60))
             v770 = (par[34] * t766) + (par[35] * t767)
-            v772 = 1.0 / math.sqrt(max((t766 + t767), 1e-300))
+            v772 = 1.0 / math.sqrt(max((t766 + t767), 1e-60))
             v795 = (par[34] * t791) + (par[35] * t792)
-            v797 = 1.0 / math.sqrt(max((t791 + t792), 1e-300))
+            v797 = 1.0 / math.sqrt(max((t791 + t792), 1e-60))
             v820 = (par[34] * t816) + (par[35] * t817)
-            v822 = 1.0 / math.sqrt(max((t816 + t817), 1e-300))
+            v822 = 1.0 / math.sqrt(max((t816 + t817), 1e-60))
             v845 = (par[34] * t841) + (par[35] * t842)
-            v847 = 1.0 / math.sqrt(max((t841 + t842), 1e-300))
+            v847 = 1.0 / math.sqrt(max((t841 + t842), 1e-60))
             v870 = (par[34] * t866) + (par[35] * t867)
-            v872 = 1.0 / math.sqrt(max((t866 + t867), 1e-300))
+            v872 = 1.0 / math.sqrt(max((t866 + t867), 1e-60))
             v895 = (par[34] * t891) + (par[35] * t892)
-            v897 = 1.0 / math.sqrt(max((t891 + t892), 1e-300))
+            v897 = 1.0 / math.sqrt(max((t891 + t892), 1e-60))
             v912 = (par[34] * t321) + (par[35] * t322)
-            v914 = 1.0 / math.sqrt(max((t321 + t322), 1e-300))
+            v914 = 1.0 / math.sqrt(max((t321 + t322), 1e-60))
             v932 = (par[34] * t928) + (par[35] * t929)
-            v934 = 1.0 / math.sqrt(max((t928 + t929), 1e-300))
+            v934 = 1.0 / math.sqrt(max((t928 + t929), 1e-60))
             v957 = (par[34] * t953) + (par[35] * t954)
-            v959 = 1.0 / math.sqrt(max((t953 + t954), 1e-300))
+            v959 = 1.0 / math.sqrt(max((t953 + t954), 1e-60))
             v982 = (par[34] * t978) + (par[35] * t979)
-            v984 = 1.0 / math.sqrt(max((t978 + t979), 1e-300))
+            v984 = 1.0 / math.sqrt(max((t978 + t979), 1e-60))
             v1007 = (par[34] * t1003) + (par[35] * t1004)
-            v1009 = 1.0 / math.sqrt(max((t1003 + t1004), 1e-300))
+            v1009 = 1.0 / math.sqrt(max((t1003 + t1004), 1e-60))
             v1032 = (par[34] * t1028) + (par[35] * t1029)
-            v1034 = 1.0 / math.sqrt(max((t1028 + t1029), 1e-300))
+            v1034 = 1.0 / math.sqrt(max((t1028 + t1029), 1e-60))
             v1057 = (par[34] * t1053) + (par[35] * t1054)
-            v1059 = 1.0 / math.sqrt(max((t1053 + t1054), 1e-300))
+            v1059 = 1.0 / math.sqrt(max((t1053 + t1054), 1e-60))
             v1082 = (par[34] * t1078) + (par[35] * t1079)
-            v1084 = 1.0 / math.sqrt(max((t1078 + t1079), 1e-300))
+            v1084 = 1.0 / math.sqrt(max((t1078 + t1079), 1e-60))
             v1107 = (par[34] * t1103) + (par[35] * t1104)
-            v1109 = 1.0 / math.sqrt(max((t1103 + t1104), 1e-300))
+            v1109 = 1.0 / math.sqrt(max((t1103 + t1104), 1e-60))
             v1132 = (par[34] * t1128) + (par[35] * t1129)
-            v1134 = 1.0 / math.sqrt(max((t1128 + t1129), 1e-300))
+            v1134 = 1.0 / math.sqrt(max((t1128 + t1129), 1e-60))
             v1157 = (par[34] * t1153) + (par[35] * t1154)
-            v1159 = 1.0 / math.sqrt(max((t1153 + t1154), 1e-300))
+            v1159 = 1.0 / math.sqrt(max((t1153 + t1154), 1e-60))
             v1179 = (a0 - (z7 * z11)) + (z8 * z10)
             v1180 = t330 + t332
             v1183 = t359 - a5
@@ -1878,7 +1878,7 @@ def bare_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             v2882 = v2880 + (((((par[62] * t316) + (t373 * v2830)) + (par[58] * z9)) + (par[57] * z11)) + v2880)
             v2887 = z11 * (v1590 + (par[162] * z11))
             v2888 = ((((v2837 + (par[57] * t315)) + (par[56] * t317)) + (z10 * v2858)) + (t316 * v2793)) + v2887
-            v2891 = 0.5 * (1.0 / math.sqrt(max((t321 + (par[22] * t322)), 1e-300)))
+            v2891 = 0.5 * (1.0 / math.sqrt(max((t321 + (par[22] * t322)), 1e-60)))
             v2892 = (((par[147] * z11) + (par[63] * t316)) + (v377 * (par[60] * t373))) * v2891
             v2897 = t317 * ((v2310 - (par[35] * v2302)) + (par[22] * v2892))
             v2899 = v2897 + (((((v2725 + v2769) + (par[64] * t316)) + (par[56] * z11)) + (par[55] * z9)) + v2897)
@@ -2087,7 +2087,7 @@ def bare_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             v3933 = v3931 + (((((par[79] * v413) + (par[77] * t317)) + (t400 * v3898)) + (par[73] * z10)) + v3931)
             v3942 = par[69] * z11
             v3945 = z10 * v1586
-            v3949 = 0.5 * (1.0 / math.sqrt(max((t322 + (par[22] * t321)), 1e-300)))
+            v3949 = 0.5 * (1.0 / math.sqrt(max((t322 + (par[22] * t321)), 1e-60)))
             v3950 = ((t317 * v3883) + (v404 * (par[75] * t400))) * v3949
             v3955 = t317 * ((v3444 - (par[35] * v3439)) + v3950)
             v3957 = v3955 + (v3890 + v3955)
@@ -3278,7 +3278,7 @@ def bare_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v663 = v660 * v660
             v664 = v662 * v662
             v667 = (par[34] * v663) + (par[35] * v664)
-            v669 = 1.0 / math.sqrt(max((v663 + v664), 1e-300))
+            v669 = 1.0 / math.sqrt(max((v663 + v664), 1e-60))
             v670 = v667 * v669
             v671 = v660 * v670
             v672 = v662 * v670
@@ -3290,7 +3290,7 @@ def bare_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v689 = v686 * v686
             v690 = v688 * v688
             v693 = (par[34] * v689) + (par[35] * v690)
-            v695 = 1.0 / math.sqrt(max((v689 + v690), 1e-300))
+            v695 = 1.0 / math.sqrt(max((v689 + v690), 1e-60))
             v696 = v693 * v695
             v697 = v686 * v696
             v698 = v688 * v696
@@ -3302,7 +3302,7 @@ def bare_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v716 = v713 * v713
             v717 = v715 * v715
             v720 = (par[34] * v716) + (par[35] * v717)
-            v722 = 1.0 / math.sqrt(max((v716 + v717), 1e-300))
+            v722 = 1.0 / math.sqrt(max((v716 + v717), 1e-60))
             v723 = v720 * v722
             v724 = v713 * v723
             v725 = v715 * v723
@@ -3313,7 +3313,7 @@ def bare_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v741 = v738 * v738
             v742 = v740 * v740
             v745 = (par[34] * v741) + (par[35] * v742)
-            v747 = 1.0 / math.sqrt(max((v741 + v742), 1e-300))
+            v747 = 1.0 / math.sqrt(max((v741 + v742), 1e-60))
             v748 = v745 * v747
             v749 = v738 * v748
             v750 = v740 * v748
@@ -3324,7 +3324,7 @@ def bare_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v766 = v763 * v763
             v767 = v765 * v765
             v770 = (par[34] * v766) + (par[35] * v767)
-            v772 = 1.0 / math.sqrt(max((v766 + v767), 1e-300))
+            v772 = 1.0 / math.sqrt(max((v766 + v767), 1e-60))
             v773 = v770 * v772
             v774 = v763 * v773
             v775 = v765 * v773
@@ -3335,7 +3335,7 @@ def bare_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v791 = v788 * v788
             v792 = v790 * v790
             v795 = (par[34] * v791) + (par[35] * v792)
-            v797 = 1.0 / math.sqrt(max((v791 + v792), 1e-300))
+            v797 = 1.0 / math.sqrt(max((v791 + v792), 1e-60))
             v798 = v795 * v797
             v799 = v788 * v798
             v800 = v790 * v798
@@ -3346,7 +3346,7 @@ def bare_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v816 = v813 * v813
             v817 = v815 * v815
             v820 = (par[34] * v816) + (par[35] * v817)
-            v822 = 1.0 / math.sqrt(max((v816 + v817), 1e-300))
+            v822 = 1.0 / math.sqrt(max((v816 + v817), 1e-60))
             v823 = v820 * v822
             v824 = v813 * v823
             v825 = v815 * v823
@@ -3357,7 +3357,7 @@ def bare_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v841 = v838 * v838
             v842 = v840 * v840
             v845 = (par[34] * v841) + (par[35] * v842)
-            v847 = 1.0 / math.sqrt(max((v841 + v842), 1e-300))
+            v847 = 1.0 / math.sqrt(max((v841 + v842), 1e-60))
             v848 = v845 * v847
             v849 = v838 * v848
             v850 = v840 * v848
@@ -3368,7 +3368,7 @@ def bare_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v866 = v863 * v863
             v867 = v865 * v865
             v870 = (par[34] * v866) + (par[35] * v867)
-            v872 = 1.0 / math.sqrt(max((v866 + v867), 1e-300))
+            v872 = 1.0 / math.sqrt(max((v866 + v867), 1e-60))
             v873 = v870 * v872
             v874 = v863 * v873
             v875 = v865 * v873
@@ -3379,13 +3379,13 @@ def bare_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v891 = v888 * v888
             v892 = v890 * v890
             v895 = (par[34] * v891) + (par[35] * v892)
-            v897 = 1.0 / math.sqrt(max((v891 + v892), 1e-300))
+            v897 = 1.0 / math.sqrt(max((v891 + v892), 1e-60))
             v898 = v895 * v897
             v899 = v888 * v898
             v900 = v890 * v898
             v903 = v700 * v886
             v912 = (par[34] * v321) + (par[35] * v322)
-            v914 = 1.0 / math.sqrt(max((v321 + v322), 1e-300))
+            v914 = 1.0 / math.sqrt(max((v321 + v322), 1e-60))
             v915 = v912 * v914
             v923 = par[4] * 0.050000000000000044
             v925 = v316 + (z11 * v923)
@@ -3393,7 +3393,7 @@ def bare_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v928 = v925 * v925
             v929 = v927 * v927
             v932 = (par[34] * v928) + (par[35] * v929)
-            v934 = 1.0 / math.sqrt(max((v928 + v929), 1e-300))
+            v934 = 1.0 / math.sqrt(max((v928 + v929), 1e-60))
             v935 = v932 * v934
             v936 = v925 * v935
             v937 = v927 * v935
@@ -3404,7 +3404,7 @@ def bare_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v953 = v950 * v950
             v954 = v952 * v952
             v957 = (par[34] * v953) + (par[35] * v954)
-            v959 = 1.0 / math.sqrt(max((v953 + v954), 1e-300))
+            v959 = 1.0 / math.sqrt(max((v953 + v954), 1e-60))
             v960 = v957 * v959
             v961 = v950 * v960
             v962 = v952 * v960
@@ -3415,7 +3415,7 @@ def bare_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v978 = v975 * v975
             v979 = v977 * v977
             v982 = (par[34] * v978) + (par[35] * v979)
-            v984 = 1.0 / math.sqrt(max((v978 + v979), 1e-300))
+            v984 = 1.0 / math.sqrt(max((v978 + v979), 1e-60))
             v985 = v982 * v984
             v986 = v975 * v985
             v987 = v977 * v985
@@ -3426,7 +3426,7 @@ def bare_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v1003 = v1000 * v1000
             v1004 = v1002 * v1002
             v1007 = (par[34] * v1003) + (par[35] * v1004)
-            v1009 = 1.0 / math.sqrt(max((v1003 + v1004), 1e-300))
+            v1009 = 1.0 / math.sqrt(max((v1003 + v1004), 1e-60))
             v1010 = v1007 * v1009
             v1011 = v1000 * v1010
             v1012 = v1002 * v1010
@@ -3437,7 +3437,7 @@ def bare_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v1028 = v1025 * v1025
             v1029 = v1027 * v1027
             v1032 = (par[34] * v1028) + (par[35] * v1029)
-            v1034 = 1.0 / math.sqrt(max((v1028 + v1029), 1e-300))
+            v1034 = 1.0 / math.sqrt(max((v1028 + v1029), 1e-60))
             v1035 = v1032 * v1034
             v1036 = v1025 * v1035
             v1037 = v1027 * v1035
@@ -3448,7 +3448,7 @@ def bare_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v1053 = v1050 * v1050
             v1054 = v1052 * v1052
             v1057 = (par[34] * v1053) + (par[35] * v1054)
-            v1059 = 1.0 / math.sqrt(max((v1053 + v1054), 1e-300))
+            v1059 = 1.0 / math.sqrt(max((v1053 + v1054), 1e-60))
             v1060 = v1057 * v1059
             v1061 = v1050 * v1060
             v1062 = v1052 * v1060
@@ -3459,7 +3459,7 @@ def bare_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v1078 = v1075 * v1075
             v1079 = v1077 * v1077
             v1082 = (par[34] * v1078) + (par[35] * v1079)
-            v1084 = 1.0 / math.sqrt(max((v1078 + v1079), 1e-300))
+            v1084 = 1.0 / math.sqrt(max((v1078 + v1079), 1e-60))
             v1085 = v1082 * v1084
             v1086 = v1075 * v1085
             v1087 = v1077 * v1085
@@ -3470,7 +3470,7 @@ def bare_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v1103 = v1100 * v1100
             v1104 = v1102 * v1102
             v1107 = (par[34] * v1103) + (par[35] * v1104)
-            v1109 = 1.0 / math.sqrt(max((v1103 + v1104), 1e-300))
+            v1109 = 1.0 / math.sqrt(max((v1103 + v1104), 1e-60))
             v1110 = v1107 * v1109
             v1111 = v1100 * v1110
             v1112 = v1102 * v1110
@@ -3481,7 +3481,7 @@ def bare_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v1128 = v1125 * v1125
             v1129 = v1127 * v1127
             v1132 = (par[34] * v1128) + (par[35] * v1129)
-            v1134 = 1.0 / math.sqrt(max((v1128 + v1129), 1e-300))
+            v1134 = 1.0 / math.sqrt(max((v1128 + v1129), 1e-60))
             v1135 = v1132 * v1134
             v1136 = v1125 * v1135
             v1137 = v1127 * v1135
@@ -3492,7 +3492,7 @@ def bare_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v1153 = v1150 * v1150
             v1154 = v1152 * v1152
             v1157 = (par[34] * v1153) + (par[35] * v1154)
-            v1159 = 1.0 / math.sqrt(max((v1153 + v1154), 1e-300))
+            v1159 = 1.0 / math.sqrt(max((v1153 + v1154), 1e-60))
             v1160 = v1157 * v1159
             v1161 = v1150 * v1160
             v1162 = v1152 * v1160
@@ -3921,8 +3921,8 @@ def bare_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v8677 = z11 * v8676
             v8683 = z10 * ((((v6842 - v6699) + v6893) + v6984) + (par[37] * g0))
             v8687 = par[36] * g0
-            v8688 = (0.5 * (1.0 / math.sqrt(max(v327, 1e-300)))) * (((z10 * v8325) + (v317 * v8429)) + (v404 * (v400 * v8445)))
-            v8693 = (0.5 * (1.0 / math.sqrt(max(v324, 1e-300)))) * (((z11 * v8269) + (v316 * v8511)) + (v377 * (v373 * v8528)))
+            v8688 = (0.5 * (1.0 / math.sqrt(max(v327, 1e-60)))) * (((z10 * v8325) + (v317 * v8429)) + (v404 * (v400 * v8445)))
+            v8693 = (0.5 * (1.0 / math.sqrt(max(v324, 1e-60)))) * (((z11 * v8269) + (v316 * v8511)) + (v377 * (v373 * v8528)))
             v8699 = v317 * ((((v7566 + (par[35] * v7564)) + (par[44] * g0)) + v8688) + (par[22] * v8693))
             v8701 = v8699 + ((v8574 + (z10 * v8655)) + v8699)
             v8702 = v316 * (((v8413 + (par[43] * g0)) + (par[22] * v8688)) + v8693)
@@ -4343,7 +4343,7 @@ def bare_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v663 = v660 * v660
                 v664 = v662 * v662
                 v667 = (work[2112 + l] * v663) + (work[2128 + l] * v664)
-                v669 = 1.0 / math.sqrt(max((v663 + v664), 1e-300))
+                v669 = 1.0 / math.sqrt(max((v663 + v664), 1e-60))
                 v670 = v667 * v669
                 v671 = v660 * v670
                 v672 = v662 * v670
@@ -4355,7 +4355,7 @@ def bare_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v689 = v686 * v686
                 v690 = v688 * v688
                 v693 = (work[2112 + l] * v689) + (work[2128 + l] * v690)
-                v695 = 1.0 / math.sqrt(max((v689 + v690), 1e-300))
+                v695 = 1.0 / math.sqrt(max((v689 + v690), 1e-60))
                 v696 = v693 * v695
                 v697 = v686 * v696
                 v698 = v688 * v696
@@ -4367,7 +4367,7 @@ def bare_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v716 = v713 * v713
                 v717 = v715 * v715
                 v720 = (work[2112 + l] * v716) + (work[2128 + l] * v717)
-                v722 = 1.0 / math.sqrt(max((v716 + v717), 1e-300))
+                v722 = 1.0 / math.sqrt(max((v716 + v717), 1e-60))
                 v723 = v720 * v722
                 v724 = v713 * v723
                 v725 = v715 * v723
@@ -4378,7 +4378,7 @@ def bare_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v741 = v738 * v738
                 v742 = v740 * v740
                 v745 = (work[2112 + l] * v741) + (work[2128 + l] * v742)
-                v747 = 1.0 / math.sqrt(max((v741 + v742), 1e-300))
+                v747 = 1.0 / math.sqrt(max((v741 + v742), 1e-60))
                 v748 = v745 * v747
                 v749 = v738 * v748
                 v750 = v740 * v748
@@ -4389,7 +4389,7 @@ def bare_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v766 = v763 * v763
                 v767 = v765 * v765
                 v770 = (work[2112 + l] * v766) + (work[2128 + l] * v767)
-                v772 = 1.0 / math.sqrt(max((v766 + v767), 1e-300))
+                v772 = 1.0 / math.sqrt(max((v766 + v767), 1e-60))
                 v773 = v770 * v772
                 v774 = v763 * v773
                 v775 = v765 * v773
@@ -4400,7 +4400,7 @@ def bare_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v791 = v788 * v788
                 v792 = v790 * v790
                 v795 = (work[2112 + l] * v791) + (work[2128 + l] * v792)
-                v797 = 1.0 / math.sqrt(max((v791 + v792), 1e-300))
+                v797 = 1.0 / math.sqrt(max((v791 + v792), 1e-60))
                 v798 = v795 * v797
                 v799 = v788 * v798
                 v800 = v790 * v798
@@ -4411,7 +4411,7 @@ def bare_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v816 = v813 * v813
                 v817 = v815 * v815
                 v820 = (work[2112 + l] * v816) + (work[2128 + l] * v817)
-                v822 = 1.0 / math.sqrt(max((v816 + v817), 1e-300))
+                v822 = 1.0 / math.sqrt(max((v816 + v817), 1e-60))
                 v823 = v820 * v822
                 v824 = v813 * v823
                 v825 = v815 * v823
@@ -4422,7 +4422,7 @@ def bare_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v841 = v838 * v838
                 v842 = v840 * v840
                 v845 = (work[2112 + l] * v841) + (work[2128 + l] * v842)
-                v847 = 1.0 / math.sqrt(max((v841 + v842), 1e-300))
+                v847 = 1.0 / math.sqrt(max((v841 + v842), 1e-60))
                 v848 = v845 * v847
                 v849 = v838 * v848
                 v850 = v840 * v848
@@ -4433,7 +4433,7 @@ def bare_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v866 = v863 * v863
                 v867 = v865 * v865
                 v870 = (work[2112 + l] * v866) + (work[2128 + l] * v867)
-                v872 = 1.0 / math.sqrt(max((v866 + v867), 1e-300))
+                v872 = 1.0 / math.sqrt(max((v866 + v867), 1e-60))
                 v873 = v870 * v872
                 v874 = v863 * v873
                 v875 = v865 * v873
@@ -4444,13 +4444,13 @@ def bare_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v891 = v888 * v888
                 v892 = v890 * v890
                 v895 = (work[2112 + l] * v891) + (work[2128 + l] * v892)
-                v897 = 1.0 / math.sqrt(max((v891 + v892), 1e-300))
+                v897 = 1.0 / math.sqrt(max((v891 + v892), 1e-60))
                 v898 = v895 * v897
                 v899 = v888 * v898
                 v900 = v890 * v898
                 v903 = v700 * v886
                 v912 = (work[2112 + l] * v321) + (work[2128 + l] * v322)
-                v914 = 1.0 / math.sqrt(max((v321 + v322), 1e-300))
+                v914 = 1.0 / math.sqrt(max((v321 + v322), 1e-60))
                 v915 = v912 * v914
                 v923 = work[1632 + l] * 0.050000000000000044
                 v925 = v316 + (work[752 + l] * v923)
@@ -4458,7 +4458,7 @@ def bare_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v928 = v925 * v925
                 v929 = v927 * v927
                 v932 = (work[2112 + l] * v928) + (work[2128 + l] * v929)
-                v934 = 1.0 / math.sqrt(max((v928 + v929), 1e-300))
+                v934 = 1.0 / math.sqrt(max((v928 + v929), 1e-60))
                 v935 = v932 * v934
                 v936 = v925 * v935
                 v937 = v927 * v935
@@ -4469,7 +4469,7 @@ def bare_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v953 = v950 * v950
                 v954 = v952 * v952
                 v957 = (work[2112 + l] * v953) + (work[2128 + l] * v954)
-                v959 = 1.0 / math.sqrt(max((v953 + v954), 1e-300))
+                v959 = 1.0 / math.sqrt(max((v953 + v954), 1e-60))
                 v960 = v957 * v959
                 v961 = v950 * v960
                 v962 = v952 * v960
@@ -4480,7 +4480,7 @@ def bare_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v978 = v975 * v975
                 v979 = v977 * v977
                 v982 = (work[2112 + l] * v978) + (work[2128 + l] * v979)
-                v984 = 1.0 / math.sqrt(max((v978 + v979), 1e-300))
+                v984 = 1.0 / math.sqrt(max((v978 + v979), 1e-60))
                 v985 = v982 * v984
                 v986 = v975 * v985
                 v987 = v977 * v985
@@ -4491,7 +4491,7 @@ def bare_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v1003 = v1000 * v1000
                 v1004 = v1002 * v1002
                 v1007 = (work[2112 + l] * v1003) + (work[2128 + l] * v1004)
-                v1009 = 1.0 / math.sqrt(max((v1003 + v1004), 1e-300))
+                v1009 = 1.0 / math.sqrt(max((v1003 + v1004), 1e-60))
                 v1010 = v1007 * v1009
                 v1011 = v1000 * v1010
                 v1012 = v1002 * v1010
@@ -4502,7 +4502,7 @@ def bare_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v1028 = v1025 * v1025
                 v1029 = v1027 * v1027
                 v1032 = (work[2112 + l] * v1028) + (work[2128 + l] * v1029)
-                v1034 = 1.0 / math.sqrt(max((v1028 + v1029), 1e-300))
+                v1034 = 1.0 / math.sqrt(max((v1028 + v1029), 1e-60))
                 v1035 = v1032 * v1034
                 v1036 = v1025 * v1035
                 v1037 = v1027 * v1035
@@ -4513,7 +4513,7 @@ def bare_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v1053 = v1050 * v1050
                 v1054 = v1052 * v1052
                 v1057 = (work[2112 + l] * v1053) + (work[2128 + l] * v1054)
-                v1059 = 1.0 / math.sqrt(max((v1053 + v1054), 1e-300))
+                v1059 = 1.0 / math.sqrt(max((v1053 + v1054), 1e-60))
                 v1060 = v1057 * v1059
                 v1061 = v1050 * v1060
                 v1062 = v1052 * v1060
@@ -4524,7 +4524,7 @@ def bare_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v1078 = v1075 * v1075
                 v1079 = v1077 * v1077
                 v1082 = (work[2112 + l] * v1078) + (work[2128 + l] * v1079)
-                v1084 = 1.0 / math.sqrt(max((v1078 + v1079), 1e-300))
+                v1084 = 1.0 / math.sqrt(max((v1078 + v1079), 1e-60))
                 v1085 = v1082 * v1084
                 v1086 = v1075 * v1085
                 v1087 = v1077 * v1085
@@ -4535,7 +4535,7 @@ def bare_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v1103 = v1100 * v1100
                 v1104 = v1102 * v1102
                 v1107 = (work[2112 + l] * v1103) + (work[2128 + l] * v1104)
-                v1109 = 1.0 / math.sqrt(max((v1103 + v1104), 1e-300))
+                v1109 = 1.0 / math.sqrt(max((v1103 + v1104), 1e-60))
                 v1110 = v1107 * v1109
                 v1111 = v1100 * v1110
                 v1112 = v1102 * v1110
@@ -4546,7 +4546,7 @@ def bare_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v1128 = v1125 * v1125
                 v1129 = v1127 * v1127
                 v1132 = (work[2112 + l] * v1128) + (work[2128 + l] * v1129)
-                v1134 = 1.0 / math.sqrt(max((v1128 + v1129), 1e-300))
+                v1134 = 1.0 / math.sqrt(max((v1128 + v1129), 1e-60))
                 v1135 = v1132 * v1134
                 v1136 = v1125 * v1135
                 v1137 = v1127 * v1135
@@ -4557,7 +4557,7 @@ def bare_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v1153 = v1150 * v1150
                 v1154 = v1152 * v1152
                 v1157 = (work[2112 + l] * v1153) + (work[2128 + l] * v1154)
-                v1159 = 1.0 / math.sqrt(max((v1153 + v1154), 1e-300))
+                v1159 = 1.0 / math.sqrt(max((v1153 + v1154), 1e-60))
                 v1160 = v1157 * v1159
                 v1161 = v1150 * v1160
                 v1162 = v1152 * v1160
@@ -5003,8 +5003,8 @@ def bare_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v8677 = work[752 + l] * (v8486 + (work[2176 + l] * g0))
                 v8683 = work[736 + l] * ((((v6842 - v6699) + v6893) + v6984) + (work[2160 + l] * g0))
                 v8687 = work[2144 + l] * g0
-                v8688 = (0.5 * (1.0 / math.sqrt(max(v327, 1e-300)))) * (((work[736 + l] * v8325) + (v317 * v8429)) + (v404 * (v400 * v8445)))
-                v8693 = (0.5 * (1.0 / math.sqrt(max(v324, 1e-300)))) * (((work[752 + l] * v8269) + (v316 * v8511)) + (v377 * (v373 * v8528)))
+                v8688 = (0.5 * (1.0 / math.sqrt(max(v327, 1e-60)))) * (((work[736 + l] * v8325) + (v317 * v8429)) + (v404 * (v400 * v8445)))
+                v8693 = (0.5 * (1.0 / math.sqrt(max(v324, 1e-60)))) * (((work[752 + l] * v8269) + (v316 * v8511)) + (v377 * (v373 * v8528)))
                 v8694 = (((v8311 + (work[2864 + l] * g2)) + (work[2256 + l] * g0)) + (work[1920 + l] * v8688)) + v8693
                 v8698 = (((v7566 + (work[2128 + l] * v7564)) + (work[2272 + l] * g0)) + v8688) + (work[1920 + l] * v8693)
                 v8699 = v317 * v8698
@@ -6079,7 +6079,7 @@ def full_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t731 = t386 - (z10 * t727)
             t732 = t729 * t729
             t733 = t731 * t731
-            t739 = ((par[34] * t732) + (par[35] * t733)) * (1.0 / math.sqrt(max((t732 + t733), 1e-300)))
+            t739 = ((par[34] * t732) + (par[35] * t733)) * (1.0 / math.sqrt(max((t732 + t733), 1e-60)))
             t740 = t729 * t739
             t741 = t731 * t739
             t743 = par[4] * 0.025
@@ -6089,7 +6089,7 @@ def full_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t757 = t386 - (z10 * t753)
             t758 = t755 * t755
             t759 = t757 * t757
-            t765 = ((par[34] * t758) + (par[35] * t759)) * (1.0 / math.sqrt(max((t758 + t759), 1e-300)))
+            t765 = ((par[34] * t758) + (par[35] * t759)) * (1.0 / math.sqrt(max((t758 + t759), 1e-60)))
             t766 = t755 * t765
             t767 = t757 * t765
             t769 = par[4] * 0.05
@@ -6099,7 +6099,7 @@ def full_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t784 = t386 - (z10 * t780)
             t785 = t782 * t782
             t786 = t784 * t784
-            t792 = ((par[34] * t785) + (par[35] * t786)) * (1.0 / math.sqrt(max((t785 + t786), 1e-300)))
+            t792 = ((par[34] * t785) + (par[35] * t786)) * (1.0 / math.sqrt(max((t785 + t786), 1e-60)))
             t793 = t782 * t792
             t794 = t784 * t792
             t797 = t769 * t780
@@ -6108,7 +6108,7 @@ def full_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t809 = t386 - (z10 * t805)
             t810 = t807 * t807
             t811 = t809 * t809
-            t817 = ((par[34] * t810) + (par[35] * t811)) * (1.0 / math.sqrt(max((t810 + t811), 1e-300)))
+            t817 = ((par[34] * t810) + (par[35] * t811)) * (1.0 / math.sqrt(max((t810 + t811), 1e-60)))
             t818 = t807 * t817
             t819 = t809 * t817
             t822 = t769 * t805
@@ -6117,7 +6117,7 @@ def full_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t834 = t386 - (z10 * t830)
             t835 = t832 * t832
             t836 = t834 * t834
-            t842 = ((par[34] * t835) + (par[35] * t836)) * (1.0 / math.sqrt(max((t835 + t836), 1e-300)))
+            t842 = ((par[34] * t835) + (par[35] * t836)) * (1.0 / math.sqrt(max((t835 + t836), 1e-60)))
             t843 = t832 * t842
             t844 = t834 * t842
             t847 = t769 * t830
@@ -6126,7 +6126,7 @@ def full_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t859 = t386 - (z10 * t855)
             t860 = t857 * t857
             t861 = t859 * t859
-            t867 = ((par[34] * t860) + (par[35] * t861)) * (1.0 / math.sqrt(max((t860 + t861), 1e-300)))
+            t867 = ((par[34] * t860) + (par[35] * t861)) * (1.0 / math.sqrt(max((t860 + t861), 1e-60)))
             t868 = t857 * t867
             t869 = t859 * t867
             t871 = (((((-(t740 * t743)) - (t766 * t769)) - (t769 * t793)) - (t769 * t818)) - (t769 * t843)) - (t769 * t868)
@@ -6139,7 +6139,7 @@ def full_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t884 = t386 - (z10 * t880)
             t885 = t882 * t882
             t886 = t884 * t884
-            t892 = ((par[34] * t885) + (par[35] * t886)) * (1.0 / math.sqrt(max((t885 + t886), 1e-300)))
+            t892 = ((par[34] * t885) + (par[35] * t886)) * (1.0 / math.sqrt(max((t885 + t886), 1e-60)))
             t893 = t882 * t892
             t894 = t884 * t892
             t897 = t769 * t880
@@ -6148,7 +6148,7 @@ def full_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t909 = t386 - (z10 * t905)
             t910 = t907 * t907
             t911 = t909 * t909
-            t917 = ((par[34] * t910) + (par[35] * t911)) * (1.0 / math.sqrt(max((t910 + t911), 1e-300)))
+            t917 = ((par[34] * t910) + (par[35] * t911)) * (1.0 / math.sqrt(max((t910 + t911), 1e-60)))
             t918 = t907 * t917
             t919 = t909 * t917
             t922 = t769 * t905
@@ -6157,7 +6157,7 @@ def full_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t934 = t386 - (z10 * t930)
             t935 = t932 * t932
             t936 = t934 * t934
-            t942 = ((par[34] * t935) + (par[35] * t936)) * (1.0 / math.sqrt(max((t935 + t936), 1e-300)))
+            t942 = ((par[34] * t935) + (par[35] * t936)) * (1.0 / math.sqrt(max((t935 + t936), 1e-60)))
             t943 = t932 * t942
             t944 = t934 * t942
             t947 = t769 * t930
@@ -6166,11 +6166,11 @@ def full_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t959 = t386 - (z10 * t955)
             t960 = t957 * t957
             t961 = t959 * t959
-            t967 = ((par[34] * t960) + (par[35] * t961)) * (1.0 / math.sqrt(max((t960 + t961), 1e-300)))
+            t967 = ((par[34] * t960) + (par[35] * t961)) * (1.0 / math.sqrt(max((t960 + t961), 1e-60)))
             t968 = t957 * t967
             t969 = t959 * t967
             t972 = t769 * t955
-            t984 = ((par[34] * t390) + (par[35] * t391)) * (1.0 / math.sqrt(max((t390 + t391), 1e-300)))
+            t984 = ((par[34] * t390) + (par[35] * t391)) * (1.0 / math.sqrt(max((t390 + t391), 1e-60)))
             t988 = ((((t871 - (t769 * t893)) - (t769 * t918)) - (t769 * t943)) - (t769 * t968)) - (t769 * (t385 * t984))
             t990 = ((((t876 - (t769 * t894)) - (t769 * t919)) - (t769 * t944)) - (t769 * t969)) - (t769 * (t386 * t984))
             t992 = par[4] * 0.050000000000000044
@@ -6178,7 +6178,7 @@ def full_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t996 = t386 - (z10 * t992)
             t997 = t994 * t994
             t998 = t996 * t996
-            t1004 = ((par[34] * t997) + (par[35] * t998)) * (1.0 / math.sqrt(max((t997 + t998), 1e-300)))
+            t1004 = ((par[34] * t997) + (par[35] * t998)) * (1.0 / math.sqrt(max((t997 + t998), 1e-60)))
             t1005 = t994 * t1004
             t1006 = t996 * t1004
             t1009 = t769 * t992
@@ -6189,7 +6189,7 @@ def full_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t1021 = t386 - (z10 * t1017)
             t1022 = t1019 * t1019
             t1023 = t1021 * t1021
-            t1029 = ((par[34] * t1022) + (par[35] * t1023)) * (1.0 / math.sqrt(max((t1022 + t1023), 1e-300)))
+            t1029 = ((par[34] * t1022) + (par[35] * t1023)) * (1.0 / math.sqrt(max((t1022 + t1023), 1e-60)))
             t1030 = t1019 * t1029
             t1031 = t1021 * t1029
             t1034 = t769 * t1017
@@ -6198,7 +6198,7 @@ def full_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t1046 = t386 - (z10 * t1042)
             t1047 = t1044 * t1044
             t1048 = t1046 * t1046
-            t1054 = ((par[34] * t1047) + (par[35] * t1048)) * (1.0 / math.sqrt(max((t1047 + t1048), 1e-300)))
+            t1054 = ((par[34] * t1047) + (par[35] * t1048)) * (1.0 / math.sqrt(max((t1047 + t1048), 1e-60)))
             t1055 = t1044 * t1054
             t1056 = t1046 * t1054
             t1059 = t769 * t1042
@@ -6207,7 +6207,7 @@ def full_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t1071 = t386 - (z10 * t1067)
             t1072 = t1069 * t1069
             t1073 = t1071 * t1071
-            t1079 = ((par[34] * t1072) + (par[35] * t1073)) * (1.0 / math.sqrt(max((t1072 + t1073), 1e-300)))
+            t1079 = ((par[34] * t1072) + (par[35] * t1073)) * (1.0 / math.sqrt(max((t1072 + t1073), 1e-60)))
             t1080 = t1069 * t1079
             t1081 = t1071 * t1079
             t1084 = t769 * t1067
@@ -6216,7 +6216,7 @@ def full_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t1096 = t386 - (z10 * t1092)
             t1097 = t1094 * t1094
             t1098 = t1096 * t1096
-            t1104 = ((par[34] * t1097) + (par[35] * t1098)) * (1.0 / math.sqrt(max((t1097 + t1098), 1e-300)))
+            t1104 = ((par[34] * t1097) + (par[35] * t1098)) * (1.0 / math.sqrt(max((t1097 + t1098), 1e-60)))
             t1105 = t1094 * t1104
             t1106 = t1096 * t1104
             t1108 = ((((t988 - (t769 * t1005)) - (t769 * t1030)) - (t769 * t1055)) - (t769 * t1080)) - (t769 * t1105)
@@ -6227,7 +6227,7 @@ def full_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t1121 = t386 - (z10 * t1117)
             t1122 = t1119 * t1119
             t1123 = t1121 * t1121
-            t1129 = ((par[34] * t1122) + (par[35] * t1123)) * (1.0 / math.sqrt(max((t1122 + t1123), 1e-300)))
+            t1129 = ((par[34] * t1122) + (par[35] * t1123)) * (1.0 / math.sqrt(max((t1122 + t1123), 1e-60)))
             t1130 = t1119 * t1129
             t1131 = t1121 * t1129
             t1134 = t769 * t1117
@@ -6238,7 +6238,7 @@ def full_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t1146 = t386 - (z10 * t1142)
             t1147 = t1144 * t1144
             t1148 = t1146 * t1146
-            t1154 = ((par[34] * t1147) + (par[35] * t1148)) * (1.0 / math.sqrt(max((t1147 + t1148), 1e-300)))
+            t1154 = ((par[34] * t1147) + (par[35] * t1148)) * (1.0 / math.sqrt(max((t1147 + t1148), 1e-60)))
             t1155 = t1144 * t1154
             t1156 = t1146 * t1154
             t1159 = t769 * t1142
@@ -6247,7 +6247,7 @@ def full_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t1171 = t386 - (z10 * t1167)
             t1172 = t1169 * t1169
             t1173 = t1171 * t1171
-            t1179 = ((par[34] * t1172) + (par[35] * t1173)) * (1.0 / math.sqrt(max((t1172 + t1173), 1e-300)))
+            t1179 = ((par[34] * t1172) + (par[35] * t1173)) * (1.0 / math.sqrt(max((t1172 + t1173), 1e-60)))
             t1180 = t1169 * t1179
             t1181 = t1171 * t1179
             t1184 = t769 * t1167
@@ -6256,7 +6256,7 @@ def full_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t1196 = t386 - (z10 * t1192)
             t1197 = t1194 * t1194
             t1198 = t1196 * t1196
-            t1204 = ((par[34] * t1197) + (par[35] * t1198)) * (1.0 / math.sqrt(max((t1197 + t1198), 1e-300)))
+            t1204 = ((par[34] * t1197) + (par[35] * t1198)) * (1.0 / math.sqrt(max((t1197 + t1198), 1e-60)))
             t1205 = t1194 * t1204
             t1206 = t1196 * t1204
             t1209 = t769 * t1192
@@ -6266,7 +6266,7 @@ def full_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             t1221 = t386 - (z10 * t1217)
             t1222 = t1219 * t1219
             t1223 = t1221 * t1221
-            t1229 = ((par[34] * t1222) + (par[35] * t1223)) * (1.0 / math.sqrt(max((t1222 + t1223), 1e-300)))
+            t1229 = ((par[34] * t1222) + (par[35] * t1223)) * (1.0 / math.sqrt(max((t1222 + t1223), 1e-60)))
             t1230 = t1219 * t1229
             t1231 = t1221 * t1229
             t1233 = ((((t1108 - (t769 * t1130)) - (t769 * t1155)) - (t769 * t1180)) - (t769 * t1205)) - (t743 * t1230)
@@ -6639,7 +6639,7 @@ def full_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t731 = t386 - (work[368 + l] * t727)
                 t732 = t729 * t729
                 t733 = t731 * t731
-                t739 = ((work[1904 + l] * t732) + (work[1920 + l] * t733)) * (1.0 / math.sqrt(max((t732 + t733), 1e-300)))
+                t739 = ((work[1904 + l] * t732) + (work[1920 + l] * t733)) * (1.0 / math.sqrt(max((t732 + t733), 1e-60)))
                 t740 = t729 * t739
                 t741 = t731 * t739
                 t743 = work[1424 + l] * 0.025
@@ -6649,7 +6649,7 @@ def full_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t757 = t386 - (work[368 + l] * t753)
                 t758 = t755 * t755
                 t759 = t757 * t757
-                t765 = ((work[1904 + l] * t758) + (work[1920 + l] * t759)) * (1.0 / math.sqrt(max((t758 + t759), 1e-300)))
+                t765 = ((work[1904 + l] * t758) + (work[1920 + l] * t759)) * (1.0 / math.sqrt(max((t758 + t759), 1e-60)))
                 t766 = t755 * t765
                 t767 = t757 * t765
                 t769 = work[1424 + l] * 0.05
@@ -6659,7 +6659,7 @@ def full_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t784 = t386 - (work[368 + l] * t780)
                 t785 = t782 * t782
                 t786 = t784 * t784
-                t792 = ((work[1904 + l] * t785) + (work[1920 + l] * t786)) * (1.0 / math.sqrt(max((t785 + t786), 1e-300)))
+                t792 = ((work[1904 + l] * t785) + (work[1920 + l] * t786)) * (1.0 / math.sqrt(max((t785 + t786), 1e-60)))
                 t793 = t782 * t792
                 t794 = t784 * t792
                 t797 = t769 * t780
@@ -6668,7 +6668,7 @@ def full_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t809 = t386 - (work[368 + l] * t805)
                 t810 = t807 * t807
                 t811 = t809 * t809
-                t817 = ((work[1904 + l] * t810) + (work[1920 + l] * t811)) * (1.0 / math.sqrt(max((t810 + t811), 1e-300)))
+                t817 = ((work[1904 + l] * t810) + (work[1920 + l] * t811)) * (1.0 / math.sqrt(max((t810 + t811), 1e-60)))
                 t818 = t807 * t817
                 t819 = t809 * t817
                 t822 = t769 * t805
@@ -6677,7 +6677,7 @@ def full_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t834 = t386 - (work[368 + l] * t830)
                 t835 = t832 * t832
                 t836 = t834 * t834
-                t842 = ((work[1904 + l] * t835) + (work[1920 + l] * t836)) * (1.0 / math.sqrt(max((t835 + t836), 1e-300)))
+                t842 = ((work[1904 + l] * t835) + (work[1920 + l] * t836)) * (1.0 / math.sqrt(max((t835 + t836), 1e-60)))
                 t843 = t832 * t842
                 t844 = t834 * t842
                 t847 = t769 * t830
@@ -6686,7 +6686,7 @@ def full_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t859 = t386 - (work[368 + l] * t855)
                 t860 = t857 * t857
                 t861 = t859 * t859
-                t867 = ((work[1904 + l] * t860) + (work[1920 + l] * t861)) * (1.0 / math.sqrt(max((t860 + t861), 1e-300)))
+                t867 = ((work[1904 + l] * t860) + (work[1920 + l] * t861)) * (1.0 / math.sqrt(max((t860 + t861), 1e-60)))
                 t868 = t857 * t867
                 t869 = t859 * t867
                 t871 = (((((-(t740 * t743)) - (t766 * t769)) - (t769 * t793)) - (t769 * t818)) - (t769 * t843)) - (t769 * t868)
@@ -6699,7 +6699,7 @@ def full_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t884 = t386 - (work[368 + l] * t880)
                 t885 = t882 * t882
                 t886 = t884 * t884
-                t892 = ((work[1904 + l] * t885) + (work[1920 + l] * t886)) * (1.0 / math.sqrt(max((t885 + t886), 1e-300)))
+                t892 = ((work[1904 + l] * t885) + (work[1920 + l] * t886)) * (1.0 / math.sqrt(max((t885 + t886), 1e-60)))
                 t893 = t882 * t892
                 t894 = t884 * t892
                 t897 = t769 * t880
@@ -6708,7 +6708,7 @@ def full_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t909 = t386 - (work[368 + l] * t905)
                 t910 = t907 * t907
                 t911 = t909 * t909
-                t917 = ((work[1904 + l] * t910) + (work[1920 + l] * t911)) * (1.0 / math.sqrt(max((t910 + t911), 1e-300)))
+                t917 = ((work[1904 + l] * t910) + (work[1920 + l] * t911)) * (1.0 / math.sqrt(max((t910 + t911), 1e-60)))
                 t918 = t907 * t917
                 t919 = t909 * t917
                 t922 = t769 * t905
@@ -6717,7 +6717,7 @@ def full_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t934 = t386 - (work[368 + l] * t930)
                 t935 = t932 * t932
                 t936 = t934 * t934
-                t942 = ((work[1904 + l] * t935) + (work[1920 + l] * t936)) * (1.0 / math.sqrt(max((t935 + t936), 1e-300)))
+                t942 = ((work[1904 + l] * t935) + (work[1920 + l] * t936)) * (1.0 / math.sqrt(max((t935 + t936), 1e-60)))
                 t943 = t932 * t942
                 t944 = t934 * t942
                 t947 = t769 * t930
@@ -6726,11 +6726,11 @@ def full_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t959 = t386 - (work[368 + l] * t955)
                 t960 = t957 * t957
                 t961 = t959 * t959
-                t967 = ((work[1904 + l] * t960) + (work[1920 + l] * t961)) * (1.0 / math.sqrt(max((t960 + t961), 1e-300)))
+                t967 = ((work[1904 + l] * t960) + (work[1920 + l] * t961)) * (1.0 / math.sqrt(max((t960 + t961), 1e-60)))
                 t968 = t957 * t967
                 t969 = t959 * t967
                 t972 = t769 * t955
-                t984 = ((work[1904 + l] * t390) + (work[1920 + l] * t391)) * (1.0 / math.sqrt(max((t390 + t391), 1e-300)))
+                t984 = ((work[1904 + l] * t390) + (work[1920 + l] * t391)) * (1.0 / math.sqrt(max((t390 + t391), 1e-60)))
                 t988 = ((((t871 - (t769 * t893)) - (t769 * t918)) - (t769 * t943)) - (t769 * t968)) - (t769 * (t385 * t984))
                 t990 = ((((t876 - (t769 * t894)) - (t769 * t919)) - (t769 * t944)) - (t769 * t969)) - (t769 * (t386 * t984))
                 t992 = work[1424 + l] * 0.050000000000000044
@@ -6738,7 +6738,7 @@ def full_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t996 = t386 - (work[368 + l] * t992)
                 t997 = t994 * t994
                 t998 = t996 * t996
-                t1004 = ((work[1904 + l] * t997) + (work[1920 + l] * t998)) * (1.0 / math.sqrt(max((t997 + t998), 1e-300)))
+                t1004 = ((work[1904 + l] * t997) + (work[1920 + l] * t998)) * (1.0 / math.sqrt(max((t997 + t998), 1e-60)))
                 t1005 = t994 * t1004
                 t1006 = t996 * t1004
                 t1009 = t769 * t992
@@ -6749,7 +6749,7 @@ def full_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t1021 = t386 - (work[368 + l] * t1017)
                 t1022 = t1019 * t1019
                 t1023 = t1021 * t1021
-                t1029 = ((work[1904 + l] * t1022) + (work[1920 + l] * t1023)) * (1.0 / math.sqrt(max((t1022 + t1023), 1e-300)))
+                t1029 = ((work[1904 + l] * t1022) + (work[1920 + l] * t1023)) * (1.0 / math.sqrt(max((t1022 + t1023), 1e-60)))
                 t1030 = t1019 * t1029
                 t1031 = t1021 * t1029
                 t1034 = t769 * t1017
@@ -6758,7 +6758,7 @@ def full_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t1046 = t386 - (work[368 + l] * t1042)
                 t1047 = t1044 * t1044
                 t1048 = t1046 * t1046
-                t1054 = ((work[1904 + l] * t1047) + (work[1920 + l] * t1048)) * (1.0 / math.sqrt(max((t1047 + t1048), 1e-300)))
+                t1054 = ((work[1904 + l] * t1047) + (work[1920 + l] * t1048)) * (1.0 / math.sqrt(max((t1047 + t1048), 1e-60)))
                 t1055 = t1044 * t1054
                 t1056 = t1046 * t1054
                 t1059 = t769 * t1042
@@ -6767,7 +6767,7 @@ def full_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t1071 = t386 - (work[368 + l] * t1067)
                 t1072 = t1069 * t1069
                 t1073 = t1071 * t1071
-                t1079 = ((work[1904 + l] * t1072) + (work[1920 + l] * t1073)) * (1.0 / math.sqrt(max((t1072 + t1073), 1e-300)))
+                t1079 = ((work[1904 + l] * t1072) + (work[1920 + l] * t1073)) * (1.0 / math.sqrt(max((t1072 + t1073), 1e-60)))
                 t1080 = t1069 * t1079
                 t1081 = t1071 * t1079
                 t1084 = t769 * t1067
@@ -6776,7 +6776,7 @@ def full_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t1096 = t386 - (work[368 + l] * t1092)
                 t1097 = t1094 * t1094
                 t1098 = t1096 * t1096
-                t1104 = ((work[1904 + l] * t1097) + (work[1920 + l] * t1098)) * (1.0 / math.sqrt(max((t1097 + t1098), 1e-300)))
+                t1104 = ((work[1904 + l] * t1097) + (work[1920 + l] * t1098)) * (1.0 / math.sqrt(max((t1097 + t1098), 1e-60)))
                 t1105 = t1094 * t1104
                 t1106 = t1096 * t1104
                 t1108 = ((((t988 - (t769 * t1005)) - (t769 * t1030)) - (t769 * t1055)) - (t769 * t1080)) - (t769 * t1105)
@@ -6787,7 +6787,7 @@ def full_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t1121 = t386 - (work[368 + l] * t1117)
                 t1122 = t1119 * t1119
                 t1123 = t1121 * t1121
-                t1129 = ((work[1904 + l] * t1122) + (work[1920 + l] * t1123)) * (1.0 / math.sqrt(max((t1122 + t1123), 1e-300)))
+                t1129 = ((work[1904 + l] * t1122) + (work[1920 + l] * t1123)) * (1.0 / math.sqrt(max((t1122 + t1123), 1e-60)))
                 t1130 = t1119 * t1129
                 t1131 = t1121 * t1129
                 t1134 = t769 * t1117
@@ -6798,7 +6798,7 @@ def full_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t1146 = t386 - (work[368 + l] * t1142)
                 t1147 = t1144 * t1144
                 t1148 = t1146 * t1146
-                t1154 = ((work[1904 + l] * t1147) + (work[1920 + l] * t1148)) * (1.0 / math.sqrt(max((t1147 + t1148), 1e-300)))
+                t1154 = ((work[1904 + l] * t1147) + (work[1920 + l] * t1148)) * (1.0 / math.sqrt(max((t1147 + t1148), 1e-60)))
                 t1155 = t1144 * t1154
                 t1156 = t1146 * t1154
                 t1159 = t769 * t1142
@@ -6807,7 +6807,7 @@ def full_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t1171 = t386 - (work[368 + l] * t1167)
                 t1172 = t1169 * t1169
                 t1173 = t1171 * t1171
-                t1179 = ((work[1904 + l] * t1172) + (work[1920 + l] * t1173)) * (1.0 / math.sqrt(max((t1172 + t1173), 1e-300)))
+                t1179 = ((work[1904 + l] * t1172) + (work[1920 + l] * t1173)) * (1.0 / math.sqrt(max((t1172 + t1173), 1e-60)))
                 t1180 = t1169 * t1179
                 t1181 = t1171 * t1179
                 t1184 = t769 * t1167
@@ -6816,7 +6816,7 @@ def full_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t1196 = t386 - (work[368 + l] * t1192)
                 t1197 = t1194 * t1194
                 t1198 = t1196 * t1196
-                t1204 = ((work[1904 + l] * t1197) + (work[1920 + l] * t1198)) * (1.0 / math.sqrt(max((t1197 + t1198), 1e-300)))
+                t1204 = ((work[1904 + l] * t1197) + (work[1920 + l] * t1198)) * (1.0 / math.sqrt(max((t1197 + t1198), 1e-60)))
                 t1205 = t1194 * t1204
                 t1206 = t1196 * t1204
                 t1209 = t769 * t1192
@@ -6826,7 +6826,7 @@ def full_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 t1221 = t386 - (work[368 + l] * t1217)
                 t1222 = t1219 * t1219
                 t1223 = t1221 * t1221
-                t1229 = ((work[1904 + l] * t1222) + (work[1920 + l] * t1223)) * (1.0 / math.sqrt(max((t1222 + t1223), 1e-300)))
+                t1229 = ((work[1904 + l] * t1222) + (work[1920 + l] * t1223)) * (1.0 / math.sqrt(max((t1222 + t1223), 1e-60)))
                 t1230 = t1219 * t1229
                 t1231 = t1221 * t1229
                 t1233 = ((((t1108 - (t769 * t1130)) - (t769 * t1155)) - (t769 * t1180)) - (t769 * t1205)) - (t743 * t1230)
@@ -7290,7 +7290,7 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t731 = t386 - (z10 * t727)
             t732 = t729 * t729
             t733 = t731 * t731
-            t739 = ((par[34] * t732) + (par[35] * t733)) * (1.0 / math.sqrt(max((t732 + t733), 1e-300)))
+            t739 = ((par[34] * t732) + (par[35] * t733)) * (1.0 / math.sqrt(max((t732 + t733), 1e-60)))
             t740 = t729 * t739
             t741 = t731 * t739
             t743 = par[4] * 0.025
@@ -7300,7 +7300,7 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t757 = t386 - (z10 * t753)
             t758 = t755 * t755
             t759 = t757 * t757
-            t765 = ((par[34] * t758) + (par[35] * t759)) * (1.0 / math.sqrt(max((t758 + t759), 1e-300)))
+            t765 = ((par[34] * t758) + (par[35] * t759)) * (1.0 / math.sqrt(max((t758 + t759), 1e-60)))
             t766 = t755 * t765
             t767 = t757 * t765
             t769 = par[4] * 0.05
@@ -7310,7 +7310,7 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t784 = t386 - (z10 * t780)
             t785 = t782 * t782
             t786 = t784 * t784
-            t792 = ((par[34] * t785) + (par[35] * t786)) * (1.0 / math.sqrt(max((t785 + t786), 1e-300)))
+            t792 = ((par[34] * t785) + (par[35] * t786)) * (1.0 / math.sqrt(max((t785 + t786), 1e-60)))
             t793 = t782 * t792
             t794 = t784 * t792
             t797 = t769 * t780
@@ -7319,7 +7319,7 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t809 = t386 - (z10 * t805)
             t810 = t807 * t807
             t811 = t809 * t809
-            t817 = ((par[34] * t810) + (par[35] * t811)) * (1.0 / math.sqrt(max((t810 + t811), 1e-300)))
+            t817 = ((par[34] * t810) + (par[35] * t811)) * (1.0 / math.sqrt(max((t810 + t811), 1e-60)))
             t818 = t807 * t817
             t819 = t809 * t817
             t822 = t769 * t805
@@ -7328,7 +7328,7 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t834 = t386 - (z10 * t830)
             t835 = t832 * t832
             t836 = t834 * t834
-            t842 = ((par[34] * t835) + (par[35] * t836)) * (1.0 / math.sqrt(max((t835 + t836), 1e-300)))
+            t842 = ((par[34] * t835) + (par[35] * t836)) * (1.0 / math.sqrt(max((t835 + t836), 1e-60)))
             t843 = t832 * t842
             t844 = t834 * t842
             t847 = t769 * t830
@@ -7337,7 +7337,7 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t859 = t386 - (z10 * t855)
             t860 = t857 * t857
             t861 = t859 * t859
-            t867 = ((par[34] * t860) + (par[35] * t861)) * (1.0 / math.sqrt(max((t860 + t861), 1e-300)))
+            t867 = ((par[34] * t860) + (par[35] * t861)) * (1.0 / math.sqrt(max((t860 + t861), 1e-60)))
             t868 = t857 * t867
             t869 = t859 * t867
             t871 = (((((-(t740 * t743)) - (t766 * t769)) - (t769 * t793)) - (t769 * t818)) - (t769 * t843)) - (t769 * t868)
@@ -7350,7 +7350,7 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t884 = t386 - (z10 * t880)
             t885 = t882 * t882
             t886 = t884 * t884
-            t892 = ((par[34] * t885) + (par[35] * t886)) * (1.0 / math.sqrt(max((t885 + t886), 1e-300)))
+            t892 = ((par[34] * t885) + (par[35] * t886)) * (1.0 / math.sqrt(max((t885 + t886), 1e-60)))
             t893 = t882 * t892
             t894 = t884 * t892
             t897 = t769 * t880
@@ -7359,7 +7359,7 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t909 = t386 - (z10 * t905)
             t910 = t907 * t907
             t911 = t909 * t909
-            t917 = ((par[34] * t910) + (par[35] * t911)) * (1.0 / math.sqrt(max((t910 + t911), 1e-300)))
+            t917 = ((par[34] * t910) + (par[35] * t911)) * (1.0 / math.sqrt(max((t910 + t911), 1e-60)))
             t918 = t907 * t917
             t919 = t909 * t917
             t922 = t769 * t905
@@ -7368,7 +7368,7 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t934 = t386 - (z10 * t930)
             t935 = t932 * t932
             t936 = t934 * t934
-            t942 = ((par[34] * t935) + (par[35] * t936)) * (1.0 / math.sqrt(max((t935 + t936), 1e-300)))
+            t942 = ((par[34] * t935) + (par[35] * t936)) * (1.0 / math.sqrt(max((t935 + t936), 1e-60)))
             t943 = t932 * t942
             t944 = t934 * t942
             t947 = t769 * t930
@@ -7377,11 +7377,11 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t959 = t386 - (z10 * t955)
             t960 = t957 * t957
             t961 = t959 * t959
-            t967 = ((par[34] * t960) + (par[35] * t961)) * (1.0 / math.sqrt(max((t960 + t961), 1e-300)))
+            t967 = ((par[34] * t960) + (par[35] * t961)) * (1.0 / math.sqrt(max((t960 + t961), 1e-60)))
             t968 = t957 * t967
             t969 = t959 * t967
             t972 = t769 * t955
-            t984 = ((par[34] * t390) + (par[35] * t391)) * (1.0 / math.sqrt(max((t390 + t391), 1e-300)))
+            t984 = ((par[34] * t390) + (par[35] * t391)) * (1.0 / math.sqrt(max((t390 + t391), 1e-60)))
             t988 = ((((t871 - (t769 * t893)) - (t769 * t918)) - (t769 * t943)) - (t769 * t968)) - (t769 * (t385 * t984))
             t990 = ((((t876 - (t769 * t894)) - (t769 * t919)) - (t769 * t944)) - (t769 * t969)) - (t769 * (t386 * t984))
             t992 = par[4] * 0.050000000000000044
@@ -7389,7 +7389,7 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t996 = t386 - (z10 * t992)
             t997 = t994 * t994
             t998 = t996 * t996
-            t1004 = ((par[34] * t997) + (par[35] * t998)) * (1.0 / math.sqrt(max((t997 + t998), 1e-300)))
+            t1004 = ((par[34] * t997) + (par[35] * t998)) * (1.0 / math.sqrt(max((t997 + t998), 1e-60)))
             t1005 = t994 * t1004
             t1006 = t996 * t1004
             t1009 = t769 * t992
@@ -7400,7 +7400,7 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t1021 = t386 - (z10 * t1017)
             t1022 = t1019 * t1019
             t1023 = t1021 * t1021
-            t1029 = ((par[34] * t1022) + (par[35] * t1023)) * (1.0 / math.sqrt(max((t1022 + t1023), 1e-300)))
+            t1029 = ((par[34] * t1022) + (par[35] * t1023)) * (1.0 / math.sqrt(max((t1022 + t1023), 1e-60)))
             t1030 = t1019 * t1029
             t1031 = t1021 * t1029
             t1034 = t769 * t1017
@@ -7409,7 +7409,7 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t1046 = t386 - (z10 * t1042)
             t1047 = t1044 * t1044
             t1048 = t1046 * t1046
-            t1054 = ((par[34] * t1047) + (par[35] * t1048)) * (1.0 / math.sqrt(max((t1047 + t1048), 1e-300)))
+            t1054 = ((par[34] * t1047) + (par[35] * t1048)) * (1.0 / math.sqrt(max((t1047 + t1048), 1e-60)))
             t1055 = t1044 * t1054
             t1056 = t1046 * t1054
             t1059 = t769 * t1042
@@ -7418,7 +7418,7 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t1071 = t386 - (z10 * t1067)
             t1072 = t1069 * t1069
             t1073 = t1071 * t1071
-            t1079 = ((par[34] * t1072) + (par[35] * t1073)) * (1.0 / math.sqrt(max((t1072 + t1073), 1e-300)))
+            t1079 = ((par[34] * t1072) + (par[35] * t1073)) * (1.0 / math.sqrt(max((t1072 + t1073), 1e-60)))
             t1080 = t1069 * t1079
             t1081 = t1071 * t1079
             t1084 = t769 * t1067
@@ -7427,7 +7427,7 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t1096 = t386 - (z10 * t1092)
             t1097 = t1094 * t1094
             t1098 = t1096 * t1096
-            t1104 = ((par[34] * t1097) + (par[35] * t1098)) * (1.0 / math.sqrt(max((t1097 + t1098), 1e-300)))
+            t1104 = ((par[34] * t1097) + (par[35] * t1098)) * (1.0 / math.sqrt(max((t1097 + t1098), 1e-60)))
             t1105 = t1094 * t1104
             t1106 = t1096 * t1104
             t1108 = ((((t988 - (t769 * t1005)) - (t769 * t1030)) - (t769 * t1055)) - (t769 * t1080)) - (t769 * t1105)
@@ -7438,7 +7438,7 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t1121 = t386 - (z10 * t1117)
             t1122 = t1119 * t1119
             t1123 = t1121 * t1121
-            t1129 = ((par[34] * t1122) + (par[35] * t1123)) * (1.0 / math.sqrt(max((t1122 + t1123), 1e-300)))
+            t1129 = ((par[34] * t1122) + (par[35] * t1123)) * (1.0 / math.sqrt(max((t1122 + t1123), 1e-60)))
             t1130 = t1119 * t1129
             t1131 = t1121 * t1129
             t1134 = t769 * t1117
@@ -7449,7 +7449,7 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t1146 = t386 - (z10 * t1142)
             t1147 = t1144 * t1144
             t1148 = t1146 * t1146
-            t1154 = ((par[34] * t1147) + (par[35] * t1148)) * (1.0 / math.sqrt(max((t1147 + t1148), 1e-300)))
+            t1154 = ((par[34] * t1147) + (par[35] * t1148)) * (1.0 / math.sqrt(max((t1147 + t1148), 1e-60)))
             t1155 = t1144 * t1154
             t1156 = t1146 * t1154
             t1159 = t769 * t1142
@@ -7458,7 +7458,7 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t1171 = t386 - (z10 * t1167)
             t1172 = t1169 * t1169
             t1173 = t1171 * t1171
-            t1179 = ((par[34] * t1172) + (par[35] * t1173)) * (1.0 / math.sqrt(max((t1172 + t1173), 1e-300)))
+            t1179 = ((par[34] * t1172) + (par[35] * t1173)) * (1.0 / math.sqrt(max((t1172 + t1173), 1e-60)))
             t1180 = t1169 * t1179
             t1181 = t1171 * t1179
             t1184 = t769 * t1167
@@ -7467,7 +7467,7 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t1196 = t386 - (z10 * t1192)
             t1197 = t1194 * t1194
             t1198 = t1196 * t1196
-            t1204 = ((par[34] * t1197) + (par[35] * t1198)) * (1.0 / math.sqrt(max((t1197 + t1198), 1e-300)))
+            t1204 = ((par[34] * t1197) + (par[35] * t1198)) * (1.0 / math.sqrt(max((t1197 + t1198), 1e-60)))
             t1205 = t1194 * t1204
             t1206 = t1196 * t1204
             t1209 = t769 * t1192
@@ -7477,7 +7477,7 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             t1221 = t386 - (z10 * t1217)
             t1222 = t1219 * t1219
             t1223 = t1221 * t1221
-            t1229 = ((par[34] * t1222) + (par[35] * t1223)) * (1.0 / math.sqrt(max((t1222 + t1223), 1e-300)))
+            t1229 = ((par[34] * t1222) + (par[35] * t1223)) * (1.0 / math.sqrt(max((t1222 + t1223), 1e-60)))
             t1230 = t1219 * t1229
             t1231 = t1221 * t1229
             t1233 = ((((t1108 - (t769 * t1130)) - (t769 * t1155)) - (t769 * t1180)) - (t769 * t1205)) - (t743 * t1230)
@@ -7638,47 +7638,47 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             v589 = u3 * t384
             v592 = u3 * t591
             v736 = (par[34] * t732) + (par[35] * t733)
-            v738 = 1.0 / math.sqrt(max((t732 + t733), 1e-300))
+            v738 = 1.0 / math.sqrt(max((t732 + t733), 1e-60))
             v762 = (par[34] * t758) + (par[35] * t759)
-            v764 = 1.0 / math.sqrt(max((t758 + t759), 1e-300))
+            v764 = 1.0 / math.sqrt(max((t758 + t759), 1e-60))
             v789 = (par[34] * t785) + (par[35] * t786)
-            v791 = 1.0 / math.sqrt(max((t785 + t786), 1e-300))
+            v791 = 1.0 / math.sqrt(max((t785 + t786), 1e-60))
             v814 = (par[34] * t810) + (par[35] * t811)
-            v816 = 1.0 / math.sqrt(max((t810 + t811), 1e-300))
+            v816 = 1.0 / math.sqrt(max((t810 + t811), 1e-60))
             v839 = (par[34] * t835) + (par[35] * t836)
-            v841 = 1.0 / math.sqrt(max((t835 + t836), 1e-300))
+            v841 = 1.0 / math.sqrt(max((t835 + t836), 1e-60))
             v864 = (par[34] * t860) + (par[35] * t861)
-            v866 = 1.0 / math.sqrt(max((t860 + t861), 1e-300))
+            v866 = 1.0 / math.sqrt(max((t860 + t861), 1e-60))
             v889 = (par[34] * t885) + (par[35] * t886)
-            v891 = 1.0 / math.sqrt(max((t885 + t886), 1e-300))
+            v891 = 1.0 / math.sqrt(max((t885 + t886), 1e-60))
             v914 = (par[34] * t910) + (par[35] * t911)
-            v916 = 1.0 / math.sqrt(max((t910 + t911), 1e-300))
+            v916 = 1.0 / math.sqrt(max((t910 + t911), 1e-60))
             v939 = (par[34] * t935) + (par[35] * t936)
-            v941 = 1.0 / math.sqrt(max((t935 + t936), 1e-300))
+            v941 = 1.0 / math.sqrt(max((t935 + t936), 1e-60))
             v964 = (par[34] * t960) + (par[35] * t961)
-            v966 = 1.0 / math.sqrt(max((t960 + t961), 1e-300))
+            v966 = 1.0 / math.sqrt(max((t960 + t961), 1e-60))
             v981 = (par[34] * t390) + (par[35] * t391)
-            v983 = 1.0 / math.sqrt(max((t390 + t391), 1e-300))
+            v983 = 1.0 / math.sqrt(max((t390 + t391), 1e-60))
             v1001 = (par[34] * t997) + (par[35] * t998)
-            v1003 = 1.0 / math.sqrt(max((t997 + t998), 1e-300))
+            v1003 = 1.0 / math.sqrt(max((t997 + t998), 1e-60))
             v1026 = (par[34] * t1022) + (par[35] * t1023)
-            v1028 = 1.0 / math.sqrt(max((t1022 + t1023), 1e-300))
+            v1028 = 1.0 / math.sqrt(max((t1022 + t1023), 1e-60))
             v1051 = (par[34] * t1047) + (par[35] * t1048)
-            v1053 = 1.0 / math.sqrt(max((t1047 + t1048), 1e-300))
+            v1053 = 1.0 / math.sqrt(max((t1047 + t1048), 1e-60))
             v1076 = (par[34] * t1072) + (par[35] * t1073)
-            v1078 = 1.0 / math.sqrt(max((t1072 + t1073), 1e-300))
+            v1078 = 1.0 / math.sqrt(max((t1072 + t1073), 1e-60))
             v1101 = (par[34] * t1097) + (par[35] * t1098)
-            v1103 = 1.0 / math.sqrt(max((t1097 + t1098), 1e-300))
+            v1103 = 1.0 / math.sqrt(max((t1097 + t1098), 1e-60))
             v1126 = (par[34] * t1122) + (par[35] * t1123)
-            v1128 = 1.0 / math.sqrt(max((t1122 + t1123), 1e-300))
+            v1128 = 1.0 / math.sqrt(max((t1122 + t1123), 1e-60))
             v1151 = (par[34] * t1147) + (par[35] * t1148)
-            v1153 = 1.0 / math.sqrt(max((t1147 + t1148), 1e-300))
+            v1153 = 1.0 / math.sqrt(max((t1147 + t1148), 1e-60))
             v1176 = (par[34] * t1172) + (par[35] * t1173)
-            v1178 = 1.0 / math.sqrt(max((t1172 + t1173), 1e-300))
+            v1178 = 1.0 / math.sqrt(max((t1172 + t1173), 1e-60))
             v1201 = (par[34] * t1197) + (par[35] * t1198)
-            v1203 = 1.0 / math.sqrt(max((t1197 + t1198), 1e-300))
+            v1203 = 1.0 / math.sqrt(max((t1197 + t1198), 1e-60))
             v1226 = (par[34] * t1222) + (par[35] * t1223)
-            v1228 = 1.0 / math.sqrt(max((t1222 + t1223), 1e-300))
+            v1228 = 1.0 / math.sqrt(max((t1222 + t1223), 1e-60))
             v1248 = (a0 - (z7 * z11)) + (z8 * z10)
             v1249 = t399 + t401
             v1252 = t428 - a5
@@ -7759,7 +7759,7 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             v1701 = (t591 * (u3 * (par[8] * par[8]))) / t1382
             v1702 = v1701 - t548
             v1744 = t331 / t323
-            v2067 = 0.5 * (1.0 / math.sqrt(max((t409 + (t1629 * t1629)), 1e-300)))
+            v2067 = 0.5 * (1.0 / math.sqrt(max((t409 + (t1629 * t1629)), 1e-60)))
             v2068 = (par[201] * t384) * v2067
             v2070 = t1629 * v2068
             v2073 = v2070 + v2070
@@ -7767,7 +7767,7 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             v2078 = -t331
             v2080 = par[181] * t1397
             v2081 = t1439 * v2080
-            v2084 = 0.5 * (1.0 / math.sqrt(max(((t1430 * t1430) + (t1436 * t1436)), 1e-300)))
+            v2084 = 0.5 * (1.0 / math.sqrt(max(((t1430 * t1430) + (t1436 * t1436)), 1e-60)))
             v2085 = (v1431 * v2080) * v2084
             v2086 = t1436 * v2085
             v2087 = v2086 + v2086
@@ -7776,12 +7776,12 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             v2108 = ((v1403 * t1411) + t1423) + (par[181] * v1441)
             v2109 = t1397 + v2080
             v2110 = t1422 * v2109
-            v2113 = 0.5 * (1.0 / math.sqrt(max(((z6 * z6) + (z7 * z7)), 1e-300)))
+            v2113 = 0.5 * (1.0 / math.sqrt(max(((z6 * z6) + (z7 * z7)), 1e-60)))
             v2114 = ((z6 * 0.03) * v2109) * v2113
             v2115 = z7 * v2114
             v2118 = z6 * v2114
             v2123 = t1397 * t1411
-            v2126 = 0.5 * (1.0 / math.sqrt(max(((t1402 * t1402) + (t1408 * t1408)), 1e-300)))
+            v2126 = 0.5 * (1.0 / math.sqrt(max(((t1402 * t1402) + (t1408 * t1408)), 1e-60)))
             v2127 = (t1397 * v1403) * v2126
             v2128 = t1408 * v2127
             v2129 = v2128 + v2128
@@ -8146,7 +8146,7 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             v3794 = ((((v3707 + (par[62] * t385)) + (t442 * v3743)) + (par[58] * z9)) + (par[57] * z11)) + v3793
             v3795 = v3793 + v3794
             v3800 = z11 * (v2169 + (par[162] * z11))
-            v3804 = 0.5 * (1.0 / math.sqrt(max((t390 + (par[22] * t391)), 1e-300)))
+            v3804 = 0.5 * (1.0 / math.sqrt(max((t390 + (par[22] * t391)), 1e-60)))
             v3805 = (((par[147] * z11) + (par[63] * t385)) + (v446 * (par[60] * t442))) * v3804
             v3810 = t386 * ((v3188 - (par[35] * v3180)) + (par[22] * v3805))
             v3812 = v3810 + (((((v3603 + v3647) + (par[64] * t385)) + (par[56] * z11)) + (par[55] * z9)) + v3810)
@@ -8384,7 +8384,7 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             v4933 = v4931 + ((v4900 + (par[73] * z10)) + v4931)
             v4942 = par[69] * z11
             v4945 = z10 * v2165
-            v4949 = 0.5 * (1.0 / math.sqrt(max((t391 + (par[22] * t390)), 1e-300)))
+            v4949 = 0.5 * (1.0 / math.sqrt(max((t391 + (par[22] * t390)), 1e-60)))
             v4950 = ((t386 * v4881) + (v473 * (par[75] * t469))) * v4949
             v4955 = t386 * ((v4438 - (par[35] * v4433)) + v4950)
             v4957 = v4955 + (v4888 + v4955)
@@ -9950,7 +9950,7 @@ def full_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v732 = v729 * v729
             v733 = v731 * v731
             v736 = (par[34] * v732) + (par[35] * v733)
-            v738 = 1.0 / math.sqrt(max((v732 + v733), 1e-300))
+            v738 = 1.0 / math.sqrt(max((v732 + v733), 1e-60))
             v739 = v736 * v738
             v740 = v729 * v739
             v741 = v731 * v739
@@ -9962,7 +9962,7 @@ def full_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v758 = v755 * v755
             v759 = v757 * v757
             v762 = (par[34] * v758) + (par[35] * v759)
-            v764 = 1.0 / math.sqrt(max((v758 + v759), 1e-300))
+            v764 = 1.0 / math.sqrt(max((v758 + v759), 1e-60))
             v765 = v762 * v764
             v766 = v755 * v765
             v767 = v757 * v765
@@ -9974,7 +9974,7 @@ def full_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v785 = v782 * v782
             v786 = v784 * v784
             v789 = (par[34] * v785) + (par[35] * v786)
-            v791 = 1.0 / math.sqrt(max((v785 + v786), 1e-300))
+            v791 = 1.0 / math.sqrt(max((v785 + v786), 1e-60))
             v792 = v789 * v791
             v793 = v782 * v792
             v794 = v784 * v792
@@ -9985,7 +9985,7 @@ def full_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v810 = v807 * v807
             v811 = v809 * v809
             v814 = (par[34] * v810) + (par[35] * v811)
-            v816 = 1.0 / math.sqrt(max((v810 + v811), 1e-300))
+            v816 = 1.0 / math.sqrt(max((v810 + v811), 1e-60))
             v817 = v814 * v816
             v818 = v807 * v817
             v819 = v809 * v817
@@ -9996,7 +9996,7 @@ def full_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v835 = v832 * v832
             v836 = v834 * v834
             v839 = (par[34] * v835) + (par[35] * v836)
-            v841 = 1.0 / math.sqrt(max((v835 + v836), 1e-300))
+            v841 = 1.0 / math.sqrt(max((v835 + v836), 1e-60))
             v842 = v839 * v841
             v843 = v832 * v842
             v844 = v834 * v842
@@ -10007,7 +10007,7 @@ def full_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v860 = v857 * v857
             v861 = v859 * v859
             v864 = (par[34] * v860) + (par[35] * v861)
-            v866 = 1.0 / math.sqrt(max((v860 + v861), 1e-300))
+            v866 = 1.0 / math.sqrt(max((v860 + v861), 1e-60))
             v867 = v864 * v866
             v868 = v857 * v867
             v869 = v859 * v867
@@ -10018,7 +10018,7 @@ def full_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v885 = v882 * v882
             v886 = v884 * v884
             v889 = (par[34] * v885) + (par[35] * v886)
-            v891 = 1.0 / math.sqrt(max((v885 + v886), 1e-300))
+            v891 = 1.0 / math.sqrt(max((v885 + v886), 1e-60))
             v892 = v889 * v891
             v893 = v882 * v892
             v894 = v884 * v892
@@ -10029,7 +10029,7 @@ def full_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v910 = v907 * v907
             v911 = v909 * v909
             v914 = (par[34] * v910) + (par[35] * v911)
-            v916 = 1.0 / math.sqrt(max((v910 + v911), 1e-300))
+            v916 = 1.0 / math.sqrt(max((v910 + v911), 1e-60))
             v917 = v914 * v916
             v918 = v907 * v917
             v919 = v909 * v917
@@ -10040,7 +10040,7 @@ def full_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v935 = v932 * v932
             v936 = v934 * v934
             v939 = (par[34] * v935) + (par[35] * v936)
-            v941 = 1.0 / math.sqrt(max((v935 + v936), 1e-300))
+            v941 = 1.0 / math.sqrt(max((v935 + v936), 1e-60))
             v942 = v939 * v941
             v943 = v932 * v942
             v944 = v934 * v942
@@ -10051,13 +10051,13 @@ def full_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v960 = v957 * v957
             v961 = v959 * v959
             v964 = (par[34] * v960) + (par[35] * v961)
-            v966 = 1.0 / math.sqrt(max((v960 + v961), 1e-300))
+            v966 = 1.0 / math.sqrt(max((v960 + v961), 1e-60))
             v967 = v964 * v966
             v968 = v957 * v967
             v969 = v959 * v967
             v972 = v769 * v955
             v981 = (par[34] * v390) + (par[35] * v391)
-            v983 = 1.0 / math.sqrt(max((v390 + v391), 1e-300))
+            v983 = 1.0 / math.sqrt(max((v390 + v391), 1e-60))
             v984 = v981 * v983
             v992 = par[4] * 0.050000000000000044
             v994 = v385 + (z11 * v992)
@@ -10065,7 +10065,7 @@ def full_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v997 = v994 * v994
             v998 = v996 * v996
             v1001 = (par[34] * v997) + (par[35] * v998)
-            v1003 = 1.0 / math.sqrt(max((v997 + v998), 1e-300))
+            v1003 = 1.0 / math.sqrt(max((v997 + v998), 1e-60))
             v1004 = v1001 * v1003
             v1005 = v994 * v1004
             v1006 = v996 * v1004
@@ -10076,7 +10076,7 @@ def full_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v1022 = v1019 * v1019
             v1023 = v1021 * v1021
             v1026 = (par[34] * v1022) + (par[35] * v1023)
-            v1028 = 1.0 / math.sqrt(max((v1022 + v1023), 1e-300))
+            v1028 = 1.0 / math.sqrt(max((v1022 + v1023), 1e-60))
             v1029 = v1026 * v1028
             v1030 = v1019 * v1029
             v1031 = v1021 * v1029
@@ -10087,7 +10087,7 @@ def full_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v1047 = v1044 * v1044
             v1048 = v1046 * v1046
             v1051 = (par[34] * v1047) + (par[35] * v1048)
-            v1053 = 1.0 / math.sqrt(max((v1047 + v1048), 1e-300))
+            v1053 = 1.0 / math.sqrt(max((v1047 + v1048), 1e-60))
             v1054 = v1051 * v1053
             v1055 = v1044 * v1054
             v1056 = v1046 * v1054
@@ -10098,7 +10098,7 @@ def full_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v1072 = v1069 * v1069
             v1073 = v1071 * v1071
             v1076 = (par[34] * v1072) + (par[35] * v1073)
-            v1078 = 1.0 / math.sqrt(max((v1072 + v1073), 1e-300))
+            v1078 = 1.0 / math.sqrt(max((v1072 + v1073), 1e-60))
             v1079 = v1076 * v1078
             v1080 = v1069 * v1079
             v1081 = v1071 * v1079
@@ -10109,7 +10109,7 @@ def full_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v1097 = v1094 * v1094
             v1098 = v1096 * v1096
             v1101 = (par[34] * v1097) + (par[35] * v1098)
-            v1103 = 1.0 / math.sqrt(max((v1097 + v1098), 1e-300))
+            v1103 = 1.0 / math.sqrt(max((v1097 + v1098), 1e-60))
             v1104 = v1101 * v1103
             v1105 = v1094 * v1104
             v1106 = v1096 * v1104
@@ -10120,7 +10120,7 @@ def full_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v1122 = v1119 * v1119
             v1123 = v1121 * v1121
             v1126 = (par[34] * v1122) + (par[35] * v1123)
-            v1128 = 1.0 / math.sqrt(max((v1122 + v1123), 1e-300))
+            v1128 = 1.0 / math.sqrt(max((v1122 + v1123), 1e-60))
             v1129 = v1126 * v1128
             v1130 = v1119 * v1129
             v1131 = v1121 * v1129
@@ -10131,7 +10131,7 @@ def full_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v1147 = v1144 * v1144
             v1148 = v1146 * v1146
             v1151 = (par[34] * v1147) + (par[35] * v1148)
-            v1153 = 1.0 / math.sqrt(max((v1147 + v1148), 1e-300))
+            v1153 = 1.0 / math.sqrt(max((v1147 + v1148), 1e-60))
             v1154 = v1151 * v1153
             v1155 = v1144 * v1154
             v1156 = v1146 * v1154
@@ -10142,7 +10142,7 @@ def full_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v1172 = v1169 * v1169
             v1173 = v1171 * v1171
             v1176 = (par[34] * v1172) + (par[35] * v1173)
-            v1178 = 1.0 / math.sqrt(max((v1172 + v1173), 1e-300))
+            v1178 = 1.0 / math.sqrt(max((v1172 + v1173), 1e-60))
             v1179 = v1176 * v1178
             v1180 = v1169 * v1179
             v1181 = v1171 * v1179
@@ -10153,7 +10153,7 @@ def full_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v1197 = v1194 * v1194
             v1198 = v1196 * v1196
             v1201 = (par[34] * v1197) + (par[35] * v1198)
-            v1203 = 1.0 / math.sqrt(max((v1197 + v1198), 1e-300))
+            v1203 = 1.0 / math.sqrt(max((v1197 + v1198), 1e-60))
             v1204 = v1201 * v1203
             v1205 = v1194 * v1204
             v1206 = v1196 * v1204
@@ -10165,7 +10165,7 @@ def full_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v1222 = v1219 * v1219
             v1223 = v1221 * v1221
             v1226 = (par[34] * v1222) + (par[35] * v1223)
-            v1228 = 1.0 / math.sqrt(max((v1222 + v1223), 1e-300))
+            v1228 = 1.0 / math.sqrt(max((v1222 + v1223), 1e-60))
             v1229 = v1226 * v1228
             v1230 = v1219 * v1229
             v1231 = v1221 * v1229
@@ -10340,7 +10340,7 @@ def full_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v8476 = v1629 * v8474
             v8482 = v1632 * g1
             v8490 = v1632 * g0
-            v8495 = (0.5 * (1.0 / math.sqrt(max(v1631, 1e-300)))) * ((((v1629 * v1641) * g5) - ((par[201] * v1629) * g1)) - ((par[201] * v384) * g0))
+            v8495 = (0.5 * (1.0 / math.sqrt(max(v1631, 1e-60)))) * ((((v1629 * v1641) * g5) - ((par[201] * v1629) * g1)) - ((par[201] * v384) * g0))
             v8496 = v1629 * v8495
             v8498 = v8496 + (((v1641 * v8474) - (par[201] * v8482)) + v8496)
             v8506 = v1555 * g5
@@ -10428,7 +10428,7 @@ def full_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v8809 = ((((v323 * v8341) + (v343 * g7)) + (v339 * g6)) + (v1463 * v8778)) + (0.1 * (v1422 * v8804))
             v8817 = par[181] * g0
             v8820 = v1397 * v8817
-            v8824 = (0.5 * (1.0 / math.sqrt(max(v1438, 1e-300)))) * (((v1472 * v8768) + (v1455 * v8795)) + (v1431 * v8820))
+            v8824 = (0.5 * (1.0 / math.sqrt(max(v1438, 1e-60)))) * (((v1472 * v8768) + (v1455 * v8795)) + (v1431 * v8820))
             v8825 = v1436 * v8824
             v8827 = v8825 + (((v1463 * v8770) + (0.1 * (v1439 * v8795))) + v8825)
             v8838 = v1430 * v8824
@@ -10436,10 +10436,10 @@ def full_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v8853 = (v8802 + (v1441 * v8817)) + (((v1403 * v1411) + v1423) * g0)
             v8854 = v1397 * g0
             v8855 = v8820 + v8854
-            v8859 = (0.5 * (1.0 / math.sqrt(max(v1421, 1e-300)))) * (((v1466 * v8776) + (v1449 * v8804)) + (v1414 * v8855))
+            v8859 = (0.5 * (1.0 / math.sqrt(max(v1421, 1e-60)))) * (((v1466 * v8776) + (v1449 * v8804)) + (v1414 * v8855))
             v8860 = z7 * v8859
             v8863 = z6 * v8859
-            v8871 = (0.5 * (1.0 / math.sqrt(max(v1410, 1e-300)))) * (((v1464 * v8775) + (v1447 * v8803)) + (v1403 * v8854))
+            v8871 = (0.5 * (1.0 / math.sqrt(max(v1410, 1e-60)))) * (((v1464 * v8775) + (v1447 * v8803)) + (v1403 * v8854))
             v8872 = v1408 * v8871
             v8874 = v8872 + (((v1463 * v8784) + (0.1 * (v1411 * v8803))) + v8872)
             v8885 = v1402 * v8871
@@ -10855,8 +10855,8 @@ def full_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             v10944 = z10 * ((((v9094 - v8953) + v9143) + v9227) + (par[37] * g0))
             v10947 = (a0 - (((v325 * v361) + (v328 * v363)) + ((z11 * v348) - (z10 * v360)))) * g0
             v10948 = (par[36] * v268) * g0
-            v10949 = (0.5 * (1.0 / math.sqrt(max(v396, 1e-300)))) * (((z10 * v10584) + (v386 * v10688)) + (v473 * (v469 * v10704)))
-            v10954 = (0.5 * (1.0 / math.sqrt(max(v393, 1e-300)))) * (((z11 * v10528) + (v385 * v10771)) + (v446 * (v442 * v10789)))
+            v10949 = (0.5 * (1.0 / math.sqrt(max(v396, 1e-60)))) * (((z10 * v10584) + (v386 * v10688)) + (v473 * (v469 * v10704)))
+            v10954 = (0.5 * (1.0 / math.sqrt(max(v393, 1e-60)))) * (((z11 * v10528) + (v385 * v10771)) + (v446 * (v442 * v10789)))
             v10960 = v386 * ((((v9813 + (par[35] * v9811)) + (par[44] * g0)) + v10949) + (par[22] * v10954))
             v10962 = v10960 + ((v10835 + (z10 * v10916)) + v10960)
             v10963 = v385 * (((v10672 + (par[43] * g0)) + (par[22] * v10949)) + v10954)
@@ -11390,7 +11390,7 @@ def full_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v732 = v729 * v729
                 v733 = v731 * v731
                 v736 = (work[2176 + l] * v732) + (work[2192 + l] * v733)
-                v738 = 1.0 / math.sqrt(max((v732 + v733), 1e-300))
+                v738 = 1.0 / math.sqrt(max((v732 + v733), 1e-60))
                 v739 = v736 * v738
                 v740 = v729 * v739
                 v741 = v731 * v739
@@ -11402,7 +11402,7 @@ def full_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v758 = v755 * v755
                 v759 = v757 * v757
                 v762 = (work[2176 + l] * v758) + (work[2192 + l] * v759)
-                v764 = 1.0 / math.sqrt(max((v758 + v759), 1e-300))
+                v764 = 1.0 / math.sqrt(max((v758 + v759), 1e-60))
                 v765 = v762 * v764
                 v766 = v755 * v765
                 v767 = v757 * v765
@@ -11414,7 +11414,7 @@ def full_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v785 = v782 * v782
                 v786 = v784 * v784
                 v789 = (work[2176 + l] * v785) + (work[2192 + l] * v786)
-                v791 = 1.0 / math.sqrt(max((v785 + v786), 1e-300))
+                v791 = 1.0 / math.sqrt(max((v785 + v786), 1e-60))
                 v792 = v789 * v791
                 v793 = v782 * v792
                 v794 = v784 * v792
@@ -11425,7 +11425,7 @@ def full_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v810 = v807 * v807
                 v811 = v809 * v809
                 v814 = (work[2176 + l] * v810) + (work[2192 + l] * v811)
-                v816 = 1.0 / math.sqrt(max((v810 + v811), 1e-300))
+                v816 = 1.0 / math.sqrt(max((v810 + v811), 1e-60))
                 v817 = v814 * v816
                 v818 = v807 * v817
                 v819 = v809 * v817
@@ -11436,7 +11436,7 @@ def full_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v835 = v832 * v832
                 v836 = v834 * v834
                 v839 = (work[2176 + l] * v835) + (work[2192 + l] * v836)
-                v841 = 1.0 / math.sqrt(max((v835 + v836), 1e-300))
+                v841 = 1.0 / math.sqrt(max((v835 + v836), 1e-60))
                 v842 = v839 * v841
                 v843 = v832 * v842
                 v844 = v834 * v842
@@ -11447,7 +11447,7 @@ def full_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v860 = v857 * v857
                 v861 = v859 * v859
                 v864 = (work[2176 + l] * v860) + (work[2192 + l] * v861)
-                v866 = 1.0 / math.sqrt(max((v860 + v861), 1e-300))
+                v866 = 1.0 / math.sqrt(max((v860 + v861), 1e-60))
                 v867 = v864 * v866
                 v868 = v857 * v867
                 v869 = v859 * v867
@@ -11458,7 +11458,7 @@ def full_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v885 = v882 * v882
                 v886 = v884 * v884
                 v889 = (work[2176 + l] * v885) + (work[2192 + l] * v886)
-                v891 = 1.0 / math.sqrt(max((v885 + v886), 1e-300))
+                v891 = 1.0 / math.sqrt(max((v885 + v886), 1e-60))
                 v892 = v889 * v891
                 v893 = v882 * v892
                 v894 = v884 * v892
@@ -11469,7 +11469,7 @@ def full_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v910 = v907 * v907
                 v911 = v909 * v909
                 v914 = (work[2176 + l] * v910) + (work[2192 + l] * v911)
-                v916 = 1.0 / math.sqrt(max((v910 + v911), 1e-300))
+                v916 = 1.0 / math.sqrt(max((v910 + v911), 1e-60))
                 v917 = v914 * v916
                 v918 = v907 * v917
                 v919 = v909 * v917
@@ -11480,7 +11480,7 @@ def full_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v935 = v932 * v932
                 v936 = v934 * v934
                 v939 = (work[2176 + l] * v935) + (work[2192 + l] * v936)
-                v941 = 1.0 / math.sqrt(max((v935 + v936), 1e-300))
+                v941 = 1.0 / math.sqrt(max((v935 + v936), 1e-60))
                 v942 = v939 * v941
                 v943 = v932 * v942
                 v944 = v934 * v942
@@ -11491,13 +11491,13 @@ def full_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v960 = v957 * v957
                 v961 = v959 * v959
                 v964 = (work[2176 + l] * v960) + (work[2192 + l] * v961)
-                v966 = 1.0 / math.sqrt(max((v960 + v961), 1e-300))
+                v966 = 1.0 / math.sqrt(max((v960 + v961), 1e-60))
                 v967 = v964 * v966
                 v968 = v957 * v967
                 v969 = v959 * v967
                 v972 = v769 * v955
                 v981 = (work[2176 + l] * v390) + (work[2192 + l] * v391)
-                v983 = 1.0 / math.sqrt(max((v390 + v391), 1e-300))
+                v983 = 1.0 / math.sqrt(max((v390 + v391), 1e-60))
                 v984 = v981 * v983
                 v992 = work[1696 + l] * 0.050000000000000044
                 v994 = v385 + (work[800 + l] * v992)
@@ -11505,7 +11505,7 @@ def full_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v997 = v994 * v994
                 v998 = v996 * v996
                 v1001 = (work[2176 + l] * v997) + (work[2192 + l] * v998)
-                v1003 = 1.0 / math.sqrt(max((v997 + v998), 1e-300))
+                v1003 = 1.0 / math.sqrt(max((v997 + v998), 1e-60))
                 v1004 = v1001 * v1003
                 v1005 = v994 * v1004
                 v1006 = v996 * v1004
@@ -11516,7 +11516,7 @@ def full_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v1022 = v1019 * v1019
                 v1023 = v1021 * v1021
                 v1026 = (work[2176 + l] * v1022) + (work[2192 + l] * v1023)
-                v1028 = 1.0 / math.sqrt(max((v1022 + v1023), 1e-300))
+                v1028 = 1.0 / math.sqrt(max((v1022 + v1023), 1e-60))
                 v1029 = v1026 * v1028
                 v1030 = v1019 * v1029
                 v1031 = v1021 * v1029
@@ -11527,7 +11527,7 @@ def full_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v1047 = v1044 * v1044
                 v1048 = v1046 * v1046
                 v1051 = (work[2176 + l] * v1047) + (work[2192 + l] * v1048)
-                v1053 = 1.0 / math.sqrt(max((v1047 + v1048), 1e-300))
+                v1053 = 1.0 / math.sqrt(max((v1047 + v1048), 1e-60))
                 v1054 = v1051 * v1053
                 v1055 = v1044 * v1054
                 v1056 = v1046 * v1054
@@ -11538,7 +11538,7 @@ def full_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v1072 = v1069 * v1069
                 v1073 = v1071 * v1071
                 v1076 = (work[2176 + l] * v1072) + (work[2192 + l] * v1073)
-                v1078 = 1.0 / math.sqrt(max((v1072 + v1073), 1e-300))
+                v1078 = 1.0 / math.sqrt(max((v1072 + v1073), 1e-60))
                 v1079 = v1076 * v1078
                 v1080 = v1069 * v1079
                 v1081 = v1071 * v1079
@@ -11549,7 +11549,7 @@ def full_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v1097 = v1094 * v1094
                 v1098 = v1096 * v1096
                 v1101 = (work[2176 + l] * v1097) + (work[2192 + l] * v1098)
-                v1103 = 1.0 / math.sqrt(max((v1097 + v1098), 1e-300))
+                v1103 = 1.0 / math.sqrt(max((v1097 + v1098), 1e-60))
                 v1104 = v1101 * v1103
                 v1105 = v1094 * v1104
                 v1106 = v1096 * v1104
@@ -11560,7 +11560,7 @@ def full_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v1122 = v1119 * v1119
                 v1123 = v1121 * v1121
                 v1126 = (work[2176 + l] * v1122) + (work[2192 + l] * v1123)
-                v1128 = 1.0 / math.sqrt(max((v1122 + v1123), 1e-300))
+                v1128 = 1.0 / math.sqrt(max((v1122 + v1123), 1e-60))
                 v1129 = v1126 * v1128
                 v1130 = v1119 * v1129
                 v1131 = v1121 * v1129
@@ -11571,7 +11571,7 @@ def full_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v1147 = v1144 * v1144
                 v1148 = v1146 * v1146
                 v1151 = (work[2176 + l] * v1147) + (work[2192 + l] * v1148)
-                v1153 = 1.0 / math.sqrt(max((v1147 + v1148), 1e-300))
+                v1153 = 1.0 / math.sqrt(max((v1147 + v1148), 1e-60))
                 v1154 = v1151 * v1153
                 v1155 = v1144 * v1154
                 v1156 = v1146 * v1154
@@ -11582,7 +11582,7 @@ def full_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v1172 = v1169 * v1169
                 v1173 = v1171 * v1171
                 v1176 = (work[2176 + l] * v1172) + (work[2192 + l] * v1173)
-                v1178 = 1.0 / math.sqrt(max((v1172 + v1173), 1e-300))
+                v1178 = 1.0 / math.sqrt(max((v1172 + v1173), 1e-60))
                 v1179 = v1176 * v1178
                 v1180 = v1169 * v1179
                 v1181 = v1171 * v1179
@@ -11593,7 +11593,7 @@ def full_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v1197 = v1194 * v1194
                 v1198 = v1196 * v1196
                 v1201 = (work[2176 + l] * v1197) + (work[2192 + l] * v1198)
-                v1203 = 1.0 / math.sqrt(max((v1197 + v1198), 1e-300))
+                v1203 = 1.0 / math.sqrt(max((v1197 + v1198), 1e-60))
                 v1204 = v1201 * v1203
                 v1205 = v1194 * v1204
                 v1206 = v1196 * v1204
@@ -11605,7 +11605,7 @@ def full_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v1222 = v1219 * v1219
                 v1223 = v1221 * v1221
                 v1226 = (work[2176 + l] * v1222) + (work[2192 + l] * v1223)
-                v1228 = 1.0 / math.sqrt(max((v1222 + v1223), 1e-300))
+                v1228 = 1.0 / math.sqrt(max((v1222 + v1223), 1e-60))
                 v1229 = v1226 * v1228
                 v1230 = v1219 * v1229
                 v1231 = v1221 * v1229
@@ -11782,7 +11782,7 @@ def full_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v8482 = v1632 * g1
                 v8490 = v1632 * g0
                 v8494 = (((v1629 * v1641) * g5) - ((work[4848 + l] * v1629) * g1)) - ((work[4848 + l] * v384) * g0)
-                v8495 = (0.5 * (1.0 / math.sqrt(max(v1631, 1e-300)))) * v8494
+                v8495 = (0.5 * (1.0 / math.sqrt(max(v1631, 1e-60)))) * v8494
                 v8496 = v1629 * v8495
                 v8498 = v8496 + (((v1641 * v8474) - (work[4848 + l] * v8482)) + v8496)
                 v8506 = v1555 * g5
@@ -11876,7 +11876,7 @@ def full_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v8809 = ((((v278_cos * v8341) + (v343 * g7)) + (v339 * g6)) + (v1463 * v8778)) + (0.1 * (v1422 * v8804))
                 v8817 = work[4528 + l] * g0
                 v8820 = v1397 * v8817
-                v8824 = (0.5 * (1.0 / math.sqrt(max(v1438, 1e-300)))) * (((v1472 * v8768) + (v1455 * v8795)) + (v1431 * v8820))
+                v8824 = (0.5 * (1.0 / math.sqrt(max(v1438, 1e-60)))) * (((v1472 * v8768) + (v1455 * v8795)) + (v1431 * v8820))
                 v8825 = v1436 * v8824
                 v8827 = v8825 + (((v1463 * v8770) + (0.1 * (v1439 * v8795))) + v8825)
                 v8838 = v1430 * v8824
@@ -11884,11 +11884,11 @@ def full_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v8853 = (v8802 + (v1441 * v8817)) + (((v1403 * v1411) + v1423) * g0)
                 v8854 = v1397 * g0
                 v8855 = v8820 + v8854
-                v8859 = (0.5 * (1.0 / math.sqrt(max(v1421, 1e-300)))) * (((v1466 * v8776) + (v1449 * v8804)) + (v1414 * v8855))
+                v8859 = (0.5 * (1.0 / math.sqrt(max(v1421, 1e-60)))) * (((v1466 * v8776) + (v1449 * v8804)) + (v1414 * v8855))
                 v8860 = work[736 + l] * v8859
                 v8863 = work[720 + l] * v8859
                 v8867 = (v8863 + ((((v278_cos * v8366) - (v278_sin * g8)) - v8841) + v8863)) + (0.03 * (v1422 * v8855))
-                v8871 = (0.5 * (1.0 / math.sqrt(max(v1410, 1e-300)))) * (((v1464 * v8775) + (v1447 * v8803)) + (v1403 * v8854))
+                v8871 = (0.5 * (1.0 / math.sqrt(max(v1410, 1e-60)))) * (((v1464 * v8775) + (v1447 * v8803)) + (v1403 * v8854))
                 v8872 = v1408 * v8871
                 v8874 = v8872 + (((v1463 * v8784) + (0.1 * (v1411 * v8803))) + v8872)
                 v8885 = v1402 * v8871
@@ -12317,8 +12317,8 @@ def full_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 v10945 = (((v10840 + (work[800 + l] * v10845)) + (work[768 + l] * v10852)) + (v386 * v10916)) + v10944
                 v10947 = (work[832 + l] - v375) * g0
                 v10948 = (work[2208 + l] * v268) * g0
-                v10949 = (0.5 * (1.0 / math.sqrt(max(v396, 1e-300)))) * (((work[784 + l] * v10584) + (v386 * v10688)) + (v473 * (v469 * v10704)))
-                v10954 = (0.5 * (1.0 / math.sqrt(max(v393, 1e-300)))) * (((work[800 + l] * v10528) + (v385 * v10771)) + (v446 * (v442 * v10789)))
+                v10949 = (0.5 * (1.0 / math.sqrt(max(v396, 1e-60)))) * (((work[784 + l] * v10584) + (v386 * v10688)) + (v473 * (v469 * v10704)))
+                v10954 = (0.5 * (1.0 / math.sqrt(max(v393, 1e-60)))) * (((work[800 + l] * v10528) + (v385 * v10771)) + (v446 * (v442 * v10789)))
                 v10955 = (((v10570 + (work[2928 + l] * g2)) + (work[2320 + l] * g0)) + (work[1984 + l] * v10949)) + v10954
                 v10959 = (((v9813 + (work[2192 + l] * v9811)) + (work[2336 + l] * g0)) + v10949) + (work[1984 + l] * v10954)
                 v10960 = v386 * v10959
