@@ -1,4 +1,4 @@
-"""`bayesid excite`: which force terms the runs of a trial excite, and which they ask for in addition."""
+"""`bayesid excite`: which force terms the runs of a trial excite, and what a regression adds."""
 
 from __future__ import annotations
 

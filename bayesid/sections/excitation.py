@@ -19,7 +19,11 @@ from bayesid.trials import Trial
 
 TERM_COLUMNS = ("term", "status", "inclusion", "value", "sd", "share of force", "margin", "or else")
 _MANY = 3
-_BEYOND = "Beyond the vehicle file, its own terms held within their prior,"
+_BEYOND = "Beyond the vehicle file, its own terms held within their prior, the regression takes up"
+_STAND_IN = (
+    "The +- is the spread of bootstrap draws and leaves out error of the model: an effect the columns lack, "
+    "or a sensor that errs, is shared out among them. `bayesid diagnose` puts them to the test."
+)
 
 
 def term_rows(found: Excitation, all_of_them: bool = False) -> list[list[Any]]:
@@ -45,9 +49,8 @@ def finding(found: Excitation) -> list[str]:
     seen = [w.name for w in found.terms if w.status == "found"]
     dead = [w.name for w in found.terms if w.status == "not excited"]
     out = [
-        f"Told by these runs alone, whatever the other {len(found.terms) - 1} columns may be: "
-        + (", ".join(seen) or "no single term")
-        + "."
+        f"Needed by the regression whatever the other {len(found.terms) - 1} columns may be, nothing known "
+        "of any coefficient: " + (", ".join(seen) or "no single term") + "."
     ]
     if found.groups:
         out.append("Cannot be told apart: " + "; ".join("{" + ", ".join(g) + "}" for g in found.groups) + ".")
@@ -59,12 +62,12 @@ def finding(found: Excitation) -> list[str]:
         )
     if found.candidates:
         named = ", ".join(f"{w.name} = {w.value:.4g} +- {w.sd:.2g}" for w in found.candidates)
-        out.append(f"{_BEYOND} the runs ask for {named}.")
+        out.append(f"{_BEYOND} {named}. {_STAND_IN}")
     if found.candidate_groups:
         sets = "; ".join("{" + ", ".join(g) + "}" for g in found.candidate_groups)
-        out.append(f"They ask for one of each of these, without telling which: {sets}.")
+        out.append(f"It takes up one of each of these, without telling which: {sets}.")
     if not (found.candidates or found.candidate_groups):
-        out.append(f"{_BEYOND} the runs ask for nothing.")
+        out.append(f"{_BEYOND} nothing.")
     return out
 
 
@@ -141,12 +144,12 @@ def _beyond(found: Excitation) -> list[Block]:
         if not w.in_model and (w.status not in ("not needed", "not excited") or w.inclusion >= 0.2)
     ]
     text = Text(
-        "The vehicle's own terms stay in every model, within the prior of the vehicle file. What is asked "
-        "for in addition is a candidate for a gap diagnosis, not a cause: a sensor or actuator error looks "
-        "like a force here."
+        "The vehicle's own terms stay in every model, within the prior of the vehicle file. What is taken "
+        "up in addition is a candidate for a gap diagnosis, not a cause: a sensor or actuator error looks "
+        "like a force here, and no sd below knows of it."
     )
     if not rows:
-        return [text, Text("Nothing is asked for in addition.")]
+        return [text, Text("Nothing is taken up in addition.")]
     return [text, Table(TERM_COLUMNS, rows, "Terms beyond the vehicle file, SI.")]
 
 
