@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from bayesid.model import build_model
-from bayesid.sections.gap_study import judge, planted_section
+from bayesid.sections.gap_example import _regression
+from bayesid.sections.gap_real import told
+from bayesid.sections.gap_study import _score, judge, planted_section
 from bayesid.trials import Run, Trial
 from bayesid.vehicles import load_vehicle
 
@@ -98,3 +100,49 @@ def test_mean_wind_is_the_mean_of_vectors():
     found = esso_osaka.mean_wind(Trial("pond", Path("."), "", 3, (run,)), "a")
     assert found["from"] == pytest.approx(np.pi / 4)
     assert found["speed"] == pytest.approx(np.sqrt(2)) and found["mean_speed"] == pytest.approx(2.0)
+
+
+def a_story(left):
+    """Two rows the regression needs, of which the fit has learnt one; stand-ins beyond them."""
+    return {
+        "coefficients": [["N_dr", -6.1, 0.6, -5.6, 0.2, -5.3], ["X_rr", -1.9, 0.193, -1.9, 0.191, -1.6]],
+        "excitation": {
+            "needed": ["X_rr", "N_dr", "N_|dr|"], "groups": (("Y_v", "Y_v|v|"),),
+            "beyond": ["N_v0"], "beyond_groups": (("Y_vvv", "Y_rrr"),),
+        },
+        "found": {"where": {"after": {"psi": left, "Y": left - 9.0}}, "limit": 12.7},
+    }  # fmt: skip
+
+
+def test_a_row_the_runs_taught_nothing_of_is_not_told_as_a_finding():
+    said = _regression(a_story(-0.01))
+    assert "needs N_dr, and the table agrees" in said
+    assert "also needs X_rr, of which the fit has learnt nothing" in said
+
+
+def test_terms_of_the_regression_fall_where_the_diagnosis_leaves_nothing():
+    nothing, something = _regression(a_story(-0.01)), _regression(a_story(40.0))
+    assert "gains 0.0 nats, where chance reaches 12.7" in nothing and "none of them is needed" in nothing
+    assert "candidates, not findings" in something and "none of them" not in something
+    assert "N_v0" not in nothing and "takes up 2 more" in nothing
+
+
+def test_the_lead_counts_one_gap_and_several_in_words_that_fit():
+    assert _score(["wrong name"]) == "Outcome of the planted gap: wrong name."
+    assert _score(["right", "in part", "wrong name"]).startswith(
+        "Of the 3 planted gaps 1 came out right and 1"
+    )
+
+
+def test_a_real_log_without_heading_in_its_held_out_runs_has_no_number_there():
+    models = ("nominal", "recalibrated", "with effect")
+    record = {
+        "verdict": "effect_with_remainder", "effects": [], "set95": ["outside"], "warnings": [],
+        "reasons": ["after it a free signal would add -0.0"], "posterior": None,
+        "where": {"evidence": {"psi": 3.0}, "regimes": []},
+        "gap": {"horizons": [{"horizon": "all", "rms": {k: {"psi": None, "x": 2.0} for k in models}}]},
+    }  # fmt: skip
+    text, table = told(record)
+    assert [list(row) for row in table.rows] == [["all", None, None, None]]
+    assert table.columns[-1] == "best explanation"
+    assert "would add 0.0" in text.body

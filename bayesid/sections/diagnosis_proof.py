@@ -67,7 +67,7 @@ def shrink_blocks(found: Diagnosis) -> list[Block]:
         np.array([r.excess[k] for r in rungs]) for k in ("nominal", "recalibrated", "with effect")
     )
     drawn = figures.ladder([r.horizon for r in rungs], nominal, tuned, now, label)
-    blocks.append(Figure("ladder", drawn, "The ladder from the simulator as it was to the last column."))
+    blocks.append(Figure("ladder", drawn, "The same as bars; a bar at 0.001 is at the floor."))
     last = rungs[-1].rms
     physical = []
     for channel in found.problem.channels:

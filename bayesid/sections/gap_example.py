@@ -13,9 +13,11 @@ import numpy as np
 
 from bayesid.figures.gap import overlay
 from bayesid.report import Block, Figure, Section, Table, Text
-from bayesid.sections.diagnosis_proof import at_floor
+from bayesid.sections.diagnosis_proof import at_floor, record_label
+from bayesid.sections.diagnosis_words import in_words, unsigned_zeros
 
 DEG = 180.0 / math.pi
+TAUGHT = 0.9  # share of the prior sd above which the runs are said to have taught nothing
 
 
 def example_section(story: Mapping[str, Any]) -> Section:
@@ -80,11 +82,11 @@ def _where(found: Mapping[str, Any]) -> Section:
 
 def _which(found: Mapping[str, Any]) -> Section:
     top = sorted(found["probabilities"].items(), key=lambda p: -p[1])[:4]
-    rows = [[name.replace("_", " "), p if p > 1e-6 else "below 1e-6"] for name, p in top]
+    rows = [[in_words(name), p if p > 1e-6 else "below 1e-6"] for name, p in top]
     return Section(
         "Which",
         [
-            Text("\n".join(f"- {reason}" for reason in found["reasons"])),
+            Text("\n".join(f"- {unsigned_zeros(reason)}" for reason in found["reasons"])),
             Table(["hypothesis", "probability"], rows, f"The verdict is: {found['verdict']}."),
         ],
     )
@@ -117,7 +119,7 @@ def _closed(found: Mapping[str, Any], runs: list[Mapping[str, Any]]) -> Section:
                 "The same held-out runs, predicted from their first seconds and their orders.",
             ),
             Table(
-                ["horizon", "nominal", "recalibrated", "with the effect", "shrinks by"],
+                ["horizon", "nominal", "recalibrated", record_label(found), "shrinks by"],
                 rows,
                 "Mean squared error above the floor, in noise variances.",
             ),
@@ -140,13 +142,51 @@ def _answer(story: Mapping[str, Any]) -> Section:
     )
 
 
+def _regression(story: Mapping[str, Any]) -> str:
+    """What a regression that knows no effect makes of the same runs, and what the diagnosis leaves of it."""
+    witness, found = story["excitation"], story["found"]
+    taught = {name: sd / prior for name, _, prior, _, sd, _ in story["coefficients"]}
+    needed = [n for n in witness["needed"] if n in taught]
+    learnt = [n for n in needed if taught[n] < TAUGHT]
+    idle = [n for n in needed if taught[n] >= TAUGHT]
+    words = [
+        "A sparse regression on the same logs knows neither a coefficient nor an effect. It says which "
+        "columns move the forces, not how large a coefficient is."
+    ]
+    if learnt:
+        words.append(f"Of the vehicle's own rows it needs {', '.join(learnt)}, and the table agrees.")
+    if idle:
+        words.append(
+            f"It also needs {', '.join(idle)}, of which the fit has learnt nothing (at least {TAUGHT:g} of "
+            "the prior sd is left). That is no finding about these coefficients: a regression that knows "
+            "neither the effect nor the prior puts there what it lacks elsewhere."
+        )
+    many = len(witness["beyond"]) + len(witness["beyond_groups"])
+    after = found["where"]["after"]
+    if many and after:
+        left, limit = max(after.values()), found["limit"]
+        words.append(
+            f"Beyond the vehicle's rows it takes up {many} more (or sets of which one would do). The "
+            f"diagnosis puts them to the test: with its best explanation in the model, a free force or "
+            f"signal anywhere gains {unsigned_zeros(f'{left:+.1f}')} nats, where chance reaches {limit:.1f}. "
+            + (
+                "So none of them is needed; they stand in for the effect, and their values are not printed."
+                if left <= limit
+                else "So something is left, of which these are candidates, not findings."
+            )
+        )
+    if witness["groups"]:
+        sets = "; ".join("{" + ", ".join(g) + "}" for g in witness["groups"])
+        words.append(f"Columns it cannot tell apart on these runs: {sets}.")
+    return " ".join(words)
+
+
 def _taught(story: Mapping[str, Any]) -> Section:
     """Posterior of the coefficients beside prior and truth, and which rows the runs excite."""
     rows, inside = [], 0
     for name, nominal, prior, value, sd, true in sorted(story["coefficients"], key=lambda r: r[4] / r[2]):
         inside += abs(true - value) <= 2 * sd
         rows.append([name, nominal, value, sd, f"{sd / prior:.2f}", true])
-    excitation = story["excitation"]
     return Section(
         "What the runs teach of the coefficients",
         [
@@ -158,11 +198,9 @@ def _taught(story: Mapping[str, Any]) -> Section:
             Table(
                 ["coefficient", "nominal", "estimate", "sd", "sd over prior sd", "true"],
                 rows,
-                "Best determined first; 1 in the fifth column means that the runs taught nothing.",
+                "Best determined first; 1 in the fifth column means that the runs taught nothing beyond what "
+                "was known before.",
             ),
-            Text(
-                "A sparse regression on the logs alone, without a fit, is the witness for what was "
-                "excited:\n\n" + "\n".join(f"- {sentence}" for sentence in excitation["finding"])
-            ),
+            Text(_regression(story)),
         ],
     )

@@ -12,6 +12,9 @@ from typing import Any
 import numpy as np
 
 from bayesid.report import Block, Section, Table, Text, literal
+from bayesid.sections.diagnosis_proof import record_label
+from bayesid.sections.diagnosis_words import unsigned_zeros
+from bayesid.sections.effect_interval import warnings_told
 
 DEG = 180.0 / math.pi
 MOST = 6  # names of a set that are spelt out
@@ -128,12 +131,12 @@ def told(record: Mapping[str, Any]) -> list[Block]:
         lines.append(
             "- of the regimes most in " + ", ".join(f"{m['name']} ({m['evidence']:+.0f})" for m in regimes)
         )
-    lines += [f"- {reason}" for reason in record["reasons"]]
-    lines += [f"- {literal(w)}" for w in record["warnings"][:4]]
+    lines += [f"- {unsigned_zeros(reason)}" for reason in record["reasons"]]
+    lines += [f"- {literal(w)}" for w in warnings_told(record)[:4]]
     rows = [
         [
             h["horizon"],
-            *(DEG * h["rms"][k]["psi"] for k in ("nominal", "recalibrated", "with effect")),
+            *(_degrees(h["rms"][k].get("psi")) for k in ("nominal", "recalibrated", "with effect")),
         ]
         for h in record["gap"]["horizons"]
     ]
@@ -141,13 +144,17 @@ def told(record: Mapping[str, Any]) -> list[Block]:
     if rows:
         blocks.append(
             Table(
-                ["horizon", "as given", "recalibrated", "with the effect"],
+                ["horizon", "as given", "recalibrated", record_label(record)],
                 rows,
                 "Heading rms on held-out runs [degrees].",
                 3,
             )
         )
     return blocks
+
+
+def _degrees(value: float | None) -> float | None:
+    return None if value is None else DEG * value
 
 
 def _set(names: Sequence[str]) -> str:

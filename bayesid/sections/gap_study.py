@@ -20,15 +20,14 @@ def gap_report(parts: Mapping[str, Any]) -> Report:
     """Report of the parts that were run: "example", "planted", "delphin2", and more sections ready-made."""
     rows = parts["planted"]
     judged = [judge(row) for row in rows]
-    right, wrong = judged.count("right"), judged.count("wrong name")
+    measured = "delphin2" in parts or bool(parts.get("more"))
+    followed = "one in full" + (", measured ones whose cause nobody planted," if measured else "")
+    many = f"{len(rows)} gaps" if len(rows) != 1 else "one gap"
     lead = (
-        "A simulator and a log disagree. This study follows such gaps to their cause: one in full, "
-        f"{len(rows)} planted by an independent plant, and measured ones whose cause nobody planted. "
-        f"**Of the planted ones {right} were diagnosed as planted and {wrong} got a wrong name.** The plant "
-        "shares "
-        "no code with the diagnosed model; the diagnosis saw orders, noisy readings and the nominal "
-        "vehicle, and "
-        "read held-out runs after its verdict."
+        "A simulator and a log disagree. This study follows such gaps to their cause: "
+        f"{followed} and {many} planted by an independent plant. **{_score(judged)}** The "
+        "plant shares no code with the diagnosed model; the diagnosis saw orders, noisy readings and the "
+        "nominal vehicle, and read held-out runs after its verdict."
     )
     sections = [
         example_section(parts["example"]),
@@ -37,6 +36,14 @@ def gap_report(parts: Mapping[str, Any]) -> Report:
         *parts.get("more", ()),
     ]
     return Report("From a gap to its cause", lead, sections)
+
+
+def _score(judged: Sequence[str]) -> str:
+    """How the planted gaps came out, in a sentence for any number of them."""
+    if len(judged) == 1:
+        return f"Outcome of the planted gap: {judged[0]}."
+    right, wrong = judged.count("right"), judged.count("wrong name")
+    return f"Of the {len(judged)} planted gaps {right} came out right and {wrong} got a wrong name."
 
 
 def planted_section(rows: Sequence[Mapping[str, Any]], judged: Sequence[str]) -> Section:
@@ -67,11 +74,12 @@ def planted_section(rows: Sequence[Mapping[str, Any]], judged: Sequence[str]) ->
                 "An honest set that holds the cause counts as right; a wrong name is the worst outcome.",
             ),
             Table(
-                ["planted", "horizon", "nominal", "recalibrated", "with the effect", "shrinks by"],
+                ["planted", "horizon", "nominal", "recalibrated", "best explanation", "shrinks by"],
                 [_ladder(row) for row in rows],
                 "Held-out runs: mean squared prediction error above the floor, in noise variances, over the "
                 "shortest horizon with a sure gap. Where re-tuned coefficients leave little, the right name "
-                "adds nothing over so short a time; all horizons are in results.json.",
+                "adds nothing over so short a time; all horizons are in results.json. The best explanation "
+                "may hold more effects than are sure enough to be named.",
             ),
         ],
     )

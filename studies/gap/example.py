@@ -42,11 +42,18 @@ def example(out: Path, seed: int, progress: Progress, draws: int = DRAWS) -> dic
         excited = excite(model, trial.identify, trial.noise, draws=min(draws, EXCITE), seed=seed)
     answer = truth(example_campaign(), NAME)
     return {
-        "found": record,
+        "found": record | {"limit": d.candidates.thresholds.remainder},
         "truth": answer,
         "runs": runs,
         "coefficients": coefficients(d, answer),
-        "excitation": {"rows": term_rows(excited), "finding": finding(excited)},
+        "excitation": {
+            "rows": term_rows(excited),
+            "finding": finding(excited),
+            "needed": [w.name for w in excited.terms if w.status == "found"],
+            "groups": excited.groups,
+            "beyond": [w.name for w in excited.candidates],
+            "beyond_groups": excited.candidate_groups,
+        },
     }
 
 
