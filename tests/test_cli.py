@@ -100,6 +100,12 @@ def test_a_surprise_is_a_message_without_traceback(error, code, words, failing, 
     assert words in err and "Traceback" not in err
 
 
+def test_a_stop_claims_nothing_of_files_that_may_not_exist(failing, capsys):
+    assert failing(KeyboardInterrupt()) == 130
+    err = capsys.readouterr().err
+    assert "before it was done" in err and "if anything" in err and "complete" not in err
+
+
 def test_verbose_shows_the_traceback_of_a_surprise(failing, capsys):
     assert failing(ZeroDivisionError("x"), "-v") == 1
     assert "Traceback" in capsys.readouterr().err

@@ -50,7 +50,8 @@ def run(args: Sequence[str] | None = None) -> int:
     except BayesidError as error:
         return _refuse(str(error), error.exit_code)
     except (typer.Abort, KeyboardInterrupt):
-        return _refuse("stopped; what was written before is complete", INTERRUPTED)
+        text = "stopped before it was done; --out holds what had been written until then, if anything"
+        return _refuse(text, INTERRUPTED)
     except BrokenPipeError:  # `bayesid ... | head`: the reader has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return OK
