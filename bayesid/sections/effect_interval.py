@@ -75,12 +75,13 @@ def why(posterior: Mapping[str, Any], source: str, limit: float) -> str:
         max(-p["low95"], p["high95"]) for n, p in posterior["parameters"].items() if n.startswith("log ")
     ]
     edge = "The draws even lie against the end of what it allows. " if max(reach) > 0.95 * limit else ""
+    against = ", and against what straight runs measured" if source == "measured" else ""
     low, high = (math.exp(x) for x in (LOUDNESS[0], LOUDNESS[-1]))
     return (
         f"{use}, the wider of the two: {differ}Laplace keeps the environment at its level ({source}); the "
         f"draws let it go and put {factors} of it, and error bars follow the level. That lies outside the "
-        f"{low:.2f} to {high:.2f} for which the density was computed, and contradicts how the level was "
-        f"found. {edge}The narrower interval holds only if the environment really was that far from it."
+        f"{low:.2f} to {high:.2f} for which the density was computed{against}. {edge}"
+        "The narrower interval holds only if the environment really was that far from it."
     )
 
 
