@@ -157,9 +157,9 @@ def _regression(story: Mapping[str, Any]) -> str:
         words.append(f"Of the vehicle's own rows it needs {', '.join(learnt)}, and the table agrees.")
     if idle:
         words.append(
-            f"It also needs {', '.join(idle)}, of which the fit has learnt nothing (at least {TAUGHT:g} of "
-            "the prior sd is left). That is no finding about these coefficients: a regression that knows "
-            "neither the effect nor the prior puts there what it lacks elsewhere."
+            f"It also needs {', '.join(idle)}, of which the fit has learnt next to nothing (at least "
+            f"{TAUGHT:g} of the prior sd is left). That is no finding about these coefficients: a regression "
+            "that knows neither the effect nor the prior puts there what it lacks elsewhere."
         )
     many = len(witness["beyond"]) + len(witness["beyond_groups"])
     after = found["where"]["after"]
