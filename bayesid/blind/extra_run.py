@@ -58,11 +58,11 @@ class ExtraRun:
 
 
 def extra_run_tasks(replicates: int, seed: int, effects: Sequence[str] = EFFECTS) -> list[ExtraRun]:
-    """Every effect as often as asked, each with a block of seeds of its own."""
+    """Every effect as often as asked, each with a block of seeds of its own; all effects once, then again."""
     return [
         ExtraRun(seed + TRIES * (i * replicates + k), effect, i + 2 * k)
-        for i, effect in enumerate(effects)
         for k in range(replicates)
+        for i, effect in enumerate(effects)
     ]
 
 

@@ -37,7 +37,8 @@ def places(candidates: Candidates, model: Model) -> dict[str, float]:
 
 def place_of(candidates: Candidates, model: Model) -> str | None:
     """Most probable place; None where there is no gap."""
-    if candidates.where.places[0].evidence <= candidates.thresholds.named:
+    seen = candidates.where.places[0].evidence > candidates.thresholds.named
+    if not seen and candidates.probabilities["none"] > 0.05:
         return None
     found = places(candidates, model)
     return max(found, key=lambda n: found[n])

@@ -23,7 +23,6 @@ from bayesid.model import Model
 # Amplitudes relative to each channel's unit, and correlation times in L/U: fast, slow, and lasting a run.
 AMPLITUDES = (1e-3, 1e-2, 1e-1, 1.0)
 TIMES = (1.0, 8.0, 64.0)
-SLOW = 8.0
 
 
 @dataclass(frozen=True)
@@ -55,7 +54,7 @@ class Where:
     ----------
     places : channels, most probable first; evidence over the environment alone
     masks : windows, manoeuvres and regimes of the winning channel, most probable first
-    outside : log evidence of a latent signal averaged over channel, amplitude and time
+    outside : log evidence of a latent force or input averaged over channel, amplitude and time
     times, force, band : per run, smoothed latent force in X, Y, N (and Z, K, M) [N, N m] and one standard
     deviation
     """
@@ -148,8 +147,9 @@ def locate(problem: Problem, points: Sequence[Point], free: Free, masks: bool = 
         best = max(seen)
         average = _log_mean([t[0] for t in seen])
         places.append(Place(name, best[0] - base, best[1], best[2], average - base))
-        # A fast signal on a sensor stands for process noise as well as for a fault; a slow one does not.
-        averages.append(average if inputs else _log_mean([s[0] for s in seen if s[2] >= SLOW * time]))
+        # A signal on a sensor stands for drift, or for noise faster than the sampling, as well as a fault.
+        if inputs:
+            averages.append(average)
     places.sort(key=lambda p: -p.evidence)
     found = (
         _masks(problem, paths, free, colours, places[0], base) if masks and places[0].evidence > 5.0 else ()
