@@ -1,0 +1,112 @@
+"""Words of the verdict, given what the hypotheses weigh."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from bayesid.diagnose import verdict
+from bayesid.diagnose.event import Event
+from bayesid.diagnose.events import verdict_with
+from bayesid.diagnose.place import place_of, places
+
+FAMILY = {"a": "one", "b": "two", "c": "three", "d": "one"}
+EFFECTS = tuple(SimpleNamespace(name=n, family=f, where=("N",)) for n, f in FAMILY.items())
+PROBLEM = SimpleNamespace(
+    model=SimpleNamespace(kernel=SimpleNamespace(effects=EFFECTS)), coefficients=SimpleNamespace(names=())
+)
+
+
+@pytest.fixture(autouse=True)
+def plain(monkeypatch):
+    monkeypatch.setattr(verdict, "pulls", lambda fit, problem: np.array([0.5]))
+    agreed = SimpleNamespace(total=1.0, disagreement=0.5, disagree=False, refuted=False)
+    monkeypatch.setattr(verdict, "crossed", lambda best, none, k: agreed)
+
+
+def candidate(log_evidence, *effects):
+    fit = SimpleNamespace(converged=True, chi2=1.0)
+    return SimpleNamespace(effects=effects, log_evidence=log_evidence, fit=fit, widens=False)
+
+
+def judged(refits, probabilities, inside=None, left=0.0, before=30.0, absorbed=()):
+    best = max(refits, key=lambda c: c.log_evidence)
+    return verdict.judge(
+        PROBLEM,
+        SimpleNamespace(
+            none=candidate(0.0),
+            refits=tuple(sorted(refits, key=lambda c: -c.log_evidence)),
+            best=best,
+            probabilities={"none": 0.0, "outside": 0.0} | probabilities,
+            inside=inside or probabilities,
+            evidence={},
+            where=SimpleNamespace(places=(SimpleNamespace(channel="N", evidence=before),)),
+            where_after=SimpleNamespace(places=(SimpleNamespace(channel="N", evidence=left),)),
+            ambiguity=SimpleNamespace(
+                names=tuple(FAMILY), absorbed=[0.99 if n in absorbed else 0.1 for n in FAMILY]
+            ),
+            thresholds=SimpleNamespace(named=3.0, remainder=19.0, conflict=3.0),
+        ),
+    )  # fmt: skip
+
+
+def test_a_cause_outside_in_the_set_leaves_the_name_but_another_family_does_not():
+    alone = [candidate(50.0, "a")]
+    assert judged(alone, {"a": 0.94, "outside": 0.06}).word == "effect"
+    assert judged(alone, {"a": 0.6, "d": 0.4}).word == "effect"  # one family
+    assert judged(alone, {"a": 0.9, "b": 0.1}).word == "ambiguous"
+    assert judged(alone, {"a": 0.4, "outside": 0.6}).word == "outside"
+
+
+def test_what_is_left_turns_an_effect_into_one_with_a_remainder():
+    assert judged([candidate(500.0, "a")], {"a": 1.0}, left=18.0).word == "effect"
+    assert judged([candidate(500.0, "a")], {"a": 1.0}, left=25.0).word == "effect_with_remainder"
+
+
+@pytest.fixture
+def pair():
+    return [candidate(1000.0, "a", "b"), candidate(700.0, "a"), candidate(200.0, "b")]
+
+
+def test_several_effects_are_named_beside_a_remainder_that_is_small_for_each(pair):
+    share, inside = {"a": 0.5, "b": 0.5}, {"a": 1.0, "b": 1.0}
+    assert judged(pair, share, inside, left=25.0).effects == ("a", "b")
+    only = judged(pair, share, inside, left=60.0)  # a tenth of 800, not of 300
+    assert (only.word, only.effects) == ("effect_with_remainder", ("a",))
+    assert judged(pair, share, inside, left=90.0).word == "outside"
+
+
+def test_a_second_effect_that_might_be_another_is_not_named(pair):
+    v = judged(pair, {"a": 0.5, "b": 0.3, "c": 0.2}, {"a": 1.0, "b": 0.6, "c": 0.4})
+    assert (v.word, v.effects) == ("effect_with_remainder", ("a",))
+    assert {"b", "c"} <= set(v.set95)
+
+
+def test_what_the_coefficients_can_hide_is_not_named_alone(pair):
+    inside = {"a": 1.0, "b": 0.6, "c": 0.4}
+    assert judged(pair, {"a": 0.5, "b": 0.3, "c": 0.2}, inside, absorbed="a").word == "ambiguous"
+    assert judged([candidate(50.0, "a")], {"a": 1.0}, absorbed="a").word == "coefficients"
+
+
+def test_a_motion_nothing_explains_is_a_gap_whatever_the_coefficients_do():
+    event = Event("r1", 10.0, 16.0, "delta_r", "motion", 30.0, 200.0)
+    for word, after in (("none", "outside"), ("coefficients", "outside"), ("effect", "effect")):
+        before = verdict.Verdict(word, (), ("none",), (), ())
+        assert verdict_with(before, (event,)).word == after
+
+
+def test_a_named_cause_puts_the_gap_where_it_acts_and_an_unknown_one_where_a_free_signal_says():
+    model = SimpleNamespace(effects={e.name: e for e in EFFECTS})
+    found = (("psi", 60.0), ("N", 55.0))
+    where = SimpleNamespace(places=[SimpleNamespace(channel=n, evidence=e) for n, e in found])
+
+    def told(**probabilities):
+        return SimpleNamespace(
+            where=where, probabilities={"none": 0.0} | probabilities, thresholds=SimpleNamespace(named=3.0)
+        )
+
+    assert place_of(told(a=1.0), model) == "N"
+    assert place_of(told(outside=1.0), model) == "psi"
+    assert sum(places(told(a=0.7, outside=0.3), model).values()) == pytest.approx(1.0)
