@@ -78,6 +78,15 @@ def _built(records: Sequence[Mapping[str, Any]], rows: Sequence[Any]) -> list[An
         if not built["names_it"]:
             misses.append([r["seed"], _words(r["effect"]), _said(built), _words(shown["rival"]),
                            shown["margin"], _absorbed(built), _set(built)])  # fmt: skip
+    meant = sum(
+        r["frames"]["as-built"]["word"] == "coefficients" and r["frames"]["as-built"]["p_right"] > 0.95
+        for r in records
+    )
+    unnamed = (
+        f"{meant} verdicts as built say `coefficients` although the planted family has a probability above "
+        "0.95: the verdict names no effect whose signature coefficients can absorb by more than 0.98, and "
+        "to a precise log even one percent of freedom is that much. The probabilities and the 95 % set tell."
+    ) if meant else ""  # fmt: skip
     columns = ["seed", "planted", "vehicle", "D as built", "margin", "as built", "P", "D free", "absorbed",
                "free", "P"]  # fmt: skip
     return [
@@ -95,6 +104,7 @@ def _built(records: Sequence[Mapping[str, Any]], rows: Sequence[Any]) -> list[An
               "0.98 when coefficients are free."),
         Table(columns, table, "Every campaign: verdict and probability of the planted family; in brackets "
               "the most probable answer where it is another.", digits=3),
+        *([Text(unnamed)] if unnamed else []),
         *([Table(["seed", "planted", "as built", "nearest other", "margin", "absorbed", "95 % set"], misses,
                  "As built, not named rightly.", digits=3)] if misses else []),
     ]  # fmt: skip
@@ -109,7 +119,7 @@ def _absorbed(frame: Mapping[str, Any]) -> str:
 
 
 def _extra(records: Sequence[Mapping[str, Any]], rows: Sequence[Any]) -> list[Any]:
-    done = [r for r in records if r["arms"]]
+    done = sorted((r for r in records if r["arms"]), key=lambda r: (r["effect"], r["campaign_seed"]))
     table, flown = [], []
     for r in done:
         arms = r["arms"]
@@ -151,11 +161,17 @@ def _extra(records: Sequence[Mapping[str, Any]], rows: Sequence[Any]) -> list[An
             Table([f"median margin, {a}" for a in ARMS.values()], gains, "", digits=3),
         ]  # fmt: skip
     left = [[t["seed"], _words(r["effect"]), t["vehicle"], t.get("noncentrality"), t.get("absorbed"),
-             t.get("margin"), t["left out"]] for r in records for t in r["tried"]]  # fmt: skip
+             t.get("margin"), _why(t)] for r in records for t in r["tried"]]  # fmt: skip
     if left:
         blocks.append(Table(["seed", "planted", "vehicle", "D", "absorbed", "margin", "why"], left,
                             "Drawn and left out before any diagnosis.", digits=3))  # fmt: skip
     return blocks
+
+
+def _why(tried: Mapping[str, Any]) -> str:
+    if tried.get("absorbed") is not None and tried["absorbed"] > 0.98:
+        return "hidden by coefficients"
+    return str(tried["left out"])
 
 
 def _arms(rows: Sequence[Any]) -> Table:
