@@ -95,6 +95,8 @@ def test_a_motion_nothing_explains_is_a_gap_whatever_the_coefficients_do():
     for word, after in (("none", "outside"), ("coefficients", "outside"), ("effect", "effect")):
         before = verdict.Verdict(word, (), ("none",), (), ())
         assert verdict_with(before, (event,)).word == after
+    unsure = verdict.Verdict("ambiguous", (), ("outside",), (), ())
+    assert verdict_with(unsure, (event,)).word == "outside"
 
 
 def test_a_named_cause_puts_the_gap_where_it_acts_and_an_unknown_one_where_a_free_signal_says():

@@ -243,6 +243,7 @@ def verdict_with(verdict: Verdict, events: Sequence[Event]) -> Verdict:
         return verdict
     told = [f"{e.run} {e.start:.1f} to {e.end:.1f} s ({e.channel}, {e.kind})" for e in events]
     reasons = (*verdict.reasons, "left out as events: " + "; ".join(told))
-    if verdict.word in ("none", "coefficients") and any(e.kind == "motion" for e in events):
+    silent = verdict.word in ("none", "coefficients") or verdict.set95 == ("outside",)
+    if silent and any(e.kind == "motion" for e in events):
         return replace(verdict, word="outside", set95=("outside",), reasons=reasons)
     return replace(verdict, reasons=reasons)
