@@ -15,7 +15,9 @@ from bayesid.diagnose.place import place_of, places
 FAMILY = {"a": "one", "b": "two", "c": "three", "d": "one"}
 EFFECTS = tuple(SimpleNamespace(name=n, family=f, where=("N",)) for n, f in FAMILY.items())
 PROBLEM = SimpleNamespace(
-    model=SimpleNamespace(kernel=SimpleNamespace(effects=EFFECTS)), coefficients=SimpleNamespace(names=())
+    model=SimpleNamespace(kernel=SimpleNamespace(effects=EFFECTS)),
+    coefficients=SimpleNamespace(names=()),
+    as_built=False,
 )
 
 
@@ -31,10 +33,10 @@ def candidate(log_evidence, *effects):
     return SimpleNamespace(effects=effects, log_evidence=log_evidence, fit=fit, widens=False)
 
 
-def judged(refits, probabilities, inside=None, left=0.0, before=30.0, absorbed=()):
+def judged(refits, probabilities, inside=None, left=0.0, before=30.0, absorbed=(), as_built=False):
     best = max(refits, key=lambda c: c.log_evidence)
     return verdict.judge(
-        PROBLEM,
+        SimpleNamespace(**vars(PROBLEM) | {"as_built": as_built}),
         SimpleNamespace(
             none=candidate(0.0),
             refits=tuple(sorted(refits, key=lambda c: -c.log_evidence)),
@@ -88,6 +90,7 @@ def test_what_the_coefficients_can_hide_is_not_named_alone(pair):
     inside = {"a": 1.0, "b": 0.6, "c": 0.4}
     assert judged(pair, {"a": 0.5, "b": 0.3, "c": 0.2}, inside, absorbed="a").word == "ambiguous"
     assert judged([candidate(50.0, "a")], {"a": 1.0}, absorbed="a").word == "coefficients"
+    assert judged([candidate(50.0, "a")], {"a": 1.0}, absorbed="a", as_built=True).word == "effect"
 
 
 def test_a_motion_nothing_explains_is_a_gap_whatever_the_coefficients_do():

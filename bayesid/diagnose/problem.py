@@ -41,6 +41,7 @@ class Problem:
     path, path_level : nominal model along a path that follows the data, and the latent force this needs over
         1/2 rho L^2 U^2: where sensitivities are taken while nothing is known
     events : what happened once and is left out
+    as_built : whether an earlier clean identification fixed the coefficients
     """
 
     model: Model
@@ -53,6 +54,7 @@ class Problem:
     path: tuple[Point, ...]
     path_level: float
     events: tuple[Event, ...] = ()
+    as_built: bool = False
 
 
 def pose(
@@ -115,6 +117,7 @@ def pose(
         led.follow,
         led.follow_level,
         events,
+        as_built is not None,
     )
 
 

@@ -49,7 +49,9 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
     """Verdict of a comparison."""
     probability = candidates.probabilities
     set95 = credible_set(probability)
-    absorbed = dict(zip(candidates.ambiguity.names, candidates.ambiguity.absorbed, strict=True))
+    # Known as built, coefficients do not change by themselves: what they could imitate is a change.
+    share = np.zeros(len(candidates.ambiguity.names)) if problem.as_built else candidates.ambiguity.absorbed
+    absorbed = dict(zip(candidates.ambiguity.names, share, strict=True))
     families = {e.name: e.family for e in problem.model.kernel.effects}
     hidden = tuple(n for n, a in absorbed.items() if a > HIDDEN)
     none = candidates.none
