@@ -80,6 +80,13 @@ def test_several_effects_are_named_beside_a_remainder_that_is_small_for_each(pai
     assert judged(pair, share, inside, left=90.0).word == "outside"
 
 
+def test_what_chance_may_leave_takes_no_effect_away_though_the_runs_disagree(pair, monkeypatch):
+    differ = SimpleNamespace(total=1.0, disagreement=1e-5, disagree=True, refuted=False)
+    monkeypatch.setattr(verdict, "crossed", lambda best, none, k: differ)
+    small = [candidate(60.0, "a", "b"), candidate(40.0, "a"), candidate(30.0, "b")]
+    assert judged(small, {"a": 0.5, "b": 0.5}, {"a": 1.0, "b": 1.0}, left=12.0).effects == ("a", "b")
+
+
 def test_a_second_effect_that_might_be_another_is_not_named(pair):
     v = judged(pair, {"a": 0.5, "b": 0.3, "c": 0.2}, {"a": 1.0, "b": 0.6, "c": 0.4})
     assert (v.word, v.effects) == ("effect_with_remainder", ("a",))

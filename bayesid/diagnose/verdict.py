@@ -97,7 +97,8 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
         return Verdict("ambiguous", _names(set95), set95, (), tuple(reasons))
     if len(best.effects) > 1:
         # An effect that explains little beside what is left is a part of the remainder.
-        kept = tuple(n for n in best.effects if not rest or left < MINOR * _part(candidates, best, n))
+        shows = left > limit.remainder
+        kept = tuple(n for n in best.effects if not shows or left < MINOR * _part(candidates, best, n))
         sure = tuple(n for n in kept if _acts(candidates, families, n) > SURE)
         if len(sure) > 1:
             return Verdict("several", sure, set95, hidden, tuple(reasons))
