@@ -18,7 +18,7 @@ from bayesid.coloured.evidence import posterior
 from bayesid.coloured.fit import NOTHING, ColouredFit, Free, fit, stack
 from bayesid.coloured.log import Array, Log
 from bayesid.coloured.path import Path, linearise
-from bayesid.coloured.repeats import without_repeats
+from bayesid.coloured.repeats import may_repeat, without_repeats
 from bayesid.errors import ModelError
 from bayesid.model import Model
 
@@ -144,6 +144,8 @@ def measure(
 def measure_straight(model: Model, logs: Sequence[Log], free: Free) -> tuple[Environment, tuple[str, ...]]:
     """Environment of straight runs without the force they have in common, and the axes that have one."""
     found = measure(model, logs, free)
+    if not may_repeat(model, logs, found.colours):
+        return found, ()
     settled = fit(model, logs, NOTHING, found.colours, passes=8)
     common = without_repeats(model, _linear(model, logs, settled, free), free, found.colours)
     if common is None:

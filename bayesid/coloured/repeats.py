@@ -27,6 +27,11 @@ COMMON = 2.3
 SLOW = 4.0
 
 
+def may_repeat(model: Model, logs: Sequence[Log], colours: Colours) -> bool:
+    """Whether it is worth asking: a fast disturbance is weather too often, and hides little."""
+    return len(logs) > 1 and colours.force_tau >= SLOW * model.scales["L"] / model.scales["U"]
+
+
 def without_repeats(
     model: Model, paths: Sequence[Path], free: Free, colours: Colours
 ) -> tuple[list[Log], Array] | None:
@@ -34,15 +39,13 @@ def without_repeats(
 
     Parameters
     ----------
-    paths : straight runs linearised under `colours`
+    paths : two or more straight runs linearised under `colours`
 
     Notes
     -----
-    Only slow ones are asked: a fast one is weather too often, and hides little. Forces are compared over the
-    square of each run's speed, by time since its start, after what the coefficients can explain.
+    Forces are compared over the square of each run's speed, by time since its start, after what the
+    coefficients can explain.
     """
-    if len(paths) < 2 or colours.force_tau < SLOW * model.scales["L"] / model.scales["U"]:
-        return None
     forces = disturbances(model, paths, free, colours)
     square = [float(np.median(p.point.states[:, model.kernel.full.states.index("u")])) ** 2 for p in paths]
     starts = [p.log.plan.t[:-1] - p.log.plan.t[0] for p in paths]
