@@ -35,6 +35,8 @@ TAU_FORCE, TAU_DRIFT, TAU_SPREAD = 3.0, 25.0, 0.7
 SLOWEST = 6.0
 # Prior sd of the arms of the disturbances over L, and how well a measured one repeats.
 ARM_SPREAD, ARM_REPEATS = 0.25, 0.05
+# Passes a path may take to settle.
+SETTLING = 20
 # Cost of an environment under which a path leaves the numbers.
 HOPELESS = 1e12
 
@@ -118,7 +120,7 @@ def measure(
     for _ in range(rounds):
         # Coefficients stay nominal along the path: a row of the balance and its noise may shrink together
         # without any change in the track, and a path fitted under too quiet a guess would take that way out.
-        settled = fit(model, logs, NOTHING, colours(theta), passes=8)
+        settled = _settled(model, logs, colours(theta))
         linear = _linear(model, logs, settled, free)
 
         def cost(t: Array, paths: tuple = linear) -> float:
@@ -146,7 +148,7 @@ def measure_straight(model: Model, logs: Sequence[Log], free: Free) -> tuple[Env
     found = measure(model, logs, free)
     if not may_repeat(model, logs, found.colours):
         return found, ()
-    settled = fit(model, logs, NOTHING, found.colours, passes=8)
+    settled = _settled(model, logs, found.colours)
     common = without_repeats(model, _linear(model, logs, settled, free), free, found.colours)
     if common is None:
         return found, ()
@@ -158,6 +160,22 @@ def measure_straight(model: Model, logs: Sequence[Log], free: Free) -> tuple[Env
     names = [n[-1] for n in model.kernel.exogenous if n.startswith("force_")]
     repeated = tuple(n for n, a in zip(names, axes, strict=True) if a)
     return replace(again, colours=replace(again.colours, force=force)), repeated
+
+
+def _settled(model: Model, logs: Sequence[Log], colours: Colours) -> ColouredFit:
+    """Paths settled at the nominal coefficients.
+
+    Straight runs settle at once at the real level. Where they do not, they are led there from a loud one: a
+    path that has not settled passes for weather (a remus100 in a clean rough sea: every level at its bound).
+    """
+    if all(log.straight for log in logs):
+        try:
+            near = fit(model, logs, NOTHING, colours, loud=0.0, passes=8)
+        except ModelError:
+            near = None
+        if near is not None and near.converged:
+            return near
+    return fit(model, logs, NOTHING, colours, passes=SETTLING)
 
 
 def _linear(model: Model, logs: Sequence[Log], settled: ColouredFit, free: Free) -> tuple[Path, ...]:
