@@ -26,9 +26,11 @@ class Colours:
     ----------
     force : one per force axis [N, N m]
     force_tau : [s]
-    drift : slow position error, one standard deviation [m]
+    drift : slow error of x and y, one standard deviation [m]
     drift_tau : [s]
     arms : moment per force of each pair of `COUPLED` axes the model has [m]; empty stands for zeros
+    depth : slow error of z, one standard deviation [m]; None stands for that of x and y. Depth comes from
+        the pressure, another instrument than the position's
     """
 
     force: tuple[float, ...]
@@ -36,10 +38,22 @@ class Colours:
     drift: float
     drift_tau: float
     arms: tuple[float, ...] = ()
+    depth: float | None = None
 
     def scaled(self, factor: float) -> Colours:
         """All amplitudes times a factor."""
-        return replace(self, force=tuple(f * factor for f in self.force), drift=self.drift * factor)
+        return replace(
+            self,
+            force=tuple(f * factor for f in self.force),
+            drift=self.drift * factor,
+            depth=None if self.depth is None else self.depth * factor,
+        )
+
+    def slow(self, channel: str) -> float:
+        """Slow error of a measured channel, one standard deviation [m]; zero where it has none."""
+        if channel == "z" and self.depth is not None:
+            return self.depth
+        return self.drift if channel in ("x", "y", "z") else 0.0
 
 
 # Moments that come with a lateral or vertical disturbance: it acts at some place along the hull, and the
@@ -122,7 +136,7 @@ def filter_settings(
     variance = [f**2 for f in colours.force]
     seen = [j for j, c in enumerate(names) if c in ("x", "y", "z")]
     keep_d = [np.exp(-gaps / colours.drift_tau)] * len(seen)
-    variance_d = [colours.drift**2] * len(seen)
+    variance_d = [colours.slow(names[j]) ** 2 for j in seen]
     if latent is not None:
         where = [path.inputs.index(n) for n in latent.inputs]
         sd = dict(zip((*latent.inputs, *latent.channels), latent.sd, strict=True))

@@ -23,7 +23,7 @@ from bayesid.errors import ModelError
 from bayesid.model import Model
 
 # Prior medians over 1/2 rho L^2 U^2 and L, and spreads of their logarithms: wide enough for a basin and for
-# a rough sea.
+# a rough sea. That of the slow error of depth is the white noise of its sensor.
 FORCE_MEDIAN, FORCE_SPREAD = 3e-5, 1.5
 DRIFT_MEDIAN, DRIFT_SPREAD = 0.05, 1.5
 # How far the environment of manoeuvring runs may lie from that of the straight ones, in the logarithm.
@@ -89,30 +89,34 @@ def measure(
     unit, s = force_unit(model), model.scales
     time = s["L"] / s["U"]
     arms = len(pairs(model))
+    noise = depth_noise(model, logs)
+    deep = [] if noise is None else [noise]
+    rest = np.array([s["L"], time, time, *deep])
+    loud = unit.size + rest.size
     if known is None:
-        logs_centre = np.log(
-            np.concatenate([np.full(unit.size, FORCE_MEDIAN), [DRIFT_MEDIAN, TAU_FORCE, TAU_DRIFT]])
+        medians = [DRIFT_MEDIAN, TAU_FORCE, TAU_DRIFT] + [1.0 for _ in deep]
+        wide = [DRIFT_SPREAD, TAU_SPREAD, TAU_SPREAD] + [DRIFT_SPREAD for _ in deep]
+        centre = np.concatenate(
+            [np.log(np.concatenate([np.full(unit.size, FORCE_MEDIAN), medians])), np.zeros(arms)]
         )
-        logs_spread = np.concatenate(
-            [np.full(unit.size, FORCE_SPREAD), [DRIFT_SPREAD, TAU_SPREAD, TAU_SPREAD]]
-        )
-        centre = np.concatenate([logs_centre, np.zeros(arms)])
-        spread = np.concatenate([logs_spread, np.full(arms, ARM_SPREAD)])
+        spread = np.concatenate([np.full(unit.size, FORCE_SPREAD), wide, np.full(arms, ARM_SPREAD)])
     else:
         c = known.colours
-        level = [*(np.array(c.force) / unit), c.drift / s["L"], c.force_tau / time, c.drift_tau / time]
+        level = np.array([c.drift, c.force_tau, c.drift_tau, *(c.slow("z") for _ in deep)]) / rest
         before = np.array(c.arms) / s["L"] if c.arms else np.zeros(arms)
-        centre = np.concatenate([np.log(level), before])
-        spread = np.concatenate([np.full(unit.size + 3, REPEATABLE), np.full(arms, ARM_REPEATS)])
+        centre = np.concatenate([np.log(np.concatenate([np.array(c.force) / unit, level])), before])
+        spread = np.concatenate([np.full(loud, REPEATABLE), np.full(arms, ARM_REPEATS)])
 
     def colours(theta: Array) -> Colours:
-        value = np.exp(theta[: unit.size + 3])
+        value = np.exp(theta[:loud]) * np.concatenate([unit, rest])
+        drift, force_tau, drift_tau, *depth = (float(x) for x in value[unit.size :])
         return Colours(
-            tuple(float(f) for f in value[: unit.size] * unit),
-            float(value[-2] * time),
-            float(value[-3] * s["L"]),
-            float(value[-1] * time),
-            tuple(float(x) for x in theta[unit.size + 3 :] * s["L"]),
+            tuple(float(f) for f in value[: unit.size]),
+            force_tau,
+            drift,
+            drift_tau,
+            tuple(float(x) for x in theta[loud:] * s["L"]),
+            depth[0] if depth else None,
         )
 
     theta = centre.copy()
@@ -141,6 +145,13 @@ def measure(
         )
         theta = found.x
     return Environment(colours(theta), "measured", spread_found)
+
+
+def depth_noise(model: Model, logs: Sequence[Log]) -> float | None:
+    """White noise of the measured depth [m], loudest of the runs; None where none has it."""
+    z = model.kernel.channels.index("z") if "z" in model.kernel.channels else -1
+    seen = [float(log.sigma[log.channels.index(z)]) for log in logs if z in log.channels]
+    return max(seen, default=None)
 
 
 def measure_straight(model: Model, logs: Sequence[Log], free: Free) -> tuple[Environment, tuple[str, ...]]:
