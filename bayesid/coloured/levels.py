@@ -11,12 +11,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import minimize
 
 from bayesid.coloured.colours import Colours, force_unit, pairs
 from bayesid.coloured.evidence import posterior
 from bayesid.coloured.fit import NOTHING, ColouredFit, Free, fit, stack
 from bayesid.coloured.log import Array, Log
+from bayesid.coloured.lowest import lowest
 from bayesid.coloured.path import Path, linearise
 from bayesid.coloured.repeats import may_repeat, without_repeats
 from bayesid.errors import ModelError
@@ -136,14 +136,7 @@ def measure(
 
         high = centre + 2.5 * spread
         high[unit.size + 1] = min(high[unit.size + 1], np.log(SLOWEST))
-        found = minimize(
-            cost,
-            theta,
-            method="L-BFGS-B",
-            bounds=list(zip(centre - 2.5 * spread, high, strict=True)),
-            options={"maxiter": steps, "eps": 0.02},
-        )
-        theta = found.x
+        theta = lowest(cost, theta, centre - 2.5 * spread, high, spread, steps)
     return Environment(colours(theta), "measured", spread_found)
 
 
