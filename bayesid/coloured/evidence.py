@@ -93,3 +93,19 @@ def posterior(g: Gram) -> Posterior:
     logdet_h = 2.0 * float(np.log(np.diag(factor[0])).sum())
     log_z = -0.5 * (g.ee - float(g.se @ mean)) - 0.5 * g.logdet - 0.5 * logdet_h + constant
     return Posterior(mean, cho_solve(factor, np.eye(k)), log_z)
+
+
+def without(g: Gram, keep: int) -> Gram:
+    """Gram matrix of the first `keep` columns with the unit-normal unknowns of the others integrated out."""
+    if g.se.size == keep:
+        return g
+    a, b = slice(None, keep), slice(keep, None)
+    factor = cho_factor(np.eye(g.se.size - keep) + g.ss[b, b], lower=True)
+    half = cho_solve(factor, np.column_stack([g.ss[b, a], g.se[b]]))
+    return Gram(
+        g.ss[a, a] - g.ss[a, b] @ half[:, :-1],
+        g.se[a] - g.ss[a, b] @ half[:, -1],
+        g.ee - float(g.se[b] @ half[:, -1]),
+        g.logdet + 2.0 * float(np.log(np.diag(factor[0])).sum()),
+        g.used,
+    )

@@ -7,18 +7,17 @@ is excited).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from bayesid.coloured.colours import Colours, force_unit, pairs
-from bayesid.coloured.evidence import posterior
+from bayesid.coloured.evidence import Gram, posterior
 from bayesid.coloured.fit import NOTHING, ColouredFit, Free, fit, stack
 from bayesid.coloured.log import Array, Log
-from bayesid.coloured.lowest import lowest
+from bayesid.coloured.lowest import lowest, spread_left
 from bayesid.coloured.path import Path, linearise
-from bayesid.coloured.repeats import may_repeat, without_repeats
 from bayesid.errors import ModelError
 from bayesid.model import Model
 
@@ -41,6 +40,9 @@ SETTLING = 20
 HOPELESS = 1e12
 
 
+Grams = Callable[[Model, Sequence[Path], Free, Colours], list[Gram]]
+
+
 @dataclass(frozen=True)
 class Environment:
     """Environment of a trial.
@@ -50,11 +52,13 @@ class Environment:
     colours : Colours
     source : "stated", "measured" or "assumed"
     spread : standard deviation of the logarithm of the amplitudes
+    known : standard deviation left to each unknown of a measurement, in its order; empty where not measured
     """
 
     colours: Colours
     source: str
     spread: float
+    known: tuple[float, ...] = ()
 
 
 def silent(model: Model) -> Colours:
@@ -77,6 +81,7 @@ def measure(
     rounds: int = 2,
     known: Environment | None = None,
     steps: int = 12,
+    grams: Grams = stack,
 ) -> Environment:
     """Environment of runs on which the nominal structure is trusted.
 
@@ -85,6 +90,7 @@ def measure(
     Parameters
     ----------
     known : an earlier measurement to stay close to (`REPEATABLE` in the logarithm)
+    grams : whitened Gram matrices of the runs; another one may know forces beside the environment
     """
     unit, s = force_unit(model), model.scales
     time = s["L"] / s["U"]
@@ -105,7 +111,11 @@ def measure(
         level = np.array([c.drift, c.force_tau, c.drift_tau, *(c.slow("z") for _ in deep)]) / rest
         before = np.array(c.arms) / s["L"] if c.arms else np.zeros(arms)
         centre = np.concatenate([np.log(np.concatenate([np.array(c.force) / unit, level])), before])
-        spread = np.concatenate([np.full(loud, REPEATABLE), np.full(arms, ARM_REPEATS)])
+        # an amplitude the straight runs hardly tell may be another one
+        spread = np.hypot(
+            np.concatenate([np.full(loud, REPEATABLE), np.full(arms, ARM_REPEATS)]),
+            known.known if known.known else 0.0,
+        )
 
     def colours(theta: Array) -> Colours:
         value = np.exp(theta[:loud]) * np.concatenate([unit, rest])
@@ -124,12 +134,12 @@ def measure(
     for _ in range(rounds):
         # Coefficients stay nominal along the path: a row of the balance and its noise may shrink together
         # without any change in the track, and a path fitted under too quiet a guess would take that way out.
-        settled = _settled(model, logs, colours(theta))
-        linear = _linear(model, logs, settled, free)
+        settled = settled_paths(model, logs, colours(theta))
+        linear = linear_paths(model, logs, settled, free)
 
         def cost(t: Array, paths: tuple = linear) -> float:
-            grams = stack(model, paths, free, colours(t))
-            total = sum(grams[1:], grams[0])
+            all_runs = grams(model, paths, free, colours(t))
+            total = sum(all_runs[1:], all_runs[0])
             if not (np.isfinite(total.ss).all() and np.isfinite(total.se).all() and np.isfinite(total.ee)):
                 return HOPELESS
             return -posterior(total).log_evidence + 0.5 * float((((t - centre) / spread) ** 2).sum())
@@ -137,7 +147,8 @@ def measure(
         high = centre + 2.5 * spread
         high[unit.size + 1] = min(high[unit.size + 1], np.log(SLOWEST))
         theta = lowest(cost, theta, centre - 2.5 * spread, high, spread, steps)
-    return Environment(colours(theta), "measured", spread_found)
+    left = tuple(float(x) for x in spread_left(cost, theta, spread)) if known is None else ()
+    return Environment(colours(theta), "measured", spread_found, left)
 
 
 def depth_noise(model: Model, logs: Sequence[Log]) -> float | None:
@@ -147,26 +158,7 @@ def depth_noise(model: Model, logs: Sequence[Log]) -> float | None:
     return max(seen, default=None)
 
 
-def measure_straight(model: Model, logs: Sequence[Log], free: Free) -> tuple[Environment, tuple[str, ...]]:
-    """Environment of straight runs without the force they have in common, and the axes that have one."""
-    found = measure(model, logs, free)
-    if not may_repeat(model, logs, found.colours):
-        return found, ()
-    settled = _settled(model, logs, found.colours)
-    common = without_repeats(model, _linear(model, logs, settled, free), free, found.colours)
-    if common is None:
-        return found, ()
-    bare, axes = common
-    again = measure(model, bare, free)
-    # what one common force takes from each of n runs
-    lost = np.where(axes, np.sqrt(len(logs) / (len(logs) - 1.0)), 1.0)
-    force = tuple(float(f) for f in np.array(again.colours.force) * lost)
-    names = [n[-1] for n in model.kernel.exogenous if n.startswith("force_")]
-    repeated = tuple(n for n, a in zip(names, axes, strict=True) if a)
-    return replace(again, colours=replace(again.colours, force=force)), repeated
-
-
-def _settled(model: Model, logs: Sequence[Log], colours: Colours) -> ColouredFit:
+def settled_paths(model: Model, logs: Sequence[Log], colours: Colours) -> ColouredFit:
     """Paths settled at the nominal coefficients.
 
     Straight runs settle at once at the real level. Where they do not, they are led there from a loud one: a
@@ -182,7 +174,7 @@ def _settled(model: Model, logs: Sequence[Log], colours: Colours) -> ColouredFit
     return fit(model, logs, NOTHING, colours, passes=SETTLING)
 
 
-def _linear(model: Model, logs: Sequence[Log], settled: ColouredFit, free: Free) -> tuple[Path, ...]:
+def linear_paths(model: Model, logs: Sequence[Log], settled: ColouredFit, free: Free) -> tuple[Path, ...]:
     """Paths about where a fit ended; about its most probable pass if the last step left the numbers."""
     try:
         return tuple(

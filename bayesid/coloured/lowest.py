@@ -14,6 +14,8 @@ from bayesid.coloured.log import Array
 
 # Distance over the prior sd at which the curvature is probed; step of a slope over the sd it means.
 PROBE, STEP = 1e-3, 0.01
+# Distance over the prior sd at which the spread an unknown is left with is read.
+WIDE = 0.2
 # Gain [nats] not worth a further step.
 ENOUGH = 0.05
 
@@ -52,3 +54,15 @@ def lowest(
         options={"maxiter": steps, "eps": STEP, "ftol": ENOUGH / max(abs(here), 1.0)},
     )
     return np.clip(start + unit * found.x, low, high)
+
+
+def spread_left(cost: Callable[[Array], float], at: Array, spread: Array) -> Array:
+    """(k,) standard deviations the curvature of a cost leaves each unknown, at most the prior's."""
+    here, out = cost(at), spread.copy()
+    for k in range(at.size):
+        move = np.zeros(at.size)
+        move[k] = WIDE * spread[k]
+        bend = (cost(at + move) - 2.0 * here + cost(at - move)) / move[k] ** 2
+        if np.isfinite(bend) and bend > 0.0:
+            out[k] = min(bend**-0.5, spread[k])
+    return out

@@ -27,9 +27,9 @@ COMMON = 2.3
 SLOW = 4.0
 
 
-def may_repeat(model: Model, logs: Sequence[Log], colours: Colours) -> bool:
-    """Whether it is worth asking: a fast disturbance is weather too often, and hides little."""
-    return len(logs) > 1 and colours.force_tau >= SLOW * model.scales["L"] / model.scales["U"]
+def slow(model: Model, colours: Colours) -> bool:
+    """Whether a disturbance is so slow that it may be no weather; a fast one is it too often."""
+    return colours.force_tau >= SLOW * model.scales["L"] / model.scales["U"]
 
 
 def without_repeats(
@@ -39,13 +39,15 @@ def without_repeats(
 
     Parameters
     ----------
-    paths : two or more straight runs linearised under `colours`
+    paths : straight runs linearised under `colours`; one alone has nothing in common
 
     Notes
     -----
     Forces are compared over the square of each run's speed, by time since its start, after what the
     coefficients can explain.
     """
+    if len(paths) < 2:
+        return None
     forces = disturbances(model, paths, free, colours)
     square = [float(np.median(p.point.states[:, model.kernel.full.states.index("u")])) ** 2 for p in paths]
     starts = [p.log.plan.t[:-1] - p.log.plan.t[0] for p in paths]

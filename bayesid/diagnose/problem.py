@@ -12,9 +12,10 @@ import numpy as np
 
 from bayesid.coloured.fit import NOTHING, ColouredFit, Free, fit
 from bayesid.coloured.free import coefficient_prior, effect_prior
-from bayesid.coloured.levels import Environment, measure, measure_straight, stated
+from bayesid.coloured.levels import Environment, measure, stated
 from bayesid.coloured.log import Log, read_run
 from bayesid.coloured.path import Point
+from bayesid.coloured.weather import Apart, measure_straight
 from bayesid.diagnose.event import Event, blanked, released
 from bayesid.diagnose.outliers import set_aside
 from bayesid.effects import Effect
@@ -147,18 +148,29 @@ def _environment(
     straight = [log for log in logs if log.straight]
     if straight:
         say(f"environment: measured from {len(straight)} straight run(s)")
-        first, repeated = measure_straight(model, straight, free)
-        if repeated:
+        first, apart = measure_straight(model, straight, free)
+        if apart.any:
+            warnings.append(_said(model, apart))
+        if apart.repeated:
             # the manoeuvres have it as well
-            warnings.append(
-                f"the straight runs have the same disturbance in {', '.join(repeated)} at the same time: it "
-                "is not weather and is left out of the environment"
-            )
             return first
-        return measure(model, logs, free, rounds=1, known=first, steps=5)
+        return measure(model, logs, free, rounds=1, known=first, steps=5, grams=apart.grams)
     warnings.append("no straight run: the environment is estimated from all runs, so a gap may hide in it")
     found = measure(model, logs, free)
     return Environment(found.colours, "assumed", 1.0)
+
+
+def _said(model: Model, apart: Apart) -> str:
+    """What straight runs have that is not weather, in words."""
+    parts = []
+    if apart.repeated:
+        parts.append(f"the same disturbance in {', '.join(apart.repeated)} at the same time")
+    if apart.frequencies:
+        periods = ", ".join(f"{2 * np.pi / f:.3g}" for f in apart.frequencies)
+        parts.append(f"a force with a period of {periods} s")
+    if apart.lasting:
+        parts.append("a force that lasts")
+    return f"the straight runs have {' and '.join(parts)}: not weather, left out of the environment"
 
 
 def start_points(problem: Problem, effect_free: Free, effects: tuple[Effect, ...]) -> list[Point]:

@@ -18,6 +18,7 @@ from bayesid.coloured.fit import Free
 from bayesid.coloured.log import Array
 from bayesid.coloured.path import Path, Point, linearise
 from bayesid.diagnose.problem import Problem
+from bayesid.diagnose.rhythm import rhythms
 from bayesid.model import Model
 
 # Amplitudes relative to each channel's unit, and correlation times in L/U: fast, slow, and lasting a run.
@@ -27,13 +28,21 @@ TIMES = (1.0, 8.0, 64.0)
 
 @dataclass(frozen=True)
 class Place:
-    """Evidence of a latent signal in one place."""
+    """Evidence of a latent signal in one place.
+
+    Attributes
+    ----------
+    amplitude, tau : of the best signal without a rhythm, over its unit, and [s]
+    average : over all amplitudes and times
+    period : [s] where a periodic signal gains most, else None
+    """
 
     channel: str
     evidence: float
     amplitude: float
     tau: float
     average: float
+    period: float | None = None
 
 
 @dataclass(frozen=True)
@@ -90,7 +99,7 @@ def channel_sets(problem: Problem) -> dict[str, tuple[tuple[str, ...], tuple[str
 
 def tried(problem: Problem) -> int:
     """Number of free signals `locate` tries."""
-    return len(channel_sets(problem)) * len(AMPLITUDES) * len(TIMES)
+    return len(channel_sets(problem)) * len(AMPLITUDES) * (len(TIMES) + 1)
 
 
 def units(model: Model) -> dict[str, float]:
@@ -136,7 +145,9 @@ def locate(problem: Problem, points: Sequence[Point], free: Free, masks: bool = 
     base = _evidence(problem, paths, free, colours, None)
     size, time = units(model), model.scales["L"] / model.scales["U"]
     places, averages = [], []
-    for name, (inputs, channels) in channel_sets(problem).items():
+    sets = channel_sets(problem)
+    periodic = rhythms(problem, paths, free, sets, size, AMPLITUDES)
+    for name, (inputs, channels) in sets.items():
         seen = []
         for a in AMPLITUDES:
             for tau in TIMES:
@@ -145,8 +156,12 @@ def locate(problem: Problem, points: Sequence[Point], free: Free, masks: bool = 
                 )
                 seen.append((_evidence(problem, paths, free, colours, latent), a, tau * time))
         best = max(seen)
-        average = _log_mean([t[0] for t in seen])
-        places.append(Place(name, best[0] - base, best[1], best[2], average - base))
+        rhythm = periodic.get(name)
+        beats = list(rhythm.evidence) if rhythm else []
+        average = _log_mean([t[0] for t in seen] + beats)
+        period = rhythm.period if rhythm and max(beats) > best[0] else None
+        top = max([best[0], *beats])
+        places.append(Place(name, top - base, best[1], best[2], average - base, period))
         # A signal on a sensor stands for drift, or for noise faster than the sampling, as well as a fault.
         if inputs:
             averages.append(average)

@@ -1,0 +1,103 @@
+"""A periodic signal put into each input: what it gains, and its period.
+
+Takes a `Problem` and linearised runs. Gives evidence per place. Does not name a cause.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bayesid.coloured.colours import Colours, whitened
+from bayesid.coloured.evidence import Gram, gram, posterior, without
+from bayesid.coloured.fit import Free
+from bayesid.coloured.lines import FINE, lines, spectrum, swing
+from bayesid.coloured.path import Path
+from bayesid.diagnose.problem import Problem
+
+
+@dataclass(frozen=True)
+class Rhythm:
+    """Log evidence of a periodic signal in one place, one per amplitude, averaged over frequencies."""
+
+    evidence: tuple[float, ...]
+    period: float
+
+
+def rhythms(
+    problem: Problem,
+    paths: Sequence[Path],
+    free: Free,
+    sets: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]],
+    size: Mapping[str, float],
+    amplitudes: Sequence[float],
+) -> dict[str, Rhythm]:
+    """Evidence by place of a sine of unknown size and phase in each run; empty where the runs show no line.
+
+    Parameters
+    ----------
+    sets : inputs and sensor channels of each place; places of sensors are left out
+    size : unit of each input [SI]
+    amplitudes : prior sd in these units
+
+    Notes
+    -----
+    All frequencies looked at are as probable before the data; those without a line in the innovations are
+    taken to gain nothing.
+    """
+    colours = problem.environment.colours
+    base = [_columns(problem, k, p, free, colours) for k, p in enumerate(paths)]
+    total = sum(base[1:], base[0])
+    z = posterior(total).mean
+    standard = [_innovations(problem, k, p, free, colours, z) for k, p in enumerate(paths)]
+    found = lines(problem.model, paths, standard)
+    if not found:
+        return {}
+    names = tuple(dict.fromkeys(n for inputs, _ in sets.values() for n in inputs))
+    known = len(free.names)
+    spread = np.log(max(spectrum(problem.model, paths, standard)[0].size / FINE, 1.0))
+    by_line = []
+    for frequency in found:
+        unit = [size[n] for n in names]
+        swung = [swing(p, frequency, names, unit) for p in paths]
+        by_line.append([_columns(problem, k, p, free, colours, swung[k]) for k, p in enumerate(paths)])
+    out = {}
+    for place, (inputs, _) in sets.items():
+        if not inputs:
+            continue
+        at = [known + 2 * names.index(n) + i for n in inputs for i in (0, 1)]
+        seen = np.array([[_evidence(runs, at, known, a) for a in amplitudes] for runs in by_line])
+        best = int(np.argmax(seen.max(axis=1)))
+        mean = np.logaddexp.reduce(seen, axis=0) - spread
+        out[place] = Rhythm(tuple(float(m) for m in mean), float(2 * np.pi / found[best]))
+    return out
+
+
+def _columns(
+    problem: Problem, k: int, path: Path, free: Free, colours: Colours, extra: tuple | None = None
+) -> Gram:
+    step = free.mean - path.point.par[free.where]
+    w = whitened(problem.model, path, step, free.sd, colours, None, k, extra)
+    return gram(w.resid, w.columns, w.logdet, w.used)
+
+
+def _innovations(
+    problem: Problem, k: int, path: Path, free: Free, colours: Colours, z: np.ndarray
+) -> np.ndarray:
+    step = free.mean - path.point.par[free.where]
+    w = whitened(problem.model, path, step, free.sd, colours, None, k)
+    return (w.resid - w.columns @ z).reshape(path.resid.shape)
+
+
+def _evidence(runs: Sequence[Gram], at: Sequence[int], known: int, amplitude: float) -> float:
+    """Log evidence of all runs, each with a sine of its own of this prior sd."""
+    scale = np.concatenate([np.ones(known), np.full(len(at), amplitude)])
+    columns = np.array([*range(known), *at])
+    parts = []
+    for run in runs:
+        g = run.pick(columns)
+        scaled = Gram(g.ss * np.outer(scale, scale), g.se * scale, g.ee, g.logdet, g.used)
+        parts.append(without(scaled, known))
+    return posterior(sum(parts[1:], parts[0])).log_evidence
