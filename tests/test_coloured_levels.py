@@ -24,9 +24,9 @@ NOISE = {"x": 0.3, "y": 0.3, "z": 0.1, "psi": 0.005, "theta": 0.003, "phi": 0.00
 SLOW, SPACING = 30.0, 1.0
 
 
-def wandering(rng, n):
-    """Unit Ornstein-Uhlenbeck series of correlation time `SLOW`."""
-    keep = np.exp(-SPACING / SLOW)
+def wandering(rng, n, step=SPACING / SLOW):
+    """Unit Ornstein-Uhlenbeck series; `step` between samples over the correlation time."""
+    keep = np.exp(-step)
     drive = rng.standard_normal(n)
     drive[1:] *= np.sqrt(1.0 - keep**2)
     return lfilter([1.0], [1.0, -keep], drive)
@@ -114,3 +114,24 @@ def test_a_planar_trial_has_no_level_of_the_depth():
     planar = build_model(load_vehicle("remus100"), 3)
     assert depth_noise(planar, []) is None
     assert depth_noise(MODEL, [straight(0.6, 0.0)[0]]) == NOISE["z"]
+
+
+def test_a_position_error_keeps_its_own_time_on_a_large_vehicle():
+    # L/U is 19 s here: the position wanders over 3 of them, which no vehicle's own motion would
+    model = build_model(load_vehicle("generic_sub"), 3)
+    t, tau = 2.5 * np.arange(250), 60.0
+    commands = {"n_cmd": np.full(t.size, model.vehicle.rpm_ref), "delta_r_cmd": np.zeros(t.size)}
+    states = simulate(model, model.nominal, plan_run(model, t, commands), steady_start(model)).states
+    noise, logs = {"x": 1.0, "y": 1.0, "psi": 0.005, "r": 5e-4}, []
+    for seed in range(2):
+        rng = np.random.default_rng(seed)
+        data = {
+            n: states[:, model.states.index(n)] + s * rng.standard_normal(t.size) for n, s in noise.items()
+        }
+        for name in ("x", "y"):
+            data[name] = data[name] + 2.0 * wandering(rng, t.size, 2.5 / tau)
+        logs.append(read_run(model, Run("a", "straight", "identify", t, data, commands), noise, tuple(noise)))
+    colours = measure(model, logs, coefficient_prior(model), rounds=1).colours
+    # two runs of ten correlation times, two channels
+    assert 0.7 < colours.drift / 2.0 < 1.4
+    assert 0.5 < colours.drift_tau / tau < 2.0

@@ -28,6 +28,10 @@ DRIFT_MEDIAN, DRIFT_SPREAD = 0.05, 1.5
 # How far the environment of manoeuvring runs may lie from that of the straight ones, in the logarithm.
 REPEATABLE = 0.4
 TAU_FORCE, TAU_DRIFT, TAU_SPREAD = 3.0, 25.0, 0.7
+# Time over which a position error wanders [s] and spread of its logarithm: what makes it (satellites,
+# beacons, reflections) knows nothing of the vehicle's size. Taken as so many L/U, the drift of a 60 m hull
+# came out twice too large and ten times too slow.
+NAVIGATION, NAVIGATION_SPREAD = 60.0, 1.0
 # Longest correlation time of a disturbance [L/U]. A force that lasts longer than the vehicle's own answer to
 # it is not noise about its equations but a cause missing from them: a drag that stepped up for good passed
 # for a slow sea, and its look-alike was named.
@@ -71,7 +75,7 @@ def stated(model: Model, force_rms: float, nav_drift: float) -> Environment:
     """Environment a bundle states: force over 1/2 rho L^2 U^2 (moments L^3), drift in m."""
     quiet = silent(model)
     force = tuple(float(f) for f in force_rms * force_unit(model))
-    return Environment(Colours(force, quiet.force_tau, nav_drift, quiet.drift_tau), "stated", 0.0)
+    return Environment(Colours(force, quiet.force_tau, nav_drift, NAVIGATION), "stated", 0.0)
 
 
 def measure(
@@ -97,11 +101,11 @@ def measure(
     arms = len(pairs(model))
     noise = depth_noise(model, logs)
     deep = [] if noise is None else [noise]
-    rest = np.array([s["L"], time, time, *deep])
+    rest = np.array([s["L"], time, NAVIGATION, *deep])
     loud = unit.size + rest.size
     if known is None:
-        medians = [DRIFT_MEDIAN, TAU_FORCE, TAU_DRIFT] + [1.0 for _ in deep]
-        wide = [DRIFT_SPREAD, TAU_SPREAD, TAU_SPREAD] + [DRIFT_SPREAD for _ in deep]
+        medians = [DRIFT_MEDIAN, TAU_FORCE, 1.0] + [1.0 for _ in deep]
+        wide = [DRIFT_SPREAD, TAU_SPREAD, NAVIGATION_SPREAD] + [DRIFT_SPREAD for _ in deep]
         centre = np.concatenate(
             [np.log(np.concatenate([np.full(unit.size, FORCE_MEDIAN), medians])), np.zeros(arms)]
         )
