@@ -44,11 +44,6 @@ def effect_prior(model: Model, effect: Effect) -> Free:
         names,
         model.positions(names),
         np.array([p.mean for p in effect.parameters]),
-        np.array(
-            [
-                p.sd * eval_scale(p.scale, model.scales) if p.unit != "L/U" and p.unit != "L" else p.sd
-                for p in effect.parameters
-            ]
-        ),
+        np.array([p.sd * eval_scale(p.scale, model.scales) for p in effect.parameters]),
         np.array([p.off if p.one_sided else -np.inf for p in effect.parameters]),
     )
