@@ -153,7 +153,8 @@ def _laid_out(
 
 def _every(plan: Plan, count: int) -> Plan:
     """The plan with every `count`-th sample only; steps and commands as they are."""
-    return replace(plan, t=plan.t[::count], record=plan.record[::count])
+    # numba compiles every kernel once more for an array with gaps
+    return replace(plan, t=plan.t[::count].copy(), record=plan.record[::count].copy())
 
 
 def columns(model: Model, knowledge: Knowledge, par: Array, run: RunData) -> tuple[Array, Array]:

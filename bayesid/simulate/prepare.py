@@ -86,7 +86,7 @@ def mass_matrices(model: Model, fun: Functions, pars: Array) -> Array:
     """(b, nv, nv) mass matrices, added mass included, of (b, n) parameter vectors."""
     nv = len(model.kernel.velocities)
     mass = np.zeros((pars.shape[0], nv, nv))
-    fun.masses(np.ascontiguousarray(pars, dtype=float), mass)
+    fun.masses(np.array(pars, dtype=float, order="C"), mass)  # as in `check_parameters`
     return mass
 
 
