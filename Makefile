@@ -34,7 +34,7 @@ paper: $(STAMP)
 	$(BIN)/python studies/paper_cases.py --out $(OUT)/paper_cases $(FLAGS)
 
 test: $(STAMP)
-	$(BIN)/python -m pytest -q
+	$(BIN)/python -m pytest -q -n auto --maxprocesses 4 --dist worksteal
 
 slow: $(STAMP)
 	$(BIN)/python -m pytest -q -m slow

@@ -8,6 +8,8 @@ from __future__ import annotations
 import os
 
 os.environ.setdefault("MPLBACKEND", "Agg")
+# `make test` runs a process per core: threads of the linear algebra would only wait for each other
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 ALLOWED_WARNINGS = (
     # arviz 0.23 announces its 1.x rewrite on import; both generations are supported through one module

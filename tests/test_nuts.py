@@ -46,9 +46,9 @@ class Gaussian:
         return float(self.log_prob(q[None])[0]), -(self.precision @ (q / self.sd)) / self.sd
 
 
-def spread(target):
+def spread(target, **options):
     start = Laplace(np.zeros(K), 1.5 * target.covariance)  # as wrong as Laplace may be
-    return sample_nuts(target, start, NutsOptions(seed=1), threads=1)
+    return sample_nuts(target, start, NutsOptions(seed=1, **options), threads=1)
 
 
 def test_standard_deviations_of_a_known_gaussian_are_met():
@@ -102,7 +102,8 @@ def test_a_chain_of_another_density_is_not_lengthened():
 
 
 def test_a_wall_across_the_posterior_is_told_and_keeps_the_gate_shut():
-    found = spread(Gaussian(wall=True))
+    # half the space is wall: a tenth of the usual draws meets it often enough
+    found = spread(Gaussian(wall=True), tune=100, draws=100)
     assert not found.converged
     assert any("the steps cannot follow" in reason for reason in found.gate.reasons)
 
