@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from bayesid.diagnose import candidate as candidates
 from bayesid.diagnose import verdict
 from bayesid.diagnose.event import Event
 from bayesid.diagnose.events import verdict_with
@@ -23,6 +24,7 @@ PROBLEM = SimpleNamespace(
 
 @pytest.fixture(autouse=True)
 def plain(monkeypatch):
+    monkeypatch.setattr(verdict, "idle", lambda best, problem: ())
     monkeypatch.setattr(verdict, "pulls", lambda fit, problem: np.array([0.5]))
     agreed = SimpleNamespace(total=1.0, disagreement=0.5, disagree=False, refuted=False)
     monkeypatch.setattr(verdict, "crossed", lambda best, none, k: agreed)
@@ -33,7 +35,9 @@ def candidate(log_evidence, *effects):
     return SimpleNamespace(effects=effects, log_evidence=log_evidence, fit=fit, widens=False)
 
 
-def judged(refits, probabilities, inside=None, left=0.0, before=30.0, absorbed=(), as_built=False):
+def judged(
+    refits, probabilities, inside=None, left=0.0, before=30.0, absorbed=(), as_built=False, faint=(), speak=()
+):
     best = max(refits, key=lambda c: c.log_evidence)
     return verdict.judge(
         SimpleNamespace(**vars(PROBLEM) | {"as_built": as_built}),
@@ -43,11 +47,13 @@ def judged(refits, probabilities, inside=None, left=0.0, before=30.0, absorbed=(
             best=best,
             probabilities={"none": 0.0, "outside": 0.0} | probabilities,
             inside=inside or probabilities,
-            evidence={},
+            evidence={n: 5.0 if n in speak else -0.5 for n in FAMILY},
             where=SimpleNamespace(places=(SimpleNamespace(channel="N", evidence=before),)),
             where_after=SimpleNamespace(places=(SimpleNamespace(channel="N", evidence=left),)),
             ambiguity=SimpleNamespace(
-                names=tuple(FAMILY), absorbed=[0.99 if n in absorbed else 0.1 for n in FAMILY]
+                names=tuple(FAMILY),
+                absorbed=[0.99 if n in absorbed else 0.1 for n in FAMILY],
+                detect=[1.0 if n in faint else 400.0 for n in FAMILY],
             ),
             thresholds=SimpleNamespace(named=3.0, remainder=19.0, conflict=3.0),
         ),
@@ -58,8 +64,24 @@ def test_a_cause_outside_in_the_set_leaves_the_name_but_another_family_does_not(
     alone = [candidate(50.0, "a")]
     assert judged(alone, {"a": 0.94, "outside": 0.06}).word == "effect"
     assert judged(alone, {"a": 0.6, "d": 0.4}).word == "effect"  # one family
-    assert judged(alone, {"a": 0.9, "b": 0.1}).word == "ambiguous"
+    assert judged(alone, {"a": 0.88, "b": 0.12}).word == "ambiguous"
     assert judged(alone, {"a": 0.4, "outside": 0.6}).word == "outside"
+
+
+def test_no_name_is_given_below_nine_tenths_whatever_the_rival():
+    alone = [candidate(50.0, "a")]
+    for rival in ("b", "outside"):
+        assert judged(alone, {"a": 0.91, rival: 0.09}).word == "effect"
+        unsure = judged(alone, {"a": 0.85, rival: 0.15})
+        assert unsure.word == "ambiguous" and {"a", rival} <= set(unsure.set95)
+
+
+def test_what_could_not_be_seen_and_does_not_speak_is_no_other_answer_than_none():
+    nothing, p = [candidate(1.0, "c")], {"none": 0.8, "a": 0.07, "b": 0.06, "c": 0.07}
+    assert judged(nothing, p).set95 == ("none", "a", "c", "b")
+    assert judged(nothing, p, faint="ab").set95 == ("none", "c")
+    assert judged(nothing, p, faint="abc").set95 == ("none",)
+    assert "a" in judged(nothing, p, faint="ab", speak="a").set95
 
 
 def test_what_is_left_turns_an_effect_into_one_with_a_remainder():
@@ -85,6 +107,31 @@ def test_what_chance_may_leave_takes_no_effect_away_though_the_runs_disagree(pai
     monkeypatch.setattr(verdict, "crossed", lambda best, none, k: differ)
     small = [candidate(60.0, "a", "b"), candidate(40.0, "a"), candidate(30.0, "b")]
     assert judged(small, {"a": 0.5, "b": 0.5}, {"a": 1.0, "b": 1.0}, left=12.0).effects == ("a", "b")
+
+
+def test_an_effect_of_no_size_is_not_named_beside_another(pair, monkeypatch):
+    monkeypatch.setattr(verdict, "idle", lambda best, problem: ("b",))
+    v = judged(pair, {"a": 0.5, "b": 0.5}, {"a": 1.0, "b": 1.0})
+    assert (v.word, v.effects) == ("effect_with_remainder", ("a",))
+
+
+def test_an_effect_is_idle_where_every_size_lies_within_its_deviation_of_off(monkeypatch):
+    effect = {
+        n: SimpleNamespace(key=lambda p, n=n: f"{n}.{p}", parameters=[SimpleNamespace(name=p) for p in ps])
+        for n, ps in {"still": ("size", "shape"), "acts": ("size", "other")}.items()
+    }
+    table = {
+        "still.size": (0.05, 0.1),
+        "still.shape": (9.0, 0.1),
+        "acts.size": (0.0, 0.1),
+        "acts.other": (0.5, 0.1),
+    }
+    model = SimpleNamespace(
+        effects=effect, index={k: i for i, k in enumerate(table)}, effect_off={1: 1.0, 0: 0.0}
+    )
+    monkeypatch.setattr(candidates, "parameter_table", lambda fit, problem: table)
+    both = SimpleNamespace(effects=("still", "acts"), fit=None)
+    assert candidates.idle(both, SimpleNamespace(model=model)) == ("still",)
 
 
 def test_a_second_effect_that_might_be_another_is_not_named(pair):

@@ -190,6 +190,18 @@ def parameter_table(fitted: ColouredFit, problem: Problem) -> dict[str, tuple[fl
     }
 
 
+def idle(candidate: Candidate, problem: Problem) -> tuple[str, ...]:
+    """Effects of a refit whose every size lies within a standard deviation of off: they explain nothing."""
+    model, table = problem.model, parameter_table(candidate.fit, problem)
+    out = []
+    for name in candidate.effects:
+        keys = [model.effects[name].key(p.name) for p in model.effects[name].parameters]
+        sizes = [table[k] for k in keys if k in table and model.effect_off.get(model.index[k], 0.0) == 0.0]
+        if sizes and all(abs(value) < sd for value, sd in sizes):
+            out.append(name)
+    return tuple(out)
+
+
 def pulls(fitted: ColouredFit, problem: Problem) -> Array:
     """(coefficients,) departure of the coefficients from their prior mean, in prior sd."""
     k = len(problem.coefficients.names)

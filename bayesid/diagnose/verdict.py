@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bayesid.diagnose.candidate import COEFFICIENT_ERROR, Candidate, explains, pulls
+from bayesid.diagnose.candidate import COEFFICIENT_ERROR, Candidate, explains, idle, pulls
 from bayesid.diagnose.crossed import crossed
 from bayesid.diagnose.problem import Problem
 from bayesid.diagnose.weigh import credible_set
@@ -18,8 +18,10 @@ from bayesid.diagnose.which import Candidates
 
 # Share of its signature the coefficients absorb from which an effect is hidden.
 HIDDEN = 0.98
-# Probability of acting from which one of several effects is named.
-SURE = 0.95
+# Probability of acting from which an effect is named.
+SURE = 0.9
+# Noncentrality at one prior sd below which an effect of its usual size leaves no trace, see `silent`.
+TRACE = 10.0
 # Share of what one of several effects explains below which a remainder casts no doubt on its name.
 MINOR = 0.1
 WORDS = ("none", "effect", "effect_with_remainder", "several", "outside", "coefficients", "ambiguous")
@@ -48,7 +50,8 @@ class Verdict:
 def judge(problem: Problem, candidates: Candidates) -> Verdict:
     """Verdict of a comparison."""
     probability = candidates.probabilities
-    set95 = credible_set(probability)
+    unseen = silent(candidates)
+    set95 = credible_set(probability, silent=unseen)
     # Known as built, coefficients do not change by themselves: what they could imitate is a change.
     share = np.zeros(len(candidates.ambiguity.names)) if problem.as_built else candidates.ambiguity.absorbed
     absorbed = dict(zip(candidates.ambiguity.names, share, strict=True))
@@ -96,9 +99,15 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
     if runs.refuted and explains(best):
         return Verdict("ambiguous", _names(set95), set95, (), tuple(reasons))
     if len(best.effects) > 1:
-        # An effect that explains little beside what is left is a part of the remainder.
+        # An effect that explains little beside what is left is a part of the remainder; one whose size is
+        # nought mends something else.
         shows = left > limit.remainder
-        kept = tuple(n for n in best.effects if not shows or left < MINOR * _part(candidates, best, n))
+        off = idle(best, problem)
+        kept = tuple(
+            n
+            for n in best.effects
+            if n not in off and (not shows or left < MINOR * _part(candidates, best, n))
+        )
         sure = tuple(n for n in kept if _acts(candidates, families, n) > SURE)
         if len(sure) > 1:
             return Verdict("several", sure, set95, hidden, tuple(reasons))
@@ -115,11 +124,23 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
         if probability["none"] > 0.5:
             return Verdict("none", (), set95, (), tuple(reasons))
         return Verdict("ambiguous", _names(set95), set95, (), tuple(reasons))
-    rivals = {families.get(n, n) for n in set95} - {"outside"}
-    if len(rivals) > 1:
+    if _acts(candidates, families, name) < SURE:
         return Verdict("ambiguous", _names(set95), set95, (), tuple(reasons))
     word = "effect_with_remainder" if rest else "effect"
     return Verdict(word, (name,), set95, (), tuple(reasons))
+
+
+def silent(candidates: Candidates) -> tuple[str, ...]:
+    """Effects that these runs would hardly show at their usual size, and do not speak for.
+
+    Their probability is what it was before the data. As an explanation they are no other than "none": what is
+    not there to be seen cannot be told from what is too small to be.
+    """
+    return tuple(
+        n
+        for n, d in zip(candidates.ambiguity.names, candidates.ambiguity.detect, strict=True)
+        if d < TRACE and candidates.evidence.get(n, 0.0) <= 0.0
+    )
 
 
 def _acts(candidates: Candidates, families: Mapping[str, str], name: str) -> float:

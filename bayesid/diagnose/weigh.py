@@ -6,7 +6,7 @@ verdict's business.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,11 +18,14 @@ from bayesid.diagnose.problem import Problem
 from bayesid.diagnose.where import Where
 
 PRIOR_NONE, PRIOR_CATALOGUE, PRIOR_OUTSIDE = 0.5, 0.4, 0.1
-# Share of what lies outside that looks like an effect of the catalogue up to a free force: a drag that grows
-# in a step is not a loss of thrust, and yet more like it than like any generic signal.
+# Share of what lies outside that looks like an effect of the catalogue rather than like any generic signal: a
+# drag that grows in a step is not a loss of thrust, and yet more like it than like a free force. The
+# catalogue's effects share it as they share their own prior.
 ALIKE = 0.5
-# Nats from which a remainder shows at all.
-SEEN = 3.0
+# Chance that an effect acts in another form than the catalogue's.
+FORM = 0.25
+# Nats from which a remainder shows, and the smallest part of what it explains that a look-alike leaves.
+SEEN, CLOSEST = 3.0, 1e-3
 
 
 def evidences(
@@ -115,17 +118,33 @@ def probabilities(
     def tempered(value: float) -> float:
         return top - (top - value) / max(excess, 1.0)
 
-    joint = {key: tempered(value) + len(key) * each for key, value in gain.items()}
-    joint[("outside",)] += float(np.log(PRIOR_OUTSIDE)) - each
-    joint[("none",)] = float(np.log(PRIOR_NONE))
-    for key, value in more.items():
-        both = tempered(gain[key] + value) + len(key) * each + float(np.log(PRIOR_OUTSIDE))
-        # an effect has a remainder; what explains less than half of the gap is a part of something else
-        named = gain[key] > 0.5 * evidence["outside"]
-        if named:
-            joint[key] = float(np.logaddexp(joint[key], both))
-        alike = both + (float(np.log(ALIKE * _unlike(gain[key], value))) if named else 0.0)
-        joint[("outside",)] = float(np.logaddexp(joint[("outside",)], alike))
+    joint: dict[tuple[str, ...], float] = {("none",): float(np.log(PRIOR_NONE))}
+
+    def add(key: tuple[str, ...], mass: float) -> None:
+        joint[key] = float(np.logaddexp(joint.get(key, -np.inf), mass))
+
+    add(("outside",), tempered(gain[("outside",)]) + float(np.log((1.0 - ALIKE) * PRIOR_OUTSIDE)))
+    alike = float(np.log(ALIKE * PRIOR_OUTSIDE / PRIOR_CATALOGUE))
+    for key, value in gain.items():
+        if key == ("outside",):
+            continue
+        prior = len(key) * each
+        close = _closeness(value)
+        add(key, tempered(value) + prior + (_log(1.0 - FORM * (1.0 - close)) if key in more else 0.0))
+        for name in key:
+            if name == COEFFICIENT_ERROR:
+                continue
+            others = tuple(n for n in key if n != name)
+            part = value - max([v for k, v in gain.items() if set(k) == set(others)], default=0.0)
+            like = _closeness(part)
+            add((*others, "outside"), tempered(value) + prior + alike + _log(like))
+            if key in more:
+                add((*others, "outside"), tempered(value + more[key]) + prior + alike + _log(1.0 - like))
+        if key in more:
+            # an effect has another form; what explains less than half of the gap is a part of something else
+            part_of = value < 0.5 * evidence["outside"]
+            visible = tempered(value + more[key]) + prior + _log(FORM * (1.0 - close))
+            add(("outside",) if part_of else key, visible)
     total = logsumexp(list(joint.values()))
     shared = dict.fromkeys([*names, "outside", "none"], 0.0)
     inside = dict.fromkeys(shared, 0.0)
@@ -137,17 +156,29 @@ def probabilities(
     return Weights(shared, inside)
 
 
-def _unlike(explained: float, left: float) -> float:
-    """Chance that a cause only like the named one leaves so little: it leaves a tenth of what it explains."""
-    return min(1.0, max(left, SEEN) / max(0.1 * explained, SEEN))
+def _log(chance: float) -> float:
+    return float(np.log(chance)) if chance > 0.0 else -np.inf
 
 
-def credible_set(probability: dict[str, float], mass: float = 0.95) -> tuple[str, ...]:
-    """Smallest set of names that holds the mass, most probable first."""
+def _closeness(explained: float) -> float:
+    """Chance that a cause only like the one named, or that one in another form, leaves nothing that shows.
+
+    What it leaves is of unknown size, from a thousandth of what the named one explains to all of it, every
+    magnitude as probable.
+    """
+    return float(np.clip(1.0 + np.log(SEEN / max(explained, SEEN)) / np.log(1.0 / CLOSEST), 0.0, 1.0))
+
+
+def credible_set(
+    probability: Mapping[str, float], mass: float = 0.95, silent: Collection[str] = ()
+) -> tuple[str, ...]:
+    """Smallest set of names that holds the mass, most probable first; `silent` ones count as none."""
+    weight = {n: p for n, p in probability.items() if n not in silent}
+    weight["none"] = weight.get("none", 0.0) + sum(probability[n] for n in silent)
     out, total = [], 0.0
-    for name in sorted(probability, key=lambda n: -probability[n]):
+    for name in sorted(weight, key=lambda n: -weight[n]):
         out.append(name)
-        total += probability[name]
+        total += weight[name]
         if total >= mass:
             break
     return tuple(out)
