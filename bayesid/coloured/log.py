@@ -20,6 +20,10 @@ Array = np.ndarray
 ANGLES = frozenset({"psi", "phi", "theta"})
 # Error of the first guess of velocities over U, of turning rates over U/L.
 STEEP = 0.07
+# A straight run: rms of a fin over its limit, swing of the heading [rad], bend of the course [rad per L],
+# least duration [L/U], that of the longest correlation time of a disturbance (`levels.SLOWEST`).
+LITTLE, COURSE, BENT, SHORTEST = 0.1, 0.26, 0.01, 6.0
+FINS = {"delta_r": "r", "delta_s": "s", "delta_b": "b"}
 # Start of a run, in L/U, whose median speed is the prior mean of an unmeasured first speed.
 LEAD = 5.0
 
@@ -37,7 +41,7 @@ class Log:
     sigma : (q,) white sensor noise, one standard deviation
     path : (n, nx) first guess of the states of the full kernel
     start_sd : (nx,) how far the first state may be off
-    straight : heading kept at steady revolutions with little rudder: what moves sideways is the environment
+    straight : nothing ordered, course kept (`_straight`): what moves sideways is the environment
     first : (nx,) prior mean of the first state; None is that of `path`
     fresh : (n-1, nx) deviation by which the state may jump at the end of each interval: none, unless an event
         took the vehicle or its navigation out of the model's hands
@@ -163,14 +167,26 @@ def _first_path(model: Model, run: Any, noise: Mapping[str, float]) -> Array:
 
 
 def _straight(model: Model, plan: Plan, path: Array) -> bool:
-    """Whether a run keeps its heading within 15 degrees at steady revolutions, with little rudder."""
+    """Whether nothing was ordered and the vehicle keeps a course: what moves it sideways is the environment.
+
+    Revolutions are held; every fin moves little about its mean, as one does that answers; the heading stays
+    within 15 degrees, if need be of a course so slowly bent that the vehicle does not feel it. Held fins
+    alone do not make a run straight: a remus100 whose rudder stands 1 degree off turns half as fast as it
+    ever can, and then the cause moves it. The run lasts as long as the slowest disturbance, which in less
+    time is a constant without a level.
+    """
     a = model.kernel.actuators
-    rudder = plan.command[:, a.index("delta_r")]
+    time = model.scales["L"] / model.scales["U"]
     rpm = plan.command[:, a.index("n")]
+    if np.ptp(rpm) > 0.02 * max(1.0, np.abs(rpm).max()) or plan.t[-1] - plan.t[0] < SHORTEST * time:
+        return False
+    for name, letter in FINS.items():
+        if name in a:
+            limit = min(float(model.nominal[model.index[f"limit_{letter}"]]), 0.6)
+            if np.std(plan.command[:, a.index(name)]) >= LITTLE * limit:
+                return False
     heading = path[:, model.kernel.full.states.index("psi")]
-    limit = float(model.nominal[model.index["limit_r"]])
-    return bool(
-        np.ptp(heading) < 0.26
-        and np.std(rudder) < 0.1 * min(limit, 0.6)
-        and np.ptp(rpm) <= 0.02 * max(1.0, np.abs(rpm).max())
-    )
+    if np.ptp(heading) < COURSE:
+        return True
+    bend, begin = np.polyfit(plan.t, heading, 1)
+    return bool(abs(bend) * time < BENT and np.ptp(heading - begin - bend * plan.t) < COURSE)
