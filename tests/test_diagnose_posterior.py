@@ -1,5 +1,6 @@
 """Draws of an effect's parameters and the evidence they imply, against closed forms and other methods."""
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -9,6 +10,7 @@ from scipy.integrate import quad
 from scipy.interpolate import CubicSpline
 from scipy.stats import multivariate_normal
 
+from bayesid.coloured.fit import fit
 from bayesid.diagnose.candidate import corrected_evidence
 from bayesid.diagnose.density import effect_density, exact_evidence
 from bayesid.diagnose.problem import fit_with, pose
@@ -140,3 +142,44 @@ def test_the_half_normal_correction_is_needed():
     problem, fitted, _ = case("actuator_rate_limit")
     density, _ = effect_density(problem, fitted, loud=False)
     assert abs(fitted.log_evidence - by_quadrature(problem, fitted, density)) > 0.5
+
+
+def far_draws(found):
+    """The draws that lie farthest out along the amplitudes, in sampling coordinates."""
+    draws = (found.posterior.flat - found.density.offset) / found.density.scale
+    ends = [pick(draws[:, j]) for j in (-2, -1) for pick in (np.argmin, np.argmax)]
+    return draws[ends]
+
+
+def test_the_density_is_right_wherever_the_loudness_of_the_environment_is_drawn():
+    # nothing is stated, so the level is what the draws make of it
+    model = model_of("remus100")
+    s, effect = model.scales, model.effects["ocean_current"]
+    truth = {f"ocean_current.{k}": v for k, v in CASES["ocean_current"][1](s["L"], s["U"]).items()}
+    trial = planted_trial(model, other_vehicle(model, 1) | truth, 1)
+    problem = pose(model, replace(trial, environment=None))
+    fitted = fit_with(problem, (effect,))
+    found = sample_effect(problem, fitted, seed=1)
+    d = found.density
+    assert d.loud == ("force", "drift") and d.loudness.error < 0.1
+    far = far_draws(found)
+    loud = far[:, -2:]
+    assert np.abs(loud).max() > 1.2, "control: beyond a grid of a fixed width"
+    chosen = [fitted.free.names.index(n) for n in found.posterior.names[: d.count]]
+    mean, factor, evidence = d.loudness.at(loud)
+    for i, (force, drift) in enumerate(loud):
+        colours = problem.environment.colours
+        louder = replace(
+            colours,
+            force=tuple(f * np.exp(force) for f in colours.force),
+            drift=colours.drift * np.exp(drift),
+        )
+        again = fit(
+            problem.model, problem.logs, fitted.free, louder, start=list(fitted.points), loud=0.0, passes=4
+        )
+        sd = np.sqrt(np.diag(again.posterior.covariance))[chosen]
+        root = np.tril(factor[i], -1) + np.diag(np.exp(np.diag(factor[i])))
+        near = np.sqrt(np.diag(np.linalg.inv(root @ root.T)))
+        assert near / sd == pytest.approx(np.ones(d.count), abs=0.1)
+        assert np.abs((mean[i] - again.posterior.mean[chosen]) / sd).max() < 0.3
+        assert abs(evidence[i] - again.log_evidence) < 1.0

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
+from bayesid.diagnose.interval import choice, warning
 from bayesid.figures.diagnosis import bars, symlog_ticks
 from bayesid.figures.style import COLOURS
 from bayesid.report.blocks import cell_text
@@ -13,7 +14,7 @@ from bayesid.sections.diagnosis import _held
 from bayesid.sections.diagnosis_cause import where_blocks
 from bayesid.sections.diagnosis_proof import proof_label, shrink_blocks
 from bayesid.sections.diagnosis_words import in_words, unsigned_zeros
-from bayesid.sections.effect_interval import choice, lead_words, warnings_told, why
+from bayesid.sections.effect_interval import lead_words, why
 
 CHANCE = Plain(named=3.5, remainder=12.7)
 
@@ -125,7 +126,7 @@ def test_an_effect_where_a_free_signal_gains_nothing_is_explained(free, gain, sa
     assert all("already holds" in line for line in lines)
 
 
-def a_posterior(agrees=False, ratio=0.38, force=-1.13, converged=True):
+def a_posterior(agrees=False, ratio=0.38, force=-1.13, converged=True, rough=0.01, between=0.02):
     def parameter(mean, sd_over_laplace=1.0):
         return {
             "mean": mean, "sd": 0.01, "low95": mean - 0.06, "high95": mean + 0.06,
@@ -135,6 +136,7 @@ def a_posterior(agrees=False, ratio=0.38, force=-1.13, converged=True):
     parameters = {"wind.V": parameter(0.1, ratio), "N_v": parameter(-20.0), "log force": parameter(force)}
     return {
         "parameters": parameters, "agrees_with_laplace": agrees, "converged": converged, "reasons": ["short"],
+        "linearised_anew": {"roughness_nats": rough, "loudness_nats": between},
     }  # fmt: skip
 
 
@@ -142,38 +144,34 @@ def a_posterior(agrees=False, ratio=0.38, force=-1.13, converged=True):
     "posterior, use",
     [
         (a_posterior(agrees=True, ratio=1.0, force=0.1), "either"),
-        (
-            a_posterior(force=-1.13),
-            "Laplace",
-        ),  # narrow, because of an environment outside the levels computed
-        (a_posterior(ratio=1.6, force=0.9), "draws"),  # the same the other way: the wider one
+        (a_posterior(force=-1.13), "draws"),  # their density is right wherever they go
         (a_posterior(ratio=1.6, force=0.1), "draws"),
         (a_posterior(ratio=0.6, force=0.1), "draws"),
+        (a_posterior(ratio=0.6, rough=0.8), "Laplace"),  # not right where they go: the wider one
+        (a_posterior(ratio=1.6, between=0.8), "draws"),
         (a_posterior(converged=False), "Laplace"),
     ],
 )
-def test_lead_section_and_notes_send_a_reader_to_the_same_interval(posterior, use):
-    differ = "the posterior is not the Gaussian its deviations suggest; use the intervals of the draws"
-    record = {"posterior": posterior, "warnings": ["dry sensor", differ]}
+def test_warning_lead_and_section_send_a_reader_to_the_same_interval(posterior, use):
+    record = {"posterior": posterior}
     assert choice(posterior) == use
-    lead, section = lead_words(record), why(posterior, "measured", 1.2)
-    notes = warnings_told(record)
-    assert notes[0] == "dry sensor" and len(notes) == 2
+    lead, section, told = lead_words(record), why(posterior, "measured"), warning(posterior)
     if use == "either":
-        assert lead == "" and "use either" in section
+        assert lead == "" and told is None and "use either" in section
         return
     to_draws = use == "draws"
     assert ("Instead of the ±" in lead) == to_draws and ("Use this ±" in lead) != to_draws
     assert ("Use the intervals of the draws" in section) == to_draws
-    assert ("use their intervals" in notes[1]) == to_draws
+    assert ("use the intervals of the draws" in told) == to_draws and ("use the +-" in told) != to_draws
 
 
 def test_without_draws_the_lead_says_nothing_of_them():
     assert lead_words({"posterior": None}) == ""
-    assert warnings_told({"posterior": None, "warnings": ["a"]}) == ["a"]
 
 
 def test_the_reason_for_an_interval_has_the_factor_on_the_environment():
-    said = why(a_posterior(force=-1.13), "measured", 1.2)
-    assert "0.32 of it" in said and "0.38 of Laplace's" in said and "against the end" in said
-    assert "against the end" not in why(a_posterior(force=-0.7), "measured", 1.2)
+    said = why(a_posterior(force=-1.13), "measured")
+    assert "0.32 of it" in said and "0.38 of Laplace's" in said and "took it for weather" in said
+    assert "took it for weather" not in why(a_posterior(force=-1.13), "assumed")
+    assert "follow the bend" in why(a_posterior(force=-0.3), "measured")
+    assert "only right to 0.8 nats" in why(a_posterior(rough=0.8), "measured")

@@ -116,7 +116,6 @@ def declared(path: Path | None) -> tuple:
 
 def _tell(record: dict) -> None:
     from bayesid.sections.diagnosis_words import unsigned_zeros
-    from bayesid.sections.effect_interval import warnings_told
 
     print(f"verdict: {record['verdict']}")
     for effect in record["effects"]:
@@ -138,5 +137,5 @@ def _tell(record: dict) -> None:
         )
     elif gap["before"] is not None:
         print("held-out gap: nothing to shrink beyond what recalibration closes")
-    for warning in warnings_told(record):
+    for warning in record["warnings"]:
         print(f"note: {warning}")

@@ -4,8 +4,8 @@ Takes a `Problem` and a converged `ColouredFit`. Gives an `EffectDensity` a samp
 approximation. Does not sample.
 
 Three parts, each exact where it matters. (1) First states, latent forces and all coefficients but a few are
-integrated out of the whitened linear model. (2) That is done on a grid of environments, in between stands a
-biquadratic of mean, log-Cholesky factor and evidence. (3) What the linear model gets wrong when an effect's
+integrated out of the whitened linear model. (2) That is done on a grid of environments that reaches as far as
+a walker goes (`loudness`). (3) What the linear model gets wrong when an effect's
 parameter moves is measured by linearising anew at nodes about the optimum, coefficients free; a polynomial
 carries it in between. `roughness` is what that polynomial leaves.
 """
@@ -20,10 +20,10 @@ from typing import Any
 import numpy as np
 from scipy.special import log_ndtr
 
-from bayesid.coloured.colours import Colours
 from bayesid.coloured.evidence import Gram
-from bayesid.coloured.fit import ColouredFit, fit, stack
+from bayesid.coloured.fit import ColouredFit, fit
 from bayesid.coloured.levels import REPEATABLE
+from bayesid.diagnose.loudness import Loudness, loudness
 from bayesid.diagnose.problem import Problem
 from bayesid.errors import ModelError, SampleError
 from bayesid.sample import Laplace, Unknowns
@@ -31,7 +31,6 @@ from bayesid.sample import Laplace, Unknowns
 Array = np.ndarray
 Say = Callable[[str], None]
 COEFFICIENTS = 6  # shown beside the effects' parameters
-LOUDNESS = (-0.6, 0.0, 0.6)  # grid of the logarithm of an amplitude over its measured value
 REACH = 4.5  # posterior sd of an effect's parameter within which the density is known
 AXIS, CORNER = (1.5, 3.0), 1.3
 PASSES = 3
@@ -65,42 +64,46 @@ class EffectDensity:
 
     Attributes
     ----------
-    mean, factor, evidence : on the grid of loudness (3, 3, k), (3, 3, k, k) Cholesky of the precision with
-        the logarithm of its diagonal, (3, 3)
+    loudness : the linear model along the amplitudes
     where_effects : positions of the effects' parameters among the k
     root : (e, e) whitened effects' parameters -> prior sd
-    loud : names of the amplitudes sampled, "force" and "drift"
     loud_sd : prior sd of their logarithms
     one_sided : logarithm of what bounds take from the prior's mass (ln 2 for a parameter from zero up)
     """
 
     unknowns: Unknowns
-    mean: Array
-    factor: Array
-    evidence: Array
+    loudness: Loudness
     where_effects: Array
     where_coefficients: Array
     centre: Array
     root: Array
     surface: Surface
-    loud: tuple[str, ...]
     loud_sd: float
     scale: Array
     offset: Array
     one_sided: float
 
     @property
+    def loud(self) -> tuple[str, ...]:
+        """Names of the amplitudes sampled, "force" and "drift"."""
+        return self.loudness.names
+
+    @property
+    def count(self) -> int:
+        """Unknowns that are no amplitudes."""
+        return int(self.loudness.middle.size)
+
+    @property
     def digest(self) -> str:
-        parts = (self.mean, self.factor, self.evidence, self.surface.weights, self.surface.shifts)
+        table, surface = self.loudness, self.surface
+        parts = (*table.nodes, table.mean, table.factor, table.evidence, surface.weights, surface.shifts)
         return hashlib.sha256(b"".join(np.ascontiguousarray(p).tobytes() for p in parts)).hexdigest()
 
     def log_prob(self, q: Array) -> Array:
         """Log of likelihood times prior: its integral is the evidence."""
-        k = self.mean.shape[-1]
-        z, loud = q[:, :k], np.zeros((q.shape[0], 2))
-        for i, name in enumerate(self.loud):
-            loud[:, 0 if name == "force" else 1] = q[:, k + i]
-        mean, factor, evidence = (_between(table, loud) for table in (self.mean, self.factor, self.evidence))
+        k = self.count
+        z = q[:, :k]
+        mean, factor, evidence = self.loudness.at(q[:, k:])
         w = (z[:, self.where_effects] - self.centre) @ np.linalg.inv(self.root).T
         terms = _terms(w)
         moved = z - mean
@@ -114,7 +117,7 @@ class EffectDensity:
             out -= 0.5 * (a**2).sum(axis=1) + len(self.loud) * np.log(self.loud_sd * np.sqrt(2 * np.pi))
         natural = self.natural(q)
         inside = np.all((natural >= self.unknowns.low) & (natural <= self.unknowns.high), axis=1)
-        inside &= (np.abs(w) <= REACH).all(axis=1) & (np.abs(q[:, k:]) <= 3.0 * self.loud_sd).all(axis=1)
+        inside &= (np.abs(w) <= REACH).all(axis=1) & self.loudness.holds(q[:, k:])
         return np.where(inside & np.isfinite(out), out, -np.inf)
 
     def natural(self, q: Array) -> Array:
@@ -152,15 +155,15 @@ def effect_density(
     shown = np.argsort(-near)[:coefficients]
     chosen = np.concatenate([effects, shown])
     amplitudes = _amplitudes(problem) if loud else ()
-    mean, factor, evidence = _grid(problem, fitted, chosen, amplitudes)
+    spread = REPEATABLE if problem.environment.source == "measured" else problem.environment.spread or 1.0
+    along = loudness(problem, fitted, chosen, amplitudes, spread)
     e = effects.size
-    centre = mean[1, 1, :e]
+    centre = along.middle[:e]
     narrow = _narrowed(problem, fitted, effects, centre, sd[effects])
     root = narrow[:, None] * np.linalg.cholesky(cov[np.ix_(effects, effects)])
     say(f"posterior: the model linearised anew at {_nodes(e).shape[0]} nodes")
     surface = _surface(problem, fitted, effects, shown, centre, root)
     unit, middle = free.sd[chosen], free.mean[chosen]
-    spread = REPEATABLE if problem.environment.source == "measured" else problem.environment.spread or 1.0
     names = (*(free.names[i] for i in chosen), *(f"log {a}" for a in amplitudes))
     extra = len(amplitudes)
     unknowns = Unknowns(
@@ -174,15 +177,12 @@ def effect_density(
     )
     density = EffectDensity(
         unknowns,
-        mean,
-        factor,
-        evidence,
+        along,
         np.arange(e),
         np.arange(e, chosen.size),
         centre,
         root,
         surface,
-        amplitudes,
         spread,
         np.concatenate([unit, np.ones(extra)]),
         np.concatenate([middle, np.zeros(extra)]),
@@ -198,9 +198,10 @@ def _laplace(density: EffectDensity, cov: Array, narrow: Array) -> Laplace:
     cov = cov * np.outer(scale, scale)
     whole = np.zeros((k + extra, k + extra))
     whole[:k, :k] = cov
-    whole[k:, k:] = (0.5 * density.loud_sd) ** 2 * np.eye(extra)
+    ends = np.array(list(density.loudness.reach.values())).reshape(extra, 2)
+    whole[k:, k:] = np.diag((np.ptp(ends, axis=1) / 12.0) ** 2)
     low = (density.unknowns.low - density.offset) / density.scale
-    mode = np.concatenate([density.mean[1, 1], np.zeros(extra)])
+    mode = np.concatenate([density.loudness.middle, density.loudness.best])
     return Laplace(np.maximum(mode, low), whole, low, np.full(k + extra, np.inf))
 
 
@@ -241,55 +242,6 @@ def _amplitudes(problem: Problem) -> tuple[str, ...]:
         return ()
     out = ("force",) if any(colours.force) else ()
     return (*out, "drift") if colours.drift > 0 else out
-
-
-def _grid(
-    problem: Problem, fitted: ColouredFit, chosen: Array, amplitudes: tuple[str, ...]
-) -> tuple[Array, Array, Array]:
-    """Mean, factored precision and evidence of the chosen unknowns on the grid of loudness."""
-    k = chosen.size
-    mean, factor, evidence = np.zeros((3, 3, k)), np.zeros((3, 3, k, k)), np.zeros((3, 3))
-    real = problem.environment.colours
-    for i, a in enumerate(LOUDNESS):
-        for j, b in enumerate(LOUDNESS):
-            if ("force" not in amplitudes and i != 1) or ("drift" not in amplitudes and j != 1):
-                continue
-            if i == j == 1:
-                grams = list(fitted.grams)
-            else:
-                grams = stack(problem.model, fitted.paths, fitted.free, _louder(real, a, b))
-            mean[i, j], factor[i, j], evidence[i, j] = _reduced(sum(grams[1:], grams[0]), chosen)
-    for table in (mean, factor, evidence):
-        if "force" not in amplitudes:
-            table[0], table[2] = table[1], table[1]
-        if "drift" not in amplitudes:
-            table[:, 0], table[:, 2] = table[:, 1], table[:, 1]
-    return mean, factor, evidence
-
-
-def _louder(colours: Colours, force: float, drift: float) -> Colours:
-    return replace(
-        colours, force=tuple(f * np.exp(force) for f in colours.force), drift=colours.drift * np.exp(drift)
-    )
-
-
-def _reduced(g: Gram, chosen: Array) -> tuple[Array, Array, float]:
-    """Posterior of the chosen unknowns, all others integrated out: mean, factored precision, evidence."""
-    h = np.eye(g.se.size) + g.ss
-    solved = np.linalg.solve(h, g.se)
-    cov = np.linalg.inv(h)[np.ix_(chosen, chosen)]
-    # lower triangle L of the precision, L L' = P; the logarithm of its diagonal keeps it one in between
-    lower = np.linalg.cholesky(np.linalg.inv(0.5 * (cov + cov.T)))
-    lower[np.diag_indices(chosen.size)] = np.log(np.diag(lower))
-    evidence = -0.5 * (g.ee - float(g.se @ solved)) - 0.5 * g.logdet - 0.5 * float(np.linalg.slogdet(h)[1])
-    return solved[chosen], lower, evidence - 0.5 * g.used * np.log(2 * np.pi)
-
-
-def _between(table: Array, loud: Array) -> Array:
-    """Biquadratic through the grid at (b, 2) points, held beyond twice the grid's reach."""
-    x = np.clip(loud / LOUDNESS[2], -2.0, 2.0)
-    weights = np.stack([0.5 * x * (x - 1.0), 1.0 - x**2, 0.5 * x * (x + 1.0)], axis=2)
-    return np.einsum("bi,bj,ij...->b...", weights[:, 0], weights[:, 1], table)
 
 
 def _nodes(e: int) -> Array:
@@ -393,4 +345,6 @@ def plain(density: EffectDensity) -> dict[str, Any]:
         "nodes": int(density.surface.nodes.shape[0]),
         "missed_nats": [float(v) for v in density.surface.missed - density.surface.missed.min()],
         "roughness_nats": density.surface.roughness,
+        "loudness_nats": density.loudness.error,
+        "loudness": {n: [float(v) for v in np.exp(e)] for n, e in density.loudness.reach.items()},
     }

@@ -20,6 +20,7 @@ from bayesid.diagnose.candidate import COEFFICIENT_ERROR, parameter_table
 from bayesid.diagnose.description import Description, describe_gap
 from bayesid.diagnose.description import as_json as described
 from bayesid.diagnose.events import find_events, verdict_with, with_events
+from bayesid.diagnose.interval import warning
 from bayesid.diagnose.next_run import Proposal, propose
 from bayesid.diagnose.place import place_of
 from bayesid.diagnose.problem import Problem, pose
@@ -156,12 +157,8 @@ def _drawn(
     except BayesidError as exc:
         warnings.append(f"the posterior of {' + '.join(of.effects)} could not be sampled: {exc}")
         return None
-    if not found.posterior.converged:
-        warnings.append(f"the posterior draws did not pass their gate: {found.posterior.gate.reasons[0]}")
-    elif not found.agrees:
-        warnings.append(
-            "the posterior is not the Gaussian its deviations suggest; use the intervals of the draws"
-        )
+    if (told := warning(sampled(found))) is not None:
+        warnings.append(told)
     return found
 
 

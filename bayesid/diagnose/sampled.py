@@ -20,13 +20,14 @@ from scipy.stats import multivariate_normal
 
 from bayesid.coloured.fit import ColouredFit
 from bayesid.diagnose.density import EffectDensity, effect_density, plain
+from bayesid.diagnose.interval import ROUGH
 from bayesid.diagnose.problem import Problem
 from bayesid.sample import Laplace, Limits, Options, Posterior, sample
 
 Array = np.ndarray
 Say = Callable[[str], None]
 # A deviation or a mean that differs by more is said to disagree with Laplace.
-SD_RATIO, SHIFT, ROUGH = 1.25, 0.5, 0.5
+SD_RATIO, SHIFT = 1.25, 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +56,7 @@ class EffectPosterior:
         e = self.density.where_effects
         ratio = np.maximum(self.sd_ratio[e], 1.0 / self.sd_ratio[e])
         close = bool((ratio < SD_RATIO).all() and (np.abs(self.shift[e]) < SHIFT).all())
-        return close and self.density.surface.roughness < ROUGH
+        return close and self.density.surface.roughness < ROUGH and self.density.loudness.error < ROUGH
 
 
 def sample_effect(

@@ -14,7 +14,6 @@ from bayesid.diagnose.diagnosis import Diagnosis
 from bayesid.figures import diagnosis as figures
 from bayesid.report import Block, Figure, Table, Text, literal
 from bayesid.sections.diagnosis_words import in_words
-from bayesid.sections.effect_interval import warnings_told
 
 
 def ambiguity_blocks(found: Diagnosis) -> list[Block]:
@@ -111,7 +110,7 @@ def notes_blocks(found: Diagnosis, record: Mapping[str, Any]) -> list[Block]:
         + f" N or N m, correlated over {c.force_tau:.3g} s; slow position error {c.drift:.3g} m over "
         f"{c.drift_tau:.3g} s",
         f"- {len(found.problem.outliers)} readings were set aside as outliers",
-        *[f"- {literal(w)}" for w in warnings_told(record)],
+        *[f"- {literal(w)}" for w in record["warnings"]],
     ]
     rows = [[run, f"{t:.2f}", channel] for run, t, channel in found.problem.outliers[:20]]
     blocks: list[Block] = [Text("\n".join(lines)), *_events(found)]

@@ -51,7 +51,7 @@ def _blocks(found: Diagnosis, record: Mapping[str, Any]) -> list[Block]:
             f"is linearised anew at {p.density.surface.nodes.shape[0]} points. Log "
             f"evidence by bridge sampling {p.log_evidence:.2f} ± {p.error:.2f}."
         ),
-        Text(why(record["posterior"], found.problem.environment.source, 3.0 * p.density.loud_sd)),
+        Text(why(record["posterior"], found.problem.environment.source)),
         Table(
             ["unknown (SI)", "mean", "95 % interval", "sd over Laplace's", "shift [Laplace sd]"],
             rows,
@@ -70,7 +70,7 @@ def _corner(found: Diagnosis) -> Figure:
     p = found.posterior
     assert p is not None
     d = p.density
-    k = min(d.mean.shape[-1], MOST)
+    k = min(d.count, MOST)
     draws = p.posterior.flat[:, :k]
     rng = np.random.default_rng(found.seed)
     gauss = d.natural(p.laplace.draw(4000, 1.0, np.random.RandomState(rng.integers(2**31))))[:, :k]

@@ -14,7 +14,6 @@ import numpy as np
 from bayesid.report import Block, Section, Table, Text, literal
 from bayesid.sections.diagnosis_proof import record_label
 from bayesid.sections.diagnosis_words import unsigned_zeros
-from bayesid.sections.effect_interval import warnings_told
 
 DEG = 180.0 / math.pi
 MOST = 6  # names of a set that are spelt out
@@ -132,7 +131,7 @@ def told(record: Mapping[str, Any]) -> list[Block]:
             "- of the regimes most in " + ", ".join(f"{m['name']} ({m['evidence']:+.0f})" for m in regimes)
         )
     lines += [f"- {unsigned_zeros(reason)}" for reason in record["reasons"]]
-    lines += [f"- {literal(w)}" for w in warnings_told(record)[:4]]
+    lines += [f"- {literal(w)}" for w in record["warnings"][:4]]
     rows = [
         [
             h["horizon"],
