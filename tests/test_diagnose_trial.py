@@ -9,7 +9,7 @@ from gap_trials import model_of, orders, other_vehicle, planted_trial
 
 from bayesid.diagnose import bank as banks
 from bayesid.diagnose.problem import pose
-from bayesid.diagnose.verdict import judge, silent
+from bayesid.diagnose.verdict import judge, unseen
 from bayesid.diagnose.weigh import credible_set
 from bayesid.diagnose.which import compare
 from bayesid.errors import TrialError
@@ -101,11 +101,11 @@ def test_probabilities_sum_to_one_and_the_set_holds_its_mass():
     for _, candidates, verdict in (verdict_of("remus100", 11), verdict_of("remus100", 5, "wall", 1e-4)):
         p = candidates.probabilities
         assert abs(sum(p.values()) - 1.0) < 1e-9
-        unseen = silent(candidates)
-        assert verdict.set95 == credible_set(p, silent=unseen)
-        held = {n: p[n] + (sum(p[k] for k in unseen) if n == "none" else 0.0) for n in verdict.set95}
+        faint = unseen(candidates)
+        assert verdict.set95 == credible_set(p, silent=faint)
+        held = {n: p[n] + (sum(p[k] for k in faint) if n == "none" else 0.0) for n in verdict.set95}
         assert sum(held.values()) >= 0.95 > sum(held[n] for n in verdict.set95[:-1])
-        assert not set(unseen) & set(verdict.set95)
+        assert not set(faint) & set(verdict.set95)
 
 
 def blinded(trial, fill):

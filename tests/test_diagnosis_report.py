@@ -26,7 +26,7 @@ def a_diagnosis(word="effect", named=("wind",), best=("wind",), gain=50.0, free=
         return Plain(effects=effects, log_evidence=evidence)
 
     none = of((), 100.0)
-    places = (Plain(channel="psi", evidence=free), Plain(channel="Y", evidence=free / 2))
+    places = (Plain(channel="psi", evidence=free, period=None), Plain(channel="Y", evidence=free / 2))
     found = Plain(
         none=none,
         refits=(of(best, 100.0 + gain),) if best else (),

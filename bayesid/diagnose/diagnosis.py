@@ -23,11 +23,12 @@ from bayesid.diagnose.events import find_events, verdict_with, with_events
 from bayesid.diagnose.interval import warning
 from bayesid.diagnose.next_run import Proposal, propose
 from bayesid.diagnose.place import place_of
-from bayesid.diagnose.problem import Problem, pose
+from bayesid.diagnose.problem import Problem
 from bayesid.diagnose.sampled import EffectPosterior, sample_effect
 from bayesid.diagnose.sampled import as_json as sampled
 from bayesid.diagnose.shrink import Shrink, ladder
-from bayesid.diagnose.verdict import Verdict, judge, simplest
+from bayesid.diagnose.strays import begin
+from bayesid.diagnose.verdict import Verdict, judge, simplest, unseen
 from bayesid.diagnose.which import Candidates, compare
 from bayesid.errors import BayesidError
 from bayesid.model import Model
@@ -92,13 +93,13 @@ def diagnose(
     TrialError
         if there is nothing to identify from
     """
-    problem = pose(model, trial, say, as_built)
-    candidates = compare(problem, say, seed)
+    problem, base = begin(model, trial, say, as_built)
+    candidates = compare(problem, say, seed, base)
     events = find_events(problem, trial, simplest(candidates), say)
     if events:
         say("the same without " + ", ".join(f"{e.run} {e.start:.0f}-{e.end:.0f} s" for e in events))
-        problem = pose(model, trial, say, as_built, events)
-        candidates = with_events(compare(problem, say, seed), events)
+        problem, base = begin(model, trial, say, as_built, events)
+        candidates = with_events(compare(problem, say, seed, base), events)
     verdict = verdict_with(judge(problem, candidates), events)
     warnings = [*trial.warnings, *problem.warnings]
     description = None
@@ -238,6 +239,7 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
             n: probability.get(n, 0.0) for n in ["none", *catalogue, COEFFICIENT_ERROR, "outside"]
         },
         "set95": list(v.set95),
+        "unseen": list(unseen(c)),
         "hidden_by_coefficients": list(v.hidden),
         "reasons": list(v.reasons),
         "ambiguity_groups": [list(g) for g in c.ambiguity.groups],
@@ -248,6 +250,7 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
         "where": {
             "channel": place_of(c, model),
             "evidence": {p.channel: float(p.evidence) for p in places},
+            "period": places[0].period,
             "windows": [
                 {"name": m.name, "evidence": float(m.evidence)} for m in c.where.masks if m.kind != "regime"
             ][:5],

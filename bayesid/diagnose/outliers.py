@@ -58,6 +58,18 @@ def set_aside(model: Model, logs: Sequence[Log]) -> tuple[list[Log], Found]:
         kept = [_stripped(model, log, point, colours) for log, point in zip(kept, start, strict=True)]
         if turn > 0 and all(new is old for new, old in zip(kept, before, strict=True)):
             break
+    return listed(model, logs, kept)
+
+
+def stripped(
+    model: Model, logs: Sequence[Log], points: Sequence[Point], colours: Colours
+) -> tuple[list[Log], Found]:
+    """`set_aside` along paths that are known, under an environment that is."""
+    return listed(model, logs, [_stripped(model, g, p, colours) for g, p in zip(logs, points, strict=True)])
+
+
+def listed(model: Model, logs: Sequence[Log], kept: Sequence[Log]) -> tuple[list[Log], Found]:
+    """Logs without the readings missing in `kept`, where these are few and apart, and which they are."""
     out, found = [], []
     for log, new in zip(logs, kept, strict=True):
         bad = log.valid & ~new.valid

@@ -16,7 +16,7 @@ from bayesid.coloured.levels import Environment, measure, stated
 from bayesid.coloured.log import Log, read_run
 from bayesid.coloured.path import Point
 from bayesid.coloured.weather import Apart, measure_straight
-from bayesid.diagnose.event import Event, blanked, released
+from bayesid.diagnose.event import Event, blanked, released, without_readings
 from bayesid.diagnose.outliers import set_aside
 from bayesid.effects import Effect
 from bayesid.errors import TrialError
@@ -64,6 +64,7 @@ def pose(
     say: Say = lambda text: None,
     as_built: float | None = None,
     events: tuple[Event, ...] = (),
+    strays: tuple[tuple[str, float, str], ...] = (),
 ) -> Problem:
     """Problem of a trial.
 
@@ -71,6 +72,7 @@ def pose(
     ----------
     as_built : relative sd of the coefficients if an earlier clean identification fixed them (as-built frame)
     events : what happened once and is to be left out
+    strays : single readings (run, time [s], channel) to be left out
 
     Raises
     ------
@@ -78,7 +80,7 @@ def pose(
         if there is nothing to identify from
     """
     warnings: list[str] = []
-    runs = tuple(blanked(run, events) for run in trial.identify)
+    runs = tuple(without_readings(blanked(run, events), strays) for run in trial.identify)
     if not runs:
         raise TrialError(f"{trial.name}: no run has role 'identify'; a diagnosis needs at least one")
     noise = dict(trial.noise)
@@ -113,7 +115,7 @@ def pose(
         coefficients,
         environment,
         channels,
-        outliers,
+        (*strays, *outliers),
         tuple(warnings),
         led.follow,
         led.follow_level,

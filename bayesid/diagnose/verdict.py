@@ -20,7 +20,7 @@ from bayesid.diagnose.which import Candidates
 HIDDEN = 0.98
 # Probability of acting from which an effect is named.
 SURE = 0.9
-# Noncentrality at one prior sd below which an effect of its usual size leaves no trace, see `silent`.
+# Noncentrality at one prior sd below which an effect of its usual size leaves no trace, see `unseen`.
 TRACE = 10.0
 # Share of what one of several effects explains below which a remainder casts no doubt on its name.
 MINOR = 0.1
@@ -50,8 +50,8 @@ class Verdict:
 def judge(problem: Problem, candidates: Candidates) -> Verdict:
     """Verdict of a comparison."""
     probability = candidates.probabilities
-    unseen = silent(candidates)
-    set95 = credible_set(probability, silent=unseen)
+    faint = unseen(candidates)
+    set95 = credible_set(probability, silent=faint)
     # Known as built, coefficients do not change by themselves: what they could imitate is a change.
     share = np.zeros(len(candidates.ambiguity.names)) if problem.as_built else candidates.ambiguity.absorbed
     absorbed = dict(zip(candidates.ambiguity.names, share, strict=True))
@@ -72,8 +72,10 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
         f"largest coefficient move without an effect: {conflict:.1f} prior sd (by chance "
         f"{limit.conflict:.1f})",
     ]
+    # beyond what one of the many free signals tried gains by chance
+    outside = before.evidence > limit.remainder and probability["outside"] > 0.5
     if gain < limit.named:
-        if before.evidence > limit.remainder and probability["outside"] > 0.5:
+        if outside:
             return Verdict("outside", (), set95, (), tuple(reasons))
         if "none" in set95:
             if conflict > max(limit.conflict, 3.0) and probability["none"] < 0.5:
@@ -82,7 +84,7 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
         return Verdict("ambiguous", _names(set95), set95, (), tuple(reasons))
     left = candidates.where_after.places[0].evidence if candidates.where_after is not None else 0.0
     reasons.append(f"after it a free signal would add {left:+.1f}")
-    if probability["outside"] > 0.5:
+    if outside:
         return Verdict("outside", (), set95, (), tuple(reasons))
     if best.widens:
         if "none" in set95:
@@ -130,7 +132,7 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
     return Verdict(word, (name,), set95, (), tuple(reasons))
 
 
-def silent(candidates: Candidates) -> tuple[str, ...]:
+def unseen(candidates: Candidates) -> tuple[str, ...]:
     """Effects that these runs would hardly show at their usual size, and do not speak for.
 
     Their probability is what it was before the data. As an explanation they are no other than "none": what is

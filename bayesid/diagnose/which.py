@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+from bayesid.coloured.fit import ColouredFit
 from bayesid.diagnose.bank import (
     Ambiguity,
     Bank,
@@ -75,11 +76,19 @@ class Candidates:
         return self.refits[0] if self.refits else self.none
 
 
-def compare(problem: Problem, say: Say = lambda text: None, seed: int = 0) -> Candidates:
-    """Screen the catalogue, refit a shortlist, weigh every hypothesis; `seed` draws the thresholds."""
+def compare(
+    problem: Problem, say: Say = lambda text: None, seed: int = 0, base: ColouredFit | None = None
+) -> Candidates:
+    """Screen the catalogue, refit a shortlist, weigh every hypothesis; `seed` draws the thresholds.
+
+    Parameters
+    ----------
+    base : the fit without any effect, if it is there already (`strays.begin`)
+    """
     model = problem.model
-    say("fit without any effect")
-    base = fit_with(problem, ())
+    if base is None:
+        say("fit without any effect")
+        base = fit_with(problem, ())
     none = weighed(problem, (), base)
     fine = explains(none)
     follow = list(base.points) if fine else list(problem.path)

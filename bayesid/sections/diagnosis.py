@@ -129,12 +129,10 @@ def _verdict(found: Diagnosis, record: Mapping[str, Any]) -> list[Block]:
         ),
         Table(
             ["hypothesis", "probability", "in the 95 % set"],
-            [
-                [in_words(n), _probability(probability[n]), "yes" if n in found.verdict.set95 else ""]
-                for n in top
-            ],
+            [[in_words(n), _probability(probability[n]), _in_set(n, record)] for n in top],
             "Probabilities over no effect, every effect of the catalogue, one wrong coefficient, and "
-            "something outside.",
+            "something outside. What these runs could not show at its usual size, and do not speak for, "
+            "is no other answer than none.",
         ),
     ]
     if found.verdict.hidden:
@@ -149,6 +147,12 @@ def _verdict(found: Diagnosis, record: Mapping[str, Any]) -> list[Block]:
             )
         )
     return blocks
+
+
+def _in_set(name: str, record: Mapping[str, Any]) -> str:
+    if name in record["set95"]:
+        return "yes"
+    return "counts as none" if name in record["unseen"] else ""
 
 
 def _held(found: Diagnosis) -> list[str]:

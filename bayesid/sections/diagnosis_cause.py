@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from bayesid.diagnose.diagnosis import Diagnosis
+from bayesid.diagnose.where import Where
 from bayesid.figures import diagnosis as figures
 from bayesid.report import Block, Figure, Section, Table, Text, literal
 from bayesid.sections.diagnosis_words import arrival_words, in_words
@@ -23,7 +24,7 @@ def where_blocks(found: Diagnosis, record: Mapping[str, Any]) -> list[Block]:
         Text(
             "A free signal is let into one channel at a time; the gain in log evidence says how much of "
             "the gap that "
-            "channel can carry. No cause is named here. " + _place(found, record)
+            "channel can carry. No cause is named here. " + _place(found, record) + _beat(where)
         ),
         Figure(
             "where",
@@ -60,6 +61,17 @@ def where_blocks(found: Diagnosis, record: Mapping[str, Any]) -> list[Block]:
             Figure("force", drawn, "Smoothed missing force in body axes, with two standard deviations.")
         )
     return blocks
+
+
+def _beat(where: Where) -> str:
+    """Period of the signal that gains most, if it keeps time."""
+    best = where.places[0]
+    if best.period is None:
+        return ""
+    return (
+        f" The signal in {best.channel} that gains most keeps time: its period is {best.period:.3g} s. "
+        "Look for what turns, sheds, sloshes or hunts with it."
+    )
 
 
 def _place(found: Diagnosis, record: Mapping[str, Any]) -> str:

@@ -1,0 +1,46 @@
+"""Outliers that show only once the environment is known.
+
+Takes a trial. Gives its `Problem` without them, and the fit without any effect. Before anything is known a
+path may bend a little, and one yaw rate off by ten sigma is a possible motion; under the measured environment
+it is not. Only asked where no effect is needed: what a gap does to single readings is not to be taken away.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from bayesid.coloured.fit import ColouredFit
+from bayesid.diagnose.candidate import explains, weighed
+from bayesid.diagnose.event import Event
+from bayesid.diagnose.outliers import stripped
+from bayesid.diagnose.problem import Problem, fit_with, pose
+from bayesid.model import Model
+from bayesid.trials import Trial
+
+Say = Callable[[str], None]
+
+
+def begin(
+    model: Model,
+    trial: Trial,
+    say: Say = lambda text: None,
+    as_built: float | None = None,
+    events: tuple[Event, ...] = (),
+) -> tuple[Problem, ColouredFit]:
+    """Problem of a trial (see `pose`) and its fit without any effect.
+
+    Readings this fit contradicts are left out and the environment measured again without them: a few wrong
+    yaw rates doubled it.
+    """
+    problem = pose(model, trial, say, as_built, events)
+    say("fit without any effect")
+    base = fit_with(problem, ())
+    if not explains(weighed(problem, (), base)):
+        return problem, base
+    found = stripped(model, problem.logs, base.points, problem.environment.colours)[1]
+    if not found:
+        return problem, base
+    say(f"once more without {len(found)} reading(s) that all others contradict")
+    problem = pose(model, trial, say, as_built, events, (*problem.outliers, *found))
+    say("fit without any effect")
+    return problem, fit_with(problem, ())
