@@ -118,7 +118,7 @@ def true_problem(campaign: Campaign) -> Problem:
         level = dict(zip(PLANT_AXES, np.array(weather.amplitude) * _typical(campaign), strict=True))
         axes = [n[-1] for n in model.kernel.exogenous if n.startswith("force_")]
         force = tuple(float(level.get(a, 0.0)) for a in axes)
-        colours = Colours(force, weather.tau, weather.drift, weather.drift_tau)
+        colours = Colours(force, weather.tau, weather.drift, weather.drift_tau, depth=0.0)
     return Problem(
         model, tuple(logs), coefficient_prior(model), Environment(colours, "stated", 0.0), channels, (), (),
         tuple(points), 0.0,

@@ -197,6 +197,8 @@ def write_found(found: Found, folder: str | os.PathLike[str]) -> Path:
             "force_tau": h.colours.force_tau,
             "drift": h.colours.drift,
             "drift_tau": h.colours.drift_tau,
+            "depth": h.colours.depth,
+            "arms": list(h.colours.arms),
         }
         for h in found.hypotheses
     ]
@@ -253,7 +255,14 @@ def _read(h: Mapping[str, Any]) -> Hypothesis:
         return np.array(values, dtype=float)
 
     low = np.where(np.array(h["one_sided"], dtype=bool), array(h["low"]), -np.inf)
-    colours = Colours(tuple(h["force"]), h["force_tau"], h["drift"], h["drift_tau"])
+    colours = Colours(
+        tuple(h["force"]),
+        h["force_tau"],
+        h["drift"],
+        h["drift_tau"],
+        tuple(h.get("arms", ())),
+        h.get("depth"),
+    )
     names = tuple(h["names"])
     mean, covariance = array(h["mean"]), array(h["covariance"])
     if mean.shape != (len(names),) or covariance.shape != (len(names),) * 2:

@@ -6,7 +6,7 @@ and its lead-in only; the rest of its readings is what the prediction may be com
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -106,7 +106,7 @@ def predict_run(
         mean = model.nominal.copy()
         mean[free] = h.mean
         for par, begin in zip(pars, beginnings(model, log, free, mean, pars, h.colours, rng), strict=True):
-            force, drift = _onwards(h.colours, begin, run.t, rng)
+            force, drift = _onwards(h.colours, _slow(h.colours, channels), begin, run.t, rng)
             tracks.append(_track(model, par, plan, begin.x0, force, drift, channels, picked))
     kept = [x for x in tracks if x is not None]
     _enough(run.name, len(kept), draws)
@@ -118,7 +118,14 @@ def predict_run(
     )
 
 
-def _onwards(colours: Colours, begin: Beginning, t: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+def _slow(colours: Colours, channels: Sequence[str]) -> Array:
+    """(nd,) standard deviations of the slow errors of the measured positions [m]."""
+    return np.array([colours.slow(c) for c in channels if c in ("x", "y", "z")])
+
+
+def _onwards(
+    colours: Colours, slow: Array, begin: Beginning, t: Array, rng: np.random.Generator
+) -> tuple[Array, Array]:
     """Disturbance (n-1, nf) and slow position errors (n, nd) of the whole run: the lead-in's, then free."""
     k, gaps = begin.force.shape[0], np.diff(t)
     decay = np.exp(-gaps[k - 1 : -1] / colours.force_tau)[:, None] * np.ones(begin.force.shape[1])
@@ -126,7 +133,7 @@ def _onwards(colours: Colours, begin: Beginning, t: Array, rng: np.random.Genera
     force = np.vstack([begin.force, later[1:]])
     count = begin.drift.shape[1]
     decay = np.exp(-gaps[k:] / colours.drift_tau)[:, None] * np.ones(count)
-    later = coloured_noise(decay, np.full(count, colours.drift), rng, begin.drift[-1])
+    later = coloured_noise(decay, slow, rng, begin.drift[-1])
     return force, np.vstack([begin.drift, later[1:]])
 
 
@@ -196,7 +203,7 @@ def predict_manoeuvre(
                 continue
             t, obs, commands = flown
             obs[:, [j for j, c in enumerate(channels) if c in ("x", "y", "z")]] += _fresh_drift(
-                h.colours, t, sum(c in ("x", "y", "z") for c in channels), rng
+                h.colours, t, _slow(h.colours, channels), rng
             )
             kept.append(obs)
             rudders.append(np.asarray(commands.get("delta_r_cmd", np.zeros(t.size))))
@@ -236,10 +243,10 @@ def _fly(
     return (track.t, obs, commands) if np.isfinite(obs).all() else None
 
 
-def _fresh_drift(colours: Colours, t: Array, count: int, rng: np.random.Generator) -> Array:
-    """Slow position errors (n, count) counted from the first sample, whose position is the origin."""
-    decay = np.exp(-np.diff(t) / colours.drift_tau)[:, None] * np.ones(count)
-    drift = coloured_noise(decay, np.full(count, colours.drift), rng)
+def _fresh_drift(colours: Colours, t: Array, slow: Array, rng: np.random.Generator) -> Array:
+    """Slow position errors (n, nd) counted from the first sample, whose position is the origin."""
+    decay = np.exp(-np.diff(t) / colours.drift_tau)[:, None] * np.ones(slow.size)
+    drift = coloured_noise(decay, slow, rng)
     return drift - drift[0]
 
 

@@ -265,7 +265,7 @@ def _floor(model: Model, known: Log, point: Point, colours: Colours, late: Array
     nx = point.states.shape[1]
     spread = np.einsum("iqx,ix->iq", path.slope**2, sm.variance[:, :nx])
     names = [model.kernel.channels[c] for c in known.channels]
-    drift = np.array([colours.drift**2 if n in ("x", "y", "z") else 0.0 for n in names])
+    drift = np.array([colours.slow(n) ** 2 for n in names])
     return 1.0 + np.mean((spread + drift)[late] / known.sigma**2, axis=0)
 
 
