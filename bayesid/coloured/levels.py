@@ -86,6 +86,7 @@ def measure(
     known: Environment | None = None,
     steps: int = 12,
     grams: Grams = stack,
+    same: float = REPEATABLE,
 ) -> Environment:
     """Environment of runs on which the nominal structure is trusted.
 
@@ -93,8 +94,9 @@ def measure(
 
     Parameters
     ----------
-    known : an earlier measurement to stay close to (`REPEATABLE` in the logarithm)
+    known : an earlier measurement to stay close to
     grams : whitened Gram matrices of the runs; another one may know forces beside the environment
+    same : how close, one standard deviation in the logarithm
     """
     unit, s = force_unit(model), model.scales
     time = s["L"] / s["U"]
@@ -117,7 +119,7 @@ def measure(
         centre = np.concatenate([np.log(np.concatenate([np.array(c.force) / unit, level])), before])
         # an amplitude the straight runs hardly tell may be another one
         spread = np.hypot(
-            np.concatenate([np.full(loud, REPEATABLE), np.full(arms, ARM_REPEATS)]),
+            np.concatenate([np.full(loud, same), np.full(arms, ARM_REPEATS)]),
             known.known if known.known else 0.0,
         )
 

@@ -24,6 +24,8 @@ from bayesid.model import Model
 from bayesid.trials import Trial
 
 Say = Callable[[str], None]
+# How far the environment of manoeuvres may lie from that of straight runs that hold a gap, in the logarithm.
+FIRM = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,11 +154,13 @@ def _environment(
         say(f"environment: measured from {len(straight)} straight run(s)")
         first, apart = measure_straight(model, straight, free)
         if apart.any:
+            # the manoeuvres have it as well, and must not count it as weather there
             warnings.append(_said(model, apart))
-        if apart.repeated:
-            # the manoeuvres have it as well
-            return first
-        return measure(model, logs, free, rounds=1, known=first, steps=5, grams=apart.grams)
+            if apart.repeated:
+                return first
+            firm = replace(first, known=())
+            return measure(model, logs, free, rounds=1, known=firm, steps=5, grams=apart.grams, same=FIRM)
+        return measure(model, logs, free, rounds=1, known=first, steps=5)
     warnings.append("no straight run: the environment is estimated from all runs, so a gap may hide in it")
     found = measure(model, logs, free)
     return Environment(found.colours, "assumed", 1.0)
