@@ -97,7 +97,7 @@ def sample(
     params = coefficient_set(model, wanted)
     params = with_prior(params, prior) if prior is not None else params
     options = Options(
-        ensembles=ensembles, walkers=walkers, max_steps=QUICK_STEPS if quick else steps, seed=seed,
+        ensembles=ensembles, walkers=walkers, max_steps=min(steps, QUICK_STEPS) if quick else steps, seed=seed,
         first=100 if quick else 200,
     )  # fmt: skip
     progress = Progress(quiet=as_json)
