@@ -97,8 +97,8 @@ def sample(
     params = coefficient_set(model, wanted)
     params = with_prior(params, prior) if prior is not None else params
     options = Options(
-        ensembles=ensembles, walkers=walkers, max_steps=min(steps, QUICK_STEPS) if quick else steps, seed=seed,
-        first=100 if quick else 200,
+        ensembles=ensembles, walkers=walkers, max_steps=min(steps, QUICK_STEPS) if quick else steps,
+        seed=seed, first=100 if quick else 200,
     )  # fmt: skip
     progress = Progress(quiet=as_json)
     with progress.stage("fit") as stage:
