@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bayesid.coloured.lowest import lowest
+from bayesid.coloured.lowest import lowest, spread_left
 
 SD = np.array([1.0, 0.3, 0.002, 0.05])
 TURN = np.linalg.cholesky(0.5 * np.eye(4) + 0.5)  # unknowns correlated by a half
@@ -50,3 +50,18 @@ def test_a_flat_unknown_stays_where_it_began():
         lambda x: 0.5 * (x[0] / 1e-3 - 4.0) ** 2, np.zeros(2), -np.ones(2), np.ones(2), np.ones(2), 9
     )
     assert found == pytest.approx([4e-3, 0.0], abs=1e-4)
+
+
+def test_the_spread_left_is_that_of_each_unknown_with_the_others_held_and_at_most_the_priors():
+    top = 0.3 * SD
+    cost, _ = hill(top)
+    precision = np.linalg.inv(np.outer(SD, SD) * (TURN @ TURN.T))
+    alone = 1.0 / np.sqrt(np.diag(precision))
+    np.testing.assert_allclose(spread_left(cost, top, np.full(4, 2.0)), alone, rtol=1e-3)
+    tight = np.array([0.1, 2.0, 1e-4, 2.0])
+    np.testing.assert_allclose(spread_left(cost, top, tight), np.minimum(alone, tight), rtol=1e-3)
+
+
+def test_an_unknown_the_cost_does_not_bend_by_keeps_the_spread_of_its_prior():
+    prior = np.array([0.4, 3.0])
+    assert spread_left(lambda x: x[1] - x[0] ** 2, np.zeros(2), prior) == pytest.approx(prior)

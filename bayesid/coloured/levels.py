@@ -56,7 +56,8 @@ class Environment:
     colours : Colours
     source : "stated", "measured" or "assumed"
     spread : standard deviation of the logarithm of the amplitudes
-    known : standard deviation left to each unknown of a measurement, in its order; empty where not measured
+    known : standard deviation left to each unknown of a first measurement, in its order, the others held;
+        empty where not measured, or measured again from an earlier one
     """
 
     colours: Colours

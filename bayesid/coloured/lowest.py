@@ -57,7 +57,10 @@ def lowest(
 
 
 def spread_left(cost: Callable[[Array], float], at: Array, spread: Array) -> Array:
-    """(k,) standard deviations the curvature of a cost leaves each unknown, at most the prior's."""
+    """(k,) standard deviations the curvature of a cost leaves each unknown, at most the prior's.
+
+    Each with all others held: a correlated one is known less well.
+    """
     here, out = cost(at), spread.copy()
     for k in range(at.size):
         move = np.zeros(at.size)

@@ -45,7 +45,7 @@ def rhythms(
     Notes
     -----
     All frequencies looked at are as probable before the data; those without a line in the innovations are
-    taken to gain nothing.
+    left out of the sum, which can only lower it.
     """
     colours = problem.environment.colours
     base = [_columns(problem, k, p, free, colours) for k, p in enumerate(paths)]

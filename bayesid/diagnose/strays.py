@@ -2,7 +2,8 @@
 
 Takes a trial. Gives its `Problem` without them, and the fit without any effect. Before anything is known a
 path may bend a little, and one yaw rate off by ten sigma is a possible motion; under the measured environment
-it is not. Only asked where no effect is needed: what a gap does to single readings is not to be taken away.
+it is not. Only asked where the fit without any effect leaves residuals of the size of the noise: what a gap
+does to single readings is not to be taken away.
 """
 
 from __future__ import annotations

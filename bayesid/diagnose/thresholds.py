@@ -62,7 +62,8 @@ def thresholds(bank: Bank, tried: int, seed: int, draws: int = 2000) -> Threshol
 
     Parameters
     ----------
-    tried : free signals tried (places times amplitudes times correlation times). A Bayes factor exceeds
+    tried : free signals tried (`where.tried`: places times amplitudes times correlation times, and one that
+        keeps time). A Bayes factor exceeds
         exp(w) by chance with probability exp(-w) at most, so the best of them exceeds
         log(tried / FALSE) with probability `FALSE` at most.
     """

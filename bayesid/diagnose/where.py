@@ -63,7 +63,8 @@ class Where:
     ----------
     places : channels, most probable first; evidence over the environment alone
     masks : windows, manoeuvres and regimes of the winning channel, most probable first
-    outside : log evidence of a latent force or input averaged over channel, amplitude and time
+    outside : log evidence of a latent force or input averaged over channel, amplitude, and correlation time
+        or frequency
     times, force, band : per run, smoothed latent force in X, Y, N (and Z, K, M) [N, N m] and one standard
     deviation
     """

@@ -108,7 +108,7 @@ def notes_blocks(found: Diagnosis, record: Mapping[str, Any]) -> list[Block]:
         f"- environment {e.source}: force "
         + ", ".join(f"{f:.3g}" for f in c.force)
         + f" N or N m, correlated over {c.force_tau:.3g} s; slow position error {c.drift:.3g} m over "
-        f"{c.drift_tau:.3g} s",
+        f"{c.drift_tau:.3g} s" + (f", of the depth {c.depth:.3g} m" if c.depth is not None else ""),
         f"- {len(found.problem.outliers)} readings were set aside as outliers",
         *[f"- {literal(w)}" for w in record["warnings"]],
     ]
