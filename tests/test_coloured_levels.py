@@ -135,3 +135,22 @@ def test_a_position_error_keeps_its_own_time_on_a_large_vehicle():
     # two runs of ten correlation times, two channels
     assert 0.7 < colours.drift / 2.0 < 1.4
     assert 0.5 < colours.drift_tau / tau < 2.0
+
+
+def test_a_depth_only_the_manoeuvres_log_is_measured_there():
+    """Straight runs without depth say nothing about its error; a run with depth then adds an unknown."""
+    log = straight(0.3, 0.0)[0]
+    z = log.channels.index(MODEL.kernel.channels.index("z"))
+    kept = [j for j in range(len(log.channels)) if j != z]
+    blind = replace(
+        log,
+        channels=tuple(log.channels[j] for j in kept),
+        data=log.data[:, kept],
+        valid=log.valid[:, kept],
+        sigma=log.sigma[kept],
+    )
+    free = coefficient_prior(MODEL)
+    first = measure(MODEL, [blind], free, rounds=1, steps=3)
+    assert first.colours.depth is None
+    again = measure(MODEL, [blind, log], free, rounds=1, known=first, steps=3)
+    assert 0.0 < again.colours.depth < 1.0

@@ -129,3 +129,18 @@ def test_a_swing_moves_each_interval_as_the_force_itself_does():
         pushed = linearise(MODEL, log, Point(MODEL.nominal, log.path, force), np.zeros(0, int))
         change = pushed.defect - bare.defect
         assert change == pytest.approx(drive[:, :, 2 * axis + 1], abs=2e-4 * np.abs(change).max())
+
+
+@pytest.mark.parametrize("channels", [("x", "y"), ("x", "y", "psi"), ("u", "v")])
+def test_a_held_rudder_is_no_straight_run_and_what_logs_no_course_is_none_either(channels):
+    t = SPACING * np.arange(SAMPLES)
+    noise = {c: NOISE[c] for c in channels}
+    for order, straight_there in ((0.0, "x" in channels), (0.06, False)):
+        commands = {
+            "n_cmd": np.full(SAMPLES, MODEL.vehicle.rpm_ref),
+            "delta_r_cmd": np.where(t > 5, order, 0.0),
+        }
+        states = simulate(MODEL, MODEL.nominal, plan_run(MODEL, t, commands), steady_start(MODEL)).states
+        data = {c: states[:, MODEL.states.index(c)] for c in channels}
+        log = read_run(MODEL, Run("a", "run", "identify", t, data, commands), noise, channels)
+        assert log.straight == straight_there

@@ -125,3 +125,27 @@ def test_what_an_effect_leaves_goes_to_it_and_in_part_to_a_cause_that_only_looks
     assert 0.02 < clean["outside"] < 0.1  # a name is never quite alone
     assert left["a"] / left["outside"] == pytest.approx(0.25 / 0.125, rel=0.05)
     assert little["outside"] > 0.99  # what explains an eighth of the gap is a part of something else
+
+
+def test_what_chance_leaves_does_not_speak_against_either_of_two_effects():
+    none, where = candidate(0.0), SimpleNamespace(base=0.0)
+    evidence = {"a": 500.0, "b": 300.0, "c": 3.0, "coefficient_error": 2.0, "outside": 40.0}
+    pair = candidate(1000.0, "a", "b")
+    rest = {("a", "b"): 6.0}
+
+    def least(shows):
+        return min(probabilities(evidence, (pair,), none, where, 1.0, rest, shows).inside[n] for n in "ab")
+
+    assert least(False) > 0.95
+    assert least(True) < 0.85
+
+
+def test_a_free_signal_alone_is_hardly_better_than_beside_an_effect():
+    none, where = candidate(0.0), SimpleNamespace(base=0.0)
+    evidence = {"a": 2000.0, "c": 3.0, "coefficient_error": 2.0, "outside": 4000.0}
+    kept = probabilities(evidence, (candidate(2000.0, "a"),), none, where, rest={("a",): -2.0}).shared
+    assert kept["outside"] / kept["a"] < np.exp(10.0 + np.log(0.05 / 0.1)) * 1.1  # 2000 nats before
+    unsound = candidate(2000.0, "a")
+    unsound.fit.chi2 = 5.0
+    free = probabilities(evidence, (unsound,), none, where, rest={("a",): -2.0}).shared
+    assert free["outside"] > 0.999

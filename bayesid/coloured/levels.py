@@ -40,6 +40,8 @@ SLOWEST = 6.0
 ARM_SPREAD, ARM_REPEATS = 0.25, 0.05
 # Passes a path may take to settle.
 SETTLING = 20
+# Spread of the logarithm of measured amplitudes.
+SPREAD_FOUND = 0.5
 # Cost of an environment under which a path leaves the numbers.
 HOPELESS = 1e12
 
@@ -115,13 +117,19 @@ def measure(
         spread = np.concatenate([np.full(unit.size, FORCE_SPREAD), wide, np.full(arms, ARM_SPREAD)])
     else:
         c = known.colours
-        level = np.array([c.drift, c.force_tau, c.drift_tau, *(c.slow("z") for _ in deep)]) / rest
+        # straight runs without a depth say nothing about its error
+        fresh = c.depth is None
+        level = np.array([c.drift, c.force_tau, c.drift_tau, *(d if fresh else c.slow("z") for d in deep)])
+        level = level / rest
+        left = list(known.known)
+        if left and deep and fresh:
+            left.insert(loud - 1, DRIFT_SPREAD)
         before = np.array(c.arms) / s["L"] if c.arms else np.zeros(arms)
         centre = np.concatenate([np.log(np.concatenate([np.array(c.force) / unit, level])), before])
         # an amplitude the straight runs hardly tell may be another one
         spread = np.hypot(
             np.concatenate([np.full(loud, same), np.full(arms, ARM_REPEATS)]),
-            known.known if known.known else 0.0,
+            np.array(left) if left else 0.0,
         )
 
     def colours(theta: Array) -> Colours:
@@ -137,7 +145,6 @@ def measure(
         )
 
     theta = centre.copy()
-    spread_found = 0.5
     for _ in range(rounds):
         # Coefficients stay nominal along the path: a row of the balance and its noise may shrink together
         # without any change in the track, and a path fitted under too quiet a guess would take that way out.
@@ -154,8 +161,8 @@ def measure(
         high = centre + 2.5 * spread
         high[unit.size + 1] = min(high[unit.size + 1], np.log(SLOWEST))
         theta = lowest(cost, theta, centre - 2.5 * spread, high, spread, steps)
-    left = tuple(float(x) for x in spread_left(cost, theta, spread)) if known is None else ()
-    return Environment(colours(theta), "measured", spread_found, left)
+    found = tuple(float(x) for x in spread_left(cost, theta, spread)) if known is None else ()
+    return Environment(colours(theta), "measured", SPREAD_FOUND, found)
 
 
 def depth_noise(model: Model, logs: Sequence[Log]) -> float | None:

@@ -82,6 +82,8 @@ def spectrum(
             near = median_filter(raw, FINE * AROUND, mode="nearest") / np.log(2.0)
             total += raw / np.maximum(near, 1.0)
             count += 1
+    if not count:
+        return np.zeros(0), np.zeros(0), 0
     return grid, total, count
 
 

@@ -112,7 +112,7 @@ def read_run(model: Model, run: Any, noise: Mapping[str, float], channels: Seque
         sigma=np.array([noise[c] for c in names]),
         path=path,
         start_sd=np.array([wide.get(n, 0.1 * s["U"]) for n in states]),
-        straight=_straight(model, plan, path),
+        straight=_straight(model, plan, _heading(model, plan, path, names)),
         first=first,
     )
 
@@ -166,7 +166,23 @@ def _first_path(model: Model, run: Any, noise: Mapping[str, float]) -> Array:
     return np.column_stack([value.get(n, np.zeros(t.size)) for n in model.kernel.full.states])
 
 
-def _straight(model: Model, plan: Plan, path: Array) -> bool:
+def _heading(model: Model, plan: Plan, path: Array, names: Sequence[str]) -> Array | None:
+    """Heading along the first path; the course over two lengths of travel where none is logged; else None."""
+    at = model.kernel.full.states.index
+    if "psi" in names:
+        return path[:, at("psi")]
+    if not {"x", "y"} <= set(names):
+        return None
+    t, ahead = plan.t, 2.0 * model.scales["L"] / model.scales["U"]
+    late = np.minimum(np.searchsorted(t, t + ahead), t.size - 1)
+    early = np.arange(t.size)
+    kept = late > early
+    gone = [(path[late, at(c)] - path[early, at(c)])[kept] for c in ("y", "x")]
+    course = np.unwrap(np.arctan2(*gone))
+    return np.interp(t, t[kept], course)
+
+
+def _straight(model: Model, plan: Plan, heading: Array | None) -> bool:
     """Whether nothing was ordered and the vehicle keeps a course: what moves it sideways is the environment.
 
     Revolutions are held; every fin moves little about its mean, as one does that answers; the heading stays
@@ -185,7 +201,8 @@ def _straight(model: Model, plan: Plan, path: Array) -> bool:
             limit = min(float(model.nominal[model.index[f"limit_{letter}"]]), 0.6)
             if np.std(plan.command[:, a.index(name)]) >= LITTLE * limit:
                 return False
-    heading = path[:, model.kernel.full.states.index("psi")]
+    if heading is None:
+        return False
     if np.ptp(heading) < COURSE:
         return True
     bend, begin = np.polyfit(plan.t, heading, 1)

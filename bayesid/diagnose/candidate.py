@@ -174,8 +174,7 @@ def standing(candidate: Candidate, gain: float) -> tuple[bool, float]:
     """Rank of a candidate in forward selection.
 
     Refits that explain the data come first, by evidence. The others are ordered by the screen, which lets a
-    free force
-    take the rest, so that the first of two effects is not refused for the second's sake.
+    free force take the rest, so that the first of two effects is not refused for the second's sake.
     """
     done = explains(candidate)
     return done, candidate.log_evidence if done else gain

@@ -297,6 +297,8 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
             "force_tau": d.problem.environment.colours.force_tau,
             "drift": d.problem.environment.colours.drift,
             "drift_tau": d.problem.environment.colours.drift_tau,
+            "depth": d.problem.environment.colours.depth,
+            "arms": list(d.problem.environment.colours.arms),
         },
         "coefficients": {
             n: {"value": float(x / model.file_scale(n)), "sd": float(s / abs(model.file_scale(n)))}

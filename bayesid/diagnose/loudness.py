@@ -240,8 +240,12 @@ def _lower(factor: Array) -> Array:
 
 
 def _louder(colours: Colours, force: float, drift: float) -> Colours:
+    louder = float(np.exp(drift))
     return replace(
-        colours, force=tuple(f * np.exp(force) for f in colours.force), drift=colours.drift * np.exp(drift)
+        colours,
+        force=tuple(f * np.exp(force) for f in colours.force),
+        drift=colours.drift * louder,
+        depth=None if colours.depth is None else colours.depth * louder,
     )
 
 

@@ -22,6 +22,8 @@ HIDDEN = 0.98
 SURE = 0.9
 # Noncentrality at one prior sd below which an effect of its usual size leaves no trace, see `unseen`.
 TRACE = 10.0
+# Probability of no effect below which there surely is a gap.
+SURELY = 0.01
 # Share of what one of several effects explains below which a remainder casts no doubt on its name.
 MINOR = 0.1
 WORDS = ("none", "effect", "effect_with_remainder", "several", "outside", "coefficients", "ambiguous")
@@ -136,8 +138,11 @@ def unseen(candidates: Candidates) -> tuple[str, ...]:
     """Effects that these runs would hardly show at their usual size, and do not speak for.
 
     Their probability is what it was before the data. As an explanation they are no other than "none": what is
-    not there to be seen cannot be told from what is too small to be.
+    not there to be seen cannot be told from what is too small to be. Where there surely is a gap none of them
+    explains it.
     """
+    if candidates.probabilities["none"] < SURELY:
+        return ()
     return tuple(
         n
         for n, d in zip(candidates.ambiguity.names, candidates.ambiguity.detect, strict=True)

@@ -26,6 +26,8 @@ ALIKE = 0.5
 FORM = 0.25
 # Nats from which a remainder shows, and the smallest part of what it explains that a look-alike leaves.
 SEEN, CLOSEST = 3.0, 1e-3
+# Nats a free signal may be better alone than with an effect that has nothing to do beside it.
+ROOM = 10.0
 
 
 def evidences(
@@ -93,6 +95,7 @@ def probabilities(
     where: Where,
     excess: float = 1.0,
     rest: Mapping[tuple[str, ...], float] | None = None,
+    shows: bool = True,
 ) -> Weights:
     """Posterior probability of none, every catalogue name, coefficient_error and outside.
 
@@ -104,6 +107,8 @@ def probabilities(
         form that is not quite right says that there is a gap, but not in all its nats which cause: what a
         cause lags behind the best is divided by it (quasi-likelihood; Wedderburn 1974).
     rest : what a free force adds to the log evidence of some explanations
+    shows : whether something is left: more than the best of all free signals tried gains by chance, or runs
+        that disagree; only then does `rest` speak for a cause that is only like the one named
     """
     names = [n for n in evidence if n != "outside"]
     each = float(np.log(PRIOR_CATALOGUE / len(names)))
@@ -113,6 +118,12 @@ def probabilities(
             key = tuple(sorted(c.effects))
             gain[key] = max(gain.get(key, -np.inf), over_none(c, none, where))
     more = {tuple(sorted(k)): float(v) for k, v in (rest or {}).items()}
+    # With an effect beside it that has nothing to do, a free signal explains what it does alone, but for the
+    # room such an effect has; the rest comes from the two linearisations.
+    sound = {tuple(sorted(c.effects)) for c in refits if explains(c)} & set(more)
+    if sound:
+        most = max(gain[k] + max(more[k], 0.0) for k in sound) + ROOM
+        gain[("outside",)] = min(gain[("outside",)], most)
     top = max([*gain.values(), *(gain[k] + v for k, v in more.items())])
 
     def tempered(value: float) -> float:
@@ -138,11 +149,11 @@ def probabilities(
             part = value - max([v for k, v in gain.items() if set(k) == set(others)], default=0.0)
             like = _closeness(part)
             add((*others, "outside"), tempered(value) + prior + alike + _log(like))
-            if key in more:
+            if shows and key in more:
                 add((*others, "outside"), tempered(value + more[key]) + prior + alike + _log(1.0 - like))
         if key in more:
             # an effect has another form; what explains less than half of the gap is a part of something else
-            part_of = value < 0.5 * evidence["outside"]
+            part_of = value < 0.5 * gain[("outside",)]
             visible = tempered(value + more[key]) + prior + _log(FORM * (1.0 - close))
             add(("outside",) if part_of else key, visible)
     total = logsumexp(list(joint.values()))

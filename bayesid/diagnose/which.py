@@ -125,7 +125,8 @@ def compare(
     evidence = evidences(problem, none, refits, scores, wide, where)
     rest = _rests(refits, after)
     excess = _excess(refits, none, len(problem.coefficients.names))
-    weights = probabilities(evidence, refits, none, where, excess, rest)
+    shows = excess > 1.0 or (after is not None and after.places[0].evidence > limits.remainder)
+    weights = probabilities(evidence, refits, none, where, excess, rest, shows)
     found = (evidence, weights.shared, weights.inside, bank, known, where, after, limits)
     return Candidates(none, tuple(refits), tuple(scores), *found)
 
