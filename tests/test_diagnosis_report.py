@@ -10,7 +10,7 @@ from bayesid.diagnose.interval import choice, warning
 from bayesid.figures.diagnosis import bars, symlog_ticks
 from bayesid.figures.style import COLOURS
 from bayesid.report.blocks import cell_text
-from bayesid.sections.diagnosis import _held
+from bayesid.sections.diagnosis import _held, _unlisted
 from bayesid.sections.diagnosis_cause import where_blocks
 from bayesid.sections.diagnosis_proof import proof_label, shrink_blocks
 from bayesid.sections.diagnosis_words import in_words, unsigned_zeros
@@ -175,3 +175,10 @@ def test_the_reason_for_an_interval_has_the_factor_on_the_environment():
     assert "took it for weather" not in why(a_posterior(force=-1.13), "assumed")
     assert "follow the bend" in why(a_posterior(force=-0.3), "measured")
     assert "only right to 0.8 nats" in why(a_posterior(rough=0.8), "measured")
+
+
+def test_the_lead_says_how_probable_it_is_that_the_cause_is_not_on_the_list():
+    record = {"effects": [{"name": "wind"}], "set95": ["wind", "outside"], "probabilities": {"outside": 0.084}}
+    assert "probability of 8 %" in _unlisted(record).replace("8%", "8 %")
+    assert _unlisted(record | {"set95": ["wind"]}) == ""
+    assert _unlisted(record | {"effects": []}) == ""

@@ -54,7 +54,13 @@ def write_diagnosis_report(
 
 def diagnosis_report(found: Diagnosis, record: Mapping[str, Any]) -> Report:
     """The report as plain data."""
-    parts = (f"**{HEADLINES[found.verdict.word]}**", _names(record), lead_words(record), _outcome(found))
+    parts = (
+        f"**{HEADLINES[found.verdict.word]}**",
+        _names(record),
+        _unlisted(record),
+        lead_words(record),
+        _outcome(found),
+    )
     lead = " ".join(part for part in parts if part)
     if found.trial.attribution:
         lead += f"\n\n{literal(found.trial.attribution)}"
@@ -78,6 +84,14 @@ def _names(record: Mapping[str, Any]) -> str:
         values = ", ".join(value_words(n, p) for n, p in effect["parameters"].items())
         parts.append(f"**{in_words(effect['name'])}**" + (f" ({values})" if values else ""))
     return "; ".join(parts) + ("." if parts else "")
+
+
+def _unlisted(record: Mapping[str, Any]) -> str:
+    """How probable it is that what acts only looks like what is named."""
+    if not record["effects"] or "outside" not in record["set95"]:
+        return ""
+    share = record["probabilities"]["outside"]
+    return f"With a probability of {share:.0%} what acts is not on the list and only looks like it."
 
 
 def _outcome(found: Diagnosis) -> str:
