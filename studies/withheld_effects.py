@@ -1,8 +1,9 @@
 """Are effects named that nobody here knows? Sealed campaigns of the plant, solved blind, scored, compared.
 
 Usage: python studies/withheld_effects.py [--out FOLDER] [--work FOLDER] [--count N] [--spatial N] [--seed S]
-[--jobs J] [--quick]. Packs, answers and verdicts go to the work folder; what is finished there is kept, so
-the same line goes on after a stop. Development uses seeds 1000 to 1099, scores count from 5000 on.
+[--jobs J] [--kinds two=48,none=24] [--quick]. `--kinds` fixes the classes and their order, else they are
+drawn. Packs, answers and verdicts go to the work folder; what is finished there is kept, so the same line
+goes on after a stop. Development uses seeds 1000 to 1099, scores count from 5000 on.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -39,10 +41,15 @@ SHARE_ROUGH = 0.5  # of the campaigns without an effect
 APART = 100000  # between planar and 6-DOF seeds
 
 
-def mixture(seed: int) -> dict[str, Any]:
-    """Factors of one campaign: classes as in the plant, faint and plain effects, half the nulls rough."""
+def mixture(seed: int, first: int = 0, kinds: tuple[str, ...] = ()) -> dict[str, Any]:
+    """Factors of one campaign: classes as in the plant, faint and plain effects, half the nulls rough.
+
+    `kinds` lists the classes of the campaigns from seed `first` on instead.
+    """
     rng = np.random.default_rng([seed, 9])
     kind = str(rng.choice(list(KINDS), p=list(KINDS.values())))
+    if kinds:
+        kind = kinds[(seed % APART - first % APART) % len(kinds)]
     out: dict[str, Any] = {"kind": kind, "dof": 6 if seed >= APART else 3}
     aim = float(np.exp(rng.uniform(*np.log(AIM))))
     if kind == "none" and rng.random() < SHARE_ROUGH:
@@ -54,15 +61,34 @@ def mixture(seed: int) -> dict[str, Any]:
     return out
 
 
+def counted(text: str) -> tuple[str, ...]:
+    """Classes of campaigns from "two=48,none=24"."""
+    out: list[str] = []
+    for part in text.split(","):
+        kind, _, number = part.partition("=")
+        if kind not in KINDS or not number.isdigit():
+            raise argparse.ArgumentTypeError(f"{part!r}: write KIND=NUMBER, KIND one of {', '.join(KINDS)}")
+        out += [kind] * int(number)
+    return tuple(out)
+
+
 def main(
-    out: Path, work: Path, count: int, spatial: int, seed: int, jobs: int, accept: bool, minutes: float | None
+    out: Path,
+    work: Path,
+    count: int,
+    spatial: int,
+    seed: int,
+    jobs: int,
+    accept: bool,
+    minutes: float | None,
+    kinds: tuple[str, ...] = (),
 ) -> Sheet:
     """Make, solve, open, score, report."""
     progress = Progress()
     packs, answers, verdicts = (work / name for name in ("packs", "answers", "verdicts"))
     seeds = [*range(seed, seed + count), *range(seed + APART, seed + APART + spatial)]
     if not (packs / COMMITMENTS).exists():
-        make_pack(seeds, packs, answers, mixture, "w", jobs, progress)
+        make_pack(seeds, packs, answers, partial(mixture, first=seed, kinds=kinds), "w", jobs, progress)
     if not (verdicts / SEAL).exists():
         keep = Settings(0, False, False, keep_baselines, accept_faults=accept, minutes=minutes)
         solve_pack(packs, verdicts, jobs, keep, progress)
@@ -104,6 +130,9 @@ if __name__ == "__main__":
     parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument(
+        "--kinds", type=counted, default=(), help="classes in this order, e.g. two=48,none=24"
+    )
+    parser.add_argument(
         "--accept-faults", action="store_true", help="score bundles the program failed on as misses"
     )
     parser.add_argument(
@@ -113,4 +142,5 @@ if __name__ == "__main__":
     given = parser.parse_args()
     planar, spatial = QUICK if given.quick else (given.count, given.spatial)
     place = given.work or (given.out / "work" if given.quick else Path("out/withheld_effects"))
-    main(given.out, place, planar, spatial, given.seed, given.jobs, given.accept_faults, given.minutes)
+    main(given.out, place, planar, spatial, given.seed, given.jobs, given.accept_faults, given.minutes,
+         given.kinds)  # fmt: skip
