@@ -21,9 +21,7 @@ def counts(heading, duration=60.0, rudder=0.0, planes=0.0, rpm=1.0, samples=241)
         return value(share) if callable(value) else np.full(samples, float(value))
 
     inputs = {"delta_r_cmd": of(rudder), "delta_s_cmd": of(planes), "n_cmd": RPM * of(rpm)}
-    path = np.zeros((samples, len(MODEL.kernel.full.states)))
-    path[:, MODEL.kernel.full.states.index("psi")] = of(heading)
-    return _straight(MODEL, plan_run(MODEL, t, inputs), path)
+    return _straight(MODEL, plan_run(MODEL, t, inputs), of(heading))
 
 
 def wave(size, cycles=5):
