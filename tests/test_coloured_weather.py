@@ -97,10 +97,10 @@ def test_white_innovations_have_no_line_and_a_faint_sine_is_one():
     path = linearise(MODEL, log, Point(MODEL.nominal, log.path, np.zeros((log.n - 1, 3))), np.zeros(0, int))
     rng = np.random.default_rng(4)
     white = [rng.standard_normal(log.data.shape) for _ in range(100)]
-    false = sum(bool(found_lines(MODEL, [path], [z])) for z in white)
+    false = sum(bool(found_lines(MODEL, [path], [z])[0]) for z in white)
     assert false <= 1  # 0.1 expected
     beat = 0.5 * np.sin(BEAT * log.plan.t)[:, None] * np.array([0, 1, 0, 1, 0, 1])
-    seen = [found_lines(MODEL, [path], [z + beat]) for z in white[:20]]
+    seen = [found_lines(MODEL, [path], [z + beat])[0] for z in white[:20]]
     assert np.mean([len(s) > 0 and abs(s[0] / BEAT - 1) < 0.02 for s in seen]) > 0.95
 
 

@@ -58,14 +58,14 @@ class Environment:
     colours : Colours
     source : "stated", "measured" or "assumed"
     spread : standard deviation of the logarithm of the amplitudes
-    known : standard deviation left to each unknown of a first measurement, in its order, the others held;
+    left : standard deviation left to each unknown of a first measurement, in its order, the others held;
         empty where not measured, or measured again from an earlier one
     """
 
     colours: Colours
     source: str
     spread: float
-    known: tuple[float, ...] = ()
+    left: tuple[float, ...] = ()
 
 
 def silent(model: Model) -> Colours:
@@ -121,7 +121,7 @@ def measure(
         fresh = c.depth is None
         level = np.array([c.drift, c.force_tau, c.drift_tau, *(d if fresh else c.slow("z") for d in deep)])
         level = level / rest
-        left = list(known.known)
+        left = list(known.left)
         if left and deep and fresh:
             left.insert(loud - 1, DRIFT_SPREAD)
         before = np.array(c.arms) / s["L"] if c.arms else np.zeros(arms)

@@ -16,7 +16,7 @@ from scipy.stats import gamma
 from bayesid.coloured.colours import Colours, Latent, force_unit, whitened
 from bayesid.coloured.evidence import Gram, gram, without
 from bayesid.coloured.log import Array
-from bayesid.coloured.path import Path
+from bayesid.coloured.path import Path, forces
 from bayesid.coloured.unknowns import Free
 from bayesid.model import Model
 
@@ -31,8 +31,11 @@ FINE, AROUND = 4, 12
 STRONG = 1e-3
 
 
-def lines(model: Model, paths: Sequence[Path], standard: Sequence[Array]) -> tuple[float, ...]:
-    """Angular frequencies [rad/s] of periodic parts of the innovations, plainest first; empty where none.
+def lines(
+    model: Model, paths: Sequence[Path], standard: Sequence[Array]
+) -> tuple[tuple[float, ...], float]:
+    """Angular frequencies [rad/s] of periodic parts of the innovations, plainest first; and how many
+    independent ones were looked at.
 
     Parameters
     ----------
@@ -46,7 +49,7 @@ def lines(model: Model, paths: Sequence[Path], standard: Sequence[Array]) -> tup
     """
     grid, total, count = spectrum(model, paths, standard)
     if not grid.size:
-        return ()
+        return (), 0.0
     tries = grid.size / FINE
     found: list[float] = []
     left = total.copy()
@@ -56,7 +59,7 @@ def lines(model: Model, paths: Sequence[Path], standard: Sequence[Array]) -> tup
             break
         found.append(float(grid[k]))
         left[np.abs(np.arange(grid.size) - k) <= 2 * FINE] = 0.0
-    return tuple(found)
+    return tuple(found), tries
 
 
 def spectrum(
@@ -110,7 +113,7 @@ def stack_without(
     latent: Latent | None = None,
 ) -> list[Gram]:
     """`unknowns.stack`, periodic forces of unknown size and phase in every axis and run integrated out."""
-    names = tuple(n for n in model.kernel.exogenous if n.startswith("force_"))
+    names = forces(model)
     size = STRONG * force_unit(model)
     out = []
     for k, path in enumerate(paths):

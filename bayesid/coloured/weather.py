@@ -63,7 +63,7 @@ def measure_straight(model: Model, logs: Sequence[Log], free: Free) -> tuple[Env
     """
     found = measure(model, logs, free)
     paths = settled_paths(model, logs, found.colours)
-    apart = Apart(frequencies=lines(model, paths.paths, paths.standard))
+    apart = Apart(frequencies=lines(model, paths.paths, paths.standard)[0])
     if apart.frequencies:
         found = measure(model, logs, free, grams=apart.grams)
         paths = settled_paths(model, logs, found.colours)

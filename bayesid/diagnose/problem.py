@@ -158,7 +158,7 @@ def _environment(
             warnings.append(_said(model, apart))
             if apart.repeated:
                 return first
-            firm = replace(first, known=())
+            firm = replace(first, left=())
             return measure(model, logs, free, rounds=1, known=firm, steps=5, grams=apart.grams, same=FIRM)
         return measure(model, logs, free, rounds=1, known=first, steps=5)
     warnings.append("no straight run: the environment is estimated from all runs, so a gap may hide in it")

@@ -10,10 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bayesid.coloured.colours import Colours, whitened
+from bayesid.coloured.colours import White, whitened
 from bayesid.coloured.evidence import Gram, gram, posterior, without
 from bayesid.coloured.fit import Free
-from bayesid.coloured.lines import FINE, lines, spectrum, swing
+from bayesid.coloured.lines import lines, swing
+from bayesid.coloured.log import Array
 from bayesid.coloured.path import Path
 from bayesid.diagnose.problem import Problem
 
@@ -47,22 +48,25 @@ def rhythms(
     All frequencies looked at are as probable before the data; those without a line in the innovations are
     left out of the sum, which can only lower it.
     """
-    colours = problem.environment.colours
-    base = [_columns(problem, k, p, free, colours) for k, p in enumerate(paths)]
-    total = sum(base[1:], base[0])
-    z = posterior(total).mean
-    standard = [_innovations(problem, k, p, free, colours, z) for k, p in enumerate(paths)]
-    found = lines(problem.model, paths, standard)
+    white = [_whitened(problem, k, p, free) for k, p in enumerate(paths)]
+    grams = [gram(w.resid, w.columns, w.logdet, w.used) for w in white]
+    z = posterior(sum(grams[1:], grams[0])).mean
+    standard = [
+        (w.resid - w.columns @ z).reshape(p.resid.shape) for w, p in zip(white, paths, strict=True)
+    ]
+    found, tries = lines(problem.model, paths, standard)
     if not found:
         return {}
     names = tuple(dict.fromkeys(n for inputs, _ in sets.values() for n in inputs))
     known = len(free.names)
-    spread = np.log(max(spectrum(problem.model, paths, standard)[0].size / FINE, 1.0))
+    spread = np.log(max(tries, 1.0))
+    unit = [size[n] for n in names]
     by_line = []
     for frequency in found:
-        unit = [size[n] for n in names]
-        swung = [swing(p, frequency, names, unit) for p in paths]
-        by_line.append([_columns(problem, k, p, free, colours, swung[k]) for k, p in enumerate(paths)])
+        swung = [
+            _whitened(problem, k, p, free, swing(p, frequency, names, unit)) for k, p in enumerate(paths)
+        ]
+        by_line.append([gram(w.resid, w.columns, w.logdet, w.used) for w in swung])
     out = {}
     for place, (inputs, _) in sets.items():
         if not inputs:
@@ -75,20 +79,11 @@ def rhythms(
     return out
 
 
-def _columns(
-    problem: Problem, k: int, path: Path, free: Free, colours: Colours, extra: tuple | None = None
-) -> Gram:
+def _whitened(
+    problem: Problem, k: int, path: Path, free: Free, extra: tuple[Array, Array] | None = None
+) -> White:
     step = free.mean - path.point.par[free.where]
-    w = whitened(problem.model, path, step, free.sd, colours, None, k, extra)
-    return gram(w.resid, w.columns, w.logdet, w.used)
-
-
-def _innovations(
-    problem: Problem, k: int, path: Path, free: Free, colours: Colours, z: np.ndarray
-) -> np.ndarray:
-    step = free.mean - path.point.par[free.where]
-    w = whitened(problem.model, path, step, free.sd, colours, None, k)
-    return (w.resid - w.columns @ z).reshape(path.resid.shape)
+    return whitened(problem.model, path, step, free.sd, problem.environment.colours, None, k, extra)
 
 
 def _evidence(runs: Sequence[Gram], at: Sequence[int], known: int, amplitude: float) -> float:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from bayesid.coloured.fit import ColouredFit
-from bayesid.diagnose.candidate import explains, weighed
+from bayesid.diagnose.candidate import Candidate, explains
 from bayesid.diagnose.event import Event
 from bayesid.diagnose.outliers import stripped
 from bayesid.diagnose.problem import Problem, fit_with, pose
@@ -36,7 +36,7 @@ def begin(
     problem = pose(model, trial, say, as_built, events)
     say("fit without any effect")
     base = fit_with(problem, ())
-    if not explains(weighed(problem, (), base)):
+    if not explains(Candidate((), base.log_evidence, base)):
         return problem, base
     found = stripped(model, problem.logs, base.points, problem.environment.colours)[1]
     if not found:
