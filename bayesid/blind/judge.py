@@ -33,7 +33,9 @@ class Case:
     ----------
     stratum : "none", "outside", "faint" (D < 25), "hidden", "not isolable", "clear", "unweighed"
     noncentrality, absorbed, margin, rival : of the plainest cause (see `detect`)
-    word, named, top, stated : verdict, named families, most probable family and its probability
+    least, deepest : smallest noncentrality and largest absorbed share of all its causes
+    word, named, top, stated : verdict, named families, most probable family, and the stated probability that
+        it acts, alone or with others
     right : families that are right
     acceptable : families that are right, and none where the cause is below detectability
     p_right, brier, log : probability of the right families and scores
@@ -60,6 +62,7 @@ class Case:
     margin: float
     rival: str
     least: float
+    deepest: float
     word: str
     named: frozenset[str]
     top: str
@@ -142,10 +145,11 @@ def judge(answer: Answer, verdict: Mapping[str, Any] | None, cost: float = math.
         margin=plain.margin if plain else math.nan,
         rival=plain.rival if plain else "",
         least=min((s.noncentrality for s in shown), default=math.nan),
+        deepest=max((s.absorbed for s in shown), default=math.nan),
         word=told["verdict"],
         named=named,
         top=top,
-        stated=probability[top],
+        stated=_acting(told, top, probability[top]),
         right=right,
         acceptable=acceptable,
         p_right=p_right,
@@ -167,6 +171,12 @@ def judge(answer: Answer, verdict: Mapping[str, Any] | None, cost: float = math.
         cost=cost,
         dof=int(answer.factors.get("dof") or 3),
     )
+
+
+def _acting(told: Mapping[str, Any], top: str, alone: float) -> float:
+    """Stated probability that a family acts, alone or with others; older verdicts state only shares."""
+    acting = told.get("acting")
+    return min(by_family(acting).get(top, 0.0), 1.0) if acting else alone
 
 
 def _stratum(answer: Answer, plain: Any) -> str:

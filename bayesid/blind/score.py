@@ -122,6 +122,8 @@ def sheet(cases: Sequence[Case], oracle: Mapping[str, float] | None = None, dof:
               [bool(c.located) for c in located], at_least(0.9)),
         share("channel right", "of the free signal alone", [bool(c.alone) for c in located]),
         share("two effects both found", "both D >= 25", [c.right <= c.named for c in two], at_least(0.85)),
+        share("two effects both found", "the same, neither hidden",
+              [c.right <= c.named for c in two if c.deepest <= HIDDEN]),
         average("log score", "none; outside and one effect with D >= 25", [c.log for c in plain],
                 at_most(0.5)),
         average("log score", "all of one class", [c.log for c in single]),
@@ -165,8 +167,10 @@ class Bin:
 
 
 def calibration(cases: Sequence[Case], slack: float = 0.07) -> list[Bin]:
-    """Most probable answer against how often it is acceptable, in bins of at least `LEAST` where there are so
-    many."""
+    """Most probable answer, alone or with others, against how often it is acceptable.
+
+    In bins of at least `LEAST` where there are so many.
+    """
     ordered = sorted(cases, key=lambda c: c.stated)
     groups: list[list[Case]] = []
     for low, high in zip(EDGES[:-1], EDGES[1:], strict=True):

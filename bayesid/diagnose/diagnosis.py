@@ -196,7 +196,7 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
 
     model, c, v = d.model, d.candidates, d.verdict
     catalogue = [e.name for e in model.kernel.effects]
-    probability = {n: float(p) for n, p in c.probabilities.items()}
+    every = ["none", *catalogue, COEFFICIENT_ERROR, "outside"]
     best = simplest(c)
     table = parameter_table(best.fit, d.problem)
     effects = []
@@ -235,9 +235,8 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
         "seed": d.seed,
         "verdict": v.word,
         "effects": effects,
-        "probabilities": {
-            n: probability.get(n, 0.0) for n in ["none", *catalogue, COEFFICIENT_ERROR, "outside"]
-        },
+        "probabilities": {n: float(c.probabilities.get(n, 0.0)) for n in every},
+        "acting": {n: float(min(c.inside.get(n, 0.0), 1.0)) for n in every},
         "set95": list(v.set95),
         "unseen": list(unseen(c)),
         "hidden_by_coefficients": list(v.hidden),

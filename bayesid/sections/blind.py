@@ -145,8 +145,9 @@ def _calibration(sheet: Any) -> list[Any]:
     low, high = (np.array([b.interval[k] for b in bins]) for k in (0, 1))
     picture = figures.calibration(stated, hit, low, high, [b.count for b in bins])
     return [
-        Figure("calibration", picture, "Most probable answer: stated probability against how often it was "
-               "right (none counts where D < 25); numbers are bundles per bin."),
+        Figure("calibration", picture, "Most probable answer: stated probability that it acts, alone or with "
+               "others, against how often it was right (none counts where D < 25); numbers are bundles per "
+               "bin."),
         Table(["stated", "right", "bundles", "95 % interval", "within 0.07"], rows, "Bins.", digits=3),
     ]  # fmt: skip
 

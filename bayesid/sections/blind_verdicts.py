@@ -18,7 +18,7 @@ NAMING = ("effect", "effect_with_remainder", "several")
 
 def verdicts_report(seal: Mapping[str, Any], verdicts: Mapping[str, Mapping[str, Any]]) -> Report:
     """Report of sealed verdicts whose answers are not known."""
-    first = {n: max(v["probabilities"].values()) for n, v in verdicts.items()}
+    first = {n: _first(v) for n, v in verdicts.items()}
     words = Counter(v["verdict"] for v in verdicts.values())
     named = [n for n, v in verdicts.items() if v["verdict"] in NAMING]
     told = ", ".join(f"{count} {literal(word.replace('_', ' '))}" for word, count in words.most_common())
@@ -35,6 +35,13 @@ def verdicts_report(seal: Mapping[str, Any], verdicts: Mapping[str, Mapping[str,
     ])  # fmt: skip
 
 
+def _first(verdict: Mapping[str, Any]) -> float:
+    """Probability that the first answer acts, alone or with others."""
+    shared = verdict["probabilities"]
+    top = max(shared, key=lambda n: shared[n])
+    return float(verdict.get("acting", shared)[top])
+
+
 def _expected(first: Mapping[str, float], named: list[str]) -> str:
     p = np.array(list(first.values()))
     text = (
@@ -44,8 +51,8 @@ def _expected(first: Mapping[str, float], named: list[str]) -> str:
     if named:
         q = np.array([first[n] for n in named])
         text += (
-            f" Of the {len(named)} verdicts that name effects, {(1 - q).sum():.1f} should be wrong "
-            "(two effects at once share their probability, so this counts them as half wrong)."
+            f" Of the {len(named)} verdicts that name effects, {(1 - q).sum():.1f} should be wrong in the "
+            "first name."
         )
     text += (
         " The scores of the project's own sealed campaigns say how far such statements can be trusted: "
@@ -60,12 +67,13 @@ def _table(verdicts: Mapping[str, Mapping[str, Any]]) -> Table:
         shrink = v["gap"].get("shrink")
         rows.append([
             name, v.get("trial", {}).get("dof"), v["verdict"].replace("_", " "),
-            "; ".join(_effect(e) for e in v["effects"]) or None, max(v["probabilities"].values()),
+            "; ".join(_effect(e) for e in v["effects"]) or None, _first(v),
             ", ".join(n.replace("_", " ") for n in v["set95"]), v["where"]["channel"],
             None if shrink is None else f"{shrink:.0%}",
         ])  # fmt: skip
     columns = ["bundle", "dof", "verdict", "effects", "P", "95 % set", "where", "gap closes by"]
-    return Table(columns, rows, "P is the probability of the first answer; 95 % sets by name.", digits=3)
+    about = "P is the probability that the first answer acts; 95 % sets by name."
+    return Table(columns, rows, about, digits=3)
 
 
 def _effect(effect: Mapping[str, Any]) -> str:

@@ -133,7 +133,7 @@ def _meaning(found: Diagnosis, record: Mapping[str, Any]) -> list[str]:
 
 
 def _verdict(found: Diagnosis, record: Mapping[str, Any]) -> list[Block]:
-    probability = record["probabilities"]
+    probability, acting = record["probabilities"], record["acting"]
     top = sorted(probability, key=lambda n: -probability[n])[:6]
     reasons = [unsigned_zeros(r) for r in found.verdict.reasons] + _held(found)
     blocks: list[Block] = [
@@ -142,11 +142,14 @@ def _verdict(found: Diagnosis, record: Mapping[str, Any]) -> list[Block]:
             + "\n\nLog evidence is in nats: 3 are odds of 20 to 1, 7 of 1000 to 1."
         ),
         Table(
-            ["hypothesis", "probability", "in the 95 % set"],
-            [[in_words(n), _probability(probability[n]), _in_set(n, record)] for n in top],
-            "Probabilities over no effect, every effect of the catalogue, one wrong coefficient, and "
-            "something outside. What these runs could not show at its usual size, and do not speak for, "
-            "is no other answer than none.",
+            ["hypothesis", "share", "acts, alone or with others", "in the 95 % set"],
+            [
+                [in_words(n), _probability(probability[n]), _probability(acting[n]), _in_set(n, record)]
+                for n in top
+            ],
+            "Shares of the probability (they add to 1; effects that act together split theirs) over no "
+            "effect, every effect of the catalogue, one wrong coefficient, and something outside. What these "
+            "runs could not show at its usual size, and do not speak for, is no other answer than none.",
         ),
     ]
     if found.verdict.hidden:
