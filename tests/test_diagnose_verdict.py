@@ -99,7 +99,9 @@ def test_several_effects_are_named_beside_a_remainder_that_is_small_for_each(pai
     assert judged(pair, share, inside, left=25.0).effects == ("a", "b")
     only = judged(pair, share, inside, left=60.0)  # a tenth of 800, not of 300
     assert (only.word, only.effects) == ("effect_with_remainder", ("a",))
-    assert judged(pair, share, inside, left=90.0).word == "outside"
+    neither = judged(pair, share, inside, left=90.0)
+    assert (neither.word, neither.effects) == ("ambiguous", ("a", "b"))
+    assert judged(pair, {"outside": 0.6, "a": 0.2, "b": 0.2}, inside, left=90.0).word == "outside"
 
 
 def test_what_chance_may_leave_takes_no_effect_away_though_the_runs_disagree(pair, monkeypatch):

@@ -223,6 +223,15 @@ class Ambiguity:
     groups: tuple[tuple[str, ...], ...]
     size: float
 
+    def rivals(self, name: str, share: float = 0.5) -> tuple[str, ...]:
+        """Effects expected to take more than a share of what one shows of itself, the most alike first."""
+        if name not in self.names:
+            return ()
+        i = self.names.index(name)
+        shows = 0.5 * self.size**2 * self.detect[i]
+        like = np.argsort(self.margin[i], kind="stable")
+        return tuple(self.names[j] for j in like if j != i and self.margin[i, j] < (1.0 - share) * shows)
+
 
 def ambiguity(bank: Bank, size: float = 0.3, level: int = 0) -> Ambiguity:
     """Detectability, absorption and isolability of all effects of a bank (design note A6)."""

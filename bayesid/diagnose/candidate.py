@@ -15,7 +15,7 @@ from bayesid.coloured.evidence import posterior
 from bayesid.coloured.fit import ColouredFit, stack
 from bayesid.coloured.levels import REPEATABLE
 from bayesid.coloured.log import Array
-from bayesid.diagnose.problem import Problem
+from bayesid.diagnose.problem import NEAR, Problem
 from bayesid.effects import Effect
 from bayesid.errors import ModelError
 from bayesid.kernels.layout import names_read
@@ -167,7 +167,7 @@ def wald_limit(problem: Problem, fitted: ColouredFit) -> float:
 
 def explains(candidate: Candidate) -> bool:
     """Whether a refit arrived and leaves residuals of about the size of the noise."""
-    return candidate.fit.converged and candidate.fit.chi2 < 1.5
+    return candidate.fit.converged and candidate.fit.chi2 < NEAR
 
 
 def standing(candidate: Candidate, gain: float) -> tuple[bool, float]:

@@ -5,7 +5,7 @@ Takes a trial and a vehicle. Gives a frozen `Problem`. Held-out runs are not eve
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,6 +26,8 @@ from bayesid.trials import Trial
 Say = Callable[[str], None]
 # How far the environment of manoeuvres may lie from that of straight runs that hold a gap, in the logarithm.
 FIRM = 0.2
+# Mean square of the residuals over the noise up to which a fit follows the data.
+NEAR = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,35 +181,41 @@ def _said(model: Model, apart: Apart) -> str:
     return f"the straight runs have {' and '.join(parts)}: not weather, left out of the environment"
 
 
-def start_points(problem: Problem, effect_free: Free, effects: tuple[Effect, ...]) -> list[Point]:
-    """Points of a refit: nominal coefficients; effects that have no slope when off start half a prior sd
-    away."""
-    par = problem.model.nominal.copy()
+def begun(problem: Problem, effects: Sequence[Effect], points: Sequence[Point]) -> list[Point]:
+    """Points with some effects at their start: off, or half a prior sd away where they have no slope when
+    off."""
+    par = points[0].par.copy()
     for effect in effects:
-        for p in effect.parameters:
-            i = problem.model.index[effect.key(p.name)]
-            k = effect_free.names.index(effect.key(p.name))
-            par[i] = p.mean if effect.smooth else p.mean + 0.5 * effect_free.sd[k]
-    return [replace(point, par=par) for point in problem.path]
+        prior = effect_prior(problem.model, effect)
+        par[prior.where] = [p.mean for p in effect.parameters]
+        if not effect.smooth:
+            par[prior.where] += 0.5 * prior.sd
+    return [replace(point, par=par) for point in points]
 
 
 def fit_with(
     problem: Problem,
     effects: tuple[Effect, ...],
-    start: list[Point] | None = None,
+    start: Sequence[Point] | None = None,
     passes: int = 25,
     loud: float = 0.03,
 ) -> ColouredFit:
-    """Coloured fit of coefficients and of some effects' parameters."""
+    """Coloured fit of coefficients and of some effects' parameters.
+
+    One that runs out of passes with residuals about as small as the noise is on its way and goes on once.
+    """
     free = problem.coefficients
-    extra = None
     for effect in effects:
-        more = effect_prior(problem.model, effect)
-        extra = more if extra is None else extra + more
-        free = free + more
+        free = free + effect_prior(problem.model, effect)
     if start is None:
-        start = start_points(problem, extra, effects) if extra is not None else list(problem.path)
+        start = list(problem.path)
+        if effects:
+            nominal = [replace(point, par=problem.model.nominal) for point in start]
+            start = begun(problem, effects, nominal)
         loud = max(problem.path_level, 1e-5)
-    return fit(
-        problem.model, problem.logs, free, problem.environment.colours, start=start, passes=passes, loud=loud
-    )
+    colours = problem.environment.colours
+    out = fit(problem.model, problem.logs, free, colours, start=start, passes=passes, loud=loud)
+    if out.converged or out.passes < passes or out.chi2 > NEAR:
+        return out
+    more = fit(problem.model, problem.logs, free, colours, start=out.points, passes=passes, loud=0.0)
+    return more if more.chi2 <= NEAR else out

@@ -1,4 +1,4 @@
-"""Refits: of the screen's shortlist, of widened coefficients, and of several effects by forward selection.
+"""Refits: of the screen's shortlist and of widened coefficients, and what a refit leaves.
 
 Takes a `Problem` and scores. Gives `Candidate`s.
 """
@@ -11,29 +11,24 @@ from dataclasses import replace
 import numpy as np
 
 from bayesid.coloured.evidence import posterior
-from bayesid.coloured.fit import Free, fit
+from bayesid.coloured.fit import fit
 from bayesid.coloured.free import effect_prior
 from bayesid.coloured.path import Point
-from bayesid.diagnose.bank import Bank, Score, build_bank, levels_between, screen
+from bayesid.diagnose.bank import Bank, Score
 from bayesid.diagnose.candidate import (
     COEFFICIENT_ERROR,
-    PATH_NOISE,
     Candidate,
     explains,
-    nested,
-    standing,
     weighed,
 )
 from bayesid.diagnose.problem import Problem, fit_with
 from bayesid.diagnose.where import Where, locate
 from bayesid.effects import Effect
 from bayesid.errors import ModelError
-from bayesid.model import Model
 
 SHORTLIST = 6
-# A further effect must raise the log evidence by this much, and is dropped again if its removal costs less
-# than 3.
-ADD, DROP, MOST = 5.0, 3.0, 3
+# Latent force of the first pass where the start already follows the data.
+QUIET = 1e-5
 Say = Callable[[str], None]
 
 
@@ -71,15 +66,28 @@ def refit_screened(problem: Problem, bank: Bank, score: Score, say: Say) -> list
     out = refit(problem, (effect,), say)
     if effect.smooth or any(explains(c) for c in out):
         return out
-    say(f"refit with {effect.name} from the screen's estimate")
-    start = _estimated(problem, bank, score)
+    return again(
+        problem, (effect,), _estimated(problem, bank, score), max(problem.path_level, QUIET), out, say
+    )
+
+
+def again(
+    problem: Problem,
+    effects: tuple[Effect, ...],
+    start: list[Point],
+    loud: float,
+    first: list[Candidate],
+    say: Say,
+) -> list[Candidate]:
+    """The better of a first candidate and one begun elsewhere; `loud` as in `coloured.fit.fit`."""
+    names = tuple(e.name for e in effects)
+    say("refit with " + " + ".join(names) + " from a second start")
     try:
-        loud = max(problem.path_level, 1e-5)
-        again = weighed(problem, (effect.name,), fit_with(problem, (effect,), start=start, loud=loud))
+        second = weighed(problem, names, fit_with(problem, effects, start=start, loud=loud))
     except ModelError as exc:
         say(f"given up: {exc}")
-        return out
-    return [max([*out, again], key=lambda c: (explains(c), c.log_evidence))]
+        return first
+    return [max([*first, second], key=lambda c: (explains(c), c.log_evidence))]
 
 
 def _estimated(problem: Problem, bank: Bank, score: Score) -> list[Point]:
@@ -109,7 +117,7 @@ def refit_wide(problem: Problem, name: str, say: Say) -> list[Candidate]:
             replace(free, sd=sd),
             problem.environment.colours,
             start=problem.path,
-            loud=max(problem.path_level, 1e-5),
+            loud=max(problem.path_level, QUIET),
         )
     except ModelError as exc:
         say(f"given up: {exc}")
@@ -117,74 +125,8 @@ def refit_wide(problem: Problem, name: str, say: Say) -> list[Candidate]:
     return [weighed(problem, (f"{COEFFICIENT_ERROR}:{name}",), fitted)]
 
 
-def several(
-    problem: Problem, refits: list[Candidate], current: Candidate, effects: list[Effect], say: Say
-) -> tuple[list[Candidate], dict[tuple[str, ...], Where]]:
-    """Forward selection from the best single effect, then backward: the first one may owe its place to the
-    second.
-
-    A step must raise the evidence of the refit where the smaller model explains the data, and the screen's
-    otherwise. It must also raise it by more than a free force does: an effect that explains less of a
-    remainder than a force that knows nothing only bends towards it. Also returns what was left where this was
-    asked.
-    """
-    left: dict[tuple[str, ...], Where] = {}
-    model = problem.model
-    while len(current.effects) < MOST:
-        chosen = [model.effects[n] for n in current.effects]
-        families = {e.family for e in chosen}
-        others = [e for e in effects if e.family not in families]
-        inside = _joint(model, chosen)
-        points = current.fit.points if current.fit.converged else current.fit.follow
-        level = 0.0 if current.fit.converged else current.fit.follow_level
-        bank = build_bank(problem, points, levels_between(problem, level), others, inside)
-        ranked = [s for s in screen(bank)[:3] if s.gain > 0.5 * ADD]
-        if not ranked:
-            break
-        tried = [c for s in ranked for c in refit(problem, (*chosen, model.effects[s.name]), say)]
-        if not tried:
-            break
-        gains = {s.name: s.gain for s in ranked}
-        best = max(tried, key=lambda c: standing(c, gains[c.effects[-1]]))
-        if explains(current):
-            step = _step(problem, best, current)
-            if step < ADD:
-                break
-            left[current.effects] = remainder(problem, current)
-            if step < left[current.effects].outside - left[current.effects].base:
-                break
-        refits = [*tried, *refits]
-        current = best
-    while len(current.effects) > 1:
-        less = []
-        for name in current.effects:
-            fewer = tuple(model.effects[n] for n in current.effects if n != name)
-            known = [c for c in refits if set(c.effects) == {e.name for e in fewer}]
-            less += known or refit(problem, fewer, say)
-            refits += [c for c in less if c not in refits]
-        smaller = max(less, key=lambda c: c.log_evidence, default=None)
-        if smaller is None or smaller.log_evidence < current.log_evidence - DROP:
-            break
-        current = smaller
-    return sorted(refits, key=lambda c: -c.log_evidence), left
-
-
 def remainder(problem: Problem, candidate: Candidate) -> Where:
     """Where the gap lies that a refit leaves."""
     fitted = candidate.fit
     points = fitted.points if fitted.converged else fitted.follow
     return locate(problem, points, fitted.free, masks=False)
-
-
-def _step(problem: Problem, larger: Candidate, smaller: Candidate) -> float:
-    """Gain in log evidence; a small one must also be there along the larger refit's own path."""
-    gain = larger.log_evidence - smaller.log_evidence
-    return gain if gain > PATH_NOISE else min(gain, nested(problem, larger, smaller.effects))
-
-
-def _joint(model: Model, effects: Sequence[Effect]) -> Free:
-    parts = [effect_prior(model, e) for e in effects]
-    out = parts[0]
-    for part in parts[1:]:
-        out = out + part
-    return out

@@ -12,7 +12,7 @@ import numpy as np
 
 from bayesid.diagnose.candidate import COEFFICIENT_ERROR, Candidate, explains, idle, pulls
 from bayesid.diagnose.crossed import crossed
-from bayesid.diagnose.problem import Problem
+from bayesid.diagnose.problem import NEAR, Problem
 from bayesid.diagnose.weigh import credible_set
 from bayesid.diagnose.which import Candidates
 
@@ -68,7 +68,10 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
     conflict = float(np.abs(pull).max()) if pull.size else 0.0
     reasons = [
         f"best explanation {' + '.join(best.effects) or 'none'}: log evidence {gain:+.1f} over no effect "
-        f"(by chance {limit.named:.1f} in 1 of 100 trials)",
+        f"(by chance {limit.named:.1f} in 1 of 100 trials)"
+        if best.fit.chi2 < NEAR or not best.effects
+        else f"nothing tried explains the readings; nearest is {' + '.join(best.effects)}, which leaves "
+        f"residuals {best.fit.chi2**0.5:.3g} times the noise",
         f"a free force or signal anywhere would raise it by {before.evidence:+.1f} at best (in "
         f"{before.channel}; by chance at most {limit.remainder:.1f})",
         f"largest coefficient move without an effect: {conflict:.1f} prior sd (by chance "
@@ -80,9 +83,11 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
         if outside:
             return Verdict("outside", (), set95, (), tuple(reasons))
         if "none" in set95:
+            nothing = probability["none"] + sum(probability[n] for n in faint)
             if conflict > max(limit.conflict, 3.0) and probability["none"] < 0.5:
                 return Verdict("coefficients", (), set95, hidden, tuple(reasons))
-            return Verdict("none", (), set95, (), tuple(reasons))
+            if nothing > 0.5:
+                return Verdict("none", (), set95, (), tuple(reasons))
         return Verdict("ambiguous", _names(set95), set95, (), tuple(reasons))
     left = candidates.where_after.places[0].evidence if candidates.where_after is not None else 0.0
     reasons.append(f"after it a free signal would add {left:+.1f}")
@@ -93,6 +98,8 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
             return Verdict(
                 "none" if probability["none"] > 0.5 else "ambiguous", (), set95, (), tuple(reasons)
             )
+        if _acts(candidates, families, COEFFICIENT_ERROR) < SURE:
+            return Verdict("ambiguous", _names(set95), set95, hidden, tuple(reasons))
         return Verdict("coefficients", (COEFFICIENT_ERROR,), set95, hidden, tuple(reasons))
     runs = crossed(best, none, len(problem.coefficients.names))
     rest = left > limit.remainder or runs.disagree
@@ -115,7 +122,7 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
         sure = tuple(n for n in kept if _acts(candidates, families, n) > SURE)
         if len(sure) > 1:
             return Verdict("several", sure, set95, hidden, tuple(reasons))
-        if not kept:
+        if not kept and probability["outside"] > 0.5:
             return Verdict("outside", (), set95, (), tuple(reasons))
         if not sure or absorbed.get(sure[0], 0.0) > HIDDEN:
             return Verdict("ambiguous", _names(set95), set95, hidden, tuple(reasons))

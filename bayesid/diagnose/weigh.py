@@ -24,7 +24,7 @@ PRIOR_NONE, PRIOR_CATALOGUE, PRIOR_OUTSIDE = 0.5, 0.4, 0.1
 ALIKE = 0.5
 # Chance that an effect acts in another form than the catalogue's.
 FORM = 0.25
-# Nats from which a remainder shows, and the smallest part of what it explains that a look-alike leaves.
+# Nats from which a remainder shows, and the smallest part of what it explains that another form leaves.
 SEEN, CLOSEST = 3.0, 1e-3
 # Nats a free signal may be better alone than with an effect that has nothing to do beside it.
 ROOM = 10.0
@@ -96,6 +96,7 @@ def probabilities(
     excess: float = 1.0,
     rest: Mapping[tuple[str, ...], float] | None = None,
     shows: bool = True,
+    share: float = 1.0,
 ) -> Weights:
     """Posterior probability of none, every catalogue name, coefficient_error and outside.
 
@@ -109,6 +110,7 @@ def probabilities(
     rest : what a free force adds to the log evidence of some explanations
     shows : whether something is left: more than the best of all free signals tried gains by chance, or runs
         that disagree; only then does `rest` speak for a cause that is only like the one named
+    share : of what a free signal gains without an effect, how much one still gains beside the best
     """
     names = [n for n in evidence if n != "outside"]
     each = float(np.log(PRIOR_CATALOGUE / len(names)))
@@ -121,7 +123,14 @@ def probabilities(
     # With an effect beside it that has nothing to do, a free signal explains what it does alone, but for the
     # room such an effect has; the rest comes from the two linearisations.
     sound = {tuple(sorted(c.effects)) for c in refits if explains(c)} & set(more)
-    if sound:
+    # What is like no effect is not explained by one to more than half. Where no refit follows the data, the
+    # share tells what is left, and two linearisations need not be compared.
+    near = share < 0.5 and bool(more) and not sound
+    if near:
+        for k in more:
+            gain[k] = max(gain[k], gain[("outside",)] - more[k])
+        gain[("outside",)] = -np.inf
+    elif sound:
         most = max(gain[k] + max(more[k], 0.0) for k in sound) + ROOM
         gain[("outside",)] = min(gain[("outside",)], most)
     top = max([*gain.values(), *(gain[k] + v for k, v in more.items())])
@@ -143,17 +152,15 @@ def probabilities(
         close = _closeness(value)
         add(key, tempered(value) + prior + (_log(1.0 - FORM * (1.0 - close)) if key in more else 0.0))
         for name in key:
-            if name == COEFFICIENT_ERROR:
-                continue
             others = tuple(n for n in key if n != name)
             part = value - max([v for k, v in gain.items() if set(k) == set(others)], default=0.0)
-            like = _closeness(part)
-            add((*others, "outside"), tempered(value) + prior + alike + _log(like))
+            add((*others, "outside"), tempered(value) + prior + alike + _log(_likeness(part)))
             if shows and key in more:
-                add((*others, "outside"), tempered(value + more[key]) + prior + alike + _log(1.0 - like))
+                odds = _stranger(more[key], part) * (1.0 - _closeness(part))
+                add((*others, "outside"), tempered(value + more[key]) + prior + alike + _log(odds))
         if key in more:
             # an effect has another form; what explains less than half of the gap is a part of something else
-            part_of = value < 0.5 * gain[("outside",)]
+            part_of = not near and value < 0.5 * gain[("outside",)]
             visible = tempered(value + more[key]) + prior + _log(FORM * (1.0 - close))
             add(("outside",) if part_of else key, visible)
     total = logsumexp(list(joint.values()))
@@ -161,8 +168,9 @@ def probabilities(
     inside = dict.fromkeys(shared, 0.0)
     for key, value in joint.items():
         mass = float(np.exp(value - total))
-        for n, share in zip(key, _shares(key, evidence, excess), strict=True):
-            shared[n] += mass * share
+        mends = excess > 1.0 or (key in more and key not in sound)
+        for n, part in zip(key, _shares(key, evidence, mends), strict=True):
+            shared[n] += mass * part
             inside[n] += mass
     return Weights(shared, inside)
 
@@ -172,12 +180,30 @@ def _log(chance: float) -> float:
 
 
 def _closeness(explained: float) -> float:
-    """Chance that a cause only like the one named, or that one in another form, leaves nothing that shows.
+    """Chance that the named cause in another form leaves nothing that shows.
 
     What it leaves is of unknown size, from a thousandth of what the named one explains to all of it, every
     magnitude as probable.
     """
     return float(np.clip(1.0 + np.log(SEEN / max(explained, SEEN)) / np.log(1.0 / CLOSEST), 0.0, 1.0))
+
+
+def _likeness(explained: float) -> float:
+    """Chance that a cause only like the one named leaves nothing that shows.
+
+    Other causes are as like it as the effects of the catalogue are like each other: of 2250 signatures on
+    free-running trials the nearest other family leaves less than 1 % of 5, less than 10 % of 19, less than
+    30 % of 30 in a hundred. The square root of the share leans to the careful side of that.
+    """
+    return float(np.sqrt(SEEN / max(explained, SEEN)))
+
+
+def _stranger(left: float, explained: float) -> float:
+    """How much more a remainder of this size speaks for a cause only like the named one than for that one in
+    another form: ratio of the densities of `_likeness` and `_closeness` over the logarithm of the share left.
+    """
+    share = np.clip(max(left, SEEN) / max(explained, SEEN), CLOSEST, 1.0)
+    return float(0.5 * np.sqrt(share) * np.log(1.0 / CLOSEST))
 
 
 def credible_set(
@@ -195,12 +221,13 @@ def credible_set(
     return tuple(out)
 
 
-def _shares(key: tuple[str, ...], evidence: dict[str, float], excess: float) -> list[float]:
-    """How several effects share their mass: alike, or by what each says alone where the runs disagree.
+def _shares(key: tuple[str, ...], evidence: dict[str, float], mends: bool) -> list[float]:
+    """How several effects share their mass: alike, or by what each says alone where the runs disagree or the
+    data stay unexplained.
 
     Then some of them are likely there to mend the form of another.
     """
-    if len(key) == 1 or excess <= 1.0:
+    if len(key) == 1 or not mends:
         return [1.0 / len(key)] * len(key)
     weight = [max(evidence.get(n, 0.0), 0.0) + 1.0 for n in key]
     return [w / sum(weight) for w in weight]

@@ -25,16 +25,15 @@ from bayesid.diagnose.candidate import PATH_NOISE, Candidate, checked, explains,
 from bayesid.diagnose.crossed import crossed
 from bayesid.diagnose.problem import Problem, fit_with
 from bayesid.diagnose.refits import (
-    ADD,
     likely_coefficients,
     refit_screened,
     refit_wide,
     remainder,
-    several,
     shortlist,
 )
+from bayesid.diagnose.selection import ADD, several
 from bayesid.diagnose.thresholds import Thresholds, thresholds
-from bayesid.diagnose.weigh import evidences, probabilities
+from bayesid.diagnose.weigh import SEEN, evidences, probabilities
 from bayesid.diagnose.where import Where, locate, tried
 
 Say = Callable[[str], None]
@@ -117,7 +116,7 @@ def compare(
             if explains(first)
             else gains[first.effects[0]] > ADD
         ):
-            refits, left = several(problem, refits, first, effects, say)
+            refits, left = several(problem, refits, first, effects, known, say)
             refits = sorted((checked(problem, c, none, gains) for c in refits), key=lambda c: -c.log_evidence)
     if refits and refits[0].log_evidence > none.log_evidence + ADD:
         say("what the best explanation leaves")
@@ -126,7 +125,8 @@ def compare(
     rest = _rests(refits, after)
     excess = _excess(refits, none, len(problem.coefficients.names))
     shows = excess > 1.0 or (after is not None and after.places[0].evidence > limits.remainder)
-    weights = probabilities(evidence, refits, none, where, excess, rest, shows)
+    share = after.places[0].evidence / max(where.places[0].evidence, SEEN) if after is not None else 1.0
+    weights = probabilities(evidence, refits, none, where, excess, rest, shows, share)
     found = (evidence, weights.shared, weights.inside, bank, known, where, after, limits)
     return Candidates(none, tuple(refits), tuple(scores), *found)
 
