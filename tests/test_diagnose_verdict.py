@@ -84,6 +84,15 @@ def test_what_could_not_be_seen_and_does_not_speak_is_no_other_answer_than_none(
     assert "a" in judged(nothing, p, faint="ab", speak="a").set95
 
 
+def test_no_effect_is_said_only_where_it_is_more_probable_than_not():
+    faint = [candidate(1.0, "c")]
+    assert judged(faint, {"none": 0.4, "c": 0.6}).word == "ambiguous"
+    assert judged(faint, {"none": 0.6, "c": 0.4}).word == "none"
+    # what chance gives a free signal is no gap, and what is beyond chance is
+    assert judged(faint, {"none": 0.1, "outside": 0.9}, before=5.0).word == "none"
+    assert judged(faint, {"none": 0.1, "outside": 0.9}, before=30.0).word == "outside"
+
+
 def test_what_is_left_turns_an_effect_into_one_with_a_remainder():
     assert judged([candidate(500.0, "a")], {"a": 1.0}, left=18.0).word == "effect"
     assert judged([candidate(500.0, "a")], {"a": 1.0}, left=25.0).word == "effect_with_remainder"

@@ -83,7 +83,9 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
         if outside:
             return Verdict("outside", (), set95, (), tuple(reasons))
         if "none" in set95:
-            nothing = probability["none"] + sum(probability[n] for n in faint)
+            # a free signal that gains no more than chance speaks for nothing
+            idly = 0.0 if before.evidence > limit.remainder else probability["outside"]
+            nothing = probability["none"] + sum(probability[n] for n in faint) + idly
             if conflict > max(limit.conflict, 3.0) and probability["none"] < 0.5:
                 return Verdict("coefficients", (), set95, hidden, tuple(reasons))
             if nothing > 0.5:
@@ -119,7 +121,7 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
             for n in best.effects
             if n not in off and (not shows or left < MINOR * _part(candidates, best, n))
         )
-        sure = tuple(n for n in kept if _acts(candidates, families, n) > SURE)
+        sure = tuple(n for n in kept if _acts(candidates, families, n) >= SURE)
         if len(sure) > 1:
             return Verdict("several", sure, set95, hidden, tuple(reasons))
         if not kept and probability["outside"] > 0.5:
