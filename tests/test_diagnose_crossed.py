@@ -8,7 +8,8 @@ from scipy import stats
 
 from bayesid.coloured.evidence import gram
 from bayesid.diagnose.crossed import Crossed, disagreement, left_out
-from bayesid.diagnose.weigh import credible_set, probabilities
+from bayesid.diagnose.weigh import Left, credible_set, probabilities
+from bayesid.diagnose.where import Place, Where
 
 COEF, OWN, RUNS, READINGS = 3, 2, 5, 40
 
@@ -118,7 +119,9 @@ def test_what_an_effect_leaves_goes_to_it_and_in_part_to_a_cause_that_only_looks
     refits = (candidate(60.0, "a"),)
 
     def weigh(more, generic):
-        return probabilities(evidence | {"outside": generic}, refits, none, where, rest={("a",): more}).shared
+        return probabilities(
+            evidence | {"outside": generic}, refits, none, where, left=Left({("a",): more})
+        ).shared
 
     clean, left, little = weigh(-1.0, 20.0), weigh(30.0, 70.0), weigh(400.0, 460.0)
     assert 0.02 < clean["outside"] < 0.1  # a name is never quite alone
@@ -133,7 +136,7 @@ def test_the_smaller_the_share_that_is_left_the_less_it_speaks_for_another_cause
     evidence = {"a": 1e5, "c": 30.0, "coefficient_error": 2.0, "outside": 1e3}
 
     def outside(more):
-        found = probabilities(evidence, (candidate(1e5, "a"),), none, where, rest={("a",): more})
+        found = probabilities(evidence, (candidate(1e5, "a"),), none, where, left=Left({("a",): more}))
         return found.shared["outside"]
 
     assert outside(3e4) > 0.4 > 0.25 > outside(3e3) > 0.12 > outside(300.0) > 0.04
@@ -146,7 +149,9 @@ def test_what_chance_leaves_does_not_speak_against_either_of_two_effects():
     rest = {("a", "b"): 6.0}
 
     def least(shows):
-        return min(probabilities(evidence, (pair,), none, where, 1.0, rest, shows).inside[n] for n in "ab")
+        return min(
+            probabilities(evidence, (pair,), none, where, 1.0, Left(rest, shows)).inside[n] for n in "ab"
+        )
 
     assert least(False) > 0.95
     assert least(True) < 0.9
@@ -155,9 +160,33 @@ def test_what_chance_leaves_does_not_speak_against_either_of_two_effects():
 def test_a_free_signal_alone_is_hardly_better_than_beside_an_effect():
     none, where = candidate(0.0), SimpleNamespace(base=0.0)
     evidence = {"a": 2000.0, "c": 3.0, "coefficient_error": 2.0, "outside": 4000.0}
-    kept = probabilities(evidence, (candidate(2000.0, "a"),), none, where, rest={("a",): -2.0}).shared
+    kept = probabilities(evidence, (candidate(2000.0, "a"),), none, where, left=Left({("a",): -2.0})).shared
     assert kept["outside"] / kept["a"] < np.exp(10.0 + np.log(0.05 / 0.1)) * 1.1  # 2000 nats before
     unsound = candidate(2000.0, "a")
     unsound.fit.chi2 = 5.0
-    free = probabilities(evidence, (unsound,), none, where, rest={("a",): -2.0}).shared
+    free = probabilities(evidence, (unsound,), none, where, left=Left({("a",): -2.0})).shared
     assert free["outside"] > 0.999
+
+
+def test_a_signal_that_gains_nothing_beside_an_effect_explains_nothing_the_effect_does_not():
+    none, where = candidate(0.0), SimpleNamespace(base=0.0)
+    evidence = {"a": 2000.0, "c": 3.0, "coefficient_error": 2.0, "outside": 2160.0}
+
+    def outside(kept):
+        left = Left({("a",): -3.0}, shows=False, share=0.0, kept=kept)
+        return probabilities(evidence, (candidate(2000.0, "a"),), none, where, left=left).shared["outside"]
+
+    assert outside(np.inf) > 0.99  # two linearisations, 160 nats apart
+    assert outside(-50.0) < 0.01
+    assert outside(500.0) > 0.99
+
+
+def test_what_a_signal_keeps_is_read_where_it_gained_most():
+    def where(gains, rhythm=0.0):
+        places = (Place("N", max(rhythm, max(gains.values())), 0.1, 1.0, 0.0),)
+        return Where(places, (), 0.0, 0.0, (), (), (), (), gains)
+
+    before = {("N", 0.1, 1.0): 80.0, ("N", 0.01, 1.0): 20.0}
+    after = where({("N", 0.1, 1.0): -7.0, ("N", 0.01, 1.0): 4.0})
+    assert where(before).kept(after) == -7.0
+    assert where(before, rhythm=90.0).kept(after) == np.inf  # a rhythm was better: not tried again

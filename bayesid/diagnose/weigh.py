@@ -7,7 +7,7 @@ verdict's business.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.special import logsumexp
@@ -88,15 +88,32 @@ class Weights:
     inside: dict[str, float]
 
 
+@dataclass(frozen=True)
+class Left:
+    """What the best explanation leaves.
+
+    Attributes
+    ----------
+    rest : what a free force adds to the log evidence of some explanations
+    shows : whether something is left: more than the best of all free signals tried gains by chance, or runs
+        that disagree; only then does `rest` speak for a cause that is only like the one named
+    share : of what a free signal gains without an effect, how much one still gains beside the best
+    kept : what the very signal that gained most without an effect still gains beside the best
+    """
+
+    rest: Mapping[tuple[str, ...], float] = field(default_factory=dict)
+    shows: bool = True
+    share: float = 1.0
+    kept: float = np.inf
+
+
 def probabilities(
     evidence: dict[str, float],
     refits: Sequence[Candidate],
     none: Candidate,
     where: Where,
     excess: float = 1.0,
-    rest: Mapping[tuple[str, ...], float] | None = None,
-    shows: bool = True,
-    share: float = 1.0,
+    left: Left | None = None,
 ) -> Weights:
     """Posterior probability of none, every catalogue name, coefficient_error and outside.
 
@@ -107,11 +124,9 @@ def probabilities(
     excess : how much the runs disagree about the best explanation, chi-square over its degrees of freedom. A
         form that is not quite right says that there is a gap, but not in all its nats which cause: what a
         cause lags behind the best is divided by it (quasi-likelihood; Wedderburn 1974).
-    rest : what a free force adds to the log evidence of some explanations
-    shows : whether something is left: more than the best of all free signals tried gains by chance, or runs
-        that disagree; only then does `rest` speak for a cause that is only like the one named
-    share : of what a free signal gains without an effect, how much one still gains beside the best
+    left : what the best explanation leaves, if this was asked
     """
+    left = left or Left()
     names = [n for n in evidence if n != "outside"]
     each = float(np.log(PRIOR_CATALOGUE / len(names)))
     gain: dict[tuple[str, ...], float] = {(n,): evidence[n] for n in (*names, "outside")}
@@ -119,19 +134,20 @@ def probabilities(
         if len(c.effects) > 1:
             key = tuple(sorted(c.effects))
             gain[key] = max(gain.get(key, -np.inf), over_none(c, none, where))
-    more = {tuple(sorted(k)): float(v) for k, v in (rest or {}).items()}
+    more = {tuple(sorted(k)): float(v) for k, v in left.rest.items()}
     # With an effect beside it that has nothing to do, a free signal explains what it does alone, but for the
-    # room such an effect has; the rest comes from the two linearisations.
+    # room such an effect has; the rest comes from the two linearisations. A signal that gains nothing beside
+    # the effect explains nothing the effect does not.
     sound = {tuple(sorted(c.effects)) for c in refits if explains(c)} & set(more)
     # What is like no effect is not explained by one to more than half. Where no refit follows the data, the
     # share tells what is left, and two linearisations need not be compared.
-    near = share < 0.5 and bool(more) and not sound
+    near = left.share < 0.5 and bool(more) and not sound
     if near:
         for k in more:
             gain[k] = max(gain[k], gain[("outside",)] - more[k])
         gain[("outside",)] = -np.inf
     elif sound:
-        most = max(gain[k] + max(more[k], 0.0) for k in sound) + ROOM
+        most = max(gain[k] + min(max(more[k], 0.0), left.kept) for k in sound) + ROOM
         gain[("outside",)] = min(gain[("outside",)], most)
     top = max([*gain.values(), *(gain[k] + v for k, v in more.items())])
 
@@ -155,7 +171,7 @@ def probabilities(
             others = tuple(n for n in key if n != name)
             part = value - max([v for k, v in gain.items() if set(k) == set(others)], default=0.0)
             add((*others, "outside"), tempered(value) + prior + alike + _log(_likeness(part)))
-            if shows and key in more:
+            if left.shows and key in more:
                 odds = _stranger(more[key], part) * (1.0 - _closeness(part))
                 add((*others, "outside"), tempered(value + more[key]) + prior + alike + _log(odds))
         if key in more:

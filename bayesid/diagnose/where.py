@@ -7,8 +7,8 @@ with its band. Names channels, never causes.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -67,6 +67,7 @@ class Where:
         or frequency
     times, force, band : per run, smoothed latent force in X, Y, N (and Z, K, M) [N, N m] and one standard
     deviation
+    gains : (channel, amplitude, time [s]) -> evidence of every force or input tried that has no rhythm
     """
 
     places: tuple[Place, ...]
@@ -77,6 +78,16 @@ class Where:
     times: tuple[Array, ...]
     force: tuple[Array, ...]
     band: tuple[Array, ...]
+    gains: Mapping[tuple[str, float, float], float] = field(default_factory=dict)
+
+    def kept(self, after: Where) -> float:
+        """What the best force or input found here still gains in what an explanation leaves; inf if it has a
+        rhythm."""
+        if not self.gains or not after.gains:
+            return np.inf
+        best = max(self.gains, key=lambda k: self.gains[k])
+        top = max((p.evidence for p in self.places if p.channel == best[0]), default=-np.inf)
+        return after.gains[best] if top <= self.gains[best] else np.inf
 
 
 def channel_sets(problem: Problem) -> dict[str, tuple[tuple[str, ...], tuple[str, ...]]]:
@@ -146,6 +157,7 @@ def locate(problem: Problem, points: Sequence[Point], free: Free, masks: bool = 
     base = _evidence(problem, paths, free, colours, None)
     size, time = units(model), model.scales["L"] / model.scales["U"]
     places, averages = [], []
+    gains: dict[tuple[str, float, float], float] = {}
     sets = channel_sets(problem)
     periodic = rhythms(problem, paths, free, sets, size, AMPLITUDES)
     for name, (inputs, channels) in sets.items():
@@ -166,6 +178,7 @@ def locate(problem: Problem, points: Sequence[Point], free: Free, masks: bool = 
         # A signal on a sensor stands for drift, or for noise faster than the sampling, as well as a fault.
         if inputs:
             averages.append(average)
+            gains |= {(name, a, tau): value - base for value, a, tau in seen}
     places.sort(key=lambda p: -p.evidence)
     found = (
         _masks(problem, paths, free, colours, places[0], base) if masks and places[0].evidence > 5.0 else ()
@@ -180,6 +193,7 @@ def locate(problem: Problem, points: Sequence[Point], free: Free, masks: bool = 
         times,
         force,
         band,
+        gains,
     )
 
 

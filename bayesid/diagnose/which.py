@@ -33,7 +33,7 @@ from bayesid.diagnose.refits import (
 )
 from bayesid.diagnose.selection import ADD, several
 from bayesid.diagnose.thresholds import Thresholds, thresholds
-from bayesid.diagnose.weigh import SEEN, evidences, probabilities
+from bayesid.diagnose.weigh import SEEN, Left, evidences, probabilities
 from bayesid.diagnose.where import Where, locate, tried
 
 Say = Callable[[str], None]
@@ -124,9 +124,12 @@ def compare(
     evidence = evidences(problem, none, refits, scores, wide, where)
     rest = _rests(refits, after)
     excess = _excess(refits, none, len(problem.coefficients.names))
-    shows = excess > 1.0 or (after is not None and after.places[0].evidence > limits.remainder)
-    share = after.places[0].evidence / max(where.places[0].evidence, SEEN) if after is not None else 1.0
-    weights = probabilities(evidence, refits, none, where, excess, rest, shows, share)
+    left_by = Left(rest)
+    if after is not None:
+        shows = excess > 1.0 or after.places[0].evidence > limits.remainder
+        share = after.places[0].evidence / max(where.places[0].evidence, SEEN)
+        left_by = Left(rest, shows, share, where.kept(after))
+    weights = probabilities(evidence, refits, none, where, excess, left_by)
     found = (evidence, weights.shared, weights.inside, bank, known, where, after, limits)
     return Candidates(none, tuple(refits), tuple(scores), *found)
 
