@@ -100,6 +100,25 @@ def test_scores_are_those_of_the_stated_probabilities():
     assert judge(truth("effect", "wind"), split).p_right == pytest.approx(0.7)
 
 
+def test_what_is_calibrated_is_that_the_first_answer_acts_alone_or_with_others():
+    shares = said("several", "wind", "gyro_bias")
+    shares["probabilities"] = {"wind": 0.3, "steady_force": 0.2, "gyro_bias": 0.48, "none": 0.02}
+    assert judge(truth("two", "wind", "gyro_bias"), shares).stated == pytest.approx(0.5)  # by family
+    acting = shares | {"acting": {"wind": 0.58, "steady_force": 0.4, "gyro_bias": 0.97, "none": 0.02}}
+    case = judge(truth("two", "wind", "gyro_bias"), acting)
+    assert case.top == "earth_force" and case.stated == pytest.approx(0.98)
+
+
+def test_a_pair_with_a_hidden_cause_is_counted_apart():
+    hidden = replace(PLAIN, absorbed=0.99)
+    plain, other = (
+        judge(truth("two", "wind", "gyro_bias", shown=s), said("outside")) for s in (PLAIN, hidden)
+    )
+    assert plain.deepest == PLAIN.absorbed and other.deepest == 0.99
+    every, apart = (q for q in sheet([plain, other]) if q.name == "two effects both found")
+    assert (every.count, apart.count) == (2, 1)
+
+
 def test_parameters_are_scored_in_stated_deviations_and_directions_wrap():
     answer = truth("effect", "wind", wind={"V_wind": 4.0, "from": 0.1})
     verdict = said("effect", "wind")

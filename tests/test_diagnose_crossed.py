@@ -190,3 +190,34 @@ def test_what_a_signal_keeps_is_read_where_it_gained_most():
     after = where({("N", 0.1, 1.0): -7.0, ("N", 0.01, 1.0): 4.0})
     assert where(before).kept(after) == -7.0
     assert where(before, rhythm=90.0).kept(after) == np.inf  # a rhythm was better: not tried again
+    elsewhere = {("N", 0.1, 1.0): 60.0, ("Y", 0.1, 1.0): 80.0}
+    assert where(elsewhere, rhythm=90.0).kept(where(dict.fromkeys(elsewhere, -40.0))) == np.inf
+
+
+def test_a_gap_that_is_mostly_explained_by_one_effect_that_does_not_arrive_is_like_that_effect():
+    none, where = candidate(0.0), SimpleNamespace(base=0.0)
+    evidence = {"a": 500.0, "b": 481.0, "c": 3.0, "coefficient_error": 2.0, "outside": 4000.0}
+    refits = [candidate(500.0, "a"), candidate(481.0, "b")]
+    for c in refits:
+        c.fit.chi2 = 6.0
+
+    def shared(share):
+        left = Left({("a",): 400.0, ("b",): 400.0}, share=share)
+        return probabilities(evidence, refits, none, where, left=left).shared
+
+    assert shared(0.6)["outside"] > 0.999  # an effect that leaves more than half: a part of something else
+    near = shared(0.1)
+    assert near["a"] > 0.5 and near["outside"] > 0.1
+    assert near["b"] < 1e-6  # 19 nats behind stays 19 nats behind
+
+
+def test_effects_of_an_explanation_that_does_not_arrive_share_by_what_each_says_alone():
+    none, where = candidate(0.0), SimpleNamespace(base=0.0)
+    evidence = {"a": 400.0, "b": 10.0, "c": 3.0, "coefficient_error": 2.0, "outside": 4000.0}
+    pair = candidate(500.0, "a", "b")
+    left = Left({("a", "b"): 400.0}, share=0.1)
+    arrived = probabilities(evidence, (pair,), none, where, left=left).shared
+    assert arrived["a"] < 1.2 * arrived["b"]
+    pair.fit.chi2 = 6.0
+    rough = probabilities(evidence, (pair,), none, where, left=left).shared
+    assert rough["a"] > 2 * rough["b"]

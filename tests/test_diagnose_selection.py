@@ -8,6 +8,7 @@ import pytest
 from bayesid.diagnose import problem as problems
 from bayesid.diagnose import selection
 from bayesid.diagnose.bank import Ambiguity
+from bayesid.errors import ModelError
 
 # (name, family): lag and dead are one family, wind and push too
 FAMILY = {"wind": "force", "push": "force", "lag": "timing", "dead": "timing", "scale": "scale"}
@@ -105,18 +106,60 @@ def test_rivals_are_those_that_take_over_half_of_what_one_shows():
     assert found.rivals("not in the bank") == ()
 
 
-@pytest.mark.parametrize("chi2, calls", [(1.1, 2), (3.0, 1)])
-def test_a_fit_that_runs_out_of_passes_close_to_the_data_goes_on_from_where_it_is(monkeypatch, chi2, calls):
+def forward(monkeypatch, gain, free, rivals):
+    """Names `several` keeps where a second effect gains `gain` and a free force `free`."""
+    tried = Tried({frozenset(("wind",)): 100.0, frozenset(("wind", "lag")): 100.0 + gain,
+                   frozenset(("push", "lag")): 150.0 + gain})  # fmt: skip
+    left = SimpleNamespace(outside=free, base=0.0)
+    bank = SimpleNamespace(name="lag", gain=50.0)
+    fakes = {"refit": tried.refit, "again": tried.again, "begun": lambda p, e, points: points,
+             "build_bank": lambda *a: None, "levels_between": lambda *a: [], "screen": lambda b: [bank],
+             "_joint": lambda *a: None, "remainder": lambda *a: left}  # fmt: skip
+    for name, fake in fakes.items():
+        monkeypatch.setattr(selection, name, fake)
+    monkeypatch.setattr(selection, "MOST", 2)
+    first = candidate(100.0, "wind")
+    every = [effect(n) for n in FAMILY]
+    refits, _ = selection.several(PROBLEM, [first], first, every, rivals, lambda text: None)
+    return set(refits[0].effects)
+
+
+def test_a_second_effect_must_gain_half_of_what_a_free_force_does_and_is_then_exchanged(monkeypatch, rivals):
+    assert forward(monkeypatch, 60.0, 100.0, rivals) == {"push", "lag"}
+    assert forward(monkeypatch, 40.0, 100.0, rivals) == {"wind"}
+
+
+def outcome(chi2, converged=False, passes=25):
+    return SimpleNamespace(converged=converged, passes=passes, chi2=chi2, points=["here"])
+
+
+NEAR, FAR, HOME = outcome(1.1), outcome(3.0), outcome(1.0, converged=True)
+
+
+@pytest.mark.parametrize(
+    "first, second, kept, calls",
+    [
+        (NEAR, HOME, HOME, 2),
+        (NEAR, FAR, NEAR, 2),  # what went astray is not taken
+        (NEAR, ModelError("lost"), NEAR, 2),
+        (FAR, HOME, FAR, 1),
+        (HOME, HOME, HOME, 1),
+        (outcome(float("nan")), HOME, None, 1),
+    ],
+)
+def test_a_fit_that_runs_out_of_passes_near_the_data_goes_on_once(monkeypatch, first, second, kept, calls):
     told = []
 
     def slow(model, logs, free, colours, start=None, loud=0.03, passes=25):
         told.append((start, loud))
-        return SimpleNamespace(converged=False, passes=passes, chi2=chi2, points=["here"])
+        out = (first, second)[len(told) - 1]
+        if isinstance(out, Exception):
+            raise out
+        return out
 
     monkeypatch.setattr(problems, "fit", slow)
     posed = SimpleNamespace(model=None, logs=(), coefficients=None, path_level=0.1, path=("path",),
                             environment=SimpleNamespace(colours=None))  # fmt: skip
-    problems.fit_with(posed, ())
-    assert len(told) == calls
-    assert told[0] == (["path"], 0.1)
-    assert told[1:] == [(["here"], 0.0)] * (calls - 1)
+    found = problems.fit_with(posed, ())
+    assert found is (kept or first)
+    assert told == [(["path"], 0.1), (["here"], 0.0)][:calls]

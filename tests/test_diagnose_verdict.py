@@ -89,8 +89,23 @@ def test_no_effect_is_said_only_where_it_is_more_probable_than_not():
     assert judged(faint, {"none": 0.4, "c": 0.6}).word == "ambiguous"
     assert judged(faint, {"none": 0.6, "c": 0.4}).word == "none"
     # what chance gives a free signal is no gap, and what is beyond chance is
-    assert judged(faint, {"none": 0.1, "outside": 0.9}, before=5.0).word == "none"
+    for p in (0.1, 0.02):  # in the 95 % set or not
+        v = judged(faint, {"none": p, "outside": 1.0 - p}, before=5.0)
+        assert v.word == "none" and v.set95[0] in ("none", "outside") and "none" in v.set95
     assert judged(faint, {"none": 0.1, "outside": 0.9}, before=30.0).word == "outside"
+
+
+def test_a_coefficient_is_called_wrong_from_nine_tenths_only():
+    wide = [candidate(50.0, "coefficient_error:N_r")]
+    wide[0].widens = True
+    assert judged(wide, {"coefficient_error": 0.92, "outside": 0.08}).word == "coefficients"
+    assert judged(wide, {"coefficient_error": 0.85, "outside": 0.15}).word == "ambiguous"
+
+
+def test_an_explanation_that_does_not_follow_the_readings_is_said_to_leave_something():
+    rough = [candidate(500.0, "a")]
+    rough[0].fit.chi2 = 100.0
+    assert judged(rough, {"a": 1.0}).word == "effect_with_remainder"
 
 
 def test_what_is_left_turns_an_effect_into_one_with_a_remainder():

@@ -19,7 +19,7 @@ from bayesid.coloured.weather import Apart, measure_straight
 from bayesid.diagnose.event import Event, blanked, released, without_readings
 from bayesid.diagnose.outliers import set_aside
 from bayesid.effects import Effect
-from bayesid.errors import TrialError
+from bayesid.errors import ModelError, TrialError
 from bayesid.model import Model
 from bayesid.trials import Trial
 
@@ -215,7 +215,10 @@ def fit_with(
         loud = max(problem.path_level, 1e-5)
     colours = problem.environment.colours
     out = fit(problem.model, problem.logs, free, colours, start=start, passes=passes, loud=loud)
-    if out.converged or out.passes < passes or out.chi2 > NEAR:
+    if out.converged or out.passes < passes or not out.chi2 <= NEAR:
         return out
-    more = fit(problem.model, problem.logs, free, colours, start=out.points, passes=passes, loud=0.0)
+    try:
+        more = fit(problem.model, problem.logs, free, colours, start=out.points, passes=passes, loud=0.0)
+    except ModelError:
+        return out
     return more if more.chi2 <= NEAR else out

@@ -96,8 +96,8 @@ def _exchanged(
 ) -> tuple[list[Candidate], Candidate]:
     """Each of several effects replaced by those like it, as long as the data gain by it."""
     model = problem.model
+    asked = {frozenset(c.effects) for c in refits}
     for _ in range(EXCHANGES):
-        asked = {frozenset(c.effects) for c in refits}
         found: list[Candidate] = []
         for name in current.effects:
             others = tuple(n for n in current.effects if n != name)

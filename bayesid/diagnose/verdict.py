@@ -66,12 +66,12 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
     before = candidates.where.places[0]
     pull = pulls(none.fit, problem)
     conflict = float(np.abs(pull).max()) if pull.size else 0.0
+    follows = any(c.fit.chi2 < NEAR for c in (none, *candidates.refits))
+    misses = f"; nothing follows the readings, this one misses by {best.fit.chi2**0.5:.3g} times the noise"
+    unfollowed = "" if follows else misses
     reasons = [
         f"best explanation {' + '.join(best.effects) or 'none'}: log evidence {gain:+.1f} over no effect "
-        f"(by chance {limit.named:.1f} in 1 of 100 trials)"
-        if best.fit.chi2 < NEAR or not best.effects
-        else f"nothing tried explains the readings; nearest is {' + '.join(best.effects)}, which leaves "
-        f"residuals {best.fit.chi2**0.5:.3g} times the noise",
+        f"(by chance {limit.named:.1f} in 1 of 100 trials){unfollowed}",
         f"a free force or signal anywhere would raise it by {before.evidence:+.1f} at best (in "
         f"{before.channel}; by chance at most {limit.remainder:.1f})",
         f"largest coefficient move without an effect: {conflict:.1f} prior sd (by chance "
@@ -82,14 +82,13 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
     if gain < limit.named:
         if outside:
             return Verdict("outside", (), set95, (), tuple(reasons))
-        if "none" in set95:
-            # a free signal that gains no more than chance speaks for nothing
-            idly = 0.0 if before.evidence > limit.remainder else probability["outside"]
-            nothing = probability["none"] + sum(probability[n] for n in faint) + idly
-            if conflict > max(limit.conflict, 3.0) and probability["none"] < 0.5:
-                return Verdict("coefficients", (), set95, hidden, tuple(reasons))
-            if nothing > 0.5:
-                return Verdict("none", (), set95, (), tuple(reasons))
+        if "none" in set95 and conflict > max(limit.conflict, 3.0) and probability["none"] < 0.5:
+            return Verdict("coefficients", (), set95, hidden, tuple(reasons))
+        # a free signal that gains no more than chance speaks for nothing
+        idly = 0.0 if before.evidence > limit.remainder else probability["outside"]
+        if probability["none"] + sum(probability[n] for n in faint) + idly > 0.5:
+            said = set95 if "none" in set95 else ("none", *set95)
+            return Verdict("none", (), said, (), tuple(reasons))
         return Verdict("ambiguous", _names(set95), set95, (), tuple(reasons))
     left = candidates.where_after.places[0].evidence if candidates.where_after is not None else 0.0
     reasons.append(f"after it a free signal would add {left:+.1f}")
@@ -104,7 +103,7 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
             return Verdict("ambiguous", _names(set95), set95, hidden, tuple(reasons))
         return Verdict("coefficients", (COEFFICIENT_ERROR,), set95, hidden, tuple(reasons))
     runs = crossed(best, none, len(problem.coefficients.names))
-    rest = left > limit.remainder or runs.disagree
+    rest = left > limit.remainder or runs.disagree or not explains(best)
     reasons.append(
         f"each run predicted from the others: {runs.total:+.1f} over no effect; that all runs have one and "
         f"the same effect has p = {runs.disagreement:.2g}"
@@ -124,8 +123,6 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
         sure = tuple(n for n in kept if _acts(candidates, families, n) >= SURE)
         if len(sure) > 1:
             return Verdict("several", sure, set95, hidden, tuple(reasons))
-        if not kept and probability["outside"] > 0.5:
-            return Verdict("outside", (), set95, (), tuple(reasons))
         if not sure or absorbed.get(sure[0], 0.0) > HIDDEN:
             return Verdict("ambiguous", _names(set95), set95, hidden, tuple(reasons))
         return Verdict("effect_with_remainder", sure, set95, hidden, tuple(reasons))

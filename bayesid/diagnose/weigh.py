@@ -142,9 +142,10 @@ def probabilities(
     # What is like no effect is not explained by one to more than half. Where no refit follows the data, the
     # share tells what is left, and two linearisations need not be compared.
     near = left.share < 0.5 and bool(more) and not sound
+    alone = dict(gain)
     if near:
-        for k in more:
-            gain[k] = max(gain[k], gain[("outside",)] - more[k])
+        lift = max(gain[("outside",)] - max(gain[k] + more[k] for k in more), 0.0)
+        gain |= {k: gain[k] + lift for k in more}
         gain[("outside",)] = -np.inf
     elif sound:
         most = max(gain[k] + min(max(more[k], 0.0), left.kept) for k in sound) + ROOM
@@ -169,10 +170,11 @@ def probabilities(
         add(key, tempered(value) + prior + (_log(1.0 - FORM * (1.0 - close)) if key in more else 0.0))
         for name in key:
             others = tuple(n for n in key if n != name)
-            part = value - max([v for k, v in gain.items() if set(k) == set(others)], default=0.0)
+            part = alone[key] - max([v for k, v in alone.items() if set(k) == set(others)], default=0.0)
             add((*others, "outside"), tempered(value) + prior + alike + _log(_likeness(part)))
             if left.shows and key in more:
-                odds = _stranger(more[key], part) * (1.0 - _closeness(part))
+                share = left.share if near else max(more[key], SEEN) / max(part, SEEN)
+                odds = _stranger(share) * (1.0 - _closeness(part))
                 add((*others, "outside"), tempered(value + more[key]) + prior + alike + _log(odds))
         if key in more:
             # an effect has another form; what explains less than half of the gap is a part of something else
@@ -209,17 +211,17 @@ def _likeness(explained: float) -> float:
 
     Other causes are as like it as the effects of the catalogue are like each other: of 2250 signatures on
     free-running trials the nearest other family leaves less than 1 % of 5, less than 10 % of 19, less than
-    30 % of 30 in a hundred. The square root of the share leans to the careful side of that.
+    30 % of 30 in a hundred (`Ambiguity.margin` over what one shows). The square root of the share leans to
+    the careful side of that: it takes more of them for near.
     """
     return float(np.sqrt(SEEN / max(explained, SEEN)))
 
 
-def _stranger(left: float, explained: float) -> float:
-    """How much more a remainder of this size speaks for a cause only like the named one than for that one in
-    another form: ratio of the densities of `_likeness` and `_closeness` over the logarithm of the share left.
+def _stranger(share: float) -> float:
+    """How much more a share that is left speaks for a cause only like the named one than for that one in
+    another form: ratio of the densities of `_likeness` and `_closeness` over the logarithm of the share.
     """
-    share = np.clip(max(left, SEEN) / max(explained, SEEN), CLOSEST, 1.0)
-    return float(0.5 * np.sqrt(share) * np.log(1.0 / CLOSEST))
+    return float(0.5 * np.sqrt(np.clip(share, CLOSEST, 1.0)) * np.log(1.0 / CLOSEST))
 
 
 def credible_set(

@@ -86,7 +86,8 @@ class Where:
         if not self.gains or not after.gains:
             return np.inf
         best = max(self.gains, key=lambda k: self.gains[k])
-        top = max((p.evidence for p in self.places if p.channel == best[0]), default=-np.inf)
+        forces = {channel for channel, *_ in self.gains}
+        top = max((p.evidence for p in self.places if p.channel in forces), default=-np.inf)
         return after.gains[best] if top <= self.gains[best] else np.inf
 
 

@@ -36,6 +36,8 @@ from bayesid.diagnose.thresholds import Thresholds, thresholds
 from bayesid.diagnose.weigh import SEEN, Left, evidences, probabilities
 from bayesid.diagnose.where import Where, locate, tried
 
+# Mean square of the residuals over the noise beyond which what a refit leaves says nothing.
+ASTRAY = 25.0
 Say = Callable[[str], None]
 
 
@@ -127,7 +129,8 @@ def compare(
     left_by = Left(rest)
     if after is not None:
         shows = excess > 1.0 or after.places[0].evidence > limits.remainder
-        share = after.places[0].evidence / max(where.places[0].evidence, SEEN)
+        astray = refits[0].fit.chi2 > ASTRAY
+        share = 1.0 if astray else after.places[0].evidence / max(where.places[0].evidence, SEEN)
         left_by = Left(rest, shows, share, where.kept(after))
     weights = probabilities(evidence, refits, none, where, excess, left_by)
     found = (evidence, weights.shared, weights.inside, bank, known, where, after, limits)

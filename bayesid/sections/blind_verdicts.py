@@ -20,7 +20,7 @@ def verdicts_report(seal: Mapping[str, Any], verdicts: Mapping[str, Mapping[str,
     """Report of sealed verdicts whose answers are not known."""
     first = {n: _first(v) for n, v in verdicts.items()}
     words = Counter(v["verdict"] for v in verdicts.values())
-    named = [n for n, v in verdicts.items() if v["verdict"] in NAMING]
+    named = {n: v["effects"][0]["probability"] for n, v in verdicts.items() if v["verdict"] in NAMING}
     told = ", ".join(f"{count} {literal(word.replace('_', ' '))}" for word, count in words.most_common())
     lead = (
         f"**{len(verdicts)} bundles diagnosed, sealed {seal['sealed']} as `{seal['seal'][:16]}`**: {told}. "
@@ -42,14 +42,14 @@ def _first(verdict: Mapping[str, Any]) -> float:
     return float(verdict.get("acting", shared)[top])
 
 
-def _expected(first: Mapping[str, float], named: list[str]) -> str:
+def _expected(first: Mapping[str, float], named: Mapping[str, float]) -> str:
     p = np.array(list(first.values()))
     text = (
         f"If the stated probabilities are honest, {p.sum():.1f} ± {np.sqrt((p * (1 - p)).sum()):.1f} of "
         f"{p.size} first answers are right by name, and {0.95 * p.size:.0f} of the 95 % sets hold the answer."
     )
     if named:
-        q = np.array([first[n] for n in named])
+        q = np.array(list(named.values()))
         text += (
             f" Of the {len(named)} verdicts that name effects, {(1 - q).sum():.1f} should be wrong in the "
             "first name."

@@ -30,7 +30,7 @@ HEADLINES = {
     "outside": "There is a gap, and no effect of the catalogue explains it well enough to be named.",
     "coefficients": "The gap closes by moving coefficients beyond their stated uncertainty. An effect named "
     "below acts on these runs as such a change does, so the track alone cannot prove it.",
-    "ambiguous": "There is a gap, but these runs cannot tell which of several causes makes it.",
+    "ambiguous": "Something seems to act, but these runs cannot tell which of several causes it is.",
 }
 
 
