@@ -114,6 +114,7 @@ def probabilities(
     where: Where,
     excess: float = 1.0,
     left: Left | None = None,
+    places: Mapping[str, Collection[str]] | None = None,
 ) -> Weights:
     """Posterior probability of none, every catalogue name, coefficient_error and outside.
 
@@ -125,6 +126,8 @@ def probabilities(
         form that is not quite right says that there is a gap, but not in all its nats which cause: what a
         cause lags behind the best is divided by it (quasi-likelihood; Wedderburn 1974).
     left : what the best explanation leaves, if this was asked
+    places : effect -> where it can act. What a second effect mends where the first acts may be the first in
+        another form.
     """
     left = left or Left()
     names = [n for n in evidence if n != "outside"]
@@ -172,6 +175,9 @@ def probabilities(
             others = tuple(n for n in key if n != name)
             part = alone[key] - max([v for k, v in alone.items() if set(k) == set(others)], default=0.0)
             add((*others, "outside"), tempered(value) + prior + alike + _log(_likeness(part)))
+            mended = sum(FORM / _near(n, places or {}) for n in others if _meet(n, name, places or {}))
+            if others and mended:
+                add(others, tempered(value) + prior - each + _log(mended * _likeness(part)))
             if left.shows and key in more:
                 share = left.share if near else max(more[key], SEEN) / max(part, SEEN)
                 odds = _stranger(share) * (1.0 - _closeness(part))
@@ -217,11 +223,26 @@ def _likeness(explained: float) -> float:
     return float(np.sqrt(SEEN / max(explained, SEEN)))
 
 
+def _meet(one: str, other: str, places: Mapping[str, Collection[str]]) -> bool:
+    """Whether two effects act in exactly the same places."""
+    mine = set(places.get(one, ()))
+    return bool(mine) and mine == set(places.get(other, ()))
+
+
+def _near(name: str, places: Mapping[str, Collection[str]]) -> int:
+    """Number of other effects that act where one does: what another form of it may look like."""
+    return sum(_meet(name, other, places) for other in places if other != name)
+
+
 def _stranger(share: float) -> float:
     """How much more a share that is left speaks for a cause only like the named one than for that one in
-    another form: ratio of the densities of `_likeness` and `_closeness` over the logarithm of the share.
+    another form: ratio of the densities over the logarithm of the share.
+
+    The former leaves less than x in 0.45 x^0.45 + 0.55 x^5 of all cases, within 0.04 of the counts under
+    `_likeness`; of the latter every magnitude is as probable.
     """
-    return float(0.5 * np.sqrt(np.clip(share, CLOSEST, 1.0)) * np.log(1.0 / CLOSEST))
+    x = float(np.clip(share, CLOSEST, 1.0))
+    return float((0.45**2 * x**0.45 + 5.0 * 0.55 * x**5) * np.log(1.0 / CLOSEST))
 
 
 def credible_set(

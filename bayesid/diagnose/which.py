@@ -132,7 +132,8 @@ def compare(
         astray = refits[0].fit.chi2 > ASTRAY
         share = 1.0 if astray else after.places[0].evidence / max(where.places[0].evidence, SEEN)
         left_by = Left(rest, shows, share, where.kept(after))
-    weights = probabilities(evidence, refits, none, where, excess, left_by)
+    places = {e.name: e.where for e in effects}
+    weights = probabilities(evidence, refits, none, where, excess, left_by, places)
     found = (evidence, weights.shared, weights.inside, bank, known, where, after, limits)
     return Candidates(none, tuple(refits), tuple(scores), *found)
 
