@@ -13,6 +13,7 @@ from bayesid.diagnose import bank as banks
 from bayesid.diagnose.bank import Bank, Column, ambiguity, build_bank, screen, widened
 from bayesid.diagnose.problem import fit_with, pose
 from bayesid.diagnose.thresholds import chance, thresholds
+from bayesid.errors import ModelError
 
 
 @lru_cache
@@ -78,6 +79,13 @@ def test_evidence_is_the_density_of_the_readings():
     assert abs(found.log_evidence - exact) < 1e-10
     mean = columns.T @ np.linalg.solve(np.eye(30) + columns @ columns.T, resid)
     np.testing.assert_allclose(found.mean, mean, atol=1e-12)
+
+
+@pytest.mark.parametrize("wrong", [np.inf, np.nan, 1e40])
+def test_a_product_no_arithmetic_can_hold_is_said_and_does_not_end_in_algebra(wrong):
+    ss = wrong * np.array([[1.0, 1.0 + 1e-9], [1.0 + 1e-9, 1.0]])  # 1 of 1e40 is lost beside it
+    with pytest.raises(ModelError, match="linearised"):
+        posterior(Gram(ss, np.zeros(2), 1.0, 0.0, 3))
 
 
 def test_readings_exactly_on_the_model_cost_every_effect_its_occam_factor():

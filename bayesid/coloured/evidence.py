@@ -8,11 +8,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.linalg import LinAlgError
 from scipy.linalg import cho_factor, cho_solve
 
 from bayesid.errors import ModelError
 
 Array = np.ndarray
+ASTRAY = "the path left the region where the model can be linearised"
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,16 +81,19 @@ def posterior(g: Gram) -> Posterior:
     Raises
     ------
     ModelError
-        if a product is not finite
+        if a product is not finite, or so large that rounding leaves no positive definite H
     """
     k = g.se.size
     constant = -0.5 * g.used * np.log(2 * np.pi)
+    if not (np.isfinite(g.ss).all() and np.isfinite(g.se).all() and np.isfinite(g.ee)):
+        raise ModelError(ASTRAY)
     if k == 0:
         return Posterior(np.zeros(0), np.zeros((0, 0)), -0.5 * (g.ee + g.logdet) + constant)
-    if not (np.isfinite(g.ss).all() and np.isfinite(g.se).all() and np.isfinite(g.ee)):
-        raise ModelError("the path left the region where the model can be linearised")
     h = np.eye(k) + g.ss
-    factor = cho_factor(h, lower=True)
+    try:
+        factor = cho_factor(h, lower=True)
+    except LinAlgError:
+        raise ModelError(ASTRAY) from None
     mean = cho_solve(factor, g.se)
     logdet_h = 2.0 * float(np.log(np.diag(factor[0])).sum())
     log_z = -0.5 * (g.ee - float(g.se @ mean)) - 0.5 * g.logdet - 0.5 * logdet_h + constant

@@ -130,15 +130,13 @@ def fit(
             else:
                 paths, grams = fresh(model, logs, points, free, now)
             total = sum(grams[1:], grams[0])
-            if not (np.isfinite(total.ee) and np.isfinite(total.ss).all() and np.isfinite(total.se).all()):
-                raise ModelError("the path left the region where the model can be linearised")
+            post = posterior(total)
         except ModelError:
             if best is None:
                 raise
             best.shorten()
             points, standards, values = best.again(model, free)
             continue
-        post = posterior(total)
         if post.log_evidence > follow[0]:
             follow = (post.log_evidence, tuple(points), level if now is not colours else 0.0)
         z = (values - free.mean) / free.sd
