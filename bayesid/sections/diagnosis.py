@@ -135,6 +135,8 @@ def _meaning(found: Diagnosis, record: Mapping[str, Any]) -> list[str]:
 def _verdict(found: Diagnosis, record: Mapping[str, Any]) -> list[Block]:
     probability, acting = record["probabilities"], record["acting"]
     top = sorted(probability, key=lambda n: -probability[n])[:6]
+    joint = any(acting[n] > probability[n] + 1e-3 for n in top)
+    also = ["acts, alone or with others"] if joint else []
     reasons = [unsigned_zeros(r) for r in found.verdict.reasons] + _held(found)
     blocks: list[Block] = [
         Text(
@@ -142,13 +144,17 @@ def _verdict(found: Diagnosis, record: Mapping[str, Any]) -> list[Block]:
             + "\n\nLog evidence is in nats: 3 are odds of 20 to 1, 7 of 1000 to 1."
         ),
         Table(
-            ["hypothesis", "share", "acts, alone or with others", "in the 95 % set"],
+            ["hypothesis", "probability", *also, "in the 95 % set"],
             [
-                [in_words(n), _probability(probability[n]), _probability(acting[n]), _in_set(n, record)]
+                [
+                    in_words(n),
+                    *(_probability(p[n]) for p in (probability, acting)[: 1 + joint]),
+                    _in_set(n, record),
+                ]
                 for n in top
             ],
-            "Shares of the probability (they add to 1; effects that act together split theirs) over no "
-            "effect, every effect of the catalogue, one wrong coefficient, and something outside. What these "
+            "Probabilities over no effect, every effect of the catalogue, one wrong coefficient, and "
+            f"something outside{'; effects that act together share theirs' if joint else ''}. What these "
             "runs could not show at its usual size, and do not speak for, is no other answer than none.",
         ),
     ]
