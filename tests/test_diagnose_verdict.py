@@ -139,6 +139,8 @@ def test_an_effect_of_no_size_is_not_named_beside_another(pair, monkeypatch):
     monkeypatch.setattr(verdict, "idle", lambda best, problem: ("b",))
     v = judged(pair, {"a": 0.5, "b": 0.5}, {"a": 1.0, "b": 1.0})
     assert (v.word, v.effects) == ("effect_with_remainder", ("a",))
+    monkeypatch.setattr(verdict, "idle", lambda best, problem: ("a",))
+    assert judged([candidate(50.0, "a")], {"a": 1.0}).word == "ambiguous"
 
 
 def test_an_effect_is_idle_where_every_size_lies_within_its_deviation_of_off(monkeypatch):

@@ -134,7 +134,7 @@ def judge(problem: Problem, candidates: Candidates) -> Verdict:
         if probability["none"] > 0.5:
             return Verdict("none", (), set95, (), tuple(reasons))
         return Verdict("ambiguous", _names(set95), set95, (), tuple(reasons))
-    if _acts(candidates, families, name) < SURE:
+    if _acts(candidates, families, name) < SURE or idle(best, problem):
         return Verdict("ambiguous", _names(set95), set95, (), tuple(reasons))
     word = "effect_with_remainder" if rest else "effect"
     return Verdict(word, (name,), set95, (), tuple(reasons))
