@@ -129,7 +129,7 @@ def probabilities(
     places : effect -> where it can act. What a second effect mends where the first acts may be the first in
         another form.
     """
-    left = left or Left()
+    left, places = left or Left(), places or {}
     names = [n for n in evidence if n != "outside"]
     each = float(np.log(PRIOR_CATALOGUE / len(names)))
     gain: dict[tuple[str, ...], float] = {(n,): evidence[n] for n in (*names, "outside")}
@@ -175,8 +175,8 @@ def probabilities(
             others = tuple(n for n in key if n != name)
             part = alone[key] - max([v for k, v in alone.items() if set(k) == set(others)], default=0.0)
             add((*others, "outside"), tempered(value) + prior + alike + _log(_likeness(part)))
-            mended = sum(FORM / _near(n, places or {}) for n in others if _meet(n, name, places or {}))
-            if others and mended:
+            mended = sum(FORM / _near(n, places) for n in others if _meet(n, name, places))
+            if mended:
                 add(others, tempered(value) + prior - each + _log(mended * _likeness(part)))
             if left.shows and key in more:
                 share = left.share if near else max(more[key], SEEN) / max(part, SEEN)
@@ -193,8 +193,8 @@ def probabilities(
     for key, value in joint.items():
         mass = float(np.exp(value - total))
         mends = excess > 1.0 or (key in more and key not in sound)
-        for n, part in zip(key, _shares(key, evidence, mends), strict=True):
-            shared[n] += mass * part
+        for n, portion in zip(key, _shares(key, evidence, mends), strict=True):
+            shared[n] += mass * portion
             inside[n] += mass
     return Weights(shared, inside)
 
