@@ -42,7 +42,7 @@ def explanations(records: Records, facts: Mapping[str, Any]) -> Section:
 
 
 def _input(runs: Runs, predictions: Mapping[str, Any]) -> Section:
-    rows = []
+    rows: list[list[Any]] = []
     for kind in (LIKE, UNLIKE):
         for name, found in predictions.items():
             if found["kind"] == kind:

@@ -158,7 +158,7 @@ def sizes(rows: Mapping[str, tuple[float, float, float]]) -> Any:
         axis.set_xmargin(0.12)
     axes[0].set_ylabel("median coefficient error [%]")
     axes[0].set_ylim(bottom=0)
-    axes[0].legend(title="axis")
+    axes[1].legend(title="axis", loc="upper right")
     return figure
 
 

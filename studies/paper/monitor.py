@@ -81,10 +81,10 @@ def per_iteration(runs: Runs) -> dict[str, float]:
         trace = {k: np.array(run["trace"][k], dtype=float) for k in run["trace"] if k != "samples"}
         whole = np.abs(trace["length"] - 1) < 1e-6
         add("iterations", len(whole))
-        add("costs per iteration", trace["trials"].mean())
-        add("whole steps [%]", 100 * whole.mean())
+        add("costs per iteration", float(trace["trials"].mean()))
+        add("whole steps [%]", 100 * float(whole.mean()))
         add("shortest step", trace["length"].min())
-        add("uphill proposals [%]", 100 * np.mean(trace["slope"] >= 0))
+        add("uphill proposals [%]", 100 * float(np.mean(trace["slope"] >= 0)))
         add("bounds overrun, largest", trace["violation"].max())
         add("on a bound, most", trace["active"].max())
         add("on a bound, last", trace["active"][-1])
