@@ -16,6 +16,7 @@ from paper.targets import Records, values
 
 ON_BOUND = 5  # coefficients on the 25 % bounds in the paper's Case 3
 POOR = 1.5  # "particularly": the axis' error over that of the next worst
+SMALL = 0.02  # share of the force of an equation
 NEAR, FAR = 1.0, 10.0  # m: predicted reasonably within a hundredth of the length; badly beyond a tenth
 
 
@@ -114,10 +115,11 @@ def _bounds(records: Records, facts: Mapping[str, Any]) -> Statement:
         same,
         "" if same else (
             "Here the 14 unknowns can make up for the wrong knowns almost wholly within the bounds. Knowns "
-            f"wrong by more push more of them there ({larger} on a bound per fit). An early stop is not the "
-            f"reason: one plain SQP call ends with {min(plain)} to {max(plain)}. Which and how many "
-            f"coefficients "
-            "the paper freed is not stated; more wrong knowns or fewer unknowns would do it."
+            f"wrong by more push more of them there ({larger or 'not tried'} on a bound per fit). An early "
+            f"stop "
+            f"is not the reason: one plain SQP call ends with {max(plain) or 'none'} at most. Which and how "
+            f"many "
+            "coefficients the paper freed, and how its errors of the knowns are distributed, is not stated."
         ),
         "" if same else f"{low} to {high} coefficients per fit end on a 25 % bound, not five",
     )  # fmt: skip
@@ -178,9 +180,11 @@ def _unusual(facts: Mapping[str, Any]) -> Statement:
         f"ones",
         same,
         "" if same else (
-            "Worse, but not bad: without noise the search goes on until only combinations the spiral hardly "
-            "shows "
-            "are wrong, and most of these no manoeuvre shows. The paper prints no number for it."
+            "Worse, but not badly: model and records are perfect, so the search goes on until only "
+            "combinations "
+            "the spiral hardly shows are wrong, and two of these no manoeuvre shows at all. The paper "
+            "prints no "
+            "number for it."
         ),
         "" if same else f"unusual manoeuvres are missed by {unlike[-1][0]:.2g} m at most, worse but not "
         "badly",
@@ -190,19 +194,19 @@ def _unusual(facts: Mapping[str, Any]) -> Statement:
 def _small(records: Records, facts: Mapping[str, Any]) -> Statement:
     share = {n: row["share"] for n, row in facts["forces"].items()}
     wrong = strays(records["1"], "goal")
-    large = {n: share[n] for n in wrong if share[n] > 0.02}
-    same = not large
-    listed = ", ".join(f"{n} {100 * s:.1f} %" for n, s in large.items())
-    small = ", ".join(f"{n} {100 * share[n]:.2f} %" for n in wrong if n not in large) or "none"
+    small = {n: share[n] for n in wrong if share[n] < SMALL}
+    same = bool(small)
+    listed = ", ".join(f"{n} {100 * s:.1g} %" for n, s in small.items()) or "none"
+    others = ", ".join(f"{n} {100 * share[n]:.0f} %" for n in wrong if n not in small)
+    beside = f"; but these stray with a larger force: {others}" if others else ""
     return Statement(
         "Small terms (explanation 3)",
         "some coefficients stray because their force is too small to matter",
-        f"strays of Case 1 with a force below 2 % of their axis: {small}; above: {listed or 'none'}",
+        f"strays of Case 1 with a force below {100 * SMALL:.0f} % of their equation: {listed}{beside}",
         same,
-        "" if same else (
-            "A force can be large and still be unseen when another one takes its place: these stray by "
-            "coupling "
-            "(explanation 4), not by size."
-        ),
-        "" if same else "small force explains only a part of the strays",
-    )  # fmt: skip
+        "A force can be large and still be unseen when another one takes its place: such strays come of "
+        "coupling (explanation 4), not of size."
+        if others
+        else "",
+        "" if same else "no coefficient strays because its force is small",
+    )

@@ -12,7 +12,6 @@ import numpy as np
 from paper.counts import Shown
 
 from bayesid.figures.style import COLOURS, FITTED, MEASURED, NOMINAL, styled, subplots, track_axes
-from bayesid.terms import term
 
 Array = np.ndarray
 
@@ -45,13 +44,6 @@ def errors_over_time(t: Array, cases: Mapping[str, Mapping[str, Array]], bars: M
         axis.legend(ncols=1, loc="center left", bbox_to_anchor=(1.0, 0.5))
     axis.set_xlabel("time [s]")
     return figure
-
-
-def _label(name: str) -> str:
-    try:
-        return term(name).label
-    except KeyError:
-        return name
 
 
 KNOWN, ZERO = COLOURS["green"], COLOURS["purple"]
@@ -99,7 +91,7 @@ def ratios(
             dots(i, (edge,), "zero (no ratio)", "x", color=ZERO, markersize=5, markeredgewidth=1.4)
     labels = axes.set_xticks(
         range(len(columns)),
-        [_label(c.name) for c in columns],
+        [c.name for c in columns],
         rotation=60,
         ha="right",
         rotation_mode="anchor",
@@ -151,7 +143,7 @@ def sizes(rows: Mapping[str, tuple[float, float, float]]) -> Any:
                       label=letter)  # fmt: skip
             for name, row in mine.items():
                 if row[2] > 2.5:
-                    axis.annotate(_label(name), (row[which], row[2]), xytext=(4, 3),
+                    axis.annotate(name, (row[which], row[2]), xytext=(4, 3),
                                   textcoords="offset points", fontsize=7, color=colour)  # fmt: skip
         axis.set_xscale("log")
         axis.set_xlabel(word)

@@ -7,27 +7,20 @@ simulate.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from paper import figures
-from paper.counts import AXES, STRAY, axis_errors, errors_by_name, names_on_bound, on_bound, shown
-from paper.differences import ON_BOUND, Statement
+from paper.cases import case_section
+from paper.differences import Statement
 from paper.explanations import Runs, explanations, median_error, remedy
-from paper.monitor import hessian_seconds, per_iteration, time_shares
+from paper.search import search_section
+from paper.stated import PAPER, PAPER_KNOWN_WRONG
 from paper.targets import NO_BAR, Records, values
 
 from bayesid.report import Block, Figure, Report, Section, Table, Text
 
-# Table 1 of the paper: V at the start, V at the end, largest error [m], words on the coefficients
-PAPER = {
-    "1": (3.3e8, 2.0e-2, 2e-3, 'many improve, N "particularly poorly"'),
-    "2": (1.1e8, 1.0e-3, 1e-3, "good; one stray in X, one in Y"),
-    "3": (1.3e8, 2.3e2, 0.5, "very poor, five on the 25 % bounds"),
-}
-PAPER_KNOWN_WRONG = 1.3e5
 Targets = Mapping[str, Mapping[str, Any]]
 
 
@@ -73,11 +66,11 @@ def paper_report(
         _targets_section(targets),
         _table_section(records),
         _tracks_section(facts["tracks"]),
-        *(_case_section(name, records, facts, titles[name]) for name in PAPER),
+        *(case_section(name, records, facts, titles[name]) for name in PAPER),
         _switch_section(records, titles),
         explanations(records, facts),
         remedy(records, facts),
-        _monitoring(records, titles),
+        search_section(records, titles),
         _setup(facts["dt"]),
     ]
     return Report("The three cases of Furlong et al. (2003)", lead, sections)
@@ -102,7 +95,7 @@ def _beside_section(beside: Sequence[Statement]) -> Section:
     reasons = "\n".join(f"- **{s.what}.** {_literal(s.reason)}" for s in beside if s.reason)
     blocks: list[Block] = [Text(text), Table(["statement", "the paper", "here", "same"], rows)]
     if reasons:
-        blocks.append(Text(f"Likely reasons of the differences:\n\n{reasons}"))
+        blocks.append(Text(f"Likely reasons, and what goes beyond the statement:\n\n{reasons}"))
     return Section("Beside the paper", blocks)
 
 
@@ -187,110 +180,6 @@ def _tracks_section(found: Mapping[str, Mapping[str, Any]]) -> Section:
     return Section("Track and position error", blocks)
 
 
-_CASE_TEXT = {
-    "1": "Bounds: 10 % either side of the start value, so they need not contain the truth. Blue: where the "
-    "search "
-    "stands when V has fallen by the paper's factor; orange: carried on until the residuals are rounding.",
-    "2": "Bounds: 25 % either side of the truth. Blue: at the paper's factor, where a few weakly seen "
-    "coefficients "
-    "still stray (not quite those of the paper, see below); orange: carried on with exact gradients, all of "
-    "them are found.",
-    "3": "The knowns are wrong by up to 1 %. The search ends at a minimum far below V of the true unknowns; "
-    "the "
-    "unknowns pay for the knowns, some as far as the bounds.",
-}
-
-
-def _case_section(name: str, records: Records, facts: Mapping[str, Any], title: str) -> Section:
-    runs = records[name]
-    stage = "goal" if "goal" in runs[0] else "end"
-    listed = ", ".join(f"`{n}` {c}" for n, c in names_on_bound(runs).most_common()) or "none"
-    limits = (0.8, 1.22) if name == "1" else (0.72, 1.28)
-    words = ("estimate", "carried on to rounding") if stage == "goal" else ("carried on", "")
-    columns = shown(runs, facts["names"], facts["zeros"], stage)
-    figure = figures.ratios(columns, limits, words)
-    caption = (
-        f"Coefficients over their true values, {len(runs)} seeds (paper: Fig. {int(name) + 2}). Green "
-        f"squares: "
-        "known, at the value the fit was given; violet crosses: zero in this vehicle, a ratio does not exist."
-    )
-    text = f"{_CASE_TEXT[name]}\n\nOn a bound at the end (seeds of {len(runs)}): {listed}."
-    extra = {"1": _axis_table, "2": _stray_table, "3": _bound_blocks}[name](records, facts)
-    blocks: list[Block] = [Text(text), Figure(f"ratios_case{name}", figure, caption), *extra]
-    return Section(f"Case {name}: {title}", blocks)
-
-
-def _axis_table(records: Records, facts: Mapping[str, Any]) -> list[Block]:
-    runs = records["1"]
-    rows: list[list[Any]] = [["paper", "", "", 'N "particularly poorly"; no numbers']]
-    for label, stage in (("start", "start"), ("at the paper's factor", "goal"), ("carried on", "end")):
-        found = axis_errors(runs, stage)
-        worst = ", ".join(f"{n} {e:.1f}" for n, (e, _) in list(errors_by_name(runs, stage).items())[:4])
-        rows.append([f"ours, {label}", *(f"{found[a]:.1f}" for a in AXES), f"worst: {worst}"])
-    plain = axis_errors(facts["plain"]["1"], None)
-    text = f"{len(facts['plain']['1'])} seeds"
-    rows.append(["one plain SQP call", *(f"{plain[a]:.1f}" for a in AXES), text])
-    rows[0].insert(3, "poor")
-    caption = (
-        "Rms error of the coefficients of each equation [%], median over seeds; worst: medians per "
-        "coefficient [%]."
-    )
-    return [Table(["", *AXES, ""], rows, caption)]
-
-
-def _stray_table(records: Records, facts: Mapping[str, Any]) -> list[Block]:
-    runs, plain = records["2"], facts["plain"]["2"]
-    exact, early = errors_by_name(runs, "goal"), errors_by_name(plain, None)
-    said = {"X": "one of X_vr, X_rr: the two cancel", "Y": "one, of small effect", "N": "none named"}
-    rows = []
-    for axis in AXES:
-        cells = [
-            ", ".join(
-                f"{n} {e:.1f} ({c})" for n, (e, c) in found.items() if n[0] == axis and (e > STRAY or c)
-            )
-            or "none"
-            for found in (exact, early)
-        ]
-        rows.append([axis, said[axis], *cells])
-    caption = (
-        f"Strays of Case 2: coefficients with an error above {STRAY:g} % in any seed; median error [%] and, "
-        f"in "
-        f"brackets, the seeds beyond {STRAY:g} %, of {len(runs)} and {len(plain)}."
-    )
-    columns = ["equation", "paper", "ours, at the paper's factor", "one plain SQP call"]
-    return [Table(columns, rows, caption)]
-
-
-def _bound_blocks(records: Records, facts: Mapping[str, Any]) -> list[Block]:
-    groups = {
-        "14 unknown": on_bound(records["3"]),
-        "9 unknown": on_bound(records["3a"]),
-        "17 unknown": on_bound(records["3r"]),
-        "12 unknown": on_bound(records["3ar"]),
-        "14, plain SQP": on_bound(facts["plain"]["3"]),
-    }
-    groups |= {
-        f"14, knowns {n.removeprefix('3-known')} %": on_bound(runs)
-        for n, runs in records.items()
-        if n.startswith("3-known")
-    }
-    text = (
-        f"The paper has {ON_BOUND} coefficients on the 25 % bounds in its one fit. Below: how many per fit "
-        f"here, "
-        "counted over seeds; `knowns 2 %` and `5 %`: the knowns wrong by up to that, not the paper's 1 %. "
-        "Which ones, in fits: "
-    )
-    parts = []
-    asked = {"14 unknown": "3", "9 unknown": "3a"}
-    asked |= {f"14, knowns {n.removeprefix('3-known')} %": n for n in records if n.startswith("3-known")}
-    for label, key in asked.items():
-        named = ", ".join(f"`{n}` {c}" for n, c in names_on_bound(records[key]).most_common()) or "none"
-        parts.append(f"{label} (of {len(records[key])}): {named}")
-    caption = "Share of fits over the number of coefficients on a 25 % bound."
-    figure = Figure("bound_counts", figures.bound_counts(groups, ON_BOUND), caption)
-    return [Text(text + "; ".join(parts) + "."), figure]
-
-
 def _switch_section(records: Records, titles: Mapping[str, str]) -> Section:
     rows: list[list[Any]] = []
     for name, runs in records.items():
@@ -318,55 +207,6 @@ def _switch_section(records: Records, titles: Mapping[str, str]) -> Section:
         "seeds on a bound",
     ]
     return Section("Both switches of Cases 2 and 3", [Text(text), Table(columns, rows, digits=2)])
-
-
-def _monitoring(records: Records, titles: Mapping[str, str]) -> Section:
-    watched = {n: runs for n, runs in records.items() if "trace" in runs[0]}
-    hessian = {k: hessian_seconds(k) for k in {len(runs[0]["names"]) for runs in watched.values()}}
-    times, work = [], []
-    for name, runs in watched.items():
-        label = f"{name[0]}: {titles[name]}" if name[0] in "123" else titles.get(name, name)
-        shares = time_shares(runs, hessian[len(runs[0]["names"])])
-        reasons = ", ".join(f"{k} {v}" for k, v in sorted(Counter(r["status"] for r in runs).items()))
-        times.append([label, float(np.median(values(runs, "seconds"))), *shares.values()])
-        counts = [int(np.median(values(runs, key))) for key in ("n_cost", "n_gradient", "rounds")]
-        found = per_iteration(runs)
-        cells = [f"{found[k]:.2g}" if k != "iterations" else int(found[k]) for k in found]
-        work.append([label, *counts, *cells, reasons])
-    text = (
-        "The parts of the search that an SQP monitor lists, each by itself. Costs: simulations the line "
-        "search "
-        "asks for. Line search: its own arithmetic with the merit function. Gradient: adjoint. Bounds: "
-        "evaluating "
-        "the constraints. Scipy's SLSQP updates the Hessian and solves the quadratic sub-problem in one "
-        "compiled "
-        "call; the same update in numpy "
-        f"({1e6 * min(hessian.values()):.0f} to {1e6 * max(hessian.values()):.0f} µs each) bounds the "
-        f"Hessian's "
-        "part from above, and what remains of the call bounds the sub-problem from below. Medians over "
-        "seeds; two "
-        "seeds ran at a time. The restarts' sensitivity runs lie outside the iterations."
-    )
-    columns = ["case", "time per seed [s]", *(f"{k} [%]" for k in shares)]
-    blocks: list[Block] = [Text(text), Table(columns, times, digits=2)]
-    caption = (
-        "What the iterations did. V is evaluated `costs` times; a whole step is the one the sub-problem "
-        "proposes; "
-        "bounds overrun: before clipping, relative to the coefficient."
-    )
-    columns = ["case", "costs", "gradients", "restarts", *found, "stopped (seeds)"]
-    blocks.append(Table(columns, work, caption))
-    traces = {f"Case {n}": watched[n][0]["trace"] for n in PAPER if n in watched}
-    caption = (
-        f"Iteration by iteration, seed {watched['1'][0]['seed']}: V, the decrease a whole step promises "
-        "(directional derivative), the step length taken, the largest derivative of V by a relative change "
-        "of one "
-        "coefficient, and the coefficients on a bound. Dotted: change between samples every half second and "
-        "all "
-        "samples; V is then a sum over other samples."
-    )
-    blocks.append(Figure("search", figures.search(traces), caption))
-    return Section("The search, its parts apart", blocks)
 
 
 def _setup(dt: float) -> Section:
