@@ -58,7 +58,7 @@ def diagnose(
     """
     from bayesid.diagnose.diagnosis import as_json as plain
     from bayesid.diagnose.diagnosis import diagnose as run
-    from bayesid.diagnose.found import found_in, write_found
+    from bayesid.diagnose.found import write_found
     from bayesid.files import json_text, write_json
     from bayesid.model import build_model, without_effects
     from bayesid.progress import Progress
@@ -77,22 +77,26 @@ def diagnose(
         as_built=as_built,
         plan_next=not quick,
         draw=out is not None and not quick,
+        keep_model=out is not None,
     )
     record = plain(found)
     if out is not None:
         Path(out).mkdir(parents=True, exist_ok=True)
         write_json(Path(out) / "diagnosis.json", record)
-        write_found(found_in(found), out)
+    # told before the report: should drawing fail, the verdict is on the screen and in diagnosis.json
+    if as_json:
+        print(json_text(record))
+    else:
+        _tell(record)
+    if out is not None:
+        if found.diagnosed is not None:
+            write_found(found.diagnosed, out)
         if found.posterior is not None:
             found.posterior.posterior.to_netcdf(Path(out) / "posterior.nc")
         from bayesid.sections.diagnosis import write_diagnosis_report
 
         report = write_diagnosis_report(found, Path(out), record)
         progress.note(f"report: {report}")
-    if as_json:
-        print(json_text(record))
-    else:
-        _tell(record)
     return OK
 
 

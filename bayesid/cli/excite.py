@@ -31,6 +31,8 @@ def excite(
 ) -> None:
     """Which force terms the runs excite: a sparse regression that needs no fit.
 
+    The regression is our own stepwise selection on the force table; PySINDy is not its engine.
+
     Reads the identify runs only. --out gets excitation.json and a report.
     """
     from bayesid.cli.output import say, say_json, say_table

@@ -83,6 +83,7 @@ def sample(
     from bayesid.sample import sample as draw
     from bayesid.sample.priors import with_prior
     from bayesid.trials import load_trial
+    from bayesid.trials.noise import raised, said_raised
     from bayesid.vehicles import load_vehicle
 
     choice = Settings(noise=noise, initial=initial, memory=memory, student=student)
@@ -109,6 +110,10 @@ def sample(
     if not found.fit.converged:
         progress.note(f"the fit had not converged ({found.fit.message}); sampling starts off the mode")
     density = trial_density(found.problem, found.fit.z, choice, trial.noise)
+    level = dict(zip(density.channels, map(float, density.noise_prior.scale), strict=True))
+    if least := raised(level, model.scales["L"], model.scales["U"]):
+        progress.note(f"{said_raised(least)}; chains are slow where a channel has none")
+        density = trial_density(found.problem, found.fit.z, choice, {**trial.noise, **least})
     with progress.stage("sample") as stage:
         posterior = draw(density, density.laplace, options, out, resume=resume, watch=_watch(stage))
     posterior = replace(posterior, settings={**posterior.settings, "fit": found.fit.message})
