@@ -28,7 +28,7 @@ _TOKEN = re.compile(r"\|[uvwpqr]\||d[rsb]|[uvwpqr]")
 _NUMBERS = ("rho", "L", "U0", "n_ref", "height", "m", "xG", "yG", "zG", "xB", "yB", "zB", "W", "B",
             "Ix", "Iy", "Iz", "Ixy", "Ixz", "Iyz", "uu", "un", "nn", "n1", "kt", "kt_a", "kt_b", "wake",
             "deduction", "D", "dr_max", "dr_rate", "ds_max", "ds_rate", "plain_abs", "planar", "strip_y",
-            "strip_z", "stations", "Y_dr", "N_dr", "slosh_m")  # fmt: skip
+            "strip_z", "stations", "Y_dr", "N_dr", "slosh_m", "q_ref")  # fmt: skip
 _KIND = np.dtype([(name, "f8") for name in _NUMBERS])
 
 
@@ -144,6 +144,8 @@ def _numbers(vehicle: Vehicle, dof: int, gap: np.void) -> np.void:
     b["Ixy"], b["Ixz"], b["Iyz"] = vehicle.Ixy, vehicle.Ixz, vehicle.Iyz
     b["xG"], b["yG"], b["zG"] = vehicle.r_G
     b["xB"], b["yB"], b["zB"] = vehicle.r_B
+    if vehicle.planar_only:  # floats level, so its buoyancy acts where its weight does
+        b["xB"], b["yB"] = vehicle.r_G[0], vehicle.r_G[1]
     b["W"], b["B"] = vehicle.W, vehicle.B
     b["plain_abs"], b["planar"] = float(vehicle.plain_abs), float(dof == 3)
     b["n_ref"] = vehicle.rpm_ref or math.nan
@@ -189,6 +191,7 @@ def _neutral(b: np.void, vehicle: Vehicle, share: float, x: float) -> None:
 
 def _propulsion(b: np.void, vehicle: Vehicle) -> None:
     p, half = vehicle.propulsion.values, 0.5 * vehicle.rho * vehicle.L**2
+    b["q_ref"] = p.get("Q_ref", 0.0)
     match vehicle.propulsion.model:
         case "polynomial":
             k = p["uc_per_rpm"]

@@ -109,7 +109,7 @@ def shaft(t, n, lift, b, g, s, F):
         F[0] -= g.step_d * thrust_of(b.U0, b.n_ref, b) * u * abs(u) / b.U0**2
     F[1] += g.side * push
     F[5] -= 0.5 * b.L * g.side * push
-    F[3] += g.torque * n * abs(n) / b.n_ref**2
+    F[3] += (b.q_ref + g.torque) * n * abs(n) / b.n_ref**2
     race = b.U0**2 * n * abs(n) / b.n_ref**2
     extra = g.slip * (race - u * abs(u)) + g.jet * race
     F[1] += extra * b.Y_dr * lift
