@@ -146,6 +146,11 @@ def _reads(row: Term) -> frozenset[str]:
     return names_read(row.regressor)
 
 
+def _slows(row: Term) -> bool:
+    """Whether a row is drag straight ahead: X by surge alone."""
+    return row.axis == "X" and _reads(row) - {"abs"} == {"u"}
+
+
 def _total(g: Graph, parts: Mapping[Term, Node], chosen: Callable[[Term], bool]) -> Node:
     """Sum of the rows a condition picks."""
     return g.total(node for row, node in parts.items() if chosen(row))
@@ -192,7 +197,8 @@ def _add_effects(
         "coef": lambda name: at.const.get(name, g.zero),
         "rows": lambda axis, symbol: _total(g, parts, lambda r: r.axis == axis and symbol in _reads(r)),
         "thrust": lambda: thrust,
-        "drag": lambda: _total(g, parts, lambda r: r.axis == "X" and _reads(r) - {"abs"} == {"u"}),
+        "drag": lambda: _total(g, parts, _slows),
+        "quadratic_drag": lambda: _total(g, parts, lambda r: _slows(r) and r.velocity_power == 2),
     }
     names = {
         **at.const,

@@ -55,7 +55,7 @@ CURRENT = {
 }
 SWING = {"u": "r*vc - q*wc", "v": "p*wc - r*uc", "w": "q*uc - p*vc"}
 # Water that accelerates by (ax, ay, az) carries a pressure gradient: it pushes what it surrounds, at the
-# centre of buoyancy, as hard as the water displaced there (Thomasson & Woolsey 2013, IEEE J. Oceanic Eng. 38).
+# centre of buoyancy, as hard as the water displaced there (Thomasson & Woolsey 2013, IEEE J. Oceanic Eng.).
 # The acceleration is that of the water at a place; an uneven current that is only crossed has none.
 PRESSURE_GRADIENT = {
     "X": f"B/{GRAVITY!r}*ax",

@@ -86,7 +86,7 @@ def _kind(name: str, factors: tuple[str, ...]) -> int:
         return LIFT_V
     if name in ("Y_r", "N_r"):
         return LIFT_R
-    return DRAG if name in ("X_u|u|", "X_uu", "X_u0") else PLAIN
+    return DRAG if name in ("X_u|u|", "X_uu") else PLAIN  # roughness raises what goes with speed squared
 
 
 def _scale(vehicle: Vehicle, name: str, factors: tuple[str, ...]) -> float:
@@ -166,13 +166,29 @@ def _numbers(vehicle: Vehicle, dof: int, gap: np.void) -> np.void:
     if gap["ballast"]:
         # trapped water: inertia without weight, spread like the hull's own mass about its own centre
         share, x = gap["ballast"], gap["ballast_x"]
-        extra = share * vehicle.mass
-        b["Iy"] += share * vehicle.Iyy + extra * x * x
-        b["Iz"] += share * vehicle.Izz + extra * x * x
-        b["Ix"] *= 1.0 + share
+        hull, water = (np.array([place, b["yG"], b["zG"]]) for place in (b["xG"], x))
+        own = _inertia_of(b) - vehicle.mass * _point(hull)
+        _set_inertia(b, _inertia_of(b) + share * (own + vehicle.mass * _point(water)))
         _neutral(b, vehicle, share, x)
     b["slosh_m"] = gap["slosh"] * vehicle.mass
     return b
+
+
+def _point(r: np.ndarray) -> np.ndarray:
+    """(3, 3) inertia of a unit mass at r about the origin."""
+    return float(r @ r) * np.eye(3) - np.outer(r, r)
+
+
+def _inertia_of(b: np.void) -> np.ndarray:
+    """(3, 3) inertia about the origin; products enter with a minus."""
+    return np.array(
+        [[b["Ix"], -b["Ixy"], -b["Ixz"]], [-b["Ixy"], b["Iy"], -b["Iyz"]], [-b["Ixz"], -b["Iyz"], b["Iz"]]]
+    )
+
+
+def _set_inertia(b: np.void, inertia: np.ndarray) -> None:
+    b["Ix"], b["Iy"], b["Iz"] = np.diag(inertia)
+    b["Ixy"], b["Ixz"], b["Iyz"] = -inertia[0, 1], -inertia[0, 2], -inertia[1, 2]
 
 
 def _neutral(b: np.void, vehicle: Vehicle, share: float, x: float) -> None:
