@@ -18,7 +18,7 @@ from bayesid.plant.body import build
 from bayesid.plant.flight import fly, start_state
 from bayesid.plant.motion import N_STATES, WORK, rates
 from bayesid.plant.settings import settings
-from bayesid.simulate import plan_run, simulate, steady_start
+from bayesid.simulate import gradient, plan_run, sensitivities, simulate, steady_start
 from bayesid.vehicles import builtin_names, load_vehicle
 
 G = 9.81
@@ -201,6 +201,29 @@ def test_a_built_in_vehicle_goes_with_the_water(name, dof):
     exact = dof == 3 and name not in UNSTABLE
     assert shifted == pytest.approx(1.0, abs=1e-5 if exact else 0.02)
     assert turned < (1e-4 if exact else 0.5)
+
+
+def test_slopes_by_the_acceleration_are_those_of_the_waters_way():
+    """Sensitivities and adjoint of y and v at the end by dV_east: t^2/1200 and t/600, whatever the hull."""
+    model = uncompiled(build_model(load_vehicle("generic_sub"), 3))
+    L, U = model.scales["L"], model.scales["U"]
+    t = np.linspace(0.0, 5.0 * L / U, 6)
+    plan = plan_run(model, t, {"n_cmd": np.full(6, model.vehicle.rpm_ref)}, max_step=0.1 * L / U)
+    par = model.with_values({"ocean_current_varying.dV_east": 0.2 * U})
+    free = model.positions(["ocean_current_varying.dV_east"])
+    rows = [model.states.index(s) for s in ("y", "v")]
+    expected = [t[-1] ** 2 / 1200.0, t[-1] / 600.0]
+    found = sensitivities(model, par, plan, steady_start(model), free)
+    assert found.jacobian[-1, rows, 0] == pytest.approx(expected, rel=1e-9)
+    for row, slope in zip(rows, expected, strict=True):
+
+        def cotangent(states, row=row):
+            out = np.zeros_like(states)
+            out[-1, row] = 1.0
+            return out
+
+        by_par = gradient(model, par, plan, steady_start(model), cotangent)[1]
+        assert by_par[free[0]] == pytest.approx(slope, rel=1e-9)
 
 
 @pytest.mark.parametrize("name", builtin_names())

@@ -316,6 +316,19 @@ def test_the_plants_ballast_brings_the_same_inertia():
     assert found == pytest.approx(wanted, rel=1e-12)
 
 
+def test_a_stern_that_swings_outward_spares_the_plants_rudder_from_stalling():
+    """Positive rudder turns to port: drift to starboard, bow to port, less angle between flow and rudder."""
+    from bayesid.plant.forces import _rudder_angle
+
+    vehicle = load_vehicle("generic_sub")
+    number = build(vehicle, vehicle.coef, 3, settings()).number
+    gap, order, U, L = settings({"hard_stall": 1 / 0.4}), 0.45, 5.0, vehicle.L
+    straight = _rudder_angle(order, U, 0.0, 0.0, number, gap)
+    turning = _rudder_angle(order, U, 0.1 * U, -0.2 * U / L, number, gap)
+    assert straight == pytest.approx(order * (1 - 3 * (order - 0.4) / 0.4))  # past its stall by 0.05 rad
+    assert turning == order  # atan(0.2) less
+
+
 # ---- other forms ------------------------------------------------------------------------------------------
 @pytest.mark.parametrize("effect", ALTERNATIVES, ids=lambda e: e.name)
 def test_an_alternative_stands_in_for_an_effect_of_its_family(effect):
@@ -340,3 +353,13 @@ def test_an_effect_can_be_told_in_words(effect):
     assert all(word in text for word in (effect.name, effect.source, effect.form))
     assert all(p.about in text for p in effect.parameters)
     assert lines_of(effect)
+
+
+def test_the_picture_of_the_forms_draws_what_is_declared():
+    """Stall of the catalogue at its own angle keeps 3/4 of the lift: 1/(1 + 1/3)."""
+    from bayesid.figures.effects import forms
+
+    figure = forms()
+    stall = figure.axes[0].lines[0]
+    assert np.interp(25.0, stall.get_xdata(), stall.get_ydata()) == pytest.approx(75.0, abs=0.1)
+    assert [len(axes.lines) for axes in figure.axes] == [2, 2, 2, 3, 2, 2]
