@@ -146,8 +146,11 @@ def restoring(vehicle, phi, theta):
     return np.concatenate([force, moment])
 
 
-def make_rate(vehicle, planar=False, current=(0.0, 0.0, 0.0)):
-    """rate(state12, fins, n) in the order x y z phi theta psi u v w p q r, in a uniform current [m/s]."""
+def make_rate(vehicle, planar=False, current=(0.0, 0.0, 0.0), met=(0.0, 0.0, 0.0)):
+    """rate(state12, fins, n, extra) in the order x y z phi theta psi u v w p q r, in a current [m/s].
+
+    `met` is the change of the current along the vehicle's way [m/s2, north east down] in water that is steady
+    but uneven; `extra` (6,) is a further wrench in body axes."""
     coef = coef_si(vehicle)
     body, coriolis = rigid_body(vehicle.mass, vehicle.r_G, inertia_of(vehicle))
     added = added_mass(coef)
@@ -155,14 +158,14 @@ def make_rate(vehicle, planar=False, current=(0.0, 0.0, 0.0)):
     total = (body + added)[np.ix_(kept, kept)]
     plain_abs = vehicle.plain_abs or planar
 
-    def rate(state, fins, n):
+    def rate(state, fins, n, extra=0.0):
         phi, theta, psi = state[3:6]
         nu = state[6:]
         R = rotation(phi, theta, psi)
         flow = R.T @ np.asarray(current)
         water = nu - np.concatenate([flow, np.zeros(3)])
-        flow_rate = np.concatenate([-np.cross(nu[3:], flow), np.zeros(3)])
-        force = hull_forces(coef, water, fins, plain_abs) - coriolis(nu) + added @ flow_rate
+        flow_rate = np.concatenate([R.T @ np.asarray(met) - np.cross(nu[3:], flow), np.zeros(3)])
+        force = hull_forces(coef, water, fins, plain_abs) - coriolis(nu) + added @ flow_rate + extra
         force[0] += propulsion_force(
             vehicle.propulsion.model, vehicle.propulsion.values, vehicle.rho, vehicle.L, water[0], n
         )

@@ -1,4 +1,4 @@
-"""What the water does to the hull: its velocity in body axes, cross-flow speeds, and strip drag.
+"""What the water does to the hull: its velocity and acceleration in body axes, cross-flow speeds, strip drag.
 
 Takes the graph under construction and its symbols. Gives nodes that `dynamics` puts together.
 """
@@ -31,8 +31,12 @@ def parse_effect(
 
 def current(
     g: Graph, effects: tuple[Effect, ...], inputs: Nodes, ground: Nodes, time: Node
-) -> tuple[dict[str, Node], dict[str, Node]]:
-    """Velocity of the water and its rate in body axes: c = R' V, dc/dt = R' dV/dt - omega x c."""
+) -> tuple[dict[str, Node], dict[str, Node], dict[str, Node]]:
+    """Water in body axes: velocity c = R' V, its rate dc/dt = R' dV/dt - omega x c, acceleration R' dV/dt.
+
+    Currents an effect declares change with time alone and are differentiated; an input held over a step
+    (`flow_north` ...) has no rate.
+    """
     earth = {k: inputs.get(f"flow_{k}", g.zero) for k in ("north", "east", "down")}
     for effect in effects:
         for direction, formula in effect.flow.items():
@@ -41,7 +45,7 @@ def current(
     body = {k: g.parse(text, {**ground, **earth}) for k, text in CURRENT.items()}
     turned = {k: g.parse(text, {**ground, **rate}) for k, text in CURRENT.items()}
     names = {**ground, "uc": body["u"], "vc": body["v"], "wc": body["w"]}
-    return body, {k: g.add(turned[k], g.parse(SWING[k], names)) for k in body}
+    return body, {k: g.add(turned[k], g.parse(SWING[k], names)) for k in body}, turned
 
 
 def cross_flow_speeds(g: Graph, spec: KernelSpec, const: Nodes, water: Nodes) -> dict[str, Node]:
