@@ -222,6 +222,34 @@ def test_default_steps_follow_a_moving_rudder(name, within):
     assert np.hypot(*(coarse - fine)[:, :2].T).max() < within
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "within"), [("generic_sub", 0.1), ("suboff_full", 0.4)])
+def test_steps_of_six_degrees_converge_regularly(name, within):
+    """As above with planes at work, drift and heave changing sign: default steps [m], and second order.
+
+    A fin held at its mean over a step is of second order: a half step leaves a quarter. The jump of Y_v|r|
+    and Z_w|q| at v = 0 and w = 0 left 1.6 m and factors between 0.3 and 20.
+    """
+    model = model_of(name, 6)
+    time = model.scales["L"] / model.scales["U"]
+    k = np.arange(26)
+    t = 1.6 * time * k
+    inputs = {
+        "delta_r_cmd": 0.35 * (-1.0) ** k * (k > 0),
+        "delta_s_cmd": 0.1 * (-1.0) ** (k // 3) * (k > 0),
+        "n_cmd": np.full(26, model.vehicle.rpm_ref),
+    }
+    x0 = steady_start(model)
+    reference, default, *rest = (
+        simulate(model, model.nominal, plan_run(model, t, inputs, max_step=step), x0).states
+        for step in (0.0003 * time, None, 0.02 * time, 0.01 * time, 0.005 * time, 0.0025 * time)
+    )
+    assert np.linalg.norm((default - reference)[:, :3], axis=1).max() < within
+    errors = [np.linalg.norm((states - reference)[:, :3], axis=1).max() for states in rest]
+    ratios = np.divide(errors[:-1], errors[1:])
+    assert ratios.min() > 3.5 and ratios.max() < 4.6
+
+
 def lively(name, dof):
     """Both rudder sides, changing shaft speed, a chain with a rate limit: twelve samples, uneven in time."""
     model = model_of(name, dof)
