@@ -62,13 +62,21 @@ def added_mass(coef):
     return matrix
 
 
+def side(velocity, band):
+    """Sign, rounded where the velocity is less than a tenth (w: a hundredth) of the cross-flow speed."""
+    if abs(velocity) >= band:
+        return np.sign(velocity)
+    x = velocity / band
+    return (15 * x - 10 * x**3 + 3 * x**5) / 8
+
+
 def hull_forces(coef, nu, fins, plain_abs=False):
     """The rows without acceleration, axis by axis as in equations 4.1 to 4.6 and the further rows."""
     u, v, w, p, q, r = nu
     dr, ds, db = fins
     R = np.hypot(v, w)
     Rv, Rw = (abs(v), abs(w)) if plain_abs else (R, R)
-    sv, sw = np.sign(v), np.sign(w)
+    sv, sw = side(v, 0.1 * Rv), side(w, 0.01 * Rw)
     g = coef.get
     X = (
         g("X_qq", 0) * q**2 + g("X_rr", 0) * r**2 + g("X_rp", 0) * r * p + g("X_pp", 0) * p**2

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from bayesid.effects import Effect
 from bayesid.errors import ModelError
 from bayesid.kernels.expr import Graph, Node
-from bayesid.kernels.flow import cross_flow_speeds, current, parse_effect, strip_drag
+from bayesid.kernels.flow import cross_flow_side, cross_flow_speeds, current, parse_effect, strip_drag
 from bayesid.kernels.formulas import (
     ETA,
     KINEMATICS_3,
@@ -160,10 +160,12 @@ def _row_forces(dyn: Dynamics, at: _Symbols) -> dict[Term, Node]:
     """Coefficient times regressor of every row, in the flow through the water."""
     g = dyn.graph
     names = {**at.inputs, **at.water, **at.water_rate}
-    names |= cross_flow_speeds(g, dyn.spec, at.const, at.water)
+    speeds = cross_flow_speeds(g, dyn.spec, at.const, at.water)
+    names |= speeds
+    side = cross_flow_side(g, dyn.spec, at.water, speeds)
     if dyn.spec.eta:
         names["eta1"] = g.parse(ETA, {**at.const, **names})
-    return {row: g.mul(at.const[row.name], g.parse(row.regressor, names)) for row in rows_of(dyn.spec)}
+    return {row: g.mul(at.const[row.name], g.parse(row.regressor, names, side)) for row in rows_of(dyn.spec)}
 
 
 def _hull_wrench(dyn: Dynamics, at: _Symbols, parts: Mapping[Term, Node]) -> dict[str, Node]:

@@ -74,3 +74,5 @@ LEVER = {
     "z": "z - point_x*sin(theta) + point_y*cos(theta)*sin(phi) + point_z*cos(theta)*cos(phi)",
 }
 ETA = "uc_per_rpm*n/sqrt(max(u*u + v*v + w*w, 1e-6)) - 1"
+# A sign without a jump, for x clipped at -1 and 1; two continuous derivatives.
+ROUNDED_SIGN = "x*(15 - x*x*(10 - 3*x*x))/8"
