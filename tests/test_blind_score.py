@@ -279,7 +279,7 @@ def test_labels_of_a_collection_are_read_and_nonsense_is_refused(tmp_path):
     assert answer.kind == "effect" and answer.families == {"current"}
     assert answer.causes[0].shown.noncentrality == 80.0
     file.write_text(json.dumps([{"name": "a1"}]))
-    with pytest.raises(BlindError, match="a label cannot be read"):
+    with pytest.raises(BlindError, match="the label of a1 cannot be read"):
         load_answers(file)
     (tmp_path / "b1.json").write_text("{}")
     with pytest.raises(BlindError, match=r"b1\.json: is no answer"):

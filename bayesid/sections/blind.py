@@ -30,7 +30,7 @@ COLUMNS = (
 def blind_report(sheet: Any, extra: Sequence[Section] = (), title: str = "Blind check") -> Report:
     """Report of a score sheet; `extra` sections follow the scores (baselines, say)."""
     sections = [
-        Section("Bars", _bars(sheet)),
+        Section("Bars", bars_blocks(sheet)),
         *extra,
         Section("By detectability and factors", _strata(sheet)),
     ]
@@ -113,7 +113,8 @@ def quantity_row(q: Any) -> list[Any]:
     return [q.name, q.about, q.value if q.count else None, count, interval, bar_text(q), met]
 
 
-def _bars(sheet: Any) -> list[Any]:
+def bars_blocks(sheet: Any) -> list[Any]:
+    """Every quantity of a sheet with its bar."""
     blocks: list[Any] = [
         Text(
             "A bar is met when the 95 % interval of the score reaches it; where only the interval does, the "
