@@ -49,6 +49,7 @@ def results(sheet: Any) -> dict[str, Any]:
     """Plain data of a sheet."""
     return {
         "sealed": sheet.sealed is not None,
+        "caveats": list(sheet.caveats),
         "quantities": {str(d): list(q) for d, q in sheet.quantities.items()},
         "calibration": list(sheet.calibration),
         "control": sheet.control,
@@ -75,6 +76,7 @@ def _lead(sheet: Any) -> str:
             f" {len(sheet.missing)} bundles were not solved in the time given and are left out, whatever "
             "their answers."
         )
+    text += "".join(f" **{sentence}**" for sentence in sheet.caveats)
     if sheet.control.met is not False:
         text += " **The control did not fail**: with so few bundles these scores show nothing."
     return text
