@@ -163,7 +163,7 @@ if __name__ == "__main__":
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--data", type=Path, required=True, help="folder with kvlcc2_hsva and esso_osaka")
-    parser.add_argument("--out", type=Path, default=Path("reports/real_logs"))
+    parser.add_argument("--out", type=Path, default=Path("out/real_logs"))
     parser.add_argument("--quick", action="store_true", help="half the samples, three rounds")
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
