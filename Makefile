@@ -1,18 +1,19 @@
 # make study [QUICK=1] [SEED=n] [DATA=folder]   gaps and their causes; with DATA also the real logs kept in that folder
-# make paper [QUICK=1] [SEED=n]                 the three cases of Furlong et al. (2003)
+# make paper [QUICK=1] [SEED=n]                 the three cases of Furlong et al. (2003); like study it writes to out/
+# make reports DATA=folder                      these and the other studies into reports/, which git tracks (takes long)
 # make test | slow | lint | bench               each creates .venv and installs when it has to
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
-OUT    := $(if $(QUICK),out,reports)
+OUT    := out
 FLAGS  := $(if $(QUICK),--quick) $(if $(SEED),--seed $(SEED))
 
-.PHONY: help install study paper test slow lint bench clean
+.PHONY: help install study paper reports whole test slow lint bench clean
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '1,3s/^# //p' Makefile
+	@sed -n '1,4s/^# //p' Makefile
 
 install: $(STAMP)
 
@@ -32,6 +33,18 @@ study: $(STAMP)
 
 paper: $(STAMP)
 	$(BIN)/python studies/paper_cases.py --out $(OUT)/paper_cases $(FLAGS)
+
+# reports/ holds whole runs with the real logs: without them a report would lose what it says of ships
+reports: OUT := reports
+reports: whole study paper
+	$(BIN)/python studies/manoeuvre_richness.py --out $(OUT)/manoeuvre_richness $(FLAGS) --data "$(DATA)"
+	$(BIN)/python studies/posterior.py --out $(OUT)/posterior $(FLAGS) --data "$(DATA)"
+	$(BIN)/python studies/calibration.py --out $(OUT)/calibration $(FLAGS)
+	$(BIN)/python studies/frames.py --out $(OUT)/frames $(FLAGS)
+
+whole:
+	@test -z "$(QUICK)" || { echo "reports/ holds whole runs; leave QUICK out, or use 'make study QUICK=1'"; exit 1; }
+	@test -n "$(DATA)" || { echo "reports/ speaks of real logs too; give DATA=folder (studies/real_logs/*/trial.toml)"; exit 1; }
 
 test: $(STAMP)
 	$(BIN)/python -m pytest -q -n auto --maxprocesses 4 --dist worksteal

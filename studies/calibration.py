@@ -128,7 +128,7 @@ def main(out: Path, quick: bool, first_seed: int) -> dict[str, Any]:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--out", type=Path, default=Path("reports/calibration"))
+    parser.add_argument("--out", type=Path, default=Path("out/calibration"))
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()

@@ -53,7 +53,7 @@ def main(
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, default=Path("reports/frames"))
+    parser.add_argument("--out", type=Path, default=Path("out/frames"))
     parser.add_argument("--work", type=Path, help="default: out/frames, or beside a quick report")
     parser.add_argument("--count", type=int, default=COUNT, help="campaigns with a hidden cause")
     parser.add_argument("--replicates", type=int, default=REPLICATES, help="campaigns per look-alike")

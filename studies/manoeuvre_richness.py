@@ -282,7 +282,7 @@ if __name__ == "__main__":
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--data", type=Path, help="folder with kvlcc2_hsva and esso_osaka")
-    parser.add_argument("--out", type=Path, default=Path("reports/manoeuvre_richness"))
+    parser.add_argument("--out", type=Path, default=Path("out/manoeuvre_richness"))
     parser.add_argument("--quick", action="store_true", help="one vehicle, few draws, no chains, no logs")
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()

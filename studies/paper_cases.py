@@ -283,7 +283,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--out", type=Path, default=Path("reports/paper_cases"))
+    parser.add_argument("--out", type=Path, default=Path("out/paper_cases"))
     parser.add_argument("--quick", action="store_true", help="two seeds, no 6-DOF fit")
     parser.add_argument("--seed", type=int, default=0, help="first seed")
     given = parser.parse_args()

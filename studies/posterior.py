@@ -330,7 +330,7 @@ if __name__ == "__main__":
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--data", type=Path, help="folder with kvlcc2_hsva and esso_osaka")
-    parser.add_argument("--out", type=Path, default=Path("reports/posterior"))
+    parser.add_argument("--out", type=Path, default=Path("out/posterior"))
     parser.add_argument("--quick", action="store_true", help="one short spiral, one sampler")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--laplace", nargs="*", choices=LOGS, default=(), help="real logs without a chain")

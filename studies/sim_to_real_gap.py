@@ -74,7 +74,7 @@ def real_logs(
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, default=Path("reports/sim_to_real_gap"))
+    parser.add_argument("--out", type=Path, default=Path("out/sim_to_real_gap"))
     parser.add_argument("--quick", action="store_true", help="the example and one campaign")
     parser.add_argument("--seed", type=int, default=301)
     parser.add_argument("--data", type=Path, help="folder with kvlcc2_hsva and esso_osaka")

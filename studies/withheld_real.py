@@ -183,7 +183,7 @@ def without_wind(data: Path, out: Path, quick: bool, seed: int, progress: Progre
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, required=True, help="folder with kvlcc2_hsva and esso_osaka")
-    parser.add_argument("--out", type=Path, default=Path("reports/withheld"))
+    parser.add_argument("--out", type=Path, default=Path("out/withheld_real"))
     parser.add_argument("--quick", action="store_true", help="coarse logs, few draws and runs")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", choices=("kvlcc2", "esso_osaka"))

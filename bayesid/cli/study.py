@@ -29,7 +29,7 @@ def study(
         return 0
     if name not in studies:
         raise typer.BadParameter(f"no study {name!r}; there are: {', '.join(studies)}", param_hint="NAME")
-    folder = out or Path("out" if quick else "reports") / name
+    folder = out or Path("out") / name
     arguments = ["--out", str(folder), *(["--quick"] if quick else [])]
     if data is not None:
         arguments += ["--data", str(data)]
