@@ -6,9 +6,11 @@ an error. Does not wait, and does not keep readers out.
 
 from __future__ import annotations
 
+import atexit
 import json
 import os
 import socket
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
@@ -100,6 +102,18 @@ def lock(folder: str | os.PathLike[str], command: str) -> str | None:
             raise
         _held[place] = _Lock(file, handle, made)
         return None if before is None else _ended(place, before)
+
+
+def lock_or_exit(folder: str | os.PathLike[str], script: str) -> None:
+    """`lock` for a script: a folder in use ends it with one sentence and exit code 2; freed at its end."""
+    try:
+        told = lock(folder, f"python {script}")
+    except LockError as error:
+        print(f"bayesid: {error}", file=sys.stderr)
+        sys.exit(error.exit_code)
+    atexit.register(release, folder)
+    if told is not None:
+        print(f"note: {told}", file=sys.stderr)
 
 
 def release(folder: str | os.PathLike[str]) -> None:
