@@ -85,6 +85,24 @@ def _check_regular(info: os.stat_result, limit: int) -> None:
         raise UnreadableError(f"is {size:.3g} MB, the limit is {allowed:.3g} MB; thin it out or split it")
 
 
+def read_lines(path: str | os.PathLike[str]) -> list[dict[str, Any]]:
+    """All complete lines of a log, [] if there is none; stops at the first broken one."""
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return []
+    found = []
+    for line in text.splitlines():
+        try:
+            entry = json.loads(line)
+        except ValueError:
+            break
+        if not isinstance(entry, dict):
+            break
+        found.append(entry)
+    return found
+
+
 def write_json(path: str | os.PathLike[str], data: Any) -> Path:
     """Store results as strict JSON, atomically; see `to_plain` for what becomes of them."""
     return write_atomic(path, json_text(data) + "\n")

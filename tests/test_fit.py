@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from bayesid.errors import FitError
+from bayesid.files import read_lines
 from bayesid.fit import Options, fit, load_fit
-from bayesid.fit.journal import read_lines
 from bayesid.fit.twin import Case, draw, make_target, problem_of, run_case, run_seeds
 from bayesid.likelihood import coefficient_set, trial_problem
 from bayesid.manoeuvres import spiral, zigzag

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from bayesid.errors import FitError
-from bayesid.files import write_atomic
+from bayesid.files import read_lines, write_atomic
 
 
 class Journal:
@@ -81,21 +81,3 @@ class Journal:
         if self._handle is not None:
             self._handle.close()
             self._handle = None
-
-
-def read_lines(path: str | os.PathLike[str]) -> list[dict[str, Any]]:
-    """All complete lines of a log, [] if there is none; stops at the first broken one."""
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
-        return []
-    found = []
-    for line in text.splitlines():
-        try:
-            entry = json.loads(line)
-        except ValueError:
-            break
-        if not isinstance(entry, dict):
-            break
-        found.append(entry)
-    return found
