@@ -18,6 +18,7 @@ import typer
 from bayesid.cli import stopping
 from bayesid.errors import BayesidError
 from bayesid.lock import release_all
+from bayesid.progress import printable
 
 OK, FAULT, BAD_INPUT, NOT_CONVERGED, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -76,11 +77,6 @@ def _refuse(message: str, code: int, hint: bool = False) -> int:
         message += " Run the command again with -v for details to report."
     print(printable(f"bayesid: {message}"), file=sys.stderr)
     return code
-
-
-def printable(text: str) -> str:
-    """Text without control characters, which in a name out of a file could steer the terminal."""
-    return "".join(c if c in "\n\t" or c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
 
 
 def _os_message(error: OSError) -> str:

@@ -8,8 +8,9 @@ from typing import Annotated
 
 import typer
 
-from bayesid.cli.guard import printable, set_verbose
+from bayesid.cli.guard import set_verbose
 from bayesid.lock import lock
+from bayesid.progress import printable
 
 
 def claimed(context: typer.Context, folder: Path | None) -> Path | None:
