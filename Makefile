@@ -2,18 +2,24 @@
 # make paper [QUICK=1] [SEED=n]                 the three cases of Furlong et al. (2003); like study it writes to out/
 # make reports DATA=folder                      these and the other studies into reports/, which git tracks (takes long)
 # make test | slow | lint | bench               each creates .venv and installs when it has to
+# make test-posterior PYTHON=python3.13 VENV=.venv313 EXTRAS=test   sampler and posterior on another Python
 PYTHON ?= python3
 VENV   := .venv
+EXTRAS := dev
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 OUT    := out
 FLAGS  := $(if $(QUICK),--quick) $(if $(SEED),--seed $(SEED))
 
-.PHONY: help install study paper reports whole test slow lint bench clean
+# what depends on arviz, which is another generation from Python 3.12 on, and a whole diagnosis with draws
+POSTERIOR := tests/test_sampler.py tests/test_sampler_resume.py tests/test_sample_trial.py tests/test_cli_sample.py \
+	tests/test_diagnose_posterior.py tests/test_posterior_study.py tests/test_cli_diagnose.py
+
+.PHONY: help install study paper reports whole test test-posterior slow lint bench clean
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '1,4s/^# //p' Makefile
+	@sed -n '1,5s/^# //p' Makefile
 
 install: $(STAMP)
 
@@ -24,7 +30,7 @@ $(STAMP): pyproject.toml constraints.txt
 		{ echo "bayesid needs Python 3.11 or newer; $(PYTHON) is `$(PYTHON) -V 2>&1`. Try: make PYTHON=python3.11"; exit 1; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) || \
 		{ rm -rf $(VENV); echo "$(PYTHON) cannot create a virtual environment; on Debian or Ubuntu: apt install python3-venv"; exit 1; }
-	$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[dev]" -c constraints.txt
+	$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[$(EXTRAS)]" -c constraints.txt
 	@touch $(STAMP)
 
 study: $(STAMP)
@@ -48,6 +54,9 @@ whole:
 
 test: $(STAMP)
 	$(BIN)/python -m pytest -q -n auto --maxprocesses 4 --dist worksteal
+
+test-posterior: $(STAMP)
+	$(BIN)/python -m pytest -q -n auto --maxprocesses 4 --dist worksteal $(POSTERIOR)
 
 slow: $(STAMP)
 	$(BIN)/python -m pytest -q -m slow

@@ -31,6 +31,7 @@ from bayesid.identifiability import (
     with_assumed_priors,
 )
 from bayesid.likelihood import Problem, coefficient_set, trial_problem
+from bayesid.lock import lock_or_exit
 from bayesid.manoeuvres import Manoeuvre, chirp, spiral, zigzag
 from bayesid.model import Model, build_model
 from bayesid.progress import Progress
@@ -338,4 +339,5 @@ if __name__ == "__main__":
         "--draws", type=int, default=MOST_DRAWS, help="lengthen chains that fall short up to so many draws"
     )
     given = parser.parse_args()
+    lock_or_exit(given.out, "studies/posterior.py")
     main(given.out, given.data, given.quick, given.seed, tuple(given.laplace), given.draws)

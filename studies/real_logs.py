@@ -18,6 +18,7 @@ from bayesid import report
 from bayesid.fit import Options, TrialFit
 from bayesid.fit.pieces import fit_in_pieces, in_pieces
 from bayesid.fit.trial import outcomes
+from bayesid.lock import lock_or_exit
 from bayesid.progress import Progress
 from bayesid.sections.real_logs import Variant, logs_report, logs_results
 from bayesid.terms import term
@@ -191,4 +192,5 @@ if __name__ == "__main__":
     parser.add_argument("--quick", action="store_true", help="half the samples, three rounds")
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
+    lock_or_exit(given.out, "studies/real_logs.py")
     main(given.data, given.out, given.quick, given.seed)

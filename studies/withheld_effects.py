@@ -29,6 +29,7 @@ from bayesid.blind.sheet import Sheet, score_pack
 from bayesid.blind.solve import Settings, solve_pack
 from bayesid.blind.verdicts import load_verdicts
 from bayesid.files import write_json
+from bayesid.lock import lock_or_exit
 from bayesid.plant import KINDS
 from bayesid.progress import Progress
 from bayesid.sections.blind import blind_report, results
@@ -147,5 +148,7 @@ if __name__ == "__main__":
     given = parser.parse_args()
     planar, spatial = QUICK if given.quick else (given.count, given.spatial)
     place = given.work or (given.out / "work" if given.quick else Path("out/withheld_effects"))
+    lock_or_exit(given.out, "studies/withheld_effects.py")
+    lock_or_exit(place, "studies/withheld_effects.py")
     main(given.out, place, planar, spatial, given.seed, given.jobs, given.accept_faults, given.minutes,
          given.kinds)  # fmt: skip

@@ -31,6 +31,7 @@ from bayesid.diagnose.found import Found, found_with, write_found
 from bayesid.diagnose.predict import predict_manoeuvre, predict_run
 from bayesid.diagnose.problem import fit_with, pose
 from bayesid.files import write_atomic, write_json
+from bayesid.lock import lock_or_exit
 from bayesid.manoeuvres import Scale, parse
 from bayesid.progress import Progress
 from bayesid.sections.withheld_real import facility_report, wind_report
@@ -188,4 +189,5 @@ if __name__ == "__main__":
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", choices=("kvlcc2", "esso_osaka"))
     given = parser.parse_args()
+    lock_or_exit(given.out, "studies/withheld_real.py")
     main(given.data, given.out, given.quick, given.seed, given.only)

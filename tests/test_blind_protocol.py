@@ -1,10 +1,13 @@
 """The blind protocol: what it refuses, notices and keeps. One tiny bundle is really diagnosed."""
 
 import json
+import os
+import pickle
 import re
 import shutil
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from gap_trials import model_of, other_vehicle, planted_trial
 
@@ -14,6 +17,7 @@ from bayesid.blind.baselines import CHOICES, NAMES, keep_baselines, oracle
 from bayesid.blind.families import family_of
 from bayesid.blind.leaks import check_pack
 from bayesid.blind.make import make_pack, seal_pack, write_answer
+from bayesid.blind.posed import read_posed
 from bayesid.blind.seal import (
     COMMITMENTS,
     SEAL,
@@ -435,3 +439,28 @@ def test_a_user_sees_one_message_and_no_traceback(world, capsys):
     assert cli(["blind", "solve", str(world / "pack"), "--out", str(world / "new")]) == 2
     said = capsys.readouterr().err
     assert said.count("\n") == 1 and "labels.json" in said and "Traceback" not in said
+
+
+class _Runs:
+    """What a pickle may hold: a call that is made when it is read."""
+
+    def __reduce__(self):
+        return (os.mkdir, (str(_Runs.trap),))
+
+
+@pytest.mark.parametrize("kind", ["pickle", "pickle in npz", "no numbers", "cut", "folder", "missing"])
+def test_what_an_oracle_reads_can_hold_nothing_but_numbers(kind, tmp_path):
+    path, _Runs.trap = tmp_path / "posed.npz", tmp_path / "trap"
+    if kind == "pickle":
+        path.write_bytes(pickle.dumps(_Runs()))
+    elif kind == "folder":
+        path.mkdir()
+    elif kind != "missing":
+        about = {"environment": {}, "level": 0.0, "runs": 1}
+        held = np.array([_Runs()], dtype=object) if kind == "pickle in npz" else np.array(["x"])
+        np.savez(path, **{"about": np.array(json.dumps(about)), "0/par": held})
+        if kind == "cut":
+            path.write_bytes(path.read_bytes()[:-30])
+    with pytest.raises(BlindError, match=r"^posed.npz: "):
+        read_posed(path)
+    assert not _Runs.trap.exists()

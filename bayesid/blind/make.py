@@ -9,10 +9,8 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict
 from datetime import UTC, datetime
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +31,7 @@ from bayesid.errors import BayesidError
 from bayesid.files import write_json
 from bayesid.plant import draw_campaign, truth, write_bundle
 from bayesid.progress import Progress
+from bayesid.workers import worker_pool
 
 # Sizes, in reference magnitudes, a cause may be brought to: a fiftieth is of no consequence, 1.5 is a lot.
 SIZES, SIZE_TO_START = (0.02, 1.5), 0.2
@@ -167,9 +166,5 @@ def in_processes(work: Any, tasks: list[Any], jobs: int) -> Iterable[Any]:
     if jobs <= 1 or len(tasks) <= 1:
         yield from map(work, tasks)
         return
-    with ProcessPoolExecutor(min(jobs, len(tasks)), mp_context=get_context("spawn")) as pool:
-        try:
-            yield from pool.map(work, tasks)
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+    with worker_pool(min(jobs, len(tasks))) as pool:
+        yield from pool.map(work, tasks)

@@ -7,15 +7,13 @@ report, and seal.json. Refuses a pack in which an answer may be read. Does not k
 from __future__ import annotations
 
 import math
-import os
 import time
 import traceback
 from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, wait
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import islice
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +31,7 @@ from bayesid.blind.seal import (
 from bayesid.errors import BayesidError, raise_all
 from bayesid.files import write_json
 from bayesid.progress import Progress
+from bayesid.workers import worker_pool
 
 NOTE = "solved.json"
 SPATIAL_COST = 13.0  # a 6-DOF bundle takes about this many times a planar one: for the time left only
@@ -209,19 +208,14 @@ def _results(tasks: list[Any], jobs: int, minutes: float | None) -> Any:
                 return
             yield _solve_one(task)
         return
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     left = iter(tasks)
-    with ProcessPoolExecutor(min(jobs, max(len(tasks), 1)), mp_context=get_context("spawn")) as pool:
+    with worker_pool(min(jobs, max(len(tasks), 1))) as pool:
         running = {pool.submit(_solve_one, task) for task in islice(left, jobs) if time.monotonic() < last}
-        try:
-            while running:
-                done, running = wait(running, return_when=FIRST_COMPLETED)
-                if time.monotonic() < last:
-                    running |= {pool.submit(_solve_one, task) for task in islice(left, len(done))}
-                yield from (future.result() for future in done)
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+        while running:
+            done, running = wait(running, return_when=FIRST_COMPLETED)
+            if time.monotonic() < last:
+                running |= {pool.submit(_solve_one, task) for task in islice(left, len(done))}
+            yield from (future.result() for future in done)
 
 
 def _solve_one(task: tuple[Path, Path, str, Settings, dict[str, str]]) -> tuple[str, str]:

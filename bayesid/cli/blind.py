@@ -8,17 +8,18 @@ from typing import Annotated
 import typer
 
 from bayesid.cli.guard import NOT_CONVERGED, OK
-from bayesid.cli.options import Json, Quick, Seed, Verbose
+from bayesid.cli.options import Json, OutFolder, Quick, Seed, Verbose, claimed
 
 Jobs = Annotated[int, typer.Option("--jobs", "-j", min=1, help="Worker processes.")]
-OutFolder = Annotated[
-    Path, typer.Option("--out", "-o", file_okay=False, help="Folder for the results; made if missing.")
+Answers = Annotated[
+    Path,
+    typer.Option("--answers", help="Folder of the answers, apart from the pack.", callback=claimed),
 ]
 
 
 def make(
     out: OutFolder,
-    answers: Annotated[Path, typer.Option("--answers", help="Folder of the answers, apart from the pack.")],
+    answers: Answers,
     count: Annotated[int, typer.Option("--count", "-n", min=1, help="How many bundles.")] = 10,
     seed: Annotated[
         int | None,
@@ -55,7 +56,7 @@ def remove(
     bundle: Annotated[Path, typer.Argument(help="Folder of the trial bundle.")],
     what: Annotated[str, typer.Argument(help="wind, rudder, current or rate_limit.")],
     out: OutFolder,
-    answers: Annotated[Path, typer.Option("--answers", help="Folder of the answers, apart from the pack.")],
+    answers: Answers,
     data: Annotated[Path | None, typer.Option("--data", help="Folder of the logs, if apart.")] = None,
     name: Annotated[str, typer.Option("--name", help="Name of the reduced bundle.")] = "",
     verbose: Verbose = False,
@@ -119,7 +120,8 @@ def score(
     answers: Annotated[Path, typer.Argument(help="Folder of the answers, or a file of labels.")],
     verdicts: Annotated[Path, typer.Argument(help="Folder of the verdicts.")],
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", file_okay=False, help="Folder for the report.")
+        Path | None,
+        typer.Option("--out", "-o", file_okay=False, help="Folder for the report.", callback=claimed),
     ] = None,
     unsealed: Annotated[
         bool, typer.Option("--unsealed", help="Score verdicts without a seal, whichever are there.")

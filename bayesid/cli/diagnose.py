@@ -36,6 +36,8 @@ Exclude = Annotated[
     ),
 ]
 
+LARGEST_EFFECTS = 2**20  # bytes of a Python file
+
 
 def diagnose(
     bundle: Bundle,
@@ -108,10 +110,14 @@ def declared(path: Path | None) -> tuple:
 
     from bayesid.effects import Effect
     from bayesid.errors import ModelError
+    from bayesid.files import UnreadableError, read_regular
 
     try:
+        read_regular(path, LARGEST_EFFECTS)  # a pipe or a device would be waited for without end
         found = runpy.run_path(str(path)).get("EFFECTS", ())
-    except Exception as exc:
+    except UnreadableError as exc:
+        raise ModelError(f"{path.name}: {exc}; give a Python file of effects") from None
+    except (Exception, SystemExit) as exc:
         raise ModelError(f"{path.name}: cannot be run as a Python file of effects: {exc}") from None
     if not found or not all(isinstance(e, Effect) for e in found):
         raise ModelError(f"{path.name}: define EFFECTS, a tuple of bayesid.effects.Effect")
@@ -119,27 +125,28 @@ def declared(path: Path | None) -> tuple:
 
 
 def _tell(record: dict) -> None:
+    from bayesid.cli.output import say
     from bayesid.sections.diagnosis_words import unsigned_zeros
 
-    print(f"verdict: {record['verdict']}")
+    say(f"verdict: {record['verdict']}")
     for effect in record["effects"]:
         values = ", ".join(
             f"{n} = {p['value']:.4g} +- {p['sd']:.2g} {p['unit']}" for n, p in effect["parameters"].items()
         )
-        print(f"  {effect['name']} (probability {effect['probability']:.3f}) {values}")
-    print("95 % set: " + ", ".join(record["set95"]))
+        say(f"  {effect['name']} (probability {effect['probability']:.3f}) {values}")
+    say("95 % set: " + ", ".join(record["set95"]))
     for reason in record["reasons"]:
-        print(f"  {unsigned_zeros(reason)}")
+        say(f"  {unsigned_zeros(reason)}")
     for sentence in (record["description"] or {}).get("sentences", ()):
-        print(f"  {sentence}")
+        say(f"  {sentence}")
     gap = record["gap"]
     if gap["shrink"] is not None:
         after = f"{gap['after']:.3g}" if gap["after"] > 0 else "at the floor"
-        print(
+        say(
             f"held-out gap (noise units): {gap['before']:.3g} before, {after} after: shrinks by "
             f"{gap['shrink']:.1%}"
         )
     elif gap["before"] is not None:
-        print("held-out gap: nothing to shrink beyond what recalibration closes")
+        say("held-out gap: nothing to shrink beyond what recalibration closes")
     for warning in record["warnings"]:
-        print(f"note: {warning}")
+        say(f"note: {warning}")

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from bayesid.cli.guard import printable
 from bayesid.files import json_text
+from bayesid.progress import printable
 from bayesid.report.blocks import cell_text
 
 

@@ -10,7 +10,7 @@ import typer
 
 from bayesid.cli.fit import Fixed, Free, Other, Pieces, Resample, Runs
 from bayesid.cli.guard import NOT_CONVERGED, OK
-from bayesid.cli.options import Json, Quick, Seed, Verbose
+from bayesid.cli.options import Json, Quick, Seed, Verbose, claimed
 from bayesid.cli.trial import Bundle, Data
 
 if TYPE_CHECKING:
@@ -21,7 +21,11 @@ if TYPE_CHECKING:
 Folder = Annotated[
     Path,
     typer.Option(
-        "--out", "-o", file_okay=False, help="Folder for the fit, the chain, posterior.nc and a report."
+        "--out",
+        "-o",
+        file_okay=False,
+        help="Folder for the fit, the chain, posterior.nc and a report.",
+        callback=claimed,
     ),
 ]
 QUICK_SAMPLES, QUICK_STEPS = 200, 600
