@@ -30,7 +30,7 @@ from bayesid.diagnose.sampled import EffectPosterior, sample_effect
 from bayesid.diagnose.sampled import as_json as sampled
 from bayesid.diagnose.shrink import Shrink, ladder
 from bayesid.diagnose.strays import begin
-from bayesid.diagnose.verdict import Verdict, judge, simplest, unseen
+from bayesid.diagnose.verdict import NAMING, Verdict, judge, simplest, unseen
 from bayesid.diagnose.which import Candidates, compare
 from bayesid.errors import BayesidError
 from bayesid.model import Model
@@ -40,7 +40,6 @@ Say = Callable[[str], None]
 Array = np.ndarray
 FORMAT = 1
 SHRINK_DRAWS = 16
-NAMING = ("effect", "effect_with_remainder", "several")
 
 
 @dataclass(frozen=True, eq=False)
@@ -277,6 +276,7 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
         "unseen": list(unseen(c)),
         "hidden_by_coefficients": list(v.hidden),
         "reasons": list(v.reasons),
+        "rule": v.rule,
         "ambiguity_groups": [list(g) for g in c.ambiguity.groups],
         "detectability": {
             n: {"noncentrality_at_one_prior_sd": float(x), "absorbed": float(a)}
