@@ -89,7 +89,7 @@ def diagnose(
     if as_json:
         print(json_text(record))
     else:
-        _tell(record)
+        print(found.summary())
     if out is not None:
         if found.diagnosed is not None:
             write_found(found.diagnosed, out)
@@ -122,31 +122,3 @@ def declared(path: Path | None) -> tuple:
     if not found or not all(isinstance(e, Effect) for e in found):
         raise ModelError(f"{path.name}: define EFFECTS, a tuple of bayesid.effects.Effect")
     return tuple(found)
-
-
-def _tell(record: dict) -> None:
-    from bayesid.cli.output import say
-    from bayesid.sections.diagnosis_words import unsigned_zeros
-
-    say(f"verdict: {record['verdict']}")
-    for effect in record["effects"]:
-        values = ", ".join(
-            f"{n} = {p['value']:.4g} +- {p['sd']:.2g} {p['unit']}" for n, p in effect["parameters"].items()
-        )
-        say(f"  {effect['name']} (probability {effect['probability']:.3f}) {values}")
-    say("95 % set: " + ", ".join(record["set95"]))
-    for reason in record["reasons"]:
-        say(f"  {unsigned_zeros(reason)}")
-    for sentence in (record["description"] or {}).get("sentences", ()):
-        say(f"  {sentence}")
-    gap = record["gap"]
-    if gap["shrink"] is not None:
-        after = f"{gap['after']:.3g}" if gap["after"] > 0 else "at the floor"
-        say(
-            f"held-out gap (noise units): {gap['before']:.3g} before, {after} after: shrinks by "
-            f"{gap['shrink']:.1%}"
-        )
-    elif gap["before"] is not None:
-        say("held-out gap: nothing to shrink beyond what recalibration closes")
-    for warning in record["warnings"]:
-        say(f"note: {warning}")
