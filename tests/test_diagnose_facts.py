@@ -111,7 +111,8 @@ def test_what_speaks_at_all_or_leaves_a_trace_is_not_unseen():
 
 
 def test_a_hidden_effect_is_listed_beside_the_best_within_twenty_nats_only(monkeypatch):
-    w = {**WORLDS[0], "absorbed": [0.99] * 4, "as_built": False, "evidence": {"a": 50.0, "b": 30.5, "c": 29.5}}
+    evidence = {"a": 50.0, "b": 30.5, "c": 29.5}
+    w = {**WORLDS[0], "absorbed": [0.99] * 4, "as_built": False, "evidence": evidence}
     problem, comparison, stand_ins = world(w | NAMED)
     for name, stand_in in stand_ins.items():
         monkeypatch.setattr(facts, name, stand_in)
