@@ -71,3 +71,50 @@ def test_there_are_worlds_of_every_word_but_the_rarest():
     assert {w["expected"]["word"] for w in WORLDS} == {
         "none", "effect", "effect_with_remainder", "outside", "coefficients", "ambiguous",
     }  # fmt: skip
+
+
+def test_what_an_effect_explains_is_lost_against_the_best_refit_without_it():
+    told = {("a", "b", "c"): 100.0, ("b",): 20.0, ("c",): 30.0, ("a", "b"): 90.0, ("b", "d"): 95.0}
+    refits = tuple(candidate(names, e, 1.0, True) for names, e in told.items())
+    comparison = SimpleNamespace(refits=refits, none=candidate((), 5.0, 1.0, True))
+    assert facts._part(comparison, refits[0], "a") == 70.0  # over c alone; b with d is no part of it
+    assert facts._part(comparison, refits[0], "c") == 10.0
+    assert facts._part(comparison, refits[1], "b") == 15.0  # over no effect
+
+
+def test_an_effect_these_runs_cannot_test_is_not_hidden(monkeypatch):
+    """Without an entry among the detectable ones its absorbed share is nought."""
+    problem, comparison, stand_ins = world({**WORLDS[0], "absorbed": [], "detect": []} | NAMED)
+    comparison.ambiguity.names = ()
+    for name, stand_in in stand_ins.items():
+        monkeypatch.setattr(facts, name, stand_in)
+    found = facts.grounds_of(problem, comparison).facts
+    assert (found.effects, found.sure, found.absorbed, found.sure_absorbed) == (2, 1, 0.0, 0.0)
+
+
+NAMED = {
+    "refits": [[["a", "b"], 50.0, 1.0, True], [["a"], 20.0, 1.0, True]],
+    "inside": {"a": 0.99, "b": 0.5, "none": 0.0, "outside": 0.0},
+    "idle": [],
+    "after": 0.0,
+}
+
+
+def test_what_speaks_at_all_or_leaves_a_trace_is_not_unseen():
+    told = SimpleNamespace(names=("a", "b", "c", "d"), detect=(9.9, 9.9, 9.9, 10.0))
+    comparison = SimpleNamespace(
+        ambiguity=told, evidence={"a": 0.5, "b": 0.0, "d": -1.0}, probabilities={"none": 0.01}
+    )
+    assert facts.unseen(comparison) == ("b", "c")
+    comparison.probabilities["none"] = 0.0099
+    assert facts.unseen(comparison) == ()
+
+
+def test_a_hidden_effect_is_listed_beside_the_best_within_twenty_nats_only(monkeypatch):
+    evidence = {"a": 50.0, "b": 30.5, "c": 29.5}
+    w = {**WORLDS[0], "absorbed": [0.99] * 4, "as_built": False, "evidence": evidence}
+    problem, comparison, stand_ins = world(w | NAMED)
+    for name, stand_in in stand_ins.items():
+        monkeypatch.setattr(facts, name, stand_in)
+    named = facts.grounds_of(problem, comparison).named
+    assert named.hidden == ("a", "b", "c", "d") and named.along == ("a", "b")

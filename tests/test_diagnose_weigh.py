@@ -71,3 +71,5 @@ def test_the_credible_set_is_the_smallest_that_holds_the_mass():
     assert credible_set(p, 0.76) == ("none", "a", "b")
     assert credible_set(p, 0.5) == ("none",)
     assert credible_set({"a": 0.6, "b": 0.4}, silent=("b",)) == ("a", "none")
+    assert credible_set({"a": 0.951, "b": 0.049}) == ("a",)
+    assert credible_set({"a": 0.949, "b": 0.051}) == ("a", "b")
