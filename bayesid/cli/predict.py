@@ -65,12 +65,12 @@ def predict(
     --out gets one CSV per prediction: mean and 95 % band of every channel. Of a run in the bundle only the
     orders and the first readings are used.
     """
-    from bayesid.cli.measuring import measure
     from bayesid.cli.output import say_json
     from bayesid.diagnose.bands import beside_readings, measure_bands, prediction_csv
     from bayesid.diagnose.predict import predict_manoeuvre, predict_run
     from bayesid.files import write_atomic, write_json
     from bayesid.manoeuvres import parse
+    from bayesid.measures import named_measures as measure
     from bayesid.progress import Progress
     from bayesid.trials import load_trial
 

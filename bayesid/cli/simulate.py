@@ -148,7 +148,7 @@ def _run_name(text: str, number: int) -> str:
 
 
 def _summary(run: Run) -> dict[str, Any]:
-    from bayesid.cli.measuring import measure
+    from bayesid.measures import named_measures as measure
 
     channels = {**run.data, **{name.removesuffix("_cmd"): values for name, values in run.commands.items()}}
     speed = _speed(run)

@@ -59,7 +59,7 @@ class Options:
 def fit(
     problem: Problem,
     options: Options | None = None,
-    folder: Path | str | None = None,
+    folder: str | os.PathLike[str] | None = None,
     resume: bool = True,
     watch: Callable[[int, float, float], None] | None = None,
 ) -> Fit:
