@@ -6,6 +6,7 @@ Does not choose parameters, read logs or write reports.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
