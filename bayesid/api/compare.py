@@ -42,7 +42,7 @@ def compare(
     noise: Mapping[str, float] | None = None,
     dt: float | None = None,
     fix: Names = None,
-    prior: float = 0.1,
+    prior: float | None = None,
     draws: int = 8,
     refits: int = 3,
     seed: int = 0,
@@ -61,7 +61,8 @@ def compare(
     rudder, plane : largest angles [rad]
     noise : logged channel -> sigma [SI]
     fix : coefficients taken as known
-    prior : relative prior sd of coefficients whose vehicle file states none
+    prior : relative prior sd of every coefficient; by default the vehicle file's, and 0.1 where it states
+        none
     draws : vehicles drawn from what is known
     refits : true vehicles simulated and refitted to check
 
@@ -70,9 +71,9 @@ def compare(
     TrialError, VehicleError, FitError, ManoeuvreError
         what cannot be read, set up or executed
     """
-    model, trial = subject_of(source, vehicle, dof)
+    model, trial = subject_of(source, vehicle, dof, prior)
     made = case_of(
-        model, trial, executed=executed, fix=fix, prior=prior, noise=noise, dt=dt, duration=duration,
+        model, trial, executed=executed, fix=fix, noise=noise, dt=dt, duration=duration,
         rudder=rudder, plane=plane,
     )  # fmt: skip
     found = compared(

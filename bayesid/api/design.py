@@ -57,7 +57,7 @@ def design(
     noise: Mapping[str, float] | None = None,
     dt: float | None = None,
     fix: Names = None,
-    prior: float = 0.1,
+    prior: float | None = None,
     count: int = 3,
     tries: int = MOST_TRIES,
     seed: int = 0,
@@ -89,9 +89,9 @@ def design(
     goals = [name for name, given in (("gain", gain), ("predict", predict), ("tell", told)) if given]
     if len(goals) > 1:
         raise FitError(f"one goal at a time: gain, predict or tell; given are {' and '.join(goals)}")
-    model, trial = subject_of(source, vehicle, dof)
+    model, trial = subject_of(source, vehicle, dof, prior)
     made = case_of(
-        model, trial, executed=executed, fix=fix, prior=prior, noise=noise, dt=dt, duration=duration,
+        model, trial, executed=executed, fix=fix, noise=noise, dt=dt, duration=duration,
         rudder=rudder, rate=rate, rpm=rpm, box=box, depth=depth, plane=plane,
     )  # fmt: skip
     case, notes = made.case, list(made.notes)

@@ -22,6 +22,7 @@ from bayesid.progress import Progress
 from bayesid.report import Report
 from bayesid.report.text import table_text
 from bayesid.sections import identify as words
+from bayesid.vehicles import ASSUMED_RELATIVE_SD
 
 if TYPE_CHECKING:
     import pandas
@@ -43,7 +44,7 @@ def identify(
     resample: float | None = None,
     pieces: float | None = None,
     fitted: str | os.PathLike[str] | None = None,
-    prior: float = 0.5,
+    prior: float | None = None,
     profile: bool = True,
     seed: int = 0,
     quick: bool = False,
@@ -56,7 +57,8 @@ def identify(
     trial, vehicle, data, free, fix, runs, resample, pieces : as in `bayesid.fit`
     out : folder in which an interrupted profile goes on where it was
     fitted : folder (or fit.json) of an earlier fit, whose values and noise are looked at
-    prior : relative prior sd where the vehicle file states none
+    prior : relative prior sd of every coefficient; by default the vehicle file's, and 0.1 where it states
+        none
     profile : refit around every coefficient, and fly vehicles drawn from what is known
 
     Raises
@@ -65,7 +67,7 @@ def identify(
         what cannot be read or set up
     """
     logged = trial_of(trial, data)
-    ship = vehicle_of(vehicle, logged)
+    ship = vehicle_of(vehicle, logged, prior)
     chosen = prepared(logged, runs, resample, QUICK_SAMPLES if quick else None)
     chosen = in_pieces(chosen, pieces) if pieces else chosen
     model = build_model(ship, 3 if ship.planar_only else chosen.dof)
@@ -89,13 +91,13 @@ def identify(
     log = Path(out) / "profile.jsonl" if out is not None and profile else None
     with shown.stage("identify", 4 * len(params.names) if profile else None) as stage:
         found = look(
-            problem, level=prior, profile=profile, at_bound=[n for n in bound if n in params.names],
-            log=log, step=stage.step,
+            problem, level=ASSUMED_RELATIVE_SD, profile=profile,
+            at_bound=[n for n in bound if n in params.names], log=log, step=stage.step,
         )  # fmt: skip
     facts = {
         "trial": chosen.name, "trial_digest": chosen.digest, "vehicle": ship.name,
         "vehicle_digest": ship.digest, "digest": problem.digest, "point": point, "remarks": remarks,
-        "assumed_prior": prior,
+        "assumed_prior": ASSUMED_RELATIVE_SD if prior is None else prior,
     }  # fmt: skip
     behaviour = None
     if profile and not quick:

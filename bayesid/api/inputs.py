@@ -6,6 +6,7 @@ Takes paths, names or objects, as users have them. Does not compute.
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -17,11 +18,13 @@ from bayesid.manoeuvres import Scale
 from bayesid.model import Model, build_model, without_effects
 from bayesid.terms import canonical_name
 from bayesid.trials import Trial, load_trial, thin
-from bayesid.vehicles import Vehicle, load_vehicle, self_propulsion_speed
+from bayesid.units import scale as unit_scale
+from bayesid.vehicles import Vehicle, load_vehicle, self_propulsion_speed, with_relative_prior
 
 Names: TypeAlias = "str | Iterable[str] | None"
 TrialLike: TypeAlias = "Trial | str | os.PathLike[str]"
 VehicleLike: TypeAlias = "Vehicle | str | os.PathLike[str]"
+_QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
 LARGEST_ANGLE = 0.61  # 35 deg: largest fin angle of a manoeuvre where the vehicle states no limit
 
 
@@ -30,8 +33,14 @@ def trial_of(trial: TrialLike, data: str | os.PathLike[str] | None = None) -> Tr
     return trial if isinstance(trial, Trial) else load_trial(os.fspath(trial), data=data)
 
 
-def vehicle_of(vehicle: VehicleLike | None, trial: Trial | None = None) -> Vehicle:
+def vehicle_of(
+    vehicle: VehicleLike | None, trial: Trial | None = None, prior: float | None = None
+) -> Vehicle:
     """The vehicle itself, read, or the one the trial names.
+
+    Parameters
+    ----------
+    prior : relative prior sd of every coefficient instead of what the file states
 
     Raises
     ------
@@ -39,12 +48,12 @@ def vehicle_of(vehicle: VehicleLike | None, trial: Trial | None = None) -> Vehic
         nothing names a vehicle
     """
     if isinstance(vehicle, Vehicle):
-        return vehicle
+        return with_relative_prior(vehicle, prior)
     named = vehicle or (trial.vehicle_ref if trial is not None else "")
     if not named:
         where = trial.name if trial is not None else "the trial"
         raise TrialError(f"{where} names no vehicle; give one (--vehicle), or name it in trial.toml")
-    return load_vehicle(os.fspath(named))
+    return with_relative_prior(load_vehicle(os.fspath(named)), prior)
 
 
 def model_of(
@@ -114,13 +123,17 @@ def scale_of(model: Model, rpm: float | None = None, dt: float | None = None) ->
     return Scale(vehicle.L, speed, shaft, rudder, plane, model.dof, dt or 0.0)
 
 
-def parameter_values(model: Model, changes: Mapping[str, float] | None) -> dict[str, float]:
+def parameter_values(model: Model, changes: Mapping[str, float | str] | None) -> dict[str, float]:
     """Parameters to change under the model's own names; other spellings of coefficients are read too.
+
+    Parameters
+    ----------
+    changes : coefficient (units of the file) or effect parameter (SI, or text with a unit such as "2deg")
 
     Raises
     ------
     ModelError
-        a name the model does not have, with the nearest ones it has
+        a name the model does not have, with the nearest ones it has; a value that is no number
     """
     import difflib
     from contextlib import suppress
@@ -134,8 +147,19 @@ def parameter_values(model: Model, changes: Mapping[str, float] | None) -> dict[
             near = difflib.get_close_matches(given, model.index, n=3, cutoff=0.5)
             hint = f"; did you mean {', '.join(near)}?" if near else ""
             raise ModelError(f"the model has no parameter {given!r}{hint}")
-        found[name] = value
+        found[name] = _number(model, name, value)
     return found
+
+
+def _number(model: Model, name: str, value: float | str) -> float:
+    """A value as a number, converted to SI where it is a text with a unit."""
+    if not isinstance(value, str):
+        return float(value)
+    found = _QUANTITY.fullmatch(value)
+    unit = model.parameter_unit(name)
+    if found is None or (found[2] and unit is None):
+        raise ModelError(f"{name} = {value!r}: a number{'' if unit is None else f' in {unit}'} is needed")
+    return float(found[1]) * (unit_scale(found[2], str(unit), name) if found[2] else 1.0)
 
 
 def declared_effects(path: str | os.PathLike[str] | None) -> tuple[Effect, ...]:

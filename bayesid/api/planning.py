@@ -21,7 +21,10 @@ from bayesid.vehicles import Vehicle
 
 
 def subject_of(
-    source: Trial | Vehicle | str | os.PathLike[str], vehicle: VehicleLike | None, dof: int | None
+    source: Trial | Vehicle | str | os.PathLike[str],
+    vehicle: VehicleLike | None,
+    dof: int | None,
+    prior: float | None,
 ) -> tuple[Model, Trial | None]:
     """Model, and the trial if the source is one or names one.
 
@@ -35,8 +38,10 @@ def subject_of(
     if not isinstance(source, Trial):
         if not isinstance(source, Vehicle) and Path(source).is_dir():
             raise TrialError(f"{source}: a folder without trial.toml; give a trial bundle or a vehicle")
-        return build_model(vehicle_of(vehicle if vehicle is not None else source), dof or 3), None
-    trial, ship = source, vehicle_of(vehicle, source)
+        return build_model(
+            vehicle_of(vehicle if vehicle is not None else source, None, prior), dof or 3
+        ), None
+    trial, ship = source, vehicle_of(vehicle, source, prior)
     return build_model(ship, dof or (3 if ship.planar_only else trial.dof)), trial
 
 
@@ -52,7 +57,6 @@ def case_of(
     *,
     executed: Iterable[str],
     fix: Names,
-    prior: float,
     noise: Mapping[str, float] | None,
     dt: float | None,
     duration: float | None,
@@ -74,7 +78,7 @@ def case_of(
         model, duration, rudder=rudder, rate=rate, plane=plane, rpm=rpm, box=math.inf if box is None else box,
         depth=depth,
     )  # fmt: skip
-    knowledge = known_of(model, prior, names_of(fix) or [])
+    knowledge = known_of(model, fixed=names_of(fix) or [])
     sigma = dict(noise or {})
     if trial is None:
         return vehicle_case(

@@ -21,6 +21,7 @@ from bayesid.sample import Options, Posterior, Settings, trial_density
 from bayesid.sample import sample as draw
 from bayesid.sample.priors import with_prior
 from bayesid.sections.sample import COLUMNS, noise_words, rows, sample_report, verdict, write_sample_report
+from bayesid.vehicles import ASSUMED_RELATIVE_SD
 
 if TYPE_CHECKING:
     import pandas
@@ -58,7 +59,8 @@ def sample(
     ----------
     trial, vehicle, data, free, fix, runs, resample, pieces : as in `bayesid.fit`
     out : folder of the fit and of the chain, which is kept as it grows
-    prior : relative prior sd of coefficients whose vehicle file states none; without it their prior is flat
+    prior : relative prior sd of every coefficient; by default the vehicle file's, and 0.1 where it states
+        none
     noise, initial : how noise of channels and initial states of runs are treated
     memory : residuals that persist count for fewer readings, are an autoregression, or are taken as white
     student : degrees of freedom of Student-t noise, for outliers; not with marginal states
@@ -76,12 +78,12 @@ def sample(
     """
     choice = Settings(noise=noise, initial=initial, memory=memory, student=student)
     logged = trial_of(trial, data)
-    ship = vehicle_of(vehicle, logged)
+    ship = vehicle_of(vehicle, logged, prior)
     chosen = prepared(logged, runs, resample, QUICK_SAMPLES if quick else None)
     model = build_model(ship, 3 if ship.planar_only else chosen.dof)
     kept = set(names_of(fix) or ())
     params = coefficient_set(model, tuple(n for n in names_of(free) or model.coefficients if n not in kept))
-    params = with_prior(params, prior) if prior is not None else params
+    params = with_prior(params, ASSUMED_RELATIVE_SD)
     options = Options(
         ensembles=ensembles, walkers=walkers, max_steps=min(max_steps, QUICK_STEPS) if quick else max_steps,
         seed=seed, first=100 if quick else 200,

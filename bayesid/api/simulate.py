@@ -21,7 +21,7 @@ def simulate(
     dof: int = 3,
     dt: float | None = None,
     rpm: float | None = None,
-    change: Mapping[str, float] | None = None,
+    change: Mapping[str, float | str] | None = None,
     noise: Mapping[str, float] | None = None,
     seed: int = 0,
 ) -> Trial:
@@ -34,7 +34,7 @@ def simulate(
     dof : 3 (horizontal plane) or 6
     dt : step of commands and log [s]; by default the manoeuvre's own
     rpm : shaft speed; by default the vehicle's usual one
-    change : coefficient (units of the vehicle file) or effect parameter (SI) -> value
+    change : coefficient (units of the vehicle file) or effect parameter (SI, or text with a unit) -> value
     noise : channel -> one sigma of white noise [SI]
     seed : of the noise
 
@@ -57,7 +57,7 @@ def simulate_model(
     manoeuvres: tuple[str, ...],
     dt: float | None,
     rpm: float | None,
-    change: Mapping[str, float] | None,
+    change: Mapping[str, float | str] | None,
     noise: Mapping[str, float] | None,
     seed: int,
 ) -> Trial:

@@ -15,6 +15,7 @@ from typing import Any
 import typer
 
 from bayesid.errors import BayesidError
+from bayesid.report.text import printable
 
 OK, FAULT, BAD_INPUT, NOT_CONVERGED, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -73,11 +74,6 @@ def _refuse(message: str, code: int, hint: bool = False) -> int:
         message += " Run the command again with -v for details to report."
     print(printable(f"bayesid: {message}"), file=sys.stderr)
     return code
-
-
-def printable(text: str) -> str:
-    """Text without control characters, which in a name out of a file could steer the terminal."""
-    return "".join(c if c in "\n\t" or c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
 
 
 def _os_message(error: OSError) -> str:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from bayesid.cli.choices import Bundle, Data
 from bayesid.cli.options import Json, Out, Verbose
-from bayesid.cli.trial import Bundle, Data
 
 if TYPE_CHECKING:
     from bayesid.trials import Run

@@ -34,7 +34,9 @@ def check(vehicle: Name, out: Out = None, as_json: Json = False, verbose: Verbos
     straight = _or_none(stability, found)
     if straight is not None:
         result["stability"] = {
-            "speed [m/s]": straight.U, "G_H": straight.G_H, "G_V": straight.G_V,
+            "speed [m/s]": straight.U,
+            "G_H": straight.G_H,
+            "G_V": straight.G_V,
             "eigenvalues, horizontal [U/L]": [[value.real, value.imag] for value in straight.horizontal],
             "eigenvalues, vertical [U/L]": [[value.real, value.imag] for value in straight.vertical],
         }
