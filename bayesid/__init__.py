@@ -17,6 +17,7 @@ _PUBLIC: dict[str, str] = {
     "VehicleError": "bayesid.errors",
     "ManoeuvreError": "bayesid.errors",
     "ModelError": "bayesid.errors",
+    "CacheError": "bayesid.errors",
     "FitError": "bayesid.errors",
     "Term": "bayesid.terms",
     "TERMS": "bayesid.terms",

@@ -32,6 +32,10 @@ class ModelError(BayesidError):
     """Vehicle, effects and channels do not fit together, or a simulated state left the finite numbers."""
 
 
+class CacheError(BayesidError):
+    """The folder of compiled kernels is open to other users."""
+
+
 class FitError(BayesidError):
     """A fit was set up wrongly; a fit that merely fails to converge is a result, not an error."""
 

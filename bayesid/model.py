@@ -79,7 +79,7 @@ class Model:
 
     @property
     def digest(self) -> str:
-        """Hash of equations and numbers."""
+        """Hash of equations and numbers; wording, files and the printer of kernels leave it as it is."""
         text = f"{self.kernel.digest}|{self.vehicle.digest}|{self.dof}"
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
@@ -173,17 +173,21 @@ def build_model(vehicle: Vehicle, dof: int | None = None, declared: Iterable[Eff
         raise ModelError(f"dof = {dof}: choose 3 (surge, sway, yaw) or 6")
     if dof == 6 and vehicle.planar_only:
         raise ModelError(f"vehicle {vehicle.name!r} is planar only; ask for dof = 3")
+    kernel = load_kernel(kernel_spec(vehicle, dof), tuple(Declared(e) for e in declared))
+    nominal = _nominal(vehicle, kernel)
+    nominal.setflags(write=False)
+    return Model(vehicle, dof, kernel, nominal)
+
+
+def kernel_spec(vehicle: Vehicle, dof: int) -> KernelSpec:
+    """Which equations a vehicle needs."""
     eta = {t.name for t in TERMS if t.group == "eta"}
-    spec = KernelSpec(
+    return KernelSpec(
         dof=dof,
         propulsion="kt" if vehicle.propulsion.model == "kt" else "quadratic",
         sections=vehicle.crossflow.sections if vehicle.crossflow else 0,
         eta=any(name in eta for name in vehicle.coef),
     )
-    kernel = load_kernel(spec, tuple(Declared(e) for e in declared))
-    nominal = _nominal(vehicle, kernel)
-    nominal.setflags(write=False)
-    return Model(vehicle, dof, kernel, nominal)
 
 
 def without_effects(model: Model, names: Iterable[str]) -> Model:

@@ -1,7 +1,7 @@
-"""How long is the first call of a kernel in a new process, compiled anew and from numba's cache?
+"""How long is the first call of a kernel in a new process, printed and compiled anew, and from the cache?
 
-Each row is two processes with their own empty cache folder: the first compiles, the second loads. Wall time
-includes starting Python and importing numba. Prints Markdown rows. Usage: [--all] (6-DOF too,
+Each row is two processes with their own empty cache folder: the first prints and compiles, the second loads.
+Wall time includes starting Python and importing numba. Prints Markdown rows. Usage: [--all] (6-DOF too,
 minutes).
 """
 
@@ -37,7 +37,7 @@ plan, p, x0 = plan_run(m, np.arange(5.0), {{}}), np.array(m.nominal), steady_sta
 def process(code: str, cache: str) -> tuple[float, float]:
     """Wall and processor time of one Python process [s]."""
     here = str(Path(__file__).resolve().parents[1])
-    environment = {**os.environ, "NUMBA_CACHE_DIR": cache, "PYTHONPATH": here}
+    environment = {**os.environ, "BAYESID_CACHE": cache, "PYTHONPATH": here}
     before, begin = os.times(), time.perf_counter()
     subprocess.run([sys.executable, "-c", code], check=True, env=environment)
     wall, after = time.perf_counter() - begin, os.times()

@@ -1,25 +1,29 @@
 """The equations and the kernels without a compiler.
 
 `equations(spec, prefix)` evaluates the graph of the equations at a point; `uncompiled(model)` is the model
-with the text of its kernel run as plain Python, numba's decorator taken off.
+with the text of its kernel run as plain Python, numba's decorator taken off. `EVERY` is the kernel of every
+built-in vehicle, in the plane and in space, and those with propeller-loading rows.
 """
 
 import types
 from dataclasses import replace
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 
 from bayesid.effects import CATALOGUE
 from bayesid.kernels.dynamics import build
-from bayesid.kernels.generate import GENERATED, module_source
-from bayesid.kernels.layout import COMMITTED, KernelSpec
+from bayesid.kernels.generate import module_source
+from bayesid.kernels.layout import KernelSpec
 from bayesid.kernels.printing import statements
 from bayesid.kernels.runtime import _functions
+from bayesid.model import kernel_spec
+from bayesid.vehicles import builtin_names, load_vehicle
 
-ETA = (KernelSpec(3, eta=True), KernelSpec(6, eta=True))  # propeller-loading rows; generated on demand only
-EVERY = (*COMMITTED, *ETA)
+ETA = (KernelSpec(3, eta=True), KernelSpec(6, eta=True))  # propeller-loading rows: in no built-in vehicle
+_BUILT_IN = [load_vehicle(name) for name in builtin_names()]
+_SPECS = {kernel_spec(v, dof) for v in _BUILT_IN for dof in ((3,) if v.planar_only else (3, 6))}
+EVERY = (*sorted(_SPECS, key=lambda s: s.name), *ETA)
 
 
 class Equations:
@@ -76,18 +80,21 @@ def equations(spec, prefix):
     return Equations(spec, prefix)
 
 
-@lru_cache
-def _module(spec):
-    path = Path(GENERATED) / f"{spec.name}.py"
-    text = path.read_text("utf-8") if spec in COMMITTED else module_source(spec)
+def run_plain(name, text):
+    """Module from the text of a kernel, its functions plain Python."""
     undecorated = "def njit(*given, **options):\n    return given[0] if given else (lambda f: f)"
-    module = types.ModuleType(spec.name)
-    exec(compile(text.replace("from numba import njit", undecorated), spec.name, "exec"), module.__dict__)
+    module = types.ModuleType(name)
+    exec(compile(text.replace("from numba import njit", undecorated), name, "exec"), module.__dict__)
     return module
 
 
-def uncompiled(model):
-    """The model, its kernel as plain Python."""
-    module = _module(model.kernel.spec)
+@lru_cache
+def _module(spec):
+    return run_plain(spec.name, module_source(spec))
+
+
+def uncompiled(model, text=None):
+    """The model, its kernel as plain Python; `text` instead of what is printed for the catalogue."""
+    module = run_plain("given", text) if text else _module(model.kernel.spec)
     bare, full = (_functions(module, prefix) for prefix in ("bare", "full"))
     return replace(model, kernel=replace(model.kernel, bare=bare, full=full))

@@ -8,11 +8,12 @@ import pytest
 from gap_trials import model_of, orders, other_vehicle, planted_trial
 
 from bayesid.diagnose import bank as banks
-from bayesid.diagnose.problem import pose
+from bayesid.diagnose.problem import fit_with, pose
 from bayesid.diagnose.verdict import judge, unseen
 from bayesid.diagnose.weigh import credible_set
 from bayesid.diagnose.which import compare
 from bayesid.errors import TrialError
+from bayesid.simulate import plan_run, simulate, steady_start
 
 CATALOGUE_WORDS = ("effect", "effect_with_remainder", "several")
 
@@ -245,6 +246,32 @@ def test_noise_that_is_not_stated_is_estimated_and_said():
         found = problem.logs[0].sigma[problem.channels.index(channel)]
         # some 150 third differences, and the motion's own at 0.4 L/U between samples
         assert 0.7 * sigma < found < 1.6 * sigma, channel
+
+
+def test_a_channel_without_noise_is_named_and_given_the_least_a_sensor_has():
+    """Of a simulated log: a rate as computed, a speed that never changes; the others stay as stated."""
+    model = model_of()
+    trial = planted_trial(model)
+    clean = simulated_readings(model)
+    runs = [replace(r, data={**r.data, "r": clean[r.name], "v": np.zeros(r.n_samples)}) for r in trial.runs]
+    noise = {c: s for c, s in trial.noise.items() if c != "v"} | {"r": 1e-9}
+    problem = pose(model, replace(trial, runs=tuple(runs), noise=noise))
+    told = next(w for w in problem.warnings if "no noise to speak of" in w)
+    assert "in v, r (" in told
+    U, L = model.scales["U"], model.scales["L"]
+    sigma = dict(zip(problem.channels, problem.logs[0].sigma, strict=True))
+    assert sigma == {**trial.noise, "v": pytest.approx(1e-4 * U), "r": pytest.approx(1e-4 * U / L)}
+    assert np.isfinite(fit_with(problem, ()).log_evidence)
+
+
+def simulated_readings(model):
+    """Run -> yaw rate [rad/s] of the nominal vehicle, as computed."""
+    out = {}
+    for name, manoeuvre in orders(model).items():
+        plan = plan_run(model, manoeuvre.t, manoeuvre.commands)
+        states = simulate(model, model.nominal, plan, steady_start(model), full=True).states
+        out[name] = states[:, model.states.index("r")]
+    return out
 
 
 def test_the_orders_of_the_test_trials_keep_the_vehicle_in_hand():

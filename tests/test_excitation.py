@@ -1,23 +1,27 @@
-"""SINDy as a witness: exact where it must be, and silent where runs cannot tell."""
+"""Sparse regression as a witness: exact where it must be, and silent where runs cannot tell."""
 
 from __future__ import annotations
 
 import json
 import warnings
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import bayesid
 from bayesid.cli.guard import run as cli
 from bayesid.errors import ModelError, TrialError
 from bayesid.excitation import Column, exact_motion, excite, library
 from bayesid.excitation.columns import evaluate, rows, theta
-from bayesid.excitation.select import select_axis
+from bayesid.excitation.select import ENGINE, select_axis
 from bayesid.excitation.track import smooth_tracks, stated_or_rough
 from bayesid.excitation.witness import excite_motions
 from bayesid.manoeuvres import library as manoeuvre_library
 from bayesid.model import build_model
+from bayesid.report.write import versions
+from bayesid.sections.richness_numbers import maps_of
 from bayesid.simulate import plan_run, steady_start
 from bayesid.vehicles import load_vehicle
 from bayesid.virtual import virtual_run
@@ -215,6 +219,25 @@ def test_velocities_come_from_positions_and_heading_alone(submarine):
     truth = 0.5 * (clean[0].data["v"][1:] + clean[0].data["v"][:-1])
     wrong = motions[0].states[:, submarine.states.index("v")] - truth
     assert np.std(wrong) < 0.2 * np.std(truth)
+
+
+def test_what_is_our_own_selection_is_not_called_pysindy():
+    """No text of a report or of the command line names PySINDy but to say that it is not the engine."""
+    root = Path(bayesid.__file__).parent
+    said = []
+    for part in ("sections", "figures", "cli", "report", "design", "diagnose"):
+        for file in sorted((root / part).glob("*.py")):
+            said += [line.strip() for line in file.read_text().splitlines() if "indy" in line]
+    assert all("PySINDy is not its engine" in s or '"sindy_inclusion"' in s for s in said), said
+    assert "PySINDy is not its engine" in ENGINE
+    assert "pysindy" not in versions()
+
+
+def test_records_of_older_studies_are_read():
+    row = {"name": "zigzag", "contraction": {"N_r": 0.5}, "contraction_refits": None}
+    for key in ("sindy_inclusion", "sparse_inclusion"):
+        record = {"manoeuvres": [{**row, key: {"N_r": 0.9}}], "coefficients": ["N_r"]}
+        assert maps_of({"comparison": record})[4] == np.array([[0.9]])
 
 
 def test_pysindy_finds_the_same_coefficients(remus):

@@ -273,7 +273,46 @@ def test_logs_may_be_kept_in_another_folder(bundle, tmp_path_factory):
 def test_time_can_be_sorted_on_request(bundle):
     trial = load_trial(bundle(rows(*good(0, 2, 1, 2, 3)), top='time_repair = "sort"'))
     np.testing.assert_array_equal(trial.runs[0].t, [0, 1, 2, 3])
-    assert any("1 repeated times dropped" in text for text in trial.warnings)
+    told = "it went back 1 times; 1 rows of equal time merged with the first, no reading lost"
+    assert any(told in text for text in trial.warnings)
+
+
+def joined(*extra):
+    """Three loggers of their own columns, joined on time row by row: position, heading, orders."""
+    lines = []
+    for t in range(20):
+        lines += [f"{t},{1.5 * t},0,,,,,,", f"{t},,,10,0.1,,,,", f"{t},,,,,1.5,0,5,600"]
+    return rows(*lines, *extra)
+
+
+def test_rows_of_equal_time_that_complement_each_other_are_merged(bundle):
+    """Nothing is lost: what is read is what the same log says with one row per time."""
+    whole = rows(*[f"{t},{1.5 * t},0,10,0.1,1.5,0,5,600" for t in range(20)])
+    plain = load_trial(bundle(whole)).runs[0]
+    merged = load_trial(bundle(joined(), top='time_repair = "sort"'))
+    assert merged.runs[0].digest == plain.digest
+    assert any("40 rows of equal time merged" in text for text in merged.warnings)
+
+
+def test_a_row_that_contradicts_another_of_equal_time_is_dropped_whole_and_counted(bundle):
+    """A second position fix must not be mixed with the first: its x goes, and so does the rate beside it."""
+    text = joined("3,99,0,,7,,,,", "4,6,0,,,,,,")
+    trial = load_trial(bundle(text, top='time_repair = "sort"'))
+    plain = load_trial(bundle(joined(), top='time_repair = "sort"')).runs[0]
+    assert trial.runs[0].digest == plain.digest
+    told = "1 rows that contradict another of equal time dropped, with 3 readings (1 of x, 1 of y, 1 of r)"
+    assert any(told in text and "41 rows" in text for text in trial.warnings)
+
+
+def test_a_mapped_column_without_values_is_not_called_unused(bundle):
+    text = csv_of(*weave()).replace("psi[deg]", "yaw").replace("r[deg/s]", "rate")
+    lines = text.strip().split("\n")
+    at = lines[0].split(",").index("yaw")
+    empty = [",".join("" if k == at else c for k, c in enumerate(line.split(","))) for line in lines[1:]]
+    with pytest.raises(TrialError) as caught:
+        load_trial(bundle("\n".join([lines[0], *empty]), top='[columns]\n"psi[deg]" = "yaw"'))
+    assert "column 'yaw', read as psi, holds no value" in str(caught.value)
+    assert "unused" not in str(caught.value)
 
 
 def test_foreign_columns_and_units_give_the_same_run(bundle):

@@ -123,8 +123,8 @@ def compared(
     if actual is not None and included is not None:
         ranks |= {
             "expected contraction and contraction of refits": rank_correlation(fisher, actual),
-            "expected contraction and SINDy inclusion": rank_correlation(fisher, included),
-            "contraction of refits and SINDy inclusion": rank_correlation(actual, included),
+            "expected contraction and inclusion by sparse regression": rank_correlation(fisher, included),
+            "contraction of refits and inclusion by sparse regression": rank_correlation(actual, included),
             "predicted and actual cross error": rank_correlation(cross.predicted, cross.actual),
             "richness and (small) actual error over the other manoeuvres": rank_correlation(
                 gains, -cross.others(cross.actual)),

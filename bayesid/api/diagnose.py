@@ -13,7 +13,7 @@ from bayesid.api.inputs import Names, TrialLike, VehicleLike, declared_effects, 
 from bayesid.api.result import Result, table
 from bayesid.diagnose.diagnosis import Diagnosis, as_json
 from bayesid.diagnose.diagnosis import diagnose as run
-from bayesid.diagnose.found import found_in, write_found
+from bayesid.diagnose.found import write_found
 from bayesid.files import write_json
 from bayesid.progress import Progress
 from bayesid.report import Report
@@ -36,6 +36,7 @@ def diagnose(
     exclude: Names = None,
     next_manoeuvre: bool = True,
     draws: bool = False,
+    keep_model: bool = True,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> DiagnoseResult:
@@ -49,6 +50,7 @@ def diagnose(
     exclude : effects that cannot be here, e.g. "wind,ocean_current" in a towing tank
     next_manoeuvre : also rank manoeuvres to execute next
     draws : also sample the named effects' parameters by emcee
+    keep_model : also make the model that `bayesid.predict` draws from
 
     Raises
     ------
@@ -59,7 +61,7 @@ def diagnose(
     model = model_of(logged, vehicle, declared_effects(effects), exclude)
     found = run(
         logged, model, seed=seed, say=(progress or Progress(quiet=True)).note, as_built=prior,
-        plan_next=next_manoeuvre, draw=draws,
+        plan_next=next_manoeuvre, draw=draws, keep_model=keep_model,
     )  # fmt: skip
     return DiagnoseResult(found)
 
@@ -102,7 +104,8 @@ class DiagnoseResult(Result):
         target = Path(folder)
         target.mkdir(parents=True, exist_ok=True)
         write_json(target / "diagnosis.json", self._record)
-        write_found(found_in(self.found), target)
+        if self.found.diagnosed is not None:
+            write_found(self.found.diagnosed, target)
         if self.found.posterior is not None:
             self.found.posterior.posterior.to_netcdf(target / "posterior.nc")
         return write_diagnosis_report(self.found, target, self._record)

@@ -21,6 +21,7 @@ from bayesid.sample import Options, Posterior, Settings, trial_density
 from bayesid.sample import sample as draw
 from bayesid.sample.priors import with_prior
 from bayesid.sections.sample import COLUMNS, noise_words, rows, sample_report, verdict, write_sample_report
+from bayesid.trials.noise import raised, said_raised
 from bayesid.vehicles import ASSUMED_RELATIVE_SD
 
 if TYPE_CHECKING:
@@ -97,6 +98,10 @@ def sample(
     if not found.fit.converged:
         shown.note(f"the fit had not converged ({found.fit.message}); sampling starts off the mode")
     density = trial_density(found.problem, found.fit.z, choice, chosen.noise)
+    stated = dict(zip(density.channels, map(float, density.noise_prior.scale), strict=True))
+    if least := raised(stated, model.scales["L"], model.scales["U"]):
+        shown.note(f"{said_raised(least)}; chains are slow where a channel has none")
+        density = trial_density(found.problem, found.fit.z, choice, {**chosen.noise, **least})
     with shown.stage("sample") as stage:
         posterior = draw(
             density, density.laplace, options, Path(out), resume=resume,

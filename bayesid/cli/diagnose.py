@@ -31,7 +31,8 @@ def diagnose(
 
     found = run(
         bundle, vehicle, data=data, prior=prior, effects=effects, exclude=exclude, next_manoeuvre=not quick,
-        draws=out is not None and not quick, seed=seed, progress=Progress(quiet=as_json),
+        draws=out is not None and not quick, keep_model=out is not None, seed=seed,
+        progress=Progress(quiet=as_json),
     )  # fmt: skip
     answer(found, out, as_json, verbose)
     return OK

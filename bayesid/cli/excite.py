@@ -29,6 +29,10 @@ def excite(
 ) -> None:
     """Which force terms the runs excite: a sparse regression that needs no fit.
 
+    The regression is our own stepwise selection on the force table; PySINDy is not its engine.
+
+    The regression is our own stepwise selection on the force table; PySINDy is not its engine.
+
     Reads the identify runs only. --out gets excitation.json and a report.
     """
     from bayesid.api.excite import excite as run

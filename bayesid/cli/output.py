@@ -36,19 +36,19 @@ def answer(
     files: Mapping[str, Path] | None = None,
     extra: Mapping[str, Any] | None = None,
 ) -> None:
-    """Save a result where a folder is given, then print it.
+    """Print a result, then save it where a folder is given: should drawing fail, the answer is on the screen.
 
     Parameters
     ----------
     files : what else lies in the folder, in words
     extra : added to the JSON
     """
-    report = found.save(out) if out is not None else None
     if as_json:
         say_json({**found.record(), **(extra or {})})
-        return
-    say(found.summary(verbose))
-    if report is not None:
+    else:
+        say(found.summary(verbose))
+    report = found.save(out) if out is not None else None
+    if report is not None and not as_json:
         say()
         for words, path in {**(files or {}), "report": report}.items():
             say(f"{words}: {path}")

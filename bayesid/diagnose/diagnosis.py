@@ -16,10 +16,12 @@ import numpy as np
 
 from bayesid.coloured.fit import ColouredFit, fit
 from bayesid.coloured.levels import silent
+from bayesid.diagnose.attempt import attempt
 from bayesid.diagnose.candidate import COEFFICIENT_ERROR, parameter_table
 from bayesid.diagnose.description import Description, describe_gap
 from bayesid.diagnose.description import as_json as described
 from bayesid.diagnose.events import find_events, verdict_with, with_events
+from bayesid.diagnose.found import Found, diagnosed_model
 from bayesid.diagnose.interval import warning
 from bayesid.diagnose.next_run import Proposal, propose
 from bayesid.diagnose.place import place_of
@@ -55,6 +57,7 @@ class Diagnosis:
     seed : of the bootstrap
     description : what the missing force is made of, where an effect does not explain all of it
     posterior : draws of the named effects' parameters and of what could hide them, where asked for
+    diagnosed : the model to predict from, where asked for
     """
 
     trial: Trial
@@ -68,6 +71,7 @@ class Diagnosis:
     seed: int
     description: Description | None = None
     posterior: EffectPosterior | None = None
+    diagnosed: Found | None = None
 
 
 def diagnose(
@@ -78,6 +82,7 @@ def diagnose(
     as_built: float | None = None,
     plan_next: bool = True,
     draw: bool = False,
+    keep_model: bool = False,
 ) -> Diagnosis:
     """Diagnose the gap between a model and a trial.
 
@@ -87,6 +92,9 @@ def diagnose(
     say : called with a sentence before each stage
     plan_next : also rank manoeuvres to fly next
     draw : also sample the named effects' parameters by emcee; it confirms, the verdict stands before
+    keep_model : also make the diagnosed model that `bayesid predict` draws from
+
+    A step after the verdict that fails becomes a sentence in `warnings`.
 
     Raises
     ------
@@ -96,25 +104,37 @@ def diagnose(
     problem, base = begin(model, trial, say, as_built)
     candidates = compare(problem, say, seed, base)
     events = find_events(problem, trial, simplest(candidates), say)
+    unable: list[str] = []
     if events:
-        say("the same without " + ", ".join(f"{e.run} {e.start:.0f}-{e.end:.0f} s" for e in events))
-        problem, base = begin(model, trial, say, as_built, events)
-        candidates = with_events(compare(problem, say, seed, base), events)
+        named = ", ".join(f"{e.run} {e.start:.0f}-{e.end:.0f} s" for e in events)
+        say(f"the same without {named}")
+        try:
+            shorter, base = begin(model, trial, say, as_built, events)
+            problem, candidates = shorter, with_events(compare(shorter, say, seed, base), events)
+        except BayesidError as exc:
+            unable.append(
+                f"the trial without {named} could not be diagnosed ({exc}); the verdict counts them"
+            )
+            events = ()
     verdict = verdict_with(judge(problem, candidates), events)
-    warnings = [*trial.warnings, *problem.warnings]
+    warnings = [*trial.warnings, *problem.warnings, *unable]
+    # The verdict stands. What follows describes, proves and plans; none of it may cost the verdict.
     description = None
     if verdict.word in ("outside", "effect_with_remainder"):
         say("what the missing force is made of")
-        try:
-            description = describe_gap(problem, candidates, verdict.word != "outside", seed)
-        except BayesidError as exc:
-            warnings.append(f"the missing force could not be described: {exc}")
+        description = attempt(
+            "the missing force could not be described",
+            lambda: describe_gap(problem, candidates, verdict.word != "outside", seed),
+            None,
+            warnings,
+        )
     say("held-out runs: how far the gap shrinks")
-    try:
-        shrink = _shrink(problem, trial, candidates, seed)
-    except BayesidError as exc:
-        shrink = Shrink((), ())
-        warnings.append(f"held-out runs could not be predicted: {exc}")
+    shrink = attempt(
+        "held-out runs could not be predicted",
+        lambda: _shrink(problem, trial, candidates, seed),
+        Shrink((), ()),
+        warnings,
+    )
     for rung in shrink.rungs:
         if verdict.word in NAMING and rung.worth and rung.interval[1] < 0:
             warnings.append(
@@ -123,12 +143,23 @@ def diagnose(
     proposals: tuple[Proposal, ...] = ()
     if plan_next:
         say("which manoeuvre to fly next")
-        proposals = propose(
-            problem, candidates.bank, [n for n in verdict.set95 if n in candidates.bank.effects], 0.3
-        )[:5]
-    posterior = None
-    if draw:
-        posterior = _drawn(problem, candidates, verdict, seed, say, warnings)
+        names = [n for n in verdict.set95 if n in candidates.bank.effects]
+        proposals = attempt(
+            "no next manoeuvre could be ranked",
+            lambda: propose(problem, candidates.bank, names, 0.3)[:5],
+            (),
+            warnings,
+        )
+    posterior = _drawn(problem, candidates, verdict, seed, say, warnings) if draw else None
+    diagnosed = None
+    if keep_model:
+        say("model for predictions")
+        diagnosed = attempt(
+            "the diagnosed model for `bayesid predict` could not be made",
+            lambda: diagnosed_model(problem, candidates, verdict, trial.digest),
+            None,
+            warnings,
+        )
     return Diagnosis(
         trial,
         model,
@@ -141,6 +172,7 @@ def diagnose(
         seed,
         description,
         posterior,
+        diagnosed,
     )
 
 
@@ -153,10 +185,14 @@ def _drawn(
     of = next((c for c in candidates.refits if set(c.effects) == set(verdict.effects)), None)
     if of is None or not of.fit.converged:
         return None
-    try:
-        found = sample_effect(problem, of.fit, seed, say=say)
-    except BayesidError as exc:
-        warnings.append(f"the posterior of {' + '.join(of.effects)} could not be sampled: {exc}")
+    fitted = of.fit
+    found = attempt(
+        f"the posterior of {' + '.join(of.effects)} could not be sampled",
+        lambda: sample_effect(problem, fitted, seed, say=say),
+        None,
+        warnings,
+    )
+    if found is None:
         return None
     if (told := warning(sampled(found))) is not None:
         warnings.append(told)

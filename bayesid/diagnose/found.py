@@ -15,23 +15,26 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from bayesid.coloured.colours import Colours, force_unit
-from bayesid.coloured.evidence import posterior
+from bayesid.coloured.evidence import ASTRAY, posterior
 from bayesid.coloured.fit import ColouredFit, fit, stack
 from bayesid.diagnose.candidate import Candidate
-from bayesid.diagnose.diagnosis import Diagnosis
 from bayesid.diagnose.problem import Problem
-from bayesid.diagnose.verdict import simplest
+from bayesid.diagnose.verdict import Verdict, simplest
 from bayesid.diagnose.weigh import PRIOR_CATALOGUE, PRIOR_NONE
+from bayesid.diagnose.which import Candidates
 from bayesid.effects import Effect
 from bayesid.errors import ModelError
 from bayesid.files import write_json
 from bayesid.model import Model, build_model
 from bayesid.vehicles import load_vehicle, write_vehicle
+
+if TYPE_CHECKING:
+    from bayesid.diagnose.diagnosis import Diagnosis
 
 Array = np.ndarray
 FORMAT = 1
@@ -97,23 +100,36 @@ class Found:
         return out
 
 
-def found_in(d: Diagnosis) -> Found:
-    """The diagnosed model of a diagnosis."""
-    problem, chosen = d.problem, _chosen(d)
-    each = PRIOR_CATALOGUE / (len(d.model.kernel.effects) + 1)
+def diagnosed_model(problem: Problem, candidates: Candidates, verdict: Verdict, trial: str) -> Found:
+    """The diagnosed model behind a verdict; `trial` is the digest of what was diagnosed.
+
+    Raises
+    ------
+    ModelError
+        if no hypothesis has a finite log evidence along its path
+    """
+    chosen = _chosen(candidates, verdict)
+    each = PRIOR_CATALOGUE / (len(problem.model.kernel.effects) + 1)
     fits, weights = [], []
     for c in chosen:
         fitted, evidence = _with_remainder(problem, c.fit)
         prior = each ** len(c.effects) if c.effects else PRIOR_NONE
         fits.append(fitted)
         weights.append(evidence + c.log_evidence - c.fit.log_evidence + np.log(prior))
+    if not np.isfinite(max(weights)):
+        raise ModelError(ASTRAY)
     share = np.exp(np.array(weights) - max(weights))
     share = np.where(share >= LEAST * share.sum(), share, 0.0)
     share /= share.sum()
     hypotheses = tuple(
         _hypothesis(c.effects, float(w), f) for c, w, f in zip(chosen, share, fits, strict=True) if w > 0
     )
-    return Found(d.model, hypotheses, _noise(problem), d.verdict.word, d.trial.digest)
+    return Found(problem.model, hypotheses, _noise(problem), verdict.word, trial)
+
+
+def found_in(d: Diagnosis) -> Found:
+    """The diagnosed model of a diagnosis: the one it holds, else made now."""
+    return d.diagnosed or diagnosed_model(d.problem, d.candidates, d.verdict, d.trial.digest)
 
 
 def found_with(problem: Problem, effects: tuple[str, ...], fitted: ColouredFit, trial: str = "") -> Found:
@@ -130,11 +146,10 @@ def _noise(problem: Problem) -> dict[str, float]:
     }
 
 
-def _chosen(d: Diagnosis) -> list[Candidate]:
+def _chosen(c: Candidates, verdict: Verdict) -> list[Candidate]:
     """The explanation a verdict names, or all that are worth weighing."""
-    c = d.candidates
-    if d.verdict.word in ("effect", "effect_with_remainder", "several"):
-        same = [r for r in c.refits if set(r.effects) == set(d.verdict.effects)]
+    if verdict.word in ("effect", "effect_with_remainder", "several"):
+        same = [r for r in c.refits if set(r.effects) == set(verdict.effects)]
         return [same[0] if same else simplest(c)]
     return [c.none, *(r for r in c.refits if len(r.effects) == 1)]
 
@@ -152,7 +167,10 @@ def _with_remainder(problem: Problem, fitted: ColouredFit) -> tuple[ColouredFit,
 
     def evidence(colours: Colours) -> float:
         grams = stack(model, fitted.paths, fitted.free, colours)
-        value = posterior(sum(grams[1:], grams[0])).log_evidence
+        try:
+            value = posterior(sum(grams[1:], grams[0])).log_evidence
+        except ModelError:  # this disturbance is out of reach, others may not be
+            return -np.inf
         return value if np.isfinite(value) else -np.inf
 
     def added(level: Array, tau: float) -> Colours:

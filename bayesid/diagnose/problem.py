@@ -22,6 +22,7 @@ from bayesid.effects import Effect
 from bayesid.errors import ModelError, TrialError
 from bayesid.model import Model
 from bayesid.trials import Trial
+from bayesid.trials.noise import raised, said_raised
 
 Say = Callable[[str], None]
 # How far the environment of manoeuvres may lie from that of straight runs that hold a gap, in the logarithm.
@@ -96,6 +97,10 @@ def pose(
             f"sensor noise of {', '.join(missing)} is not stated; estimated from fast changes of the readings"
         )
     channels = tuple(c for c in model.kernel.channels if c in noise and c in measured)
+    least = raised({c: noise[c] for c in channels}, model.scales["L"], model.scales["U"])
+    if least:
+        noise |= least
+        warnings.append(said_raised(least))
     logs = [released(model, read_run(model, run, noise, channels), events) for run in runs]
     say("reading: readings that no smooth motion explains")
     logs, outliers = set_aside(model, logs)
@@ -141,7 +146,7 @@ def _noise_from_data(runs: tuple, names: list[str]) -> dict[str, float]:
                 if d.size > 10:
                     scatter.append(1.4826 * np.median(np.abs(d)) / np.sqrt(20.0))
         if scatter:
-            out[name] = max(float(np.median(scatter)), 1e-9)
+            out[name] = float(np.median(scatter))
     return out
 
 

@@ -21,6 +21,11 @@ from bayesid.excitation.columns import Column, Rows
 
 Array = np.ndarray
 
+# What did the regression, for reports.
+ENGINE = (
+    "The sparse regression is bayesid's own stepwise selection on the force table; PySINDy is not its engine."
+)
+
 # Coefficient over standard error below which a column is dropped; half its square is what a column costs.
 THRESHOLD = 3.5
 PRICE = 0.5 * THRESHOLD**2

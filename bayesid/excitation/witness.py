@@ -16,7 +16,7 @@ import numpy as np
 from bayesid.errors import ModelError
 from bayesid.excitation.columns import AXIS, Column, library, rows
 from bayesid.excitation.motion import Motion
-from bayesid.excitation.select import AxisFit, Witness, select_axis
+from bayesid.excitation.select import ENGINE, AxisFit, Witness, select_axis
 from bayesid.excitation.track import smooth_tracks
 from bayesid.model import Model
 from bayesid.terms import TERMS
@@ -172,6 +172,7 @@ def as_json(found: Excitation) -> dict[str, Any]:
     """Plain data of `excitation.json`."""
     return {
         "format": 1,
+        "engine": ENGINE,
         "vehicle": found.vehicle,
         "model": found.model,
         "runs": list(found.runs),

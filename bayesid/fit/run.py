@@ -19,7 +19,7 @@ from bayesid.errors import FitError
 from bayesid.fit.curvature import covariance_of, predicted_gain, without
 from bayesid.fit.journal import Journal
 from bayesid.fit.result import Fit
-from bayesid.fit.slsqp import DAMPING, Clock, Enough, Round, run_round
+from bayesid.fit.slsqp import DAMPING, Clock, Enough, Iterate, Round, run_round
 from bayesid.likelihood import Problem, flat_directions, singular_values
 
 Array = np.ndarray
@@ -63,6 +63,7 @@ def fit(
     folder: str | os.PathLike[str] | None = None,
     resume: bool = True,
     watch: Callable[[int, float, float], None] | None = None,
+    note: Callable[[Iterate], None] | None = None,
 ) -> Fit:
     """Minimise the cost of a problem.
 
@@ -72,6 +73,7 @@ def fit(
         done)
     resume : go on from an `iterates.jsonl` of the same problem and seed
     watch : called with (iterations done, cost, step)
+    note : called with every `Iterate`; for studies of the search itself
 
     Raises
     ------
@@ -90,7 +92,7 @@ def fit(
     )
     try:
         searches = [
-            _search(problem, options, number, z0, journal, watch)
+            _search(problem, options, number, z0, journal, watch, note)
             for number, z0 in enumerate(start_points(problem, options))
         ]
     finally:
@@ -152,6 +154,7 @@ def _search(
     z0: Array,
     journal: Journal,
     watch: Callable[[int, float, float], None] | None,
+    note: Callable[[Iterate], None] | None = None,
 ) -> _Search:
     search = _Search(problem, number, z0)
     if _restore(search, journal.found):
@@ -180,7 +183,7 @@ def _search(
         if search.status != "budget" and settled:
             break
         done: Round = run_round(
-            search.problem, search.z, options.iterations, 1e-9, search.predicted, damping, after
+            search.problem, search.z, options.iterations, 1e-9, search.predicted, damping, after, note
         )
         search.rounds += 1
         search.clock.add(done.clock)

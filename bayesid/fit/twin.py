@@ -19,6 +19,7 @@ import numpy as np
 from bayesid.files import to_plain, write_json
 from bayesid.fit.result import Fit
 from bayesid.fit.run import Options, fit
+from bayesid.fit.slsqp import Iterate
 from bayesid.likelihood import Problem, unweighted
 from bayesid.manoeuvres import Manoeuvre
 from bayesid.model import Model
@@ -106,6 +107,7 @@ def run_case(
     coarse: Sequence[Target],
     others: Sequence[Target] = (),
     options: Options | None = None,
+    note: Callable[[str, Iterate], None] | None = None,
 ) -> dict[str, Any]:
     """One seed of a case as plain numbers.
 
@@ -113,6 +115,7 @@ def run_case(
     ----------
     targets, coarse : the runs fitted, and the same with a longer step, on which the search begins
     others : runs not fitted, predicted with the result
+    note : called with the stage ("coarse" or "fine" samples) and every SQP iteration
 
     Returns
     -------
@@ -147,7 +150,10 @@ def run_case(
 
     def stage(problem: Problem, z: Array, goal: float) -> Array:
         begin = problem.with_params(problem.params.started_at(z))
-        found.append(fit(begin, replace(options, goal=0.5 * goal)))
+        where = "coarse" if problem is rough else "fine"
+        found.append(
+            fit(begin, replace(options, goal=0.5 * goal), note=note and (lambda it: note(where, it)))
+        )
         return found[-1].z
 
     z = fine.start

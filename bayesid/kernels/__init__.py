@@ -1,4 +1,4 @@
-"""Compiled equations of motion: generated from the term table and the effects, loaded by `load_kernel`."""
+"""Compiled equations of motion, printed from the term table and the effects at first use: `load_kernel`."""
 
 from bayesid.kernels.layout import KernelSpec
 from bayesid.kernels.runtime import LANES, Declared, Functions, Kernel, load_kernel

@@ -185,3 +185,8 @@ def _settle(g: Graph, a: int, chain: list[_Link], columns: list[str], table: dic
 
 def _indent(depth: int, lines: list[str]) -> list[str]:
     return [" " * depth + line for line in lines]
+
+
+def servo_formulas() -> tuple[str, ...]:
+    """The vehicle's own servo as text: end and mean over a step, and the clip behind it."""
+    return _SERVO_END, _SERVO_MEAN, _CLIP

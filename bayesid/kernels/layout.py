@@ -40,13 +40,6 @@ class KernelSpec:
         return "_".join(parts)
 
 
-COMMITTED = (
-    KernelSpec(3),
-    KernelSpec(3, propulsion="kt"),
-    KernelSpec(3, sections=21),
-    KernelSpec(6),
-    KernelSpec(6, sections=21),
-)
 PLANAR_STATES = ("x", "y", "psi", "u", "v", "r")
 SIXDOF_STATES = ("x", "y", "z", "phi", "theta", "psi", "u", "v", "w", "p", "q", "r")
 RATE = {"u": "udot", "v": "vdot", "w": "wdot", "p": "pdot", "q": "qdot", "r": "rdot"}

@@ -1,31 +1,33 @@
-"""Find, load or generate the compiled kernel of a vehicle.
+"""Load the compiled kernel of a vehicle; its module is printed at first use and kept in the cache.
 
 Takes a `KernelSpec` and, for effects a user declared, their declarations. Gives a `Kernel` with the bare and
-the full set of functions. Committed modules are imported; every other combination is printed once into a
-cache folder.
+the full set of functions. Does not choose the folder or trust a file (`store`), and compiles nothing: numba
+does when a function is first called.
 """
 
 from __future__ import annotations
 
-import hashlib
-import importlib
 import importlib.util
-import os
 import sys
-import tempfile
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from threading import Lock
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 
 from bayesid.effects import CATALOGUE, Effect
+from bayesid.kernels.compiled import forgive
 from bayesid.kernels.context import LANES
-from bayesid.kernels.layout import COMMITTED, KernelSpec
+from bayesid.kernels.identity import cache_key
+from bayesid.kernels.layout import KernelSpec
+from bayesid.kernels.store import stored
 
 __all__ = ["LANES", "Functions", "Kernel", "load_kernel"]
+
+_LOADING = Lock()
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +57,7 @@ class Functions:
 @dataclass(frozen=True, eq=False)
 class Kernel:
     """Compiled equations of one `KernelSpec`; `bare` leaves the effects out, `full` has them all at par's
-    values."""
+    values; `digest` is that of the equations."""
 
     spec: KernelSpec
     parameters: tuple[str, ...]
@@ -69,12 +71,6 @@ class Kernel:
     digest: str
 
 
-def cache_folder() -> Path:
-    """Folder for kernels of user-declared effects: `BAYESID_CACHE`, else the user's cache folder."""
-    root = os.environ.get("BAYESID_CACHE") or os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    return Path(root) / "bayesid" / "kernels"
-
-
 @lru_cache(maxsize=32)
 def load_kernel(spec: KernelSpec, declared: tuple[Declared, ...] = ()) -> Kernel:
     """Kernel of a spec.
@@ -83,13 +79,16 @@ def load_kernel(spec: KernelSpec, declared: tuple[Declared, ...] = ()) -> Kernel
     ----------
     spec : KernelSpec
     declared : effects beyond the catalogue (`Declared` wrappers, hashable)
+
+    Raises
+    ------
+    CacheError
+        where another user may write to the folder of printed kernels
+    ModelError
+        if an effect's equation cannot be read; names the effect
     """
-    extra = tuple(d.effect for d in declared)
-    catalogue = (*CATALOGUE, *extra)
-    if spec in COMMITTED and not extra:
-        module = importlib.import_module(f"bayesid.kernels.generated.{spec.name}")
-    else:
-        module = _generated(spec, catalogue)
+    catalogue = (*CATALOGUE, *(d.effect for d in declared))
+    module = _module(spec, catalogue)
     used = tuple(e for e in catalogue if e.dof <= spec.dof)
     return Kernel(
         spec=spec,
@@ -101,7 +100,7 @@ def load_kernel(spec: KernelSpec, declared: tuple[Declared, ...] = ()) -> Kernel
         effects=used,
         bare=_functions(module, "bare"),
         full=_functions(module, "full"),
-        digest=hashlib.sha256(Path(str(module.__file__)).read_bytes()).hexdigest()[:16],
+        digest=module.EQUATIONS,
     )
 
 
@@ -134,28 +133,35 @@ def _functions(module: ModuleType, prefix: str) -> Functions:
     )
 
 
-def _generated(spec: KernelSpec, effects: tuple[Effect, ...]) -> ModuleType:
-    from bayesid.kernels.generate import module_source  # not needed by any committed kernel
+def _module(spec: KernelSpec, effects: tuple[Effect, ...]) -> ModuleType:
+    def text() -> str:
+        from bayesid.kernels.generate import module_source  # not needed by a kernel that is kept
 
-    source = module_source(spec, effects)
-    name = f"bayesid_kernel_{spec.name}_{hashlib.sha256(source.encode()).hexdigest()[:16]}"
-    if name in sys.modules:
-        return sys.modules[name]
-    folder = cache_folder()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        path = folder / f"{name}.py"
-        if not path.exists():
-            with tempfile.NamedTemporaryFile("w", dir=folder, suffix=".tmp", delete=False) as handle:
-                handle.write(source)
-            os.replace(handle.name, path)
-    except OSError:
-        folder = Path(tempfile.mkdtemp(prefix="bayesid-kernels-"))
-        path = folder / f"{name}.py"
-        path.write_text(source)
+        return module_source(spec, effects)
+
+    name = f"bayesid_kernel_{spec.name}_{cache_key(spec, effects)}"
+    with _LOADING:  # a second thread must not meet half a module
+        path = stored(name, text)
+        known = sys.modules.get(name)
+        if known is not None and known.__file__ == str(path):
+            return known
+        try:
+            module = _imported(name, path)
+        except (EOFError, ValueError, TypeError, ImportError):  # Python's own compiled part is damaged
+            Path(importlib.util.cache_from_source(str(path))).unlink(missing_ok=True)
+            module = _imported(name, path)
+        forgive(module)
+        return module
+
+
+def _imported(name: str, path: Path) -> ModuleType:
     location = importlib.util.spec_from_file_location(name, path)
     assert location is not None and location.loader is not None
     module = importlib.util.module_from_spec(location)
     sys.modules[name] = module
-    location.loader.exec_module(module)
+    try:
+        location.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
     return module

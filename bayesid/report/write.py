@@ -21,7 +21,7 @@ from bayesid.report.blocks import Block, Figure, Report, Section, Table, Text, c
 from bayesid.report.markup import inline_html, inline_markdown, plain_markdown, to_html, to_markdown
 from bayesid.report.picture import png_bytes
 
-PACKAGES = ("numpy", "scipy", "numba", "matplotlib", "emcee", "pysindy", "arviz", "pint", "h5py", "jinja2")
+PACKAGES = ("numpy", "scipy", "numba", "matplotlib", "emcee", "arviz", "pint", "h5py", "jinja2")
 
 
 def write(report: Report, folder: str | os.PathLike[str], results: Mapping[str, Any]) -> Path:

@@ -104,6 +104,7 @@ def description_sections(found: Diagnosis) -> list[Section]:
                     for t in d.terms
                 ],
                 "Terms of the missing force. Each was proposed by a sparse regression of the smoothed force "
+                "(bayesid's own stepwise selection) "
                 "and then earned its evidence beside coefficients that were free within their prior. Between "
                 "terms of one axis the readings chose, not the regression, whose draws may then be few.",
             )

@@ -13,6 +13,7 @@ from typing import Any
 
 from bayesid import report
 from bayesid.excitation import Excitation, Witness
+from bayesid.excitation.select import ENGINE
 from bayesid.figures import excitation as figures
 from bayesid.report import Block, Figure, Report, Section, Table, Text, literal
 from bayesid.trials import Trial
@@ -160,5 +161,5 @@ def _method(found: Excitation) -> str:
         "evaluated by the simulator's own kernel, and a few more; accelerations times inertia, the rigid "
         "body's and the vehicle file's added mass, are the target, because a balance with free inertia could "
         f"be scaled at will. Form: {found.form}; {found.draws} draws over stretches of six hull lengths "
-        f"travelled; seed {found.seed}."
+        f"travelled; seed {found.seed}. {ENGINE}"
     )

@@ -150,8 +150,8 @@ def _regression(story: Mapping[str, Any]) -> str:
     learnt = [n for n in needed if taught[n] < TAUGHT]
     idle = [n for n in needed if taught[n] >= TAUGHT]
     words = [
-        "A sparse regression on the same logs knows neither a coefficient nor an effect. It says which "
-        "columns move the forces, not how large a coefficient is."
+        "A sparse regression (bayesid's own stepwise selection) on the same logs knows neither a coefficient "
+        "nor an effect. It says which columns move the forces, not how large a coefficient is."
     ]
     if learnt:
         words.append(f"Of the vehicle's own rows it needs {', '.join(learnt)}, and the table agrees.")

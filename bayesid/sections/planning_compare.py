@@ -16,6 +16,7 @@ import numpy as np
 from bayesid import report
 from bayesid.design import Crossing, Knowledge, Richness
 from bayesid.design.compare import Case
+from bayesid.excitation.select import ENGINE
 from bayesid.figures import design as figures
 from bayesid.report import Block, Figure, Report, Section, Table, Text, literal
 from bayesid.sections.planning_words import logger_words, note_blocks
@@ -30,7 +31,8 @@ class Comparison:
     Attributes
     ----------
     actual : (m, k) contraction of refits, rows as in `richness`; None if none was made
-    inclusion : (m, k) SINDy's inclusion frequency, nan where it does not search a row; None if not asked
+    inclusion : (m, k) inclusion frequency of sparse regression, nan where it does not search a row; None if
+        not asked
     crossing : None if not asked
     ranks : words -> rank correlation
     """
@@ -92,7 +94,7 @@ def comparison_record(found: Comparison) -> dict[str, Any]:
                 "contraction": dict(zip(names, c.contraction.tolist(), strict=True)),
                 "contraction_refits": None if found.actual is None else dict(
                     zip(names, found.actual[i].tolist(), strict=True)),
-                "sindy_inclusion": None if found.inclusion is None else dict(
+                "sparse_inclusion": None if found.inclusion is None else dict(
                     zip(names, found.inclusion[i].tolist(), strict=True)),
                 "left_open": [{"name": n, "sd_over_prior": s} for n, s in found.flat.get(c.name, ())],
             }
@@ -179,14 +181,14 @@ def _map(found: Comparison) -> list[Block]:
     if found.actual is not None:
         panels["found by refits of virtual trials"] = found.actual
     if found.inclusion is not None:
-        panels["inclusion frequency of SINDy (no model)"] = found.inclusion
+        panels["inclusion frequency of sparse regression (no model)"] = found.inclusion
     return [
         Text(
             "Contraction is 1 - posterior sd / prior sd: 0 for a coefficient the run says "
             "nothing about, 1 for one "
             "it fixes. Inclusion is how often sparse regression on the logged motion, which "
             "knows no prior, keeps "
-            "the row; grey cells are rows it does not search."
+            f"the row; grey cells are rows it does not search. {ENGINE}"
         ),
         Figure(
             "contraction",

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from bayesid.excitation.select import ENGINE
 from bayesid.report import Report, Section, Table, Text, literal
 from bayesid.sections.richness_numbers import paired_tests
 from bayesid.sections.richness_sections import (
@@ -71,6 +72,6 @@ LIMITS = (
     "spread of 10 % per coefficient is assumed; another one changes the numbers, seldom the "
     "order.\n- Added mass "
     "X_udot, Y_vdot, N_rdot is taken as known: with it free every row of the equations can be scaled and no "
-    "manoeuvre shows it.\n- SINDy's inclusion asks whether a row is needed, contraction whether its number "
-    "becomes known; they agree only in part."
+    "manoeuvre shows it.\n- Inclusion by sparse regression asks whether a row is needed, contraction whether "
+    f"its number becomes known; they agree only in part. {ENGINE}"
 )  # fmt: skip

@@ -31,11 +31,12 @@ def vector_of(row: Any) -> Array:
 
 
 def maps_of(v: Mapping[str, Any]) -> tuple[list[str], list[str], Array, Array | None, Array | None]:
-    rows = v["comparison"]["manoeuvres"]
+    # older records call the inclusion by our own sparse regression "sindy_inclusion"
+    rows = [{"sparse_inclusion": r.get("sindy_inclusion"), **r} for r in v["comparison"]["manoeuvres"]]
     names = list(v["comparison"]["coefficients"])
     out = [
         None if rows[0][key] is None else table_of([[r[key][n] for n in names] for r in rows])
-        for key in ("contraction", "contraction_refits", "sindy_inclusion")
+        for key in ("contraction", "contraction_refits", "sparse_inclusion")
     ]
     assert out[0] is not None
     return [r["name"] for r in rows], names, out[0], out[1], out[2]

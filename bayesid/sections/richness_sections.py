@@ -33,7 +33,7 @@ def vehicle_blocks(name: str, v: Mapping[str, Any]) -> list[Block]:
     if found is not None:
         panels["found by refits"] = found
     if included is not None:
-        panels["inclusion frequency of SINDy"] = included
+        panels["inclusion frequency of sparse regression"] = included
     rows = [
         [m["name"], m["gain_nats"], m["variance_left"], m["identified_directions"], m["condition_with_prior"]]
         for m in v["comparison"]["manoeuvres"]

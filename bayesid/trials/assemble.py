@@ -7,12 +7,13 @@ Does not: judge whether the numbers make sense together (`health`, `consistency`
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from bayesid.channels import Channel, channel, is_channel
+from bayesid.trials.equal_times import merge_equal_times
 from bayesid.trials.table import BadTableError, Table, summed
 from bayesid.trials.trial import Floats, Run
 from bayesid.units import UnitError, scale
@@ -66,10 +67,7 @@ def assemble(table: Table, reading: Reading, name: str, manoeuvre: str, role: st
             notices.append(f"column {table.names[k]!r} holds text and is left out")
     rows = table.rows
     if "t" in values:
-        order = _check_time(values["t"], rows, reading.time_repair, problems, notices)
-        if order is not None:
-            values = {key: array[order] for key, array in values.items()}
-            extra = {key: array[order] for key, array in extra.items()}
+        values, extra = _in_order(values, extra, rows, reading.time_repair, problems, notices)
     if problems:
         raise BadTableError(problems)
     t = values.pop("t")
@@ -87,7 +85,8 @@ def assemble(table: Table, reading: Reading, name: str, manoeuvre: str, role: st
         if row.kind in _FILLED:
             array = _fill(t, array, row, notices)
         groups[row.kind][key] = array
-    problems += _missing(values, table.names)
+    spare = [text for k, text in enumerate(table.names) if k not in used]
+    problems += _missing(values, spare, {row.name: table.names[column] for row, (column, _) in where.items()})
     if problems:
         raise BadTableError(problems)
     return Run(
@@ -162,29 +161,28 @@ def _locate(
     return found
 
 
-def _check_time(
-    t: Floats, rows: np.ndarray, repair: str, problems: list[str], notices: list[str]
-) -> np.ndarray | None:
-    """Problems of time, or the order in which rows are to be taken (None: as they are)."""
+def _in_order(
+    values: dict[str, Floats],
+    extra: dict[str, Floats],
+    rows: np.ndarray,
+    repair: str,
+    problems: list[str],
+    notices: list[str],
+) -> tuple[dict[str, Floats], dict[str, Floats]]:
+    """Channels and unnamed columns with one row per time in ascending order, where time allows or asks it."""
+    t = values["t"]
     bad = ~(np.abs(t) < ABSURD)
     if bad.any():
         found = [(int(row), "t is missing or not a number of seconds") for row in rows[bad]]
         problems += summed(found, "such a time")
-        return None
+        return values, extra
     step = np.diff(t)
     if t.size < 2:
         problems.append("holds one sample only")
     if (step > 0).all():
-        return None
+        return values, extra
     if repair == "sort":
-        order = np.argsort(t, kind="stable")
-        keep = np.concatenate(([True], np.diff(t[order]) > 0))
-        back, dropped = int((step < 0).sum()), int((~keep).sum())
-        notices.append(f"sorted by time: it went back {back} times; {dropped} repeated times dropped")
-        if keep.sum() < 2:
-            problems.append("holds one distinct time only")
-            return None
-        return order[keep]
+        return _sorted(values, extra, problems, notices)
     ways = [
         (
             int(rows[k + 1]),
@@ -193,8 +191,38 @@ def _check_time(
         for k in np.flatnonzero(step <= 0)
     ]
     problems += summed(ways, "time that does not increase")
-    problems.append('clean the log, or say time_repair = "sort" in trial.toml to sort it and drop repeats')
-    return None
+    problems.append(
+        'clean the log, or say time_repair = "sort" in trial.toml to sort it; rows of equal time are then '
+        "merged where they do not contradict each other, and dropped where they do"
+    )
+    return values, extra
+
+
+def _sorted(
+    values: dict[str, Floats], extra: dict[str, Floats], problems: list[str], notices: list[str]
+) -> tuple[dict[str, Floats], dict[str, Floats]]:
+    t = values["t"]
+    if np.unique(t).size < 2:
+        problems.append("holds one distinct time only")
+        return values, extra
+    order = np.argsort(t, kind="stable")
+    # beyond ABSURD is no reading, and must not contradict one
+    columns = {(k, True): np.where(np.abs(v) < ABSURD, v, np.nan)[order] for k, v in values.items()}
+    columns |= {(k, False): v[order] for k, v in extra.items()}
+    found = merge_equal_times(t[order], columns, {key for key in columns if key[1]})
+    told = [f"sorted by time: it went back {int((np.diff(t) < 0).sum())} times"]
+    if found.merged:
+        told.append(f"{found.merged} rows of equal time merged with the first, no reading lost")
+    if found.dropped:
+        lost = {name: n for (name, _), n in found.lost.items() if name != "t"}
+        each = ", ".join(f"{n} of {name}" for name, n in lost.items())
+        told.append(
+            f"{found.dropped} rows that contradict another of equal time dropped, with "
+            f"{sum(lost.values())} readings ({each})"
+        )
+    notices.append("; ".join(told))
+    read, other = ({k: v for (k, is_read), v in found.columns.items() if is_read is r} for r in (True, False))
+    return read, other
 
 
 def _drop_absurd(name: str, values: dict[str, Floats], notices: list[str]) -> None:
@@ -236,22 +264,33 @@ def _fill(t: Floats, array: Floats, row: Channel, notices: list[str]) -> Floats:
     return np.interp(t, t[good], array[good])
 
 
-def _missing(values: Mapping[str, Floats], names: tuple[str, ...]) -> list[str]:
-    """What the program cannot do without."""
+def _missing(values: Mapping[str, Floats], spare: Sequence[str], read: Mapping[str, str]) -> list[str]:
+    """What the program cannot do without.
+
+    Parameters
+    ----------
+    spare : columns no channel was read from
+    read : channel -> the column it was read from
+    """
     has = set(values)
     problems = []
+    left = [text for text in spare if text and not is_channel(split_header(text)[0])][:6]
+    unused = f"; unused columns: {', '.join(map(repr, left))}" if left else ""
 
-    spare = [text for text in names if text and not is_channel(split_header(text)[0])][:6]
-    unused = f"; unused columns: {', '.join(map(repr, spare))}" if spare else ""
-
-    def lacks(what: str, target: str) -> None:
-        problems.append(f'{what} is missing; log it or map it: [columns] "{target}" = "..."{unused}')
+    def lacks(what: str, *targets: str) -> None:
+        empty = [f"{read[name]!r}, read as {name}," for name in targets if name in read]
+        if empty:
+            problems.append(f"{what} is missing: column {' and '.join(empty)} holds no value")
+            return
+        target = targets[0]
+        unit = {"m": "m", "rad": "deg"}[channel(target).unit]
+        problems.append(f'{what} is missing; log it or map it: [columns] "{target}[{unit}]" = "..."{unused}')
 
     if not {"x", "y"} <= has and not {"u", "v"} <= has and not {"u_water", "v_water"} <= has:
-        absent = " and ".join(sorted({"x", "y"} - has))
-        lacks(f"position {absent} (and no velocity u, v to stand in for it)", f"{min({'x', 'y'} - has)}[m]")
+        absent = sorted({"x", "y"} - has)
+        lacks(f"position {' and '.join(absent)} (and no velocity u, v to stand in for it)", *absent)
     if "psi" not in has and "r" not in has:
-        lacks("heading psi (and no yaw rate r to stand in for it)", "psi[deg]")
+        lacks("heading psi (and no yaw rate r to stand in for it)", "psi")
     if not {"delta_r", "delta_r_cmd"} & has:
-        lacks("rudder angle, delta_r_cmd or delta_r,", "delta_r_cmd[deg]")
+        lacks("rudder angle, delta_r_cmd or delta_r,", "delta_r_cmd")
     return problems

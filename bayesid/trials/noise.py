@@ -6,11 +6,42 @@ Does not: see slow errors; filtered logs look less noisy than they are.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
+from bayesid.channels import channel
 from bayesid.trials.trial import Floats
 
 _NORMAL = 0.6744897501960817  # median |z| of a unit normal
+
+
+# Least noise of a sensor over the vehicle's size: 0.16 mm and 0.006 deg for an AUV of 1.6 m. Of 555 noise
+# levels of logged and simulated trials the least is 5.9e-4. A reading without any noise makes the information
+# of a run about 1e18 times the prior's, which no factorisation in double precision survives.
+LEAST = 1e-4
+
+
+def raised(noise: Mapping[str, float], length: float, speed: float) -> dict[str, float]:
+    """Channels whose noise is below `LEAST` of the vehicle's size -> that least noise [SI].
+
+    Parameters
+    ----------
+    noise : channel -> one sigma [SI]
+    length, speed : of the vehicle [m, m/s]
+    """
+    size = {"m": length, "rad": 1.0, "m/s": speed, "rad/s": speed / length}
+    least = {name: LEAST * size[channel(name).unit] for name in noise}
+    return {name: value for name, value in least.items() if not noise[name] >= value}
+
+
+def said_raised(least: Mapping[str, float]) -> str:
+    """What was raised, for a reader."""
+    values = ", ".join(f"{name} {value:.2g} {channel(name).unit}" for name, value in least.items())
+    return (
+        f"no noise to speak of in {', '.join(least)} (a simulated log?): taken as {LEAST:g} of the vehicle's "
+        f"size ({values}); state what the sensors have under [noise], or simulate with --noise"
+    )
 
 
 def rough_noise(t: Floats, values: Floats) -> float:

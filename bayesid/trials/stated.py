@@ -3,9 +3,9 @@
 Takes the parsed TOML tree; gives `Stated` with every problem and every odd key it holds.
 Does not: open files.
 
-Beyond the bundle format these keys are read: `time_repair = "sort"` (sort rows by time and drop repeats),
-`attribution` (for reports), `data_hint` (for the message when logs are kept elsewhere), and per run `notes`
-and `window = [start, end]` in seconds of the log.
+Beyond the bundle format these keys are read: `time_repair = "sort"` (sort rows by time and merge those
+of equal time), `attribution` (for reports), `data_hint` (for the message when logs are kept elsewhere), and
+per run `notes` and `window = [start, end]` in seconds of the log.
 """
 
 from __future__ import annotations

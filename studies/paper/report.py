@@ -1,29 +1,26 @@
 """The report of the three cases of Furlong et al. (2003): targets, table 1 beside the paper's, figures,
 words.
 
-Takes the plain records of `fit.twin`, facts of the study and its targets. Does not simulate.
+Takes the plain records of `fit.twin`, facts of the study, its targets and the statements compared. Does not
+simulate.
 """
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from paper import figures
+from paper.cases import case_section
+from paper.differences import Statement
+from paper.explanations import Runs, explanations, median_error, remedy
+from paper.search import search_section
+from paper.stated import PAPER, PAPER_KNOWN_WRONG
+from paper.targets import NO_BAR, Records, values
 
-from bayesid.figures import cases as figures
-from bayesid.report import Figure, Report, Section, Table, Text
-from bayesid.sections.paper_explanations import Runs, explanations, median_error, remedy
-from bayesid.sections.paper_targets import NO_BAR, Records, values
+from bayesid.report import Block, Figure, Report, Section, Table, Text
 
-# Table 1 of the paper: V at the start, V at the end, largest error [m], words on the coefficients
-PAPER = {
-    "1": (3.3e8, 2.0e-2, 2e-3, 'many improve, N "particularly poorly"'),
-    "2": (1.1e8, 1.0e-3, 1e-3, "good; one stray in X, one in Y"),
-    "3": (1.3e8, 2.3e2, 0.5, "very poor, five on the 25 % bounds"),
-}
-PAPER_KNOWN_WRONG = 1.3e5
 Targets = Mapping[str, Mapping[str, Any]]
 
 
@@ -37,7 +34,12 @@ def quick_words(count: int, stated: int) -> str:
 
 
 def paper_report(
-    records: Records, facts: Mapping[str, Any], targets: Targets, titles: Mapping[str, str], caution: str = ""
+    records: Records,
+    facts: Mapping[str, Any],
+    targets: Targets,
+    beside: Sequence[Statement],
+    titles: Mapping[str, str],
+    caution: str = "",
 ) -> Report:
     """The report; `titles` names every case in words, `caution` opens the lead of a quick run."""
     passed = sum(bool(t["pass"]) for t in targets.values())
@@ -51,17 +53,24 @@ def paper_report(
         f"all, "
         f"whatever the optimiser. {passed} of {len(targets)} targets are met."
     )
+    unlike = [s.short for s in beside if not s.same]
+    if unlike:
+        lead += (
+            f"\n\n**Not as in the paper** ({len(unlike)} of {len(beside)} statements compared): "
+            f"{'; '.join(unlike)}."
+        )
     if caution:
         lead = f"**{caution}**\n\n{lead}"
     sections = [
+        _beside_section(beside),
         _targets_section(targets),
         _table_section(records),
         _tracks_section(facts["tracks"]),
-        *(_case_section(name, records[name], titles[name]) for name in PAPER),
+        *(case_section(name, records, facts, titles[name]) for name in PAPER),
         _switch_section(records, titles),
         explanations(records, facts),
         remedy(records, facts),
-        _monitoring(records, titles),
+        search_section(records, titles),
         _setup(facts["dt"]),
     ]
     return Report("The three cases of Furlong et al. (2003)", lead, sections)
@@ -74,6 +83,28 @@ def _span(numbers: np.ndarray) -> str:
 
 def _on_bound(runs: Runs) -> int:
     return sum(bool(r["at_bound"]) for r in runs)
+
+
+def _beside_section(beside: Sequence[Statement]) -> Section:
+    text = (
+        "Statements of the paper that numbers can decide. Its boat is classified and its unknowns, input, "
+        "tolerances and program are not stated, so a reason is likely at best; where it could be tried, the "
+        "number is given."
+    )
+    rows = [[s.what, s.paper, s.ours, s.same] for s in beside]
+    reasons = "\n".join(f"- **{s.what}.** {_literal(s.reason)}" for s in beside if s.reason)
+    blocks: list[Block] = [Text(text), Table(["statement", "the paper", "here", "same"], rows)]
+    if reasons:
+        blocks.append(Text(f"Likely reasons, and what goes beyond the statement:\n\n{reasons}"))
+    return Section("Beside the paper", blocks)
+
+
+def _literal(text: str) -> str:
+    """Coefficient names as code; a bare `Y_v|v|` is safe in this markup, the code only reads better."""
+    return " ".join(
+        f"`{core}`{word[len(core) :]}" if (core := word.rstrip(".,;:)%")) and core[1:2] == "_" else word
+        for word in text.split(" ")
+    )
 
 
 def _targets_section(targets: Targets) -> Section:
@@ -126,45 +157,27 @@ def _table_section(records: Records) -> Section:
     return Section("Table 1 beside the paper's", [Text(text), Table(columns, rows, digits=2)])
 
 
-def _tracks_section(found: Mapping[str, Any]) -> Section:
-    tracks = {name: (np.array(xy[0]), np.array(xy[1])) for name, xy in found["xy"].items()}
-    errors = {name: np.array(e) for name, e in found["errors"].items()}
+def _tracks_section(found: Mapping[str, Mapping[str, Any]]) -> Section:
+    first = found["1"]
+    tracks = {name: (np.array(xy[0]), np.array(xy[1])) for name, xy in first["xy"].items()}
     plan = (
-        f"The spiral, as in the paper's Fig. 1. Start values and estimate of Case 1, seed {found['seed']}; "
-        f"target and "
-        "estimate lie on each other."
+        f"The spiral, as in the paper's Fig. 1. Start values and estimate of Case 1, seed {first['seed']}; "
+        "target and estimate lie on each other."
     )
-    over = f"Distance from the target over time (paper: Fig. 2), Case 1, seed {found['seed']}."
-    drawn = figures.errors_over_time(np.array(found["t"]), errors)
+    over = (
+        f"Distance from the target over time, Cases 1 to 3, seed {first['seed']} (paper: Fig. 2, three "
+        f"panels). "
+        "Estimate: at the paper's factor; Case 3 has no such stage, its search is carried on at once. "
+        "Green: the "
+        "true unknowns beside the wrong knowns."
+    )
+    errors = {
+        f"Case {n}": {name: np.array(e) for name, e in case["errors"].items()} for n, case in found.items()
+    }
+    bars = {f"Case {n}": PAPER[n][2] for n in found}
+    drawn = figures.errors_over_time(np.array(first["t"]), errors, bars)
     blocks = [Figure("track", figures.tracks(tracks), plan), Figure("position_error", drawn, over)]
     return Section("Track and position error", blocks)
-
-
-_CASE_TEXT = {
-    "1": "Bounds: 10 % either side of the start value, so they need not contain the truth. Blue: where the "
-    "search "
-    "stands when V has fallen by the paper's factor; orange: carried on until the residuals are rounding.",
-    "2": "Bounds: 25 % either side of the truth. Blue: at the paper's factor, where a few weakly seen "
-    "coefficients "
-    "still stray, as in the paper; orange: carried on with exact gradients, all of them are found.",
-    "3": "The knowns are wrong by up to 1 %. The search ends at a minimum far below V of the true unknowns; "
-    "the "
-    "unknowns pay for the knowns, some as far as the bounds.",
-}
-
-
-def _case_section(name: str, runs: Runs, title: str) -> Section:
-    stage = "goal" if "goal" in runs[0] else "end"
-    paths = (("start", "ratio"), (stage, "ratio"), ("low",), ("high",))
-    start, end, low, high = (values(runs, *path) for path in paths)
-    later = values(runs, "end", "ratio") if stage == "goal" else None
-    counts = Counter(n for run in runs for n in run["at_bound"])
-    listed = ", ".join(f"`{n}` {c}" for n, c in counts.most_common()) or "none"
-    limits = (0.8, 1.22) if name == "1" else (0.72, 1.28)
-    figure = figures.ratios(runs[0]["names"], start, end, low, high, limits, later)
-    caption = f"Coefficients over their true values, {len(runs)} seeds (paper: Fig. {int(name) + 2})."
-    text = f"{_CASE_TEXT[name]}\n\nOn a bound at the end (seeds of {len(runs)}): {listed}."
-    return Section(f"Case {name}: {title}", [Text(text), Figure(f"ratios_case{name}", figure, caption)])
 
 
 def _switch_section(records: Records, titles: Mapping[str, str]) -> Section:
@@ -194,35 +207,6 @@ def _switch_section(records: Records, titles: Mapping[str, str]) -> Section:
         "seeds on a bound",
     ]
     return Section("Both switches of Cases 2 and 3", [Text(text), Table(columns, rows, digits=2)])
-
-
-def _monitoring(records: Records, titles: Mapping[str, str]) -> Section:
-    rows: list[list[Any]] = []
-    for name, runs in records.items():
-        shares = [100 * float(np.median(values(runs, "shares", key))) for key in runs[0]["shares"]]
-        counts = [int(np.median(values(runs, key))) for key in ("iterations", "rounds")]
-        reasons = ", ".join(f"{k} {v}" for k, v in sorted(Counter(r["status"] for r in runs).items()))
-        label = f"{name[0]}: {titles[name]}" if name[0] in "123" else titles.get(name, name)
-        rows.append([label, float(np.median(values(runs, "seconds"))), *shares, *counts, reasons])
-    text = (
-        "Line search: evaluations of V. Gradient: adjoint (6-DOF: sensitivities), plus one sensitivity run "
-        "per "
-        "restart. The quadratic sub-problem and the Hessian update are one call of scipy's SLSQP and are "
-        "timed "
-        "together. Medians over seeds; two seeds ran at a time."
-    )
-    columns = [
-        "case",
-        "time per seed [s]",
-        "line search [%]",
-        "gradient [%]",
-        "subproblem + Hessian [%]",
-        "other [%]",
-        "iterations",
-        "rounds",
-        "stopped (seeds)",
-    ]
-    return Section("Where the time went", [Text(text), Table(columns, rows, digits=2)])
 
 
 def _setup(dt: float) -> Section:

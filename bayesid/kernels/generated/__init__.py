@@ -1,1 +1,0 @@
-"""Compiled-kernel sources, one module per kernel; see `bayesid.kernels.generate`."""

@@ -1,0 +1,993 @@
+"""Printed by bayesid.kernels.generate from the term table and the effects: do not edit."""
+
+import math
+
+import numpy as np
+from numba import njit
+
+EQUATIONS = "a2f501303e166c44"
+LANES = 16
+PARAMETERS = (
+    'm', 'Izz', 'x_G', 'y_G', 'L', 'rho', 'height', 'rpm_ref', 'U_ref', 'point_x', 'point_y',
+    'inverse_rate_r', 'servo_lag_r', 'limit_r', 'X_uu', 'Y_vdot', 'N_dr', 'push.F',
+)
+ACTUATORS = (
+    'delta_r', 'n',
+)
+EXOGENOUS = (
+    'wind_north', 'wind_east', 'flow_north', 'flow_east', 'force_X', 'force_Y', 'force_N',
+)
+VELOCITIES = (
+    'u', 'v', 'r',
+)
+CHANNELS = (
+    'x', 'y', 'psi', 'u', 'v', 'r', 'u_water', 'v_water',
+)
+EFFECTS = (
+    'push',
+)
+
+FULL_STATES = (
+    'x', 'y', 'psi', 'u', 'v', 'r',
+)
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def full_masses(pars, out):
+    """Mass matrices, added mass included, of every parameter vector; `out` comes with zeros."""
+    for b in range(pars.shape[0]):
+        t135 = pars[b, 0] * pars[b, 2]
+        t157 = -(pars[b, 0] * pars[b, 3])
+        out[b, 0, 0] = pars[b, 0]
+        out[b, 0, 2] = t157
+        out[b, 1, 1] = pars[b, 0] - pars[b, 15]
+        out[b, 1, 2] = t135
+        out[b, 2, 0] = t157
+        out[b, 2, 1] = t135
+        out[b, 2, 2] = pars[b, 1]
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def full_start(x, exo, t, par, slope_x, slope_par):
+    """Fill the effects' own states of x with their initial values, and the slopes of those."""
+    return 6
+
+
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
+def full_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
+    """States at the recorded steps.
+
+    `trace` (steps, 4, states + velocities), if not empty, gets state, acceleration of every stage.
+    """
+    b0 = x0[0]
+    b1 = x0[1]
+    b2 = x0[2]
+    b3 = x0[3]
+    b4 = x0[4]
+    b5 = x0[5]
+    keep = trace.size > 0
+    sample = 0
+    for s in range(steps.size + 1):
+        while sample < record.size and record[sample] == s:
+            out[sample, 0] = b0
+            out[sample, 1] = b1
+            out[sample, 2] = b2
+            out[sample, 3] = b3
+            out[sample, 4] = b4
+            out[sample, 5] = b5
+            sample += 1
+        if s == steps.size:
+            break
+        h = steps[s]
+        u0 = act[s, 0]
+        u1 = act[s, 1]
+        e0 = exo[s, 0]
+        e1 = exo[s, 1]
+        e2 = exo[s, 2]
+        e3 = exo[s, 3]
+        e4 = exo[s, 4]
+        e5 = exo[s, 5]
+        e6 = exo[s, 6]
+        z0 = b0
+        z1 = b1
+        z2 = b2
+        z3 = b3
+        z4 = b4
+        z5 = b5
+        q0 = 0.0
+        q1 = 0.0
+        q2 = 0.0
+        q3 = 0.0
+        q4 = 0.0
+        q5 = 0.0
+        for stage in range(4):
+            weight = 2.0 if (stage == 1 or stage == 2) else 1.0
+            half = h if stage == 2 else 0.5 * h
+            t = times[s] + (0.0 if stage == 0 else (h if stage == 3 else 0.5 * h))
+            t39 = math.cos(z2)
+            t41 = math.sin(z2)
+            t43 = (e2 * t39) + (e3 * t41)
+            t52 = z3 - t43
+            t57 = t52 * t52
+            t62 = z4 * z5
+            t64 = z5 * z5
+            t73 = z3 * z5
+            f0 = e4 + ((par[14] * t57) - (par[0] * ((-t62) - (par[2] * t64))))
+            f1 = e5 + (par[17] + ((par[15] * (z5 * t43)) - (par[0] * (t73 - (par[3] * t64)))))
+            f2 = e6 + ((par[16] * (u0 * t57)) - (par[0] * ((par[2] * t73) + (par[3] * t62))))
+            k0 = (z3 * t39) - (z4 * t41)
+            k1 = (z3 * t41) + (z4 * t39)
+            k2 = z5
+            a0 = minv[0] * f0 + minv[1] * f1 + minv[2] * f2
+            a1 = minv[3] * f0 + minv[4] * f1 + minv[5] * f2
+            a2 = minv[6] * f0 + minv[7] * f1 + minv[8] * f2
+            if keep:
+                trace[s, stage, 0] = z0
+                trace[s, stage, 1] = z1
+                trace[s, stage, 2] = z2
+                trace[s, stage, 3] = z3
+                trace[s, stage, 4] = z4
+                trace[s, stage, 5] = z5
+                trace[s, stage, 6] = a0
+                trace[s, stage, 7] = a1
+                trace[s, stage, 8] = a2
+            q0 += weight * k0
+            q1 += weight * k1
+            q2 += weight * k2
+            q3 += weight * a0
+            q4 += weight * a1
+            q5 += weight * a2
+            z0 = b0 + half * k0
+            z1 = b1 + half * k1
+            z2 = b2 + half * k2
+            z3 = b3 + half * a0
+            z4 = b4 + half * a1
+            z5 = b5 + half * a2
+        b0 += h / 6.0 * q0
+        b1 += h / 6.0 * q1
+        b2 += h / 6.0 * q2
+        b3 += h / 6.0 * q3
+        b4 += h / 6.0 * q4
+        b5 += h / 6.0 * q5
+
+
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
+def full_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
+    """RK4 over 16 vectors at once; every array is flat with 16 values per entry.
+
+    `trace`, if not empty, gets state and acceleration of every stage.
+    """
+    work = np.zeros(800)
+    for i in range(288):
+        work[512 + i] = par[i]
+    for i in range(144):
+        work[368 + i] = minv[i]
+    for i in range(96):
+        work[0 + i] = x0[i]
+    for i in range(96):
+        work[96 + i] = x0[i]
+    store = trace.size > 0
+    sample = 0
+    for s in range(steps.size + 1):
+        while sample < record.size and record[sample] == s:
+            for i in range(96):
+                out[sample * 96 + i] = work[0 + i]
+            sample += 1
+        if s == steps.size:
+            break
+        h = steps[s]
+        sixth = h / 6.0
+        e0 = exo[s, 0]
+        e1 = exo[s, 1]
+        e2 = exo[s, 2]
+        e3 = exo[s, 3]
+        e4 = exo[s, 4]
+        e5 = exo[s, 5]
+        e6 = exo[s, 6]
+        for i in range(32):
+            work[336 + i] = act[s * 32 + i]
+        for stage in range(4):
+            weight = 2.0 if (stage == 1 or stage == 2) else 1.0
+            half = h if stage == 2 else 0.5 * h
+            t = times[s] + (0.0 if stage == 0 else (h if stage == 3 else 0.5 * h))
+            last = stage == 3
+            keep = 0.0 if last else 1.0
+            to = (s * 4 + stage) * 144
+            if store:
+                for i in range(96):
+                    trace[to + i] = work[96 + i]
+            for l in range(16):
+                t22_k = math.floor(work[128 + l] * 0.6366197723675814 + 0.5)
+                t22_y = ((work[128 + l] - t22_k * 1.57079625129699707031) - t22_k * 7.54978941586159635335e-08) - t22_k * 5.39030285815811905290e-15
+                t22_z = t22_y * t22_y
+                t22_ps = t22_y + t22_y * t22_z * ((((((1.5896230157654656e-10) * t22_z + -2.5050747762857807e-08) * t22_z + 2.7557313621385722e-06) * t22_z + -0.0001984126982958954) * t22_z + 0.008333333333322118) * t22_z + -0.1666666666666663)
+                t22_pc = 1.0 - 0.5 * t22_z + t22_z * t22_z * ((((((-1.1358536521387682e-11) * t22_z + 2.087570084197473e-09) * t22_z + -2.755731417929674e-07) * t22_z + 2.4801587288851704e-05) * t22_z + -0.0013888888888873056) * t22_z + 0.041666666666666595)
+                t22_h = t22_k - 2.0 * math.floor(0.5 * t22_k)
+                t22_q = t22_k - 4.0 * math.floor(0.25 * t22_k)
+                t22_s0 = t22_pc if t22_h > 0.5 else t22_ps
+                t22_c0 = t22_ps if t22_h > 0.5 else t22_pc
+                t22_sin = -t22_s0 if t22_q > 1.5 else t22_s0
+                t22_cos = -t22_c0 if (t22_q > 0.5 and t22_q < 2.5) else t22_c0
+                t43 = (e2 * t22_cos) + (e3 * t22_sin)
+                t52 = work[144 + l] - t43
+                t57 = t52 * t52
+                t62 = work[160 + l] * work[176 + l]
+                t64 = work[176 + l] * work[176 + l]
+                t73 = work[144 + l] * work[176 + l]
+                t120 = work[784 + l] + ((work[752 + l] * (work[176 + l] * t43)) - (work[512 + l] * (t73 - (work[560 + l] * t64))))
+                t127 = (work[768 + l] * (work[336 + l] * t57)) - (work[512 + l] * ((work[544 + l] * t73) + (work[560 + l] * t62)))
+                f0 = e4 + ((work[736 + l] * t57) - (work[512 + l] * ((-t62) - (work[544 + l] * t64))))
+                f1 = e5 + t120
+                f2 = e6 + t127
+                k0 = (work[144 + l] * t22_cos) - (work[160 + l] * t22_sin)
+                k1 = (work[144 + l] * t22_sin) + (work[160 + l] * t22_cos)
+                k2 = work[176 + l]
+                a0 = work[368 + l] * f0 + work[384 + l] * f1 + work[400 + l] * f2
+                a1 = work[416 + l] * f0 + work[432 + l] * f1 + work[448 + l] * f2
+                a2 = work[464 + l] * f0 + work[480 + l] * f1 + work[496 + l] * f2
+                work[288 + l] = a0
+                work[304 + l] = a1
+                work[320 + l] = a2
+                q0 = work[192 + l] + weight * k0
+                work[192 + l] = q0 * keep
+                w0 = work[0 + l] + (q0 * sixth if last else half * k0)
+                work[96 + l] = w0
+                q1 = work[208 + l] + weight * k1
+                work[208 + l] = q1 * keep
+                w1 = work[16 + l] + (q1 * sixth if last else half * k1)
+                work[112 + l] = w1
+                q2 = work[224 + l] + weight * k2
+                work[224 + l] = q2 * keep
+                w2 = work[32 + l] + (q2 * sixth if last else half * k2)
+                work[128 + l] = w2
+                q3 = work[240 + l] + weight * a0
+                work[240 + l] = q3 * keep
+                w3 = work[48 + l] + (q3 * sixth if last else half * a0)
+                work[144 + l] = w3
+                q4 = work[256 + l] + weight * a1
+                work[256 + l] = q4 * keep
+                w4 = work[64 + l] + (q4 * sixth if last else half * a1)
+                work[160 + l] = w4
+                q5 = work[272 + l] + weight * a2
+                work[272 + l] = q5 * keep
+                w5 = work[80 + l] + (q5 * sixth if last else half * a2)
+                work[176 + l] = w5
+            if store:
+                for i in range(48):
+                    trace[to + 96 + i] = work[288 + i]
+        for i in range(96):
+            work[0 + i] = work[96 + i]
+
+
+FULL_ENTRIES = np.array([(0, 0), (0, 2), (0, 3), (0, 14), (1, 0), (1, 2), (1, 3), (1, 15), (1, 17), (2, 0), (2, 1), (2, 2), (2, 3), (2, 16)], dtype=np.int64).reshape(-1, 2)
+
+
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
+def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, entries,
+        columns, act_columns, input_columns, path, out, sens, rate, srate):
+    """States and sensitivities at the recorded steps; `rate`, `srate`, if there, get their rates.
+
+    `columns[e]` is the output column of sparse parameter entry e (-1: not wanted); `act_columns`
+    maps actuator slopes, `input_columns` raw inputs (actuators, then exogenous) to output columns.
+    `path` (records, states), if not empty: after every record the run starts again there, from s0.
+    """
+    n = s0.shape[1]
+    blocks = (n + 15) // 16
+    work = np.zeros(blocks * 336)
+    slot = np.full(6, -1, dtype=np.int64)
+    slot[0] = 18
+    slot[1] = 19
+    slot[2] = 20
+    source = np.empty(columns.size, dtype=np.int64)
+    target = np.empty(columns.size, dtype=np.int64)
+    wanted = 0
+    for e in range(columns.size):
+        c = columns[e]
+        if c >= 0:
+            source[wanted] = e
+            target[wanted] = (c // 16 * 21 + slot[entries[e, 0]]) * 16 + c % 16
+            wanted += 1
+    want_inputs = False
+    for a in range(act_columns.size):
+        want_inputs = want_inputs or act_columns[a] >= 0
+    for a in range(input_columns.size):
+        want_inputs = want_inputs or input_columns[a] >= 0
+    want_rate = rate.size > 0
+    restart = path.size > 0
+    dpar = np.empty(columns.size)
+    dinp = np.zeros((6, 9))
+    b0 = x0[0]
+    b1 = x0[1]
+    b2 = x0[2]
+    b3 = x0[3]
+    b4 = x0[4]
+    b5 = x0[5]
+    for i in range(6):
+        for c in range(n):
+            work[(c // 16 * 21 + 0 + i) * 16 + c % 16] = s0[i, c]
+    last = steps.size - 1
+    sample = 0
+    for q in range(steps.size + 1):
+        first = sample
+        while sample < record.size and record[sample] == q:
+            out[sample, 0] = b0
+            out[sample, 1] = b1
+            out[sample, 2] = b2
+            out[sample, 3] = b3
+            out[sample, 4] = b4
+            out[sample, 5] = b5
+            for i in range(6):
+                for c in range(n):
+                    sens[sample, i, c] = work[(c // 16 * 21 + 0 + i) * 16 + c % 16]
+            sample += 1
+        if restart and sample > first:
+            b0 = path[sample - 1, 0]
+            b1 = path[sample - 1, 1]
+            b2 = path[sample - 1, 2]
+            b3 = path[sample - 1, 3]
+            b4 = path[sample - 1, 4]
+            b5 = path[sample - 1, 5]
+            for i in range(6):
+                for c in range(n):
+                    work[(c // 16 * 21 + 0 + i) * 16 + c % 16] = s0[i, c]
+        if q > last and not (want_rate and sample > first):
+            break
+        s = min(q, last)
+        h = steps[s]
+        u0 = act[s, 0]
+        u1 = act[s, 1]
+        e0 = exo[s, 0]
+        e1 = exo[s, 1]
+        e2 = exo[s, 2]
+        e3 = exo[s, 3]
+        e4 = exo[s, 4]
+        e5 = exo[s, 5]
+        e6 = exo[s, 6]
+        begin = times[s] + (h if q > last else 0.0)
+        z0 = b0
+        z1 = b1
+        z2 = b2
+        z3 = b3
+        z4 = b4
+        z5 = b5
+        q0 = 0.0
+        q1 = 0.0
+        q2 = 0.0
+        q3 = 0.0
+        q4 = 0.0
+        q5 = 0.0
+        for o in range(blocks):
+            base = o * 336
+            for l in range(96):
+                work[base + 96 + l] = work[base + l]
+                work[base + 192 + l] = 0.0
+        for stage in range(1 if q > last else 4):
+            weight = 2.0 if (stage == 1 or stage == 2) else 1.0
+            half = h if stage == 2 else 0.5 * h
+            t = begin + (0.0 if stage == 0 else (h if stage == 3 else 0.5 * h))
+            t39 = math.cos(z2)
+            t41 = math.sin(z2)
+            t43 = (e2 * t39) + (e3 * t41)
+            t52 = z3 - t43
+            t57 = t52 * t52
+            t62 = z4 * z5
+            t64 = z5 * z5
+            t73 = z3 * z5
+            f0 = e4 + ((par[14] * t57) - (par[0] * ((-t62) - (par[2] * t64))))
+            f1 = e5 + (par[17] + ((par[15] * (z5 * t43)) - (par[0] * (t73 - (par[3] * t64)))))
+            f2 = e6 + ((par[16] * (u0 * t57)) - (par[0] * ((par[2] * t73) + (par[3] * t62))))
+            k0 = (z3 * t39) - (z4 * t41)
+            k1 = (z3 * t41) + (z4 * t39)
+            k2 = z5
+            a0 = minv[0] * f0 + minv[1] * f1 + minv[2] * f2
+            a1 = minv[3] * f0 + minv[4] * f1 + minv[5] * f2
+            a2 = minv[6] * f0 + minv[7] * f1 + minv[8] * f2
+            v63 = a0 - t62
+            v74 = a1 + t73
+            v132 = par[0] * a2
+            v133 = par[0] * par[3]
+            v134 = par[0] * t64
+            v135 = par[0] * par[2]
+            v136 = z5 * v135
+            v138 = par[0] * z5
+            v141 = par[14] * t52
+            v142 = v141 + v141
+            v164 = z5 * v133
+            v170 = par[15] * z5
+            v193 = t52 * (par[16] * u0)
+            v194 = v193 + v193
+            d0_2 = (t41 * (e2 * v142)) - (t39 * (e3 * v142))
+            d0_3 = v142
+            d0_4 = v138
+            d0_5 = (v136 + v136) + (par[0] * z4)
+            d1_2 = (t39 * (e3 * v170)) - (t41 * (e2 * v170))
+            d1_3 = -v138
+            d1_5 = (v164 + (v164 - (par[0] * z3))) + (par[15] * t43)
+            d2_2 = (t41 * (e2 * v194)) - (t39 * (e3 * v194))
+            d2_3 = v194 - v136
+            d2_4 = -v164
+            d2_5 = (-(z3 * v135)) - (z4 * v133)
+            d3_2 = (-(z4 * t39)) - (z3 * t41)
+            d3_3 = t39
+            d3_4 = -t41
+            d4_2 = (z3 * t39) - (z4 * t41)
+            d4_3 = t41
+            d4_4 = t39
+            d5_5 = 1.0
+            dpar[0] = (par[3] * a2) - (v63 - (par[2] * t64))
+            dpar[1] = v134
+            dpar[2] = v132
+            dpar[3] = t57
+            dpar[4] = -((v74 - (par[3] * t64)) + (par[2] * a2))
+            dpar[5] = -v132
+            dpar[6] = v134
+            dpar[7] = a1 + (z5 * t43)
+            dpar[8] = 1.0
+            dpar[9] = (par[3] * v63) - (par[2] * v74)
+            dpar[10] = -a2
+            dpar[11] = -(par[0] * v74)
+            dpar[12] = par[0] * v63
+            dpar[13] = u0 * t57
+            for o in range(blocks):
+                base = o * 336 + 288
+                for l in range(48):
+                    work[base + l] = 0.0
+            for w in range(wanted):
+                work[target[w]] += dpar[source[w]]
+            if want_inputs:
+                dinp[0, 4] = -(t39 * v142)
+                dinp[0, 5] = -(t41 * v142)
+                dinp[0, 6] = 1.0
+                dinp[1, 4] = t39 * v170
+                dinp[1, 5] = t41 * v170
+                dinp[1, 7] = 1.0
+                dinp[2, 0] = par[16] * t57
+                dinp[2, 4] = -(t39 * v194)
+                dinp[2, 5] = -(t41 * v194)
+                dinp[2, 8] = 1.0
+                for row in range(6):
+                    if slot[row] < 0:
+                        continue
+                    for a in range(act_columns.size):
+                        c = act_columns[a]
+                        if c >= 0:
+                            spot = (c // 16 * 21 + slot[row]) * 16 + c % 16
+                            for j in range(2):
+                                work[spot] += dinp[row, j] * dact[s, j, a]
+                    for j in range(9):
+                        c = input_columns[j]
+                        if c >= 0:
+                            spot = (c // 16 * 21 + slot[row]) * 16 + c % 16
+                            work[spot] += dinp[row, j]
+            for o in range(blocks):
+                base = o * 336
+                for l in range(16):
+                    c0 = work[base + 96 + l]
+                    c1 = work[base + 112 + l]
+                    c2 = work[base + 128 + l]
+                    c3 = work[base + 144 + l]
+                    c4 = work[base + 160 + l]
+                    c5 = work[base + 176 + l]
+                    g0 = work[base + 288 + l] + d0_2 * c2 + d0_3 * c3 + d0_4 * c4 + d0_5 * c5
+                    g1 = work[base + 304 + l] + d1_2 * c2 + d1_3 * c3 + d1_5 * c5
+                    g2 = work[base + 320 + l] + d2_2 * c2 + d2_3 * c3 + d2_4 * c4 + d2_5 * c5
+                    g3 = d3_2 * c2 + d3_3 * c3 + d3_4 * c4
+                    g4 = d4_2 * c2 + d4_3 * c3 + d4_4 * c4
+                    g5 = d5_5 * c5
+                    r0 = g3
+                    work[base + 192 + l] += weight * r0
+                    work[base + 96 + l] = work[base + 0 + l] + half * r0
+                    r1 = g4
+                    work[base + 208 + l] += weight * r1
+                    work[base + 112 + l] = work[base + 16 + l] + half * r1
+                    r2 = g5
+                    work[base + 224 + l] += weight * r2
+                    work[base + 128 + l] = work[base + 32 + l] + half * r2
+                    r3 = minv[0] * g0 + minv[1] * g1 + minv[2] * g2
+                    work[base + 240 + l] += weight * r3
+                    work[base + 144 + l] = work[base + 48 + l] + half * r3
+                    r4 = minv[3] * g0 + minv[4] * g1 + minv[5] * g2
+                    work[base + 256 + l] += weight * r4
+                    work[base + 160 + l] = work[base + 64 + l] + half * r4
+                    r5 = minv[6] * g0 + minv[7] * g1 + minv[8] * g2
+                    work[base + 272 + l] += weight * r5
+                    work[base + 176 + l] = work[base + 80 + l] + half * r5
+            q0 += weight * k0
+            q1 += weight * k1
+            q2 += weight * k2
+            q3 += weight * a0
+            q4 += weight * a1
+            q5 += weight * a2
+            z0 = b0 + half * k0
+            z1 = b1 + half * k1
+            z2 = b2 + half * k2
+            z3 = b3 + half * a0
+            z4 = b4 + half * a1
+            z5 = b5 + half * a2
+            if want_rate and stage == 0:
+                for j in range(first, sample):
+                    rate[j, 0] = q0
+                    rate[j, 1] = q1
+                    rate[j, 2] = q2
+                    rate[j, 3] = q3
+                    rate[j, 4] = q4
+                    rate[j, 5] = q5
+                    for i in range(6):
+                        for c in range(n):
+                            srate[j, i, c] = work[(c // 16 * 21 + 12 + i) * 16 + c % 16]
+        if q <= last:
+            b0 += h / 6.0 * q0
+            b1 += h / 6.0 * q1
+            b2 += h / 6.0 * q2
+            b3 += h / 6.0 * q3
+            b4 += h / 6.0 * q4
+            b5 += h / 6.0 * q5
+            for o in range(blocks):
+                base = o * 336
+                for l in range(96):
+                    work[base + l] += h / 6.0 * work[base + 192 + l]
+
+
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
+def full_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpar, gact):
+    """Discrete adjoint of the run that filled `trace`; gx0 and gact are set, gpar is added to."""
+    lam0 = 0.0
+    lam1 = 0.0
+    lam2 = 0.0
+    lam3 = 0.0
+    lam4 = 0.0
+    lam5 = 0.0
+    sample = record.size - 1
+    for q in range(steps.size, -1, -1):
+        while sample >= 0 and record[sample] == q:
+            lam0 += cot[sample, 0]
+            lam1 += cot[sample, 1]
+            lam2 += cot[sample, 2]
+            lam3 += cot[sample, 3]
+            lam4 += cot[sample, 4]
+            lam5 += cot[sample, 5]
+            sample -= 1
+        if q == 0:
+            break
+        s = q - 1
+        h = steps[s]
+        u0 = act[s, 0]
+        u1 = act[s, 1]
+        e0 = exo[s, 0]
+        e1 = exo[s, 1]
+        e2 = exo[s, 2]
+        e3 = exo[s, 3]
+        e4 = exo[s, 4]
+        e5 = exo[s, 5]
+        e6 = exo[s, 6]
+        y0 = 0.0
+        y1 = 0.0
+        y2 = 0.0
+        y3 = 0.0
+        y4 = 0.0
+        y5 = 0.0
+        back0 = lam0
+        back1 = lam1
+        back2 = lam2
+        back3 = lam3
+        back4 = lam4
+        back5 = lam5
+        ga0 = 0.0
+        ga1 = 0.0
+        for stage in range(3, -1, -1):
+            weight = h / 3.0 if (stage == 1 or stage == 2) else h / 6.0
+            move = 0.0 if stage == 3 else (h if stage == 2 else 0.5 * h)
+            t = times[s] + (0.0 if stage == 0 else (h if stage == 3 else 0.5 * h))
+            c0 = weight * lam0 + move * y0
+            c1 = weight * lam1 + move * y1
+            c2 = weight * lam2 + move * y2
+            c3 = weight * lam3 + move * y3
+            c4 = weight * lam4 + move * y4
+            c5 = weight * lam5 + move * y5
+            z0 = trace[s, stage, 0]
+            z1 = trace[s, stage, 1]
+            z2 = trace[s, stage, 2]
+            z3 = trace[s, stage, 3]
+            z4 = trace[s, stage, 4]
+            z5 = trace[s, stage, 5]
+            a0 = trace[s, stage, 6]
+            a1 = trace[s, stage, 7]
+            a2 = trace[s, stage, 8]
+            g0 = minv[0] * c3 + minv[3] * c4 + minv[6] * c5
+            g1 = minv[1] * c3 + minv[4] * c4 + minv[7] * c5
+            g2 = minv[2] * c3 + minv[5] * c4 + minv[8] * c5
+            g3 = c0
+            g4 = c1
+            g5 = c2
+            v39 = math.cos(z2)
+            v41 = math.sin(z2)
+            v43 = (e2 * v39) + (e3 * v41)
+            v52 = z3 - v43
+            v57 = v52 * v52
+            v63 = a0 - (z4 * z5)
+            v64 = z5 * z5
+            v74 = a1 + (z3 * z5)
+            v250 = par[0] * g2
+            v265 = (-(((par[2] * v74) - (par[3] * v63)) * g2)) - (((v74 - (par[3] * v64)) + (par[2] * a2)) * g1)
+            v266 = par[0] * g1
+            v274 = (-(par[2] * v250)) - v266
+            v286 = par[0] * g0
+            v297 = z5 * ((par[3] * v266) + (par[2] * v286))
+            v300 = v286 - (par[3] * v250)
+            v306 = par[16] * g2
+            v310 = par[15] * g1
+            v314 = v52 * ((u0 * v306) + (par[14] * g0))
+            v315 = v314 + v314
+            v322 = (z5 * v310) - v315
+            v332 = (v39 * (((z3 * g4) - (z4 * g3)) + (e3 * v322))) - (v41 * (((z4 * g4) + (z3 * g3)) + (e2 * v322)))
+            y0 = 0.0
+            y1 = 0.0
+            y2 = v332
+            y3 = (((v41 * g4) + (v39 * g3)) + (z5 * v274)) + v315
+            y4 = ((v39 * g4) - (v41 * g3)) + (z5 * v300)
+            y5 = ((v297 + ((g5 + (z3 * v274)) + v297)) + (z4 * v300)) + (v43 * v310)
+            gpar[0] += v265 - (((v63 - (par[2] * v64)) - (par[3] * a2)) * g0)
+            gpar[1] += -(a2 * g2)
+            gpar[2] += ((-(v74 * v250)) - (a2 * v266)) + (v64 * v286)
+            gpar[3] += ((v63 * v250) + (v64 * v266)) + (a2 * v286)
+            gpar[14] += v57 * g0
+            gpar[15] += (a1 + (z5 * v43)) * g1
+            gpar[16] += (u0 * v57) * g2
+            gpar[17] += g1
+            ga0 += v57 * v306
+            back0 += y0
+            back1 += y1
+            back2 += y2
+            back3 += y3
+            back4 += y4
+            back5 += y5
+        lam0 = back0
+        lam1 = back1
+        lam2 = back2
+        lam3 = back3
+        lam4 = back4
+        lam5 = back5
+        gact[s, 0] = ga0
+        gact[s, 1] = ga1
+    gx0[0] = lam0
+    gx0[1] = lam1
+    gx0[2] = lam2
+    gx0[3] = lam3
+    gx0[4] = lam4
+    gx0[5] = lam5
+
+
+FULL_ADJOINT_PARAMETERS = np.array([0, 1, 2, 3, 14, 15, 16, 17], dtype=np.int64)
+
+
+@njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
+def full_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpar, gact):
+    """Discrete adjoint over 16 vectors; arrays are flat with 16 values per entry."""
+    work = np.zeros(1056)
+    for i in range(288):
+        work[640 + i] = par[i]
+    for i in range(144):
+        work[496 + i] = minv[i]
+    sample = record.size - 1
+    for q in range(steps.size, -1, -1):
+        while sample >= 0 and record[sample] == q:
+            for i in range(96):
+                work[0 + i] += cot[sample * 96 + i]
+            sample -= 1
+        if q == 0:
+            break
+        s = q - 1
+        h = steps[s]
+        e0 = exo[s, 0]
+        e1 = exo[s, 1]
+        e2 = exo[s, 2]
+        e3 = exo[s, 3]
+        e4 = exo[s, 4]
+        e5 = exo[s, 5]
+        e6 = exo[s, 6]
+        for i in range(96):
+            work[96 + i] = work[0 + i]
+        for i in range(96):
+            work[192 + i] = 0.0
+        for i in range(32):
+            work[464 + i] = 0.0
+        for i in range(32):
+            work[432 + i] = act[s * 32 + i]
+        for stage in range(3, -1, -1):
+            weight = h / 3.0 if (stage == 1 or stage == 2) else h / 6.0
+            move = 0.0 if stage == 3 else (h if stage == 2 else 0.5 * h)
+            t = times[s] + (0.0 if stage == 0 else (h if stage == 3 else 0.5 * h))
+            of = (s * 4 + stage) * 144
+            for i in range(96):
+                work[288 + i] = trace[of + i]
+            for i in range(48):
+                work[384 + i] = trace[of + 96 + i]
+            for l in range(16):
+                c0 = weight * work[0 + l] + move * work[192 + l]
+                c1 = weight * work[16 + l] + move * work[208 + l]
+                c2 = weight * work[32 + l] + move * work[224 + l]
+                c3 = weight * work[48 + l] + move * work[240 + l]
+                c4 = weight * work[64 + l] + move * work[256 + l]
+                c5 = weight * work[80 + l] + move * work[272 + l]
+                g0 = work[496 + l] * c3 + work[544 + l] * c4 + work[592 + l] * c5
+                g1 = work[512 + l] * c3 + work[560 + l] * c4 + work[608 + l] * c5
+                g2 = work[528 + l] * c3 + work[576 + l] * c4 + work[624 + l] * c5
+                g3 = c0
+                g4 = c1
+                g5 = c2
+                v22_k = math.floor(work[320 + l] * 0.6366197723675814 + 0.5)
+                v22_y = ((work[320 + l] - v22_k * 1.57079625129699707031) - v22_k * 7.54978941586159635335e-08) - v22_k * 5.39030285815811905290e-15
+                v22_z = v22_y * v22_y
+                v22_ps = v22_y + v22_y * v22_z * ((((((1.5896230157654656e-10) * v22_z + -2.5050747762857807e-08) * v22_z + 2.7557313621385722e-06) * v22_z + -0.0001984126982958954) * v22_z + 0.008333333333322118) * v22_z + -0.1666666666666663)
+                v22_pc = 1.0 - 0.5 * v22_z + v22_z * v22_z * ((((((-1.1358536521387682e-11) * v22_z + 2.087570084197473e-09) * v22_z + -2.755731417929674e-07) * v22_z + 2.4801587288851704e-05) * v22_z + -0.0013888888888873056) * v22_z + 0.041666666666666595)
+                v22_h = v22_k - 2.0 * math.floor(0.5 * v22_k)
+                v22_q = v22_k - 4.0 * math.floor(0.25 * v22_k)
+                v22_s0 = v22_pc if v22_h > 0.5 else v22_ps
+                v22_c0 = v22_ps if v22_h > 0.5 else v22_pc
+                v22_sin = -v22_s0 if v22_q > 1.5 else v22_s0
+                v22_cos = -v22_c0 if (v22_q > 0.5 and v22_q < 2.5) else v22_c0
+                v43 = (e2 * v22_cos) + (e3 * v22_sin)
+                v52 = work[336 + l] - v43
+                v57 = v52 * v52
+                v63 = work[384 + l] - (work[352 + l] * work[368 + l])
+                v64 = work[368 + l] * work[368 + l]
+                v74 = work[400 + l] + (work[336 + l] * work[368 + l])
+                v250 = work[640 + l] * g2
+                v265 = (-(((work[672 + l] * v74) - (work[688 + l] * v63)) * g2)) - (((v74 - (work[688 + l] * v64)) + (work[672 + l] * work[416 + l])) * g1)
+                v266 = work[640 + l] * g1
+                v274 = (-(work[672 + l] * v250)) - v266
+                v286 = work[640 + l] * g0
+                v297 = work[368 + l] * ((work[688 + l] * v266) + (work[672 + l] * v286))
+                v300 = v286 - (work[688 + l] * v250)
+                v306 = work[896 + l] * g2
+                v310 = work[880 + l] * g1
+                v314 = v52 * ((work[432 + l] * v306) + (work[864 + l] * g0))
+                v315 = v314 + v314
+                v322 = (work[368 + l] * v310) - v315
+                v332 = (v22_cos * (((work[336 + l] * g4) - (work[352 + l] * g3)) + (e3 * v322))) - (v22_sin * (((work[352 + l] * g4) + (work[336 + l] * g3)) + (e2 * v322)))
+                y0 = 0.0
+                y1 = 0.0
+                y2 = v332
+                y3 = (((v22_sin * g4) + (v22_cos * g3)) + (work[368 + l] * v274)) + v315
+                y4 = ((v22_cos * g4) - (v22_sin * g3)) + (work[368 + l] * v300)
+                y5 = ((v297 + ((g5 + (work[336 + l] * v274)) + v297)) + (work[352 + l] * v300)) + (v43 * v310)
+                work[928 + l] += v265 - (((v63 - (work[672 + l] * v64)) - (work[688 + l] * work[416 + l])) * g0)
+                work[944 + l] += -(work[416 + l] * g2)
+                work[960 + l] += ((-(v74 * v250)) - (work[416 + l] * v266)) + (v64 * v286)
+                work[976 + l] += ((v63 * v250) + (v64 * v266)) + (work[416 + l] * v286)
+                work[992 + l] += v57 * g0
+                work[1008 + l] += (work[400 + l] + (work[368 + l] * v43)) * g1
+                work[1024 + l] += (work[432 + l] * v57) * g2
+                work[1040 + l] += g1
+                work[464 + l] += v57 * v306
+                work[192 + l] = y0
+                work[208 + l] = y1
+                work[224 + l] = y2
+                work[240 + l] = y3
+                work[256 + l] = y4
+                work[272 + l] = y5
+                work[96 + l] += y0
+                work[112 + l] += y1
+                work[128 + l] += y2
+                work[144 + l] += y3
+                work[160 + l] += y4
+                work[176 + l] += y5
+        for i in range(96):
+            work[0 + i] = work[96 + i]
+        for i in range(32):
+            gact[s * 32 + i] = work[464 + i]
+    for i in range(96):
+        gx0[i] = work[0 + i]
+    for i in range(128):
+        gpar[i] = work[928 + i]
+
+
+FULL_SENSOR_ENTRIES = np.array([(0, 9), (0, 10), (1, 9), (1, 10)], dtype=np.int64).reshape(-1, 2)
+FULL_DELAYS = {}
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def full_sense(xs, exo, times, par, slopes, obs, dx, dpar):
+    """Readings of every channel at every sample, with slopes by state and parameter if asked."""
+    for i in range(times.size):
+        t = times[i]
+        t39 = math.cos(xs[i, 2])
+        t41 = math.sin(xs[i, 2])
+        obs[i, 0] = (xs[i, 0] + (par[9] * t39)) - (par[10] * t41)
+        obs[i, 1] = (xs[i, 1] + (par[9] * t41)) + (par[10] * t39)
+        obs[i, 2] = xs[i, 2]
+        obs[i, 3] = xs[i, 3]
+        obs[i, 4] = xs[i, 4]
+        obs[i, 5] = xs[i, 5]
+        obs[i, 6] = xs[i, 3] - ((exo[i, 2] * t39) + (exo[i, 3] * t41))
+        obs[i, 7] = xs[i, 4] - ((exo[i, 3] * t39) - (exo[i, 2] * t41))
+        if slopes:
+            v39 = math.cos(xs[i, 2])
+            v41 = math.sin(xs[i, 2])
+            dx[i, 0, 0] = 1.0
+            dx[i, 0, 2] = (-(par[10] * v39)) - (par[9] * v41)
+            dpar[i, 0] = v39
+            dpar[i, 1] = -v41
+            dx[i, 1, 1] = 1.0
+            dx[i, 1, 2] = (par[9] * v39) - (par[10] * v41)
+            dpar[i, 2] = v41
+            dpar[i, 3] = v39
+            dx[i, 2, 2] = 1.0
+            dx[i, 3, 3] = 1.0
+            dx[i, 4, 4] = 1.0
+            dx[i, 5, 5] = 1.0
+            dx[i, 6, 2] = (exo[i, 2] * v41) - (exo[i, 3] * v39)
+            dx[i, 6, 3] = 1.0
+            dx[i, 7, 2] = (exo[i, 2] * v39) + (exo[i, 3] * v41)
+            dx[i, 7, 4] = 1.0
+
+
+FULL_ACT_COLUMNS = (11, 12, 13)
+FULL_ACT_DELAYS = {0: [], 1: []}
+FULL_ACT_MEMORY = 2
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def full_actuate(command, delay_slope, stretch, steps, par, slopes, restart, memory, carried, act, dact):
+    """Actuator positions held over each step (their mean), from commands held over each step."""
+    tangent = np.zeros(3)
+    if restart:
+        value = command[0, 0]
+        for c in range(3):
+            tangent[c] = 0.0
+        u8 = value - value
+        u9 = (1.0 if u8 > 0.0 else 0.0) - (1.0 if u8 < 0.0 else 0.0)
+        u12 = abs(u8)
+        u13 = par[11] * u12
+        u15 = ((u13 - par[12]) if (u13 - par[12]) > 0.0 else 0.0)
+        u26 = (par[12] if par[12] > 1e-12 else 1e-12)
+        u58 = (u15 if u15 < 1000000000.0 else 1000000000.0)
+        u60 = (u58 - 1000000000.0) / u26
+        u61 = math.exp(u60)
+        u62 = u58 / par[11]
+        u64 = u9 * (u12 - u62)
+        u68 = 1.0 / u26
+        u73 = 1.0 - (1.0 if (u15 - 1000000000.0) > 0.0 else 0.0)
+        u75 = 1.0 if (par[12] - u13) > 0.0 else 0.0
+        u76 = 1.0 - u75
+        u79 = u73 * (u76 * (par[11] * u9))
+        u82 = u64 * (u61 * (u68 * u79))
+        u83 = 1.0 / par[11]
+        u86 = u79 * u83
+        u108 = u73 * (u12 * u76)
+        u120 = u73 * (u75 - 1.0)
+        u129 = u64 * (u61 * ((u68 * u120) - ((u60 / u26) * (1.0 - (1.0 if (1e-12 - par[12]) > 0.0 else 0.0)))))
+        end = value - (u61 * u64)
+        ex = (1.0 - (u82 + (u61 * (u9 * (u9 - u86))))) + (u82 - (u61 * (u9 * (u86 - u9))))
+        ep0 = -((u64 * (u61 * (u68 * u108))) + (u61 * (u9 * ((u62 / par[11]) - (u83 * u108)))))
+        ep1 = (u61 * (u9 * (u83 * u120))) - u129
+        memory[0] = end
+        for c in range(3):
+            tangent[c] = ex * tangent[c]
+        tangent[0] += ep0
+        tangent[1] += ep1
+        for c in range(3):
+            carried[0, c] = tangent[c]
+        value = end
+        u39 = -par[13]
+        u40 = (value if value > u39 else u39)
+        u139 = 1.0 if (u40 - par[13]) > 0.0 else 0.0
+        u140 = 1.0 - u139
+        u142 = 1.0 if (u39 - value) > 0.0 else 0.0
+        end = (u40 if u40 < par[13] else par[13])
+        ex = u140 * (1.0 - u142)
+        ep2 = u139 - (u140 * u142)
+        memory[1] = end
+        for c in range(3):
+            tangent[c] = ex * tangent[c]
+        tangent[2] += ep2
+        for c in range(3):
+            carried[1, c] = tangent[c]
+        value = end
+    for s in range(steps.size):
+        h = steps[s]
+        value = command[s, 0]
+        if slopes:
+            for c in range(3):
+                tangent[c] = 0.0
+        t8 = value - memory[0]
+        t9 = (1.0 if t8 > 0.0 else 0.0) - (1.0 if t8 < 0.0 else 0.0)
+        t12 = abs(t8)
+        t16 = (((((par[11] * t12) - par[12]) if ((par[11] * t12) - par[12]) > 0.0 else 0.0)) if ((((par[11] * t12) - par[12]) if ((par[11] * t12) - par[12]) > 0.0 else 0.0)) < h else h)
+        t18 = t12 - (t16 / par[11])
+        t28 = math.exp(((t16 - h) / ((par[12] if par[12] > 1e-12 else 1e-12))))
+        mean = value - ((t9 / h) * ((t16 * (0.5 * (t12 + t18))) + ((par[12] * t18) * (1.0 - t28))))
+        end = value - (t28 * (t9 * t18))
+        if slopes:
+            v8 = value - memory[0]
+            v9 = (1.0 if v8 > 0.0 else 0.0) - (1.0 if v8 < 0.0 else 0.0)
+            v10 = v9 / h
+            v12 = abs(v8)
+            v13 = par[11] * v12
+            v15 = ((v13 - par[12]) if (v13 - par[12]) > 0.0 else 0.0)
+            v16 = (v15 if v15 < h else h)
+            v17 = v16 / par[11]
+            v18 = v12 - v17
+            v20 = 0.5 * (v12 + v18)
+            v22 = par[12] * v18
+            v26 = (par[12] if par[12] > 1e-12 else 1e-12)
+            v27 = (v16 - h) / v26
+            v28 = math.exp(v27)
+            v29 = 1.0 - v28
+            v34 = v9 * v18
+            v68 = 1.0 / v26
+            v75 = 1.0 if (par[12] - v13) > 0.0 else 0.0
+            v76 = 1.0 - v75
+            v83 = 1.0 / par[11]
+            v154 = 1.0 - (1.0 if (v15 - h) > 0.0 else 0.0)
+            v155 = (v76 * (par[11] * v9)) * v154
+            v156 = v20 * v155
+            v159 = v83 * v155
+            v161 = v9 - v159
+            v171 = v28 * (v68 * v155)
+            v173 = v22 * v171
+            v182 = v159 - v9
+            v219 = (v12 * v76) * v154
+            v223 = (v17 / par[11]) - (v83 * v219)
+            v230 = v28 * (v68 * v219)
+            v237 = -(v10 * (((v20 * v219) + (v16 * (0.5 * v223))) + ((v29 * (par[12] * v223)) - (v22 * v230))))
+            v238 = (v75 - 1.0) * v154
+            v240 = v83 * v238
+            v255 = v28 * ((v68 * v238) - ((1.0 - (1.0 if (1e-12 - par[12]) > 0.0 else 0.0)) * (v27 / v26)))
+            v261 = v10 * (((v20 * v238) - (v16 * (0.5 * v240))) + ((v29 * (v18 - (par[12] * v240))) - (v22 * v255)))
+            v263 = v34 * v171
+            mx = 1.0 - (v10 * ((v156 + (v16 * (0.5 * (v9 + v161)))) + ((v29 * (par[12] * v161)) - v173)))
+            my = -(v10 * (((v16 * (0.5 * (v182 - v9))) - v156) + (v173 + (v29 * (par[12] * v182)))))
+            mp0 = v237
+            mp1 = -v261
+            ex = 1.0 - (v263 + (v28 * (v9 * v161)))
+            ey = v263 - (v28 * (v9 * v182))
+            ep0 = -((v34 * v230) + (v28 * (v9 * v223)))
+            ep1 = (v28 * (v9 * v240)) - (v34 * v255)
+            for c in range(3):
+                old = tangent[c]
+                tangent[c] = mx * old + my * carried[0, c]
+                carried[0, c] = ex * old + ey * carried[0, c]
+            tangent[0] += mp0
+            tangent[1] += mp1
+            carried[0, 0] += ep0
+            carried[0, 1] += ep1
+        memory[0] = end
+        value = mean
+        t41 = (((value if value > (-par[13]) else (-par[13]))) if ((value if value > (-par[13]) else (-par[13]))) < par[13] else par[13])
+        mean = t41
+        end = t41
+        if slopes:
+            v39 = -par[13]
+            v139 = 1.0 if (((value if value > v39 else v39)) - par[13]) > 0.0 else 0.0
+            v140 = 1.0 - v139
+            v142 = 1.0 if (v39 - value) > 0.0 else 0.0
+            v144 = v140 * (1.0 - v142)
+            v148 = v139 - (v140 * v142)
+            mx = v144
+            my = 0.0
+            mp2 = v148
+            ex = v144
+            ey = 0.0
+            ep2 = v148
+            for c in range(3):
+                old = tangent[c]
+                tangent[c] = mx * old + my * carried[1, c]
+                carried[1, c] = ex * old + ey * carried[1, c]
+            tangent[2] += mp2
+            carried[1, 2] += ep2
+        memory[1] = end
+        value = mean
+        act[s, 0] = value
+        if slopes:
+            for c in range(3):
+                dact[s, 0, c] = tangent[c]
+        value = command[s, 1]
+        if slopes:
+            for c in range(3):
+                tangent[c] = 0.0
+        act[s, 1] = value
+        if slopes:
+            for c in range(3):
+                dact[s, 1, c] = tangent[c]
+
