@@ -1,18 +1,25 @@
 # make study [QUICK=1] [SEED=n] [DATA=folder]   gaps and their causes; with DATA also the real logs kept in that folder
-# make paper [QUICK=1] [SEED=n]                 the three cases of Furlong et al. (2003)
+# make paper [QUICK=1] [SEED=n]                 the three cases of Furlong et al. (2003); like study it writes to out/
+# make reports DATA=folder                      these and the other studies into reports/, which git tracks (takes long)
 # make test | slow | lint | bench               each creates .venv and installs when it has to
+# make test-posterior PYTHON=python3.13 VENV=.venv313 EXTRAS=test   sampler and posterior on another Python
 PYTHON ?= python3
 VENV   := .venv
+EXTRAS := dev
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
-OUT    := $(if $(QUICK),out,reports)
+OUT    := out
 FLAGS  := $(if $(QUICK),--quick) $(if $(SEED),--seed $(SEED))
 
-.PHONY: help install study paper test slow lint bench clean
+# what depends on arviz, which is another generation from Python 3.12 on, and a whole diagnosis with draws
+POSTERIOR := tests/test_sampler.py tests/test_sampler_resume.py tests/test_sample_trial.py tests/test_cli_sample.py \
+	tests/test_diagnose_posterior.py tests/test_posterior_study.py tests/test_cli_diagnose.py
+
+.PHONY: help install study paper reports whole test test-posterior slow lint bench clean
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '1,3s/^# //p' Makefile
+	@sed -n '1,5s/^# //p' Makefile
 
 install: $(STAMP)
 
@@ -23,7 +30,7 @@ $(STAMP): pyproject.toml constraints.txt
 		{ echo "bayesid needs Python 3.11 or newer; $(PYTHON) is `$(PYTHON) -V 2>&1`. Try: make PYTHON=python3.11"; exit 1; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) || \
 		{ rm -rf $(VENV); echo "$(PYTHON) cannot create a virtual environment; on Debian or Ubuntu: apt install python3-venv"; exit 1; }
-	$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[dev]" -c constraints.txt
+	$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[$(EXTRAS)]" -c constraints.txt
 	@touch $(STAMP)
 
 study: $(STAMP)
@@ -33,8 +40,23 @@ study: $(STAMP)
 paper: $(STAMP)
 	$(BIN)/python studies/paper_cases.py --out $(OUT)/paper_cases $(FLAGS)
 
+# reports/ holds whole runs with the real logs: without them a report would lose what it says of ships
+reports: OUT := reports
+reports: whole study paper
+	$(BIN)/python studies/manoeuvre_richness.py --out $(OUT)/manoeuvre_richness $(FLAGS) --data "$(DATA)"
+	$(BIN)/python studies/posterior.py --out $(OUT)/posterior $(FLAGS) --data "$(DATA)"
+	$(BIN)/python studies/calibration.py --out $(OUT)/calibration $(FLAGS)
+	$(BIN)/python studies/frames.py --out $(OUT)/frames $(FLAGS)
+
+whole:
+	@test -z "$(QUICK)" || { echo "reports/ holds whole runs; leave QUICK out, or use 'make study QUICK=1'"; exit 1; }
+	@test -n "$(DATA)" || { echo "reports/ speaks of real logs too; give DATA=folder (studies/real_logs/*/trial.toml)"; exit 1; }
+
 test: $(STAMP)
 	$(BIN)/python -m pytest -q -n auto --maxprocesses 4 --dist worksteal
+
+test-posterior: $(STAMP)
+	$(BIN)/python -m pytest -q -n auto --maxprocesses 4 --dist worksteal $(POSTERIOR)
 
 slow: $(STAMP)
 	$(BIN)/python -m pytest -q -m slow

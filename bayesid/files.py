@@ -1,7 +1,7 @@
-"""Writing result files so that a reader never meets half of one, and turning results into plain JSON.
+"""Files: written as a whole or not at all, read up to a size only, and results as plain JSON.
 
 Takes text, bytes or nested results (dataclasses, arrays, paths). Keeps machine traces (folders) out of JSON.
-Does not choose file names and reads nothing.
+Does not choose file names or know what is in a file.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import dataclasses
 import json
 import math
 import os
+import stat
 import tempfile
 from collections.abc import Mapping
 from contextlib import suppress
@@ -48,6 +49,58 @@ def write_atomic(path: str | os.PathLike[str], content: str | bytes) -> Path:
             os.unlink(temporary)
         raise
     return target
+
+
+class UnreadableError(Exception):
+    """A file that is none, or larger than it may be; the text says which."""
+
+
+def read_regular(path: str | os.PathLike[str], limit: int) -> bytes:
+    """Content of a regular file no larger than `limit` bytes; a pipe or a device is never waited for.
+
+    Raises
+    ------
+    UnreadableError
+        anything else; the text goes on after the name of the file
+    """
+    try:
+        _check_regular(os.stat(path), limit)
+        handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+        with open(handle, "rb") as file:
+            _check_regular(os.fstat(handle), limit)
+            content = file.read(limit + 1)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise UnreadableError(f"cannot be read: {reason}") from None
+    if len(content) > limit:
+        raise UnreadableError(f"is larger than {limit / 2**20:.3g} MB")
+    return content
+
+
+def _check_regular(info: os.stat_result, limit: int) -> None:
+    if not stat.S_ISREG(info.st_mode):
+        raise UnreadableError("is not a regular file")
+    if info.st_size > limit:
+        size, allowed = info.st_size / 2**20, limit / 2**20
+        raise UnreadableError(f"is {size:.3g} MB, the limit is {allowed:.3g} MB; thin it out or split it")
+
+
+def read_lines(path: str | os.PathLike[str]) -> list[dict[str, Any]]:
+    """All complete lines of a log, [] if there is none; stops at the first broken one."""
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return []
+    found = []
+    for line in text.splitlines():
+        try:
+            entry = json.loads(line)
+        except ValueError:
+            break
+        if not isinstance(entry, dict):
+            break
+        found.append(entry)
+    return found
 
 
 def write_json(path: str | os.PathLike[str], data: Any) -> Path:

@@ -207,6 +207,11 @@ def without_effects(model: Model, names: Iterable[str]) -> Model:
     return replace(model, kernel=replace(model.kernel, effects=kept))
 
 
+def _centre_of_buoyancy(vehicle: Vehicle) -> tuple[float, float, float]:
+    """Of a planar set below or above the centre of gravity: it floats level, whatever its file says."""
+    return (*vehicle.r_G[:2], vehicle.r_B[2]) if vehicle.planar_only else vehicle.r_B
+
+
 def _nominal(vehicle: Vehicle, kernel: Kernel) -> np.ndarray:
     coef = coef_si(vehicle)
     rpm = vehicle.rpm_ref or 1.0
@@ -226,7 +231,7 @@ def _nominal(vehicle: Vehicle, kernel: Kernel) -> np.ndarray:
         "point_x": 0.0, "point_y": 0.0, "point_z": 0.0,
         **{n: getattr(vehicle, n) for n in ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")},
         **dict(zip(("x_G", "y_G", "z_G"), vehicle.r_G, strict=True)),
-        **dict(zip(("x_B", "y_B", "z_B"), vehicle.r_B, strict=True)),
+        **dict(zip(("x_B", "y_B", "z_B"), _centre_of_buoyancy(vehicle), strict=True)),
     }  # fmt: skip
     for fin, letter in (("delta_r", "r"), ("delta_s", "s"), ("delta_b", "b")):
         values[f"inverse_rate_{letter}"] = 1.0 / min(vehicle.rates.get(fin, math.inf), _UNLIMITED_RATE)

@@ -14,6 +14,11 @@ from typing import Any, TextIO, TypeVar
 T = TypeVar("T")
 
 
+def printable(text: str) -> str:
+    """Text without control characters, which in a name out of a file could steer the terminal."""
+    return "".join(c if c in "\n\t" or c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
+
+
 class Progress:
     """Progress of a sequence of stages.
 
@@ -55,7 +60,7 @@ class Progress:
     def note(self, message: str) -> None:
         """One line the reader should see whatever the terminal."""
         if not self._quiet:
-            print(message, file=self._stream, flush=True)
+            print(printable(message), file=self._stream, flush=True)
 
     def _is_terminal(self) -> bool:
         return bool(getattr(self._stream, "isatty", lambda: False)())
@@ -112,7 +117,7 @@ class _LineStage(Stage):
 
     def _print(self, text: str) -> None:
         note = f" ({self.info})" if self.info else ""
-        print(f"{self.name}: {text}{note}", file=self._stream, flush=True)
+        print(printable(f"{self.name}: {text}{note}"), file=self._stream, flush=True)
 
 
 class _BarStage(Stage):

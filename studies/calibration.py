@@ -21,6 +21,7 @@ from bayesid import report
 from bayesid.fit import fit
 from bayesid.fit.twin import run_seeds
 from bayesid.likelihood import Problem, RunData, coefficient_set
+from bayesid.lock import lock_or_exit
 from bayesid.model import Model, build_model
 from bayesid.params import ParameterSet, Prior
 from bayesid.progress import Progress
@@ -128,8 +129,9 @@ def main(out: Path, quick: bool, first_seed: int) -> dict[str, Any]:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--out", type=Path, default=Path("reports/calibration"))
+    parser.add_argument("--out", type=Path, default=Path("out/calibration"))
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
+    lock_or_exit(given.out, "studies/calibration.py")
     main(given.out, given.quick, given.seed)

@@ -15,6 +15,7 @@ from typing import Any
 from bayesid import report
 from bayesid.blind import as_built, extra_run
 from bayesid.blind.ask import kept
+from bayesid.lock import lock_or_exit
 from bayesid.progress import Progress
 from bayesid.sections.blind_frames import frames_report
 
@@ -53,7 +54,7 @@ def main(
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, default=Path("reports/frames"))
+    parser.add_argument("--out", type=Path, default=Path("out/frames"))
     parser.add_argument("--work", type=Path, help="default: out/frames, or beside a quick report")
     parser.add_argument("--count", type=int, default=COUNT, help="campaigns with a hidden cause")
     parser.add_argument("--replicates", type=int, default=REPLICATES, help="campaigns per look-alike")
@@ -62,4 +63,6 @@ if __name__ == "__main__":
     parser.add_argument("--quick", action="store_true", help="two hidden causes and one look-alike")
     given = parser.parse_args()
     place = given.work or (given.out / "work" if given.quick else Path("out/frames"))
+    lock_or_exit(given.out, "studies/frames.py")
+    lock_or_exit(place, "studies/frames.py")
     main(given.out, place, given.count, given.replicates, given.seed, given.jobs, given.quick)

@@ -36,6 +36,7 @@ from bayesid.diagnose.problem import pose
 from bayesid.files import write_json
 from bayesid.fit.pieces import in_pieces
 from bayesid.likelihood import measured_base, run_data
+from bayesid.lock import lock_or_exit
 from bayesid.manoeuvres import OpenLoop, on_grid
 from bayesid.model import build_model
 from bayesid.progress import Progress, Stage
@@ -282,8 +283,9 @@ if __name__ == "__main__":
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--data", type=Path, help="folder with kvlcc2_hsva and esso_osaka")
-    parser.add_argument("--out", type=Path, default=Path("reports/manoeuvre_richness"))
+    parser.add_argument("--out", type=Path, default=Path("out/manoeuvre_richness"))
     parser.add_argument("--quick", action="store_true", help="one vehicle, few draws, no chains, no logs")
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
+    lock_or_exit(given.out, "studies/manoeuvre_richness.py")
     main(given.data, given.out, given.quick, given.seed)

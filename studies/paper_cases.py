@@ -29,6 +29,7 @@ from paper.targets import paper_targets
 from bayesid import report
 from bayesid.fit.twin import Case, Target, make_target, position_error, run_case, run_seeds
 from bayesid.identifiability import row_scaled, sensitivity_columns, spectrum, yaw_mixed
+from bayesid.lock import lock_or_exit
 from bayesid.manoeuvres import Manoeuvre, chirp, combined, spiral, zigzag
 from bayesid.model import build_model
 from bayesid.progress import Progress
@@ -283,8 +284,9 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--out", type=Path, default=Path("reports/paper_cases"))
+    parser.add_argument("--out", type=Path, default=Path("out/paper_cases"))
     parser.add_argument("--quick", action="store_true", help="two seeds, no 6-DOF fit")
     parser.add_argument("--seed", type=int, default=0, help="first seed")
     given = parser.parse_args()
+    lock_or_exit(given.out, "studies/paper_cases.py")
     main(given.out, given.quick, given.seed)

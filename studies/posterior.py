@@ -31,6 +31,7 @@ from bayesid.identifiability import (
     with_assumed_priors,
 )
 from bayesid.likelihood import Problem, coefficient_set, trial_problem
+from bayesid.lock import lock_or_exit
 from bayesid.manoeuvres import Manoeuvre, chirp, spiral, zigzag
 from bayesid.model import Model, build_model
 from bayesid.progress import Progress
@@ -330,7 +331,7 @@ if __name__ == "__main__":
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--data", type=Path, help="folder with kvlcc2_hsva and esso_osaka")
-    parser.add_argument("--out", type=Path, default=Path("reports/posterior"))
+    parser.add_argument("--out", type=Path, default=Path("out/posterior"))
     parser.add_argument("--quick", action="store_true", help="one short spiral, one sampler")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--laplace", nargs="*", choices=LOGS, default=(), help="real logs without a chain")
@@ -338,4 +339,5 @@ if __name__ == "__main__":
         "--draws", type=int, default=MOST_DRAWS, help="lengthen chains that fall short up to so many draws"
     )
     given = parser.parse_args()
+    lock_or_exit(given.out, "studies/posterior.py")
     main(given.out, given.data, given.quick, given.seed, tuple(given.laplace), given.draws)

@@ -21,6 +21,7 @@ from gap.kvlcc2 import kvlcc2
 from gap.planted import CASES, SIZES, planted
 
 from bayesid import report
+from bayesid.lock import lock_or_exit
 from bayesid.progress import Progress
 from bayesid.report import Section
 from bayesid.sections.gap_real import esso_section, kvlcc2_section
@@ -74,9 +75,10 @@ def real_logs(
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, default=Path("reports/sim_to_real_gap"))
+    parser.add_argument("--out", type=Path, default=Path("out/sim_to_real_gap"))
     parser.add_argument("--quick", action="store_true", help="the example and one campaign")
     parser.add_argument("--seed", type=int, default=301)
     parser.add_argument("--data", type=Path, help="folder with kvlcc2_hsva and esso_osaka")
     given = parser.parse_args()
+    lock_or_exit(given.out, "studies/sim_to_real_gap.py")
     main(given.out, given.quick, given.seed, given.data)

@@ -3,7 +3,8 @@
 Usage: python studies/withheld_effects.py [--out FOLDER] [--work FOLDER] [--count N] [--spatial N] [--seed S]
 [--jobs J] [--kinds two=48,none=24] [--quick]. `--kinds` fixes the classes and their order, else they are
 drawn. Packs, answers and verdicts go to the work folder; what is finished there is kept, so the same line
-goes on after a stop. Development uses seeds 1000 to 1099, scores count from 5000 on.
+goes on after a stop. Campaigns are drawn from a secret beside the answers; with --seed they are drawn from
+seeds that count up from there, which is for development, and the report says so.
 """
 
 from __future__ import annotations
@@ -28,29 +29,30 @@ from bayesid.blind.sheet import Sheet, score_pack
 from bayesid.blind.solve import Settings, solve_pack
 from bayesid.blind.verdicts import load_verdicts
 from bayesid.files import write_json
+from bayesid.lock import lock_or_exit
 from bayesid.plant import KINDS
 from bayesid.progress import Progress
 from bayesid.sections.blind import blind_report, results
 from bayesid.sections.blind_baselines import baselines_section
 
-COUNT, SPATIAL, SEED = 300, 40, 5000
+COUNT, SPATIAL = 300, 40
 QUICK = (3, 1)
 AIM = (5.0, 500.0)  # noncentrality of single effects, log-uniform
 PAIRS = (0.3, 0.8)  # sizes of two effects at once
 SHARE_ROUGH = 0.5  # of the campaigns without an effect
-APART = 100000  # between planar and 6-DOF seeds
+APART = 100000  # between planar and 6-DOF seeds of development
 
 
-def mixture(seed: int, first: int = 0, kinds: tuple[str, ...] = ()) -> dict[str, Any]:
+def mixture(number: int, seed: int, planar: int = COUNT, kinds: tuple[str, ...] = ()) -> dict[str, Any]:
     """Factors of one campaign: classes as in the plant, faint and plain effects, half the nulls rough.
 
-    `kinds` lists the classes of the campaigns from seed `first` on instead.
+    The first `planar` campaigns are planar, the others in 6-DOF; `kinds` lists the classes of either instead.
     """
     rng = np.random.default_rng([seed, 9])
     kind = str(rng.choice(list(KINDS), p=list(KINDS.values())))
     if kinds:
-        kind = kinds[(seed % APART - first % APART) % len(kinds)]
-    out: dict[str, Any] = {"kind": kind, "dof": 6 if seed >= APART else 3}
+        kind = kinds[(number if number < planar else number - planar) % len(kinds)]
+    out: dict[str, Any] = {"kind": kind, "dof": 6 if number >= planar else 3}
     aim = float(np.exp(rng.uniform(*np.log(AIM))))
     if kind == "none" and rng.random() < SHARE_ROUGH:
         out["sea"] = "rough"
@@ -77,7 +79,7 @@ def main(
     work: Path,
     count: int,
     spatial: int,
-    seed: int,
+    seed: int | None,
     jobs: int,
     accept: bool,
     minutes: float | None,
@@ -86,9 +88,12 @@ def main(
     """Make, solve, open, score, report."""
     progress = Progress()
     packs, answers, verdicts = (work / name for name in ("packs", "answers", "verdicts"))
-    seeds = [*range(seed, seed + count), *range(seed + APART, seed + APART + spatial)]
+    seeds = None
+    if seed is not None:
+        seeds = [*range(seed, seed + count), *range(seed + APART, seed + APART + spatial)]
     if not (packs / COMMITMENTS).exists():
-        make_pack(seeds, packs, answers, partial(mixture, first=seed, kinds=kinds), "w", jobs, progress)
+        say = partial(mixture, planar=count, kinds=kinds)
+        make_pack(count + spatial, packs, answers, say, "w", jobs, progress, seeds)
     if not (verdicts / SEAL).exists():
         keep = Settings(0, False, False, keep_baselines, accept_faults=accept, minutes=minutes)
         solve_pack(packs, verdicts, jobs, keep, progress)
@@ -98,7 +103,8 @@ def main(
     title = "Withheld effects: sealed campaigns, solved blind"
     document = blind_report(sheet, [baselines_section(sheet.cases, chosen, reached, family_of)], title)
     inputs = {"planar": count, "spatial": spatial, "aim": AIM, "pairs": PAIRS, "share_rough": SHARE_ROUGH}
-    path = report.write(document, out, {"inputs": inputs, "seeds": [seed], **results(sheet)})
+    drawn = [] if seed is None else [seed]
+    path = report.write(document, out, {"inputs": inputs, "seeds": drawn, **results(sheet)})
     progress.note(f"report: {path}")
     return sheet
 
@@ -123,11 +129,11 @@ def oracles(packs: Path, answers: Path, verdicts: Path, kept: Path, jobs: int, p
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, default=Path("reports/withheld_effects"))
+    parser.add_argument("--out", type=Path, default=Path("out/withheld_effects"))
     parser.add_argument("--work", type=Path, help="default: out/withheld_effects, or beside a quick report")
     parser.add_argument("--count", type=int, default=COUNT, help="planar campaigns")
     parser.add_argument("--spatial", type=int, default=SPATIAL, help="campaigns in 6-DOF")
-    parser.add_argument("--seed", type=int, default=SEED)
+    parser.add_argument("--seed", type=int, help="for development: draw from seeds instead of a secret")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument(
         "--kinds", type=counted, default=(), help="classes in this order, e.g. two=48,none=24"
@@ -142,5 +148,7 @@ if __name__ == "__main__":
     given = parser.parse_args()
     planar, spatial = QUICK if given.quick else (given.count, given.spatial)
     place = given.work or (given.out / "work" if given.quick else Path("out/withheld_effects"))
+    lock_or_exit(given.out, "studies/withheld_effects.py")
+    lock_or_exit(place, "studies/withheld_effects.py")
     main(given.out, place, planar, spatial, given.seed, given.jobs, given.accept_faults, given.minutes,
          given.kinds)  # fmt: skip

@@ -30,6 +30,7 @@ from bayesid.diagnose.found import Found, found_with, write_found
 from bayesid.diagnose.predict import predict_manoeuvre, predict_run
 from bayesid.diagnose.problem import fit_with, pose
 from bayesid.files import write_atomic, write_json
+from bayesid.lock import lock_or_exit
 from bayesid.manoeuvres import Scale, parse
 from bayesid.measures import named_measures as measure
 from bayesid.progress import Progress
@@ -183,9 +184,10 @@ def without_wind(data: Path, out: Path, quick: bool, seed: int, progress: Progre
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, required=True, help="folder with kvlcc2_hsva and esso_osaka")
-    parser.add_argument("--out", type=Path, default=Path("reports/withheld"))
+    parser.add_argument("--out", type=Path, default=Path("out/withheld_real"))
     parser.add_argument("--quick", action="store_true", help="coarse logs, few draws and runs")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", choices=("kvlcc2", "esso_osaka"))
     given = parser.parse_args()
+    lock_or_exit(given.out, "studies/withheld_real.py")
     main(given.data, given.out, given.quick, given.seed, given.only)

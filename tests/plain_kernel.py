@@ -29,8 +29,8 @@ EVERY = (*sorted(_SPECS, key=lambda s: s.name), *ETA)
 class Equations:
     """Wrench without acceleration, mass matrix, rates and readings at one point."""
 
-    def __init__(self, spec, prefix):
-        dyn = build(spec, CATALOGUE, active=prefix == "full")
+    def __init__(self, spec, prefix, effects=CATALOGUE):
+        dyn = build(spec, effects, active=prefix == "full")
         g = dyn.graph
         self.states, self.parameters = tuple(dyn.states), tuple(dyn.parameters)
         self.velocities, self.actuators = tuple(dyn.velocities), tuple(dyn.actuators)
@@ -78,6 +78,14 @@ class Equations:
 @lru_cache
 def equations(spec, prefix):
     return Equations(spec, prefix)
+
+
+@lru_cache
+def equations_with(spec, names):
+    """With these effects alone, of the catalogue or of its alternatives."""
+    from bayesid.effects.alternatives import ALTERNATIVES
+
+    return Equations(spec, "full", tuple(e for e in (*CATALOGUE, *ALTERNATIVES) if e.name in names))
 
 
 def run_plain(name, text):

@@ -62,13 +62,21 @@ def added_mass(coef):
     return matrix
 
 
+def side(velocity, band):
+    """Sign, rounded where the velocity is less than a tenth (w: a hundredth) of the cross-flow speed."""
+    if abs(velocity) >= band:
+        return np.sign(velocity)
+    x = velocity / band
+    return (15 * x - 10 * x**3 + 3 * x**5) / 8
+
+
 def hull_forces(coef, nu, fins, plain_abs=False):
     """The rows without acceleration, axis by axis as in equations 4.1 to 4.6 and the further rows."""
     u, v, w, p, q, r = nu
     dr, ds, db = fins
     R = np.hypot(v, w)
     Rv, Rw = (abs(v), abs(w)) if plain_abs else (R, R)
-    sv, sw = np.sign(v), np.sign(w)
+    sv, sw = side(v, 0.1 * Rv), side(w, 0.01 * Rw)
     g = coef.get
     X = (
         g("X_qq", 0) * q**2 + g("X_rr", 0) * r**2 + g("X_rp", 0) * r * p + g("X_pp", 0) * p**2
@@ -146,8 +154,11 @@ def restoring(vehicle, phi, theta):
     return np.concatenate([force, moment])
 
 
-def make_rate(vehicle, planar=False, current=(0.0, 0.0, 0.0)):
-    """rate(state12, fins, n) in the order x y z phi theta psi u v w p q r, in a uniform current [m/s]."""
+def make_rate(vehicle, planar=False, current=(0.0, 0.0, 0.0), met=(0.0, 0.0, 0.0)):
+    """rate(state12, fins, n, extra) in the order x y z phi theta psi u v w p q r, in a current [m/s].
+
+    `met` is the change of the current along the vehicle's way [m/s2, north east down] in water that is steady
+    but uneven; `extra` (6,) is a further wrench in body axes."""
     coef = coef_si(vehicle)
     body, coriolis = rigid_body(vehicle.mass, vehicle.r_G, inertia_of(vehicle))
     added = added_mass(coef)
@@ -155,14 +166,14 @@ def make_rate(vehicle, planar=False, current=(0.0, 0.0, 0.0)):
     total = (body + added)[np.ix_(kept, kept)]
     plain_abs = vehicle.plain_abs or planar
 
-    def rate(state, fins, n):
+    def rate(state, fins, n, extra=0.0):
         phi, theta, psi = state[3:6]
         nu = state[6:]
         R = rotation(phi, theta, psi)
         flow = R.T @ np.asarray(current)
         water = nu - np.concatenate([flow, np.zeros(3)])
-        flow_rate = np.concatenate([-np.cross(nu[3:], flow), np.zeros(3)])
-        force = hull_forces(coef, water, fins, plain_abs) - coriolis(nu) + added @ flow_rate
+        flow_rate = np.concatenate([R.T @ np.asarray(met) - np.cross(nu[3:], flow), np.zeros(3)])
+        force = hull_forces(coef, water, fins, plain_abs) - coriolis(nu) + added @ flow_rate + extra
         force[0] += propulsion_force(
             vehicle.propulsion.model, vehicle.propulsion.values, vehicle.rho, vehicle.L, water[0], n
         )

@@ -1,9 +1,13 @@
 """The blind protocol: what it refuses, notices and keeps. One tiny bundle is really diagnosed."""
 
 import json
+import os
+import pickle
 import re
 import shutil
+from dataclasses import replace
 
+import numpy as np
 import pytest
 from gap_trials import model_of, other_vehicle, planted_trial
 
@@ -13,7 +17,16 @@ from bayesid.blind.baselines import CHOICES, NAMES, keep_baselines, oracle
 from bayesid.blind.families import family_of
 from bayesid.blind.leaks import check_pack
 from bayesid.blind.make import make_pack, seal_pack, write_answer
-from bayesid.blind.seal import COMMITMENTS, SEAL, BlindError, digest_of_file
+from bayesid.blind.posed import read_posed
+from bayesid.blind.seal import (
+    COMMITMENTS,
+    SEAL,
+    SECRET,
+    BlindError,
+    digest_of_file,
+    digest_of_list,
+    digest_of_record,
+)
 from bayesid.blind.sheet import score_pack
 from bayesid.blind.solve import NOTE, Settings, solve_pack
 from bayesid.cli.guard import run as cli
@@ -26,6 +39,7 @@ from bayesid.trials import load_trial, write_trial
 from bayesid.vehicles import write_vehicle
 
 QUIET = Progress(quiet=True)
+FACTORS = {"vehicle": "lauv", "dof": 3, "sensors": "full", "effects": ["rudder_offset"], "sizes": (1.0, 1.0)}
 SETTINGS = Settings(plan_next=False, report=False, keep=keep_baselines)
 
 
@@ -172,12 +186,152 @@ def test_an_answer_in_the_pack_stops_the_solver_before_it_starts(world):
     ("labels.json", "[]", "labels.json: may hold an answer"),
     ("pond/readme.txt", "it was the wind", "readme.txt: may hold an answer"),
     ("pond/extra.toml", 'cause = "rudder_offset"', "holds 'rudder_offset'"),
+    ("pond/extra.toml", "a = 3", "pond/extra.toml: belongs to no bundle"),
+    ("log.csv", "t[s],x[m]", "log.csv: belongs to no bundle"),
+    ("po\x1bnd.toml", "", "holds a control character in its name"),
+    ("po\u202end.toml", "", "holds a control character in its name"),
     ("pond/more.csv", '# "label" = 3\n', "holds '\"label\"'"),
 ])  # fmt: skip
 def test_whatever_may_hold_an_answer_is_refused(world, name, text, said):
     (world / "pack" / name).write_text(text)
     with pytest.raises(BlindError, match=said.replace("(", r"\(")):
         check_pack(world / "pack")
+
+
+def test_a_column_or_a_comment_no_diagnosis_reads_is_refused(world):
+    run = next(p for p in sorted((world / "pack" / "pond").glob("*.csv")))
+    text = run.read_text()
+    lines = text.splitlines()
+    run.write_text("\n".join([lines[0] + ",wind vane [V]", *(line + ",0" for line in lines[1:])]))
+    with pytest.raises(BlindError, match=f"pond/{run.name}: holds 'wind vane'"):
+        check_pack(world / "pack")
+    run.write_text(text + "# it was hot\n")
+    with pytest.raises(BlindError, match=f"pond/{run.name}: holds comments"):
+        check_pack(world / "pack")
+
+
+def test_a_control_character_in_a_manoeuvre_is_refused(world):
+    toml = world / "pack" / "pond" / "trial.toml"
+    toml.write_text(toml.read_text().replace('manoeuvre = "', 'manoeuvre = "\\u0007', 1))
+    with pytest.raises(BlindError, match=r"pond/trial.toml: .* holds a control character"):
+        check_pack(world / "pack")
+
+
+def reseal(world, **changes):
+    """A seal with other content and a digest that fits it, as a forger would write it."""
+    seal = json.loads((world / "out" / SEAL).read_text()) | changes
+    del seal["seal"]
+    (world / "out" / SEAL).write_text(json.dumps(seal | {"seal": digest_of_record(seal)}))
+
+
+@pytest.mark.parametrize("change", [
+    {"failures": {"lake": "x"}}, {"unsolved": ["lake"]}, {"versions": {"bayesid": "9"}}, {"seed": 5},
+    {"mode": "otherwise"}, {"started": "long ago"}, {"pack": {"bundles": {}, "commitments": None}},
+])  # fmt: skip
+def test_the_seal_covers_all_that_it_tells(world, change):
+    seal = json.loads((world / "out" / SEAL).read_text())
+    (world / "out" / SEAL).write_text(json.dumps(seal | change))
+    with pytest.raises(BlindError, match="the seal is broken: what it lists was changed"):
+        score(world)
+
+
+@pytest.mark.parametrize("change, said", [
+    ({"unsolved": ["pond"]}, "pond: is listed as solved and as not solved"),
+    ({"failures": {"pond": "x"}}, "pond: is listed as solved and as failed"),
+    ({"unsolved": ["lake"]}, "lake: is listed as not solved and is no bundle of the pack"),
+])  # fmt: skip
+def test_a_name_listed_twice_or_without_a_bundle_is_refused(world, change, said):
+    reseal(world, **change)
+    with pytest.raises(BlindError, match=said):
+        score(world)
+
+
+def test_a_forged_seal_is_noticed_by_whom_the_true_one_was_told(world, tmp_path):
+    seal = json.loads((world / "out" / SEAL).read_text())["seal"]
+    assert score(world, promised=seal[:16]).sealed["seal"] == seal
+    with pytest.raises(BlindError, match="give at least 16 digits"):
+        score(world, promised=seal[:8])
+    reseal(world, started="later")  # consistent in itself
+    assert score(world).sealed["seal"] != seal
+    with pytest.raises(BlindError, match=f"not {seal} as made known"):
+        score(world, promised=seal)
+    with pytest.raises(BlindError, match="leave --unsealed out"):
+        score(world, promised=seal, unsealed=True)
+
+
+def test_commitments_are_compared_with_those_the_maker_kept(world):
+    kept = world / "kept.json"
+    kept.write_text((world / "pack" / COMMITMENTS).read_text())
+    assert score(world, commitments=kept).sealed is not None
+    told = json.loads(kept.read_text())
+    told["bundles"]["pond"]["answer"] = "0" * 64
+    kept.write_text(json.dumps(told))
+    with pytest.raises(BlindError, match=r"other commitments than those of kept\.json"):
+        score(world, commitments=kept)
+
+
+@pytest.mark.parametrize("key, value, said", [
+    ("versions", {"code": "feed"}, "pond: solved with versions code feed, now bayesid"),
+    ("seed", 7, "pond: solved with seed 7, now 0"),
+    ("mode", "with next manoeuvre", "pond: solved with mode with next manoeuvre, now without"),
+])  # fmt: skip
+def test_verdicts_of_other_code_seed_or_mode_are_not_sealed(world, key, value, said):
+    (world / "out" / SEAL).unlink()
+    note = world / "out" / "pond" / NOTE
+    note.write_text(json.dumps(json.loads(note.read_text()) | {key: value}))
+    with pytest.raises(BlindError, match=said):
+        solve_pack(world / "pack", world / "out", settings=SETTINGS, progress=QUIET)
+    assert not (world / "out" / SEAL).exists() and (world / "out" / "pond" / "diagnosis.json").exists()
+
+
+def test_a_report_that_fails_does_not_cost_its_verdict(world, monkeypatch):
+    def broken(*_):
+        raise OSError("disk full")
+
+    again = replace(SETTINGS, keep=broken, accept_faults=True)
+    seal = solve_pack(world / "pack", world / "new", settings=again, progress=QUIET)
+    assert set(seal["verdicts"]) == {"pond"} and seal["failures"] == {}
+    assert "disk full" in seal["cost"]["pond"]["beside"]
+    assert score_pack(world / "answers", world / "new", progress=QUIET).cases[0].outcome == "right"
+
+
+def test_packs_and_seals_of_the_old_kind_are_scored_and_say_so(world):
+    assert score(world).caveats == ()
+    path = world / "out" / SEAL
+    seal = json.loads(path.read_text())
+    seal["pack"]["commitments"]["format"] = 1
+    seal |= {"format": 1, "seal": digest_of_list(seal["verdicts"])}
+    path.write_text(json.dumps(seal))
+    sheet = score(world)
+    assert ["old kind" in sentence for sentence in sheet.caveats] == [True, True]
+    assert "names of its bundles carry the seed" in blind_report(sheet).lead
+
+
+def test_a_pack_cannot_be_rebuilt_from_what_it_shows(tmp_path, monkeypatch):
+    monkeypatch.setattr("bayesid.blind.make.detectability", lambda *_, **__: ())  # slow, and not asked for
+    # one secret, two bundles; another secret draws other campaigns under other names
+    packs = []
+    for name in ("one", "two"):
+        make_pack(2, tmp_path / name, tmp_path / f"{name} answers", FACTORS, progress=QUIET)
+        told = check_pack(tmp_path / name)
+        answers = load_answers(tmp_path / f"{name} answers")
+        assert set(answers) == set(told["bundles"]) and told["secret_bits"] >= 128
+        packs.append({n: a.source["seed"] for n, a in answers.items()})
+        secret = (tmp_path / f"{name} answers" / SECRET).read_text().strip()
+        assert len(secret) >= 32
+        shown = "".join(p.read_text() for p in (tmp_path / name).rglob("*") if p.is_file())
+        assert secret not in shown and not any(str(seed) in shown for seed in packs[-1].values())
+    seeds = [seed for pack in packs for seed in pack.values()]
+    assert len(set(seeds)) == 4 and all(seed > 2**100 for seed in seeds)  # 2^-28 each by chance
+    assert not set(packs[0]) & set(packs[1])
+
+
+def test_a_score_says_that_a_pack_was_drawn_from_seeds(world):
+    path = world / "out" / SEAL
+    seal = json.loads(path.read_text())
+    commitments = seal["pack"]["commitments"] | {"secret_bits": 0}
+    reseal(world, pack=seal["pack"] | {"commitments": commitments})
+    assert "drawn from seeds" in score(world).caveats[0]
 
 
 def test_a_link_out_of_the_pack_is_refused(world):
@@ -204,7 +358,7 @@ def test_a_folder_without_commitments_is_solved_and_says_so(world):
 def test_a_solved_bundle_is_kept_and_a_torn_one_is_not(world):
     (world / "out" / SEAL).unlink()
     before = (world / "out" / "pond" / NOTE).stat().st_mtime_ns
-    seal = solve_pack(world / "pack", world / "out", progress=QUIET)
+    seal = solve_pack(world / "pack", world / "out", settings=SETTINGS, progress=QUIET)
     assert (world / "out" / "pond" / NOTE).stat().st_mtime_ns == before
     assert set(seal["verdicts"]) == {"pond"}
     with pytest.raises(BlindError, match="sealed folder is not written to again"):
@@ -249,7 +403,7 @@ def test_time_that_runs_out_is_told_and_what_was_not_solved_is_left_out(world):
     write_answer(world / "answers" / "lake.json", answer("lake"))
     seal_pack(world / "pack", world / "answers", ["pond", "lake"])
     (world / "out" / SEAL).unlink()
-    solve_pack(world / "pack", world / "out", settings=Settings(minutes=0.0), progress=QUIET)
+    solve_pack(world / "pack", world / "out", settings=replace(SETTINGS, minutes=0.0), progress=QUIET)
     sheet = score(world)
     assert sheet.missing == ("lake",) and [c.name for c in sheet.cases] == ["pond"]
 
@@ -258,20 +412,15 @@ def test_verdicts_do_not_go_into_the_pack_nor_answers_beside_it(world):
     with pytest.raises(BlindError, match="must not be written into the pack"):
         solve_pack(world / "pack", world / "pack" / "out", progress=QUIET)
     with pytest.raises(BlindError, match="folder of their own"):
-        make_pack([1], world / "made", world / "made" / "answers", progress=QUIET)
+        make_pack(1, world / "made", world / "made" / "answers", progress=QUIET)
 
 
 def test_a_made_pack_is_silent_committed_and_resumed(tmp_path):
-    factors = {
-        "vehicle": "lauv",
-        "dof": 3,
-        "sensors": "full",
-        "effects": ["rudder_offset"],
-        "sizes": (1.0, 1.0),
-    }
-    make_pack([3], tmp_path / "pack", tmp_path / "answers", factors, progress=QUIET)
+    factors = FACTORS
+    make_pack(1, tmp_path / "pack", tmp_path / "answers", factors, progress=QUIET, seeds=[3])
     told = check_pack(tmp_path / "pack")
-    name = "p0003"
+    (name,) = told["bundles"]
+    assert name.startswith("p") and len(name) == 13 and told["secret_bits"] == 0
     assert told["bundles"][name]["answer"] == digest_of_file(tmp_path / "answers" / f"{name}.json")
     known = load_answers(tmp_path / "answers")[name]
     assert known.families == {"rudder_offset"}
@@ -279,10 +428,10 @@ def test_a_made_pack_is_silent_committed_and_resumed(tmp_path):
     assert load_trial(tmp_path / "pack" / name).dof == 3
     (tmp_path / "pack" / COMMITMENTS).unlink()
     before = (tmp_path / "answers" / f"{name}.json").read_bytes()
-    make_pack([3], tmp_path / "pack", tmp_path / "answers", factors, progress=QUIET)
+    make_pack(1, tmp_path / "pack", tmp_path / "answers", factors, progress=QUIET, seeds=[3])
     assert (tmp_path / "answers" / f"{name}.json").read_bytes() == before  # same salt: it was kept
     with pytest.raises(BlindError, match="finished pack"):
-        make_pack([3], tmp_path / "pack", tmp_path / "answers", factors, progress=QUIET)
+        make_pack(1, tmp_path / "pack", tmp_path / "answers", factors, progress=QUIET, seeds=[3])
 
 
 def test_a_user_sees_one_message_and_no_traceback(world, capsys):
@@ -290,3 +439,28 @@ def test_a_user_sees_one_message_and_no_traceback(world, capsys):
     assert cli(["blind", "solve", str(world / "pack"), "--out", str(world / "new")]) == 2
     said = capsys.readouterr().err
     assert said.count("\n") == 1 and "labels.json" in said and "Traceback" not in said
+
+
+class _Runs:
+    """What a pickle may hold: a call that is made when it is read."""
+
+    def __reduce__(self):
+        return (os.mkdir, (str(_Runs.trap),))
+
+
+@pytest.mark.parametrize("kind", ["pickle", "pickle in npz", "no numbers", "cut", "folder", "missing"])
+def test_what_an_oracle_reads_can_hold_nothing_but_numbers(kind, tmp_path):
+    path, _Runs.trap = tmp_path / "posed.npz", tmp_path / "trap"
+    if kind == "pickle":
+        path.write_bytes(pickle.dumps(_Runs()))
+    elif kind == "folder":
+        path.mkdir()
+    elif kind != "missing":
+        about = {"environment": {}, "level": 0.0, "runs": 1}
+        held = np.array([_Runs()], dtype=object) if kind == "pickle in npz" else np.array(["x"])
+        np.savez(path, **{"about": np.array(json.dumps(about)), "0/par": held})
+        if kind == "cut":
+            path.write_bytes(path.read_bytes()[:-30])
+    with pytest.raises(BlindError, match=r"^posed.npz: "):
+        read_posed(path)
+    assert not _Runs.trap.exists()

@@ -68,7 +68,7 @@ def test_wind_is_gone_with_all_that_tells_of_it(bundle):
     assert all(not run.exogenous for run in reduced.runs)
     assert all("wind" not in file.read_text() for file in folder.glob("*.csv"))
     assert "wind" not in (folder / "trial.toml").read_text()
-    assert {n for run in reduced.runs for n in run.extra} == {"rudder pump [A]", "battery [V]"}
+    assert not any(run.extra or run.notes for run in reduced.runs)  # a fit reads neither
     assert answer.families == {"earth_force"}
     assert answer.causes[0].parameters == pytest.approx({"V_wind": SPEED, "from": COME})
 
@@ -76,7 +76,7 @@ def test_wind_is_gone_with_all_that_tells_of_it(bundle):
 def test_the_rudder_follows_its_order_again_and_lag_and_offset_stand_in_the_answer(bundle):
     reduced, _, answer, _ = taken(bundle, "rudder")
     assert all(not run.measured_inputs and "delta_r_cmd" in run.commands for run in reduced.runs)
-    assert "rudder pump [A]" not in {n for run in reduced.runs for n in run.extra}
+    assert not any(run.extra for run in reduced.runs)
     values = {c.name: c.parameters for c in answer.causes}
     assert values["actuator_lag"]["tau"] == pytest.approx(TAU, abs=0.05)  # half a step of the grid
     assert values["rudder_offset"]["offset"] == pytest.approx(ZERO, abs=math.radians(0.1))
@@ -139,3 +139,26 @@ def test_a_lag_is_read_off_order_and_answer(tau):
     found, zero, left = lag_behind(t, order, measured)
     assert found == pytest.approx(tau, abs=0.06)  # the grid is 0.05 s
     assert zero == pytest.approx(-0.01, abs=2e-3) and left < 0.02
+
+
+def test_the_covariance_of_an_identified_vehicle_goes_into_a_pack_that_solve_takes(bundle):
+    ship = load_vehicle(bundle / "vehicle.toml")
+    names = ("Y_v", "N_r")
+    matrix = np.array([[4.0, -1.0], [-1.0, 9.0]]) * 1e-6
+    ship = replace(ship, sources={"Y_v": "fit of the runs with measured wind"})
+    write_vehicle(ship, bundle / "vehicle.toml", (names, matrix))
+    assert (bundle / "vehicle.covariance.npz").exists()
+    _, vehicle, _, folder = taken(bundle, "wind")  # check_pack refused the .npz here
+    assert {p.suffix for p in folder.iterdir()} == {".toml", ".csv"}
+    assert vehicle.prior.names[:2] == names
+    np.testing.assert_array_equal(
+        vehicle.prior.covariance, load_vehicle(bundle / "vehicle.toml").prior.covariance
+    )
+    assert "wind" not in (folder / "vehicle.toml").read_text()
+
+
+@pytest.mark.parametrize("name", ["a\x07b", "a\u202eb", "../a", ".a"])
+def test_a_name_that_is_none_is_refused(bundle, name):
+    with pytest.raises(BlindError, match="is no name of a bundle"):
+        remove(bundle, "wind", bundle.parent / "pack", bundle.parent / "answers", name=name)
+    assert not (bundle.parent / "pack").exists()

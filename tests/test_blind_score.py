@@ -13,7 +13,7 @@ from bayesid.blind.detect import Detectability, detectability, true_problem
 from bayesid.blind.families import FAMILIES, by_family, families_of, places_of
 from bayesid.blind.intervals import bootstrap, clopper
 from bayesid.blind.judge import judge
-from bayesid.blind.score import calibration, sheet, shuffled
+from bayesid.blind.score import at_least, calibration, share, sheet, shuffled
 from bayesid.blind.seal import BlindError
 from bayesid.coloured.evidence import Gram
 from bayesid.diagnose.bank import Bank, Column, build_bank
@@ -21,6 +21,7 @@ from bayesid.effects import CATALOGUE
 from bayesid.plant import draw_campaign
 from bayesid.plant.body import cruising_speed
 from bayesid.plant.strangers import OUTSIDE
+from bayesid.sections.blind import standings
 from bayesid.vehicles import load_vehicle
 
 PLAIN = Detectability("", 400.0, 0.1, 50.0, "wind")
@@ -187,21 +188,37 @@ def world(count=60, seed=0):
     return answers, verdicts
 
 
+@pytest.mark.parametrize("hits, count, word", [
+    (19, 20, "met"),  # 0.95 itself
+    (18, 20, "undecided"),  # 0.90; the interval goes to 0.988
+    (70, 100, "missed"),  # the interval ends at 0.788
+    (0, 0, ""),
+])  # fmt: skip
+def test_a_bar_is_met_by_the_score_itself_and_undecided_where_only_its_interval_holds_it(hits, count, word):
+    assert share("top-1", "", [True] * hits + [False] * (count - hits), at_least(0.95)).standing == word
+    assert share("top-1", "", [True] * hits + [False] * (count - hits)).standing == ""
+
+
+def test_a_sheet_counts_met_undecided_and_missed_apart():
+    words = ["met", "met", "undecided", "missed", ""]
+    assert standings(3, words, 7).endswith("7 bundles: of 4 bars 2 met, 1 undecided, 1 missed")
+
+
 def test_one_who_knows_the_answers_meets_every_bar_and_the_control_fails():
     answers, verdicts = world()
     quantities = sheet([judge(answers[n], verdicts[n], 5.0) for n in answers])
-    judged = [q for q in quantities if q.met is not None]
-    assert len(judged) >= 12 and all(q.met for q in judged)
+    judged = [q for q in quantities if q.standing]
+    assert len(judged) >= 12 and all(q.standing == "met" for q in judged)
     control = shuffled(answers, verdicts)
-    assert control.met is False and control.count == 24
+    assert control.standing == "missed" and control.count == 24
 
 
 def test_one_who_always_says_none_fails_and_one_who_always_names_fails_otherwise():
     answers, _ = world()
     for word, names, missed in (("none", (), "top-1 by family"), ("effect", ("wind",), "wrong name")):
-        met = {q.name: q.met for q in sheet([judge(a, said(word, *names)) for a in answers.values()])}
-        assert met[missed] is False
-    assert met["false alarm on none"] is False and met["false name on outside"] is False
+        found = {q.name: q.standing for q in sheet([judge(a, said(word, *names)) for a in answers.values()])}
+        assert found[missed] == "missed"
+    assert found["false alarm on none"] == found["false name on outside"] == "missed"
 
 
 def test_calibration_passes_the_honest_and_not_the_boastful():
@@ -212,8 +229,9 @@ def test_calibration_passes_the_honest_and_not_the_boastful():
         top = "wind" if rng.random() < p else "gyro_bias"
         honest.append(judge(answer, said("effect", top, p=p)))
         boastful.append(judge(answer, said("effect", top, p=0.5 + p / 2)))
-    assert all(b.met for b in calibration(honest)) and sum(b.count for b in calibration(honest)) == 400
-    assert not all(b.met for b in calibration(boastful))
+    assert all(b.standing != "missed" for b in calibration(honest))
+    assert sum(b.count for b in calibration(honest)) == 400
+    assert any(b.standing == "missed" for b in calibration(boastful))
     assert all(b.count >= 20 for b in calibration(honest))
 
 
@@ -279,7 +297,7 @@ def test_labels_of_a_collection_are_read_and_nonsense_is_refused(tmp_path):
     assert answer.kind == "effect" and answer.families == {"current"}
     assert answer.causes[0].shown.noncentrality == 80.0
     file.write_text(json.dumps([{"name": "a1"}]))
-    with pytest.raises(BlindError, match="a label cannot be read"):
+    with pytest.raises(BlindError, match="the label of a1 cannot be read"):
         load_answers(file)
     (tmp_path / "b1.json").write_text("{}")
     with pytest.raises(BlindError, match=r"b1\.json: is no answer"):

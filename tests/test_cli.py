@@ -11,9 +11,10 @@ import pytest
 
 import bayesid.cli.app
 from bayesid import __version__
-from bayesid.cli.guard import printable, run
+from bayesid.cli.guard import run
 from bayesid.cli.output import say_json, say_table
 from bayesid.errors import FitError, TrialError, raise_all
+from bayesid.progress import printable
 
 
 @pytest.fixture

@@ -46,6 +46,7 @@ def test_nothing_is_in_the_catalogue_that_was_not_agreed():
 def test_declarations_are_complete(effect):
     assert effect.port in PORTS
     assert effect.source
+    assert effect.form.endswith("."), "say what was chosen where the source leaves a choice"
     assert effect.magnitude
     for p in effect.parameters:
         assert p.about, p.name

@@ -10,7 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bayesid import files
+from bayesid.cli.diagnose import declared
+from bayesid.errors import BayesidError
 from bayesid.files import to_plain, write_atomic, write_json
+from bayesid.manoeuvres.table import read_table
 
 
 def test_interrupted_write_leaves_the_old_file_and_no_debris(tmp_path, monkeypatch):
@@ -75,3 +79,30 @@ def test_floats_survive_the_round_trip_to_the_last_bit(tmp_path):
 def test_a_value_without_json_form_is_named():
     with pytest.raises(TypeError, match="complex"):
         to_plain({"a": 1j})
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
+@pytest.mark.parametrize("reader", [declared, read_table], ids=["--effects", "table:"])
+@pytest.mark.parametrize("kind", ["pipe", "device", "folder", "huge"])
+def test_no_reader_waits_for_a_pipe_or_swallows_a_device(kind, reader, tmp_path):
+    path = tmp_path / "given"
+    if kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "device":
+        path = Path("/dev/zero")
+    elif kind == "folder":
+        path.mkdir()
+    else:
+        with path.open("wb") as file:
+            file.truncate(2**30)  # takes no room on the disk
+    with pytest.raises(BayesidError, match="the limit is" if kind == "huge" else "not a regular file"):
+        reader(path)
+
+
+def test_a_file_that_grows_while_it_is_read_stays_within_the_limit(tmp_path, monkeypatch):
+    path = tmp_path / "log"
+    path.write_bytes(b"x" * 100)
+    monkeypatch.setattr(files, "_check_regular", lambda info, limit: None)  # as if measured before it grew
+    with pytest.raises(files.UnreadableError, match="is larger than"):
+        files.read_regular(path, 99)
+    assert files.read_regular(path, 100) == b"x" * 100

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from bayesid.errors import FitError
+from bayesid.files import read_lines
 from bayesid.fit import Options, fit, load_fit
-from bayesid.fit.journal import read_lines
 from bayesid.fit.twin import Case, draw, make_target, problem_of, run_case, run_seeds
 from bayesid.likelihood import coefficient_set, trial_problem
 from bayesid.manoeuvres import spiral, zigzag
@@ -155,9 +155,57 @@ def test_another_problem_does_not_resume_from_a_foreign_log(model, tmp_path):
     fit(problem, Options(rounds=1), folder=tmp_path)
     other = trial_problem(model, trial, coefficient_set(model, FREE[:3]))
     result = fit(other, folder=tmp_path)
-    assert (
-        result.names[:3] == FREE[:3] and read_lines(tmp_path / "iterates.jsonl")[0]["digest"] == other.digest
-    )
+    lines = read_lines(tmp_path / "iterates.jsonl")
+    assert result.names[:3] == FREE[:3] and lines[-1]["kind"] == "end"
+    assert {line["problem"] for line in lines if "problem" in line} == {problem.digest, other.digest}
+
+
+def mixed_logs(model, folder):
+    """Two fits of as many, but other, coefficients, and their logs as two commands at once mix them."""
+    trial = zigzag_trial(model, NOISE, seed=8, par=planted(model))
+    problems = [trial_problem(model, trial, coefficient_set(model, names)) for names in (FREE[:2], FREE[1:3])]
+    results = [fit(p, folder=folder / str(i)) for i, p in enumerate(problems)]
+    lines = [(folder / str(i) / "iterates.jsonl").read_text().splitlines() for i in (0, 1)]
+    return problems, results, lines
+
+
+def test_lines_of_another_fit_in_the_log_are_not_taken_for_this_one(model, tmp_path):
+    problems, results, (mine, others) = mixed_logs(model, tmp_path)
+    mixed = tmp_path / "mixed"
+    mixed.mkdir()
+    (mixed / "iterates.jsonl").write_text("\n".join([*mine[:2], *others]) + "\n")
+    found = fit(problems[0], folder=mixed)
+    assert found.converged and found.costs[0] == results[0].costs[0]
+    assert np.abs((found.z - results[0].z) / results[0].sd).max() < 0.05  # both stop within 1e-3 of the cost
+    assert (mixed / "iterates.jsonl").read_text().splitlines()[: 2 + len(others)] == [*mine[:2], *others]
+
+
+@pytest.mark.parametrize("spoil", ["cost", "z", "shape", "kind"])
+def test_a_log_whose_cost_is_not_that_of_its_values_is_refused_and_kept_aside(model, tmp_path, spoil):
+    problems, results, (mine, others) = mixed_logs(model, tmp_path)
+    spoilt, other = json.loads(mine[-1]), json.loads(others[-1])
+    if spoil == "shape":
+        spoilt["z"] = spoilt["z"][:-1]
+    elif spoil == "kind":
+        spoilt = {"digest": spoilt["digest"], "kind": "end", "start": 0}
+    else:
+        spoilt[spoil] = other[spoil]
+    folder = tmp_path / "spoilt"
+    folder.mkdir()
+    text = "\n".join([*mine[:-1], json.dumps(spoilt)]) + "\n"
+    (folder / "iterates.jsonl").write_text(text)
+    with pytest.warns(UserWarning, match=r"not used.*kept as iterates.refused1.jsonl.*begins anew"):
+        found = fit(problems[0], folder=folder)
+    assert np.array_equal(found.z, results[0].z)
+    assert (folder / "iterates.refused1.jsonl").read_text() == text
+
+
+def test_other_options_do_not_go_on_from_the_log(model, tmp_path):
+    trial = zigzag_trial(model, NOISE, seed=8, par=planted(model))
+    problem = trial_problem(model, trial, coefficient_set(model, FREE[:2]))
+    first = fit(problem, Options(rounds=1, iterations=1), folder=tmp_path)
+    assert first.status == "budget"  # which used to stand, however many rounds were allowed next time
+    assert fit(problem, folder=tmp_path).converged
 
 
 def test_several_starts_tell_how_many_end_in_the_same_place(model):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 
 import numpy as np
@@ -159,6 +160,19 @@ def test_a_killed_profile_goes_on_where_it_was(confounded, tmp_path, monkeypatch
     assert len(calls) == 3
     for a, b in zip(whole.profiles, again.profiles, strict=True):
         assert a.rise.tolist() == b.rise.tolist()
+
+
+def test_a_stored_refit_that_is_not_true_is_done_again(confounded, tmp_path):
+    log = tmp_path / "profile.jsonl"
+    whole = identify(confounded, profile=("N_r",), log=log)
+    lines = [json.loads(line) for line in log.read_text().splitlines()]
+    lines[0]["refit"]["rise"] += 0.1  # a tenth of a nat: twenty times what the profile settles to
+    lines[1]["refit"]["z"] = lines[2]["refit"]["z"]
+    lines[3]["digest"], lines[3]["refit"]["rise"] = "of another fit", -5.0
+    log.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    again = identify(confounded, profile=("N_r",), log=log)
+    assert again.profiles[0].rise.tolist() == whole.profiles[0].rise.tolist()
+    assert '"of another fit"' in log.read_text()
 
 
 def test_a_coefficient_below_the_noise_is_too_small_to_matter(on_spiral):

@@ -363,7 +363,7 @@ def test_wrong_table_says_what_is_wrong(tmp_path, text, part):
 def test_missing_table_is_one_clear_message(tmp_path):
     with pytest.raises(ManoeuvreError, match="cannot be read"):
         man.read_table(tmp_path / "nowhere.csv")
-    with pytest.raises(ManoeuvreError, match="cannot be read"):
+    with pytest.raises(ManoeuvreError, match="not a regular file"):
         man.read_table(tmp_path)
 
 

@@ -14,7 +14,17 @@ from scipy.integrate import solve_ivp
 
 from bayesid.kernels.layout import KernelSpec
 from bayesid.model import build_model
-from bayesid.simulate import gradient, plan_run, sensitivities, simulate, simulate_batch, steady_start
+from bayesid.simulate import (
+    gradient,
+    gradient_batch,
+    interval_maps,
+    plan_run,
+    sensitivities,
+    simulate,
+    simulate_batch,
+    steady_start,
+)
+from bayesid.simulate.follow import follow
 from bayesid.vehicles import builtin_names, load_vehicle
 
 NAMES = builtin_names()
@@ -220,6 +230,104 @@ def test_default_steps_follow_a_moving_rudder(name, within):
         for step in (None, 0.00125 * time)
     )
     assert np.hypot(*(coarse - fine)[:, :2].T).max() < within
+
+
+def reversals(name, values):
+    """Rudder of 20 deg to either side for 40 L/U; effects as multiples of L/U."""
+    model = model_of(name)
+    time = model.scales["L"] / model.scales["U"]
+    k = np.arange(26)
+    inputs = {"delta_r_cmd": 0.35 * (-1.0) ** k * (k > 0), "n_cmd": np.full(26, model.vehicle.rpm_ref)}
+    par = model.with_values({key: value * time for key, value in values.items()})
+    return model, par, 1.6 * time * k, inputs, steady_start(model)
+
+
+LATE = [
+    {"actuator_dead_time.delay": 0.37}, {"actuator_dead_time.delay": 0.05},
+    {"actuator_dead_time.delay": -0.2},
+    {"actuator_lag.tau": 0.3}, {"actuator_rate_limit.inverse_rate_excess": 1.0},
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("values", LATE, ids=lambda v: "{0[0]} {0[1]}".format(*v.items()))
+@pytest.mark.parametrize(("name", "within"), [("nps_auv2", 0.025), ("generic_sub", 0.1)])
+def test_default_steps_follow_a_rudder_that_is_late(name, within, values):
+    """Fins moved in long steps before: 0.04 to 0.7 m (nps_auv2) and 0.2 to 1.5 m (generic_sub) off."""
+    model, par, t, inputs, x0 = reversals(name, values)
+    time = model.scales["L"] / model.scales["U"]
+    coarse, fine = (
+        simulate(model, par, plan_run(model, t, inputs, max_step=step), x0).states
+        for step in (None, 0.00125 * time)
+    )
+    assert np.hypot(*(coarse - fine)[:, :2].T).max() < within
+
+
+def test_a_plan_is_followed_only_where_a_fin_is_late():
+    """The vehicle's own fin, an offset, a delay of nothing: the plan as it is, so the same run to the bit."""
+    model, par, t, inputs, _ = reversals("generic_sub", {})
+    plan = plan_run(model, t, inputs)
+    assert follow(model, par, plan) is plan
+    for name, value in (("actuator_dead_time.delay", 1e-6), ("rudder_offset.offset", 0.02)):
+        assert follow(model, model.with_values({name: value}), plan) is plan
+    late = model.with_values({"actuator_dead_time.delay": 5.0})
+    even = plan_run(model, t, inputs, max_step=5.0)
+    assert follow(model, late, even) is even
+    finer = follow(model, late, plan)
+    assert finer.steps.size > 1.5 * plan.steps.size
+    assert np.allclose(finer.times[finer.record[:-1]], plan.times[plan.record[:-1]], atol=1e-9)
+    assert np.allclose(np.diff(finer.times), finer.steps[:-1], atol=1e-9)
+    assert follow(model, model.with_values({"actuator_dead_time.delay": 5.001}), plan) is finer
+
+
+def test_a_late_rudder_is_followed_by_every_way_to_run():
+    """Single run, lanes among other delays, sensitivities, adjoint, interval maps: the same steps."""
+    model, par, t, inputs, x0 = reversals("nps_auv2", LATE[0])
+    plan = plan_run(model, t, inputs)
+    expected = simulate(model, par, plan, x0).states
+    n, scale = expected.shape[1], np.abs(expected).max(axis=0)
+    pars = np.repeat(model.nominal[None], 19, axis=0)
+    pars[:, model.index["actuator_dead_time.delay"]] = np.linspace(0.0, 3.0, 19)
+    pars[7] = par
+    free = model.positions(["actuator_dead_time.delay", "Y_v"])
+    slopes = sensitivities(model, par, plan, x0, free)
+    weight = np.ones_like(expected) / scale
+    states, by_par, _ = gradient(model, par, plan, x0, lambda s: weight)
+    many = gradient_batch(model, pars, plan, x0, lambda s: np.broadcast_to(weight, s.shape))
+    for found in (simulate_batch(model, pars, plan, x0)[7], slopes.track.states, states, many[0][7]):
+        assert np.abs((found[:, :n] - expected) / scale).max() < 1e-10
+    by_delay = np.einsum("ix,ixk->k", weight, slopes.jacobian[:, :, :2])
+    assert np.allclose(by_par[free], by_delay, rtol=1e-8)
+    assert np.allclose(many[1][7, free], by_delay, rtol=1e-8)
+    ends = interval_maps(model, par, plan, expected, (), free).ends
+    assert np.abs((ends - expected[1:]) / scale).max() < 1e-10
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "within"), [("generic_sub", 0.1), ("suboff_full", 0.4)])
+def test_steps_of_six_degrees_converge_regularly(name, within):
+    """As above with planes at work, drift and heave changing sign: default steps [m], and second order.
+
+    A fin held at its mean over a step is of second order: a half step leaves a quarter. The jump of Y_v|r|
+    and Z_w|q| at v = 0 and w = 0 left 1.6 m and factors between 0.3 and 20.
+    """
+    model = model_of(name, 6)
+    time = model.scales["L"] / model.scales["U"]
+    k = np.arange(26)
+    t = 1.6 * time * k
+    inputs = {
+        "delta_r_cmd": 0.35 * (-1.0) ** k * (k > 0),
+        "delta_s_cmd": 0.1 * (-1.0) ** (k // 3) * (k > 0),
+        "n_cmd": np.full(26, model.vehicle.rpm_ref),
+    }
+    x0 = steady_start(model)
+    reference, default, *rest = (
+        simulate(model, model.nominal, plan_run(model, t, inputs, max_step=step), x0).states
+        for step in (0.0003 * time, None, 0.02 * time, 0.01 * time, 0.005 * time, 0.0025 * time)
+    )
+    assert np.linalg.norm((default - reference)[:, :3], axis=1).max() < within
+    errors = [np.linalg.norm((states - reference)[:, :3], axis=1).max() for states in rest]
+    ratios = np.divide(errors[:-1], errors[1:])
+    assert ratios.min() > 3.5 and ratios.max() < 4.6
 
 
 def lively(name, dof):

@@ -102,12 +102,16 @@ def test_a_steady_current_only_carries_the_track_along():
 
 
 def test_mirrored_orders_give_the_mirrored_track():
-    _, body = boat("remus100", 6)
+    """With a propeller that turns the other way round, whose torque lists the hull to the other side."""
+    vehicle, body = boat("remus100", 6)
+    values = vehicle.propulsion.values
+    other = replace(vehicle.propulsion, values={**values, "Q_ref": -values["Q_ref"]})
+    mirrored = build(replace(vehicle, propulsion=other), vehicle.coef, 6, NOTHING)
     t = np.arange(81) * 0.5
     orders = zigzag_table(t, 0.86, 0.12, 1500.0, 0.01)
     x0 = start_state(1.5, 0.0, 5.0, NOTHING, (0.0, 0.0))
     port = fly(body, NOTHING, t, orders, x0).states[:, :12]
-    starboard = fly(body, NOTHING, t, orders * [-1.0, 1.0, 1.0], x0).states[:, :12]
+    starboard = fly(mirrored, NOTHING, t, orders * [-1.0, 1.0, 1.0], x0).states[:, :12]
     flip = np.array([1, -1, 1, -1, 1, -1] * 2)
     assert np.abs(port - flip * starboard).max() < 1e-9
 

@@ -43,6 +43,46 @@ def found_with(share=1.0, colours=SEA):
     return Found(MODEL, (hypothesis,), noise_of(MODEL), "none", "")
 
 
+def spoilt(record, how):
+    """A record of model.json in which one thing is not what a Gaussian or a mixture has."""
+    h = record["hypotheses"][0]
+    if how == "nan":
+        h["mean"][0] = float("nan")
+    elif how == "infinite":
+        h["covariance"][1][1] = float("inf")
+    elif how == "one-sided":
+        h["covariance"][0][1] += 0.5 * (h["covariance"][0][0] * h["covariance"][1][1]) ** 0.5
+    elif how == "variance":
+        h["covariance"][2][2] *= -1.0
+    elif how == "correlation":
+        c = h["covariance"]
+        c[0][1] = c[1][0] = 1.01 * (c[0][0] * c[1][1]) ** 0.5
+    elif how == "weight":
+        h["weight"] = 0.5
+    else:
+        h["force"][0] = -1.0
+    return record
+
+
+@pytest.mark.parametrize(
+    ("how", "words"),
+    [
+        ("nan", "not finite"),
+        ("infinite", "not finite"),
+        ("one-sided", "not symmetric"),
+        ("variance", "the variance of"),
+        ("correlation", "eigenvalue -0.01"),
+        ("weight", "add up to 0.5"),
+        ("force", "force holds a size"),
+    ],
+)
+def test_a_model_file_that_holds_no_gaussian_is_refused_in_words(how, words, tmp_path):
+    path = write_found(found_with(), tmp_path)
+    path.write_text(json.dumps(spoilt(json.loads(path.read_text()), how)))
+    with pytest.raises(ModelError, match=f"model.json.*{words}"):
+        read_found(tmp_path)
+
+
 @lru_cache
 def logged(seed):
     """A run of another vehicle of the prior in the sea, with its readings free of white noise."""

@@ -57,3 +57,12 @@ def test_nested_and_successive_bars_keep_the_finished_ones_on_screen():
     list(progress.track(range(2), "next"))
     assert "inner" in terminal.getvalue()[:before] and "2/2" in terminal.getvalue()
     assert "inner" not in terminal.getvalue()[before:]
+
+
+def test_a_name_cannot_steer_the_terminal_through_a_note_or_a_stage():
+    stream = io.StringIO()
+    progress = Progress(stream=stream)
+    progress.note("the same without \x1b[2Jrun")
+    with progress.stage("fit") as stage:
+        stage.step(info="run\x07\x9b31m")
+    assert "run" in stream.getvalue() and not set(stream.getvalue()) & set("\x1b\x07\x9b")

@@ -41,3 +41,24 @@ def test_a_run_begins_where_the_ship_has_gathered_way(study):
     begun = study.begun(run, 0.7)
     assert begun.t[0] == pytest.approx(36.0)  # first sample beyond 0.7 of full speed
     assert study.begun(run, None) is run
+
+
+def test_an_opened_wind_is_interpolated_as_a_vector(study, tmp_path):
+    from bayesid.trials import Run
+
+    # from 350 degrees at 2 s, from 10 degrees at 4 s: from north between them, not from 180
+    file = tmp_path / "a.csv"
+    file.write_text(f"t[s],wind_speed[m/s],wind_from[rad]\n2,1,{np.radians(350)}\n4,1,{np.radians(10)}\n")
+    t = np.array([2.0, 3.0, 4.0])
+    run = study.with_wind(Run("a", "zigzag 10/10", "holdout", t, {"u": np.ones(3)}), file)
+    x, y = (run.exogenous["wind_speed"] * f(run.exogenous["wind_from"]) for f in (np.cos, np.sin))
+    np.testing.assert_allclose(x, np.cos(np.radians(10)), rtol=1e-12)
+    np.testing.assert_allclose(y, np.sin(np.radians([-10.0, 0.0, 10.0])), atol=1e-12)
+
+
+def test_without_opened_wind_the_report_says_nothing_of_it(study, tmp_path):
+    from bayesid.trials import Run, Trial
+
+    run = Run("a", "zigzag 10/10", "holdout", np.arange(3.0), {"u": np.ones(3)})
+    trial = Trial("pond", tmp_path, "remus100", 3, (run,))
+    assert study.in_opened_wind(trial, None, tmp_path / "wind_opened") == ""

@@ -71,6 +71,16 @@ def test_a_name_from_a_file_never_becomes_markup_or_html(tmp_path):
     assert page.text.count(NASTY) == 12
 
 
+def test_no_control_character_of_a_name_reaches_a_report(tmp_path):
+    name = "run\x1b[2J\x9b31m\x07\x00\x7f\u202egnp"
+    parts = [Text(f"{name}: `{name}`"), Table((name,), ((name,), (1.0,)), caption=name)]
+    write(Report(name, name, [Section(name, parts)]), tmp_path, {"inputs": name})
+    for page in ("report.md", "report.html"):
+        text = (tmp_path / page).read_text(encoding="utf-8")
+        assert "[2J" in text and not set(text) & set("\x1b\x9b\x07\x00\x7f\u202e")
+    assert json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))["inputs"] == name
+
+
 def test_html_asks_no_other_file_or_server(tmp_path):
     html = write(_report("Trial"), tmp_path, {}).read_text()
     sources = [value for _, name, value in _Page(html).attributes if name in ("src", "href")]

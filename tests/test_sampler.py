@@ -125,6 +125,17 @@ def test_the_gate_passes_independent_draws_and_names_what_is_wrong_with_others()
     assert any("effective size" in r for r in judge(x[:, :20, :2], ("a", "b")).reasons)
 
 
+def test_the_tail_effective_size_is_the_smaller_one_of_the_5_and_95_percent_quantiles():
+    import arviz
+
+    x = autoregression(0.8, 300, (2, 6, 1), seed=4).transpose(1, 0, 2, 3)
+    gate = judge(x, ("a",))
+    step = max(1, int(gate.tau[0] / 3))  # the gate ranks every third of a correlation time only
+    chains = np.swapaxes(x[:, ::step, :, 0], 1, 2).reshape(12, -1)
+    sizes = [float(arviz.ess(chains, method="quantile", prob=p)) for p in (0.05, 0.95)]
+    assert gate.ess_tail[0] == pytest.approx(min(sizes), rel=1e-12)  # the same sums, in the same order
+
+
 def test_a_walker_that_is_stuck_is_named():
     x = np.random.default_rng(0).standard_normal((4, 400, 16, 2))
     x[1, :, 5] = x[1, 0, 5]

@@ -103,3 +103,23 @@ def test_a_chain_is_not_taken_for_another_ones(tmp_path):
     (tmp_path / "chain" / "round001.h5").write_bytes(b"damaged")
     with pytest.raises(SampleError, match=r"round001\.h5 is damaged"):
         sample(*correlated(5), OPTIONS, tmp_path, resume=True)
+
+
+def test_a_round_of_another_chain_or_of_another_density_is_not_resumed(tmp_path):
+    from dataclasses import replace
+
+    import h5py
+
+    short = replace(OPTIONS, max_steps=50)
+    for name, seed in (("a", OPTIONS.seed), ("b", 1)):
+        sample(*correlated(5), replace(short, seed=seed), tmp_path / name)
+    rounds = sorted((tmp_path / "a" / "chain").glob("*.h5"))
+    own = rounds[-1].read_bytes()
+    rounds[-1].write_bytes((tmp_path / "b" / "chain" / rounds[-1].name).read_bytes())
+    with pytest.raises(SampleError, match=rf"{rounds[-1].name} is of another chain"):
+        sample(*correlated(5), OPTIONS, tmp_path / "a", resume=True)
+    rounds[-1].write_bytes(own)
+    with h5py.File(rounds[-1], "a") as file:
+        file["log_prob"][-1, 0, 3] += 0.01
+    with pytest.raises(SampleError, match=r"tells log density .* where it is"):
+        sample(*correlated(5), OPTIONS, tmp_path / "a", resume=True)

@@ -14,6 +14,7 @@ from typing import Any, TypeAlias
 
 from bayesid.effects import Effect
 from bayesid.errors import ModelError, TrialError, VehicleError
+from bayesid.files import UnreadableError, read_regular
 from bayesid.manoeuvres import Scale
 from bayesid.model import Model, build_model, without_effects
 from bayesid.terms import canonical_name
@@ -25,6 +26,7 @@ Names: TypeAlias = "str | Iterable[str] | None"
 TrialLike: TypeAlias = "Trial | str | os.PathLike[str]"
 VehicleLike: TypeAlias = "Vehicle | str | os.PathLike[str]"
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
+LARGEST_EFFECTS = 2**20  # bytes of a Python file of effects
 LARGEST_ANGLE = 0.61  # 35 deg: largest fin angle of a manoeuvre where the vehicle states no limit
 
 
@@ -176,8 +178,11 @@ def declared_effects(path: str | os.PathLike[str] | None) -> tuple[Effect, ...]:
 
     file = Path(path)
     try:
+        read_regular(file, LARGEST_EFFECTS)  # a pipe or a device would be waited for without end
         found: Any = runpy.run_path(str(file)).get("EFFECTS", ())
-    except Exception as exc:
+    except UnreadableError as exc:
+        raise ModelError(f"{file.name}: {exc}; give a Python file of effects") from None
+    except (Exception, SystemExit) as exc:
         raise ModelError(f"{file.name}: cannot be run as a Python file of effects: {exc}") from None
     if not found or not all(isinstance(e, Effect) for e in found):
         raise ModelError(f"{file.name}: define EFFECTS, a tuple of bayesid.effects.Effect")

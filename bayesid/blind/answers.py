@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from bayesid.blind.detect import Detectability, from_json
-from bayesid.blind.families import CATALOGUE_NAMES, family_of
+from bayesid.blind.families import family_of
 from bayesid.blind.seal import BlindError, digest_of_file, read_json
 
 KINDS = ("none", "effect", "two", "variant", "outside")
@@ -76,14 +76,24 @@ def load_answers(path: Path) -> dict[str, Answer]:
     BlindError                 nothing there, or it is no answer; names the file
     """
     if path.is_file():
+        from bayesid.blind.labels import answer_of_label
+
         labels = read_json(path, "a list of labels")
         if not isinstance(labels, list):
             raise BlindError(f"{path.name}: is no list of labels; give the folder of answers or such a list")
-        return {str(label["name"]): _from_label(label, path) for label in labels}
-    found = {file.stem: _from_plant(file) for file in sorted(path.glob("*.json"))}
-    if not found:
+        found = [answer_of_label(label, path) for label in labels]
+        _once([a.name for a in found], path)
+        return {a.name: a for a in found}
+    plain = {file.stem: _from_plant(file) for file in sorted(path.glob("*.json"))}
+    if not plain:
         raise BlindError(f"{path}: no <bundle>.json in this folder; give the folder `blind make` wrote")
-    return found
+    return plain
+
+
+def _once(names: list[str], path: Path) -> None:
+    twice = sorted({n for n in names if names.count(n) > 1})
+    if twice:
+        raise BlindError(f"{path.name}: two labels for {', '.join(twice)}; a bundle has one answer")
 
 
 def with_shown(answer: Answer, shown: tuple[Detectability, ...]) -> Answer:
@@ -123,42 +133,3 @@ def _kind(kind: str, causes: list[Cause]) -> str:
     if kind not in KINDS or (kind == "none") != (not causes):
         raise BlindError(f"an answer says kind {kind!r} with {len(causes)} causes; kinds: {', '.join(KINDS)}")
     return kind
-
-
-def _from_label(label: Mapping[str, Any], path: Path) -> Answer:
-    """A label as trial collections carry them: parameters are the maker's own and not scored."""
-    try:
-        told = [e for e in label["effects"] if e["name"] != "none"]
-        outside = label["label"] == "outside"
-        detect, causes = label.get("detect") or {}, []
-        each = detect.get("delta_cost_each", {})
-        for e in told:
-            cost = each.get(e["name"], detect.get("delta_cost"))
-            shown = None
-            if cost is not None:
-                nan = float("nan")
-                shown = Detectability(e["name"], max(float(cost), 0.0), nan, nan, "")
-            variant = e.get("variant", "")
-            other = "" if variant in ("", "none", e["name"]) else variant
-            causes.append(Cause(e["name"], other, float(e["params"].get("size", "nan")), None, shown))
-        known = {*CATALOGUE_NAMES, "coefficient_error"}
-        if outside:
-            kind = "outside"
-        elif len(causes) > 1:
-            kind = "two"
-        elif causes and causes[0].variant and family_of(causes[0].name) in map(family_of, known):
-            kind = "variant"
-        else:
-            kind = "effect" if causes else "none"
-        factors = {
-            "vehicle": str(label.get("vehicle", "")),
-            "dof": "6" if label.get("six_dof") else "3",
-            "sensors": str(label.get("channels", "")),
-            "sea": "still" if not label.get("environment") else "moving",
-            "campaign": "",
-            "prior": str(label.get("prior_relative_sd", "")),
-        }
-        draws = label.get("coefficient_draw_relative", {})
-        return Answer(str(label["name"]), kind, tuple(causes), factors, draws, "", label)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise BlindError(f"{path.name}: a label cannot be read ({type(error).__name__}: {error})") from None

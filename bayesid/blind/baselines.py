@@ -12,7 +12,6 @@ oracle       : the catalogue's form of the true effects, refitted like any other
 from __future__ import annotations
 
 import math
-import pickle
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -23,6 +22,7 @@ from scipy.stats import chi2
 
 from bayesid.blind.answers import Answer
 from bayesid.blind.families import CATALOGUE_NAMES
+from bayesid.blind.posed import read_posed, write_posed
 from bayesid.coloured.levels import silent
 from bayesid.coloured.log import read_run
 from bayesid.diagnose.bank import Bank, build_bank, testable
@@ -34,7 +34,7 @@ from bayesid.model import build_model
 from bayesid.trials import load_trial
 from bayesid.vehicles import load_vehicle
 
-CHOICES, POSED = "baselines.json", "posed.pickle"
+CHOICES, POSED = "baselines.json", "posed.npz"
 NAMES = ("recalibrated", "bic", "correlation")
 FREE = 1e-9  # prior precision of an effect in a baseline that has no prior for it
 STANDS_OUT = 1e-3  # p-value below which chi-square calls the residuals more than noise
@@ -47,8 +47,7 @@ def keep_baselines(found: Any, folder: Path) -> None:
     points = none.points if none.converged else problem.path
     bank = build_bank(problem, points, [silent(problem.model)], effects)
     write_json(folder / CHOICES, choices(bank))
-    posed = (problem.environment, problem.path, problem.path_level, [log.valid for log in problem.logs])
-    (folder / POSED).write_bytes(pickle.dumps(posed))
+    write_posed(problem, folder / POSED)
 
 
 def choices(bank: Bank, level: int = 0) -> dict[str, Any]:
@@ -110,7 +109,7 @@ def oracle(task: tuple[Answer, Path, Path, Mapping[str, Any]]) -> tuple[str, flo
         return answer.name, math.nan
     trial = load_trial(bundle)
     model = build_model(load_vehicle(trial.vehicle_ref), trial.dof)
-    environment, path, level, valid = pickle.loads((folder / POSED).read_bytes())
+    environment, path, level, valid = read_posed(folder / POSED)
     from bayesid.coloured.free import coefficient_prior
 
     noise = dict(trial.noise)

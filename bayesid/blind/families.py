@@ -10,6 +10,7 @@ from collections.abc import Iterable
 from bayesid.effects import CATALOGUE
 
 _FAMILY = {e.name: e.family for e in CATALOGUE} | {a: e.family for e in CATALOGUE for a in e.aliases}
+_NAME = {a: e.name for e in CATALOGUE for a in e.aliases}
 _WHERE = {e.name: e.where for e in CATALOGUE}
 _SIDE = ("Y", "N", "Y+N", "X+Y+N")
 # Where a cause without a name acts. Force on the hull: the axes it pushes; else the signal that is wrong.
@@ -30,6 +31,11 @@ FAMILIES = tuple(dict.fromkeys(e.family for e in CATALOGUE))
 def family_of(name: str) -> str:
     """Family of a name; "none", "outside", "coefficient_error" and unknown names are their own."""
     return _FAMILY.get(name, name)
+
+
+def name_of(name: str) -> str:
+    """Name in the contract of an alias; any other name is kept."""
+    return _NAME.get(name, name)
 
 
 def families_of(names: Iterable[str]) -> frozenset[str]:

@@ -5,6 +5,8 @@ Takes the folder of a pack. Raises one error that lists everything wrong. Does n
 
 from __future__ import annotations
 
+import csv
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +14,14 @@ from bayesid.blind.families import CATALOGUE_NAMES
 from bayesid.blind.seal import (
     COMMITMENTS,
     FORMAT,
+    FORMATS,
     BlindError,
     digest_of_file,
     digest_of_folder,
     read_json,
+    unprintable,
 )
+from bayesid.channels import is_channel
 from bayesid.errors import raise_all
 
 READABLE = {".toml", ".csv"}
@@ -42,7 +47,10 @@ def check_pack(pack: Path) -> dict[str, Any] | None:
     if not bundles:
         raise BlindError(f"{pack}: no bundle (a folder with trial.toml) in this pack")
     told = read_json(pack / COMMITMENTS, "the commitments") if (pack / COMMITMENTS).exists() else None
-    problems = _leaks(pack, told)
+    problems = _leaks(pack, told) + _hidden(pack)
+    if isinstance(told, dict) and told.get("format") == FORMAT:
+        named = {problem.split(": ")[0] for problem in problems}
+        problems += [p for p in _needless(pack, bundles) if p.split(": ")[0] not in named]
     if told is not None:
         problems += _missing(bundles, told)
     if problems:
@@ -52,8 +60,8 @@ def check_pack(pack: Path) -> dict[str, Any] | None:
 
 def _missing(bundles: dict[str, Path], told: Any) -> list[str]:
     announced = told.get("bundles") if isinstance(told, dict) else None
-    if not isinstance(announced, dict) or told.get("format") != FORMAT:
-        return [f"{COMMITMENTS}: is not of format {FORMAT}; ask for the pack again"]
+    if not isinstance(announced, dict) or told.get("format") not in FORMATS:
+        return [f"{COMMITMENTS}: is of none of the formats {FORMATS}; ask for the pack again"]
     out = [f"incomplete: bundle {n} is announced but missing" for n in sorted(set(announced) - set(bundles))]
     out += [f"bundle {n} was not announced" for n in sorted(set(bundles) - set(announced))]
     out += [
@@ -86,6 +94,66 @@ def _leaks(pack: Path, told: Any) -> list[str]:
             if found:
                 out.append(f"{name}: holds {found!r}, which belongs into an answer; take it out of the pack")
     return out
+
+
+def _hidden(pack: Path) -> list[str]:
+    """Names of files, trials and manoeuvres with characters that are not seen."""
+    out = [
+        f"{path.relative_to(pack).as_posix()!r}: holds a control character in its name"
+        for path in sorted(pack.rglob("*"))
+        if unprintable(path.name)
+    ]
+    for file in sorted(pack.glob("*/trial.toml")):
+        told = _toml(file)
+        runs = [run for run in told.get("runs", ()) if isinstance(run, dict)]
+        texts = [told.get("name", ""), *(run.get(key, "") for run in runs for key in ("file", "manoeuvre"))]
+        bad = [text for text in texts if isinstance(text, str) and unprintable(text)]
+        out += [f"{file.parent.name}/trial.toml: {text!r} holds a control character" for text in bad]
+    return out
+
+
+def _toml(file: Path) -> dict[str, Any]:
+    """Content of a TOML file, nothing where it is none: the diagnosis will say so."""
+    try:
+        return tomllib.loads(file.read_text(encoding="utf-8-sig"))
+    except (OSError, ValueError, RecursionError):
+        return {}
+
+
+def _needless(pack: Path, bundles: dict[str, Path]) -> list[str]:
+    """Files and columns no diagnosis reads; only what a bundle names is needed."""
+    needed = {pack / COMMITMENTS}
+    out: list[str] = []
+    for folder in bundles.values():
+        told = _toml(folder / "trial.toml")
+        runs = [r.get("file") for r in told.get("runs", ()) if isinstance(r, dict)]
+        files = [folder / name for name in runs if isinstance(name, str)]
+        needed |= {folder / "trial.toml", folder / "vehicle.toml", *files}
+        renamed = told.get("columns")
+        named = {str(v) for v in renamed.values()} if isinstance(renamed, dict) else set()
+        for file in files:
+            extra = _columns(file, named)
+            if extra:
+                out.append(f"{file.relative_to(pack).as_posix()}: {extra}; a diagnosis reads no such column")
+    for path in sorted(pack.rglob("*")):
+        if path.is_file() and path not in needed:
+            out.append(f"{path.relative_to(pack).as_posix()}: belongs to no bundle; take it out of the pack")
+    return out
+
+
+def _columns(file: Path, named: set[str]) -> str:
+    """Words about a comment or columns a trial has no name for, "" where there are none."""
+    try:
+        with file.open(encoding="utf-8-sig", errors="replace", newline="") as stream:
+            header = next(csv.reader(stream), [])
+            comment = bool(header) and header[0].lstrip().startswith("#")
+            if comment or any(line.lstrip().startswith("#") for line in stream):
+                return "holds comments"
+    except (OSError, csv.Error):
+        return ""
+    names = [text.split("[")[0].strip() for text in header if text.strip() not in named]
+    strange = [n for n in names if n != "t" and not is_channel(n)]
+    return f"holds {', '.join(map(repr, strange))}" if strange else ""
 
 
 def _telling(path: Path) -> str:

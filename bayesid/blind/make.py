@@ -1,49 +1,64 @@
 """Blind packs: bundles for whoever is to find out, sealed answers for whoever is to judge.
 
-Takes a count, a seed and factors of the plant. Writes bundles and their commitments into one folder, answers
-into another. Does not diagnose.
+Takes a count and factors of the plant. Writes bundles and their commitments into one folder, answers and the
+secret they are drawn from into another. Does not diagnose.
 """
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterable, Mapping
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 from bayesid.blind.detect import Detectability, detectability
-from bayesid.blind.seal import COMMITMENTS, FORMAT, BlindError, digest_of_file, digest_of_folder, salt
+from bayesid.blind.seal import (
+    COMMITMENTS,
+    FORMAT,
+    SECRET_BITS,
+    BlindError,
+    derived,
+    digest_of_file,
+    digest_of_folder,
+    read_json,
+    salt,
+    secret_of,
+)
 from bayesid.errors import BayesidError
 from bayesid.files import write_json
 from bayesid.plant import draw_campaign, truth, write_bundle
 from bayesid.progress import Progress
+from bayesid.workers import worker_pool
 
 # Sizes, in reference magnitudes, a cause may be brought to: a fiftieth is of no consequence, 1.5 is a lot.
 SIZES, SIZE_TO_START = (0.02, 1.5), 0.2
+NAME_DIGITS = 13  # of a bundle's name, prefix included: 48 bits do not meet twice in a pack
 
 
 def make_pack(
-    seeds: Iterable[int],
+    count: int,
     out: Path,
     answers: Path,
-    factors: Mapping[str, Any] | Callable[[int], Mapping[str, Any]] | None = None,
+    factors: Mapping[str, Any] | Callable[[int, int], Mapping[str, Any]] | None = None,
     prefix: str = "p",
     jobs: int = 1,
     progress: Progress | None = None,
+    seeds: Sequence[int] | None = None,
 ) -> Path:
-    """Write one bundle per seed into `out` and one answer each into `answers`, then the commitments.
+    """Write `count` bundles into `out` and one answer each into `answers`, then the commitments.
 
-    Bundles that are there with their answer are kept, so that a broken run can be resumed.
+    Campaigns and names come from the secret in `answers`. Bundles that are there with their answer are kept,
+    so that a broken run can be resumed.
 
     Parameters
     ----------
-    factors : what is fixed in `plant.draw_campaign`, or a function of the seed that says; the rest is drawn.
-        "aim" is the noncentrality to which the size of the planted causes is brought
+    factors : what is fixed in `plant.draw_campaign`, or a function of a campaign's number and seed; the
+        rest is drawn. "aim" is the noncentrality to which the size of the planted causes is brought
+    seeds : of the campaigns, for development: whoever knows them can rebuild the pack, and its commitments
+        say so
 
     Returns
     -------
@@ -58,24 +73,41 @@ def make_pack(
         raise BlindError("answers must be in a folder of their own, not within the pack or around it")
     if (out / COMMITMENTS).exists():
         raise BlindError(f"{out}: is a finished pack already; choose another folder")
-    say = factors if callable(factors) else lambda seed: factors or {}
-    tasks = [(seed, f"{prefix}{seed:04d}", out, answers, dict(say(seed))) for seed in seeds]
+    if seeds is not None and len(seeds) != count:
+        raise BlindError(f"{len(seeds)} seeds for {count} bundles")
+    secret = secret_of(answers)
+    drawn = list(seeds) if seeds is not None else [derived(secret, "campaign", k) for k in range(count)]
+    names = [f"{prefix}{derived(secret, 'name', k):032x}"[:NAME_DIGITS] for k in range(count)]
+    given: Mapping[str, Any] = {} if callable(factors) else factors or {}
+    said = [factors(k, seed) if callable(factors) else given for k, seed in enumerate(drawn)]
+    tasks = [
+        (seed, name, out, answers, dict(some)) for seed, name, some in zip(drawn, names, said, strict=True)
+    ]
     progress = progress or Progress()
     with progress.stage("bundles", len(tasks)) as stage:
         for name in in_processes(_make_one, tasks, jobs):
             stage.step(info=name)
-    names = [task[1] for task in tasks]
-    return seal_pack(out, answers, names)
+    return seal_pack(out, answers, names, SECRET_BITS if seeds is None else 0)
 
 
-def seal_pack(out: Path, answers: Path, names: Iterable[str]) -> Path:
-    """Publish the fingerprints of answers and bundles in the pack."""
+def seal_pack(out: Path, answers: Path, names: Iterable[str], secret_bits: int | None = None) -> Path:
+    """Publish the fingerprints of answers and bundles in the pack.
+
+    Parameters
+    ----------
+    secret_bits : what somebody would have to guess to draw the campaigns again; None where they are no
+        drawings but logs, or where the pack said it before
+    """
+    path = out / COMMITMENTS
+    if secret_bits is None and path.exists():
+        secret_bits = read_json(path, "the commitments").get("secret_bits")
+    told = {} if secret_bits is None else {"secret_bits": secret_bits}
     bundles = {
         name: {"answer": digest_of_file(answers / f"{name}.json"), "bundle": digest_of_folder(out / name)}
         for name in sorted(names)
     }
     made = datetime.now(UTC).isoformat(timespec="seconds")
-    return write_json(out / COMMITMENTS, {"format": FORMAT, "made": made, "bundles": bundles})
+    return write_json(path, {"format": FORMAT, "made": made, **told, "bundles": bundles})
 
 
 def _make_one(task: tuple[int, str, Path, Path, dict[str, Any]]) -> str:
@@ -134,9 +166,5 @@ def in_processes(work: Any, tasks: list[Any], jobs: int) -> Iterable[Any]:
     if jobs <= 1 or len(tasks) <= 1:
         yield from map(work, tasks)
         return
-    with ProcessPoolExecutor(min(jobs, len(tasks)), mp_context=get_context("spawn")) as pool:
-        try:
-            yield from pool.map(work, tasks)
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+    with worker_pool(min(jobs, len(tasks))) as pool:
+        yield from pool.map(work, tasks)

@@ -20,17 +20,10 @@ from typing import Any
 import numpy as np
 
 from bayesid.blind.make import seal_pack, write_answer
-from bayesid.blind.seal import BlindError
-from bayesid.trials import Run, Trial, load_trial, write_trial
+from bayesid.blind.seal import BlindError, unprintable
+from bayesid.trials import Trial, load_trial, write_trial
 from bayesid.vehicles import Vehicle, load_vehicle, write_vehicle
 
-# Words in the names of other columns that would give the removed one away.
-TELLTALE = {
-    "wind": ("wind",),
-    "rudder": ("rudder", "delta_r"),
-    "current": ("water", "current"),
-    "rate_limit": (),
-}
 LAGS = 60  # first-order lags tried, up to a twentieth of a run
 
 
@@ -67,21 +60,18 @@ def remove(
     trial = load_trial(bundle, data=data)
     found = REMOVABLE[what](trial, load_vehicle(trial.vehicle_ref))
     name = name or bundle.resolve().name
+    if unprintable(name) or Path(name).name != name or name.startswith("."):
+        raise BlindError(f"{name!r}: is no name of a bundle; use letters and digits, no control character")
     if (out / name).exists() or (answers / f"{name}.json").exists():
         raise BlindError(f"{name}: is in this pack already; give the reduced bundle another --name")
-    runs = tuple(_silenced(run, TELLTALE[what]) for run in found.trial.runs)
-    write_vehicle(found.vehicle, out / name / "vehicle.toml")
+    # other columns, notes, history and sources may speak of what is gone, and a fit reads none of them
+    runs = tuple(replace(run, extra={}, notes="", provenance=()) for run in found.trial.runs)
+    vehicle = replace(found.vehicle, sources={}, confidence={}, validation={})
+    write_vehicle(vehicle, out / name / "vehicle.toml", inside=True)
     write_trial(replace(found.trial, runs=runs, vehicle_ref=str(out / name / "vehicle.toml")), out / name)
     write_answer(answers / f"{name}.json", _answer(found, name, what))
     seal_pack(out, answers, [p.parent.name for p in out.glob("*/trial.toml")])
     return found
-
-
-def _silenced(run: Run, words: tuple[str, ...]) -> Run:
-    """The run without other columns, notes or history that speak of what is gone."""
-    extra = {n: v for n, v in run.extra.items() if not any(w in n.lower() for w in words)}
-    quiet = "" if any(w in run.notes.lower() for w in words) else run.notes
-    return replace(run, extra=extra, notes=quiet, provenance=())
 
 
 def _answer(found: Removed, name: str, what: str) -> dict[str, Any]:

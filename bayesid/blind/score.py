@@ -1,14 +1,14 @@
 """Scores of a whole campaign of verdicts against the bars of the design note, with intervals and counts.
 
-Takes judged `Case`s. Gives frozen `Quantity` rows. A bar is met when the 95 % interval of the score reaches
-it; every sheet has a control that must fail.
+Takes judged `Case`s. Gives frozen `Quantity` rows. A bar is met when the score itself is within it, undecided
+when only the 95 % interval reaches it, missed otherwise; every sheet has a control that must be missed.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from bayesid.blind.judge import DETECTABLE, HIDDEN, ISOLABLE, NAMING, REJECTING,
 LEAST = 20  # cases in a bin of the calibration
 EDGES = (0.0, 0.5, 0.8, 0.95, 0.99, 1.0)
 CPU = {3: 10.0, 6: 120.0}
+MET, UNDECIDED, MISSED = STANDINGS = ("met", "undecided", "missed")
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class Quantity:
     value, interval : score and 95 % interval
     hits, count : of a share; `hits` is -1 for a mean or quantile over `count` cases
     bar : (low, high) the score may have, None where none is set
-    met : whether the interval reaches the bar; None without cases or without a bar
+    standing : one of STANDINGS; "" without cases or without a bar
     """
 
     name: str
@@ -41,20 +42,27 @@ class Quantity:
     hits: int
     count: int
     bar: tuple[float, float] | None
-    met: bool | None
+    standing: str
 
 
-def _meets(interval: tuple[float, float], bar: tuple[float, float] | None, count: int) -> bool | None:
-    if bar is None or count == 0 or not all(math.isfinite(x) for x in interval):
-        return None
-    return interval[1] >= bar[0] and interval[0] <= bar[1]
+def standing(value: float, interval: tuple[float, float], bar: tuple[float, float] | None) -> str:
+    """Met where the score itself is within its bar, undecided where only its interval is, else missed.
+
+    "" without a bar, without a score, or without an interval.
+    """
+    if bar is None or not all(math.isfinite(x) for x in (value, *interval)):
+        return ""
+    if bar[0] <= value <= bar[1]:
+        return MET
+    return UNDECIDED if interval[1] >= bar[0] and interval[0] <= bar[1] else MISSED
 
 
 def share(name: str, about: str, hits: Sequence[bool], bar: tuple[float, float] | None = None) -> Quantity:
     """A proportion."""
     k, n = int(sum(hits)), len(hits)
     interval = clopper(k, n)
-    return Quantity(name, about, k / n if n else math.nan, interval, k, n, bar, _meets(interval, bar, n))
+    value = k / n if n else math.nan
+    return Quantity(name, about, value, interval, k, n, bar, standing(value, interval, bar))
 
 
 def average(name: str, about: str, values: Sequence[float], bar: tuple[float, float] | None = None,
@@ -63,7 +71,7 @@ def average(name: str, about: str, values: Sequence[float], bar: tuple[float, fl
     x = np.array([v for v in values if math.isfinite(v)])
     interval = bootstrap(x, statistic)
     value = float(statistic(x, axis=0)) if x.size else math.nan
-    return Quantity(name, about, value, interval, -1, x.size, bar, _meets(interval, bar, x.size))
+    return Quantity(name, about, value, interval, -1, x.size, bar, standing(value, interval, bar))
 
 
 def _tenth(x: np.ndarray, axis: int) -> np.ndarray:
@@ -157,13 +165,13 @@ def _shrinks(cases: Sequence[Case], oracle: Mapping[str, float]) -> list[Quantit
 
 @dataclass(frozen=True)
 class Bin:
-    """Answers stated with similar probability: mean stated, share of hits, interval, number."""
+    """Answers stated with similar probability: mean stated, share of hits, interval, number, standing."""
 
     stated: float
     hit: float
     interval: tuple[float, float]
     count: int
-    met: bool
+    standing: str
 
 
 def calibration(cases: Sequence[Case], slack: float = 0.07) -> list[Bin]:
@@ -186,8 +194,9 @@ def calibration(cases: Sequence[Case], slack: float = 0.07) -> list[Bin]:
     for group in groups:
         hits = sum(c.top in c.acceptable for c in group)
         stated, interval = float(np.mean([c.stated for c in group])), clopper(hits, len(group))
-        met = interval[1] >= stated - slack and interval[0] <= stated + slack
-        out.append(Bin(stated, hits / len(group), interval, len(group), met))
+        share_hit = hits / len(group)
+        told = standing(share_hit, interval, (stated - slack, stated + slack))
+        out.append(Bin(stated, share_hit, interval, len(group), told))
     return out
 
 
@@ -204,10 +213,9 @@ def shuffled(answers: Mapping[str, Answer], verdicts: Mapping[str, dict], seed: 
             judge(answers[a], verdicts[b]) for a, b in zip(order, np.roll(order, 1), strict=True)
         ]  # a ring: nobody keeps his own
     hits = [c.top in c.right for c in cases if c.kind == "effect" and c.noncentrality >= DETECTABLE]
-    found = share(
+    return share(
         "control: verdicts of other bundles, top-1", "one effect, D >= 25; must fail", hits, at_least(0.95)
     )
-    return replace(found, met=found.met)
 
 
 def table(cases: Sequence[Case], key: Callable[[Case], str]) -> list[list[object]]:

@@ -18,7 +18,7 @@ from bayesid.blind.judge import Case, judge
 from bayesid.blind.make import in_processes, redraw
 from bayesid.blind.score import Bin, Quantity, calibration, sheet, shuffled, table
 from bayesid.blind.seal import BlindError, digest_of
-from bayesid.blind.verdicts import check_seals, load_verdicts
+from bayesid.blind.verdicts import caveats, check_seals, load_verdicts
 from bayesid.files import write_json
 from bayesid.progress import Progress
 
@@ -45,6 +45,7 @@ class Sheet:
     strata : table per factor, see `score.table`
     sealed : what the seal says, None for unsealed verdicts
     missing : bundles without a verdict, left out: not solved in the time given, or unsealed and not there
+    caveats : what these seals do not prove
     """
 
     cases: tuple[Case, ...]
@@ -54,6 +55,7 @@ class Sheet:
     strata: Mapping[str, list[list[object]]]
     sealed: Mapping[str, Any] | None
     missing: tuple[str, ...]
+    caveats: tuple[str, ...] = ()
 
 
 def score_pack(
@@ -64,6 +66,8 @@ def score_pack(
     jobs: int = 1,
     oracle: Mapping[str, float] | None = None,
     progress: Progress | None = None,
+    promised: str = "",
+    commitments: Path | None = None,
 ) -> Sheet:
     """Score verdicts.
 
@@ -73,13 +77,16 @@ def score_pack(
     unsealed : take verdicts without a seal, whichever there are, and say so
     cache : file that keeps detectabilities which answers do not state, so that they are computed once
     oracle : bundle -> shrink of a refit with the true effects
+    promised, commitments : see `check_seals`
 
     Raises
     ------
-    BlindError                 a seal is broken, a verdict or an answer is missing
+    BlindError                 a seal is broken or not the one made known, a verdict or an answer is missing
     """
     known = load_answers(answers)
-    sealed = None if unsealed else check_seals(verdicts, known)
+    if unsealed and (promised or commitments):
+        raise BlindError("verdicts without a seal cannot be checked against one; leave --unsealed out")
+    sealed = None if unsealed else check_seals(verdicts, known, promised, commitments)
     found = load_verdicts(verdicts)
     unsolved = set(sealed.get("unsolved", ())) if sealed else set()
     asked = sorted(set(sealed["pack"]["bundles"]) - unsolved) if sealed else sorted(set(found) & set(known))
@@ -99,7 +106,8 @@ def score_pack(
     missing = tuple(sorted(unsolved if sealed else set(load_answers(answers)) - set(found)))
     strata = {name: table(cases, key) for name, key in STRATA.items()}
     control = shuffled(known, found)
-    return Sheet(tuple(cases), quantities, tuple(calibration(cases)), control, strata, sealed, missing)
+    told = caveats(sealed) if sealed else ()
+    return Sheet(tuple(cases), quantities, tuple(calibration(cases)), control, strata, sealed, missing, told)
 
 
 def weighed(

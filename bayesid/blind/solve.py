@@ -7,15 +7,13 @@ report, and seal.json. Refuses a pack in which an answer may be read. Does not k
 from __future__ import annotations
 
 import math
-import os
 import time
 import traceback
 from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, wait
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import islice
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -26,13 +24,14 @@ from bayesid.blind.seal import (
     BlindError,
     digest_of_file,
     digest_of_folder,
-    digest_of_list,
+    digest_of_record,
     read_json,
     versions,
 )
 from bayesid.errors import BayesidError, raise_all
 from bayesid.files import write_json
 from bayesid.progress import Progress
+from bayesid.workers import worker_pool
 
 NOTE = "solved.json"
 SPATIAL_COST = 13.0  # a 6-DOF bundle takes about this many times a planar one: for the time left only
@@ -49,7 +48,7 @@ class Settings:
     plan_next : also rank manoeuvres to fly next
     report : write report.html and figures beside each verdict
     keep : called with each diagnosis and its folder, to keep more of it; must not change the verdict
-    accept_faults : seal although the program itself failed on some bundles; they count as unanswered
+    accept_faults : seal although the program itself failed on some bundles or reports
     minutes : begin no bundle after this time and seal what there is; the others are listed as not solved
     """
 
@@ -59,6 +58,11 @@ class Settings:
     keep: Keep | None = None
     accept_faults: bool = False
     minutes: float | None = None
+
+    @property
+    def mode(self) -> str:
+        """How a verdict is made, in words."""
+        return "with next manoeuvre" if self.plan_next else "without next manoeuvre"
 
 
 def solve_pack(
@@ -86,8 +90,8 @@ def solve_pack(
     Raises
     ------
     BlindError                 an answer is readable in the pack, a bundle is missing or was changed, the
-                               folder of verdicts lies within the pack or holds those of another pack, or the
-                               program failed on a bundle
+                               folder of verdicts lies within the pack, holds those of another pack or such as
+                               were made with other code, seed or mode, or the program failed on a bundle
     """
     pack, out = pack.resolve(), out.resolve()
     if out == pack or pack in out.parents:
@@ -103,17 +107,22 @@ def solve_pack(
     digests = {b.name: digest_of_folder(b) for b in bundles}
     _check_out(out, digests)
     now = versions()
+    _check_same(bundles, out, settings, now)
     todo = [b for b in bundles if not _done(out / b.name, digests[b.name])]
     kept = len(bundles) - len(todo)
     if kept:
         progress.note(f"{kept} bundles are solved already and kept")
     started = datetime.now(UTC).isoformat(timespec="seconds")
+    for bundle in todo:  # of a failed attempt: what is not tried again today counts as not solved
+        (out / bundle.name / NOTE).unlink(missing_ok=True)
     _run(todo, out, digests, jobs, settings, now, progress)
     _check_faults(bundles, out, settings.accept_faults)
+    if versions() != now:
+        raise BlindError("the program was changed while it solved; not sealed; solve into another folder")
     if names:
         return {"verdicts": {b.name: digest_of_file(out / b.name / "diagnosis.json") for b in bundles
                              if (out / b.name / "diagnosis.json").exists()}}  # fmt: skip
-    seal = _seal(out, digests, commitments, now, started)
+    seal = _seal(out, digests, commitments, now, started, settings)
     if settings.report and seal["verdicts"]:
         _overview(out, seal)
     return seal
@@ -130,12 +139,35 @@ def _check_out(out: Path, digests: dict[str, str]) -> None:
             )
 
 
+def _check_same(bundles: list[Path], out: Path, settings: Settings, now: dict[str, str]) -> None:
+    """Verdicts under one seal are made by one program in one way; what was made otherwise is not taken "
+    "over."""
+    asked = {"versions": now, "seed": settings.seed, "mode": settings.mode}
+    problems = []
+    for name in sorted(b.name for b in bundles):
+        if not (out / name / NOTE).exists():
+            continue
+        told = read_json(out / name / NOTE, "a note of `blind solve`")
+        if "verdict" in told:
+            problems += [f"{name}: solved with {key} {_short(told.get(key))}, now {_short(value)}"
+                         for key, value in asked.items() if told.get(key) != value]  # fmt: skip
+    if problems:
+        problems.append("choose another folder, or delete these bundles from it to have them solved again")
+        raise_all(BlindError, str(out), problems)
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, dict):
+        return ", ".join(f"{k} {v}" for k, v in value.items())
+    return "not told" if value is None else str(value)
+
+
 def _done(folder: Path, digest: str) -> bool:
     note = folder / NOTE
     if not note.exists():
         return False
     told = read_json(note, "a note of `blind solve`")
-    if told.get("failure"):
+    if "verdict" not in told:
         return False
     verdict = folder / "diagnosis.json"
     return told["bundle"] == digest and verdict.exists() and digest_of_file(verdict) == told["verdict"]
@@ -146,7 +178,7 @@ def _run(todo: list[Path], out: Path, digests: dict[str, str], jobs: int, settin
     weight = {b.name: SPATIAL_COST if _spatial(b) else 1.0 for b in todo}
     # the long ones first, so that the last worker does not sit on one alone
     todo = sorted(todo, key=lambda b: (-weight[b.name], b.name))
-    tasks = [(b, out / b.name, digests[b.name], settings, now["code"]) for b in todo]
+    tasks = [(b, out / b.name, digests[b.name], settings, now) for b in todo]
     left, begun = sum(weight.values()), time.monotonic()
     with progress.stage("bundles", len(tasks)) as stage:
         for name, told in _results(tasks, jobs, settings.minutes):
@@ -159,7 +191,7 @@ def _run(todo: list[Path], out: Path, digests: dict[str, str], jobs: int, settin
 def _check_faults(bundles: list[Path], out: Path, accepted: bool) -> None:
     solved = [b for b in bundles if (out / b.name / NOTE).exists()]
     notes = {b.name: read_json(out / b.name / NOTE, "a note of `blind solve`") for b in solved}
-    faults = [f"{name}: {note['failure']}" for name, note in notes.items() if "trace" in note]
+    faults = [f"{n}: {t.get('failure') or t.get('beside')}" for n, t in notes.items() if "trace" in t]
     if faults and not accepted:
         faults.append(
             "nothing is sealed; run again when mended (what is solved is kept), or accept the faults"
@@ -176,24 +208,19 @@ def _results(tasks: list[Any], jobs: int, minutes: float | None) -> Any:
                 return
             yield _solve_one(task)
         return
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     left = iter(tasks)
-    with ProcessPoolExecutor(min(jobs, max(len(tasks), 1)), mp_context=get_context("spawn")) as pool:
+    with worker_pool(min(jobs, max(len(tasks), 1))) as pool:
         running = {pool.submit(_solve_one, task) for task in islice(left, jobs) if time.monotonic() < last}
-        try:
-            while running:
-                done, running = wait(running, return_when=FIRST_COMPLETED)
-                if time.monotonic() < last:
-                    running |= {pool.submit(_solve_one, task) for task in islice(left, len(done))}
-                yield from (future.result() for future in done)
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+        while running:
+            done, running = wait(running, return_when=FIRST_COMPLETED)
+            if time.monotonic() < last:
+                running |= {pool.submit(_solve_one, task) for task in islice(left, len(done))}
+            yield from (future.result() for future in done)
 
 
-def _solve_one(task: tuple[Path, Path, str, Settings, str]) -> tuple[str, str]:
+def _solve_one(task: tuple[Path, Path, str, Settings, dict[str, str]]) -> tuple[str, str]:
     """Verdict of one bundle, written to disk; (name, what it says)."""
-    bundle, folder, digest, settings, code = task
+    bundle, folder, digest, settings, now = task
     from bayesid.diagnose.diagnosis import as_json, diagnose
     from bayesid.model import build_model
     from bayesid.sections.diagnosis import write_diagnosis_report
@@ -202,7 +229,8 @@ def _solve_one(task: tuple[Path, Path, str, Settings, str]) -> tuple[str, str]:
 
     folder.mkdir(parents=True, exist_ok=True)
     cpu, wall = time.process_time(), time.monotonic()
-    note: dict[str, Any] = {"bundle": digest, "code": code}
+    note: dict[str, Any] = {"bundle": digest, "code": now["code"], "versions": now}
+    note |= {"seed": settings.seed, "mode": settings.mode}
     said = "failed"
     try:
         trial = load_trial(bundle)
@@ -219,11 +247,17 @@ def _solve_one(task: tuple[Path, Path, str, Settings, str]) -> tuple[str, str]:
         if settings.keep is not None:
             settings.keep(found, folder)
     except BayesidError as error:
-        note |= {"failure": str(error)}
+        note |= {_failed(note): str(error)}
     except Exception as error:  # one bundle must not cost the others theirs
-        note |= {"failure": f"{type(error).__name__}: {error}", "trace": traceback.format_exc(limit=-3)}
+        trace = traceback.format_exc(limit=-3)
+        note |= {_failed(note): f"{type(error).__name__}: {error}", "trace": trace}
     write_json(folder / NOTE, note)
     return bundle.name, said
+
+
+def _failed(note: dict[str, Any]) -> str:
+    """A verdict that is written stands, whatever its report comes to."""
+    return "beside" if "verdict" in note else "failure"
 
 
 def _spatial(bundle: Path) -> bool:
@@ -248,24 +282,27 @@ def _overview(out: Path, seal: dict[str, Any]) -> None:
 
 
 def _seal(out: Path, digests: dict[str, str], commitments: dict[str, Any] | None, now: dict[str, str],
-          started: str) -> dict[str, Any]:  # fmt: skip
+          started: str, settings: Settings) -> dict[str, Any]:  # fmt: skip
     unsolved = sorted(name for name in digests if not (out / name / NOTE).exists())
     for name in unsolved:  # what a stop left behind is no verdict
         (out / name / "diagnosis.json").unlink(missing_ok=True)
     notes = {n: read_json(out / n / NOTE, "a note of `blind solve`") for n in digests if n not in unsolved}
     verdicts = {n: t["verdict"] for n, t in notes.items() if "verdict" in t}
-    keys = ("cpu_seconds", "wall_seconds", "simulated_seconds", "dof", "code")
+    keys = ("cpu_seconds", "wall_seconds", "simulated_seconds", "dof", "code", "beside")
     seal = {
         "format": FORMAT,
         "versions": now,
+        "seed": settings.seed,
+        "mode": settings.mode,
         "started": started,
         "sealed": datetime.now(UTC).isoformat(timespec="seconds"),
         "pack": {"bundles": digests, "commitments": commitments},
         "verdicts": verdicts,
         "unsolved": unsolved,
-        "failures": {n: t["failure"] for n, t in notes.items() if "failure" in t},
+        "failures": {n: t["failure"] for n, t in notes.items() if "verdict" not in t},
         "cost": {n: {k: t[k] for k in keys if k in t} for n, t in notes.items()},
-        "seal": digest_of_list(verdicts),
     }
+    written = read_json(write_json(out / SEAL, seal), "the seal")  # as whoever checks it will read it
+    seal = {**written, "seal": digest_of_record(written)}
     write_json(out / SEAL, seal)
     return seal

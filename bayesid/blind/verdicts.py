@@ -11,11 +11,14 @@ from typing import Any
 
 from bayesid.blind.answers import Answer
 from bayesid.blind.seal import (
+    ENOUGH_BITS,
     FORMAT,
+    FORMATS,
     SEAL,
     BlindError,
     digest_of_file,
     digest_of_list,
+    digest_of_record,
     read_json,
 )
 from bayesid.errors import raise_all
@@ -38,8 +41,18 @@ def load_verdicts(folder: Path) -> dict[str, dict[str, Any]]:
     return found
 
 
-def check_seals(folder: Path, answers: Mapping[str, Answer]) -> dict[str, Any]:
+SHORTEST = 16  # digits of a seal somebody may quote
+
+
+def check_seals(
+    folder: Path, answers: Mapping[str, Answer], promised: str = "", commitments: Path | None = None
+) -> dict[str, Any]:
     """Check that no verdict was changed after its seal and no answer after its commitment.
+
+    Parameters
+    ----------
+    promised : the seal as it was made known when the verdicts were sealed, or its first 16 digits or more
+    commitments : the file as whoever made the pack kept it
 
     Returns
     -------
@@ -55,19 +68,64 @@ def check_seals(folder: Path, answers: Mapping[str, Answer]) -> dict[str, Any]:
             "solve with `bayesid blind solve`, or score unsealed verdicts with --unsealed"
         )
     seal = read_json(folder / SEAL, "a seal")
-    if not isinstance(seal, dict) or seal.get("format") != FORMAT:
-        raise BlindError(f"{folder / SEAL}: is no seal of format {FORMAT}")
-    problems = [*_verdicts(folder, seal), *_answers(seal, answers)]
+    if not isinstance(seal, dict) or seal.get("format") not in FORMATS:
+        raise BlindError(f"{folder / SEAL}: is a seal of none of the formats {FORMATS}")
+    problems = [*_made_known(seal, promised, commitments), *_verdicts(folder, seal), *_answers(seal, answers)]
     if problems:
         raise_all(BlindError, str(folder), problems)
     return seal
 
 
+def caveats(seal: Mapping[str, Any]) -> tuple[str, ...]:
+    """What a sealed score does not prove, in sentences; empty where pack and seal are of the present kind."""
+    out = []
+    told = seal["pack"].get("commitments")
+    if told is None:
+        out.append("The pack had no commitments: that the answers are those of its bundles rests on a word.")
+    elif told.get("format") != FORMAT:
+        out.append(
+            "The pack is of the old kind: the names of its bundles carry the seed, and whoever has the "
+            "program "
+            "could have rebuilt bundles and answers from it."
+        )
+    elif told.get("secret_bits", ENOUGH_BITS) < ENOUGH_BITS:
+        out.append("The pack was drawn from seeds, not from a secret: whoever knows them can rebuild it.")
+    if seal.get("format") != FORMAT:
+        out.append("The seal is of the old kind: it covers the list of verdicts, not failures or versions.")
+    return tuple(out)
+
+
+def _made_known(seal: Mapping[str, Any], promised: str, commitments: Path | None) -> list[str]:
+    """What differs from the seal and the commitments that were told apart from these folders."""
+    out = []
+    wanted = promised.strip().lower()
+    if wanted and (len(wanted) < SHORTEST or not str(seal["seal"]).startswith(wanted)):
+        short = f"; give at least {SHORTEST} digits of it" if len(wanted) < SHORTEST else ""
+        out.append(f"the seal is {seal['seal'][:SHORTEST]}, not {wanted} as made known{short}")
+    if commitments is not None:
+        kept = read_json(commitments, "the commitments")
+        if kept != seal["pack"].get("commitments"):
+            out.append(f"the verdicts answer other commitments than those of {commitments.name}")
+    return out
+
+
 def _verdicts(folder: Path, seal: Mapping[str, Any]) -> list[str]:
     listed: Mapping[str, str] = seal["verdicts"]
     out = []
-    if digest_of_list(listed) != seal["seal"]:
-        out.append("the seal is broken: its list of verdicts was changed")
+    if seal["format"] == FORMAT:
+        whole = digest_of_record({k: v for k, v in seal.items() if k != "seal"}) == seal["seal"]
+    else:
+        whole = digest_of_list(listed) == seal["seal"]
+    if not whole:
+        out.append("the seal is broken: what it lists was changed")
+    lists = {"solved": listed, "failed": seal.get("failures", {}), "not solved": seal.get("unsolved", ())}
+    every = [(name, word) for word, some in lists.items() for name in some]
+    for name in sorted({n for n, _ in every}):
+        words = [word for n, word in every if n == name]
+        if len(words) > 1:
+            out.append(f"{name}: is listed as {' and as '.join(words)}")
+        if name not in seal["pack"]["bundles"]:
+            out.append(f"{name}: is listed as {words[0]} and is no bundle of the pack")
     present = {p.parent.name for p in folder.glob("*/diagnosis.json")}
     for name in sorted(set(listed) - present):
         out.append(f"{name}: the sealed verdict is missing")

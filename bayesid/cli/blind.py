@@ -8,19 +8,23 @@ from typing import Annotated
 import typer
 
 from bayesid.cli.guard import NOT_CONVERGED, OK
-from bayesid.cli.options import Json, Quick, Seed, Verbose
+from bayesid.cli.options import Json, OutFolder, Quick, Seed, Verbose, claimed
 
 Jobs = Annotated[int, typer.Option("--jobs", "-j", min=1, help="Worker processes.")]
-OutFolder = Annotated[
-    Path, typer.Option("--out", "-o", file_okay=False, help="Folder for the results; made if missing.")
+Answers = Annotated[
+    Path,
+    typer.Option("--answers", help="Folder of the answers, apart from the pack.", callback=claimed),
 ]
 
 
 def make(
     out: OutFolder,
-    answers: Annotated[Path, typer.Option("--answers", help="Folder of the answers, apart from the pack.")],
+    answers: Answers,
     count: Annotated[int, typer.Option("--count", "-n", min=1, help="How many bundles.")] = 10,
-    seed: Seed = 1,
+    seed: Annotated[
+        int | None,
+        typer.Option(min=0, help="For development: who knows it can rebuild the pack, and scores say so."),
+    ] = None,
     kind: Annotated[str | None, typer.Option(help="none, effect, two, variant or outside.")] = None,
     effect: Annotated[list[str] | None, typer.Option(help="Effect to plant; may be given twice.")] = None,
     vehicle: Annotated[str | None, typer.Option(help="Vehicle of the plant.")] = None,
@@ -32,14 +36,18 @@ def make(
 ) -> int:
     """Make a pack of trial bundles with sealed answers.
 
-    The fingerprint of every answer is published in the pack; give away --out and keep --answers.
+    The fingerprint of every answer is published in the pack; give away --out and keep --answers, which holds
+    the secret that campaigns and names are drawn from.
     """
     from bayesid.blind.make import make_pack
 
     given = {"kind": kind, "effects": effect or None, "vehicle": vehicle, "dof": dof}
     given |= {"sensors": sensors, "sea": sea}
     factors = {key: value for key, value in given.items() if value is not None}
-    path = make_pack(range(seed, seed + count), out, answers, factors, jobs=jobs)
+    seeds = None if seed is None else range(seed, seed + count)
+    path = make_pack(count, out, answers, factors, jobs=jobs, seeds=seeds)
+    if seeds is not None:
+        print("drawn from seeds: for development, no blind check")
     print(f"{count} bundles in {out}, commitments in {path.name}; answers in {answers}: keep them apart")
     return OK
 
@@ -48,7 +56,7 @@ def remove(
     bundle: Annotated[Path, typer.Argument(help="Folder of the trial bundle.")],
     what: Annotated[str, typer.Argument(help="wind, rudder, current or rate_limit.")],
     out: OutFolder,
-    answers: Annotated[Path, typer.Option("--answers", help="Folder of the answers, apart from the pack.")],
+    answers: Answers,
     data: Annotated[Path | None, typer.Option("--data", help="Folder of the logs, if apart.")] = None,
     name: Annotated[str, typer.Option("--name", help="Name of the reduced bundle.")] = "",
     verbose: Verbose = False,
@@ -112,18 +120,27 @@ def score(
     answers: Annotated[Path, typer.Argument(help="Folder of the answers, or a file of labels.")],
     verdicts: Annotated[Path, typer.Argument(help="Folder of the verdicts.")],
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", file_okay=False, help="Folder for the report.")
+        Path | None,
+        typer.Option("--out", "-o", file_okay=False, help="Folder for the report.", callback=claimed),
     ] = None,
     unsealed: Annotated[
         bool, typer.Option("--unsealed", help="Score verdicts without a seal, whichever are there.")
     ] = False,
+    seal: Annotated[
+        str, typer.Option("--seal", help="The seal as made known when it was made; 16 digits or more.")
+    ] = "",
+    commitments: Annotated[
+        Path | None, typer.Option("--commitments", help="commitments.json as whoever made the pack kept it.")
+    ] = None,
     jobs: Jobs = 1,
     as_json: Json = False,
     verbose: Verbose = False,
 ) -> int:
     """Score verdicts against answers; both seals are checked first.
 
-    Detectability is computed from the seed of an answer that does not state it, and kept in --out.
+    A seal proves something to whom it was made known: --seal and --commitments compare with what was kept
+    apart from these folders. Detectability is computed from the seed of an answer that does not state it, and
+    kept in --out.
     """
     from bayesid import report
     from bayesid.blind.sheet import score_pack
@@ -131,7 +148,9 @@ def score(
     from bayesid.sections.blind import blind_report, quantity_row, results
 
     cache = None if out is None else out / "detectability.json"
-    sheet = score_pack(answers, verdicts, unsealed, cache, jobs)
+    sheet = score_pack(
+        answers, verdicts, unsealed, cache, jobs, promised=seal, commitments=commitments
+    )
     plain = results(sheet)
     if out is not None:
         report.write(
@@ -152,6 +171,8 @@ def score(
     say(f"control that must fail: {control} right with verdicts of other bundles")
     if sheet.sealed is None:
         say("not sealed: a development score, no blind check")
+    for sentence in sheet.caveats:
+        say(sentence)
     for c in sheet.cases:
         if c.outcome not in ("right", "rejected"):
             said = ", ".join(sorted(c.named)) or c.word

@@ -1,6 +1,7 @@
 """What a user sees when something goes wrong: one message and an exit code, a traceback only with -v.
 
-Exit codes: 0 ok, 2 usage or bad input, 3 not converged, 1 a fault of the program, 130 stopped by the user.
+Exit codes: 0 ok, 2 usage or bad input, 3 not converged, 1 a fault of the program or a killed worker, 130
+stopped by the user, 143 by the system.
 """
 
 from __future__ import annotations
@@ -14,8 +15,10 @@ from typing import Any
 
 import typer
 
+from bayesid.cli import stopping
 from bayesid.errors import BayesidError
-from bayesid.report.text import printable
+from bayesid.lock import release_all
+from bayesid.progress import printable
 
 OK, FAULT, BAD_INPUT, NOT_CONVERGED, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -51,8 +54,7 @@ def run(args: Sequence[str] | None = None) -> int:
     except BayesidError as error:
         return _refuse(str(error), error.exit_code)
     except (typer.Abort, KeyboardInterrupt):
-        text = "stopped before it was done; --out holds what had been written until then, if anything"
-        return _refuse(text, INTERRUPTED)
+        return _refuse(stopping.TEXT, stopping.code())
     except BrokenPipeError:  # `bayesid ... | head`: the reader has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return OK
@@ -64,6 +66,7 @@ def run(args: Sequence[str] | None = None) -> int:
         text = f"unexpected {type(error).__name__}: {error}\nThis is a fault of bayesid, not of your data."
         return _refuse(text, FAULT, hint=True)
     finally:
+        release_all()
         warnings.showwarning = show_before
 
 

@@ -2,19 +2,44 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from bayesid.cli.guard import set_verbose
+from bayesid.lock import lock
+from bayesid.progress import printable
 
+
+def claimed(context: typer.Context, folder: Path | None) -> Path | None:
+    """Lock a folder for this command before it reads anything; `guard.run` gives it back.
+
+    Raises
+    ------
+    LockError
+        another command writes there
+    """
+    if folder is not None and not context.resilient_parsing:
+        told = lock(folder, context.command_path)
+        if told is not None:
+            print(printable(f"note: {told}"), file=sys.stderr)
+    return folder
+
+
+# Every folder a command writes to has `callback=claimed`: two commands in one folder would mix their files.
 Out = Annotated[
     Path | None,
-    typer.Option("--out", "-o", file_okay=False, help="Folder for the results; made if missing."),
+    typer.Option(
+        "--out", "-o", file_okay=False, help="Folder for the results; made if missing.", callback=claimed
+    ),
 ]
 OutFolder = Annotated[
-    Path, typer.Option("--out", "-o", file_okay=False, help="Folder for the results; made if missing.")
+    Path,
+    typer.Option(
+        "--out", "-o", file_okay=False, help="Folder for the results; made if missing.", callback=claimed
+    ),
 ]
 Seed = Annotated[int, typer.Option("--seed", min=0, max=2**32 - 1, help="Seed of every random number.")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from bayesid.cli.options import Out, Quick, Verbose
+from bayesid.lock import lock
 
 
 def study(
@@ -29,7 +30,8 @@ def study(
         return 0
     if name not in studies:
         raise typer.BadParameter(f"no study {name!r}; there are: {', '.join(studies)}", param_hint="NAME")
-    folder = out or Path("out" if quick else "reports") / name
+    folder = out or Path("out") / name
+    lock(folder, f"bayesid study {name}")
     arguments = ["--out", str(folder), *(["--quick"] if quick else [])]
     if data is not None:
         arguments += ["--data", str(data)]

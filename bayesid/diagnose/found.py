@@ -29,7 +29,7 @@ from bayesid.diagnose.weigh import PRIOR_CATALOGUE, PRIOR_NONE
 from bayesid.diagnose.which import Candidates
 from bayesid.effects import Effect
 from bayesid.errors import ModelError
-from bayesid.files import write_json
+from bayesid.files import UnreadableError, read_regular, write_json
 from bayesid.model import Model, build_model
 from bayesid.vehicles import load_vehicle, write_vehicle
 
@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 Array = np.ndarray
 FORMAT = 1
 MODEL_FILE, VEHICLE_FILE = "model.json", "vehicle_nominal.toml"
+LARGEST_MODEL = 2**28  # bytes of model.json; 70 coefficients with covariance take 0.1 MB a hypothesis
+SYMMETRIC = 1e-8
 # Weight below which a hypothesis is left out of a prediction.
 LEAST = 0.01
 # Latent force over 1/2 rho L^2 U^2 tried as what a hypothesis leaves unexplained, its times in L/U, and the
@@ -247,15 +249,18 @@ def read_found(folder: str | os.PathLike[str], declared: Iterable[Effect] = ()) 
     """
     path = Path(folder) / MODEL_FILE
     try:
-        record = json.loads(path.read_text(encoding="utf-8"))
+        record = json.loads(read_regular(path, LARGEST_MODEL).decode("utf-8"))
         if record["format"] != FORMAT:
             raise ModelError(f"{path}: format {record['format']!r}; this version reads {FORMAT}")
         hypotheses = tuple(_read(h) for h in record["hypotheses"])
+        weights = [h.weight for h in hypotheses]
+        if not hypotheses or min(weights) < 0 or not abs(sum(weights) - 1.0) < 1e-6:
+            raise ValueError(f"the weights of its hypotheses add up to {sum(weights):.6g}, not to 1")
         vehicle, dof, digest = path.with_name(record["vehicle"]), int(record["dof"]), record["digest"]
         rest = dict(record["noise"]), str(record["verdict"]), str(record["trial"])
-    except OSError as error:
+    except UnreadableError as error:
         raise ModelError(
-            f"{path}: cannot be read ({error.strerror}); `bayesid diagnose BUNDLE --out FOLDER` writes it"
+            f"{path}: {error}; `bayesid diagnose BUNDLE --out FOLDER` writes it"
         ) from None
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise ModelError(f"{path}: is not a diagnosed model ({error})") from None
@@ -266,6 +271,30 @@ def read_found(folder: str | os.PathLike[str], declared: Iterable[Effect] = ()) 
             "same --effects file if there was one"
         )
     return Found(model, hypotheses, *rest)
+
+
+def _check_gaussian(names: Sequence[str], mean: Array, covariance: Array) -> None:
+    """Refuse what no Gaussian has, so that no draw of it looks like an answer.
+
+    Positive up to what rounding does to a singular matrix: 1e-8 of the unit diagonal of its correlations.
+    """
+    if not (np.isfinite(mean).all() and np.isfinite(covariance).all()):
+        raise ValueError("mean or covariance hold numbers that are not finite")
+    variance = np.diag(covariance)
+    if not np.all(variance > 0):
+        raise ValueError(f"the variance of {names[int(np.argmin(variance))]} is {variance.min():.3g}")
+    root = np.sqrt(variance)
+    correlation = covariance / np.outer(root, root)
+    if np.abs(correlation - correlation.T).max() > SYMMETRIC:
+        raise ValueError("the covariance is not symmetric")
+    lowest = float(np.linalg.eigvalsh(correlation)[0])
+    if lowest < -SYMMETRIC:
+        raise ValueError(f"the covariance is not positive: eigenvalue {lowest:.3g} of the correlations")
+
+
+def _check_size(name: str, values: Sequence[float]) -> None:
+    if not all(np.isfinite(float(v)) and float(v) >= 0 for v in values):
+        raise ValueError(f"{name} holds a size that is negative or not finite")
 
 
 def _read(h: Mapping[str, Any]) -> Hypothesis:
@@ -285,4 +314,7 @@ def _read(h: Mapping[str, Any]) -> Hypothesis:
     mean, covariance = array(h["mean"]), array(h["covariance"])
     if mean.shape != (len(names),) or covariance.shape != (len(names),) * 2:
         raise ValueError("mean and covariance do not fit the names")
+    _check_gaussian(names, mean, covariance)
+    _check_size("force", colours.force)
+    _check_size("drift", (colours.drift, colours.drift_tau, colours.force_tau, colours.depth or 0.0))
     return Hypothesis(tuple(h["effects"]), float(h["weight"]), names, mean, covariance, low, colours)

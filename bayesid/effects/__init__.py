@@ -16,8 +16,7 @@ __all__ = ["CATALOGUE", "PORTS", "Effect", "EffectParameter", "InputStage", "Sta
 def _collect() -> tuple[Effect, ...]:
     found: list[Effect] = []
     for info in sorted(pkgutil.iter_modules(__path__), key=lambda i: i.name):
-        if info.name != "declare":
-            found.extend(importlib.import_module(f"{__name__}.{info.name}").EFFECTS)
+        found.extend(getattr(importlib.import_module(f"{__name__}.{info.name}"), "EFFECTS", ()))
     names = [e.name for e in found]
     if len(set(names)) != len(names):
         raise ValueError(f"effect declared twice: {sorted({n for n in names if names.count(n) > 1})}")

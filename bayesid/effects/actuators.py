@@ -14,6 +14,7 @@ EFFECTS = (
         stages=(InputStage("delta_r", 20, "x + offset", "x + offset"),),
         source="assumed: constant error of the rudder zero",
         magnitude="neutral rudder 0.5-2 degrees",
+        form="A constant, added before play, servo and stops.",
     ),
     Effect(
         name="actuator_lag",
@@ -27,6 +28,7 @@ EFFECTS = (
         adjust={"servo_lag_r": "value + tau"},
         source="first-order servo inside its rate limit, solved exactly over a step so that tau = 0 is exact",
         magnitude="0.1-0.5 s for AUVs, 1-3 s for ships",
+        form="First order inside the rate limit; a second-order servo is another form.",
     ),
     Effect(
         name="actuator_dead_time",
@@ -40,6 +42,7 @@ EFFECTS = (
         stages=(InputStage("delta_r", 10, delay="delay"),),
         source="pure delay of a held command; the step a switch falls in gets its time-weighted mean",
         magnitude="0.05-0.5 s, or a clock offset of either sign",
+        form="Rudder only; the same for all commands.",
     ),
     Effect(
         name="actuator_rate_limit",
@@ -60,6 +63,7 @@ EFFECTS = (
         smooth=False,
         source="SOLAS II-1/29: 65 degrees in 28 s for ships",
         magnitude="2.3 deg/s (SOLAS) to 10-60 deg/s (AUV)",
+        form="Hard limit of the rate; reciprocal, so that no limit is zero.",
     ),
     Effect(
         name="actuator_backlash",
@@ -80,6 +84,7 @@ EFFECTS = (
         smooth=False,
         source="play operator",
         magnitude="0.3-2 degrees",
+        form="Play between command and fin, before the servo; the fin stays where play leaves it.",
     ),
     Effect(
         name="stern_plane_offset",
@@ -91,5 +96,6 @@ EFFECTS = (
         dof=6,
         source="assumed: constant error of the plane zero",
         magnitude="0.5-2 degrees",
+        form="A constant, added before servo and stops.",
     ),
 )

@@ -10,7 +10,8 @@ force     u v w p q r through the water; ug vg wg over ground; udot..rdot over g
           x y z phi theta psi; delta_r delta_s delta_b n; t; wind_north wind_east (measured, blowing towards);
           L rho rpm_ref U_ref height and the mass properties; the effect's own states and parameters;
           coef('Y_dr') a coefficient in SI, rows('Y', 'delta_r') the part of an axis that reads a symbol,
-          thrust() and drag() of the propulsion and straight-ahead rows -> body wrench added [N, N m]
+          thrust() of the propulsion rows, drag() of the straight-ahead rows, quadratic_drag() of those of
+          them that go with the square of the speed -> body wrench added [N, N m]
 states    the same symbols -> rate of an extra state that starts at its `initial` expression
 adjust    `value` is the constant to change (mass property or coefficient in SI); all formulas of one
           effect read the constants as they were before it
@@ -74,7 +75,11 @@ class State:
 
 @dataclass(frozen=True)
 class Effect:
-    """An effect the nominal model leaves out. See the module docstring for the equation symbols."""
+    """An effect the nominal model leaves out. See the module docstring for the equation symbols.
+
+    `form` says what was chosen where the source leaves a choice (which terms, where they act, what is left
+    out) and names the alternative of `alternatives` that chooses otherwise, if there is one.
+    """
 
     name: str
     family: str
@@ -93,6 +98,7 @@ class Effect:
     sensor: Mapping[str, str] = field(default_factory=dict)
     sensor_delay: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     smooth: bool = True
+    form: str = ""
 
     def key(self, parameter: str) -> str:
         """Name of one parameter in a model's parameter layout."""

@@ -39,11 +39,15 @@ EFFECTS = (
             EffectParameter("F_east", "N", 2e-4, "rho*L**2*U**2/2", about="force to the east"),
         ),
         force={
-            "X": "F_north*cos(psi) + F_east*sin(psi)",
-            "Y": "F_east*cos(psi) - F_north*sin(psi)",
+            "X": "F_north*cos(theta)*cos(psi) + F_east*cos(theta)*sin(psi)",
+            "Y": "F_north*(sin(phi)*sin(theta)*cos(psi) - cos(phi)*sin(psi))"
+            " + F_east*(cos(phi)*cos(psi) + sin(phi)*sin(theta)*sin(psi))",
+            "Z": "F_north*(sin(phi)*sin(psi) + cos(phi)*sin(theta)*cos(psi))"
+            " + F_east*(cos(phi)*sin(theta)*sin(psi) - sin(phi)*cos(psi))",
         },
         source="assumed: constant earth-fixed force",
         magnitude="wind and waves at periscope depth or on the surface",
+        form="Horizontal, at the body origin, the same at every heading.",
     ),
     Effect(
         name="wind",
@@ -68,6 +72,8 @@ EFFECTS = (
         force={"X": _wind("X"), "Y": _wind("Y"), "N": _wind("N")},
         source="quadratic drag of the relative wind (Fossen 2021, wind forces), less that of still air",
         magnitude="first-order for surface models in the open",
+        form="Quadratic in the air that passes the hull; 3 % of L^2 exposed ahead and 10 % abeam, at a "
+        "yaw arm of L/20; heel, trim and depth are left out.",
     ),
     Effect(
         name="trim_weight",
@@ -88,6 +94,7 @@ EFFECTS = (
         dof=6,
         source="hydrostatics",
         magnitude="0.5-2 % of the weight",
+        form="Weight or lost buoyancy at (x, 0, 0), without inertia.",
     ),
     Effect(
         name="surface_suction",
@@ -108,5 +115,7 @@ EFFECTS = (
         dof=6,
         source="assumed: exponential in depth, quadratic in speed",
         magnitude="matters within a few diameters of the surface",
+        form="Falls exponentially with depth of the origin and goes with speed squared; one length for "
+        "force and moment.",
     ),
 )

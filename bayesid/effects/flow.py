@@ -17,6 +17,8 @@ EFFECTS = (
         flow={"north": "V_north", "east": "V_east"},
         source="Fossen (2021), equations of motion in irrotational currents",
         magnitude=_SEEN,
+        form="The same velocity everywhere and always, horizontal: it carries the track and turns with "
+        "the body axes.",
     ),
     Effect(
         name="ocean_current_varying",
@@ -32,6 +34,8 @@ EFFECTS = (
         flow={"north": "V_north + dV_north*t/600", "east": "V_east + dV_east*t/600"},
         source="assumed: first-order change in time, the simplest departure from a steady current",
         magnitude="tide and shear: 0.05-0.3 m/s over a session",
+        form="Uniform in space and linear in time, over each run anew; water that accelerates pushes "
+        "with the displaced mass and the added mass. Tides, eddies and shear are other forms.",
     ),
     Effect(
         name="heave_current",
@@ -43,5 +47,6 @@ EFFECTS = (
         dof=6,
         source="Fossen (2021), equations of motion in irrotational currents",
         magnitude="internal waves and upwelling: cm/s",
+        form="The same vertical velocity everywhere and always.",
     ),
 )

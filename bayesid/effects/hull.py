@@ -34,6 +34,9 @@ EFFECTS = (
         force={"Y": _strip(arm=False), "N": _strip(arm=True)},
         source="strip theory as in Healey & Lienard (1993)",
         magnitude="10-50 % of the cross-flow drag",
+        form="Strips of constant height (diameter, or strip height of the file) in sway and yaw only, "
+        "quadratic, weighed 1 + tilt 2x/L; heave of the strip is left out. Alternative: "
+        "crossflow_drag_midships, strips that end in points.",
     ),
     Effect(
         name="cubic_damping",
@@ -47,6 +50,7 @@ EFFECTS = (
         force={"Y": "Y_vvv*v*v*v", "N": "N_rrr*r*r*r"},
         source="cubic terms of ship models (Abkowitz form)",
         magnitude="matters at large drift angles only",
+        form="Pure cubes of sway and yaw rate; mixed terms and any other odd power are left out.",
     ),
     Effect(
         name="fluid_memory",
@@ -66,6 +70,8 @@ EFFECTS = (
         },
         source="first-order form of a memory integral (Cummins 1962)",
         magnitude="time constants of one to two L/U",
+        form="One lag for the lift by sway (Y_v, N_v), none for that by yaw rate; measured in lengths "
+        "travelled.",
     ),
     Effect(
         name="hull_asymmetry",
@@ -76,6 +82,7 @@ EFFECTS = (
         force={"N": "N_u_abs_v*u*abs(v)"},
         source="assumed: appendages or list that add the same moment at either drift side",
         magnitude="a few per cent of N_v",
+        form="A yaw moment alone, even in sway; no side force with it.",
     ),
     Effect(
         name="tether_drag",
@@ -94,5 +101,6 @@ EFFECTS = (
         },
         source="line drag at x = -L/2",
         magnitude="2-10 % of the hull drag",
+        form="Quadratic line drag in the water at the stern, x = -L/2, horizontal.",
     ),
 )

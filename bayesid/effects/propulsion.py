@@ -12,6 +12,7 @@ EFFECTS = (
         force={"X": "-loss*thrust()"},
         source="assumed: thrust in proportion",
         magnitude="2-10 % of revolutions, twice that of thrust",
+        form="The rows that read the revolutions, by the same share at every speed; wake and deduction stay.",
     ),
     Effect(
         name="thrust_decay",
@@ -26,6 +27,8 @@ EFFECTS = (
         force={"X": "-loss_per_600s*t/600*thrust()"},
         source="assumed: linear in time (battery voltage under load)",
         magnitude="5-15 % over a charge",
+        form="Linear in time from the first sample of each run. Alternative: thrust_decay_late, with the"
+        " square of time, as a battery at its end.",
     ),
     Effect(
         name="hull_fouling",
@@ -34,12 +37,18 @@ EFFECTS = (
         where=("X", "rpm"),
         parameters=(
             EffectParameter(
-                "drag_increase", "-", 0.25, about="straight-ahead drag times (1 + drag_increase)"
+                "drag_increase",
+                "-",
+                0.25,
+                about="straight-ahead drag that goes with speed squared, times (1 + drag_increase)",
             ),
         ),
-        force={"X": "drag_increase*drag()"},
+        force={"X": "drag_increase*quadratic_drag()"},
         source="Schultz et al. (2015), Biofouling 31, 759; Schultz (2007), Biofouling 23, 331",
         magnitude="slime up to +70 % skin friction",
+        form="Roughness raises turbulent friction, which goes with speed squared: X_u|u|, X_uu and the "
+        "u|u| row of the propulsion. A linear row X_u0 stays, and so does drag by drift. "
+        "Alternative: hull_fouling_all, every straight-ahead row.",
     ),
     Effect(
         name="propeller_side_force",
@@ -52,6 +61,9 @@ EFFECTS = (
         force={"Y": "side_force*thrust()", "N": "-0.5*L*side_force*thrust()"},
         source="assumed: proportional to thrust, propeller at x = -L/2",
         magnitude="1-3 % of thrust; equal to about 1 degree of rudder",
+        form="A share of thrust at x = -L/2, where a stern propeller works when the origin is near "
+        "midships; no file states the place. Alternative: propeller_side_force_arm, its place "
+        "unknown.",
     ),
     Effect(
         name="propeller_torque",
@@ -67,5 +79,6 @@ EFFECTS = (
         dof=6,
         source="reaction of the propeller torque; list of 5 degrees on REMUS",
         magnitude="a list of a few degrees",
+        form="With revolutions squared, whatever the speed; the torque of the file is kept.",
     ),
 )

@@ -23,6 +23,8 @@ EFFECTS = (
         force={"Y": "-loss*rows('Y', 'delta_r')", "N": "-loss*rows('N', 'delta_r')"},
         source="scale effect on rudder and wake (ITTC 7.5-04-02-01)",
         magnitude="5-30 %",
+        form="Every row of Y and N that reads the rudder, by the same share; roll by the rudder and its "
+        "drag stay.",
     ),
     Effect(
         name="rudder_asymmetry",
@@ -38,6 +40,7 @@ EFFECTS = (
         },
         source="port/starboard differences of free-running models, e.g. Phys. Fluids 33, 127117 (2021)",
         magnitude="3-10 %",
+        form="Every row of Y and N that reads the rudder, more to one side and less to the other.",
     ),
     Effect(
         name="rudder_stall",
@@ -57,6 +60,8 @@ EFFECTS = (
         smooth=False,
         source="assumed: lift factor 1/(1 + (delta/delta_stall)^2/3), a cubic or tanh stall to second order",
         magnitude="onset at 15-35 degrees of inflow angle",
+        form="Smooth loss of lift with the rudder angle, no break; every row of Y and N that reads the "
+        "rudder. Alternative: rudder_stall_inflow, by the angle of the flow at the stern.",
     ),
     Effect(
         name="rudder_propeller_interaction",
@@ -70,6 +75,9 @@ EFFECTS = (
         },
         source="slipstream over the rudder: Yasukawa & Yoshimura (2015); w_n^2 is zero when self-propelled",
         magnitude="rudder force rises by tens of per cent when the hull slows in a turn",
+        form="Speed of the race by revolutions squared less speed squared, which is zero when self-"
+        "propelled; Y_dr and N_dr alone. Alternative: rudder_propeller_interaction_loading, by a "
+        "thrust that falls with advance.",
     ),
     Effect(
         name="stern_plane_effectiveness",
@@ -85,5 +93,6 @@ EFFECTS = (
         dof=6,
         source="scale effect on fins and wake",
         magnitude="5-30 %",
+        form="Every row of Z and M that reads the stern planes, by the same share.",
     ),
 )

@@ -14,6 +14,7 @@ EFFECTS = (
         sensor={"psi": "psi + bias"},
         source="assumed: alignment or declination error",
         magnitude="0.5-3 degrees",
+        form="A constant in the reading.",
     ),
     Effect(
         name="compass_deviation",
@@ -27,6 +28,7 @@ EFFECTS = (
         sensor={"psi": "psi + A*sin(psi) + B*cos(psi)"},
         source="one-cycle deviation: Hench & Rosman (2010), J. Atmos. Ocean. Tech. 27, 1229",
         magnitude="position errors of up to 5 % of the track",
+        form="One cycle per turn; two cycles (soft iron) are another form.",
     ),
     Effect(
         name="gyro_scale",
@@ -37,6 +39,7 @@ EFFECTS = (
         sensor={"r": "r*(1 + scale)"},
         source="assumed: scale-factor error",
         magnitude="0.1-3 % for MEMS",
+        form="The same to both sides.",
     ),
     Effect(
         name="gyro_bias",
@@ -47,6 +50,7 @@ EFFECTS = (
         sensor={"r": "r + bias"},
         source="assumed: constant rate bias",
         magnitude="0.01-0.5 deg/s for MEMS",
+        form="A constant; a creep with time is another form.",
     ),
     Effect(
         name="position_lever_arm",
@@ -60,6 +64,7 @@ EFFECTS = (
         sensor={"x": "x + l_x*cos(psi) - l_y*sin(psi)", "y": "y + l_x*sin(psi) + l_y*cos(psi)"},
         source="rigid-body kinematics",
         magnitude="0.1-1 m for small vehicles",
+        form="In level axes: heel and trim do not move the sensor.",
     ),
     Effect(
         name="position_latency",
@@ -74,6 +79,7 @@ EFFECTS = (
         sensor_delay={"delay": ("x", "y")},
         source="assumed: pure delay",
         magnitude="0.3-2 s for acoustic positioning",
+        form="A pure delay; a smoothing filter is another form.",
     ),
     Effect(
         name="velocity_scale",
@@ -84,6 +90,7 @@ EFFECTS = (
         sensor={"u": "u*(1 + scale)", "v": "v*(1 + scale)"},
         source="assumed: scale-factor error of the velocity log",
         magnitude="0.2-0.7 % after calibration",
+        form="One scale for both axes.",
     ),
     Effect(
         name="velocity_misalignment",
@@ -94,6 +101,7 @@ EFFECTS = (
         sensor={"u": "u*cos(angle) + v*sin(angle)", "v": "v*cos(angle) - u*sin(angle)"},
         source="rotation of the velocity log's frame",
         magnitude="1-2 degrees before calibration",
+        form="Turned about the vertical alone.",
     ),
     Effect(
         name="velocity_latency",
@@ -108,6 +116,7 @@ EFFECTS = (
         sensor_delay={"delay": ("u", "v", "w")},
         source="assumed: pure delay, as a causal filter makes",
         magnitude="0.2-1 s",
+        form="A pure delay of all axes.",
     ),
     Effect(
         name="depth_bias",
@@ -119,6 +128,7 @@ EFFECTS = (
         dof=6,
         source="assumed: zero of the pressure sensor",
         magnitude="cm to dm",
+        form="A constant.",
     ),
     Effect(
         name="depth_latency",
@@ -132,5 +142,6 @@ EFFECTS = (
         dof=6,
         source="assumed: pure delay",
         magnitude="0.1-1 s",
+        form="A pure delay.",
     ),
 )

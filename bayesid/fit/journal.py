@@ -9,65 +9,75 @@ import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from bayesid.errors import FitError
+from bayesid.files import read_lines, write_atomic
 
 
 class Journal:
-    """Append-only log of a fit; without a path it forgets.
+    """Append-only log of fits; without a path it forgets.
+
+    Every line carries the digest of what it belongs to. Lines of another fit stay where they are and are not
+    used.
 
     Attributes
     ----------
-    found : lines of an earlier run of the same problem, oldest first; empty for a new fit
+    found : lines of an earlier run of the same fit, oldest first; empty for a new one
     """
 
     def __init__(
         self, path: str | os.PathLike[str] | None, header: Mapping[str, Any], resume: bool = True
     ) -> None:
         self.found: list[dict[str, Any]] = []
-        self._handle = None
-        if path is None:
+        self._header = dict(header)
+        self._path = None if path is None else Path(path)
+        self._handle: TextIO | None = None
+        if self._path is None:
             return
-        target = Path(path)
-        lines = read_lines(target) if resume else []
-        if lines and all(lines[0].get(k) == header[k] for k in ("digest", "seed")):
-            self.found = lines[1:]
+        lines = read_lines(self._path)
+        mine = [line for line in lines if line.get("digest") == header["digest"] and "kind" in line]
+        kept = lines if resume else [line for line in lines if line.get("digest") != header["digest"]]
+        self.found = mine if resume else []
+        self._open(kept)
+
+    def _open(self, kept: list[dict[str, Any]]) -> None:
+        """Go on after the lines that are kept; the file is written anew where it holds anything else."""
+        assert self._path is not None
+        text = "".join(json.dumps(line) + "\n" for line in kept)
+        if not self.found:
+            text += json.dumps(self._header) + "\n"
         try:
-            target.parent.mkdir(parents=True, exist_ok=True)
-            if not self.found:
-                target.write_text(json.dumps(header) + "\n", encoding="utf-8")
-            elif not target.read_bytes().endswith(b"\n"):
-                target.write_text("".join(json.dumps(line) + "\n" for line in lines), encoding="utf-8")
-            self._handle = target.open("a", encoding="utf-8")
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            if not self._path.exists() or self._path.read_bytes() != text.encode("utf-8"):
+                write_atomic(self._path, text)
+            self._handle = self._path.open("a", encoding="utf-8")
         except OSError as error:
-            raise FitError(f"{target}: the fit's log cannot be written ({error.strerror})") from None
+            raise FitError(f"{self._path}: the fit's log cannot be written ({error.strerror})") from None
+
+    def refuse(self) -> Path | None:
+        """Put the log aside under another name and begin anew; gives that name."""
+        self.found = []
+        if self._path is None:
+            return None
+        self.close()
+        number = 1
+        while (aside := self._path.with_suffix(f".refused{number}{self._path.suffix}")).exists():
+            number += 1
+        try:
+            os.replace(self._path, aside)
+        except OSError as error:
+            raise FitError(f"{self._path}: the fit's log cannot be put aside ({error.strerror})") from None
+        self._open([])
+        return aside
 
     def write(self, **line: Any) -> None:
         """Append one line; a reader never sees half of it followed by another."""
         if self._handle is not None:
-            self._handle.write(json.dumps(line) + "\n")
+            self._handle.write(json.dumps({"digest": self._header["digest"], **line}) + "\n")
             self._handle.flush()
 
     def close(self) -> None:
         if self._handle is not None:
             self._handle.close()
             self._handle = None
-
-
-def read_lines(path: str | os.PathLike[str]) -> list[dict[str, Any]]:
-    """All complete lines of a log, [] if there is none; stops at the first broken one."""
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
-        return []
-    found = []
-    for line in text.splitlines():
-        try:
-            entry = json.loads(line)
-        except ValueError:
-            break
-        if not isinstance(entry, dict):
-            break
-        found.append(entry)
-    return found

@@ -6,7 +6,9 @@ Does not choose parameters, read logs or write reports.
 
 from __future__ import annotations
 
+import hashlib
 import os
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +26,7 @@ from bayesid.likelihood import Problem, flat_directions, singular_values
 
 Array = np.ndarray
 SHARES = ("line_search", "gradient", "subproblem", "other")
+SAME_COST = 1e-6  # share by which a cost computed again may differ: other processors round otherwise
 SAME = 1e-3  # starts whose costs differ by less than this share end in the same minimum
 
 
@@ -71,7 +74,8 @@ def fit(
     ----------
     folder : gets `iterates.jsonl` (every iterate as it is reached) and `fit.json` (before anything else is
         done)
-    resume : go on from an `iterates.jsonl` of the same problem and seed
+    resume : go on from an `iterates.jsonl` of the same problem and options; warns, and begins anew, where the
+        cost it tells is not that of the values it tells
     watch : called with (iterations done, cost, step)
     note : called with every `Iterate`; for studies of the search itself
 
@@ -87,10 +91,14 @@ def fit(
         )
     journal = Journal(
         Path(folder) / "iterates.jsonl" if folder else None,
-        {"digest": problem.digest, "seed": options.seed, "names": list(problem.names)},
+        {
+            "digest": _digest(problem, options), "problem": problem.digest, "seed": options.seed,
+            "names": list(problem.names),
+        },
         resume,
-    )
+    )  # fmt: skip
     try:
+        _check(problem, options, journal)
         searches = [
             _search(problem, options, number, z0, journal, watch, note)
             for number, z0 in enumerate(start_points(problem, options))
@@ -201,6 +209,36 @@ def _search(
         sigma=_sigma(search.problem) if options.profile else None, clock=vars(search.clock),
     )  # fmt: skip
     return search
+
+
+def _digest(problem: Problem, options: Options) -> str:
+    """Hash of problem and options: what an iterate belongs to."""
+    return hashlib.sha256(f"{problem.digest}|{options!r}".encode()).hexdigest()[:16]
+
+
+def _check(problem: Problem, options: Options, journal: Journal) -> None:
+    """Recompute the last cost of every start in a log; one that is not true makes the log worthless."""
+    if not journal.found:
+        return
+    try:
+        for number, z0 in enumerate(start_points(problem, options)):
+            search = _Search(problem, number, z0)
+            _restore(search, journal.found)
+            told = [line["cost"] for line in journal.found if line["start"] == number][-1:]
+            found = search.problem.cost(search.z) if told else 0.0
+            slack = SAME_COST * (abs(told[0]) + 1e-3 * abs(search.cost_start)) if told else 0.0
+            if told and not abs(found - told[0]) <= slack < np.inf:
+                reason = f"start {number + 1} has cost {found:.6g}, its log says {told[0]:.6g}"
+                break
+        else:
+            return
+    except (ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
+        reason = f"a line cannot be read ({type(error).__name__}: {error})"
+    aside = journal.refuse()
+    name = "" if aside is None else f"; it is kept as {aside.name}"
+    warnings.warn(
+        f"the log of the interrupted fit is not used: {reason}{name}, and the fit begins anew", stacklevel=3
+    )
 
 
 def _restore(search: _Search, found: list[dict[str, Any]]) -> bool:

@@ -6,6 +6,7 @@ much of the resistance came from data and how much from the prior. Does not sear
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from bayesid.errors import FitError, ModelError
+from bayesid.files import read_lines, write_atomic
 from bayesid.identifiability.information import Information
 from bayesid.likelihood import Problem
 
@@ -23,6 +25,7 @@ OFFSETS = (-2.0, -1.0, 1.0, 2.0)  # in posterior sds
 ITERATIONS = 12
 SETTLED = 1e-4  # a refit is done when a step would lower the cost by less than this
 NINETY = 1.6449
+SAME_COST = 1e-6  # share by which a cost computed again may differ: other processors round otherwise
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +97,8 @@ def profiles(
     ----------
     problem, info, z : with priors for all parameters, and its information at the best point `z` (all
         unknowns)
-    log : JSON lines, one per refit; refits found there are not done again
+    log : JSON lines, one per refit; refits found there are not done again where their cost, computed again,
+        is the one they tell
     step : called after every refit
 
     Raises
@@ -109,7 +113,7 @@ def profiles(
         lines = []
         for offset in offsets:
             line = store.get(name, offset)
-            if line is None:
+            if line is None or not _holds(problem, start, line):
                 line = _refit(problem, info, z, info.names.index(name), offset, start)
                 store.put(name, offset, line)
             lines.append(line)
@@ -174,29 +178,25 @@ def _refit(
     rise = cost - start if np.isfinite(cost) else np.nan
     return {
         "rise": rise, "data_rise": rise - prior_rise, "moved": moved.tolist(), "evaluations": evaluations,
+        "z": here.tolist(),
     }  # fmt: skip
 
 
 class _Store:
-    """Refits already done, one JSON line each after a line that says what they belong to."""
+    """Refits already done, one JSON line each with the digest of what it belongs to; other lines stay."""
 
     def __init__(self, path: Path | str | None, header: str) -> None:
         self._lines: dict[tuple[str, float], dict[str, Any]] = {}
         self._path = None if path is None else Path(path)
+        self._digest = hashlib.sha256(header.encode()).hexdigest()[:16]
         if self._path is None:
             return
+        kept = read_lines(self._path)
+        for line in kept:
+            if line.get("digest") == self._digest and {"name", "offset", "refit"} <= line.keys():
+                self._lines[line["name"], line["offset"]] = line["refit"]
         try:
-            lines = self._path.read_text(encoding="utf-8").splitlines() if self._path.exists() else []
-            entries = [json.loads(line) for line in lines if line.endswith("}")]
-        except (OSError, ValueError):
-            entries = []
-        if entries and entries[0].get("header") == header:
-            for entry in entries[1:]:
-                self._lines[entry["name"], entry["offset"]] = entry["refit"]
-        text = [json.dumps({"header": header}), *(_line(*key, refit) for key, refit in self._lines.items())]
-        try:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            self._path.write_text("\n".join(text) + "\n", encoding="utf-8")
+            write_atomic(self._path, "".join(json.dumps(line) + "\n" for line in kept))
         except OSError as error:
             raise FitError(f"{self._path}: the log of refits cannot be written ({error.strerror})") from None
 
@@ -205,9 +205,21 @@ class _Store:
 
     def put(self, name: str, offset: float, refit: dict[str, Any]) -> None:
         if self._path is not None:
+            line = {"digest": self._digest, "name": name, "offset": float(offset), "refit": refit}
             with self._path.open("a", encoding="utf-8") as handle:
-                handle.write(_line(name, float(offset), refit) + "\n")
+                handle.write(json.dumps(line) + "\n")
 
 
-def _line(name: str, offset: float, refit: dict[str, Any]) -> str:
-    return json.dumps({"name": name, "offset": float(offset), "refit": refit})
+def _holds(problem: Problem, start: float, line: dict[str, Any]) -> bool:
+    """Whether the cost a stored refit tells is that of its values, computed again."""
+    try:
+        told = start + float(line["rise"])
+        found = problem.cost(np.array(line["z"], dtype=float))
+        moved = np.array(line["moved"], dtype=float)
+    except (KeyError, TypeError, ValueError, IndexError):
+        return False
+    if moved.shape != (len(problem.params.names),):
+        return False
+    if not np.isfinite(told):
+        return not np.isfinite(found)
+    return bool(abs(found - told) <= SAME_COST * max(abs(told), abs(start)))

@@ -5,7 +5,8 @@ Takes a `KernelSpec` and the declarations. Gives the wrench balance W(state, acc
 hold any number of a vehicle: every mass property, coefficient and effect parameter stays a symbol.
 
 Axes, signs and rigid-body side follow Gertler & Hagen (1967), NSRDC 2510; hydrodynamic rows read velocity
-through the water and its rate, the rigid body reads velocity over ground.
+through the water and its rate, the rigid body reads velocity over ground, and water that accelerates pushes
+the hull by its pressure gradient.
 """
 
 from __future__ import annotations
@@ -16,8 +17,17 @@ from dataclasses import dataclass
 from bayesid.effects import Effect
 from bayesid.errors import ModelError
 from bayesid.kernels.expr import Graph, Node
-from bayesid.kernels.flow import cross_flow_speeds, current, parse_effect, strip_drag
-from bayesid.kernels.formulas import ETA, KINEMATICS_3, KINEMATICS_6, KT_THRUST, RIGID_BODY, STATICS, TORQUE
+from bayesid.kernels.flow import cross_flow_side, cross_flow_speeds, current, parse_effect, strip_drag
+from bayesid.kernels.formulas import (
+    ETA,
+    KINEMATICS_3,
+    KINEMATICS_6,
+    KT_THRUST,
+    PRESSURE_GRADIENT,
+    RIGID_BODY,
+    STATICS,
+    TORQUE,
+)
 from bayesid.kernels.layout import (
     AXIS,
     PLANAR_STATES,
@@ -40,13 +50,14 @@ _POSE = ("x", "y", "z", "phi", "theta", "psi")
 
 @dataclass(frozen=True)
 class _Symbols:
-    """Names an equation may use, as nodes; absent ones are zero."""
+    """Names an equation may use, as nodes; absent ones are zero. `pull` is the acceleration of the water."""
 
     const: dict[str, Node]
     ground: dict[str, Node]
     water: dict[str, Node]
     accel: dict[str, Node]
     water_rate: dict[str, Node]
+    pull: dict[str, Node]
     inputs: dict[str, Node]
     time: Node
 
@@ -124,14 +135,20 @@ def _symbols(dyn: Dynamics, effects: tuple[Effect, ...]) -> _Symbols:
     inputs = {name: g.sym(name) for name in (*dyn.actuators, *dyn.exogenous)}
     inputs = {"delta_s": g.zero, "delta_b": g.zero, **inputs}
     time = g.sym("t")
-    flow, flow_rate = current(g, effects, inputs, ground, time)
+    flow, flow_rate, acceleration = current(g, effects, inputs, ground, time)
     water = {k: g.sub(ground[k], flow[k]) if k in flow else ground[k] for k in RATE}
     water_rate = {a: g.sub(accel[a], flow_rate[k]) if k in flow_rate else accel[a] for k, a in RATE.items()}
-    return _Symbols(const, ground, water, accel, water_rate, inputs, time)
+    pull = {f"a{axis}": acceleration[k] for axis, k in zip("xyz", "uvw", strict=True)}
+    return _Symbols(const, ground, water, accel, water_rate, pull, inputs, time)
 
 
 def _reads(row: Term) -> frozenset[str]:
     return names_read(row.regressor)
+
+
+def _slows(row: Term) -> bool:
+    """Whether a row is drag straight ahead: X by surge alone."""
+    return row.axis == "X" and _reads(row) - {"abs"} == {"u"}
 
 
 def _total(g: Graph, parts: Mapping[Term, Node], chosen: Callable[[Term], bool]) -> Node:
@@ -143,14 +160,16 @@ def _row_forces(dyn: Dynamics, at: _Symbols) -> dict[Term, Node]:
     """Coefficient times regressor of every row, in the flow through the water."""
     g = dyn.graph
     names = {**at.inputs, **at.water, **at.water_rate}
-    names |= cross_flow_speeds(g, dyn.spec, at.const, at.water)
+    speeds = cross_flow_speeds(g, dyn.spec, at.const, at.water)
+    names |= speeds
+    side = cross_flow_side(g, dyn.spec, at.water, speeds)
     if dyn.spec.eta:
         names["eta1"] = g.parse(ETA, {**at.const, **names})
-    return {row: g.mul(at.const[row.name], g.parse(row.regressor, names)) for row in rows_of(dyn.spec)}
+    return {row: g.mul(at.const[row.name], g.parse(row.regressor, names, side)) for row in rows_of(dyn.spec)}
 
 
 def _hull_wrench(dyn: Dynamics, at: _Symbols, parts: Mapping[Term, Node]) -> dict[str, Node]:
-    """Rows, strips and statics less what the rigid body needs."""
+    """Rows, strips, statics and pressure gradient less what the rigid body needs."""
     g = dyn.graph
     wrench = dict.fromkeys(AXIS.values(), g.zero)
     for row, node in parts.items():
@@ -158,10 +177,11 @@ def _hull_wrench(dyn: Dynamics, at: _Symbols, parts: Mapping[Term, Node]) -> dic
     if dyn.spec.sections:
         for axis, node in strip_drag(g, dyn.spec, at.const, at.water).items():
             wrench[axis] = g.add(wrench[axis], node)
-    names = {**at.const, **at.ground, **at.accel}
+    names = {**at.const, **at.ground, **at.accel, **at.pull}
     for axis in wrench:
         wrench[axis] = g.sub(wrench[axis], g.parse(RIGID_BODY[axis], names))
         wrench[axis] = g.add(wrench[axis], g.parse(STATICS[axis], names))
+        wrench[axis] = g.add(wrench[axis], g.parse(PRESSURE_GRADIENT[axis], names))
     return wrench
 
 
@@ -179,7 +199,8 @@ def _add_effects(
         "coef": lambda name: at.const.get(name, g.zero),
         "rows": lambda axis, symbol: _total(g, parts, lambda r: r.axis == axis and symbol in _reads(r)),
         "thrust": lambda: thrust,
-        "drag": lambda: _total(g, parts, lambda r: r.axis == "X" and _reads(r) - {"abs"} == {"u"}),
+        "drag": lambda: _total(g, parts, _slows),
+        "quadratic_drag": lambda: _total(g, parts, lambda r: _slows(r) and r.velocity_power == 2),
     }
     names = {
         **at.const,

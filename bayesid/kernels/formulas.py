@@ -5,6 +5,8 @@ Symbols are those of `layout` and `declare`. Holds text only; `dynamics` parses 
 
 from __future__ import annotations
 
+from bayesid.vehicles import GRAVITY
+
 # Newton-Euler about the body origin, products of inertia I_xy = +integral of xy dm (Gertler & Hagen 1967).
 RIGID_BODY = {
     "X": "m*(udot - v*r + w*q - x_G*(q*q + r*r) + y_G*(p*q - rdot) + z_G*(p*r + qdot))",
@@ -52,6 +54,17 @@ CURRENT = {
     " + east*(cos(phi)*sin(theta)*sin(psi) - sin(phi)*cos(psi)) + down*cos(theta)*cos(phi)",
 }
 SWING = {"u": "r*vc - q*wc", "v": "p*wc - r*uc", "w": "q*uc - p*vc"}
+# Water that accelerates by (ax, ay, az) carries a pressure gradient: it pushes what it surrounds, at the
+# centre of buoyancy, as hard as the water displaced there (Thomasson & Woolsey 2013, IEEE J. Oceanic Eng.).
+# The acceleration is that of the water at a place; an uneven current that is only crossed has none.
+PRESSURE_GRADIENT = {
+    "X": f"B/{GRAVITY!r}*ax",
+    "Y": f"B/{GRAVITY!r}*ay",
+    "Z": f"B/{GRAVITY!r}*az",
+    "K": f"B/{GRAVITY!r}*(y_B*az - z_B*ay)",
+    "M": f"B/{GRAVITY!r}*(z_B*ax - x_B*az)",
+    "N": f"B/{GRAVITY!r}*(x_B*ay - y_B*ax)",
+}
 # Position of the measured point of the hull.
 LEVER = {
     "x": "x + point_x*cos(theta)*cos(psi) + point_y*(sin(phi)*sin(theta)*cos(psi) - cos(phi)*sin(psi))"
@@ -61,3 +74,5 @@ LEVER = {
     "z": "z - point_x*sin(theta) + point_y*cos(theta)*sin(phi) + point_z*cos(theta)*cos(phi)",
 }
 ETA = "uc_per_rpm*n/sqrt(max(u*u + v*v + w*w, 1e-6)) - 1"
+# A sign without a jump, for x clipped at -1 and 1; two continuous derivatives.
+ROUNDED_SIGN = "x*(15 - x*x*(10 - 3*x*x))/8"

@@ -45,7 +45,10 @@ SIXDOF_STATES = ("x", "y", "z", "phi", "theta", "psi", "u", "v", "w", "p", "q", 
 RATE = {"u": "udot", "v": "vdot", "w": "wdot", "p": "pdot", "q": "qdot", "r": "rdot"}
 AXIS = {"u": "X", "v": "Y", "w": "Z", "p": "K", "q": "M", "r": "N"}
 
-SHARED = ("m", "Izz", "x_G", "y_G", "L", "rho", "height", "rpm_ref", "U_ref", "point_x", "point_y")
+SHARED = (
+    *("m", "Izz", "x_G", "y_G", "L", "rho", "height", "rpm_ref", "U_ref", "point_x", "point_y"),
+    *("W", "B", "x_B", "y_B"),  # in the plane: what water that accelerates displaces
+)
 VERTICAL = (
     "Ixx",
     "Iyy",
@@ -53,10 +56,6 @@ VERTICAL = (
     "Ixz",
     "Iyz",
     "z_G",
-    "W",
-    "B",
-    "x_B",
-    "y_B",
     "z_B",
     "cross",
     "point_z",

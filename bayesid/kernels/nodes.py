@@ -175,7 +175,8 @@ class Nodes:
     ) -> Node:
         """Node of a Python expression in the given names.
 
-        `calls` adds functions whose arguments are string literals, such as `coef('Y_dr')`.
+        `calls` adds functions whose arguments are string literals, such as `coef('Y_dr')`, or replaces one
+        of the known functions, whose arguments are nodes.
         Raises `ModelError` for syntax that is not arithmetic or for an unknown name.
         """
         try:
@@ -216,6 +217,8 @@ class Nodes:
             name = node.func.id
             if name in calls and all(isinstance(a, ast.Constant) for a in node.args):
                 return calls[name](*[ast.literal_eval(a) for a in node.args])
+            if name in calls and name in _FUNCTIONS:
+                return calls[name](*[rec(a) for a in node.args])
             if _FUNCTIONS.get(name) == len(node.args):
                 return self.call(name, *[rec(a) for a in node.args])
         raise ModelError(f"expression {text!r}: {ast.dump(node)[:60]} is not allowed; write plain arithmetic")

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from bayesid.errors import ManoeuvreError, raise_all
+from bayesid.files import UnreadableError, read_regular
 from bayesid.manoeuvres.core import COMMANDS, OpenLoop
 
 # Few units can stand over a command, and every start of the command line would pay for a unit library.
@@ -24,6 +25,7 @@ UNITS = {
 }
 HEADER = re.compile(r"^\s*([A-Za-z_]\w*)\s*(?:\[\s*([^\]]*?)\s*\])?\s*$")
 MAX_SHOWN = 8
+MAX_BYTES = 64 * 2**20  # a command every 10 ms for three hours takes a third of it
 
 
 def read_table(path: str | Path, rudder_positive: str = "port") -> OpenLoop:
@@ -48,12 +50,12 @@ def read_table(path: str | Path, rudder_positive: str = "port") -> OpenLoop:
     if rudder_positive not in ("port", "starboard"):
         raise ManoeuvreError(f"rudder_positive is {rudder_positive!r}; say 'port' or 'starboard'")
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_regular(path, MAX_BYTES).decode("utf-8-sig")
         rows = [
             (n, row) for n, row in enumerate(csv.reader(text.splitlines()), 1) if any(c.strip() for c in row)
         ]
-    except OSError as err:
-        raise ManoeuvreError(f"{path}: cannot be read ({err.strerror or err}); check the path") from None
+    except UnreadableError as err:
+        raise ManoeuvreError(f"{path}: {err}; check the path") from None
     except UnicodeDecodeError as err:
         raise ManoeuvreError(
             f"{path}: byte {err.start} is not UTF-8 text; save the table as plain CSV"

@@ -28,7 +28,7 @@ _TOKEN = re.compile(r"\|[uvwpqr]\||d[rsb]|[uvwpqr]")
 _NUMBERS = ("rho", "L", "U0", "n_ref", "height", "m", "xG", "yG", "zG", "xB", "yB", "zB", "W", "B",
             "Ix", "Iy", "Iz", "Ixy", "Ixz", "Iyz", "uu", "un", "nn", "n1", "kt", "kt_a", "kt_b", "wake",
             "deduction", "D", "dr_max", "dr_rate", "ds_max", "ds_rate", "plain_abs", "planar", "strip_y",
-            "strip_z", "stations", "Y_dr", "N_dr", "slosh_m")  # fmt: skip
+            "strip_z", "stations", "Y_dr", "N_dr", "slosh_m", "q_ref")  # fmt: skip
 _KIND = np.dtype([(name, "f8") for name in _NUMBERS])
 
 
@@ -86,7 +86,7 @@ def _kind(name: str, factors: tuple[str, ...]) -> int:
         return LIFT_V
     if name in ("Y_r", "N_r"):
         return LIFT_R
-    return DRAG if name in ("X_u|u|", "X_uu", "X_u0") else PLAIN
+    return DRAG if name in ("X_u|u|", "X_uu") else PLAIN  # roughness raises what goes with speed squared
 
 
 def _scale(vehicle: Vehicle, name: str, factors: tuple[str, ...]) -> float:
@@ -144,6 +144,8 @@ def _numbers(vehicle: Vehicle, dof: int, gap: np.void) -> np.void:
     b["Ixy"], b["Ixz"], b["Iyz"] = vehicle.Ixy, vehicle.Ixz, vehicle.Iyz
     b["xG"], b["yG"], b["zG"] = vehicle.r_G
     b["xB"], b["yB"], b["zB"] = vehicle.r_B
+    if vehicle.planar_only:  # floats level, so its buoyancy acts where its weight does
+        b["xB"], b["yB"] = vehicle.r_G[0], vehicle.r_G[1]
     b["W"], b["B"] = vehicle.W, vehicle.B
     b["plain_abs"], b["planar"] = float(vehicle.plain_abs), float(dof == 3)
     b["n_ref"] = vehicle.rpm_ref or math.nan
@@ -164,13 +166,29 @@ def _numbers(vehicle: Vehicle, dof: int, gap: np.void) -> np.void:
     if gap["ballast"]:
         # trapped water: inertia without weight, spread like the hull's own mass about its own centre
         share, x = gap["ballast"], gap["ballast_x"]
-        extra = share * vehicle.mass
-        b["Iy"] += share * vehicle.Iyy + extra * x * x
-        b["Iz"] += share * vehicle.Izz + extra * x * x
-        b["Ix"] *= 1.0 + share
+        hull, water = (np.array([place, b["yG"], b["zG"]]) for place in (b["xG"], x))
+        own = _inertia_of(b) - vehicle.mass * _point(hull)
+        _set_inertia(b, _inertia_of(b) + share * (own + vehicle.mass * _point(water)))
         _neutral(b, vehicle, share, x)
     b["slosh_m"] = gap["slosh"] * vehicle.mass
     return b
+
+
+def _point(r: np.ndarray) -> np.ndarray:
+    """(3, 3) inertia of a unit mass at r about the origin."""
+    return float(r @ r) * np.eye(3) - np.outer(r, r)
+
+
+def _inertia_of(b: np.void) -> np.ndarray:
+    """(3, 3) inertia about the origin; products enter with a minus."""
+    return np.array(
+        [[b["Ix"], -b["Ixy"], -b["Ixz"]], [-b["Ixy"], b["Iy"], -b["Iyz"]], [-b["Ixz"], -b["Iyz"], b["Iz"]]]
+    )
+
+
+def _set_inertia(b: np.void, inertia: np.ndarray) -> None:
+    b["Ix"], b["Iy"], b["Iz"] = np.diag(inertia)
+    b["Ixy"], b["Ixz"], b["Iyz"] = -inertia[0, 1], -inertia[0, 2], -inertia[1, 2]
 
 
 def _neutral(b: np.void, vehicle: Vehicle, share: float, x: float) -> None:
@@ -189,6 +207,7 @@ def _neutral(b: np.void, vehicle: Vehicle, share: float, x: float) -> None:
 
 def _propulsion(b: np.void, vehicle: Vehicle) -> None:
     p, half = vehicle.propulsion.values, 0.5 * vehicle.rho * vehicle.L**2
+    b["q_ref"] = p.get("Q_ref", 0.0)
     match vehicle.propulsion.model:
         case "polynomial":
             k = p["uc_per_rpm"]

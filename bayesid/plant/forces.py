@@ -55,8 +55,8 @@ def _rudder_angle(delta, u, v, r, b, g):
     if g.stall > 0.0:
         delta = math.tanh(delta * g.stall) / g.stall
     if g.hard_stall > 0.0:
-        # lift breaks down beyond an inflow angle: what the rudder sees includes the drift at the stern
-        inflow = delta + math.atan2(v - 0.5 * b.L * r, max(u, 1e-3))
+        # lift breaks down beyond an inflow angle: the stern that swings outward in a turn takes some away
+        inflow = delta - math.atan2(v - 0.5 * b.L * r, max(u, 1e-3))
         over = abs(inflow) - 1.0 / g.hard_stall
         if over > 0.0:
             delta *= max(0.3, 1.0 - 3.0 * over * g.hard_stall)
@@ -109,7 +109,7 @@ def shaft(t, n, lift, b, g, s, F):
         F[0] -= g.step_d * thrust_of(b.U0, b.n_ref, b) * u * abs(u) / b.U0**2
     F[1] += g.side * push
     F[5] -= 0.5 * b.L * g.side * push
-    F[3] += g.torque * n * abs(n) / b.n_ref**2
+    F[3] += (b.q_ref + g.torque) * n * abs(n) / b.n_ref**2
     race = b.U0**2 * n * abs(n) / b.n_ref**2
     extra = g.slip * (race - u * abs(u)) + g.jet * race
     F[1] += extra * b.Y_dr * lift
@@ -169,8 +169,11 @@ def surroundings(t, x, b, g, s, cps, sps, F):
     """Earth-fixed force, air, wall, eddies shed by the hull."""
     swing = 1.0 + g.gust * math.sin(g.gust_w * t)
     fn, fe = g.fn * swing, g.fe * swing
-    F[0] += fn * cps + fe * sps
-    F[1] += fe * cps - fn * sps
+    ahead, across = fn * cps + fe * sps, fe * cps - fn * sps  # in level axes; heel and trim turn them
+    sph, cph, sth, cth = math.sin(x[3]), math.cos(x[3]), math.sin(x[4]), math.cos(x[4])
+    F[0] += cth * ahead
+    F[1] += sph * sth * ahead + cph * across
+    F[2] += cph * sth * ahead - sph * across
     if g.air_x != 0.0 or g.air_y != 0.0:
         a = g.air_n * cps + g.air_e * sps - x[6]
         c = g.air_e * cps - g.air_n * sps - x[7]

@@ -15,6 +15,7 @@ from bayesid.plant.forces import flow_at, hull, rows, shaft, strips, surrounding
 
 N_STATES = 16
 WORK = 64  # scratch numbers one call needs
+GRAVITY = 9.81  # m/s^2, turns the buoyancy of a vehicle file into the mass it displaces
 
 
 @njit(cache=True)
@@ -60,6 +61,11 @@ def rates(t, x, delta_r, delta_s, n, body, g, sea, out, work):
     out[5] = (q * sph + r * cph) / cth
     flow_at(t, x, g, stream)
     fn, fe, fd = stream[0], stream[1], stream[2]
+    # the water's own acceleration, which pushes by its pressure gradient as if the hull were water too
+    hn, he = stream[5], stream[6]
+    pull, where = work[46:49], work[49:52]
+    pull[0], pull[1], pull[2] = a0 * hn + a1 * he, b0 * hn + b1 * he, c0 * hn + c1 * he
+    where[0], where[1], where[2] = b.xB, b.yB, b.zB
     # change of the current as the vehicle meets it: in time, and by moving through an uneven one
     closing = out[0] + out[1]
     gn, ge = stream[5] + stream[3] * closing, stream[6] + stream[4] * closing
@@ -77,6 +83,11 @@ def rates(t, x, delta_r, delta_s, n, body, g, sea, out, work):
     force = work[40:46]
     for i in range(6):
         force[i] = F[i] - added[i, 0] * dflow[0] - added[i, 1] * dflow[1] - added[i, 2] * dflow[2]
+    displaced = b.B / GRAVITY
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        force[i] += displaced * pull[i]
+        force[3 + i] += displaced * (where[j] * pull[k] - where[k] * pull[j])
     force[0] += sea[0]
     force[1] += sea[1]
     force[5] += sea[2]

@@ -16,8 +16,17 @@ _INLINE = re.compile(
     r"|(?<![\w*])\*\*(?P<bold>[^\s*](?:[^*\n]*[^\s*])?)\*\*(?![\w*])"
     r"|\[(?P<label>[^\]\n]+)\]\((?P<url>(?:https?://|#)[^\s()<>\"']+)\)"
 )
+_INVISIBLE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
 _BULLET = re.compile(r"\s{0,3}[-•]\s+(.*)")
 _NUMBERED = re.compile(r"\s{0,3}\d{1,3}[.)]\s+(.*)")
+
+
+def visible(text: str) -> str:
+    """Text in which a name out of a file cannot steer a terminal or turn the direction of reading.
+
+    Control characters but line end and tab (C0, DEL, C1) and marks of direction become U+FFFD.
+    """
+    return _INVISIBLE.sub("\N{REPLACEMENT CHARACTER}", text)
 
 
 def literal(name: object) -> str:

@@ -1,4 +1,4 @@
-"""Answers as plain text: aligned columns, and text that cannot steer a terminal.
+"""Answers as plain text: aligned columns.
 
 Takes finished cells. Does not print.
 """
@@ -8,12 +8,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from bayesid.progress import printable
 from bayesid.report.blocks import cell_text
-
-
-def printable(text: str) -> str:
-    """Text without control characters, which in a name out of a file could steer the terminal."""
-    return "".join(c if c in "\n\t" or c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
 
 
 def table_text(columns: Sequence[str], rows: Sequence[Sequence[Any]], digits: int = 4) -> str:

@@ -18,7 +18,7 @@ from typing import Any
 from bayesid import __version__
 from bayesid.files import write_atomic, write_json
 from bayesid.report.blocks import Block, Figure, Report, Section, Table, Text, cell_text, figures_of
-from bayesid.report.markup import inline_html, inline_markdown, plain_markdown, to_html, to_markdown
+from bayesid.report.markup import inline_html, inline_markdown, plain_markdown, to_html, to_markdown, visible
 from bayesid.report.picture import png_bytes
 
 PACKAGES = ("numpy", "scipy", "numba", "matplotlib", "emcee", "arviz", "pint", "h5py", "jinja2")
@@ -48,8 +48,8 @@ def write(report: Report, folder: str | os.PathLike[str], results: Mapping[str, 
     images = {figure.name: png_bytes(figure) for figure in figures_of(report.sections)}
     for name, data in images.items():
         write_atomic(base / "figures" / f"{name}.png", data)
-    write_atomic(base / "report.md", _markdown(report, record))
-    return write_atomic(base / "report.html", _html(report, images, record))
+    write_atomic(base / "report.md", visible(_markdown(report, record)))
+    return write_atomic(base / "report.html", visible(_html(report, images, record)))
 
 
 def versions() -> dict[str, str]:

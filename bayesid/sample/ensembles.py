@@ -25,6 +25,7 @@ from bayesid.sample.store import Block, RandomState, Store
 Array = np.ndarray
 WARM_ROUNDS = 3  # the Gaussian of the third move is renewed after each of them, then never again
 START_TRIES = 40
+SAME_DENSITY = 1e-6  # share by which a log density computed again may differ: batches round otherwise
 
 
 @dataclass(frozen=True)
@@ -94,6 +95,7 @@ def sample(
     made_with = {n: v for n, v in asdict(options).items() if n not in ("max_steps", "limits")}
     store.begin({**identity, **made_with}, resume)
     crew = _Crew(density, laplace, options, store)
+    crew.check()
     number, judged = 0, 0
     while True:
         if watch is not None and number <= WARM_ROUNDS:
@@ -172,6 +174,27 @@ class _Crew:
         log_prob = np.concatenate([b.log_prob for b in blocks])[first:]
         points = self.laplace.points(np.moveaxis(coords, 1, 0))
         return self.density.natural(points), np.moveaxis(log_prob, 1, 0)
+
+    def check(self) -> None:
+        """Compute the last densities of a chain that is resumed again; they must be those of its points."""
+        number = 0
+        while self.store.get(number + 1) is not None:
+            number += 1
+        block = self.store.get(number)
+        if block is None:
+            return
+        if block.coords.shape[1:] != self.shape or block.log_prob.shape != block.coords.shape[:3]:
+            raise SampleError(f"round {number} of the chain has another shape; sample into another folder")
+        told = block.log_prob[-1].ravel()
+        found = self._counted(np.zeros(3, dtype=np.int64))(block.coords[-1].reshape(-1, self.k))
+        with np.errstate(invalid="ignore"):
+            off = ~((found == told) | (np.abs(found - told) <= SAME_DENSITY * (1.0 + np.abs(told))))
+        if off.any():
+            i = int(np.argmax(off))
+            raise SampleError(
+                f"round {number} of the chain tells log density {told[i]:.8g} where it is {found[i]:.8g}: "
+                "it was made with another model or was damaged; sample into another folder"
+            )
 
     def round(self, number: int, watch: Callable[[int, str], None] | None) -> None:
         """Do a round if it is not there yet."""

@@ -12,6 +12,7 @@ import numpy as np
 
 Array = np.ndarray
 MOST_RANKED = 100_000  # draws ranked for R-hat; more would change its fourth digit
+TAIL = (0.05, 0.95)  # quantiles of the tail effective size (Vehtari et al. 2021); arviz 1.x has no default
 
 
 @dataclass(frozen=True)
@@ -161,7 +162,7 @@ def _ess(one: Array, kind: str) -> float:
     chains = np.swapaxes(one, 1, 2).reshape(-1, one.shape[1])
     if one.shape[1] < 4 or np.ptp(chains) == 0:
         return 0.0
-    return float(arviz.ess(chains, method=kind))
+    return float(arviz.ess(chains, method=kind, **({"prob": TAIL} if kind == "tail" else {})))
 
 
 def _stuck(draws: Array) -> tuple[tuple[int, int], ...]:

@@ -6,6 +6,7 @@ numbers is that of the round before, so that the chain goes on as if it had not 
 
 from __future__ import annotations
 
+import hashlib
 import io
 import json
 import shutil
@@ -60,6 +61,7 @@ class Store:
     def __init__(self, folder: Path | None) -> None:
         self.folder = folder
         self._kept: dict[int, Block] = {}
+        self._digest = ""
 
     def begin(self, setup: Mapping[str, Any], resume: bool) -> None:
         """Make the folder ready.
@@ -73,6 +75,7 @@ class Store:
             return
         path = self.folder / "setup.json"
         text = json_text(setup) + "\n"
+        self._digest = hashlib.sha256(text.encode()).hexdigest()[:16]
         if path.exists():
             if not resume:
                 raise SampleError(
@@ -102,13 +105,13 @@ class Store:
         Raises
         ------
         SampleError
-            if its file is damaged
+            if its file is damaged, or of a chain of another set-up
         """
         if number not in self._kept:
             path = self._path(number)
             if path is None or not path.exists():
                 return None
-            self._kept[number] = _read(path)
+            self._kept[number] = _read(path, self._digest)
         return self._kept[number]
 
     def put(self, number: int, block: Block) -> None:
@@ -122,7 +125,7 @@ class Store:
         path = self._path(number)
         if path is not None:
             try:
-                write_atomic(path, _bytes(block))
+                write_atomic(path, _bytes(block, self._digest))
             except OSError as error:
                 raise SampleError(
                     f"{path.name} cannot be written ({error.strerror or error}); the chain up to round "
@@ -131,7 +134,7 @@ class Store:
         self._kept[number] = block
 
 
-def _bytes(block: Block) -> bytes:
+def _bytes(block: Block, digest: str) -> bytes:
     import h5py
 
     buffer = io.BytesIO()
@@ -143,15 +146,17 @@ def _bytes(block: Block) -> bytes:
         kind, keys, at, has_gauss, cached = block.random
         file["random_keys"], file["random_rest"] = keys, np.array([at, has_gauss], dtype=np.int64)
         file["random_cached"] = cached
-        file.attrs.update(kind=kind, seconds=block.seconds)
+        file.attrs.update(kind=kind, seconds=block.seconds, setup=digest)
     return buffer.getvalue()
 
 
-def _read(path: Path) -> Block:
+def _read(path: Path, digest: str) -> Block:
     import h5py
 
     try:
         with h5py.File(path, "r") as file:
+            if file.attrs.get("setup", digest) != digest:  # those of earlier versions do not tell
+                raise SampleError(f"{path.name} is of another chain; delete it and those with higher numbers")
             at, has_gauss = (int(i) for i in file["random_rest"][()])
             random = (
                 str(file.attrs["kind"]),

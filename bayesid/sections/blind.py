@@ -27,10 +27,16 @@ COLUMNS = (
 )
 
 
+BARS_ARE = (
+    "A bar is met when the score itself is within it, undecided when the score misses it and its 95 % "
+    "interval holds it (which few cases make easy), and missed otherwise."
+)
+
+
 def blind_report(sheet: Any, extra: Sequence[Section] = (), title: str = "Blind check") -> Report:
     """Report of a score sheet; `extra` sections follow the scores (baselines, say)."""
     sections = [
-        Section("Bars", _bars(sheet)),
+        Section("Bars", bars_blocks(sheet)),
         *extra,
         Section("By detectability and factors", _strata(sheet)),
     ]
@@ -49,6 +55,7 @@ def results(sheet: Any) -> dict[str, Any]:
     """Plain data of a sheet."""
     return {
         "sealed": sheet.sealed is not None,
+        "caveats": list(sheet.caveats),
         "quantities": {str(d): list(q) for d, q in sheet.quantities.items()},
         "calibration": list(sheet.calibration),
         "control": sheet.control,
@@ -75,24 +82,25 @@ def _lead(sheet: Any) -> str:
             f" {len(sheet.missing)} bundles were not solved in the time given and are left out, whatever "
             "their answers."
         )
-    if sheet.control.met is not False:
+    text += "".join(f" **{sentence}**" for sentence in sheet.caveats)
+    if sheet.control.standing != "missed":
         text += " **The control did not fail**: with so few bundles these scores show nothing."
     return text
 
 
 def _counted(dof: int, rows: Sequence[Any], cases: Sequence[Any]) -> str:
-    """Bars met of one number of degrees of freedom, and how many of those only within the interval."""
-    barred = [q for q in rows if q.met is not None]
-    met = [q for q in barred if q.met]
-    within = sum(not _reached(q) for q in met)
-    bundles = sum(c.dof == dof for c in cases)
-    text = f"{dof} degrees of freedom: {len(met)} of {len(barred)} bars met on {bundles} bundles"
-    return text + (f", {within} of them only within the 95 % interval" if within else "")
+    """Bars met, undecided and missed of one number of degrees of freedom."""
+    return standings(dof, [q.standing for q in rows], sum(c.dof == dof for c in cases))
 
 
-def _reached(q: Any) -> bool:
-    """Whether the score itself is within its bar."""
-    return bool(q.bar[0] <= q.value <= q.bar[1])
+def standings(dof: int, words: Sequence[str], bundles: int) -> str:
+    """How many bars of one number of degrees of freedom are met, undecided and missed, in words."""
+    barred = [word for word in words if word]
+    met, undecided, missed = (barred.count(word) for word in ("met", "undecided", "missed"))
+    return (
+        f"{dof} degrees of freedom, {bundles} bundles: of {len(barred)} bars {met} met, "
+        f"{undecided} undecided, {missed} missed"
+    )
 
 
 def bar_text(quantity: Any) -> str:
@@ -109,17 +117,18 @@ def quantity_row(q: Any) -> list[Any]:
     """Cells of one quantity."""
     count = f"{q.hits}/{q.count}" if q.hits >= 0 else f"{q.count}"
     interval = "–" if q.count == 0 else f"{q.interval[0]:.3g} to {q.interval[1]:.3g}"
-    met = "–" if q.met is None else ("met" if _reached(q) else "within error") if q.met else "missed"
-    return [q.name, q.about, q.value if q.count else None, count, interval, bar_text(q), met]
+    return [
+        q.name, q.about, q.value if q.count else None, count, interval, bar_text(q), q.standing or "–",
+    ]  # fmt: skip
 
 
-def _bars(sheet: Any) -> list[Any]:
+def bars_blocks(sheet: Any) -> list[Any]:
+    """Every quantity of a sheet with its bar."""
     blocks: list[Any] = [
         Text(
-            "A bar is met when the 95 % interval of the score reaches it; where only the interval does, the "
-            "last column says within error, which few cases make easy. D is the noncentrality of the "
-            "planted cause at its true size, computed from the noise-free answer of the true vehicle; below "
-            "25 the right answer is no gap, or a set that holds the cause."
+            f"{BARS_ARE} D is the noncentrality of the planted cause at its true size, computed from the "
+            "noise-free answer of the true vehicle; below 25 the right answer is no gap, or a set that holds "
+            "the cause."
         )
     ]
     for dof, rows in sheet.quantities.items():
@@ -140,7 +149,7 @@ def _calibration(sheet: Any) -> list[Any]:
     rows = []
     for b in bins:
         interval = f"{b.interval[0]:.2f} to {b.interval[1]:.2f}"
-        rows.append([b.stated, b.hit, b.count, interval, "met" if b.met else "missed"])
+        rows.append([b.stated, b.hit, b.count, interval, b.standing])
     stated, hit = (np.array([getattr(b, k) for b in bins]) for k in ("stated", "hit"))
     low, high = (np.array([b.interval[k] for b in bins]) for k in (0, 1))
     picture = figures.calibration(stated, hit, low, high, [b.count for b in bins])

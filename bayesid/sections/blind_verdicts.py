@@ -30,7 +30,7 @@ def verdicts_report(seal: Mapping[str, Any], verdicts: Mapping[str, Mapping[str,
         lead += f" {len(seal['failures'])} could not be diagnosed."
     return Report("Verdicts on withheld effects", lead, [
         Section("What is expected", [Text(_expected(first, named))]),
-        Section("Verdicts", [_table(verdicts)]),
+        Section("Verdicts", [table(verdicts)]),
         Section("Cost and versions", _cost(seal)),
     ])  # fmt: skip
 
@@ -61,7 +61,8 @@ def _expected(first: Mapping[str, float], named: Mapping[str, float]) -> str:
     return text
 
 
-def _table(verdicts: Mapping[str, Mapping[str, Any]]) -> Table:
+def table(verdicts: Mapping[str, Mapping[str, Any]]) -> Table:
+    """Every verdict in a row."""
     rows = []
     for name, v in sorted(verdicts.items()):
         shrink = v["gap"].get("shrink")

@@ -13,6 +13,7 @@ import numpy as np
 
 from bayesid.kernels import LANES, Functions
 from bayesid.model import Model
+from bayesid.simulate.follow import follow
 from bayesid.simulate.plan import Plan
 from bayesid.simulate.prepare import (
     NO_LANE_TRACE,
@@ -33,10 +34,12 @@ THREADED_FROM = 128
 class _Group:
     """Sixteen vectors as the lane kernels want them: flat, sixteen values per entry.
 
+    plan : the steps that fit them
     index : (16,) the vectors; the last one fills up the lanes
     count : how many of them are asked for
     """
 
+    plan: Plan
     index: Array
     count: int
     par: Array
@@ -60,40 +63,57 @@ class _Batch:
         chain = list(self.fun.act_columns)
         self.common = None
         if self.count and np.all(self.pars[:, chain] == self.pars[0, chain]):
-            self.common = np.repeat(actuate(model, self.pars[0], plan, full=self.full)[0].ravel(), LANES)
+            self.plan = follow(model, self.pars[0], plan, self.full)
+            self.common = np.repeat(actuate(model, self.pars[0], self.plan, full=self.full)[0].ravel(), LANES)
+            self.chunks = _chunks(self.plan, np.arange(self.count))
+        else:
+            plans = [follow(model, par, plan, self.full) for par in self.pars]
+            same: dict[int, list[int]] = {}
+            for j, one in enumerate(plans):
+                same.setdefault(id(one), []).append(j)
+            self.chunks = [c for which in same.values() for c in _chunks(plans[which[0]], np.array(which))]
 
     def begin(self, j: int) -> tuple[Array, Array, Array]:
         return start(self.fun, self.pars[j], self.plan.exogenous[0], self.starts[j])
 
-    def group(self, first: int) -> _Group:
-        count = min(LANES, self.count - first)
-        index = first + np.minimum(np.arange(LANES), count - 1)
+    def group(self, chunk: tuple[Plan, Array]) -> _Group:
+        plan, vectors = chunk
+        count = vectors.size
+        index = vectors[np.minimum(np.arange(LANES), count - 1)]
         x0 = self.starts[index]
         if len(self.fun.states) > x0.shape[1]:
             x0 = np.array([self.begin(j)[0] for j in index])
         act = self.common
         if act is None:
-            one = [actuate(self.model, self.pars[j], self.plan, full=self.full)[0] for j in index]
+            one = [actuate(self.model, self.pars[j], plan, full=self.full)[0] for j in index]
             act = np.stack(one, axis=2).ravel()
-        return _Group(index, count, self.pars[index].T.ravel(), self.minv[index].T.ravel(), x0.T.ravel(), act)
+        par, minv = self.pars[index].T.ravel(), self.minv[index].T.ravel()
+        return _Group(plan, index, count, par, minv, x0.T.ravel(), act)
 
     def forward(self, g: _Group, trace: Array) -> Array:
         """(samples, nx, lanes) states of a group."""
-        plan, nx = self.plan, len(self.fun.states)
+        plan, nx = g.plan, len(self.fun.states)
         out = np.empty(plan.t.size * nx * LANES)
         self.fun.lanes(
             g.par, g.minv, g.x0, plan.times, plan.steps, g.act, plan.exogenous, plan.record, out, trace
         )
         return out.reshape(plan.t.size, nx, LANES)
 
-    def each(self, work: Callable[[int], None], threads: int) -> None:
-        groups = range(0, self.count, LANES)
+    def each(self, work: Callable[[_Group], None], threads: int) -> None:
+        def one(chunk: tuple[Plan, Array]) -> None:
+            work(self.group(chunk))
+
         if threads > 1 and self.count >= THREADED_FROM:
             with ThreadPoolExecutor(threads) as pool:
-                list(pool.map(work, groups))
+                list(pool.map(one, self.chunks))
         else:
-            for first in groups:
-                work(first)
+            for chunk in self.chunks:
+                one(chunk)
+
+
+def _chunks(plan: Plan, vectors: Array) -> list[tuple[Plan, Array]]:
+    """Sixteen vectors of one plan at a time."""
+    return [(plan, vectors[i : i + LANES]) for i in range(0, vectors.size, LANES)]
 
 
 def simulate_batch(
@@ -114,9 +134,8 @@ def simulate_batch(
     batch = _Batch(model, pars, plan, x0, full)
     out = np.empty((batch.count, plan.t.size, len(batch.fun.states)))
 
-    def work(first: int) -> None:
-        g = batch.group(first)
-        out[first : first + g.count] = batch.forward(g, NO_LANE_TRACE)[:, :, : g.count].transpose(2, 0, 1)
+    def work(g: _Group) -> None:
+        out[g.index[: g.count]] = batch.forward(g, NO_LANE_TRACE)[:, :, : g.count].transpose(2, 0, 1)
 
     batch.each(work, threads)
     return out
@@ -153,10 +172,10 @@ def gradient_batch(
     na = len(fun.module.ACTUATORS)
     dact = None
     if batch.common is not None and batch.count:
-        dact = actuate(model, batch.pars[0], plan, slopes=True, full=batch.full)[1]
+        dact = actuate(model, batch.pars[0], batch.plan, slopes=True, full=batch.full)[1]
 
-    def work(first: int) -> None:
-        g = batch.group(first)
+    def work(g: _Group) -> None:
+        plan = g.plan
         trace = np.empty(plan.steps.size * 4 * fun.traced * LANES)
         here = np.ascontiguousarray(batch.forward(g, trace).transpose(2, 0, 1))
         cot = np.empty((plan.t.size, nx, LANES))

@@ -13,6 +13,7 @@ import numpy as np
 
 from bayesid.errors import ModelError
 from bayesid.model import Model
+from bayesid.simulate.follow import follow
 from bayesid.simulate.plan import Plan
 from bayesid.simulate.prepare import actuate, check_parameters, choose, inverse_mass, mass_matrices
 from bayesid.simulate.sensors import read_channels
@@ -55,6 +56,7 @@ def interval_maps(
         if an interval ends outside the finite numbers; names the time
     """
     par = check_parameters(model, plan, par)
+    plan = follow(model, par, plan, full)
     fun = choose(model, par, full)
     nx, n_in, n_free = len(fun.states), len(inputs), len(free)
     position = {name: nx + i for i, name in enumerate(inputs)}

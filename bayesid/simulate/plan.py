@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,7 @@ Array = np.ndarray
 # 0.011, 0.06 and 0.12 m for 1.1 to 3.2 times the steps; spirals and rudder steps are below 6 mm.
 STEP_PER_LENGTH = 0.08
 MOVING_STEP_PER_LENGTH = 0.01
-_STILL = 1e-4  # rad L/U: a move times its duration that makes no difference
+STILL = 1e-4  # rad L/U: a move times its duration that makes no difference
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +40,8 @@ class Plan:
     exogenous : (m, ne) measured wind and latent inputs, held over each step
     knots, levels : (k,) and (k, na) switching times and values of the held commands
     measured : names of actuators whose measured position is used instead of the command
+    short : step [s] while a fin moves, 0 where all steps are as long as was asked for
+    kept : what `follow` has worked out for this plan
     """
 
     t: Array
@@ -51,6 +53,8 @@ class Plan:
     knots: Array
     levels: Array
     measured: tuple[str, ...] = ()
+    short: float = 0.0
+    kept: dict[Any, Any] = field(default_factory=dict, init=False, repr=False)
 
 
 def plan_run(
@@ -73,7 +77,8 @@ def plan_run(
         command and lift the vehicle's own rate and angle limits
     exogenous : "wind_speed" [m/s] and "wind_from" [rad]
     max_step : longest RK4 step [s], throughout; default `STEP_PER_LENGTH` L/U, and `MOVING_STEP_PER_LENGTH`
-        while a fin moves to a new command at the vehicle's own rate
+        while a fin moves to a new command at the vehicle's own rate, or at that of the parameters a run is
+        simulated with (`follow`)
 
     Raises
     ------
@@ -93,7 +98,8 @@ def plan_run(
             levels[:, a] = _filled(inputs[f"{name}_cmd"], f"{name}_cmd", t.size)
             if name != "n" and max_step is None:
                 moving = np.maximum(moving, _moving(model, name, t, levels[:, a]))
-    start, steps, record = _steps(t, moving, *_longest(model, max_step))
+    short, long = _longest(model, max_step)
+    start, steps, record = _steps(t, moving, short, long)
     middle = start + 0.5 * steps
     command = levels[np.repeat(np.arange(t.size - 1), np.diff(record))]
     for a, name in enumerate(names):
@@ -105,7 +111,10 @@ def plan_run(
         towards = _filled(exogenous["wind_from"], "wind_from", t.size) + math.pi
         for name, values in (("wind_north", speed * np.cos(towards)), ("wind_east", speed * np.sin(towards))):
             exo[:, model.kernel.exogenous.index(name)] = np.interp(middle, t, values)
-    return Plan(t, start - t[0], steps, record, command, exo, t - t[0], levels, tuple(measured))
+    adaptable = short if max_step is None else 0.0
+    return Plan(
+        t, start - t[0], steps, record, command, exo, t - t[0], levels, tuple(measured), adaptable
+    )
 
 
 def plan_trial_run(model: Model, run: Any, max_step: float | None = None) -> Plan:
@@ -132,7 +141,7 @@ def _moving(model: Model, name: str, t: Array, levels: Array) -> Array:
     at = float(np.clip(levels[0], -limit, limit))
     for i, (gap, level) in enumerate(zip(np.diff(t), np.clip(levels, -limit, limit)[:-1], strict=True)):
         left = abs(level - at) * inverse
-        if left * abs(level - at) > _STILL * time:
+        if left * abs(level - at) > STILL * time:
             out[i] = min(left, gap)
         at = level if left <= gap else at + math.copysign(gap / inverse, level - at)
     return out

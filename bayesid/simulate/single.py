@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bayesid.model import Model
+from bayesid.simulate.follow import follow
 from bayesid.simulate.plan import Plan
 from bayesid.simulate.prepare import (
     NO_TRACE,
@@ -85,6 +86,7 @@ def simulate(model: Model, par: Array, plan: Plan, x0: Array, full: bool | None 
     par = check_parameters(model, plan, par)
     fun = choose(model, par, full)
     is_full = fun is model.kernel.full
+    plan = follow(model, par, plan, is_full)
     act, _ = actuate(model, par, plan, full=is_full)
     x, _, _ = start(fun, par, plan.exogenous[0], check_start(model, x0))
     minv = inverse_mass(model, fun, par[None])[0]
@@ -123,6 +125,7 @@ def sensitivities(
     if full is None:
         full = not model.is_off(par) or not model.effect_off.keys().isdisjoint(free.tolist())
     fun = choose(model, par, full)
+    plan = follow(model, par, plan, full)
     act, dact = actuate(model, par, plan, slopes=True, full=full)
     x, slope_x, slope_par = start(fun, par, plan.exogenous[0], x0)
     n_free, n0, nx, size = free.size, x0.size, x.size, plan.t.size
@@ -172,6 +175,7 @@ def gradient(
     par = check_parameters(model, plan, par)
     x0 = check_start(model, x0)
     fun = choose(model, par, full)
+    plan = follow(model, par, plan, fun is model.kernel.full)
     act, dact = actuate(model, par, plan, slopes=True, full=fun is model.kernel.full)
     x, slope_x, slope_par = start(fun, par, plan.exogenous[0], x0)
     minv = inverse_mass(model, fun, par[None])[0]

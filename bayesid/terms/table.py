@@ -5,7 +5,8 @@ Does not: hold values, rigid-body or hydrostatic terms (those follow from mass p
 
 Regressors use body velocity THROUGH THE WATER (u v w p q r) and its rate (udot ... rdot), delta_r,
 delta_s, delta_b [rad], n [rpm], eta1 = u_c/U - 1, and the cross-flow speeds Rv and Rw: sqrt(v^2 + w^2)
-in Gertler-Hagen sets, |v| and |w| in `plain_abs` sets. sgn(v) Rv |r| is (v/|v|) R |r| with 0 at v = 0.
+in Gertler-Hagen sets, |v| and |w| in `plain_abs` sets. sgn(v) Rv |r| is (v/|v|) R |r| with 0 at v = 0; the
+kernels round its jump (`kernels.flow.SIDE`).
 """
 
 from __future__ import annotations

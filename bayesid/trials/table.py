@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import csv
 import io
-import os
-import stat
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
+from bayesid.files import UnreadableError, read_regular
 from bayesid.trials.trial import Floats
 
 MAX_BYTES = 256 * 1024 * 1024
@@ -48,17 +47,9 @@ class BadTableError(Exception):
 def read_bytes(path: Path, limit: int = MAX_BYTES) -> bytes:
     """Content of a regular file no larger than `limit`; BadTableError otherwise."""
     try:
-        info = os.stat(path)
-        if not stat.S_ISREG(info.st_mode):
-            raise BadTableError(["is not a regular file"])
-        if info.st_size > limit:
-            size, allowed = info.st_size / 2**20, limit / 2**20
-            raise BadTableError([f"is {size:.0f} MB, the limit is {allowed:.0f} MB; thin it out or split it"])
-        with open(path, "rb") as file:
-            return file.read(limit + 1)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise BadTableError([f"cannot be read: {reason}"]) from None
+        return read_regular(path, limit)
+    except UnreadableError as error:
+        raise BadTableError([str(error)]) from None
 
 
 def summed(found: list[tuple[int, str]], kind: str) -> list[str]:

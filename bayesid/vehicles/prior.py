@@ -122,6 +122,8 @@ def _from_npz(entry: str, folder: Path | None) -> tuple[list[str], np.ndarray]:
     try:
         if not path.resolve().is_relative_to(folder.resolve()):
             raise ValueError(f"{shown(entry)} points outside the folder of the vehicle file")
+        if path.exists() and not path.is_file():  # a pipe would be waited for
+            raise ValueError(f"{shown(entry)} is not a regular file")
         with zipfile.ZipFile(path) as archive:
             size = sum(member.file_size for member in archive.infolist())
         if size > LARGEST_COVARIANCE:

@@ -32,6 +32,7 @@ def write_vehicle(
     vehicle: Vehicle,
     path: str | os.PathLike[str],
     covariance: tuple[Sequence[str], np.ndarray] | None = None,
+    inside: bool = False,
 ) -> Path:
     """Write a vehicle file; a covariance goes into `<stem>.covariance.npz` beside it.
 
@@ -41,6 +42,7 @@ def write_vehicle(
     ----------
     covariance : names (k,) of coefficients and their (k, k) covariance in the units of the file; replaces
         what the vehicle's prior says of them. `identified` takes SI values instead
+    inside : write the covariance as a table of the file instead, readable as text
 
     Raises
     ------
@@ -54,17 +56,17 @@ def write_vehicle(
         vehicle = replace(vehicle, prior=with_covariance(vehicle.prior, *covariance))
     prior, beside = vehicle.prior, f"{target.stem}.covariance.npz"
     try:
-        if prior is not None and prior.covariance is not None:
+        if prior is not None and prior.covariance is not None and not inside:
             buffer = io.BytesIO()
             np.savez(buffer, names=np.array(prior.names), covariance=prior.covariance)
             write_atomic(target.with_name(beside), buffer.getvalue())
-        return write_atomic(target, vehicle_toml(vehicle, beside))
+        return write_atomic(target, vehicle_toml(vehicle, None if inside else beside))
     except OSError as error:
         raise VehicleError(f"{target.name}: cannot be written ({error.strerror})") from None
 
 
-def vehicle_toml(vehicle: Vehicle, covariance_file: str) -> str:
-    """Text of the vehicle file; `covariance_file` is named in [prior] if there is a covariance."""
+def vehicle_toml(vehicle: Vehicle, covariance_file: str | None) -> str:
+    """Text of the vehicle file; a covariance is in `covariance_file`, or within the text without one."""
     v = vehicle
     head: dict[str, Any] = {"name": v.name, "source": v.source, "nondimensional": v.nondimensional}
     head |= {"plain_abs": v.plain_abs, "planar_only": v.planar_only, "rho": v.rho, "L": v.L, **v.dimensions}
@@ -94,7 +96,8 @@ def vehicle_toml(vehicle: Vehicle, covariance_file: str) -> str:
     if v.prior is not None:
         prior: dict[str, Any] = {"relative_sd": v.prior.relative_sd} if v.prior.relative_sd else {}
         if v.prior.covariance is not None:
-            prior["covariance"] = covariance_file
+            table = {"names": list(v.prior.names), "matrix": v.prior.covariance.tolist()}
+            prior["covariance"] = covariance_file or table
         tables["prior"] = prior
     for name in ("sources", "confidence", "validation"):
         if content := getattr(v, name):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import tempfile
 from collections.abc import Iterable
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from bayesid.plant import draw_campaign, write_bundle
 from bayesid.progress import Progress
 from bayesid.trials import load_trial
 from bayesid.vehicles import load_vehicle
+from bayesid.workers import worker_pool
 
 # vehicle, planted effects, kind, sea
 CASES: tuple[tuple[str, tuple[str, ...], str, str], ...] = (
@@ -38,7 +39,7 @@ def planted(chosen: Iterable[int], store: Path, seed: int, progress: Progress) -
     """Rows of the chosen cases, in order; finished ones are read back."""
     chosen = list(chosen)
     found: dict[int, dict[str, Any]] = {i: kept for i in chosen if (kept := _kept(store, i, seed + i))}
-    with ProcessPoolExecutor(WORKERS) as pool:
+    with worker_pool(WORKERS) as pool:
         jobs = {pool.submit(run, i, seed + i): i for i in chosen if i not in found}
         for job in progress.track(as_completed(jobs), "campaigns", total=len(jobs)):
             i = jobs[job]

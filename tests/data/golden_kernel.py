@@ -5,11 +5,11 @@ import math
 import numpy as np
 from numba import njit
 
-EQUATIONS = "a2f501303e166c44"
+EQUATIONS = "a9865dbb64f314e7"
 LANES = 16
 PARAMETERS = (
-    'm', 'Izz', 'x_G', 'y_G', 'L', 'rho', 'height', 'rpm_ref', 'U_ref', 'point_x', 'point_y',
-    'inverse_rate_r', 'servo_lag_r', 'limit_r', 'X_uu', 'Y_vdot', 'N_dr', 'push.F',
+    'm', 'Izz', 'x_G', 'y_G', 'L', 'rho', 'height', 'rpm_ref', 'U_ref', 'point_x', 'point_y', 'W', 'B',
+    'x_B', 'y_B', 'inverse_rate_r', 'servo_lag_r', 'limit_r', 'X_uu', 'Y_vdot', 'N_dr', 'push.F',
 )
 ACTUATORS = (
     'delta_r', 'n',
@@ -36,14 +36,14 @@ FULL_STATES = (
 def full_masses(pars, out):
     """Mass matrices, added mass included, of every parameter vector; `out` comes with zeros."""
     for b in range(pars.shape[0]):
-        t135 = pars[b, 0] * pars[b, 2]
-        t157 = -(pars[b, 0] * pars[b, 3])
+        t151 = pars[b, 0] * pars[b, 2]
+        t173 = -(pars[b, 0] * pars[b, 3])
         out[b, 0, 0] = pars[b, 0]
-        out[b, 0, 2] = t157
-        out[b, 1, 1] = pars[b, 0] - pars[b, 15]
-        out[b, 1, 2] = t135
-        out[b, 2, 0] = t157
-        out[b, 2, 1] = t135
+        out[b, 0, 2] = t173
+        out[b, 1, 1] = pars[b, 0] - pars[b, 19]
+        out[b, 1, 2] = t151
+        out[b, 2, 0] = t173
+        out[b, 2, 1] = t151
         out[b, 2, 2] = pars[b, 1]
 
 
@@ -104,19 +104,19 @@ def full_simulate(par, minv, x0, times, steps, act, exo, record, out, trace):
             weight = 2.0 if (stage == 1 or stage == 2) else 1.0
             half = h if stage == 2 else 0.5 * h
             t = times[s] + (0.0 if stage == 0 else (h if stage == 3 else 0.5 * h))
-            t39 = math.cos(z2)
-            t41 = math.sin(z2)
-            t43 = (e2 * t39) + (e3 * t41)
-            t52 = z3 - t43
-            t57 = t52 * t52
-            t62 = z4 * z5
-            t64 = z5 * z5
-            t73 = z3 * z5
-            f0 = e4 + ((par[14] * t57) - (par[0] * ((-t62) - (par[2] * t64))))
-            f1 = e5 + (par[17] + ((par[15] * (z5 * t43)) - (par[0] * (t73 - (par[3] * t64)))))
-            f2 = e6 + ((par[16] * (u0 * t57)) - (par[0] * ((par[2] * t73) + (par[3] * t62))))
-            k0 = (z3 * t39) - (z4 * t41)
-            k1 = (z3 * t41) + (z4 * t39)
+            t43 = math.cos(z2)
+            t45 = math.sin(z2)
+            t47 = (e2 * t43) + (e3 * t45)
+            t56 = z3 - t47
+            t61 = t56 * t56
+            t66 = z4 * z5
+            t68 = z5 * z5
+            t82 = z3 * z5
+            f0 = e4 + ((par[18] * t61) - (par[0] * ((-t66) - (par[2] * t68))))
+            f1 = e5 + (par[21] + ((par[19] * (z5 * t47)) - (par[0] * (t82 - (par[3] * t68)))))
+            f2 = e6 + ((par[20] * (u0 * t61)) - (par[0] * ((par[2] * t82) + (par[3] * t66))))
+            k0 = (z3 * t43) - (z4 * t45)
+            k1 = (z3 * t45) + (z4 * t43)
             k2 = z5
             a0 = minv[0] * f0 + minv[1] * f1 + minv[2] * f2
             a1 = minv[3] * f0 + minv[4] * f1 + minv[5] * f2
@@ -157,8 +157,8 @@ def full_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
 
     `trace`, if not empty, gets state and acceleration of every stage.
     """
-    work = np.zeros(800)
-    for i in range(288):
+    work = np.zeros(864)
+    for i in range(352):
         work[512 + i] = par[i]
     for i in range(144):
         work[368 + i] = minv[i]
@@ -197,30 +197,30 @@ def full_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
                 for i in range(96):
                     trace[to + i] = work[96 + i]
             for l in range(16):
-                t22_k = math.floor(work[128 + l] * 0.6366197723675814 + 0.5)
-                t22_y = ((work[128 + l] - t22_k * 1.57079625129699707031) - t22_k * 7.54978941586159635335e-08) - t22_k * 5.39030285815811905290e-15
-                t22_z = t22_y * t22_y
-                t22_ps = t22_y + t22_y * t22_z * ((((((1.5896230157654656e-10) * t22_z + -2.5050747762857807e-08) * t22_z + 2.7557313621385722e-06) * t22_z + -0.0001984126982958954) * t22_z + 0.008333333333322118) * t22_z + -0.1666666666666663)
-                t22_pc = 1.0 - 0.5 * t22_z + t22_z * t22_z * ((((((-1.1358536521387682e-11) * t22_z + 2.087570084197473e-09) * t22_z + -2.755731417929674e-07) * t22_z + 2.4801587288851704e-05) * t22_z + -0.0013888888888873056) * t22_z + 0.041666666666666595)
-                t22_h = t22_k - 2.0 * math.floor(0.5 * t22_k)
-                t22_q = t22_k - 4.0 * math.floor(0.25 * t22_k)
-                t22_s0 = t22_pc if t22_h > 0.5 else t22_ps
-                t22_c0 = t22_ps if t22_h > 0.5 else t22_pc
-                t22_sin = -t22_s0 if t22_q > 1.5 else t22_s0
-                t22_cos = -t22_c0 if (t22_q > 0.5 and t22_q < 2.5) else t22_c0
-                t43 = (e2 * t22_cos) + (e3 * t22_sin)
-                t52 = work[144 + l] - t43
-                t57 = t52 * t52
-                t62 = work[160 + l] * work[176 + l]
-                t64 = work[176 + l] * work[176 + l]
-                t73 = work[144 + l] * work[176 + l]
-                t120 = work[784 + l] + ((work[752 + l] * (work[176 + l] * t43)) - (work[512 + l] * (t73 - (work[560 + l] * t64))))
-                t127 = (work[768 + l] * (work[336 + l] * t57)) - (work[512 + l] * ((work[544 + l] * t73) + (work[560 + l] * t62)))
-                f0 = e4 + ((work[736 + l] * t57) - (work[512 + l] * ((-t62) - (work[544 + l] * t64))))
-                f1 = e5 + t120
-                f2 = e6 + t127
-                k0 = (work[144 + l] * t22_cos) - (work[160 + l] * t22_sin)
-                k1 = (work[144 + l] * t22_sin) + (work[160 + l] * t22_cos)
+                t26_k = math.floor(work[128 + l] * 0.6366197723675814 + 0.5)
+                t26_y = ((work[128 + l] - t26_k * 1.57079625129699707031) - t26_k * 7.54978941586159635335e-08) - t26_k * 5.39030285815811905290e-15
+                t26_z = t26_y * t26_y
+                t26_ps = t26_y + t26_y * t26_z * ((((((1.5896230157654656e-10) * t26_z + -2.5050747762857807e-08) * t26_z + 2.7557313621385722e-06) * t26_z + -0.0001984126982958954) * t26_z + 0.008333333333322118) * t26_z + -0.1666666666666663)
+                t26_pc = 1.0 - 0.5 * t26_z + t26_z * t26_z * ((((((-1.1358536521387682e-11) * t26_z + 2.087570084197473e-09) * t26_z + -2.755731417929674e-07) * t26_z + 2.4801587288851704e-05) * t26_z + -0.0013888888888873056) * t26_z + 0.041666666666666595)
+                t26_h = t26_k - 2.0 * math.floor(0.5 * t26_k)
+                t26_q = t26_k - 4.0 * math.floor(0.25 * t26_k)
+                t26_s0 = t26_pc if t26_h > 0.5 else t26_ps
+                t26_c0 = t26_ps if t26_h > 0.5 else t26_pc
+                t26_sin = -t26_s0 if t26_q > 1.5 else t26_s0
+                t26_cos = -t26_c0 if (t26_q > 0.5 and t26_q < 2.5) else t26_c0
+                t47 = (e2 * t26_cos) + (e3 * t26_sin)
+                t56 = work[144 + l] - t47
+                t61 = t56 * t56
+                t66 = work[160 + l] * work[176 + l]
+                t68 = work[176 + l] * work[176 + l]
+                t82 = work[144 + l] * work[176 + l]
+                t136 = work[848 + l] + ((work[816 + l] * (work[176 + l] * t47)) - (work[512 + l] * (t82 - (work[560 + l] * t68))))
+                t143 = (work[832 + l] * (work[336 + l] * t61)) - (work[512 + l] * ((work[544 + l] * t82) + (work[560 + l] * t66)))
+                f0 = e4 + ((work[800 + l] * t61) - (work[512 + l] * ((-t66) - (work[544 + l] * t68))))
+                f1 = e5 + t136
+                f2 = e6 + t143
+                k0 = (work[144 + l] * t26_cos) - (work[160 + l] * t26_sin)
+                k1 = (work[144 + l] * t26_sin) + (work[160 + l] * t26_cos)
                 k2 = work[176 + l]
                 a0 = work[368 + l] * f0 + work[384 + l] * f1 + work[400 + l] * f2
                 a1 = work[416 + l] * f0 + work[432 + l] * f1 + work[448 + l] * f2
@@ -259,7 +259,7 @@ def full_lanes(par, minv, x0, times, steps, act, exo, record, out, trace):
             work[0 + i] = work[96 + i]
 
 
-FULL_ENTRIES = np.array([(0, 0), (0, 2), (0, 3), (0, 14), (1, 0), (1, 2), (1, 3), (1, 15), (1, 17), (2, 0), (2, 1), (2, 2), (2, 3), (2, 16)], dtype=np.int64).reshape(-1, 2)
+FULL_ENTRIES = np.array([(0, 0), (0, 2), (0, 3), (0, 18), (1, 0), (1, 2), (1, 3), (1, 19), (1, 21), (2, 0), (2, 1), (2, 2), (2, 3), (2, 20)], dtype=np.int64).reshape(-1, 2)
 
 
 @njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
@@ -365,69 +365,69 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             weight = 2.0 if (stage == 1 or stage == 2) else 1.0
             half = h if stage == 2 else 0.5 * h
             t = begin + (0.0 if stage == 0 else (h if stage == 3 else 0.5 * h))
-            t39 = math.cos(z2)
-            t41 = math.sin(z2)
-            t43 = (e2 * t39) + (e3 * t41)
-            t52 = z3 - t43
-            t57 = t52 * t52
-            t62 = z4 * z5
-            t64 = z5 * z5
-            t73 = z3 * z5
-            f0 = e4 + ((par[14] * t57) - (par[0] * ((-t62) - (par[2] * t64))))
-            f1 = e5 + (par[17] + ((par[15] * (z5 * t43)) - (par[0] * (t73 - (par[3] * t64)))))
-            f2 = e6 + ((par[16] * (u0 * t57)) - (par[0] * ((par[2] * t73) + (par[3] * t62))))
-            k0 = (z3 * t39) - (z4 * t41)
-            k1 = (z3 * t41) + (z4 * t39)
+            t43 = math.cos(z2)
+            t45 = math.sin(z2)
+            t47 = (e2 * t43) + (e3 * t45)
+            t56 = z3 - t47
+            t61 = t56 * t56
+            t66 = z4 * z5
+            t68 = z5 * z5
+            t82 = z3 * z5
+            f0 = e4 + ((par[18] * t61) - (par[0] * ((-t66) - (par[2] * t68))))
+            f1 = e5 + (par[21] + ((par[19] * (z5 * t47)) - (par[0] * (t82 - (par[3] * t68)))))
+            f2 = e6 + ((par[20] * (u0 * t61)) - (par[0] * ((par[2] * t82) + (par[3] * t66))))
+            k0 = (z3 * t43) - (z4 * t45)
+            k1 = (z3 * t45) + (z4 * t43)
             k2 = z5
             a0 = minv[0] * f0 + minv[1] * f1 + minv[2] * f2
             a1 = minv[3] * f0 + minv[4] * f1 + minv[5] * f2
             a2 = minv[6] * f0 + minv[7] * f1 + minv[8] * f2
-            v63 = a0 - t62
-            v74 = a1 + t73
-            v132 = par[0] * a2
-            v133 = par[0] * par[3]
-            v134 = par[0] * t64
-            v135 = par[0] * par[2]
-            v136 = z5 * v135
-            v138 = par[0] * z5
-            v141 = par[14] * t52
-            v142 = v141 + v141
-            v164 = z5 * v133
-            v170 = par[15] * z5
-            v193 = t52 * (par[16] * u0)
-            v194 = v193 + v193
-            d0_2 = (t41 * (e2 * v142)) - (t39 * (e3 * v142))
-            d0_3 = v142
-            d0_4 = v138
-            d0_5 = (v136 + v136) + (par[0] * z4)
-            d1_2 = (t39 * (e3 * v170)) - (t41 * (e2 * v170))
-            d1_3 = -v138
-            d1_5 = (v164 + (v164 - (par[0] * z3))) + (par[15] * t43)
-            d2_2 = (t41 * (e2 * v194)) - (t39 * (e3 * v194))
-            d2_3 = v194 - v136
-            d2_4 = -v164
-            d2_5 = (-(z3 * v135)) - (z4 * v133)
-            d3_2 = (-(z4 * t39)) - (z3 * t41)
-            d3_3 = t39
-            d3_4 = -t41
-            d4_2 = (z3 * t39) - (z4 * t41)
-            d4_3 = t41
-            d4_4 = t39
+            v67 = a0 - t66
+            v83 = a1 + t82
+            v148 = par[0] * a2
+            v149 = par[0] * par[3]
+            v150 = par[0] * t68
+            v151 = par[0] * par[2]
+            v152 = z5 * v151
+            v154 = par[0] * z5
+            v157 = par[18] * t56
+            v158 = v157 + v157
+            v180 = z5 * v149
+            v186 = par[19] * z5
+            v209 = t56 * (par[20] * u0)
+            v210 = v209 + v209
+            d0_2 = (t45 * (e2 * v158)) - (t43 * (e3 * v158))
+            d0_3 = v158
+            d0_4 = v154
+            d0_5 = (v152 + v152) + (par[0] * z4)
+            d1_2 = (t43 * (e3 * v186)) - (t45 * (e2 * v186))
+            d1_3 = -v154
+            d1_5 = (v180 + (v180 - (par[0] * z3))) + (par[19] * t47)
+            d2_2 = (t45 * (e2 * v210)) - (t43 * (e3 * v210))
+            d2_3 = v210 - v152
+            d2_4 = -v180
+            d2_5 = (-(z3 * v151)) - (z4 * v149)
+            d3_2 = (-(z4 * t43)) - (z3 * t45)
+            d3_3 = t43
+            d3_4 = -t45
+            d4_2 = (z3 * t43) - (z4 * t45)
+            d4_3 = t45
+            d4_4 = t43
             d5_5 = 1.0
-            dpar[0] = (par[3] * a2) - (v63 - (par[2] * t64))
-            dpar[1] = v134
-            dpar[2] = v132
-            dpar[3] = t57
-            dpar[4] = -((v74 - (par[3] * t64)) + (par[2] * a2))
-            dpar[5] = -v132
-            dpar[6] = v134
-            dpar[7] = a1 + (z5 * t43)
+            dpar[0] = (par[3] * a2) - (v67 - (par[2] * t68))
+            dpar[1] = v150
+            dpar[2] = v148
+            dpar[3] = t61
+            dpar[4] = -((v83 - (par[3] * t68)) + (par[2] * a2))
+            dpar[5] = -v148
+            dpar[6] = v150
+            dpar[7] = a1 + (z5 * t47)
             dpar[8] = 1.0
-            dpar[9] = (par[3] * v63) - (par[2] * v74)
+            dpar[9] = (par[3] * v67) - (par[2] * v83)
             dpar[10] = -a2
-            dpar[11] = -(par[0] * v74)
-            dpar[12] = par[0] * v63
-            dpar[13] = u0 * t57
+            dpar[11] = -(par[0] * v83)
+            dpar[12] = par[0] * v67
+            dpar[13] = u0 * t61
             for o in range(blocks):
                 base = o * 336 + 288
                 for l in range(48):
@@ -435,15 +435,15 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             for w in range(wanted):
                 work[target[w]] += dpar[source[w]]
             if want_inputs:
-                dinp[0, 4] = -(t39 * v142)
-                dinp[0, 5] = -(t41 * v142)
+                dinp[0, 4] = -(t43 * v158)
+                dinp[0, 5] = -(t45 * v158)
                 dinp[0, 6] = 1.0
-                dinp[1, 4] = t39 * v170
-                dinp[1, 5] = t41 * v170
+                dinp[1, 4] = t43 * v186
+                dinp[1, 5] = t45 * v186
                 dinp[1, 7] = 1.0
-                dinp[2, 0] = par[16] * t57
-                dinp[2, 4] = -(t39 * v194)
-                dinp[2, 5] = -(t41 * v194)
+                dinp[2, 0] = par[20] * t61
+                dinp[2, 4] = -(t43 * v210)
+                dinp[2, 5] = -(t45 * v210)
                 dinp[2, 8] = 1.0
                 for row in range(6):
                     if slot[row] < 0:
@@ -599,42 +599,42 @@ def full_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
             g3 = c0
             g4 = c1
             g5 = c2
-            v39 = math.cos(z2)
-            v41 = math.sin(z2)
-            v43 = (e2 * v39) + (e3 * v41)
-            v52 = z3 - v43
-            v57 = v52 * v52
-            v63 = a0 - (z4 * z5)
-            v64 = z5 * z5
-            v74 = a1 + (z3 * z5)
-            v250 = par[0] * g2
-            v265 = (-(((par[2] * v74) - (par[3] * v63)) * g2)) - (((v74 - (par[3] * v64)) + (par[2] * a2)) * g1)
-            v266 = par[0] * g1
-            v274 = (-(par[2] * v250)) - v266
-            v286 = par[0] * g0
-            v297 = z5 * ((par[3] * v266) + (par[2] * v286))
-            v300 = v286 - (par[3] * v250)
-            v306 = par[16] * g2
-            v310 = par[15] * g1
-            v314 = v52 * ((u0 * v306) + (par[14] * g0))
-            v315 = v314 + v314
-            v322 = (z5 * v310) - v315
-            v332 = (v39 * (((z3 * g4) - (z4 * g3)) + (e3 * v322))) - (v41 * (((z4 * g4) + (z3 * g3)) + (e2 * v322)))
+            v43 = math.cos(z2)
+            v45 = math.sin(z2)
+            v47 = (e2 * v43) + (e3 * v45)
+            v56 = z3 - v47
+            v61 = v56 * v56
+            v67 = a0 - (z4 * z5)
+            v68 = z5 * z5
+            v83 = a1 + (z3 * z5)
+            v266 = par[0] * g2
+            v281 = (-(((par[2] * v83) - (par[3] * v67)) * g2)) - (((v83 - (par[3] * v68)) + (par[2] * a2)) * g1)
+            v282 = par[0] * g1
+            v290 = (-(par[2] * v266)) - v282
+            v302 = par[0] * g0
+            v313 = z5 * ((par[3] * v282) + (par[2] * v302))
+            v316 = v302 - (par[3] * v266)
+            v322 = par[20] * g2
+            v326 = par[19] * g1
+            v330 = v56 * ((u0 * v322) + (par[18] * g0))
+            v331 = v330 + v330
+            v338 = (z5 * v326) - v331
+            v348 = (v43 * (((z3 * g4) - (z4 * g3)) + (e3 * v338))) - (v45 * (((z4 * g4) + (z3 * g3)) + (e2 * v338)))
             y0 = 0.0
             y1 = 0.0
-            y2 = v332
-            y3 = (((v41 * g4) + (v39 * g3)) + (z5 * v274)) + v315
-            y4 = ((v39 * g4) - (v41 * g3)) + (z5 * v300)
-            y5 = ((v297 + ((g5 + (z3 * v274)) + v297)) + (z4 * v300)) + (v43 * v310)
-            gpar[0] += v265 - (((v63 - (par[2] * v64)) - (par[3] * a2)) * g0)
+            y2 = v348
+            y3 = (((v45 * g4) + (v43 * g3)) + (z5 * v290)) + v331
+            y4 = ((v43 * g4) - (v45 * g3)) + (z5 * v316)
+            y5 = ((v313 + ((g5 + (z3 * v290)) + v313)) + (z4 * v316)) + (v47 * v326)
+            gpar[0] += v281 - (((v67 - (par[2] * v68)) - (par[3] * a2)) * g0)
             gpar[1] += -(a2 * g2)
-            gpar[2] += ((-(v74 * v250)) - (a2 * v266)) + (v64 * v286)
-            gpar[3] += ((v63 * v250) + (v64 * v266)) + (a2 * v286)
-            gpar[14] += v57 * g0
-            gpar[15] += (a1 + (z5 * v43)) * g1
-            gpar[16] += (u0 * v57) * g2
-            gpar[17] += g1
-            ga0 += v57 * v306
+            gpar[2] += ((-(v83 * v266)) - (a2 * v282)) + (v68 * v302)
+            gpar[3] += ((v67 * v266) + (v68 * v282)) + (a2 * v302)
+            gpar[18] += v61 * g0
+            gpar[19] += (a1 + (z5 * v47)) * g1
+            gpar[20] += (u0 * v61) * g2
+            gpar[21] += g1
+            ga0 += v61 * v322
             back0 += y0
             back1 += y1
             back2 += y2
@@ -657,14 +657,14 @@ def full_adjoint(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpa
     gx0[5] = lam5
 
 
-FULL_ADJOINT_PARAMETERS = np.array([0, 1, 2, 3, 14, 15, 16, 17], dtype=np.int64)
+FULL_ADJOINT_PARAMETERS = np.array([0, 1, 2, 3, 18, 19, 20, 21], dtype=np.int64)
 
 
 @njit(cache=True, nogil=True, error_model='numpy', fastmath={'contract'})
 def full_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx0, gpar, gact):
     """Discrete adjoint over 16 vectors; arrays are flat with 16 values per entry."""
-    work = np.zeros(1056)
-    for i in range(288):
+    work = np.zeros(1120)
+    for i in range(352):
         work[640 + i] = par[i]
     for i in range(144):
         work[496 + i] = minv[i]
@@ -715,51 +715,51 @@ def full_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
                 g3 = c0
                 g4 = c1
                 g5 = c2
-                v22_k = math.floor(work[320 + l] * 0.6366197723675814 + 0.5)
-                v22_y = ((work[320 + l] - v22_k * 1.57079625129699707031) - v22_k * 7.54978941586159635335e-08) - v22_k * 5.39030285815811905290e-15
-                v22_z = v22_y * v22_y
-                v22_ps = v22_y + v22_y * v22_z * ((((((1.5896230157654656e-10) * v22_z + -2.5050747762857807e-08) * v22_z + 2.7557313621385722e-06) * v22_z + -0.0001984126982958954) * v22_z + 0.008333333333322118) * v22_z + -0.1666666666666663)
-                v22_pc = 1.0 - 0.5 * v22_z + v22_z * v22_z * ((((((-1.1358536521387682e-11) * v22_z + 2.087570084197473e-09) * v22_z + -2.755731417929674e-07) * v22_z + 2.4801587288851704e-05) * v22_z + -0.0013888888888873056) * v22_z + 0.041666666666666595)
-                v22_h = v22_k - 2.0 * math.floor(0.5 * v22_k)
-                v22_q = v22_k - 4.0 * math.floor(0.25 * v22_k)
-                v22_s0 = v22_pc if v22_h > 0.5 else v22_ps
-                v22_c0 = v22_ps if v22_h > 0.5 else v22_pc
-                v22_sin = -v22_s0 if v22_q > 1.5 else v22_s0
-                v22_cos = -v22_c0 if (v22_q > 0.5 and v22_q < 2.5) else v22_c0
-                v43 = (e2 * v22_cos) + (e3 * v22_sin)
-                v52 = work[336 + l] - v43
-                v57 = v52 * v52
-                v63 = work[384 + l] - (work[352 + l] * work[368 + l])
-                v64 = work[368 + l] * work[368 + l]
-                v74 = work[400 + l] + (work[336 + l] * work[368 + l])
-                v250 = work[640 + l] * g2
-                v265 = (-(((work[672 + l] * v74) - (work[688 + l] * v63)) * g2)) - (((v74 - (work[688 + l] * v64)) + (work[672 + l] * work[416 + l])) * g1)
-                v266 = work[640 + l] * g1
-                v274 = (-(work[672 + l] * v250)) - v266
-                v286 = work[640 + l] * g0
-                v297 = work[368 + l] * ((work[688 + l] * v266) + (work[672 + l] * v286))
-                v300 = v286 - (work[688 + l] * v250)
-                v306 = work[896 + l] * g2
-                v310 = work[880 + l] * g1
-                v314 = v52 * ((work[432 + l] * v306) + (work[864 + l] * g0))
-                v315 = v314 + v314
-                v322 = (work[368 + l] * v310) - v315
-                v332 = (v22_cos * (((work[336 + l] * g4) - (work[352 + l] * g3)) + (e3 * v322))) - (v22_sin * (((work[352 + l] * g4) + (work[336 + l] * g3)) + (e2 * v322)))
+                v26_k = math.floor(work[320 + l] * 0.6366197723675814 + 0.5)
+                v26_y = ((work[320 + l] - v26_k * 1.57079625129699707031) - v26_k * 7.54978941586159635335e-08) - v26_k * 5.39030285815811905290e-15
+                v26_z = v26_y * v26_y
+                v26_ps = v26_y + v26_y * v26_z * ((((((1.5896230157654656e-10) * v26_z + -2.5050747762857807e-08) * v26_z + 2.7557313621385722e-06) * v26_z + -0.0001984126982958954) * v26_z + 0.008333333333322118) * v26_z + -0.1666666666666663)
+                v26_pc = 1.0 - 0.5 * v26_z + v26_z * v26_z * ((((((-1.1358536521387682e-11) * v26_z + 2.087570084197473e-09) * v26_z + -2.755731417929674e-07) * v26_z + 2.4801587288851704e-05) * v26_z + -0.0013888888888873056) * v26_z + 0.041666666666666595)
+                v26_h = v26_k - 2.0 * math.floor(0.5 * v26_k)
+                v26_q = v26_k - 4.0 * math.floor(0.25 * v26_k)
+                v26_s0 = v26_pc if v26_h > 0.5 else v26_ps
+                v26_c0 = v26_ps if v26_h > 0.5 else v26_pc
+                v26_sin = -v26_s0 if v26_q > 1.5 else v26_s0
+                v26_cos = -v26_c0 if (v26_q > 0.5 and v26_q < 2.5) else v26_c0
+                v47 = (e2 * v26_cos) + (e3 * v26_sin)
+                v56 = work[336 + l] - v47
+                v61 = v56 * v56
+                v67 = work[384 + l] - (work[352 + l] * work[368 + l])
+                v68 = work[368 + l] * work[368 + l]
+                v83 = work[400 + l] + (work[336 + l] * work[368 + l])
+                v266 = work[640 + l] * g2
+                v281 = (-(((work[672 + l] * v83) - (work[688 + l] * v67)) * g2)) - (((v83 - (work[688 + l] * v68)) + (work[672 + l] * work[416 + l])) * g1)
+                v282 = work[640 + l] * g1
+                v290 = (-(work[672 + l] * v266)) - v282
+                v302 = work[640 + l] * g0
+                v313 = work[368 + l] * ((work[688 + l] * v282) + (work[672 + l] * v302))
+                v316 = v302 - (work[688 + l] * v266)
+                v322 = work[960 + l] * g2
+                v326 = work[944 + l] * g1
+                v330 = v56 * ((work[432 + l] * v322) + (work[928 + l] * g0))
+                v331 = v330 + v330
+                v338 = (work[368 + l] * v326) - v331
+                v348 = (v26_cos * (((work[336 + l] * g4) - (work[352 + l] * g3)) + (e3 * v338))) - (v26_sin * (((work[352 + l] * g4) + (work[336 + l] * g3)) + (e2 * v338)))
                 y0 = 0.0
                 y1 = 0.0
-                y2 = v332
-                y3 = (((v22_sin * g4) + (v22_cos * g3)) + (work[368 + l] * v274)) + v315
-                y4 = ((v22_cos * g4) - (v22_sin * g3)) + (work[368 + l] * v300)
-                y5 = ((v297 + ((g5 + (work[336 + l] * v274)) + v297)) + (work[352 + l] * v300)) + (v43 * v310)
-                work[928 + l] += v265 - (((v63 - (work[672 + l] * v64)) - (work[688 + l] * work[416 + l])) * g0)
-                work[944 + l] += -(work[416 + l] * g2)
-                work[960 + l] += ((-(v74 * v250)) - (work[416 + l] * v266)) + (v64 * v286)
-                work[976 + l] += ((v63 * v250) + (v64 * v266)) + (work[416 + l] * v286)
-                work[992 + l] += v57 * g0
-                work[1008 + l] += (work[400 + l] + (work[368 + l] * v43)) * g1
-                work[1024 + l] += (work[432 + l] * v57) * g2
-                work[1040 + l] += g1
-                work[464 + l] += v57 * v306
+                y2 = v348
+                y3 = (((v26_sin * g4) + (v26_cos * g3)) + (work[368 + l] * v290)) + v331
+                y4 = ((v26_cos * g4) - (v26_sin * g3)) + (work[368 + l] * v316)
+                y5 = ((v313 + ((g5 + (work[336 + l] * v290)) + v313)) + (work[352 + l] * v316)) + (v47 * v326)
+                work[992 + l] += v281 - (((v67 - (work[672 + l] * v68)) - (work[688 + l] * work[416 + l])) * g0)
+                work[1008 + l] += -(work[416 + l] * g2)
+                work[1024 + l] += ((-(v83 * v266)) - (work[416 + l] * v282)) + (v68 * v302)
+                work[1040 + l] += ((v67 * v266) + (v68 * v282)) + (work[416 + l] * v302)
+                work[1056 + l] += v61 * g0
+                work[1072 + l] += (work[400 + l] + (work[368 + l] * v47)) * g1
+                work[1088 + l] += (work[432 + l] * v61) * g2
+                work[1104 + l] += g1
+                work[464 + l] += v61 * v322
                 work[192 + l] = y0
                 work[208 + l] = y1
                 work[224 + l] = y2
@@ -779,7 +779,7 @@ def full_adjoint_lanes(par, minv, times, steps, act, exo, record, trace, cot, gx
     for i in range(96):
         gx0[i] = work[0 + i]
     for i in range(128):
-        gpar[i] = work[928 + i]
+        gpar[i] = work[992 + i]
 
 
 FULL_SENSOR_ENTRIES = np.array([(0, 9), (0, 10), (1, 9), (1, 10)], dtype=np.int64).reshape(-1, 2)
@@ -791,38 +791,38 @@ def full_sense(xs, exo, times, par, slopes, obs, dx, dpar):
     """Readings of every channel at every sample, with slopes by state and parameter if asked."""
     for i in range(times.size):
         t = times[i]
-        t39 = math.cos(xs[i, 2])
-        t41 = math.sin(xs[i, 2])
-        obs[i, 0] = (xs[i, 0] + (par[9] * t39)) - (par[10] * t41)
-        obs[i, 1] = (xs[i, 1] + (par[9] * t41)) + (par[10] * t39)
+        t43 = math.cos(xs[i, 2])
+        t45 = math.sin(xs[i, 2])
+        obs[i, 0] = (xs[i, 0] + (par[9] * t43)) - (par[10] * t45)
+        obs[i, 1] = (xs[i, 1] + (par[9] * t45)) + (par[10] * t43)
         obs[i, 2] = xs[i, 2]
         obs[i, 3] = xs[i, 3]
         obs[i, 4] = xs[i, 4]
         obs[i, 5] = xs[i, 5]
-        obs[i, 6] = xs[i, 3] - ((exo[i, 2] * t39) + (exo[i, 3] * t41))
-        obs[i, 7] = xs[i, 4] - ((exo[i, 3] * t39) - (exo[i, 2] * t41))
+        obs[i, 6] = xs[i, 3] - ((exo[i, 2] * t43) + (exo[i, 3] * t45))
+        obs[i, 7] = xs[i, 4] - ((exo[i, 3] * t43) - (exo[i, 2] * t45))
         if slopes:
-            v39 = math.cos(xs[i, 2])
-            v41 = math.sin(xs[i, 2])
+            v43 = math.cos(xs[i, 2])
+            v45 = math.sin(xs[i, 2])
             dx[i, 0, 0] = 1.0
-            dx[i, 0, 2] = (-(par[10] * v39)) - (par[9] * v41)
-            dpar[i, 0] = v39
-            dpar[i, 1] = -v41
+            dx[i, 0, 2] = (-(par[10] * v43)) - (par[9] * v45)
+            dpar[i, 0] = v43
+            dpar[i, 1] = -v45
             dx[i, 1, 1] = 1.0
-            dx[i, 1, 2] = (par[9] * v39) - (par[10] * v41)
-            dpar[i, 2] = v41
-            dpar[i, 3] = v39
+            dx[i, 1, 2] = (par[9] * v43) - (par[10] * v45)
+            dpar[i, 2] = v45
+            dpar[i, 3] = v43
             dx[i, 2, 2] = 1.0
             dx[i, 3, 3] = 1.0
             dx[i, 4, 4] = 1.0
             dx[i, 5, 5] = 1.0
-            dx[i, 6, 2] = (exo[i, 2] * v41) - (exo[i, 3] * v39)
+            dx[i, 6, 2] = (exo[i, 2] * v45) - (exo[i, 3] * v43)
             dx[i, 6, 3] = 1.0
-            dx[i, 7, 2] = (exo[i, 2] * v39) + (exo[i, 3] * v41)
+            dx[i, 7, 2] = (exo[i, 2] * v43) + (exo[i, 3] * v45)
             dx[i, 7, 4] = 1.0
 
 
-FULL_ACT_COLUMNS = (11, 12, 13)
+FULL_ACT_COLUMNS = (15, 16, 17)
 FULL_ACT_DELAYS = {0: [], 1: []}
 FULL_ACT_MEMORY = 2
 
@@ -838,29 +838,29 @@ def full_actuate(command, delay_slope, stretch, steps, par, slopes, restart, mem
         u8 = value - value
         u9 = (1.0 if u8 > 0.0 else 0.0) - (1.0 if u8 < 0.0 else 0.0)
         u12 = abs(u8)
-        u13 = par[11] * u12
-        u15 = ((u13 - par[12]) if (u13 - par[12]) > 0.0 else 0.0)
-        u26 = (par[12] if par[12] > 1e-12 else 1e-12)
-        u58 = (u15 if u15 < 1000000000.0 else 1000000000.0)
-        u60 = (u58 - 1000000000.0) / u26
-        u61 = math.exp(u60)
-        u62 = u58 / par[11]
-        u64 = u9 * (u12 - u62)
-        u68 = 1.0 / u26
-        u73 = 1.0 - (1.0 if (u15 - 1000000000.0) > 0.0 else 0.0)
-        u75 = 1.0 if (par[12] - u13) > 0.0 else 0.0
-        u76 = 1.0 - u75
-        u79 = u73 * (u76 * (par[11] * u9))
-        u82 = u64 * (u61 * (u68 * u79))
-        u83 = 1.0 / par[11]
-        u86 = u79 * u83
-        u108 = u73 * (u12 * u76)
-        u120 = u73 * (u75 - 1.0)
-        u129 = u64 * (u61 * ((u68 * u120) - ((u60 / u26) * (1.0 - (1.0 if (1e-12 - par[12]) > 0.0 else 0.0)))))
-        end = value - (u61 * u64)
-        ex = (1.0 - (u82 + (u61 * (u9 * (u9 - u86))))) + (u82 - (u61 * (u9 * (u86 - u9))))
-        ep0 = -((u64 * (u61 * (u68 * u108))) + (u61 * (u9 * ((u62 / par[11]) - (u83 * u108)))))
-        ep1 = (u61 * (u9 * (u83 * u120))) - u129
+        u13 = par[15] * u12
+        u15 = ((u13 - par[16]) if (u13 - par[16]) > 0.0 else 0.0)
+        u26 = (par[16] if par[16] > 1e-12 else 1e-12)
+        u62 = (u15 if u15 < 1000000000.0 else 1000000000.0)
+        u64 = (u62 - 1000000000.0) / u26
+        u65 = math.exp(u64)
+        u66 = u62 / par[15]
+        u68 = u9 * (u12 - u66)
+        u72 = 1.0 / u26
+        u77 = 1.0 - (1.0 if (u15 - 1000000000.0) > 0.0 else 0.0)
+        u79 = 1.0 if (par[16] - u13) > 0.0 else 0.0
+        u80 = 1.0 - u79
+        u83 = u77 * (u80 * (par[15] * u9))
+        u86 = u68 * (u65 * (u72 * u83))
+        u87 = 1.0 / par[15]
+        u90 = u83 * u87
+        u112 = u77 * (u12 * u80)
+        u124 = u77 * (u79 - 1.0)
+        u133 = u68 * (u65 * ((u72 * u124) - ((u64 / u26) * (1.0 - (1.0 if (1e-12 - par[16]) > 0.0 else 0.0)))))
+        end = value - (u65 * u68)
+        ex = (1.0 - (u86 + (u65 * (u9 * (u9 - u90))))) + (u86 - (u65 * (u9 * (u90 - u9))))
+        ep0 = -((u68 * (u65 * (u72 * u112))) + (u65 * (u9 * ((u66 / par[15]) - (u87 * u112)))))
+        ep1 = (u65 * (u9 * (u87 * u124))) - u133
         memory[0] = end
         for c in range(3):
             tangent[c] = ex * tangent[c]
@@ -869,14 +869,14 @@ def full_actuate(command, delay_slope, stretch, steps, par, slopes, restart, mem
         for c in range(3):
             carried[0, c] = tangent[c]
         value = end
-        u39 = -par[13]
+        u39 = -par[17]
         u40 = (value if value > u39 else u39)
-        u139 = 1.0 if (u40 - par[13]) > 0.0 else 0.0
-        u140 = 1.0 - u139
-        u142 = 1.0 if (u39 - value) > 0.0 else 0.0
-        end = (u40 if u40 < par[13] else par[13])
-        ex = u140 * (1.0 - u142)
-        ep2 = u139 - (u140 * u142)
+        u143 = 1.0 if (u40 - par[17]) > 0.0 else 0.0
+        u144 = 1.0 - u143
+        u146 = 1.0 if (u39 - value) > 0.0 else 0.0
+        end = (u40 if u40 < par[17] else par[17])
+        ex = u144 * (1.0 - u146)
+        ep2 = u143 - (u144 * u146)
         memory[1] = end
         for c in range(3):
             tangent[c] = ex * tangent[c]
@@ -893,57 +893,57 @@ def full_actuate(command, delay_slope, stretch, steps, par, slopes, restart, mem
         t8 = value - memory[0]
         t9 = (1.0 if t8 > 0.0 else 0.0) - (1.0 if t8 < 0.0 else 0.0)
         t12 = abs(t8)
-        t16 = (((((par[11] * t12) - par[12]) if ((par[11] * t12) - par[12]) > 0.0 else 0.0)) if ((((par[11] * t12) - par[12]) if ((par[11] * t12) - par[12]) > 0.0 else 0.0)) < h else h)
-        t18 = t12 - (t16 / par[11])
-        t28 = math.exp(((t16 - h) / ((par[12] if par[12] > 1e-12 else 1e-12))))
-        mean = value - ((t9 / h) * ((t16 * (0.5 * (t12 + t18))) + ((par[12] * t18) * (1.0 - t28))))
+        t16 = (((((par[15] * t12) - par[16]) if ((par[15] * t12) - par[16]) > 0.0 else 0.0)) if ((((par[15] * t12) - par[16]) if ((par[15] * t12) - par[16]) > 0.0 else 0.0)) < h else h)
+        t18 = t12 - (t16 / par[15])
+        t28 = math.exp(((t16 - h) / ((par[16] if par[16] > 1e-12 else 1e-12))))
+        mean = value - ((t9 / h) * ((t16 * (0.5 * (t12 + t18))) + ((par[16] * t18) * (1.0 - t28))))
         end = value - (t28 * (t9 * t18))
         if slopes:
             v8 = value - memory[0]
             v9 = (1.0 if v8 > 0.0 else 0.0) - (1.0 if v8 < 0.0 else 0.0)
             v10 = v9 / h
             v12 = abs(v8)
-            v13 = par[11] * v12
-            v15 = ((v13 - par[12]) if (v13 - par[12]) > 0.0 else 0.0)
+            v13 = par[15] * v12
+            v15 = ((v13 - par[16]) if (v13 - par[16]) > 0.0 else 0.0)
             v16 = (v15 if v15 < h else h)
-            v17 = v16 / par[11]
+            v17 = v16 / par[15]
             v18 = v12 - v17
             v20 = 0.5 * (v12 + v18)
-            v22 = par[12] * v18
-            v26 = (par[12] if par[12] > 1e-12 else 1e-12)
+            v22 = par[16] * v18
+            v26 = (par[16] if par[16] > 1e-12 else 1e-12)
             v27 = (v16 - h) / v26
             v28 = math.exp(v27)
             v29 = 1.0 - v28
             v34 = v9 * v18
-            v68 = 1.0 / v26
-            v75 = 1.0 if (par[12] - v13) > 0.0 else 0.0
-            v76 = 1.0 - v75
-            v83 = 1.0 / par[11]
-            v154 = 1.0 - (1.0 if (v15 - h) > 0.0 else 0.0)
-            v155 = (v76 * (par[11] * v9)) * v154
-            v156 = v20 * v155
-            v159 = v83 * v155
-            v161 = v9 - v159
-            v171 = v28 * (v68 * v155)
-            v173 = v22 * v171
-            v182 = v159 - v9
-            v219 = (v12 * v76) * v154
-            v223 = (v17 / par[11]) - (v83 * v219)
-            v230 = v28 * (v68 * v219)
-            v237 = -(v10 * (((v20 * v219) + (v16 * (0.5 * v223))) + ((v29 * (par[12] * v223)) - (v22 * v230))))
-            v238 = (v75 - 1.0) * v154
-            v240 = v83 * v238
-            v255 = v28 * ((v68 * v238) - ((1.0 - (1.0 if (1e-12 - par[12]) > 0.0 else 0.0)) * (v27 / v26)))
-            v261 = v10 * (((v20 * v238) - (v16 * (0.5 * v240))) + ((v29 * (v18 - (par[12] * v240))) - (v22 * v255)))
-            v263 = v34 * v171
-            mx = 1.0 - (v10 * ((v156 + (v16 * (0.5 * (v9 + v161)))) + ((v29 * (par[12] * v161)) - v173)))
-            my = -(v10 * (((v16 * (0.5 * (v182 - v9))) - v156) + (v173 + (v29 * (par[12] * v182)))))
-            mp0 = v237
-            mp1 = -v261
-            ex = 1.0 - (v263 + (v28 * (v9 * v161)))
-            ey = v263 - (v28 * (v9 * v182))
-            ep0 = -((v34 * v230) + (v28 * (v9 * v223)))
-            ep1 = (v28 * (v9 * v240)) - (v34 * v255)
+            v72 = 1.0 / v26
+            v79 = 1.0 if (par[16] - v13) > 0.0 else 0.0
+            v80 = 1.0 - v79
+            v87 = 1.0 / par[15]
+            v158 = 1.0 - (1.0 if (v15 - h) > 0.0 else 0.0)
+            v159 = (v80 * (par[15] * v9)) * v158
+            v160 = v20 * v159
+            v163 = v87 * v159
+            v165 = v9 - v163
+            v175 = v28 * (v72 * v159)
+            v177 = v22 * v175
+            v186 = v163 - v9
+            v223 = (v12 * v80) * v158
+            v227 = (v17 / par[15]) - (v87 * v223)
+            v234 = v28 * (v72 * v223)
+            v241 = -(v10 * (((v20 * v223) + (v16 * (0.5 * v227))) + ((v29 * (par[16] * v227)) - (v22 * v234))))
+            v242 = (v79 - 1.0) * v158
+            v244 = v87 * v242
+            v259 = v28 * ((v72 * v242) - ((1.0 - (1.0 if (1e-12 - par[16]) > 0.0 else 0.0)) * (v27 / v26)))
+            v265 = v10 * (((v20 * v242) - (v16 * (0.5 * v244))) + ((v29 * (v18 - (par[16] * v244))) - (v22 * v259)))
+            v267 = v34 * v175
+            mx = 1.0 - (v10 * ((v160 + (v16 * (0.5 * (v9 + v165)))) + ((v29 * (par[16] * v165)) - v177)))
+            my = -(v10 * (((v16 * (0.5 * (v186 - v9))) - v160) + (v177 + (v29 * (par[16] * v186)))))
+            mp0 = v241
+            mp1 = -v265
+            ex = 1.0 - (v267 + (v28 * (v9 * v165)))
+            ey = v267 - (v28 * (v9 * v186))
+            ep0 = -((v34 * v234) + (v28 * (v9 * v227)))
+            ep1 = (v28 * (v9 * v244)) - (v34 * v259)
             for c in range(3):
                 old = tangent[c]
                 tangent[c] = mx * old + my * carried[0, c]
@@ -954,22 +954,22 @@ def full_actuate(command, delay_slope, stretch, steps, par, slopes, restart, mem
             carried[0, 1] += ep1
         memory[0] = end
         value = mean
-        t41 = (((value if value > (-par[13]) else (-par[13]))) if ((value if value > (-par[13]) else (-par[13]))) < par[13] else par[13])
+        t41 = (((value if value > (-par[17]) else (-par[17]))) if ((value if value > (-par[17]) else (-par[17]))) < par[17] else par[17])
         mean = t41
         end = t41
         if slopes:
-            v39 = -par[13]
-            v139 = 1.0 if (((value if value > v39 else v39)) - par[13]) > 0.0 else 0.0
-            v140 = 1.0 - v139
-            v142 = 1.0 if (v39 - value) > 0.0 else 0.0
-            v144 = v140 * (1.0 - v142)
-            v148 = v139 - (v140 * v142)
-            mx = v144
+            v39 = -par[17]
+            v143 = 1.0 if (((value if value > v39 else v39)) - par[17]) > 0.0 else 0.0
+            v144 = 1.0 - v143
+            v146 = 1.0 if (v39 - value) > 0.0 else 0.0
+            v148 = v144 * (1.0 - v146)
+            v152 = v143 - (v144 * v146)
+            mx = v148
             my = 0.0
-            mp2 = v148
-            ex = v144
+            mp2 = v152
+            ex = v148
             ey = 0.0
-            ep2 = v148
+            ep2 = v152
             for c in range(3):
                 old = tangent[c]
                 tangent[c] = mx * old + my * carried[1, c]

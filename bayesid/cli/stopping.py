@@ -1,0 +1,82 @@
+"""What SIGINT (Ctrl-C) and SIGTERM do: one sentence and exit code 128 + signal, whatever is at work.
+
+Loads nothing but the standard library, so that it listens before anything else is imported.
+"""
+
+from __future__ import annotations
+
+import atexit
+import os
+import signal
+import sys
+import threading
+from contextlib import suppress
+from types import FrameType
+from typing import NoReturn
+
+TEXT = "stopped before it was done; --out holds what had been written until then, if anything"
+TIDY = 2.0  # s at most for giving back what other processes share
+_asked: int | None = None
+
+
+class Stopped(KeyboardInterrupt):
+    """The user or the system asked for an end; unwinds like Ctrl-C."""
+
+
+def listen() -> None:
+    """From now on both signals end the work in good order; for the main thread of the command line."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _on_signal)
+
+
+def code() -> int:
+    """Exit code of what was asked for: 143 after SIGTERM, 130 otherwise."""
+    return 128 + (_asked or signal.SIGINT)
+
+
+def leave(status: int) -> NoReturn:
+    """End the process; after a stop at once, so that threads and workers at work are not waited for."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _at_once)
+    if _asked is not None:
+        _end(status)
+    sys.exit(status)
+
+
+def _on_signal(number: int, frame: FrameType | None) -> None:
+    global _asked
+    _asked = number
+    for each in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(each, _at_once)
+    if _importing(frame):  # an interrupted import surfaces as any error, or as none; nothing is half done yet
+        _at_once(number, frame)
+    raise Stopped
+
+
+def _at_once(number: int, frame: FrameType | None) -> None:
+    os.write(2, f"bayesid: {TEXT}\n".encode())
+    _end(128 + number)
+
+
+def _end(status: int) -> NoReturn:
+    if "bayesid.lock" in sys.modules:
+        sys.modules["bayesid.lock"].release_all()
+    if "multiprocessing.resource_tracker" in sys.modules:
+        for child in sys.modules["multiprocessing"].active_children():
+            child.terminate()
+        # Semaphores go back, else their tracker warns after the last word. Within an import this may hang.
+        tidy = threading.Thread(target=atexit._run_exitfuncs, daemon=True)
+        tidy.start()
+        tidy.join(TIDY)
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError, RuntimeError):
+            stream.flush()
+    os._exit(status)
+
+
+def _importing(frame: FrameType | None) -> bool:
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            return True
+        frame = frame.f_back
+    return False

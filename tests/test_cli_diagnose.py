@@ -1,0 +1,30 @@
+"""`bayesid diagnose` as a user runs it: draws of the named effect, and every file it promises."""
+
+import json
+
+from gap_trials import model_of, planted_trial
+from jsonschema import validate
+
+from bayesid.cli.guard import run
+from bayesid.diagnose.diagnosis import schema
+from bayesid.sample import load_posterior
+from bayesid.trials import write_trial
+
+
+def test_a_diagnosis_with_draws_holds_the_planted_current_and_writes_its_posterior(tmp_path, capsys):
+    # the only test that takes a whole diagnosis through arviz; other effects are left out to save time
+    model, current = model_of("generic_sub"), 0.5  # m/s northward, a tenth of the speed
+    write_trial(planted_trial(model, {"ocean_current.V_north": current}, 1, samples=40), tmp_path / "pond")
+    others = ",".join(name for name in model.effects if name != "ocean_current")
+    line = ["diagnose", str(tmp_path / "pond"), "--vehicle", "generic_sub", "--as-built", "0.02"]
+    assert run([*line, "--exclude", others, "--out", str(tmp_path / "out")]) == 0
+    assert "verdict: effect" in capsys.readouterr().out
+    record = json.loads((tmp_path / "out" / "diagnosis.json").read_text(encoding="utf-8"))
+    assert record["posterior"]["converged"], record["posterior"]["reasons"]
+    posterior = load_posterior(tmp_path / "out" / "posterior.nc")
+    i = posterior.names.index("ocean_current.V_north")
+    assert abs(posterior.mean[i] - current) < 4 * posterior.sd[i]
+    assert posterior.gate.ess_tail.min() >= 400
+    validate(record, schema())
+    written = {p.name for p in (tmp_path / "out").iterdir()}
+    assert written >= {"diagnosis.json", "model.json", "posterior.nc", "report.html", "report.md"}

@@ -1,0 +1,120 @@
+"""A stop is one sentence and 128 + signal, when it comes while libraries load, at work, or in the workers."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from bayesid.cli.stopping import TEXT
+from bayesid.workers import WorkerError, worker_pool
+
+SENTENCE = f"bayesid: {TEXT}\n"
+LOADING = """
+import sys, time
+from bayesid.cli.stopping import listen
+listen()
+sys.path.insert(0, sys.argv[1])
+print("ready", flush=True)
+try:
+    import slow_library
+except BaseException as error:  # as a library may that has a substitute
+    pass
+print("gone on")
+"""
+WORK = """
+import sys, time
+from bayesid.cli import main
+from bayesid.cli import guard
+
+def body():
+    print("ready", flush=True)
+    time.sleep(30)
+
+import bayesid.cli.study as study
+study._studies = body
+main(["study"])
+"""
+POOL = """
+import sys, time
+from bayesid.cli import main
+
+def body():
+    from bayesid.workers import worker_pool
+    with worker_pool(2) as pool:
+        jobs = [pool.submit(time.sleep, 30) for _ in range(2)]
+        assert pool.submit(int).done() is False
+        time.sleep(float(sys.argv[1]))
+        print("ready", flush=True)
+        jobs[0].result()
+
+if __name__ == "__main__":
+    import bayesid.cli.study as study
+    study._studies = body
+    main(["study"])
+"""
+
+
+def started(code, *arguments):
+    """A process group of its own, as a terminal makes one, once it says that it is ready."""
+    child = subprocess.Popen(
+        [sys.executable, *code, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        start_new_session=True,
+    )  # fmt: skip
+    return child, child.stdout.readline()
+
+
+SIGNALS = pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+
+
+@SIGNALS
+def test_a_stop_while_a_library_loads_ends_there(number, tmp_path):
+    (tmp_path / "slow_library.py").write_text("import time\ntime.sleep(30)\n")
+    child, said = started(["-c", LOADING], str(tmp_path))
+    assert said == "ready\n"
+    time.sleep(0.3)
+    child.send_signal(number)
+    out, err = child.communicate(timeout=20)
+    assert (child.returncode, out, err) == (128 + number, "", SENTENCE)
+
+
+@SIGNALS
+def test_a_stop_at_work_is_one_sentence_and_the_code_of_the_signal(number):
+    child, _ = started(["-c", WORK])
+    child.send_signal(number)
+    _, err = child.communicate(timeout=20)
+    assert (child.returncode, err) == (128 + number, SENTENCE)
+
+
+@pytest.mark.parametrize("wait", [0.0, 2.0], ids=["workers starting", "workers at work"])
+@SIGNALS
+def test_a_stop_of_the_whole_group_is_told_by_the_parent_alone_and_leaves_no_worker(number, wait, tmp_path):
+    script = tmp_path / "pool.py"
+    script.write_text(POOL)
+    child, _ = started([str(script)], str(wait))
+    os.killpg(child.pid, number)  # what Ctrl-C does in a terminal
+    _, err = child.communicate(timeout=20)  # stderr is shared: it closes when the last worker is gone
+    assert (child.returncode, err) == (128 + number, SENTENCE)
+
+
+def test_workers_end_with_a_parent_that_is_killed(tmp_path):
+    script = tmp_path / "pool.py"
+    script.write_text(POOL)
+    child, _ = started([str(script)], "2.0")
+    child.kill()
+    child.communicate(timeout=20)  # would last as long as a worker holds the stream: 30 s
+    assert child.returncode == -signal.SIGKILL
+
+
+def test_a_killed_worker_is_one_error_in_words():
+    with (
+        pytest.raises(WorkerError, match="one of 2 worker processes was killed") as caught,
+        worker_pool(2) as pool,
+    ):
+        assert list(pool.map(abs, [-1, -2])) == [1, 2]
+        pool.submit(os.kill, pool.submit(os.getpid).result(), signal.SIGKILL).result()
+    assert caught.value.exit_code == 1

@@ -1,0 +1,47 @@
+"""Studies leave the clone clean: they write into out/, and only `make reports` into what git tracks."""
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+STUDIES = sorted((ROOT / "studies").glob("*.py"))
+
+
+@pytest.mark.parametrize("study", STUDIES, ids=lambda path: path.stem)
+def test_a_study_writes_into_out_unless_told_otherwise(study):
+    (folder,) = re.findall(r'add_argument\(\s*"--out",[^)]*?default=Path\("([^"]+)"\)', study.read_text())
+    assert folder.split("/")[0] == "out"
+
+
+def commands(*words):
+    if shutil.which("make") is None:
+        pytest.skip("no make here")
+    told = subprocess.run(["make", "-n", *words], cwd=ROOT, capture_output=True, text=True, check=False)
+    return [line for line in told.stdout.splitlines() if "studies/" in line and "--out" in line]
+
+
+@pytest.mark.parametrize("words", [("study",), ("study", "DATA=logs"), ("paper",), ("study", "QUICK=1")])
+def test_make_study_and_paper_write_into_out(words):
+    found = commands(*words)
+    assert found and all("--out out/" in line and "reports/" not in line for line in found)
+
+
+def test_make_reports_writes_every_study_that_reads_no_sealed_pack_into_reports():
+    found = commands("reports", "DATA=logs")
+    names = {re.search(r"studies/(\w+)\.py", line)[1] for line in found}
+    assert names == {path.stem for path in STUDIES if not path.stem.startswith("withheld")}
+    assert all(re.search(r"studies/(\w+)\.py.* --out reports/\1\b", line) for line in found)
+
+
+@pytest.mark.parametrize(
+    "words, said", [(("QUICK=1", "DATA=logs"), "leave QUICK out"), ((), "give DATA=folder")]
+)
+def test_make_reports_refuses_runs_that_would_lose_something(words, said):
+    if shutil.which("make") is None:
+        pytest.skip("no make here")
+    told = subprocess.run(["make", "whole", *words], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert told.returncode != 0 and said in told.stdout
