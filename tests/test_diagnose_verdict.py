@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bayesid.diagnose import candidate as candidates
-from bayesid.diagnose import verdict
+from bayesid.diagnose import facts, verdict
 from bayesid.diagnose.event import Event
 from bayesid.diagnose.events import verdict_with
 from bayesid.diagnose.place import place_of, places
@@ -24,10 +24,10 @@ PROBLEM = SimpleNamespace(
 
 @pytest.fixture(autouse=True)
 def plain(monkeypatch):
-    monkeypatch.setattr(verdict, "idle", lambda best, problem: ())
-    monkeypatch.setattr(verdict, "pulls", lambda fit, problem: np.array([0.5]))
+    monkeypatch.setattr(facts, "idle", lambda best, problem: ())
+    monkeypatch.setattr(facts, "pulls", lambda fit, problem: np.array([0.5]))
     agreed = SimpleNamespace(total=1.0, disagreement=0.5, disagree=False, refuted=False)
-    monkeypatch.setattr(verdict, "crossed", lambda best, none, k: agreed)
+    monkeypatch.setattr(facts, "crossed", lambda best, none, k: agreed)
 
 
 def candidate(log_evidence, *effects):
@@ -130,16 +130,16 @@ def test_several_effects_are_named_beside_a_remainder_that_is_small_for_each(pai
 
 def test_what_chance_may_leave_takes_no_effect_away_though_the_runs_disagree(pair, monkeypatch):
     differ = SimpleNamespace(total=1.0, disagreement=1e-5, disagree=True, refuted=False)
-    monkeypatch.setattr(verdict, "crossed", lambda best, none, k: differ)
+    monkeypatch.setattr(facts, "crossed", lambda best, none, k: differ)
     small = [candidate(60.0, "a", "b"), candidate(40.0, "a"), candidate(30.0, "b")]
     assert judged(small, {"a": 0.5, "b": 0.5}, {"a": 1.0, "b": 1.0}, left=12.0).effects == ("a", "b")
 
 
 def test_an_effect_of_no_size_is_not_named_beside_another(pair, monkeypatch):
-    monkeypatch.setattr(verdict, "idle", lambda best, problem: ("b",))
+    monkeypatch.setattr(facts, "idle", lambda best, problem: ("b",))
     v = judged(pair, {"a": 0.5, "b": 0.5}, {"a": 1.0, "b": 1.0})
     assert (v.word, v.effects) == ("effect_with_remainder", ("a",))
-    monkeypatch.setattr(verdict, "idle", lambda best, problem: ("a",))
+    monkeypatch.setattr(facts, "idle", lambda best, problem: ("a",))
     assert judged([candidate(50.0, "a")], {"a": 1.0}).word == "ambiguous"
 
 

@@ -18,7 +18,6 @@ from bayesid.files import write_json
 from bayesid.progress import Progress
 from bayesid.report import Report
 from bayesid.sections.diagnosis import diagnosis_report, write_diagnosis_report
-from bayesid.sections.diagnosis_words import unsigned_zeros
 
 if TYPE_CHECKING:
     import pandas
@@ -111,24 +110,4 @@ class DiagnoseResult(Result):
         return write_diagnosis_report(self.found, target, self._record)
 
     def summary(self, verbose: bool = False) -> str:
-        record = self._record
-        lines = [f"verdict: {record['verdict']}"]
-        for effect in record["effects"]:
-            values = ", ".join(
-                f"{n} = {p['value']:.4g} +- {p['sd']:.2g} {p['unit']}"
-                for n, p in effect["parameters"].items()
-            )
-            lines.append(f"  {effect['name']} (probability {effect['probability']:.3f}) {values}")
-        lines.append("95 % set: " + ", ".join(record["set95"]))
-        lines += [f"  {unsigned_zeros(reason)}" for reason in record["reasons"]]
-        lines += [f"  {sentence}" for sentence in (record["description"] or {}).get("sentences", ())]
-        gap = record["gap"]
-        if gap["shrink"] is not None:
-            after = f"{gap['after']:.3g}" if gap["after"] > 0 else "at the floor"
-            lines.append(
-                f"held-out gap (noise units): {gap['before']:.3g} before, {after} after: shrinks by "
-                f"{gap['shrink']:.1%}"
-            )
-        elif gap["before"] is not None:
-            lines.append("held-out gap: nothing to shrink beyond what recalibration closes")
-        return "\n".join([*lines, *(f"note: {warning}" for warning in record["warnings"])])
+        return self.found.summary()

@@ -15,16 +15,13 @@ from bayesid.coloured.evidence import posterior
 from bayesid.coloured.fit import ColouredFit, stack
 from bayesid.coloured.levels import REPEATABLE
 from bayesid.coloured.log import Array
-from bayesid.diagnose.problem import NEAR, Problem
+from bayesid.diagnose.problem import Problem
+from bayesid.diagnose.threshold_table import NEAR, PATH_NOISE, WALD_SLACK
 from bayesid.effects import Effect
 from bayesid.errors import ModelError
 from bayesid.kernels.layout import names_read
 
 COEFFICIENT_ERROR = "coefficient_error"
-# Slack of the check of evidence against the distance of the parameters from zero [nats].
-WALD_SLACK = 3.0
-# Gains below which refits along paths of their own differ by chance as much as by what they explain.
-PATH_NOISE = 20.0
 # Shifts of the logarithm of a measured environment that are averaged over.
 LOUDER = (-0.7, -0.35, 0.0, 0.35, 0.7, 1.05)
 

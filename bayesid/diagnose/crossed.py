@@ -14,9 +14,7 @@ from scipy import stats
 from bayesid.coloured.evidence import Gram, posterior
 from bayesid.coloured.log import Array
 from bayesid.diagnose.candidate import Candidate
-
-# p-value of the runs having the same effect below which it is not the whole cause.
-DISAGREE = 1e-3
+from bayesid.diagnose.threshold_table import DISAGREE
 
 
 @dataclass(frozen=True, eq=False)

@@ -237,6 +237,9 @@ def with_events(candidates: Candidates, events: Sequence[Event]) -> Candidates:
     return replace(candidates, evidence=evidence, probabilities=weights.shared, inside=weights.inside)
 
 
+MOTION_EVENT = "motion nothing explains"
+
+
 def verdict_with(verdict: Verdict, events: Sequence[Event]) -> Verdict:
     """Verdict that knows of events: a motion nothing explains is a gap, though it lasted seconds only."""
     if not events:
@@ -245,5 +248,5 @@ def verdict_with(verdict: Verdict, events: Sequence[Event]) -> Verdict:
     reasons = (*verdict.reasons, "left out as events: " + "; ".join(told))
     silent = verdict.word in ("none", "coefficients") or verdict.set95 == ("outside",)
     if silent and any(e.kind == "motion" for e in events):
-        return replace(verdict, word="outside", set95=("outside",), reasons=reasons)
+        return replace(verdict, word="outside", set95=("outside",), reasons=reasons, rule=MOTION_EVENT)
     return replace(verdict, reasons=reasons)

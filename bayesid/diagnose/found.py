@@ -24,8 +24,8 @@ from bayesid.coloured.evidence import ASTRAY, posterior
 from bayesid.coloured.fit import ColouredFit, fit, stack
 from bayesid.diagnose.candidate import Candidate
 from bayesid.diagnose.problem import Problem
+from bayesid.diagnose.threshold_table import PRIOR_CATALOGUE, PRIOR_NONE
 from bayesid.diagnose.verdict import Verdict, simplest
-from bayesid.diagnose.weigh import PRIOR_CATALOGUE, PRIOR_NONE
 from bayesid.diagnose.which import Candidates
 from bayesid.effects import Effect
 from bayesid.errors import ModelError

@@ -18,6 +18,7 @@ from bayesid.coloured.path import Point
 from bayesid.coloured.weather import Apart, measure_straight
 from bayesid.diagnose.event import Event, blanked, released, without_readings
 from bayesid.diagnose.outliers import set_aside
+from bayesid.diagnose.threshold_table import NEAR
 from bayesid.effects import Effect
 from bayesid.errors import ModelError, TrialError
 from bayesid.model import Model
@@ -27,8 +28,6 @@ from bayesid.trials.noise import raised, said_raised
 Say = Callable[[str], None]
 # How far the environment of manoeuvres may lie from that of straight runs that hold a gap, in the logarithm.
 FIRM = 0.2
-# Mean square of the residuals over the noise up to which a fit follows the data.
-NEAR = 1.5
 
 
 @dataclass(frozen=True, eq=False)

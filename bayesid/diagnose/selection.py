@@ -10,20 +10,14 @@ from collections.abc import Callable, Sequence
 from bayesid.coloured.fit import Free
 from bayesid.coloured.free import effect_prior
 from bayesid.diagnose.bank import Ambiguity, build_bank, levels_between, screen
-from bayesid.diagnose.candidate import PATH_NOISE, Candidate, explains, nested, standing
+from bayesid.diagnose.candidate import Candidate, explains, nested, standing
 from bayesid.diagnose.problem import Problem, begun
 from bayesid.diagnose.refits import QUIET, again, refit, remainder
+from bayesid.diagnose.threshold_table import ADD, BENDS, DROP, EXCHANGES, MOST, PATH_NOISE, RIVALS
 from bayesid.diagnose.where import Where
 from bayesid.effects import Effect
 from bayesid.model import Model
 
-# A further effect must raise the log evidence by this much, and is dropped again if its removal costs less
-# than 3.
-ADD, DROP, MOST = 5.0, 3.0, 3
-# Share of what a free force gains that a further effect must gain.
-BENDS = 0.5
-# Exchanges in a row, and rivals tried of every effect.
-EXCHANGES, RIVALS = 3, 2
 Say = Callable[[str], None]
 
 
@@ -97,12 +91,12 @@ def _exchanged(
     """Each of several effects replaced by those like it, as long as the data gain by it."""
     model = problem.model
     asked = {frozenset(c.effects) for c in refits}
-    for _ in range(EXCHANGES):
+    for _ in range(int(EXCHANGES)):
         found: list[Candidate] = []
         for name in current.effects:
             others = tuple(n for n in current.effects if n != name)
             taken = {model.effects[n].family for n in others}
-            for rival in alike.rivals(name)[:RIVALS]:
+            for rival in alike.rivals(name)[: int(RIVALS)]:
                 key = frozenset((*others, rival))
                 if model.effects[rival].family not in taken and key not in asked:
                     asked.add(key)

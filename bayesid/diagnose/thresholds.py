@@ -12,12 +12,7 @@ import numpy as np
 
 from bayesid.coloured.log import Array
 from bayesid.diagnose.bank import Bank
-
-# Share of trials without an effect that may pass a threshold, and the least evidence that names an effect.
-FALSE, LEAST = 0.01, 3.0
-# Nats a free signal may gain, on top of what chance allows, because colours are estimated: in 157 campaigns
-# without any effect free forces gained up to 20 nats.
-COLOURS = 10.0
+from bayesid.diagnose.threshold_table import COLOURS, FALSE, LEAST
 
 
 @dataclass(frozen=True)

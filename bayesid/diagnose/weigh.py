@@ -12,66 +12,19 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.special import logsumexp
 
-from bayesid.diagnose.bank import Score, testable
-from bayesid.diagnose.candidate import COEFFICIENT_ERROR, Candidate, explains
-from bayesid.diagnose.problem import Problem
+from bayesid.diagnose.candidate import Candidate, explains
+from bayesid.diagnose.evidences import over_none
+from bayesid.diagnose.threshold_table import (
+    ALIKE,
+    CLOSEST,
+    FORM,
+    PRIOR_CATALOGUE,
+    PRIOR_NONE,
+    PRIOR_OUTSIDE,
+    ROOM,
+    SEEN,
+)
 from bayesid.diagnose.where import Where
-
-PRIOR_NONE, PRIOR_CATALOGUE, PRIOR_OUTSIDE = 0.5, 0.4, 0.1
-# Share of what lies outside that looks like an effect of the catalogue rather than like any generic signal: a
-# drag that grows in a step is not a loss of thrust, and yet more like it than like a free force. The
-# catalogue's effects share it as they share their own prior.
-ALIKE = 0.5
-# Chance that an effect acts in another form than the catalogue's.
-FORM = 0.25
-# Nats from which a remainder shows, and the smallest part of what it explains that another form leaves.
-SEEN, CLOSEST = 3.0, 1e-3
-# Nats a free signal may be better alone than with an effect that has nothing to do beside it.
-ROOM = 10.0
-
-
-def evidences(
-    problem: Problem,
-    none: Candidate,
-    refits: Sequence[Candidate],
-    scores: Sequence[Score],
-    wide: dict[str, float],
-    where: Where,
-) -> dict[str, float]:
-    """Log evidence over none of every name; effects that were not refitted keep their screen, capped by
-    the refits.
-    """
-    out: dict[str, float] = {}
-    refitted = {c.effects[0]: over_none(c, none, where) for c in refits if len(c.effects) == 1}
-    sound = [over_none(c, none, where) for c in refits if len(c.effects) == 1 and explains(c)]
-    floor = min(sound) if sound else max(refitted.values(), default=0.0)
-    top = max((s.gain for s in scores), default=0.0)
-    for score in scores:
-        # the screen's distance from its best holds where no refit explains the data
-        out[score.name] = refitted.get(
-            score.name, min(score.gain, floor if sound else floor - top + score.gain)
-        )
-    for effect in problem.model.kernel.effects:
-        out.setdefault(effect.name, 0.0 if testable(problem, effect) else -np.inf)
-    prefix = f"{COEFFICIENT_ERROR}:"
-    wide = {n: refitted.get(prefix + n, min(v, floor if refitted else v)) for n, v in wide.items()}
-    out[COEFFICIENT_ERROR] = float(logsumexp(list(wide.values())) - np.log(max(len(wide), 1)))
-    out["outside"] = where.outside - zero(none, where)
-    return out
-
-
-def zero(none: Candidate, where: Where) -> float:
-    """Log evidence of no effect: the better of its two linearisations."""
-    return max(none.log_evidence, where.base)
-
-
-def over_none(candidate: Candidate, none: Candidate, where: Where) -> float:
-    """Log evidence of a refit over no effect.
-
-    The worse linearisation of no effect must not speak for a refit that itself leaves the data unexplained:
-    that one is measured against the better.
-    """
-    return candidate.log_evidence - (none.log_evidence if explains(candidate) else zero(none, where))
 
 
 @dataclass(frozen=True)
@@ -107,6 +60,59 @@ class Left:
     kept: float = np.inf
 
 
+@dataclass(frozen=True)
+class Row:
+    """One way in which the data may have come about.
+
+    Attributes
+    ----------
+    acts : names that act in it; ("none",) where nothing does
+    log_prior, log_likelihood : [nats], the latter up to a constant common to all rows
+    reading : what it says, for a table of rows
+    """
+
+    acts: tuple[str, ...]
+    log_prior: float
+    log_likelihood: float
+    reading: str
+
+
+@dataclass(frozen=True)
+class Gains:
+    """Log evidence of every hypothesis over no effect, made comparable.
+
+    Attributes
+    ----------
+    held : hypothesis -> log evidence over none, what is outside held to what it may claim
+    alone : the same before that
+    more : hypothesis -> what a free force adds to it
+    near : whether what is left is told by its share rather than by two linearisations
+    sound : hypotheses of `more` that follow the data
+    excess : divisor of what lags behind `top`
+    top : largest of all
+    """
+
+    held: Mapping[tuple[str, ...], float]
+    alone: Mapping[tuple[str, ...], float]
+    more: Mapping[tuple[str, ...], float]
+    near: bool
+    sound: frozenset[tuple[str, ...]]
+    excess: float
+    top: float
+
+    def tempered(self, value: float) -> float:
+        """Log likelihood of a gain: its distance from the top, divided by how much the runs disagree."""
+        return self.top - (self.top - value) / self.excess
+
+    def part(self, key: tuple[str, ...], others: tuple[str, ...]) -> float:
+        """What is lost of a hypothesis with only some of its effects left."""
+        less = [v for k, v in self.alone.items() if set(k) == set(others)]
+        return self.alone[key] - max(less, default=0.0)
+
+
+OUTSIDE = ("outside",)
+
+
 def probabilities(
     evidence: dict[str, float],
     refits: Sequence[Candidate],
@@ -129,10 +135,22 @@ def probabilities(
     places : effect -> where it can act. What a second effect mends where the first acts may be the first in
         another form.
     """
-    left, places = left or Left(), places or {}
-    names = [n for n in evidence if n != "outside"]
-    each = float(np.log(PRIOR_CATALOGUE / len(names)))
-    gain: dict[tuple[str, ...], float] = {(n,): evidence[n] for n in (*names, "outside")}
+    left = left or Left()
+    gains = comparable(evidence, refits, none, where, excess, left)
+    return weights(rows(gains, evidence, left, places or {}), gains, evidence)
+
+
+def comparable(
+    evidence: Mapping[str, float],
+    refits: Sequence[Candidate],
+    none: Candidate,
+    where: Where,
+    excess: float,
+    left: Left,
+) -> Gains:
+    """Log evidence of every hypothesis over none, singles and refitted sets, on one scale."""
+    gain: dict[tuple[str, ...], float] = {(n,): v for n, v in evidence.items() if n != "outside"}
+    gain[OUTSIDE] = evidence["outside"]
     for c in refits:
         if len(c.effects) > 1:
             key = tuple(sorted(c.effects))
@@ -141,61 +159,87 @@ def probabilities(
     # With an effect beside it that has nothing to do, a free signal explains what it does alone, but for the
     # room such an effect has; the rest comes from the two linearisations. A signal that gains nothing beside
     # the effect explains nothing the effect does not.
-    sound = {tuple(sorted(c.effects)) for c in refits if explains(c)} & set(more)
+    sound = frozenset(tuple(sorted(c.effects)) for c in refits if explains(c)) & set(more)
     # What is like no effect is not explained by one to more than half. Where no refit follows the data, the
     # share tells what is left, and two linearisations need not be compared.
     near = left.share < 0.5 and bool(more) and not sound
-    alone = dict(gain)
+    held = dict(gain)
     if near:
-        lift = max(gain[("outside",)] - max(gain[k] + more[k] for k in more), 0.0)
-        gain |= {k: gain[k] + lift for k in more}
-        gain[("outside",)] = -np.inf
+        lift = max(gain[OUTSIDE] - max(gain[k] + more[k] for k in more), 0.0)
+        held |= {k: gain[k] + lift for k in more}
+        held[OUTSIDE] = -np.inf
     elif sound:
         most = max(gain[k] + min(max(more[k], 0.0), left.kept) for k in sound) + ROOM
-        gain[("outside",)] = min(gain[("outside",)], most)
-    top = max([*gain.values(), *(gain[k] + v for k, v in more.items())])
+        held[OUTSIDE] = min(gain[OUTSIDE], most)
+    top = max([*held.values(), *(held[k] + v for k, v in more.items())])
+    return Gains(held, gain, more, near, sound, max(excess, 1.0), top)
 
-    def tempered(value: float) -> float:
-        return top - (top - value) / max(excess, 1.0)
 
-    joint: dict[tuple[str, ...], float] = {("none",): float(np.log(PRIOR_NONE))}
+def rows(
+    gains: Gains, evidence: Mapping[str, float], left: Left, places: Mapping[str, Collection[str]]
+) -> tuple[Row, ...]:
+    """Every hypothesis as rows of log prior and log likelihood."""
+    each = float(np.log(PRIOR_CATALOGUE / sum(n != "outside" for n in evidence)))
+    outside = gains.tempered(gains.held[OUTSIDE])
+    out = [
+        Row(("none",), float(np.log(PRIOR_NONE)), 0.0, "nothing"),
+        Row(OUTSIDE, float(np.log((1.0 - ALIKE) * PRIOR_OUTSIDE)), outside, "like no effect"),
+    ]
+    for key, value in gains.held.items():
+        if key != OUTSIDE:
+            out += _rows_of(key, value, len(key) * each, each, gains, left, places)
+    return tuple(out)
 
-    def add(key: tuple[str, ...], mass: float) -> None:
-        joint[key] = float(np.logaddexp(joint.get(key, -np.inf), mass))
 
-    add(("outside",), tempered(gain[("outside",)]) + float(np.log((1.0 - ALIKE) * PRIOR_OUTSIDE)))
-    alike = float(np.log(ALIKE * PRIOR_OUTSIDE / PRIOR_CATALOGUE))
-    for key, value in gain.items():
-        if key == ("outside",):
-            continue
-        prior = len(key) * each
-        close = _closeness(value)
-        add(key, tempered(value) + prior + (_log(1.0 - FORM * (1.0 - close)) if key in more else 0.0))
-        for name in key:
-            others = tuple(n for n in key if n != name)
-            part = alone[key] - max([v for k, v in alone.items() if set(k) == set(others)], default=0.0)
-            add((*others, "outside"), tempered(value) + prior + alike + _log(_likeness(part)))
-            mended = sum(FORM / _near(n, places) for n in others if _meet(n, name, places))
-            if mended:
-                add(others, tempered(value) + prior - each + _log(mended * _likeness(part)))
-            if left.shows and key in more:
-                share = left.share if near else max(more[key], SEEN) / max(part, SEEN)
-                odds = _stranger(share) * (1.0 - _closeness(part))
-                add((*others, "outside"), tempered(value + more[key]) + prior + alike + _log(odds))
-        if key in more:
-            # an effect has another form; what explains less than half of the gap is a part of something else
-            part_of = not near and value < 0.5 * gain[("outside",)]
-            visible = tempered(value + more[key]) + prior + _log(FORM * (1.0 - close))
-            add(("outside",) if part_of else key, visible)
-    total = logsumexp(list(joint.values()))
-    shared = dict.fromkeys([*names, "outside", "none"], 0.0)
+def _rows_of(
+    key: tuple[str, ...],
+    value: float,
+    prior: float,
+    each: float,
+    gains: Gains,
+    left: Left,
+    places: Mapping[str, Collection[str]],
+) -> list[Row]:
+    """One set of effects as it stands, in other forms, and with a cause only like one of them instead."""
+    likelihood, asked = gains.tempered(value), key in gains.more
+    close = _closeness(value)
+    alike = prior + float(np.log(ALIKE * PRIOR_OUTSIDE / PRIOR_CATALOGUE))
+    form = _log(1.0 - FORM * (1.0 - close)) if asked else 0.0
+    out = [Row(key, prior + form, likelihood, "as the catalogue has it")]
+    for name in key:
+        others = tuple(n for n in key if n != name)
+        part = gains.part(key, others)
+        like = (*others, "outside")
+        out.append(Row(like, alike + _log(_likeness(part)), likelihood, f"something like {name}"))
+        mended = sum(FORM / _near(n, places) for n in others if _meet(n, name, places))
+        if mended:
+            chance = prior - each + _log(mended * _likeness(part))
+            out.append(Row(others, chance, likelihood, f"in another form, which {name} stands for"))
+        if left.shows and asked:
+            share = left.share if gains.near else max(gains.more[key], SEEN) / max(part, SEEN)
+            odds = _stranger(share) * (1.0 - _closeness(part))
+            lifted = gains.tempered(value + gains.more[key])
+            out.append(Row(like, alike + _log(odds), lifted, f"something like {name} that leaves a rest"))
+    if asked:
+        # an effect has another form; what explains less than half of the gap is a part of something else
+        part_of = not gains.near and value < 0.5 * gains.held[OUTSIDE]
+        lifted = gains.tempered(value + gains.more[key])
+        chance = prior + _log(FORM * (1.0 - close))
+        out.append(Row(OUTSIDE if part_of else key, chance, lifted, "in another form that leaves a rest"))
+    return out
+
+
+def weights(rows: Sequence[Row], gains: Gains, evidence: Mapping[str, float]) -> Weights:
+    """Probabilities of all rows by one sum, shared among the names that act in each."""
+    value = np.array([r.log_prior + r.log_likelihood for r in rows])
+    mass = np.exp(value - logsumexp(value))
+    shared = dict.fromkeys([*(n for n in evidence if n != "outside"), "outside", "none"], 0.0)
     inside = dict.fromkeys(shared, 0.0)
-    for key, value in joint.items():
-        mass = float(np.exp(value - total))
-        mends = excess > 1.0 or (key in more and key not in sound)
-        for n, portion in zip(key, _shares(key, evidence, mends), strict=True):
-            shared[n] += mass * portion
-            inside[n] += mass
+    for row, m in zip(rows, mass, strict=True):
+        mends = gains.excess > 1.0 or (row.acts in gains.more and row.acts not in gains.sound)
+        for n, portion in zip(row.acts, _shares(row.acts, evidence, mends), strict=True):
+            shared[n] += float(m) * portion
+            inside[n] += float(m)
     return Weights(shared, inside)
 
 
@@ -260,7 +304,7 @@ def credible_set(
     return tuple(out)
 
 
-def _shares(key: tuple[str, ...], evidence: dict[str, float], mends: bool) -> list[float]:
+def _shares(key: tuple[str, ...], evidence: Mapping[str, float], mends: bool) -> list[float]:
     """How several effects share their mass: alike, or by what each says alone where the runs disagree or the
     data stay unexplained.
 

@@ -21,8 +21,9 @@ from bayesid.diagnose.bank import (
     testable,
     widened,
 )
-from bayesid.diagnose.candidate import PATH_NOISE, Candidate, checked, explains, standing, weighed
+from bayesid.diagnose.candidate import Candidate, checked, explains, standing, weighed
 from bayesid.diagnose.crossed import crossed
+from bayesid.diagnose.evidences import evidences
 from bayesid.diagnose.problem import Problem, fit_with
 from bayesid.diagnose.refits import (
     likely_coefficients,
@@ -31,13 +32,12 @@ from bayesid.diagnose.refits import (
     remainder,
     shortlist,
 )
-from bayesid.diagnose.selection import ADD, several
+from bayesid.diagnose.selection import several
+from bayesid.diagnose.threshold_table import ADD, ASTRAY, PATH_NOISE, SEEN
 from bayesid.diagnose.thresholds import Thresholds, thresholds
-from bayesid.diagnose.weigh import SEEN, Left, evidences, probabilities
+from bayesid.diagnose.weigh import Left, probabilities
 from bayesid.diagnose.where import Where, locate, tried
 
-# Mean square of the residuals over the noise beyond which what a refit leaves says nothing.
-ASTRAY = 25.0
 Say = Callable[[str], None]
 
 

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from bayesid.diagnose.diagnosis import NAMING, Diagnosis
+from bayesid.diagnose.diagnosis import Diagnosis
 from bayesid.diagnose.shrink import Rung
-from bayesid.diagnose.verdict import simplest
+from bayesid.diagnose.verdict import NAMING, simplest
 from bayesid.figures import diagnosis as figures
 from bayesid.report import Block, Figure, Table, Text, literal
 from bayesid.sections.diagnosis_words import IN_DEGREES, in_words

@@ -6,25 +6,18 @@ Takes plain values. Gives text.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping
 from typing import Any
 
+from bayesid.diagnose.summary import unsigned_zeros as unsigned_zeros
+
 IN_DEGREES = {"rad": ("deg", 180 / math.pi), "rad/s": ("deg/s", 180 / math.pi)}
-
-
-_SIGNED_ZERO = re.compile(r"(?<![\w.])[+-](0(?:\.0+)?)(?!\.?\d)")
 
 
 def in_words(name: str) -> str:
     """Name of an effect, or of a coefficient that may be wrong (`coefficient_error:N_r`), as prose has it."""
     kind, _, coefficient = name.partition(":")
     return kind.replace("_", " ") + (f" of {coefficient}" if coefficient else "")
-
-
-def unsigned_zeros(text: str) -> str:
-    """Text in which what was rounded to zero has lost its sign."""
-    return _SIGNED_ZERO.sub(r"\1", text)
 
 
 def value_words(name: str, p: Mapping[str, Any]) -> str:

@@ -134,9 +134,9 @@ def _final_cost(records: Records) -> Statement:
         f"{np.median(ends):.1g} ({ends.min():.1g} .. {ends.max():.1g})",
         same,
         "" if same else (
-            "Exact gradients and restarts find a lower minimum; and five active bounds hold the paper's V "
-            "up, "
-            "where ours are rarely active."
+            "Exact gradients and restarts find a lower minimum. Five active bounds probably hold the "
+            "paper's V "
+            "up as well; here few are active."
         ),
         "" if same else f"V of Case 3 ends at {np.median(ends):.1g}, not 230",
     )  # fmt: skip

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from paper import figures
@@ -18,17 +19,31 @@ from bayesid.report import Block, Figure, Section, Table, Text
 
 
 def search_section(records: Records, titles: Mapping[str, str]) -> Section:
-    watched = {n: runs for n, runs in records.items() if "trace" in runs[0]}
+    watched = {n: runs for n, runs in records.items() if all("trace" in r for r in runs)}
+    if "1" not in watched:
+        words = (
+            "The kept seeds hold no iterations: delete the folder `seeds` beside this report and run again."
+        )
+        return Section("The search, its parts apart", [Text(words)])
     hessian = {k: hessian_seconds(k) for k in {len(runs[0]["names"]) for runs in watched.values()}}
-    times, work = [], []
-    for name, runs in watched.items():
+    times: list[list[Any]] = []
+    work: list[list[Any]] = []
+    for name, runs in records.items():
         label = f"{name[0]}: {titles[name]}" if name[0] in "123" else titles.get(name, name)
-        shares = time_shares(runs, hessian[len(runs[0]["names"])])
         reasons = ", ".join(f"{k} {v}" for k, v in sorted(Counter(r["status"] for r in runs).items()))
-        times.append([label, float(np.median(values(runs, "seconds"))), *shares.values()])
+        seconds = float(np.median(values(runs, "seconds")))
         counts = [int(np.median(values(runs, key))) for key in ("n_cost", "n_gradient", "rounds")]
-        found = per_iteration(runs)
-        cells = [f"{found[k]:.2g}" if k != "iterations" else int(found[k]) for k in found]
+        if name in watched:
+            shares = time_shares(runs, hessian[len(runs[0]["names"])])
+            found = per_iteration(runs)
+            times.append([label, seconds, *shares.values()])
+            cells: list[Any] = [f"{found[k]:.2g}" if k != "iterations" else int(found[k]) for k in found]
+        else:  # the fits in six degrees of freedom keep totals only
+            line, slope = (
+                100 * float(np.median(values(runs, "shares", k))) for k in ("line_search", "gradient")
+            )
+            times.append([label, seconds, line, None, slope, *[None] * (len(shares) - 3)])
+            cells = [int(np.median(values(runs, "iterations"))), *[None] * (len(found) - 1)]
         work.append([label, *counts, *cells, reasons])
     text = (
         "The parts of the search that an SQP monitor lists, each by itself. Costs: simulations the line "
@@ -42,7 +57,8 @@ def search_section(records: Records, titles: Mapping[str, str]) -> Section:
         f"Hessian's "
         "part from above, and what remains of the call bounds the sub-problem from below. Medians over "
         "seeds; two "
-        "seeds ran at a time. The restarts' sensitivity runs lie outside the iterations."
+        "seeds ran at a time. The restarts' sensitivity runs lie outside the iterations. The "
+        "6-DOF fits keep totals only, restarts included."
     )
     columns = ["case", "time per seed [s]", *(f"{k} [%]" for k in shares)]
     blocks: list[Block] = [Text(text), Table(columns, times, digits=2)]

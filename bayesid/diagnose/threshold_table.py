@@ -1,0 +1,168 @@
+"""The numbers a diagnosis decides by: symbol, value, unit, meaning and the evidence behind each.
+
+One table, `TABLE`. A `Limit` is a float, so rules compare with it as with any number. Thresholds that depend
+on the manoeuvres and sensors of a trial are not here: `thresholds` draws them from the design.
+"""
+
+from __future__ import annotations
+
+from typing import Self
+
+
+class Limit(float):
+    """A number of the table.
+
+    Attributes
+    ----------
+    symbol : its name in the code
+    unit : "1" (a share or a probability), "nats", "sd", or what it counts
+    meaning : what lies beyond it
+    evidence : what fixed it; says so where nothing measured did
+    """
+
+    symbol: str
+    unit: str
+    meaning: str
+    evidence: str
+
+    def __new__(cls, symbol: str, value: float, unit: str, meaning: str, evidence: str) -> Self:
+        out = super().__new__(cls, value)
+        out.symbol, out.unit, out.meaning, out.evidence = symbol, unit, meaning, evidence
+        return out
+
+    def __getnewargs__(self) -> tuple[str, float, str, str, str]:  # type: ignore[override]
+        return self.symbol, float(self), self.unit, self.meaning, self.evidence
+
+
+EVEN = Limit(
+    "EVEN", 0.5, "1",
+    "Probability from which one answer is more probable than all others together.",
+    "By definition. A review found that 'none' hung on its place in the 95 % set before.",
+)  # fmt: skip
+SURE = Limit(
+    "SURE", 0.9, "1",
+    "Probability of acting, alone or with others of its family, from which an effect is named.",
+    "Used campaigns replayed: with 0.9, and look-alikes counted, wrong names among the hardest fell from "
+    "12 of 30 to 5 of 60.",
+)  # fmt: skip
+HIDDEN = Limit(
+    "HIDDEN", 0.98, "1",
+    "Share of an effect's trace that coefficients within their prior absorb, from which it is hidden.",
+    "Chosen; no campaign isolates it.",
+)  # fmt: skip
+TRACE = Limit(
+    "TRACE", 10.0, "1",
+    "Noncentrality at one prior sd below which an effect of its usual size leaves no trace.",
+    "Used campaigns replayed: families in the 95 % set fell from 3.8 to 2.6 together with SURE, ALIKE, FORM.",
+)  # fmt: skip
+SURELY = Limit(
+    "SURELY", 0.01, "1",
+    "Probability of no effect below which there surely is a gap, which no unseen effect explains.",
+    "A review: with a sure gap, effects not to be seen counted as 'none'.",
+)  # fmt: skip
+MINOR = Limit(
+    "MINOR", 0.1, "1",
+    "Share of what one of several effects explains below which a remainder casts no doubt on its name.",
+    "Practice a008: a loss of thrust grew to three effects (+13 and +23 of 105703 nats, a remainder of 333).",
+)  # fmt: skip
+CONFLICT = Limit(
+    "CONFLICT", 3.0, "sd",
+    "Coefficient move without an effect below which coefficients are not called wrong, whatever chance says.",
+    "Chosen; no campaign isolates it.",
+)  # fmt: skip
+ALONG = Limit(
+    "ALONG", 20.0, "nats",
+    "How far behind the best explanation a hidden effect may lie and still be listed beside it.",
+    "As PATH_NOISE; no campaign isolates it.",
+)  # fmt: skip
+DISAGREE = Limit(
+    "DISAGREE", 1e-3, "1",
+    "p-value of all runs having one and the same effect, below which it is not the whole cause.",
+    "A planted step of drag that no effect explains (chi2 640) was 'ambiguous' between effects of thrust.",
+)  # fmt: skip
+NEAR = Limit(
+    "NEAR", 1.5, "1",
+    "Mean square of the residuals over the noise up to which a fit follows the data.",
+    "Chosen; no campaign isolates it.",
+)  # fmt: skip
+ASTRAY = Limit(
+    "ASTRAY", 25.0, "1",
+    "The same beyond which what a refit leaves says nothing.",
+    "A review: a refit hundreds of times off counted as an explanation.",
+)  # fmt: skip
+ADD = Limit(
+    "ADD", 5.0, "nats", "Gain a further effect needs.",
+    "Chosen; no campaign isolates it.",
+)  # fmt: skip
+DROP = Limit(
+    "DROP", 3.0, "nats", "Loss below which one of several effects is dropped again.",
+    "Odds of 20 to 1. Before effects were dropped again, an actuator lag of zero was named beside wind.",
+)  # fmt: skip
+MOST = Limit(
+    "MOST", 3, "effects", "Most effects at once.",
+    "Chosen; no campaign isolates it.",
+)  # fmt: skip
+BENDS = Limit(
+    "BENDS", 0.5, "1", "Share of what a free force gains that a further effect must gain.",
+    "Used campaigns, together with EXCHANGES: both of two effects found in 44 of 57, 37 with the whole gain.",
+)  # fmt: skip
+EXCHANGES = Limit(
+    "EXCHANGES", 3, "rounds", "Exchanges of alike effects in a row.",
+    "Without exchanges the true pair, 460 to 775 nats better than the one kept, was never tried. The number "
+    "is chosen.",
+)  # fmt: skip
+RIVALS = Limit(
+    "RIVALS", 2, "effects", "Rivals of each effect that are tried in its place.", "As EXCHANGES.",
+)  # fmt: skip
+PATH_NOISE = Limit(
+    "PATH_NOISE", 20.0, "nats",
+    "Gains below which refits along paths of their own differ by chance as much as by what they explain.",
+    "A clean campaign: +10.5 between two refits, +0.2 along one path.",
+)  # fmt: skip
+WALD_SLACK = Limit(
+    "WALD_SLACK", 3.0, "nats",
+    "Slack of the check of evidence against the distance of the parameters from zero.",
+    "A refit that had not arrived named fluid memory at +93 nats with a share of 0.014 +- 0.012.",
+)  # fmt: skip
+LEAST = Limit(
+    "LEAST", 3.0, "nats", "Least evidence that names an effect, whatever the design allows by chance.",
+    "Odds of 20 to 1.",
+)  # fmt: skip
+FALSE = Limit(
+    "FALSE", 0.01, "1", "Share of trials without an effect that may pass a threshold of the design.",
+    "Chosen; 2000 trials are drawn from the linearised model of each design.",
+)  # fmt: skip
+COLOURS = Limit(
+    "COLOURS", 10.0, "nats",
+    "What a free signal may gain on top of chance because the process noise is estimated.",
+    "157 campaigns without any effect: free forces gained up to 20 nats.",
+)  # fmt: skip
+PRIOR_NONE = Limit("PRIOR_NONE", 0.5, "1", "Prior of no effect.", "Stated (design note A4).")
+PRIOR_CATALOGUE = Limit(
+    "PRIOR_CATALOGUE", 0.4, "1", "Prior shared by the catalogue.", "Stated (design note A4)."
+)
+PRIOR_OUTSIDE = Limit(
+    "PRIOR_OUTSIDE", 0.1, "1", "Prior of a cause that is not listed.", "Stated (design note A4)."
+)
+ALIKE = Limit(
+    "ALIKE", 0.5, "1",
+    "Share of what lies outside that looks like an effect of the catalogue rather than like any generic "
+    "signal: a drag that grows in a step is not a loss of thrust, and yet more like it than like a free "
+    "force.",
+    "Used campaigns replayed: log score from 1.01 to 0.63 together with SURE and FORM.",
+)  # fmt: skip
+FORM = Limit(
+    "FORM", 0.25, "1", "Chance that an effect acts in another form than the catalogue's.", "As ALIKE."
+)
+SEEN = Limit("SEEN", 3.0, "nats", "Gain from which a remainder shows.", "Odds of 20 to 1.")
+CLOSEST = Limit(
+    "CLOSEST", 1e-3, "1", "Smallest part of what an effect explains that another form of it leaves.",
+    "Assumed; every magnitude between it and one counts as equally probable.",
+)  # fmt: skip
+ROOM = Limit(
+    "ROOM", 10.0, "nats",
+    "How much better a free signal may be alone than with an effect that has nothing to do beside it.",
+    "6-DOF in still water: 'outside' at 2000 nats where the refit left 0.3.",
+)  # fmt: skip
+
+TABLE: tuple[Limit, ...] = tuple(value for value in list(globals().values()) if isinstance(value, Limit))

@@ -1,0 +1,148 @@
+"""Every rule of the verdict on both sides of its threshold; no rule without a case."""
+
+from dataclasses import replace
+
+import pytest
+
+from bayesid.diagnose.facts import Facts, Named
+from bayesid.diagnose.rules import NAMING, RULES, WORDS, deciding
+from bayesid.diagnose.threshold_table import CONFLICT, EVEN, HIDDEN, SURE, TABLE, Limit
+from bayesid.diagnose.verdict import names_of
+
+# One effect that explains a gap; chance allows 4 nats, 19 of a free signal, 3.5 sd of a coefficient.
+PLAIN = Facts(
+    gain=50.0, gain_by_chance=4.0, free=30.0, free_by_chance=19.0, left=2.0, conflict=0.5,
+    conflict_by_chance=3.5, none=0.0, outside=0.04, unseen=0.0, none_in_set=False, effects=1, widens=False,
+    explains=True, acts=0.96, absorbed=0.2, idle=False, sure=0, sure_absorbed=0.0, runs_refute=False,
+    runs_disagree=False,
+)  # fmt: skip
+FAINT = replace(PLAIN, gain=3.9, none_in_set=True, acts=0.3)
+WIDE = replace(PLAIN, widens=True)
+PAIR = replace(PLAIN, effects=2, sure=2)
+TINY = 1e-9
+
+# rule, facts it decides, and per fact: a value on the other side of the threshold and the rule that then does
+CASES = [
+    ("unlisted cause", replace(PLAIN, outside=EVEN + TINY, free=19 + TINY), {
+        "outside": (EVEN + 0.0, "effect"), "free": (19.0, "effect")}),
+    ("unlisted cause", replace(FAINT, outside=EVEN + TINY), {
+        "outside": (EVEN + 0.0, "faint"), "free": (19.0, "nothing beyond chance")}),
+    ("coefficients moved", replace(FAINT, conflict=3.5 + TINY, none=EVEN - TINY), {
+        "conflict": (3.5, "faint"), "none": (EVEN + 0.0, "faint"), "none_in_set": (False, "faint"),
+        "gain": (4.0, "none not excluded")}),
+    ("coefficients moved", replace(FAINT, conflict=CONFLICT + TINY, conflict_by_chance=2.0), {
+        "conflict": (CONFLICT + 0.0, "faint")}),
+    ("nothing beyond chance", replace(FAINT, none=0.4, unseen=0.1 + TINY), {
+        "unseen": (0.1, "faint"), "none": (0.3, "faint"), "gain": (4.0, "none not excluded")}),
+    ("nothing beyond chance", replace(FAINT, none=0.1, outside=0.45, free=19.0), {
+        "free": (19 + TINY, "faint"), "outside": (0.4, "faint")}),
+    ("nothing beyond chance", replace(FAINT, none=0.6, none_in_set=True, conflict=9.0), {
+        "none": (0.45, "coefficients moved")}),
+    ("faint", replace(FAINT, none=0.3), {"gain": (4.0, "none not excluded")}),
+    ("faint coefficient, probably none", replace(WIDE, none_in_set=True, none=EVEN + TINY), {
+        "none": (EVEN + 0.0, "faint coefficient"), "none_in_set": (False, "wrong coefficient"),
+        "widens": (False, "probably none")}),
+    ("faint coefficient", replace(WIDE, none_in_set=True, none=0.3), {
+        "none_in_set": (False, "wrong coefficient"), "widens": (False, "none not excluded")}),
+    ("unsure coefficient", replace(WIDE, acts=SURE - TINY), {
+        "acts": (SURE + 0.0, "wrong coefficient"), "widens": (False, "unsure effect")}),
+    ("wrong coefficient", replace(WIDE, acts=SURE + 0.0, runs_refute=True, absorbed=1.0, idle=True), {
+        "acts": (SURE - TINY, "unsure coefficient"), "widens": (False, "refuted by the runs")}),
+    ("refuted by the runs", replace(PLAIN, runs_refute=True), {
+        "runs_refute": (False, "effect"), "explains": (False, "effect with a remainder")}),
+    ("refuted by the runs", replace(PAIR, runs_refute=True), {"runs_refute": (False, "several sure")}),
+    ("several sure", replace(PAIR, sure_absorbed=1.0, none_in_set=True), {
+        "sure": (1, "several, the sure one hidden"), "effects": (1, "none not excluded")}),
+    ("several, none sure", replace(PAIR, sure=0), {
+        "sure": (1, "several, one sure"), "effects": (1, "effect")}),
+    ("several, the sure one hidden", replace(PAIR, sure=1, sure_absorbed=HIDDEN + TINY), {
+        "sure_absorbed": (HIDDEN + 0.0, "several, one sure"), "effects": (1, "effect")}),
+    ("several, one sure", replace(PAIR, sure=1, none_in_set=True), {
+        "sure_absorbed": (HIDDEN + TINY, "several, the sure one hidden"),
+        "effects": (1, "none not excluded")}),
+    ("hidden by coefficients", replace(PLAIN, absorbed=HIDDEN + TINY, none_in_set=True, none=0.9), {
+        "absorbed": (HIDDEN + 0.0, "probably none")}),
+    ("probably none", replace(PLAIN, none_in_set=True, none=EVEN + TINY), {
+        "none": (EVEN + 0.0, "none not excluded"), "none_in_set": (False, "effect")}),
+    ("none not excluded", replace(PLAIN, none_in_set=True, none=0.06), {"none_in_set": (False, "effect")}),
+    ("unsure effect", replace(PLAIN, acts=SURE - TINY), {"acts": (SURE + 0.0, "effect")}),
+    ("effect without size", replace(PLAIN, idle=True), {"idle": (False, "effect")}),
+    ("effect with a remainder", replace(PLAIN, left=19 + TINY), {"left": (19.0, "effect")}),
+    ("effect with a remainder", replace(PLAIN, runs_disagree=True), {"runs_disagree": (False, "effect")}),
+    ("effect with a remainder", replace(PLAIN, explains=False), {"explains": (True, "effect")}),
+    ("effect", PLAIN, {"left": (25.0, "effect with a remainder"), "gain": (3.9, "faint"),
+        "free": (19.0, "effect")}),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("name, facts, other", CASES, ids=[f"{c[0]} {i}" for i, c in enumerate(CASES)])
+def test_a_rule_decides_on_its_side_of_every_threshold_only(name, facts, other):
+    assert deciding(facts).name == name
+    for field, (value, instead) in other.items():
+        assert deciding(replace(facts, **{field: value})).name == instead, field
+
+
+def test_every_rule_has_a_case_and_a_name_of_its_own():
+    names = [rule.name for rule in RULES]
+    assert len(set(names)) == len(names)
+    assert {case[0] for case in CASES} == set(names)
+    assert {rule.word for rule in RULES} == set(WORDS)
+
+
+NAMES = Named(
+    best=("a", "b"), sure=("b",), hidden=("c", "d"), along=("d",),
+    set95=("outside", "a", "none", "b"), unseen=(),
+)  # fmt: skip
+SAID = {
+    "unlisted cause": ("outside", (), ()),
+    "coefficients moved": ("coefficients", (), ("c", "d")),
+    "nothing beyond chance": ("none", (), ()),
+    "faint": ("ambiguous", ("a", "b"), ()),
+    "faint coefficient, probably none": ("none", (), ()),
+    "faint coefficient": ("ambiguous", (), ()),
+    "unsure coefficient": ("ambiguous", ("a", "b"), ("c", "d")),
+    "wrong coefficient": ("coefficients", ("coefficient_error",), ("c", "d")),
+    "refuted by the runs": ("ambiguous", ("a", "b"), ()),
+    "several sure": ("several", ("b",), ("c", "d")),
+    "several, none sure": ("ambiguous", ("a", "b"), ("c", "d")),
+    "several, the sure one hidden": ("ambiguous", ("a", "b"), ("c", "d")),
+    "several, one sure": ("effect_with_remainder", ("b",), ("c", "d")),
+    "hidden by coefficients": ("coefficients", (), ("d",)),
+    "probably none": ("none", (), ()),
+    "none not excluded": ("ambiguous", ("a", "b"), ()),
+    "unsure effect": ("ambiguous", ("a", "b"), ()),
+    "effect without size": ("ambiguous", ("a", "b"), ()),
+    "effect with a remainder": ("effect_with_remainder", ("a",), ()),
+    "effect": ("effect", ("a",), ()),
+}
+
+
+@pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.name)
+def test_a_rule_says_its_word_and_names_those_of_its_outcome(rule):
+    """Agreed with the format: a naming word names, none and outside name nothing, "none" is in its set."""
+    effects, hidden, set95 = names_of(rule, NAMES)
+    assert (rule.word, effects, hidden) == SAID[rule.name]
+    assert bool(effects) or rule.word not in NAMING
+    assert set95 == NAMES.set95
+    without = names_of(rule, replace(NAMES, set95=("outside",)))[2]
+    assert without == (("none", "outside") if rule.word == "none" else ("outside",))
+
+
+def test_the_table_says_of_every_number_what_it_is_and_what_fixed_it():
+    symbols = [limit.symbol for limit in TABLE]
+    assert len(set(symbols)) == len(symbols) and len(TABLE) >= 25
+    for limit in TABLE:
+        assert isinstance(limit, Limit) and limit > 0
+        assert limit.unit and limit.meaning.endswith(".") and limit.evidence.endswith("."), limit.symbol
+
+
+def test_the_numbers_of_the_table_are_those_the_practice_campaigns_were_scored_with():
+    """A number is changed together with its evidence, and on purpose."""
+    assert {limit.symbol: float(limit) for limit in TABLE} == {
+        "EVEN": 0.5, "SURE": 0.9, "HIDDEN": 0.98, "TRACE": 10.0, "SURELY": 0.01, "MINOR": 0.1,
+        "CONFLICT": 3.0, "ALONG": 20.0, "DISAGREE": 1e-3, "NEAR": 1.5, "ASTRAY": 25.0, "ADD": 5.0,
+        "DROP": 3.0, "MOST": 3, "BENDS": 0.5, "EXCHANGES": 3, "RIVALS": 2, "PATH_NOISE": 20.0,
+        "WALD_SLACK": 3.0, "LEAST": 3.0, "FALSE": 0.01, "COLOURS": 10.0, "PRIOR_NONE": 0.5,
+        "PRIOR_CATALOGUE": 0.4, "PRIOR_OUTSIDE": 0.1, "ALIKE": 0.5, "FORM": 0.25, "SEEN": 3.0,
+        "CLOSEST": 1e-3, "ROOM": 10.0,
+    }  # fmt: skip

@@ -1,0 +1,73 @@
+"""Hypotheses as rows of prior and likelihood: one sum over all of them, and numbers that may not move."""
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.special import logsumexp
+
+from bayesid.diagnose.threshold_table import ALIKE, FORM, PRIOR_CATALOGUE, PRIOR_NONE, PRIOR_OUTSIDE
+from bayesid.diagnose.weigh import Left, comparable, credible_set, probabilities, rows, weights
+
+WORLDS = json.loads((Path(__file__).parent / "data" / "weights.json").read_text())
+
+
+def fitted(effects, log_evidence, chi2=1.0, converged=True):
+    fit = SimpleNamespace(chi2=chi2, converged=converged)
+    return SimpleNamespace(effects=tuple(effects), log_evidence=log_evidence, fit=fit)
+
+
+def world(w):
+    """Arguments of `probabilities` from plain data."""
+    told = w["left"]
+    rest = {tuple(k.split(",")): v for k, v in told["rest"].items()}
+    left = Left(rest, told["shows"], told["share"], told["kept"])
+    where = SimpleNamespace(base=w["base"])
+    places = {n: tuple(p) for n, p in w["places"].items()}
+    refits = [fitted(**r) for r in w["refits"]]
+    return w["evidence"], refits, fitted((), 0.0), where, w["excess"], left, places
+
+
+@pytest.mark.parametrize("w", WORLDS, ids=range(len(WORLDS)))
+def test_the_weights_of_sixty_worlds_have_not_moved(w):
+    """Drawn at random; numbers of the weighing that the practice and blind campaigns were scored with."""
+    found = probabilities(*world(w))
+    for name, value in w["shared"].items():
+        assert found.shared[name] == pytest.approx(value, abs=1e-9), name
+        assert found.inside[name] == pytest.approx(w["inside"][name], abs=1e-9), name
+    assert sum(found.shared.values()) == pytest.approx(1.0)
+
+
+def test_rows_are_every_hypothesis_once_and_the_weights_their_sum():
+    evidence, refits, none, where, excess, left, places = world(WORLDS[0])
+    gains = comparable(evidence, refits, none, where, excess, left)
+    table = rows(gains, evidence, left, places)
+    total = logsumexp([r.log_prior + r.log_likelihood for r in table])
+    alone = [r.log_prior + r.log_likelihood - total for r in table if r.acts == ("none",)]
+    found = weights(table, gains, evidence)
+    assert found.inside["none"] == pytest.approx(np.exp(logsumexp(alone)))
+    assert {r.acts for r in table} >= {("none",), ("outside",), *((n,) for n in evidence if n != "outside")}
+
+
+def test_one_faint_effect_splits_its_prior_as_stated():
+    """Nothing gains: what is left is the priors, with half of what lies outside like no effect."""
+    evidence = {"a": 0.0, "outside": 0.0}
+    gains = comparable(evidence, [], fitted((), 0.0), SimpleNamespace(base=0.0), 1.0, Left())
+    table = rows(gains, evidence, Left(), {})
+    priors = {r.reading: np.exp(r.log_prior) for r in table}
+    assert priors["nothing"] == pytest.approx(PRIOR_NONE)
+    assert priors["as the catalogue has it"] == pytest.approx(PRIOR_CATALOGUE)
+    assert priors["like no effect"] == pytest.approx((1 - ALIKE) * PRIOR_OUTSIDE)
+    assert priors["something like a"] == pytest.approx(ALIKE * PRIOR_OUTSIDE)
+    assert sum(priors.values()) == pytest.approx(1.0) and 0 < FORM < 1
+    assert all(r.log_likelihood == 0.0 for r in table)
+
+
+def test_the_credible_set_is_the_smallest_that_holds_the_mass():
+    p = {"none": 0.5, "a": 0.25, "b": 0.125, "c": 0.125}
+    assert credible_set(p, 0.75) == ("none", "a")
+    assert credible_set(p, 0.76) == ("none", "a", "b")
+    assert credible_set(p, 0.5) == ("none",)
+    assert credible_set({"a": 0.6, "b": 0.4}, silent=("b",)) == ("a", "none")
