@@ -48,9 +48,8 @@ def show(name: Name, effects: Effects = None, as_json: Json = False, verbose: Ve
         say_json(_plain(effect))
         return
     say(describe(effect))
-    say(
-        f"\ntry it: bayesid simulate remus100 zigzag:10/10 --set {effect.key(effect.parameters[0].name)}=VALUE"
-    )
+    key = effect.key(effect.parameters[0].name)
+    say(f"\ntry it: bayesid simulate remus100 zigzag:10/10 --set {key}=VALUE")
 
 
 def _catalogue(path: Any) -> tuple[Effect, ...]:
