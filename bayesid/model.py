@@ -116,6 +116,12 @@ class Model:
                 f"model of {self.vehicle.name!r} ({self.dof}-DOF) has no parameter {exc.args[0]!r}"
             ) from None
 
+    def parameter_unit(self, name: str) -> str | None:
+        """Unit of an effect parameter inside the program; None for coefficients, which are in file units."""
+        effect, _, parameter = name.partition(".")
+        declared = self.effects[effect].parameters if effect in self.effects else ()
+        return next((p.unit for p in declared if p.name == parameter), None)
+
     def prior_sd(self, name: str) -> float:
         """Prior standard deviation (SI) of a coefficient or an effect parameter; nan where none is stated."""
         if name in self.vehicle.coef:

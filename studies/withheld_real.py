@@ -25,7 +25,6 @@ from gap.keep import keep
 from gap.kvlcc2 import row_sets, tank, tank_logs
 
 from bayesid import report
-from bayesid.cli.measuring import measure
 from bayesid.diagnose.bands import beside_readings, measure_bands, prediction_csv, thinned
 from bayesid.diagnose.found import Found, found_with, write_found
 from bayesid.diagnose.predict import predict_manoeuvre, predict_run
@@ -33,6 +32,7 @@ from bayesid.diagnose.problem import fit_with, pose
 from bayesid.files import write_atomic, write_json
 from bayesid.lock import lock_or_exit
 from bayesid.manoeuvres import Scale, parse
+from bayesid.measures import named_measures as measure
 from bayesid.progress import Progress
 from bayesid.sections.withheld_real import facility_report, wind_report
 from bayesid.trials import Run, Trial

@@ -19,7 +19,7 @@ def run(*args: str) -> int:
 
 def test_design_writes_orders_the_vehicle_can_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "next"
-    args = ("--flown", "zigzag:10/10", "--duration", "400", "--rudder", "20", "--quick", "--json")
+    args = ("--executed", "zigzag:10/10", "--duration", "400", "--rudder", "20", "--quick", "--json")
     assert run("design", "generic_sub", *FIX, *args, "--out", out) == 0
     record = json.loads(capsys.readouterr().out)
     assert record == json.loads((out / "design.json").read_text())

@@ -10,7 +10,8 @@ import pytest
 
 import bayesid.vehicles
 from bayesid.cli.guard import run
-from bayesid.cli.measuring import measure, say_measures
+from bayesid.cli.measuring import say_measures
+from bayesid.measures import named_measures as measure
 from bayesid.vehicles import builtin_names, coef_si, load_vehicle
 
 

@@ -11,7 +11,6 @@ from gap_trials import model_of, noise_of, orders, other_vehicle, planted_trial
 from scipy.stats import binom
 
 from bayesid.cli.guard import run as bayesid
-from bayesid.cli.measuring import measure
 from bayesid.coloured.colours import Colours, force_unit, smoothed
 from bayesid.coloured.fit import NOTHING, fit
 from bayesid.coloured.log import read_run
@@ -23,6 +22,7 @@ from bayesid.diagnose.found import Found, Hypothesis, found_in, read_found, writ
 from bayesid.diagnose.predict import predict_manoeuvre, predict_run
 from bayesid.errors import ModelError
 from bayesid.manoeuvres import Scale, parse
+from bayesid.measures import named_measures as measure
 from bayesid.simulate import observe, plan_run, simulate, steady_start
 from bayesid.trials import Run, window, write_trial
 from bayesid.vehicles import self_propulsion_speed

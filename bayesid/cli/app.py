@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from bayesid.cli import blind, trial, vehicle
+from bayesid.cli import blind, effect, manoeuvre, trial, vehicle
 from bayesid.cli.compare import compare
 from bayesid.cli.design import design
 from bayesid.cli.diagnose import diagnose
@@ -47,6 +47,8 @@ def command() -> Any:
     app.command("study")(study)
     groups = {
         "vehicle": _group("Look at coefficient sets.", list=vehicle.listing, show=vehicle.show, check=check),
+        "effect": _group("Look up the unmodelled effects.", list=effect.listing, show=effect.show),
+        "manoeuvre": _group("Look up the manoeuvres.", list=manoeuvre.listing),
         "trial": _group("Look at logs before they are used.", check=trial.check, measure=measure),
         "blind": _group(
             "Check the diagnosis on effects nobody here knows.",

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from bayesid.files import json_text
 from bayesid.progress import printable
-from bayesid.report.blocks import cell_text
+from bayesid.report.text import table_text
+
+if TYPE_CHECKING:
+    from bayesid.api.result import Result
 
 
 def say(text: str = "") -> None:
@@ -22,19 +26,30 @@ def say_json(data: Any) -> None:
 
 def say_table(columns: Sequence[str], rows: Sequence[Sequence[Any]], digits: int = 4) -> None:
     """Aligned columns; numbers to the right, the last column as long as it wants."""
-    cells = [[printable(cell_text(value, digits)).replace("\n", " ") for value in row] for row in rows]
-    widths = [max(len(row[k]) for row in [list(columns), *cells]) for k in range(len(columns))]
-    right = [bool(rows) and all(_is_number(row[k]) for row in rows) for k in range(len(columns))]
-
-    def line(row: Sequence[str]) -> str:
-        padded = (c.rjust(w) if r else c.ljust(w) for c, w, r in zip(row, widths, right, strict=True))
-        return "  ".join(padded).rstrip()
-
-    print(line(columns))
-    print("  ".join("-" * width for width in widths))
-    for row in cells:
-        print(line(row))
+    print(table_text(columns, rows, digits))
 
 
-def _is_number(value: Any) -> bool:
-    return value is None or (hasattr(value, "__float__") and not isinstance(value, bool | str))
+def answer(
+    found: Result,
+    out: Path | None,
+    as_json: bool,
+    verbose: bool,
+    files: Mapping[str, Path] | None = None,
+    extra: Mapping[str, Any] | None = None,
+) -> None:
+    """Print a result, then save it where a folder is given: should drawing fail, the answer is on the screen.
+
+    Parameters
+    ----------
+    files : what else lies in the folder, in words
+    extra : added to the JSON
+    """
+    if as_json:
+        say_json({**found.record(), **(extra or {})})
+    else:
+        say(found.summary(verbose))
+    report = found.save(out) if out is not None else None
+    if report is not None and not as_json:
+        say()
+        for words, path in {**(files or {}), "report": report}.items():
+            say(f"{words}: {path}")

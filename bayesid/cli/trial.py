@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
+from bayesid.cli.choices import Bundle, Data
 from bayesid.cli.options import Json, Out, Verbose
 
 if TYPE_CHECKING:
     from bayesid.trials import Trial
 
-Bundle = Annotated[
-    Path, typer.Argument(help="Folder of the bundle, its trial.toml, or example.", show_default=False)
-]
-Data = Annotated[Path | None, typer.Option("--data", help="Folder of the logs if they lie elsewhere.")]
-
 RUN_COLUMNS = (
-    "run", "role", "samples", "duration [s]", "step [s]", "gaps", "missing [%]", "speed [m/s]",
-    "rudder [deg]", "manoeuvre",
+    "run",
+    "role",
+    "samples",
+    "duration [s]",
+    "step [s]",
+    "gaps",
+    "missing [%]",
+    "speed [m/s]",
+    "rudder [deg]",
+    "manoeuvre",
 )
 
 
@@ -75,8 +77,10 @@ def _print(summary: dict[str, Any], verbose: bool) -> None:
     )
     if verbose:
         for run in summary["runs"]:
-            say(f"\n{run['name']}: channels {', '.join(run['channels'])}; inputs {', '.join(run['inputs'])}"
-                + (f"; further columns {', '.join(run['extra'])}" if run["extra"] else ""))
+            say(
+                f"\n{run['name']}: channels {', '.join(run['channels'])}; inputs {', '.join(run['inputs'])}"
+                + (f"; further columns {', '.join(run['extra'])}" if run["extra"] else "")
+            )
     if summary["warnings"]:
         say(f"\n{len(summary['warnings'])} remarks:")
         for warning in summary["warnings"]:
@@ -90,8 +94,16 @@ def _print(summary: dict[str, Any], verbose: bool) -> None:
 def _run_row(run: dict[str, Any]) -> list[Any]:
     missing = max(run["missing"].values(), default=0.0)
     return [
-        run["name"], run["role"], run["samples"], run["duration"], run["dt"]["median"], run["n_gaps"],
-        100.0 * missing, _span(run["speed"]), _span(run["rudder_deg"]), run["manoeuvre"],
+        run["name"],
+        run["role"],
+        run["samples"],
+        run["duration"],
+        run["dt"]["median"],
+        run["n_gaps"],
+        100.0 * missing,
+        _span(run["speed"]),
+        _span(run["rudder_deg"]),
+        run["manoeuvre"],
     ]
 
 

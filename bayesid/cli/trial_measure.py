@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from bayesid.cli.choices import Bundle, Data
 from bayesid.cli.options import Json, Out, Verbose
-from bayesid.cli.trial import Bundle, Data
 
 if TYPE_CHECKING:
     from bayesid.trials import Run
@@ -40,7 +40,7 @@ def measure(
 
 def _measures(run: Run) -> list[dict[str, Any]]:
     """Measures of one run; the ordered angle is used where it is logged, else the measured one."""
-    from bayesid.cli.measuring import measure as measured
+    from bayesid.measures import named_measures as measured
 
     channels = dict(run.data)
     for fin in ("delta_r", "delta_s"):

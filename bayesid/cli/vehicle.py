@@ -25,8 +25,18 @@ def listing(as_json: Json = False, verbose: Verbose = False) -> None:
         return
     say_table(
         ["vehicle", "L [m]", "mass [kg]", "dof", "coefficients", "propulsion", "source"],
-        [[name, v.L, v.mass, 3 if v.planar_only else 6, len(v.coef), v.propulsion.model,
-          v.source if verbose else _short(v.source)] for name, v in vehicles.items()],
+        [
+            [
+                name,
+                v.L,
+                v.mass,
+                3 if v.planar_only else 6,
+                len(v.coef),
+                v.propulsion.model,
+                v.source if verbose else _short(v.source),
+            ]
+            for name, v in vehicles.items()
+        ],
     )
 
 
@@ -64,15 +74,17 @@ def _coefficient_rows(vehicle: Vehicle) -> list[dict[str, Any]]:
         if value == 0.0 and name not in vehicle.coef:
             continue
         row = term(name)
-        rows.append({
-            "name": name,
-            "value": vehicle.coef.get(name),
-            "si": value,
-            "unit": row.unit,
-            "prior_sd_percent": 100.0 * spread[name] if name in spread else None,
-            "regressor": row.regressor,
-            "source": row.source,
-        })
+        rows.append(
+            {
+                "name": name,
+                "value": vehicle.coef.get(name),
+                "si": value,
+                "unit": row.unit,
+                "prior_sd_percent": 100.0 * spread[name] if name in spread else None,
+                "regressor": row.regressor,
+                "source": row.source,
+            }
+        )
     return rows
 
 

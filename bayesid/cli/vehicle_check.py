@@ -34,7 +34,9 @@ def check(vehicle: Name, out: Out = None, as_json: Json = False, verbose: Verbos
     straight = _or_none(stability, found)
     if straight is not None:
         result["stability"] = {
-            "speed [m/s]": straight.U, "G_H": straight.G_H, "G_V": straight.G_V,
+            "speed [m/s]": straight.U,
+            "G_H": straight.G_H,
+            "G_V": straight.G_V,
             "eigenvalues, horizontal [U/L]": [[value.real, value.imag] for value in straight.horizontal],
             "eigenvalues, vertical [U/L]": [[value.real, value.imag] for value in straight.vertical],
         }
@@ -62,9 +64,9 @@ def check(vehicle: Name, out: Out = None, as_json: Json = False, verbose: Verbos
 
 def _behaviour(vehicle: Vehicle) -> list[dict[str, Any]]:
     """Turning circle and zig-zags in the horizontal plane from the usual straight run, planes amidships."""
-    from bayesid.cli.measuring import measure
     from bayesid.errors import BayesidError
     from bayesid.manoeuvres import Scale, parse
+    from bayesid.measures import named_measures as measure
     from bayesid.model import build_model
     from bayesid.simulate import fly, steady_start
 

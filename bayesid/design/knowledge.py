@@ -124,6 +124,6 @@ def flying(model: Model, draws: Array, flies: Iterable[bool]) -> Array:
     if 2 * keep.sum() < keep.size:
         raise ModelError(
             f"{model.vehicle.name}: {keep.size - keep.sum()} of {keep.size} vehicles drawn from what is "
-            "known diverge; state narrower knowledge (--known 0.05) or check the coefficients"
+            "known diverge; state narrower knowledge (--prior 0.05) or check the coefficients"
         )
     return draws[keep]

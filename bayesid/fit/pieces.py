@@ -6,8 +6,8 @@ Does not overlap pieces or tie their ends together.
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -38,7 +38,7 @@ def fit_in_pieces(
     trial: Trial,
     seconds: float | None,
     vehicle: Vehicle | None = None,
-    out: Path | str | None = None,
+    out: str | os.PathLike[str] | None = None,
     **choices: Any,
 ) -> TrialFit:
     """`fit_trial` on pieces of that many seconds; its runs are those of the whole trial, simulated in one go.

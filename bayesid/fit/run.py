@@ -7,6 +7,7 @@ Does not choose parameters, read logs or write reports.
 from __future__ import annotations
 
 import hashlib
+import os
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -62,7 +63,7 @@ class Options:
 def fit(
     problem: Problem,
     options: Options | None = None,
-    folder: Path | str | None = None,
+    folder: str | os.PathLike[str] | None = None,
     resume: bool = True,
     watch: Callable[[int, float, float], None] | None = None,
     note: Callable[[Iterate], None] | None = None,

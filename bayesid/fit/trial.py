@@ -6,6 +6,7 @@ Does not draw or choose words: `bayesid.sections.fit` does.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -71,7 +72,7 @@ class TrialFit:
 def fit_trial(
     trial: Trial,
     vehicle: Vehicle | None = None,
-    out: Path | str | None = None,
+    out: str | os.PathLike[str] | None = None,
     *,
     free: Iterable[str] | None = None,
     fixed: Iterable[str] = (),

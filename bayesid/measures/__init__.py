@@ -5,6 +5,7 @@ results in which NaN comes with a reason. Does not: simulate or read files.
 """
 
 from bayesid.measures.criteria import imo_limits
+from bayesid.measures.named import named_measures
 from bayesid.measures.pullout import PullOut, pull_out
 from bayesid.measures.turning import TurningCircle, turning_circle
 from bayesid.measures.zigzag import Spiral, Zigzag, spiral, zigzag
@@ -15,6 +16,7 @@ __all__ = [
     "TurningCircle",
     "Zigzag",
     "imo_limits",
+    "named_measures",
     "pull_out",
     "spiral",
     "turning_circle",

@@ -37,14 +37,21 @@ def write_identify_report(
     behaviour : derived quantities of draws of the prior and of the posterior
     facts : "trial", "vehicle", "digest", "point" (where it was looked at, in words), "remarks" (list)
     """
-    lead = f"**{sentence(found)}** {_agreement_words(found)}"
-    sections = [*identify_sections(found), _inputs(found, facts)]
     results = {"inputs": dict(facts), "identifiability": numbers(found)}
     if behaviour is not None:
-        sections.insert(2, derived_section(*behaviour))
         results["derived"] = derived_numbers(*behaviour)
-    page = Report(f"What {literal(facts['trial'])} can tell", lead, sections)
-    return report.write(page, folder, results)
+    return report.write(identify_report(found, facts, behaviour), folder, results)
+
+
+def identify_report(
+    found: Identifiability, facts: Mapping[str, Any], behaviour: tuple[Derived, Derived] | None = None
+) -> Report:
+    """The report as plain data."""
+    lead = f"**{sentence(found)}** {_agreement_words(found)}"
+    sections = [*identify_sections(found), _inputs(found, facts)]
+    if behaviour is not None:
+        sections.insert(2, derived_section(*behaviour))
+    return Report(f"What {literal(facts['trial'])} can tell", lead, sections)
 
 
 def derived_section(prior: Derived, posterior: Derived) -> Section:

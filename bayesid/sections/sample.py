@@ -43,9 +43,6 @@ def rows(posterior: Posterior) -> list[list[Any]]:
 
 def write_sample_report(found: TrialFit, posterior: Posterior, out: Path) -> Path:
     """Write report.html, report.md and results.json; gives the page."""
-    unit = "non-dimensional units of the vehicle file" if found.vehicle.nondimensional else "SI"
-    title = f"What {literal(found.trial.name)} says about {literal(found.vehicle.name)}"
-    sections = (_unknowns(posterior, unit), _chain(posterior), _model(found, posterior))
     results = {
         "inputs": {
             "trial": found.trial.name, "trial_digest": found.trial.digest,
@@ -53,7 +50,15 @@ def write_sample_report(found: TrialFit, posterior: Posterior, out: Path) -> Pat
         },
         **posterior.summary(),
     }  # fmt: skip
-    return report.write(Report(title, _lead(found, posterior), sections), out, results)
+    return report.write(sample_report(found, posterior), out, results)
+
+
+def sample_report(found: TrialFit, posterior: Posterior) -> Report:
+    """The report as plain data."""
+    unit = "non-dimensional units of the vehicle file" if found.vehicle.nondimensional else "SI"
+    title = f"What {literal(found.trial.name)} says about {literal(found.vehicle.name)}"
+    sections = (_unknowns(posterior, unit), _chain(posterior), _model(found, posterior))
+    return Report(title, _lead(found, posterior), sections)
 
 
 def _lead(found: TrialFit, posterior: Posterior) -> str:

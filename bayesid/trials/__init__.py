@@ -1,6 +1,7 @@
 """Logged trials: read, checked, windowed, written, summed up."""
 
 from bayesid.trials.bundle import builtin_trials, load_trial
+from bayesid.trials.frames import trial_from_frames
 from bayesid.trials.summary import trial_summary
 from bayesid.trials.trial import Channels, Environment, Run, Trial, channels_of
 from bayesid.trials.window import resample, thin, window
@@ -16,6 +17,7 @@ __all__ = [
     "load_trial",
     "resample",
     "thin",
+    "trial_from_frames",
     "trial_summary",
     "window",
     "write_trial",

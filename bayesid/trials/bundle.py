@@ -6,7 +6,9 @@ Does not: read the vehicle file, or anything outside the two folders.
 
 from __future__ import annotations
 
+import os
 import tomllib
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,15 +19,15 @@ from bayesid.errors import TrialError, raise_all
 from bayesid.trials.assemble import assemble
 from bayesid.trials.health import check_run, check_runs
 from bayesid.trials.paths import safe_path
-from bayesid.trials.stated import Stated
-from bayesid.trials.table import BadTableError, parse_table, read_bytes
+from bayesid.trials.stated import Entry, Stated
+from bayesid.trials.table import BadTableError, Table, parse_table, read_bytes
 from bayesid.trials.trial import Run, Trial
 from bayesid.trials.window import window
 
 BUILTIN = Path(__file__).parent / "builtin"
 
 
-def load_trial(path: str | Path, data: str | Path | None = None) -> Trial:
+def load_trial(path: str | os.PathLike[str], data: str | os.PathLike[str] | None = None) -> Trial:
     """Read a trial bundle.
 
     Parameters
@@ -82,18 +84,45 @@ def _load(raw: bytes, toml: Path, data: Path | None) -> Trial:
     stated = Stated(tree)
     folder = toml.parent
     vehicle = _vehicle(stated, folder)
+    seen: dict[Path, str] = {}
+
+    def table_of(entry: Entry) -> Table:
+        found = _find(entry.file, folder, data, stated.data_hint)
+        if found in seen:
+            raise BadTableError([f"is the same file as {seen[found]}"])
+        seen[found] = entry.file
+        return parse_table(read_bytes(found))
+
+    return make_trial(stated, stated.runs, table_of, folder, vehicle, str(toml))
+
+
+def make_trial(
+    stated: Stated,
+    entries: Sequence[Entry],
+    table_of: Callable[[Entry], Table],
+    folder: Path,
+    vehicle: str,
+    source: str,
+) -> Trial:
+    """A trial from what is stated and a table per run.
+
+    Parameters
+    ----------
+    table_of : reads the table of a run; may raise BadTableError
+    vehicle : reference kept in the trial
+    source : what an error names as the place
+
+    Raises
+    ------
+    TrialError                 once, with every problem
+    """
     runs: list[Run] = []
     problems = stated.problems
     warnings = stated.warnings
-    seen: dict[Path, str] = {}
-    for entry in stated.runs:
+    for entry in entries:
         try:
-            found = _find(entry.file, folder, data, stated.data_hint)
-            if found in seen:
-                raise BadTableError([f"is the same file as {seen[found]}"])
-            seen[found] = entry.file
             with np.errstate(all="ignore"):
-                table = parse_table(read_bytes(found))
+                table = table_of(entry)
                 run = assemble(table, stated.reading, entry.name, entry.manoeuvre, entry.role, entry.notes)
                 if entry.window is not None:
                     run = window(run, *entry.window)
@@ -108,7 +137,7 @@ def _load(raw: bytes, toml: Path, data: Path | None) -> Trial:
         warnings += [f"{entry.file}: {text}" for text in run.warnings]
         runs.append(run)
     if problems:
-        raise_all(TrialError, str(toml), problems)
+        raise_all(TrialError, source, problems)
     if not any(run.role == "identify" for run in runs):
         warnings.append('no run has the role "identify"; there is nothing to fit')
     with np.errstate(all="ignore"):

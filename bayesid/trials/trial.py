@@ -10,10 +10,13 @@ import hashlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import pandas
 
 Floats = NDArray[np.float64]
 ROLES = ("identify", "holdout")
@@ -159,6 +162,25 @@ class Trial:
         stated = (self.dof, sorted(self.noise.items()), self.environment, tuple(self.measured_point))
         text = repr(stated) + "".join(run.digest for run in self.runs)
         object.__setattr__(self, "digest", hashlib.sha256(text.encode()).hexdigest())
+
+    @classmethod
+    def from_frames(cls, frames: Mapping[str, Any], vehicle: Any = "", **stated: Any) -> Trial:
+        """A trial from pandas DataFrames or dicts of arrays; see `bayesid.trials.trial_from_frames`."""
+        from bayesid.trials.frames import trial_from_frames
+
+        return trial_from_frames(frames, vehicle, **stated)
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """All runs one below the other, SI: column `run`, `t`, and every channel and input."""
+        import pandas
+
+        frames = []
+        for run in self.runs:
+            groups = {
+                k: v for group in run.GROUPS if group != "extra" for k, v in getattr(run, group).items()
+            }
+            frames.append(pandas.DataFrame({"run": run.name, "t": run.t, **groups}))
+        return pandas.concat(frames, ignore_index=True)
 
     @property
     def identify(self) -> tuple[Run, ...]:

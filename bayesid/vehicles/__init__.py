@@ -11,6 +11,7 @@ from bayesid.vehicles.inertia import added_mass, rigid_body_mass
 from bayesid.vehicles.reading import builtin_names, load_vehicle
 from bayesid.vehicles.stability import Stability, self_propulsion_speed, speed_per_rpm, stability, usual_speed
 from bayesid.vehicles.vehicle import (
+    ASSUMED_RELATIVE_SD,
     GRAVITY,
     Crossflow,
     Prior,
@@ -18,10 +19,12 @@ from bayesid.vehicles.vehicle import (
     Vehicle,
     coef_si,
     prime_scale,
+    with_relative_prior,
 )
 from bayesid.vehicles.writing import identified, write_vehicle
 
 __all__ = [
+    "ASSUMED_RELATIVE_SD",
     "GRAVITY",
     "Crossflow",
     "Finding",
@@ -41,5 +44,6 @@ __all__ = [
     "speed_per_rpm",
     "stability",
     "usual_speed",
+    "with_relative_prior",
     "write_vehicle",
 ]

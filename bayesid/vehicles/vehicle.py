@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -124,6 +124,20 @@ class Vehicle:
         if self.prior is not None and self.prior.covariance is not None:
             plain["prior"]["covariance"] = self.prior.covariance.tolist()
         return hashlib.sha256(json.dumps(plain, sort_keys=True, default=str).encode()).hexdigest()
+
+
+# Relative prior sd of a coefficient whose vehicle file states none, in every command that needs one.
+ASSUMED_RELATIVE_SD = 0.1
+
+
+def with_relative_prior(vehicle: Vehicle, sd: float | None) -> Vehicle:
+    """The vehicle with every coefficient known to this share of its value, whatever its file states.
+
+    Parameters
+    ----------
+    sd : relative standard deviation; None gives the vehicle as it is
+    """
+    return vehicle if sd is None else replace(vehicle, prior=Prior(dict.fromkeys(vehicle.coef, sd)))
 
 
 def prime_scale(vehicle: Vehicle, row: Term | str) -> float:

@@ -1,0 +1,113 @@
+"""`bayesid.diagnose`: where the gap between simulator and trial lies, what causes it, how far it shrinks."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bayesid.api.inputs import Names, TrialLike, VehicleLike, declared_effects, model_of, trial_of
+from bayesid.api.result import Result, table
+from bayesid.diagnose.diagnosis import Diagnosis, as_json
+from bayesid.diagnose.diagnosis import diagnose as run
+from bayesid.diagnose.found import write_found
+from bayesid.files import write_json
+from bayesid.progress import Progress
+from bayesid.report import Report
+from bayesid.sections.diagnosis import diagnosis_report, write_diagnosis_report
+
+if TYPE_CHECKING:
+    import pandas
+
+EFFECT_COLUMNS = ("effect", "probability", "parameter", "value", "sd", "unit")
+
+
+def diagnose(
+    trial: TrialLike,
+    vehicle: VehicleLike | None = None,
+    *,
+    data: str | os.PathLike[str] | None = None,
+    prior: float | None = None,
+    effects: str | os.PathLike[str] | None = None,
+    exclude: Names = None,
+    next_manoeuvre: bool = True,
+    draws: bool = False,
+    keep_model: bool = True,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> DiagnoseResult:
+    """Diagnose the gap between a simulator and a trial; held-out runs are read only after the verdict stands.
+
+    Parameters
+    ----------
+    trial, vehicle, data : as in `bayesid.fit`
+    prior : coefficients known to this share from an earlier clean trial, e.g. 0.02
+    effects : Python file whose EFFECTS are added to the catalogue; it is run
+    exclude : effects that cannot be here, e.g. "wind,ocean_current" in a towing tank
+    next_manoeuvre : also rank manoeuvres to execute next
+    draws : also sample the named effects' parameters by emcee
+    keep_model : also make the model that `bayesid.predict` draws from
+
+    Raises
+    ------
+    TrialError, VehicleError, ModelError
+        what cannot be read, or nothing to identify from
+    """
+    logged = trial_of(trial, data)
+    model = model_of(logged, vehicle, declared_effects(effects), exclude)
+    found = run(
+        logged, model, seed=seed, say=(progress or Progress(quiet=True)).note, as_built=prior,
+        plan_next=next_manoeuvre, draw=draws, keep_model=keep_model,
+    )  # fmt: skip
+    return DiagnoseResult(found)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DiagnoseResult(Result):
+    """A diagnosis."""
+
+    found: Diagnosis
+
+    @property
+    def verdict(self) -> str:
+        """The word of the verdict."""
+        return self.found.verdict.word
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Names of the effects the verdict names."""
+        return self.found.verdict.effects
+
+    @cached_property
+    def _record(self) -> dict[str, Any]:
+        return as_json(self.found)
+
+    def record(self) -> Mapping[str, Any]:
+        return self._record
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """One row per parameter of every effect in question."""
+        rows: list[list[Any]] = []
+        for effect in self._record["effects"]:
+            for name, p in effect["parameters"].items():
+                rows.append([effect["name"], effect["probability"], name, p["value"], p["sd"], p["unit"]])
+        return table(EFFECT_COLUMNS, rows)
+
+    def report(self) -> Report:
+        return diagnosis_report(self.found, self._record)
+
+    def save(self, folder: str | os.PathLike[str]) -> Path:
+        target = Path(folder)
+        target.mkdir(parents=True, exist_ok=True)
+        write_json(target / "diagnosis.json", self._record)
+        if self.found.diagnosed is not None:
+            write_found(self.found.diagnosed, target)
+        if self.found.posterior is not None:
+            self.found.posterior.posterior.to_netcdf(target / "posterior.nc")
+        return write_diagnosis_report(self.found, target, self._record)
+
+    def summary(self, verbose: bool = False) -> str:
+        return self.found.summary()

@@ -1,0 +1,187 @@
+"""`bayesid.fit`: coefficients from a trial, judged on the runs that were kept back."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bayesid.api.inputs import Names, TrialLike, VehicleLike, names_of, prepared, trial_of, vehicle_of
+from bayesid.api.result import Result, table
+from bayesid.errors import FitError
+from bayesid.fit import Options, TrialFit
+from bayesid.fit.pieces import fit_in_pieces
+from bayesid.progress import Progress
+from bayesid.report import Report
+from bayesid.report.text import table_text
+from bayesid.sections.fit import fit_report, noise_level, write_fit_report
+from bayesid.sections.prediction import PREDICTION_COLUMNS, prediction_numbers, prediction_rows
+from bayesid.vehicles import Vehicle
+
+if TYPE_CHECKING:
+    import pandas
+
+MISFIT = 3.0  # residuals of so many times the noise are not noise
+QUICK_SAMPLES, QUICK_ROUNDS = 300, 6
+COLUMNS = ("coefficient", "start", "estimate", "sd [%]", "remark")
+
+
+def fit(
+    trial: TrialLike,
+    vehicle: VehicleLike | None = None,
+    *,
+    data: str | os.PathLike[str] | None = None,
+    out: str | os.PathLike[str] | None = None,
+    free: Names = None,
+    fix: Names = None,
+    runs: Names = None,
+    resample: float | None = None,
+    pieces: float | None = None,
+    estimate_noise: bool = False,
+    starts: int = 1,
+    resume: bool = True,
+    seed: int = 0,
+    quick: bool = False,
+    progress: Progress | None = None,
+) -> FitResult:
+    """Identify a vehicle's coefficients from a trial and predict its held-out runs.
+
+    Parameters
+    ----------
+    trial : bundle or `Trial`
+    vehicle : by default the one the trial names
+    data : folder of the logs where they are kept outside the bundle
+    out : folder for every iterate as it is found, fit.json and vehicle.toml; `FitResult.save` adds the report
+    free, fix : coefficients to free (default: all of the vehicle file) or to keep, "N_v,N_r" or an iterable
+    runs : runs to fit; all others are held out. By default the roles of the trial
+    resample : read every so many seconds only
+    pieces : fit runs in pieces of this length [s], for unstable vehicles
+    estimate_noise : weights from the residuals instead of the stated noise
+    starts : number of starts
+    resume : go on from an interrupted fit in `out`
+
+    Returns
+    -------
+    FitResult                  also where the search did not converge
+
+    Raises
+    ------
+    TrialError, VehicleError, FitError
+        what cannot be read or set up
+    """
+    logged = trial_of(trial, data)
+    ship = vehicle_of(vehicle, logged)
+    kept = names_of(fix) or []
+    unknown = [name for name in kept if name not in ship.coef]
+    if unknown:
+        raise FitError(
+            f"{ship.name} has no coefficient {', '.join(unknown)} to keep; it has {', '.join(ship.coef)}"
+        )
+    chosen = prepared(logged, runs, resample, QUICK_SAMPLES if quick else None)
+    few = {"rounds": QUICK_ROUNDS} if quick else {}
+    # profile None: the noise is estimated where the trial leaves that of a channel open
+    options = Options(seed=seed, starts=starts, profile=True if estimate_noise else None, **few)
+    with (progress or Progress(quiet=True)).stage("fit") as stage:
+        found = fit_in_pieces(
+            chosen, pieces, ship, out, free=names_of(free), fixed=kept, options=options, resume=resume,
+            watch=lambda done, cost, step: stage.step(info=f"cost {cost:.6g}, step {step:.1g}"),
+        )  # fmt: skip
+    return FitResult(found)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FitResult(Result):
+    """A fit.
+
+    Attributes
+    ----------
+    found : trial, vehicle as given and as identified, problem, estimates, runs beside their simulations
+    """
+
+    found: TrialFit
+
+    @property
+    def success(self) -> bool:
+        """Whether the search converged and data and prior together determine every free combination."""
+        return self.found.fit.success
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """The identified vehicle."""
+        return self.found.identified
+
+    def coefficients(self) -> list[list[Any]]:
+        """Rows of start, estimate and sd per coefficient, units of the vehicle file."""
+        result = self.found.fit
+        scale = self.found.problem.params.vector("file_scale")
+        rows: list[list[Any]] = []
+        for i, name in enumerate(result.names[: result.n_params]):
+            bound = "on a bound" if name in result.at_bound else ""
+            relative = 100 * result.sd[i] / max(abs(result.z[i]), 1e-300)
+            rows.append([name, result.start[i] / scale[i], result.z[i] / scale[i], relative, bound])
+        return rows
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        return table(COLUMNS, self.coefficients()).set_index("coefficient")
+
+    def report(self) -> Report:
+        return fit_report(self.found)
+
+    def save(self, folder: str | os.PathLike[str]) -> Path:
+        return write_fit_report(self.found, folder)
+
+    def record(self) -> Mapping[str, Any]:
+        found, result = self.found, self.found.fit
+        columns = {"start": result.start, "value": result.z, "sd": result.sd}
+        return {
+            "trial": found.trial.name, "vehicle": found.vehicle.name, "digest": result.digest,
+            "seed": result.seed,
+            "success": result.success, "converged": result.converged, "status": result.status,
+            "verdict": result.verdict, "cost": [result.cost_start, result.cost],
+            "estimates_SI": {
+                name: {key: float(values[i]) for key, values in columns.items()}
+                for i, name in enumerate(result.names[: result.n_params])
+            },
+            "at_bound": result.at_bound,
+            "flat": [{"name": d.name, "held_by": d.decided_by} for d in result.flat],
+            "runs": prediction_numbers(found.runs),
+        }  # fmt: skip
+
+    def summary(self, verbose: bool = False) -> str:
+        found, result = self.found, self.found.fit
+        size = f"{len(found.problem.runs)} runs, {result.n_readings} readings, {result.n_params} unknowns"
+        lines = [f"{found.trial.name}: {size}, {result.seconds:.1f} s", f"{result.verdict}."]
+        before, after = (noise_level(found.runs, "identify", key) for key in ("rms_nominal", "rms_fitted"))
+        lines.append(f"residuals of the fitted runs: from {before} to {after} times the noise")
+        lines += self._doubts()
+        lines += ["", table_text(COLUMNS, self.coefficients())]
+        if result.flat:
+            lines.append("\nNot determined by these data:")
+            lines += [f"  {d.name}: held by {d.decided_by}" for d in result.flat]
+        held = [run for run in found.runs if run.role == "holdout"]
+        if held or verbose:
+            of_held = " of the held-out runs, predicted from their first readings" if held else ""
+            shown = held if held and not verbose else found.runs
+            lines.append("\nRms errors" + of_held)
+            lines.append(table_text(PREDICTION_COLUMNS, prediction_rows(shown), digits=3))
+        return "\n".join(lines)
+
+    def _doubts(self) -> list[str]:
+        """Reasons not to trust the standard deviations."""
+        found, result, lines = self.found, self.found.fit, []
+        if 2 * result.cost > MISFIT**2 * result.n_readings:
+            lines.append(
+                "The model misses these runs, or the stated noise is too small: the standard deviations are "
+                "not to be trusted. Try --estimate-noise, or `bayesid diagnose`."
+            )
+        stated = found.trial.noise
+        above = {c: v / stated[c] for c, v in result.sigma.items() if stated.get(c, 0) > 0}
+        far = [f"{c} {ratio:.3g}" for c, ratio in above.items() if ratio > MISFIT]
+        if far:
+            lines.append(
+                f"Estimated noise, times the stated: {', '.join(far)}. So much is error of the model or a "
+                "disturbance rather than noise; see `bayesid diagnose`."
+            )
+        return lines

@@ -1,0 +1,176 @@
+"""`bayesid.identify`: what a trial can tell about coefficients and what it leaves open; nothing is fitted."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bayesid.api.inputs import Names, TrialLike, VehicleLike, names_of, prepared, trial_of, vehicle_of
+from bayesid.api.result import Result, table
+from bayesid.fit import load_fit
+from bayesid.fit.pieces import in_pieces
+from bayesid.identifiability import Derived, Identifiability, derived, full_vectors
+from bayesid.identifiability import identify as look
+from bayesid.likelihood import coefficient_set, trial_problem
+from bayesid.model import build_model
+from bayesid.progress import Progress
+from bayesid.report import Report
+from bayesid.report.text import table_text
+from bayesid.sections import identify as words
+from bayesid.vehicles import ASSUMED_RELATIVE_SD
+
+if TYPE_CHECKING:
+    import pandas
+
+QUICK_SAMPLES = 300
+MOST_LEFT = 12  # open directions of a summary; a 6-DOF vehicle may have seventy
+DRAWS, ZIGZAGS = 200, 40  # of prior and posterior, for what the vehicle does
+
+
+def identify(
+    trial: TrialLike,
+    vehicle: VehicleLike | None = None,
+    *,
+    data: str | os.PathLike[str] | None = None,
+    out: str | os.PathLike[str] | None = None,
+    free: Names = None,
+    fix: Names = None,
+    runs: Names = None,
+    resample: float | None = None,
+    pieces: float | None = None,
+    fitted: str | os.PathLike[str] | None = None,
+    prior: float | None = None,
+    profile: bool = True,
+    seed: int = 0,
+    quick: bool = False,
+    progress: Progress | None = None,
+) -> IdentifyResult:
+    """Say which coefficients and combinations a trial fixes, and which rest on the prior.
+
+    Parameters
+    ----------
+    trial, vehicle, data, free, fix, runs, resample, pieces : as in `bayesid.fit`
+    out : folder in which an interrupted profile goes on where it was
+    fitted : folder (or fit.json) of an earlier fit, whose values and noise are looked at
+    prior : relative prior sd of every coefficient; by default the vehicle file's, and 0.1 where it states
+        none
+    profile : refit around every coefficient, and fly vehicles drawn from what is known
+
+    Raises
+    ------
+    TrialError, VehicleError, FitError
+        what cannot be read or set up
+    """
+    logged = trial_of(trial, data)
+    ship = vehicle_of(vehicle, logged, prior)
+    chosen = prepared(logged, runs, resample, QUICK_SAMPLES if quick else None)
+    chosen = in_pieces(chosen, pieces) if pieces else chosen
+    model = build_model(ship, 3 if ship.planar_only else chosen.dof)
+    file = Path(fitted) if fitted is not None else None
+    earlier = load_fit(file / "fit.json" if file.is_dir() else file) if file is not None else None
+    wanted = names_of(free) or (earlier.names[: earlier.n_params] if earlier else model.coefficients)
+    kept = set(names_of(fix) or ())
+    params = coefficient_set(model, tuple(n for n in wanted if n not in kept))
+    point, remarks = "the values of the vehicle file", []
+    bound: tuple[str, ...] = ()
+    if earlier is not None:
+        values = {n: earlier.values.get(n, params[n].start) for n in params.names}
+        params = params.started_at([values[n] for n in params.names])
+        point, bound = "the values of an earlier fit", earlier.at_bound
+    problem = trial_problem(model, chosen, params, sigma=dict(earlier.sigma) if earlier else None)
+    seen = {c for run in problem.runs for c in run.channels}
+    guessed = sorted(seen - set(chosen.noise) - set(earlier.sigma if earlier else ()))
+    if guessed:
+        remarks.append(f"no noise is stated for {', '.join(guessed)}; taken from the readings themselves")
+    shown = progress or Progress(quiet=True)
+    log = Path(out) / "profile.jsonl" if out is not None and profile else None
+    with shown.stage("identify", 4 * len(params.names) if profile else None) as stage:
+        found = look(
+            problem, level=ASSUMED_RELATIVE_SD, profile=profile,
+            at_bound=[n for n in bound if n in params.names], log=log, step=stage.step,
+        )  # fmt: skip
+    facts = {
+        "trial": chosen.name, "trial_digest": chosen.digest, "vehicle": ship.name,
+        "vehicle_digest": ship.digest, "digest": problem.digest, "point": point, "remarks": remarks,
+        "assumed_prior": ASSUMED_RELATIVE_SD if prior is None else prior,
+    }  # fmt: skip
+    behaviour = None
+    if profile and not quick:
+        with shown.stage("turning circles and zig-zags", 2 * ZIGZAGS) as stage:
+            behaviour = _behaviour(problem, found, seed, stage.step)
+    return IdentifyResult(found, facts, behaviour)
+
+
+def _behaviour(problem: Any, found: Identifiability, seed: int, step: Any) -> tuple[Derived, Derived]:
+    """Derived quantities of draws of the prior and of the posterior."""
+    rng = np.random.default_rng(seed)
+    draws = [found.information.draws(DRAWS, rng, prior) for prior in (True, False)]
+    prior, posterior = (
+        derived(problem.model, full_vectors(problem, d), zigzags=ZIGZAGS, step=step) for d in draws
+    )
+    return prior, posterior
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class IdentifyResult(Result):
+    """What a trial fixes and leaves open.
+
+    Attributes
+    ----------
+    found : verdict per coefficient, open combinations, spectra, profiles
+    facts : what was looked at
+    behaviour : turning circle and overshoots of vehicles drawn from the prior and from the posterior, or None
+    """
+
+    found: Identifiability
+    facts: Mapping[str, Any]
+    behaviour: tuple[Derived, Derived] | None
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        return table(words.LEDGER_COLUMNS, words.ledger_rows(self.found)).set_index(words.LEDGER_COLUMNS[0])
+
+    def report(self) -> Report:
+        return words.identify_report(self.found, self.facts, self.behaviour)
+
+    def save(self, folder: str | os.PathLike[str]) -> Path:
+        return words.write_identify_report(self.found, self.facts, Path(folder), self.behaviour)
+
+    def record(self) -> Mapping[str, Any]:
+        extra = {"derived": words.derived_numbers(*self.behaviour)} if self.behaviour else {}
+        return {**self.facts, **words.numbers(self.found), **extra}
+
+    def summary(self, verbose: bool = False) -> str:
+        found, facts = self.found, self.facts
+        lines = [
+            f"{facts['trial']}: {found.n_readings} readings, {len(found.names)} coefficients of "
+            f"{facts['vehicle']}",
+            words.sentence(found),
+            *(f"note: {remark}" for remark in facts["remarks"]),
+            "",
+        ]
+        chosen = range(len(words.LEDGER_COLUMNS)) if verbose else (0, 2, 3, 4, 6)
+        rows = [[row[i] for i in chosen] for row in words.ledger_rows(found)]
+        lines.append(table_text([words.LEDGER_COLUMNS[i] for i in chosen], rows, digits=3))
+        if found.directions:
+            lines += ["\nLeft open:", *self._open(verbose)]
+        if self.behaviour is not None:
+            lines.append("\nWhat matters anyway:")
+            lines.append(table_text(words.DERIVED_COLUMNS, words.derived_rows(*self.behaviour)))
+        return "\n".join(lines)
+
+    def _open(self, verbose: bool) -> list[str]:
+        directions = self.found.directions
+        shown = directions if verbose else directions[:MOST_LEFT]
+        lines = []
+        for d, (name, what, sd, _) in zip(shown, words.direction_rows(shown), strict=True):
+            lines.append(f"  {name}  (sd from the data: {sd})" + (f"\n    {what}" if what else ""))
+            if verbose:
+                lines.append("    |cos| " + ", ".join(f"{k} {v:.4f}" for k, v in d.agreement.items()))
+        if more := len(directions) - len(shown):
+            lines.append(f"  and {more} more that the data know better: -v and the report show them")
+        return lines

@@ -1,0 +1,189 @@
+"""What a verb acts on: a trial, a vehicle, a model, runs chosen and thinned, lists of names.
+
+Takes paths, names or objects, as users have them. Does not compute.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from bayesid.effects import Effect
+from bayesid.errors import ModelError, TrialError, VehicleError
+from bayesid.files import UnreadableError, read_regular
+from bayesid.manoeuvres import Scale
+from bayesid.model import Model, build_model, without_effects
+from bayesid.terms import canonical_name
+from bayesid.trials import Trial, load_trial, thin
+from bayesid.units import scale as unit_scale
+from bayesid.vehicles import Vehicle, load_vehicle, self_propulsion_speed, with_relative_prior
+
+Names: TypeAlias = "str | Iterable[str] | None"
+TrialLike: TypeAlias = "Trial | str | os.PathLike[str]"
+VehicleLike: TypeAlias = "Vehicle | str | os.PathLike[str]"
+_QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
+LARGEST_EFFECTS = 2**20  # bytes of a Python file of effects
+LARGEST_ANGLE = 0.61  # 35 deg: largest fin angle of a manoeuvre where the vehicle states no limit
+
+
+def trial_of(trial: TrialLike, data: str | os.PathLike[str] | None = None) -> Trial:
+    """The trial itself, or read from a bundle."""
+    return trial if isinstance(trial, Trial) else load_trial(os.fspath(trial), data=data)
+
+
+def vehicle_of(
+    vehicle: VehicleLike | None, trial: Trial | None = None, prior: float | None = None
+) -> Vehicle:
+    """The vehicle itself, read, or the one the trial names.
+
+    Parameters
+    ----------
+    prior : relative prior sd of every coefficient instead of what the file states
+
+    Raises
+    ------
+    TrialError
+        nothing names a vehicle
+    """
+    if isinstance(vehicle, Vehicle):
+        return with_relative_prior(vehicle, prior)
+    named = vehicle or (trial.vehicle_ref if trial is not None else "")
+    if not named:
+        where = trial.name if trial is not None else "the trial"
+        raise TrialError(f"{where} names no vehicle; give one (--vehicle), or name it in trial.toml")
+    return with_relative_prior(load_vehicle(os.fspath(named)), prior)
+
+
+def model_of(
+    trial: Trial,
+    vehicle: VehicleLike | None = None,
+    effects: Iterable[Effect] = (),
+    exclude: Names = None,
+) -> Model:
+    """Equations of the trial's vehicle with the catalogue's effects, some added, some taken out."""
+    ship = vehicle_of(vehicle, trial)
+    model = build_model(ship, 3 if ship.planar_only else trial.dof, declared=tuple(effects))
+    return without_effects(model, names_of(exclude) or [])
+
+
+def names_of(names: Names) -> list[str] | None:
+    """`"N_v, N_r"` or an iterable of names as a list; None stays None."""
+    if names is None:
+        return None
+    return [n.strip() for n in (names.split(",") if isinstance(names, str) else names) if n.strip()]
+
+
+def prepared(
+    trial: Trial, runs: Names = None, resample: float | None = None, most: int | None = None
+) -> Trial:
+    """The trial with the runs to fit chosen, and thinned.
+
+    Parameters
+    ----------
+    runs : runs to fit, all others are held out; None keeps the roles of the trial
+    resample : time between readings [s]
+    most : thin runs of more samples than this, where `resample` is not given
+
+    Raises
+    ------
+    TrialError
+        a run the trial does not have
+    """
+    names = names_of(runs)
+    there = [run.name for run in trial.runs]
+    unknown = [name for name in names or () if name not in there]
+    if unknown:
+        raise TrialError(f"{trial.name}: no run {', '.join(unknown)}; there are {', '.join(there)}")
+    chosen = []
+    for run in trial.runs:
+        if names is not None:
+            run = replace(run, role="identify" if run.name in names else "holdout")
+        coarse = resample or (run.duration / most if most and run.n_samples > most else None)
+        chosen.append(thin(run, coarse) if coarse else run)
+    return replace(trial, runs=tuple(chosen))
+
+
+def scale_of(model: Model, rpm: float | None = None, dt: float | None = None) -> Scale:
+    """Size of the vehicle for manoeuvres that leave something open.
+
+    Raises
+    ------
+    VehicleError
+        no usual shaft speed is known
+    """
+    vehicle = model.vehicle
+    shaft = rpm if rpm is not None else vehicle.rpm_ref
+    if shaft is None:
+        raise VehicleError(f"{vehicle.name}: names no usual shaft speed; give rpm (--rpm)")
+    limits = vehicle.limits
+    rudder, plane = (min(limits.get(fin, LARGEST_ANGLE), LARGEST_ANGLE) for fin in ("delta_r", "delta_s"))
+    speed = self_propulsion_speed(vehicle, shaft)
+    return Scale(vehicle.L, speed, shaft, rudder, plane, model.dof, dt or 0.0)
+
+
+def parameter_values(model: Model, changes: Mapping[str, float | str] | None) -> dict[str, float]:
+    """Parameters to change under the model's own names; other spellings of coefficients are read too.
+
+    Parameters
+    ----------
+    changes : coefficient (units of the file) or effect parameter (SI, or text with a unit such as "2deg")
+
+    Raises
+    ------
+    ModelError
+        a name the model does not have, with the nearest ones it has; a value that is no number
+    """
+    import difflib
+    from contextlib import suppress
+
+    found = {}
+    for given, value in (changes or {}).items():
+        name = given
+        with suppress(VehicleError):
+            name = given if given in model.index else canonical_name(given)
+        if name not in model.index:
+            near = difflib.get_close_matches(given, model.index, n=3, cutoff=0.5)
+            hint = f"; did you mean {', '.join(near)}?" if near else ""
+            raise ModelError(f"the model has no parameter {given!r}{hint}")
+        found[name] = _number(model, name, value)
+    return found
+
+
+def _number(model: Model, name: str, value: float | str) -> float:
+    """A value as a number, converted to SI where it is a text with a unit."""
+    if not isinstance(value, str):
+        return float(value)
+    found = _QUANTITY.fullmatch(value)
+    unit = model.parameter_unit(name)
+    if found is None or (found[2] and unit is None):
+        raise ModelError(f"{name} = {value!r}: a number{'' if unit is None else f' in {unit}'} is needed")
+    return float(found[1]) * (unit_scale(found[2], str(unit), name) if found[2] else 1.0)
+
+
+def declared_effects(path: str | os.PathLike[str] | None) -> tuple[Effect, ...]:
+    """Effects of a user's Python file, which is run.
+
+    Raises
+    ------
+    ModelError
+        the file cannot be run or defines no EFFECTS
+    """
+    if path is None:
+        return ()
+    import runpy
+
+    file = Path(path)
+    try:
+        read_regular(file, LARGEST_EFFECTS)  # a pipe or a device would be waited for without end
+        found: Any = runpy.run_path(str(file)).get("EFFECTS", ())
+    except UnreadableError as exc:
+        raise ModelError(f"{file.name}: {exc}; give a Python file of effects") from None
+    except (Exception, SystemExit) as exc:
+        raise ModelError(f"{file.name}: cannot be run as a Python file of effects: {exc}") from None
+    if not found or not all(isinstance(e, Effect) for e in found):
+        raise ModelError(f"{file.name}: define EFFECTS, a tuple of bayesid.effects.Effect")
+    return tuple(found)

@@ -1,0 +1,111 @@
+"""What `bayesid.compare` and `bayesid.design` share: the case they are about.
+
+Takes a vehicle or a trial, limits and choices. Does not judge manoeuvres.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from bayesid.api.inputs import Names, VehicleLike, names_of, vehicle_of
+from bayesid.design import limits, usual_logging
+from bayesid.design.setup import Setup, known_of, trial_case, vehicle_case
+from bayesid.errors import TrialError, VehicleError
+from bayesid.manoeuvres import Manoeuvre, Scale, parse
+from bayesid.model import Model, build_model
+from bayesid.trials import Trial, load_trial
+from bayesid.vehicles import Vehicle
+
+
+def subject_of(
+    source: Trial | Vehicle | str | os.PathLike[str],
+    vehicle: VehicleLike | None,
+    dof: int | None,
+    prior: float | None,
+) -> tuple[Model, Trial | None]:
+    """Model, and the trial if the source is one or names one.
+
+    Raises
+    ------
+    TrialError
+        a folder without trial.toml, or a trial without a vehicle
+    """
+    if not isinstance(source, Trial | Vehicle) and is_bundle(source):
+        source = load_trial(os.fspath(source))
+    if not isinstance(source, Trial):
+        if not isinstance(source, Vehicle) and Path(source).is_dir():
+            raise TrialError(f"{source}: a folder without trial.toml; give a trial bundle or a vehicle")
+        return build_model(
+            vehicle_of(vehicle if vehicle is not None else source, None, prior), dof or 3
+        ), None
+    trial, ship = source, vehicle_of(vehicle, source, prior)
+    return build_model(ship, dof or (3 if ship.planar_only else trial.dof)), trial
+
+
+def is_bundle(source: str | os.PathLike[str]) -> bool:
+    """Whether a path names a trial rather than a vehicle."""
+    path = Path(source)
+    return (path / "trial.toml").is_file() or path.name == "trial.toml"
+
+
+def case_of(
+    model: Model,
+    trial: Trial | None,
+    *,
+    executed: Iterable[str],
+    fix: Names,
+    noise: Mapping[str, float] | None,
+    dt: float | None,
+    duration: float | None,
+    rudder: float | None,
+    rate: float | None = None,
+    rpm: tuple[float, float] | None = None,
+    box: float | None = None,
+    depth: float | None = None,
+    plane: float | None = None,
+) -> Setup:
+    """The case that the choices describe; angles in radians.
+
+    Raises
+    ------
+    TrialError, FitError, VehicleError
+        choices that do not go together or name what is not there
+    """
+    bounds = limits(
+        model, duration, rudder=rudder, rate=rate, plane=plane, rpm=rpm, box=math.inf if box is None else box,
+        depth=depth,
+    )  # fmt: skip
+    knowledge = known_of(model, fixed=names_of(fix) or [])
+    sigma = dict(noise or {})
+    if trial is None:
+        return vehicle_case(
+            model, knowledge, usual_logging(model, sigma, dt), bounds, orders(model, executed)
+        )
+    if list(executed):
+        raise TrialError(
+            "manoeuvres taken as executed go with a vehicle; of a trial its own identify runs count"
+        )
+    return trial_case(model, trial, knowledge, bounds, sigma, dt)
+
+
+def orders(model: Model, texts: Iterable[str]) -> dict[str, Manoeuvre]:
+    """Manoeuvres given as text, by that text."""
+    return {text: parse(text, reference_scale(model)) for text in texts}
+
+
+def reference_scale(model: Model) -> Scale:
+    """Size of the vehicle at its reference speed, for manoeuvres that leave something open.
+
+    Raises
+    ------
+    VehicleError
+        no usual shaft speed is known
+    """
+    if not model.vehicle.rpm_ref:
+        raise VehicleError(f"{model.vehicle.name}: names no usual shaft speed to start a manoeuvre from")
+    length, speed = model.scales["L"], model.scales["U"]
+    rudder, plane = (min(model.vehicle.limits.get(fin, 0.61), 0.61) for fin in ("delta_r", "delta_s"))
+    return Scale(length, speed, model.vehicle.rpm_ref, rudder, plane, model.dof, length / speed / 20)

@@ -1,0 +1,239 @@
+"""`bayesid.predict`: what a diagnosed model says a run or a manoeuvre will do, with a 95 % band."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bayesid.api.inputs import TrialLike, VehicleLike, declared_effects, model_of, scale_of, trial_of
+from bayesid.api.result import Result
+from bayesid.diagnose.bands import beside_readings, measure_bands, prediction_csv
+from bayesid.diagnose.diagnosis import diagnose
+from bayesid.diagnose.found import Found, found_in, read_found, write_found
+from bayesid.diagnose.predict import Prediction, predict_manoeuvre, predict_run
+from bayesid.errors import ModelError
+from bayesid.files import write_atomic, write_json
+from bayesid.manoeuvres import parse
+from bayesid.measures import named_measures
+from bayesid.progress import Progress
+from bayesid.report import Figure, Report, Section, Table, literal
+from bayesid.report.text import table_text
+from bayesid.trials import Run, Trial
+
+if TYPE_CHECKING:
+    import pandas
+
+LEVEL = 0.95
+AGAINST_COLUMNS = ("channel", "rms error (SI)", "largest", "inside the band [%]")
+MEASURE_COLUMNS = ("measure", "mean", "95 % from", "to", "unit")
+
+
+def predict(
+    trial: TrialLike,
+    what: str | Iterable[str] | None = None,
+    *,
+    model: str | os.PathLike[str] | None = None,
+    data: str | os.PathLike[str] | None = None,
+    out: str | os.PathLike[str] | None = None,
+    vehicle: VehicleLike | None = None,
+    effects: str | os.PathLike[str] | None = None,
+    draws: int = 300,
+    speed: float | None = None,
+    rpm: float | None = None,
+    dt: float | None = None,
+    lead: float | None = None,
+    sensor_noise: bool = False,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> PredictResult:
+    """Predict runs of a trial and manoeuvres with a diagnosed model.
+
+    Parameters
+    ----------
+    trial, data : as in `bayesid.fit`; of a run only the orders and the first readings are used
+    what : names of runs, or manoeuvres such as "turn:20"; all runs if left out
+    model : folder of `bayesid.diagnose`; without it the trial is diagnosed first
+    out : folder for a CSV per prediction as it is made, and for a model diagnosed on the way
+    vehicle, effects : for a diagnosis on the way, as in `bayesid.diagnose`
+    draws : vehicles drawn from the posterior
+    speed, rpm, dt : approach speed [m/s], shaft speed and step [s] of a manoeuvre
+    lead : first seconds of a run that may be read, to begin on its track
+    sensor_noise : widen the bands by the sensors' white noise
+
+    Raises
+    ------
+    TrialError, VehicleError, ManoeuvreError, ModelError
+        what cannot be read or predicted
+    """
+    logged = trial_of(trial, data)
+    shown = progress or Progress(quiet=True)
+    found = _model(logged, model, out, vehicle, effects, seed, shown)
+    wanted = [what] if isinstance(what, str) else list(what or [run.name for run in logged.runs])
+    s = found.model.scales
+    scale = scale_of(found.model, rpm, dt if dt is not None else s["L"] / s["U"] / 40)
+    orders = {text: parse(text, scale) for text in wanted if _run(logged, text) is None}
+    predictions, rows = [], []
+    for text in shown.track(wanted, "predictions"):
+        run = _run(logged, text)
+        if run is not None:
+            p = predict_run(found, run, draws, seed, lead)
+            against = beside_readings(p, run, seed)
+        else:
+            p, against = predict_manoeuvre(found, text, orders[text], draws, seed, speed), {}
+        row = _row(p, against, measure_bands(p, named_measures))
+        if out is not None:
+            row["file"] = f"{_file_name(text)}.csv"
+            write_atomic(Path(out) / row["file"], prediction_csv(p, seed if sensor_noise else None))
+        predictions.append(p)
+        rows.append(row)
+    record = {
+        "trial": logged.name, "digest": logged.digest, "model": found.model.digest, "verdict": found.verdict,
+        "hypotheses": [{"effects": h.effects, "weight": h.weight} for h in found.hypotheses],
+        "seed": seed, "draws": draws, "band": LEVEL, "sensor_noise": sensor_noise, "predictions": rows,
+    }  # fmt: skip
+    if out is not None:
+        write_json(Path(out) / "predictions.json", record)
+    return PredictResult(logged, tuple(predictions), record)
+
+
+def _model(
+    trial: Trial,
+    folder: str | os.PathLike[str] | None,
+    out: str | os.PathLike[str] | None,
+    vehicle: VehicleLike | None,
+    effects: str | os.PathLike[str] | None,
+    seed: int,
+    progress: Progress,
+) -> Found:
+    """The diagnosed model, read or made."""
+    extra = declared_effects(effects)
+    if folder is not None:
+        return read_found(folder, extra)
+    progress.note("no model given: diagnosing first")
+    model = model_of(trial, vehicle, extra)
+    found = found_in(diagnose(trial, model, seed=seed, say=progress.note, plan_next=False))
+    if out is not None:
+        write_found(found, out)
+    return found
+
+
+def _run(trial: Trial, name: str) -> Run | None:
+    return next((run for run in trial.runs if run.name == name), None)
+
+
+def _file_name(text: str) -> str:
+    return re.sub(r"[^A-Za-z0-9.-]+", "_", text).strip("_.")[:80] or "prediction"
+
+
+def _row(p: Prediction, against: dict[str, Any], measures: list[dict[str, Any]]) -> dict[str, Any]:
+    late = p.t - p.t[0] > p.lead
+    low, high = p.band()
+    width = {c: float((high - low)[late, j].max()) for j, c in enumerate(p.channels)} if late.any() else {}
+    return {
+        "name": p.name, "manoeuvre": p.manoeuvre, "seconds": float(p.t[-1] - p.t[0]), "lead": p.lead,
+        "diverged": p.lost, "widest_band": width, "against_readings": against, "measures": measures,
+    }  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PredictResult(Result):
+    """Predicted runs and manoeuvres.
+
+    Attributes
+    ----------
+    predictions : draws, mean and band of every channel, in the order asked
+    """
+
+    trial: Trial
+    predictions: tuple[Prediction, ...]
+    numbers: Mapping[str, Any]
+
+    def __getitem__(self, name: str) -> Prediction:
+        """The prediction of that run or manoeuvre."""
+        for p in self.predictions:
+            if p.name == name:
+                return p
+        raise ModelError(
+            f"nothing named {name!r} was predicted; there are {', '.join(p.name for p in self.predictions)}"
+        )
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """One row per prediction and instant: t, and mean, low, high of every channel [SI]."""
+        import pandas
+
+        frames = []
+        for p in self.predictions:
+            low, high = p.band(LEVEL)
+            columns: dict[str, Any] = {"name": p.name, "t": p.t}
+            for j, channel in enumerate(p.channels):
+                columns |= {channel: p.mean[:, j], f"{channel}_low": low[:, j], f"{channel}_high": high[:, j]}
+            frames.append(pandas.DataFrame(columns))
+        return pandas.concat(frames, ignore_index=True)
+
+    def report(self) -> Report:
+        from bayesid.figures.prediction import bands
+
+        sections = []
+        for k, (p, row) in enumerate(zip(self.predictions, self.numbers["predictions"], strict=True), 1):
+            run = _run(self.trial, p.name)
+            drawn = bands(p.t, p.channels, p.mean, *p.band(LEVEL), None if run is None else run.data, p.lead)
+            blocks: list[Any] = [
+                Figure(
+                    f"prediction{k:02d}",
+                    drawn,
+                    "Mean and 95 % band; dots are readings not shown to the model.",
+                )
+            ]
+            if row["against_readings"]:
+                blocks.append(Table(AGAINST_COLUMNS, _against(row), digits=3))
+            if row["measures"]:
+                blocks.append(Table(MEASURE_COLUMNS, _measures(row)))
+            sections.append(Section(literal(p.name), blocks))
+        return Report(f"Predictions for {literal(self.trial.name)}", literal(self._model_words()), sections)
+
+    def save(self, folder: str | os.PathLike[str]) -> Path:
+        from bayesid import report
+
+        return report.write(
+            self.report(), folder, {"seeds": [self.numbers["seed"]], "predictions": self.numbers}
+        )
+
+    def record(self) -> Mapping[str, Any]:
+        return self.numbers
+
+    def summary(self, verbose: bool = False) -> str:
+        lines = [self._model_words()]
+        for row in self.numbers["predictions"]:
+            begun = f", begun on the first {row['lead']:.3g} s of its log" if row["lead"] else ""
+            lines.append(f"\n{row['name']}: {row['seconds']:.0f} s{begun}")
+            if row["diverged"]:
+                lines.append(f"  {row['diverged']} draws diverged and are left out")
+            if row["against_readings"]:
+                lines.append(table_text(AGAINST_COLUMNS, _against(row), 3))
+            if row["measures"]:
+                lines.append(table_text(MEASURE_COLUMNS, _measures(row), 4))
+        return "\n".join(lines)
+
+    def _model_words(self) -> str:
+        words = [
+            f"{' + '.join(h['effects']) or 'no effect'} ({h['weight']:.0%})"
+            for h in self.numbers["hypotheses"]
+        ]
+        return f"model: {', '.join(words)}"
+
+
+def _against(row: Mapping[str, Any]) -> list[list[Any]]:
+    return [[name, v["rms"], v["largest"], 100 * v["inside"]] for name, v in row["against_readings"].items()]
+
+
+def _measures(row: Mapping[str, Any]) -> list[list[Any]]:
+    """Measures that most draws have."""
+    return [
+        [m["quantity"], m["mean"], m["low"], m["high"], m["unit"]]
+        for m in row["measures"]
+        if m["share"] > 0.5
+    ]

@@ -1,0 +1,166 @@
+"""`bayesid.sample`: the posterior of a trial's coefficients, with a verdict on the chain."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from bayesid.api.inputs import Names, TrialLike, VehicleLike, names_of, prepared, trial_of, vehicle_of
+from bayesid.api.result import Result, table
+from bayesid.fit import TrialFit
+from bayesid.fit.pieces import fit_in_pieces
+from bayesid.likelihood import coefficient_set
+from bayesid.model import build_model
+from bayesid.progress import Progress
+from bayesid.report import Report
+from bayesid.report.text import table_text
+from bayesid.sample import Options, Posterior, Settings, trial_density
+from bayesid.sample import sample as draw
+from bayesid.sample.priors import with_prior
+from bayesid.sections.sample import COLUMNS, noise_words, rows, sample_report, verdict, write_sample_report
+from bayesid.trials.noise import raised, said_raised
+from bayesid.vehicles import ASSUMED_RELATIVE_SD
+
+if TYPE_CHECKING:
+    import pandas
+
+QUICK_SAMPLES, QUICK_STEPS = 200, 600
+
+
+def sample(
+    trial: TrialLike,
+    out: str | os.PathLike[str],
+    vehicle: VehicleLike | None = None,
+    *,
+    data: str | os.PathLike[str] | None = None,
+    free: Names = None,
+    fix: Names = None,
+    runs: Names = None,
+    resample: float | None = None,
+    pieces: float | None = None,
+    prior: float | None = None,
+    noise: Literal["sampled", "marginal", "fixed"] = "sampled",
+    initial: Literal["marginal", "sampled", "fixed"] = "marginal",
+    memory: Literal["inflate", "ar1", "ignore"] = "inflate",
+    student: float | None = None,
+    ensembles: int = 4,
+    walkers: int | None = None,
+    max_steps: int = 20_000,
+    resume: bool = False,
+    seed: int = 0,
+    quick: bool = False,
+    progress: Progress | None = None,
+) -> SampleResult:
+    """Fit, then sample the posterior until R-hat, length and effective size pass, or `max_steps` are done.
+
+    Parameters
+    ----------
+    trial, vehicle, data, free, fix, runs, resample, pieces : as in `bayesid.fit`
+    out : folder of the fit and of the chain, which is kept as it grows
+    prior : relative prior sd of every coefficient; by default the vehicle file's, and 0.1 where it states
+        none
+    noise, initial : how noise of channels and initial states of runs are treated
+    memory : residuals that persist count for fewer readings, are an autoregression, or are taken as white
+    student : degrees of freedom of Student-t noise, for outliers; not with marginal states
+    ensembles, walkers : independent ensembles, and walkers of each (default from the unknowns)
+    resume : go on with the chain in `out`; it then is the very chain an unbroken run would have given
+
+    Returns
+    -------
+    SampleResult               also where the chain is not converged
+
+    Raises
+    ------
+    TrialError, VehicleError, FitError, SampleError
+        what cannot be read or set up
+    """
+    choice = Settings(noise=noise, initial=initial, memory=memory, student=student)
+    logged = trial_of(trial, data)
+    ship = vehicle_of(vehicle, logged, prior)
+    chosen = prepared(logged, runs, resample, QUICK_SAMPLES if quick else None)
+    model = build_model(ship, 3 if ship.planar_only else chosen.dof)
+    kept = set(names_of(fix) or ())
+    params = coefficient_set(model, tuple(n for n in names_of(free) or model.coefficients if n not in kept))
+    params = with_prior(params, ASSUMED_RELATIVE_SD)
+    options = Options(
+        ensembles=ensembles, walkers=walkers, max_steps=min(max_steps, QUICK_STEPS) if quick else max_steps,
+        seed=seed, first=100 if quick else 200,
+    )  # fmt: skip
+    shown = progress or Progress(quiet=True)
+    with shown.stage("fit") as stage:
+        found = fit_in_pieces(
+            chosen, pieces, ship, out, params=params,
+            watch=lambda n, cost, step: stage.step(info=f"cost {cost:.6g}"),
+        )  # fmt: skip
+    if not found.fit.converged:
+        shown.note(f"the fit had not converged ({found.fit.message}); sampling starts off the mode")
+    density = trial_density(found.problem, found.fit.z, choice, chosen.noise)
+    stated = dict(zip(density.channels, map(float, density.noise_prior.scale), strict=True))
+    if least := raised(stated, model.scales["L"], model.scales["U"]):
+        shown.note(f"{said_raised(least)}; chains are slow where a channel has none")
+        density = trial_density(found.problem, found.fit.z, choice, {**chosen.noise, **least})
+    with shown.stage("sample") as stage:
+        posterior = draw(
+            density, density.laplace, options, Path(out), resume=resume,
+            watch=lambda steps, note: stage.step(steps, info=note or None),
+        )  # fmt: skip
+    posterior = replace(posterior, settings={**posterior.settings, "fit": found.fit.message})
+    return SampleResult(found, posterior, Path(out))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SampleResult(Result):
+    """A posterior.
+
+    Attributes
+    ----------
+    found : the fit it starts from
+    posterior : draws and what there is to trust or distrust them
+    out : folder of the chain and of posterior.nc
+    """
+
+    found: TrialFit
+    posterior: Posterior
+    out: Path
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        return table(COLUMNS, rows(self.posterior)).set_index(COLUMNS[0])
+
+    def to_xarray(self) -> Any:
+        """The draws for ArviZ, read from posterior.nc: InferenceData (ArviZ 0.x) or DataTree (1.x)."""
+        import arviz
+
+        return arviz.from_netcdf(str(self.out / "posterior.nc"))
+
+    def report(self) -> Report:
+        return sample_report(self.found, self.posterior)
+
+    def save(self, folder: str | os.PathLike[str]) -> Path:
+        return write_sample_report(self.found, self.posterior, Path(folder))
+
+    def record(self) -> Mapping[str, Any]:
+        return {
+            "trial": self.found.trial.name,
+            "vehicle": self.found.vehicle.name,
+            **self.posterior.summary(),
+        }
+
+    def summary(self, verbose: bool = False) -> str:
+        p, g = self.posterior, self.posterior.gate
+        lines = [
+            f"{self.found.trial.name}: {len(p.names)} unknowns, {p.draws.shape[0]} ensembles of "
+            f"{p.draws.shape[2]} walkers, {p.steps} steps after {p.discarded}, {p.seconds:.1f} s of CPU",
+            verdict(p),
+            f"R-hat {g.rhat.max():.4f}, {g.n_tau:.0f} autocorrelation times of {g.tau.max():.0f} steps, "
+            f"effective size {g.ess_bulk.min():.0f} (bulk) and {g.ess_tail.min():.0f} (tail), acceptance "
+            f"{p.acceptance.min():.2f} .. {p.acceptance.max():.2f}",
+        ]
+        if diverged := p.counts["diverged"]:
+            lines.append(f"{diverged} of {p.counts['all']} simulations diverged and count as impossible.")
+        if noisy := noise_words(self.found, p):
+            lines.append(noisy)
+        lines += ["", table_text(COLUMNS, rows(p)), "", f"posterior: {self.out / 'posterior.nc'}"]
+        return "\n".join(lines)

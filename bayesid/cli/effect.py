@@ -1,0 +1,79 @@
+"""`bayesid effect`: the unmodelled effects a diagnosis can name, and what each of them is."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from bayesid.cli.choices import Effects
+from bayesid.cli.options import Json, Verbose
+
+if TYPE_CHECKING:
+    from bayesid.effects import Effect
+
+Name = Annotated[
+    str, typer.Argument(help="Name of an effect, or another name it goes by.", show_default=False)
+]
+LIST_COLUMNS = ("effect", "acts on", "family", "dof", "parameters [unit]")
+
+
+def listing(effects: Effects = None, as_json: Json = False, verbose: Verbose = False) -> None:
+    """List the effects of the catalogue."""
+    from bayesid.cli.output import say_json, say_table
+
+    found = _catalogue(effects)
+    if as_json:
+        say_json({e.name: _plain(e) for e in found})
+        return
+    rows = [[e.name, e.port, e.family, e.dof, ", ".join(_parameters(e))] for e in found]
+    say_table(LIST_COLUMNS, rows)
+
+
+def show(name: Name, effects: Effects = None, as_json: Json = False, verbose: Verbose = False) -> None:
+    """Show an effect: parameters, usual size, equation and source."""
+    import difflib
+
+    from bayesid.cli.output import say, say_json
+    from bayesid.effects.describe import describe
+    from bayesid.errors import ModelError
+
+    known = {other: e for e in _catalogue(effects) for other in (e.name, *e.aliases)}
+    if name not in known:
+        near = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
+        hint = f"; did you mean {', '.join(near)}?" if near else "; `bayesid effect list` names all"
+        raise ModelError(f"no effect {name!r}{hint}")
+    effect = known[name]
+    if as_json:
+        say_json(_plain(effect))
+        return
+    say(describe(effect))
+    key = effect.key(effect.parameters[0].name)
+    say(f"\ntry it: bayesid simulate remus100 zigzag:10/10 --set {key}=VALUE")
+
+
+def _catalogue(path: Any) -> tuple[Effect, ...]:
+    from bayesid.api.inputs import declared_effects
+    from bayesid.effects import CATALOGUE
+
+    return (*CATALOGUE, *declared_effects(path))
+
+
+def _parameters(effect: Effect) -> list[str]:
+    return [f"{p.name} [{p.unit}]" for p in effect.parameters]
+
+
+def _plain(effect: Effect) -> dict[str, Any]:
+    from bayesid.effects.describe import equations
+
+    return {
+        "family": effect.family, "port": effect.port, "dof": effect.dof, "aliases": effect.aliases,
+        "usual_size": effect.magnitude, "source": effect.source, "form": effect.form,
+        "equations": equations(effect),
+        "parameters": {
+            p.name: {
+                "unit": p.unit, "off": p.off, "prior_sd": p.sd, "prior_sd_in": p.scale, "meaning": p.about
+            }
+            for p in effect.parameters
+        },
+    }  # fmt: skip
