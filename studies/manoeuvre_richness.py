@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from bayesid import report
-from bayesid.cli.compare import compared
+from bayesid.api.compare import compared
 from bayesid.coloured.free import effect_prior
 from bayesid.design import Case, Effort, Plan, causes, limits, next_manoeuvre, usual_logging
 from bayesid.design.causes import CALM, evidence

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from bayesid import files
-from bayesid.cli.diagnose import declared
+from bayesid.api.inputs import declared_effects
 from bayesid.errors import BayesidError
 from bayesid.files import to_plain, write_atomic, write_json
 from bayesid.manoeuvres.table import read_table
@@ -82,7 +82,7 @@ def test_a_value_without_json_form_is_named():
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
-@pytest.mark.parametrize("reader", [declared, read_table], ids=["--effects", "table:"])
+@pytest.mark.parametrize("reader", [declared_effects, read_table], ids=["--effects", "table:"])
 @pytest.mark.parametrize("kind", ["pipe", "device", "folder", "huge"])
 def test_no_reader_waits_for_a_pipe_or_swallows_a_device(kind, reader, tmp_path):
     path = tmp_path / "given"
