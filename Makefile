@@ -34,19 +34,19 @@ $(STAMP): pyproject.toml constraints.txt
 	@touch $(STAMP)
 
 study: $(STAMP)
-	$(BIN)/python studies/sim_to_real_gap.py --out $(OUT)/sim_to_real_gap $(FLAGS) $(if $(DATA),--data "$(DATA)")
-	$(if $(DATA),$(BIN)/python studies/real_logs.py --data "$(DATA)" --out $(OUT)/real_logs $(FLAGS))
+	$(BIN)/python -m studies.sim_to_real_gap.run --out $(OUT)/sim_to_real_gap $(FLAGS) $(if $(DATA),--data "$(DATA)")
+	$(if $(DATA),$(BIN)/python -m studies.real_logs.run --data "$(DATA)" --out $(OUT)/real_logs $(FLAGS))
 
 paper: $(STAMP)
-	$(BIN)/python studies/paper_cases.py --out $(OUT)/paper_cases $(FLAGS)
+	$(BIN)/python -m studies.paper_cases.run --out $(OUT)/paper_cases $(FLAGS)
 
 # reports/ holds whole runs with the real logs: without them a report would lose what it says of ships
 reports: OUT := reports
 reports: whole study paper
-	$(BIN)/python studies/manoeuvre_richness.py --out $(OUT)/manoeuvre_richness $(FLAGS) --data "$(DATA)"
-	$(BIN)/python studies/posterior.py --out $(OUT)/posterior $(FLAGS) --data "$(DATA)"
-	$(BIN)/python studies/calibration.py --out $(OUT)/calibration $(FLAGS)
-	$(BIN)/python studies/frames.py --out $(OUT)/frames $(FLAGS)
+	$(BIN)/python -m studies.manoeuvre_richness.run --out $(OUT)/manoeuvre_richness $(FLAGS) --data "$(DATA)"
+	$(BIN)/python -m studies.posterior.run --out $(OUT)/posterior $(FLAGS) --data "$(DATA)"
+	$(BIN)/python -m studies.calibration.run --out $(OUT)/calibration $(FLAGS)
+	$(BIN)/python -m studies.frames.run --out $(OUT)/frames $(FLAGS)
 
 whole:
 	@test -z "$(QUICK)" || { echo "reports/ holds whole runs; leave QUICK out, or use 'make study QUICK=1'"; exit 1; }
@@ -63,7 +63,7 @@ slow: $(STAMP)
 
 lint: $(STAMP)
 	$(BIN)/ruff check .
-	$(BIN)/mypy bayesid $(wildcard studies/*.py)
+	$(BIN)/mypy bayesid studies
 	$(BIN)/lint-imports
 
 bench: $(STAMP)

@@ -24,9 +24,9 @@ WHAT = {
 }
 CODE = """
 import numpy as np
-from bayesid.model import build_model
-from bayesid.simulate import gradient, plan_run, sensitivities, simulate, simulate_batch, steady_start
-from bayesid.vehicles import load_vehicle
+from bayesid.equations.model import build_model
+from bayesid.simulation import gradient, plan_run, sensitivities, simulate, simulate_batch, steady_start
+from bayesid.model.vehicles import load_vehicle
 F = {full}
 m = build_model(load_vehicle("generic_sub"), {dof})
 plan, p, x0 = plan_run(m, np.arange(5.0), {{}}), np.array(m.nominal), steady_start(m, 90.0)

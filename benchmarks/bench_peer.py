@@ -15,12 +15,12 @@ import numpy as np
 from bench_scipy import _compiled, integrate
 from setting import machine, row, setting
 
-from bayesid.fit import Options, fit
-from bayesid.fit.twin import Case, draw, make_target, problem_of
+from bayesid.equations.model import build_model
+from bayesid.estimation.output_error import FitOptions, fit
+from bayesid.estimation.output_error.simulated_recovery import RecoveryCase, draw, make_target, problem_of
 from bayesid.manoeuvres import spiral
-from bayesid.model import build_model
-from bayesid.simulate import steady_start
-from bayesid.vehicles import load_vehicle
+from bayesid.model.vehicles import load_vehicle
+from bayesid.simulation import steady_start
 
 KNOWN = ("X_vv", "Y_v", "Y_v|v|", "N_v", "N_v|v|", "X_drdr", "Y_dr", "N_dr")
 KNOWN += ("X_udot", "Y_vdot", "Y_rdot", "N_vdot", "N_rdot")
@@ -60,7 +60,7 @@ def main() -> None:
     model = build_model(load_vehicle("generic_sub"), 3)
     unknown = tuple(n for n in model.coefficients if n not in KNOWN)
     target = make_target(model, "spiral", spiral(90.0, dt=0.5), steady_start(model, 90.0))
-    case = Case("2a", "", unknown)
+    case = RecoveryCase("2a", "", unknown)
     params, base = draw(model, case, seed=0)
     problem = problem_of(model, params, base, [target])
     truth = model.nominal[model.positions(unknown)]
@@ -85,7 +85,7 @@ def main() -> None:
         )
 
     begin = time.process_time()
-    found = fit(problem, Options(goal=FALL * first))
+    found = fit(problem, FitOptions(goal=FALL * first))
     report("bayesid, SLSQP", found.z, found.n_cost + found.n_gradient, time.process_time() - begin)
     low, high = problem.low / problem.scale, problem.high / problem.scale
     for method in (pints.CMAES, pints.XNES, pints.IRPropMin, pints.NelderMead):

@@ -25,19 +25,25 @@ from scipy.integrate import solve_ivp
 from setting import RPM, machine, row
 from simd import HAND
 
-from bayesid.fit import fit
-from bayesid.likelihood import coefficient_set, trial_problem
+from bayesid.equations.model import build_model
+from bayesid.estimation.output_error import coefficient_set, fit, trial_problem
+from bayesid.estimation.sampling import (
+    ConvergenceLimits,
+    SamplerOptions,
+    SamplingSettings,
+    TrialDensity,
+    sample,
+    trial_density,
+)
 from bayesid.manoeuvres import spiral
-from bayesid.model import build_model
-from bayesid.params import Prior
-from bayesid.sample import Limits, Options, Settings, TrialDensity, sample, trial_density
-from bayesid.simulate import simulate
-from bayesid.simulate.prepare import actuate, inverse_mass
-from bayesid.vehicles import load_vehicle
-from bayesid.virtual import virtual_trial
+from bayesid.model.params import Prior
+from bayesid.model.vehicles import load_vehicle
+from bayesid.simulation import simulate
+from bayesid.simulation.prepare import actuate, inverse_mass
+from bayesid.simulation.virtual_trial import virtual_trial
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "studies"))
-from paper_cases import DRIFT, RUDDER
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from studies.paper_cases.run import DRIFT, RUDDER
 
 DEG = math.pi / 180
 NOISE = {"x": 1.0, "y": 1.0, "psi": 0.5 * DEG}
@@ -60,7 +66,7 @@ def case2() -> TrialDensity:
     (run,) = problem.runs
     known = replace(run, initial=(), initial_sd=np.zeros(0))
     problem = replace(problem, runs=(known,))
-    choice = Settings(noise="fixed", initial="fixed", memory="ignore")
+    choice = SamplingSettings(noise="fixed", initial="fixed", memory="ignore")
     return replace(trial_density(problem, fit(problem).z, choice), threads=1)
 
 
@@ -111,8 +117,10 @@ def main() -> None:
     print(machine())
     density = case2()
     laplace = density.laplace
-    ours = sample(density, laplace, Options(seed=1))
-    plain = Options(seed=1, weights={"stretch": 1.0}, max_steps=BASELINE_STEPS, limits=Limits(n_tau=math.inf))
+    ours = sample(density, laplace, SamplerOptions(seed=1))
+    plain = SamplerOptions(
+        seed=1, weights={"stretch": 1.0}, max_steps=BASELINE_STEPS, limits=ConvergenceLimits(n_tau=math.inf)
+    )
     stretch = sample(density, laplace, plain)
     per_call = float(stretch.gate.ess_bulk.min()) / stretch.counts["all"]
     row("sampler and likelihood", "gate", "tau [steps]", "evaluations", "ms each", "least ESS", "ESS / CPU s")

@@ -12,8 +12,8 @@ import numpy as np
 from setting import LANES, Setting, machine, paired, row, setting
 from simd import Reference
 
-from bayesid.simulate import simulate_batch
-from bayesid.simulate.prepare import NO_LANE_TRACE, NO_TRACE
+from bayesid.simulation import simulate_batch
+from bayesid.simulation.prepare import NO_LANE_TRACE, NO_TRACE
 
 VECTORS = 16
 MANY = 128

@@ -17,10 +17,10 @@ from pathlib import Path
 
 import numpy as np
 
-from bayesid.model import Model, build_model
-from bayesid.simulate import Plan, plan_run, steady_start
-from bayesid.simulate.prepare import actuate, inverse_mass, start
-from bayesid.vehicles import load_vehicle
+from bayesid.equations.model import Model, build_model
+from bayesid.model.vehicles import load_vehicle
+from bayesid.simulation import TimePlan, plan_run, steady_start
+from bayesid.simulation.prepare import actuate, inverse_mass, start
 
 STEPS, DT, RPM = 1200, 0.5, 90.0
 LANES = 16
@@ -31,7 +31,7 @@ class Setting:
     """One model on the manoeuvre, with everything the kernels want ready, so that only kernels are timed."""
 
     model: Model
-    plan: Plan
+    plan: TimePlan
     x0: np.ndarray
     par: np.ndarray
     act: np.ndarray

@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 from setting import Setting
 
-from bayesid.effects import CATALOGUE
-from bayesid.kernels.context import Context
-from bayesid.kernels.dynamics import build
-from bayesid.kernels.expr import Graph, Node
+from bayesid.equations.derivatives import Graph, Node
+from bayesid.equations.dynamics import build
+from bayesid.equations.print_context import Context
+from bayesid.model.effects import CATALOGUE
 
 HERE = Path(__file__).parent
 HAND = (

@@ -1,4 +1,5 @@
-"""Short trials with a known gap, flown by the model itself, for tests of coloured fit and diagnosis."""
+"""Short trials with a known gap, executed by the model itself, for tests of filter-error fit and
+diagnosis."""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -6,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
+from bayesid.equations.model import build_model
 from bayesid.manoeuvres import OpenLoop
-from bayesid.model import build_model
-from bayesid.simulate import observe, plan_run, simulate, steady_start
+from bayesid.model.vehicles import CoefficientPrior, load_vehicle
+from bayesid.simulation import observe, plan_run, simulate, steady_start
 from bayesid.trials import Run, Trial
 from bayesid.trials.trial import Environment
-from bayesid.vehicles import Prior, load_vehicle
 
 SIGMA = {"x": 0.05, "y": 0.05, "psi": 0.005, "r": 0.005, "u": 0.01, "v": 0.01}  # over L, L, 1, U/L, U, U
 
@@ -20,7 +21,7 @@ SIGMA = {"x": 0.05, "y": 0.05, "psi": 0.005, "r": 0.005, "u": 0.01, "v": 0.01}  
 def model_of(name="remus100", relative_sd=0.05):
     """Planar model; every coefficient known to the same share."""
     vehicle = load_vehicle(name)
-    return build_model(replace(vehicle, prior=Prior(dict.fromkeys(vehicle.coef, relative_sd))), 3)
+    return build_model(replace(vehicle, prior=CoefficientPrior(dict.fromkeys(vehicle.coef, relative_sd))), 3)
 
 
 def noise_of(model):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bayesid.sample import Laplace, Unknowns
+from bayesid.estimation.sampling import Laplace, Unknowns
 
 
 class GaussianDensity:

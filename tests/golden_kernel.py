@@ -8,10 +8,10 @@ of the printer does to every kernel.
 from pathlib import Path
 from unittest.mock import patch
 
-from bayesid.effects import Effect, EffectParameter
-from bayesid.kernels.generate import module_source
-from bayesid.kernels.layout import KernelSpec
-from bayesid.terms import term
+from bayesid.equations.generate import module_source
+from bayesid.equations.layout import KernelSpec
+from bayesid.model.effects import Effect, EffectParameter
+from bayesid.model.terms import term
 
 PATH = Path(__file__).parent / "data" / "golden_kernel.py"
 ROWS = ("X_uu", "Y_vdot", "N_dr")  # drag, added mass, rudder
@@ -23,7 +23,7 @@ PUSH = Effect(
 
 def golden_text():
     rows = tuple(term(name) for name in ROWS)
-    with patch("bayesid.kernels.layout.TERMS", rows), patch("bayesid.kernels.dynamics.TERMS", rows):
+    with patch("bayesid.equations.layout.TERMS", rows), patch("bayesid.equations.dynamics.TERMS", rows):
         text = module_source(KernelSpec(3), (PUSH,))
     head, rest = text.split("BARE_STATES", 1)
     return head + "FULL_STATES" + rest.split("FULL_STATES", 1)[1]

@@ -93,7 +93,7 @@ def survivors(module: str, tests: list[str], every: int = 1) -> tuple[list[Mutan
     # whatever imports from the module must be there before, and pytest once for all children
     import pytest  # noqa: F401
 
-    import bayesid.diagnose.diagnosis  # noqa: F401
+    import bayesid.diagnosis.run  # noqa: F401
 
     os.environ["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"
 

@@ -11,14 +11,14 @@ from functools import lru_cache
 
 import numpy as np
 
-from bayesid.effects import CATALOGUE
-from bayesid.kernels.dynamics import build
-from bayesid.kernels.generate import module_source
-from bayesid.kernels.layout import KernelSpec
-from bayesid.kernels.printing import statements
-from bayesid.kernels.runtime import _functions
-from bayesid.model import kernel_spec
-from bayesid.vehicles import builtin_names, load_vehicle
+from bayesid.equations.dynamics import build
+from bayesid.equations.generate import module_source
+from bayesid.equations.layout import KernelSpec
+from bayesid.equations.model import kernel_spec
+from bayesid.equations.printing import statements
+from bayesid.equations.runtime import _functions
+from bayesid.model.effects import CATALOGUE
+from bayesid.model.vehicles import builtin_names, load_vehicle
 
 ETA = (KernelSpec(3, eta=True), KernelSpec(6, eta=True))  # propeller-loading rows: in no built-in vehicle
 _BUILT_IN = [load_vehicle(name) for name in builtin_names()]
@@ -83,7 +83,7 @@ def equations(spec, prefix):
 @lru_cache
 def equations_with(spec, names):
     """With these effects alone, of the catalogue or of its alternatives."""
-    from bayesid.effects.alternatives import ALTERNATIVES
+    from bayesid.model.effects.alternatives import ALTERNATIVES
 
     return Equations(spec, "full", tuple(e for e in (*CATALOGUE, *ALTERNATIVES) if e.name in names))
 

@@ -1,14 +1,14 @@
 """Equations of motion written out once more, by hand and in plain numpy, to test the generated ones against.
 
 From Gertler and Hagen (1967) and Fossen (2021) in vector form: rigid body by Newton-Euler,
-with cross products, rows spelt out as products. Shares nothing with `bayesid.kernels`; reads only SI
+with cross products, rows spelt out as products. Shares nothing with `bayesid.equations`; reads only SI
 coefficients and mass properties. Six degrees of freedom; held in the plane by `planar`.
 """
 
 import numpy as np
 
-from bayesid.propulsion import propulsion_force
-from bayesid.vehicles import coef_si
+from bayesid.model.propulsion import propulsion_force
+from bayesid.model.vehicles import coef_si
 
 
 def skew(a):

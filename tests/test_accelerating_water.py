@@ -13,13 +13,13 @@ import pytest
 from plain_kernel import equations, uncompiled
 from reference_motion import make_rate, rotation
 
-from bayesid.model import build_model
-from bayesid.plant.body import build
-from bayesid.plant.flight import fly, start_state
-from bayesid.plant.motion import N_STATES, WORK, rates
-from bayesid.plant.settings import settings
-from bayesid.simulate import gradient, plan_run, sensitivities, simulate, steady_start
-from bayesid.vehicles import builtin_names, load_vehicle
+from bayesid.benchmark.plant.body import build
+from bayesid.benchmark.plant.execute_run import execute_run, start_state
+from bayesid.benchmark.plant.motion import N_STATES, WORK, rates
+from bayesid.benchmark.plant.settings import settings
+from bayesid.equations.model import build_model
+from bayesid.model.vehicles import builtin_names, load_vehicle
+from bayesid.simulation import gradient, plan_run, sensitivities, simulate, steady_start
 
 G = 9.81
 PLANAR = [0, 1, 5, 6, 7, 11]
@@ -126,7 +126,8 @@ def test_a_tide_accelerates_the_plant_like_any_other_water():
     orders = np.tile([0.0, 0.0, 60.0], (t.size, 1))
     U = float(body.number["U0"])
     still, carried = (
-        fly(body, g, t, orders, start_state(U, 0.6, 0.0, g, (0, 0))).states[-1] for g in (settings(), gap)
+        execute_run(body, g, t, orders, start_state(U, 0.6, 0.0, g, (0, 0))).states[-1]
+        for g in (settings(), gap)
     )
     drift = 0.5 * (1 - np.cos(w * 200.0)) / w
     assert np.allclose(carried[6:12], still[6:12], atol=1e-6 * U)
@@ -235,7 +236,7 @@ def test_the_plant_goes_with_the_water(name):
     t = np.linspace(0.0, duration, 41)
     orders = np.tile([0.0, 0.0, vehicle.rpm_ref], (t.size, 1))
     gap = settings({"ae": SHARE * U / duration})
-    moved = fly(body, gap, t, orders, start_state(U, 0.0, 0.0, gap, (0, 0))).states[-1]
+    moved = execute_run(body, gap, t, orders, start_state(U, 0.0, 0.0, gap, (0, 0))).states[-1]
     exact = name not in UNSTABLE
     assert moved[1] == pytest.approx(SHARE * U * duration / 2, rel=1e-5 if exact else 0.02)
     assert np.degrees(abs(moved[5])) < (1e-4 if exact else 1.0)

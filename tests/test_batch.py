@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from bayesid.model import build_model
-from bayesid.simulate import gradient, gradient_batch, plan_run, simulate, simulate_batch, steady_start
-from bayesid.vehicles import load_vehicle
+from bayesid.equations.model import build_model
+from bayesid.model.vehicles import load_vehicle
+from bayesid.simulation import gradient, gradient_batch, plan_run, simulate, simulate_batch, steady_start
 
 
 @pytest.fixture(scope="module")

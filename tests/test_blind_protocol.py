@@ -11,36 +11,36 @@ import numpy as np
 import pytest
 from gap_trials import model_of, other_vehicle, planted_trial
 
-from bayesid import report
-from bayesid.blind.answers import load_answers
-from bayesid.blind.baselines import CHOICES, NAMES, keep_baselines, oracle
-from bayesid.blind.families import family_of
-from bayesid.blind.leaks import check_pack
-from bayesid.blind.make import make_pack, seal_pack, write_answer
-from bayesid.blind.posed import read_posed
-from bayesid.blind.seal import (
-    COMMITMENTS,
-    SEAL,
+from bayesid.benchmark.protocol.answers import load_answers
+from bayesid.benchmark.protocol.cause_families import family_of
+from bayesid.benchmark.protocol.commitment import (
+    PACK_COMMITMENTS_FILE,
     SECRET,
+    VERDICT_COMMITMENT_FILE,
     BlindError,
     digest_of_file,
     digest_of_list,
     digest_of_record,
 )
-from bayesid.blind.sheet import score_pack
-from bayesid.blind.solve import NOTE, Settings, solve_pack
-from bayesid.cli.guard import run as cli
-from bayesid.diagnose.diagnosis import schema
+from bayesid.benchmark.protocol.leak_check import check_pack
+from bayesid.benchmark.protocol.make_pack import commit_pack, make_pack, write_answer
+from bayesid.benchmark.protocol.posed import read_posed
+from bayesid.benchmark.protocol.report import blind_report, results
+from bayesid.benchmark.protocol.scorecard import score_pack
+from bayesid.benchmark.protocol.solve_pack import NOTE, SolveSettings, solve_pack
+from bayesid.benchmark.protocol.verdict_table import verdicts_report
+from bayesid.cli.main import run as cli
+from bayesid.diagnosis.run import schema
+from bayesid.model.vehicles import write_vehicle
 from bayesid.progress import Progress
-from bayesid.sections.blind import blind_report, results
-from bayesid.sections.blind_baselines import baselines_section
-from bayesid.sections.blind_verdicts import verdicts_report
+from bayesid.report import writer
 from bayesid.trials import load_trial, write_trial
-from bayesid.vehicles import write_vehicle
+from studies.withheld_effects.baselines import CHOICES, NAMES, keep_baselines, oracle
+from studies.withheld_effects.baselines_section import baselines_section
 
 QUIET = Progress(quiet=True)
 FACTORS = {"vehicle": "lauv", "dof": 3, "sensors": "full", "effects": ["rudder_offset"], "sizes": (1.0, 1.0)}
-SETTINGS = Settings(plan_next=False, report=False, keep=keep_baselines)
+SETTINGS = SolveSettings(plan_next=False, report=False, keep=keep_baselines)
 
 
 def answer(name, kind="none", effects=(), **more):
@@ -60,7 +60,7 @@ def answer(name, kind="none", effects=(), **more):
 
 @pytest.fixture(scope="module")
 def original(tmp_path_factory):
-    """A sealed pack of one tiny bundle, its answer, its sealed verdict."""
+    """A committed pack of one tiny bundle, its answer, its committed verdict."""
     base = tmp_path_factory.mktemp("blind")
     model = model_of("remus100")
     trial = planted_trial(model, other_vehicle(model, 11), seed=11, holdout=("turn",))
@@ -70,7 +70,7 @@ def original(tmp_path_factory):
     toml.write_text(re.sub("vehicle = .*", 'vehicle = "vehicle.toml"', toml.read_text()))
     (base / "answers").mkdir()
     write_answer(base / "answers" / "pond.json", answer("pond"))
-    seal_pack(base / "pack", base / "answers", ["pond"])
+    commit_pack(base / "pack", base / "answers", ["pond"])
     solve_pack(base / "pack", base / "out", settings=SETTINGS, progress=QUIET)
     return base
 
@@ -91,7 +91,7 @@ def test_a_whole_pack_is_solved_sealed_and_scored(world):
     jsonschema = pytest.importorskip("jsonschema")
     verdict = json.loads((world / "out" / "pond" / "diagnosis.json").read_text())
     jsonschema.validate(verdict, schema())
-    seal = json.loads((world / "out" / SEAL).read_text())
+    seal = json.loads((world / "out" / VERDICT_COMMITMENT_FILE).read_text())
     assert set(seal["verdicts"]) == {"pond"} and not seal["failures"]
     assert {"bayesid", "code", "numpy"} <= set(seal["versions"])
     assert seal["cost"]["pond"]["cpu_seconds"] > 0
@@ -118,11 +118,11 @@ def test_sheet_and_verdicts_can_be_reported(world, tmp_path):
     sheet = score(world)
     told = {"pond": json.loads((world / "out" / "pond" / CHOICES).read_text())}
     section = baselines_section(sheet.cases, told, {"pond": 1.0}, family_of)
-    page = report.write(blind_report(sheet, [section]), tmp_path / "sheet", results(sheet))
+    page = writer.write(blind_report(sheet, [section]), tmp_path / "sheet", results(sheet))
     assert "Every miss, and why" in page.read_text() and "white noise, chi-square" in page.read_text()
-    seal = json.loads((world / "out" / SEAL).read_text())
+    seal = json.loads((world / "out" / VERDICT_COMMITMENT_FILE).read_text())
     verdict = json.loads((world / "out" / "pond" / "diagnosis.json").read_text())
-    page = report.write(verdicts_report(seal, {"pond": verdict}), tmp_path / "verdicts", {})
+    page = writer.write(verdicts_report(seal, {"pond": verdict}), tmp_path / "verdicts", {})
     assert "What is expected" in page.read_text()
 
 
@@ -136,9 +136,9 @@ def test_a_verdict_changed_after_the_seal_is_noticed(world):
 def test_a_verdict_changed_together_with_its_fingerprint_is_noticed(world):
     path = world / "out" / "pond" / "diagnosis.json"
     path.write_text(path.read_text() + " ")
-    seal = json.loads((world / "out" / SEAL).read_text())
+    seal = json.loads((world / "out" / VERDICT_COMMITMENT_FILE).read_text())
     seal["verdicts"]["pond"] = digest_of_file(path)
-    (world / "out" / SEAL).write_text(json.dumps(seal))
+    (world / "out" / VERDICT_COMMITMENT_FILE).write_text(json.dumps(seal))
     with pytest.raises(BlindError, match="the seal is broken"):
         score(world)
 
@@ -149,7 +149,7 @@ def test_a_verdict_added_or_taken_away_after_the_seal_is_noticed(world):
     with pytest.raises(BlindError, match="2 problems") as error:
         score(world)
     assert "lake: a verdict was added" in str(error.value)
-    assert "pond: the sealed verdict is missing" in str(error.value)
+    assert "pond: the committed verdict is missing" in str(error.value)
 
 
 def test_an_answer_changed_after_the_commitment_is_noticed(world):
@@ -157,7 +157,7 @@ def test_an_answer_changed_after_the_commitment_is_noticed(world):
     path.write_text(path.read_text().replace('"none"', '"variant"', 1).replace('"salt"', '"sugar"', 1))
     told = json.loads(path.read_text()) | answer("pond", "effect", ["wind"])
     path.write_text(json.dumps(told))
-    with pytest.raises(BlindError, match="pond: the answer is not the one that was sealed"):
+    with pytest.raises(BlindError, match="pond: the answer is not the one that was committed"):
         score(world)
 
 
@@ -168,7 +168,7 @@ def test_a_missing_answer_is_noticed(world):
 
 
 def test_verdicts_without_a_seal_are_scored_only_when_asked(world):
-    (world / "out" / SEAL).unlink()
+    (world / "out" / VERDICT_COMMITMENT_FILE).unlink()
     with pytest.raises(BlindError, match=r"holds no seal\.json"):
         score(world)
     assert score(world, unsealed=True).sealed is None
@@ -177,7 +177,7 @@ def test_verdicts_without_a_seal_are_scored_only_when_asked(world):
 def test_an_answer_in_the_pack_stops_the_solver_before_it_starts(world):
     shutil.rmtree(world / "out")
     shutil.copy(world / "answers" / "pond.json", world / "pack" / "pond" / "notes.csv")
-    with pytest.raises(BlindError, match=r"pond/notes.csv: is a sealed answer"):
+    with pytest.raises(BlindError, match=r"pond/notes.csv: is a committed answer"):
         solve_pack(world / "pack", world / "out", progress=QUIET)
     assert not (world / "out").exists()
 
@@ -219,9 +219,9 @@ def test_a_control_character_in_a_manoeuvre_is_refused(world):
 
 def reseal(world, **changes):
     """A seal with other content and a digest that fits it, as a forger would write it."""
-    seal = json.loads((world / "out" / SEAL).read_text()) | changes
+    seal = json.loads((world / "out" / VERDICT_COMMITMENT_FILE).read_text()) | changes
     del seal["seal"]
-    (world / "out" / SEAL).write_text(json.dumps(seal | {"seal": digest_of_record(seal)}))
+    (world / "out" / VERDICT_COMMITMENT_FILE).write_text(json.dumps(seal | {"seal": digest_of_record(seal)}))
 
 
 @pytest.mark.parametrize("change", [
@@ -229,8 +229,8 @@ def reseal(world, **changes):
     {"mode": "otherwise"}, {"started": "long ago"}, {"pack": {"bundles": {}, "commitments": None}},
 ])  # fmt: skip
 def test_the_seal_covers_all_that_it_tells(world, change):
-    seal = json.loads((world / "out" / SEAL).read_text())
-    (world / "out" / SEAL).write_text(json.dumps(seal | change))
+    seal = json.loads((world / "out" / VERDICT_COMMITMENT_FILE).read_text())
+    (world / "out" / VERDICT_COMMITMENT_FILE).write_text(json.dumps(seal | change))
     with pytest.raises(BlindError, match="the seal is broken: what it lists was changed"):
         score(world)
 
@@ -247,7 +247,7 @@ def test_a_name_listed_twice_or_without_a_bundle_is_refused(world, change, said)
 
 
 def test_a_forged_seal_is_noticed_by_whom_the_true_one_was_told(world, tmp_path):
-    seal = json.loads((world / "out" / SEAL).read_text())["seal"]
+    seal = json.loads((world / "out" / VERDICT_COMMITMENT_FILE).read_text())["seal"]
     assert score(world, promised=seal[:16]).sealed["seal"] == seal
     with pytest.raises(BlindError, match="give at least 16 digits"):
         score(world, promised=seal[:8])
@@ -261,7 +261,7 @@ def test_a_forged_seal_is_noticed_by_whom_the_true_one_was_told(world, tmp_path)
 
 def test_commitments_are_compared_with_those_the_maker_kept(world):
     kept = world / "kept.json"
-    kept.write_text((world / "pack" / COMMITMENTS).read_text())
+    kept.write_text((world / "pack" / PACK_COMMITMENTS_FILE).read_text())
     assert score(world, commitments=kept).sealed is not None
     told = json.loads(kept.read_text())
     told["bundles"]["pond"]["answer"] = "0" * 64
@@ -276,12 +276,15 @@ def test_commitments_are_compared_with_those_the_maker_kept(world):
     ("mode", "with next manoeuvre", "pond: solved with mode with next manoeuvre, now without"),
 ])  # fmt: skip
 def test_verdicts_of_other_code_seed_or_mode_are_not_sealed(world, key, value, said):
-    (world / "out" / SEAL).unlink()
+    (world / "out" / VERDICT_COMMITMENT_FILE).unlink()
     note = world / "out" / "pond" / NOTE
     note.write_text(json.dumps(json.loads(note.read_text()) | {key: value}))
     with pytest.raises(BlindError, match=said):
         solve_pack(world / "pack", world / "out", settings=SETTINGS, progress=QUIET)
-    assert not (world / "out" / SEAL).exists() and (world / "out" / "pond" / "diagnosis.json").exists()
+    assert (
+        not (world / "out" / VERDICT_COMMITMENT_FILE).exists()
+        and (world / "out" / "pond" / "diagnosis.json").exists()
+    )
 
 
 def test_a_report_that_fails_does_not_cost_its_verdict(world, monkeypatch):
@@ -297,7 +300,7 @@ def test_a_report_that_fails_does_not_cost_its_verdict(world, monkeypatch):
 
 def test_packs_and_seals_of_the_old_kind_are_scored_and_say_so(world):
     assert score(world).caveats == ()
-    path = world / "out" / SEAL
+    path = world / "out" / VERDICT_COMMITMENT_FILE
     seal = json.loads(path.read_text())
     seal["pack"]["commitments"]["format"] = 1
     seal |= {"format": 1, "seal": digest_of_list(seal["verdicts"])}
@@ -308,7 +311,9 @@ def test_packs_and_seals_of_the_old_kind_are_scored_and_say_so(world):
 
 
 def test_a_pack_cannot_be_rebuilt_from_what_it_shows(tmp_path, monkeypatch):
-    monkeypatch.setattr("bayesid.blind.make.detectability", lambda *_, **__: ())  # slow, and not asked for
+    monkeypatch.setattr(
+        "bayesid.benchmark.protocol.make_pack.detectability", lambda *_, **__: ()
+    )  # slow, and not asked for
     # one secret, two bundles; another secret draws other campaigns under other names
     packs = []
     for name in ("one", "two"):
@@ -327,7 +332,7 @@ def test_a_pack_cannot_be_rebuilt_from_what_it_shows(tmp_path, monkeypatch):
 
 
 def test_a_score_says_that_a_pack_was_drawn_from_seeds(world):
-    path = world / "out" / SEAL
+    path = world / "out" / VERDICT_COMMITMENT_FILE
     seal = json.loads(path.read_text())
     commitments = seal["pack"]["commitments"] | {"secret_bits": 0}
     reseal(world, pack=seal["pack"] | {"commitments": commitments})
@@ -343,7 +348,7 @@ def test_a_link_out_of_the_pack_is_refused(world):
 def test_a_pack_with_a_missing_or_a_changed_bundle_is_refused(world):
     run = next((world / "pack" / "pond").glob("*.csv"))
     run.write_text(run.read_text() + "\n")
-    with pytest.raises(BlindError, match="pond was changed after the pack was sealed"):
+    with pytest.raises(BlindError, match="pond was changed after the pack was committed"):
         check_pack(world / "pack")
     (world / "pack" / "pond").rename(world / "pack" / "lake")
     with pytest.raises(BlindError, match="incomplete: bundle pond is announced but missing"):
@@ -351,22 +356,22 @@ def test_a_pack_with_a_missing_or_a_changed_bundle_is_refused(world):
 
 
 def test_a_folder_without_commitments_is_solved_and_says_so(world):
-    (world / "pack" / COMMITMENTS).unlink()
+    (world / "pack" / PACK_COMMITMENTS_FILE).unlink()
     assert check_pack(world / "pack") is None
 
 
 def test_a_solved_bundle_is_kept_and_a_torn_one_is_not(world):
-    (world / "out" / SEAL).unlink()
+    (world / "out" / VERDICT_COMMITMENT_FILE).unlink()
     before = (world / "out" / "pond" / NOTE).stat().st_mtime_ns
     seal = solve_pack(world / "pack", world / "out", settings=SETTINGS, progress=QUIET)
     assert (world / "out" / "pond" / NOTE).stat().st_mtime_ns == before
     assert set(seal["verdicts"]) == {"pond"}
-    with pytest.raises(BlindError, match="sealed folder is not written to again"):
+    with pytest.raises(BlindError, match="committed folder is not written to again"):
         solve_pack(world / "pack", world / "out", progress=QUIET)
 
 
 def test_verdicts_of_another_bundle_of_the_same_name_are_not_taken_over(world):
-    (world / "out" / SEAL).unlink()
+    (world / "out" / VERDICT_COMMITMENT_FILE).unlink()
     note = json.loads((world / "out" / "pond" / NOTE).read_text())
     (world / "out" / "pond" / NOTE).write_text(json.dumps(note | {"bundle": "0" * 64}))
     with pytest.raises(BlindError, match=r"pond: the verdict in .* is of another bundle"):
@@ -374,7 +379,7 @@ def test_verdicts_of_another_bundle_of_the_same_name_are_not_taken_over(world):
 
 
 def test_a_bundle_that_cannot_be_read_is_sealed_as_unanswered_and_scored_as_a_miss(world):
-    (world / "pack" / COMMITMENTS).unlink()
+    (world / "pack" / PACK_COMMITMENTS_FILE).unlink()
     (world / "pack" / "pond" / "trial.toml").write_text("format = 1\n")
     seal = solve_pack(world / "pack", world / "new", progress=QUIET)
     assert seal["verdicts"] == {} and "pond" in seal["failures"]
@@ -386,23 +391,25 @@ def test_a_fault_of_the_program_is_not_sealed_unless_accepted(world, monkeypatch
     def broken(*_, **__):
         raise ZeroDivisionError("a fault")
 
-    monkeypatch.setattr("bayesid.diagnose.diagnosis.diagnose", broken)
+    monkeypatch.setattr("bayesid.diagnosis.run.diagnose", broken)
     with pytest.raises(BlindError, match="pond: ZeroDivisionError: a fault"):
         solve_pack(world / "pack", world / "new", progress=QUIET)
-    assert not (world / "new" / SEAL).exists()
-    seal = solve_pack(world / "pack", world / "new", settings=Settings(accept_faults=True), progress=QUIET)
+    assert not (world / "new" / VERDICT_COMMITMENT_FILE).exists()
+    seal = solve_pack(
+        world / "pack", world / "new", settings=SolveSettings(accept_faults=True), progress=QUIET
+    )
     assert set(seal["failures"]) == {"pond"}
 
 
 def test_time_that_runs_out_is_told_and_what_was_not_solved_is_left_out(world):
-    seal = solve_pack(world / "pack", world / "new", settings=Settings(minutes=0.0), progress=QUIET)
+    seal = solve_pack(world / "pack", world / "new", settings=SolveSettings(minutes=0.0), progress=QUIET)
     assert seal["unsolved"] == ["pond"] and seal["verdicts"] == {}
     with pytest.raises(BlindError, match="no bundle has both"):
         score_pack(world / "answers", world / "new", progress=QUIET)
     shutil.copytree(world / "pack" / "pond", world / "pack" / "lake")
     write_answer(world / "answers" / "lake.json", answer("lake"))
-    seal_pack(world / "pack", world / "answers", ["pond", "lake"])
-    (world / "out" / SEAL).unlink()
+    commit_pack(world / "pack", world / "answers", ["pond", "lake"])
+    (world / "out" / VERDICT_COMMITMENT_FILE).unlink()
     solve_pack(world / "pack", world / "out", settings=replace(SETTINGS, minutes=0.0), progress=QUIET)
     sheet = score(world)
     assert sheet.missing == ("lake",) and [c.name for c in sheet.cases] == ["pond"]
@@ -426,7 +433,7 @@ def test_a_made_pack_is_silent_committed_and_resumed(tmp_path):
     assert known.families == {"rudder_offset"}
     assert known.causes[0].shown.noncentrality > 25  # two degrees of rudder are plain to see
     assert load_trial(tmp_path / "pack" / name).dof == 3
-    (tmp_path / "pack" / COMMITMENTS).unlink()
+    (tmp_path / "pack" / PACK_COMMITMENTS_FILE).unlink()
     before = (tmp_path / "answers" / f"{name}.json").read_bytes()
     make_pack(1, tmp_path / "pack", tmp_path / "answers", factors, progress=QUIET, seeds=[3])
     assert (tmp_path / "answers" / f"{name}.json").read_bytes() == before  # same salt: it was kept

@@ -7,22 +7,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bayesid.blind.answers import Answer, Cause, load_answers
-from bayesid.blind.baselines import choices
-from bayesid.blind.detect import Detectability, detectability, true_problem
-from bayesid.blind.families import FAMILIES, by_family, families_of, places_of
-from bayesid.blind.intervals import bootstrap, clopper
-from bayesid.blind.judge import judge
-from bayesid.blind.score import at_least, calibration, share, sheet, shuffled
-from bayesid.blind.seal import BlindError
-from bayesid.coloured.evidence import Gram
-from bayesid.diagnose.bank import Bank, Column, build_bank
-from bayesid.effects import CATALOGUE
-from bayesid.plant import draw_campaign
-from bayesid.plant.body import cruising_speed
-from bayesid.plant.strangers import OUTSIDE
-from bayesid.sections.blind import standings
-from bayesid.vehicles import load_vehicle
+from bayesid.benchmark.plant import draw_campaign
+from bayesid.benchmark.plant.body import cruising_speed
+from bayesid.benchmark.plant.unlisted_causes import OUTSIDE
+from bayesid.benchmark.protocol.answers import Answer, Cause, load_answers
+from bayesid.benchmark.protocol.cause_families import FAMILIES, by_family, families_of, places_of
+from bayesid.benchmark.protocol.commitment import BlindError
+from bayesid.benchmark.protocol.count_intervals import bootstrap, clopper
+from bayesid.benchmark.protocol.detectability import Detectability, detectability, true_problem
+from bayesid.benchmark.protocol.judgement import judge
+from bayesid.benchmark.protocol.report import standings
+from bayesid.benchmark.protocol.scores import at_least, calibration, score_quantities, share, shuffled
+from bayesid.diagnosis.hypotheses.sensitivity_bank import EffectColumns, SensitivityBank, build_bank
+from bayesid.estimation.filter_error.evidence import NormalEquations
+from bayesid.model.effects import CATALOGUE
+from bayesid.model.vehicles import load_vehicle
+from studies.withheld_effects.baselines import choices
 
 PLAIN = Detectability("", 400.0, 0.1, 50.0, "wind")
 
@@ -116,7 +116,7 @@ def test_a_pair_with_a_hidden_cause_is_counted_apart():
         judge(truth("two", "wind", "gyro_bias", shown=s), said("outside")) for s in (PLAIN, hidden)
     )
     assert plain.deepest == PLAIN.absorbed and other.deepest == 0.99
-    every, apart = (q for q in sheet([plain, other]) if q.name == "two effects both found")
+    every, apart = (q for q in score_quantities([plain, other]) if q.name == "two effects both found")
     assert (every.count, apart.count) == (2, 1)
 
 
@@ -156,7 +156,7 @@ def test_a_cause_taken_for_weather_is_told_as_the_reason():
             "none", environment={"force": [2e-5 * unit, 2e-5 * unit, 2e-6 * unit * vehicle.L * times]}
         )
         reason = judge(answer, told).reason
-        assert ("disturbance in N taken 10 times too loud" in reason) == said_so
+        assert ("disturbance in N taken 10 times overestimated" in reason) == said_so
 
 
 def test_every_stranger_of_the_plant_has_a_place():
@@ -206,7 +206,7 @@ def test_a_sheet_counts_met_undecided_and_missed_apart():
 
 def test_one_who_knows_the_answers_meets_every_bar_and_the_control_fails():
     answers, verdicts = world()
-    quantities = sheet([judge(answers[n], verdicts[n], 5.0) for n in answers])
+    quantities = score_quantities([judge(answers[n], verdicts[n], 5.0) for n in answers])
     judged = [q for q in quantities if q.standing]
     assert len(judged) >= 12 and all(q.standing == "met" for q in judged)
     control = shuffled(answers, verdicts)
@@ -216,7 +216,10 @@ def test_one_who_knows_the_answers_meets_every_bar_and_the_control_fails():
 def test_one_who_always_says_none_fails_and_one_who_always_names_fails_otherwise():
     answers, _ = world()
     for word, names, missed in (("none", (), "top-1 by family"), ("effect", ("wind",), "wrong name")):
-        found = {q.name: q.standing for q in sheet([judge(a, said(word, *names)) for a in answers.values()])}
+        found = {
+            q.name: q.standing
+            for q in score_quantities([judge(a, said(word, *names)) for a in answers.values()])
+        }
         assert found[missed] == "missed"
     assert found["false alarm on none"] == found["false name on outside"] == "missed"
 
@@ -246,7 +249,7 @@ def test_a_campaign_without_effect_leaves_nothing_and_information_goes_with_the_
     # plant and model share no code: what is left without an effect is their disagreement
     bare = draw_campaign(4, kind="none", vehicle="lauv", dof=3, sensors="full", sea="mid")
     problem = true_problem(bare)
-    left = build_bank(problem, problem.path, [problem.environment.colours], []).total(0).ee
+    left = build_bank(problem, problem.path, [problem.environment.noise_model], []).total(0).ee
     assert left < 1.0
     found = []
     for size in (0.05, 0.1):
@@ -263,8 +266,10 @@ def linear_bank(resid, columns):
     effects = [e for e in CATALOGUE if len(e.parameters) == 1 and e.smooth and not e.parameters[0].one_sided][
         :3
     ]
-    made = {e.name: Column(e, (np.array([1 + k]),)) for k, e in enumerate(effects)}
-    return Bank(((Gram(ss, se, float(resid @ resid), 0.0, resid.size),),), (), 1, made), list(made)
+    made = {e.name: EffectColumns(e, (np.array([1 + k]),)) for k, e in enumerate(effects)}
+    return SensitivityBank(
+        ((NormalEquations(ss, se, float(resid @ resid), 0.0, resid.size),),), (), 1, made
+    ), list(made)
 
 
 def test_baselines_choose_the_planted_signature_and_none_without():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from bayesid.sample.calibration import bands, coverage, distribution, inside, rank_of
+from bayesid.estimation.sampling.rank_statistics import bands, coverage, distribution, inside, rank_of
 
 
 def replicates(count, shift=0.0, width=1.0, unknowns=5, seed=0):

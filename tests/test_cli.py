@@ -9,9 +9,9 @@ import warnings
 
 import pytest
 
-import bayesid.cli.app
+import bayesid.cli.main
 from bayesid import __version__
-from bayesid.cli.guard import run
+from bayesid.cli.main import run
 from bayesid.cli.output import say_json, say_table
 from bayesid.errors import FitError, TrialError, raise_all
 from bayesid.progress import printable
@@ -33,7 +33,7 @@ def failing(monkeypatch):
 
 def test_help_needs_no_numerical_library():
     code = (
-        "import sys; from bayesid.cli.guard import run; code = run(['--help']);"
+        "import sys; from bayesid.cli.main import run; code = run(['--help']);"
         "heavy = {'numpy', 'scipy', 'numba', 'matplotlib', 'rich', 'jinja2', 'pint'} & set(sys.modules);"
         "sys.exit(f'loaded {heavy}' if heavy else code)"
     )
@@ -140,7 +140,7 @@ def test_all_problems_of_a_file_come_in_one_error():
 
 
 def test_a_closed_pipe_ends_quietly():
-    code = "from bayesid.cli import main; main(['--help'])"
+    code = "from bayesid.cli.main import main; main(['--help'])"
     reader = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     reader.stdout.close()
     assert reader.stderr.read() == b""
@@ -149,9 +149,9 @@ def test_a_closed_pipe_ends_quietly():
 
 
 def test_a_study_gets_its_folder_seed_and_quick_mode(tmp_path, monkeypatch, capsys):
-    (tmp_path / "studies").mkdir()
+    (tmp_path / "studies" / "demo").mkdir(parents=True)
     script = '"""Does it run?"""\nimport sys\nprint(sys.argv[1:])\nsys.exit(3)\n'
-    (tmp_path / "studies" / "demo.py").write_text(script)
+    (tmp_path / "studies" / "demo" / "run.py").write_text(script)
     monkeypatch.chdir(tmp_path)
     before = sys.argv
     assert run(["study", "demo", "--quick", "--seed", "5"]) == 3
@@ -163,19 +163,19 @@ def test_a_study_gets_its_folder_seed_and_quick_mode(tmp_path, monkeypatch, caps
 
 
 def test_a_study_names_the_reports_it_wrote_and_no_other(tmp_path, monkeypatch, capsys):
-    (tmp_path / "studies").mkdir()
+    (tmp_path / "studies" / "demo").mkdir(parents=True)
     script = (
         '"""Does it write?"""\nimport pathlib, sys\nfolder = pathlib.Path(sys.argv[2]) / "ship"\n'
         'folder.mkdir(parents=True)\n(folder / "report.html").write_text("x")\n'
     )
-    (tmp_path / "studies" / "demo.py").write_text(script)
+    (tmp_path / "studies" / "demo" / "run.py").write_text(script)
     monkeypatch.chdir(tmp_path)
     assert run(["study", "demo", "--out", "here"]) == 0
     assert capsys.readouterr().out.splitlines() == ["report: here/ship/report.html"]
 
 
 def test_every_command_has_help_and_a_verbose_option():
-    tree = bayesid.cli.app.command()
+    tree = bayesid.cli.main.command()
 
     def walk(path, node):
         if hasattr(node, "commands"):
@@ -192,7 +192,10 @@ def test_every_command_has_help_and_a_verbose_option():
 def test_tables_align_numbers_right_and_show_a_dash_for_nothing(capsys):
     say_table(["name", "value"], [["a", 1.5], ["long name", None]])
     assert capsys.readouterr().out.splitlines() == [
-        "name       value", "---------  -----", "a            1.5", "long name      –"
+        "name       value",
+        "---------  -----",
+        "a            1.5",
+        "long name      –",
     ]
 
 

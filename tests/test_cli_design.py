@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from bayesid.cli.guard import run as bayesid
+from bayesid.cli.main import run as bayesid
 from bayesid.manoeuvres import read_table
 
 FIX = ["--fix", "X_udot,Y_vdot,N_rdot"]
@@ -48,16 +48,18 @@ def test_a_trial_counts_as_flown_and_its_posterior_is_drawn_from(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     noise = [x for c in ("x=1", "y=1", "psi=0.009", "u=0.05", "v=0.05", "r=0.0005") for x in ("--noise", c)]
-    flown = ("turn:20,duration=300s", "zigzag:10/10,duration=300s")
-    assert run("simulate", "generic_sub", *flown, "--dt", "2", "--seed", "1", *noise, "--out", tmp_path) == 0
+    executed = ("turn:20,duration=300s", "zigzag:10/10,duration=300s")
+    assert (
+        run("simulate", "generic_sub", *executed, "--dt", "2", "--seed", "1", *noise, "--out", tmp_path) == 0
+    )
     capsys.readouterr()
     assert run("compare", tmp_path, *FIX, "--duration", "300", "--quick", "--json") == 0
     record = json.loads(capsys.readouterr().out)
-    assert any("posterior of the runs flown" in n for n in record["notes"])
+    assert any("posterior of the runs executed" in n for n in record["notes"])
     added = {m["name"]: m["adds_nats"] for m in record["manoeuvres"]}
     gain = {m["name"]: m["gain_nats"] for m in record["manoeuvres"]}
     assert all(added[n] < gain[n] or gain[n] < 1e-6 for n in added)
-    assert added["zigzag_10"] < 0.7 * gain["zigzag_10"]  # it was flown already
+    assert added["zigzag_10"] < 0.7 * gain["zigzag_10"]  # it was executed already
 
 
 @pytest.mark.parametrize(

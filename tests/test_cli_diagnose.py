@@ -5,9 +5,9 @@ import json
 from gap_trials import model_of, planted_trial
 from jsonschema import validate
 
-from bayesid.cli.guard import run
-from bayesid.diagnose.diagnosis import schema
-from bayesid.sample import load_posterior
+from bayesid.cli.main import run
+from bayesid.diagnosis.run import schema
+from bayesid.estimation.sampling import load_posterior
 from bayesid.trials import write_trial
 
 

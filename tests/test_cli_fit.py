@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bayesid.cli.guard import run
-from bayesid.fit.pieces import in_pieces
+from bayesid.cli.main import run
+from bayesid.estimation.output_error.segments import in_pieces
+from bayesid.model.vehicles import load_vehicle
 from bayesid.trials import load_trial
-from bayesid.vehicles import load_vehicle
 
 PLANTED = -0.0045  # N_dr of generic_sub is -0.003854
 NOISE = {"x": 1.0, "y": 1.0, "psi": 0.005, "u": 0.02, "v": 0.02, "r": 0.0005}
@@ -22,8 +22,8 @@ RUNS = ["--runs", "01_zigzag_20_20"]
 def pond(tmp_path_factory):
     folder = tmp_path_factory.mktemp("pond")
     noise = [part for name, sigma in NOISE.items() for part in ("--noise", f"{name}={sigma}")]
-    flown = ["simulate", "generic_sub", "zigzag:20/20", "turn:25", "--dt", "2", "--out", str(folder)]
-    assert run([*flown, *noise, "--set", f"N_dr={PLANTED}", "--seed", "1"]) == 0
+    executed = ["simulate", "generic_sub", "zigzag:20/20", "turn:25", "--dt", "2", "--out", str(folder)]
+    assert run([*executed, *noise, "--set", f"N_dr={PLANTED}", "--seed", "1"]) == 0
     return folder
 
 
@@ -69,8 +69,8 @@ def test_residuals_far_above_the_noise_are_said(pond, tmp_path, capsys):
 def test_noise_stated_for_some_channels_leaves_the_others_to_the_residuals(pond, tmp_path, capsys):
     """Weighed by what a noise-free series shows, u, v and r would count ten million times too much."""
     folder = tmp_path / "partly"
-    flown = ["simulate", "generic_sub", "zigzag:20/20", "--dt", "2", "--out", str(folder)]
-    assert run([*flown, "--noise", "x=1", "--noise", "y=1", "--set", "ocean_current.V_north=0.3"]) == 0
+    executed = ["simulate", "generic_sub", "zigzag:20/20", "--dt", "2", "--out", str(folder)]
+    assert run([*executed, "--noise", "x=1", "--noise", "y=1", "--set", "ocean_current.V_north=0.3"]) == 0
     run(["fit", str(folder), "--free", "N_v,N_r,N_dr", "--quick", "--out", str(tmp_path / "fit"), "--json"])
     capsys.readouterr()
     sigma = json.loads((tmp_path / "fit" / "fit.json").read_text())["sigma"]

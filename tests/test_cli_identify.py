@@ -6,15 +6,15 @@ import json
 
 import pytest
 
-from bayesid.cli.guard import run
+from bayesid.cli.main import run
 
 
 @pytest.fixture(scope="module")
 def pond(tmp_path_factory):
     folder = tmp_path_factory.mktemp("pond")
     noise = ["--noise", "x=1", "--noise", "y=1", "--noise", "psi=0.01"]
-    flown = ["simulate", "generic_sub", "zigzag:20/20", "--dt", "2", "--out", str(folder)]
-    assert run([*flown, *noise, "--seed", "1"]) == 0
+    executed = ["simulate", "generic_sub", "zigzag:20/20", "--dt", "2", "--out", str(folder)]
+    assert run([*executed, *noise, "--seed", "1"]) == 0
     return folder
 
 

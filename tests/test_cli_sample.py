@@ -1,4 +1,4 @@
-"""`bayesid sample`: the answer, the exit code below the gate, and going on."""
+"""`bayesid sample`: the answer, the exit code below the convergence check, and going on."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import shutil
 import numpy as np
 import pytest
 
-from bayesid.cli.guard import run
-from bayesid.sample import load_posterior
+from bayesid.cli.main import run
+from bayesid.estimation.sampling import load_posterior
 
 NOISE = {"x": 1.0, "y": 1.0, "psi": 0.005, "r": 0.0005}
 CHOICE = ["--free", "N_v,N_r,N_dr", "--prior", "0.2"]
@@ -19,8 +19,8 @@ CHOICE = ["--free", "N_v,N_r,N_dr", "--prior", "0.2"]
 def pond(tmp_path_factory):
     folder = tmp_path_factory.mktemp("pond")
     noise = [part for name, sigma in NOISE.items() for part in ("--noise", f"{name}={sigma}")]
-    flown = ["simulate", "generic_sub", "turn:25,duration=200", "--dt", "4", "--out", str(folder)]
-    assert run([*flown, *noise, "--seed", "1"]) == 0
+    executed = ["simulate", "generic_sub", "turn:25,duration=200", "--dt", "4", "--out", str(folder)]
+    assert run([*executed, *noise, "--seed", "1"]) == 0
     return folder
 
 

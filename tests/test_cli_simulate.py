@@ -1,4 +1,4 @@
-"""`bayesid simulate` and the flown part of `bayesid vehicle check`: measured, written, read back."""
+"""`bayesid simulate` and the executed part of `bayesid vehicle check`: measured, written, read back."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import json
 import numpy as np
 import pytest
 
-from bayesid.cli.guard import run
+from bayesid.cli.main import run
+from bayesid.equations.model import build_model
 from bayesid.errors import ModelError
 from bayesid.manoeuvres import Scale, parse
-from bayesid.model import build_model
+from bayesid.model.vehicles import load_vehicle
+from bayesid.simulation.virtual_trial import virtual_run
 from bayesid.trials import load_trial
-from bayesid.vehicles import load_vehicle
-from bayesid.virtual import virtual_run
 
 
 @pytest.fixture(scope="module")
@@ -47,10 +47,10 @@ def test_a_simulated_bundle_reads_back_as_it_was_flown(model, scale, tmp_path, c
     assert run(arguments) == 0
     assert "trial bundle:" in capsys.readouterr().out
     (logged,) = load_trial(tmp_path / "bundle").runs
-    flown = virtual_run(model, model.nominal, parse("zigzag:10/10", scale), name="a")
-    for channel, values in flown.data.items():
+    executed = virtual_run(model, model.nominal, parse("zigzag:10/10", scale), name="a")
+    for channel, values in executed.data.items():
         np.testing.assert_allclose(logged.data[channel], values, rtol=0, atol=1e-12)
-    np.testing.assert_array_equal(logged.commands["delta_r_cmd"], flown.commands["delta_r_cmd"])
+    np.testing.assert_array_equal(logged.commands["delta_r_cmd"], executed.commands["delta_r_cmd"])
     assert run(arguments) == 2, "a bundle is never overwritten unasked"
 
 
@@ -80,8 +80,8 @@ def test_a_planted_following_current_ends_as_speed_over_ground(model, capsys):
 
 def test_a_table_without_shaft_speed_keeps_the_usual_one(model, scale, tmp_path):
     (tmp_path / "rudder.csv").write_text("t[s],delta_r_cmd[deg]\n0,0\n60,0\n")
-    flown = virtual_run(model, model.nominal, parse(f"table:{tmp_path / 'rudder.csv'}", scale), name="a")
-    assert flown.data["u"][-1] == pytest.approx(model.scales["U"], rel=1e-6)
+    executed = virtual_run(model, model.nominal, parse(f"table:{tmp_path / 'rudder.csv'}", scale), name="a")
+    assert executed.data["u"][-1] == pytest.approx(model.scales["U"], rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -109,8 +109,8 @@ def test_noise_without_a_generator_is_refused(model, scale):
 
 def test_vehicle_check_flies_the_standard_manoeuvres(capsys):
     assert run(["vehicle", "check", "remus100", "--json"]) == 0
-    flown = json.loads(capsys.readouterr().out)["behaviour"]
-    kinds = [item["manoeuvre"].split(":")[0] for item in flown]
+    executed = json.loads(capsys.readouterr().out)["behaviour"]
+    kinds = [item["manoeuvre"].split(":")[0] for item in executed]
     assert kinds == ["turn", "zigzag"], "its rudder stops at 13.6 deg: a smaller turn and no 20/20"
-    assert {"tactical diameter", "steady yaw rate"} <= {row[0] for row in flown[0]["rows"]}
-    assert {"overshoot 1", "overshoot 2", "period"} <= {row[0] for row in flown[1]["rows"]}
+    assert {"tactical diameter", "steady yaw rate"} <= {row[0] for row in executed[0]["rows"]}
+    assert {"overshoot 1", "overshoot 2", "period"} <= {row[0] for row in executed[1]["rows"]}

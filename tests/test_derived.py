@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bayesid.identifiability import derived, full_vectors, identify, indices, predict
-from bayesid.likelihood import coefficient_set, trial_problem
+from bayesid.analysis.identifiability import derived, full_vectors, identify, indices, predict
+from bayesid.equations.model import build_model
+from bayesid.estimation.output_error import coefficient_set, trial_problem
 from bayesid.manoeuvres import turn
-from bayesid.model import build_model
-from bayesid.simulate import plan_run, simulate, steady_start
-from bayesid.vehicles import builtin_names, load_vehicle, stability
-from bayesid.virtual import virtual_trial
+from bayesid.model.vehicles import builtin_names, load_vehicle, stability
+from bayesid.simulation import plan_run, simulate, steady_start
+from bayesid.simulation.virtual_trial import virtual_trial
 
 NOISE = {"x": 1.0, "y": 1.0, "psi": 0.01}
 

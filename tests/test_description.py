@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from gap_trials import model_of, other_vehicle, planted_trial
 
-from bayesid.coloured.fit import Free, fit
-from bayesid.diagnose import description, term_trial
-from bayesid.diagnose.description import as_json, describe
-from bayesid.diagnose.diagnosis import schema
-from bayesid.diagnose.force_terms import force_library, unit_of
-from bayesid.diagnose.problem import pose
-from bayesid.diagnose.where import locate
-from bayesid.excitation.columns import evaluate
-from bayesid.model import build_model
-from bayesid.vehicles import load_vehicle
+from bayesid.analysis.excitation.columns import evaluate
+from bayesid.diagnosis.data.problem import build_problem
+from bayesid.diagnosis.evidence import missing_force, term_evidence
+from bayesid.diagnosis.evidence.force_terms import force_library, unit_of
+from bayesid.diagnosis.evidence.missing_force import as_json, describe
+from bayesid.diagnosis.hypotheses.localisation import locate
+from bayesid.diagnosis.run import schema
+from bayesid.equations.model import build_model
+from bayesid.estimation.filter_error.fit import FreeParameters, fit
+from bayesid.model.vehicles import load_vehicle
 
 SAMPLES = 120
 LOWEST = np.full(1, -np.inf)
@@ -42,7 +42,7 @@ def described(values, force=None, seed=0):
     trial = planted_trial(
         model, {**other_vehicle(model, seed + 5), **values}, seed=seed, samples=SAMPLES, force=force
     )
-    problem = pose(model, trial)
+    problem = build_problem(model, trial)
     where = locate(problem, problem.path, problem.coefficients, masks=False)
     return describe(problem, problem.path, problem.coefficients, where, problem.path_level), problem
 
@@ -58,7 +58,7 @@ def planted(name):
 
 @pytest.mark.parametrize("name", ["Y_vvv", "X_vv", pytest.param("N_v|r|", marks=pytest.mark.slow)])
 def test_a_planted_term_is_named_with_its_size(name):
-    """Two runs of 48 L/U; coefficients of the flown vehicle drawn from the 5 % prior. X_vv is a row the
+    """Two runs of 48 L/U; coefficients of the executed vehicle drawn from the 5 % prior. X_vv is a row the
     vehicle has, sixteen times its value."""
     found = described_term(name)
     (term,) = found.terms
@@ -109,23 +109,23 @@ def test_evidence_of_the_named_term_is_that_of_a_refit_with_it(monkeypatch):
     """Expected: converged non-linear refits with one more row free beside the coefficients. The named term's
     evidence agrees within 3 nats; linear columns along its path flatter a rival, so none is overlooked."""
     kept = {}
-    original = description.improved
+    original = missing_force.improved
 
     def spy(trial, chosen):
         kept["trial"] = trial
         return original(trial, chosen)
 
-    monkeypatch.setattr(description, "improved", spy)
-    monkeypatch.setattr(term_trial, "SIZES", (1e-3,))
+    monkeypatch.setattr(missing_force, "improved", spy)
+    monkeypatch.setattr(term_evidence, "TERM_FORCE_SDS", (1e-3,))
     found, problem = described(planted("Y_vvv"))
     assert [t.name for t in found.terms] == ["Y_vvv"]
     trial, model = kept["trial"], problem.model
     names = [c.name for c in trial.columns]
     for name, within in (("Y_vvv", 3.0), ("Y_rrr", np.inf)):
         j = names.index(name)
-        row = Free((name,), model.positions([name]), np.zeros(1), 1e-3 * trial.unit[[j]], LOWEST)
+        row = FreeParameters((name,), model.positions([name]), np.zeros(1), 1e-3 * trial.unit[[j]], LOWEST)
         fitted = fit(
-            model, problem.logs, problem.coefficients + row, problem.environment.colours,
+            model, problem.logs, problem.coefficients + row, problem.environment.noise_model,
             start=problem.path, loud=problem.path_level,
         )  # fmt: skip
         assert fitted.converged

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bayesid.design import (
-    Case,
-    Information,
+from bayesid.analysis.design import (
     Logging,
+    PlanningCase,
+    RunInformation,
     criteria,
     information,
     knowledge,
@@ -19,33 +19,33 @@ from bayesid.design import (
     refitted,
     usual_logging,
 )
-from bayesid.design.criteria import contraction, flat_names, gain
-from bayesid.design.information import planned, run_information
-from bayesid.design.refit import marginal
+from bayesid.analysis.design.criteria import contraction, flat_names, gain
+from bayesid.analysis.design.information import planned, run_information
+from bayesid.analysis.design.virtual_refit import marginal
+from bayesid.analysis.identifiability import row_scaled
+from bayesid.equations.model import build_model
 from bayesid.errors import FitError, ManoeuvreError
-from bayesid.identifiability import row_scaled
-from bayesid.model import build_model
-from bayesid.simulate import simulate
-from bayesid.terms import term
-from bayesid.vehicles import load_vehicle
+from bayesid.model.terms import term
+from bayesid.model.vehicles import load_vehicle
+from bayesid.simulation import simulate
 
 
 @pytest.fixture(scope="module")
-def case() -> Case:
+def case() -> PlanningCase:
     model = build_model(load_vehicle("generic_sub"), 3)
     known = knowledge(model, [n for n in model.coefficients if n not in ("X_udot", "Y_vdot", "N_rdot")])
-    return Case(model, known, usual_logging(model), limits(model, duration=400.0))
+    return PlanningCase(model, known, usual_logging(model), limits(model, duration=400.0))
 
 
 @pytest.fixture(scope="module")
-def deep() -> Case:
+def deep() -> PlanningCase:
     model = build_model(load_vehicle("generic_sub"), 6)
-    return Case(model, knowledge(model), usual_logging(model), limits(model, duration=400.0))
+    return PlanningCase(model, knowledge(model), usual_logging(model), limits(model, duration=400.0))
 
 
-def test_information_is_that_of_central_differences_with_the_start_unknown(case: Case) -> None:
+def test_information_is_that_of_central_differences_with_the_start_unknown(case: PlanningCase) -> None:
     model, known = case.model, case.knowledge
-    run = case.flight(library_within(model, case.bounds)["zigzag_20"]).run
+    run = case.execution(library_within(model, case.bounds)["zigzag_20"]).run
     picked = [model.states.index(c) for c in run.channels]
 
     def readings(xi: np.ndarray, start: np.ndarray) -> np.ndarray:
@@ -67,7 +67,7 @@ def test_information_is_that_of_central_differences_with_the_start_unknown(case:
     assert np.allclose(found, expected, atol=2e-3 * np.abs(expected).max())
 
 
-def test_twice_the_noise_is_a_quarter_of_the_information(case: Case) -> None:
+def test_twice_the_noise_is_a_quarter_of_the_information(case: PlanningCase) -> None:
     turn = library_within(case.model, case.bounds)["turn"]
     loud = Logging({c: 2 * s for c, s in case.logging.sigma.items()}, case.logging.dt)
     one, two = (
@@ -75,11 +75,11 @@ def test_twice_the_noise_is_a_quarter_of_the_information(case: Case) -> None:
             case.model, case.model.nominal, turn, log).run)
         for log in (case.logging, loud)
     )  # fmt: skip
-    # not exactly: the prior of the start does not get louder; without it the factor is 4
+    # not exactly: the prior of the start does not get larger; without it the factor is 4
     assert np.trace(one) / np.trace(two) == pytest.approx(4.0, rel=1e-3)
 
 
-def test_no_manoeuvre_sees_a_row_scaled_as_a_whole(case: Case) -> None:
+def test_no_manoeuvre_sees_a_row_scaled_as_a_whole(case: PlanningCase) -> None:
     """Exact symmetry of the equations (identifiability.row_scaled); needs the added mass free."""
     model = case.model
     known = knowledge(model, [*model.coefficients, "Y_rdot", "N_vdot"][: len(model.coefficients)])
@@ -88,7 +88,7 @@ def test_no_manoeuvre_sees_a_row_scaled_as_a_whole(case: Case) -> None:
     other = np.zeros(len(known.names))
     other[known.names.index("N_dr")] = 1.0
     for manoeuvre in library_within(model, case.bounds).values():
-        run = case.flight(manoeuvre).run
+        run = case.execution(manoeuvre).run
         gram = run_information(model, known, model.nominal, run)
         assert direction @ gram @ direction < 1e-9 * max(np.trace(gram), 1.0)
         if manoeuvre.name.startswith("zig-zag"):  # the control: a direction that is seen
@@ -100,7 +100,7 @@ def vertical(names: tuple[str, ...]) -> list[int]:
     return [i for i, n in enumerate(names) if not term(n).planar and "p" not in term(n).regressor]
 
 
-def test_level_motion_tells_nothing_of_the_vertical_plane(deep: Case) -> None:
+def test_level_motion_tells_nothing_of_the_vertical_plane(deep: PlanningCase) -> None:
     model, known = deep.model, deep.knowledge
     flat = model.nominal.copy()
     rolling = [n for n in model.index if n.startswith("K_") or n in ("Y_pdot", "N_pdot")]
@@ -115,7 +115,7 @@ def test_level_motion_tells_nothing_of_the_vertical_plane(deep: Case) -> None:
     assert np.max(contraction(known, gram)[where]) > 0.5
 
 
-def test_a_vehicle_that_rolls_in_a_turn_tells_something_of_it(deep: Case) -> None:
+def test_a_vehicle_that_rolls_in_a_turn_tells_something_of_it(deep: PlanningCase) -> None:
     """Why the test above has to hold the vehicle upright: roll tips yaw into pitch."""
     model, known = deep.model, deep.knowledge
     turn = library_within(model, deep.bounds)["turn"]
@@ -123,10 +123,10 @@ def test_a_vehicle_that_rolls_in_a_turn_tells_something_of_it(deep: Case) -> Non
     assert np.max(contraction(known, gram)[vertical(known.names)]) > 0.1
 
 
-def test_criteria_of_a_diagonal_information_are_the_closed_forms(case: Case) -> None:
+def test_criteria_of_a_diagonal_information_are_the_closed_forms(case: PlanningCase) -> None:
     k = len(case.knowledge.names)
     values = np.geomspace(0.1, 100.0, k)
-    found = criteria(case.knowledge, Information("diagonal", 1.0, np.diag(values)[None]))
+    found = criteria(case.knowledge, RunInformation("diagonal", 1.0, np.diag(values)[None]))
     assert found.gain == pytest.approx(0.5 * np.sum(np.log1p(values)))
     assert found.remaining == pytest.approx(np.mean(1 / (1 + values)))
     assert found.log_det == pytest.approx(np.mean(np.log(values)))
@@ -136,13 +136,13 @@ def test_criteria_of_a_diagonal_information_are_the_closed_forms(case: Case) -> 
     assert found.contraction == pytest.approx(1 - 1 / np.sqrt(1 + values))
 
 
-def test_what_cannot_be_seen_is_infinite_not_large(case: Case) -> None:
+def test_what_cannot_be_seen_is_infinite_not_large(case: PlanningCase) -> None:
     straight = library_within(case.model, case.bounds)["straight"]
     found = criteria(case.knowledge, case.of(straight, case.model.nominal[None]))
     assert found.condition == np.inf and found.log_det == -np.inf and found.weakest == 0.0
 
 
-def test_a_further_run_never_widens_a_coefficient(case: Case) -> None:
+def test_a_further_run_never_widens_a_coefficient(case: PlanningCase) -> None:
     draws = case.draws(np.random.default_rng(1), 3)
     found = library_within(case.model, case.bounds)
     total = case.now(draws)
@@ -155,7 +155,7 @@ def test_a_further_run_never_widens_a_coefficient(case: Case) -> None:
         before = after
 
 
-def test_directions_left_open_are_named_with_their_spread(case: Case) -> None:
+def test_directions_left_open_are_named_with_their_spread(case: PlanningCase) -> None:
     info = case.of(library_within(case.model, case.bounds)["straight"], case.model.nominal[None])
     names = flat_names(case.knowledge, info)
     assert len(names) == len(case.knowledge.names)
@@ -164,7 +164,7 @@ def test_directions_left_open_are_named_with_their_spread(case: Case) -> None:
     assert len(flat_names(case.knowledge, rich)) < len(names) - 5
 
 
-def test_predicted_contraction_is_that_of_refits(case: Case) -> None:
+def test_predicted_contraction_is_that_of_refits(case: PlanningCase) -> None:
     """Prediction before the run against the curvature where refits of noisy virtual trials ended."""
     model = case.model
     known = knowledge(model, case.knowledge.names, assumed=0.2)
@@ -173,7 +173,7 @@ def test_predicted_contraction_is_that_of_refits(case: Case) -> None:
     draws = case.draws(np.random.default_rng(2), 6)
     expected = np.mean(contraction(known, case.of(manoeuvre, draws).grams), axis=0)
     true = case.draws(np.random.default_rng(3), 3)
-    refits = [refitted(model, known, [case.flight(manoeuvre, par)], par, s) for s, par in enumerate(true)]
+    refits = [refitted(model, known, [case.execution(manoeuvre, par)], par, s) for s, par in enumerate(true)]
     assert all(r.converged for r in refits)
     actual = np.mean([r.contraction(known) for r in refits], axis=0)
     good = expected > 0.5
@@ -187,12 +187,12 @@ def test_predicted_contraction_is_that_of_refits(case: Case) -> None:
     assert np.mean(np.concatenate(inside) < 2) > 0.85  # 0.95 expected of 57 correlated ones
 
 
-def test_information_gain_is_the_same_in_any_units(case: Case) -> None:
+def test_information_gain_is_the_same_in_any_units(case: PlanningCase) -> None:
     """A joint prior instead of single ones: the determinant does not know the coordinates."""
     known = case.knowledge
     rng = np.random.default_rng(4)
     turned = np.linalg.qr(rng.standard_normal((len(known.names),) * 2))[0]
-    run = case.flight(library_within(case.model, case.bounds)["multisine"]).run
+    run = case.execution(library_within(case.model, case.bounds)["multisine"]).run
     one = run_information(case.model, known, case.model.nominal, run)
     two = run_information(case.model, replace(known, root=known.root @ turned), case.model.nominal, run)
     assert gain(one) == pytest.approx(gain(two), rel=1e-9)
@@ -205,7 +205,7 @@ def test_marginal_covariance_is_the_block_of_the_inverse() -> None:
     assert marginal(jac, 3) == pytest.approx(np.linalg.inv(jac.T @ jac)[:3, :3])
 
 
-def test_numbers_that_make_no_sense_are_refused_in_one_message(case: Case) -> None:
+def test_numbers_that_make_no_sense_are_refused_in_one_message(case: PlanningCase) -> None:
     with pytest.raises(FitError, match="give positive numbers"):
         Logging({"x": -1.0}, 1.0)
     with pytest.raises(FitError, match="no channel wobble"):

@@ -12,9 +12,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bayesid.design import (
-    Case,
-    Effort,
+from bayesid.analysis.design import (
+    PlanningCase,
+    SearchEffort,
     choose,
     knowledge,
     library_within,
@@ -22,18 +22,18 @@ from bayesid.design import (
     next_manoeuvre,
     usual_logging,
 )
-from bayesid.design.choose import rank
-from bayesid.design.freeform import frame
-from bayesid.design.goals import Gain, predict, shrink
+from bayesid.analysis.design.freeform import frame
+from bayesid.analysis.design.goals import InformationGoal, predict, shrink
+from bayesid.analysis.design.run_selection import rank
+from bayesid.equations.model import build_model
 from bayesid.errors import FitError
 from bayesid.manoeuvres import read_table, write_table
-from bayesid.model import build_model
-from bayesid.vehicles import load_vehicle
+from bayesid.model.vehicles import load_vehicle
 
 MODEL = build_model(load_vehicle("generic_sub"), 3)
 KNOWN = knowledge(MODEL, [n for n in MODEL.coefficients if n not in ("X_udot", "Y_vdot", "N_rdot")])
-CASE = Case(MODEL, KNOWN, usual_logging(MODEL), limits(MODEL, duration=400.0))
-SMALL = Effort(search=2, judge=4, evaluations=120, random=4)
+CASE = PlanningCase(MODEL, KNOWN, usual_logging(MODEL), limits(MODEL, duration=400.0))
+SMALL = SearchEffort(search=2, judge=4, evaluations=120, random=4)
 
 
 @settings(max_examples=30, deadline=None)
@@ -74,7 +74,7 @@ def infos() -> dict:
 
 def test_choice_of_three_is_the_best_of_all_sets(infos: dict) -> None:
     now = np.zeros_like(infos["turn"].grams)
-    goal = Gain()
+    goal = InformationGoal()
     choice = choose(infos, goal, now, 3)
     every = [goal.value(sum(infos[n].grams for n in s)) for s in combinations_with_replacement(infos, 3)]
     assert choice.values[-1] == pytest.approx(max(every))
@@ -114,7 +114,7 @@ def test_same_seed_same_design() -> None:
 def test_design_stays_within_its_room() -> None:
     narrow = replace(CASE, bounds=replace(CASE.bounds, box=600.0))
     plan = next_manoeuvre(narrow, "gain", np.random.default_rng(3), effort=SMALL, count=1)
-    track = plan.flight.track
+    track = plan.execution.track
     assert max(np.ptp(track["x"]), np.ptp(track["y"])) <= 600.0
     assert "straight" in plan.refused and "area" in plan.refused["straight"]
 
@@ -123,7 +123,7 @@ def test_table_of_a_design_flies_the_same_run(tmp_path: Path) -> None:
     shape = frame(CASE.bounds, 19.0)
     orders = shape.orders(np.random.default_rng(6).uniform(-1, 1, shape.size))
     back = read_table(write_table(orders, tmp_path / "next.csv"))
-    one, two = (CASE.flight(m).track.states[-1] for m in (orders, back))
+    one, two = (CASE.execution(m).track.states[-1] for m in (orders, back))
     assert one == pytest.approx(two, rel=1e-6)
 
 
@@ -139,10 +139,10 @@ def test_goals_without_what_they_need_are_refused() -> None:
 def test_pitch_and_depth_bind_a_diving_vehicle() -> None:
     deep = build_model(load_vehicle("generic_sub"), 6)
     bounds = limits(deep, duration=300.0, depth=20.0, pitch=math.radians(5.0))
-    case = Case(deep, knowledge(deep), usual_logging(deep), bounds)
+    case = PlanningCase(deep, knowledge(deep), usual_logging(deep), bounds)
     shape = frame(bounds, deep.scales["L"] / deep.scales["U"])
     x = np.zeros(shape.size)
     n = len(shape.knots)
     x[n : 2 * n] = 1.0
-    flight = case.flight(shape.orders(x))
-    assert set(bounds.violations(flight.track)) == {"depth", "pitch"}
+    execution = case.execution(shape.orders(x))
+    assert set(bounds.violations(execution.track)) == {"depth", "pitch"}

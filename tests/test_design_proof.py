@@ -7,23 +7,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bayesid.design import Case, causes, knowledge, library_within, limits, usual_logging
-from bayesid.design.causes import CALM, evidence
-from bayesid.design.goals import shrink
-from bayesid.design.logged import cross_logs, level
-from bayesid.design.proof import flown, paired
-from bayesid.design.refit import logged
-from bayesid.diagnose.problem import pose
+from bayesid.analysis.design import PlanningCase, causes, knowledge, library_within, limits, usual_logging
+from bayesid.analysis.design.discrimination import VIRTUAL_FORCE_LEVEL, evidence
+from bayesid.analysis.design.goals import shrink
+from bayesid.analysis.design.logged_runs import cross_logs, level
+from bayesid.analysis.design.paired_comparison import paired, paired_outcomes
+from bayesid.analysis.design.virtual_refit import logged
+from bayesid.diagnosis.data.problem import build_problem
+from bayesid.equations.model import build_model
 from bayesid.errors import ModelError
 from bayesid.manoeuvres import on_grid
-from bayesid.model import build_model
+from bayesid.model.vehicles import load_vehicle
+from bayesid.simulation.virtual_trial import virtual_trial
 from bayesid.trials import Environment
-from bayesid.vehicles import load_vehicle
-from bayesid.virtual import virtual_trial
 
 MODEL = build_model(load_vehicle("generic_sub"), 3)
 KNOWN = knowledge(MODEL, [n for n in MODEL.coefficients if n not in ("X_udot", "Y_vdot", "N_rdot")])
-CASE = Case(MODEL, KNOWN, usual_logging(MODEL, dt=5.0), limits(MODEL, duration=300.0))
+CASE = PlanningCase(MODEL, KNOWN, usual_logging(MODEL, dt=5.0), limits(MODEL, duration=300.0))
 FOUND = library_within(MODEL, CASE.bounds)
 
 
@@ -31,7 +31,7 @@ def test_rich_run_wins_every_pair_against_a_straight_one_and_none_against_itself
     draws = CASE.draws(np.random.default_rng(0), 2)
     truths = CASE.draws(np.random.default_rng(1), 5)
     goal = shrink(CASE.of(FOUND["zigzag_10"], draws))
-    test = flown(
+    test = paired_outcomes(
         CASE, {"zigzag_10": FOUND["zigzag_10"]}, {n: FOUND[n] for n in ("multisine", "straight")}, goal,
         FOUND["turn"], truths, 3,
     )  # fmt: skip
@@ -46,7 +46,7 @@ def test_logs_of_a_rich_run_predict_better_and_the_table_knows_it_beforehand() -
     rng = np.random.default_rng(2)
     par = CASE.draws(rng, 1)[0]
     names = ("zigzag_modified", "zigzag_20", "random", "pullout")
-    runs = {n: [logged(MODEL, par, CASE.flight(FOUND[n], par, n), rng)] for n in names}
+    runs = {n: [logged(MODEL, par, CASE.execution(FOUND[n], par, n), rng)] for n in names}
     weights = level(MODEL, KNOWN, np.array(MODEL.nominal), runs)
     assert weights.fit.converged
     for channel, sigma in CASE.logging.sigma.items():
@@ -71,8 +71,8 @@ def test_a_planted_cause_is_told_from_its_rival_by_the_run_that_promised_to() ->
             MODEL, par, {n: flown_runs[n] for n in names}, title="told", vehicle_ref="",
             noise=CASE.logging.sigma, rng=np.random.default_rng(4),
         )  # fmt: skip
-        trial = replace(trial, environment=Environment(CALM, 0.0))
-        goal = causes(pose(MODEL, trial), ("rudder_offset", "propeller_side_force"), 0.2)
+        trial = replace(trial, environment=Environment(VIRTUAL_FORCE_LEVEL, 0.0))
+        goal = causes(build_problem(MODEL, trial), ("rudder_offset", "propeller_side_force"), 0.2)
         seen = evidence(goal)
         expected[more], margins[more] = goal.now, seen["rudder_offset"] - seen["propeller_side_force"]
     assert expected["speedsteps"] > expected["turn"] + 1
@@ -87,7 +87,7 @@ def test_causes_that_cannot_show_are_refused() -> None:
     )  # fmt: skip
     kept = replace(trial, runs=tuple(
         replace(r, data={c: r.data[c] for c in ("psi", "u")}) for r in trial.runs))  # fmt: skip
-    posed = pose(MODEL, kept)
+    posed = build_problem(MODEL, kept)
     with pytest.raises(ModelError, match="no effect gremlins"):
         causes(posed, ("gremlins", "steady_force"))
     with pytest.raises(ModelError, match="cannot show"):

@@ -8,17 +8,17 @@ import pytest
 from gap_trials import model_of, other_vehicle, planted_trial
 
 from bayesid.cli import diagnose as command
-from bayesid.coloured.evidence import ASTRAY
-from bayesid.diagnose import diagnosis, found
-from bayesid.diagnose.attempt import attempt
+from bayesid.diagnosis import diagnosed_model, run
+from bayesid.diagnosis.attempt import attempt
 from bayesid.errors import ModelError
+from bayesid.estimation.filter_error.evidence import NOT_LINEARISABLE
 from bayesid.trials import write_trial
 
 MODEL = model_of("remus100")
 
 
 def astray(*_, **__):
-    raise ModelError(ASTRAY)
+    raise ModelError(NOT_LINEARISABLE)
 
 
 def singular(*_, **__):
@@ -30,7 +30,7 @@ def test_a_step_that_fails_leaves_its_default_and_a_sentence():
     assert attempt("no map", astray, 7, told) == 7
     assert attempt("no root", singular, None, told) is None
     assert attempt("sum", lambda: 1 + 1, 0, told) == 2
-    assert told[0] == f"no map: {ASTRAY}"
+    assert told[0] == f"no map: {NOT_LINEARISABLE}"
     assert told[1] == "no root: Matrix is not positive definite" and len(told) == 2
 
 
@@ -55,11 +55,11 @@ def test_every_step_after_the_verdict_may_fail(tmp_path, monkeypatch, capsys):
     again = replace(planted_trial(MODEL, truth, 6).run("turn"), name="later", role="holdout")
     write_trial(replace(trial, vehicle_ref="remus100", runs=(*trial.runs, again)), tmp_path / "trial")
     for module, name, fails in (
-        (diagnosis, "ladder", singular),
-        (diagnosis, "propose", astray),
-        (diagnosis, "sample_effect", astray),
-        (found, "fit", astray),
-        (found, "posterior", astray),
+        (run, "validate_holdout", singular),
+        (run, "propose", astray),
+        (run, "sample_effect", astray),
+        (diagnosed_model, "fit", astray),
+        (diagnosed_model, "posterior", astray),
     ):
         monkeypatch.setattr(module, name, fails)
     out = tmp_path / "out"
@@ -69,6 +69,6 @@ def test_every_step_after_the_verdict_may_fail(tmp_path, monkeypatch, capsys):
     text = " ".join(record["warnings"])
     for step in ("held-out runs", "next manoeuvre", "posterior of ocean_current", "diagnosed model"):
         assert step in text
-    assert text.count(ASTRAY) == 3 and not (out / "model.json").exists()
+    assert text.count(NOT_LINEARISABLE) == 3 and not (out / "model.json").exists()
     assert f"verdict: {record['verdict']}" in capsys.readouterr().out
     assert "ocean current" in (out / "report.md").read_text()

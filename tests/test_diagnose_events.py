@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from gap_trials import model_of, other_vehicle, planted_trial
 
-from bayesid.coloured.fit import NOTHING
-from bayesid.coloured.path import linearise
-from bayesid.diagnose.event import blanked, released
-from bayesid.diagnose.events import identify_events, suspects, verdict_with
-from bayesid.diagnose.problem import fit_with, pose
-from bayesid.diagnose.verdict import Verdict
-from bayesid.diagnose.windows import ratios, windows
+from bayesid.diagnosis.data.event import blanked, released
+from bayesid.diagnosis.data.problem import build_problem, fit_with
+from bayesid.diagnosis.data.windows import ratios, windows
+from bayesid.diagnosis.event_search import identify_events, suspects, verdict_with
+from bayesid.diagnosis.hypotheses.verdict import Verdict
+from bayesid.estimation.filter_error.fit import NO_PARAMETERS
+from bayesid.estimation.filter_error.linearise import linearise
 
 SAMPLES = 160  # two runs of 64 L/U
 
@@ -60,7 +60,7 @@ def case(name, event):
 
     if event in ("jump", "freeze"):
         trial = spoiled(trial, {"jump": jump, "freeze": freeze}[event])
-    problem = pose(model, trial)
+    problem = build_problem(model, trial)
     return trial, problem, identify_events(problem, trial, suspects(problem))
 
 
@@ -83,7 +83,7 @@ def test_an_event_is_dated_and_its_channel_told(name, event, kind, channel, last
 @pytest.mark.parametrize("name, event", [("remus100", "jump"), ("generic_sub", "blow")])
 def test_without_the_event_the_trial_is_an_ordinary_one(name, event):
     trial, problem, events = case(name, event)
-    rest = pose(problem.model, trial, events=events)
+    rest = build_problem(problem.model, trial, events=events)
     assert rest.events == events
     before, after = fit_with(problem, ()), fit_with(rest, ())
     assert before.chi2 > 2.0 or not before.converged
@@ -105,9 +105,9 @@ def test_no_window_of_a_clean_trial_stands_out(name):
     # misfit per reading of some 30 readings: 1 give or take 0.26; 40 windows of two runs
     _, problem, events = case(name, "")
     model, fitted = problem.model, fit_with(problem, ())
-    paths = [linearise(model, log, p, NOTHING.where)
+    paths = [linearise(model, log, p, NO_PARAMETERS.where)
              for log, p in zip(problem.logs, fitted.points, strict=True)]  # fmt: skip
-    found = ratios(windows(model, paths, NOTHING, problem.environment.colours))
+    found = ratios(windows(model, paths, NO_PARAMETERS, problem.environment.noise_model))
     assert found.size > 30 and 0.8 < np.median(found) < 1.2 and found.max() < 2.5
     assert events == () and suspects(problem, fitted) == ()
 

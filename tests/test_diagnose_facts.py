@@ -1,6 +1,6 @@
 """From hypotheses to facts to a verdict, over worlds drawn at random.
 
-Expected: the outcomes of the ladder of conditions that the rules replaced.
+Expected: the outcomes of the table of horizons of conditions that the rules replaced.
 """
 
 import json
@@ -10,8 +10,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bayesid.diagnose import facts
-from bayesid.diagnose.verdict import judge
+from bayesid.diagnosis.hypotheses import facts
+from bayesid.diagnosis.hypotheses.verdict import decide
 
 FILE = Path(__file__).parent / "data" / "verdicts.json"
 WORLDS = json.loads(FILE.read_text()) if FILE.exists() else []
@@ -60,7 +60,7 @@ def test_facts_and_verdict_are_those_of_the_code_the_campaigns_were_scored_with(
         monkeypatch.setattr(facts, name, stand_in)
     expected = w["expected"]
     assert vars(facts.grounds_of(problem, comparison).facts) == pytest.approx(expected["facts"])
-    v = judge(problem, comparison)
+    v = decide(problem, comparison)
     assert v.word == expected["word"]
     for names in ("effects", "set95", "hidden"):
         assert list(getattr(v, names)) == expected[names], names

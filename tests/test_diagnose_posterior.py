@@ -10,12 +10,12 @@ from scipy.integrate import quad
 from scipy.interpolate import CubicSpline
 from scipy.stats import multivariate_normal
 
-from bayesid.coloured.fit import fit
-from bayesid.diagnose.candidate import corrected_evidence
-from bayesid.diagnose.density import effect_density, exact_evidence
-from bayesid.diagnose.problem import fit_with, pose
-from bayesid.diagnose.sampled import bridge, sample_effect
+from bayesid.diagnosis.data.problem import build_problem, fit_with
+from bayesid.diagnosis.evidence.effect_density import effect_density, exact_evidence
+from bayesid.diagnosis.evidence.effect_posterior import bridge, sample_effect
+from bayesid.diagnosis.hypotheses.candidate import corrected_evidence
 from bayesid.errors import SampleError
+from bayesid.estimation.filter_error.fit import fit
 
 # effect -> vehicle, planted values (SI, from the scales)
 CASES = {
@@ -33,7 +33,7 @@ def case(effect):
     model = model_of(name)
     s = model.scales
     truth = {f"{effect}.{k}": v for k, v in values(s["L"], s["U"]).items()}
-    problem = pose(model, planted_trial(model, other_vehicle(model, 1) | truth, 1))
+    problem = build_problem(model, planted_trial(model, other_vehicle(model, 1) | truth, 1))
     return problem, fit_with(problem, (model.effects[effect],)), truth
 
 
@@ -157,25 +157,31 @@ def test_the_density_is_right_wherever_the_loudness_of_the_environment_is_drawn(
     s, effect = model.scales, model.effects["ocean_current"]
     truth = {f"ocean_current.{k}": v for k, v in CASES["ocean_current"][1](s["L"], s["U"]).items()}
     trial = planted_trial(model, other_vehicle(model, 1) | truth, 1)
-    problem = pose(model, replace(trial, environment=None))
+    problem = build_problem(model, replace(trial, environment=None))
     fitted = fit_with(problem, (effect,))
     found = sample_effect(problem, fitted, seed=1)
     d = found.density
-    assert d.loud == ("force", "drift") and d.loudness.error < 0.1
+    assert d.loud == ("force", "drift") and d.noise_scale.error < 0.1
     far = far_draws(found)
     loud = far[:, -2:]
     assert np.abs(loud).max() > 1.2, "control: beyond a grid of a fixed width"
     chosen = [fitted.free.names.index(n) for n in found.posterior.names[: d.count]]
-    mean, factor, evidence = d.loudness.at(loud)
+    mean, factor, evidence = d.noise_scale.at(loud)
     for i, (force, drift) in enumerate(loud):
-        colours = problem.environment.colours
+        noise_model = problem.environment.noise_model
         louder = replace(
-            colours,
-            force=tuple(f * np.exp(force) for f in colours.force),
-            drift=colours.drift * np.exp(drift),
+            noise_model,
+            force=tuple(f * np.exp(force) for f in noise_model.force),
+            drift=noise_model.drift * np.exp(drift),
         )
         again = fit(
-            problem.model, problem.logs, fitted.free, louder, start=list(fitted.points), loud=0.0, passes=4
+            problem.model,
+            problem.logs,
+            fitted.free,
+            louder,
+            start=list(fitted.points),
+            loud=0.0,
+            iterations=4,
         )
         sd = np.sqrt(np.diag(again.posterior.covariance))[chosen]
         root = np.tril(factor[i], -1) + np.diag(np.exp(np.diag(factor[i])))

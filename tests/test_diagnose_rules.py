@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import pytest
 
-from bayesid.diagnose.facts import Facts, Named
-from bayesid.diagnose.rules import NAMING, RULES, WORDS, deciding
-from bayesid.diagnose.threshold_table import CONFLICT, EVEN, HIDDEN, SURE, TABLE, Limit
-from bayesid.diagnose.verdict import names_of
+from bayesid.diagnosis.hypotheses.facts import Facts, Named
+from bayesid.diagnosis.hypotheses.rules import NAMING, RULES, WORDS, deciding
+from bayesid.diagnosis.hypotheses.verdict import names_of
+from bayesid.diagnosis.threshold_table import CONFLICT, EVEN, HIDDEN, SURE, TABLE, Limit
 
 # One effect that explains a gap; chance allows 4 nats, 19 of a free signal, 3.5 sd of a coefficient.
 PLAIN = Facts(

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bayesid.diagnose import problem as problems
-from bayesid.diagnose import selection
-from bayesid.diagnose.bank import Ambiguity
+from bayesid.diagnosis.data import problem as problems
+from bayesid.diagnosis.hypotheses import search
+from bayesid.diagnosis.hypotheses.sensitivity_bank import Isolability
 from bayesid.errors import ModelError
 
 # (name, family): lag and dead are one family, wind and push too
@@ -50,10 +50,10 @@ def rivals():
 
 
 def exchanged(monkeypatch, tried, current, rivals):
-    monkeypatch.setattr(selection, "refit", tried.refit)
-    monkeypatch.setattr(selection, "again", tried.again)
-    monkeypatch.setattr(selection, "begun", lambda problem, effects, points: points)
-    return selection._exchanged(PROBLEM, [current], current, rivals, lambda text: None)
+    monkeypatch.setattr(search, "refit", tried.refit)
+    monkeypatch.setattr(search, "refit_again", tried.again)
+    monkeypatch.setattr(search, "first_fit", lambda problem, effects, points: points)
+    return search._exchanged(PROBLEM, [current], current, rivals, lambda text: None)
 
 
 def test_alike_effects_change_places_until_nothing_is_gained(monkeypatch, rivals):
@@ -83,15 +83,15 @@ def test_an_exchange_that_does_not_explain_the_data_is_not_made(monkeypatch, riv
 
 def test_a_pair_that_does_not_arrive_starts_once_more_from_the_part_that_does(monkeypatch):
     tried = Tried({}, chi2=5.0)
-    monkeypatch.setattr(selection, "refit", tried.refit)
-    monkeypatch.setattr(selection, "again", tried.again)
-    monkeypatch.setattr(selection, "begun", lambda problem, effects, points: points)
+    monkeypatch.setattr(search, "refit", tried.refit)
+    monkeypatch.setattr(search, "refit_again", tried.again)
+    monkeypatch.setattr(search, "first_fit", lambda problem, effects, points: points)
     poor, good = candidate(900.0, "lag", chi2=4.0), candidate(300.0, "wind")
     pair = (effect("wind"), effect("lag"))
-    selection._beside(PROBLEM, [poor, good], pair, lambda text: None)
+    search._beside(PROBLEM, [poor, good], pair, lambda text: None)
     assert tried.starts == [(("wind", "lag"), ("points of wind",))]
     tried.starts.clear()
-    selection._beside(PROBLEM, [poor], pair, lambda text: None)
+    search._beside(PROBLEM, [poor], pair, lambda text: None)
     assert not tried.starts  # nothing explains: no better place to begin
 
 
@@ -99,7 +99,7 @@ def test_rivals_are_those_that_take_over_half_of_what_one_shows():
     detect, size = np.array([800.0, 800.0, 800.0]), 0.5
     shows = 0.5 * size**2 * detect[0]
     margin = shows * np.array([[0.0, 0.4, 0.1], [0.6, 0.0, 0.7], [0.2, 0.9, 0.0]])
-    found = Ambiguity(("a", "b", "c"), detect, np.zeros(3), margin, (), size)
+    found = Isolability(("a", "b", "c"), detect, np.zeros(3), margin, (), size)
     assert found.rivals("a") == ("c", "b")  # most alike first
     assert found.rivals("b") == ()
     assert found.rivals("c", share=0.05) == ("a", "b")
@@ -112,15 +112,15 @@ def forward(monkeypatch, gain, free, rivals):
                    frozenset(("push", "lag")): 150.0 + gain})  # fmt: skip
     left = SimpleNamespace(outside=free, base=0.0)
     bank = SimpleNamespace(name="lag", gain=50.0)
-    fakes = {"refit": tried.refit, "again": tried.again, "begun": lambda p, e, points: points,
+    fakes = {"refit": tried.refit, "refit_again": tried.again, "first_fit": lambda p, e, points: points,
              "build_bank": lambda *a: None, "levels_between": lambda *a: [], "screen": lambda b: [bank],
              "_joint": lambda *a: None, "remainder": lambda *a: left}  # fmt: skip
     for name, fake in fakes.items():
-        monkeypatch.setattr(selection, name, fake)
-    monkeypatch.setattr(selection, "MOST", 2)
+        monkeypatch.setattr(search, name, fake)
+    monkeypatch.setattr(search, "MOST", 2)
     first = candidate(100.0, "wind")
     every = [effect(n) for n in FAMILY]
-    refits, _ = selection.several(PROBLEM, [first], first, every, rivals, lambda text: None)
+    refits, _ = search.search_several(PROBLEM, [first], first, every, rivals, lambda text: None)
     return set(refits[0].effects)
 
 
@@ -129,8 +129,8 @@ def test_a_second_effect_must_gain_half_of_what_a_free_force_does_and_is_then_ex
     assert forward(monkeypatch, 40.0, 100.0, rivals) == {"wind"}
 
 
-def outcome(chi2, converged=False, passes=25):
-    return SimpleNamespace(converged=converged, passes=passes, chi2=chi2, points=["here"])
+def outcome(chi2, converged=False, iterations=25):
+    return SimpleNamespace(converged=converged, iterations=iterations, chi2=chi2, points=["here"])
 
 
 NEAR, FAR, HOME = outcome(1.1), outcome(3.0), outcome(1.0, converged=True)
@@ -150,7 +150,7 @@ NEAR, FAR, HOME = outcome(1.1), outcome(3.0), outcome(1.0, converged=True)
 def test_a_fit_that_runs_out_of_passes_near_the_data_goes_on_once(monkeypatch, first, second, kept, calls):
     told = []
 
-    def slow(model, logs, free, colours, start=None, loud=0.03, passes=25):
+    def slow(model, logs, free, noise_model, start=None, loud=0.03, iterations=25):
         told.append((start, loud))
         out = (first, second)[len(told) - 1]
         if isinstance(out, Exception):
@@ -159,7 +159,7 @@ def test_a_fit_that_runs_out_of_passes_near_the_data_goes_on_once(monkeypatch, f
 
     monkeypatch.setattr(problems, "fit", slow)
     posed = SimpleNamespace(model=None, logs=(), coefficients=None, path_level=0.1, path=("path",),
-                            environment=SimpleNamespace(colours=None))  # fmt: skip
+                            environment=SimpleNamespace(noise_model=None))  # fmt: skip
     found = problems.fit_with(posed, ())
     assert found is (kept or first)
     assert told == [(["path"], 0.1), (["here"], 0.0)][:calls]

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from gap_trials import model_of, orders, other_vehicle, planted_trial
 
-from bayesid.diagnose import bank as banks
-from bayesid.diagnose.problem import fit_with, pose
-from bayesid.diagnose.verdict import judge, unseen
-from bayesid.diagnose.weigh import credible_set
-from bayesid.diagnose.which import compare
+from bayesid.diagnosis.data.problem import build_problem, fit_with
+from bayesid.diagnosis.hypotheses import sensitivity_bank as banks
+from bayesid.diagnosis.hypotheses.comparison import compare
+from bayesid.diagnosis.hypotheses.probabilities import credible_set
+from bayesid.diagnosis.hypotheses.verdict import decide, unseen
 from bayesid.errors import TrialError
-from bayesid.simulate import plan_run, simulate, steady_start
+from bayesid.simulation import plan_run, simulate, steady_start
 
 CATALOGUE_WORDS = ("effect", "effect_with_remainder", "several")
 
@@ -42,9 +42,9 @@ def verdict_of(name, seed, gap="", size=0.0):
         truth |= {"heading_bias.bias": size}
     if gap == "current":
         truth |= {"ocean_current.V_north": size * U, "ocean_current.V_east": -0.5 * size * U}
-    problem = pose(model, planted_trial(model, truth, seed, force))
+    problem = build_problem(model, planted_trial(model, truth, seed, force))
     candidates = compare(problem)
-    return problem, candidates, judge(problem, candidates)
+    return problem, candidates, decide(problem, candidates)
 
 
 @pytest.mark.parametrize("name, seed", [("remus100", 11), ("remus100", 12), ("generic_sub", 11)])
@@ -130,7 +130,7 @@ def test_held_out_runs_are_never_read(fill):
     U = model.scales["U"]
     trial = planted_trial(model, {"ocean_current.V_east": 0.03 * U}, 4, holdout=("turn",))
     assert [run.role for run in trial.runs] == ["identify", "holdout"]
-    problem, blind = pose(model, trial), pose(model, blinded(trial, fill))
+    problem, blind = build_problem(model, trial), build_problem(model, blinded(trial, fill))
     assert len(problem.logs) == 1 and problem.logs[0].name == "zigzag"
     assert problem.channels == blind.channels and problem.outliers == blind.outliers
     assert problem.path_level == blind.path_level and problem.environment == blind.environment
@@ -140,13 +140,13 @@ def test_held_out_runs_are_never_read(fill):
     if fill(np.zeros(1))[0] > 0:  # once is enough for the longer part
         first, second = compare(problem), compare(blind)
         assert first.evidence == second.evidence
-        assert judge(problem, first) == judge(blind, second)
+        assert decide(problem, first) == decide(blind, second)
 
 
 def test_a_trial_of_held_out_runs_only_is_refused():
     trial = planted_trial(model_of(), holdout=("zigzag", "turn"))
     with pytest.raises(TrialError, match="identify"):
-        pose(model_of(), trial)
+        build_problem(model_of(), trial)
 
 
 def spoiled(trial, wrong):
@@ -173,8 +173,8 @@ WRONG = (
 def test_planted_outliers_are_set_aside_and_dated(name):
     model = model_of(name)
     clean = planted_trial(model, other_vehicle(model, 7), 7)
-    assert pose(model, clean).outliers == ()
-    problem = pose(model, spoiled(clean, WRONG))
+    assert build_problem(model, clean).outliers == ()
+    problem = build_problem(model, spoiled(clean, WRONG))
     times = {run.name: run.t for run in clean.runs}
     expected = {(run, float(times[run][i]), channel) for run, i, channel, _ in WRONG}
     assert set(problem.outliers) == expected
@@ -212,9 +212,9 @@ def test_scattered_outliers_are_found_whatever_the_gap_and_good_readings_stay():
         )
         for seed, gap in enumerate(gaps):
             clean = planted_trial(model, other_vehicle(model, seed) | gap, seed)
-            assert pose(model, clean).outliers == (), gap
+            assert build_problem(model, clean).outliers == (), gap
             trial, hits = scattered(clean, seed)
-            aside = set(pose(model, trial).outliers)
+            aside = set(build_problem(model, trial).outliers)
             assert len(aside - hits) <= 1, gap
             found, planted = found + len(aside & hits), planted + len(hits)
     assert planted > 50
@@ -223,15 +223,15 @@ def test_scattered_outliers_are_found_whatever_the_gap_and_good_readings_stay():
 
 def test_outliers_do_not_make_a_gap():
     model = model_of()
-    problem = pose(model, spoiled(planted_trial(model, other_vehicle(model, 7), 7), WRONG))
-    assert judge(problem, compare(problem)).word == "none"
+    problem = build_problem(model, spoiled(planted_trial(model, other_vehicle(model, 7), 7), WRONG))
+    assert decide(problem, compare(problem)).word == "none"
 
 
 def test_an_effect_of_a_sensor_that_is_not_there_cannot_show():
     model = model_of()
     trial = planted_trial(model)
     runs = [replace(run, data={c: v for c, v in run.data.items() if c != "r"}) for run in trial.runs]
-    problem = pose(model, replace(trial, runs=tuple(runs)))
+    problem = build_problem(model, replace(trial, runs=tuple(runs)))
     assert "r" not in problem.channels
     assert not banks.testable(problem, model.effects["gyro_scale"])
     assert banks.testable(problem, model.effects["ocean_current"])
@@ -240,7 +240,7 @@ def test_an_effect_of_a_sensor_that_is_not_there_cannot_show():
 def test_noise_that_is_not_stated_is_estimated_and_said():
     model = model_of()
     trial = planted_trial(model)
-    problem = pose(model, replace(trial, noise={}))
+    problem = build_problem(model, replace(trial, noise={}))
     assert any("sensor noise" in w for w in problem.warnings)
     for channel, sigma in trial.noise.items():
         found = problem.logs[0].sigma[problem.channels.index(channel)]
@@ -255,7 +255,7 @@ def test_a_channel_without_noise_is_named_and_given_the_least_a_sensor_has():
     clean = simulated_readings(model)
     runs = [replace(r, data={**r.data, "r": clean[r.name], "v": np.zeros(r.n_samples)}) for r in trial.runs]
     noise = {c: s for c, s in trial.noise.items() if c != "v"} | {"r": 1e-9}
-    problem = pose(model, replace(trial, runs=tuple(runs), noise=noise))
+    problem = build_problem(model, replace(trial, runs=tuple(runs), noise=noise))
     told = next(w for w in problem.warnings if "no noise to speak of" in w)
     assert "in v, r (" in told
     U, L = model.scales["U"], model.scales["L"]

@@ -7,11 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bayesid.diagnose import candidate as candidates
-from bayesid.diagnose import facts, verdict
-from bayesid.diagnose.event import Event
-from bayesid.diagnose.events import verdict_with
-from bayesid.diagnose.place import place_of, places
+from bayesid.diagnosis.data.event import Event
+from bayesid.diagnosis.event_search import verdict_with
+from bayesid.diagnosis.hypotheses import candidate as candidates
+from bayesid.diagnosis.hypotheses import facts, verdict
+from bayesid.diagnosis.hypotheses.location import location_of, locations
 
 FAMILY = {"a": "one", "b": "two", "c": "three", "d": "one"}
 EFFECTS = tuple(SimpleNamespace(name=n, family=f, where=("N",)) for n, f in FAMILY.items())
@@ -27,7 +27,7 @@ def plain(monkeypatch):
     monkeypatch.setattr(facts, "idle", lambda best, problem: ())
     monkeypatch.setattr(facts, "pulls", lambda fit, problem: np.array([0.5]))
     agreed = SimpleNamespace(total=1.0, disagreement=0.5, disagree=False, refuted=False)
-    monkeypatch.setattr(facts, "crossed", lambda best, none, k: agreed)
+    monkeypatch.setattr(facts, "cross_validate", lambda best, none, k: agreed)
 
 
 def candidate(log_evidence, *effects):
@@ -39,7 +39,7 @@ def judged(
     refits, probabilities, inside=None, left=0.0, before=30.0, absorbed=(), as_built=False, faint=(), speak=()
 ):
     best = max(refits, key=lambda c: c.log_evidence)
-    return verdict.judge(
+    return verdict.decide(
         SimpleNamespace(**vars(PROBLEM) | {"as_built": as_built}),
         SimpleNamespace(
             none=candidate(0.0),
@@ -130,7 +130,7 @@ def test_several_effects_are_named_beside_a_remainder_that_is_small_for_each(pai
 
 def test_what_chance_may_leave_takes_no_effect_away_though_the_runs_disagree(pair, monkeypatch):
     differ = SimpleNamespace(total=1.0, disagreement=1e-5, disagree=True, refuted=False)
-    monkeypatch.setattr(facts, "crossed", lambda best, none, k: differ)
+    monkeypatch.setattr(facts, "cross_validate", lambda best, none, k: differ)
     small = [candidate(60.0, "a", "b"), candidate(40.0, "a"), candidate(30.0, "b")]
     assert judged(small, {"a": 0.5, "b": 0.5}, {"a": 1.0, "b": 1.0}, left=12.0).effects == ("a", "b")
 
@@ -194,6 +194,6 @@ def test_a_named_cause_puts_the_gap_where_it_acts_and_an_unknown_one_where_a_fre
             where=where, probabilities={"none": 0.0} | probabilities, thresholds=SimpleNamespace(named=3.0)
         )
 
-    assert place_of(told(a=1.0), model) == "N"
-    assert place_of(told(outside=1.0), model) == "psi"
-    assert sum(places(told(a=0.7, outside=0.3), model).values()) == pytest.approx(1.0)
+    assert location_of(told(a=1.0), model) == "N"
+    assert location_of(told(outside=1.0), model) == "psi"
+    assert sum(locations(told(a=0.7, outside=0.3), model).values()) == pytest.approx(1.0)

@@ -8,8 +8,15 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 
-from bayesid.diagnose.threshold_table import ALIKE, FORM, PRIOR_CATALOGUE, PRIOR_NONE, PRIOR_OUTSIDE
-from bayesid.diagnose.weigh import Left, comparable, credible_set, probabilities, rows, weights
+from bayesid.diagnosis.hypotheses.probabilities import (
+    Remainder,
+    comparable,
+    credible_set,
+    probabilities,
+    rows,
+    weights,
+)
+from bayesid.diagnosis.threshold_table import ALIKE, FORM, PRIOR_CATALOGUE, PRIOR_NONE, PRIOR_OUTSIDE
 
 WORLDS = json.loads((Path(__file__).parent / "data" / "weights.json").read_text())
 
@@ -23,7 +30,7 @@ def world(w):
     """Arguments of `probabilities` from plain data."""
     told = w["left"]
     rest = {tuple(k.split(",")): v for k, v in told["rest"].items()}
-    left = Left(rest, told["shows"], told["share"], told["kept"])
+    left = Remainder(rest, told["shows"], told["share"], told["kept"])
     where = SimpleNamespace(base=w["base"])
     places = {n: tuple(p) for n, p in w["places"].items()}
     refits = [fitted(**r) for r in w["refits"]]
@@ -54,8 +61,8 @@ def test_rows_are_every_hypothesis_once_and_the_weights_their_sum():
 def test_one_faint_effect_splits_its_prior_as_stated():
     """Nothing gains: what is left is the priors, with half of what lies outside like no effect."""
     evidence = {"a": 0.0, "outside": 0.0}
-    gains = comparable(evidence, [], fitted((), 0.0), SimpleNamespace(base=0.0), 1.0, Left())
-    table = rows(gains, evidence, Left(), {})
+    gains = comparable(evidence, [], fitted((), 0.0), SimpleNamespace(base=0.0), 1.0, Remainder())
+    table = rows(gains, evidence, Remainder(), {})
     priors = {r.reading: np.exp(r.log_prior) for r in table}
     assert priors["nothing"] == pytest.approx(PRIOR_NONE)
     assert priors["as the catalogue has it"] == pytest.approx(PRIOR_CATALOGUE)

@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from bayesid.diagnose.interval import choice, warning
-from bayesid.figures.diagnosis import bars, symlog_ticks
-from bayesid.figures.style import COLOURS
-from bayesid.report.blocks import cell_text
-from bayesid.sections.diagnosis import _held, _unlisted
-from bayesid.sections.diagnosis_cause import where_blocks
-from bayesid.sections.diagnosis_proof import proof_label, shrink_blocks
-from bayesid.sections.diagnosis_words import in_words, unsigned_zeros
-from bayesid.sections.effect_interval import lead_words, why
+from bayesid.diagnosis.evidence.effect_interval import choice, warning
+from bayesid.report.diagnosis.cause import where_blocks
+from bayesid.report.diagnosis.effect_interval import lead_words, why
+from bayesid.report.diagnosis.figures import bars, symlog_ticks
+from bayesid.report.diagnosis.holdout import proof_label, shrink_blocks
+from bayesid.report.diagnosis.report import _held, _unlisted
+from bayesid.report.diagnosis.words import in_words, unsigned_zeros
+from bayesid.report.figure_style import COLOURS
+from bayesid.report.writer.blocks import cell_text
 
 CHANCE = Plain(named=3.5, remainder=12.7)
 
 
-def a_diagnosis(word="effect", named=("wind",), best=("wind",), gain=50.0, free=30.0, rungs=()):
+def a_diagnosis(word="effect", named=("wind",), best=("wind",), gain=50.0, free=30.0, horizons=()):
     """As much of a diagnosis as the sections below read."""
 
     def of(effects, evidence):
@@ -37,7 +37,7 @@ def a_diagnosis(word="effect", named=("wind",), best=("wind",), gain=50.0, free=
     return Plain(
         candidates=found,
         verdict=Plain(word=word, effects=named),
-        shrink=Plain(rungs=rungs, runs=("r7",), measures=()),
+        shrink=Plain(horizons=horizons, runs=("r7",), measures=()),
         problem=Plain(environment=Plain(source="measured"), channels=("x", "psi")),
     )
 
@@ -65,11 +65,11 @@ def test_only_a_model_of_exactly_what_is_named_is_called_with_the_effect(word, n
 def test_a_channel_no_held_out_run_reads_has_a_dash():
     rms = {"x": 2.0, "psi": float("nan")}
     models = ("nominal", "recalibrated", "with effect")
-    rung = Plain(
+    horizon_row = Plain(
         horizon="full replay", seconds=float("nan"), excess=dict.fromkeys(models, 3.0), shrink=0.5,
         interval=(0.1, 0.9), worth=True, rms=dict.fromkeys(models, rms),
     )  # fmt: skip
-    table = shrink_blocks(a_diagnosis(rungs=(rung,)))[3]
+    table = shrink_blocks(a_diagnosis(horizons=(horizon_row,)))[3]
     cells = {row[0]: [cell_text(c) for c in row[1:]] for row in table.rows}
     assert cells == {"x [m]": ["2"] * 3, "psi [deg]": ["–"] * 3}
 

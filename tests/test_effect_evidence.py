@@ -9,11 +9,11 @@ from functools import lru_cache
 import pytest
 from gap_trials import other_vehicle, planted_trial
 
-from bayesid.diagnose.candidate import corrected_evidence
-from bayesid.diagnose.problem import fit_with, pose
-from bayesid.effects.alternatives import ALTERNATIVES, of
-from bayesid.model import build_model
-from bayesid.vehicles import Prior, load_vehicle
+from bayesid.diagnosis.data.problem import build_problem, fit_with
+from bayesid.diagnosis.hypotheses.candidate import corrected_evidence
+from bayesid.equations.model import build_model
+from bayesid.model.effects.alternatives import ALTERNATIVES, of
+from bayesid.model.vehicles import CoefficientPrior, load_vehicle
 
 # alternative -> parameters planted in either form; both at the size a prior expects
 SIZES = {
@@ -27,7 +27,7 @@ SIZES = {
 @lru_cache
 def model():
     vehicle = load_vehicle("generic_sub")
-    known = replace(vehicle, prior=Prior(dict.fromkeys(vehicle.coef, 0.05)))
+    known = replace(vehicle, prior=CoefficientPrior(dict.fromkeys(vehicle.coef, 0.05)))
     return build_model(known, 3, declared=ALTERNATIVES)
 
 
@@ -44,7 +44,7 @@ def test_the_form_that_was_planted_has_the_higher_evidence(name):
     margins = []
     for true, false in (forms, forms[::-1]):
         values = {f"{true}.{k}": v for k, v in SIZES[name].items()}
-        problem = pose(model(), planted_trial(model(), other_vehicle(model(), 1) | values, 1))
+        problem = build_problem(model(), planted_trial(model(), other_vehicle(model(), 1) | values, 1))
         right, wrong = (corrected_evidence(fit_with(problem, (model().effects[n],))) for n in (true, false))
         margins.append(right - wrong)
     print(f"{name}: {of(name)} planted {margins[0]:.1f} nats for it, the other form {margins[1]:.1f}")

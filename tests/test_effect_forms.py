@@ -11,14 +11,14 @@ from plain_kernel import equations, equations_with
 from reference_motion import rotation
 from test_physics_equations import random_point
 
-from bayesid.effects import CATALOGUE
-from bayesid.effects.alternatives import ALTERNATIVES, of
-from bayesid.effects.describe import alternatives, describe
-from bayesid.effects.describe import equations as lines_of
-from bayesid.kernels.layout import KernelSpec
-from bayesid.plant.body import build
-from bayesid.plant.settings import settings
-from bayesid.vehicles import load_vehicle
+from bayesid.benchmark.plant.body import build
+from bayesid.benchmark.plant.settings import settings
+from bayesid.equations.layout import KernelSpec
+from bayesid.model.effects import CATALOGUE
+from bayesid.model.effects.alternatives import ALTERNATIVES, of
+from bayesid.model.effects.describe import alternatives, describe
+from bayesid.model.effects.describe import equations as lines_of
+from bayesid.model.vehicles import load_vehicle
 
 BY_NAME = {e.name: e for e in (*CATALOGUE, *ALTERNATIVES)}
 SIX = KernelSpec(6)
@@ -318,7 +318,7 @@ def test_the_plants_ballast_brings_the_same_inertia():
 
 def test_a_stern_that_swings_outward_spares_the_plants_rudder_from_stalling():
     """Positive rudder turns to port: drift to starboard, bow to port, less angle between flow and rudder."""
-    from bayesid.plant.forces import _rudder_angle
+    from bayesid.benchmark.plant.forces import _rudder_angle
 
     vehicle = load_vehicle("generic_sub")
     number = build(vehicle, vehicle.coef, 3, settings()).number
@@ -357,7 +357,7 @@ def test_an_effect_can_be_told_in_words(effect):
 
 def test_the_picture_of_the_forms_draws_what_is_declared():
     """Stall of the catalogue at its own angle keeps 3/4 of the lift: 1/(1 + 1/3)."""
-    from bayesid.figures.effects import forms
+    from bayesid.report.effects_figures import forms
 
     figure = forms()
     stall = figure.axes[0].lines[0]

@@ -9,15 +9,15 @@ import pytest
 from golden_kernel import PUSH
 from plain_kernel import EVERY, uncompiled
 
-from bayesid.effects import CATALOGUE, PORTS
+from bayesid.equations import runtime
+from bayesid.equations.generate import module_source
+from bayesid.equations.layout import KernelSpec
+from bayesid.equations.model import build_model, without_effects
 from bayesid.errors import ModelError
-from bayesid.kernels import runtime
-from bayesid.kernels.generate import module_source
-from bayesid.kernels.layout import KernelSpec
-from bayesid.model import build_model, without_effects
-from bayesid.simulate import observe, plan_run, simulate, steady_start
-from bayesid.terms import term
-from bayesid.vehicles import load_vehicle
+from bayesid.model.effects import CATALOGUE, PORTS
+from bayesid.model.terms import term
+from bayesid.model.vehicles import load_vehicle
+from bayesid.simulation import observe, plan_run, simulate, steady_start
 
 AGREED = tomllib.loads((Path(__file__).parent / "data" / "effect_names.toml").read_text("utf-8"))["effect"]
 BY_NAME = {e.name: e for e in CATALOGUE}
@@ -139,8 +139,8 @@ def test_wind_blows_to_where_its_parameters_point():
 
 
 def test_every_row_of_the_table_is_in_some_kernel():
-    from bayesid.kernels.layout import rows_of
-    from bayesid.terms import TERMS
+    from bayesid.equations.layout import rows_of
+    from bayesid.model.terms import TERMS
 
     carried = {row.name for spec in EVERY for row in rows_of(spec)}
     assert carried == {row.name for row in TERMS}

@@ -1,4 +1,4 @@
-"""Sparse regression as a witness: exact where it must be, and silent where runs cannot tell."""
+"""Sparse regression as a check: exact where it must be, and silent where runs cannot tell."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ import numpy as np
 import pytest
 
 import bayesid
-from bayesid.cli.guard import run as cli
+from bayesid.analysis.excitation import LibraryColumn, exact_motion, excite, library
+from bayesid.analysis.excitation.columns import evaluate, rows, theta
+from bayesid.analysis.excitation.regression import excite_motions
+from bayesid.analysis.excitation.row_selection import ENGINE, select_axis
+from bayesid.analysis.excitation.track_smoother import smooth_tracks, stated_or_rough
+from bayesid.cli.main import run as cli
+from bayesid.equations.model import build_model
 from bayesid.errors import ModelError, TrialError
-from bayesid.excitation import Column, exact_motion, excite, library
-from bayesid.excitation.columns import evaluate, rows, theta
-from bayesid.excitation.select import ENGINE, select_axis
-from bayesid.excitation.track import smooth_tracks, stated_or_rough
-from bayesid.excitation.witness import excite_motions
 from bayesid.manoeuvres import library as manoeuvre_library
-from bayesid.model import build_model
-from bayesid.report.write import versions
-from bayesid.sections.richness_numbers import maps_of
-from bayesid.simulate import plan_run, steady_start
-from bayesid.vehicles import load_vehicle
-from bayesid.virtual import virtual_run
+from bayesid.model.vehicles import load_vehicle
+from bayesid.report.writer.write import versions
+from bayesid.simulation import plan_run, steady_start
+from bayesid.simulation.virtual_trial import virtual_run
+from studies.manoeuvre_richness.summaries import maps_of
 
 # Sensor noise over L, L, 1, U/L, U, U at 19 readings per L/U: a navigation-grade set on a submarine.
 SIGMA = {"x": 0.0127, "y": 0.0127, "psi": 0.0075, "r": 0.0139, "u": 0.0018, "v": 0.0018}
@@ -46,7 +46,7 @@ def manoeuvres(model, dt=0.053):
     return manoeuvre_library(s["L"], s["U"], model.vehicle.rpm_ref, limit, dt=dt * s["L"] / s["U"])
 
 
-def flown(model, names, values=None, share=1.0, seed=1):
+def executed(model, names, values=None, share=1.0, seed=1):
     """Noisy runs and the noise on them."""
     s = model.scales
     unit = {"x": s["L"], "y": s["L"], "psi": 1.0, "r": s["U"] / s["L"], "u": s["U"], "v": s["U"]}
@@ -69,9 +69,9 @@ def exact(model, names, values=None, dt=0.2):
     return out
 
 
-def witness(found, name, beyond=False):
+def selection(found, name, beyond=False):
     fits = found.beyond if beyond else found.axes
-    return next(w for f in fits for w in f.witnesses if w.name == name)
+    return next(w for f in fits for w in f.selections if w.name == name)
 
 
 def cubic(model):
@@ -135,7 +135,7 @@ def test_a_bang_bang_rudder_cannot_tell_delta_from_delta_abs_delta(remus):
     speed = np.full(t.size, remus.vehicle.rpm_ref)
     par = remus.with_values({"inverse_rate_r": 1e-9})  # the one sample a servo takes would tell them apart
     columns = list(library(remus, extra=False))
-    planted = Column("N_dr|dr|", "N", "u*u*delta_r*abs(delta_r)", is_row=False)
+    planted = LibraryColumn("N_dr|dr|", "N", "u*u*delta_r*abs(delta_r)", is_row=False)
     for order in ([*columns, planted], [planted, *columns]):
         found = {}
         for name, rudder in (("bang", bang), ("steps", np.where(t > 30, 0.5, 1.0) * bang)):
@@ -143,7 +143,7 @@ def test_a_bang_bang_rudder_cannot_tell_delta_from_delta_abs_delta(remus):
             motion = exact_motion(remus, par, plan, steady_start(remus))
             data = rows(remus, [motion], order, "strong")
             fit = select_axis(data, "N", 20, np.random.default_rng(0))
-            found[name] = {w.name: w for w in fit.witnesses}
+            found[name] = {w.name: w for w in fit.selections}
         for name in ("N_dr", "N_dr|dr|"):
             assert found["bang"][name].status == "cannot tell"
             assert set(found["bang"][name].group) == {"N_dr", "N_dr|dr|"}
@@ -153,12 +153,12 @@ def test_a_bang_bang_rudder_cannot_tell_delta_from_delta_abs_delta(remus):
 
 def test_a_steady_turn_cannot_tell_vv_from_vr_from_rr(submarine):
     """In a spiral v/r hardly changes (correlations above 0.999): X_vv, X_vr and X_rr make one force."""
-    runs, noise = flown(submarine, ["spiral"])
+    runs, noise = executed(submarine, ["spiral"])
     found = excite(submarine, runs, noise, draws=50)
     groups = [set(g) for g in found.groups]
     assert any({"X_vr", "X_vv"} <= g or {"X_vr", "X_rr"} <= g or {"X_vv", "X_rr"} <= g for g in groups)
     for name in ("X_vv", "X_vr", "X_rr", "N_r|r|", "N_|v|r", "N_v|v|", "Y_v|v|", "Y_v|r|"):
-        assert witness(found, name).status != "found", name
+        assert selection(found, name).status != "found", name
 
 
 @pytest.mark.slow
@@ -167,41 +167,42 @@ def test_a_plain_ensemble_names_terms_a_spiral_cannot_tell(submarine):
     there."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # pysindy's dependencies warn on import
-        from bayesid.excitation.sindy import ensemble
-    runs, noise = flown(submarine, ["spiral"])
+        from bayesid.analysis.excitation.sindy import ensemble
+    runs, noise = executed(submarine, ["spiral"])
     motions, _ = smooth_tracks(submarine, runs, noise)
     kept = ensemble(submarine, motions, library(submarine, extra=False), "Y", threshold=0.05, draws=20)
     assert min(kept[n] for n in ("Y_vvv", "Y_vvr", "Y_vrr", "Y_rrr")) >= 0.8
     ours = excite_motions(submarine, motions, draws=20)
-    assert not [n for n in ("Y_vvv", "Y_vvr", "Y_vrr", "Y_rrr") if witness(ours, n).status == "found"]
+    assert not [n for n in ("Y_vvv", "Y_vvr", "Y_vrr", "Y_rrr") if selection(ours, n).status == "found"]
 
 
 def test_a_planted_cubic_is_found_from_rich_runs_and_not_told_from_a_spiral(submarine):
     names = ["multisine", "zigzag_20_port", "prbs"]
-    runs, noise = flown(submarine, names, cubic(submarine), share=0.3)
-    rich = witness(excite(submarine, runs, noise, draws=50), "Y_vvv", beyond=True)
+    runs, noise = executed(submarine, names, cubic(submarine), share=0.3)
+    rich = selection(excite(submarine, runs, noise, draws=50), "Y_vvv", beyond=True)
     assert rich.status == "found" and rich.inclusion >= 0.8
     (truth,) = cubic(submarine).values()
     assert abs(rich.value / truth - 1.0) < 0.15
-    runs, noise = flown(submarine, ["spiral"], cubic(submarine), share=0.3)
+    runs, noise = executed(submarine, ["spiral"], cubic(submarine), share=0.3)
     poor = excite(submarine, runs, noise, draws=50)
-    assert witness(poor, "Y_vvv", beyond=True).status != "found"
+    assert selection(poor, "Y_vvv", beyond=True).status != "found"
     assert "Y_vvv" not in [w.name for w in poor.candidates]
 
 
 @pytest.mark.slow
 def test_without_a_planted_term_rich_runs_ask_for_none(submarine):
     """The negative control of the planted cubic: same runs, same noise."""
-    runs, noise = flown(submarine, ["multisine", "zigzag_20_port", "prbs"], share=0.3)
+    runs, noise = executed(submarine, ["multisine", "zigzag_20_port", "prbs"], share=0.3)
     assert not excite(submarine, runs, noise, draws=50).candidates
 
 
 def test_smoothed_velocities_are_as_wrong_as_they_say(submarine):
-    """Truth flown without noise. 95 % of z within 2.6: a Gaussian has 99 %, corners of rudder steps take the
+    """Truth executed without noise. 95 % of z within 2.6: a Gaussian has 99 %, corners of rudder steps take
+    the
     rest."""
     names = ["zigzag_20_port", "multisine"]
-    runs, noise = flown(submarine, names)
-    clean, _ = flown(submarine, names, share=0.0)
+    runs, noise = executed(submarine, names)
+    clean, _ = executed(submarine, names, share=0.0)
     motions, _ = smooth_tracks(submarine, runs, noise)
     for motion, run in zip(motions, clean, strict=True):
         for channel in ("u", "v", "r"):
@@ -213,8 +214,8 @@ def test_smoothed_velocities_are_as_wrong_as_they_say(submarine):
 
 
 def test_velocities_come_from_positions_and_heading_alone(submarine):
-    runs, noise = flown(submarine, ["zigzag_20_port"], share=0.3)
-    clean, _ = flown(submarine, ["zigzag_20_port"], share=0.0)
+    runs, noise = executed(submarine, ["zigzag_20_port"], share=0.3)
+    clean, _ = executed(submarine, ["zigzag_20_port"], share=0.0)
     motions, _ = smooth_tracks(submarine, only(runs, ("x", "y", "psi")), noise)
     truth = 0.5 * (clean[0].data["v"][1:] + clean[0].data["v"][:-1])
     wrong = motions[0].states[:, submarine.states.index("v")] - truth
@@ -225,8 +226,8 @@ def test_what_is_our_own_selection_is_not_called_pysindy():
     """No text of a report or of the command line names PySINDy but to say that it is not the engine."""
     root = Path(bayesid.__file__).parent
     said = []
-    for part in ("sections", "figures", "cli", "report", "design", "diagnose"):
-        for file in sorted((root / part).glob("*.py")):
+    for part in ("report", "cli", "analysis/design", "diagnose", "predict"):
+        for file in sorted((root / part).rglob("*.py")):
             said += [line.strip() for line in file.read_text().splitlines() if "indy" in line]
     assert all("PySINDy is not its engine" in s or '"sindy_inclusion"' in s for s in said), said
     assert "PySINDy is not its engine" in ENGINE
@@ -244,7 +245,7 @@ def test_pysindy_finds_the_same_coefficients(remus):
     """Expected: pysindy's own STLSQ, without noise, threshold between true and false terms."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # pysindy's dependencies warn on import
-        from bayesid.excitation.sindy import stlsq
+        from bayesid.analysis.excitation.sindy import stlsq
     motions = exact(remus, ["multisine", "zigzag_10_port", "chirp"])
     columns = [c for c in library(remus, extra=False) if c.axis == "Y"]
     values = stlsq(remus, motions, columns, "Y", threshold=1e-6)
@@ -255,17 +256,17 @@ def test_pysindy_finds_the_same_coefficients(remus):
 
 
 def test_noise_that_is_not_stated_is_taken_from_the_log(submarine):
-    runs, noise = flown(submarine, ["zigzag_20_port", "multisine"])
+    runs, noise = executed(submarine, ["zigzag_20_port", "multisine"])
     found = stated_or_rough(runs, {"x": noise["x"]})
     assert found["x"] == noise["x"]
     for channel in ("y", "psi", "r", "u", "v"):
         assert found[channel] == pytest.approx(noise[channel], rel=0.15)
-    clean, _ = flown(submarine, ["multisine"], share=0.0)
+    clean, _ = executed(submarine, ["multisine"], share=0.0)
     assert smooth_tracks(submarine, clean, {})[0][0].sd.max() < 1.0
 
 
 def test_a_log_without_speed_or_position_is_refused(submarine):
-    runs, noise = flown(submarine, ["zigzag_10_port"])
+    runs, noise = executed(submarine, ["zigzag_10_port"])
     with pytest.raises(TrialError, match="u, v cannot be had from psi, r"):
         smooth_tracks(submarine, only(runs, ("psi", "r")), noise)
 

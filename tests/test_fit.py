@@ -8,21 +8,27 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bayesid.equations.model import build_model
 from bayesid.errors import FitError
+from bayesid.estimation.output_error import FitOptions, coefficient_set, fit, load_fit, trial_problem
+from bayesid.estimation.output_error.simulated_recovery import (
+    RecoveryCase,
+    draw,
+    make_target,
+    problem_of,
+    run_case,
+    run_seeds,
+)
 from bayesid.files import read_lines
-from bayesid.fit import Options, fit, load_fit
-from bayesid.fit.twin import Case, draw, make_target, problem_of, run_case, run_seeds
-from bayesid.likelihood import coefficient_set, trial_problem
 from bayesid.manoeuvres import spiral, zigzag
-from bayesid.model import build_model
-from bayesid.params import Parameter, ParameterSet, Prior
-from bayesid.simulate import steady_start
-from bayesid.vehicles import load_vehicle
-from bayesid.virtual import virtual_trial
+from bayesid.model.params import Parameter, ParameterSet, Prior
+from bayesid.model.vehicles import load_vehicle
+from bayesid.simulation import steady_start
+from bayesid.simulation.virtual_trial import virtual_trial
 
 NOISE = {"x": 1.0, "y": 1.0, "psi": 0.01, "u": 0.05, "v": 0.05, "r": 1e-3}
 FREE = ("Y_v", "N_v", "Y_r", "N_r", "Y_dr", "N_dr")
-PAPER = Options(gain=0.0, relative_gain=1e-3)
+PAPER = FitOptions(gain=0.0, relative_gain=1e-3)
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +62,7 @@ def test_noise_free_data_give_back_every_coefficient(model):
     x0 = steady_start(model, 90.0)
     target = make_target(model, "spiral", spiral(90.0, dt=1.0), x0)
     unknown = ("X_rr", "X_vr", "Y_r", "Y_v|r|", "Y_|r|dr", "N_r", "N_|v|r", "N_r|r|", "N_|r|dr")
-    record = run_case(model, Case("2a", "", unknown), 3, [target], [target])
+    record = run_case(model, RecoveryCase("2a", "", unknown), 3, [target], [target])
     assert np.abs(np.array(record["end"]["ratio"]) - 1).max() < 1e-6
     assert record["status"] in ("rounding", "converged")
 
@@ -77,14 +83,14 @@ def test_noise_estimated_from_the_residuals_is_the_noise_that_was_added(model):
     problem = trial_problem(model, trial, coefficient_set(model, FREE)).with_sigma(
         {c: 5 * s for c, s in NOISE.items()}
     )
-    result = fit(problem, Options(profile=True))
+    result = fit(problem, FitOptions(profile=True))
     assert result.converged
     for channel, sigma in NOISE.items():  # 602 readings: the estimate scatters by 3 %
         assert result.sigma[channel] == pytest.approx(sigma, rel=0.12)
 
 
 def test_a_flat_valley_is_never_called_a_success(model, spiral_target):
-    case = Case("1", "", model.coefficients, bounds_around="start", bounds=0.1)
+    case = RecoveryCase("1", "", model.coefficients, bounds_around="start", bounds=0.1)
     params, base = draw(model, case, 0)
     problem = problem_of(model, params, base, [spiral_target])
     result = fit(problem, replace(PAPER, goal=1e-10 * problem.cost(problem.start)))
@@ -101,8 +107,8 @@ def test_a_prior_that_holds_a_flat_direction_makes_it_a_success(model):
         replace(p, prior=Prior("normal", p.start, 0.1 * abs(p.start))) if p.name.endswith("dot") else p
         for p in free.entries
     )
-    loose = fit(trial_problem(model, trial, free), Options(rounds=6))
-    held = fit(trial_problem(model, trial, ParameterSet(priors)), Options(rounds=6))
+    loose = fit(trial_problem(model, trial, free), FitOptions(rounds=6))
+    held = fit(trial_problem(model, trial, ParameterSet(priors)), FitOptions(rounds=6))
     assert sum(d.exact and d.decided_by == "bounds" for d in loose.flat) == 2
     assert not any(d.exact and d.decided_by != "prior" for d in held.flat)
     by_prior = replace(held, status="converged", flat=tuple(d for d in held.flat if d.decided_by == "prior"))
@@ -152,7 +158,7 @@ def test_a_killed_fit_goes_on_from_its_last_iterate_and_ends_in_the_same_place(m
 def test_another_problem_does_not_resume_from_a_foreign_log(model, tmp_path):
     trial = zigzag_trial(model, NOISE, seed=8)
     problem = trial_problem(model, trial, coefficient_set(model, FREE))
-    fit(problem, Options(rounds=1), folder=tmp_path)
+    fit(problem, FitOptions(rounds=1), folder=tmp_path)
     other = trial_problem(model, trial, coefficient_set(model, FREE[:3]))
     result = fit(other, folder=tmp_path)
     lines = read_lines(tmp_path / "iterates.jsonl")
@@ -203,7 +209,7 @@ def test_a_log_whose_cost_is_not_that_of_its_values_is_refused_and_kept_aside(mo
 def test_other_options_do_not_go_on_from_the_log(model, tmp_path):
     trial = zigzag_trial(model, NOISE, seed=8, par=planted(model))
     problem = trial_problem(model, trial, coefficient_set(model, FREE[:2]))
-    first = fit(problem, Options(rounds=1, iterations=1), folder=tmp_path)
+    first = fit(problem, FitOptions(rounds=1, iterations=1), folder=tmp_path)
     assert first.status == "budget"  # which used to stand, however many rounds were allowed next time
     assert fit(problem, folder=tmp_path).converged
 
@@ -211,13 +217,15 @@ def test_other_options_do_not_go_on_from_the_log(model, tmp_path):
 def test_several_starts_tell_how_many_end_in_the_same_place(model):
     trial = zigzag_trial(model, NOISE, seed=9)
     problem = trial_problem(model, trial, coefficient_set(model, FREE, use_prior=False), initial=False)
-    result = fit(problem, Options(starts=3, seed=4))
+    result = fit(problem, FitOptions(starts=3, seed=4))
     assert len(result.starts) == 3 and "3 of 3 starts end there" in result.message
 
 
 def test_a_fit_that_may_not_finish_is_a_result_that_says_so(model):
     trial = zigzag_trial(model, NOISE, seed=9, par=planted(model))
-    result = fit(trial_problem(model, trial, coefficient_set(model, FREE)), Options(rounds=1, iterations=1))
+    result = fit(
+        trial_problem(model, trial, coefficient_set(model, FREE)), FitOptions(rounds=1, iterations=1)
+    )
     assert not result.converged and result.status == "budget" and "allow more rounds" in result.message
 
 

@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bayesid.equations.model import build_model
 from bayesid.errors import FitError
-from bayesid.fit import fit_trial
-from bayesid.fit.trial import memory, outcomes
+from bayesid.estimation.output_error import fit_trial
+from bayesid.estimation.output_error.trial_fit import memory, outcomes
 from bayesid.manoeuvres import turn, zigzag
-from bayesid.model import build_model
-from bayesid.sections.fit import fit_report, write_fit_report
-from bayesid.vehicles import coef_si, load_vehicle
-from bayesid.virtual import virtual_trial
+from bayesid.model.vehicles import coef_si, load_vehicle
+from bayesid.report.fit import fit_report, write_fit_report
+from bayesid.simulation.virtual_trial import virtual_trial
 
 NOISE = {"x": 1.0, "y": 1.0, "psi": 0.01, "u": 0.05, "v": 0.05, "r": 1e-3}
 FREE = ("Y_v", "N_v", "Y_r", "N_r", "Y_dr", "N_dr")

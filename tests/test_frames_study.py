@@ -1,34 +1,29 @@
 """The study of hidden causes and look-alikes: campaigns of a wanted plainness, scores, its report."""
 
-import sys
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from bayesid.blind import as_built, ask, extra_run
-from bayesid.blind.detect import Detectability, detectability
+import studies.frames.run as frames
+from bayesid.benchmark.plant import VEHICLES, draw_campaign, execute_campaign
+from bayesid.benchmark.protocol.detectability import Detectability, detectability
+from bayesid.equations.model import build_model
 from bayesid.manoeuvres import ClosedLoop
-from bayesid.model import build_model
-from bayesid.plant import VEHICLES, draw_campaign, fly_campaign
+from bayesid.model.vehicles import load_vehicle
 from bayesid.progress import Progress
-from bayesid.report import write
-from bayesid.sections.blind_frames import frames_report
-from bayesid.vehicles import load_vehicle
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "studies"))
-
-import frames
+from bayesid.report.writer import write
+from studies.frames import as_built, diagnose_campaign, extra_run
+from studies.frames.report import frames_report
 
 QUIET = Progress(quiet=True)
 
 
-def fouled(size, sd=as_built.KNOWN):
+def fouled(size, sd=as_built.AS_BUILT_SD):
     made = draw_campaign(
         71, effects=("hull_fouling",), vehicle="lauv", dof=3, sea="still", prior_sd=sd, sizes=(size, size)
     )
-    return ask.identify_only(made)
+    return diagnose_campaign.identify_only(made)
 
 
 def test_a_fouled_hull_is_hidden_by_free_coefficients_and_shows_as_built_by_the_square_of_its_size():
@@ -44,15 +39,15 @@ def test_a_fouled_hull_is_hidden_by_free_coefficients_and_shows_as_built_by_the_
 
 
 def test_a_campaign_is_brought_to_the_noncentrality_asked_for():
-    made = ask.aimed(fouled, 60.0)
+    made = diagnose_campaign.aimed(fouled, 60.0)
     assert detectability(made, rivals=False)[0].noncentrality == pytest.approx(60.0, rel=0.25)
-    assert made.planted[0].size != ask.SIZE_TO_START
+    assert made.planted[0].size != diagnose_campaign.SIZE_TO_START
 
 
 def test_a_poor_campaign_is_one_short_zigzag_and_a_look_alike_is_one_by_margin():
     made = extra_run.poor("rudder_offset", 72, "delphin2", 0.1)
     assert [r.kind for r in made.runs] == ["zigzag"]
-    track = fly_campaign(made).runs[0].track.states
+    track = execute_campaign(made).runs[0].track.states
     sailed = np.hypot(*np.diff(track[:, :2], axis=0).T).sum()
     assert sailed / made.vehicle.L == pytest.approx(extra_run.LENGTHS, rel=0.25)  # slower in its turns
     shown = Detectability("rudder_offset", 30.0, 0.1, 1.0, "propeller_side_force")
@@ -65,7 +60,7 @@ def test_every_hidden_effect_meets_every_vehicle_once_and_no_two_campaigns_share
     tasks = as_built.as_built_tasks(frames.COUNT, frames.SEED)
     assert {(t.effect, t.vehicle) for t in tasks} == {(e, v) for e in as_built.EFFECTS for v in VEHICLES}
     more = extra_run.extra_run_tasks(frames.REPLICATES, frames.SEED + frames.APART)
-    seeds = [t.seed for t in tasks] + [t.seed + k for t in more for k in range(extra_run.TRIES)]
+    seeds = [t.seed for t in tasks] + [t.seed + k for t in more for k in range(extra_run.CAMPAIGNS_DRAWN)]
     assert len(set(seeds)) == len(seeds)
     assert min(seeds) >= 7000
 
@@ -84,14 +79,14 @@ def test_the_first_proposal_the_vehicle_survives_is_flown_no_longer_than_the_zig
     class Offer:
         name: str
 
-    asked = ask.Asked(None, None, Found(model, (Offer("prbs"), Offer("coast"))))
+    asked = diagnose_campaign.DiagnosedCampaign(None, None, Found(model, (Offer("prbs"), Offer("coast"))))
     run, refused = extra_run.proposed(asked, made, made.runs[-1])
     assert (run.manoeuvre, refused) == ("prbs", [])
     assert known["prbs"].duration > made.runs[-1].duration == run.duration
     assert run.heading == made.runs[-1].heading
-    flown = fly_campaign(replace(made, runs=(made.runs[0], replace(run, name="r2")))).runs[1]
-    assert len(np.unique(np.round(flown.commands["delta_r_cmd"], 6))) in (2, 3)
-    assert extra_run.proposed(ask.Asked(None, None, None), made, run) == (None, [])
+    executed = execute_campaign(replace(made, runs=(made.runs[0], replace(run, name="r2")))).runs[1]
+    assert len(np.unique(np.round(executed.commands["delta_r_cmd"], 6))) in (2, 3)
+    assert extra_run.proposed(diagnose_campaign.DiagnosedCampaign(None, None, None), made, run) == (None, [])
     assert isinstance(known["zigzag_10_port"], ClosedLoop)
 
 
@@ -112,8 +107,8 @@ def doubled(task):
 def test_what_is_kept_is_not_computed_again(tmp_path):
     tasks = [Sum("one", 1.0), Sum("two", 2.0)]
     CALLS.clear()
-    first = ask.kept(doubled, tasks[:1], tmp_path, 1, QUIET, "sums")
-    both = ask.kept(doubled, tasks, tmp_path, 1, QUIET, "sums")
+    first = diagnose_campaign.kept(doubled, tasks[:1], tmp_path, 1, QUIET, "sums")
+    both = diagnose_campaign.kept(doubled, tasks, tmp_path, 1, QUIET, "sums")
     assert CALLS == ["one", "two"]
     assert [r["twice"] for r in both] == [2.0, 4.0] and first[0] == both[0]
     assert len(both[0]["code"]) == 16

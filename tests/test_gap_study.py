@@ -1,22 +1,18 @@
 """The study of gaps: published numbers as logs, what counts as right, and how a real log is asked."""
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from bayesid.model import build_model
-from bayesid.sections.gap_example import _regression
-from bayesid.sections.gap_real import told
-from bayesid.sections.gap_study import _score, judge, planted_section
+from bayesid.equations.model import build_model
+from bayesid.model.vehicles import load_vehicle
 from bayesid.trials import Run, Trial
-from bayesid.vehicles import load_vehicle
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "studies"))
-
-from gap import delphin2, esso_osaka, planted
+from studies.sim_to_real_gap import delphin2, esso_osaka, planted
+from studies.sim_to_real_gap.example_section import _regression
+from studies.sim_to_real_gap.real_sections import told
+from studies.sim_to_real_gap.report import _score, judge, planted_section
 
 
 def test_delphin2_is_too_fast_at_low_set_points_and_turns_too_fast_at_high_ones():

@@ -8,14 +8,14 @@ import math
 import numpy as np
 import pytest
 
-from bayesid.identifiability import as_if_read, identify, information, scalings, with_assumed_priors
-from bayesid.identifiability import profile as profile_module
-from bayesid.identifiability.directions import family_of
-from bayesid.likelihood import coefficient_set, trial_problem
+from bayesid.analysis.identifiability import as_if_read, identify, information, scalings, with_assumed_priors
+from bayesid.analysis.identifiability import profile as profile_module
+from bayesid.analysis.identifiability.open_directions import family_of
+from bayesid.equations.model import build_model
+from bayesid.estimation.output_error import coefficient_set, trial_problem
 from bayesid.manoeuvres import spiral, straight, zigzag
-from bayesid.model import build_model
-from bayesid.vehicles import load_vehicle
-from bayesid.virtual import virtual_trial
+from bayesid.model.vehicles import load_vehicle
+from bayesid.simulation.virtual_trial import virtual_trial
 
 DEG = math.pi / 180
 NOISE = {"x": 1.0, "y": 1.0, "psi": 0.5 * DEG, "u": 0.05, "v": 0.05, "r": 0.05 * DEG}

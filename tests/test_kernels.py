@@ -12,15 +12,15 @@ from unittest.mock import patch
 import pytest
 from golden_kernel import PATH, PUSH, golden_text
 
-from bayesid.effects import CATALOGUE
+from bayesid.equations import KernelSpec
+from bayesid.equations.compiled import forgive
+from bayesid.equations.dynamics import build
+from bayesid.equations.kernel_cache import cache_folder, is_sound, refuse_others, stored
+from bayesid.equations.kernel_digest import cache_key, equations_digest, printer_digest
+from bayesid.equations.runtime import _imported
 from bayesid.errors import CacheError
-from bayesid.kernels import KernelSpec
-from bayesid.kernels.compiled import forgive
-from bayesid.kernels.dynamics import build
-from bayesid.kernels.identity import cache_key, equations_digest, printer_digest
-from bayesid.kernels.runtime import _imported
-from bayesid.kernels.store import cache_folder, is_sound, refuse_others, stored
-from bayesid.terms import TERMS
+from bayesid.model.effects import CATALOGUE
+from bayesid.model.terms import TERMS
 
 HERE = Path(__file__).resolve().parents[1]
 PLANAR = KernelSpec(3)
@@ -38,12 +38,12 @@ def test_no_printed_kernel_is_part_of_the_package():
 
 # ---- what a digest depends on ---------------------------------------------------------------------------
 def digest(effects=CATALOGUE, rows=TERMS):
-    with patch("bayesid.kernels.layout.TERMS", rows), patch("bayesid.kernels.dynamics.TERMS", rows):
+    with patch("bayesid.equations.layout.TERMS", rows), patch("bayesid.equations.dynamics.TERMS", rows):
         return equations_digest(build(PLANAR, effects, active=True), effects)
 
 
 def key(effects=CATALOGUE, rows=TERMS):
-    with patch("bayesid.kernels.layout.TERMS", rows):
+    with patch("bayesid.equations.layout.TERMS", rows):
         return cache_key(PLANAR, effects)
 
 
@@ -89,7 +89,7 @@ def test_the_digest_is_that_of_the_equations_not_of_the_order_they_are_written_i
 def test_an_edited_printer_prints_anew_but_leaves_the_digest(tmp_path):
     """A comment more in the printer: another text may follow, the equations are the same."""
     shutil.copytree(HERE / "bayesid", tmp_path / "bayesid", ignore=shutil.ignore_patterns("__pycache__"))
-    path = tmp_path / "bayesid" / "kernels" / "generate.py"
+    path = tmp_path / "bayesid" / "equations" / "generate.py"
     path.write_text(path.read_text("utf-8").replace("\n\n\n", "\n\n# a comment\n\n\n"), encoding="utf-8")
     edited = told(process(tmp_path, root=tmp_path))
     assert edited["digest"] == digest(with_push())
@@ -99,14 +99,14 @@ def test_an_edited_printer_prints_anew_but_leaves_the_digest(tmp_path):
 # ---- the cache ------------------------------------------------------------------------------------------
 PROGRAM = """
 import sys
-from bayesid.effects import Effect, EffectParameter
-from bayesid.kernels import Declared, KernelSpec, load_kernel
+from bayesid.model.effects import Effect, EffectParameter
+from bayesid.equations import Declared, KernelSpec, load_kernel
 push = Effect(name="push", family="push", port="force", where=("Y",), source="assumed: a test",
               magnitude="any", parameters=(EffectParameter("F", "N", 1.0, about="force to starboard"),),
               force={"Y": "F"})
 kernel = load_kernel(KernelSpec(3), (Declared(push),))
 assert "push.F" in kernel.parameters
-print(kernel.digest, kernel.full.module.__file__, "bayesid.kernels.generate" in sys.modules, sep="\\n")
+print(kernel.digest, kernel.full.module.__file__, "bayesid.equations.generate" in sys.modules, sep="\\n")
 """
 
 

@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bayesid.analysis.identifiability import row_scaled, spectrum, yaw_mixed
+from bayesid.equations.model import build_model
 from bayesid.errors import FitError
-from bayesid.identifiability import row_scaled, spectrum, yaw_mixed
-from bayesid.likelihood import coefficient_set, flat_directions, rank, trial_problem, unweighted
-from bayesid.likelihood.directions import combination, varimax
+from bayesid.estimation.output_error import coefficient_set, flat_directions, rank, trial_problem, unweighted
+from bayesid.estimation.output_error.flat_directions import combination, varimax
 from bayesid.manoeuvres import spiral, zigzag
-from bayesid.model import build_model
-from bayesid.simulate import fly, plan_run, simulate, steady_start
-from bayesid.vehicles import load_vehicle
-from bayesid.virtual import virtual_trial
+from bayesid.model.vehicles import load_vehicle
+from bayesid.simulation import plan_run, run_manoeuvre, simulate, steady_start
+from bayesid.simulation.virtual_trial import virtual_trial
 
 NOISE = {"x": 1.0, "y": 1.0, "psi": 0.01, "u": 0.05, "v": 0.05, "r": 1e-3}
 FREE = ("Y_v", "N_v", "Y_r", "N_r", "N_dr", "X_vr")
@@ -139,7 +139,7 @@ def inputs(model):
         ("spiral", spiral(90.0, dt=0.5)),
         ("zig-zag", zigzag(0.35, 0.35, 90.0, 10.0, 600.0, 0.5)),
     ):
-        track, commands = fly(model, model.nominal, manoeuvre, x0)
+        track, commands = run_manoeuvre(model, model.nominal, manoeuvre, x0)
         found[name] = (plan_run(model, track.t, commands), x0)
     return found
 

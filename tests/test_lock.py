@@ -11,7 +11,7 @@ import time
 import pytest
 
 from bayesid import lock as locks
-from bayesid.cli.guard import run
+from bayesid.cli.main import run
 from bayesid.lock import LOCK, LockError, lock, locked, release_all
 
 HOLD = """
@@ -35,9 +35,7 @@ def holder(tmp_path):
 
 
 def test_a_second_command_is_refused_with_the_name_and_process_of_the_first(holder, tmp_path, capsys):
-    with pytest.raises(
-        LockError, match=rf"`bayesid fit` \(process {holder.pid} on .*wait until it"
-    ):
+    with pytest.raises(LockError, match=rf"`bayesid fit` \(process {holder.pid} on .*wait until it"):
         lock(tmp_path, "bayesid sample")
     assert run(["simulate", "generic_sub", "turn:25,duration=20", "--out", str(tmp_path)]) == 2
     captured = capsys.readouterr()
@@ -120,7 +118,7 @@ def test_wrong_usage_leaves_neither_lock_nor_folder(tmp_path):
 
 
 def test_every_command_that_writes_to_a_folder_locks_it(tmp_path):
-    from bayesid.cli.app import command
+    from bayesid.cli.main import command
     from bayesid.cli.options import claimed
 
     tree, found = [command()], {}

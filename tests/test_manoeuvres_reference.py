@@ -8,9 +8,9 @@ import pytest
 
 from bayesid import manoeuvres as man
 from bayesid import measures
-from bayesid.model import build_model
-from bayesid.simulate import fly, steady_start
-from bayesid.vehicles import load_vehicle
+from bayesid.equations.model import build_model
+from bayesid.model.vehicles import load_vehicle
+from bayesid.simulation import run_manoeuvre, steady_start
 
 DEG = math.pi / 180
 
@@ -38,7 +38,7 @@ def boat(request):
     ref = REFERENCE[request.param]
     x0 = steady_start(model, ref["rpm"])
     scale = man.Scale(vehicle.L, float(x0[3]), ref["rpm"], vehicle.limits["delta_r"])
-    return ref, scale, lambda text: fly(model, model.nominal, man.parse(text, scale), x0)
+    return ref, scale, lambda text: run_manoeuvre(model, model.nominal, man.parse(text, scale), x0)
 
 
 def test_turning_circle_of_the_library_matches_the_reference(boat):

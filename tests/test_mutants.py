@@ -2,7 +2,7 @@
 
 Run by `make slow`, some minutes. Prints what was not noticed. `selection` has no such tests yet: most of its
 backward steps and exchanges are seen by whole diagnoses only (`python tests/mutants.py
-bayesid.diagnose.selection tests/test_diagnose_selection.py`).
+bayesid.diagnosis.hypotheses.search tests/test_diagnose_selection.py`).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ SHARE = 0.95
 def test_nearly_every_mutant_is_noticed(module):
     files = [str(HERE / name) for name in TESTS[module]]
     done = subprocess.run(
-        [sys.executable, str(HERE / "mutants.py"), f"bayesid.diagnose.{module}", *files],
+        [sys.executable, str(HERE / "mutants.py"), f"bayesid.diagnosis.{module}", *files],
         capture_output=True, text=True, cwd=HERE.parent, check=True,
     )  # fmt: skip
     print(done.stderr, done.stdout)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from bayesid.errors import SampleError
-from bayesid.sample import Laplace, Unknowns
-from bayesid.sample import nuts as module
-from bayesid.sample.nuts import NutsOptions, continue_nuts, sample_nuts
+from bayesid.estimation.sampling import Laplace, Unknowns
+from bayesid.estimation.sampling import nuts as module
+from bayesid.estimation.sampling.nuts import NutsOptions, continue_nuts, sample_nuts
 
 pytest.importorskip("nutpie")
 K = 10

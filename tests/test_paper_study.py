@@ -1,23 +1,24 @@
 """The paper study: what is counted, marked and compared beside Furlong et al. (2003)."""
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from bayesid.excitation.motion import exact_motion
-from bayesid.fit.run import Options, fit
-from bayesid.fit.twin import Case, draw, make_target, problem_of, run_case
+from bayesid.analysis.excitation.motion import exact_motion
+from bayesid.equations.model import build_model
+from bayesid.estimation.output_error.search import FitOptions, fit
+from bayesid.estimation.output_error.simulated_recovery import (
+    RecoveryCase,
+    draw,
+    make_target,
+    problem_of,
+    run_case,
+)
 from bayesid.manoeuvres import spiral
-from bayesid.model import build_model
-from bayesid.simulate import steady_start
-from bayesid.vehicles import load_vehicle
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "studies"))
-
-from paper import counts, differences, figures, forces, monitor, similar
+from bayesid.model.vehicles import load_vehicle
+from bayesid.simulation import steady_start
+from studies.paper_cases import counts, differences, figures, forces, monitor, similar
 
 NAMES = ("X_vv", "X_rr", "Y_v", "Y_r", "N_v", "N_r")
 
@@ -92,7 +93,7 @@ def test_known_and_zero_coefficients_are_marked_in_the_ratio_figures():
 def test_counts_at_the_bound_are_those_of_the_fits(boat):
     # a known wrong by up to 10 % and bounds of 2 %: the unknowns must run into some
     model, target = boat
-    case = Case("narrow", "", ("X_vv", "Y_v", "N_r"), ("Y_r",), 0.01, "truth", 0.02, 0.1)
+    case = RecoveryCase("narrow", "", ("X_vv", "Y_v", "N_r"), ("Y_r",), 0.01, "truth", 0.02, 0.1)
     runs = [run_case(model, case, seed, [target], [target]) for seed in (0, 1)]
     for record, count in zip(runs, counts.on_bound(runs), strict=True):
         ratio, low, high = (np.array(v) for v in (record["end"]["ratio"], record["low"], record["high"]))
@@ -102,10 +103,10 @@ def test_counts_at_the_bound_are_those_of_the_fits(boat):
 
 def test_watching_the_search_moves_no_number_and_its_parts_add_up(boat):
     model, target = boat
-    case = Case("watched", "", NAMES)
+    case = RecoveryCase("watched", "", NAMES)
     params, base = draw(model, case, 3)
     problem = problem_of(model, params, base, [target])
-    options = Options(gain=0.0, relative_gain=1e-3, rounds=3)
+    options = FitOptions(gain=0.0, relative_gain=1e-3, rounds=3)
     notes = []
     plain, watched = fit(problem, options), fit(problem, options, note=notes.append)
     assert np.array_equal(plain.z, watched.z) and plain.costs == watched.costs
@@ -121,11 +122,11 @@ def test_watching_the_search_moves_no_number_and_its_parts_add_up(boat):
 def test_directional_derivative_is_the_slope_of_the_cost_along_the_step(boat):
     # one unknown: the step proposed is the change over the length taken, so slope = dV/dz * dz / length
     model, target = boat
-    case = Case("one", "", ("N_r",), start_error=0.1)
+    case = RecoveryCase("one", "", ("N_r",), start_error=0.1)
     params, base = draw(model, case, 1)
     problem = problem_of(model, params, base, [target])
     notes, at = [], [problem.start.copy()]
-    fit(problem, Options(gain=0.0, rounds=1, iterations=1), note=notes.append)
+    fit(problem, FitOptions(gain=0.0, rounds=1, iterations=1), note=notes.append)
     slope = problem.cost_gradient(at[0])[1][0]
     step = notes[0].step * problem.scale[0] / notes[0].length
     assert abs(notes[0].slope) == pytest.approx(abs(slope) * step, rel=1e-6)
@@ -190,6 +191,6 @@ def test_unusual_manoeuvres_count_as_badly_predicted_beyond_a_tenth_of_the_lengt
 def test_worse_knowns_leave_the_starts_of_a_case_where_they_are(boat):
     # the extra fits with worse knowns draw the same starts, so that only the knowns differ
     model, _ = boat
-    case = Case("3", "", ("X_rr", "N_r"), ("Y_v",), known_error=0.01)
+    case = RecoveryCase("3", "", ("X_rr", "N_r"), ("Y_v",), known_error=0.01)
     starts = [draw(model, replace(case, known_error=e), 5)[0].start for e in (0.01, 0.05)]
     assert np.array_equal(*starts)

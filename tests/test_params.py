@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bayesid.errors import FitError
-from bayesid.params import JointPrior, Parameter, ParameterSet, Prior
+from bayesid.model.params import JointPrior, Parameter, ParameterSet, Prior
 
 INDEX = {"a": 0, "b": 1, "c": 2, "d": 3}
 

@@ -8,8 +8,8 @@ import pytest
 from plain_kernel import EVERY, equations
 from reference_motion import rigid_body
 
-from bayesid.effects import CATALOGUE
-from bayesid.kernels.layout import KernelSpec
+from bayesid.equations.layout import KernelSpec
+from bayesid.model.effects import CATALOGUE
 
 OFF = {e.key(p.name): p.off for e in CATALOGUE for p in e.parameters}
 

@@ -12,9 +12,10 @@ from plain_kernel import equations
 from reference_motion import make_rate, rotation
 from scipy.integrate import solve_ivp
 
-from bayesid.kernels.layout import KernelSpec
-from bayesid.model import build_model
-from bayesid.simulate import (
+from bayesid.equations.layout import KernelSpec
+from bayesid.equations.model import build_model
+from bayesid.model.vehicles import builtin_names, load_vehicle
+from bayesid.simulation import (
     gradient,
     gradient_batch,
     interval_maps,
@@ -24,8 +25,7 @@ from bayesid.simulate import (
     simulate_batch,
     steady_start,
 )
-from bayesid.simulate.follow import follow
-from bayesid.vehicles import builtin_names, load_vehicle
+from bayesid.simulation.follow import follow
 
 NAMES = builtin_names()
 PLANAR = [0, 1, 5, 6, 7, 11]

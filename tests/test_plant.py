@@ -10,16 +10,16 @@ import pytest
 from reference_motion import make_rate
 from scipy.integrate import solve_ivp
 
+from bayesid.benchmark.plant import CASES, draw_campaign
+from bayesid.benchmark.plant.body import build, factors_of
+from bayesid.benchmark.plant.execute_run import execute_run, start_state
+from bayesid.benchmark.plant.listed_causes import Scales
+from bayesid.benchmark.plant.noise import ornstein_uhlenbeck
+from bayesid.benchmark.plant.sensing import read
+from bayesid.benchmark.plant.servo import kink_after, second_order, servo_at
+from bayesid.benchmark.plant.settings import settings
 from bayesid.errors import ModelError
-from bayesid.plant import CASES, draw_campaign
-from bayesid.plant.body import build, factors_of
-from bayesid.plant.cases import Scales
-from bayesid.plant.flight import fly, start_state
-from bayesid.plant.noise import ornstein_uhlenbeck
-from bayesid.plant.sensing import read
-from bayesid.plant.servo import kink_after, second_order, servo_at
-from bayesid.plant.settings import settings
-from bayesid.vehicles import Propulsion, load_vehicle
+from bayesid.model.vehicles import Propulsion, load_vehicle
 
 NOTHING = settings()
 
@@ -48,7 +48,7 @@ def test_bare_plant_equals_a_vector_formulation_integrated_by_dop853(name, dof):
     slow = replace(vehicle, rates={**vehicle.rates, "delta_r": 0.1, "delta_s": 1e3})
     body = build(slow, slow.coef, dof, NOTHING)
     x0 = start_state(speed, 0.4, 10.0, NOTHING, (1.0, 2.0))
-    track = fly(body, NOTHING, t, orders, x0)
+    track = execute_run(body, NOTHING, t, orders, x0)
     rate = make_rate(slow, planar=dof == 3)
     state, reached = x0[:12], []
     for span in ((0.0, 5.0), (5.0, 5.0 + order / 0.1), (5.0 + order / 0.1, 40.0)):
@@ -69,15 +69,15 @@ def test_bare_plant_equals_a_vector_formulation_integrated_by_dop853(name, dof):
 def test_bare_plant_and_bayesid_simulate_tell_one_track_within_a_millimetre(name, duration, dt, angle):
     # the one place where both are imported; simulate holds the rudder at its mean over each step, so that its
     # error falls with the square of the step: 0.1 m at the default 0.08 L/U, 0.2 mm here
-    from bayesid.model import build_model
-    from bayesid.simulate import plan_run, simulate
+    from bayesid.equations.model import build_model
+    from bayesid.simulation import plan_run, simulate
 
     vehicle, body = boat(name)
     t = np.arange(int(duration / dt) + 1) * dt
     LU = body.number["L"] / body.number["U0"]
     orders = zigzag_table(t, LU, math.radians(angle), vehicle.rpm_ref)
     x0 = start_state(body.number["U0"], 0.3, 0.0, NOTHING, (0.0, 0.0))
-    track = fly(body, NOTHING, t, orders, x0, step=0.01)
+    track = execute_run(body, NOTHING, t, orders, x0, step=0.01)
     model = build_model(vehicle, 3)
     inputs = {"delta_r_cmd": orders[:, 0], "n_cmd": orders[:, 2]}
     other = simulate(
@@ -94,7 +94,7 @@ def test_a_steady_current_only_carries_the_track_along():
     orders = zigzag_table(t, 19.0, 0.2, 60.0)
     drift = settings({"vn": 0.4, "ve": -0.7})
     tracks = [
-        fly(build(vehicle, vehicle.coef, 3, g), g, t, orders, start_state(5.4, 1.0, 0.0, g, (0, 0)))
+        execute_run(build(vehicle, vehicle.coef, 3, g), g, t, orders, start_state(5.4, 1.0, 0.0, g, (0, 0)))
         for g in (NOTHING, drift)
     ]
     still, carried = (track.states[:: track.parts] for track in tracks)
@@ -110,8 +110,8 @@ def test_mirrored_orders_give_the_mirrored_track():
     t = np.arange(81) * 0.5
     orders = zigzag_table(t, 0.86, 0.12, 1500.0, 0.01)
     x0 = start_state(1.5, 0.0, 5.0, NOTHING, (0.0, 0.0))
-    port = fly(body, NOTHING, t, orders, x0).states[:, :12]
-    starboard = fly(mirrored, NOTHING, t, orders * [-1.0, 1.0, 1.0], x0).states[:, :12]
+    port = execute_run(body, NOTHING, t, orders, x0).states[:, :12]
+    starboard = execute_run(mirrored, NOTHING, t, orders * [-1.0, 1.0, 1.0], x0).states[:, :12]
     flip = np.array([1, -1, 1, -1, 1, -1] * 2)
     assert np.abs(port - flip * starboard).max() < 1e-9
 
@@ -129,7 +129,7 @@ def test_a_body_in_ideal_fluid_keeps_its_energy():
     x0 = start_state(4.0, 0.3, 0.0, NOTHING, (0.0, 0.0))
     x0[7], x0[11] = 0.8, 0.02
     t = np.arange(201) * 1.0
-    track = fly(body, NOTHING, t, np.zeros((t.size, 3)), x0, step=0.1)
+    track = execute_run(body, NOTHING, t, np.zeros((t.size, 3)), x0, step=0.1)
     kept = [0, 1, 5]
     mass = np.linalg.inv(body.inverse[np.ix_(kept, kept)])
     speed = track.states[:, [6, 7, 11]]
@@ -182,7 +182,7 @@ def flown_with(case, size, seed=3):
     orders = zigzag_table(t, 2.9, 0.25, 450.0, 0.03 if dof == 6 else 0.0)
     orders[:, 0] += 0.02 * np.sin(0.7 * t)  # a dead band only shows in small orders
     depth = 1.0 if dof == 6 else 0.0
-    track = fly(body, gap, t, orders, start_state(1.7, 0.7, depth, NOTHING, (0.0, 0.0)))
+    track = execute_run(body, gap, t, orders, start_state(1.7, 0.7, depth, NOTHING, (0.0, 0.0)))
     return read(track, gap)
 
 
@@ -216,20 +216,22 @@ def test_a_vehicle_out_of_control_is_reported_with_its_time():
     t = np.arange(401) * 0.5
     orders = zigzag_table(t, 0.86, 0.2, 1500.0)
     with pytest.raises(ModelError, match=r"out of control .* s into the run"):
-        fly(build(vehicle, vehicle.coef, 3, gap), gap, t, orders, start_state(1.5, 0.0, 0.0, gap, (0, 0)))
+        execute_run(
+            build(vehicle, vehicle.coef, 3, gap), gap, t, orders, start_state(1.5, 0.0, 0.0, gap, (0, 0))
+        )
 
 
 def test_the_plant_loads_nothing_of_the_model_it_checks():
     code = (
-        "import sys, bayesid.plant; bad = [m for m in sys.modules if m.split('.')[:2] in "
-        "[['bayesid', n] for n in ('effects', 'kernels', 'simulate', 'model', 'coloured', 'likelihood')]]; "
+        "import sys, bayesid.benchmark.plant; bad = [m for m in sys.modules if m.startswith("
+        "tuple('bayesid.' + n for n in ('model.effects', 'equations', 'simulate', 'estimation')))]; "
         "sys.exit(' '.join(bad))"
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stderr.strip() == ""
 
 
 def test_factors_that_exclude_each_other_are_refused():
-    with pytest.raises(ModelError, match="flown in the plane only"):
+    with pytest.raises(ModelError, match="executed in the plane only"):
         draw_campaign(1, vehicle="remus100", dof=6)
     with pytest.raises(ModelError, match="no effect 'gremlin'"):
         draw_campaign(1, effects=("gremlin",))

@@ -1,18 +1,19 @@
-"""Each catalogue effect planted by the plant and switched on in bayesid.simulate: two codes, one response."""
+"""Each catalogue effect planted by the plant and switched on in bayesid.simulation: two codes, one
+response."""
 
 import math
 
 import numpy as np
 import pytest
 
-from bayesid.model import build_model
-from bayesid.plant.body import build
-from bayesid.plant.cases import CATALOGUE, Scales
-from bayesid.plant.flight import fly, start_state
-from bayesid.plant.sensing import read
-from bayesid.plant.settings import settings
-from bayesid.simulate import observe, plan_run, simulate
-from bayesid.vehicles import load_vehicle
+from bayesid.benchmark.plant.body import build
+from bayesid.benchmark.plant.execute_run import execute_run, start_state
+from bayesid.benchmark.plant.listed_causes import CATALOGUE, Scales
+from bayesid.benchmark.plant.sensing import read
+from bayesid.benchmark.plant.settings import settings
+from bayesid.equations.model import build_model
+from bayesid.model.vehicles import load_vehicle
+from bayesid.simulation import observe, plan_run, simulate
 
 CHANNELS = ("x", "y", "psi", "u", "v", "r")
 # Share of the effect by which the two may differ. The plant stalls as tanh, the catalogue as a rational
@@ -40,7 +41,7 @@ def both():
 
     def response(fields, values):
         gap = settings(fields)
-        mine = read(fly(build(vehicle, vehicle.coef, 3, gap), gap, t, orders, start), gap)
+        mine = read(execute_run(build(vehicle, vehicle.coef, 3, gap), gap, t, orders, start), gap)
         par = model.with_values(values)
         theirs = observe(model, par, plan, simulate(model, par, plan, start[[0, 1, 5, 6, 7, 11]]).states)
         return mine, dict(zip(model.kernel.channels, theirs.T, strict=True))

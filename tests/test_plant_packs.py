@@ -6,12 +6,19 @@ from collections import Counter
 import numpy as np
 import pytest
 
+from bayesid.benchmark.plant import (
+    draw_campaign,
+    execute_campaign,
+    still,
+    true_response,
+    write_bundle,
+    write_pack,
+)
+from bayesid.benchmark.plant.__main__ import main
+from bayesid.benchmark.plant.example import example_campaign
 from bayesid.errors import TrialError
-from bayesid.plant import draw_campaign, fly_campaign, still, true_response, write_bundle, write_pack
-from bayesid.plant.__main__ import main
-from bayesid.plant.example import example_campaign
+from bayesid.model.vehicles import load_vehicle
 from bayesid.trials import load_trial
-from bayesid.vehicles import load_vehicle
 
 SETTINGS = dict(vehicle="lauv", sensors="full")
 
@@ -83,18 +90,18 @@ def test_a_bundle_loads_and_does_not_hold_its_answer(tmp_path, factors):
 
 
 def test_the_log_is_the_true_response_plus_the_stated_noise():
-    # closed-loop runs too: the recorded orders alone reproduce the flight
+    # closed-loop runs too: the recorded orders alone reproduce the run
     campaign = draw_campaign(5, vehicle="remus100", effects=("heading_bias",), sea="still", sensors="full")
     chi2 = []
-    for run in fly_campaign(campaign).runs:
+    for run in execute_campaign(campaign).runs:
         clean = true_response(campaign, run.plan.name)
         for channel, sd in campaign.sigma.items():
             chi2.append(np.mean(((run.data[channel] - clean[channel]) / sd) ** 2))
     # each mean has a sigma of sqrt(2/380) = 0.07; five of them over 36 draws
     assert np.max(np.abs(np.array(chi2) - 1.0)) < 0.37
-    flown = campaign.runs[0].name
+    executed = campaign.runs[0].name
     bias = campaign.planted[0].parameters["bias"]
-    clean, true = true_response(campaign, flown), true_response(campaign, flown, sensors=False)
+    clean, true = true_response(campaign, executed), true_response(campaign, executed, sensors=False)
     assert np.abs(clean["psi"] - true["psi"] - bias).max() < 1e-12
 
 
@@ -103,13 +110,13 @@ def test_weather_brings_straight_runs_and_a_repeat_and_can_be_taken_away():
     kinds = Counter(run.kind for run in campaign.runs)
     assert kinds["straight"] == 2
     assert any(run.manoeuvre.endswith("repeat") for run in campaign.runs)
-    rough, calm = fly_campaign(campaign), fly_campaign(still(campaign))
+    rough, calm = execute_campaign(campaign), execute_campaign(still(campaign))
     assert np.all(rough.typical > 0.0)
     assert np.abs(rough.runs[0].track.states[-1] - calm.runs[0].track.states[-1]).max() > 1e-3
 
 
 def test_kinds_come_in_their_stated_shares():
-    from bayesid.plant.draw import KINDS, stream_of
+    from bayesid.benchmark.plant.draw import KINDS, stream_of
 
     drawn = Counter(
         str(stream_of(seed, 0, "design").choice(list(KINDS), p=list(KINDS.values()))) for seed in range(2000)

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from bayesid.errors import SampleError
-from bayesid.figures import posterior as figures
-from bayesid.sample import Gate, Posterior, Unknowns
-from bayesid.sample.compare import agreement
+from bayesid.estimation.sampling import ConvergenceCheck, Posterior, Unknowns
+from bayesid.estimation.sampling.compare_samplers import agreement
+from bayesid.report import posterior_figures as figures
 
-STUDY = Path(__file__).parents[1] / "studies" / "posterior.py"
+STUDY = Path(__file__).parents[1] / "studies" / "posterior" / "run.py"
 
 
 def drawn(shift: float, scale: float, seed: int, digest: str = "d") -> Posterior:
@@ -23,7 +23,7 @@ def drawn(shift: float, scale: float, seed: int, digest: str = "d") -> Posterior
     rng = np.random.default_rng(seed)
     draws = shift + scale * rng.standard_normal((4, 1000, 1, 2))
     ess, none = np.full(2, 4000.0), np.full(2, np.inf)
-    gate = Gate(True, (), np.ones(2), ess, ess, np.ones(2), 1000.0, 0.0, ())
+    gate = ConvergenceCheck(True, (), np.ones(2), ess, ess, np.ones(2), 1000.0, 0.0, ())
     unknowns = Unknowns(("a", "b"), 2, -none, none, np.zeros(2), none, np.ones(2))
     flat = np.zeros((4, 1000, 1))
     return Posterior(

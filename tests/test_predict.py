@@ -10,37 +10,43 @@ import pytest
 from gap_trials import model_of, noise_of, orders, other_vehicle, planted_trial
 from scipy.stats import binom
 
-from bayesid.cli.guard import run as bayesid
-from bayesid.coloured.colours import Colours, force_unit, smoothed
-from bayesid.coloured.fit import NOTHING, fit
-from bayesid.coloured.log import read_run
-from bayesid.coloured.path import linearise, with_forces
-from bayesid.diagnose.bands import beside_readings, measure_bands, prediction_csv
-from bayesid.diagnose.begin import balanced_speed, beginnings, coloured_noise
-from bayesid.diagnose.diagnosis import diagnose
-from bayesid.diagnose.found import Found, Hypothesis, found_in, read_found, write_found
-from bayesid.diagnose.predict import predict_manoeuvre, predict_run
+from bayesid.cli.main import run as bayesid
+from bayesid.diagnosis.diagnosed_model import (
+    DiagnosedModel,
+    WeightedHypothesis,
+    diagnosed_model_of,
+    read_diagnosed,
+    write_diagnosed,
+)
+from bayesid.diagnosis.run import diagnose
 from bayesid.errors import ModelError
+from bayesid.estimation.filter_error.fit import NO_PARAMETERS, fit
+from bayesid.estimation.filter_error.linearise import linearise, with_forces
+from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit, smoothed
+from bayesid.estimation.filter_error.run_readings import read_run
 from bayesid.manoeuvres import Scale, parse
 from bayesid.measures import named_measures as measure
-from bayesid.simulate import observe, plan_run, simulate, steady_start
+from bayesid.model.vehicles import self_propulsion_speed
+from bayesid.prediction.initial_state import balanced_speed, coloured_noise, initial_states
+from bayesid.prediction.intervals import beside_readings, measure_bands, prediction_csv
+from bayesid.prediction.prediction import predict_manoeuvre, predict_run
+from bayesid.simulation import observe, plan_run, simulate, steady_start
 from bayesid.trials import Run, window, write_trial
-from bayesid.vehicles import self_propulsion_speed
 
 MODEL = model_of("remus100")
 S = MODEL.scales
 TIME = S["L"] / S["U"]
-SEA = Colours(tuple(1e-5 * f for f in force_unit(MODEL)), 3.0 * TIME, 0.1 * S["L"], 30.0 * TIME)
+SEA = NoiseModel(tuple(1e-5 * f for f in force_unit(MODEL)), 3.0 * TIME, 0.1 * S["L"], 30.0 * TIME)
 
 
-def found_with(share=1.0, colours=SEA):
+def found_with(share=1.0, noise_model=SEA):
     """What an engineer knows before any trial: the prior, its standard deviations times a share."""
     names = MODEL.coefficients
     sd = np.array([share * MODEL.prior_sd(n) for n in names])
     mean = MODEL.nominal[MODEL.positions(names)]
     low = np.full(len(names), -np.inf)
-    hypothesis = Hypothesis((), 1.0, names, mean, np.diag(sd**2), low, colours)
-    return Found(MODEL, (hypothesis,), noise_of(MODEL), "none", "")
+    hypothesis = WeightedHypothesis((), 1.0, names, mean, np.diag(sd**2), low, noise_model)
+    return DiagnosedModel(MODEL, (hypothesis,), noise_of(MODEL), "none", "")
 
 
 def spoilt(record, how):
@@ -77,10 +83,10 @@ def spoilt(record, how):
     ],
 )
 def test_a_model_file_that_holds_no_gaussian_is_refused_in_words(how, words, tmp_path):
-    path = write_found(found_with(), tmp_path)
+    path = write_diagnosed(found_with(), tmp_path)
     path.write_text(json.dumps(spoilt(json.loads(path.read_text()), how)))
     with pytest.raises(ModelError, match=f"model.json.*{words}"):
-        read_found(tmp_path)
+        read_diagnosed(tmp_path)
 
 
 @lru_cache
@@ -125,7 +131,7 @@ def test_the_band_holds_the_truth_at_its_stated_rate(level, holds):
 
 def test_a_band_without_the_uncertainty_of_the_coefficients_does_not():
     # control: coefficients taken as known, no sea
-    calm = Colours((0.0,) * 3, SEA.force_tau, 0.0, SEA.drift_tau)
+    calm = NoiseModel((0.0,) * 3, SEA.force_tau, 0.0, SEA.drift_tau)
     hits, count = share_inside(found_with(0.01, calm), range(20))
     assert hits / count < binom.ppf(0.005, 20, 0.94) / 20
 
@@ -137,7 +143,7 @@ def test_bands_of_a_diagnosed_model_hold_fresh_runs():
     inside = []
     for seed in range(12):
         truth = other_vehicle(MODEL, seed) | current
-        found = found_in(diagnose(planted_trial(MODEL, truth, seed), MODEL, plan_next=False))
+        found = diagnosed_model_of(diagnose(planted_trial(MODEL, truth, seed), MODEL, plan_next=False))
         for run in planted_trial(MODEL, truth, seed + 100).runs:
             p = predict_run(found, run, draws=150, seed=seed)
             inside += [v["inside"] for v in beside_readings(p, run, seed).values()]
@@ -163,9 +169,9 @@ def test_first_states_have_the_spread_of_the_smoother():
     nothing = np.zeros(0, dtype=np.int64)
     pars = np.repeat(MODEL.nominal[None], 300, axis=0)
     rng = np.random.default_rng(0)
-    drawn = beginnings(MODEL, log, nothing, MODEL.nominal.copy(), pars, SEA, rng)
+    drawn = initial_states(MODEL, log, nothing, MODEL.nominal.copy(), pars, SEA, rng)
     x0 = np.array([b.x0 for b in drawn])
-    begun = fit(MODEL, [log], NOTHING, SEA, loud=0.0, passes=8)
+    begun = fit(MODEL, [log], NO_PARAMETERS, SEA, loud=0.0, iterations=8)
     path = linearise(MODEL, log, begun.points[0], nothing)
     sm = smoothed(MODEL, path, np.zeros(0), SEA)
     sd = np.sqrt(sm.variance[0, :6])
@@ -188,23 +194,23 @@ def test_approach_speed_balances_thrust_and_drag(name, share):
 
 def test_a_diagnosed_model_comes_back_from_its_folder(tmp_path):
     d = diagnose(planted_trial(MODEL, other_vehicle(MODEL, 3), 3), MODEL, plan_next=False)
-    found = found_in(d)
+    found = diagnosed_model_of(d)
     assert sum(h.weight for h in found.hypotheses) == pytest.approx(1.0)
     assert found.hypotheses[0].effects == ()
-    write_found(found, tmp_path)
-    back = read_found(tmp_path)
+    write_diagnosed(found, tmp_path)
+    back = read_diagnosed(tmp_path)
     run = logged(3)[0]
     once, again = (predict_run(f, run, draws=20, seed=4).draws for f in (found, back))
     assert again == pytest.approx(once, rel=1e-9, abs=1e-9)
     vehicle = tmp_path / "vehicle_nominal.toml"
     vehicle.write_text(vehicle.read_text().replace("mass = ", "mass = 1"))
     with pytest.raises(ModelError, match="diagnose again"):
-        read_found(tmp_path)
+        read_diagnosed(tmp_path)
     record = json.loads((tmp_path / "model.json").read_text())
     record["hypotheses"][0]["mean"].pop()
     (tmp_path / "model.json").write_text(json.dumps(record))
     with pytest.raises(ModelError, match="not a diagnosed model"):
-        read_found(tmp_path)
+        read_diagnosed(tmp_path)
 
 
 def test_what_no_hypothesis_explains_widens_the_band():
@@ -215,11 +221,13 @@ def test_what_no_hypothesis_explains_widens_the_band():
         return {"N": moment * np.sin(1.7 * t / TIME)}
 
     loud, quiet = (
-        found_in(diagnose(planted_trial(MODEL, other_vehicle(MODEL, 5), 5, f), MODEL, plan_next=False))
+        diagnosed_model_of(
+            diagnose(planted_trial(MODEL, other_vehicle(MODEL, 5), 5, f), MODEL, plan_next=False)
+        )
         for f in (wall, None)
     )
-    assert all(h.colours.force[2] < 0.1 * moment for h in quiet.hypotheses)
-    assert all(0.2 * moment < h.colours.force[2] < 3 * moment for h in loud.hypotheses)
+    assert all(h.noise_model.force[2] < 0.1 * moment for h in quiet.hypotheses)
+    assert all(0.2 * moment < h.noise_model.force[2] < 3 * moment for h in loud.hypotheses)
 
 
 def test_measures_of_a_manoeuvre_come_with_bands():
@@ -250,7 +258,7 @@ def test_predict_command_writes_one_table_per_run_and_manoeuvre(tmp_path, capsys
     trial = planted_trial(MODEL, other_vehicle(MODEL, 3), 3)
     write_trial(trial, tmp_path / "pond")
     found = found_with()
-    write_found(found, tmp_path / "gap")
+    write_diagnosed(found, tmp_path / "gap")
     out = tmp_path / "out"
     words = ["predict", str(tmp_path / "pond"), "turn", "zigzag:10/10", "--model", str(tmp_path / "gap")]
     assert bayesid([*words, "--out", str(out), "--draws", "20", "--dt", "0.2", "--json"]) == 0

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bayesid.propulsion import (
+from bayesid.model.propulsion import (
     MODELS,
     ROWS,
     propulsion_force,
@@ -11,7 +11,7 @@ from bayesid.propulsion import (
     propulsion_rows,
     with_defaults,
 )
-from bayesid.terms import REFERENCES, term
+from bayesid.model.terms import REFERENCES, term
 
 RHO, LENGTH = 1025.0, 3.0
 U, N = (axis.ravel() for axis in np.meshgrid(np.linspace(-3.0, 3.0, 7), np.linspace(-900.0, 900.0, 7)))

@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bayesid.figures.style import COLOURS, styled, subplots
-from bayesid.report import Figure, Report, Section, Table, Text, literal, write
-from bayesid.report.blocks import cell_text
-from bayesid.report.markup import to_html, to_markdown
-from bayesid.report.picture import png_bytes, reduced
+from bayesid.report.figure_style import COLOURS, styled, subplots
+from bayesid.report.writer import Figure, Report, Section, Table, Text, literal, write
+from bayesid.report.writer.blocks import cell_text
+from bayesid.report.writer.markup import to_html, to_markdown
+from bayesid.report.writer.picture import png_bytes, reduced
 
 NASTY = "<script>alert(1)</script> **bold** [link](https://example.org) `code` | # & \"x\" 'y'"
 ALLOWED_TAGS = {"p", "ul", "ol", "li", "pre", "code", "strong", "a"}
@@ -207,9 +207,9 @@ def test_a_figure_name_cannot_leave_its_folder(name):
 
 
 def test_two_figures_of_one_name_are_refused():
-    twin = Section("A", [Figure("a", b"\x89PNG"), Section("B", [Figure("a", b"\x89PNG")])])
+    recovery = Section("A", [Figure("a", b"\x89PNG"), Section("B", [Figure("a", b"\x89PNG")])])
     with pytest.raises(ValueError, match="two figures"):
-        Report("T", "", [twin])
+        Report("T", "", [recovery])
 
 
 def test_a_short_row_is_refused_when_the_table_is_made():

@@ -9,14 +9,14 @@ from scipy.integrate import quad
 from scipy.stats import invgamma, lognorm, multivariate_normal, norm
 from scipy.stats import t as student_t
 
+from bayesid.equations.model import build_model
 from bayesid.errors import SampleError
-from bayesid.likelihood import Problem, RunData
-from bayesid.model import build_model
-from bayesid.params import JointPrior, Parameter, ParameterSet, Prior
-from bayesid.sample import Laplace, Options, Settings, sample, trial_density
-from bayesid.sample.priors import NoisePrior, ParameterPrior, draw_params, prior_moments
-from bayesid.simulate import plan_run, simulate, steady_start
-from bayesid.vehicles import load_vehicle
+from bayesid.estimation.output_error import FitProblem, RunData
+from bayesid.estimation.sampling import Laplace, SamplerOptions, SamplingSettings, sample, trial_density
+from bayesid.estimation.sampling.priors import NoisePrior, ParameterPrior, draw_params, prior_moments
+from bayesid.model.params import JointPrior, Parameter, ParameterSet, Prior
+from bayesid.model.vehicles import load_vehicle
+from bayesid.simulation import plan_run, simulate, steady_start
 
 DEG = math.pi / 180
 NAMES = ("N_v", "N_r", "N_dr")
@@ -54,7 +54,7 @@ def problem():
         runs.append(
             RunData(name, plan, tuple(SIGMA), readings, np.array(list(SIGMA.values())), x0, tuple(FREE), sd)
         )
-    return Problem(model, params, tuple(runs), np.array(model.nominal))
+    return FitProblem(model, params, tuple(runs), np.array(model.nominal))
 
 
 def estimate(problem):
@@ -102,7 +102,7 @@ def dense(problem, z_all, z, sigma, correlation=0.0):
 def test_initial_states_are_integrated_out_as_dense_gaussian_algebra_does(problem):
     z = np.array(problem.start)
     z[3:] += [0.1, 0.01, -0.2, 0.02]
-    density = trial_density(problem, z, Settings(memory="ignore"))
+    density = trial_density(problem, z, SamplingSettings(memory="ignore"))
     sigma = np.array([[1.5, 0.4 * DEG, 0.03 * DEG]])
     for row in points(problem):
         v = np.concatenate([row[None, :3], sigma], axis=1)
@@ -112,7 +112,7 @@ def test_initial_states_are_integrated_out_as_dense_gaussian_algebra_does(proble
 
 def test_autoregressive_noise_is_that_of_a_dense_covariance(problem):
     whole = replace(problem, runs=tuple(replace(r, readings=filled(r.readings)) for r in problem.runs))
-    density = trial_density(whole, problem.start, Settings(memory="ar1"))
+    density = trial_density(whole, problem.start, SamplingSettings(memory="ar1"))
     sigma, phi = np.array([1.5, 0.4 * DEG, 0.03 * DEG]), 0.6
     for row in points(problem, 3):
         v = np.concatenate([row[:3], sigma, np.full(3, phi)])[None]
@@ -129,7 +129,7 @@ def filled(readings):
 
 
 def test_fixed_noise_and_states_leave_the_cost_of_the_fit(problem):
-    choice = Settings(noise="fixed", initial="fixed", memory="ignore")
+    choice = SamplingSettings(noise="fixed", initial="fixed", memory="ignore")
     density = trial_density(problem, problem.start, choice)
     z = points(problem)
     own = density.log_prob(density.laplace.mode + (z[:, :3] - problem.start[:3]))
@@ -138,7 +138,7 @@ def test_fixed_noise_and_states_leave_the_cost_of_the_fit(problem):
 
 
 def test_sampled_initial_states_are_the_costs_own_unknowns(problem):
-    choice = Settings(noise="fixed", initial="sampled", memory="ignore")
+    choice = SamplingSettings(noise="fixed", initial="sampled", memory="ignore")
     density = trial_density(problem, problem.start, choice)
     assert density.unknowns.names == problem.names
     z = points(problem)
@@ -150,7 +150,7 @@ def test_sampled_initial_states_are_the_costs_own_unknowns(problem):
 def test_marginal_noise_is_the_integral_over_sampled_noise(problem):
     runs = [replace(r, readings=r.readings[:, :1], channels=("x",), sigma=r.sigma[:1]) for r in problem.runs]
     one = replace(problem, runs=tuple(runs))
-    fixed = Settings(initial="fixed", memory="ignore")
+    fixed = SamplingSettings(initial="fixed", memory="ignore")
     sampled = trial_density(one, problem.start, fixed)
     marginal = trial_density(one, problem.start, replace(fixed, noise="marginal"))
     row = points(problem)[1, :3]
@@ -164,7 +164,7 @@ def test_marginal_noise_is_the_integral_over_sampled_noise(problem):
 
 
 def test_student_noise_is_scipys(problem):
-    choice = Settings(noise="fixed", initial="fixed", memory="ignore", student=4.0)
+    choice = SamplingSettings(noise="fixed", initial="fixed", memory="ignore", student=4.0)
     density = trial_density(problem, problem.start, choice)
     z = points(problem)[2]
     expected = 0.0
@@ -182,7 +182,7 @@ def test_persistent_residuals_count_for_fewer_readings_and_white_ones_for_all(pr
     off = replace(problem, runs=tuple(replace(r, readings=r.readings + added) for r in problem.runs))
     density = trial_density(off, estimate(problem))
     assert all(row[0].tau > 3 for row in density.data)
-    blind = trial_density(off, estimate(problem), Settings(memory="ignore"))
+    blind = trial_density(off, estimate(problem), SamplingSettings(memory="ignore"))
     assert np.all(np.diag(density.laplace.covariance)[:3] > np.diag(blind.laplace.covariance)[:3])
 
 
@@ -216,14 +216,14 @@ def test_a_tied_parameter_moves_with_the_one_it_is_tied_to(problem):
     tied = ParameterSet((free, Parameter("N_v", 0.5 * free.start, "tied", tie=("N_r", 0.5, 0.0))))
     density = trial_density(replace(problem, params=tied), np.concatenate([[free.start], problem.start[3:]]))
     both = ParameterSet((free, replace(problem.params["N_v"], start=0.5 * free.start, low=-1e30, high=1e30)))
-    twin = trial_density(
+    recovery = trial_density(
         replace(problem, params=both), np.concatenate([[free.start, 0.5 * free.start], problem.start[3:]])
     )
     noise = np.array([list(SIGMA.values())])
     x = 1.03 * free.start
     pair = np.concatenate([[[x, 0.5 * x]], noise], axis=1)
     assert density.log_likelihood(np.concatenate([[[x]], noise], axis=1)) == pytest.approx(
-        twin.log_likelihood(pair), rel=1e-12
+        recovery.log_likelihood(pair), rel=1e-12
     )
     assert model.nominal[model.index["N_v"]] != 0.5 * free.start
 
@@ -287,7 +287,7 @@ def test_the_noise_prior_is_a_density_with_the_moments_and_the_mode_it_states(ki
 )  # fmt: skip
 def test_settings_that_exclude_each_other_are_refused(wrong):
     with pytest.raises(SampleError):
-        Settings(**wrong)
+        SamplingSettings(**wrong)
 
 
 def test_the_sampled_posterior_of_a_nearly_linear_trial_is_its_closed_form(problem):
@@ -298,9 +298,9 @@ def test_the_sampled_posterior_of_a_nearly_linear_trial_is_its_closed_form(probl
     step = -np.linalg.lstsq(jac * tight.scale, resid, rcond=None)[0] * tight.scale
     scaled = jac * tight.scale
     covariance = np.linalg.inv(scaled.T @ scaled) * np.outer(tight.scale, tight.scale)
-    density = trial_density(tight, z + step, Settings(noise="fixed", memory="ignore"))
+    density = trial_density(tight, z + step, SamplingSettings(noise="fixed", memory="ignore"))
     assert isinstance(density.laplace, Laplace)
-    found = sample(density, density.laplace, Options(first=60, max_steps=2000, seed=2))
+    found = sample(density, density.laplace, SamplerOptions(first=60, max_steps=2000, seed=2))
     assert found.converged, found.gate.reasons
     sd, ess = np.sqrt(np.diag(covariance)[:3]), found.gate.ess_bulk
     # 0.02: the second-order change of a track over 0.3 % of a coefficient, in posterior sd
@@ -324,4 +324,4 @@ def test_a_start_that_an_unstable_vehicle_magnifies_beyond_rounding_is_refused(p
     z[:3] *= np.array([4.0, 0.3, 1.0])
     with pytest.raises(SampleError, match=r"ahead: .* grows .* times; the vehicle is unstable .* --pieces"):
         trial_density(straight, z)
-    assert trial_density(straight, z, Settings(initial="fixed")).laplace.mode.size
+    assert trial_density(straight, z, SamplingSettings(initial="fixed")).laplace.mode.size

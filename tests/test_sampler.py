@@ -1,4 +1,4 @@
-"""Samplers on densities with known moments: right answers, honest gates, nothing unsaid."""
+"""Samplers on densities with known moments: right answers, honest convergence checks, nothing unsaid."""
 
 import numpy as np
 import pytest
@@ -9,12 +9,19 @@ from gaussian_density import GaussianDensity, correlated
 from scipy.stats import truncnorm
 
 from bayesid.errors import SampleError
-from bayesid.sample import Laplace, Limits, Options, judge, load_posterior, sample
-from bayesid.sample.gate import autocorrelation_time
+from bayesid.estimation.sampling import (
+    ConvergenceLimits,
+    Laplace,
+    SamplerOptions,
+    check_convergence,
+    load_posterior,
+    sample,
+)
+from bayesid.estimation.sampling.convergence import autocorrelation_time
 
-SHORT = Options(first=60, max_steps=4000, limits=Limits(n_tau=50.0))
+SHORT = SamplerOptions(first=60, max_steps=4000, limits=ConvergenceLimits(n_tau=50.0))
 MIXES = {
-    "default": Options().weights,
+    "default": SamplerOptions().weights,
     "gaussian": {"gaussian": 1.0},
     "de": {"de": 1.0},
     "stretch": {"stretch": 1.0},
@@ -24,7 +31,7 @@ MIXES = {
 @pytest.mark.parametrize("mix", MIXES)
 def test_every_move_offered_samples_the_standard_deviations_of_a_gaussian(mix):
     density, laplace = correlated(6)
-    options = Options(first=60, weights=MIXES[mix], max_steps=8000, seed=3)
+    options = SamplerOptions(first=60, weights=MIXES[mix], max_steps=8000, seed=3)
     found = sample(density, laplace, options)
     assert found.converged, found.gate.reasons
     # standard errors: of a mean sd/sqrt(ESS), of an sd sd/sqrt(2 ESS); 12 comparisons, 4.5 of them: 1e-4
@@ -39,7 +46,7 @@ def test_a_fit_many_widths_off_the_posterior_costs_warm_up_only():
     off = laplace.root @ np.full(9, 3.0)  # nine widths in all
     far = Laplace(density.mean + off, laplace.covariance)
     near = Laplace(density.mean, laplace.covariance)
-    found = [sample(density, start, Options(seed=2, first=100)) for start in (far, near)]
+    found = [sample(density, start, SamplerOptions(seed=2, first=100)) for start in (far, near)]
     assert all(p.converged for p in found), found[0].gate.reasons
     assert found[0].gate.tau.max() < 1.5 * found[1].gate.tau.max()
     assert found[0].sd / np.sqrt(np.diag(density.covariance)) == pytest.approx(np.ones(9), abs=0.04)
@@ -63,7 +70,7 @@ def test_a_chain_in_other_units_is_the_same_chain():
     scale = np.array([1e-6, 1.0, 1e3, 1e8])
     other = GaussianDensity(scale * density.mean, density.covariance * np.outer(scale, scale))
     moved = Laplace(scale * laplace.mode, laplace.covariance * np.outer(scale, scale))
-    options = Options(first=40, max_steps=100, seed=5)
+    options = SamplerOptions(first=40, max_steps=100, seed=5)
     a, b = sample(density, laplace, options), sample(other, moved, options)
     # rounding differs, so an acceptance may in principle flip; over these few steps none does
     assert np.allclose(a.draws[:, :20] * scale, b.draws[:, :20], rtol=1e-6)
@@ -82,7 +89,7 @@ def test_the_region_where_a_simulation_fails_is_never_entered_and_is_counted():
 def test_a_start_without_finite_density_says_how_many_walkers_and_what_to_do():
     density = GaussianDensity(np.zeros(2), np.eye(2), edge=-1e9)
     with pytest.raises(SampleError, match=r"of 128 walkers find no start.*fit again"):
-        sample(density, Laplace(np.zeros(2), np.eye(2)), Options())
+        sample(density, Laplace(np.zeros(2), np.eye(2)), SamplerOptions())
 
 
 def test_starts_within_bounds_follow_the_cut_gaussian_even_when_the_mode_is_in_a_corner():
@@ -114,23 +121,23 @@ def test_the_autocorrelation_time_of_an_autoregression_is_its_closed_form(rho):
 
 def test_the_gate_passes_independent_draws_and_names_what_is_wrong_with_others():
     x = np.random.default_rng(0).standard_normal((4, 400, 16, 2))
-    assert judge(x, ("a", "b")).converged
+    assert check_convergence(x, ("a", "b")).converged
     apart = x.copy()
     apart[2, ..., 1] += 0.5
-    gate = judge(apart, ("a", "b"))
+    gate = check_convergence(apart, ("a", "b"))
     assert not gate.converged and any("R-hat" in r and "of b" in r for r in gate.reasons)
     slow = autoregression(0.98, 400, (4, 16, 2)).transpose(1, 0, 2, 3)
-    assert any("autocorrelation times" in r for r in judge(slow, ("a", "b")).reasons)
-    assert any("one ensemble" in r for r in judge(x[:1], ("a", "b")).reasons)
-    assert any("effective size" in r for r in judge(x[:, :20, :2], ("a", "b")).reasons)
+    assert any("autocorrelation times" in r for r in check_convergence(slow, ("a", "b")).reasons)
+    assert any("one ensemble" in r for r in check_convergence(x[:1], ("a", "b")).reasons)
+    assert any("effective size" in r for r in check_convergence(x[:, :20, :2], ("a", "b")).reasons)
 
 
 def test_the_tail_effective_size_is_the_smaller_one_of_the_5_and_95_percent_quantiles():
     import arviz
 
     x = autoregression(0.8, 300, (2, 6, 1), seed=4).transpose(1, 0, 2, 3)
-    gate = judge(x, ("a",))
-    step = max(1, int(gate.tau[0] / 3))  # the gate ranks every third of a correlation time only
+    gate = check_convergence(x, ("a",))
+    step = max(1, int(gate.tau[0] / 3))  # the convergence check ranks every third of a correlation time only
     chains = np.swapaxes(x[:, ::step, :, 0], 1, 2).reshape(12, -1)
     sizes = [float(arviz.ess(chains, method="quantile", prob=p)) for p in (0.05, 0.95)]
     assert gate.ess_tail[0] == pytest.approx(min(sizes), rel=1e-12)  # the same sums, in the same order
@@ -139,14 +146,14 @@ def test_the_tail_effective_size_is_the_smaller_one_of_the_5_and_95_percent_quan
 def test_a_walker_that_is_stuck_is_named():
     x = np.random.default_rng(0).standard_normal((4, 400, 16, 2))
     x[1, :, 5] = x[1, 0, 5]
-    gate = judge(x, ("a", "b"))
+    gate = check_convergence(x, ("a", "b"))
     assert gate.stuck == ((1, 5),)
     assert any("1 of 64 walkers hardly moved" in r for r in gate.reasons)
 
 
 def test_a_chain_cut_short_is_not_called_converged():
     density, laplace = correlated(6)
-    found = sample(density, laplace, Options(first=40, max_steps=50, weights={"stretch": 1.0}))
+    found = sample(density, laplace, SamplerOptions(first=40, max_steps=50, weights={"stretch": 1.0}))
     assert not found.converged
     assert not found.summary()["converged"] and found.summary()["reasons"]
 
@@ -155,7 +162,7 @@ def test_a_stored_posterior_comes_back_as_it_was_and_arviz_reads_it(tmp_path):
     import arviz
 
     density, laplace = correlated(3)
-    found = sample(density, laplace, Options(first=40, max_steps=100), tmp_path)
+    found = sample(density, laplace, SamplerOptions(first=40, max_steps=100), tmp_path)
     again = load_posterior(tmp_path / "posterior.nc")
     assert np.array_equal(found.draws, again.draws) and np.array_equal(found.log_prob, again.log_prob)
     assert again.names == found.names and again.gate.reasons == found.gate.reasons
@@ -170,9 +177,9 @@ def test_a_stored_posterior_comes_back_as_it_was_and_arviz_reads_it(tmp_path):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (Options(walkers=7), "7 walkers for 4 unknowns"),
-        (Options(weights={"snooker": 1.0}), "moves snooker"),
-        (Options(weights={"de": 0.0}), "have no weight"),
+        (SamplerOptions(walkers=7), "7 walkers for 4 unknowns"),
+        (SamplerOptions(weights={"snooker": 1.0}), "moves snooker"),
+        (SamplerOptions(weights={"de": 0.0}), "have no weight"),
     ],
 )
 def test_options_that_cannot_work_are_refused(options, words):

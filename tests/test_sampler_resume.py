@@ -12,10 +12,10 @@ import pytest
 from gaussian_density import correlated
 
 from bayesid.errors import SampleError
-from bayesid.sample import Options, sample
+from bayesid.estimation.sampling import SamplerOptions, sample
 
 HERE = Path(__file__).parent
-OPTIONS = Options(
+OPTIONS = SamplerOptions(
     ensembles=4, walkers=16, first=40, max_steps=600, seed=11, weights={"stretch": 0.8, "gaussian": 0.2}
 )
 SCRIPT = """
@@ -25,7 +25,7 @@ sys.path.insert(0, sys.argv[1])
 from gaussian_density import correlated
 from test_sampler_resume import OPTIONS
 from bayesid.errors import SampleError
-from bayesid.sample import sample
+from bayesid.estimation.sampling import sample
 density, laplace = correlated(5)
 plain = density.log_prob
 density.log_prob = lambda q: (time.sleep(float(sys.argv[3])), plain(q))[1]

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from plain_kernel import uncompiled
 
-from bayesid.model import build_model
-from bayesid.simulate import (
+from bayesid.equations.model import build_model
+from bayesid.model.vehicles import builtin_names, load_vehicle
+from bayesid.simulation import (
     actuate,
     gradient,
     observe,
@@ -22,7 +23,6 @@ from bayesid.simulate import (
     simulate,
     steady_start,
 )
-from bayesid.vehicles import builtin_names, load_vehicle
 
 # A parameter moved by this share of its size: truncation and cancellation are both near 1e-8.
 SHARE = 1e-4
@@ -63,7 +63,7 @@ def case(name, dof=3, all_on=True, samples=13, eta=False):
 
 def typical(model, name):
     """Size of a row that matters: 1/2 rho L^k U^(2 - degree)."""
-    from bayesid.terms import term
+    from bayesid.model.terms import term
 
     row, s = term(name), model.scales
     return 0.5 * s["rho"] * s["L"] ** row.length_power * s["U"] ** (2 - row.velocity_power)
@@ -71,7 +71,7 @@ def typical(model, name):
 
 def size_of(model, par, name):
     """What a change of this parameter is measured in."""
-    from bayesid.terms import TERMS
+    from bayesid.model.terms import TERMS
 
     value, s = abs(par[model.index[name]]), model.scales
     if name == "actuator_dead_time.delay":  # a switch that comes to lie in another step leaves a kink

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bayesid.equations.model import build_model
 from bayesid.errors import BayesidError, ModelError
 from bayesid.manoeuvres import turn
-from bayesid.model import build_model
-from bayesid.simulate import fly, plan_run, simulate, simulate_batch, steady_start
-from bayesid.vehicles import load_vehicle
+from bayesid.model.vehicles import load_vehicle
+from bayesid.simulation import plan_run, run_manoeuvre, simulate, simulate_batch, steady_start
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +39,9 @@ def test_a_diverging_vehicle_in_a_batch_leaves_the_others_alone(model):
 
 def test_a_diverging_manoeuvre_is_an_error_with_the_time(model):
     with pytest.raises(ModelError, match=r"from t = \d"):
-        fly(model, model.with_values({"X_u|u|": 1e9}), turn(0.1, 60.0, 0.0, 60.0, 2.0), steady_start(model))
+        run_manoeuvre(
+            model, model.with_values({"X_u|u|": 1e9}), turn(0.1, 60.0, 0.0, 60.0, 2.0), steady_start(model)
+        )
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""The force table: every row is checked by rules written independently of `bayesid.terms.row`."""
+"""The force table: every row is checked by rules written independently of `bayesid.model.terms.row`."""
 
 import re
 
@@ -7,8 +7,8 @@ import pytest
 from matplotlib.mathtext import MathTextParser
 
 from bayesid.errors import VehicleError
-from bayesid.terms import REFERENCES, TERMS, Term, alias, canonical_name, factors, term
-from bayesid.terms.dialects import WRITTEN
+from bayesid.model.terms import REFERENCES, TERMS, Term, alias, canonical_name, factors, term
+from bayesid.model.terms.dialects import WRITTEN
 
 ROWS = pytest.mark.parametrize("row", TERMS, ids=lambda row: row.name)
 UNITS = pint.UnitRegistry()

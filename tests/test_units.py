@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bayesid import units
-from bayesid.channels import CHANNELS, channel
 from bayesid.errors import BayesidError
-from bayesid.notation import STATES
+from bayesid.model import units
+from bayesid.model.channels import CHANNELS, channel
+from bayesid.model.notation import STATES
 
 PINT_SPELLING = {"°": "degree", "°/s": "degree/s", "NM": "nautical_mile", "kt": "knot", "kts": "knot",
                  "kn": "knot", "RPM": "rpm", "Nm": "N*m", "kNm": "kN*m", "sec": "s"}  # fmt: skip
@@ -70,7 +70,7 @@ def test_any_text_gives_a_factor_or_a_unit_error(text, inside):
 
 
 def test_common_units_do_not_import_pint():
-    code = "import sys; from bayesid import units; units.scale('deg','rad','x'); print('pint' in sys.modules)"
+    code = "import sys; from bayesid.model import units; units.scale('deg','rad','x'); print('pint' in sys.modules)"  # noqa: E501
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
 

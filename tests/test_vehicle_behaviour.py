@@ -15,9 +15,9 @@ import pytest
 from plain_kernel import uncompiled
 
 from bayesid import manoeuvres, measures
-from bayesid.model import build_model
-from bayesid.simulate import fly, plan_run, simulate, steady_start
-from bayesid.vehicles import builtin_names, load_vehicle
+from bayesid.equations.model import build_model
+from bayesid.model.vehicles import builtin_names, load_vehicle
+from bayesid.simulation import plan_run, run_manoeuvre, simulate, steady_start
 
 REFERENCE = json.loads((Path(__file__).parent / "data" / "reference_behaviour.json").read_text("utf-8"))
 EVERY = pytest.mark.parametrize("name", builtin_names())
@@ -42,7 +42,7 @@ def test_turning_circle(name):
     L, time = model.vehicle.L, model.vehicle.L / ref["U0"]
     turn = ref["turn"]
     order = manoeuvres.turn(-turn["delta"] * DEG, ref["rpm"], 5 * time, 60 * time, 0.02 * time)
-    track, commands = fly(model, model.nominal, order, x0)
+    track, commands = run_manoeuvre(model, model.nominal, order, x0)
     states = [track[name] for name in ("x", "y", "psi")]
     found = measures.turning_circle(track.t, *states, commands["delta_r_cmd"], track["u"], track["v"])
     assert found.steady_diameter / L == pytest.approx(turn["steady_D"], rel=STEADY)
@@ -66,7 +66,7 @@ def test_zigzag(name, angle):
         pytest.skip("the rudder of this set does not reach that far")
     time, zz = model.vehicle.L / ref["U0"], ref[f"zz{angle}"]
     order = manoeuvres.zigzag(-angle * DEG, angle * DEG, ref["rpm"], time, 40 * time, 0.005 * time)
-    track, commands = fly(model, model.nominal, order, x0)
+    track, commands = run_manoeuvre(model, model.nominal, order, x0)
     found = measures.zigzag(track.t, track["psi"], commands["delta_r_cmd"])
     overshoots = np.array(found.overshoots[:3]) / DEG
     turned = ref["turn"]["r_deg_s"] * step_of_reference(name)

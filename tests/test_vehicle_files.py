@@ -12,9 +12,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from bayesid.errors import VehicleError
-from bayesid.vehicles import builtin_names, check_vehicle, coef_si, load_vehicle
-from bayesid.vehicles.reading import BUILTIN_FOLDER, LARGEST_FILE
-from bayesid.vehicles.writing import vehicle_toml
+from bayesid.model.vehicles import builtin_names, check_vehicle, coef_si, load_vehicle
+from bayesid.model.vehicles.reading import BUILTIN_FOLDER, LARGEST_FILE
+from bayesid.model.vehicles.writing import vehicle_toml
 
 TEXT = {name: (BUILTIN_FOLDER / f"{name}.toml").read_text("utf-8") for name in builtin_names()}
 REMUS = TEXT["remus100"]
@@ -215,7 +215,7 @@ NAMES = (
 
 def toml(data):
     """TOML of plain tables through the package's own writer of values."""
-    from bayesid.vehicles.writing import _key, _value
+    from bayesid.model.vehicles.writing import _key, _value
 
     lines = []
     for section, table in data.items():

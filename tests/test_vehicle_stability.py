@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bayesid.errors import VehicleError
-from bayesid.vehicles import (
+from bayesid.model.vehicles import (
     Propulsion,
     builtin_names,
     check_vehicle,

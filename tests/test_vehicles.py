@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from bayesid.errors import VehicleError
-from bayesid.terms import TERMS, alias, term
-from bayesid.vehicles import (
+from bayesid.model.terms import TERMS, alias, term
+from bayesid.model.vehicles import (
     GRAVITY,
     added_mass,
     builtin_names,
@@ -19,9 +19,9 @@ from bayesid.vehicles import (
     rigid_body_mass,
     write_vehicle,
 )
-from bayesid.vehicles.convention import complete_from_fossen, munk_and_coriolis, rudder_to_port
-from bayesid.vehicles.reading import BUILTIN_FOLDER, read_vehicle
-from bayesid.vehicles.writing import vehicle_toml
+from bayesid.model.vehicles.convention import complete_from_fossen, munk_and_coriolis, rudder_to_port
+from bayesid.model.vehicles.reading import BUILTIN_FOLDER, read_vehicle
+from bayesid.model.vehicles.writing import vehicle_toml
 
 EVERY = pytest.mark.parametrize("name", builtin_names())
 PLAIN = """
@@ -168,7 +168,7 @@ def test_added_mass_brings_exactly_the_rows_of_potential_flow():
     """The list derived by hand for an x-z symmetric body; every other row stays at zero."""
     rng = np.random.default_rng(0)
     inertia = {row.name: float(rng.normal()) for row in TERMS if row.is_inertia}
-    inertia |= {twin: inertia[name] for name, twin in TWINS.items()}
+    inertia |= {recovery: inertia[name] for name, recovery in TWINS.items()}
     expected = {row: eval(formula, {}, inertia) for row, formula in SECTION_7.items()}
     assert munk_and_coriolis(inertia) == pytest.approx(expected)
 

@@ -1,25 +1,22 @@
-"""The result of the blind check: files as sealed, labels converted by hand, misses counted."""
+"""The result of the blind check: files as committed, labels converted by hand, misses counted."""
 
 import json
 import math
-import sys
 from collections import Counter
 from pathlib import Path
 
 import pytest
 
-from bayesid.blind.answers import load_answers
-from bayesid.blind.seal import SEAL, BlindError, digest_of_file
-from bayesid.blind.verdicts import check_seals, load_verdicts
+from bayesid.benchmark.protocol.answers import load_answers
+from bayesid.benchmark.protocol.commitment import VERDICT_COMMITMENT_FILE, BlindError, digest_of_file
+from bayesid.benchmark.protocol.verdicts import check_commitments, load_verdicts
 from bayesid.errors import BayesidError
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "studies"))
-
-from withheld.effects import FIRST, RIGHT, exactly, fate  # noqa: E402
-from withheld.misses import MISSES  # noqa: E402
-from withheld.wind import measured, scored, summed  # noqa: E402
-from withheld_score import explained  # noqa: E402
+from studies.withheld_score.effects import FIRST, RIGHT, exactly, fate  # noqa: E402
+from studies.withheld_score.misses import MISSES  # noqa: E402
+from studies.withheld_score.run import explained  # noqa: E402
+from studies.withheld_score.wind import measured, scored, summed  # noqa: E402
 
 SEALED = ROOT / "reports" / "withheld"
 
@@ -38,10 +35,10 @@ def answers_of(tmp_path, *labels):
 
 
 def test_the_sealed_verdicts_and_predictions_are_those_of_the_seal():
-    seal = json.loads((SEALED / SEAL).read_text())
+    seal = json.loads((SEALED / VERDICT_COMMITMENT_FILE).read_text())
     bundles = dict.fromkeys(seal["pack"]["bundles"])
     assert seal["seal"].startswith("a24e94cfa3b24e8a")
-    assert check_seals(SEALED, bundles)["seal"] == seal["seal"]  # every diagnosis.json by its digest
+    assert check_commitments(SEALED, bundles)["seal"] == seal["seal"]  # every diagnosis.json by its digest
     # written on 2026-11-21 and 22, before the anemometer and the other facility were opened
     assert digest_of_file(SEALED / "esso_osaka_wind" / "verdicts.json").startswith("6598907cabdfd9d9")
     assert digest_of_file(SEALED / "kvlcc2_other_facility" / "predictions.json").startswith(
@@ -89,7 +86,7 @@ def test_two_labels_of_one_bundle_are_refused(tmp_path):
 
 
 def test_a_converted_parameter_is_scored_against_the_verdict(tmp_path):
-    from bayesid.blind.judge import judge
+    from bayesid.benchmark.protocol.judgement import judge
 
     answer = answers_of(tmp_path, label("b1", "heading_bias", {"s_psi_deg": 1.0}))["b1"]
     bias = {"value": math.radians(1.5), "sd": math.radians(0.25), "unit": "rad"}
@@ -112,7 +109,7 @@ def test_word_for_word_knows_no_alias_and_no_set(tmp_path):
 
 
 def test_a_cause_that_came_first_without_a_name_is_not_counted_as_right(tmp_path):
-    from bayesid.blind.judge import judge
+    from bayesid.benchmark.protocol.judgement import judge
 
     answer = answers_of(tmp_path, label("b1", "thrust_loss", {"t_loss": 0.03}))["b1"]
     verdict = {"verdict": "coefficients", "effects": [{"name": "thrust_loss", "parameters": {}}],

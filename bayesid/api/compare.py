@@ -10,20 +10,27 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bayesid.analysis.design.compare import (
+    PlanningCase,
+    crossing,
+    rank_correlation,
+    refit_all,
+    refit_crossing,
+    richness,
+)
+from bayesid.analysis.design.criteria import flat_names
+from bayesid.analysis.design.regression_check import inclusion
 from bayesid.api.inputs import Names, VehicleLike
 from bayesid.api.planning import case_of, orders, subject_of
 from bayesid.api.result import Result, table
-from bayesid.design.compare import Case, crossed, crossing, rank_correlation, richness, tried
-from bayesid.design.criteria import flat_names
-from bayesid.design.witness import inclusion
 from bayesid.files import write_json
+from bayesid.model.vehicles import Vehicle
 from bayesid.progress import Progress
-from bayesid.report import Report
-from bayesid.report.text import table_text
-from bayesid.sections import planning_compare as words
-from bayesid.sections.planning_compare import Comparison
+from bayesid.report import compare as words
+from bayesid.report.compare import Comparison
+from bayesid.report.writer import Report
+from bayesid.report.writer.text import table_text
 from bayesid.trials import Trial
-from bayesid.vehicles import Vehicle
 
 if TYPE_CHECKING:
     import pandas
@@ -84,7 +91,7 @@ def compare(
 
 
 def compared(
-    case: Case,
+    case: PlanningCase,
     notes: tuple[str, ...],
     also: Mapping[str, Any],
     draws: int,
@@ -105,10 +112,10 @@ def compared(
     trials = []
     for k, par in enumerate(case.draws(rng, refits) if refits else ()):
         with progress.stage(f"refits of vehicle {k + 1} of {refits}", len(executed)) as stage:
-            trials.append(tried(case, executed, par, seed + k, lambda _: stage.step()))
+            trials.append(refit_all(case, executed, par, seed + k, lambda _: stage.step()))
     actual = included = None
     if trials:
-        cross = crossed(case, cross, trials)
+        cross = refit_crossing(case, cross, trials)
         actual = np.array([
             np.mean([t.refits[n].contraction(case.knowledge) for t in trials if n in t.refits], axis=0)
             for n in executed

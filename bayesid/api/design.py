@@ -10,24 +10,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bayesid.analysis.design import Causes, ManoeuvrePlan, SearchEffort, next_manoeuvre
+from bayesid.analysis.design.compare import PlanningCase
+from bayesid.analysis.design.discrimination import VIRTUAL_FORCE_LEVEL, causes
 from bayesid.api.inputs import Names, VehicleLike, names_of
 from bayesid.api.planning import case_of, reference_scale, subject_of
 from bayesid.api.result import Result, table
-from bayesid.design import Causes, Effort, Plan, next_manoeuvre
-from bayesid.design.causes import CALM, causes
-from bayesid.design.compare import Case
-from bayesid.diagnose.problem import pose
+from bayesid.diagnosis.data.problem import build_problem
+from bayesid.equations.model import Model
 from bayesid.errors import FitError
 from bayesid.files import write_json
 from bayesid.manoeuvres import parse, write_table
-from bayesid.model import Model
+from bayesid.model.vehicles import Vehicle
 from bayesid.progress import Progress
-from bayesid.report import Report
-from bayesid.report.text import table_text
-from bayesid.sections import planning_next as words
+from bayesid.report import design as words
+from bayesid.report.writer import Report
+from bayesid.report.writer.text import table_text
+from bayesid.simulation.virtual_trial import virtual_trial
 from bayesid.trials import Environment, Trial
-from bayesid.vehicles import Vehicle
-from bayesid.virtual import virtual_trial
 
 if TYPE_CHECKING:
     import pandas
@@ -97,7 +97,7 @@ def design(
     case, notes = made.case, list(made.notes)
     between = _causes(case, model, trial, told, size, seed, notes) if told else None
     most = (200 if quick else tries) if told is None else (60 if quick else min(tries, MOST_TRIES_CAUSES))
-    effort = Effort(2, 4, most, 6) if quick else Effort(evaluations=most)
+    effort = SearchEffort(2, 4, most, 6) if quick else SearchEffort(evaluations=most)
     with (progress or Progress(quiet=True)).stage("search", most) as stage:
         plan = next_manoeuvre(
             case, goals[0] if goals else "shrink", np.random.default_rng(seed),
@@ -108,23 +108,30 @@ def design(
 
 
 def _causes(
-    case: Case, model: Model, trial: Trial | None, names: list[str], size: float, seed: int, notes: list[str]
+    case: PlanningCase,
+    model: Model,
+    trial: Trial | None,
+    names: list[str],
+    size: float,
+    seed: int,
+    notes: list[str],
 ) -> Causes:
     """The causes to tell apart, after the trial or after runs taken as executed."""
     if trial is None:
         coarse = replace(reference_scale(model), dt=case.logging.dt)
-        texts = [r.name for r in case.flown] or ["zigzag:10/10"]
+        texts = [r.name for r in case.executed] or ["zigzag:10/10"]
         executed = {t: parse(t, coarse) for t in ["straight", *texts]}
         trial = virtual_trial(
             model, model.nominal, executed, title="taken as executed", vehicle_ref=model.vehicle.name,
             noise=case.logging.sigma, rng=np.random.default_rng(seed),
         )  # fmt: skip
-        trial = replace(trial, environment=Environment(CALM, 0.0))
+        trial = replace(trial, environment=Environment(VIRTUAL_FORCE_LEVEL, 0.0))
         notes.append(
-            f"Taken as executed: {', '.join(executed)}, in a sea of {CALM:g} of 1/2 rho L^2 U^2 rms."
+            f"Taken as executed: {', '.join(executed)}, in a sea of {VIRTUAL_FORCE_LEVEL:g} of 1/2 rho "
+            f"L^2 U^2 rms."
         )
     longest = case.bounds.duration * model.scales["U"] / model.scales["L"]
-    return causes(pose(model, trial), names, size, longest * 1.01)
+    return causes(build_problem(model, trial), names, size, longest * 1.01)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -136,8 +143,8 @@ class DesignResult(Result):
     plan : orders, track, candidates and what they are worth; `plan.orders` is the command table
     """
 
-    case: Case
-    plan: Plan
+    case: PlanningCase
+    plan: ManoeuvrePlan
     seed: int
     notes: tuple[str, ...]
 

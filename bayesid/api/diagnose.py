@@ -1,4 +1,4 @@
-"""`bayesid.diagnose`: where the gap between simulator and trial lies, what causes it, how far it shrinks."""
+"""`bayesid.diagnosis`: where the gap between simulator and trial lies, what causes it, how far it shrinks."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 from bayesid.api.inputs import Names, TrialLike, VehicleLike, declared_effects, model_of, trial_of
 from bayesid.api.result import Result, table
-from bayesid.diagnose.diagnosis import Diagnosis, as_json
-from bayesid.diagnose.diagnosis import diagnose as run
-from bayesid.diagnose.found import write_found
+from bayesid.diagnosis.diagnosed_model import write_diagnosed
+from bayesid.diagnosis.run import Diagnosis, as_json
+from bayesid.diagnosis.run import diagnose as run
 from bayesid.files import write_json
 from bayesid.progress import Progress
-from bayesid.report import Report
-from bayesid.sections.diagnosis import diagnosis_report, write_diagnosis_report
+from bayesid.report.diagnosis.report import diagnosis_report, write_diagnosis_report
+from bayesid.report.writer import Report
 
 if TYPE_CHECKING:
     import pandas
@@ -104,7 +104,7 @@ class DiagnoseResult(Result):
         target.mkdir(parents=True, exist_ok=True)
         write_json(target / "diagnosis.json", self._record)
         if self.found.diagnosed is not None:
-            write_found(self.found.diagnosed, target)
+            write_diagnosed(self.found.diagnosed, target)
         if self.found.posterior is not None:
             self.found.posterior.posterior.to_netcdf(target / "posterior.nc")
         return write_diagnosis_report(self.found, target, self._record)

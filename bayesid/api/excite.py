@@ -8,23 +8,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from bayesid.analysis.excitation import Excitation
+from bayesid.analysis.excitation import excite as regress
+from bayesid.analysis.excitation.regression import as_json
 from bayesid.api.inputs import TrialLike, VehicleLike, trial_of, vehicle_of
 from bayesid.api.result import Result, table
-from bayesid.excitation import Excitation
-from bayesid.excitation import excite as regress
-from bayesid.excitation.witness import as_json
+from bayesid.equations.model import build_model
 from bayesid.files import write_json
-from bayesid.model import build_model
 from bayesid.progress import Progress
-from bayesid.report import Report
-from bayesid.report.text import table_text
-from bayesid.sections.excitation import (
-    TERM_COLUMNS,
-    excitation_report,
-    finding,
-    term_rows,
-    write_excitation_report,
-)
+from bayesid.report.excite import TERM_COLUMNS, excitation_report, finding, term_rows, write_excitation_report
+from bayesid.report.writer import Report
+from bayesid.report.writer.text import table_text
 from bayesid.trials import Trial
 
 if TYPE_CHECKING:

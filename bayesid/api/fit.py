@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Any
 from bayesid.api.inputs import Names, TrialLike, VehicleLike, names_of, prepared, trial_of, vehicle_of
 from bayesid.api.result import Result, table
 from bayesid.errors import FitError
-from bayesid.fit import Options, TrialFit
-from bayesid.fit.pieces import fit_in_pieces
+from bayesid.estimation.output_error import FitOptions, TrialFit
+from bayesid.estimation.output_error.segments import fit_in_pieces
+from bayesid.model.vehicles import Vehicle
 from bayesid.progress import Progress
-from bayesid.report import Report
-from bayesid.report.text import table_text
-from bayesid.sections.fit import fit_report, noise_level, write_fit_report
-from bayesid.sections.prediction import PREDICTION_COLUMNS, prediction_numbers, prediction_rows
-from bayesid.vehicles import Vehicle
+from bayesid.report.fit import fit_report, noise_level, write_fit_report
+from bayesid.report.prediction_error import PREDICTION_COLUMNS, prediction_numbers, prediction_rows
+from bayesid.report.writer import Report
+from bayesid.report.writer.text import table_text
 
 if TYPE_CHECKING:
     import pandas
@@ -82,7 +82,7 @@ def fit(
     chosen = prepared(logged, runs, resample, QUICK_SAMPLES if quick else None)
     few = {"rounds": QUICK_ROUNDS} if quick else {}
     # profile None: the noise is estimated where the trial leaves that of a channel open
-    options = Options(seed=seed, starts=starts, profile=True if estimate_noise else None, **few)
+    options = FitOptions(seed=seed, starts=starts, profile=True if estimate_noise else None, **few)
     with (progress or Progress(quiet=True)).stage("fit") as stage:
         found = fit_in_pieces(
             chosen, pieces, ship, out, free=names_of(free), fixed=kept, options=options, resume=resume,

@@ -10,19 +10,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bayesid.analysis.identifiability import Derived, Identifiability, derived, full_vectors
+from bayesid.analysis.identifiability import identify as look
 from bayesid.api.inputs import Names, TrialLike, VehicleLike, names_of, prepared, trial_of, vehicle_of
 from bayesid.api.result import Result, table
-from bayesid.fit import load_fit
-from bayesid.fit.pieces import in_pieces
-from bayesid.identifiability import Derived, Identifiability, derived, full_vectors
-from bayesid.identifiability import identify as look
-from bayesid.likelihood import coefficient_set, trial_problem
-from bayesid.model import build_model
+from bayesid.equations.model import build_model
+from bayesid.estimation.output_error import coefficient_set, load_fit, trial_problem
+from bayesid.estimation.output_error.segments import in_pieces
+from bayesid.model.vehicles import ASSUMED_RELATIVE_SD
 from bayesid.progress import Progress
-from bayesid.report import Report
-from bayesid.report.text import table_text
-from bayesid.sections import identify as words
-from bayesid.vehicles import ASSUMED_RELATIVE_SD
+from bayesid.report import identify as words
+from bayesid.report.writer import Report
+from bayesid.report.writer.text import table_text
 
 if TYPE_CHECKING:
     import pandas

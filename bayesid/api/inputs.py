@@ -12,15 +12,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from bayesid.effects import Effect
+from bayesid.equations.model import Model, build_model, without_effects
 from bayesid.errors import ModelError, TrialError, VehicleError
 from bayesid.files import UnreadableError, read_regular
 from bayesid.manoeuvres import Scale
-from bayesid.model import Model, build_model, without_effects
-from bayesid.terms import canonical_name
+from bayesid.model.effects import Effect
+from bayesid.model.terms import canonical_name
+from bayesid.model.units import scale as unit_scale
+from bayesid.model.vehicles import Vehicle, load_vehicle, self_propulsion_speed, with_relative_prior
 from bayesid.trials import Trial, load_trial, thin
-from bayesid.units import scale as unit_scale
-from bayesid.vehicles import Vehicle, load_vehicle, self_propulsion_speed, with_relative_prior
 
 Names: TypeAlias = "str | Iterable[str] | None"
 TrialLike: TypeAlias = "Trial | str | os.PathLike[str]"
@@ -185,5 +185,5 @@ def declared_effects(path: str | os.PathLike[str] | None) -> tuple[Effect, ...]:
     except (Exception, SystemExit) as exc:
         raise ModelError(f"{file.name}: cannot be run as a Python file of effects: {exc}") from None
     if not found or not all(isinstance(e, Effect) for e in found):
-        raise ModelError(f"{file.name}: define EFFECTS, a tuple of bayesid.effects.Effect")
+        raise ModelError(f"{file.name}: define EFFECTS, a tuple of bayesid.model.effects.Effect")
     return tuple(found)

@@ -10,14 +10,14 @@ import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+from bayesid.analysis.design import limits, usual_logging
+from bayesid.analysis.design.planning_case import PlanningSetup, known_of, trial_case, vehicle_case
 from bayesid.api.inputs import Names, VehicleLike, names_of, vehicle_of
-from bayesid.design import limits, usual_logging
-from bayesid.design.setup import Setup, known_of, trial_case, vehicle_case
+from bayesid.equations.model import Model, build_model
 from bayesid.errors import TrialError, VehicleError
 from bayesid.manoeuvres import Manoeuvre, Scale, parse
-from bayesid.model import Model, build_model
+from bayesid.model.vehicles import Vehicle
 from bayesid.trials import Trial, load_trial
-from bayesid.vehicles import Vehicle
 
 
 def subject_of(
@@ -66,7 +66,7 @@ def case_of(
     box: float | None = None,
     depth: float | None = None,
     plane: float | None = None,
-) -> Setup:
+) -> PlanningSetup:
     """The case that the choices describe; angles in radians.
 
     Raises

@@ -11,17 +11,22 @@ from typing import TYPE_CHECKING, Any
 
 from bayesid.api.inputs import TrialLike, VehicleLike, declared_effects, model_of, scale_of, trial_of
 from bayesid.api.result import Result
-from bayesid.diagnose.bands import beside_readings, measure_bands, prediction_csv
-from bayesid.diagnose.diagnosis import diagnose
-from bayesid.diagnose.found import Found, found_in, read_found, write_found
-from bayesid.diagnose.predict import Prediction, predict_manoeuvre, predict_run
+from bayesid.diagnosis.diagnosed_model import (
+    DiagnosedModel,
+    diagnosed_model_of,
+    read_diagnosed,
+    write_diagnosed,
+)
+from bayesid.diagnosis.run import diagnose
 from bayesid.errors import ModelError
 from bayesid.files import write_atomic, write_json
 from bayesid.manoeuvres import parse
 from bayesid.measures import named_measures
+from bayesid.prediction.intervals import beside_readings, measure_bands, prediction_csv
+from bayesid.prediction.prediction import Prediction, predict_manoeuvre, predict_run
 from bayesid.progress import Progress
-from bayesid.report import Figure, Report, Section, Table, literal
-from bayesid.report.text import table_text
+from bayesid.report.writer import Figure, Report, Section, Table, literal
+from bayesid.report.writer.text import table_text
 from bayesid.trials import Run, Trial
 
 if TYPE_CHECKING:
@@ -56,9 +61,9 @@ def predict(
     ----------
     trial, data : as in `bayesid.fit`; of a run only the orders and the first readings are used
     what : names of runs, or manoeuvres such as "turn:20"; all runs if left out
-    model : folder of `bayesid.diagnose`; without it the trial is diagnosed first
+    model : folder of `bayesid.diagnosis`; without it the trial is diagnosed first
     out : folder for a CSV per prediction as it is made, and for a model diagnosed on the way
-    vehicle, effects : for a diagnosis on the way, as in `bayesid.diagnose`
+    vehicle, effects : for a diagnosis on the way, as in `bayesid.diagnosis`
     draws : vehicles drawn from the posterior
     speed, rpm, dt : approach speed [m/s], shaft speed and step [s] of a manoeuvre
     lead : first seconds of a run that may be read, to begin on its track
@@ -108,16 +113,16 @@ def _model(
     effects: str | os.PathLike[str] | None,
     seed: int,
     progress: Progress,
-) -> Found:
+) -> DiagnosedModel:
     """The diagnosed model, read or made."""
     extra = declared_effects(effects)
     if folder is not None:
-        return read_found(folder, extra)
+        return read_diagnosed(folder, extra)
     progress.note("no model given: diagnosing first")
     model = model_of(trial, vehicle, extra)
-    found = found_in(diagnose(trial, model, seed=seed, say=progress.note, plan_next=False))
+    found = diagnosed_model_of(diagnose(trial, model, seed=seed, say=progress.note, plan_next=False))
     if out is not None:
-        write_found(found, out)
+        write_diagnosed(found, out)
     return found
 
 
@@ -175,7 +180,7 @@ class PredictResult(Result):
         return pandas.concat(frames, ignore_index=True)
 
     def report(self) -> Report:
-        from bayesid.figures.prediction import bands
+        from bayesid.report.prediction_figures import bands
 
         sections = []
         for k, (p, row) in enumerate(zip(self.predictions, self.numbers["predictions"], strict=True), 1):
@@ -196,9 +201,9 @@ class PredictResult(Result):
         return Report(f"Predictions for {literal(self.trial.name)}", literal(self._model_words()), sections)
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
-        from bayesid import report
+        from bayesid.report import writer
 
-        return report.write(
+        return writer.write(
             self.report(), folder, {"seeds": [self.numbers["seed"]], "predictions": self.numbers}
         )
 

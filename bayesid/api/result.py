@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bayesid.errors import BayesidError
-from bayesid.report import Report
-from bayesid.report.blocks import figures_of
+from bayesid.report.writer import Report
+from bayesid.report.writer.blocks import figures_of
 
 if TYPE_CHECKING:
     import pandas

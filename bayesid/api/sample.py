@@ -10,19 +10,18 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from bayesid.api.inputs import Names, TrialLike, VehicleLike, names_of, prepared, trial_of, vehicle_of
 from bayesid.api.result import Result, table
-from bayesid.fit import TrialFit
-from bayesid.fit.pieces import fit_in_pieces
-from bayesid.likelihood import coefficient_set
-from bayesid.model import build_model
+from bayesid.equations.model import build_model
+from bayesid.estimation.output_error import TrialFit, coefficient_set
+from bayesid.estimation.output_error.segments import fit_in_pieces
+from bayesid.estimation.sampling import Posterior, SamplerOptions, SamplingSettings, trial_density
+from bayesid.estimation.sampling import sample as draw
+from bayesid.estimation.sampling.priors import with_prior
+from bayesid.model.vehicles import ASSUMED_RELATIVE_SD
 from bayesid.progress import Progress
-from bayesid.report import Report
-from bayesid.report.text import table_text
-from bayesid.sample import Options, Posterior, Settings, trial_density
-from bayesid.sample import sample as draw
-from bayesid.sample.priors import with_prior
-from bayesid.sections.sample import COLUMNS, noise_words, rows, sample_report, verdict, write_sample_report
+from bayesid.report.sample import COLUMNS, noise_words, rows, sample_report, verdict, write_sample_report
+from bayesid.report.writer import Report
+from bayesid.report.writer.text import table_text
 from bayesid.trials.noise import raised, said_raised
-from bayesid.vehicles import ASSUMED_RELATIVE_SD
 
 if TYPE_CHECKING:
     import pandas
@@ -77,7 +76,7 @@ def sample(
     TrialError, VehicleError, FitError, SampleError
         what cannot be read or set up
     """
-    choice = Settings(noise=noise, initial=initial, memory=memory, student=student)
+    choice = SamplingSettings(noise=noise, initial=initial, memory=memory, student=student)
     logged = trial_of(trial, data)
     ship = vehicle_of(vehicle, logged, prior)
     chosen = prepared(logged, runs, resample, QUICK_SAMPLES if quick else None)
@@ -85,7 +84,7 @@ def sample(
     kept = set(names_of(fix) or ())
     params = coefficient_set(model, tuple(n for n in names_of(free) or model.coefficients if n not in kept))
     params = with_prior(params, ASSUMED_RELATIVE_SD)
-    options = Options(
+    options = SamplerOptions(
         ensembles=ensembles, walkers=walkers, max_steps=min(max_steps, QUICK_STEPS) if quick else max_steps,
         seed=seed, first=100 if quick else 200,
     )  # fmt: skip

@@ -1,4 +1,5 @@
-"""`bayesid.simulate`: fly manoeuvres with a vehicle and log them, with noise and with effects switched on."""
+"""`bayesid.simulation`: run manoeuvres with a vehicle and log them, with noise and with effects switched
+on."""
 
 from __future__ import annotations
 
@@ -9,10 +10,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from bayesid.api.inputs import VehicleLike, parameter_values, scale_of, vehicle_of
+from bayesid.equations.model import Model, build_model
 from bayesid.manoeuvres import parse
-from bayesid.model import Model, build_model
+from bayesid.simulation.virtual_trial import virtual_trial
 from bayesid.trials import Trial
-from bayesid.virtual import virtual_trial
 
 
 def simulate(
@@ -25,7 +26,7 @@ def simulate(
     noise: Mapping[str, float] | None = None,
     seed: int = 0,
 ) -> Trial:
-    """Fly manoeuvres from a straight run and log every channel over ground.
+    """Run manoeuvres from a straight run and log every channel over ground.
 
     Parameters
     ----------
@@ -45,7 +46,7 @@ def simulate(
     Raises
     ------
     VehicleError, ManoeuvreError, ModelError
-        what cannot be read or flown
+        what cannot be read or executed
     """
     model = build_model(vehicle_of(vehicle), dof)
     return simulate_model(model, vehicle, manoeuvres, dt, rpm, change, noise, seed)

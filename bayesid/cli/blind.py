@@ -1,4 +1,5 @@
-"""`bayesid blind`: make sealed packs, solve them, score the verdicts; take a known effect away from a log."""
+"""`bayesid blind`: make committed packs, solve them, score the verdicts; take a known effect away from a
+log."""
 
 from __future__ import annotations
 
@@ -7,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from bayesid.cli.guard import NOT_CONVERGED, OK
 from bayesid.cli.options import Json, OutFolder, Quick, Seed, Verbose, claimed
+from bayesid.cli.terminal import NOT_CONVERGED, OK
 
 Jobs = Annotated[int, typer.Option("--jobs", "-j", min=1, help="Worker processes.")]
 Answers = Annotated[
@@ -34,12 +35,12 @@ def make(
     jobs: Jobs = 1,
     verbose: Verbose = False,
 ) -> int:
-    """Make a pack of trial bundles with sealed answers.
+    """Make a pack of trial bundles with committed answers.
 
     The fingerprint of every answer is published in the pack; give away --out and keep --answers, which holds
     the secret that campaigns and names are drawn from.
     """
-    from bayesid.blind.make import make_pack
+    from bayesid.benchmark.protocol.make_pack import make_pack
 
     given = {"kind": kind, "effects": effect or None, "vehicle": vehicle, "dof": dof}
     given |= {"sensors": sensors, "sea": sea}
@@ -64,14 +65,14 @@ def remove(
     """Take a measured channel or a known limit away from a real log, to have it found again.
 
     wind: wind columns. rudder: measured angles. current: velocities through the water. rate_limit: that of
-    the rudder in the vehicle file. What the instrument said goes into the sealed answer.
+    the rudder in the vehicle file. What the instrument said goes into the committed answer.
     """
-    from bayesid.blind.remove import remove as take
+    from bayesid.benchmark.protocol.withheld_effect import withhold as take
 
     found = take(bundle, what, out, answers, data, name)
     for effect, values in found.effects.items():
         told = ", ".join(f"{n} = {v:.4g}" for n, v in values.items())
-        print(f"{effect}: {told} is the sealed answer")
+        print(f"{effect}: {told} is the committed answer")
     print(f"reduced bundle in {out}; keep {answers} apart")
     return OK
 
@@ -99,16 +100,16 @@ def solve(
     Refuses a pack in which an answer may be read. Run it again after a stop: what is solved is kept.
     --quick leaves out the next manoeuvre and the reports.
     """
-    from bayesid.blind.solve import Settings, solve_pack
+    from bayesid.benchmark.protocol.solve_pack import SolveSettings, solve_pack
 
-    settings = Settings(
+    settings = SolveSettings(
         seed, plan_next=not quick, report=not quick, accept_faults=accept_faults, minutes=minutes
     )
     seal = solve_pack(pack, out, jobs, settings, names=tuple(only or ()))
     if "seal" not in seal:
-        print(f"{len(seal['verdicts'])} verdicts in {out}, not sealed: only some bundles were asked for")
+        print(f"{len(seal['verdicts'])} verdicts in {out}, not committed: only some bundles were asked for")
         return OK
-    print(f"{len(seal['verdicts'])} verdicts in {out}, sealed as {seal['seal'][:16]}")
+    print(f"{len(seal['verdicts'])} verdicts in {out}, committed as {seal['seal'][:16]}")
     if seal["unsolved"]:
         print(f"{len(seal['unsolved'])} bundles were not solved in the time given; the seal lists them")
     for name, message in seal["failures"].items():
@@ -142,18 +143,16 @@ def score(
     apart from these folders. Detectability is computed from the seed of an answer that does not state it, and
     kept in --out.
     """
-    from bayesid import report
-    from bayesid.blind.sheet import score_pack
+    from bayesid.benchmark.protocol.report import blind_report, quantity_row, results
+    from bayesid.benchmark.protocol.scorecard import score_pack
     from bayesid.cli.output import say, say_json, say_table
-    from bayesid.sections.blind import blind_report, quantity_row, results
+    from bayesid.report import writer
 
     cache = None if out is None else out / "detectability.json"
-    sheet = score_pack(
-        answers, verdicts, unsealed, cache, jobs, promised=seal, commitments=commitments
-    )
+    sheet = score_pack(answers, verdicts, unsealed, cache, jobs, promised=seal, commitments=commitments)
     plain = results(sheet)
     if out is not None:
-        report.write(
+        writer.write(
             blind_report(sheet), out, {"inputs": {"bundles": len(sheet.cases)}, "seeds": [], **plain}
         )
     if as_json:
@@ -170,7 +169,7 @@ def score(
     control = f"{sheet.control.hits}/{sheet.control.count}"
     say(f"control that must fail: {control} right with verdicts of other bundles")
     if sheet.sealed is None:
-        say("not sealed: a development score, no blind check")
+        say("not committed: a development score, no blind check")
     for sentence in sheet.caveats:
         say(sentence)
     for c in sheet.cases:

@@ -136,3 +136,4 @@ Exclude = Annotated[
         help="Effects that cannot be here, e.g. wind,ocean_current in a towing tank.",
     ),
 ]
+VehicleName = Annotated[str, typer.Argument(help="Built-in name or vehicle file.", show_default=False)]

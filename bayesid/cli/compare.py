@@ -19,8 +19,8 @@ from bayesid.cli.choices import (
     Step,
     Vehicle,
 )
-from bayesid.cli.guard import OK
 from bayesid.cli.options import Json, Out, Quick, Seed, Verbose
+from bayesid.cli.terminal import OK
 
 Extra = Annotated[
     list[str] | None,

@@ -23,8 +23,8 @@ from bayesid.cli.choices import (
     Step,
     Vehicle,
 )
-from bayesid.cli.guard import OK
 from bayesid.cli.options import Json, Out, Quick, Seed, Verbose
+from bayesid.cli.terminal import OK
 
 Gain = Annotated[bool, typer.Option("--gain", help="Goal: most about all coefficients, open or not.")]
 Predict = Annotated[

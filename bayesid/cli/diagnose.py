@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from bayesid.cli.choices import Bundle, Data, Effects, Exclude, Prior, Vehicle
-from bayesid.cli.guard import OK
 from bayesid.cli.options import Json, Out, Quick, Seed, Verbose
+from bayesid.cli.terminal import OK
 
 
 def diagnose(

@@ -10,7 +10,7 @@ from bayesid.cli.choices import Effects
 from bayesid.cli.options import Json, Verbose
 
 if TYPE_CHECKING:
-    from bayesid.effects import Effect
+    from bayesid.model.effects import Effect
 
 Name = Annotated[
     str, typer.Argument(help="Name of an effect, or another name it goes by.", show_default=False)
@@ -35,8 +35,8 @@ def show(name: Name, effects: Effects = None, as_json: Json = False, verbose: Ve
     import difflib
 
     from bayesid.cli.output import say, say_json
-    from bayesid.effects.describe import describe
     from bayesid.errors import ModelError
+    from bayesid.model.effects.describe import describe
 
     known = {other: e for e in _catalogue(effects) for other in (e.name, *e.aliases)}
     if name not in known:
@@ -54,7 +54,7 @@ def show(name: Name, effects: Effects = None, as_json: Json = False, verbose: Ve
 
 def _catalogue(path: Any) -> tuple[Effect, ...]:
     from bayesid.api.inputs import declared_effects
-    from bayesid.effects import CATALOGUE
+    from bayesid.model.effects import CATALOGUE
 
     return (*CATALOGUE, *declared_effects(path))
 
@@ -64,7 +64,7 @@ def _parameters(effect: Effect) -> list[str]:
 
 
 def _plain(effect: Effect) -> dict[str, Any]:
-    from bayesid.effects.describe import equations
+    from bayesid.model.effects.describe import equations
 
     return {
         "family": effect.family, "port": effect.port, "dof": effect.dof, "aliases": effect.aliases,

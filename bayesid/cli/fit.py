@@ -7,8 +7,8 @@ from typing import Annotated
 import typer
 
 from bayesid.cli.choices import Bundle, Data, Fix, Free, Pieces, Resample, Runs, Vehicle
-from bayesid.cli.guard import NOT_CONVERGED, OK
 from bayesid.cli.options import Json, Out, Quick, Seed, Verbose
+from bayesid.cli.terminal import NOT_CONVERGED, OK
 
 Estimate = Annotated[
     bool, typer.Option("--estimate-noise", help="Weights from the residuals instead of the stated noise.")

@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 from bayesid.cli.choices import Bundle, Data, Fix, Free, Pieces, Prior, Resample, Runs, Vehicle
-from bayesid.cli.guard import OK
 from bayesid.cli.options import Json, Out, Quick, Seed, Verbose
+from bayesid.cli.terminal import OK
 
 FitFolder = Annotated[
     Path | None,

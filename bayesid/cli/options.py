@@ -8,13 +8,13 @@ from typing import Annotated
 
 import typer
 
-from bayesid.cli.guard import set_verbose
+from bayesid.cli.terminal import set_verbose
 from bayesid.lock import lock
 from bayesid.progress import printable
 
 
 def claimed(context: typer.Context, folder: Path | None) -> Path | None:
-    """Lock a folder for this command before it reads anything; `guard.run` gives it back.
+    """Lock a folder for this command before it reads anything; `terminal.run` gives it back.
 
     Raises
     ------

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from bayesid.files import json_text
 from bayesid.progress import printable
-from bayesid.report.text import table_text
+from bayesid.report.writer.text import table_text
 
 if TYPE_CHECKING:
     from bayesid.api.result import Result

@@ -8,9 +8,9 @@ from typing import Annotated
 import typer
 
 from bayesid.cli.choices import Bundle, Data, Effects, Shaft, Step, Vehicle
-from bayesid.cli.guard import OK
 from bayesid.cli.options import Json, Out, Seed, Verbose
 from bayesid.cli.quantity import quantity
+from bayesid.cli.terminal import OK
 
 What = Annotated[
     list[str] | None,

@@ -42,7 +42,7 @@ def number_of(text: str, inside: str, bare: str | None = None) -> float:
     typer.BadParameter
         not a finite number, or a unit that does not measure this
     """
-    from bayesid.units import UnitError, scale
+    from bayesid.model.units import UnitError, scale
 
     found = _NUMBER.fullmatch(text)
     if found is None or not math.isfinite(float(found[1])):
@@ -66,7 +66,7 @@ def noise_of(pairs: list[str] | None, option: str = "--noise") -> dict[str, floa
     typer.BadParameter
         a channel that is not measured, or a unit that does not measure it
     """
-    from bayesid.channels import MEASURED, channel, nearest_hint
+    from bayesid.model.channels import MEASURED, channel, nearest_hint
 
     found = {}
     for name, text, _ in _split(pairs, option):

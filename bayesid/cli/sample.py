@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 import typer
 
 from bayesid.cli.choices import Bundle, Data, Fix, Free, Pieces, Prior, Resample, Runs, Vehicle
-from bayesid.cli.guard import NOT_CONVERGED, OK
 from bayesid.cli.options import Json, OutFolder, Quick, Seed, Verbose
+from bayesid.cli.terminal import NOT_CONVERGED, OK
 
 NoiseScale = Annotated[
     Literal["sampled", "marginal", "fixed"],

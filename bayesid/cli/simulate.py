@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from bayesid.cli.choices import Dof, Noise, Shaft, Step
+from bayesid.cli.choices import Dof, Noise, Shaft, Step, VehicleName
 from bayesid.cli.options import Json, Out, Seed, Verbose
-from bayesid.cli.vehicle import Name
 
 if TYPE_CHECKING:
     import numpy as np
@@ -35,7 +34,7 @@ Changed = Annotated[
 
 
 def simulate(
-    vehicle: Name,
+    vehicle: VehicleName,
     manoeuvres: Orders,
     dof: Dof = None,
     dt: Step = None,
@@ -49,12 +48,12 @@ def simulate(
 ) -> None:
     """Simulate manoeuvres and measure them; --out writes a trial bundle."""
     from bayesid.api.simulate import simulate_model
-    from bayesid.cli.measuring import say_measures
     from bayesid.cli.output import say, say_json
     from bayesid.cli.quantity import changes_of, noise_of
-    from bayesid.model import build_model
+    from bayesid.cli.run_measures import say_measures
+    from bayesid.equations.model import build_model
+    from bayesid.model.vehicles import load_vehicle
     from bayesid.trials import write_trial
-    from bayesid.vehicles import load_vehicle
 
     found = load_vehicle(vehicle)
     model = build_model(found, dof or 3)

@@ -1,4 +1,4 @@
-"""`bayesid study`: lists and runs the studies of a checkout (`studies/*.py`)."""
+"""`bayesid study`: lists and runs the studies of a checkout (`studies/*/run.py`)."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def _studies() -> dict[str, Path]:
     from bayesid.errors import BayesidError
 
     for base in (Path.cwd(), Path(__file__).resolve().parents[2]):
-        found = {path.stem: path for path in sorted((base / "studies").glob("[a-z]*.py"))}
+        found = {path.parent.name: path for path in sorted((base / "studies").glob("[a-z]*/run.py"))}
         if found:
             return found
     raise BayesidError("no folder 'studies' here; run this command inside a checkout of bayesid")
@@ -70,8 +70,9 @@ def _run_script(path: Path, arguments: list[str]) -> int:
     import runpy
     import sys
 
-    before = sys.argv
+    before, roots = sys.argv, sys.path
     sys.argv = [str(path), *arguments]
+    sys.path = [str(path.parents[2]), *roots]  # a study imports its own modules as studies.NAME.module
     try:
         runpy.run_path(str(path), run_name="__main__")
     except SystemExit as end:
@@ -80,5 +81,5 @@ def _run_script(path: Path, arguments: list[str]) -> int:
             return 2
         return int(end.code or 0)
     finally:
-        sys.argv = before
+        sys.argv, sys.path = before, roots
     return 0

@@ -48,7 +48,7 @@ def check(
 def _vehicle_problem(trial: Trial) -> str | None:
     """What is wrong with the vehicle a trial names; None if it can be read, or if none is named."""
     from bayesid.errors import VehicleError
-    from bayesid.vehicles import load_vehicle
+    from bayesid.model.vehicles import load_vehicle
 
     if not trial.vehicle_ref:
         return None

@@ -15,8 +15,8 @@ def measure(
     bundle: Bundle, data: Data = None, out: Out = None, as_json: Json = False, verbose: Verbose = False
 ) -> None:
     """Measure the standard manoeuvres of a bundle (turning circle, pull-out, zig-zag, spiral)."""
-    from bayesid.cli.measuring import say_measures
     from bayesid.cli.output import say, say_json
+    from bayesid.cli.run_measures import say_measures
     from bayesid.files import write_json
     from bayesid.trials import load_trial
 

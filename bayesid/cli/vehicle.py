@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
+from bayesid.cli.choices import VehicleName
 from bayesid.cli.options import Json, Verbose
 
 if TYPE_CHECKING:
-    from bayesid.vehicles import Vehicle
-
-Name = Annotated[str, typer.Argument(help="Built-in name or vehicle file.", show_default=False)]
+    from bayesid.model.vehicles import Vehicle
 
 
 def listing(as_json: Json = False, verbose: Verbose = False) -> None:
     """List the built-in vehicles."""
     from bayesid.cli.output import say_json, say_table
-    from bayesid.vehicles import builtin_names, load_vehicle
+    from bayesid.model.vehicles import builtin_names, load_vehicle
 
     vehicles = {name: load_vehicle(name) for name in builtin_names()}
     if as_json:
@@ -40,10 +37,10 @@ def listing(as_json: Json = False, verbose: Verbose = False) -> None:
     )
 
 
-def show(vehicle: Name, as_json: Json = False, verbose: Verbose = False) -> None:
+def show(vehicle: VehicleName, as_json: Json = False, verbose: Verbose = False) -> None:
     """Show a vehicle: particulars, limits and coefficients in the file's units and in SI."""
     from bayesid.cli.output import say, say_json, say_table
-    from bayesid.vehicles import load_vehicle
+    from bayesid.model.vehicles import load_vehicle
 
     found = load_vehicle(vehicle)
     rows = _coefficient_rows(found)
@@ -64,8 +61,8 @@ def show(vehicle: Name, as_json: Json = False, verbose: Verbose = False) -> None
 
 
 def _coefficient_rows(vehicle: Vehicle) -> list[dict[str, Any]]:
-    from bayesid.terms import term
-    from bayesid.vehicles import coef_si
+    from bayesid.model.terms import term
+    from bayesid.model.vehicles import coef_si
 
     si = coef_si(vehicle)
     spread = vehicle.prior.relative_sd if vehicle.prior else {}
@@ -113,7 +110,7 @@ def _head(vehicle: Vehicle) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> str:
-    from bayesid.report.blocks import cell_text
+    from bayesid.report.writer.blocks import cell_text
 
     if isinstance(value, list):
         return "  ".join(cell_text(item) for item in value)

@@ -6,12 +6,12 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from bayesid.cli.choices import VehicleName
 from bayesid.cli.options import Json, Out, Verbose
-from bayesid.cli.vehicle import Name
 
 if TYPE_CHECKING:
-    from bayesid.vehicles import Vehicle
-    from bayesid.vehicles.stability import Stability
+    from bayesid.model.vehicles import Vehicle
+    from bayesid.model.vehicles.stability import Stability
 
 T = TypeVar("T")
 DEG = math.pi / 180
@@ -19,14 +19,14 @@ REPETITIVE = {"switch", "reach", *(f"overshoot {k}" for k in range(4, 1000))}
 LARGEST = 35 * DEG  # where a vehicle states no limit
 
 
-def check(vehicle: Name, out: Out = None, as_json: Json = False, verbose: Verbose = False) -> None:
+def check(vehicle: VehicleName, out: Out = None, as_json: Json = False, verbose: Verbose = False) -> None:
     """Check a vehicle: stability, how it turns and zig-zags, and what no real vehicle does."""
-    from bayesid.cli.measuring import say_measures
     from bayesid.cli.output import say, say_json, say_table
+    from bayesid.cli.run_measures import say_measures
     from bayesid.files import write_json
-    from bayesid.vehicles import load_vehicle
-    from bayesid.vehicles.check import check_vehicle
-    from bayesid.vehicles.stability import stability
+    from bayesid.model.vehicles import load_vehicle
+    from bayesid.model.vehicles.check import check_vehicle
+    from bayesid.model.vehicles.stability import stability
 
     found = load_vehicle(vehicle)
     findings = check_vehicle(found)
@@ -64,11 +64,11 @@ def check(vehicle: Name, out: Out = None, as_json: Json = False, verbose: Verbos
 
 def _behaviour(vehicle: Vehicle) -> list[dict[str, Any]]:
     """Turning circle and zig-zags in the horizontal plane from the usual straight run, planes amidships."""
+    from bayesid.equations.model import build_model
     from bayesid.errors import BayesidError
     from bayesid.manoeuvres import Scale, parse
     from bayesid.measures import named_measures as measure
-    from bayesid.model import build_model
-    from bayesid.simulate import fly, steady_start
+    from bayesid.simulation import run_manoeuvre, steady_start
 
     found = []
     limit = vehicle.limits.get("delta_r", float("inf"))
@@ -82,7 +82,7 @@ def _behaviour(vehicle: Vehicle) -> list[dict[str, Any]]:
             speed = float(start[model.states.index("u")])
             rudder = min(limit, LARGEST)
             order = parse(text, Scale(vehicle.L, speed, vehicle.rpm_ref or 0.0, rudder, dof=3))
-            track, commands = fly(model, model.nominal, order, start)
+            track, commands = run_manoeuvre(model, model.nominal, order, start)
         except BayesidError as error:
             found.append({"manoeuvre": text, "rows": [], "reasons": {"not possible": str(error)}})
             continue

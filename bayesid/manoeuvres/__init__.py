@@ -1,7 +1,7 @@
 """What the operator orders: standard manoeuvres, rich inputs, command tables, names for a command line.
 
 Takes: SI, radians, rpm; positive rudder turns to port. Returns frozen OpenLoop and ClosedLoop objects.
-Does not: simulate (`bayesid.simulate`) or measure (`bayesid.measures`).
+Does not: simulate (`bayesid.simulation`) or measure (`bayesid.measures`).
 """
 
 from bayesid.manoeuvres.catalogue import REGISTRY, Scale

@@ -66,7 +66,7 @@ class Scale:
 
 
 @dataclass(frozen=True)
-class Entry:
+class ManoeuvreEntry:
     """One name a user may type.
 
     `options` maps an option to (kind, default); kinds: deg, s, rpm, m, hz, number, int, side, text, rpms. A
@@ -121,9 +121,9 @@ def _dieudonne(max_rudder: float, **given: Any) -> Manoeuvre:
     )
 
 
-REGISTRY: Mapping[str, Entry] = MappingProxyType(
+REGISTRY: Mapping[str, ManoeuvreEntry] = MappingProxyType(
     {
-        "spiral": Entry(
+        "spiral": ManoeuvreEntry(
             "one-sided spiral, rudder ramp to starboard",
             standard.spiral,
             {
@@ -135,7 +135,7 @@ REGISTRY: Mapping[str, Entry] = MappingProxyType(
                 "dt": DT,
             },
         ),
-        "dieudonne": Entry(
+        "dieudonne": ManoeuvreEntry(
             "rudder steps from port to starboard and back, each held",
             _dieudonne,
             {
@@ -147,7 +147,7 @@ REGISTRY: Mapping[str, Entry] = MappingProxyType(
             },
             ("max_rudder",),
         ),
-        "turn": Entry(
+        "turn": ManoeuvreEntry(
             "turning circle",
             standard.turn,
             {
@@ -160,7 +160,7 @@ REGISTRY: Mapping[str, Entry] = MappingProxyType(
             },
             ("rudder",),
         ),
-        "pullout": Entry(
+        "pullout": ManoeuvreEntry(
             "turn, then rudder amidships",
             standard.pull_out,
             {
@@ -174,7 +174,7 @@ REGISTRY: Mapping[str, Entry] = MappingProxyType(
             },
             ("rudder",),
         ),
-        "zigzag": Entry(
+        "zigzag": ManoeuvreEntry(
             "zig-zag rudder/heading",
             standard.zigzag,
             {
@@ -190,7 +190,7 @@ REGISTRY: Mapping[str, Entry] = MappingProxyType(
             },
             ("rudder", "switch"),
         ),
-        "prbs": Entry(
+        "prbs": ManoeuvreEntry(
             "pseudo-random binary rudder",
             excite.prbs,
             {
@@ -204,7 +204,7 @@ REGISTRY: Mapping[str, Entry] = MappingProxyType(
             },
             ("amplitude",),
         ),
-        "chirp": Entry(
+        "chirp": ManoeuvreEntry(
             "rudder sine of rising frequency",
             excite.chirp,
             {
@@ -217,7 +217,7 @@ REGISTRY: Mapping[str, Entry] = MappingProxyType(
             },
             ("amplitude",),
         ),
-        "multisine": Entry(
+        "multisine": ManoeuvreEntry(
             "rudder sum of sines with a low peak",
             excite.multisine,
             {
@@ -232,7 +232,7 @@ REGISTRY: Mapping[str, Entry] = MappingProxyType(
             },
             ("amplitude",),
         ),
-        "random": Entry(
+        "random": ManoeuvreEntry(
             "random rudder steps",
             excite.random_rudder,
             {
@@ -246,7 +246,7 @@ REGISTRY: Mapping[str, Entry] = MappingProxyType(
             },
             ("amplitude",),
         ),
-        "speedsteps": Entry(
+        "speedsteps": ManoeuvreEntry(
             "rpm levels, rudder amidships",
             standard.speed_steps,
             {
@@ -256,17 +256,17 @@ REGISTRY: Mapping[str, Entry] = MappingProxyType(
             },
             ("rpms",),
         ),
-        "coast": Entry(
+        "coast": ManoeuvreEntry(
             "propeller stopped",
             standard.coast_down,
             {"approach": APPROACH, "duration": ("s", _lu(40)), "rpm": RPM, "dt": DT},
         ),
-        "straight": Entry(
+        "straight": ManoeuvreEntry(
             "constant rpm, rudder amidships",
             standard.straight,
             {"duration": ("s", _lu(30)), "rpm": RPM, "dt": DT},
         ),
-        "meander": Entry(
+        "meander": ManoeuvreEntry(
             "sinusoidal rudder",
             standard.meander,
             {
@@ -280,7 +280,7 @@ REGISTRY: Mapping[str, Entry] = MappingProxyType(
             },
             ("rudder",),
         ),
-        "depth": Entry(
+        "depth": ManoeuvreEntry(
             "depth change and return by stern planes",
             standard.depth_change,
             {
@@ -296,7 +296,7 @@ REGISTRY: Mapping[str, Entry] = MappingProxyType(
             ("change",),
             dof=6,
         ),
-        "vzigzag": Entry(
+        "vzigzag": ManoeuvreEntry(
             "vertical zig-zag plane/pitch",
             standard.vertical_zigzag,
             {
@@ -311,7 +311,7 @@ REGISTRY: Mapping[str, Entry] = MappingProxyType(
             ("plane", "switch"),
             dof=6,
         ),
-        "combined": Entry(
+        "combined": ManoeuvreEntry(
             "rudder, planes and rpm at once",
             excite.combined,
             {
@@ -328,7 +328,7 @@ REGISTRY: Mapping[str, Entry] = MappingProxyType(
             ("rudder", "plane"),
             dof=6,
         ),
-        "combinedheld": Entry(
+        "combinedheld": ManoeuvreEntry(
             "the same with depth loosely held",
             excite.combined_held,
             {
@@ -347,7 +347,7 @@ REGISTRY: Mapping[str, Entry] = MappingProxyType(
             ("rudder", "plane"),
             dof=6,
         ),
-        "table": Entry(
+        "table": ManoeuvreEntry(
             "commands from a CSV file",
             read_table,
             {"path": ("text", None), "rudder_positive": ("text", "port")},

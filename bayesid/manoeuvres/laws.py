@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bayesid.manoeuvres.core import ClosedLoop, Commands, Controller, OpenLoop, mirrored
-from bayesid.notation import STATES
+from bayesid.model.notation import STATES
 
 X, Y, Z, PHI, THETA, PSI, U, V, W, P, Q, R = range(len(STATES))
 

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from bayesid.errors import ManoeuvreError, raise_all
-from bayesid.manoeuvres.catalogue import RAD, REGISTRY, Entry, Scale
+from bayesid.manoeuvres.catalogue import RAD, REGISTRY, ManoeuvreEntry, Scale
 from bayesid.manoeuvres.core import Manoeuvre
 
 FACTOR = {"deg": RAD, "s": 1.0, "rpm": 1.0, "m": 1.0, "hz": 1.0, "number": 1.0}
@@ -94,7 +94,7 @@ def parse(text: str, scale: Scale) -> Manoeuvre:
     return _make(where, entry, given, scale)
 
 
-def _split(rest: str, entry: Entry, scale: Scale) -> tuple[dict[str, Any], list[str]]:
+def _split(rest: str, entry: ManoeuvreEntry, scale: Scale) -> tuple[dict[str, Any], list[str]]:
     given: dict[str, Any] = {}
     problems: list[str] = []
     pairs: list[tuple[str, str]] = []
@@ -128,7 +128,7 @@ def _split(rest: str, entry: Entry, scale: Scale) -> tuple[dict[str, Any], list[
     return given, problems
 
 
-def _make(where: str, entry: Entry, given: Mapping[str, Any], scale: Scale) -> Manoeuvre:
+def _make(where: str, entry: ManoeuvreEntry, given: Mapping[str, Any], scale: Scale) -> Manoeuvre:
     """Fill the defaults, check the deflections, build."""
     values: dict[str, Any] = {}
     for option, (kind, default) in entry.options.items():

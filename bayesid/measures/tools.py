@@ -18,20 +18,20 @@ NOISE_FREE = 1e-4  # relative to the scale of interest: below it interpolation b
 
 
 @dataclass(frozen=True, eq=False)
-class Channel:
+class Series:
     """Finite samples of one channel: t [s], y, and `sigma`, the white noise estimated from neighbours."""
 
     t: np.ndarray
     y: np.ndarray
     sigma: float
 
-    def between(self, start: float, end: float) -> Channel:
+    def between(self, start: float, end: float) -> Series:
         """Samples with start <= t <= end; the noise estimate is kept."""
         keep = (self.t >= start) & (self.t <= end)
-        return Channel(self.t[keep], self.y[keep], self.sigma)
+        return Series(self.t[keep], self.y[keep], self.sigma)
 
 
-def channel(t: np.ndarray, y: np.ndarray, angle: bool = False) -> Channel:
+def channel(t: np.ndarray, y: np.ndarray, angle: bool = False) -> Series:
     """Samples without NaN; angles [rad] unwrapped.
 
     The noise is 1.4826 times the median distance of a sample from the parabola through three neighbours,
@@ -43,13 +43,13 @@ def channel(t: np.ndarray, y: np.ndarray, angle: bool = False) -> Channel:
     if angle:
         y = np.unwrap(y)
     if t.size < 8:
-        return Channel(t, y, 0.0)
+        return Series(t, y, 0.0)
     at, a, b, c = t[1:-2], t[:-3], t[2:-1], t[3:]
     wa = (at - b) * (at - c) / ((a - b) * (a - c))
     wb = (at - a) * (at - c) / ((b - a) * (b - c))
     wc = (at - a) * (at - b) / ((c - a) * (c - b))
     off = y[1:-2] - wa * y[:-3] - wb * y[2:-1] - wc * y[3:]
-    return Channel(t, y, 1.4826 * float(np.median(np.abs(off) / np.sqrt(1 + wa**2 + wb**2 + wc**2))))
+    return Series(t, y, 1.4826 * float(np.median(np.abs(off) / np.sqrt(1 + wa**2 + wb**2 + wc**2))))
 
 
 def checked(
@@ -80,7 +80,7 @@ def checked(
     return t, out
 
 
-def crossing(c: Channel, level: float, span: float) -> float:
+def crossing(c: Series, level: float, span: float) -> float:
     """First time [s] the channel rises through a level; NaN if it never does or only across a gap.
 
     `span` is the change of the channel over which its curvature may be neglected; with noise, a parabola
@@ -111,12 +111,12 @@ def crossing(c: Channel, level: float, span: float) -> float:
     return float(c.t[k - 1] + share * (c.t[k] - c.t[k - 1]))
 
 
-def slope(c: Channel) -> float:
+def slope(c: Series) -> float:
     """Mean rate of change, by a straight line; NaN for fewer than three samples."""
     return float(np.polyfit(c.t - c.t.mean(), c.y, 1)[0]) if c.t.size >= 3 else math.nan
 
 
-def value(c: Channel, at: float, window: float, scale: float) -> float:
+def value(c: Series, at: float, window: float, scale: float) -> float:
     """Value at a time [s]; with noise, of a parabola over +-window [s]. NaN outside or in a gap."""
     if c.t.size < 2 or not (c.t[0] <= at <= c.t[-1]):
         return math.nan
@@ -130,7 +130,7 @@ def value(c: Channel, at: float, window: float, scale: float) -> float:
     return float(np.interp(at, c.t, c.y))
 
 
-def peak(c: Channel, window: float, scale: float) -> tuple[float, float]:
+def peak(c: Series, window: float, scale: float) -> tuple[float, float]:
     """Time [s] and height of the maximum: a parabola through three samples, with noise over +-window.
 
     (NaN, NaN) if the maximum is the first or last sample: then it is an end, not a peak.
@@ -171,7 +171,7 @@ class Order:
     after: float
 
 
-def orders(c: Channel, smallest: float) -> list[Order]:
+def orders(c: Series, smallest: float) -> list[Order]:
     """Rudder orders: changes of at least `smallest` [rad] between deflections that are held.
 
     A command steps and dates its order exactly. A measured rudder moves at a finite rate: the straight line
@@ -226,7 +226,7 @@ def _plateaus(y: np.ndarray, tolerance: float) -> tuple[list[float], list[tuple[
     return levels, spans
 
 
-def _foot(c: Channel, begin: int, end: int, before: float, after: float) -> float:
+def _foot(c: Series, begin: int, end: int, before: float, after: float) -> float:
     """Time at which the travel between two held deflections began; rows `begin` to `end` hold both."""
     t, share = c.t[begin:end], (c.y[begin:end] - before) / (after - before)
     k50 = int(np.argmax(share > 0.5))

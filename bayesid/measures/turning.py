@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from bayesid.measures.tools import Channel, Order, channel, checked, crossing, orders, slope, value
+from bayesid.measures.tools import Order, Series, channel, checked, crossing, orders, slope, value
 
 STEADY_TOLERANCE = 0.05  # relative change of the yaw rate from one circle to the next, or over a quarter turn
 HALVES_TOLERANCE = 0.10  # the same between the halves of the only circle, which wind and waves make uneven
@@ -97,7 +97,7 @@ def turning_circle(
     late = heading.between(order.t, end)
     total = late.y[-1] - psi0 if late.t.size else 0.0
     sign = 1.0 if total >= 0 else -1.0
-    turned = Channel(late.t, sign * (late.y - psi0), heading.sigma)
+    turned = Series(late.t, sign * (late.y - psi0), heading.sigma)
     elapsed = t - order.t
     px = channel(t, data["x"] - current[0] * elapsed).between(-math.inf, end)
     py = channel(t, data["y"] - current[1] * elapsed).between(-math.inf, end)
@@ -150,7 +150,7 @@ def turning_circle(
     )
 
 
-def _turn_order(t: np.ndarray, rudder: np.ndarray, heading: Channel) -> tuple[Order | None, float]:
+def _turn_order(t: np.ndarray, rudder: np.ndarray, heading: Series) -> tuple[Order | None, float]:
     """The order that turned the vehicle furthest, and when that turn ends; earlier steering is left out."""
     c = channel(t, rudder)
     if c.t.size < 2 or heading.t.size < 2:
@@ -165,7 +165,7 @@ def _turn_order(t: np.ndarray, rudder: np.ndarray, heading: Channel) -> tuple[Or
     return found[k], edges[k + 1]
 
 
-def _mean_direction(heading: Channel, until: float) -> float:
+def _mean_direction(heading: Series, until: float) -> float:
     """Heading of the approach: its value at the order, averaged over the steady time before when noisy."""
     early = heading.between(-math.inf, until)
     if heading.sigma < 1e-6 or early.t.size < 5:
@@ -173,21 +173,21 @@ def _mean_direction(heading: Channel, until: float) -> float:
     return float(np.median(early.y[-max(5, early.t.size // 2) :]))
 
 
-def _rate(turned: Channel, at: float) -> float:
+def _rate(turned: Series, at: float) -> float:
     """Mean rate over the 20 deg around a time [rad/s]."""
     level = float(np.interp(at, turned.t, turned.y))
     a, b = (np.interp(level + d, np.maximum.accumulate(turned.y), turned.t) for d in (-10 * DEG, 10 * DEG))
     return 20 * DEG / max(float(b - a), 1e-9)
 
 
-def _position(px: Channel, py: Channel, at: float, window: float) -> tuple[float, float]:
+def _position(px: Series, py: Series, at: float, window: float) -> tuple[float, float]:
     if math.isnan(at):
         return math.nan, math.nan
     span = float(np.ptp(px.y) + np.ptp(py.y)) if px.t.size and py.t.size else 0.0
     return value(px, at, window, 0.01 * span), value(py, at, window, 0.01 * span)
 
 
-def _start(c: Channel, at: float) -> float:
+def _start(c: Series, at: float) -> float:
     """Coordinate at the order; with noise, of the straight line through the second half of the approach."""
     early = c.between(-math.inf, at)
     if early.t.size < 5 or c.sigma < 1e-4 * float(np.ptp(c.y)):
@@ -197,8 +197,8 @@ def _start(c: Channel, at: float) -> float:
 
 
 def _speeds(
-    t: np.ndarray, data: dict[str, np.ndarray], current: tuple[float, float], heading: Channel
-) -> tuple[Channel, Channel] | None:
+    t: np.ndarray, data: dict[str, np.ndarray], current: tuple[float, float], heading: Series
+) -> tuple[Series, Series] | None:
     """u and v through the water, if logged."""
     if "u" not in data or "v" not in data or heading.t.size == 0:
         return None
@@ -208,7 +208,7 @@ def _speeds(
     return channel(t, u), channel(t, v)
 
 
-def _approach_speed(speeds: tuple[Channel, Channel] | None, px: Channel, py: Channel, until: float) -> float:
+def _approach_speed(speeds: tuple[Series, Series] | None, px: Series, py: Series, until: float) -> float:
     if speeds is not None:
         u, v = (c.between(-math.inf, until) for c in speeds)
         if u.t.size and v.t.size:
@@ -221,10 +221,10 @@ def _approach_speed(speeds: tuple[Channel, Channel] | None, px: Channel, py: Cha
 
 
 def _steady(
-    turned: Channel,
-    px: Channel,
-    py: Channel,
-    speeds: tuple[Channel, Channel] | None,
+    turned: Series,
+    px: Series,
+    py: Series,
+    speeds: tuple[Series, Series] | None,
     psi0: float,
     end: float,
     sign: float,
@@ -259,7 +259,7 @@ def _steady(
     if change > tolerance:
         return give_up(f"the yaw rate still changes by {100 * change:.0f} % towards the end; turn for longer")
     out["steady_yaw_rate"] = rate
-    headings = Channel(last.t, psi0 + sign * last.y, last.sigma)
+    headings = Series(last.t, psi0 + sign * last.y, last.sigma)
     fit = _circle(
         px.between(last.t[0], last.t[-1]), py.between(last.t[0], last.t[-1]), headings, sign, with_set=circle
     )
@@ -288,7 +288,7 @@ def _steady(
 
 
 def _circle(
-    px: Channel, py: Channel, heading: Channel, sign: float, with_set: bool
+    px: Series, py: Series, heading: Series, sign: float, with_set: bool
 ) -> tuple[float, float, tuple[float, float]] | None:
     """Radius, drift angle and set from x = a + b t + C cos + S sin(psi), y = c + d t + C sin - S cos(psi).
 

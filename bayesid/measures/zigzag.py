@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from bayesid.measures.tools import Channel, Order, channel, checked, crossing, orders, peak, value
+from bayesid.measures.tools import Order, Series, channel, checked, crossing, orders, peak, value
 
 DEG = math.pi / 180
 
@@ -105,7 +105,7 @@ def zigzag(
     for k, angle in enumerate(angles, 1):
         side = sign if k % 2 else -sign
         window = heading.between(executes[k], executes[k + 1] if k + 1 < len(executes) else end)
-        swing = Channel(window.t, side * (window.y - base), heading.sigma)
+        swing = Series(window.t, side * (window.y - base), heading.sigma)
         when, top = peak(swing, 0.2 * (executes[k] - executes[k - 1]), 0.05)
         if math.isnan(top - angle):
             reasons["overshoots"] = f"no peak of the heading after execute {k + 1} (run too short, or a gap)"
@@ -122,7 +122,7 @@ def zigzag(
     elif math.isnan(distance):
         reasons["initial_turning_distance"] = "no track between the first two executes"
     later = heading.between(executes[1] + (lags[0] if lags else 0.0), math.inf)
-    reach = crossing(Channel(later.t, -sign * (later.y - base), heading.sigma), 0.0, 2 * DEG) - executes[0]
+    reach = crossing(Series(later.t, -sign * (later.y - base), heading.sigma), 0.0, 2 * DEG) - executes[0]
     if started_over:
         reach = math.nan
     if math.isnan(reach):
@@ -149,7 +149,7 @@ def zigzag(
     )
 
 
-def _executes(c: Channel) -> tuple[list[Order], float]:
+def _executes(c: Series) -> tuple[list[Order], float]:
     """Rudder orders of the longest stretch that alternates between the two sides, and when its last leg ends.
 
     Steering before the zig-zag is passed over. The first sample is an order if the rudder is over by then;

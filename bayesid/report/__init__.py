@@ -1,12 +1,4 @@
-"""The report writer: a report as plain data, written as one HTML file, Markdown and JSON.
+"""Results in words, tables and figures: one module per command, its figures beside it, written by `writer`.
 
-Takes sections of text, tables and finished figures. Does not compute, draw or choose words.
+Takes the results of the library as they are. Computes nothing that a result does not hold.
 """
-
-from __future__ import annotations
-
-from bayesid.report.blocks import Block, Figure, Report, Section, Table, Text
-from bayesid.report.markup import literal
-from bayesid.report.write import write
-
-__all__ = ["Block", "Figure", "Report", "Section", "Table", "Text", "literal", "write"]

@@ -1,6 +1,6 @@
 """One CSV table becomes one run: columns found, units converted, time checked, holes treated and named.
 
-Takes a `Table` and what trial.toml says about columns and signs.
+Takes a `CsvTable` and what trial.toml says about columns and signs.
 Does not: judge whether the numbers make sense together (`health`, `consistency`).
 """
 
@@ -12,11 +12,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from bayesid.channels import Channel, channel, is_channel
+from bayesid.model.channels import Channel, channel, is_channel
+from bayesid.model.units import UnitError, scale
 from bayesid.trials.equal_times import merge_equal_times
-from bayesid.trials.table import BadTableError, Table, summed
+from bayesid.trials.table import BadTableError, CsvTable, summed
 from bayesid.trials.trial import Floats, Run
-from bayesid.units import UnitError, scale
 
 ABSURD = 1e12  # no channel reaches this; larger numbers are sentinels or garbage
 TIME_REPAIRS = ("none", "sort")
@@ -41,7 +41,7 @@ def split_header(text: str) -> tuple[str, str | None]:
     return found[1].strip(), None if unit is None else unit.strip()
 
 
-def assemble(table: Table, reading: Reading, name: str, manoeuvre: str, role: str, notes: str = "") -> Run:
+def assemble(table: CsvTable, reading: Reading, name: str, manoeuvre: str, role: str, notes: str = "") -> Run:
     """Build a run.
 
     Raises

@@ -14,13 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
-from bayesid.channels import channel
 from bayesid.errors import TrialError, raise_all
+from bayesid.model.channels import channel
 from bayesid.trials.assemble import assemble
 from bayesid.trials.health import check_run, check_runs
 from bayesid.trials.paths import safe_path
-from bayesid.trials.stated import Entry, Stated
-from bayesid.trials.table import BadTableError, Table, parse_table, read_bytes
+from bayesid.trials.stated import RunEntry, Stated
+from bayesid.trials.table import BadTableError, CsvTable, parse_table, read_bytes
 from bayesid.trials.trial import Run, Trial
 from bayesid.trials.window import window
 
@@ -86,7 +86,7 @@ def _load(raw: bytes, toml: Path, data: Path | None) -> Trial:
     vehicle = _vehicle(stated, folder)
     seen: dict[Path, str] = {}
 
-    def table_of(entry: Entry) -> Table:
+    def table_of(entry: RunEntry) -> CsvTable:
         found = _find(entry.file, folder, data, stated.data_hint)
         if found in seen:
             raise BadTableError([f"is the same file as {seen[found]}"])
@@ -98,8 +98,8 @@ def _load(raw: bytes, toml: Path, data: Path | None) -> Trial:
 
 def make_trial(
     stated: Stated,
-    entries: Sequence[Entry],
-    table_of: Callable[[Entry], Table],
+    entries: Sequence[RunEntry],
+    table_of: Callable[[RunEntry], CsvTable],
     folder: Path,
     vehicle: str,
     source: str,

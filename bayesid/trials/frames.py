@@ -15,7 +15,7 @@ import numpy as np
 from bayesid.errors import TrialError
 from bayesid.trials.bundle import make_trial
 from bayesid.trials.stated import Stated
-from bayesid.trials.table import BadTableError, Table
+from bayesid.trials.table import BadTableError, CsvTable
 from bayesid.trials.trial import Floats, Trial
 
 SOURCE = "trial from frames"
@@ -92,7 +92,7 @@ def trial_from_frames(
     )
 
 
-def _table(frame: Any) -> Table:
+def _table(frame: Any) -> CsvTable:
     """One table; text columns keep their problems, missing cells are NaN.
 
     Raises
@@ -129,4 +129,4 @@ def _table(frame: Any) -> Table:
         problems.append(f"holds columns ({', '.join(names)[:60]}) but no samples")
     if problems:
         raise BadTableError(problems)
-    return Table(tuple(names), np.column_stack(values), np.arange(lengths[0]), (), text)
+    return CsvTable(tuple(names), np.column_stack(values), np.arange(lengths[0]), (), text)

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bayesid.channels import channel
+from bayesid.model.channels import channel
 from bayesid.trials.consistency import RudderCheck, check_rudder, check_track, check_yaw
 from bayesid.trials.trial import Floats, Run
 

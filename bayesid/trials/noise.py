@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from bayesid.channels import channel
+from bayesid.model.channels import channel
 from bayesid.trials.trial import Floats
 
 _NORMAL = 0.6744897501960817  # median |z| of a unit normal

@@ -16,10 +16,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import PurePosixPath
 from typing import Any
 
-from bayesid.channels import channel, is_channel, nearest_hint
+from bayesid.model.channels import channel, is_channel, nearest_hint
+from bayesid.model.units import UnitError, scale
 from bayesid.trials.assemble import TIME_REPAIRS, Reading, split_header
 from bayesid.trials.trial import ROLES, Environment
-from bayesid.units import UnitError, scale
 
 MAX_RUNS = 10_000
 _KEYS = (
@@ -30,7 +30,7 @@ _RUN_KEYS = ("file", "manoeuvre", "role", "notes", "window")
 
 
 @dataclass(frozen=True)
-class Entry:
+class RunEntry:
     """One [[runs]] table; `window` in seconds of the log."""
 
     file: str
@@ -157,7 +157,7 @@ class Stated:
                     )
         return Environment(values["force_rms"], values["nav_drift"])
 
-    def _runs(self) -> list[Entry]:
+    def _runs(self) -> list[RunEntry]:
         tables = self.tree.get("runs", [])
         if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
             self.problems.append("runs must be written as [[runs]] tables")
@@ -187,7 +187,7 @@ class Stated:
                 span = None
             stem = PurePosixPath(file.replace("\\", "/")).stem
             entries.append(
-                Entry(
+                RunEntry(
                     file,
                     stem or file,
                     self._text(table, "manoeuvre", place),
@@ -199,7 +199,7 @@ class Stated:
         return _unique(entries)
 
 
-def _unique(entries: list[Entry]) -> list[Entry]:
+def _unique(entries: list[RunEntry]) -> list[RunEntry]:
     """Files of the same stem in different folders are called by their path."""
     stems = [entry.name for entry in entries]
     return [

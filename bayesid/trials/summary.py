@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from bayesid.channels import channel
+from bayesid.model.channels import channel
 from bayesid.trials.consistency import check_rudder, check_track, check_yaw
 from bayesid.trials.noise import rough_noise, spikes
 from bayesid.trials.trial import Floats, Run, Trial, channels_of

@@ -24,7 +24,7 @@ _MISSING = frozenset({"", "nan", "na", "n/a", "null", "none", "-", "--"})
 
 
 @dataclass(frozen=True)
-class Table:
+class CsvTable:
     """names (m), values (n, m), rows (n,): row of the file, header = first row that counts.
 
     text : column -> (row, problem) of each entry that is not a number; such entries are NaN in `values`"""
@@ -60,7 +60,7 @@ def summed(found: list[tuple[int, str]], kind: str) -> list[str]:
     return lines
 
 
-def parse_table(raw: bytes) -> Table:
+def parse_table(raw: bytes) -> CsvTable:
     """Read the bytes of one CSV file.
 
     Returns
@@ -113,9 +113,9 @@ def parse_table(raw: bytes) -> Table:
         body = body.replace(b",", b"?").replace(delimiter, b",")
     values = _fast(body, len(names))
     if values is not None:
-        return Table(tuple(names), values, np.arange(row + 1, row + 1 + len(values)), tuple(notes))
+        return CsvTable(tuple(names), values, np.arange(row + 1, row + 1 + len(values)), tuple(notes))
     values, rows, text = _slow(body, names, row + 1)
-    return Table(tuple(names), values, rows, tuple(notes), text)
+    return CsvTable(tuple(names), values, rows, tuple(notes), text)
 
 
 def _header(line: bytes) -> tuple[list[str], bytes]:

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from bayesid.channels import CHANNELS, channel, is_channel
 from bayesid.errors import TrialError
+from bayesid.model.channels import CHANNELS, channel, is_channel
 from bayesid.trials.paths import safe_path
 from bayesid.trials.table import BadTableError
 from bayesid.trials.trial import Floats, Run, Trial

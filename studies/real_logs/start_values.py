@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import brentq
 
-from bayesid.terms import term
+from bayesid.model.terms import term
 
 SAMPLES = 4000
 SHIP_ROWS = {

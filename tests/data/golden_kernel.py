@@ -1,4 +1,4 @@
-"""Printed by bayesid.kernels.generate from the term table and the effects: do not edit."""
+"""Printed by bayesid.equations.generate from the term table and the effects: do not edit."""
 
 import math
 

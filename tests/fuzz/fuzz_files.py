@@ -26,12 +26,12 @@ except ImportError:
 if atheris is not None and __name__ == "__main__":
     with atheris.instrument_imports(include=["bayesid"]):
         from bayesid.errors import TrialError, VehicleError
+        from bayesid.model.vehicles import coef_si, load_vehicle
         from bayesid.trials import load_trial, trial_summary
-        from bayesid.vehicles import coef_si, load_vehicle
 else:
     from bayesid.errors import TrialError, VehicleError
+    from bayesid.model.vehicles import coef_si, load_vehicle
     from bayesid.trials import load_trial, trial_summary
-    from bayesid.vehicles import coef_si, load_vehicle
 
 SPLIT = b"\n%%%%\n"
 CSV = b"""t[s],x[m],y[m],psi[deg],r[deg/s],u[m/s],v[m/s],delta_r_cmd[deg],n_cmd[rpm]

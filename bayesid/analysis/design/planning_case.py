@@ -1,0 +1,118 @@
+"""From a vehicle or a trial to a `PlanningCase`: what is known, what was executed, how it is logged, what
+is allowed.
+
+Takes a `Model` and either manoeuvres taken as executed or a trial. Does not judge or choose.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bayesid.analysis.design.compare import PlanningCase
+from bayesid.analysis.design.information import Logging, usual_logging
+from bayesid.analysis.design.limits import OrderLimits
+from bayesid.analysis.design.prior_knowledge import ASSUMED_RELATIVE_SD, Knowledge, knowledge
+from bayesid.analysis.design.virtual_refit import refit
+from bayesid.equations.model import Model
+from bayesid.errors import FitError, ModelError, TrialError
+from bayesid.estimation.output_error import FitProblem, measured_base, run_data
+from bayesid.manoeuvres import Manoeuvre
+from bayesid.trials import Trial
+
+MOST_MISFIT = 9.0  # mean squared residual over noise variance above which a refit's posterior means nothing
+
+
+@dataclass(frozen=True, eq=False)
+class PlanningSetup:
+    """A case and what the reader should know of how it was made."""
+
+    case: PlanningCase
+    notes: tuple[str, ...]
+
+
+def known_of(model: Model, assumed: float = ASSUMED_RELATIVE_SD, fixed: Iterable[str] = ()) -> Knowledge:
+    """Knowledge of every coefficient but those held.
+
+    Raises
+    ------
+    FitError
+        a name the vehicle does not have
+    """
+    kept = set(fixed)
+    unknown = kept - set(model.coefficients)
+    if unknown:
+        raise FitError(
+            f"{model.vehicle.name} has no coefficient {', '.join(sorted(unknown))} to keep; "
+            f"it has {', '.join(model.coefficients)}"
+        )
+    return knowledge(model, [n for n in model.coefficients if n not in kept], assumed)
+
+
+def vehicle_case(
+    model: Model,
+    known: Knowledge,
+    logging: Logging,
+    bounds: OrderLimits,
+    executed: Mapping[str, Manoeuvre] | None = None,
+) -> PlanningSetup:
+    """Case of a vehicle without logs; `flown` manoeuvres count as executed by the nominal vehicle."""
+    case = PlanningCase(model, known, logging, bounds)
+    runs = tuple(case.execution(m, name=name).run for name, m in (executed or {}).items())
+    return PlanningSetup(replace(case, executed=runs), _guessed(known))
+
+
+def trial_case(
+    model: Model,
+    trial: Trial,
+    known: Knowledge,
+    bounds: OrderLimits,
+    sigma: Mapping[str, float] | None = None,
+    dt: float | None = None,
+) -> PlanningSetup:
+    """Case after the identify runs of a trial; vehicles come from their posterior where a refit succeeds.
+
+    Raises
+    ------
+    TrialError
+        no run to identify from
+    """
+    if not trial.identify:
+        raise TrialError(f"{trial.name}: no run has role 'identify'; name the vehicle instead of the bundle")
+    noise = {**trial.noise, **(sigma or {})}
+    runs = tuple(run_data(model, r, noise, measured_point=trial.measured_point) for r in trial.identify)
+    seen: dict[str, list[float]] = {}
+    for run in runs:
+        for channel, s in zip(run.channels, run.sigma, strict=True):
+            seen.setdefault(channel, []).append(float(s))
+    step = float(np.median(np.concatenate([np.diff(run.plan.t) for run in runs])))
+    logged = {c: float(np.median(s)) for c, s in seen.items() if c in model.states}
+    logging = Logging(logged, dt or step) if logged else usual_logging(model, sigma, dt)
+    notes = list(_guessed(known))
+    drawn = None
+    try:
+        problem = FitProblem(model, known.parameters(), runs, measured_base(model, trial))
+        found = refit(problem, known)
+        chi2 = 2.0 * found.cost / max(problem.n_readings, 1)
+        if found.converged and chi2 < MOST_MISFIT:
+            inner = np.linalg.cholesky(found.covariance) * np.sqrt(max(chi2, 1.0))
+            drawn = replace(known, mean=found.values, root=known.root @ inner)
+            notes.append(f"Vehicles are drawn from the posterior of the runs executed (misfit {chi2:.2f}).")
+        else:
+            why = f"the misfit is {chi2:.3g} times the noise" if found.converged else "it did not converge"
+            notes.append(f"Vehicles are drawn from what was known before: a refit was made, but {why}.")
+    except ModelError as exc:
+        notes.append(f"Vehicles are drawn from what was known before; no refit was possible ({exc}).")
+    return PlanningSetup(PlanningCase(model, known, logging, bounds, runs, drawn), tuple(notes))
+
+
+def _guessed(known: Knowledge) -> tuple[str, ...]:
+    if not known.assumed:
+        return ()
+    which = "all" if len(known.assumed) == len(known.names) else f"{len(known.assumed)} of {len(known.names)}"
+    share = known.sd[known.names.index(known.assumed[0])] / abs(
+        known.mean[known.names.index(known.assumed[0])]
+    )
+    return (f"The vehicle file states no spread for {which} coefficients; {share:.0%} is assumed.",)

@@ -1,0 +1,136 @@
+"""A scorecard: answers and verdicts read, checked, judged and summed up.
+
+Takes two folders. Gives a frozen `Scorecard`; its prose is `bayesid.benchmark.protocol.report`.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from bayesid.benchmark.protocol.answers import Answer, load_answers, with_shown
+from bayesid.benchmark.protocol.commitment import BlindError, digest_of
+from bayesid.benchmark.protocol.detectability import from_json
+from bayesid.benchmark.protocol.judgement import ScoredCase, judge
+from bayesid.benchmark.protocol.make_pack import in_processes, redraw
+from bayesid.benchmark.protocol.scores import Bin, Quantity, calibration, score_quantities, shuffled, table
+from bayesid.benchmark.protocol.verdicts import caveats, check_commitments, load_verdicts
+from bayesid.files import write_json
+from bayesid.progress import Progress
+
+STRATA: Mapping[str, Callable[[ScoredCase], str]] = {
+    "Nature and detectability": lambda c: c.kind if c.kind == c.stratum else f"{c.kind}, {c.stratum}",
+    "Sea": lambda c: c.factors.get("sea", ""),
+    "Sensors": lambda c: c.factors.get("sensors", ""),
+    "Campaign": lambda c: c.factors.get("campaign", ""),
+    "Vehicle": lambda c: f"{c.factors.get('vehicle', '')}, {c.dof}-DOF",
+    "Prior of the coefficients": lambda c: c.factors.get("prior", ""),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Scorecard:
+    """Scores of one pack.
+
+    Attributes
+    ----------
+    cases : one per answered bundle
+    quantities : dof -> lines with their bars
+    calibration : bins over all cases
+    control : the line that must fail
+    strata : table per factor, see `scores.table`
+    committed : what the seal says, None for unsealed verdicts
+    missing : bundles without a verdict, left out: not solved in the time given, or unsealed and not there
+    caveats : what these seals do not prove
+    """
+
+    cases: tuple[ScoredCase, ...]
+    quantities: Mapping[int, tuple[Quantity, ...]]
+    calibration: tuple[Bin, ...]
+    control: Quantity
+    strata: Mapping[str, list[list[object]]]
+    sealed: Mapping[str, Any] | None
+    missing: tuple[str, ...]
+    caveats: tuple[str, ...] = ()
+
+
+def score_pack(
+    answers: Path,
+    verdicts: Path,
+    unsealed: bool = False,
+    cache: Path | None = None,
+    jobs: int = 1,
+    oracle: Mapping[str, float] | None = None,
+    progress: Progress | None = None,
+    promised: str = "",
+    commitments: Path | None = None,
+) -> Scorecard:
+    """Score verdicts.
+
+    Parameters
+    ----------
+    answers : folder of answers, or a file with a list of labels
+    unsealed : take verdicts without a seal, whichever there are, and say so
+    cache : file that keeps detectabilities which answers do not state, so that they are computed once
+    oracle : bundle -> shrink of a refit with the true effects
+    promised, commitments : see `check_commitments`
+
+    Raises
+    ------
+    BlindError                 a seal is broken or not the one made known, a verdict or an answer is missing
+    """
+    known = load_answers(answers)
+    if unsealed and (promised or commitments):
+        raise BlindError("verdicts without a seal cannot be checked against one; leave --unsealed out")
+    sealed = None if unsealed else check_commitments(verdicts, known, promised, commitments)
+    found = load_verdicts(verdicts)
+    unsolved = set(sealed.get("unsolved", ())) if sealed else set()
+    asked = sorted(set(sealed["pack"]["bundles"]) - unsolved) if sealed else sorted(set(found) & set(known))
+    if not asked:
+        raise BlindError(f"no bundle has both an answer in {answers} and a verdict in {verdicts}")
+    known = reweighted({n: known[n] for n in asked}, cache, jobs, progress or Progress())
+    cost = (sealed or {}).get("cost", {})
+    cases = []
+    for name in asked:
+        verdict = found.get(name)
+        seconds = cost.get(name, {}).get("cpu_seconds", (verdict or {}).get("cpu", math.nan))
+        cases.append(judge(known[name], verdict, float(seconds)))
+    quantities = {
+        dof: tuple(score_quantities([c for c in cases if c.dof == dof], oracle, dof))
+        for dof in sorted({c.dof for c in cases})
+    }
+    missing = tuple(sorted(unsolved if sealed else set(load_answers(answers)) - set(found)))
+    strata = {name: table(cases, key) for name, key in STRATA.items()}
+    control = shuffled(known, found)
+    told = caveats(sealed) if sealed else ()
+    return Scorecard(
+        tuple(cases), quantities, tuple(calibration(cases)), control, strata, sealed, missing, told
+    )
+
+
+def reweighted(
+    answers: Mapping[str, Answer], cache: Path | None, jobs: int, progress: Progress
+) -> dict[str, Answer]:
+    """Answers with how plainly their causes show, computed from their seeds where they do not say it."""
+    kept: dict[str, Any] = json.loads(cache.read_text("utf-8")) if cache and cache.exists() else {}
+    todo = {n: a for n, a in answers.items() if any(c.shown is None for c in a.causes)}
+    keys = {n: digest_of(json.dumps(a.source, sort_keys=True).encode())[:16] for n, a in todo.items()}
+    fresh = [n for n in todo if keys[n] not in kept and "seed" in todo[n].source]
+    if fresh:
+        sources = [dict(todo[n].source) for n in fresh]
+        with progress.stage("detectability", len(fresh)) as stage:
+            for name, shown in zip(fresh, in_processes(redraw, sources, jobs), strict=True):
+                kept[keys[name]] = [asdict(s) for s in shown] if shown is not None else None
+                stage.step(info=name)
+                if cache is not None:
+                    write_json(cache, kept)
+    out = dict(answers)
+    for name, answer in todo.items():
+        shown = kept.get(keys[name])
+        if shown:
+            out[name] = with_shown(answer, tuple(from_json(s) for s in shown))
+    return out

@@ -1,0 +1,83 @@
+"""One gross event and the logs without it.
+
+Takes runs and logs. Gives runs without the readings an event spoiled, and logs that let go of the state it
+disturbed. Does not find events (see `event_search`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bayesid.equations.model import Model
+from bayesid.estimation.filter_error.run_readings import RunReadings
+from bayesid.trials import Run
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened once.
+
+    Attributes
+    ----------
+    run, start, end : where and when [s of the run's own time]
+    channel : sensor channel, or the input or force that shows it best, as in `localisation`
+    kind : "sensor" (its readings are wrong for a while), "jump" (a position that shifts and stays) or
+        "motion" (the vehicle moves as no model here explains)
+    misfit : of its worst window over the median of all windows
+    evidence : gain in log evidence of a free signal there over none; 0 for a sensor's fault
+    """
+
+    run: str
+    start: float
+    end: float
+    channel: str
+    kind: str
+    misfit: float
+    evidence: float = 0.0
+
+
+def without_readings(run: Run, readings: Sequence[tuple[str, float, str]]) -> Run:
+    """The run without single readings (run, time, channel)."""
+    data = {c: v.copy() for c, v in run.data.items()}
+    for name, time, channel in readings:
+        if name == run.name and channel in data:
+            data[channel][np.abs(run.t - time) < 1e-9] = np.nan
+    return replace(run, data=data)
+
+
+def blanked(run: Run, events: Sequence[Event]) -> Run:
+    """The run without the readings of its events."""
+    data = {c: v.copy() for c, v in run.data.items()}
+    for event in events:
+        if event.run != run.name:
+            continue
+        inside = (run.t >= event.start) & (run.t <= event.end)
+        for c in data if event.kind == "motion" else event.channel.split(","):
+            data[c][inside] = np.nan
+    return replace(run, data=data)
+
+
+def released(model: Model, log: RunReadings, events: Sequence[Event]) -> RunReadings:
+    """The log whose state may be another one after each event that moved the vehicle or its position."""
+    states = model.kernel.full.states
+    fresh = np.zeros((log.n - 1, len(states)))
+    for event in events:
+        if event.run != log.name or event.kind == "sensor":
+            continue
+        # the last sample without readings: what follows starts from a state of its own
+        at = int(np.searchsorted(log.plan.t, event.end, side="right")) - 1
+        if not 0 <= at < log.n - 1:
+            continue
+        for j, name in enumerate(states):
+            if event.kind == "motion" or name in ("x", "y"):
+                fresh[at, j] = max(log.start_sd[j], _step(log, j, at))
+    return replace(log, fresh=fresh) if fresh.any() else log
+
+
+def _step(log: RunReadings, state: int, at: int) -> float:
+    """How far the readings' own path moves around a sample: a jump may exceed what a first state is off."""
+    near = log.path[max(0, at - 2) : at + 4, state]
+    return float(np.ptp(near)) if near.size else 0.0

@@ -1,0 +1,245 @@
+"""What a diagnosis works on: model, identify runs, coefficient priors, environment.
+
+Takes a trial and a vehicle. Gives a frozen `DiagnosisProblem`. Held-out runs are not even read here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bayesid.diagnosis.data.event import Event, blanked, released, without_readings
+from bayesid.diagnosis.data.outliers import set_aside
+from bayesid.diagnosis.threshold_table import NEAR
+from bayesid.equations.model import Model
+from bayesid.errors import ModelError, TrialError
+from bayesid.estimation.filter_error.fit import NO_PARAMETERS, FilterErrorFit, FreeParameters, fit
+from bayesid.estimation.filter_error.linearise import Trajectory
+from bayesid.estimation.filter_error.noise_identification import (
+    NoiseIdentification,
+    identify_noise,
+    stated_noise,
+)
+from bayesid.estimation.filter_error.parameters import coefficient_prior, effect_prior
+from bayesid.estimation.filter_error.run_readings import RunReadings, read_run
+from bayesid.estimation.filter_error.straight_run_noise import RemovedForces, identify_straight_noise
+from bayesid.model.effects import Effect
+from bayesid.trials import Trial
+from bayesid.trials.noise import raised, said_raised
+
+Say = Callable[[str], None]
+# How far the environment of manoeuvres may lie from that of straight runs that hold a gap, in the logarithm.
+STRAIGHT_NOISE_SPREAD = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class DiagnosisProblem:
+    """A gap to diagnose.
+
+    Attributes
+    ----------
+    model : Model
+    logs : identify runs, outliers set aside
+    coefficients : Free
+    environment : Environment
+    channels : measured channels used
+    outliers : (run, time [s], channel) of the readings set aside
+    warnings : sentences for the report
+    path, path_level : nominal model along a path that follows the data, and the latent force this needs over
+        1/2 rho L^2 U^2: where sensitivities are taken while nothing is known
+    events : what happened once and is left out
+    as_built : whether an earlier clean identification fixed the coefficients
+    """
+
+    model: Model
+    logs: tuple[RunReadings, ...]
+    coefficients: FreeParameters
+    environment: NoiseIdentification
+    channels: tuple[str, ...]
+    outliers: tuple[tuple[str, float, str], ...]
+    warnings: tuple[str, ...]
+    path: tuple[Trajectory, ...]
+    path_level: float
+    events: tuple[Event, ...] = ()
+    as_built: bool = False
+
+
+def build_problem(
+    model: Model,
+    trial: Trial,
+    say: Say = lambda text: None,
+    as_built: float | None = None,
+    events: tuple[Event, ...] = (),
+    strays: tuple[tuple[str, float, str], ...] = (),
+) -> DiagnosisProblem:
+    """Problem of a trial.
+
+    Parameters
+    ----------
+    as_built : relative sd of the coefficients if an earlier clean identification fixed them (as-built frame)
+    events : what happened once and is to be left out
+    strays : single readings (run, time [s], channel) to be left out
+
+    Raises
+    ------
+    TrialError
+        if there is nothing to identify from
+    """
+    warnings: list[str] = []
+    runs = tuple(without_readings(blanked(run, events), strays) for run in trial.identify)
+    if not runs:
+        raise TrialError(f"{trial.name}: no run has role 'identify'; a diagnosis needs at least one")
+    noise = dict(trial.noise)
+    measured = {c for run in runs for c in run.data}
+    missing = [c for c in model.kernel.channels if c in measured and c not in noise]
+    if missing:
+        noise |= _noise_from_data(runs, missing)
+        warnings.append(
+            f"sensor noise of {', '.join(missing)} is not stated; estimated from fast changes of the readings"
+        )
+    channels = tuple(c for c in model.kernel.channels if c in noise and c in measured)
+    least = raised({c: noise[c] for c in channels}, model.scales["L"], model.scales["U"])
+    if least:
+        noise |= least
+        warnings.append(said_raised(least))
+    logs = [released(model, read_run(model, run, noise, channels), events) for run in runs]
+    say("reading: readings that no smooth motion explains")
+    logs, outliers = set_aside(model, logs)
+    coefficients = coefficient_prior(model)
+    if as_built is not None:
+        coefficients = FreeParameters(
+            coefficients.names,
+            coefficients.where,
+            coefficients.mean,
+            as_built * np.abs(coefficients.mean),
+            coefficients.low,
+        )
+    if model.vehicle.prior is None and as_built is None:
+        warnings.append("the vehicle file states no prior; coefficients are taken as known to 10 %")
+    environment = _environment(model, trial, logs, coefficients, warnings, say)
+    say("path: the nominal model led along the data by a free force")
+    led = fit(model, logs, NO_PARAMETERS, environment.noise_model, iterations=16)
+    return DiagnosisProblem(
+        model,
+        tuple(logs),
+        coefficients,
+        environment,
+        channels,
+        (*strays, *outliers),
+        tuple(warnings),
+        led.follow,
+        led.follow_level,
+        events,
+        as_built is not None,
+    )
+
+
+def _noise_from_data(runs: tuple, names: list[str]) -> dict[str, float]:
+    """White noise per channel from third differences, which remove smooth motion."""
+    out = {}
+    for name in names:
+        scatter = []
+        for run in runs:
+            if name in run.data:
+                y = run.data[name]
+                d = y[3:] - 3 * y[2:-1] + 3 * y[1:-2] - y[:-3]
+                d = d[np.isfinite(d)]
+                if d.size > 10:
+                    scatter.append(1.4826 * np.median(np.abs(d)) / np.sqrt(20.0))
+        if scatter:
+            out[name] = float(np.median(scatter))
+    return out
+
+
+def _environment(
+    model: Model, trial: Trial, logs: list[RunReadings], free: FreeParameters, warnings: list[str], say: Say
+) -> NoiseIdentification:
+    told = trial.environment
+    if told is not None and told.force_rms is not None:
+        return stated_noise(model, told.force_rms, told.nav_drift or 0.0)
+    straight = [log for log in logs if log.straight]
+    if straight:
+        say(f"environment: measured from {len(straight)} straight run(s)")
+        first, apart = identify_straight_noise(model, straight, free)
+        if apart.any:
+            # the manoeuvres have it as well, and must not count it as weather there
+            warnings.append(_said(model, apart))
+            if apart.repeated:
+                return first
+            firm = replace(first, left=())
+            return identify_noise(
+                model,
+                logs,
+                free,
+                rounds=1,
+                known=firm,
+                steps=5,
+                grams=apart.grams,
+                same=STRAIGHT_NOISE_SPREAD,
+            )
+        return identify_noise(model, logs, free, rounds=1, known=first, steps=5)
+    warnings.append("no straight run: the environment is estimated from all runs, so a gap may hide in it")
+    found = identify_noise(model, logs, free)
+    return NoiseIdentification(found.noise_model, "assumed", 1.0)
+
+
+def _said(model: Model, apart: RemovedForces) -> str:
+    """What straight runs have that is not weather, in words."""
+    parts = []
+    if apart.repeated:
+        parts.append(f"the same disturbance in {', '.join(apart.repeated)} at the same time")
+    if apart.frequencies:
+        periods = ", ".join(f"{2 * np.pi / f:.3g}" for f in apart.frequencies)
+        parts.append(f"a force with a period of {periods} s")
+    if apart.lasting:
+        parts.append("a force that lasts")
+    return f"the straight runs have {' and '.join(parts)}: not weather, left out of the environment"
+
+
+def first_fit(
+    problem: DiagnosisProblem, effects: Sequence[Effect], points: Sequence[Trajectory]
+) -> list[Trajectory]:
+    """Points with some effects at their start: off, or half a prior sd away where they have no slope when
+    off."""
+    par = points[0].par.copy()
+    for effect in effects:
+        prior = effect_prior(problem.model, effect)
+        par[prior.where] = [p.mean for p in effect.parameters]
+        if not effect.smooth:
+            par[prior.where] += 0.5 * prior.sd
+    return [replace(point, par=par) for point in points]
+
+
+def fit_with(
+    problem: DiagnosisProblem,
+    effects: tuple[Effect, ...],
+    start: Sequence[Trajectory] | None = None,
+    iterations: int = 25,
+    loud: float = 0.03,
+) -> FilterErrorFit:
+    """Filter-error fit of coefficients and of some effects' parameters.
+
+    One that runs out of passes with residuals about as small as the noise is on its way and goes on once.
+    """
+    free = problem.coefficients
+    for effect in effects:
+        free = free + effect_prior(problem.model, effect)
+    if start is None:
+        start = list(problem.path)
+        if effects:
+            nominal = [replace(point, par=problem.model.nominal) for point in start]
+            start = first_fit(problem, effects, nominal)
+        loud = max(problem.path_level, 1e-5)
+    noise_model = problem.environment.noise_model
+    out = fit(problem.model, problem.logs, free, noise_model, start=start, iterations=iterations, loud=loud)
+    if out.converged or out.iterations < iterations or not out.chi2 <= NEAR:
+        return out
+    try:
+        more = fit(
+            problem.model, problem.logs, free, noise_model, start=out.points, iterations=iterations, loud=0.0
+        )
+    except ModelError:
+        return out
+    return more if more.chi2 <= NEAR else out

@@ -1,0 +1,120 @@
+"""How well short pieces of the runs are predicted: chi-square of every window of 6 L/U on its own.
+
+Takes linearised paths. Gives one `Window` per piece. Each starts from a state of its own and keeps the
+coefficients free within their prior, so that what happens in one window is not charged to another. Does not
+decide what a bad window means (see `event_search`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bayesid.equations.model import Model
+from bayesid.estimation.filter_error.evidence import normal_equations, posterior
+from bayesid.estimation.filter_error.fit import FreeParameters
+from bayesid.estimation.filter_error.linearise import Linearisation
+from bayesid.estimation.filter_error.noise_model import LatentInputs, NoiseModel, whitened
+from bayesid.estimation.filter_error.run_readings import Array, RunReadings
+
+WINDOW_LENGTHS = 6.0  # L/U
+
+
+@dataclass(frozen=True)
+class Window:
+    """One piece of one run.
+
+    Attributes
+    ----------
+    run : position of the run
+    first, last : its samples, `last` exclusive
+    chi2 : squared misfit of its readings under everything the model leaves open
+    used : number of readings
+    """
+
+    run: int
+    first: int
+    last: int
+    chi2: float
+    used: int
+
+    @property
+    def ratio(self) -> float:
+        """Misfit per reading; 1 where the model and its environment are right."""
+        return self.chi2 / max(self.used, 1)
+
+
+def windows(
+    model: Model,
+    paths: Sequence[Linearisation],
+    free: FreeParameters,
+    noise_model: NoiseModel,
+    length: float = WINDOW_LENGTHS,
+) -> list[Window]:
+    """Windows of all runs, each overlapping half of the next.
+
+    Parameters
+    ----------
+    free : integrated out under its prior within each window; `NOTHING` to judge the paths' own parameters
+    length : of a window [L/U]
+    """
+    span = length * model.scales["L"] / model.scales["U"]
+    out = []
+    for k, path in enumerate(paths):
+        t = path.log.plan.t
+        for begin in np.arange(t[0], max(t[-1] - 0.75 * span, t[0] + 1e-9), 0.5 * span):
+            first, last = (int(i) for i in np.searchsorted(t, (begin, begin + span)))
+            if last - first < 3 or path.log.valid[first:last].sum() < 6:
+                continue
+            piece = cut(path, first, last)
+            g = gram_of(model, piece, free, noise_model)
+            post = posterior(g)
+            out.append(Window(k, first, last, g.ee - float(g.se @ post.mean), g.used))
+    return out
+
+
+def gram_of(
+    model: Model,
+    path: Linearisation,
+    free: FreeParameters,
+    noise_model: NoiseModel,
+    latent: LatentInputs | None = None,
+):
+    """Whitened products of one path, its parameters at the prior mean of `free`."""
+    w = whitened(model, path, free.mean - path.point.par[free.where], free.sd, noise_model, latent)
+    return normal_equations(w.resid, w.columns, w.logdet, w.used)
+
+
+def cut(path: Linearisation, first: int, last: int) -> Linearisation:
+    """Samples first to last - 1 of a path, as a run of its own; its plan keeps the times only.
+
+    It starts about the path's own state there, not about the guess for the run's first sample.
+    """
+    s, steps = slice(first, last), slice(first, last - 1)
+    p = path.point
+    return replace(
+        path,
+        log=replace(cut_log(path.log, first, last), first=p.states[first]),
+        point=replace(p, states=p.states[s], force=p.force[steps]),
+        resid=path.resid[s],
+        slope=path.slope[s],
+        direct=path.direct[s],
+        phi=path.phi[steps],
+        gamma=path.gamma[steps],
+        psi=path.psi[steps],
+        defect=path.defect[steps],
+    )
+
+
+def cut_log(log: RunReadings, first: int, last: int) -> RunReadings:
+    """Samples first to last - 1 of a log; the plan keeps its times only, enough for a filter."""
+    s = slice(first, last)
+    plan = replace(log.plan, t=log.plan.t[s])
+    fresh = None if log.fresh is None else log.fresh[first : last - 1]
+    return replace(log, plan=plan, data=log.data[s], valid=log.valid[s], path=log.path[s], fresh=fresh)
+
+
+def ratios(found: Sequence[Window]) -> Array:
+    return np.array([w.ratio for w in found])

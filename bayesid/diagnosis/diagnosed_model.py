@@ -1,0 +1,326 @@
+"""The diagnosed model as something to predict with: hypotheses, parameters with covariance, disturbance.
+
+Takes a `Diagnosis`. Gives a frozen `DiagnosedModel`, which goes into `model.json` beside `diagnosis.json`
+and comes back. Does not simulate.
+
+A verdict that names effects leaves one hypothesis. Any other leaves a mixture, weighted by evidence and
+prior, so that a prediction is as unsure of the cause as the verdict is. What no hypothesis explains is not
+forgotten: each is given the disturbance its own residuals call for, and is fitted again under it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bayesid.diagnosis.data.problem import DiagnosisProblem
+from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis
+from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
+from bayesid.diagnosis.hypotheses.verdict import Verdict, simplest
+from bayesid.diagnosis.threshold_table import PRIOR_CATALOGUE, PRIOR_NONE
+from bayesid.equations.model import Model, build_model
+from bayesid.errors import ModelError
+from bayesid.estimation.filter_error.evidence import NOT_LINEARISABLE, posterior
+from bayesid.estimation.filter_error.fit import FilterErrorFit, fit, stacked_equations
+from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit
+from bayesid.files import UnreadableError, read_regular, write_json
+from bayesid.model.effects import Effect
+from bayesid.model.vehicles import load_vehicle, write_vehicle
+
+if TYPE_CHECKING:
+    from bayesid.diagnosis.run import Diagnosis
+
+Array = np.ndarray
+FORMAT = 1
+MODEL_FILE, VEHICLE_FILE = "model.json", "vehicle_nominal.toml"
+LARGEST_MODEL = 2**28  # bytes of model.json; 70 coefficients with covariance take 0.1 MB a hypothesis
+SYMMETRIC = 1e-8
+# Weight below which a hypothesis is left out of a prediction.
+LEAST_WEIGHT = 0.01
+# Latent force over 1/2 rho L^2 U^2 tried as what a hypothesis leaves unexplained, its times in L/U, and the
+# evidence [nats] from which it is believed.
+REMAINDER_FORCES, REMAINDER_TAUS, REMAINDER_EVIDENCE = 10.0 ** np.arange(-5.0, -1.2, 0.5), (2.0, 8.0), 5.0
+REMAINDER_SHARES = (0.1, 0.3, 1.0, 3.0)
+
+
+@dataclass(frozen=True, eq=False)
+class WeightedHypothesis:
+    """One explanation, ready to draw from.
+
+    Attributes
+    ----------
+    effects : names, empty for none
+    weight : share of the draws
+    names, mean, covariance, low : free parameters [SI], their Gaussian, and bounds of one-sided ones
+    noise model : disturbance force and slow position error that go with it
+    """
+
+    effects: tuple[str, ...]
+    weight: float
+    names: tuple[str, ...]
+    mean: Array
+    covariance: Array
+    low: Array
+    noise_model: NoiseModel
+
+
+@dataclass(frozen=True, eq=False)
+class DiagnosedModel:
+    """A diagnosed model.
+
+    Attributes
+    ----------
+    model : Model, nominal
+    hypotheses : weights add up to 1
+    noise : channel -> white sensor noise, one standard deviation [SI]
+    verdict : word of the verdict it came from
+    trial : digest of the trial
+    """
+
+    model: Model
+    hypotheses: tuple[WeightedHypothesis, ...]
+    noise: Mapping[str, float]
+    verdict: str
+    trial: str
+
+    def draw(self, rng: np.random.Generator, count: int) -> list[tuple[WeightedHypothesis, Array]]:
+        """Parameter vectors of every hypothesis: (draws, n_par) each, `count` in all."""
+        counts = rng.multinomial(count, [h.weight for h in self.hypotheses])
+        out = []
+        for h, n in zip(self.hypotheses, counts, strict=True):
+            pars = np.repeat(self.model.nominal[None], n, axis=0)
+            values = rng.multivariate_normal(h.mean, h.covariance, size=n, method="eigh")
+            pars[:, self.model.positions(h.names)] = np.maximum(values, h.low)
+            if n:
+                out.append((h, pars))
+        return out
+
+
+def diagnosed_model(
+    problem: DiagnosisProblem, candidates: HypothesisComparison, verdict: Verdict, trial: str
+) -> DiagnosedModel:
+    """The diagnosed model behind a verdict; `trial` is the digest of what was diagnosed.
+
+    Raises
+    ------
+    ModelError
+        if no hypothesis has a finite log evidence along its path
+    """
+    chosen = _chosen(candidates, verdict)
+    each = PRIOR_CATALOGUE / (len(problem.model.kernel.effects) + 1)
+    fits, weights = [], []
+    for c in chosen:
+        fitted, evidence = _with_remainder(problem, c.fit)
+        prior = each ** len(c.effects) if c.effects else PRIOR_NONE
+        fits.append(fitted)
+        weights.append(evidence + c.log_evidence - c.fit.log_evidence + np.log(prior))
+    if not np.isfinite(max(weights)):
+        raise ModelError(NOT_LINEARISABLE)
+    share = np.exp(np.array(weights) - max(weights))
+    share = np.where(share >= LEAST_WEIGHT * share.sum(), share, 0.0)
+    share /= share.sum()
+    hypotheses = tuple(
+        _hypothesis(c.effects, float(w), f) for c, w, f in zip(chosen, share, fits, strict=True) if w > 0
+    )
+    return DiagnosedModel(problem.model, hypotheses, _noise(problem), verdict.word, trial)
+
+
+def diagnosed_model_of(d: Diagnosis) -> DiagnosedModel:
+    """The diagnosed model of a diagnosis: the one it holds, else made now."""
+    return d.diagnosed or diagnosed_model(d.problem, d.candidates, d.verdict, d.trial.digest)
+
+
+def fitted_model(
+    problem: DiagnosisProblem, effects: tuple[str, ...], fitted: FilterErrorFit, trial: str = ""
+) -> DiagnosedModel:
+    """The model of one fit, chosen by hand; its residuals' disturbance included."""
+    again, _ = _with_remainder(problem, fitted)
+    return DiagnosedModel(problem.model, (_hypothesis(effects, 1.0, again),), _noise(problem), "fit", trial)
+
+
+def _noise(problem: DiagnosisProblem) -> dict[str, float]:
+    return {
+        problem.model.kernel.channels[c]: float(s)
+        for log in problem.logs
+        for c, s in zip(log.channels, log.sigma, strict=True)
+    }
+
+
+def _chosen(c: HypothesisComparison, verdict: Verdict) -> list[RefittedHypothesis]:
+    """The explanation a verdict names, or all that are worth weighing."""
+    if verdict.word in ("effect", "effect_with_remainder", "several"):
+        same = [r for r in c.refits if set(r.effects) == set(verdict.effects)]
+        return [same[0] if same else simplest(c)]
+    return [c.none, *(r for r in c.refits if len(r.effects) == 1)]
+
+
+def _hypothesis(effects: tuple[str, ...], weight: float, f: FilterErrorFit) -> WeightedHypothesis:
+    covariance = f.posterior.covariance * np.outer(f.free.sd, f.free.sd)
+    return WeightedHypothesis(effects, weight, f.free.names, f.values, covariance, f.free.low, f.noise_model)
+
+
+def _with_remainder(problem: DiagnosisProblem, fitted: FilterErrorFit) -> tuple[FilterErrorFit, float]:
+    """The fit under the disturbance its residuals call for, and its log evidence."""
+    model = problem.model
+    unit, time = force_unit(model), model.scales["L"] / model.scales["U"]
+    real = problem.environment.noise_model
+
+    def evidence(noise_model: NoiseModel) -> float:
+        grams = stacked_equations(model, fitted.paths, fitted.free, noise_model)
+        try:
+            value = posterior(sum(grams[1:], grams[0])).log_evidence
+        except ModelError:  # this disturbance is out of reach, others may not be
+            return -np.inf
+        return value if np.isfinite(value) else -np.inf
+
+    def added(level: Array, tau: float) -> NoiseModel:
+        force = np.sqrt(np.array(real.force) ** 2 + (level * unit) ** 2)
+        return replace(real, force=tuple(float(f) for f in force), force_tau=tau)
+
+    best, noise_model, level, tau = evidence(real), real, np.zeros(unit.size), real.force_tau
+    start = best
+    for trial in (added(np.full(unit.size, x), t * time) for x in REMAINDER_FORCES for t in REMAINDER_TAUS):
+        value = evidence(trial)
+        if value > best:
+            best, noise_model = value, trial
+    if best < start + REMAINDER_EVIDENCE:
+        return fitted, start
+    tau = noise_model.force_tau
+    level = np.sqrt(np.maximum(np.array(noise_model.force) ** 2 - np.array(real.force) ** 2, 0.0)) / unit
+    for axis in range(unit.size):  # one level for all axes, then each axis on its own
+        for share in REMAINDER_SHARES:
+            tried = level.copy()
+            tried[axis] *= share
+            value = evidence(added(tried, tau))
+            if value > best:
+                best, noise_model, level = value, added(tried, tau), tried
+    again = fit(model, problem.logs, fitted.free, noise_model, start=fitted.points, loud=0.0, iterations=8)
+    return again, max(best, again.log_evidence)
+
+
+def write_diagnosed(found: DiagnosedModel, folder: str | os.PathLike[str]) -> Path:
+    """Write `model.json` and the nominal vehicle beside it; returns the path of the former."""
+    target = Path(folder)
+    write_vehicle(found.model.vehicle, target / VEHICLE_FILE)
+    hypotheses = [
+        {
+            "effects": list(h.effects),
+            "weight": h.weight,
+            "names": list(h.names),
+            "mean": h.mean.tolist(),
+            "covariance": h.covariance.tolist(),
+            "one_sided": np.isfinite(h.low).tolist(),
+            "low": np.where(np.isfinite(h.low), h.low, 0.0).tolist(),
+            "force": list(h.noise_model.force),
+            "force_tau": h.noise_model.force_tau,
+            "drift": h.noise_model.drift,
+            "drift_tau": h.noise_model.drift_tau,
+            "depth": h.noise_model.depth,
+            "arms": list(h.noise_model.arms),
+        }
+        for h in found.hypotheses
+    ]
+    record = {
+        "format": FORMAT,
+        "vehicle": VEHICLE_FILE,
+        "dof": found.model.dof,
+        "digest": found.model.digest,
+        "verdict": found.verdict,
+        "trial": found.trial,
+        "noise": dict(found.noise),
+        "hypotheses": hypotheses,
+    }
+    return write_json(target / MODEL_FILE, record)
+
+
+def read_diagnosed(folder: str | os.PathLike[str], declared: Iterable[Effect] = ()) -> DiagnosedModel:
+    """Read what `write_diagnosed` wrote.
+
+    Parameters
+    ----------
+    declared : effects beyond the catalogue, the same as in the diagnosis
+
+    Raises
+    ------
+    ModelError
+        if there is no such file, it is not one of these, or the equations have changed since
+    """
+    path = Path(folder) / MODEL_FILE
+    try:
+        record = json.loads(read_regular(path, LARGEST_MODEL).decode("utf-8"))
+        if record["format"] != FORMAT:
+            raise ModelError(f"{path}: format {record['format']!r}; this version reads {FORMAT}")
+        hypotheses = tuple(_read(h) for h in record["hypotheses"])
+        weights = [h.weight for h in hypotheses]
+        if not hypotheses or min(weights) < 0 or not abs(sum(weights) - 1.0) < 1e-6:
+            raise ValueError(f"the weights of its hypotheses add up to {sum(weights):.6g}, not to 1")
+        vehicle, dof, digest = path.with_name(record["vehicle"]), int(record["dof"]), record["digest"]
+        rest = dict(record["noise"]), str(record["verdict"]), str(record["trial"])
+    except UnreadableError as error:
+        raise ModelError(f"{path}: {error}; `bayesid diagnose BUNDLE --out FOLDER` writes it") from None
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise ModelError(f"{path}: is not a diagnosed model ({error})") from None
+    model = build_model(load_vehicle(vehicle), dof, declared=declared)
+    if model.digest != digest:
+        raise ModelError(
+            f"{path}: was made with other equations or another vehicle file; diagnose again, and give the "
+            "same --effects file if there was one"
+        )
+    return DiagnosedModel(model, hypotheses, *rest)
+
+
+def _check_gaussian(names: Sequence[str], mean: Array, covariance: Array) -> None:
+    """Refuse what no Gaussian has, so that no draw of it looks like an answer.
+
+    Positive up to what rounding does to a singular matrix: 1e-8 of the unit diagonal of its correlations.
+    """
+    if not (np.isfinite(mean).all() and np.isfinite(covariance).all()):
+        raise ValueError("mean or covariance hold numbers that are not finite")
+    variance = np.diag(covariance)
+    if not np.all(variance > 0):
+        raise ValueError(f"the variance of {names[int(np.argmin(variance))]} is {variance.min():.3g}")
+    root = np.sqrt(variance)
+    correlation = covariance / np.outer(root, root)
+    if np.abs(correlation - correlation.T).max() > SYMMETRIC:
+        raise ValueError("the covariance is not symmetric")
+    lowest = float(np.linalg.eigvalsh(correlation)[0])
+    if lowest < -SYMMETRIC:
+        raise ValueError(f"the covariance is not positive: eigenvalue {lowest:.3g} of the correlations")
+
+
+def _check_size(name: str, values: Sequence[float]) -> None:
+    if not all(np.isfinite(float(v)) and float(v) >= 0 for v in values):
+        raise ValueError(f"{name} holds a size that is negative or not finite")
+
+
+def _read(h: Mapping[str, Any]) -> WeightedHypothesis:
+    def array(values: Sequence[Any]) -> Array:
+        return np.array(values, dtype=float)
+
+    low = np.where(np.array(h["one_sided"], dtype=bool), array(h["low"]), -np.inf)
+    noise_model = NoiseModel(
+        tuple(h["force"]),
+        h["force_tau"],
+        h["drift"],
+        h["drift_tau"],
+        tuple(h.get("arms", ())),
+        h.get("depth"),
+    )
+    names = tuple(h["names"])
+    mean, covariance = array(h["mean"]), array(h["covariance"])
+    if mean.shape != (len(names),) or covariance.shape != (len(names),) * 2:
+        raise ValueError("mean and covariance do not fit the names")
+    _check_gaussian(names, mean, covariance)
+    _check_size("force", noise_model.force)
+    _check_size(
+        "drift", (noise_model.drift, noise_model.drift_tau, noise_model.force_tau, noise_model.depth or 0.0)
+    )
+    return WeightedHypothesis(
+        tuple(h["effects"]), float(h["weight"]), names, mean, covariance, low, noise_model
+    )

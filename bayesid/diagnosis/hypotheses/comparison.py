@@ -1,0 +1,179 @@
+"""Which effect: screen, refits of a shortlist, several effects at once, probabilities of every hypothesis.
+
+Takes a `DiagnosisProblem`. Gives frozen `HypothesisComparison`. Probabilities follow from evidence and
+stated priors only; thresholds and words are the verdict's business.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from bayesid.diagnosis.data.problem import DiagnosisProblem, fit_with
+from bayesid.diagnosis.evidences import evidences
+from bayesid.diagnosis.hypotheses.candidate import (
+    RefittedHypothesis,
+    checked,
+    explains,
+    standing,
+    weighted_hypothesis,
+)
+from bayesid.diagnosis.hypotheses.cross_validation import cross_validate
+from bayesid.diagnosis.hypotheses.localisation import Localisation, locate, tried
+from bayesid.diagnosis.hypotheses.probabilities import Remainder, probabilities
+from bayesid.diagnosis.hypotheses.refit import (
+    likely_coefficients,
+    refit_screened,
+    refit_wide,
+    remainder,
+    shortlist,
+)
+from bayesid.diagnosis.hypotheses.search import search_several
+from bayesid.diagnosis.hypotheses.sensitivity_bank import (
+    Isolability,
+    ScreenScore,
+    SensitivityBank,
+    build_bank,
+    isolability,
+    levels_between,
+    screen,
+    testable,
+    widened,
+)
+from bayesid.diagnosis.hypotheses.thresholds import Thresholds, thresholds
+from bayesid.diagnosis.threshold_table import ADD, ASTRAY, PATH_NOISE, SEEN
+from bayesid.estimation.filter_error.fit import FilterErrorFit
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class HypothesisComparison:
+    """All hypotheses of a trial.
+
+    Attributes
+    ----------
+    none : Candidate without effects
+    refits : refitted hypotheses, best first
+    scores : screen of every effect
+    evidence : name -> log evidence over none, for every catalogue name, "outside" and "coefficient_error"
+    probabilities : name -> posterior probability, same names and "none"
+    inside : name -> probability that it acts, alone or with others
+    bank : Bank the screen used
+    ambiguity : Ambiguity
+    where, where_after : Where before any effect and after the best one
+    thresholds : Thresholds of this design
+    """
+
+    none: RefittedHypothesis
+    refits: tuple[RefittedHypothesis, ...]
+    scores: tuple[ScreenScore, ...]
+    evidence: dict[str, float]
+    probabilities: dict[str, float]
+    inside: dict[str, float]
+    bank: SensitivityBank
+    ambiguity: Isolability
+    where: Localisation
+    where_after: Localisation | None
+    thresholds: Thresholds
+
+    @property
+    def best(self) -> RefittedHypothesis:
+        """Refit of most evidence; no effect where nothing was refitted."""
+        return self.refits[0] if self.refits else self.none
+
+
+def compare(
+    problem: DiagnosisProblem, say: Say = lambda text: None, seed: int = 0, base: FilterErrorFit | None = None
+) -> HypothesisComparison:
+    """Screen the catalogue, refit a shortlist, weigh every hypothesis; `seed` draws the thresholds.
+
+    Parameters
+    ----------
+    base : the fit without any effect, if it is there already (`innovation_outliers.prepare`)
+    """
+    model = problem.model
+    if base is None:
+        say("fit without any effect")
+        base = fit_with(problem, ())
+    none = weighted_hypothesis(problem, (), base)
+    fine = explains(none)
+    follow = list(base.points) if fine else list(problem.path)
+    level = 0.0 if fine else problem.path_level
+    effects = [e for e in model.kernel.effects if testable(problem, e)]
+    say(f"screen {len(effects)} effects from one bank of sensitivities")
+    bank = build_bank(problem, follow, levels_between(problem, level), effects)
+    scores = screen(bank)
+    known = isolability(bank)
+    limits = thresholds(bank, tried(problem), seed)
+    say("where the gap lies")
+    where = locate(problem, follow, problem.coefficients)
+    wide = widened(bank, problem.coefficients.names)
+    refits = [c for s in shortlist(scores) for c in refit_screened(problem, bank, s, say)]
+    refits += [c for name in likely_coefficients(wide, scores) for c in refit_wide(problem, name, say)]
+    none = _second_start(problem, none, refits, say)
+    gains = {s.name: s.gain for s in scores}
+    refits = sorted((checked(problem, c, none, gains) for c in refits), key=lambda c: -c.log_evidence)
+    after = None
+    left: dict[tuple[str, ...], Localisation] = {}
+    single = [c for c in refits if not c.widens]
+    if single:
+        first = max(single, key=lambda c: standing(c, gains[c.effects[0]]))
+        if (
+            (first.log_evidence > none.log_evidence + ADD)
+            if explains(first)
+            else gains[first.effects[0]] > ADD
+        ):
+            refits, left = search_several(problem, refits, first, effects, known, say)
+            refits = sorted((checked(problem, c, none, gains) for c in refits), key=lambda c: -c.log_evidence)
+    if refits and refits[0].log_evidence > none.log_evidence + ADD:
+        say("what the best explanation leaves")
+        after = left.get(refits[0].effects) or remainder(problem, refits[0])
+    evidence = evidences(problem, none, refits, scores, wide, where)
+    rest = _rests(refits, after)
+    excess = _excess(refits, none, len(problem.coefficients.names))
+    left_by = Remainder(rest)
+    if after is not None:
+        shows = excess > 1.0 or after.places[0].evidence > limits.remainder
+        astray = refits[0].fit.chi2 > ASTRAY
+        share = 1.0 if astray else after.places[0].evidence / max(where.places[0].evidence, SEEN)
+        left_by = Remainder(rest, shows, share, where.kept(after))
+    places = {e.name: e.where for e in effects}
+    weights = probabilities(evidence, refits, none, where, excess, left_by, places)
+    found = (evidence, weights.shared, weights.inside, bank, known, where, after, limits)
+    return HypothesisComparison(none, tuple(refits), tuple(scores), *found)
+
+
+def _rests(refits: Sequence[RefittedHypothesis], after: Localisation | None) -> dict[tuple[str, ...], float]:
+    """What a free force adds to the best explanation, and to those that it cannot tell from it."""
+    if after is None or refits[0].widens:
+        return {}
+    more = after.outside - after.base
+    near = [c for c in refits if c.log_evidence > refits[0].log_evidence - PATH_NOISE and not c.widens]
+    return {c.effects: more for c in near if len(c.effects) == len(refits[0].effects)}
+
+
+def _second_start(
+    problem: DiagnosisProblem, none: RefittedHypothesis, refits: Sequence[RefittedHypothesis], say: Say
+) -> RefittedHypothesis:
+    """No effect fitted once more from where a refit explains the data, if its first start did not arrive."""
+    done = [c for c in refits if explains(c)]
+    if explains(none) or not done:
+        return none
+    say("fit without any effect from a second start")
+    best = max(done, key=lambda c: c.log_evidence).fit
+    par = problem.model.nominal.copy()
+    where = problem.coefficients.where
+    par[where] = best.par[where]
+    start = [replace(point, par=par) for point in best.points]
+    again = weighted_hypothesis(problem, (), fit_with(problem, (), start=start))
+    return max(none, again, key=lambda c: c.log_evidence)
+
+
+def _excess(refits: Sequence[RefittedHypothesis], none: RefittedHypothesis, coefficients: int) -> float:
+    """How much the runs disagree about the best explanation; 1 where they agree or it explains too little."""
+    best = refits[0] if refits else none
+    if best.log_evidence <= none.log_evidence + PATH_NOISE or not explains(best) or best.widens:
+        return 1.0
+    runs = cross_validate(best, none, coefficients)
+    return runs.excess if runs.disagree else 1.0

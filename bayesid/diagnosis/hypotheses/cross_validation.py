@@ -1,0 +1,105 @@
+"""Runs against each other: does what the others say about an effect predict this run, and do they agree?
+
+Takes `RefittedHypothesis`s. Uses the normal equations of their refits, so nothing is fitted again; held-out
+runs are not read (design note A1).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis
+from bayesid.diagnosis.threshold_table import DISAGREE
+from bayesid.estimation.filter_error.evidence import NormalEquations, posterior
+from bayesid.estimation.filter_error.run_readings import Array
+
+
+@dataclass(frozen=True, eq=False)
+class CrossValidation:
+    """Leave-one-run-out comparison of an explanation with no effect.
+
+    Attributes
+    ----------
+    gains : (runs,) log density of each run given all others, over that without an effect
+    disagreement : p-value of the runs having one and the same effect
+    excess : its chi-square over the degrees of freedom
+    """
+
+    gains: Array
+    disagreement: float
+    excess: float
+
+    @property
+    def disagree(self) -> bool:
+        return self.disagreement < DISAGREE
+
+    @property
+    def total(self) -> float:
+        return float(self.gains.sum())
+
+    @property
+    def refuted(self) -> bool:
+        """Whether the others predict a run worse with the effect than without, at 95 % over the runs."""
+        n = self.gains.size
+        if n < 3:
+            return False
+        error = float(self.gains.std(ddof=1)) / np.sqrt(n)
+        return self.total < 0 and self.total / n + float(stats.t.ppf(0.95, n - 1)) * error < 0
+
+
+def left_out(grams: tuple[NormalEquations, ...]) -> Array:
+    """(runs,) log predictive density of each run given all others."""
+    total = sum(grams[1:], grams[0])
+    whole = posterior(total).log_evidence
+    return np.array([whole - posterior(total - g).log_evidence for g in grams])
+
+
+def cross_validate(
+    candidate: RefittedHypothesis, none: RefittedHypothesis, coefficients: int
+) -> CrossValidation:
+    """Runs against each other.
+
+    Parameters
+    ----------
+    coefficients : number of leading columns that are coefficients; the others are the effect's
+    """
+    gains = left_out(candidate.fit.grams) - left_out(none.fit.grams)
+    return CrossValidation(gains, *disagreement(candidate.fit.grams, coefficients))
+
+
+def disagreement(grams: tuple[NormalEquations, ...], coefficients: int) -> tuple[float, float]:
+    """p-value, and chi-square over its degrees of freedom, of one common effect against one for every run.
+
+    Coefficients are common. Twice the gain in the maximised density is chi-square with (runs - 1) times
+    (effect parameters) degrees of freedom; directions no run shows do not count.
+    """
+    c = coefficients
+    k = grams[0].se.size - c
+    runs = len(grams)
+    if k == 0 or runs < 2:
+        return 1.0, 1.0
+    own = np.zeros((c + k * runs, c + k * runs))
+    score = np.zeros(c + k * runs)
+    for m, g in enumerate(grams):
+        at = np.concatenate([np.arange(c), c + k * m + np.arange(k)])
+        own[np.ix_(at, at)] += g.ss
+        score[at] += g.se
+    own[:c, :c] += np.eye(c)
+    common = np.zeros((c + k * runs, c + k))
+    common[:c, :c] = np.eye(c)
+    for m in range(runs):
+        common[c + k * m : c + k * (m + 1), c:] = np.eye(k)
+    gain, rank = _explained(own, score)
+    less, fewer = _explained(common.T @ own @ common, common.T @ score)
+    chi2, freedom = max(gain - less, 0.0), max(rank - fewer, 1)
+    return float(stats.chi2.sf(chi2, freedom)), chi2 / freedom
+
+
+def _explained(a: Array, b: Array) -> tuple[float, int]:
+    """b' a^+ b and the rank of a, directions below 1e-3 of a prior's information left out."""
+    value, vector = np.linalg.eigh(a)
+    keep = value > 1e-3
+    return float(((vector[:, keep].T @ b) ** 2 / value[keep]).sum()), int(keep.sum())

@@ -1,0 +1,241 @@
+"""What a verdict is decided on: numbers and yes-or-no answers, taken from the hypotheses once.
+
+Takes a `DiagnosisProblem` and its `HypothesisComparison`. Gives frozen `Facts` and the names the outcomes
+speak of. Does not decide.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from bayesid.diagnosis.data.problem import DiagnosisProblem
+from bayesid.diagnosis.hypotheses.candidate import (
+    COEFFICIENT_ERROR,
+    RefittedHypothesis,
+    explains,
+    idle,
+    pulls,
+)
+from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
+from bayesid.diagnosis.hypotheses.cross_validation import CrossValidation, cross_validate
+from bayesid.diagnosis.hypotheses.probabilities import credible_set
+from bayesid.diagnosis.threshold_table import ALONG, EVEN, HIDDEN, MINOR, NEAR, SURE, SURELY, TRACE
+
+
+@dataclass(frozen=True)
+class Facts:
+    """Numbers and booleans the rules read. "Best" is the simplest best explanation.
+
+    Attributes
+    ----------
+    gain, gain_by_chance : log evidence of the best over no effect, and what chance allows [nats]
+    free, free_by_chance : the same of a free signal without any effect [nats]
+    left : what a free signal adds beside the best [nats]
+    conflict, conflict_by_chance : largest coefficient move without an effect [prior sd]
+    none, outside, unseen : probability of no effect, of a cause that is not listed, and of effects that these
+        runs could not show
+    none_in_set : whether the 95 % set holds no effect
+    effects : number of effects of the best
+    widens : whether the best is a coefficient with a wide prior
+    explains : whether the best follows the data
+    acts : probability that what the best names acts, alone or with others of its family
+    absorbed : share of the best effect's trace that coefficients absorb
+    idle : whether an effect of the best has a size within its deviation of off
+    sure, sure_absorbed : of several effects, how many may be named, and the absorbed share of the first
+    runs_refute : whether runs are predicted worse from the others with the best than without
+    runs_disagree : whether runs ask for different sizes of it
+    """
+
+    gain: float
+    gain_by_chance: float
+    free: float
+    free_by_chance: float
+    left: float
+    conflict: float
+    conflict_by_chance: float
+    none: float
+    outside: float
+    unseen: float
+    none_in_set: bool
+    effects: int
+    widens: bool
+    explains: bool
+    acts: float
+    absorbed: float
+    idle: bool
+    sure: int
+    sure_absorbed: float
+    runs_refute: bool
+    runs_disagree: bool
+
+    @property
+    def gains(self) -> bool:
+        """Whether the best gains at least what chance allows."""
+        return not self.gain < self.gain_by_chance
+
+    @property
+    def free_shows(self) -> bool:
+        """Whether a free signal gains more than the best of all tried does by chance."""
+        return self.free > self.free_by_chance
+
+    @property
+    def rest_shows(self) -> bool:
+        """Whether one still does beside the best."""
+        return self.left > self.free_by_chance
+
+
+@dataclass(frozen=True)
+class Named:
+    """The names outcomes speak of.
+
+    Attributes
+    ----------
+    best : effects of the best explanation
+    sure : those of several that may be named
+    hidden : effects the coefficients can absorb
+    along : of these the ones about as good as the best
+    set95 : credible set
+    unseen : effects these runs could not show
+    """
+
+    best: tuple[str, ...]
+    sure: tuple[str, ...]
+    hidden: tuple[str, ...]
+    along: tuple[str, ...]
+    set95: tuple[str, ...]
+    unseen: tuple[str, ...]
+
+    @property
+    def rivals(self) -> tuple[str, ...]:
+        """Members of the set that are effects."""
+        return tuple(n for n in self.set95 if n not in ("none", "outside"))
+
+
+@dataclass(frozen=True)
+class Grounds:
+    """Facts, the names that go with them, and what the sentences beside the rules quote."""
+
+    facts: Facts
+    named: Named
+    place: str
+    misfit: float
+    follows: bool
+    runs: CrossValidation | None
+
+
+def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> Grounds:
+    """Facts and names of a comparison."""
+    probability, limit = candidates.probabilities, candidates.thresholds
+    none, best = candidates.none, simplest(candidates)
+    before = candidates.where.places[0]
+    faint = unseen(candidates)
+    set95 = credible_set(probability, silent=faint)
+    absorbed = _absorbed(problem, candidates)
+    families = {e.name: e.family for e in problem.model.kernel.effects}
+    gain = best.log_evidence - none.log_evidence
+    pull = pulls(none.fit, problem)
+    left = candidates.where_after.places[0].evidence if candidates.where_after is not None else 0.0
+    off = () if best.widens else idle(best, problem)
+    several = len(best.effects) > 1
+    sure: tuple[str, ...] = ()
+    if several:
+        shows = left > limit.remainder
+        # An effect that explains little beside what is left is a part of the remainder; one whose size is
+        # nought mends something else.
+        kept = [
+            n
+            for n in best.effects
+            if n not in off and (not shows or left < MINOR * _part(candidates, best, n))
+        ]
+        sure = tuple(n for n in kept if _acts(candidates, families, n) >= SURE)
+    named = COEFFICIENT_ERROR if best.widens else best.effects[0] if best.effects else ""
+    unlisted = before.evidence > limit.remainder and probability["outside"] > EVEN
+    # runs are set against each other where a name is at stake
+    asked = not gain < limit.named and not best.widens and not unlisted
+    runs = cross_validate(best, none, len(problem.coefficients.names)) if asked else None
+    hidden = tuple(n for n, a in absorbed.items() if a > HIDDEN)
+    facts = Facts(
+        gain=gain,
+        gain_by_chance=limit.named,
+        free=before.evidence,
+        free_by_chance=limit.remainder,
+        left=left,
+        conflict=float(np.abs(pull).max()) if pull.size else 0.0,
+        conflict_by_chance=limit.conflict,
+        none=probability["none"],
+        outside=probability["outside"],
+        unseen=sum(probability[n] for n in faint),
+        none_in_set="none" in set95,
+        effects=len(best.effects),
+        widens=best.widens,
+        explains=explains(best),
+        acts=_acts(candidates, families, named),
+        absorbed=absorbed.get(named, 0.0),
+        idle=bool(off),
+        sure=len(sure),
+        sure_absorbed=absorbed.get(sure[0], 0.0) if sure else 0.0,
+        runs_refute=runs is not None and runs.refuted,
+        runs_disagree=runs is not None and runs.disagree,
+    )
+    along = tuple(n for n in hidden if candidates.evidence.get(n, -np.inf) > gain - ALONG)
+    follows = any(c.fit.chi2 < NEAR for c in (none, *candidates.refits))
+    names = Named(best.effects, sure, hidden, along, set95, faint)
+    return Grounds(facts, names, before.channel, best.fit.chi2**0.5, follows, runs)
+
+
+def unseen(candidates: HypothesisComparison) -> tuple[str, ...]:
+    """Effects that these runs would hardly show at their usual size, and do not speak for.
+
+    Their probability is what it was before the data. As an explanation they are no other than "none": what is
+    not there to be seen cannot be told from what is too small to be. Where there surely is a gap none of them
+    explains it.
+    """
+    if candidates.probabilities["none"] < SURELY:
+        return ()
+    return tuple(
+        n
+        for n, d in zip(candidates.ambiguity.names, candidates.ambiguity.detect, strict=True)
+        if d < TRACE and candidates.evidence.get(n, 0.0) <= 0.0
+    )
+
+
+def simplest(candidates: HypothesisComparison) -> RefittedHypothesis:
+    """Best explanation; several effects only where they are worth it over the best single one."""
+    best = candidates.best
+    alone = [c for c in candidates.refits if len(c.effects) == 1]
+    if (
+        len(best.effects) > 1
+        and alone
+        and best.log_evidence < alone[0].log_evidence + candidates.thresholds.named
+    ):
+        return alone[0]
+    return best
+
+
+def _absorbed(problem: DiagnosisProblem, candidates: HypothesisComparison) -> dict[str, float]:
+    """Effect -> share of its trace the coefficients absorb.
+
+    Known as built, coefficients do not change by themselves: what they could imitate is a change.
+    """
+    names = candidates.ambiguity.names
+    share = np.zeros(len(names)) if problem.as_built else candidates.ambiguity.absorbed
+    return {n: float(a) for n, a in zip(names, share, strict=True)}
+
+
+def _acts(candidates: HypothesisComparison, families: Mapping[str, str], name: str) -> float:
+    """Probability that an effect of a name's family acts, alone or with others."""
+    family = families.get(name, name)
+    return sum(p for n, p in candidates.inside.items() if families.get(n, n) == family)
+
+
+def _part(candidates: HypothesisComparison, best: RefittedHypothesis, name: str) -> float:
+    """Log evidence that is lost without one of several effects, as far as the refits tell."""
+    less = [
+        c.log_evidence
+        for c in candidates.refits
+        if set(c.effects) < set(best.effects) and name not in c.effects
+    ]
+    return best.log_evidence - max(less, default=candidates.none.log_evidence)

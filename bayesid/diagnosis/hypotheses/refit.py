@@ -1,0 +1,140 @@
+"""Refits: of the screen's shortlist and of widened coefficients, and what a refit leaves.
+
+Takes a `DiagnosisProblem` and scores. Gives `RefittedHypothesis`s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from bayesid.diagnosis.data.problem import DiagnosisProblem, fit_with
+from bayesid.diagnosis.hypotheses.candidate import (
+    COEFFICIENT_ERROR,
+    RefittedHypothesis,
+    explains,
+    weighted_hypothesis,
+)
+from bayesid.diagnosis.hypotheses.localisation import Localisation, locate
+from bayesid.diagnosis.hypotheses.sensitivity_bank import ScreenScore, SensitivityBank
+from bayesid.errors import ModelError
+from bayesid.estimation.filter_error.evidence import posterior
+from bayesid.estimation.filter_error.fit import fit
+from bayesid.estimation.filter_error.linearise import Trajectory
+from bayesid.estimation.filter_error.parameters import effect_prior
+from bayesid.model.effects import Effect
+
+SHORTLIST_SIZE = 6
+# Latent force of the first pass where the start already follows the data.
+FOLLOWING_FORCE_LEVEL = 1e-5
+Say = Callable[[str], None]
+
+
+def shortlist(scores: Sequence[ScreenScore]) -> list[ScreenScore]:
+    """Best of the screen: at most `SHORTLIST_SIZE`, none that a correct screen would put 60 % and 20 nats
+    below
+    the best.
+    """
+    top = scores[0].gain
+    return [s for s in scores[:SHORTLIST_SIZE] if s.gain > min(0.1 * top, top - 20.0) and s.gain > -8.0]
+
+
+def likely_coefficients(wide: dict[str, float], scores: Sequence[ScreenScore]) -> list[str]:
+    ranked = sorted(wide, key=lambda n: -wide[n])
+    return [n for n in ranked[:2] if wide[n] > max(2.0, 0.05 * scores[0].gain)]
+
+
+def refit(problem: DiagnosisProblem, effects: tuple[Effect, ...], say: Say) -> list[RefittedHypothesis]:
+    """Candidate of some effects; none where the model cannot follow the data with them at all."""
+    names = tuple(e.name for e in effects)
+    say("refit with " + " + ".join(names))
+    try:
+        return [weighted_hypothesis(problem, names, fit_with(problem, effects))]
+    except ModelError as exc:
+        say(f"given up: {exc}")
+        return []
+
+
+def refit_screened(
+    problem: DiagnosisProblem, bank: SensitivityBank, score: ScreenScore, say: Say
+) -> list[RefittedHypothesis]:
+    """Candidate of one screened effect.
+
+    One without a slope when off gets a second start, from the screen's own estimate, where the first does not
+    explain the data.
+    """
+    effect = problem.model.effects[score.name]
+    out = refit(problem, (effect,), say)
+    if effect.smooth or any(explains(c) for c in out):
+        return out
+    return refit_again(
+        problem,
+        (effect,),
+        _estimated(problem, bank, score),
+        max(problem.path_level, FOLLOWING_FORCE_LEVEL),
+        out,
+        say,
+    )
+
+
+def refit_again(
+    problem: DiagnosisProblem,
+    effects: tuple[Effect, ...],
+    start: list[Trajectory],
+    loud: float,
+    first: list[RefittedHypothesis],
+    say: Say,
+) -> list[RefittedHypothesis]:
+    """The better of a first candidate and one begun elsewhere; `loud` as in `coloured.fit.fit`."""
+    names = tuple(e.name for e in effects)
+    say("refit with " + " + ".join(names) + " from a second start")
+    try:
+        second = weighted_hypothesis(problem, names, fit_with(problem, effects, start=start, loud=loud))
+    except ModelError as exc:
+        say(f"given up: {exc}")
+        return first
+    return [max([*first, second], key=lambda c: (explains(c), c.log_evidence))]
+
+
+def _estimated(problem: DiagnosisProblem, bank: SensitivityBank, score: ScreenScore) -> list[Trajectory]:
+    """Points at the screen's posterior mean of coefficients and effect."""
+    model = problem.model
+    prior = effect_prior(model, model.effects[score.name])
+    total = bank.total(score.level).pick(bank.columns((score.name,), (score.variant,)))
+    z = posterior(total).mean
+    par = model.nominal.copy()
+    c = problem.coefficients
+    par[c.where] = np.maximum(c.mean + c.sd * np.clip(z[: bank.n_coef], -3.0, 3.0), c.low)
+    size = float(np.clip(z[bank.n_coef], 0.1, 3.0)) if np.isfinite(prior.low).any() else float(z[bank.n_coef])
+    par[prior.where] = prior.mean + size * prior.sd
+    return [replace(point, par=par) for point in problem.path]
+
+
+def refit_wide(problem: DiagnosisProblem, name: str, say: Say) -> list[RefittedHypothesis]:
+    """Candidate in which one coefficient may be ten prior standard deviations off."""
+    say(f"refit with a wide prior on {name}")
+    free = problem.coefficients
+    sd = free.sd.copy()
+    sd[free.names.index(name)] *= 10.0
+    try:
+        fitted = fit(
+            problem.model,
+            problem.logs,
+            replace(free, sd=sd),
+            problem.environment.noise_model,
+            start=problem.path,
+            loud=max(problem.path_level, FOLLOWING_FORCE_LEVEL),
+        )
+    except ModelError as exc:
+        say(f"given up: {exc}")
+        return []
+    return [weighted_hypothesis(problem, (f"{COEFFICIENT_ERROR}:{name}",), fitted)]
+
+
+def remainder(problem: DiagnosisProblem, candidate: RefittedHypothesis) -> Localisation:
+    """Where the gap lies that a refit leaves."""
+    fitted = candidate.fit
+    points = fitted.points if fitted.converged else fitted.follow
+    return locate(problem, points, fitted.free, masks=False)

@@ -1,0 +1,177 @@
+"""The verdict as an ordered tuple of rules over `Facts`: the first whose condition holds decides.
+
+A new rule is one entry of `RULES`. Takes numbers and booleans only; knows no trial, model or fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+from bayesid.diagnosis.hypotheses.facts import Facts
+from bayesid.diagnosis.threshold_table import CONFLICT, EVEN, HIDDEN, SURE
+
+Word = Literal["none", "effect", "effect_with_remainder", "several", "outside", "coefficients", "ambiguous"]
+WORDS: tuple[Word, ...] = (
+    "none", "effect", "effect_with_remainder", "several", "outside", "coefficients", "ambiguous",
+)  # fmt: skip
+# Words that name an effect.
+NAMING: tuple[Word, ...] = ("effect", "effect_with_remainder", "several")
+
+
+@dataclass(frozen=True)
+class Rule:
+    """One rule.
+
+    Attributes
+    ----------
+    name : short, unique
+    condition : whether it decides
+    word : its outcome
+    effects : which names the outcome stands on: none, the rivals in the 95 % set, those of several that are
+        sure, the best explanation, or the error of a coefficient
+    hidden : which effects the coefficients can absorb are listed with it
+    sentence : what it says to a reader
+    """
+
+    name: str
+    condition: Callable[[Facts], bool]
+    word: Word
+    effects: Literal["nothing", "rivals", "sure", "best", "coefficient"]
+    hidden: Literal["nothing", "all", "along"]
+    sentence: str
+
+
+RULES: tuple[Rule, ...] = (
+    Rule(
+        "unlisted cause",
+        lambda f: f.free_shows and f.outside > EVEN,
+        "outside", "nothing", "nothing",
+        "a free signal gains more than chance allows, and a cause that is not listed is more probable than "
+        "all others together",
+    ),
+    Rule(
+        "coefficients moved",
+        lambda f: not f.gains and f.none_in_set and f.none < EVEN
+        and f.conflict > max(f.conflict_by_chance, CONFLICT),
+        "coefficients", "nothing", "all",
+        "no effect gains more than chance allows, and a coefficient moves further than chance and its prior "
+        "allow",
+    ),
+    Rule(
+        "nothing beyond chance",
+        lambda f: not f.gains and f.none + f.unseen + (0.0 if f.free_shows else f.outside) > EVEN,
+        "none", "nothing", "nothing",
+        "no effect gains more than chance allows, and no effect, or what these runs cannot tell from it, is "
+        "more probable than not",
+    ),
+    Rule(
+        "faint",
+        lambda f: not f.gains,
+        "ambiguous", "rivals", "nothing",
+        "no effect gains more than chance allows, yet no effect is less probable than not",
+    ),
+    Rule(
+        "faint coefficient, probably none",
+        lambda f: f.widens and f.none_in_set and f.none > EVEN,
+        "none", "nothing", "nothing",
+        "a wrong coefficient explains most, and no error at all is more probable than not",
+    ),
+    Rule(
+        "faint coefficient",
+        lambda f: f.widens and f.none_in_set,
+        "ambiguous", "nothing", "nothing",
+        "a wrong coefficient explains most, and no error at all cannot be excluded",
+    ),
+    Rule(
+        "unsure coefficient",
+        lambda f: f.widens and f.acts < SURE,
+        "ambiguous", "rivals", "all",
+        f"a wrong coefficient explains most, with less than {SURE:.0%}",
+    ),
+    Rule(
+        "wrong coefficient",
+        lambda f: f.widens,
+        "coefficients", "coefficient", "all",
+        f"a wrong coefficient explains most, with at least {SURE:.0%}",
+    ),
+    Rule(
+        "refuted by the runs",
+        lambda f: f.runs_refute and f.explains,
+        "ambiguous", "rivals", "nothing",
+        "runs are predicted worse from the others with the best explanation than without it",
+    ),
+    Rule(
+        "several sure",
+        lambda f: f.effects > 1 and f.sure > 1,
+        "several", "sure", "all",
+        f"several effects are each needed, and each acts with at least {SURE:.0%}",
+    ),
+    Rule(
+        "several, none sure",
+        lambda f: f.effects > 1 and f.sure == 0,
+        "ambiguous", "rivals", "all",
+        f"several effects explain most together, and none of them acts with {SURE:.0%}",
+    ),
+    Rule(
+        "several, the sure one hidden",
+        lambda f: f.effects > 1 and f.sure_absorbed > HIDDEN,
+        "ambiguous", "rivals", "all",
+        "of several effects one is sure, and the coefficients' own uncertainty can imitate it",
+    ),
+    Rule(
+        "several, one sure",
+        lambda f: f.effects > 1,
+        "effect_with_remainder", "sure", "all",
+        f"of several effects one acts with at least {SURE:.0%}; what is beside it is open",
+    ),
+    Rule(
+        "hidden by coefficients",
+        lambda f: f.absorbed > HIDDEN,
+        "coefficients", "nothing", "along",
+        "the coefficients' own uncertainty can imitate the best explanation on these runs",
+    ),
+    Rule(
+        "probably none",
+        lambda f: f.none_in_set and f.none > EVEN,
+        "none", "nothing", "nothing",
+        "an effect gains, and no effect is still more probable than not",
+    ),
+    Rule(
+        "none not excluded",
+        lambda f: f.none_in_set,
+        "ambiguous", "rivals", "nothing",
+        "an effect gains, and no effect cannot be excluded",
+    ),
+    Rule(
+        "unsure effect",
+        lambda f: f.acts < SURE,
+        "ambiguous", "rivals", "nothing",
+        f"the best explanation acts with less than {SURE:.0%}",
+    ),
+    Rule(
+        "effect without size",
+        lambda f: f.idle,
+        "ambiguous", "rivals", "nothing",
+        "every size of the best explanation lies within its deviation of off",
+    ),
+    Rule(
+        "effect with a remainder",
+        lambda f: f.rest_shows or f.runs_disagree or not f.explains,
+        "effect_with_remainder", "best", "nothing",
+        f"the effect acts with at least {SURE:.0%}; a free signal still gains, runs disagree about it, or it "
+        "does not follow the data",
+    ),
+    Rule(
+        "effect",
+        lambda f: True,
+        "effect", "best", "nothing",
+        f"the effect acts with at least {SURE:.0%}, and nothing beyond chance is left",
+    ),
+)  # fmt: skip
+
+
+def deciding(facts: Facts) -> Rule:
+    """The first rule whose condition holds."""
+    return next(rule for rule in RULES if rule.condition(facts))

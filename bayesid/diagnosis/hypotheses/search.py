@@ -1,0 +1,145 @@
+"""Several effects at once: forward selection, exchange of alike effects, and back.
+
+Takes a `DiagnosisProblem` and the refits of single effects. Gives `RefittedHypothesis`s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from bayesid.diagnosis.data.problem import DiagnosisProblem, first_fit
+from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains, nested, standing
+from bayesid.diagnosis.hypotheses.localisation import Localisation
+from bayesid.diagnosis.hypotheses.refit import FOLLOWING_FORCE_LEVEL, refit, refit_again, remainder
+from bayesid.diagnosis.hypotheses.sensitivity_bank import Isolability, build_bank, levels_between, screen
+from bayesid.diagnosis.threshold_table import ADD, BENDS, DROP, EXCHANGES, MOST, PATH_NOISE, RIVALS
+from bayesid.equations.model import Model
+from bayesid.estimation.filter_error.fit import FreeParameters
+from bayesid.estimation.filter_error.parameters import effect_prior
+from bayesid.model.effects import Effect
+
+Say = Callable[[str], None]
+
+
+def search_several(
+    problem: DiagnosisProblem,
+    refits: list[RefittedHypothesis],
+    current: RefittedHypothesis,
+    effects: list[Effect],
+    alike: Isolability,
+    say: Say,
+) -> tuple[list[RefittedHypothesis], dict[tuple[str, ...], Localisation]]:
+    """Forward selection from the best single effect, then backward: the first one may owe its place to the
+    second.
+
+    A step must raise the evidence of the refit where the smaller model explains the data, and the screen's
+    otherwise. It must also raise it by half as much as a free force does: an effect that explains less of a
+    remainder only bends towards it. Not by as much: a free force is linear about one path, the refit has its
+    own. Also returns what was left where this was asked.
+
+    Parameters
+    ----------
+    alike : whose rivals take an effect's place in pairs. Beside the wrong one of two alike effects the second
+        cause is not found, or not in its full size.
+    """
+    left: dict[tuple[str, ...], Localisation] = {}
+    model = problem.model
+    while len(current.effects) < MOST:
+        chosen = [model.effects[n] for n in current.effects]
+        families = {e.family for e in chosen}
+        others = [e for e in effects if e.family not in families]
+        inside = _joint(model, chosen)
+        points = current.fit.points if current.fit.converged else current.fit.follow
+        level = 0.0 if current.fit.converged else current.fit.follow_level
+        bank = build_bank(problem, points, levels_between(problem, level), others, inside)
+        ranked = [s for s in screen(bank)[:3] if s.gain > 0.5 * ADD]
+        if not ranked:
+            break
+        tried = [c for s in ranked for c in _beside(problem, refits, (*chosen, model.effects[s.name]), say)]
+        if not tried:
+            break
+        gains = {s.name: s.gain for s in ranked}
+        best = max(tried, key=lambda c: standing(c, gains[c.effects[-1]]))
+        if explains(current):
+            step = _step(problem, best, current)
+            if step < ADD:
+                break
+            left[current.effects] = remainder(problem, current)
+            if step < BENDS * (left[current.effects].outside - left[current.effects].base):
+                break
+        refits = [*tried, *refits]
+        current = best
+        if len(current.effects) == 2:
+            refits, current = _exchanged(problem, refits, current, alike, say)
+    while len(current.effects) > 1:
+        less = []
+        for name in current.effects:
+            fewer = tuple(model.effects[n] for n in current.effects if n != name)
+            known = [c for c in refits if set(c.effects) == {e.name for e in fewer}]
+            less += known or refit(problem, fewer, say)
+            refits += [c for c in less if c not in refits]
+        smaller = max(less, key=lambda c: c.log_evidence, default=None)
+        if smaller is None or smaller.log_evidence < current.log_evidence - DROP:
+            break
+        current = smaller
+    return sorted(refits, key=lambda c: -c.log_evidence), left
+
+
+def _exchanged(
+    problem: DiagnosisProblem,
+    refits: list[RefittedHypothesis],
+    current: RefittedHypothesis,
+    alike: Isolability,
+    say: Say,
+) -> tuple[list[RefittedHypothesis], RefittedHypothesis]:
+    """Each of several effects replaced by those like it, as long as the data gain by it."""
+    model = problem.model
+    asked = {frozenset(c.effects) for c in refits}
+    for _ in range(int(EXCHANGES)):
+        found: list[RefittedHypothesis] = []
+        for name in current.effects:
+            others = tuple(n for n in current.effects if n != name)
+            taken = {model.effects[n].family for n in others}
+            for rival in alike.rivals(name)[: int(RIVALS)]:
+                key = frozenset((*others, rival))
+                if model.effects[rival].family not in taken and key not in asked:
+                    asked.add(key)
+                    both = tuple(model.effects[n] for n in (*others, rival))
+                    found += _beside(problem, refits, both, say)
+        refits = [*found, *refits]
+        best = max((c for c in found if explains(c)), key=lambda c: c.log_evidence, default=None)
+        if best is None or (explains(current) and best.log_evidence <= current.log_evidence):
+            break
+        current = best
+    return refits, current
+
+
+def _beside(
+    problem: DiagnosisProblem, refits: Sequence[RefittedHypothesis], effects: tuple[Effect, ...], say: Say
+) -> list[RefittedHypothesis]:
+    """Candidate of several effects; a second start from a part that explains the data where the first does
+    not."""
+    out = refit(problem, effects, say)
+    names = {e.name for e in effects}
+    part = [c for c in refits if set(c.effects) < names and explains(c)]
+    if not part or any(explains(c) for c in out):
+        return out
+    smaller = max(part, key=lambda c: c.log_evidence)
+    more = tuple(e for e in effects if e.name not in smaller.effects)
+    return refit_again(
+        problem, effects, first_fit(problem, more, smaller.fit.points), FOLLOWING_FORCE_LEVEL, out, say
+    )
+
+
+def _step(problem: DiagnosisProblem, larger: RefittedHypothesis, smaller: RefittedHypothesis) -> float:
+    """Gain in log evidence; a small one must also be there along the larger refit's own path."""
+    gain = larger.log_evidence - smaller.log_evidence
+    return gain if gain > PATH_NOISE else min(gain, nested(problem, larger, smaller.effects))
+
+
+def _joint(model: Model, effects: Sequence[Effect]) -> FreeParameters:
+    parts = [effect_prior(model, e) for e in effects]
+    out = parts[0]
+    for part in parts[1:]:
+        out = out + part
+    return out

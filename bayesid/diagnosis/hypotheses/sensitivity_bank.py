@@ -1,0 +1,285 @@
+"""One bank of whitened columns: coefficients and every effect of the catalogue, along one path.
+
+Takes a `DiagnosisProblem` and linearisation points. Gives normal equations per run from which any
+combination of effects is scored without another simulation, and what the manoeuvres can tell apart before
+any data. Does not refit or judge.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bayesid.diagnosis.data.problem import DiagnosisProblem
+from bayesid.estimation.filter_error.evidence import NormalEquations, normal_equations, posterior
+from bayesid.estimation.filter_error.fit import FreeParameters
+from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, linearise, wrap
+from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit, whitened
+from bayesid.estimation.filter_error.parameters import effect_prior
+from bayesid.estimation.filter_error.run_readings import Array
+from bayesid.model.effects import Effect
+from bayesid.simulation import interval_maps, readings_on
+
+# Secant sizes, in prior standard deviations, of effects without a slope when off.
+SECANT_SIZES = (0.15, 0.8)
+
+
+@dataclass(frozen=True, eq=False)
+class EffectColumns:
+    """Columns of one effect in the bank; several `variants` where secants of several sizes stand in for a
+    slope."""
+
+    effect: Effect
+    variants: tuple[Array, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class SensitivityBank:
+    """Whitened products along one path.
+
+    Attributes
+    ----------
+    grams : per environment level, one Gram per run; columns are coefficients, then effects
+    levels : the environments
+    n_coef : number of coefficient columns
+    effects : name -> Column
+    """
+
+    grams: tuple[tuple[NormalEquations, ...], ...]
+    levels: tuple[NoiseModel, ...]
+    n_coef: int
+    effects: dict[str, EffectColumns]
+
+    def total(self, level: int) -> NormalEquations:
+        """All runs together."""
+        grams = self.grams[level]
+        return sum(grams[1:], grams[0])
+
+    def columns(self, chosen: Sequence[str], variants: Sequence[int] = ()) -> Array:
+        """Positions of the coefficients and of the chosen effects."""
+        out = [np.arange(self.n_coef)]
+        for i, name in enumerate(chosen):
+            column = self.effects[name]
+            out.append(column.variants[variants[i] if i < len(variants) else 0])
+        return np.concatenate(out)
+
+
+def testable(problem: DiagnosisProblem, effect: Effect) -> bool:
+    """Whether an effect can show in this trial at all."""
+    names = set(problem.channels)
+    if effect.dof > problem.model.dof:
+        return False
+    seen = set(effect.sensor) | {c for group in effect.sensor_delay.values() for c in group}
+    return not (effect.port == "sensor" and not (seen & names))
+
+
+def build_bank(
+    problem: DiagnosisProblem,
+    points: Sequence[Trajectory],
+    levels: Sequence[NoiseModel],
+    effects: Sequence[Effect],
+    with_effects: FreeParameters | None = None,
+) -> SensitivityBank:
+    """Bank along a path.
+
+    Parameters
+    ----------
+    levels : environments under which to whiten
+    effects : the effects to give columns
+    with_effects : parameters free besides the coefficients (effects already in the model)
+    """
+    model = problem.model
+    base = problem.coefficients if with_effects is None else problem.coefficients + with_effects
+    smooth = [e for e in effects if e.smooth]
+    free = base
+    position = {}
+    for effect in smooth:
+        more = effect_prior(model, effect)
+        position[effect.name] = np.arange(len(free.names), len(free.names) + len(more.names))
+        free = free + more
+    kinked = [e for e in effects if not e.smooth]
+    n_free = len(free.names)
+    columns = {e.name: EffectColumns(e, (position[e.name],)) for e in smooth}
+    for i, effect in enumerate(kinked):
+        first = n_free + i * len(SECANT_SIZES)
+        columns[effect.name] = EffectColumns(
+            effect, tuple(np.array([first + j]) for j in range(len(SECANT_SIZES)))
+        )
+    paths, extras = [], []
+    for log, point in zip(problem.logs, points, strict=True):
+        path = linearise(model, log, point, free.where)
+        paths.append(path)
+        extras.append(secants(problem, path, kinked) if kinked else None)
+    grams = []
+    for noise_model in levels:
+        row = []
+        for k, (path, extra) in enumerate(zip(paths, extras, strict=True)):
+            w = whitened(
+                model, path, free.mean - path.point.par[free.where], free.sd, noise_model, run=k, extra=extra
+            )
+            row.append(normal_equations(w.resid, w.columns, w.logdet, w.used))
+        grams.append(tuple(row))
+    return SensitivityBank(tuple(grams), tuple(levels), len(base.names), columns)
+
+
+def secants(problem: DiagnosisProblem, path: Linearisation, effects: Sequence[Effect]) -> tuple[Array, Array]:
+    """Difference quotients of readings and interval ends, in units of one prior standard deviation."""
+    model, log, point = problem.model, path.log, path.point
+    nothing = np.zeros(0, dtype=np.int64)
+    picked = list(log.channels)
+    where = path.aside
+    direct, drive = [], []
+    for effect in effects:
+        prior = effect_prior(model, effect)
+        for size in SECANT_SIZES:
+            par = point.par.copy()
+            par[prior.where] = np.maximum(par[prior.where], prior.mean) + size * prior.sd
+            maps = interval_maps(model, par, where.plan, where.states, (), nothing)
+            values = readings_on(model, par, where.plan, where.states, maps, nothing).values[:, picked]
+            change = wrap(model, log, values - where.values)
+            direct.append(np.where(log.valid, change, 0.0) / size)
+            drive.append((maps.ends - where.ends) / size)
+    return np.stack(direct, axis=2), np.stack(drive, axis=2)
+
+
+@dataclass(frozen=True)
+class ScreenScore:
+    """Screen of one effect: gain in log evidence over no effect, best level and secant."""
+
+    name: str
+    gain: float
+    level: int
+    variant: int
+
+
+def levels_between(problem: DiagnosisProblem, follow: float) -> list[NoiseModel]:
+    """Environments from the real one up to what the following path needed."""
+    real = problem.environment.noise_model
+    unit = force_unit(problem.model)
+    quiet = max(float((np.array(real.force) / unit).max()), 1e-6)
+    out = [real]
+    level = quiet * 6.0
+    while level < follow:
+        out.append(replace(real, force=tuple(np.maximum(real.force, level * unit))))
+        level *= 6.0
+    if follow > quiet:
+        out.append(replace(real, force=tuple(np.maximum(real.force, follow * unit))))
+    return out
+
+
+def screen(bank: SensitivityBank) -> list[ScreenScore]:
+    """All effects of the bank, best first; every level counts, as the true effect lowers the noise that is
+    needed."""
+    base = [posterior(bank.total(i).pick(bank.columns(()))).log_evidence for i in range(len(bank.levels))]
+    none = max(base)
+    out = []
+    for name, column in bank.effects.items():
+        best = ScreenScore(name, -np.inf, 0, 0)
+        for i in range(len(bank.levels)):
+            total = bank.total(i)
+            for v in range(len(column.variants)):
+                gain = posterior(total.pick(bank.columns((name,), (v,)))).log_evidence - none
+                if gain > best.gain:
+                    best = ScreenScore(name, float(gain), i, v)
+        out.append(best)
+    return sorted(out, key=lambda s: -s.gain)
+
+
+def widened(bank: SensitivityBank, names: Sequence[str], factor: float = 10.0) -> dict[str, float]:
+    """Gain in log evidence when one coefficient's prior sd is multiplied, per coefficient, best over the
+    levels."""
+    out: dict[str, float] = {}
+    base = [posterior(bank.total(i).pick(bank.columns(()))).log_evidence for i in range(len(bank.levels))]
+    for j, name in enumerate(names):
+        scale = np.ones(bank.n_coef)
+        scale[j] = factor
+        gains = []
+        for i in range(len(bank.levels)):
+            g = bank.total(i).pick(bank.columns(()))
+            wide = NormalEquations(g.ss * np.outer(scale, scale), g.se * scale, g.ee, g.logdet, g.used)
+            gains.append(posterior(wide).log_evidence - max(base))
+        out[name] = float(max(gains))
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class Isolability:
+    """What the manoeuvres can tell, from information alone.
+
+    Attributes
+    ----------
+    names : effects
+    detect : (k,) noncentrality of each effect at one prior sd after the coefficients took their part
+    absorbed : (k,) share of the signature the coefficients can hide
+    margin : (k, k) expected log-evidence margin of truth i over explanation j at the stated size
+    groups : effects that cannot be told apart at the stated size
+    size : in prior standard deviations
+    """
+
+    names: tuple[str, ...]
+    detect: Array
+    absorbed: Array
+    margin: Array
+    groups: tuple[tuple[str, ...], ...]
+    size: float
+
+    def rivals(self, name: str, share: float = 0.5) -> tuple[str, ...]:
+        """Effects expected to take more than a share of what one shows of itself, the most alike first."""
+        if name not in self.names:
+            return ()
+        i = self.names.index(name)
+        shows = 0.5 * self.size**2 * self.detect[i]
+        like = np.argsort(self.margin[i], kind="stable")
+        return tuple(self.names[j] for j in like if j != i and self.margin[i, j] < (1.0 - share) * shows)
+
+
+def isolability(bank: SensitivityBank, size: float = 0.3, level: int = 0) -> Isolability:
+    """Detectability, absorption and isolability of all effects of a bank (design note A6)."""
+    names = tuple(bank.effects)
+    a = bank.total(level).ss
+    c = bank.n_coef
+    inner = np.linalg.inv(np.eye(c) + a[:c, :c])
+    blocks = [bank.effects[n].variants[0] for n in names]
+    schur = a[c:, c:] - a[c:, :c] @ inner @ a[:c, c:]
+    detect, absorbed = np.zeros(len(names)), np.ones(len(names))
+    units = np.zeros((schur.shape[0], len(names)))
+    for i, b in enumerate(blocks):
+        units[b - c, i] = 1.0 / np.sqrt(b.size)
+        u = units[b - c, i]
+        detect[i] = u @ schur[np.ix_(b - c, b - c)] @ u
+        whole = u @ a[np.ix_(b, b)] @ u
+        absorbed[i] = 1.0 - detect[i] / whole if whole > 0 else 1.0
+    # what each explanation j takes of the signature of every truth i, and its own cost
+    shown = schur @ (size * units)
+    taken, occam = np.zeros((len(names), len(names))), np.zeros(len(names))
+    for j, b in enumerate(blocks):
+        own = schur[np.ix_(b - c, b - c)]
+        wide = own + np.eye(b.size)
+        taken[:, j] = (shown[b - c] * np.linalg.solve(wide, shown[b - c])).sum(axis=0)
+        occam[j] = 0.5 * float(np.trace(np.linalg.solve(wide, own)) - np.linalg.slogdet(wide)[1])
+    margin = 0.5 * (np.diag(taken)[:, None] - taken) + occam[:, None] - occam
+    np.fill_diagonal(margin, 0.0)
+    return Isolability(names, detect, absorbed, margin, _groups(names, detect, margin, size), size)
+
+
+def _groups(names: tuple[str, ...], detect: Array, margin: Array, size: float) -> tuple[tuple[str, ...], ...]:
+    """Connected components of detectable effects whose expected margin is below 5 either way."""
+    seen: set[int] = set()
+    out = []
+    visible = [i for i in range(len(names)) if size**2 * detect[i] >= 10.0]
+    for i in visible:
+        if i in seen:
+            continue
+        stack, group = [i], []
+        while stack:
+            k = stack.pop()
+            if k in seen:
+                continue
+            seen.add(k)
+            group.append(k)
+            stack += [j for j in visible if j not in seen and min(margin[k, j], margin[j, k]) < 5.0]
+        if len(group) > 1:
+            out.append(tuple(names[k] for k in sorted(group)))
+    return tuple(out)

@@ -1,0 +1,73 @@
+"""What chance alone reaches on this design: thresholds of the verdict from a parametric bootstrap.
+
+Takes a `SensitivityBank` (its normal equations are the whole design: manoeuvres, sensors, environment).
+Draws trials without any effect from the linearised model, coefficients from their prior, and screens each.
+No simulation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bayesid.diagnosis.hypotheses.sensitivity_bank import SensitivityBank
+from bayesid.diagnosis.threshold_table import COLOURS, FALSE, LEAST
+from bayesid.estimation.filter_error.run_readings import Array
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """Levels that trials without an effect pass with probability `FALSE`.
+
+    Attributes
+    ----------
+    named : gain in log evidence of the best effect of the catalogue
+    remainder : gain of the best free signal
+    conflict : largest move of a coefficient, in prior standard deviations
+    draws : trials drawn
+    """
+
+    named: float
+    remainder: float
+    conflict: float
+    draws: int
+
+
+def chance(bank: SensitivityBank, seed: int, draws: int = 2000) -> tuple[Array, Array]:
+    """Best gain of any effect and largest coefficient move, (draws,) each, in trials without an effect."""
+    a, c = bank.total(0).ss, bank.n_coef
+    rng = np.random.default_rng(seed)
+    values, vectors = np.linalg.eigh(a)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    se = rng.standard_normal((draws, c)) @ a[:c] + rng.standard_normal((draws, a.shape[0])) @ root.T
+    inner = np.linalg.inv(np.eye(c) + a[:c, :c])
+    moved = se[:, :c] @ inner
+    best = np.full(draws, -np.inf)
+    for column in bank.effects.values():
+        for k in column.variants:
+            rest = se[:, k] - moved @ a[:c, k]
+            s = np.eye(k.size) + a[np.ix_(k, k)] - a[np.ix_(k, np.arange(c))] @ inner @ a[:c, k]
+            gain = 0.5 * np.einsum("dk,dk->d", rest, np.linalg.solve(s, rest.T).T)
+            best = np.maximum(best, gain - 0.5 * np.linalg.slogdet(s)[1])
+    return best, np.abs(moved).max(axis=1, initial=0.0)
+
+
+def thresholds(bank: SensitivityBank, tried: int, seed: int, draws: int = 2000) -> Thresholds:
+    """Thresholds of one design.
+
+    Parameters
+    ----------
+    tried : free signals tried (`localisation.tried`: places times amplitudes times correlation times, and
+    one that
+        keeps time). A Bayes factor exceeds
+        exp(w) by chance with probability exp(-w) at most, so the best of them exceeds
+        log(tried / FALSE) with probability `FALSE` at most.
+    """
+    gain, moved = chance(bank, seed, draws)
+    return Thresholds(
+        named=max(LEAST, float(np.quantile(gain, 1.0 - FALSE))),
+        remainder=float(np.log(tried / FALSE)) + COLOURS,
+        conflict=float(np.quantile(moved, 1.0 - FALSE)),
+        draws=draws,
+    )

@@ -1,0 +1,143 @@
+"""Which manoeuvre to run next: the one that best tells the explanations still standing apart.
+
+Takes a `DiagnosisProblem` and candidate names. Gives ranked manoeuvres by the expected log-evidence margin
+of the worst pair
+(T-optimality: Hunter & Reiner 1965; Atkinson & Fedorov 1975). Flies the nominal model; needs no data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bayesid.diagnosis.data.problem import DiagnosisProblem
+from bayesid.diagnosis.hypotheses.sensitivity_bank import SensitivityBank, isolability, secants
+from bayesid.errors import BayesidError
+from bayesid.estimation.filter_error.evidence import NormalEquations, normal_equations
+from bayesid.estimation.filter_error.linearise import Trajectory, linearise
+from bayesid.estimation.filter_error.noise_model import whitened
+from bayesid.estimation.filter_error.parameters import effect_prior
+from bayesid.estimation.filter_error.run_readings import Array, RunReadings
+from bayesid.manoeuvres import library
+from bayesid.simulation import plan_run, run_manoeuvre, steady_start
+
+MOST_LENGTHS = 60.0
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A manoeuvre and the margin [nats] of the worst pair without and with it."""
+
+    name: str
+    duration: float
+    margin_now: float
+    margin_with: float
+
+
+def propose(
+    problem: DiagnosisProblem, bank: SensitivityBank, names: Sequence[str], size: float
+) -> tuple[Proposal, ...]:
+    """Library manoeuvres, best first.
+
+    Parameters
+    ----------
+    names : effects to tell apart; with fewer than two, detection of every visible effect counts instead
+    size : of the effects, in prior standard deviations
+    """
+    model = problem.model
+    chosen = [n for n in names if n in bank.effects]
+    now = worst_margin(bank, chosen, size)
+    rpm = model.vehicle.rpm_ref or 1.0
+    limit = float(min(model.nominal[model.index["limit_r"]], 0.6))
+    out = []
+    try:
+        executed = library(model.scales["L"], model.scales["U"], rpm, limit, dof=model.dof)
+    except BayesidError:
+        return ()
+    for name, manoeuvre in executed.items():
+        try:
+            added = run_gram(problem, bank, manoeuvre)
+        except BayesidError:
+            continue
+        if added is None:
+            continue
+        more = replace(bank, grams=tuple((*g, added) if i == 0 else g for i, g in enumerate(bank.grams)))
+        out.append(Proposal(name, float(manoeuvre.t[-1]), now, worst_margin(more, chosen, size)))
+    return tuple(sorted(out, key=lambda p: -p.margin_with))
+
+
+def worst_margin(bank: SensitivityBank, names: Sequence[str], size: float) -> float:
+    """Expected log-evidence margin [nats] of the pair that is hardest to tell apart; with fewer than two
+    names half the median noncentrality of all effects."""
+    told = isolability(bank, size)
+    if len(names) >= 2:
+        index = [told.names.index(n) for n in names]
+        return float(min(told.margin[i, j] for i in index for j in index if i != j))
+    seen = size**2 * told.detect
+    return float(np.median(seen)) / 2.0
+
+
+def run_gram(
+    problem: DiagnosisProblem,
+    bank: SensitivityBank,
+    manoeuvre: object,
+    par: Array | None = None,
+    longest: float = MOST_LENGTHS,
+) -> NormalEquations | None:
+    """normal matrix a manoeuvre would add, in the column order of the bank; None if too few readings.
+
+    Parameters
+    ----------
+    par : (n_par,) vehicle that runs it, effects off; the nominal one by default
+    longest : what comes later is not counted [L/U]
+
+    Raises
+    ------
+    ModelError
+        if the vehicle diverges
+    """
+    model = problem.model
+    par = model.nominal if par is None else par
+    track, commands = run_manoeuvre(model, par, manoeuvre, steady_start(model))
+    spacing = float(np.median(np.diff(problem.logs[0].plan.t)))
+    stop = min(track.t[-1], longest * model.scales["L"] / model.scales["U"])
+    t = np.arange(track.t[0], stop, spacing)
+    if t.size < 20:
+        return None
+    held = {
+        k: v[np.clip(np.searchsorted(track.t, t, side="right") - 1, 0, v.size - 1)]
+        for k, v in commands.items()
+    }
+    plan = plan_run(model, t, held)
+    like = problem.logs[0]
+    base = np.column_stack([np.interp(t, track.t, track.states[:, j]) for j in range(len(model.states))])
+    states = np.zeros((t.size, len(model.kernel.full.states)))
+    states[:, : base.shape[1]] = base
+    states[:, base.shape[1] :] = base[:, [model.states.index("v")]]
+    q = len(like.channels)
+    log = RunReadings(
+        "next",
+        "next",
+        "identify",
+        plan,
+        like.channels,
+        np.zeros((t.size, q)),
+        np.ones((t.size, q), dtype=bool),
+        like.sigma,
+        states,
+        like.start_sd,
+    )
+    point = Trajectory(np.array(par), states, np.zeros((t.size - 1, len(bank.levels[0].force))))
+    smooth = [c.effect for c in bank.effects.values() if c.effect.smooth]
+    kinked = [c.effect for c in bank.effects.values() if not c.effect.smooth]
+    free = problem.coefficients
+    for effect in smooth:
+        free = free + effect_prior(model, effect)
+    path = linearise(model, log, point, free.where)
+    extra = secants(problem, path, kinked) if kinked else None
+    zero = np.zeros(len(free.names))
+    w = whitened(model, path, zero, free.sd, bank.levels[0], extra=extra)
+    empty: Array = np.zeros_like(w.resid)
+    return normal_equations(empty, w.columns, w.logdet, w.used)

@@ -1,0 +1,263 @@
+"""A whole diagnosis: problem, comparison, verdict, shrink on held-out runs, next manoeuvre, and its JSON.
+
+Takes a trial and a vehicle. Gives a frozen `Diagnosis` with its `Result`, the contract of `schema.json`
+(format 1).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from bayesid.diagnosis.attempt import attempt
+from bayesid.diagnosis.data.problem import DiagnosisProblem
+from bayesid.diagnosis.diagnosed_model import DiagnosedModel, diagnosed_model
+from bayesid.diagnosis.event_search import find_events, verdict_with, with_events
+from bayesid.diagnosis.evidence.effect_interval import warning
+from bayesid.diagnosis.evidence.effect_posterior import EffectPosterior, sample_effect
+from bayesid.diagnosis.evidence.effect_posterior import as_json as sampled
+from bayesid.diagnosis.evidence.holdout import HoldoutValidation, validate_holdout
+from bayesid.diagnosis.evidence.missing_force import MissingForce, describe_missing_force
+from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison, compare
+from bayesid.diagnosis.hypotheses.verdict import NAMING, Verdict, decide, simplest
+from bayesid.diagnosis.innovation_outliers import prepare
+from bayesid.diagnosis.next_manoeuvre import Proposal, propose
+from bayesid.diagnosis.result import Result, result_of
+from bayesid.diagnosis.summary import summary
+from bayesid.equations.model import Model
+from bayesid.errors import BayesidError
+from bayesid.estimation.filter_error.fit import FilterErrorFit, fit
+from bayesid.estimation.filter_error.noise_identification import no_process_noise
+from bayesid.trials import Trial
+
+Say = Callable[[str], None]
+Array = np.ndarray
+HOLDOUT_DRAWS = 16
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """Everything a diagnosis found.
+
+    Attributes
+    ----------
+    trial, model : what was diagnosed
+    problem, candidates, verdict : see their modules
+    shrink : table of horizons on the held-out runs, read after the verdict was frozen
+    proposals : next manoeuvres, best first
+    warnings : sentences
+    seed : of the bootstrap
+    result : final values; JSON, terminal and report derive from it
+    description : what the missing force is made of, where an effect does not explain all of it
+    posterior : draws of the named effects' parameters and of what could hide them, where asked for
+    diagnosed : the model to predict from, where asked for
+    """
+
+    trial: Trial
+    model: Model
+    problem: DiagnosisProblem
+    candidates: HypothesisComparison
+    verdict: Verdict
+    shrink: HoldoutValidation
+    proposals: tuple[Proposal, ...]
+    warnings: tuple[str, ...]
+    seed: int
+    result: Result
+    description: MissingForce | None = None
+    posterior: EffectPosterior | None = None
+    diagnosed: DiagnosedModel | None = None
+
+    def summary(self) -> str:
+        """The result in a few lines."""
+        return summary(self.result)
+
+
+def diagnose(
+    trial: Trial,
+    model: Model,
+    seed: int = 0,
+    say: Say = lambda text: None,
+    as_built: float | None = None,
+    plan_next: bool = True,
+    draw: bool = False,
+    keep_model: bool = False,
+) -> Diagnosis:
+    """Diagnose the gap between a model and a trial.
+
+    Parameters
+    ----------
+    as_built : relative sd of the coefficients from an earlier clean identification (as-built frame)
+    say : called with a sentence before each stage
+    plan_next : also rank manoeuvres to run next
+    draw : also sample the named effects' parameters by emcee; it confirms, the verdict stands before
+    keep_model : also make the diagnosed model that `bayesid predict` draws from
+
+    A step after the verdict that fails becomes a sentence in `warnings`.
+
+    Raises
+    ------
+    TrialError
+        if there is nothing to identify from
+    """
+    problem, base = prepare(model, trial, say, as_built)
+    candidates = compare(problem, say, seed, base)
+    events = find_events(problem, trial, simplest(candidates), say)
+    unable: list[str] = []
+    if events:
+        named = ", ".join(f"{e.run} {e.start:.0f}-{e.end:.0f} s" for e in events)
+        say(f"the same without {named}")
+        try:
+            shorter, base = prepare(model, trial, say, as_built, events)
+            problem, candidates = shorter, with_events(compare(shorter, say, seed, base), events)
+        except BayesidError as exc:
+            unable.append(
+                f"the trial without {named} could not be diagnosed ({exc}); the verdict counts them"
+            )
+            events = ()
+    verdict = verdict_with(decide(problem, candidates), events)
+    warnings = [*trial.warnings, *problem.warnings, *unable]
+    # The verdict stands. What follows describes, proves and plans; none of it may cost the verdict.
+    description = None
+    if verdict.word in ("outside", "effect_with_remainder"):
+        say("what the missing force is made of")
+        description = attempt(
+            "the missing force could not be described",
+            lambda: describe_missing_force(problem, candidates, verdict.word != "outside", seed),
+            None,
+            warnings,
+        )
+    say("held-out runs: how far the gap shrinks")
+    shrink = attempt(
+        "held-out runs could not be predicted",
+        lambda: _shrink(problem, trial, candidates, seed),
+        HoldoutValidation((), ()),
+        warnings,
+    )
+    for horizon_row in shrink.horizons:
+        if verdict.word in NAMING and horizon_row.worth and horizon_row.interval[1] < 0:
+            warnings.append(
+                f"the named effect predicts the held-out runs worse over {horizon_row.horizon}; do not "
+                f"rely on it"
+            )
+    proposals: tuple[Proposal, ...] = ()
+    if plan_next:
+        say("which manoeuvre to run next")
+        names = [n for n in verdict.set95 if n in candidates.bank.effects]
+        proposals = attempt(
+            "no next manoeuvre could be ranked",
+            lambda: propose(problem, candidates.bank, names, 0.3)[:5],
+            (),
+            warnings,
+        )
+    posterior = _drawn(problem, candidates, verdict, seed, say, warnings) if draw else None
+    diagnosed = None
+    if keep_model:
+        say("model for predictions")
+        diagnosed = attempt(
+            "the diagnosed model for `bayesid predict` could not be made",
+            lambda: diagnosed_model(problem, candidates, verdict, trial.digest),
+            None,
+            warnings,
+        )
+    result = result_of(
+        trial,
+        model,
+        problem,
+        candidates,
+        verdict,
+        shrink,
+        proposals,
+        tuple(warnings),
+        seed,
+        description,
+        posterior,
+    )
+    return Diagnosis(
+        trial,
+        model,
+        problem,
+        candidates,
+        verdict,
+        shrink,
+        proposals,
+        tuple(warnings),
+        seed,
+        result,
+        description,
+        posterior,
+        diagnosed,
+    )
+
+
+def _drawn(
+    problem: DiagnosisProblem,
+    candidates: HypothesisComparison,
+    verdict: Verdict,
+    seed: int,
+    say: Say,
+    warnings: list[str],
+) -> EffectPosterior | None:
+    """Posterior of the explanation the verdict stands on; None where it names none or its refit stopped."""
+    if verdict.word not in NAMING:
+        return None
+    of = next((c for c in candidates.refits if set(c.effects) == set(verdict.effects)), None)
+    if of is None or not of.fit.converged:
+        return None
+    fitted = of.fit
+    found = attempt(
+        f"the posterior of {' + '.join(of.effects)} could not be sampled",
+        lambda: sample_effect(problem, fitted, seed, say=say),
+        None,
+        warnings,
+    )
+    if found is None:
+        return None
+    if (told := warning(sampled(found))) is not None:
+        warnings.append(told)
+    return found
+
+
+def _shrink(
+    problem: DiagnosisProblem, trial: Trial, candidates: HypothesisComparison, seed: int
+) -> HoldoutValidation:
+    if not trial.holdout:
+        return HoldoutValidation((), ())
+    models = {"nominal": problem.model.nominal, "recalibrated": candidates.none.fit.par}
+    rng = np.random.default_rng(seed)
+    draws = {"recalibrated": parameter_draws(candidates.none.fit, rng)}
+    if any(problem.environment.noise_model.force):
+        white = fit(
+            problem.model, problem.logs, problem.coefficients, no_process_noise(problem.model), iterations=12
+        )
+        models["recalibrated, white"] = white.par
+        draws["recalibrated, white"] = parameter_draws(white, rng)
+    best = simplest(candidates)
+    gain = best.log_evidence - candidates.none.log_evidence
+    models["with effect"] = best.fit.par if gain > 0 else candidates.none.fit.par
+    draws["with effect"] = parameter_draws(best.fit, rng) if gain > 0 else draws["recalibrated"]
+    return validate_holdout(problem, trial, models, problem.environment.noise_model, seed, draws)
+
+
+def parameter_draws(fitted: FilterErrorFit, rng: np.random.Generator, count: int = HOLDOUT_DRAWS) -> Array:
+    """(count, n_par) parameter vectors from the Gaussian posterior of a fit, cut at its bounds."""
+    root = np.linalg.cholesky(fitted.posterior.covariance)
+    z = (fitted.values - fitted.free.mean) / fitted.free.sd
+    out = np.repeat(fitted.par[None], count, axis=0)
+    values = fitted.free.mean + fitted.free.sd * (z + rng.standard_normal((count, z.size)) @ root.T)
+    out[:, fitted.free.where] = np.maximum(values, fitted.free.low)
+    return out
+
+
+def as_json(d: Diagnosis) -> dict[str, Any]:
+    """Plain data of `diagnosis.json`, format 1."""
+    return d.result.record()
+
+
+def schema() -> dict[str, Any]:
+    """JSON Schema of `diagnosis.json`."""
+    return json.loads(files("bayesid.diagnosis").joinpath("schema.json").read_text(encoding="utf-8"))

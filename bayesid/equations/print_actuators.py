@@ -1,0 +1,192 @@
+"""Print the actuator chains: from commands held over each step to positions held over each step.
+
+Takes a `Context`. Gives source lines. `delay_slope` and `stretch` are the derivatives of command and step
+length by the delay of each actuator. A link gives its mean over the step, which the forces see and the next
+link gets, and its value at the end of the step, which it remembers; slopes by the chain's parameters run
+along.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from bayesid.equations.derivatives import Graph, Node
+from bayesid.equations.layout import FIN
+from bayesid.equations.print_context import PLAIN, Context
+from bayesid.equations.printing import statements
+from bayesid.model.effects import Effect, InputStage
+
+# The vehicle's own servo closes every chain: it runs at its rate limit while the error exceeds limit times
+# lag and decays exponentially from there. A lag followed by a limit would catch up too fast.
+_RUN = "min(max(abs(x - y)*inverse_rate - servo_lag, 0), h)"
+_LEFT = f"(abs(x - y) - {_RUN}/inverse_rate)"
+_DECAY = f"exp(-(h - {_RUN})/max(servo_lag, 1e-12))"
+_SERVO_END = f"x - sgn(x - y)*{_LEFT}*{_DECAY}"
+_SERVO_MEAN = f"x - sgn(x - y)/h*(0.5*(abs(x - y) + {_LEFT})*{_RUN} + {_LEFT}*servo_lag*(1 - {_DECAY}))"
+_CLIP = "min(max(x, -limit), limit)"
+_ARGUMENTS = "command, delay_slope, stretch, steps, par, slopes, restart, memory, carried, act, dact"
+_SETTLED = 1e9  # s: a link that has waited this long has come to rest
+
+
+@dataclass(frozen=True)
+class _Link:
+    """One link: x<number> what comes in, y<number> what it remembers."""
+
+    number: int
+    mean: Node
+    end: Node
+
+
+def actuate_lines(c: Context) -> list[str]:
+    g = Graph()
+    chains: list[list[_Link]] = []
+    for signal in c.dyn.actuators:
+        chains.append(_chain(c, g, signal, sum(map(len, chains))))
+    delays = {
+        a: [c.index[e.key(s.delay)] for e in c.effects for s in e.stages if s.signal == signal and s.delay]
+        for a, signal in enumerate(c.dyn.actuators)
+    }
+    columns = [c.dyn.parameters[i] for ids in delays.values() for i in ids]
+    read = {s for chain in chains for link in chain for n in (link.mean, link.end) for s in g.reads(n)}
+    columns += [name for name in c.index if g.sym(name) in read and name not in columns]
+    table = {"h": "h", **{name: f"par[{k}]" for name, k in c.index.items()}}
+    start, body = [], []
+    for a, chain in enumerate(chains):
+        if chain:
+            start += _settle(g, a, chain, columns, table)
+        body += _step(g, a, chain, columns, table, [columns.index(c.dyn.parameters[i]) for i in delays[a]])
+    return [
+        f"{c.upper}_ACT_COLUMNS = {tuple(c.index[n] for n in columns)!r}",
+        f"{c.upper}_ACT_DELAYS = {delays!r}",
+        f"{c.upper}_ACT_MEMORY = {sum(map(len, chains))}",
+        "",
+        "",
+        PLAIN,
+        f"def {c.prefix}_actuate({_ARGUMENTS}):",
+        '    """Actuator positions held over each step (their mean), from commands held over each step."""',
+        f"    tangent = np.zeros({len(columns)})",
+        "    if restart:",
+        *start,
+        "    for s in range(steps.size):",
+        "        h = steps[s]",
+        *body,
+    ]
+
+
+def _chain(c: Context, g: Graph, signal: str, number: int) -> list[_Link]:
+    """Links of one actuator in rising order, numbered on from `number`."""
+    stages: list[tuple[InputStage, dict[str, Node]]] = [
+        (stage, {p.name: g.sym(effect.key(p.name)) for p in effect.parameters})
+        for effect in c.effects
+        for stage in effect.stages
+        if stage.signal == signal and stage.delay is None
+    ]
+    if signal in FIN:
+        letter = FIN[signal]
+        kinds = ("inverse_rate", "servo_lag", "limit")
+        rate, lag, limit = (_constant(g, f"{kind}_{letter}", c.effects) for kind in kinds)
+        servo = {"inverse_rate": rate, "servo_lag": lag}
+        stages.append((InputStage(signal, 40, _SERVO_END, _SERVO_MEAN), servo))
+        stages.append((InputStage(signal, 50, _CLIP, _CLIP), {"limit": limit}))
+    links = []
+    for i, (stage, own) in enumerate(sorted(stages, key=lambda s: s[0].order), start=number):
+        names = {**own, "x": g.sym(f"x{i}"), "y": g.sym(f"y{i}"), "h": g.sym("h")}
+        links.append(_Link(i, g.parse(stage.mean, names), g.parse(stage.end, names)))
+    return links
+
+
+def _constant(g: Graph, name: str, effects: tuple[Effect, ...]) -> Node:
+    """A constant of the chain, with what effects make of it."""
+    out = g.sym(name)
+    for effect in effects:
+        if name in effect.adjust:
+            own = {p.name: g.sym(effect.key(p.name)) for p in effect.parameters}
+            out = g.parse(effect.adjust[name], {**own, "value": out})
+    return out
+
+
+def _step(
+    g: Graph, a: int, chain: list[_Link], columns: list[str], table: dict[str, str], delayed: list[int]
+) -> list[str]:
+    out = [
+        f"        value = command[s, {a}]",
+        "        if slopes:",
+        f"            for c in range({len(columns)}):",
+        "                tangent[c] = 0.0",
+        *[f"            tangent[{c}] = delay_slope[s, {a}]" for c in delayed],
+    ]
+    for link in chain:
+        i = link.number
+        symbols = {**table, f"x{i}": "value", f"y{i}": f"memory[{i}]"}
+        values = statements(g, [("mean", link.mean), ("end", link.end)], symbols)
+        slopes, added = [], []
+        for tag, node, target in (("m", link.mean, "tangent[{}]"), ("e", link.end, f"carried[{i}, {{}}]")):
+            slopes += [(f"{tag}{z}", g.diff(node, g.sym(f"{z}{i}"))) for z in "xy"]
+            by_length = g.diff(node, g.sym("h"))
+            if delayed and g.value(by_length) != 0.0:
+                slopes.append((f"{tag}h", by_length))
+                added += [f"            {target.format(c)} += {tag}h * stretch[s, {a}]" for c in delayed]
+            for c, name in enumerate(columns):
+                slope = g.diff(node, g.sym(name))
+                if g.value(slope) != 0.0:
+                    slopes.append((f"{tag}p{c}", slope))
+                    added.append(f"            {target.format(c)} += {tag}p{c}")
+        out += [
+            *_indent(8, values),
+            "        if slopes:",
+            *_indent(12, statements(g, slopes, symbols, "v")),
+            f"            for c in range({len(columns)}):",
+            "                old = tangent[c]",
+            f"                tangent[c] = mx * old + my * carried[{i}, c]",
+            f"                carried[{i}, c] = ex * old + ey * carried[{i}, c]",
+            *added,
+            f"        memory[{i}] = end",
+            "        value = mean",
+        ]
+    return [
+        *out,
+        f"        act[s, {a}] = value",
+        "        if slopes:",
+        f"            for c in range({len(columns)}):",
+        f"                dact[s, {a}, c] = tangent[c]",
+    ]
+
+
+def _settle(g: Graph, a: int, chain: list[_Link], columns: list[str], table: dict[str, str]) -> list[str]:
+    """Memory of links that have long rested at the first command."""
+    out = [
+        f"        value = command[0, {a}]",
+        f"        for c in range({len(columns)}):",
+        "            tangent[c] = 0.0",
+    ]
+    for link in chain:
+        i = link.number
+        rest = g.substitute(link.end, {g.sym("h"): g.const(_SETTLED)})
+        along = g.add(g.diff(rest, g.sym(f"x{i}")), g.diff(rest, g.sym(f"y{i}")))
+        outputs, added = [("end", rest), ("ex", along)], []
+        for c, name in enumerate(columns):
+            slope = g.diff(rest, g.sym(name))
+            if g.value(slope) != 0.0:
+                outputs.append((f"ep{c}", slope))
+                added.append(f"        tangent[{c}] += ep{c}")
+        symbols = {**table, f"x{i}": "value", f"y{i}": "value"}
+        out += [
+            *_indent(8, statements(g, outputs, symbols, "u")),
+            f"        memory[{i}] = end",
+            f"        for c in range({len(columns)}):",
+            "            tangent[c] = ex * tangent[c]",
+            *added,
+            f"        for c in range({len(columns)}):",
+            f"            carried[{i}, c] = tangent[c]",
+            "        value = end",
+        ]
+    return out
+
+
+def _indent(depth: int, lines: list[str]) -> list[str]:
+    return [" " * depth + line for line in lines]
+
+
+def servo_formulas() -> tuple[str, ...]:
+    """The vehicle's own servo as text: end and mean over a step, and the clip behind it."""
+    return _SERVO_END, _SERVO_MEAN, _CLIP

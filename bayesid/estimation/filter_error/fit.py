@@ -1,0 +1,267 @@
+"""Gauss-Newton fit of coefficients, effect parameters, initial states and latent forces to all runs at once.
+
+Takes logs, free parameters with Gaussian priors and an environment. Gives a frozen `FilterErrorFit`:
+estimates, log evidence, paths about the optimum. Does not choose effects or judge.
+
+Each pass linearises about the current path, solves for the parameters with initial states and latent forces
+integrated out exactly, then smooths those. The environment is lowered from loud to its real level over the
+first passes, so that the path follows the data while the parameters are still wrong (full-length replays do
+not converge otherwise).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bayesid.equations.model import Model
+from bayesid.errors import ModelError
+from bayesid.estimation.filter_error.evidence import GaussianPosterior, NormalEquations, posterior
+from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, first_trajectory
+from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit, mixing, smoothed
+from bayesid.estimation.filter_error.normal_equations import NO_PARAMETERS, FreeParameters, stacked_equations
+from bayesid.estimation.filter_error.run_readings import Array, RunReadings
+from bayesid.estimation.filter_error.shared_linearisations import fresh, linear
+
+__all__ = ["NO_PARAMETERS", "FilterErrorFit", "FreeParameters", "fit", "stacked_equations"]
+
+# A step this long in posterior standard deviations changes the evidence by about 0.02.
+CONVERGED_STEP = 0.2
+# Longest step of one pass, in prior standard deviations.
+MOST_STEP = 3.0
+# Change of the objective that counts as none where noise bends the valley and steps stay of one size.
+FLAT_CHANGE = 0.3
+WARM_ITERATIONS = 2
+# Movement of the readings in the last pass, in sensor standard deviations, that counts as none.
+LEAST_READING_CHANGE = 0.05
+# Passes at the real level after which a model that explains far less than a free force is given up.
+GIVE_UP_ITERATIONS = 6
+# Latent force over 1/2 rho L^2 U^2 that no longer moves a track by as much as a sensor sees.
+NEGLIGIBLE_FORCE = 3e-6
+
+
+@dataclass(frozen=True, eq=False)
+class FilterErrorFit:
+    """Converged (or not) coloured fit.
+
+    Attributes
+    ----------
+    free : Free
+    values : (k,) estimates [SI]
+    posterior : Posterior of z = (value - mean)/sd
+    par : full parameter vector
+    noise model : environment used
+    points, paths : one per run
+    grams : one per run, columns in units of the prior sd, residual relative to the prior mean
+    standard : per run (n, q) standardised innovations
+    passes, converged : Gauss-Newton passes and whether the last step was below `CONVERGED_STEP` posterior sd
+    follow, follow_level, follow_evidence : points of the most probable pass, its latent force over
+        1/2 rho L^2 U^2 and its log evidence: a path that follows the data even where the model cannot
+    """
+
+    free: FreeParameters
+    values: Array
+    posterior: GaussianPosterior
+    par: Array
+    noise_model: NoiseModel
+    points: tuple[Trajectory, ...]
+    paths: tuple[Linearisation, ...]
+    grams: tuple[NormalEquations, ...]
+    standard: tuple[Array, ...]
+    iterations: int
+    converged: bool
+    follow: tuple[Trajectory, ...]
+    follow_level: float
+    follow_evidence: float
+
+    @property
+    def log_evidence(self) -> float:
+        return self.posterior.log_evidence
+
+    @property
+    def sd(self) -> Array:
+        """Posterior standard deviations [SI]."""
+        return np.sqrt(np.diag(self.posterior.covariance)) * self.free.sd
+
+    @property
+    def chi2(self) -> float:
+        """Mean squared standardised innovation."""
+        total = sum(float((s**2).sum()) for s in self.standard)
+        return total / max(1, sum(int(p.log.valid.sum()) for p in self.paths))
+
+
+def fit(
+    model: Model,
+    logs: Sequence[RunReadings],
+    free: FreeParameters,
+    noise_model: NoiseModel,
+    start: Sequence[Trajectory] | None = None,
+    loud: float = 0.03,
+    iterations: int = 25,
+) -> FilterErrorFit:
+    """Fit all runs at once.
+
+    Parameters
+    ----------
+    noise model : the environment's real level
+    start : points to begin from (default: prior mean along the readings' own path)
+    loud : latent force of the first pass over 1/2 rho L^2 U^2, lowered to half of what the path still needs
+    each
+        pass until the real level is reached; 0 starts at the real level
+    passes : at most this many
+    """
+    unit = force_unit(model)
+    base = model.nominal.copy()
+    base[free.where] = free.mean
+    points = list(start) if start is not None else [first_trajectory(model, log, base) for log in logs]
+    values = points[0].par[free.where].copy()
+    best: _Best | None = None
+    standards: list[Array] = []
+    converged, level, settled, real, flat = False, loud, 0, 0, 0
+    follow: tuple[float, tuple[Trajectory, ...], float] = (-np.inf, tuple(points), loud)
+    k = 0
+    for k in range(iterations):
+        now = _level(model, noise_model, level)
+        try:
+            if k <= WARM_ITERATIONS and loud > 0 and free.names:
+                paths, grams = linear(model, logs, points, free, now)
+            else:
+                paths, grams = fresh(model, logs, points, free, now)
+            total = sum(grams[1:], grams[0])
+            post = posterior(total)
+        except ModelError:
+            if best is None:
+                raise
+            best.shorten()
+            points, standards, values = best.again(model, free)
+            continue
+        if post.log_evidence > follow[0]:
+            follow = (post.log_evidence, tuple(points), level if now is not noise_model else 0.0)
+        z = (values - free.mean) / free.sd
+        merit = -0.5 * (total.ee - 2 * total.se @ z + z @ total.ss @ z + z @ z + total.logdet)
+        if best is not None and best.refused(merit, now, noise_model):
+            best.shorten()
+            points, standards, values = best.again(model, free)
+            continue
+        same = best is not None and best.noise_model is noise_model and abs(merit - best.merit) < FLAT_CHANGE
+        flat = flat + 1 if same else 0
+        step = post.mean - z
+        biggest = float(np.abs(step).max()) if step.size else 0.0
+        share = min(1.0, MOST_STEP / biggest) if biggest > 0 else 1.0
+        if k < WARM_ITERATIONS and loud > 0:
+            # Only let the path settle: slopes along raw readings are biased by their noise.
+            share = 0.0
+        best = _Best(merit, paths, values, step * free.sd, now, share, any(noise_model.force))
+        points, standards, proposal = best.again(model, free)
+        done = (proposal - values) / free.sd
+        length = float(np.sqrt(done @ done + done @ total.ss @ done)) if done.size else 0.0
+        values = proposal
+        if k < WARM_ITERATIONS and loud > 0:
+            continue
+        if now is noise_model:
+            settled = settled + 1 if length < CONVERGED_STEP else 0
+            real += 1
+            if real >= GIVE_UP_ITERATIONS and post.log_evidence < follow[0] - 1e3:
+                break
+            if (settled or flat >= 3) and _joined(paths, points):
+                converged = True
+                break
+        else:
+            need = max(float(np.sqrt(np.mean(p.force**2, axis=0) / unit**2).max()) for p in points)
+            level = min(0.5 * need, 0.5 * level)
+    return FilterErrorFit(
+        free,
+        values,
+        post,
+        points[0].par,
+        now,
+        tuple(points),
+        tuple(paths),
+        tuple(grams),
+        tuple(standards),
+        k + 1,
+        converged,
+        follow[1],
+        follow[2],
+        follow[0],
+    )
+
+
+def _moved(
+    model: Model,
+    paths: Sequence[Linearisation],
+    free: FreeParameters,
+    values: Array,
+    noise_model: NoiseModel,
+    noisy: bool,
+    stride: float,
+) -> tuple[list[Trajectory], list[Array]]:
+    """Points at new parameter values with smoothed states and forces, and the standardised innovations.
+
+    Slopes are later taken along the filtered path where the environment is `noisy`; in still water the
+    smoothed path is the vehicle's own answer, and better known.
+    """
+    n_force = len(noise_model.force)
+    points, standards = [], []
+    for i, path in enumerate(paths):
+        par = path.point.par.copy()
+        par[free.where] = values
+        sm = smoothed(model, path, values - path.point.par[free.where], noise_model, run=i, variances=False)
+        nx = path.point.states.shape[1]
+        force = sm.mean[:-1, nx : nx + n_force] @ mixing(model, noise_model).T
+        force = np.ascontiguousarray(path.point.force + stride * (force - path.point.force))
+        before = path.point.states + sm.filtered[:, :nx] if noisy else None
+        points.append(Trajectory(par, path.point.states + stride * sm.mean[:, :nx], force, before))
+        standards.append(sm.standard)
+    return points, standards
+
+
+def _joined(paths: Sequence[Linearisation], points: Sequence[Trajectory]) -> bool:
+    """Whether the last pass moved no state by more than a fraction of what the sensors see."""
+    for path, point in zip(paths, points, strict=True):
+        moved = np.einsum("iqx,ix->iq", path.slope, point.states - path.point.states)
+        if np.sqrt(np.mean((moved / path.log.sigma) ** 2)) > LEAST_READING_CHANGE:
+            return False
+    return True
+
+
+def _level(model: Model, real: NoiseModel, level: float) -> NoiseModel:
+    """The environment of one pass: `level` of latent force while that is larger than the real one."""
+    unit = force_unit(model)
+    if np.all(level * unit <= np.maximum(real.force, NEGLIGIBLE_FORCE * unit)):
+        return real
+    usual = 2.0 * model.scales["L"] / model.scales["U"]
+    return replace(
+        real, force=tuple(np.maximum(real.force, level * unit)), force_tau=max(real.force_tau, usual)
+    )
+
+
+@dataclass
+class _Best:
+    """Best point so far and the step tried from it."""
+
+    merit: float
+    paths: Sequence[Linearisation]
+    values: Array
+    step: Array
+    noise_model: NoiseModel
+    share: float
+    noisy: bool
+    stride: float = 1.0
+
+    def shorten(self) -> None:
+        """Shorter step of the parameters and of the path: along the old path defects are small by design."""
+        self.share *= 0.3
+        self.stride *= 0.3
+
+    def refused(self, merit: float, now: NoiseModel, real: NoiseModel) -> bool:
+        """Whether a try at the real level came out worse and a shorter step is worth it."""
+        return now is real and self.noise_model is real and merit < self.merit - 0.5 and self.share > 0.02
+
+    def again(self, model: Model, free: FreeParameters) -> tuple[list[Trajectory], list[Array], Array]:
+        """Points, innovations and values a share of the step away, the path smoothed for those values."""
+        values = np.maximum(self.values + self.share * self.step, free.low)
+        points, standards = _moved(model, self.paths, free, values, self.noise_model, self.noisy, self.stride)
+        return points, standards, values

@@ -1,0 +1,101 @@
+"""Columns of one linearised run as the filter takes them: residual first, then the sensitivities.
+
+Takes a `Linearisation` and where and in which units its parameters are seen. Gives a frozen
+`RegressorColumns`. Does not know the environment: the same stack is whitened under many, so the latest are
+kept.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from bayesid.estimation.filter_error.linearise import Linearisation
+from bayesid.estimation.filter_error.run_readings import Array
+
+# Bytes of stacks kept: those of all runs of a usual trial, some MB each.
+MOST_BYTES = 128_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class RegressorColumns:
+    """Columns of one run.
+
+    Attributes
+    ----------
+    columns : (n, q, c) residual and sensitivities by sample and channel
+    drive : (n-1, nx, c) known change of the state's deviation over each interval
+    first : (nx, c) known initial deviation
+    step, scale, extra : what it was made of
+    """
+
+    columns: Array
+    drive: Array
+    first: Array
+    step: Array
+    scale: Array
+    extra: tuple[Array, Array] | None
+
+    @property
+    def size(self) -> int:
+        """Bytes."""
+        return self.columns.nbytes + self.drive.nbytes
+
+    def made_of(self, step: Array, scale: Array, extra: tuple[Array, Array] | None) -> bool:
+        """Whether it is the stack of these."""
+        return extra is self.extra and np.array_equal(step, self.step) and np.array_equal(scale, self.scale)
+
+
+_kept: WeakKeyDictionary[Linearisation, RegressorColumns] = WeakKeyDictionary()
+
+
+def known(path: Linearisation, step: Array) -> tuple[Array, Array, Array]:
+    """Residual, drive and initial deviation when the parameters are moved by `step` from the path's own.
+
+    The deviation is measured from the path: latent forces zero, initial state that of the readings.
+    """
+    force = path.point.force
+    resid, drive = path.resid, path.defect
+    if step.any():
+        resid = resid - path.direct @ step
+        drive = drive + path.psi @ step
+    if force.any():
+        drive = drive - np.matmul(path.gamma[:, :, : force.shape[1]], force[:, :, None])[:, :, 0]
+    first = path.log.path[0] if path.log.first is None else path.log.first
+    return resid, drive, first - path.point.states[0]
+
+
+def regressor_columns(
+    path: Linearisation, step: Array, scale: Array, extra: tuple[Array, Array] | None = None
+) -> RegressorColumns:
+    """Stack of a path.
+
+    Parameters
+    ----------
+    step : (p,) where the residual is taken, as a move from the path's parameters
+    scale : (p,) unit of each column [SI]
+    extra : further columns, direct (n, q, k) and drive (n-1, nx, k), e.g. secants
+    """
+    old = _kept.get(path)
+    if old is not None and old.made_of(step, scale, extra):
+        return old
+    resid, drive, first = known(path, step)
+    (n, q), nx, p = resid.shape, first.size, scale.size
+    c = 1 + p + (extra[0].shape[2] if extra is not None else 0)
+    columns, drives, firsts = np.empty((n, q, c)), np.empty((n - 1, nx, c)), np.zeros((nx, c))
+    columns[:, :, 0], drives[:, :, 0], firsts[:, 0] = resid, drive, first
+    np.multiply(path.direct, scale, out=columns[:, :, 1 : 1 + p])
+    np.multiply(path.psi, -scale, out=drives[:, :, 1 : 1 + p])
+    if extra is not None:
+        columns[:, :, 1 + p :] = extra[0]
+        np.negative(extra[1], out=drives[:, :, 1 + p :])
+    out = RegressorColumns(columns, drives, firsts, step.copy(), scale.copy(), extra)
+    _kept[path] = out
+    room = MOST_BYTES - out.size
+    for other in reversed([k for k in _kept if k is not path]):
+        room -= _kept[other].size
+        if room < 0:
+            del _kept[other]
+    return out

@@ -1,0 +1,146 @@
+"""Linearisations that many fits share: refits of one trial all begin at the same points.
+
+Takes points and free parameters. Gives paths and normal equations, those of an earlier fit where it stood at
+the very same points. Does not change a number: slopes by one parameter do not depend on which others are
+free.
+
+While a fit lets its path settle its parameters do not move, so that a dozen refits pass through the same
+points. When points come up a second time they are linearised for the parameters of every effect at once,
+which costs little more than for one, and kept for the rest.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from hashlib import blake2b
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from bayesid.equations.model import Model
+from bayesid.estimation.filter_error.evidence import NormalEquations
+from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, forces, linearise
+from bayesid.estimation.filter_error.noise_model import NoiseModel
+from bayesid.estimation.filter_error.normal_equations import FreeParameters, stacked_equations
+from bayesid.estimation.filter_error.parameters import effect_prior
+from bayesid.estimation.filter_error.run_readings import RunReadings
+
+# Sets of points kept per model, their bytes at most, and points remembered as seen once.
+MOST_SETS, MOST_BYTES, MOST_SEEN = 4, 400_000_000, 32
+
+
+@dataclass(frozen=True, eq=False)
+class _Set:
+    """All runs linearised about one set of points for `parameters`; `logs` keeps their identities taken."""
+
+    logs: tuple[RunReadings, ...]
+    free: FreeParameters
+    paths: tuple[Linearisation, ...]
+    grams: tuple[NormalEquations, ...]
+
+    def positions(self, free: FreeParameters) -> np.ndarray | None:
+        """Where the parameters of `parameters` stand; none if one is missing or has another prior mean."""
+        at = {int(p): i for i, p in enumerate(self.free.where)}
+        if any(int(p) not in at for p in free.where):
+            return None
+        found = np.array([at[int(p)] for p in free.where], dtype=np.int64)
+        return found if np.array_equal(self.free.mean[found], free.mean) else None
+
+
+@dataclass(eq=False)
+class _Kept:
+    """What one model keeps."""
+
+    sets: OrderedDict[bytes, _Set] = field(default_factory=OrderedDict)
+    seen: OrderedDict[bytes, tuple[RunReadings, ...]] = field(default_factory=OrderedDict)
+
+
+_kept: WeakKeyDictionary[Model, _Kept] = WeakKeyDictionary()
+
+
+def linear(
+    model: Model,
+    logs: Sequence[RunReadings],
+    points: Sequence[Trajectory],
+    free: FreeParameters,
+    noise_model: NoiseModel,
+) -> tuple[list[Linearisation], list[NormalEquations]]:
+    """What `fresh` gives, made of what an earlier fit left where it stood at the same points."""
+    kept = _kept.setdefault(model, _Kept())
+    key = _digest(logs, points, noise_model)
+    found = kept.sets.get(key)
+    if found is None:
+        known = kept.seen.get(key)
+        if known is None or not _same(known, logs):
+            _remember(kept.seen, key, tuple(logs), MOST_SEEN)
+            return fresh(model, logs, points, free, noise_model)
+        whole = free + _others(model, free, points[0].par)
+        paths, grams = fresh(model, logs, points, whole, noise_model)
+        found = _Set(tuple(logs), whole, tuple(paths), tuple(grams))
+        if sum(p.psi.nbytes + p.direct.nbytes for p in paths) * MOST_SETS < MOST_BYTES:
+            _remember(kept.sets, key, found, MOST_SETS)
+    at = found.positions(free) if _same(found.logs, logs) else None
+    if at is None:
+        return fresh(model, logs, points, free, noise_model)
+    ratio = free.sd / found.free.sd[at]
+    paths = [replace(p, direct=_picked(p.direct, at), psi=_picked(p.psi, at)) for p in found.paths]
+    grams = [g.pick(at) for g in found.grams]
+    return paths, [replace(g, ss=g.ss * np.outer(ratio, ratio), se=g.se * ratio) for g in grams]
+
+
+def _picked(values: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """values[:, :, at], quick where most positions are 0, 1, 2, ..., as those of coefficients are."""
+    lead = int(np.argmin(np.append(at == np.arange(at.size), False)))
+    out = np.empty((*values.shape[:2], at.size))
+    out[:, :, :lead] = values[:, :, :lead]
+    if lead < at.size:
+        out[:, :, lead:] = values[:, :, at[lead:]]
+    return out
+
+
+def fresh(
+    model: Model,
+    logs: Sequence[RunReadings],
+    points: Sequence[Trajectory],
+    free: FreeParameters,
+    noise_model: NoiseModel,
+) -> tuple[list[Linearisation], list[NormalEquations]]:
+    """Every run linearised for the forces of the environment and `parameters`."""
+    inputs = forces(model)
+    paths = [linearise(model, log, p, free.where, inputs) for log, p in zip(logs, points, strict=True)]
+    return paths, stacked_equations(model, paths, free, noise_model)
+
+
+def _others(model: Model, free: FreeParameters, par: np.ndarray) -> FreeParameters:
+    """Parameters of all effects that have a slope and are at their prior mean, apart from those of
+    `parameters`."""
+    out = FreeParameters((), free.where[:0], free.mean[:0], free.sd[:0], free.low[:0])
+    for effect in model.kernel.effects:
+        if not effect.smooth:
+            continue
+        prior = effect_prior(model, effect)
+        if np.array_equal(par[prior.where], prior.mean) and not np.isin(prior.where, free.where).any():
+            out = out + prior
+    return out
+
+
+def _digest(logs: Sequence[RunReadings], points: Sequence[Trajectory], noise_model: NoiseModel) -> bytes:
+    out = blake2b(repr((noise_model, [id(log) for log in logs])).encode())
+    for p in points:
+        for values in (p.par, p.states, p.force):
+            out.update(np.ascontiguousarray(values).tobytes())
+        out.update(b"" if p.before is None else np.ascontiguousarray(p.before).tobytes())
+    return out.digest()
+
+
+def _same(one: Sequence[RunReadings], other: Sequence[RunReadings]) -> bool:
+    return len(one) == len(other) and all(a is b for a, b in zip(one, other, strict=True))
+
+
+def _remember(where: OrderedDict[bytes, Any], key: bytes, value: Any, most: int) -> None:
+    where[key] = value
+    while len(where) > most:
+        where.popitem(last=False)

@@ -1,0 +1,193 @@
+"""Smooth the latent inputs and states of one run.
+
+Takes what `kalman.whiten` takes, with a residual in place of columns. Gives means, variances and the misfit
+of every reading, in place. Does not choose amplitudes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from bayesid.estimation.filter_error.kalman_step import carry, opening, take
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _transition(
+    full: np.ndarray, i: int, phi: np.ndarray, gamma: np.ndarray, decay_f: np.ndarray, decay_d: np.ndarray
+) -> None:
+    """Map of [dx, f, d] over the interval after sample `i`, written into `full` (m, m), zero elsewhere."""
+    nx, nf, nd = phi.shape[1], gamma.shape[2], decay_d.shape[1]
+    for a in range(nx):
+        for b in range(nx):
+            full[a, b] = phi[i, a, b]
+        for b in range(nf):
+            full[a, nx + b] = gamma[i, a, b]
+    for a in range(nf):
+        full[nx + a, nx + a] = decay_f[i, a]
+    for a in range(nd):
+        full[nx + nf + a, nx + nf + a] = decay_d[i, a]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _even(p: np.ndarray) -> None:
+    """Make a matrix symmetric in place."""
+    for a in range(p.shape[0]):
+        for b in range(a):
+            mid = 0.5 * (p[a, b] + p[b, a])
+            p[a, b] = mid
+            p[b, a] = mid
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def smooth_filtered(
+    resid: np.ndarray,
+    drive: np.ndarray,
+    first: np.ndarray,
+    valid: np.ndarray,
+    slope: np.ndarray,
+    variance: np.ndarray,
+    phi: np.ndarray,
+    gamma: np.ndarray,
+    decay_f: np.ndarray,
+    variance_f: np.ndarray,
+    drift: np.ndarray,
+    decay_d: np.ndarray,
+    variance_d: np.ndarray,
+    start: np.ndarray,
+    mean_out: np.ndarray,
+    var_out: np.ndarray,
+    standard: np.ndarray,
+    alone: np.ndarray,
+    filtered: np.ndarray,
+) -> None:
+    """Smoothed deviation of one run (Bryson-Frazier form, no inverse of a covariance).
+
+    Parameters
+    ----------
+    resid, drive, first : (n, q), (n-1, nx), (nx,) residual of the readings and known deviation; rest as in
+        `kalman.whiten`
+    mean_out, var_out : (n, nx + nf + nd) filled with smoothed means and variances; an empty var_out is left
+    standard : (n, q) filled with innovations over their predicted standard deviation, 0 where missing
+    alone : (n, q) the same of each reading given all others, earlier and later (de Jong and Penzer 1998); an
+        empty one is left, and without either no second moment is carried backward
+    filtered : (n, nx + nf + nd) filled with means given the readings up to each sample
+    """
+    n, q = resid.shape
+    nx, nf, nd = phi.shape[1], gamma.shape[2], drift.shape[1]
+    m = nx + nf + nd
+    columns = np.ascontiguousarray(resid).reshape((n, q, 1))
+    drives = np.ascontiguousarray(drive).reshape((n - 1, nx, 1))
+    joint = opening(np.ascontiguousarray(first).reshape((nx, 1)), start, variance_f, variance_d)
+    lines, gain, part, change = np.empty((q, 1 + m)), np.empty((q, m)), np.empty(q), np.empty((m, 1 + m))
+    index, weight = np.empty(m, dtype=np.int64), np.empty(m)
+    step, moved = np.empty((nx, nx + nf)), np.empty((nx, 1 + m))
+    mixed, spread = np.empty((nx, nx + nf)), np.empty((nx, nx))
+    covariance = np.empty((n, m, m))
+    gains, parts = np.empty((n, q, m)), np.empty((n, q))
+    for i in range(n):
+        for a in range(m):
+            mean_out[i, a] = joint[a, 0]
+            for b in range(m):
+                covariance[i, a, b] = joint[a, 1 + b]
+        take(joint, 1, i, columns, valid, slope, drift, variance, lines, gain, part, change, index, weight)
+        for j in range(q):
+            standard[i, j] = lines[j, 0]
+            parts[i, j] = part[j]
+            for a in range(m):
+                gains[i, j, a] = gain[j, a]
+        for a in range(m):
+            filtered[i, a] = joint[a, 0]
+        if i < n - 1:
+            carry(
+                joint, 1, i, drives, phi, gamma, decay_f, variance_f, decay_d, variance_d, step, moved, mixed,
+                spread,
+            )  # fmt: skip
+    second = alone.size > 0 or var_out.size > 0
+    lam, line, bk, h = np.zeros(m), np.empty(m), np.empty(m), np.empty(m)
+    big, work, full, left = np.zeros((m, m)), np.empty((m, m)), np.zeros((m, m)), np.empty((m, m))
+    for i in range(n - 1, -1, -1):
+        if i < n - 1:
+            _transition(full, i, phi, gamma, decay_f, decay_d)
+            for a in range(m):
+                line[a] = 0.0
+            for a in range(m):
+                for b in range(m):
+                    line[b] += full[a, b] * lam[a]
+            for a in range(m):
+                lam[a] = line[a]
+            if second:
+                np.dot(big, full, work)
+                np.dot(full.T, work, big)
+                # the updates contract a symmetric matrix only; rounding would grow with an unstable hull
+                _even(big)
+        for j in range(q - 1, -1, -1):
+            if not valid[i, j]:
+                if alone.size > 0:
+                    alone[i, j] = 0.0
+                continue
+            for a in range(nx):
+                h[a] = slope[i, j, a]
+            for a in range(nf):
+                h[nx + a] = 0.0
+            for a in range(nd):
+                h[nx + nf + a] = drift[j, a]
+            pull = standard[i, j]
+            for a in range(m):
+                pull += gains[i, j, a] * lam[a]
+            pull *= parts[i, j]
+            if second:
+                for a in range(m):
+                    bk[a] = 0.0
+                for a in range(m):
+                    k = gains[i, j, a] * parts[i, j]
+                    for b in range(m):
+                        bk[b] += big[a, b] * k
+                more = parts[i, j] ** 2
+                for a in range(m):
+                    more += gains[i, j, a] * parts[i, j] * bk[a]
+                if alone.size > 0:
+                    alone[i, j] = pull / np.sqrt(more)
+                for a in range(m):
+                    for b in range(m):
+                        big[a, b] += h[a] * h[b] * more - h[a] * bk[b] - bk[a] * h[b]
+            for a in range(m):
+                lam[a] -= h[a] * pull
+        for b in range(m):
+            for a in range(m):
+                mean_out[i, a] -= covariance[i, b, a] * lam[b]
+        if var_out.size > 0:
+            np.dot(covariance[i], big, left)
+            for a in range(m):
+                total = covariance[i, a, a]
+                for b in range(m):
+                    total -= left[a, b] * covariance[i, b, a]
+                var_out[i, a] = total
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def smooth(
+    resid: np.ndarray,
+    drive: np.ndarray,
+    first: np.ndarray,
+    valid: np.ndarray,
+    slope: np.ndarray,
+    variance: np.ndarray,
+    phi: np.ndarray,
+    gamma: np.ndarray,
+    decay_f: np.ndarray,
+    variance_f: np.ndarray,
+    drift: np.ndarray,
+    decay_d: np.ndarray,
+    variance_d: np.ndarray,
+    start: np.ndarray,
+    mean_out: np.ndarray,
+    var_out: np.ndarray,
+    standard: np.ndarray,
+    alone: np.ndarray,
+) -> None:
+    """`smooth_filtered` where the filtered means are of no use."""
+    smooth_filtered(
+        resid, drive, first, valid, slope, variance, phi, gamma, decay_f, variance_f, drift, decay_d,
+        variance_d, start, mean_out, var_out, standard, alone, np.empty_like(mean_out),
+    )  # fmt: skip

@@ -1,0 +1,352 @@
+"""Fit a problem: rounds of SLSQP, each rescaled where the last one ended, from one or several starts.
+
+Takes a `FitProblem` and `FitOptions`. Gives a `Fit`; one that did not converge is a result with a message.
+Does not choose parameters, read logs or write reports.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.stats import qmc
+
+from bayesid.errors import FitError
+from bayesid.estimation.output_error.curvature import covariance_of, predicted_gain, without
+from bayesid.estimation.output_error.fit_result import Fit
+from bayesid.estimation.output_error.flat_directions import flat_directions, singular_values
+from bayesid.estimation.output_error.iterate_log import IterateLog
+from bayesid.estimation.output_error.problem import FitProblem
+from bayesid.estimation.output_error.slsqp import DAMPING, Clock, Enough, Iterate, Round, run_round
+
+Array = np.ndarray
+TIME_SHARES = ("line_search", "gradient", "subproblem", "other")
+SAME_COST = 1e-6  # share by which a cost computed again may differ: other processors round otherwise
+SAME_COST_SHARE = 1e-3  # starts whose costs differ by less than this share end in the same minimum
+
+
+@dataclass(frozen=True)
+class FitOptions:
+    """How to search.
+
+    rounds, iterations : at most this many rounds of at most so many SLSQP iterations
+    gain : converged when the predicted further decrease of the cost is below this [half chi-square: 1e-3
+        moves no estimate by more than 0.05 sd] ...
+    relative_gain : ... or below this share of the cost
+    goal : stop as soon as the cost is below this
+    starts : number of starts; the first is the parameter set's own, the others a Sobol design within the
+        bounds
+    spread : half width of that design where there are no bounds, in units of the scale
+    flat_level : relative sd beyond which a direction counts as flat
+    profile : weigh every channel by its own residuals: their rms, as the maximum of the likelihood has it,
+        times the root of their correlation time [samples], so that errors that persist do not count as many
+        readings. None: no, but `fit_trial` does where the trial leaves the noise of a channel open
+    """
+
+    rounds: int = 20
+    iterations: int = 25
+    gain: float = 1e-3
+    relative_gain: float = 1e-6
+    goal: float = 0.0
+    starts: int = 1
+    spread: float = 0.3
+    flat_level: float = 0.5
+    profile: bool | None = None
+    seed: int = 0
+
+
+def fit(
+    problem: FitProblem,
+    options: FitOptions | None = None,
+    folder: str | os.PathLike[str] | None = None,
+    resume: bool = True,
+    watch: Callable[[int, float, float], None] | None = None,
+    note: Callable[[Iterate], None] | None = None,
+) -> Fit:
+    """Minimise the cost of a problem.
+
+    Parameters
+    ----------
+    folder : gets `iterates.jsonl` (every iterate as it is reached) and `fit.json` (before anything else is
+        done)
+    resume : go on from an `iterates.jsonl` of the same problem and options; warns, and begins anew, where the
+        cost it tells is not that of the values it tells
+    watch : called with (iterations done, cost, step)
+    note : called with every `Iterate`; for studies of the search itself
+
+    Raises
+    ------
+    FitError
+        if the vehicle diverges at the start values
+    """
+    options = options or FitOptions()
+    if not np.isfinite(problem.cost(problem.start)):
+        raise FitError(
+            "the simulated vehicle diverges at the start values; check signs and units of the coefficients"
+        )
+    journal = IterateLog(
+        Path(folder) / "iterates.jsonl" if folder else None,
+        {
+            "digest": _digest(problem, options), "problem": problem.digest, "seed": options.seed,
+            "names": list(problem.names),
+        },
+        resume,
+    )  # fmt: skip
+    try:
+        _check(problem, options, journal)
+        searches = [
+            _search(problem, options, number, z0, journal, watch, note)
+            for number, z0 in enumerate(start_points(problem, options))
+        ]
+    finally:
+        journal.close()
+    best = min(searches, key=lambda s: s.cost_unit if options.profile else s.cost)
+    clock = Clock()
+    for search in searches:
+        clock.add(search.clock)
+    result = _result(problem, options, best, searches, clock)
+    if folder:
+        result.save(Path(folder) / "fit.json")
+    return result
+
+
+def start_points(problem: FitProblem, options: FitOptions) -> list[Array]:
+    """Starts (k,): the parameter set's own, then a scrambled Sobol design; initial states as the data
+    suggest.
+    """
+    points = [problem.start]
+    if options.starts > 1:
+        k = len(problem.params.names)
+        start, scale = problem.start[:k], problem.scale[:k]
+        low = np.maximum(problem.low[:k], start - options.spread * scale)
+        high = np.minimum(problem.high[:k], start + options.spread * scale)
+        design = qmc.Sobol(k, seed=np.random.default_rng(options.seed))
+        count = 1 << (options.starts - 2).bit_length() if options.starts > 2 else 1
+        for row in design.random(count)[: options.starts - 1]:
+            points.append(np.concatenate([low + row * (high - low), problem.start[k:]]))
+    return points
+
+
+class _Search:
+    """One start on its way: its point, path and clock."""
+
+    def __init__(self, problem: FitProblem, number: int, z: Array) -> None:
+        self.problem, self.number, self.z = problem, number, z
+        self.cost_start = self.cost = problem.cost(z)
+        self.costs: list[float] = []
+        self.steps: list[float] = []
+        self.rounds = 0
+        self.clock = Clock()
+        self.status, self.message, self.predicted = "budget", "", float("nan")
+
+    @property
+    def cost_unit(self) -> float:
+        """Negative log-likelihood up to a constant, with the noise of this search."""
+        logs = sum(
+            float(np.isfinite(r.readings[:, j]).sum()) * np.log(r.sigma[j])
+            for r in self.problem.runs
+            for j in range(len(r.channels))
+        )
+        return self.cost + logs
+
+
+def _search(
+    problem: FitProblem,
+    options: FitOptions,
+    number: int,
+    z0: Array,
+    journal: IterateLog,
+    watch: Callable[[int, float, float], None] | None,
+    note: Callable[[Iterate], None] | None = None,
+) -> _Search:
+    search = _Search(problem, number, z0)
+    if _restore(search, journal.found):
+        return search
+    if not np.isfinite(search.cost):
+        search.status, search.message = "diverged", "the simulated vehicle diverges at this start"
+        return search
+
+    def after(z: Array, cost: float, step: float) -> None:
+        search.costs.append(cost)
+        search.steps.append(step)
+        journal.write(
+            kind="iterate", start=number, round=search.rounds, cost=cost, step=step, z=z.tolist(),
+            sigma=_sigma(search.problem) if options.profile else None,
+        )  # fmt: skip
+        if watch is not None:
+            watch(len(search.costs), cost, step)
+        if cost <= options.goal:
+            raise Enough("the cost goal is reached")
+
+    slow, damping = 0, DAMPING
+    while search.rounds < options.rounds:
+        settled = not options.profile or _profile(search)
+        search.predicted, zero = predicted_gain(search.problem, search.z)
+        search.status, search.message = _judge(search, options, zero, slow)
+        if search.status != "budget" and settled:
+            break
+        done: Round = run_round(
+            search.problem, search.z, options.iterations, 1e-9, search.predicted, damping, after, note
+        )
+        search.rounds += 1
+        search.clock.add(done.clock)
+        gained = search.cost - done.cost
+        slow = slow + 1 if gained < 0.01 * search.predicted else 0
+        # a bent valley: short line searches all along; the next round goes shorter ways from the beginning
+        damping = min(100 * damping, 1e6) if gained < 0.7 * search.predicted else max(0.01 * damping, DAMPING)
+        search.z, search.cost = done.z, done.cost
+    else:
+        search.predicted, zero = predicted_gain(search.problem, search.z)
+        search.status, search.message = _judge(search, options, zero, slow)
+    journal.write(
+        kind="end", start=number, status=search.status, message=search.message, cost=search.cost,
+        cost_start=search.cost_start, rounds=search.rounds, z=search.z.tolist(), predicted=search.predicted,
+        sigma=_sigma(search.problem) if options.profile else None, clock=vars(search.clock),
+    )  # fmt: skip
+    return search
+
+
+def _digest(problem: FitProblem, options: FitOptions) -> str:
+    """Hash of problem and options: what an iterate belongs to."""
+    return hashlib.sha256(f"{problem.digest}|{options!r}".encode()).hexdigest()[:16]
+
+
+def _check(problem: FitProblem, options: FitOptions, journal: IterateLog) -> None:
+    """Recompute the last cost of every start in a log; one that is not true makes the log worthless."""
+    if not journal.found:
+        return
+    try:
+        for number, z0 in enumerate(start_points(problem, options)):
+            search = _Search(problem, number, z0)
+            _restore(search, journal.found)
+            told = [line["cost"] for line in journal.found if line["start"] == number][-1:]
+            found = search.problem.cost(search.z) if told else 0.0
+            slack = SAME_COST * (abs(told[0]) + 1e-3 * abs(search.cost_start)) if told else 0.0
+            if told and not abs(found - told[0]) <= slack < np.inf:
+                reason = f"start {number + 1} has cost {found:.6g}, its log says {told[0]:.6g}"
+                break
+        else:
+            return
+    except (ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
+        reason = f"a line cannot be read ({type(error).__name__}: {error})"
+    aside = journal.refuse()
+    name = "" if aside is None else f"; it is kept as {aside.name}"
+    warnings.warn(
+        f"the log of the interrupted fit is not used: {reason}{name}, and the fit begins anew", stacklevel=3
+    )
+
+
+def _restore(search: _Search, found: list[dict[str, Any]]) -> bool:
+    """Take up what an earlier run left of this start; True if it had ended."""
+    mine = [line for line in found if line.get("start") == search.number]
+    for line in mine:
+        if line["kind"] == "iterate":
+            search.costs.append(line["cost"])
+            search.steps.append(line["step"])
+            search.rounds = int(line["round"])
+        search.z = np.array(line["z"], dtype=float)
+        if line.get("sigma"):
+            search.problem = search.problem.with_sigma(line["sigma"])
+    if mine and mine[-1]["kind"] == "end":
+        end = mine[-1]
+        search.status, search.message, search.rounds = end["status"], end["message"], end["rounds"]
+        search.cost, search.cost_start = end["cost"], end["cost_start"]
+        search.predicted = end["predicted"]
+        search.clock = Clock(**end["clock"])
+        return True
+    search.cost = search.problem.cost(search.z)
+    return False
+
+
+def _sigma(problem: FitProblem) -> dict[str, float]:
+    return {c: float(s) for r in problem.runs for c, s in zip(r.channels, r.sigma, strict=True)}
+
+
+def _profile(search: _Search) -> bool:
+    """Weights from the residuals at this point (see `Options.profile`); True if none changed by more than 3
+    %.
+
+    Held above 1e-6 of a channel's spread, so that perfect data do not make it vanish.
+    """
+    floor: dict[str, float] = {}
+    for run in search.problem.runs:
+        for j, c in enumerate(run.channels):
+            floor[c] = max(floor.get(c, 0.0), 1e-6 * float(np.nanstd(run.readings[:, j])))
+    new = {c: max(v, floor[c], 1e-12) for c, v in search.problem.channel_rms(search.z).items()}
+    old = _sigma(search.problem)
+    if all(abs(new[c] / old[c] - 1.0) < 0.01 for c in new):
+        return True
+    search.problem = search.problem.with_sigma(new)
+    search.cost = search.problem.cost(search.z)
+    return False
+
+
+def _judge(search: _Search, options: FitOptions, zero: bool, slow: int) -> tuple[str, str]:
+    if zero:
+        return "rounding", "converged: residuals are at rounding level"
+    if search.cost <= options.goal:
+        return "goal", f"the cost goal {options.goal:.3g} is reached"
+    limit = max(options.gain, options.relative_gain * search.cost)
+    if search.predicted <= limit:
+        return (
+            "converged",
+            f"converged: a further step would lower the cost by {search.predicted:.2g} (limit {limit:.2g})",
+        )
+    if slow >= 2:
+        return "stalled", (
+            f"stalled: two rounds gained less than 1 % of what a step promises ({search.predicted:.3g} "
+            f"of {search.cost:.3g}); the cost has a kink or a jump here, as when an unstable "
+            "vehicle tips to the other side: cut the runs into shorter pieces"
+        )
+    return "budget", (
+        f"not converged after {search.rounds} rounds: a step promises {search.predicted:.3g} of "
+        f"{search.cost:.3g}; allow more rounds or free fewer coefficients"
+    )
+
+
+def _result(
+    problem: FitProblem, options: FitOptions, best: _Search, searches: list[_Search], clock: Clock
+) -> Fit:
+    problem = best.problem
+    z, low, high, scale = best.z, problem.low, problem.high, problem.scale
+    k = len(problem.params.names)
+    _, jac = problem.compressed(z)
+    n_prior = problem.prior(z)[0].size
+    data = (jac[: jac.shape[0] - n_prior] if n_prior else jac) * scale
+    prior = np.array([p.prior.spread if p.prior is not None else np.inf for p in problem.params.free])
+    if problem.params.joint is not None:
+        for name, v in zip(problem.params.joint.names, np.diag(problem.params.joint.covariance), strict=True):
+            prior[problem.params.names.index(name)] = np.sqrt(v)
+    prior_all = np.concatenate([prior, *(r.initial_sd for r in problem.runs)])
+    half = np.where(np.isfinite(high - low), 0.5 * (high - low), np.inf)
+    seen = data[:, :k] if not problem.n_initial else without(data, k)
+    flat = flat_directions(
+        problem.names[:k], seen, options.flat_level, prior / scale[:k], half[:k] / scale[:k]
+    )
+    covariance = covariance_of(jac * scale) * np.outer(scale, scale)
+    width = np.where(np.isfinite(high - low), high - low, np.inf)
+    near = (z - low <= 1e-6 * width) | (high - z <= 1e-6 * width)
+    total = clock.line_search + clock.gradient + clock.subproblem + clock.other
+    same = sum(abs(s.cost - best.cost) <= SAME_COST_SHARE * max(best.cost, 1e-300) for s in searches)
+    message = best.message
+    if len(searches) > 1:
+        message += f"; {same} of {len(searches)} starts end there"
+    return Fit(
+        names=problem.names, n_params=k, z=z, start=problem.start, low=low, high=high, scale=scale,
+        sd=np.sqrt(np.diag(covariance)), covariance=covariance, prior_sd=prior_all,
+        cost_start=best.cost_start, cost=best.cost, n_readings=problem.n_readings,
+        at_bound=tuple(n for n, b in zip(problem.names, near & np.isfinite(width), strict=True) if b),
+        status=best.status, message=message, predicted_gain=best.predicted, flat=flat,
+        singular_values=singular_values(seen)[0], costs=tuple(best.costs), steps=tuple(best.steps),
+        rounds=best.rounds,
+        shares={n: getattr(clock, n) / max(total, 1e-12) for n in TIME_SHARES},
+        seconds=total, n_cost=clock.n_cost, n_gradient=clock.n_gradient,
+        starts=tuple({"cost_start": s.cost_start, "cost": s.cost, "reason": s.message} for s in searches),
+        sigma=_sigma(problem), channel_rms=problem.channel_rms(z), seed=options.seed, digest=problem.digest,
+    )  # fmt: skip

@@ -1,0 +1,219 @@
+"""Identify a vehicle from a trial: fit its runs, predict the held-out ones, give the vehicle that results.
+
+Takes a trial and a vehicle. Gives a `TrialFit` and, in a folder, iterates.jsonl, fit.json and vehicle.toml.
+Does not draw or choose words: `bayesid.report.fit` does.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bayesid.equations.model import Model, build_model
+from bayesid.errors import FitError, ModelError
+from bayesid.estimation.output_error.fit_result import Fit
+from bayesid.estimation.output_error.problem import FitProblem
+from bayesid.estimation.output_error.residual_correlation import memory
+from bayesid.estimation.output_error.run_data import run_data
+from bayesid.estimation.output_error.search import FitOptions, fit
+from bayesid.estimation.output_error.trial_setup import coefficient_set, measured_base, trial_problem
+from bayesid.model.params import ParameterSet
+from bayesid.model.terms import TERMS
+from bayesid.model.vehicles import Vehicle, identified, load_vehicle, write_vehicle
+from bayesid.trials import Run, Trial
+
+Array = np.ndarray
+# The initial state of a held-out run is read from this stretch [L/U] and at least so many samples.
+HEAD_LENGTHS, HEAD_SAMPLES = 3.0, 20
+
+
+@dataclass(frozen=True, eq=False)
+class RunOutcome:
+    """One run beside its simulations.
+
+    Attributes
+    ----------
+    readings, nominal, fitted : (n, c) SI; nominal and fitted are simulated with the vehicle as given and as
+        found
+    sigma : (c,) noise used as weight
+    rms_nominal, rms_fitted : (c,) root mean square differences
+    memory : (c,) integrated correlation time of the fitted residuals [samples]; 1 is white
+    """
+
+    name: str
+    manoeuvre: str
+    role: str
+    t: Array
+    channels: tuple[str, ...]
+    readings: Array
+    nominal: Array
+    fitted: Array
+    sigma: Array
+    rms_nominal: Array
+    rms_fitted: Array
+    memory: Array
+
+
+@dataclass(frozen=True, eq=False)
+class TrialFit:
+    """A fit with what it was made from and what it predicts."""
+
+    trial: Trial
+    vehicle: Vehicle
+    identified: Vehicle
+    model: Model
+    problem: FitProblem
+    fit: Fit
+    runs: tuple[RunOutcome, ...]
+
+
+def fit_trial(
+    trial: Trial,
+    vehicle: Vehicle | None = None,
+    out: str | os.PathLike[str] | None = None,
+    *,
+    free: Iterable[str] | None = None,
+    fixed: Iterable[str] = (),
+    ties: Mapping[str, tuple[str, float, float]] | None = None,
+    params: ParameterSet | None = None,
+    channels: Sequence[str] | None = None,
+    use_prior: bool = True,
+    relative_bounds: float | None = None,
+    options: FitOptions | None = None,
+    resume: bool = True,
+    threads: int = 2,
+    watch: Callable[[int, float, float], None] | None = None,
+) -> TrialFit:
+    """Maximum-posterior fit of a trial's runs with role "identify".
+
+    Parameters
+    ----------
+    vehicle : by default the one the trial names
+    out : folder for iterates.jsonl, fit.json, vehicle.toml; none are written without
+    free, fixed : coefficients or effect parameters to free (default: every coefficient of the file), or to
+        keep
+    ties : name -> (free name, factor, offset)
+    params : the unknowns themselves instead of free, fixed, ties, use_prior and relative_bounds
+    channels : readings to compare, by default all
+    options : with `profile` None, a channel the trial states no noise for makes all of them be estimated
+
+    Raises
+    ------
+    FitError, ModelError, VehicleError
+        set-up that cannot be used; a fit that does not converge is a result
+    """
+    if vehicle is None:
+        if not trial.vehicle_ref:
+            raise FitError(f"trial {trial.name!r} names no vehicle; pass one or name it in trial.toml")
+        vehicle = load_vehicle(trial.vehicle_ref)
+    model = build_model(vehicle, 3 if vehicle.planar_only else trial.dof)
+    if params is None:
+        kept = set(fixed)
+        names = tuple(n for n in (free if free is not None else model.coefficients) if n not in kept)
+        params = coefficient_set(
+            model, names, relative_bounds=relative_bounds, use_prior=use_prior, ties=ties
+        )
+    problem = trial_problem(model, trial, params, channels=channels, threads=threads)
+    options = options or FitOptions()
+    if options.profile is None:
+        stated = all(c in trial.noise for run in problem.runs for c in run.channels)
+        options = replace(options, profile=not stated)
+    result = fit(problem, options, out, resume, watch)
+    problem = problem.with_sigma(result.sigma)
+    found = _identified(model, trial, result)
+    if out is not None:
+        write_vehicle(found, Path(out) / "vehicle.toml")
+    return TrialFit(trial, vehicle, found, model, problem, result, outcomes(problem, trial, result))
+
+
+def _identified(model: Model, trial: Trial, result: Fit) -> Vehicle:
+    rows = {t.name for t in TERMS}
+    values = {n: v for n, v in result.values.items() if n in rows}
+    where = [result.names.index(n) for n in values]
+    covariance = result.covariance[np.ix_(where, where)]
+    width = (result.high - result.low)[where]
+    if np.isfinite(width).any():  # bounds as a uniform prior: what nothing else holds has their spread
+        inverse = np.where(np.isfinite(width), 12.0 / np.where(np.isfinite(width), width, 1.0) ** 2, 0.0)
+        scale = result.scale[where]
+        whole = np.linalg.inv(covariance / np.outer(scale, scale)) + np.diag(inverse * scale**2)
+        covariance = np.linalg.inv(whole) * np.outer(scale, scale)
+    names = tuple(values)
+    return identified(
+        model.vehicle,
+        values,
+        source=f"bayesid fit of {trial.name} ({trial.digest[:12]}): {result.status}",
+        name=f"{model.vehicle.name}, identified",
+        names=names,
+        covariance=covariance,
+    )
+
+
+def outcomes(problem: FitProblem, trial: Trial, result: Fit) -> tuple[RunOutcome, ...]:
+    """Every run of the trial beside the vehicle as given and as found.
+
+    Fitted runs keep their fitted initial states; for all others it is estimated from the run's own first
+    stretch, for each vehicle by itself.
+    """
+    model, k = problem.model, result.n_params
+    found = []
+    nominal = measured_base(model, trial)
+    par, starts = problem.split(result.z)
+    fitted = {run.name: x0 for run, x0 in zip(problem.runs, starts, strict=True)}
+    channels = tuple(dict.fromkeys(c for run in problem.runs for c in run.channels))
+    for run in trial.runs:
+        data = run_data(model, run, result.sigma, channels, True, trial.measured_point)
+        pair = []
+        for values, x0 in ((nominal, None), (par, fitted.get(run.name))):
+            alone = FitProblem(model, ParameterSet(()), (data,), values)
+            z = _head_state(alone, model, run) if x0 is None else x0
+            try:
+                pair.append(alone.readings(z)[0])
+            except ModelError:  # the vehicle as given may be unstable in this run; that is a finding
+                pair.append(np.full(data.readings.shape, np.nan))
+        found.append(_outcome(run, data, *pair))
+    assert k <= result.z.size
+    return tuple(found)
+
+
+def _head_state(alone: FitProblem, model: Model, run: Run) -> Array:
+    """Initial state that fits the first stretch of a run, coefficients held: Gauss-Newton, five steps."""
+    (data,) = alone.runs
+    speed = max(abs(float(data.x0[model.states.index("u")])), 0.1 * model.scales["U"])
+    until = max(
+        HEAD_LENGTHS * model.vehicle.L / speed, float(run.t[min(HEAD_SAMPLES, run.t.size) - 1] - run.t[0])
+    )
+    readings = np.where((run.t - run.t[0] <= until)[:, None], data.readings, np.nan)
+    head = replace(alone, runs=(replace(data, readings=readings),))
+    z = np.array(head.start)
+    best, cost = z, head.cost(z)
+    for _ in range(5):
+        try:
+            resid, jac = head.jacobian(z)
+        except ModelError:
+            break
+        z = z - np.linalg.lstsq(jac * head.scale, resid, rcond=None)[0] * head.scale
+        new = head.cost(z)
+        if not new < cost:
+            break
+        best, cost = z, new
+    return best
+
+
+def _outcome(run: Run, data: Any, nominal: Array, fitted: Array) -> RunOutcome:
+    def rms(simulated: Array) -> Array:
+        resid = data.residuals(simulated.copy()) * data.sigma
+        count = np.maximum(np.isfinite(data.readings).sum(axis=0), 1)
+        return np.sqrt(np.sum(resid**2, axis=0) / count)
+
+    resid = data.residuals(fitted.copy())
+    finite = np.isfinite(data.readings)
+    persistence = np.array([memory(resid[finite[:, j], j]) for j in range(resid.shape[1])])
+    return RunOutcome(
+        run.name, run.manoeuvre, run.role, run.t, data.channels, data.readings, nominal, fitted,
+        np.asarray(data.sigma), rms(nominal), rms(fitted), persistence,
+    )  # fmt: skip

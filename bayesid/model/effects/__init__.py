@@ -1,0 +1,26 @@
+"""The catalogue of effects a nominal model may lack: every module beside this one that defines `EFFECTS`.
+
+Adding an effect means adding one declaration to one of those modules (or one module).
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+
+from bayesid.model.effects.declare import PORTS, Effect, EffectParameter, InputStage, State
+
+__all__ = ["CATALOGUE", "PORTS", "Effect", "EffectParameter", "InputStage", "State"]
+
+
+def _collect() -> tuple[Effect, ...]:
+    found: list[Effect] = []
+    for info in sorted(pkgutil.iter_modules(__path__), key=lambda i: i.name):
+        found.extend(getattr(importlib.import_module(f"{__name__}.{info.name}"), "EFFECTS", ()))
+    names = [e.name for e in found]
+    if len(set(names)) != len(names):
+        raise ValueError(f"effect declared twice: {sorted({n for n in names if names.count(n) > 1})}")
+    return tuple(found)
+
+
+CATALOGUE: tuple[Effect, ...] = _collect()

@@ -1,0 +1,121 @@
+"""Forces of air, gravity and boundaries."""
+
+from bayesid.model.effects.declare import Effect, EffectParameter
+
+# Air drag on 3 % of L^2 ahead and 10 % abeam at a yaw arm of L/20: a low deck, scaled by `area`.
+_AX, _AY, _ARM = 0.03, 0.10, 0.05
+_RHO_AIR = 1.2
+
+
+def _air(axis: str, north: str, east: str) -> str:
+    """Quadratic air force in the relative wind less what still air already does."""
+
+    def drag(north: str, east: str) -> str:
+        a = f"(({north})*cos(psi) + ({east})*sin(psi) - ug)"
+        b = f"(({east})*cos(psi) - ({north})*sin(psi) - vg)"
+        speed = f"sqrt({a}*{a} + {b}*{b})"
+        return {"X": f"{_AX}*{a}*{speed}", "Y": f"{_AY}*{b}*{speed}", "N": f"{_AY * _ARM}*L*{b}*{speed}"}[
+            axis
+        ]
+
+    return f"0.5*{_RHO_AIR}*L*L*({drag(north, east)} - {drag('0', '0')})"
+
+
+def _wind(axis: str) -> str:
+    unknown = _air(axis, "blowing_north", "blowing_east")
+    measured = _air(axis, "wind_north", "wind_east")
+    return f"{unknown} + area_coefficients*({measured})"
+
+
+EFFECTS = (
+    Effect(
+        name="steady_force",
+        aliases=("wind_or_steady_force",),
+        family="earth_force",
+        port="force",
+        where=("X+Y+N", "X", "Y", "Y+N", "current"),
+        parameters=(
+            EffectParameter("F_north", "N", 2e-4, "rho*L**2*U**2/2", about="force to the north"),
+            EffectParameter("F_east", "N", 2e-4, "rho*L**2*U**2/2", about="force to the east"),
+        ),
+        force={
+            "X": "F_north*cos(theta)*cos(psi) + F_east*cos(theta)*sin(psi)",
+            "Y": "F_north*(sin(phi)*sin(theta)*cos(psi) - cos(phi)*sin(psi))"
+            " + F_east*(cos(phi)*cos(psi) + sin(phi)*sin(theta)*sin(psi))",
+            "Z": "F_north*(sin(phi)*sin(psi) + cos(phi)*sin(theta)*cos(psi))"
+            " + F_east*(cos(phi)*sin(theta)*sin(psi) - sin(phi)*cos(psi))",
+        },
+        source="assumed: constant earth-fixed force",
+        magnitude="wind and waves at periscope depth or on the surface",
+        form="Horizontal, at the body origin, the same at every heading.",
+    ),
+    Effect(
+        name="wind",
+        family="earth_force",
+        port="force",
+        where=("X+Y+N", "X", "Y", "N", "Y+N", "current"),
+        parameters=(
+            EffectParameter(
+                "blowing_north", "m/s", 2.0, about="air velocity to the north where no wind was measured"
+            ),
+            EffectParameter(
+                "blowing_east", "m/s", 2.0, about="air velocity to the east where no wind was measured"
+            ),
+            EffectParameter(
+                "area_coefficients",
+                "-",
+                0.7,
+                one_sided=True,
+                about="exposed areas over the assumed ones, measured wind",
+            ),
+        ),
+        force={"X": _wind("X"), "Y": _wind("Y"), "N": _wind("N")},
+        source="quadratic drag of the relative wind (Fossen 2021, wind forces), less that of still air",
+        magnitude="first-order for surface models in the open",
+        form="Quadratic in the air that passes the hull; 3 % of L^2 exposed ahead and 10 % abeam, at a "
+        "yaw arm of L/20; heel, trim and depth are left out.",
+    ),
+    Effect(
+        name="trim_weight",
+        family="trim_weight",
+        port="force",
+        where=("Z", "M", "Z+M"),
+        parameters=(
+            EffectParameter("weight_excess", "N", 5e-4, "rho*L**2*U**2/2", about="W - B"),
+            EffectParameter("x", "m", 0.2, "L", about="where the excess weight sits"),
+        ),
+        force={
+            "X": "-weight_excess*sin(theta)",
+            "Y": "weight_excess*cos(theta)*sin(phi)",
+            "Z": "weight_excess*cos(theta)*cos(phi)",
+            "M": "-x*weight_excess*cos(theta)*cos(phi)",
+            "N": "x*weight_excess*cos(theta)*sin(phi)",
+        },
+        dof=6,
+        source="hydrostatics",
+        magnitude="0.5-2 % of the weight",
+        form="Weight or lost buoyancy at (x, 0, 0), without inertia.",
+    ),
+    Effect(
+        name="surface_suction",
+        family="surface_suction",
+        port="force",
+        where=("Z", "M", "Z+M"),
+        parameters=(
+            EffectParameter(
+                "Z_s", "-", 1e-3, one_sided=True, about="upward suction over rho/2 L^2 u^2 at the surface"
+            ),
+            EffectParameter("M_s", "-", 3e-4, about="pitch moment over rho/2 L^3 u^2 at the surface"),
+            EffectParameter("decay", "L", 0.2, off=0.5, mean=0.5, about="depth over which it falls by e"),
+        ),
+        force={
+            "Z": "-0.5*rho*L*L*u*u*Z_s*exp(-z/(max(decay, 0.02)*L))",
+            "M": "0.5*rho*L*L*L*u*u*M_s*exp(-z/(max(decay, 0.02)*L))",
+        },
+        dof=6,
+        source="assumed: exponential in depth, quadratic in speed",
+        magnitude="matters within a few diameters of the surface",
+        form="Falls exponentially with depth of the origin and goes with speed squared; one length for "
+        "force and moment.",
+    ),
+)

@@ -1,0 +1,106 @@
+"""Hull forces beyond the coefficient set."""
+
+from bayesid.model.effects.declare import Effect, EffectParameter, State
+
+# Five-point Gauss-Legendre over the length: exact for the quadratic parts, 0.3 % where v + x r changes sign.
+_GAUSS = (
+    (-0.9061798459386640, 0.2369268850561891),
+    (-0.5384693101056831, 0.4786286704993665),
+    (0.0, 0.5688888888888889),
+    (0.5384693101056831, 0.4786286704993665),
+    (0.9061798459386640, 0.2369268850561891),
+)
+
+
+def _strip(arm: bool) -> str:
+    parts = []
+    for xi, weight in _GAUSS:
+        speed = f"(v + {0.5 * xi!r}*L*r)"
+        lever = f"*{0.5 * xi!r}*L" if arm else ""
+        parts.append(f"{0.5 * weight!r}*(1 + tilt*{xi!r}){lever}*{speed}*abs({speed})")
+    return "-0.5*rho*Cd*height*L*(" + " + ".join(parts) + ")"
+
+
+EFFECTS = (
+    Effect(
+        name="crossflow_drag",
+        family="crossflow_drag",
+        port="force",
+        where=("Y", "N", "Y+N"),
+        parameters=(
+            EffectParameter("Cd", "-", 0.5, about="extra strip drag coefficient"),
+            EffectParameter("tilt", "-", 0.3, about="its fore-aft imbalance, bow heavier if positive"),
+        ),
+        force={"Y": _strip(arm=False), "N": _strip(arm=True)},
+        source="strip theory as in Healey & Lienard (1993)",
+        magnitude="10-50 % of the cross-flow drag",
+        form="Strips of constant height (diameter, or strip height of the file) in sway and yaw only, "
+        "quadratic, weighed 1 + tilt 2x/L; heave of the strip is left out. Alternative: "
+        "crossflow_drag_midships, strips that end in points.",
+    ),
+    Effect(
+        name="cubic_damping",
+        family="cubic_damping",
+        port="force",
+        where=("Y", "N", "Y+N"),
+        parameters=(
+            EffectParameter("Y_vvv", "N*s^3/m^3", 3.0, "rho*L**2/(2*U)", about="sway force over v^3"),
+            EffectParameter("N_rrr", "N*m*s^3", 0.03, "rho*L**6/(2*U)", about="yaw moment over r^3"),
+        ),
+        force={"Y": "Y_vvv*v*v*v", "N": "N_rrr*r*r*r"},
+        source="cubic terms of ship models (Abkowitz form)",
+        magnitude="matters at large drift angles only",
+        form="Pure cubes of sway and yaw rate; mixed terms and any other odd power are left out.",
+    ),
+    Effect(
+        name="fluid_memory",
+        family="fluid_memory",
+        port="force",
+        where=("Y", "N", "Y+N"),
+        parameters=(
+            EffectParameter("fraction", "-", 0.4, about="share of the hull lift that answers with a lag"),
+            EffectParameter(
+                "lag", "L/U", 0.7, off=1.5, mean=1.5, about="time constant in hull lengths travelled"
+            ),
+        ),
+        states=(State("v_lagged", "(v - v_lagged)*abs(u)/(max(lag, 0.05)*L)", "v"),),
+        force={
+            "Y": "fraction*coef('Y_v')*u*(v_lagged - v)",
+            "N": "fraction*coef('N_v')*u*(v_lagged - v)",
+        },
+        source="first-order form of a memory integral (Cummins 1962)",
+        magnitude="time constants of one to two L/U",
+        form="One lag for the lift by sway (Y_v, N_v), none for that by yaw rate; measured in lengths "
+        "travelled.",
+    ),
+    Effect(
+        name="hull_asymmetry",
+        family="hull_asymmetry",
+        port="force",
+        where=("N", "Y+N", "rudder"),
+        parameters=(EffectParameter("N_u_abs_v", "N*s^2/m", 0.0017, "rho*L**3/2", about="N += a u |v|"),),
+        force={"N": "N_u_abs_v*u*abs(v)"},
+        source="assumed: appendages or list that add the same moment at either drift side",
+        magnitude="a few per cent of N_v",
+        form="A yaw moment alone, even in sway; no side force with it.",
+    ),
+    Effect(
+        name="tether_drag",
+        family="tether_drag",
+        port="force",
+        where=("X+Y+N", "X", "Y+N", "N", "rpm"),
+        parameters=(
+            EffectParameter(
+                "k", "N*s^2/m^2", 2e-4, "rho*L**2/2", one_sided=True, about="quadratic drag at the stern"
+            ),
+        ),
+        force={
+            "X": "-k*u*sqrt(u*u + (v - 0.5*L*r)**2)",
+            "Y": "-k*(v - 0.5*L*r)*sqrt(u*u + (v - 0.5*L*r)**2)",
+            "N": "0.5*L*k*(v - 0.5*L*r)*sqrt(u*u + (v - 0.5*L*r)**2)",
+        },
+        source="line drag at x = -L/2",
+        magnitude="2-10 % of the hull drag",
+        form="Quadratic line drag in the water at the stern, x = -L/2, horizontal.",
+    ),
+)

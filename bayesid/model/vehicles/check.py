@@ -1,0 +1,183 @@
+"""Is a coefficient set physically sensible? Findings in words, from the numbers alone.
+
+Takes: a `Vehicle`. Gives findings: "warning" for what no real vehicle does, "note" for what to know.
+Does not: simulate; turning circles and zig-zags are judged where a simulator is at hand.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+
+from bayesid.errors import VehicleError
+from bayesid.model.propulsion import MODELS
+from bayesid.model.vehicles.convention import munk_and_coriolis
+from bayesid.model.vehicles.inertia import mass_problems
+from bayesid.model.vehicles.stability import Stability, self_propulsion_speed, stability
+from bayesid.model.vehicles.vehicle import GRAVITY, Vehicle, coef_si
+
+#: rows whose sign is known for any body that is damped, of inertia, or steered as the convention says
+NEGATIVE = {
+    "added mass": ("X_udot", "Y_vdot", "Z_wdot", "K_pdot", "M_qdot", "N_rdot"),
+    "damping": (
+        *(
+            "X_u|u|",
+            "X_uu",
+            "X_u0",
+            "Y_v",
+            "Y_v|v|",
+            "Y_v0",
+            "Z_w",
+            "Z_w|w|",
+            "Z_w0",
+            "K_p",
+            "K_p|p|",
+            "K_p0",
+        ),
+        *("M_q", "M_q|q|", "M_q0", "N_r", "N_r|r|", "N_r0", "N_|v|r", "M_|w|q"),
+    ),
+    "drag of a deflected fin": ("X_drdr", "X_dsds", "X_dbdb"),
+    "yaw moment of a stern rudder, positive to port": ("N_dr",),
+    "pitch moment of a stern plane, positive to bow down": ("M_ds",),
+}
+#: rows that added mass alone would fix, apart from those that also hold lift and drag
+POTENTIAL_TOLERANCE = 0.25
+VISCOUS = ("Y_v", "Y_r", "N_v", "N_r", "Z_w", "Z_q", "M_w", "M_q", "N_p", "Y_p", "K_p", "K_r", "K_v")
+SYMMETRIC = (("Y_rdot", "N_vdot"), ("Z_qdot", "M_wdot"), ("Y_pdot", "K_vdot"), ("K_rdot", "N_pdot"))
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One remark on a set: `level` "warning" or "note", a sentence, and the rows it is about."""
+
+    level: str
+    text: str
+    rows: tuple[str, ...] = ()
+
+
+def check_vehicle(vehicle: Vehicle) -> list[Finding]:
+    """Findings on signs, inertia, stability, potential flow, propulsion and priors; may be empty."""
+    found = [Finding("warning", text) for text in mass_problems(vehicle)]
+    found += _inertia(vehicle) + _signs(vehicle) + _propulsion(vehicle) + _weight(vehicle)
+    with suppress(VehicleError, np.linalg.LinAlgError):  # no speed or no mass matrix: said above
+        found += _stability(stability(vehicle))
+    return found + _potential_flow(vehicle) + _prior(vehicle)
+
+
+def _inertia(vehicle: Vehicle) -> list[Finding]:
+    v = vehicle
+    if v.planar_only:
+        return []
+    offset = np.array(v.r_G)
+    about_origin = np.array([[v.Ixx, -v.Ixy, -v.Ixz], [-v.Ixy, v.Iyy, -v.Iyz], [-v.Ixz, -v.Iyz, v.Izz]])
+    about_G = about_origin - v.mass * (offset @ offset * np.eye(3) - np.outer(offset, offset))
+    low, middle, high = np.linalg.eigvalsh(about_G)
+    if low <= 0.0 or low + middle < high * (1.0 - 1e-9):
+        text = (
+            f"principal inertias {low:.4g}, {middle:.4g}, {high:.4g} kg m^2 about G belong to no rigid body"
+        )
+        return [Finding("warning", f"{text}; the largest may not exceed the sum of the others")]
+    return []
+
+
+def _signs(vehicle: Vehicle) -> list[Finding]:
+    return [
+        Finding(
+            "warning", f"{name} = {vehicle.coef[name]:g} is positive; {meaning} should be negative", (name,)
+        )
+        for meaning, names in NEGATIVE.items()
+        for name in names
+        if vehicle.coef.get(name, 0.0) > 0.0
+    ]
+
+
+def _propulsion(vehicle: Vehicle) -> list[Finding]:
+    """Does the boat hold its own reference speed?"""
+    found = []
+    p = vehicle.propulsion
+    drag_rows = [name for name in ("X_uu", "X_u|u|", "X_u0") if vehicle.coef.get(name)]
+    if MODELS[p.model].holds_drag and drag_rows:
+        text = f"the {p.model} model holds the hull drag and {' and '.join(drag_rows)} adds it again"
+        found.append(Finding("warning", text, tuple(drag_rows)))
+    if vehicle.rpm_ref is None:
+        return [*found, Finding("note", "rpm_ref is missing, so no reference speed is known")]
+    try:
+        speed = self_propulsion_speed(vehicle, vehicle.rpm_ref)
+    except VehicleError as error:
+        return [*found, Finding("warning", str(error))]
+    if p.model == "polynomial":
+        stated = p.values["uc_per_rpm"] * vehicle.rpm_ref
+        if abs(speed / stated - 1.0) > 0.01:
+            text = f"runs at {speed:.4g} m/s at rpm_ref while u_c is {stated:.4g} m/s; a + b + c should be 0"
+            found.append(Finding("warning", text))
+    lengths = speed / vehicle.L
+    if not 0.005 < lengths < 5.0:
+        text = f"reference speed {speed:.4g} m/s is {lengths:.3g} lengths per second, outside 0.005 to 5"
+        found.append(Finding("warning", text))
+    return found
+
+
+def _weight(vehicle: Vehicle) -> list[Finding]:
+    found = []
+    for name, value in (("W", vehicle.W), ("B", vehicle.B)):
+        ratio = value / (vehicle.mass * GRAVITY)
+        if abs(ratio - 1.0) > 0.05:
+            found.append(Finding("warning", f"{name} = {value:g} N is {ratio:.3g} times m g"))
+    if not vehicle.planar_only and vehicle.r_G[2] * vehicle.W <= vehicle.r_B[2] * vehicle.B:
+        text = "the centre of gravity is not below that of buoyancy: the vehicle is unstable in roll at rest"
+        found.append(Finding("warning", text, ()))
+    return found
+
+
+def _stability(result: Stability) -> list[Finding]:
+    found = []
+    for name, index, plane in (("G_H", result.G_H, "horizontal"), ("G_V", result.G_V, "vertical")):
+        if index is not None and index <= 0.0:
+            text = (
+                f"{name} = {index:.3f}: unstable in the {plane} plane without control, at {result.U:.3g} m/s"
+            )
+            found.append(Finding("note", text))
+    growing = [value.real for value in result.vertical if value.real > 1e-9]
+    if growing:
+        time = 1.0 / max(growing)
+        text = f"with planes fixed depth motion grows e-fold in {time:.3g} L/U at {result.U:.3g} m/s"
+        found.append(Finding("note", text))
+    return found
+
+
+def _potential_flow(vehicle: Vehicle) -> list[Finding]:
+    """Rows that added mass alone fixes, and the symmetry of added mass."""
+    found = []
+    si = coef_si(vehicle)
+    for first, second in SYMMETRIC:
+        a, b = si.get(first, 0.0), si.get(second, 0.0)
+        if abs(a - b) > POTENTIAL_TOLERANCE * max(abs(a), abs(b)):
+            text = f"{first} and {second} differ (SI {a:.4g}, {b:.4g}); added mass should be symmetric"
+            found.append(Finding("note", text, (first, second)))
+    missing, different = [], []
+    for name, value in munk_and_coriolis(si).items():
+        if name in VISCOUS or (vehicle.planar_only and name not in ("X_vr", "X_rr")):
+            continue
+        if name not in vehicle.coef:
+            missing.append(name)
+        elif abs(si[name] - value) > POTENTIAL_TOLERANCE * max(abs(value), abs(si[name])):
+            different.append(name)
+    if missing:
+        text = f"added mass brings {', '.join(missing)}; the set leaves them at 0, so energy is not kept"
+        found.append(Finding("note", text, tuple(missing)))
+    if different:
+        text = f"{', '.join(different)} differ by more than 25 % from what added mass alone would give"
+        found.append(Finding("note", text, tuple(different)))
+    return found
+
+
+def _prior(vehicle: Vehicle) -> list[Finding]:
+    prior = vehicle.prior
+    if prior is None:
+        return [Finding("note", "no [prior]: how well the coefficients are known is not stated")]
+    without = [name for name in vehicle.coef if name not in prior.relative_sd and name not in prior.names]
+    if without:
+        return [Finding("note", f"no prior for {', '.join(without)}", tuple(without))]
+    return []

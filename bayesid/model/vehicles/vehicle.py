@@ -1,0 +1,164 @@
+"""What a vehicle is: mass properties, coefficients, propulsion, limits and how well each number is known.
+
+Takes: numbers already read and checked (`reading`). Gives SI coefficients.
+Does not: read files, simulate, or judge whether the numbers make sense (`check`).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from bayesid.model.propulsion import propulsion_rows
+from bayesid.model.terms import Term, term
+
+GRAVITY = 9.81  # m/s^2, as in the reference behaviour of the built-in sets
+FINS = ("delta_r", "delta_s", "delta_b")
+INERTIA = ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
+
+
+@dataclass(frozen=True)
+class Propulsion:
+    """Model name of `propulsion.MODELS` and its numbers as in the file."""
+
+    model: str
+    values: dict[str, float]
+
+    @property
+    def rpm_ref(self) -> float | None:
+        """Shaft speed [rpm] of the vehicle's usual run, if the file names one."""
+        return self.values.get("rpm_ref", self.values.get("rpm_max"))
+
+
+@dataclass(frozen=True)
+class Crossflow:
+    """Strip drag: Cdy, Cdz [-] on constant height and width [m], trapezoid over `sections` stations."""
+
+    Cdy: float
+    Cdz: float
+    height: float
+    width: float
+    sections: int
+
+
+@dataclass(frozen=True)
+class CoefficientPrior:
+    """How far the true coefficients may lie from the file's, one sigma.
+
+    Parameters
+    ----------
+    relative_sd : coefficient -> sigma / |value|, for every coefficient not named in `names`
+    names, covariance : jointly known coefficients and their (k, k) covariance, in the units of the file
+    """
+
+    relative_sd: dict[str, float] = field(default_factory=dict)
+    names: tuple[str, ...] = ()
+    covariance: np.ndarray | None = None
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, CoefficientPrior):
+            return NotImplemented
+        same = self.relative_sd == other.relative_sd and self.names == other.names
+        if self.covariance is None or other.covariance is None:
+            return same and self.covariance is other.covariance
+        return same and np.array_equal(self.covariance, other.covariance)
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+@dataclass(frozen=True)
+class Vehicle:
+    """A vehicle as its file states it, in one convention: SI and radians, x forward, y starboard, z down,
+    positive rudder to PORT, coefficients Gertler-Hagen complete. Dicts and arrays are not to be changed.
+
+    Parameters
+    ----------
+    coef : canonical name -> value, prime system if `nondimensional`, SI otherwise
+    limits, rates : fin -> largest angle [rad] and rate [rad/s]; inf where the file states none
+    U_ref : reference speed [m/s], needed only by prime coefficients that are not quadratic in velocity
+    validation, confidence, sources : what the file says about its own numbers, kept as it is
+    """
+
+    name: str
+    source: str
+    nondimensional: bool
+    plain_abs: bool
+    planar_only: bool
+    rho: float
+    L: float
+    mass: float
+    Ixx: float
+    Iyy: float
+    Izz: float
+    Ixy: float
+    Ixz: float
+    Iyz: float
+    r_G: tuple[float, float, float]
+    r_B: tuple[float, float, float]
+    W: float
+    B: float
+    limits: dict[str, float]
+    rates: dict[str, float]
+    propulsion: Propulsion
+    crossflow: Crossflow | None
+    coef: dict[str, float]
+    prior: CoefficientPrior | None = None
+    U_ref: float | None = None
+    dimensions: dict[str, float] = field(default_factory=dict)
+    validation: dict[str, Any] = field(default_factory=dict)
+    confidence: dict[str, list[str]] = field(default_factory=dict)
+    sources: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def rpm_ref(self) -> float | None:
+        return self.propulsion.rpm_ref
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of every number and name, independent of comments, order and spelling in the file."""
+        plain = asdict(self)
+        if self.prior is not None and self.prior.covariance is not None:
+            plain["prior"]["covariance"] = self.prior.covariance.tolist()
+        return hashlib.sha256(json.dumps(plain, sort_keys=True, default=str).encode()).hexdigest()
+
+
+# Relative prior sd of a coefficient whose vehicle file states none, in every command that needs one.
+ASSUMED_RELATIVE_SD = 0.1
+
+
+def with_relative_prior(vehicle: Vehicle, sd: float | None) -> Vehicle:
+    """The vehicle with every coefficient known to this share of its value, whatever its file states.
+
+    Parameters
+    ----------
+    sd : relative standard deviation; None gives the vehicle as it is
+    """
+    return (
+        vehicle if sd is None else replace(vehicle, prior=CoefficientPrior(dict.fromkeys(vehicle.coef, sd)))
+    )
+
+
+def prime_scale(vehicle: Vehicle, row: Term | str) -> float:
+    """SI value of a coefficient over its value in the file.
+
+    1/2 rho L^k for a prime set, with U_ref^(2 - degree) where the row is not quadratic in velocity; 1 for a
+    dimensional set and for propulsion rows, which are always SI.
+    """
+    row = term(row) if isinstance(row, str) else row
+    if not vehicle.nondimensional or row.group == "propulsion":
+        return 1.0
+    scale = 0.5 * vehicle.rho * vehicle.L**row.length_power
+    if row.velocity_power == 2:
+        return scale
+    return scale * (vehicle.U_ref or float("nan")) ** (2 - row.velocity_power)
+
+
+def coef_si(vehicle: Vehicle) -> dict[str, float]:
+    """SI values of all coefficients of the file and of the four propulsion rows (0 for `kt`)."""
+    values = {name: value * prime_scale(vehicle, name) for name, value in vehicle.coef.items()}
+    propulsion = vehicle.propulsion
+    return values | propulsion_rows(propulsion.model, propulsion.values, vehicle.rho, vehicle.L)

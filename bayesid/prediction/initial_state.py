@@ -1,0 +1,156 @@
+"""Where a prediction begins: draws of first state and disturbance, given the first readings of a run.
+
+Takes a diagnosed model and the lead-in of a log, or a shaft speed. Does not predict.
+
+The draws come from a simulation smoother (Durbin and Koopman 2002): a state and a disturbance are drawn from
+their prior, their readings taken off the log, and the smoothed rest is added. State and disturbance then have
+the covariance the lead-in leaves them, and the disturbance goes on after it from where it was.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bayesid.equations.model import Model
+from bayesid.errors import ModelError
+from bayesid.estimation.filter_error.fit import NO_PARAMETERS, fit
+from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, linearise
+from bayesid.estimation.filter_error.noise_model import Filter, NoiseModel, filter_settings
+from bayesid.estimation.filter_error.regressor_columns import known
+from bayesid.estimation.filter_error.run_readings import Array, RunReadings
+from bayesid.estimation.filter_error.smoother import smooth
+from bayesid.simulation import plan_run, simulate_batch
+
+# Times a speed is halved in the search for the one at which thrust and drag balance.
+MOST_HALVINGS = 40
+
+
+@dataclass(frozen=True, eq=False)
+class InitialState:
+    """One draw: first state, disturbance force over the lead-in's intervals, slow error at its samples."""
+
+    x0: Array
+    force: Array
+    drift: Array
+
+
+def initial_states(
+    model: Model,
+    log: RunReadings,
+    free: Array,
+    mean: Array,
+    pars: Array,
+    noise_model: NoiseModel,
+    rng: np.random.Generator,
+) -> list[InitialState]:
+    """One beginning per parameter vector.
+
+    Parameters
+    ----------
+    log : lead-in of the run
+    free : positions of the free parameters
+    mean : (n_par,) parameters about which the lead-in is linearised
+    pars : (draws, n_par) drawn parameters
+
+    Raises
+    ------
+    ModelError
+        if the lead-in cannot be followed
+    """
+    n_force = len(noise_model.force)
+    start = [Trajectory(mean, log.path, np.zeros((log.n - 1, n_force)))]
+    settled = fit(model, [log], NO_PARAMETERS, noise_model, start=start, loud=0.0, iterations=8)
+    path = linearise(model, log, settled.points[0], free)
+    f = filter_settings(model, path, noise_model)
+    out = []
+    for par in pars:
+        state, force, drift = _draw(path, f, par[free] - mean[free], rng)
+        out.append(InitialState(state[0, : len(model.states)], force[:-1], drift))
+    return out
+
+
+def _draw(
+    path: Linearisation, f: Filter, step: Array, rng: np.random.Generator
+) -> tuple[Array, Array, Array]:
+    """States (n, nx), disturbance (n, nf) and slow errors (n, nd) given the readings."""
+    log = path.log
+    n, q = log.data.shape
+    nx, nf, nd = f.start.size, f.variance_f.size, f.variance_d.size
+    force = coloured_noise(f.decay_f, np.sqrt(f.variance_f), rng)
+    drift = coloured_noise(f.decay_d, np.sqrt(f.variance_d), rng)
+    state = np.empty((n, nx))
+    state[0] = np.sqrt(f.start) * rng.standard_normal(nx)
+    for i in range(n - 1):
+        state[i + 1] = path.phi[i] @ state[i] + f.gamma[i] @ force[i]
+    seen = np.einsum("iqx,ix->iq", path.slope, state) + drift @ f.drift.T
+    seen += np.sqrt(f.variance) * rng.standard_normal((n, q))
+    resid, drive, first = known(path, step)
+    m = nx + nf + nd
+    mean, variance = np.empty((n, m)), np.empty((n, m))
+    standard, alone = np.empty((n, q)), np.empty((n, q))
+    smooth(
+        np.where(log.valid, resid - seen, 0.0), drive, first, log.valid, path.slope, f.variance, path.phi,
+        f.gamma, f.decay_f, f.variance_f, f.drift, f.decay_d, f.variance_d, f.start, mean, variance, standard,
+        alone,
+    )  # fmt: skip
+    return (
+        path.point.states + state + mean[:, :nx],
+        force + mean[:, nx : nx + nf],
+        drift + mean[:, nx + nf :],
+    )
+
+
+def coloured_noise(decay: Array, sd: Array, rng: np.random.Generator, first: Array | None = None) -> Array:
+    """Ornstein-Uhlenbeck samples (n, k).
+
+    Parameters
+    ----------
+    decay : (n-1, k) correlation of each sample with the next
+    sd : (k,) stationary standard deviations
+    first : (k,) first sample; drawn if not given
+    """
+    n, k = decay.shape[0] + 1, sd.size
+    out = rng.standard_normal((n, k)) * sd
+    if first is not None:
+        out[0] = first
+    for i in range(n - 1):
+        out[i + 1] = decay[i] * out[i] + np.sqrt(1.0 - decay[i] ** 2) * out[i + 1]
+    return out
+
+
+def balanced_speed(model: Model, pars: Array, rpm: float, heading: float = 0.0) -> Array:
+    """Speed [m/s] at which each vehicle neither gains nor loses way, straight ahead, rudder amidships.
+
+    Raises
+    ------
+    ModelError
+        if a vehicle has no such speed below three times the nominal one
+    """
+    pars = np.atleast_2d(pars)
+    s = model.scales
+    if rpm == 0.0:
+        return np.zeros(len(pars))
+    where = model.states.index("u")
+    dt = 0.01 * s["L"] / s["U"]
+    plan = plan_run(model, np.array([0.0, dt]), {"n_cmd": np.full(2, rpm)})
+    low, high = np.zeros(len(pars)), np.full(len(pars), 3.0 * s["U"] * max(1.0, _faster(model, rpm)))
+
+    def gains(u: Array) -> Array:
+        x0 = np.zeros((len(pars), len(model.states)))
+        x0[:, where], x0[:, model.states.index("psi")] = u, heading
+        return simulate_batch(model, pars, plan, x0, threads=1)[:, 1, where] > u
+
+    if gains(high).any() or not gains(low + 1e-3 * s["U"]).all():
+        raise ModelError(f"{model.vehicle.name}: thrust and drag do not balance at {rpm:g} rpm; give a speed")
+    for _ in range(MOST_HALVINGS):
+        middle = 0.5 * (low + high)
+        up = gains(middle)
+        low, high = np.where(up, middle, low), np.where(up, high, middle)
+    return 0.5 * (low + high)
+
+
+def _faster(model: Model, rpm: float) -> float:
+    usual = model.vehicle.rpm_ref
+    return abs(rpm / usual) if usual else 1.0

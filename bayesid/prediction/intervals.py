@@ -1,0 +1,130 @@
+"""A prediction as a table, beside the readings it was not shown, and as bands of standard measures.
+
+Takes a `Prediction`. Gives CSV text and plain numbers. Does not simulate.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from bayesid.model.channels import channel
+from bayesid.prediction.prediction import INTERVAL_LEVEL, Prediction
+from bayesid.trials import Run
+
+Array = np.ndarray
+Measure = Callable[[str, Array, Mapping[str, Array]], list[dict[str, Any]]]
+_DEGREES = {"rad": "deg", "rad/s": "deg/s"}
+DIGITS = 6
+
+
+def prediction_csv(p: Prediction, noise_seed: int | None = None, widen: float = 1.0) -> str:
+    """CSV text: `t[s]`, per channel mean and band (`x[m],x_low[m],x_high[m]`), orders; degrees for angles.
+
+    Parameters
+    ----------
+    noise_seed : widens the band by the white noise of the sensors; without it the band is for what they
+        would read on average
+    widen : factor on the band's distance from the mean, where held-out runs have shown it too narrow
+    """
+    rng = None if noise_seed is None else np.random.default_rng(noise_seed)
+    low, high = p.band(rng=rng)
+    names, columns = ["t[s]"], [p.t]
+    for j, name in enumerate(p.channels):
+        factor, unit = _shown(name)
+        for ending, values in (("", p.mean), ("_low", low), ("_high", high)):
+            names.append(f"{name}{ending}[{unit}]")
+            columns.append(factor * (p.mean + widen * (values - p.mean))[:, j])
+    for name, values in p.commands.items():
+        factor, unit = _shown(name)
+        names.append(f"{name}[{unit}]")
+        columns.append(factor * np.asarray(values))
+    rows = [",".join(f"{v:.{DIGITS}g}" for v in row) for row in np.column_stack(columns)]
+    return "\n".join([",".join(names), *rows]) + "\n"
+
+
+def _shown(name: str) -> tuple[float, str]:
+    unit = channel(name).unit
+    return (180.0 / math.pi, _DEGREES[unit]) if unit in _DEGREES else (1.0, unit)
+
+
+def beside_readings(p: Prediction, run: Run, seed: int = 0) -> dict[str, dict[str, float]]:
+    """Per channel: rms error of the mean, its largest, and share of the readings inside the 95 % band, sensor
+    noise included; after the lead-in, SI. Neighbouring readings share their error: the share is no binomial.
+    """
+    low, high = p.band(rng=np.random.default_rng(seed))
+    late = p.t - p.t[0] > p.lead
+    out = {}
+    for j, name in enumerate(p.channels):
+        if name not in run.data:
+            continue
+        error = run.data[name] - p.mean[:, j]
+        if name in ("psi", "phi", "theta"):
+            turns = 2 * np.pi * np.round(error / (2 * np.pi))
+            error = error - turns
+        seen = late & np.isfinite(error)
+        if not seen.any():
+            continue
+        inside = (error >= low[:, j] - p.mean[:, j]) & (error <= high[:, j] - p.mean[:, j])
+        out[name] = {
+            "rms": float(np.sqrt(np.mean(error[seen] ** 2))),
+            "largest": float(np.abs(error[seen]).max()),
+            "inside": float(inside[seen].mean()),
+        }
+    return out
+
+
+def measure_bands(p: Prediction, measure: Measure, level: float = INTERVAL_LEVEL) -> list[dict[str, Any]]:
+    """Mean and band of every standard measure of a manoeuvre over the draws.
+
+    Parameters
+    ----------
+    measure : (description, t, channel -> series) -> measures, as `bayesid.cli.run_measures.measure`
+
+    Returns
+    -------
+    list of dict    kind, quantity, unit, mean, low, high and the share of the draws that have it
+    """
+    found: dict[tuple[str, str, str], list[float]] = {}
+    fixed = {n.removesuffix("_cmd"): np.asarray(v) for n, v in p.commands.items()}
+    for k, draw in enumerate(p.draws):
+        data = fixed | {c: draw[:, j] for j, c in enumerate(p.channels)}
+        if p.orders is not None:
+            data["delta_r"] = p.orders[k]
+        for result in measure(f"{p.manoeuvre} {p.name}", p.t, data):
+            for quantity, value, unit in result["rows"]:
+                found.setdefault((result["kind"], quantity, unit), []).append(float(value))
+    return [_row(key, values, len(p.draws), level) for key, values in found.items()]
+
+
+def _row(key: tuple[str, str, str], values: Sequence[float], draws: int, level: float) -> dict[str, Any]:
+    good = np.array([v for v in values if math.isfinite(v)])
+    low = mean = high = math.nan
+    if good.size:
+        mean = float(good.mean())
+        low, high = (float(q) for q in np.quantile(good, (0.5 - 0.5 * level, 0.5 + 0.5 * level)))
+    return {
+        "kind": key[0],
+        "quantity": key[1],
+        "unit": key[2],
+        "mean": mean,
+        "low": low,
+        "high": high,
+        "share": good.size / draws,
+    }
+
+
+def thinned(p: Prediction, every: int) -> Prediction:
+    """Every so many-th sample of a prediction, for tables that need not be as fine as the simulation."""
+    pick = slice(None, None, every)
+    return replace(
+        p,
+        t=p.t[pick],
+        draws=p.draws[:, pick],
+        commands={n: np.asarray(v)[pick] for n, v in p.commands.items()},
+        orders=None if p.orders is None else p.orders[:, pick],
+    )

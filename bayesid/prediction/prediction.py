@@ -1,0 +1,277 @@
+"""Predict runs with a diagnosed model: mean and 95 % band over causes, parameters, start and disturbance.
+
+Takes a `DiagnosedModel` and a logged run or a manoeuvre. Gives a frozen `Prediction`. Reads of a logged run
+its orders and its lead-in only; the rest of its readings is what the prediction may be compared with.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from bayesid.diagnosis.diagnosed_model import DiagnosedModel, WeightedHypothesis
+from bayesid.equations.model import Model
+from bayesid.errors import BayesidError, ModelError
+from bayesid.estimation.filter_error.linearise import with_forces
+from bayesid.estimation.filter_error.noise_model import NoiseModel
+from bayesid.estimation.filter_error.run_readings import Array, read_run
+from bayesid.manoeuvres import Manoeuvre, OpenLoop
+from bayesid.prediction.initial_state import InitialState, balanced_speed, coloured_noise, initial_states
+from bayesid.simulation import (
+    TimePlan,
+    inertia_ratio,
+    observe,
+    plan_run,
+    plan_trial_run,
+    run_manoeuvre,
+    simulate,
+)
+from bayesid.trials import Run, window
+
+LEAD_LENGTHS = 6.0  # L/U
+INTERVAL_LEVEL = 0.95
+# Share of draws that may diverge before the prediction is refused.
+MOST_DIVERGED = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """A predicted run.
+
+    Attributes
+    ----------
+    name, manoeuvre : as given
+    t : (n,) [s]
+    channels : (q,) names
+    draws : (k, n, q) readings without white noise [SI]
+    commands : name -> (n,) orders; in a closed loop those of the first draw
+    orders : (k, n) rudder orders of every draw in a closed loop, None otherwise
+    lead : length of the lead-in whose readings were used [s], 0 for a manoeuvre
+    lost : draws that diverged
+    noise : (q,) white noise of the sensors, nan where none is known
+    """
+
+    name: str
+    manoeuvre: str
+    t: Array
+    channels: tuple[str, ...]
+    draws: Array
+    commands: Mapping[str, Array]
+    orders: Array | None
+    lead: float
+    lost: int
+    noise: Array
+
+    @property
+    def mean(self) -> Array:
+        """(n, q) mean of the draws."""
+        return self.draws.mean(axis=0)
+
+    def band(
+        self, level: float = INTERVAL_LEVEL, rng: np.random.Generator | None = None
+    ) -> tuple[Array, Array]:
+        """(n, q) limits between which a reading lies with this probability, sample by sample.
+
+        Parameters
+        ----------
+        rng : adds the white noise of the sensors; without it the band is for what they would read on average
+        """
+        draws = self.draws
+        if rng is not None:
+            draws = draws + np.nan_to_num(self.noise) * rng.standard_normal(draws.shape)
+        low, high = np.quantile(draws, (0.5 - 0.5 * level, 0.5 + 0.5 * level), axis=0)
+        return low, high
+
+
+def predict_run(
+    found: DiagnosedModel, run: Run, draws: int = 300, seed: int = 0, lead: float | None = None
+) -> Prediction:
+    """Predict a logged run from its orders, begun on its first readings.
+
+    Parameters
+    ----------
+    lead : length of the lead-in [s]; default 6 L/U, at most a quarter of the run
+
+    Raises
+    ------
+    ModelError
+        if too few readings lie in the lead-in, or too many draws diverge
+    """
+    model, rng = found.model, np.random.default_rng(seed)
+    s = model.scales
+    if lead is None:
+        lead = min(LEAD_LENGTHS * s["L"] / s["U"], 0.25 * run.duration)
+    channels = tuple(c for c in model.kernel.channels if c in run.data and c in found.noise)
+    early = window(run, float(run.t[0]), float(run.t[0]) + lead)
+    log = read_run(model, early, found.noise, channels)
+    if log.n < 4 or not log.valid.any():
+        raise ModelError(f"{run.name}: fewer than four samples in the first {lead:.3g} s; give a longer lead")
+    plan, picked = plan_trial_run(model, run), [model.kernel.channels.index(c) for c in channels]
+    tracks = []
+    for h, pars in found.draw(rng, draws):
+        free = model.positions(h.names)
+        mean = model.nominal.copy()
+        mean[free] = h.mean
+        for par, begin in zip(
+            pars, initial_states(model, log, free, mean, pars, h.noise_model, rng), strict=True
+        ):
+            force, drift = _onwards(h.noise_model, _slow(h.noise_model, channels), begin, run.t, rng)
+            tracks.append(_track(model, par, plan, begin.x0, force, drift, channels, picked))
+    kept = [x for x in tracks if x is not None]
+    _enough(run.name, len(kept), draws)
+    noise = np.array([found.noise.get(c, np.nan) for c in channels])
+    commands = {**run.commands, **run.measured_inputs}
+    lost = draws - len(kept)
+    return Prediction(
+        run.name, run.manoeuvre, run.t, channels, np.array(kept), commands, None, lead, lost, noise
+    )
+
+
+def _slow(noise_model: NoiseModel, channels: Sequence[str]) -> Array:
+    """(nd,) standard deviations of the slow errors of the measured positions [m]."""
+    return np.array([noise_model.slow(c) for c in channels if c in ("x", "y", "z")])
+
+
+def _onwards(
+    noise_model: NoiseModel, slow: Array, begin: InitialState, t: Array, rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """Disturbance (n-1, nf) and slow position errors (n, nd) of the whole run: the lead-in's, then free."""
+    k, gaps = begin.force.shape[0], np.diff(t)
+    decay = np.exp(-gaps[k - 1 : -1] / noise_model.force_tau)[:, None] * np.ones(begin.force.shape[1])
+    later = coloured_noise(decay, np.array(noise_model.force), rng, begin.force[-1])
+    force = np.vstack([begin.force, later[1:]])
+    count = begin.drift.shape[1]
+    decay = np.exp(-gaps[k:] / noise_model.drift_tau)[:, None] * np.ones(count)
+    later = coloured_noise(decay, slow, rng, begin.drift[-1])
+    return force, np.vstack([begin.drift, later[1:]])
+
+
+def _disturbed(model: Model, par: Array, plan: TimePlan, force: Array) -> TimePlan:
+    """Plan with the disturbance, which is stated for the nominal inertia."""
+    ratio, _ = inertia_ratio(model, par, np.zeros(0, dtype=np.int64))
+    return with_forces(model, plan, force @ ratio.T)
+
+
+def _track(
+    model: Model,
+    par: Array,
+    plan: TimePlan,
+    x0: Array,
+    force: Array,
+    drift: Array,
+    channels: tuple[str, ...],
+    picked: list[int],
+) -> Array | None:
+    """Readings (n, q) of one draw, None if it diverges."""
+    try:
+        disturbed = _disturbed(model, par, plan, force)
+        track = simulate(model, par, disturbed, x0, full=True)
+        obs = observe(model, par, disturbed, track.states, full=True)[:, picked]
+    except BayesidError:
+        return None
+    position = [j for j, c in enumerate(channels) if c in ("x", "y", "z")]
+    obs[:, position] += drift
+    return obs if np.isfinite(obs).all() else None
+
+
+def predict_manoeuvre(
+    found: DiagnosedModel,
+    name: str,
+    manoeuvre: Manoeuvre,
+    draws: int = 200,
+    seed: int = 0,
+    speed: float | None = None,
+) -> Prediction:
+    """Predict a manoeuvre begun from a straight run at its first shaft speed, heading north, at the origin.
+
+    Parameters
+    ----------
+    speed : approach speed [m/s]; by default each draw's own, at which its thrust and drag balance
+
+    Raises
+    ------
+    ModelError
+        if thrust and drag do not balance, or too many draws diverge
+    """
+    model, rng = found.model, np.random.default_rng(seed)
+    channels = tuple(c for c in model.kernel.channels if not c.endswith("_water"))
+    picked = [model.kernel.channels.index(c) for c in channels]
+    rpm = _first_rpm(model, manoeuvre)
+    if isinstance(manoeuvre, OpenLoop) and "n_cmd" not in manoeuvre.commands:
+        held = np.full(manoeuvre.t.shape, rpm)
+        manoeuvre = replace(manoeuvre, commands={**manoeuvre.commands, "n_cmd": held})
+    kept: list[Array] = []
+    rudders: list[Array] = []
+    first: Mapping[str, Array] = {}
+    t = np.asarray(manoeuvre.t)
+    for h, pars in found.draw(rng, draws):
+        speeds = np.full(len(pars), speed) if speed is not None else balanced_speed(model, pars, rpm)
+        for par, u in zip(pars, speeds, strict=True):
+            executed = _fly(model, par, manoeuvre, float(u), h, picked, rng)
+            if executed is None:
+                continue
+            t, obs, commands = executed
+            obs[:, [j for j, c in enumerate(channels) if c in ("x", "y", "z")]] += _fresh_drift(
+                h.noise_model, t, _slow(h.noise_model, channels), rng
+            )
+            kept.append(obs)
+            rudders.append(np.asarray(commands.get("delta_r_cmd", np.zeros(t.size))))
+            first = first or commands
+    _enough(name, len(kept), draws)
+    closed = not isinstance(manoeuvre, OpenLoop)
+    noise = np.array([found.noise.get(c, np.nan) for c in channels])
+    return Prediction(
+        name, manoeuvre.name, t, channels, np.array(kept), first, np.array(rudders) if closed else None, 0.0,
+        draws - len(kept), noise,
+    )  # fmt: skip
+
+
+def _fly(
+    model: Model,
+    par: Array,
+    manoeuvre: Manoeuvre,
+    speed: float,
+    h: WeightedHypothesis,
+    picked: list[int],
+    rng: np.random.Generator,
+) -> tuple[Array, Array, Mapping[str, Array]] | None:
+    x0 = np.zeros(len(model.states))
+    x0[model.states.index("u")] = speed
+    sd = np.array(h.noise_model.force)
+
+    def disturb(plan: TimePlan) -> TimePlan:
+        decay = np.exp(-np.diff(plan.t) / h.noise_model.force_tau)[:, None] * np.ones(sd.size)
+        return _disturbed(model, par, plan, coloured_noise(decay, sd, rng)[:-1])
+
+    try:
+        track, commands = run_manoeuvre(model, par, manoeuvre, x0, disturb=disturb)
+        plan = plan_run(model, track.t, commands)
+        obs = observe(model, par, plan, track.states)[:, picked]
+    except BayesidError:
+        return None
+    return (track.t, obs, commands) if np.isfinite(obs).all() else None
+
+
+def _fresh_drift(noise_model: NoiseModel, t: Array, slow: Array, rng: np.random.Generator) -> Array:
+    """Slow position errors (n, nd) counted from the first sample, whose position is the origin."""
+    decay = np.exp(-np.diff(t) / noise_model.drift_tau)[:, None] * np.ones(slow.size)
+    drift = coloured_noise(decay, slow, rng)
+    return drift - drift[0]
+
+
+def _first_rpm(model: Model, manoeuvre: Any) -> float:
+    usual = model.vehicle.rpm_ref or 0.0
+    if isinstance(manoeuvre, OpenLoop):
+        return float(manoeuvre.commands["n_cmd"][0]) if "n_cmd" in manoeuvre.commands else usual
+    return float(manoeuvre.start.get("n_cmd", usual))
+
+
+def _enough(name: str, kept: int, draws: int) -> None:
+    if kept < (1.0 - MOST_DIVERGED) * draws:
+        raise ModelError(
+            f"{name}: {draws - kept} of {draws} draws diverge; the coefficients are too uncertain to predict "
+            "this run"
+        )

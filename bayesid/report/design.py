@@ -1,0 +1,167 @@
+"""The report of the next manoeuvre: what to run, against which rivals, and what the coefficients gain.
+
+Takes results of `bayesid.analysis.design`. Does not compute them.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bayesid.analysis.design import ManoeuvrePlan
+from bayesid.analysis.design.compare import PlanningCase
+from bayesid.report import manoeuvre_figures as figures
+from bayesid.report import writer
+from bayesid.report.manoeuvre_words import logger_words, note_blocks
+from bayesid.report.writer import Block, Figure, Report, Section, Table, Text, literal
+
+
+def plan_record(case: PlanningCase, plan: ManoeuvrePlan, seed: int, notes: Sequence[str]) -> dict[str, Any]:
+    """The plan as plain data."""
+    b = case.bounds
+    track = plan.execution.track
+    return {
+        "vehicle": case.model.vehicle.name,
+        "digest": case.model.digest,
+        "dof": case.model.dof,
+        "seed": seed,
+        "goal": plan.goal,
+        "unit": plan.unit,
+        "before": plan.before,
+        "best": {"name": plan.best.name, "kind": plan.best.kind, "after": plan.best.shown},
+        "candidates": [{"name": c.name, "kind": c.kind, "after": c.shown} for c in plan.candidates],
+        "random_designs": [c.shown for c in plan.randoms],
+        "library_choice": None if plan.choice is None else {
+            "order": list(plan.choice.names), "after_each": list(plan.choice.values),
+        },
+        "designed": {
+            "gain_nats": None if plan.told is None else plan.told.gain,
+            "contraction": None if plan.told is None else dict(
+                zip(case.knowledge.names, plan.told.contraction.tolist(), strict=True)),
+            "area_m": [float(np.ptp(track["x"])), float(np.ptp(track["y"]))],
+            "evaluations": plan.search.evaluations,
+        },
+        "limits": {
+            "duration_s": b.duration, "rudder_rad": b.rudder, "rate_rad_s": b.rate, "plane_rad": b.plane,
+            "rpm": list(b.rpm), "box_m": None if math.isinf(b.box) else b.box,
+            "depth_m": b.depth if case.model.dof == 6 else None,
+        },
+        "logging": {"dt_s": case.logging.dt, "sigma_SI": dict(case.logging.sigma)},
+        "left_out": dict(plan.refused),
+        "notes": list(notes),
+    }  # fmt: skip
+
+
+CANDIDATE_COLUMNS = ("manoeuvre", "kind", "with it", "before")
+
+
+def candidate_rows(plan: ManoeuvrePlan) -> list[list[Any]]:
+    """Rows of the table of candidates, best first."""
+    return [[c.name, c.kind, c.shown, plan.before] for c in plan.candidates]
+
+
+def plan_report(case: PlanningCase, plan: ManoeuvrePlan, notes: Sequence[str], table: str) -> Report:
+    """The report of a plan as plain data; `table` is the name of the command table beside it."""
+    best = plan.best
+    rivals = [c for c in plan.candidates if c.kind == "library"]
+    versus = f" The best manoeuvre of the library, {literal(rivals[0].name)}, reaches {rivals[0].shown:.3g}."
+    lead = (
+        f"**Fly "
+        f"{'the designed manoeuvre (`' + table + '`)' if best.kind == 'designed' else literal(best.name)} "
+        f"to {literal(plan.goal)}**: {literal(plan.unit)} {plan.before:.3g} before, "
+        f"{best.shown:.3g} expected "
+        f"after it.{versus if rivals and best.kind == 'designed' else ''}"
+    )
+    track = plan.execution.track
+    b = case.bounds
+    room = f"{np.ptp(track['x']):.0f} m north by {np.ptp(track['y']):.0f} m east"
+    orders: list[Block] = [
+        Text(
+            f"`{table}` is the command table: every row holds until the next; positive rudder "
+            "turns to port. It "
+            f"lasts {b.duration:.0f} s, keeps the rudder within {math.degrees(b.rudder):.3g} deg and "
+            f"{math.degrees(b.rate):.3g} deg/s, the shaft within {b.rpm[0]:.4g} to "
+            f"{b.rpm[1]:.4g} rpm, and takes "
+            f"the nominal vehicle over {room}. `bayesid simulate VEHICLE table:{table}` runs it."
+        ),
+        Figure(
+            "orders",
+            figures.orders(track.t, plan.execution.commands, {n: track[n] for n in "xyz" if n in track.names}),  # noqa: E501
+            "Orders and the track of the nominal vehicle.",
+        ),
+    ]  # fmt: skip
+    randoms = np.array([c.shown for c in plan.randoms])
+    ranked: list[Block] = [
+        Figure(
+            "candidates",
+            figures.candidates(
+                [c.name for c in plan.candidates], np.array([c.shown for c in plan.candidates]), "designed",
+                plan.unit, randoms,
+            ),
+            f"{plan.unit}, with each candidate executed; grey: {len(randoms)} random designs within the "
+            f"limits.",
+        ),
+        Table(CANDIDATE_COLUMNS, candidate_rows(plan), f"{plan.unit}; best first.", 3),
+        Text(
+            f"Judged on vehicles the search had not seen; {plan.search.evaluations} manoeuvres were tried. "
+            f"{logger_words(case)}"
+        ),
+        *note_blocks(notes),
+    ]  # fmt: skip
+    sections = [Section("The designed manoeuvre", orders), Section("Against the others", ranked)]
+    if plan.choice is not None:
+        steps = zip(plan.choice.names, plan.choice.values, strict=True)
+        rows = [[k, name, value] for k, (name, value) in enumerate(steps, 1)]
+        sections.append(
+            Section(
+                "If only standard manoeuvres can be executed",
+                [
+                    Table(
+                        ["order", "manoeuvre", "after it"], rows, f"{plan.unit}; {plan.before:.3g} before.", 3
+                    )
+                ],
+            )
+        )
+    if plan.told is not None:
+        order = np.argsort(-plan.told.contraction)
+        rows = [
+            [case.knowledge.names[i], *(float(a[i]) for a in (
+                plan.told.contraction, plan.told.contraction_low, plan.told.contraction_high))]
+            for i in order
+        ]  # fmt: skip
+        sections.append(
+            Section(
+                "What the coefficients gain",
+                [
+                    Table(
+                        ["coefficient", "contraction", "least", "most"], rows,
+                        "1 - posterior sd / prior sd with the designed manoeuvre on top of the "
+                        "runs executed; least and "
+                        "most among the vehicles drawn.", 3,
+                    )
+                ],
+            )
+        )  # fmt: skip
+    if plan.refused:
+        sections.append(
+            Section("Left out", [Table(["manoeuvre", "why"], [[k, v] for k, v in plan.refused.items()])])
+        )
+    return Report(f"Next manoeuvre for {literal(case.model.vehicle.name)}", lead, sections)
+
+
+def write_plan(
+    case: PlanningCase,
+    plan: ManoeuvrePlan,
+    folder: str | os.PathLike[str],
+    record: Mapping[str, Any],
+    notes: Sequence[str],
+    table: str,
+) -> Path:
+    """Write report.html, report.md, results.json and figures; returns the path of the HTML file."""
+    results = {"seeds": [record["seed"]], "design": record}
+    return writer.write(plan_report(case, plan, notes, table), folder, results)

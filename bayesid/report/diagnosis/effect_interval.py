@@ -1,0 +1,79 @@
+"""Words for the interval of an effect's parameter to use, Laplace's or that of the draws, and for the reason.
+
+Takes the record of a diagnosis. The choice itself is `bayesid.diagnosis.evidence.effect_interval`'s.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from bayesid.diagnosis.evidence.effect_interval import choice, trusted
+
+SECTION = "How well its parameters are known"
+FAR = 0.5  # logarithm of an amplitude that draws have moved, and error bars with it
+
+
+def moved(posterior: Mapping[str, Any]) -> dict[str, float]:
+    """Amplitudes of the environment the draws put far from their level: name -> factor on it."""
+    return {
+        name.removeprefix("log "): math.exp(p["mean"])
+        for name, p in posterior["parameters"].items()
+        if name.startswith("log ") and abs(p["mean"]) > FAR
+    }
+
+
+def why(posterior: Mapping[str, Any], source: str) -> str:
+    """The choice and its reason, for the section on the parameters.
+
+    Parameters
+    ----------
+    source : where the level of the environment comes from
+    """
+    picked = choice(posterior)
+    if picked == "either":
+        return "Both say the same: use either."
+    if not posterior["converged"]:
+        return (
+            "**Use the ± of the lead** (Laplace): the draws did not pass their convergence check "
+            f"({'; '.join(posterior['reasons'])})."
+        )
+    ratio = [p["sd_over_laplace"] for n, p in posterior["parameters"].items() if "." in n]
+    spread = f"{min(ratio):.2f}" + (f" to {max(ratio):.2f}" if len(ratio) > 1 else "")
+    use = "**Use the intervals of the draws**" if picked == "draws" else "**Use the ± of the lead** (Laplace)"
+    differ = f"the sd of the effects' parameters in the draws is {spread} of Laplace's. "
+    if not trusted(posterior):
+        off = posterior["linearised_anew"]
+        return (
+            f"{use}, the wider of the two: {differ}The density drawn from is itself only right to "
+            f"{max(off['roughness_nats'], off['loudness_nats']):.2g} nats."
+        )
+    levels = moved(posterior)
+    if not levels:
+        return (
+            f"{use}: {differ}The density is bent where Laplace takes it for a Gaussian, and the draws follow "
+            "the bend."
+        )
+    factors = " and ".join(f"the {n} at {f:.2f}" for n, f in levels.items())
+    against = (
+        " The straight runs measured another level, without the effect: if it acts in them too, they took it "
+        "for weather."
+        if source == "measured"
+        else ""
+    )
+    return (
+        f"{use}: {differ}Laplace keeps the environment at its level ({source}); the draws put {factors} of "
+        f"it, and error bars follow the level.{against}"
+    )
+
+
+def lead_words(record: Mapping[str, Any]) -> str:
+    """What the ± of the lead is worth, where that needs a word."""
+    posterior = record.get("posterior")
+    picked = "either" if posterior is None else choice(posterior)
+    if picked == "either":
+        return ""
+    if picked == "draws":
+        return f"Instead of the ± use the intervals of the draws under `{SECTION}`, which says why."
+    return f"Use this ±; `{SECTION}` says why not that of the draws."

@@ -1,0 +1,148 @@
+"""Figures of a diagnosis: where, which, the smoothed force, what can be told apart, the ladder.
+
+Takes plain arrays and numbers. Does not compute results.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.ticker import FuncFormatter
+
+from bayesid.report.figure_style import COLOURS, styled, subplots
+
+Array = np.ndarray
+
+
+# Gains are linear up to here and logarithmic beyond, where any exceeds the second number [nats].
+LINEAR, WIDE = 10.0, 40.0
+
+
+@styled
+def bars(names: Sequence[str], values: Array, xlabel: str, threshold: float | None = None) -> Any:
+    """Horizontal bars, best on top; the scale is named on the axis where it is not linear.
+
+    Parameters
+    ----------
+    threshold : what chance alone reaches, drawn as a line
+    """
+    figure, axes = subplots(height=max(1.8, 0.24 * len(names) + 0.8))
+    where = np.arange(len(names))[::-1]
+    noise_model = [COLOURS["blue"] if v > 0 else COLOURS["grey"] for v in values]
+    axes.barh(where, values, color=noise_model, height=0.7)
+    axes.set_yticks(where, names)
+    if threshold is not None:
+        axes.axvline(
+            threshold,
+            color=COLOURS["orange"],
+            linestyle="--",
+            linewidth=1.0,
+            label=f"{threshold:.1f} nats: chance reaches it in at most 1 of 100 trials",
+        )
+        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0))
+    finite = np.append(values[np.isfinite(values)], 0.0)
+    if np.abs(finite).max() > WIDE:
+        axes.set_xscale("symlog", linthresh=LINEAR)
+        axes.set_xticks(symlog_ticks(float(finite.min()), float(finite.max())))
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
+        axes.minorticks_off()
+        xlabel += f"; linear within {LINEAR:g}, logarithmic beyond"
+    axes.set_xlabel(xlabel)
+    return figure
+
+
+def symlog_ticks(low: float, high: float) -> list[float]:
+    """Round numbers from low to high for an axis that is linear within `LINEAR`; thirds of decades if few."""
+
+    def one_side(end: float) -> list[float]:
+        decades = [LINEAR * 10.0**k for k in range(12) if LINEAR * 10.0**k <= end]
+        between = [3.0 * d for d in decades if 3.0 * d <= end] if len(decades) < 4 else []
+        return sorted([*([0.5 * LINEAR] if len(decades) < 4 and end >= LINEAR else []), *decades, *between])
+
+    return [*(-t for t in reversed(one_side(-low))), 0.0, *one_side(high)]
+
+
+@styled
+def force(
+    runs: Sequence[str],
+    times: Sequence[Array],
+    values: Sequence[Array],
+    bands: Sequence[Array],
+    axes_names: Sequence[str],
+) -> Any:
+    """Smoothed latent force of every run with a band of two standard deviations; one row per axis."""
+    figure, grid = subplots(
+        len(axes_names), len(runs), height=1.3 * len(axes_names) + 0.6, squeeze=False, sharey="row"
+    )
+    for k, (t, f, b) in enumerate(zip(times, values, bands, strict=True)):
+        keep = np.unique(np.linspace(0, t.size - 1, min(t.size, 400)).astype(int))
+        for j, name in enumerate(axes_names):
+            axes = grid[j, k]
+            axes.fill_between(
+                t[keep],
+                (f - 2 * b)[keep, j],
+                (f + 2 * b)[keep, j],
+                color=COLOURS["sky"],
+                alpha=0.4,
+                linewidth=0,
+            )
+            axes.plot(t[keep], f[keep, j], color=COLOURS["blue"], linewidth=1.0)
+            axes.axhline(0.0, color="black", linewidth=0.5)
+            if j == 0:
+                axes.set_title(runs[k], fontsize=8)
+            if k == 0:
+                axes.set_ylabel(f"{name} [{'N' if name in 'XYZ' else 'N m'}]")
+            if j == len(axes_names) - 1:
+                axes.set_xlabel("time [s]")
+    return figure
+
+
+@styled
+def isolability(names: Sequence[str], margin: Array) -> Any:
+    """Expected margin of every truth (row) over every explanation (column), blind where below 5."""
+    n = len(names)
+    size = float(np.clip(0.22 * n + 1.6, 3.0, 8.5))
+    figure, axes = subplots(height=size, width=size + 0.8)
+    shown = np.log10(np.maximum(margin, 0.1))
+    image = axes.imshow(shown, cmap="viridis", vmin=-1, vmax=4)
+    axes.grid(False)
+    axes.set_xticks(range(n), names, rotation=90, fontsize=6)
+    axes.set_yticks(range(n), names, fontsize=6)
+    axes.set_xlabel("explanation")
+    axes.set_ylabel("truth")
+    bar = figure.colorbar(image, ax=axes, shrink=0.7)
+    bar.set_label("expected margin [nats]")
+    bar.set_ticks(range(-1, 5), labels=["< 0.1", "1", "10", "100", "1000", "10000"])
+    return figure
+
+
+@styled
+def ladder(
+    horizons: Sequence[str],
+    before_nominal: Array,
+    before: Array,
+    after: Array,
+    label: str = "with the effect",
+) -> Any:
+    """Excess prediction error on held-out runs of the three models over every horizon, log scale.
+
+    Parameters
+    ----------
+    label : what the third model is
+    """
+    figure, axes = subplots(height=2.6)
+    x = np.arange(len(horizons))
+    series = (
+        ("nominal", before_nominal, COLOURS["grey"]),
+        ("recalibrated, no effect", before, COLOURS["amber"]),
+        (label, after, COLOURS["blue"]),
+    )
+    for i, (words, values, colour) in enumerate(series):
+        axes.bar(x + 0.27 * (i - 1), np.maximum(values, 1e-3), width=0.25, color=colour, label=words)
+    axes.set_yscale("log")
+    axes.set_xticks(x, horizons)
+    axes.set_ylabel("mean squared error\nabove the floor [noise variances]")
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3)
+    return figure

@@ -1,0 +1,165 @@
+"""The report of an excitation: what was found, what cannot be told apart, what the vehicle file lacks.
+
+Takes an `Excitation` and its JSON record. Does not compute.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from bayesid.analysis.excitation import Excitation, RowSelection
+from bayesid.analysis.excitation.row_selection import ENGINE
+from bayesid.report import excite_figures as figures
+from bayesid.report import writer
+from bayesid.report.writer import Block, Figure, Report, Section, Table, Text, literal
+from bayesid.trials import Trial
+
+TERM_COLUMNS = ("term", "status", "inclusion", "value", "sd", "share of force", "margin", "or else")
+_MANY = 3
+_BEYOND = "Beyond the vehicle file, its own terms held within their prior, the regression takes up"
+_STAND_IN = (
+    "The +- is the spread of bootstrap draws and leaves out error of the model: an effect the columns lack, "
+    "or a sensor that errs, is shared out among them. `bayesid diagnose` puts them to the test."
+)
+
+
+def term_rows(found: Excitation, all_of_them: bool = False) -> list[list[Any]]:
+    """Rows of `TERM_COLUMNS`: every column of the vehicle file or kept in a fifth of the draws."""
+    return [
+        _row(w) for w in found.terms if all_of_them or w.in_model or w.inclusion >= 0.2 or w.status == "found"
+    ]
+
+
+def _row(w: RowSelection) -> list[Any]:
+    group = [n for n in w.group if n != w.name]
+    others = ", ".join(group[:_MANY]) + (f" and {len(group) - _MANY} more" if len(group) > _MANY else "")
+    margin = w.margin if w.margin > 0 else None
+    return [w.name, w.status, w.inclusion, _known(w.value), _known(w.sd), w.share, margin, others]
+
+
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def finding(found: Excitation) -> list[str]:
+    """What the runs say, in sentences."""
+    seen = [w.name for w in found.terms if w.status == "found"]
+    dead = [w.name for w in found.terms if w.status == "not excited"]
+    out = [
+        f"Needed by the regression whatever the other {len(found.terms) - 1} columns may be, nothing known "
+        "of any coefficient: " + (", ".join(seen) or "no single term") + "."
+    ]
+    if found.groups:
+        out.append("Cannot be told apart: " + "; ".join("{" + ", ".join(g) + "}" for g in found.groups) + ".")
+    if dead:
+        out.append("Not excited above the noise: " + ", ".join(dead) + ".")
+    if found.unseen:
+        out.append(
+            f"Outside the plane and so not excited at all: {len(found.unseen)} rows of the force table."
+        )
+    if found.candidates:
+        named = ", ".join(f"{w.name} = {w.value:.4g} +- {w.sd:.2g}" for w in found.candidates)
+        out.append(f"{_BEYOND} {named}. {_STAND_IN}")
+    if found.candidate_groups:
+        sets = "; ".join("{" + ", ".join(g) + "}" for g in found.candidate_groups)
+        out.append(f"It takes up one of each of these, without telling which: {sets}.")
+    if not (found.candidates or found.candidate_groups):
+        out.append(f"{_BEYOND} nothing.")
+    return out
+
+
+def write_excitation_report(
+    found: Excitation, trial: Trial, folder: str | os.PathLike[str], record: Mapping[str, Any]
+) -> Path:
+    """Write report.html, report.md, results.json and figures; returns the path of the HTML file."""
+    results = {
+        "inputs": {
+            "trial": trial.name,
+            "trial_digest": trial.digest,
+            "vehicle": found.vehicle,
+            "model": found.model,
+            "attribution": trial.attribution,
+        },
+        "seeds": [found.seed],
+        "excitation": record,
+    }
+    return writer.write(excitation_report(found, trial), folder, results)
+
+
+def excitation_report(found: Excitation, trial: Trial) -> Report:
+    """The report as plain data."""
+    sentences = finding(found)
+    lead = "\n\n".join(literal(s) for s in sentences)
+    if trial.attribution:
+        lead += f"\n\n{literal(trial.attribution)}"
+    sections = [
+        Section("Every term on its own merits", _free(found)),
+        Section("Beyond the vehicle file", _beyond(found)),
+        Section("How this was done", [Text(_method(found))]),
+    ]
+    return Report(f"Which forces {literal(trial.name)} excites", lead, sections)
+
+
+def _free(found: Excitation) -> list[Block]:
+    blocks: list[Block] = [
+        Text(
+            "Nothing is known of any coefficient here. A term is **found** if it is kept in at least 80 % of "
+            "the bootstrap draws and every model without it loses at least 4.5 nats after the price of its "
+            "columns; where such a model does as well, the terms it brings are listed and the answer is "
+            "**cannot tell**."
+        )
+    ]
+    for fit in found.axes:
+        shown = [w for w in fit.selections if w.status != "not needed" or w.inclusion >= 0.2 or w.in_model]
+        if not shown:
+            continue
+        blocks.append(
+            Figure(
+                f"inclusion_{fit.axis}",
+                figures.inclusion(
+                    [w.name for w in shown], [w.inclusion for w in shown], [w.status for w in shown]
+                ),
+                f"{fit.axis}: how often each term is kept. The selected terms explain {fit.explained:.2%} of "
+                "the mean square of the force.",
+            )
+        )
+    blocks.append(
+        Table(
+            TERM_COLUMNS,
+            [[literal(str(c)) if i in (0, 7) else c for i, c in enumerate(r)] for r in term_rows(found)],
+            "Values and bootstrap spreads in SI. Share: rms of the term's force over that of the axis.",
+        )
+    )
+    return blocks
+
+
+def _beyond(found: Excitation) -> list[Block]:
+    rows = [
+        _row(w)
+        for fit in found.beyond
+        for w in fit.selections
+        if not w.in_model and (w.status not in ("not needed", "not excited") or w.inclusion >= 0.2)
+    ]
+    text = Text(
+        "The vehicle's own terms stay in every model, within the prior of the vehicle file. What is taken "
+        "up in addition is a candidate for a gap diagnosis, not a cause: a sensor or actuator error looks "
+        "like a force here, and no sd below knows of it."
+    )
+    if not rows:
+        return [text, Text("Nothing is taken up in addition.")]
+    return [text, Table(TERM_COLUMNS, rows, "Terms beyond the vehicle file, SI.")]
+
+
+def _method(found: Excitation) -> str:
+    return (
+        f"Runs: {', '.join(literal(r) for r in found.runs)}. Velocities and accelerations come from a Kalman "
+        "smoother that knows kinematics and the sensor noise. Columns are the rows of the force table, "
+        "evaluated by the simulator's own kernel, and a few more; accelerations times inertia, the rigid "
+        "body's and the vehicle file's added mass, are the target, because a balance with free inertia could "
+        f"be scaled at will. Form: {found.form}; {found.draws} draws over stretches of six hull lengths "
+        f"travelled; seed {found.seed}. {ENGINE}"
+    )

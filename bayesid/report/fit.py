@@ -1,0 +1,221 @@
+"""The report of a trial's fit: verdict, coefficients, what the data leave open, residuals, runs, search.
+
+Takes a `TrialFit`. Does not fit or simulate.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bayesid.estimation.output_error import Fit, RunOutcome, TrialFit
+from bayesid.model.terms import TERMS, term
+from bayesid.report import fit_figures as figures
+from bayesid.report import writer
+from bayesid.report.writer import Block, Figure, Report, Section, Table, Text, literal
+
+MOST_RUNS = 12  # figures; the residual table has all runs
+_LABELS = {t.name: t.label for t in TERMS}
+_SHARES = {
+    "line_search": "line search (cost)",
+    "gradient": "gradient and Jacobian",
+    "subproblem": "quadratic sub-problem and Hessian update",
+    "other": "other",
+}
+
+
+def write_fit_report(found: TrialFit, folder: str | os.PathLike[str]) -> Path:
+    """Write report.html, report.md, results.json and figures; returns the path of the HTML file."""
+    results = {
+        "inputs": {
+            "trial": found.trial.name,
+            "trial_digest": found.trial.digest,
+            "vehicle": found.vehicle.name,
+            "vehicle_digest": found.vehicle.digest,
+            "attribution": found.trial.attribution,
+        },
+        "seeds": [found.fit.seed],
+        "verdict": found.fit.verdict,
+        "converged": found.fit.converged,
+        "fit": found.fit,
+        "runs": [
+            {
+                "name": r.name, "role": r.role, "channels": r.channels, "sigma": r.sigma, "memory": r.memory,
+                "rms_nominal": r.rms_nominal, "rms_fitted": r.rms_fitted,
+            }
+            for r in found.runs
+        ],
+    }  # fmt: skip
+    return writer.write(fit_report(found), folder, results)
+
+
+def fit_report(found: TrialFit) -> Report:
+    """The report as plain data."""
+    held = [r for r in found.runs if r.role == "holdout"]
+    parts = [
+        f"**{found.fit.verdict[0].upper()}{found.fit.verdict[1:]}.**",
+        f"{found.fit.n_params} coefficients of {literal(found.vehicle.name)} fitted to "
+        f"{len(found.trial.identify)} runs of {literal(found.trial.name)}: residuals fall from "
+        f"{noise_level(found.runs, 'identify', 'rms_nominal')} to "
+        f"{noise_level(found.runs, 'identify', 'rms_fitted')} times the noise (rms over channels).",
+    ]
+    if held:
+        parts.append(
+            f"On the {len(held)} held-out runs, which the fit has not read, from "
+            f"{noise_level(found.runs, 'holdout', 'rms_nominal')} to "
+            f"{noise_level(found.runs, 'holdout', 'rms_fitted')}."
+        )
+    sections = [
+        _coefficients(found),
+        _open_directions(found.fit),
+        _residuals(found),
+        _runs(found),
+        _search(found.fit),
+        _inputs(found),
+    ]
+    return Report(f"Fit of {found.trial.name}", " ".join(parts), sections)
+
+
+def noise_level(runs: tuple[RunOutcome, ...], role: str, which: str) -> str:
+    """Rms over channels of the errors in units of the weights, in words."""
+    ratios = [getattr(r, which) / r.sigma for r in runs if r.role == role]
+    found = np.concatenate(ratios) if ratios else np.zeros(0)
+    found = found[np.isfinite(found)]
+    return f"{np.sqrt(np.mean(found**2)):.3g}" if found.size else "– (the simulation diverges)"
+
+
+def _coefficients(found: TrialFit) -> Section:
+    fit, k = found.fit, found.fit.n_params
+    scale = found.problem.params.vector("file_scale")
+    rows = []
+    open_names = [d for d in fit.flat if d.decided_by != "prior"]
+    for i, name in enumerate(fit.names[:k]):
+        flags = []
+        if name in fit.at_bound:
+            flags.append("on a bound")
+        if fit.sd[i] > 0.9 * fit.prior_sd[i]:
+            flags.append("the prior decides")
+        if any(abs(d.vector[i]) > 0.3 for d in open_names):
+            flags.append("part of an open combination")
+        start, value, sd = fit.start[i] / scale[i], fit.z[i] / scale[i], fit.sd[i] / abs(scale[i])
+        size = abs(value) or 1.0
+        prior = 100 * fit.prior_sd[i] / abs(scale[i]) / size if np.isfinite(fit.prior_sd[i]) else None
+        rows.append([name, start, value, 100 * sd / size, prior, ", ".join(flags)])
+    unit = "prime system, as in the vehicle file" if found.vehicle.nondimensional else "SI"
+    columns = ["coefficient", "start", "estimate", "sd [%]", "prior sd [%]", "remark"]
+    start = np.where(fit.start[:k] == 0, fit.scale[:k], fit.start[:k])
+    change = np.where(fit.start[:k] == 0, 1 + fit.z[:k] / start, fit.z[:k] / start)
+    labels = [_LABELS.get(n, n) for n in fit.names[:k]]
+    drawn = figures.estimates(labels, change, fit.sd[:k] / abs(start), fit.prior_sd[:k] / abs(start))
+    text = (
+        f"Values in the {unit}. The standard deviation comes from the curvature at the estimate, prior "
+        f"included, and "
+        "holds as far as the residuals are white (see the memory column of the residuals)."
+    )
+    caption = (
+        "Estimates over their start values; a parameter that starts at zero is shown as 1 + value / scale. "
+        "Triangles: outside the figure."
+    )
+    return Section(
+        "Coefficients",
+        [Text(text), Table(columns, rows), Figure("estimates", drawn, caption)],
+    )
+
+
+def _open_directions(fit: Fit) -> Section:
+    if not fit.flat:
+        text = (
+            "None: every combination of the free coefficients is determined by the data alone to better "
+            "than half "
+            f"the coefficients' size. Smallest singular value {fit.singular_values.min():.3g} per relative "
+            f"change."
+        )
+        return Section("What the data leave open", [Text(text)])
+    holder = {"prior": "the prior", "bounds": "the bounds", "nothing": "nothing"}
+    rows = [
+        [d.name, "none at all" if d.exact else f"{100 * d.sd:.0f} %", holder[d.decided_by]] for d in fit.flat
+    ]
+    text = (
+        "Combinations (relative changes) along which these runs, by themselves, leave more than 50 % of "
+        "uncertainty. "
+        "What the last column names decides them, not the data; moving along them changes the coefficients "
+        "but not "
+        "the fit."
+    )
+    table = Table(["combination", "uncertainty from the data", "held by"], rows)
+    return Section("What the data leave open", [Text(text), table])
+
+
+def _residuals(found: TrialFit) -> Section:
+    rows: list[list[Any]] = []
+    for run in found.runs:
+        for j, c in enumerate(run.channels):
+            factor, unit = _unit(c)
+            row = [run.name, run.role, f"{c} [{unit}]", factor * run.sigma[j], factor * run.rms_nominal[j]]
+            rows.append([*row, factor * run.rms_fitted[j], run.rms_fitted[j] / run.sigma[j], run.memory[j]])
+    columns = ["run", "role", "channel", "sigma", "given", "found", "ratio", "memory"]
+    text = (
+        "`sigma` is the noise used as weight, `given` and `found` are rms errors of the vehicle as given and "
+        "as found, `ratio` is found over sigma. `memory` is the correlation time of the residuals as found, "
+        "in samples: 1 is white noise; at 100 the errors of a hundred neighbouring samples go together, "
+        "which points at the model, a disturbance or a filter rather than at sensor noise. Held-out runs are "
+        "predicted; only their initial state is read from their first seconds."
+    )
+    return Section("Residuals", [Text(text), Table(columns, rows, digits=3)])
+
+
+def _unit(name: str) -> tuple[float, str]:
+    from bayesid.model.channels import channel
+
+    unit = channel(name).unit
+    return (180 / np.pi, unit.replace("rad", "deg")) if unit.startswith("rad") else (1.0, unit)
+
+
+def _runs(found: TrialFit) -> Section:
+    shown = sorted(found.runs, key=lambda r: r.role != "holdout")[:MOST_RUNS]
+    blocks: list[Block] = []
+    for number, run in enumerate(shown, 1):
+        drawn = figures.overlay(run.t, run.channels, run.readings, run.nominal, run.fitted)
+        word = "held out: predicted" if run.role == "holdout" else "fitted"
+        caption = f"{literal(run.name)} ({literal(run.manoeuvre)}), {word}."
+        blocks.append(Figure(f"run{number:02d}", drawn, caption))
+    left = len(found.runs) - len(shown)
+    if left:
+        blocks.append(Text(f"{left} more runs are in the table of residuals only."))
+    return Section("Runs", blocks)
+
+
+def _search(fit: Fit) -> Section:
+    rows = [[_SHARES[key], 100 * share, share * fit.seconds] for key, share in fit.shares.items()]
+    text = (
+        f"Stop reason: {fit.message}. Cost {fit.cost_start:.6g} -> {fit.cost:.6g} in {len(fit.costs)} "
+        f"iterations of "
+        f"{fit.rounds} rounds; {fit.n_cost} evaluations of the cost, {fit.n_gradient} of its gradient, seed "
+        f"{fit.seed}. On a bound: {', '.join(f'`{n}`' for n in fit.at_bound) or 'none'}."
+    )
+    blocks: list[Block] = [Text(text), Table(["work", "share [%]", "time [s]"], rows, digits=3)]
+    if len(fit.starts) > 1:
+        starts = [[i, s["cost_start"], s["cost"], s["reason"]] for i, s in enumerate(fit.starts)]
+        blocks.append(Table(["start", "first cost", "last cost", "stop reason"], starts))
+    if fit.costs:
+        blocks.append(
+            Figure("search", figures.search(fit.costs, fit.steps), "Cost and step of the winning start.")
+        )
+    return Section("Search", blocks)
+
+
+def _inputs(found: TrialFit) -> Section:
+    sources = sorted({term(n).source for n in found.fit.names[: found.fit.n_params] if n in _LABELS})
+    lines = [
+        f"- Trial: {literal(found.trial.name)}, {len(found.trial.runs)} runs, digest "
+        f"`{found.trial.digest[:16]}`",
+        f"- Vehicle: {literal(found.vehicle.name)}, digest `{found.vehicle.digest[:16]}`",
+        f"- Readings compared: {found.fit.n_readings}",
+        f"- Sources of the rows: {', '.join(f'`{s}`' for s in sources)}",
+    ]
+    if found.trial.attribution:
+        lines.append(f"- Data: {literal(found.trial.attribution.removeprefix('Data: '))}")
+    return Section("Inputs", [Text("\n".join(lines))])

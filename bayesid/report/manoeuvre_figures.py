@@ -1,0 +1,157 @@
+"""Figures of comparing and designing manoeuvres: maps, cross tables, orders with their track.
+
+Takes plain arrays and names. Does not compute results.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from PIL import Image  # comes with matplotlib
+
+from bayesid.report.figure_style import COLOURS, styled, subplots, track_axes
+
+Array = np.ndarray
+LABELS = {
+    "delta_r_cmd": ("rudder [deg]", 180 / math.pi),
+    "delta_s_cmd": ("stern planes [deg]", 180 / math.pi),
+    "n_cmd": ("shaft speed [rpm]", 1.0),
+}
+
+
+def compact(figure: Any, noise_model: int = 64) -> bytes:
+    """PNG of a figure in few noise model: a third of the size, for reports of many maps."""
+    whole, small = BytesIO(), BytesIO()
+    figure.savefig(whole, format="png")
+    Image.open(whole).convert("RGB").quantize(noise_model, dither=Image.Dither.NONE).save(
+        small, "PNG", optimize=True
+    )
+    return small.getvalue()
+
+
+@styled
+def contraction_map(
+    panels: Mapping[str, Array], rows: Sequence[str], columns: Sequence[str], label: str = "contraction"
+) -> Any:
+    """One map per panel, manoeuvres down, coefficients across; missing cells are grey."""
+    figure, axes = subplots(
+        len(panels), 1, height=len(panels) * (0.9 + 0.17 * len(rows)) + 0.6, squeeze=False, sharex=True
+    )
+    image: Any = None
+    for ax, (title, values) in zip(axes[:, 0], panels.items(), strict=True):
+        ax.set_facecolor("#DDDDDD")
+        image = ax.imshow(np.ma.masked_invalid(values), vmin=0, vmax=1, cmap="cividis", aspect="auto")
+        ax.set_title(title)
+        ax.set_yticks(range(len(rows)), rows, fontsize=7)
+        ax.grid(False)
+    axes[-1, 0].set_xticks(range(len(columns)), columns, rotation=90, fontsize=7)
+    figure.colorbar(image, ax=list(axes[:, 0]), label=label, fraction=0.03, pad=0.01)
+    return figure
+
+
+@styled
+def cross_map(
+    panels: Mapping[str, Array], names: Sequence[str], label: str = "rms error over sensor noise"
+) -> Any:
+    """Identify on the row, predict the column; logarithmic."""
+    figure, axes = subplots(1, len(panels), height=1.6 + 0.19 * len(names), squeeze=False, sharey=True)
+    finite = np.concatenate([v[np.isfinite(v) & (v > 0)] for v in panels.values()])
+    low, high = np.log10(np.quantile(finite, [0.02, 0.98]))
+    image: Any = None
+    for ax, (title, values) in zip(axes[0], panels.items(), strict=True):
+        ax.set_facecolor("#DDDDDD")
+        with np.errstate(divide="ignore", invalid="ignore"):
+            shown = np.ma.masked_invalid(np.log10(values))
+        image = ax.imshow(shown, vmin=low, vmax=high, cmap="cividis_r", aspect="auto")
+        ax.set_title(title)
+        ax.set_xticks(range(len(names)), names, rotation=90, fontsize=7)
+        ax.set_xlabel("predicted")
+        ax.grid(False)
+    axes[0, 0].set_yticks(range(len(names)), names, fontsize=7)
+    axes[0, 0].set_ylabel("identified on")
+    bar = figure.colorbar(image, ax=list(axes[0]), label=label, fraction=0.03, pad=0.01)
+    ticks = np.arange(math.ceil(low), math.floor(high) + 1)
+    if ticks.size >= 2:
+        bar.set_ticks(ticks.tolist(), labels=[f"$10^{{{int(t)}}}$" for t in ticks])
+    else:
+        ends = np.linspace(low, high, 4)
+        bar.set_ticks(ends.tolist(), labels=[f"{10**t:.2g}" for t in ends])
+    return figure
+
+
+@styled
+def against(
+    groups: Mapping[str, tuple[Array, Array]], xlabel: str, ylabel: str, band: float = 1.0, log: bool = True
+) -> Any:
+    """Points of one quantity against another; with `band` > 1 the diagonal and a factor either side of it."""
+    figure, ax = subplots(height=3.4, width=7.2 if len(groups) > 1 else 4.6)
+    markers = "os^Dvx"
+    for k, (name, (x, y)) in enumerate(groups.items()):
+        ax.plot(x, y, markers[k % 6], label=name, alpha=0.7, markersize=4)
+    if band > 1:
+        every = np.concatenate([np.concatenate([x, y]) for x, y in groups.values()])
+        ends = np.array([np.nanmin(every), np.nanmax(every)])
+        ax.plot(ends, ends, color=COLOURS["grey"], linewidth=1)
+        for f in (band, 1 / band):
+            ax.plot(ends, ends * f, color=COLOURS["grey"], linewidth=0.8, linestyle=":")
+    if log:
+        ax.set_xscale("log")
+        ax.set_yscale("log")
+        for axis in (ax.xaxis, ax.yaxis):
+            axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+            axis.set_minor_formatter(NullFormatter())
+    ax.set_xlabel(xlabel)
+    ax.set_ylabel(ylabel)
+    if len(groups) > 1:
+        figure.legend(loc="outside right upper")
+    return figure
+
+
+@styled
+def candidates(names: Sequence[str], values: Array, designed: str, xlabel: str, randoms: Array) -> Any:
+    """Bars of all candidates, best on top, with the range of random designs as a band."""
+    figure, ax = subplots(height=max(2.0, 0.21 * len(names) + 0.9))
+    where = np.arange(len(names))[::-1]
+    noise_model = [COLOURS["orange"] if n == designed else COLOURS["blue"] for n in names]
+    ax.barh(where, values, color=noise_model, height=0.7)
+    ax.set_yticks(where, names)
+    if randoms.size:
+        ax.axvspan(randoms.min(), randoms.max(), color=COLOURS["grey"], alpha=0.25, label="random designs")
+        ax.legend(loc="lower right")
+    positive = values[np.isfinite(values) & (values > 0)]
+    if positive.size == values.size and positive.max() > 30 * positive.min():
+        ax.set_xscale("log")
+    ax.set_xlabel(xlabel)
+    return figure
+
+
+@styled
+def orders(t: Array, commands: Mapping[str, Array], states: Mapping[str, Array]) -> Any:
+    """Orders over time beside the track the nominal vehicle would make; with depth where there is one."""
+    shown = [n for n in LABELS if n in commands]
+    deep = "z" in states
+    figure, axes = subplots(len(shown) + deep, 2, height=1.25 * (len(shown) + deep) + 1.2, squeeze=False)
+    for ax, name in zip(axes[:, 0], shown, strict=False):
+        label, scale = LABELS[name]
+        ax.step(t, np.asarray(commands[name]) * scale, where="post", color=COLOURS["blue"])
+        ax.set_ylabel(label)
+    if deep:
+        axes[-1, 0].plot(t, states["z"], color=COLOURS["blue"])
+        axes[-1, 0].invert_yaxis()
+        axes[-1, 0].set_ylabel("depth z [m]")
+    axes[-1, 0].set_xlabel("time [s]")
+    grid = axes[0, 0].get_gridspec()
+    for ax in axes[:, 1]:
+        ax.remove()
+    plan = figure.add_subplot(grid[:, 1])
+    plan.plot(states["y"], states["x"], color=COLOURS["blue"])
+    plan.plot(states["y"][0], states["x"][0], "o", color=COLOURS["grey"])
+    track_axes(plan)
+    plan.set_title("track of the nominal vehicle")
+    return figure

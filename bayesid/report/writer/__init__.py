@@ -1,0 +1,12 @@
+"""The report writer: a report as plain data, written as one HTML file, Markdown and JSON.
+
+Takes sections of text, tables and finished figures. Does not compute, draw or choose words.
+"""
+
+from __future__ import annotations
+
+from bayesid.report.writer.blocks import Block, Figure, Report, Section, Table, Text
+from bayesid.report.writer.markup import literal
+from bayesid.report.writer.write import write
+
+__all__ = ["Block", "Figure", "Report", "Section", "Table", "Text", "literal", "write"]

@@ -1,1 +1,0 @@
-"""Results in words, tables and figures: one module per report. Does not compute results."""

@@ -1,0 +1,43 @@
+"""Run a model: states, readings and their exact sensitivities for one or many parameter vectors.
+
+Takes a `Model`, a `TimePlan` (time steps and inputs of one run) and parameters in SI. Gives arrays.
+Does not read files, choose parameters or judge a fit.
+
+Signal order: command -> actuator chain -> forces in moving water -> state -> sensors. RK4 with fixed steps,
+actuator positions held at their mean over each step, commands held between their samples.
+"""
+
+from bayesid.simulation.accelerations import rates_on
+from bayesid.simulation.batch import THREADED_FROM, gradient_batch, simulate_batch
+from bayesid.simulation.closed_loop import run_manoeuvre, steady_start
+from bayesid.simulation.interval_maps import Maps, Readings, inertia_ratio, interval_maps, readings_on
+from bayesid.simulation.prepare import actuate
+from bayesid.simulation.sensors import observe, observe_sensitivity
+from bayesid.simulation.single import Sensitivity, Track, gradient, sensitivities, simulate
+from bayesid.simulation.time_plan import STEP_PER_LENGTH, TimePlan, plan_run, plan_trial_run
+
+__all__ = [
+    "STEP_PER_LENGTH",
+    "THREADED_FROM",
+    "Maps",
+    "TimePlan",
+    "Readings",
+    "Sensitivity",
+    "Track",
+    "actuate",
+    "run_manoeuvre",
+    "gradient",
+    "gradient_batch",
+    "inertia_ratio",
+    "interval_maps",
+    "observe",
+    "observe_sensitivity",
+    "plan_run",
+    "plan_trial_run",
+    "rates_on",
+    "readings_on",
+    "sensitivities",
+    "simulate",
+    "simulate_batch",
+    "steady_start",
+]

@@ -1,0 +1,190 @@
+"""Time steps and inputs of one run, laid out for the kernels.
+
+Takes sample times, commands, measured actuator positions and measured wind. Gives a `TimePlan`.
+Does not apply an actuator effect: those depend on parameters (`prepare`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from bayesid.equations.model import Model
+from bayesid.errors import ModelError
+
+Array = np.ndarray
+
+# Default RK4 steps in units of L/U. A fin on its way is held at its mean over a step, which loses when it
+# moved: 20/20 zig-zags of 40 L/U were 0.15 m (nps_auv2), 1.8 m (generic_sub) and 8 m (suboff_full, unstable)
+# off with 0.08 throughout; RK4 itself is 0.03, 14 and 34 mm off. Steps that are short while a fin moves leave
+# 0.011, 0.06 and 0.12 m for 1.1 to 3.2 times the steps; spirals and rudder steps are below 6 mm.
+STEP_PER_LENGTH = 0.08
+MOVING_STEP_PER_LENGTH = 0.01
+STILL = 1e-4  # rad L/U: a move times its duration that makes no difference
+
+
+@dataclass(frozen=True, eq=False)
+class TimePlan:
+    """Time grid and inputs of one run, ready for the kernels.
+
+    Attributes
+    ----------
+    t : (n,) sample times [s]
+    times, steps : (m,) start [s from the first sample] and length [s] of every RK4 step
+    record : (n,) number of steps done when sample i is taken
+    command : (m, na) commanded actuator positions, mean over the step, without any delay [rad, rpm]
+    exogenous : (m, ne) measured wind and latent inputs, held over each step
+    knots, levels : (k,) and (k, na) switching times and values of the held commands
+    measured : names of actuators whose measured position is used instead of the command
+    short : step [s] while a fin moves, 0 where all steps are as long as was asked for
+    kept : what `follow` has worked out for this plan
+    """
+
+    t: Array
+    times: Array
+    steps: Array
+    record: Array
+    command: Array
+    exogenous: Array
+    knots: Array
+    levels: Array
+    measured: tuple[str, ...] = ()
+    short: float = 0.0
+    kept: dict[Any, Any] = field(default_factory=dict, init=False, repr=False)
+
+
+def plan_run(
+    model: Model,
+    t: Array,
+    inputs: Mapping[str, Array],
+    measured: Mapping[str, Array] | None = None,
+    exogenous: Mapping[str, Array] | None = None,
+    max_step: float | None = None,
+) -> TimePlan:
+    """Time grid and inputs for a run.
+
+    Parameters
+    ----------
+    model : Model
+    t : (n,) sample times [s], increasing, not necessarily regular
+    inputs : commands "delta_r_cmd" [rad], "n_cmd" [rpm] ... at the samples, held until the next; missing
+        ones are 0, names the model does not read are left out
+    measured : actuator positions "delta_r", "n" ... at the samples, linear in between; they replace the
+        command and lift the vehicle's own rate and angle limits
+    exogenous : "wind_speed" [m/s] and "wind_from" [rad]
+    max_step : longest RK4 step [s], throughout; default `STEP_PER_LENGTH` L/U, and `MOVING_STEP_PER_LENGTH`
+        while a fin moves to a new command at the vehicle's own rate, or at that of the parameters a run is
+        simulated with (`follow`)
+
+    Raises
+    ------
+    ModelError
+        if times are not finite or do not increase, or if an input has another length than t or no finite
+        value at all; single missing values are held from the last good one
+    """
+    t = _sample_times(t)
+    names = model.kernel.actuators
+    measured = {k: v for k, v in (measured or {}).items() if k in names}
+    levels = np.zeros((t.size, len(names)))
+    moving = np.zeros(t.size - 1)
+    for a, name in enumerate(names):
+        if name in measured:
+            levels[:, a] = _filled(measured[name], name, t.size)
+        elif f"{name}_cmd" in inputs:
+            levels[:, a] = _filled(inputs[f"{name}_cmd"], f"{name}_cmd", t.size)
+            if name != "n" and max_step is None:
+                moving = np.maximum(moving, _moving(model, name, t, levels[:, a]))
+    short, long = _longest(model, max_step)
+    start, steps, record = _steps(t, moving, short, long)
+    middle = start + 0.5 * steps
+    command = levels[np.repeat(np.arange(t.size - 1), np.diff(record))]
+    for a, name in enumerate(names):
+        if name in measured:
+            command[:, a] = np.interp(middle, t, levels[:, a])
+    exo = np.zeros((steps.size, len(model.kernel.exogenous)))
+    if exogenous and "wind_speed" in exogenous and "wind_from" in exogenous:
+        speed = _filled(exogenous["wind_speed"], "wind_speed", t.size)
+        towards = _filled(exogenous["wind_from"], "wind_from", t.size) + math.pi
+        for name, values in (("wind_north", speed * np.cos(towards)), ("wind_east", speed * np.sin(towards))):
+            exo[:, model.kernel.exogenous.index(name)] = np.interp(middle, t, values)
+    adaptable = short if max_step is None else 0.0
+    return TimePlan(
+        t, start - t[0], steps, record, command, exo, t - t[0], levels, tuple(measured), adaptable
+    )
+
+
+def plan_trial_run(model: Model, run: Any, max_step: float | None = None) -> TimePlan:
+    """Plan of a logged run (`trials.Run`): measured actuators where logged, commands otherwise."""
+    return plan_run(model, run.t, run.commands, run.measured_inputs, run.exogenous, max_step)
+
+
+def _longest(model: Model, max_step: float | None) -> tuple[float, float]:
+    """Longest steps [s] while a fin moves and otherwise."""
+    time = model.scales["L"] / max(model.scales["U"], 1e-3)
+    if max_step is None:
+        return MOVING_STEP_PER_LENGTH * time, STEP_PER_LENGTH * time
+    if not max_step > 0.0:
+        raise ModelError(f"max_step = {max_step:g} s: a step must be longer than 0")
+    return max_step, max_step
+
+
+def _moving(model: Model, name: str, t: Array, levels: Array) -> Array:
+    """(n-1,) time [s] after each sample for which a fin still runs at the vehicle's rate; small moves 0."""
+    letter = name.removeprefix("delta_")
+    inverse, limit = (model.nominal[model.index[f"{k}_{letter}"]] for k in ("inverse_rate", "limit"))
+    time = model.scales["L"] / max(model.scales["U"], 1e-3)
+    out = np.zeros(t.size - 1)
+    at = float(np.clip(levels[0], -limit, limit))
+    for i, (gap, level) in enumerate(zip(np.diff(t), np.clip(levels, -limit, limit)[:-1], strict=True)):
+        left = abs(level - at) * inverse
+        if left * abs(level - at) > STILL * time:
+            out[i] = min(left, gap)
+        at = level if left <= gap else at + math.copysign(gap / inverse, level - at)
+    return out
+
+
+def _steps(t: Array, moving: Array, short: float, long: float) -> tuple[Array, Array, Array]:
+    """Start and length of every step, and the number of steps done at each sample."""
+    gaps = np.diff(t)
+    moving = np.where(gaps - moving < 0.1 * short, gaps, moving)
+    parts = np.stack([moving, gaps - moving], axis=1)
+    count = np.ceil(parts / (short, long) - 1e-9).astype(np.int64)
+    count[:, 1] += count.sum(axis=1) == 0
+    begin = np.stack([t[:-1], t[:-1] + moving], axis=1).ravel()
+    pieces = count.ravel()
+    steps = np.repeat(parts.ravel() / np.maximum(pieces, 1), pieces)
+    first = np.repeat(np.cumsum(pieces) - pieces, pieces)
+    start = np.repeat(begin, pieces) + steps * (np.arange(steps.size) - first)
+    return start, steps, np.concatenate(([0], np.cumsum(count.sum(axis=1))))
+
+
+def _sample_times(t: Array) -> Array:
+    t = np.asarray(t, dtype=float)
+    if t.ndim != 1 or t.size < 2:
+        raise ModelError(f"a run needs at least two sample times; got an array of shape {t.shape}")
+    wrong = np.flatnonzero(~(np.diff(t) > 0.0))
+    if wrong.size or not np.isfinite(t[-1]):
+        i = int(wrong[0]) + 1 if wrong.size else t.size - 1
+        raise ModelError(
+            f"sample times must be finite and increase; sample {i} at {t[i]:g} s follows {t[i - 1]:g} s"
+        )
+    return t
+
+
+def _filled(values: Array, name: str, size: int) -> Array:
+    """Input with missing samples held from the last good one."""
+    values = np.array(values, dtype=float)
+    if values.shape != (size,):
+        raise ModelError(f"input {name} has shape {values.shape} beside {size} sample times")
+    good = np.isfinite(values)
+    if not good.any():
+        raise ModelError(f"input {name} has no finite value")
+    if not good.all():
+        last = np.maximum.accumulate(np.where(good, np.arange(values.size), -1))
+        last[last < 0] = np.argmax(good)
+        values = values[last]
+    return values

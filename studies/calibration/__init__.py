@@ -1,0 +1,1 @@
+"""Study: do credible intervals hold the truth as often as they say?"""

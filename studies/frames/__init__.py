@@ -1,0 +1,1 @@
+"""Study: causes confounded with coefficients, and look-alikes told apart by one more run."""

@@ -1,0 +1,1 @@
+"""Study: which manoeuvre tells what, which to order next, and does the advice hold?"""

@@ -1,0 +1,1 @@
+"""Study: the three cases of Furlong et al. (2003)."""

@@ -1,0 +1,1 @@
+"""Study: the posterior of a spiral's coefficients, and what further runs add."""

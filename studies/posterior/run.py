@@ -1,0 +1,340 @@
+"""What do a spiral's 22 coefficients look like as a posterior, and what do further runs and real logs add?
+
+Usage: python -m studies.posterior.run [--data FOLDER] [--out FOLDER] [--quick] [--seed N]. FOLDER holds
+`kvlcc2_hsva` and `esso_osaka` (see studies/real_logs/run.py; the logs are not part of this project). Chains
+are kept in OUT/chains, an interrupted one goes on; delete that folder to start afresh.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bayesid.analysis.identifiability import (
+    Information,
+    derived,
+    full_vectors,
+    identify,
+    predict,
+    with_assumed_priors,
+)
+from bayesid.equations.model import Model, build_model
+from bayesid.errors import SampleError
+from bayesid.estimation.output_error import FitOptions, FitProblem, coefficient_set, fit, trial_problem
+from bayesid.estimation.output_error.segments import fit_in_pieces
+from bayesid.estimation.sampling import Posterior, SamplerOptions, load_posterior, sample
+from bayesid.estimation.sampling.nuts import NutsOptions, continue_nuts, sample_nuts
+from bayesid.estimation.sampling.trial_gradient import GradientTrialDensity
+from bayesid.estimation.sampling.trial_posterior import TrialDensity
+from bayesid.estimation.sampling.trial_setup import trial_density
+from bayesid.lock import lock_or_exit
+from bayesid.manoeuvres import Manoeuvre, chirp, spiral, zigzag
+from bayesid.model.vehicles import load_vehicle
+from bayesid.progress import Progress
+from bayesid.report import writer
+from bayesid.simulation import plan_run, run_manoeuvre, simulate, steady_start
+from bayesid.simulation.virtual_trial import virtual_trial
+from bayesid.trials import load_trial, thin
+from studies.posterior.report import posterior_report
+from studies.posterior.results import posterior_results
+from studies.posterior.sampled_case import Sampled, Tracks
+from studies.real_logs import run as real_logs
+
+VEHICLE, RPM, DT = "generic_sub", 90.0, 1.0
+DEG = math.pi / 180
+NOISE = {"x": 1.0, "y": 1.0, "psi": 0.5 * DEG}  # the paper reads positions and angles
+PRIOR = 0.1  # relative sd of every coefficient: the size of the paper's starting errors
+# the paper's Case 2: what a towing tank without a planar motion mechanism gives is known
+KNOWN = ("X_vv", "Y_v", "Y_v|v|", "N_v", "N_v|v|", "X_drdr", "Y_dr", "N_dr")
+ACCELERATION = ("X_udot", "Y_vdot", "Y_rdot", "N_vdot", "N_rdot")
+SHORT = 300.0  # s, zig-zag and rich run
+DRAWS, ZIGZAGS = 400, 60
+MORE, MOST_DRAWS = 200, 1500  # per chain of NUTS; a convergence check still shut then is reported so
+LOGS = {"hsva": "kvlcc2_hsva", "esso": "esso_osaka"}
+FAR = 50.0  # bounds of real ships, in sizes of a coefficient: their estimates go far, and a bound is a wall
+
+
+def main(
+    out: Path,
+    data: Path | None,
+    quick: bool,
+    seed: int,
+    by_laplace: tuple[str, ...] = (),
+    most: int = MOST_DRAWS,
+) -> dict[str, Any]:
+    """Sample every case, look at it through all lenses, write the report."""
+    progress = Progress()
+    model = build_model(load_vehicle(VEHICLE), 3)
+    executed = manoeuvres(quick)
+    all22, known14 = model.coefficients, tuple(n for n in model.coefficients if n not in KNOWN)
+    plans: list[tuple[str, str, tuple[str, ...], tuple[str, ...], float, tuple[str, ...]]] = [
+        ("spiral14", "spiral, 14 unknown", ("spiral",), known14, 1.0, ("emcee", "NUTS")),
+        ("spiral22", "spiral, 22 unknown", ("spiral",), all22, 1.0, ("NUTS",)),
+        ("fine14", "spiral, 14 unknown, 0.1 m", ("spiral",), known14, 0.1, ("NUTS",)),
+        ("finejoint14", "three runs, 14 unknown, 0.1 m", tuple(executed), known14, 0.1, ("NUTS",)),
+        ("joint22", "three runs, 22 unknown", tuple(executed), all22, 1.0, ("NUTS",)),
+    ]
+    if quick:
+        plans = [("spiral14", "short spiral, 14 unknown", ("spiral",), known14, 1.0, ("NUTS",))]
+    if importlib.util.find_spec("nutpie") is None:
+        progress.note("nutpie is missing (pip install 'bayesid[nuts]'): the ensembles alone")
+        plans = [(*plan[:-1], ("emcee",)) for plan in plans]
+    cases = {}
+    for key, words, runs, names, share, samplers in plans:
+        problem = pose(model, {n: executed[n] for n in runs}, names, share, seed)
+        cases[key] = sampled(key, words, problem, None, samplers, out, quick, seed, progress, most)
+    logs = {} if data is None or quick else real(data, plans[-1][-1], by_laplace, out, seed, progress, most)
+    with progress.stage("runs not flown"):
+        alike = {k: c for k, c in cases.items() if "fine" not in k}  # one noise
+        tracks = {n: tracks_of(model, n, m, alike, seed) for n, m in executed.items()}
+        facts: dict[str, Any] = {"accelerations": accelerations(cases), "tracks": tracks}
+    facts["collapse"] = {} if quick else collapse(model, executed, {22: all22, 14: known14}, seed)
+    facts |= {
+        "by_laplace": [k for k in logs if k in by_laplace],
+        "noise": NOISE,
+        "prior": PRIOR,
+        "quick": quick,
+        "vehicle": VEHICLE,
+    }
+    results = posterior_results(cases, logs, facts, seed)
+    page = writer.write(posterior_report(cases, logs, facts), out, results)
+    progress.note(f"report: {page}")
+    return results
+
+
+def manoeuvres(quick: bool) -> dict[str, Manoeuvre]:
+    """The paper's spiral, a zig-zag, and a rich run: swept rudder and steps of the shaft speed."""
+    end = 200.0 if quick else 600.0
+    return {
+        "spiral": spiral(RPM, end=end, dt=DT),
+        "zig-zag": zigzag(20 * DEG, 20 * DEG, RPM, approach=10.0, duration=SHORT, dt=DT),
+        "rich": chirp(25 * DEG, 1 / 150, 1 / 20, RPM, SHORT, DT, (1.0, 0.7, 1.1, 0.8)),
+    }
+
+
+def pose(
+    model: Model, executed: dict[str, Manoeuvre], names: tuple[str, ...], share: float, seed: int
+) -> FitProblem:
+    """Readings of the true vehicle with `share` of the noise, every one of `names` known before to 10 %."""
+    rng = np.random.default_rng(seed)
+    noise = {c: share * s for c, s in NOISE.items()}
+    trial = virtual_trial(
+        model, model.nominal, executed, title="twin", vehicle_ref=VEHICLE, noise=noise, rng=rng
+    )
+    problem = trial_problem(model, trial, coefficient_set(model, names), channels=tuple(NOISE), threads=1)
+    return with_assumed_priors(problem, PRIOR)
+
+
+def sampled(
+    key: str, words: str, problem: FitProblem, z: np.ndarray | None, samplers: tuple[str, ...], out: Path,
+    quick: bool, seed: int, progress: Progress, most: int = MOST_DRAWS,
+) -> Sampled:  # fmt: skip
+    """Fit (unless done), sample with every sampler, and look through the three lenses with the draws."""
+    if z is None:
+        with progress.stage(f"{key}: fit"):
+            z = fit(problem, FitOptions(seed=seed)).z
+    density = trial_density(problem, z)
+    folder = out / "chains" / key
+    found: dict[str, Posterior] = {}
+    for name in samplers:
+        with progress.stage(f"{key}: {name}") as stage:
+            stored = folder / f"{name}.nc"
+            kept = load_posterior(stored) if stored.exists() else None
+            if kept is not None and kept.digest != density.digest:
+                kept = None
+            if name == "NUTS":
+                kept = by_slopes(density, kept, stored, key in LOGS, quick, seed, most, stage)
+            elif kept is None:
+                kept = sample(
+                    density, density.laplace, SamplerOptions(seed=seed), folder,
+                    resume=(folder / "chain").exists(),
+                    watch=stage.step,
+                )  # fmt: skip
+                kept.to_netcdf(stored)
+            found[name] = kept
+    first = next(iter(found.values()), None)
+    k, rng = len(problem.params.names), np.random.default_rng(seed)
+    seen = identify(
+        weighed(density, first), z,
+        draws=None if first is None else first.params,
+        profile=() if key in LOGS else True, log=folder / "profile.jsonl",
+    )  # fmt: skip
+    draws = seen.information.draws(10 * DRAWS, rng) if first is None else first.params
+    some = rng.choice(len(draws), DRAWS, replace=False)
+    pair = tuple(
+        derived(problem.model, full_vectors(problem, d), zigzags=0 if quick else ZIGZAGS)
+        for d in (density.prior_draws(DRAWS, rng)[:, :k], draws[some])
+    )
+    return Sampled(key, words, problem, z, found, draws, seen, (pair[0], pair[1]))
+
+
+def by_slopes(
+    density: TrialDensity, kept: Posterior | None, stored: Path, logged: bool, quick: bool, seed: int,
+    most: int, stage: Any,
+) -> Posterior:  # fmt: skip
+    """A chain by NUTS, stored, and lengthened a few times while its convergence check stays shut."""
+    target = GradientTrialDensity(density)
+    # equations scaled as a whole bend the posterior of 22 unknowns: short steps there. Real logs bend it
+    # away from its Laplace approximation: a short chain first, whose draws whiten the rest at half the cost
+    few = NutsOptions(tune=200, draws=200 if quick else 500, accept=0.9, seed=seed)
+    if logged:
+        few = NutsOptions(tune=150, draws=100, accept=0.8, seed=seed)
+    if kept is None:
+        kept = sample_nuts(target, density.laplace, few)
+        kept.to_netcdf(stored)
+    while not (quick or kept.converged) and kept.draws.shape[1] < most:
+        stage.step(0, f"{kept.gate.reasons[0]}: going on")
+        kept = continue_nuts(target, density.laplace, kept, replace(few, tune=100, draws=MORE))
+        kept.to_netcdf(stored)
+    return kept
+
+
+def weighed(density: TrialDensity, posterior: Posterior | None) -> FitProblem:
+    """The problem with noise as the density weighs it: its level times the root of the correlation time."""
+    names = density.unknowns.names
+    middle = density.natural(density.laplace.mode) if posterior is None else np.median(posterior.flat, axis=0)
+    level = {n.removeprefix("sigma:"): middle[i] for i, n in enumerate(names) if n.startswith("sigma:")}
+    runs = [
+        run.with_sigma({c: level[c] * math.sqrt(one.tau) for c, one in zip(run.channels, row, strict=True)})
+        for run, row in zip(density.problem.runs, density.data, strict=True)
+    ]
+    return replace(density.problem, runs=tuple(runs))
+
+
+def tracks_of(model: Model, name: str, manoeuvre: Manoeuvre, cases: dict[str, Sampled], seed: int) -> Tracks:
+    """Bands of one run, orders as the true vehicle's, by the prior and by every posterior."""
+    x0 = steady_start(model, RPM)
+    track, orders = run_manoeuvre(model, model.nominal, manoeuvre, x0)
+    plan = plan_run(model, track.t, orders)
+    truth = simulate(model, model.nominal, plan, x0).states
+    rng = np.random.default_rng(seed)
+    widest = cases.get("spiral22", next(iter(cases.values())))
+    density = trial_density(widest.problem, widest.z)
+    k = len(widest.problem.params.names)
+    bands = {
+        "prior": predict(
+            model, full_vectors(widest.problem, density.prior_draws(DRAWS, rng)[:, :k]), plan, x0
+        )
+    }
+    for case in cases.values():
+        draws = case.draws[rng.choice(len(case.draws), DRAWS, replace=False)]
+        bands[case.words] = predict(model, full_vectors(case.problem, draws), plan, x0)
+    return Tracks(name, truth, bands)
+
+
+def accelerations(cases: dict[str, Sampled]) -> dict[str, Any]:
+    """Structural directions with the acceleration derivatives known to 10 and 0.1 %: relative sd along."""
+    case = cases.get("spiral22")
+    if case is None:
+        return {}
+    found = {}
+    for words, sd in (("10 %", PRIOR), ("0.1 %", 1e-3)):
+        params = case.problem.params
+        for name in ACCELERATION:
+            prior = params[name].prior
+            assert prior is not None
+            params = params.changed([name], prior=replace(prior, spread=sd * params[name].scale))
+        info = identify(case.problem.with_params(params), case.z, profile=False).information
+        along = {}
+        for d in case.seen.structural:
+            way = d.relative * info.scale / info.unit
+            along[d.words] = float(
+                1.0 / np.hypot(np.linalg.norm(info.data @ way), np.linalg.norm(info.prior @ way))
+            )
+        found[words] = along
+    return found
+
+
+def collapse(
+    model: Model, executed: dict[str, Manoeuvre], sets: dict[int, tuple[str, ...]], seed: int
+) -> dict[str, Any]:
+    """What one and three runs leave along the spiral's open directions, at the true vehicle, by noise."""
+    found = {}
+    for count, names in sets.items():
+        for share in (1.0, 0.3, 0.1):
+            one, three = (
+                identify(pose(model, runs, names, share, seed), profile=False)
+                for runs in ({"spiral": executed["spiral"]}, executed)
+            )
+            rows = []
+            for d in one.directions:
+                infos = (one.information, three.information)
+                left = [relative_sd(info, d.vector) for info in infos]
+                sd = [float(np.sqrt(d.vector @ info.covariance @ d.vector)) for info in infos]
+                rows.append({"name": d.name, "words": d.words, "data_sd": left, "sd_over_prior": sd})
+            found[f"{count} unknown, {share * NOISE['x']:g} m"] = {
+                "open": [len(one.directions), len(three.directions)],
+                "structural": [len(one.structural), len(three.structural)],
+                "rows": rows,
+            }
+    return found
+
+
+def relative_sd(info: Information, way: np.ndarray) -> float:
+    """Relative sd the data alone leave along a direction (k,) in prior units; inf below rounding."""
+    change = float(np.linalg.norm(info.data @ way))
+    if change < 1e-11 * float(np.linalg.norm(info.reach * way)):
+        return math.inf
+    return float(np.linalg.norm(way * info.unit / info.scale)) / change
+
+
+def real(
+    data: Path,
+    samplers: tuple[str, ...],
+    by_laplace: tuple[str, ...],
+    out: Path,
+    seed: int,
+    progress: Progress,
+    most: int = MOST_DRAWS,
+) -> dict[str, Sampled]:
+    """The logs of studies/real_logs/run.py with its rows and pieces, wind left out."""
+    found = {}
+    for key, name in LOGS.items():
+        if not (data / name).is_dir():
+            progress.note(f"{name}: no such folder in {data.name}; left out")
+            continue
+        setting = real_logs.SETTINGS[name]
+        logged = load_trial(real_logs.HERE / name, data / name)
+        runs = tuple(thin(real_logs.begun(run, setting.way), 2 * setting.dt) for run in logged.runs)
+        inside = replace(logged, runs=tuple(r for r in runs if not r.manoeuvre.startswith("random")))
+        ship = load_vehicle(real_logs.HERE / name / "vehicle.toml")
+        free = (*(n for n in ship.coef if n not in real_logs.INERTIA), *real_logs.SINGLE_SCREW)
+        with progress.stage(f"{key}: fit") as stage:
+            fitted = fit_in_pieces(
+                inside, setting.piece, ship, out / "chains" / key, free=free,
+                relative_bounds=FAR, options=FitOptions(seed=seed, profile=True, rounds=12),
+                watch=lambda done, cost, step, s=stage: s.step(info=f"cost {cost:.5g}"),
+            )  # fmt: skip
+        problem = with_assumed_priors(fitted.problem)
+        try:
+            found[key] = sampled(
+                key, f"{logged.name}, {len(problem.runs)} pieces", problem, fitted.fit.z,
+                () if key in by_laplace else samplers, out,
+                False, seed, progress, most,
+            )  # fmt: skip
+        except SampleError as error:
+            progress.note(f"{key}: {error}")
+    return found
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--data", type=Path, help="folder with kvlcc2_hsva and esso_osaka")
+    parser.add_argument("--out", type=Path, default=Path("out/posterior"))
+    parser.add_argument("--quick", action="store_true", help="one short spiral, one sampler")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--laplace", nargs="*", choices=LOGS, default=(), help="real logs without a chain")
+    parser.add_argument(
+        "--draws", type=int, default=MOST_DRAWS, help="lengthen chains that fall short up to so many draws"
+    )
+    given = parser.parse_args()
+    lock_or_exit(given.out, "studies/posterior/run.py")
+    main(given.out, given.data, given.quick, given.seed, tuple(given.laplace), given.draws)

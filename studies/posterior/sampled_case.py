@@ -1,0 +1,55 @@
+"""What the posterior study hands to its report: sampled cases and predicted runs.
+
+Plain data. Does not compute or choose words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from bayesid.analysis.identifiability import Derived, Identifiability, TrackBands
+from bayesid.estimation.output_error import FitProblem
+from bayesid.estimation.sampling import Posterior
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Sampled:
+    """One case: a problem, its posterior by one or two samplers, and what identifiability says of it.
+
+    posteriors : by sampler; empty where the case was looked at by its Laplace approximation only
+    draws : (m, k) of the parameters [SI], of the first posterior or of Laplace
+    behaviour : derived quantities of prior and posterior
+    """
+
+    key: str
+    words: str
+    problem: FitProblem
+    z: Array
+    posteriors: Mapping[str, Posterior]
+    draws: Array
+    seen: Identifiability
+    behaviour: tuple[Derived, Derived]
+
+    @property
+    def nominal(self) -> Array:
+        """(k,) values of the vehicle file; the truth of a twin."""
+        return np.asarray(self.problem.model.nominal[self.problem.model.positions(self.seen.names)])
+
+
+@dataclass(frozen=True, eq=False)
+class Tracks:
+    """One run of the true vehicle (n, nx), and the bands of prior and posteriors around it."""
+
+    name: str
+    truth: Array
+    bands: Mapping[str, TrackBands]
+
+
+def in_prior_units(case: Sampled) -> Array:
+    """(m, k) draws of the parameters in prior standard deviations."""
+    return case.draws / case.seen.information.unit

@@ -1,0 +1,1 @@
+"""Study: a ship identified from half of its logged zig-zags predicts the other half."""

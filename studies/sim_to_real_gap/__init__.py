@@ -1,0 +1,1 @@
+"""Study: why a simulator parts from the vehicle: planted, published and real gaps."""

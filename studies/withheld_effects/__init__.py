@@ -1,0 +1,1 @@
+"""Study: committed campaigns of the plant, diagnosed blind, scored, compared."""

@@ -1,0 +1,1 @@
+"""Study: predictions and verdicts on real logs whose answer is kept elsewhere."""

@@ -1,0 +1,139 @@
+"""`bayesid vehicle` and `bayesid trial` answer in words and in JSON; a bad file is refused in one message."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import bayesid.model.vehicles
+from bayesid.cli.main import run
+from bayesid.cli.run_measures import say_measures
+from bayesid.measures import named_measures as measure
+from bayesid.model.vehicles import builtin_names, coef_si, load_vehicle
+
+
+@pytest.fixture
+def bundle(tmp_path):
+    """A straight run of 60 s at 2 m/s, logged every second."""
+    folder = tmp_path / "pond"
+    folder.mkdir()
+    t = np.arange(61.0)
+    rng = np.random.default_rng(3)
+    x = 2.0 * t + 0.05 * rng.standard_normal(t.size)
+    rows = [f"{a:g},{b:.4f},0.0,0.0,{10 * (-1) ** int(a // 15)}" for a, b in zip(t, x, strict=True)]
+    (folder / "r1.csv").write_text("t[s],x[m],y[m],psi[deg],delta_r_cmd[deg]\n" + "\n".join(rows) + "\n")
+    (folder / "trial.toml").write_text(
+        'format = 1\nname = "pond <b>July</b>"\nvehicle = "remus100"\ndof = 3\n'
+        '[[runs]]\nfile = "r1.csv"\nmanoeuvre = "straight"\nrole = "identify"\n'
+    )
+    return folder
+
+
+def test_vehicle_list_names_every_built_in_set(capsys):
+    assert run(["vehicle", "list"]) == 0
+    out = capsys.readouterr().out
+    assert all(name in out for name in builtin_names())
+
+
+def test_vehicle_show_gives_every_coefficient_with_its_si_value(capsys):
+    assert run(["vehicle", "show", "generic_sub", "--json"]) == 0
+    shown = json.loads(capsys.readouterr().out)
+    vehicle = load_vehicle("generic_sub")
+    values = {row["name"]: row["si"] for row in shown["coefficients"]}
+    assert set(vehicle.coef) <= set(values)
+    expected = {name: si for name, si in coef_si(vehicle).items() if name in values}
+    assert values == pytest.approx(expected, rel=1e-12)
+    assert shown["digest"] == vehicle.digest
+    assert run(["vehicle", "show", "generic_sub", "-v"]) == 0
+    assert "N_v" in capsys.readouterr().out
+
+
+def test_a_misspelt_vehicle_is_exit_code_2_with_a_suggestion(capsys):
+    assert run(["vehicle", "show", "remus10"]) == 2
+    assert "remus100" in capsys.readouterr().err
+
+
+def test_trial_check_says_what_a_bundle_holds(bundle, tmp_path, capsys):
+    assert run(["trial", "check", str(bundle), "--out", str(tmp_path / "out")]) == 0
+    out = capsys.readouterr().out
+    assert "1 runs, 3 degrees of freedom, vehicle remus100" in out and "straight" in out
+    stored = json.loads((tmp_path / "out" / "trial_check.json").read_text())
+    assert stored["runs"][0]["samples"] == 61 and stored["vehicle_problem"] is None
+    assert run(["trial", "check", str(bundle), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == stored
+
+
+def test_trial_check_finds_a_vehicle_that_cannot_be_read(bundle, capsys):
+    text = (bundle / "trial.toml").read_text().replace('"remus100"', '"vehicle.toml"')
+    (bundle / "trial.toml").write_text(text)
+    (bundle / "vehicle.toml").write_text("[vehicle]\n")
+    assert run(["trial", "check", str(bundle)]) == 2
+    assert "vehicle" in capsys.readouterr().out
+
+
+OUTSIDE = b"format = 1\n[[runs]]\nfile = '../../etc/passwd'"
+
+
+@pytest.mark.parametrize("content", [b"", b"\xff\xfe", b"format = 2", OUTSIDE])
+def test_a_broken_bundle_is_exit_code_2_without_traceback(content, tmp_path, capsys):
+    (tmp_path / "trial.toml").write_bytes(content)
+    assert run(["trial", "check", str(tmp_path)]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith("bayesid: ") and "Traceback" not in err and "unexpected" not in err
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_vehicle_check_judges_every_built_in_set(name, capsys):
+    assert run(["vehicle", "check", name, "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["stability"]["speed [m/s]"] > 0
+    assert all(finding["level"] in ("warning", "note") and finding["text"] for finding in answer["findings"])
+    assert all(item["rows"] for item in answer["behaviour"]), "each manoeuvre can be executed and measured"
+
+
+def test_vehicle_check_warns_of_a_positive_damping(tmp_path, capsys):
+    path = Path(bayesid.model.vehicles.__file__).parent / "builtin" / "remus100.toml"
+    (tmp_path / "odd.toml").write_text(path.read_text().replace('"N_r|r|" = -94.0', '"N_r|r|" = 94.0'))
+    assert run(["vehicle", "check", str(tmp_path / "odd.toml")]) == 0
+    out = capsys.readouterr().out
+    assert "Unphysical or contradictory:" in out and "N_r|r|" in out and "G_H" in out
+
+
+def test_a_circle_is_measured_by_its_geometry(capsys):
+    """Radius 50 m at 2 m/s after 20 s straight: advance = transfer = 50 m, tactical diameter 100 m."""
+    t = np.arange(0.0, 400.0, 0.5)
+    psi = np.clip((t - 20.0) * 2.0 / 50.0, 0.0, None)
+    x = np.where(t < 20, 2.0 * t, 40.0 + 50.0 * np.sin(psi))
+    y = np.where(t < 20, 0.0, 50.0 * (1.0 - np.cos(psi)))
+    (turn,) = measure(
+        "Turning circle starboard 20",
+        t,
+        {"x": x, "y": y, "psi": psi, "delta_r": np.where(t < 20, 0.0, -0.35)},
+    )
+    values = {name: value for name, value, _ in turn["rows"]}
+    assert turn["kind"] == "turning circle"
+    assert values["advance"] == pytest.approx(50.0, abs=0.1)
+    assert values["transfer"] == pytest.approx(50.0, abs=0.1)
+    assert values["tactical diameter"] == pytest.approx(100.0, abs=0.1)
+    assert values["steady yaw rate"] == pytest.approx(np.degrees(2.0 / 50.0), rel=1e-3)
+    say_measures([turn])
+    assert "tactical diameter" in capsys.readouterr().out
+
+
+def test_an_undescribed_run_is_not_measured_and_a_missing_channel_is_named():
+    t = np.arange(10.0)
+    assert measure("free running", t, {}) == []
+    (result,) = measure("zig-zag 10/10", t, {"psi": t})
+    assert result["rows"] == [] and result["reasons"] == {"all": "not logged: delta_r"}
+
+
+def test_trial_measure_answers_for_every_run(bundle, capsys):
+    assert run(["trial", "measure", str(bundle)]) == 0
+    assert "no standard manoeuvre named" in capsys.readouterr().out
+    toml = bundle / "trial.toml"
+    toml.write_text(toml.read_text().replace('"straight"', '"zig-zag 10/10"'))
+    assert run(["trial", "measure", str(bundle), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["r1"]["measures"][0]["kind"] == "zig-zag"

@@ -1,0 +1,243 @@
+"""Runs against each other, and the weighing of causes: closed forms and Monte Carlo on linear worlds."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from bayesid.diagnosis.hypotheses.cross_validation import CrossValidation, disagreement, left_out
+from bayesid.diagnosis.hypotheses.localisation import Localisation, LocatedSignal
+from bayesid.diagnosis.hypotheses.probabilities import Remainder, credible_set, probabilities
+from bayesid.estimation.filter_error.evidence import normal_equations
+
+COEF, OWN, RUNS, READINGS = 3, 2, 5, 40
+
+
+def world(rng, spread=0.0):
+    """Columns and residuals of five runs; the effect differs by `spread` prior sd from run to run."""
+    z, phi = rng.standard_normal(COEF), rng.standard_normal(OWN)
+    out = []
+    for _ in range(RUNS):
+        s = 0.4 * rng.standard_normal((READINGS, COEF + OWN))
+        here = phi + spread * rng.standard_normal(OWN)
+        out.append((s @ np.r_[z, here] + rng.standard_normal(READINGS), s))
+    return out
+
+
+def grams(runs):
+    return tuple(normal_equations(e, s, 0.0, READINGS) for e, s in runs)
+
+
+def density(runs):
+    e, s = np.concatenate([e for e, _ in runs]), np.vstack([s for _, s in runs])
+    return stats.multivariate_normal(np.zeros(e.size), np.eye(e.size) + s @ s.T).logpdf(e)
+
+
+def test_the_density_of_a_run_given_the_others_is_the_ratio_of_dense_densities():
+    runs = world(np.random.default_rng(0))
+    exact = [density(runs) - density(runs[:m] + runs[m + 1 :]) for m in range(RUNS)]
+    np.testing.assert_allclose(left_out(grams(runs)), exact, atol=1e-9)
+
+
+def test_the_p_value_of_one_and_the_same_effect_is_uniform_where_it_is_the_same():
+    rng = np.random.default_rng(1)
+    p = [disagreement(grams(world(rng)), COEF)[0] for _ in range(300)]
+    assert stats.kstest(p, "uniform").pvalue > 1e-3
+
+
+def test_runs_with_effects_of_their_own_disagree():
+    rng = np.random.default_rng(2)
+    found = [disagreement(grams(world(rng, spread=1.0)), COEF) for _ in range(20)]
+    assert np.median([p for p, _ in found]) < 1e-4
+    assert min(excess for _, excess in found) > 1.5
+
+
+def test_an_effect_the_other_runs_speak_against_is_refuted_and_a_doubtful_one_is_not():
+    assert CrossValidation(np.array([-3.0, -4.0, -2.5, -3.5]), 1.0, 1.0).refuted
+    assert not CrossValidation(np.array([-3.0, 40.0, -2.5, -3.5]), 1.0, 1.0).refuted
+    assert not CrossValidation(np.array([-1.0, 0.9]), 1.0, 1.0).refuted  # two runs cannot say
+    assert not CrossValidation(np.array([3.0, 4.0, -2.5, 3.5]), 1.0, 1.0).refuted
+
+
+def candidate(log_evidence, *effects):
+    fit = SimpleNamespace(converged=True, chi2=1.0)
+    return SimpleNamespace(effects=effects, log_evidence=log_evidence, fit=fit)
+
+
+@pytest.fixture
+def weighing():
+    none, where = candidate(0.0), SimpleNamespace(base=0.0)
+    pair = candidate(60.0, "a", "b")
+    evidence = {"a": 40.0, "b": 10.0, "c": 30.0, "coefficient_error": 2.0, "outside": 5.0}
+    return lambda excess, refits=(pair,): probabilities(evidence, refits, none, where, excess).shared
+
+
+def test_probabilities_are_prior_times_evidence(weighing):
+    p = weighing(1.0, ())
+    assert sum(p.values()) == pytest.approx(1.0)
+    each = 0.4 / 4
+    assert p["a"] / p["c"] == pytest.approx(np.exp(10.0))
+    assert p["a"] / p["none"] == pytest.approx(each * np.exp(40.0) / 0.5)
+
+
+def test_half_of_what_lies_outside_is_a_free_signal_and_half_is_like_an_effect():
+    none, where = candidate(0.0), SimpleNamespace(base=0.0)
+    evidence = {"a": 40.0, "c": 0.0, "coefficient_error": 0.0, "outside": 90.0}
+    free = probabilities(evidence, (), none, where).shared
+    assert free["outside"] / free["none"] == pytest.approx(0.05 * np.exp(90.0) / 0.5)
+    like = probabilities(evidence | {"outside": 0.0}, (), none, where).shared
+    # leaves less than 3 of the 40 nats: chance that is the root of the share left, as in the catalogue
+    assert like["outside"] / like["a"] == pytest.approx(0.05 / 0.4 * np.sqrt(3.0 / 40.0), rel=1e-6)
+
+
+def test_the_second_of_two_effects_may_be_something_like_it():
+    none, where = candidate(0.0), SimpleNamespace(base=0.0)
+    evidence = {"a": 4000.0, "b": 10.0, "c": 30.0, "coefficient_error": 2.0, "outside": 5.0}
+    for second, least, most in ((9.0, 0.92, 0.94), (300.0, 0.98, 0.995), (5000.0, 0.998, 0.9999)):
+        pair = candidate(4000.0 + second, "a", "b")
+        inside = probabilities(evidence, (pair,), none, where).inside
+        assert least < inside["b"] / inside["a"] <= most
+
+
+def test_two_effects_share_alike_until_the_runs_disagree_about_them(weighing):
+    agreed, disagreed = weighing(1.0), weighing(4.0)
+    assert agreed["a"] == pytest.approx(agreed["b"], rel=0.05)
+    assert disagreed["a"] > 3 * disagreed["b"]
+
+
+def test_disagreement_lets_more_causes_stand_but_not_no_cause(weighing):
+    sharp, soft = weighing(1.0, ()), weighing(8.0, ())
+    assert credible_set(sharp, 0.9) == ("a",)
+    assert {"a", "c"} <= set(credible_set(soft, 0.9))
+    assert soft["none"] < 1e-6
+
+
+def test_what_an_effect_leaves_goes_to_it_and_in_part_to_a_cause_that_only_looks_like_it():
+    none, where = candidate(0.0), SimpleNamespace(base=0.0)
+    evidence = {"a": 60.0, "c": 30.0, "coefficient_error": 2.0, "outside": 70.0}
+    refits = (candidate(60.0, "a"),)
+
+    def weigh(more, generic):
+        return probabilities(
+            evidence | {"outside": generic}, refits, none, where, left=Remainder({("a",): more})
+        ).shared
+
+    clean, left, little = weigh(-1.0, 20.0), weigh(30.0, 70.0), weigh(400.0, 460.0)
+    assert 0.02 < clean["outside"] < 0.1  # a name is never quite alone
+    # half of it left: density of the catalogue's likeness over that of every magnitude alike
+    odds = 0.125 * (0.45**2 * 0.5**0.45 + 2.75 * 0.5**5) * np.log(1e3) / 0.25
+    assert left["outside"] / left["a"] == pytest.approx(odds, rel=0.05)
+    assert little["outside"] > 0.99  # what explains an eighth of the gap is a part of something else
+
+
+def test_the_smaller_the_share_that_is_left_the_less_it_speaks_for_another_cause():
+    none, where = candidate(0.0), SimpleNamespace(base=0.0)
+    evidence = {"a": 1e5, "c": 30.0, "coefficient_error": 2.0, "outside": 1e3}
+
+    def outside(more):
+        found = probabilities(evidence, (candidate(1e5, "a"),), none, where, left=Remainder({("a",): more}))
+        return found.shared["outside"]
+
+    assert outside(3e4) > 0.25 > 0.2 > outside(3e3) > 0.1 > outside(300.0) > 0.03
+
+
+def test_what_chance_leaves_does_not_speak_against_either_of_two_effects():
+    none, where = candidate(0.0), SimpleNamespace(base=0.0)
+    evidence = {"a": 500.0, "b": 300.0, "c": 3.0, "coefficient_error": 2.0, "outside": 40.0}
+    pair = candidate(1000.0, "a", "b")
+    rest = {("a", "b"): 6.0}
+
+    def least(shows):
+        return min(
+            probabilities(evidence, (pair,), none, where, 1.0, Remainder(rest, shows)).inside[n] for n in "ab"
+        )
+
+    assert least(False) > 0.95
+    assert least(True) < 0.95
+
+
+def test_a_free_signal_alone_is_hardly_better_than_beside_an_effect():
+    none, where = candidate(0.0), SimpleNamespace(base=0.0)
+    evidence = {"a": 2000.0, "c": 3.0, "coefficient_error": 2.0, "outside": 4000.0}
+    kept = probabilities(
+        evidence, (candidate(2000.0, "a"),), none, where, left=Remainder({("a",): -2.0})
+    ).shared
+    assert kept["outside"] / kept["a"] < np.exp(10.0 + np.log(0.05 / 0.1)) * 1.1  # 2000 nats before
+    unsound = candidate(2000.0, "a")
+    unsound.fit.chi2 = 5.0
+    free = probabilities(evidence, (unsound,), none, where, left=Remainder({("a",): -2.0})).shared
+    assert free["outside"] > 0.999
+
+
+def test_a_signal_that_gains_nothing_beside_an_effect_explains_nothing_the_effect_does_not():
+    none, where = candidate(0.0), SimpleNamespace(base=0.0)
+    evidence = {"a": 2000.0, "c": 3.0, "coefficient_error": 2.0, "outside": 2160.0}
+
+    def outside(kept):
+        left = Remainder({("a",): -3.0}, shows=False, share=0.0, kept=kept)
+        return probabilities(evidence, (candidate(2000.0, "a"),), none, where, left=left).shared["outside"]
+
+    assert outside(np.inf) > 0.99  # two linearisations, 160 nats apart
+    assert outside(-50.0) < 0.01
+    assert outside(500.0) > 0.99
+
+
+def test_what_a_signal_keeps_is_read_where_it_gained_most():
+    def where(gains, rhythm=0.0):
+        places = (LocatedSignal("N", max(rhythm, max(gains.values())), 0.1, 1.0, 0.0),)
+        return Localisation(places, (), 0.0, 0.0, (), (), (), (), gains)
+
+    before = {("N", 0.1, 1.0): 80.0, ("N", 0.01, 1.0): 20.0}
+    after = where({("N", 0.1, 1.0): -7.0, ("N", 0.01, 1.0): 4.0})
+    assert where(before).kept(after) == -7.0
+    assert where(before, rhythm=90.0).kept(after) == np.inf  # a rhythm was better: not tried again
+    elsewhere = {("N", 0.1, 1.0): 60.0, ("Y", 0.1, 1.0): 80.0}
+    assert where(elsewhere, rhythm=90.0).kept(where(dict.fromkeys(elsewhere, -40.0))) == np.inf
+
+
+def test_a_gap_that_is_mostly_explained_by_one_effect_that_does_not_arrive_is_like_that_effect():
+    none, where = candidate(0.0), SimpleNamespace(base=0.0)
+    evidence = {"a": 500.0, "b": 481.0, "c": 3.0, "coefficient_error": 2.0, "outside": 4000.0}
+    refits = [candidate(500.0, "a"), candidate(481.0, "b")]
+    for c in refits:
+        c.fit.chi2 = 6.0
+
+    def shared(share):
+        left = Remainder({("a",): 400.0, ("b",): 400.0}, share=share)
+        return probabilities(evidence, refits, none, where, left=left).shared
+
+    assert shared(0.6)["outside"] > 0.999  # an effect that leaves more than half: a part of something else
+    near = shared(0.1)
+    assert near["a"] > 0.5 and near["outside"] > 0.1
+    assert near["b"] < 1e-6  # 19 nats behind stays 19 nats behind
+
+
+def test_effects_of_an_explanation_that_does_not_arrive_share_by_what_each_says_alone():
+    none, where = candidate(0.0), SimpleNamespace(base=0.0)
+    evidence = {"a": 400.0, "b": 10.0, "c": 3.0, "coefficient_error": 2.0, "outside": 4000.0}
+    pair = candidate(500.0, "a", "b")
+    left = Remainder({("a", "b"): 400.0}, share=0.1)
+    arrived = probabilities(evidence | {"outside": 0.0}, (pair,), none, where, left=left).shared
+    assert arrived["a"] < 2 * arrived["b"]
+    pair.fit.chi2 = 6.0
+    rough = probabilities(evidence, (pair,), none, where, left=left).shared
+    assert rough["a"] > 5 * rough["b"]
+
+
+def test_what_mends_an_effect_where_it_acts_may_be_another_form_of_it():
+    none, where = candidate(0.0), SimpleNamespace(base=0.0)
+    evidence = {"a": 400.0, "b": 10.0, "c": 3.0, "coefficient_error": 2.0, "outside": 5.0}
+
+    def second(gained, places):
+        pair = candidate(400.0 + gained, "a", "b")
+        found = probabilities(evidence, (pair,), none, where, places=places).inside
+        assert found["a"] > 0.85
+        return found["b"]
+
+    same = {"a": ("N", "Y"), "b": ("Y", "N"), "c": ("X",)}
+    apart = same | {"b": ("psi",)}
+    assert second(200.0, apart) > 0.95 > 0.9 > second(200.0, same)
+    crowded = same | {f"other {i}": ("N", "Y") for i in range(9)}
+    assert second(200.0, same) < second(200.0, crowded)  # one of ten things its other form may look like
+    assert second(1e6, crowded) > 0.98

@@ -1,0 +1,120 @@
+"""How far the gap shrinks on held-out runs: intervals from pieces and posterior draws, standard measures."""
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+from gap_trials import model_of, other_vehicle, planted_trial
+
+from bayesid.diagnosis.data.problem import build_problem, fit_with
+from bayesid.diagnosis.evidence.holdout import validate_holdout
+from bayesid.diagnosis.run import parameter_draws
+from bayesid.trials import window
+
+
+@lru_cache
+def case(gap, known=0.005):
+    """Ladder of a trial whose turn is held out, with a current as the explanation offered.
+
+    known : relative sd of the coefficients; one short run cannot teach many of them
+    """
+    model = model_of()
+    U = model.scales["U"]
+    truth = other_vehicle(model_of(relative_sd=known), 1)
+    if gap:
+        truth |= {"ocean_current.V_north": 0.08 * U, "ocean_current.V_east": 0.04 * U}
+    trial = planted_trial(model, truth, 1, samples=120, holdout=("turn",))
+    problem = build_problem(model, trial, as_built=known)
+    none, best = fit_with(problem, ()), fit_with(problem, (model.effects["ocean_current"],))
+    models = {"nominal": model.nominal, "recalibrated": none.par, "with effect": best.par}
+    rng = np.random.default_rng(0)
+    draws = {"recalibrated": parameter_draws(none, rng), "with effect": parameter_draws(best, rng)}
+    noise_model = problem.environment.noise_model
+    with_draws = validate_holdout(problem, trial, models, noise_model, 0, draws)
+    return model, best, with_draws, validate_holdout(problem, trial, models, noise_model, 0)
+
+
+def test_the_true_effect_closes_the_gap_within_its_interval():
+    _, _, shrink, _ = case(True)
+    long = shrink.horizons[-1]
+    assert long.worth and long.excess["recalibrated"] > 10.0
+    assert long.shrink > 0.9 and long.interval[0] > 0.8
+    for horizon_row in shrink.horizons:
+        if horizon_row.worth and np.isfinite(horizon_row.interval[0]):
+            assert horizon_row.interval[0] <= horizon_row.shrink + 0.1 and horizon_row.interval[1] <= 1.0
+
+
+def test_without_a_gap_there_is_nothing_to_shrink():
+    _, _, shrink, _ = case(False)
+    for horizon_row in shrink.horizons:
+        assert not horizon_row.worth and np.isnan(horizon_row.shrink), horizon_row.horizon
+
+
+def test_one_run_has_an_interval_from_posterior_draws_alone():
+    _, _, with_draws, without = case(True)
+    one, bare = with_draws.horizons[-1], without.horizons[-1]
+    assert one.pieces == 1 and one.draws == 16 and np.isfinite(one.interval).all()
+    # control: with neither pieces nor draws to resample no interval is claimed
+    assert bare.draws == 0 and np.isnan(bare.interval).all()
+    assert one.shrink == bare.shrink
+
+
+def test_posterior_draws_have_the_posterior_s_mean_and_deviation():
+    _, best, _, _ = case(True)
+    draws = parameter_draws(best, np.random.default_rng(1), 4000)[:, best.free.where]
+    z = (draws - best.values) / best.sd
+    assert np.abs(z.mean(axis=0)).max() < 0.1 and np.abs(z.std(axis=0) - 1.0).max() < 0.06
+    fixed = np.setdiff1d(np.arange(best.par.size), best.free.where)
+    some = parameter_draws(best, np.random.default_rng(1), 3)[:, fixed]
+    np.testing.assert_array_equal(some, np.repeat(best.par[None, fixed], 3, axis=0))
+
+
+def test_coefficients_less_well_known_widen_the_interval():
+    narrow, wide = (case(True, known)[2].horizons[-1].interval for known in (0.005, 0.05))
+    assert wide[1] - wide[0] > 2.0 * (narrow[1] - narrow[0])
+
+
+def test_measures_of_the_replay_come_as_logged_and_by_each_model():
+    _, _, shrink, _ = case(True)
+    advance = next(m for m in shrink.measures if m.name == "advance")
+    assert set(advance.models) == {"nominal", "recalibrated", "with effect"}
+    off = {k: abs(v - advance.logged) for k, v in advance.models.items()}
+    assert off["with effect"] < off["nominal"]
+
+
+def without(run, channels):
+    return replace(run, data={c: v for c, v in run.data.items() if c not in channels})
+
+
+def test_runs_may_log_different_channels():
+    model, best, _, _ = case(True)
+    trial = planted_trial(model, seed=1, samples=120, holdout=("turn",))
+    zigzag, turn = trial.runs
+    models = {"nominal": model.nominal, "recalibrated": model.nominal, "with effect": best.par}
+    # one that only the second of the identify runs reads is predicted
+    more = (without(zigzag, "uv"), replace(turn, name="again", role="identify"), turn)
+    some = replace(trial, runs=more)
+    problem = build_problem(model, some, as_built=0.005)
+    assert "u" in problem.channels
+    last = validate_holdout(problem, some, models, problem.environment.noise_model, 0).horizons[-1]
+    assert np.isfinite(list(last.rms["nominal"].values())).all()
+    # one it lacks is no number, and the others are what they are without it anywhere
+    problem = build_problem(model, trial, as_built=0.005)
+    lacking = replace(trial, runs=(zigzag, without(turn, "r")))
+    last = validate_holdout(problem, lacking, models, problem.environment.noise_model, 0).horizons[-1]
+    assert np.isnan(last.rms["nominal"]["r"]) and np.isnan(last.channels["nominal"]["r"])
+    assert np.isfinite(last.excess["with effect"]) and last.floor > 1.0
+    nowhere = build_problem(model, replace(trial, runs=(without(zigzag, "r"), turn)), as_built=0.005)
+    other = validate_holdout(nowhere, lacking, models, problem.environment.noise_model, 0).horizons[-1]
+    for channel in nowhere.channels:
+        assert last.rms["nominal"][channel] == other.rms["nominal"][channel], channel
+
+
+def test_a_run_of_few_readings_and_one_without_any_of_a_channel_are_no_obstacle():
+    model = model_of()
+    zigzag, turn = planted_trial(model, seed=1, samples=60).runs
+    silent = replace(turn, data=turn.data | {"r": np.full(turn.t.size, np.nan)})
+    trial = planted_trial(model, seed=1, samples=60)
+    short = window(zigzag, 0.0, float(zigzag.t[4]))
+    assert short.t.size < 9
+    assert len(build_problem(model, replace(trial, runs=(short, silent))).logs) == 2

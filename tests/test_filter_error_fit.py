@@ -1,0 +1,203 @@
+"""The filter-error fit: planted coefficients and effects come back from far away, with honest deviations."""
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+from gap_trials import model_of, noise_of, other_vehicle, planted_trial
+from scipy.stats import multivariate_normal
+
+from bayesid.diagnosis.data.problem import build_problem, fit_with
+from bayesid.diagnosis.hypotheses import sensitivity_bank as banks
+from bayesid.diagnosis.hypotheses.sensitivity_bank import build_bank, levels_between, screen
+from bayesid.errors import ModelError
+from bayesid.estimation.filter_error import noise_identification
+from bayesid.estimation.filter_error.evidence import posterior
+from bayesid.estimation.filter_error.fit import fit, stacked_equations
+from bayesid.estimation.filter_error.linearise import first_trajectory, linearise
+from bayesid.estimation.filter_error.noise_model import filter_settings
+from bayesid.estimation.filter_error.run_readings import read_run
+from bayesid.simulation import observe_sensitivity, sensitivities, steady_start
+
+VEHICLES = ("remus100", "generic_sub")
+
+
+def current(model, share, direction):
+    """A current of a share of the speed."""
+    U = model.scales["U"]
+    return {
+        "ocean_current.V_north": share * U * np.cos(direction),
+        "ocean_current.V_east": share * U * np.sin(direction),
+    }
+
+
+@lru_cache
+def case(name, seed):
+    """Another vehicle of the prior in a current of 20 % of its speed: problem, truth, fit with it."""
+    model = model_of(name)
+    truth = other_vehicle(model, seed) | current(model, 0.2, 1.9 * seed + 0.7)
+    problem = build_problem(model, planted_trial(model, truth, seed))
+    return problem, truth, fit_with(problem, (model.effects["ocean_current"],))
+
+
+def open_loop_chi2(model, problem, free, iterations):
+    """Mean squared residual of whole replays after each Gauss-Newton pass with the prior, white noise."""
+    par, values, out = model.nominal.copy(), free.mean.copy(), []
+    for _ in range(iterations):
+        par[free.where] = values
+        h, g, square, count = np.eye(values.size), -(values - free.mean) / free.sd, 0.0, 0
+        for log in problem.logs:
+            start = steady_start(model)
+            s = sensitivities(model, par, log.plan, start, free.where, initial=False, full=True, rates=True)
+            value, slope = observe_sensitivity(model, par, log.plan, s, free.where)
+            resid = ((log.data - value[:, list(log.channels)]) / log.sigma).ravel()
+            columns = (slope[:, list(log.channels)] / log.sigma[:, None]).reshape(resid.size, -1) * free.sd
+            h, g = h + columns.T @ columns, g + columns.T @ resid
+            square, count = square + resid @ resid, count + resid.size
+        out.append(square / count)
+        values = values + np.linalg.solve(h, g) * free.sd
+    return out
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_a_current_of_a_fifth_of_the_speed_is_found_from_nominal(name):
+    problem, truth, found = case(name, 0)
+    assert found.converged and 0.8 < found.chi2 < 1.2
+    z = [(v - truth[n]) / s for n, v, s in zip(found.free.names, found.values, found.sd, strict=True)]
+    assert np.abs(z).max() < 4.0  # some 20 correlated normals: false alarm below 0.2 %
+    U = problem.model.scales["U"]
+    assert np.all(found.sd[-2:] < 0.01 * U)
+    # the start is tens of sigma away in every reading
+    assert open_loop_chi2(problem.model, problem, found.free, 1)[0] > 1e3
+
+
+def test_replaying_whole_runs_does_not_arrive_from_there():
+    # control, and the reason for latent forces: same unknowns, data and prior, Gauss-Newton on whole runs
+    problem, _, found = case("remus100", 0)
+    assert found.converged
+    with pytest.raises(ModelError, match="diverges"):
+        open_loop_chi2(problem.model, problem, found.free, 10)
+
+
+def test_standard_deviations_are_those_of_the_errors():
+    # 4 campaigns of two vehicles, some 170 estimates, correlated within a campaign
+    z = []
+    for name in VEHICLES:
+        for seed in range(4):
+            _, truth, found = case(name, seed)
+            z += [
+                (v - truth[n]) / s for n, v, s in zip(found.free.names, found.values, found.sd, strict=True)
+            ]
+    z = np.array(z)
+    assert 0.75 < np.sqrt(np.mean(z**2)) < 1.25
+    assert np.mean(np.abs(z) < 2.0) > 0.88
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+@pytest.mark.parametrize("seed", (0, 1))
+def test_the_true_effect_beats_none_and_heads_the_screen(name, seed):
+    problem, _, found = case(name, seed)
+    model = problem.model
+    none = fit_with(problem, ())
+    assert found.log_evidence > none.log_evidence + 1000.0
+    assert none.chi2 > 10.0
+    effects = [e for e in model.kernel.effects if banks.testable(problem, e)]
+    bank = build_bank(problem, problem.path, levels_between(problem, problem.path_level), effects)
+    ranked = screen(bank)
+    # a varying current contains a steady one: the family is what a screen can name
+    assert model.effects[ranked[0].name].family == "current"
+    rival = next(s for s in ranked if model.effects[s.name].family != "current")
+    steady = next(s for s in ranked if s.name == "ocean_current")
+    assert steady.gain > rival.gain + 30.0
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_the_optimum_does_not_depend_on_where_the_fit_starts(name):
+    problem, _, found = case(name, 1)
+    raw = fit(problem.model, problem.logs, found.free, problem.environment.noise_model)
+    assert raw.converged
+    # both stopped within `SETTLED` posterior sd of the optimum
+    assert np.abs((raw.values - found.values) / found.sd).max() < 0.3
+    assert abs(raw.log_evidence - found.log_evidence) < 0.5
+
+
+def test_a_log_keeps_missing_readings_out():
+    model = model_of()
+    trial = planted_trial(model)
+    run = trial.runs[0]
+    gone = dict(run.data)
+    gone["x"] = np.where(np.arange(run.t.size) % 3 == 0, np.nan, gone["x"])
+    log = read_run(model, replace(run, data=gone), trial.noise, tuple(gone))
+    k = list(gone).index("x")
+    assert (~log.valid[:, k]).sum() == np.isnan(gone["x"]).sum()
+    assert np.isfinite(log.path).all()
+
+
+def test_the_first_guess_of_a_path_has_the_velocities_positions_and_heading_tell():
+    model = model_of("remus100")
+    trial = planted_trial(model, seed=4)
+    run = trial.runs[0]
+    noise = {c: noise_of(model)[c] for c in ("x", "y", "psi")}
+    bare = replace(run, data={c: run.data[c] for c in noise})
+    log = read_run(model, bare, noise, tuple(noise))
+    states = model.kernel.full.states
+    for name, unit in (("u", model.scales["U"]), ("r", model.scales["U"] / model.scales["L"])):
+        miss = log.path[:, states.index(name)] - run.data[name]
+        assert np.sqrt(np.mean(miss**2)) < 0.12 * unit, name
+    assert np.ptp(log.path[:, states.index("r")]) > 0.2 * model.scales["U"] / model.scales["L"]
+
+
+def test_log_evidence_of_a_trial_is_that_of_its_readings_written_out():
+    # the whole chain, a vehicle's own maps: one covariance of all readings, coefficients included
+    model = model_of()
+    trial = planted_trial(model, other_vehicle(model, 2), 2, samples=14)
+    problem = build_problem(model, trial)
+    noise_model = noise_identification.stated_noise(model, 1e-4, 0.3).noise_model
+    log = problem.logs[0]
+    free = problem.coefficients
+    point = first_trajectory(model, log, model.nominal)
+    path = linearise(model, log, point, free.where)
+    gram = stacked_equations(model, [path], free, noise_model)[0]
+    f = filter_settings(model, path, noise_model)
+    n, q, nx, nf = log.n, len(log.channels), path.phi.shape[1], f.gamma.shape[2]
+    # everything random as one standard normal vector: coefficients, first state, forces, drifts
+    k, steps = len(free.names), f.gamma.shape[0]
+    first, force = k, k + nx
+    drift = force + nf * n
+    size = drift + f.drift.shape[1] * n
+    state, mean = np.zeros((nx, size)), log.path[0] - point.states[0]
+    state[:, first : first + nx] = np.diag(np.sqrt(f.start))
+    latent = np.zeros((nf, size))
+    latent[:, force : force + nf] = np.diag(np.sqrt(f.variance_f))
+    slow = np.zeros((f.drift.shape[1], size))
+    slow[:, drift : drift + len(slow)] = np.diag(np.sqrt(f.variance_d))
+    rows, resid = [], []
+    for i in range(n):
+        row = path.slope[i] @ state + f.drift @ slow
+        row[:, :k] += path.direct[i] * free.sd
+        rows.append(row)
+        resid.append(path.resid[i] - path.slope[i] @ mean)
+        if i == steps:
+            break
+        state = path.phi[i] @ state + f.gamma[i] @ latent
+        state[:, :k] += path.psi[i] * free.sd
+        mean = path.phi[i] @ mean + path.defect[i]
+        fresh = np.sqrt(f.variance_f * (1 - f.decay_f[i] ** 2))
+        latent = f.decay_f[i][:, None] * latent
+        latent[:, force + nf * (i + 1) : force + nf * (i + 2)] += np.diag(fresh)
+        fresh = np.sqrt(f.variance_d * (1 - f.decay_d[i] ** 2))
+        slow = f.decay_d[i][:, None] * slow
+        at = drift + len(slow) * (i + 1)
+        slow[:, at : at + len(slow)] += np.diag(fresh)
+    s = np.concatenate(rows) / np.tile(log.sigma, n)[:, None]
+    e = np.concatenate(resid) / np.tile(log.sigma, n)
+    kept = log.valid.ravel()
+    assert kept.sum() == n * q == gram.used
+    dense = multivariate_normal(np.zeros(kept.sum()), np.eye(kept.sum()) + s @ s.T).logpdf(e)
+    dense -= np.log(np.tile(log.sigma, n)).sum()
+    found = posterior(gram).log_evidence
+    assert abs(found - dense) < 1e-8 * max(1.0, abs(dense))
+    # control: without the drift it is another number
+    calm = posterior(stacked_equations(model, [path], free, replace(noise_model, drift=0.0))[0]).log_evidence
+    assert abs(calm - dense) > 1e-3

@@ -1,0 +1,71 @@
+"""Fits that begin at the same points share their linearisations without any change of a number."""
+
+from dataclasses import replace
+
+import numpy as np
+from test_regressor_columns import MODEL, colours_of, path_of
+
+from bayesid.estimation.filter_error import shared_linearisations
+from bayesid.estimation.filter_error.linearise import forces, linearise
+from bayesid.estimation.filter_error.normal_equations import stacked_equations
+from bayesid.estimation.filter_error.parameters import coefficient_prior, effect_prior
+
+COEFFICIENTS = coefficient_prior(MODEL)
+# Products of the same columns in another order.
+CLOSE = 1e-10
+
+
+def posed():
+    paths = [path_of(seed) for seed in (0, 1)]
+    return [p.log for p in paths], [p.point for p in paths]
+
+
+def assert_is_its_own(found, logs, points, free, noise_model):
+    paths, grams = found
+    own = [linearise(MODEL, log, p, free.where, forces(MODEL)) for log, p in zip(logs, points, strict=True)]
+    for path, other in zip(paths, own, strict=True):
+        for name in ("resid", "slope", "direct", "phi", "gamma", "psi", "defect"):
+            np.testing.assert_array_equal(getattr(path, name), getattr(other, name))
+    for g, other in zip(grams, stacked_equations(MODEL, own, free, noise_model), strict=True):
+        size = np.sqrt(np.outer(np.diag(other.ss), np.diag(other.ss)))
+        assert (np.abs(g.ss - other.ss) <= CLOSE * size).all()
+        assert (np.abs(g.se - other.se) <= CLOSE * np.sqrt(np.diag(other.ss) * other.ee)).all()
+        assert abs(g.ee - other.ee) < CLOSE * other.ee and abs(g.logdet - other.logdet) < 1e-9
+        assert g.used == other.used
+
+
+def test_refits_from_the_same_points_get_the_linearisation_they_would_have_made():
+    shared_linearisations._kept.pop(MODEL, None)
+    logs, points = posed()
+    noise_model = colours_of()
+    effects = [e for e in MODEL.kernel.effects if e.smooth and e.dof <= MODEL.dof][::3]
+    wide = replace(COEFFICIENTS, sd=COEFFICIENTS.sd * np.linspace(1.0, 10.0, len(COEFFICIENTS.names)))
+    sets = [COEFFICIENTS, wide, *(COEFFICIENTS + effect_prior(MODEL, e) for e in effects)]
+    for free in sets:
+        assert_is_its_own(
+            shared_linearisations.linear(MODEL, logs, points, free, noise_model),
+            logs,
+            points,
+            free,
+            noise_model,
+        )
+    kept = shared_linearisations._kept[MODEL].sets
+    assert len(kept) == 1  # the control: all but the first came from one linearisation
+    assert len(next(iter(kept.values())).free.names) > max(len(free.names) for free in sets)
+
+
+def test_other_points_logs_environments_and_prior_means_are_not_taken_for_the_same():
+    logs, points = posed()
+    noise_model = colours_of()
+    for _ in range(3):
+        shared_linearisations.linear(MODEL, logs, points, COEFFICIENTS, noise_model)
+    moved = [replace(p, states=p.states + 1e-9) for p in points]
+    later = [replace(log, data=log.data + 1e-3) for log in logs]
+    mean = replace(COEFFICIENTS, mean=1.01 * COEFFICIENTS.mean)
+    for case in (
+        (logs, moved, COEFFICIENTS, noise_model),
+        (later, points, COEFFICIENTS, noise_model),
+        (logs, points, COEFFICIENTS, colours_of(2e-4)),
+        (logs, points, mean, noise_model),
+    ):
+        assert_is_its_own(shared_linearisations.linear(MODEL, *case), *case)
