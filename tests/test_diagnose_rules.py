@@ -7,7 +7,14 @@ import pytest
 from bayesid.diagnosis.hypotheses.facts import Facts, Named
 from bayesid.diagnosis.hypotheses.rules import NAMING, RULES, WORDS, deciding
 from bayesid.diagnosis.hypotheses.verdict import names_of
-from bayesid.diagnosis.threshold_table import CONFLICT, EVEN, HIDDEN, SURE, TABLE, Limit
+from bayesid.diagnosis.threshold_table import (
+    CONFOUNDED_SHARE,
+    EVEN_ODDS,
+    NAMING_PROBABILITY,
+    PRIOR_CONFLICT,
+    TABLE,
+    Limit,
+)
 
 # One effect that explains a gap; chance allows 4 nats, 19 of a free signal, 3.5 sd of a coefficient.
 PLAIN = Facts(
@@ -23,15 +30,15 @@ TINY = 1e-9
 
 # rule, facts it decides, and per fact: a value on the other side of the threshold and the rule that then does
 CASES = [
-    ("unlisted cause", replace(PLAIN, outside=EVEN + TINY, free=19 + TINY), {
-        "outside": (EVEN + 0.0, "effect"), "free": (19.0, "effect")}),
-    ("unlisted cause", replace(FAINT, outside=EVEN + TINY), {
-        "outside": (EVEN + 0.0, "faint"), "free": (19.0, "nothing beyond chance")}),
-    ("coefficients moved", replace(FAINT, conflict=3.5 + TINY, none=EVEN - TINY), {
-        "conflict": (3.5, "faint"), "none": (EVEN + 0.0, "faint"), "none_in_set": (False, "faint"),
+    ("unlisted cause", replace(PLAIN, outside=EVEN_ODDS + TINY, free=19 + TINY), {
+        "outside": (EVEN_ODDS + 0.0, "effect"), "free": (19.0, "effect")}),
+    ("unlisted cause", replace(FAINT, outside=EVEN_ODDS + TINY), {
+        "outside": (EVEN_ODDS + 0.0, "faint"), "free": (19.0, "nothing beyond chance")}),
+    ("coefficients moved", replace(FAINT, conflict=3.5 + TINY, none=EVEN_ODDS - TINY), {
+        "conflict": (3.5, "faint"), "none": (EVEN_ODDS + 0.0, "faint"), "none_in_set": (False, "faint"),
         "gain": (4.0, "none not excluded")}),
-    ("coefficients moved", replace(FAINT, conflict=CONFLICT + TINY, conflict_by_chance=2.0), {
-        "conflict": (CONFLICT + 0.0, "faint")}),
+    ("coefficients moved", replace(FAINT, conflict=PRIOR_CONFLICT + TINY, conflict_by_chance=2.0), {
+        "conflict": (PRIOR_CONFLICT + 0.0, "faint")}),
     ("nothing beyond chance", replace(FAINT, none=0.4, unseen=0.1 + TINY), {
         "unseen": (0.1, "faint"), "none": (0.3, "faint"), "gain": (4.0, "none not excluded")}),
     ("nothing beyond chance", replace(FAINT, none=0.1, outside=0.45, free=19.0), {
@@ -39,15 +46,16 @@ CASES = [
     ("nothing beyond chance", replace(FAINT, none=0.6, none_in_set=True, conflict=9.0), {
         "none": (0.45, "coefficients moved")}),
     ("faint", replace(FAINT, none=0.3), {"gain": (4.0, "none not excluded")}),
-    ("faint coefficient, probably none", replace(WIDE, none_in_set=True, none=EVEN + TINY), {
-        "none": (EVEN + 0.0, "faint coefficient"), "none_in_set": (False, "wrong coefficient"),
+    ("faint coefficient, probably none", replace(WIDE, none_in_set=True, none=EVEN_ODDS + TINY), {
+        "none": (EVEN_ODDS + 0.0, "faint coefficient"), "none_in_set": (False, "wrong coefficient"),
         "widens": (False, "probably none")}),
     ("faint coefficient", replace(WIDE, none_in_set=True, none=0.3), {
         "none_in_set": (False, "wrong coefficient"), "widens": (False, "none not excluded")}),
-    ("unsure coefficient", replace(WIDE, acts=SURE - TINY), {
-        "acts": (SURE + 0.0, "wrong coefficient"), "widens": (False, "unsure effect")}),
-    ("wrong coefficient", replace(WIDE, acts=SURE + 0.0, runs_refute=True, absorbed=1.0, idle=True), {
-        "acts": (SURE - TINY, "unsure coefficient"), "widens": (False, "refuted by the runs")}),
+    ("unsure coefficient", replace(WIDE, acts=NAMING_PROBABILITY - TINY), {
+        "acts": (NAMING_PROBABILITY + 0.0, "wrong coefficient"), "widens": (False, "unsure effect")}),
+    ("wrong coefficient", replace(WIDE, acts=NAMING_PROBABILITY + 0.0, runs_refute=True, absorbed=1.0,
+    idle=True), {
+        "acts": (NAMING_PROBABILITY - TINY, "unsure coefficient"), "widens": (False, "refuted by the runs")}),
     ("refuted by the runs", replace(PLAIN, runs_refute=True), {
         "runs_refute": (False, "effect"), "explains": (False, "effect with a remainder")}),
     ("refuted by the runs", replace(PAIR, runs_refute=True), {"runs_refute": (False, "several sure")}),
@@ -55,17 +63,18 @@ CASES = [
         "sure": (1, "several, the sure one hidden"), "effects": (1, "none not excluded")}),
     ("several, none sure", replace(PAIR, sure=0), {
         "sure": (1, "several, one sure"), "effects": (1, "effect")}),
-    ("several, the sure one hidden", replace(PAIR, sure=1, sure_absorbed=HIDDEN + TINY), {
-        "sure_absorbed": (HIDDEN + 0.0, "several, one sure"), "effects": (1, "effect")}),
+    ("several, the sure one hidden", replace(PAIR, sure=1, sure_absorbed=CONFOUNDED_SHARE + TINY), {
+        "sure_absorbed": (CONFOUNDED_SHARE + 0.0, "several, one sure"), "effects": (1, "effect")}),
     ("several, one sure", replace(PAIR, sure=1, none_in_set=True), {
-        "sure_absorbed": (HIDDEN + TINY, "several, the sure one hidden"),
+        "sure_absorbed": (CONFOUNDED_SHARE + TINY, "several, the sure one hidden"),
         "effects": (1, "none not excluded")}),
-    ("hidden by coefficients", replace(PLAIN, absorbed=HIDDEN + TINY, none_in_set=True, none=0.9), {
-        "absorbed": (HIDDEN + 0.0, "probably none")}),
-    ("probably none", replace(PLAIN, none_in_set=True, none=EVEN + TINY), {
-        "none": (EVEN + 0.0, "none not excluded"), "none_in_set": (False, "effect")}),
+    ("hidden by coefficients", replace(PLAIN, absorbed=CONFOUNDED_SHARE + TINY, none_in_set=True, none=0.9), {
+        "absorbed": (CONFOUNDED_SHARE + 0.0, "probably none")}),
+    ("probably none", replace(PLAIN, none_in_set=True, none=EVEN_ODDS + TINY), {
+        "none": (EVEN_ODDS + 0.0, "none not excluded"), "none_in_set": (False, "effect")}),
     ("none not excluded", replace(PLAIN, none_in_set=True, none=0.06), {"none_in_set": (False, "effect")}),
-    ("unsure effect", replace(PLAIN, acts=SURE - TINY), {"acts": (SURE + 0.0, "effect")}),
+    ("unsure effect", replace(PLAIN, acts=NAMING_PROBABILITY - TINY), {"acts": (NAMING_PROBABILITY + 0.0,
+    "effect")}),
     ("effect without size", replace(PLAIN, idle=True), {"idle": (False, "effect")}),
     ("effect with a remainder", replace(PLAIN, left=19 + TINY), {"left": (19.0, "effect")}),
     ("effect with a remainder", replace(PLAIN, runs_disagree=True), {"runs_disagree": (False, "effect")}),

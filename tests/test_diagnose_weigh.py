@@ -16,7 +16,13 @@ from bayesid.diagnosis.hypotheses.probabilities import (
     rows,
     weights,
 )
-from bayesid.diagnosis.threshold_table import ALIKE, FORM, PRIOR_CATALOGUE, PRIOR_NONE, PRIOR_OUTSIDE
+from bayesid.diagnosis.threshold_table import (
+    OTHER_FORM_PROBABILITY,
+    PRIOR_CATALOGUE,
+    PRIOR_NONE,
+    PRIOR_OUTSIDE,
+    UNLISTED_ALIKE_SHARE,
+)
 
 WORLDS = json.loads((Path(__file__).parent / "data" / "weights.json").read_text())
 
@@ -66,9 +72,9 @@ def test_one_faint_effect_splits_its_prior_as_stated():
     priors = {r.reading: np.exp(r.log_prior) for r in table}
     assert priors["nothing"] == pytest.approx(PRIOR_NONE)
     assert priors["as the catalogue has it"] == pytest.approx(PRIOR_CATALOGUE)
-    assert priors["like no effect"] == pytest.approx((1 - ALIKE) * PRIOR_OUTSIDE)
-    assert priors["something like a"] == pytest.approx(ALIKE * PRIOR_OUTSIDE)
-    assert sum(priors.values()) == pytest.approx(1.0) and 0 < FORM < 1
+    assert priors["like no effect"] == pytest.approx((1 - UNLISTED_ALIKE_SHARE) * PRIOR_OUTSIDE)
+    assert priors["something like a"] == pytest.approx(UNLISTED_ALIKE_SHARE * PRIOR_OUTSIDE)
+    assert sum(priors.values()) == pytest.approx(1.0) and 0 < OTHER_FORM_PROBABILITY < 1
     assert all(r.log_likelihood == 0.0 for r in table)
 
 

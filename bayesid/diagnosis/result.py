@@ -283,7 +283,7 @@ def _location(c: HypothesisComparison, model: Model) -> Location:
     )
 
 
-def _gap(horizons: tuple[HorizonError, ...]) -> Gap:
+def _gap(errors: tuple[HorizonError, ...]) -> Gap:
     horizons = tuple(
         Horizon(
             r.horizon,
@@ -298,7 +298,7 @@ def _gap(horizons: tuple[HorizonError, ...]) -> Gap:
             r.draws,
             _numbers(r.channels),
         )
-        for r in horizons
+        for r in errors
     )
     worth = [h for h in horizons if h.worth_shrinking]
     if not horizons:

@@ -34,88 +34,90 @@ class Limit(float):
         return self.symbol, float(self), self.unit, self.meaning, self.evidence
 
 
-EVEN = Limit(
-    "EVEN", 0.5, "1",
+EVEN_ODDS = Limit(
+    "EVEN_ODDS", 0.5, "1",
     "Probability from which one answer is more probable than all others together.",
     "By definition. A review found that 'none' hung on its place in the 95 % set before.",
 )  # fmt: skip
-SURE = Limit(
-    "SURE", 0.9, "1",
+NAMING_PROBABILITY = Limit(
+    "NAMING_PROBABILITY", 0.9, "1",
     "Probability of acting, alone or with others of its family, from which an effect is named.",
     "Used campaigns replayed: with 0.9, and look-alikes counted, wrong names among the hardest fell from "
     "12 of 30 to 5 of 60.",
 )  # fmt: skip
-HIDDEN = Limit(
-    "HIDDEN", 0.98, "1",
+CONFOUNDED_SHARE = Limit(
+    "CONFOUNDED_SHARE", 0.98, "1",
     "Share of an effect's trace that coefficients within their prior absorb, from which it is hidden.",
     "Chosen; no campaign isolates it.",
 )  # fmt: skip
-TRACE = Limit(
-    "TRACE", 10.0, "1",
+UNDETECTABLE_NONCENTRALITY = Limit(
+    "UNDETECTABLE_NONCENTRALITY", 10.0, "1",
     "Noncentrality at one prior sd below which an effect of its usual size leaves no trace.",
-    "Used campaigns replayed: families in the 95 % set fell from 3.8 to 2.6 together with SURE, ALIKE, FORM.",
+    "Used campaigns replayed: families in the 95 % set fell from 3.8 to 2.6 together with "
+    "NAMING_PROBABILITY, UNLISTED_ALIKE_SHARE, OTHER_FORM_PROBABILITY.",
 )  # fmt: skip
-SURELY = Limit(
-    "SURELY", 0.01, "1",
+GAP_IS_SURE_BELOW = Limit(
+    "GAP_IS_SURE_BELOW", 0.01, "1",
     "Probability of no effect below which there surely is a gap, which no unseen effect explains.",
     "A review: with a sure gap, effects not to be seen counted as 'none'.",
 )  # fmt: skip
-MINOR = Limit(
-    "MINOR", 0.1, "1",
+MINOR_SHARE = Limit(
+    "MINOR_SHARE", 0.1, "1",
     "Share of what one of several effects explains below which a remainder casts no doubt on its name.",
     "Practice a008: a loss of thrust grew to three effects (+13 and +23 of 105703 nats, a remainder of 333).",
 )  # fmt: skip
-CONFLICT = Limit(
-    "CONFLICT", 3.0, "sd",
+PRIOR_CONFLICT = Limit(
+    "PRIOR_CONFLICT", 3.0, "sd",
     "Coefficient move without an effect below which coefficients are not called wrong, whatever chance says.",
     "Chosen; no campaign isolates it.",
 )  # fmt: skip
-ALONG = Limit(
-    "ALONG", 20.0, "nats",
+LISTED_BESIDE_EVIDENCE = Limit(
+    "LISTED_BESIDE_EVIDENCE", 20.0, "nats",
     "How far behind the best explanation a hidden effect may lie and still be listed beside it.",
-    "As PATH_NOISE; no campaign isolates it.",
+    "As LINEARISATION_SCATTER; no campaign isolates it.",
 )  # fmt: skip
-DISAGREE = Limit(
-    "DISAGREE", 1e-3, "1",
+DISAGREEMENT_P_VALUE = Limit(
+    "DISAGREEMENT_P_VALUE", 1e-3, "1",
     "p-value of all runs having one and the same effect, below which it is not the whole cause.",
     "A planted step of drag that no effect explains (chi2 640) was 'ambiguous' between effects of thrust.",
 )  # fmt: skip
-NEAR = Limit(
-    "NEAR", 1.5, "1",
+FOLLOWS_DATA_CHI2 = Limit(
+    "FOLLOWS_DATA_CHI2", 1.5, "1",
     "Mean square of the residuals over the noise up to which a fit follows the data.",
     "Chosen; no campaign isolates it.",
 )  # fmt: skip
-ASTRAY = Limit(
-    "ASTRAY", 25.0, "1",
+NOT_FOLLOWING_CHI2 = Limit(
+    "NOT_FOLLOWING_CHI2", 25.0, "1",
     "The same beyond which what a refit leaves says nothing.",
     "A review: a refit hundreds of times off counted as an explanation.",
 )  # fmt: skip
-ADD = Limit(
-    "ADD", 5.0, "nats", "Gain a further effect needs.",
+ADD_EVIDENCE = Limit(
+    "ADD_EVIDENCE", 5.0, "nats", "Gain a further effect needs.",
     "Chosen; no campaign isolates it.",
 )  # fmt: skip
-DROP = Limit(
-    "DROP", 3.0, "nats", "Loss below which one of several effects is dropped again.",
+DROP_EVIDENCE = Limit(
+    "DROP_EVIDENCE", 3.0, "nats", "Loss below which one of several effects is dropped again.",
     "Odds of 20 to 1. Before effects were dropped again, an actuator lag of zero was named beside wind.",
 )  # fmt: skip
-MOST = Limit(
-    "MOST", 3, "effects", "Most effects at once.",
+MOST_EFFECTS = Limit(
+    "MOST_EFFECTS", 3, "effects", "Most effects at once.",
     "Chosen; no campaign isolates it.",
 )  # fmt: skip
-BENDS = Limit(
-    "BENDS", 0.5, "1", "Share of what a free force gains that a further effect must gain.",
-    "Used campaigns, together with EXCHANGES: both of two effects found in 44 of 57, 37 with the whole gain.",
+LEAST_FREE_SIGNAL_SHARE = Limit(
+    "LEAST_FREE_SIGNAL_SHARE", 0.5, "1", "Share of what a free force gains that a further effect must gain.",
+    "Used campaigns, together with MOST_EXCHANGES: both of two effects found in 44 of 57, 37 with the "
+    "whole gain.",
 )  # fmt: skip
-EXCHANGES = Limit(
-    "EXCHANGES", 3, "rounds", "Exchanges of alike effects in a row.",
+MOST_EXCHANGES = Limit(
+    "MOST_EXCHANGES", 3, "rounds", "Exchanges of alike effects in a row.",
     "Without exchanges the true pair, 460 to 775 nats better than the one kept, was never tried. The number "
     "is chosen.",
 )  # fmt: skip
-RIVALS = Limit(
-    "RIVALS", 2, "effects", "Rivals of each effect that are tried in its place.", "As EXCHANGES.",
+RIVALS_TRIED = Limit(
+    "RIVALS_TRIED", 2, "effects", "Rivals of each effect that are tried in its place.", "As MOST_EXCHANGES.",
 )  # fmt: skip
-PATH_NOISE = Limit(
-    "PATH_NOISE", 20.0, "nats",
+LINEARISATION_SCATTER = Limit(
+    "LINEARISATION_SCATTER", 20.0, "nats",
     "Gains below which refits along paths of their own differ by chance as much as by what they explain.",
     "A clean campaign: +10.5 between two refits, +0.2 along one path.",
 )  # fmt: skip
@@ -124,16 +126,17 @@ WALD_SLACK = Limit(
     "Slack of the check of evidence against the distance of the parameters from zero.",
     "A refit that had not arrived named fluid memory at +93 nats with a share of 0.014 +- 0.012.",
 )  # fmt: skip
-LEAST = Limit(
-    "LEAST", 3.0, "nats", "Least evidence that names an effect, whatever the design allows by chance.",
+LEAST_NAMING_EVIDENCE = Limit(
+    "LEAST_NAMING_EVIDENCE", 3.0, "nats",
+    "Least evidence that names an effect, whatever the design allows by chance.",
     "Odds of 20 to 1.",
 )  # fmt: skip
-FALSE = Limit(
-    "FALSE", 0.01, "1", "Share of trials without an effect that may pass a threshold of the design.",
+FALSE_ALARM = Limit(
+    "FALSE_ALARM", 0.01, "1", "Share of trials without an effect that may pass a threshold of the design.",
     "Chosen; 2000 trials are drawn from the linearised model of each design.",
 )  # fmt: skip
-COLOURS = Limit(
-    "COLOURS", 10.0, "nats",
+NOISE_MODEL_SLACK = Limit(
+    "NOISE_MODEL_SLACK", 10.0, "nats",
     "What a free signal may gain on top of chance because the process noise is estimated.",
     "157 campaigns without any effect: free forces gained up to 20 nats.",
 )  # fmt: skip
@@ -144,23 +147,30 @@ PRIOR_CATALOGUE = Limit(
 PRIOR_OUTSIDE = Limit(
     "PRIOR_OUTSIDE", 0.1, "1", "Prior of a cause that is not listed.", "Stated (design note A4)."
 )
-ALIKE = Limit(
-    "ALIKE", 0.5, "1",
+UNLISTED_ALIKE_SHARE = Limit(
+    "UNLISTED_ALIKE_SHARE", 0.5, "1",
     "Share of what lies outside that looks like an effect of the catalogue rather than like any generic "
     "signal: a drag that grows in a step is not a loss of thrust, and yet more like it than like a free "
     "force.",
-    "Used campaigns replayed: log score from 1.01 to 0.63 together with SURE and FORM.",
+    "Used campaigns replayed: log score from 1.01 to 0.63 together with NAMING_PROBABILITY and "
+    "OTHER_FORM_PROBABILITY.",
 )  # fmt: skip
-FORM = Limit(
-    "FORM", 0.25, "1", "Chance that an effect acts in another form than the catalogue's.", "As ALIKE."
+OTHER_FORM_PROBABILITY = Limit(
+    "OTHER_FORM_PROBABILITY",
+    0.25,
+    "1",
+    "Chance that an effect acts in another form than the catalogue's.",
+    "As UNLISTED_ALIKE_SHARE.",
 )
-SEEN = Limit("SEEN", 3.0, "nats", "Gain from which a remainder shows.", "Odds of 20 to 1.")
-CLOSEST = Limit(
-    "CLOSEST", 1e-3, "1", "Smallest part of what an effect explains that another form of it leaves.",
+REMAINDER_EVIDENCE = Limit(
+    "REMAINDER_EVIDENCE", 3.0, "nats", "Gain from which a remainder shows.", "Odds of 20 to 1."
+)
+LEAST_REMAINDER_SHARE = Limit(
+    "LEAST_REMAINDER_SHARE", 1e-3, "1", "Smallest part of what an effect explains that another form of it leaves.",  # noqa: E501
     "Assumed; every magnitude between it and one counts as equally probable.",
 )  # fmt: skip
-ROOM = Limit(
-    "ROOM", 10.0, "nats",
+FREE_SIGNAL_SLACK = Limit(
+    "FREE_SIGNAL_SLACK", 10.0, "nats",
     "How much better a free signal may be alone than with an effect that has nothing to do beside it.",
     "6-DOF in still water: 'outside' at 2000 nats where the refit left 0.3.",
 )  # fmt: skip

@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from bayesid.diagnosis.summary import unsigned_zeros
 from bayesid.report.diagnosis.holdout import at_floor, record_label
-from bayesid.report.diagnosis.words import in_words, unsigned_zeros
+from bayesid.report.diagnosis.words import in_words
 from bayesid.report.writer import Block, Figure, Section, Table, Text
 from studies.sim_to_real_gap.figures import overlay
 

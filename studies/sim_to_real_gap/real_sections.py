@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from bayesid.diagnosis.summary import unsigned_zeros
 from bayesid.report.diagnosis.holdout import record_label
-from bayesid.report.diagnosis.words import unsigned_zeros
 from bayesid.report.writer import Block, Section, Table, Text, literal
 
 DEG = 180.0 / math.pi

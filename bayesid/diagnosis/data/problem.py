@@ -12,7 +12,7 @@ import numpy as np
 
 from bayesid.diagnosis.data.event import Event, blanked, released, without_readings
 from bayesid.diagnosis.data.outliers import set_aside
-from bayesid.diagnosis.threshold_table import NEAR
+from bayesid.diagnosis.threshold_table import FOLLOWS_DATA_CHI2
 from bayesid.equations.model import Model
 from bayesid.errors import ModelError, TrialError
 from bayesid.estimation.filter_error.fit import NO_PARAMETERS, FilterErrorFit, FreeParameters, fit
@@ -234,7 +234,7 @@ def fit_with(
         loud = max(problem.path_level, 1e-5)
     noise_model = problem.environment.noise_model
     out = fit(problem.model, problem.logs, free, noise_model, start=start, iterations=iterations, loud=loud)
-    if out.converged or out.iterations < iterations or not out.chi2 <= NEAR:
+    if out.converged or out.iterations < iterations or not out.chi2 <= FOLLOWS_DATA_CHI2:
         return out
     try:
         more = fit(
@@ -242,4 +242,4 @@ def fit_with(
         )
     except ModelError:
         return out
-    return more if more.chi2 <= NEAR else out
+    return more if more.chi2 <= FOLLOWS_DATA_CHI2 else out

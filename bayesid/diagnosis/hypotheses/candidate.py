@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import log_ndtr, logsumexp
 
 from bayesid.diagnosis.data.problem import DiagnosisProblem
-from bayesid.diagnosis.threshold_table import NEAR, PATH_NOISE, WALD_SLACK
+from bayesid.diagnosis.threshold_table import FOLLOWS_DATA_CHI2, LINEARISATION_SCATTER, WALD_SLACK
 from bayesid.equations.layout import names_read
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.evidence import posterior
@@ -136,7 +136,7 @@ def checked(
         return c
     gain = c.log_evidence - none.log_evidence
     if explains(c):
-        gain = gain if gain > PATH_NOISE else min(gain, nested(problem, c))
+        gain = gain if gain > LINEARISATION_SCATTER else min(gain, nested(problem, c))
         return replace(c, log_evidence=none.log_evidence + gain)
     limit = wald_limit(problem, c.fit)
     if not c.fit.converged and c.fit.chi2 > none.fit.chi2 and len(c.effects) == 1:
@@ -176,7 +176,7 @@ def wald_limit(problem: DiagnosisProblem, fitted: FilterErrorFit) -> float:
 
 def explains(candidate: RefittedHypothesis) -> bool:
     """Whether a refit arrived and leaves residuals of about the size of the noise."""
-    return candidate.fit.converged and candidate.fit.chi2 < NEAR
+    return candidate.fit.converged and candidate.fit.chi2 < FOLLOWS_DATA_CHI2
 
 
 def standing(candidate: RefittedHypothesis, gain: float) -> tuple[bool, float]:

@@ -41,7 +41,12 @@ from bayesid.diagnosis.hypotheses.sensitivity_bank import (
     widened,
 )
 from bayesid.diagnosis.hypotheses.thresholds import Thresholds, thresholds
-from bayesid.diagnosis.threshold_table import ADD, ASTRAY, PATH_NOISE, SEEN
+from bayesid.diagnosis.threshold_table import (
+    ADD_EVIDENCE,
+    LINEARISATION_SCATTER,
+    NOT_FOLLOWING_CHI2,
+    REMAINDER_EVIDENCE,
+)
 from bayesid.estimation.filter_error.fit import FilterErrorFit
 
 Say = Callable[[str], None]
@@ -120,13 +125,13 @@ def compare(
     if single:
         first = max(single, key=lambda c: standing(c, gains[c.effects[0]]))
         if (
-            (first.log_evidence > none.log_evidence + ADD)
+            (first.log_evidence > none.log_evidence + ADD_EVIDENCE)
             if explains(first)
-            else gains[first.effects[0]] > ADD
+            else gains[first.effects[0]] > ADD_EVIDENCE
         ):
             refits, left = search_several(problem, refits, first, effects, known, say)
             refits = sorted((checked(problem, c, none, gains) for c in refits), key=lambda c: -c.log_evidence)
-    if refits and refits[0].log_evidence > none.log_evidence + ADD:
+    if refits and refits[0].log_evidence > none.log_evidence + ADD_EVIDENCE:
         say("what the best explanation leaves")
         after = left.get(refits[0].effects) or remainder(problem, refits[0])
     evidence = evidences(problem, none, refits, scores, wide, where)
@@ -135,8 +140,10 @@ def compare(
     left_by = Remainder(rest)
     if after is not None:
         shows = excess > 1.0 or after.places[0].evidence > limits.remainder
-        astray = refits[0].fit.chi2 > ASTRAY
-        share = 1.0 if astray else after.places[0].evidence / max(where.places[0].evidence, SEEN)
+        astray = refits[0].fit.chi2 > NOT_FOLLOWING_CHI2
+        share = (
+            1.0 if astray else after.places[0].evidence / max(where.places[0].evidence, REMAINDER_EVIDENCE)
+        )
         left_by = Remainder(rest, shows, share, where.kept(after))
     places = {e.name: e.where for e in effects}
     weights = probabilities(evidence, refits, none, where, excess, left_by, places)
@@ -149,7 +156,9 @@ def _rests(refits: Sequence[RefittedHypothesis], after: Localisation | None) -> 
     if after is None or refits[0].widens:
         return {}
     more = after.outside - after.base
-    near = [c for c in refits if c.log_evidence > refits[0].log_evidence - PATH_NOISE and not c.widens]
+    near = [
+        c for c in refits if c.log_evidence > refits[0].log_evidence - LINEARISATION_SCATTER and not c.widens
+    ]
     return {c.effects: more for c in near if len(c.effects) == len(refits[0].effects)}
 
 
@@ -173,7 +182,7 @@ def _second_start(
 def _excess(refits: Sequence[RefittedHypothesis], none: RefittedHypothesis, coefficients: int) -> float:
     """How much the runs disagree about the best explanation; 1 where they agree or it explains too little."""
     best = refits[0] if refits else none
-    if best.log_evidence <= none.log_evidence + PATH_NOISE or not explains(best) or best.widens:
+    if best.log_evidence <= none.log_evidence + LINEARISATION_SCATTER or not explains(best) or best.widens:
         return 1.0
     runs = cross_validate(best, none, coefficients)
     return runs.excess if runs.disagree else 1.0

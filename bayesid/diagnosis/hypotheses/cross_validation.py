@@ -12,7 +12,7 @@ import numpy as np
 from scipy import stats
 
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis
-from bayesid.diagnosis.threshold_table import DISAGREE
+from bayesid.diagnosis.threshold_table import DISAGREEMENT_P_VALUE
 from bayesid.estimation.filter_error.evidence import NormalEquations, posterior
 from bayesid.estimation.filter_error.run_readings import Array
 
@@ -34,7 +34,7 @@ class CrossValidation:
 
     @property
     def disagree(self) -> bool:
-        return self.disagreement < DISAGREE
+        return self.disagreement < DISAGREEMENT_P_VALUE
 
     @property
     def total(self) -> float:

@@ -22,7 +22,16 @@ from bayesid.diagnosis.hypotheses.candidate import (
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.cross_validation import CrossValidation, cross_validate
 from bayesid.diagnosis.hypotheses.probabilities import credible_set
-from bayesid.diagnosis.threshold_table import ALONG, EVEN, HIDDEN, MINOR, NEAR, SURE, SURELY, TRACE
+from bayesid.diagnosis.threshold_table import (
+    CONFOUNDED_SHARE,
+    EVEN_ODDS,
+    FOLLOWS_DATA_CHI2,
+    GAP_IS_SURE_BELOW,
+    LISTED_BESIDE_EVIDENCE,
+    MINOR_SHARE,
+    NAMING_PROBABILITY,
+    UNDETECTABLE_NONCENTRALITY,
+)
 
 
 @dataclass(frozen=True)
@@ -148,15 +157,15 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
         kept = [
             n
             for n in best.effects
-            if n not in off and (not shows or left < MINOR * _part(candidates, best, n))
+            if n not in off and (not shows or left < MINOR_SHARE * _part(candidates, best, n))
         ]
-        sure = tuple(n for n in kept if _acts(candidates, families, n) >= SURE)
+        sure = tuple(n for n in kept if _acts(candidates, families, n) >= NAMING_PROBABILITY)
     named = COEFFICIENT_ERROR if best.widens else best.effects[0] if best.effects else ""
-    unlisted = before.evidence > limit.remainder and probability["outside"] > EVEN
+    unlisted = before.evidence > limit.remainder and probability["outside"] > EVEN_ODDS
     # runs are set against each other where a name is at stake
     asked = not gain < limit.named and not best.widens and not unlisted
     runs = cross_validate(best, none, len(problem.coefficients.names)) if asked else None
-    hidden = tuple(n for n, a in absorbed.items() if a > HIDDEN)
+    hidden = tuple(n for n, a in absorbed.items() if a > CONFOUNDED_SHARE)
     facts = Facts(
         gain=gain,
         gain_by_chance=limit.named,
@@ -180,8 +189,8 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
         runs_refute=runs is not None and runs.refuted,
         runs_disagree=runs is not None and runs.disagree,
     )
-    along = tuple(n for n in hidden if candidates.evidence.get(n, -np.inf) > gain - ALONG)
-    follows = any(c.fit.chi2 < NEAR for c in (none, *candidates.refits))
+    along = tuple(n for n in hidden if candidates.evidence.get(n, -np.inf) > gain - LISTED_BESIDE_EVIDENCE)
+    follows = any(c.fit.chi2 < FOLLOWS_DATA_CHI2 for c in (none, *candidates.refits))
     names = Named(best.effects, sure, hidden, along, set95, faint)
     return Grounds(facts, names, before.channel, best.fit.chi2**0.5, follows, runs)
 
@@ -193,12 +202,12 @@ def unseen(candidates: HypothesisComparison) -> tuple[str, ...]:
     not there to be seen cannot be told from what is too small to be. Where there surely is a gap none of them
     explains it.
     """
-    if candidates.probabilities["none"] < SURELY:
+    if candidates.probabilities["none"] < GAP_IS_SURE_BELOW:
         return ()
     return tuple(
         n
         for n, d in zip(candidates.ambiguity.names, candidates.ambiguity.detect, strict=True)
-        if d < TRACE and candidates.evidence.get(n, 0.0) <= 0.0
+        if d < UNDETECTABLE_NONCENTRALITY and candidates.evidence.get(n, 0.0) <= 0.0
     )
 
 

@@ -16,14 +16,14 @@ from bayesid.diagnosis.evidences import over_none
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains
 from bayesid.diagnosis.hypotheses.localisation import Localisation
 from bayesid.diagnosis.threshold_table import (
-    ALIKE,
-    CLOSEST,
-    FORM,
+    FREE_SIGNAL_SLACK,
+    LEAST_REMAINDER_SHARE,
+    OTHER_FORM_PROBABILITY,
     PRIOR_CATALOGUE,
     PRIOR_NONE,
     PRIOR_OUTSIDE,
-    ROOM,
-    SEEN,
+    REMAINDER_EVIDENCE,
+    UNLISTED_ALIKE_SHARE,
 )
 
 
@@ -169,7 +169,7 @@ def comparable(
         held |= {k: gain[k] + lift for k in more}
         held[OUTSIDE] = -np.inf
     elif sound:
-        most = max(gain[k] + min(max(more[k], 0.0), left.kept) for k in sound) + ROOM
+        most = max(gain[k] + min(max(more[k], 0.0), left.kept) for k in sound) + FREE_SIGNAL_SLACK
         held[OUTSIDE] = min(gain[OUTSIDE], most)
     top = max([*held.values(), *(held[k] + v for k, v in more.items())])
     return Gains(held, gain, more, near, sound, max(excess, 1.0), top)
@@ -183,7 +183,7 @@ def rows(
     outside = gains.tempered(gains.held[OUTSIDE])
     out = [
         Row(("none",), float(np.log(PRIOR_NONE)), 0.0, "nothing"),
-        Row(OUTSIDE, float(np.log((1.0 - ALIKE) * PRIOR_OUTSIDE)), outside, "like no effect"),
+        Row(OUTSIDE, float(np.log((1.0 - UNLISTED_ALIKE_SHARE) * PRIOR_OUTSIDE)), outside, "like no effect"),
     ]
     for key, value in gains.held.items():
         if key != OUTSIDE:
@@ -203,20 +203,24 @@ def _rows_of(
     """One set of effects as it stands, in other forms, and with a cause only like one of them instead."""
     likelihood, asked = gains.tempered(value), key in gains.more
     close = _closeness(value)
-    alike = prior + float(np.log(ALIKE * PRIOR_OUTSIDE / PRIOR_CATALOGUE))
-    form = _log(1.0 - FORM * (1.0 - close)) if asked else 0.0
+    alike = prior + float(np.log(UNLISTED_ALIKE_SHARE * PRIOR_OUTSIDE / PRIOR_CATALOGUE))
+    form = _log(1.0 - OTHER_FORM_PROBABILITY * (1.0 - close)) if asked else 0.0
     out = [Row(key, prior + form, likelihood, "as the catalogue has it")]
     for name in key:
         others = tuple(n for n in key if n != name)
         part = gains.part(key, others)
         like = (*others, "outside")
         out.append(Row(like, alike + _log(_likeness(part)), likelihood, f"something like {name}"))
-        mended = sum(FORM / _near(n, places) for n in others if _meet(n, name, places))
+        mended = sum(OTHER_FORM_PROBABILITY / _near(n, places) for n in others if _meet(n, name, places))
         if mended:
             chance = prior - each + _log(mended * _likeness(part))
             out.append(Row(others, chance, likelihood, f"in another form, which {name} stands for"))
         if left.shows and asked:
-            share = left.share if gains.near else max(gains.more[key], SEEN) / max(part, SEEN)
+            share = (
+                left.share
+                if gains.near
+                else max(gains.more[key], REMAINDER_EVIDENCE) / max(part, REMAINDER_EVIDENCE)
+            )
             odds = _stranger(share) * (1.0 - _closeness(part))
             lifted = gains.tempered(value + gains.more[key])
             out.append(Row(like, alike + _log(odds), lifted, f"something like {name} that leaves a rest"))
@@ -224,7 +228,7 @@ def _rows_of(
         # an effect has another form; what explains less than half of the gap is a part of something else
         part_of = not gains.near and value < 0.5 * gains.held[OUTSIDE]
         lifted = gains.tempered(value + gains.more[key])
-        chance = prior + _log(FORM * (1.0 - close))
+        chance = prior + _log(OTHER_FORM_PROBABILITY * (1.0 - close))
         out.append(Row(OUTSIDE if part_of else key, chance, lifted, "in another form that leaves a rest"))
     return out
 
@@ -253,7 +257,15 @@ def _closeness(explained: float) -> float:
     What it leaves is of unknown size, from a thousandth of what the named one explains to all of it, every
     magnitude as probable.
     """
-    return float(np.clip(1.0 + np.log(SEEN / max(explained, SEEN)) / np.log(1.0 / CLOSEST), 0.0, 1.0))
+    return float(
+        np.clip(
+            1.0
+            + np.log(REMAINDER_EVIDENCE / max(explained, REMAINDER_EVIDENCE))
+            / np.log(1.0 / LEAST_REMAINDER_SHARE),
+            0.0,
+            1.0,
+        )
+    )
 
 
 def _likeness(explained: float) -> float:
@@ -264,7 +276,7 @@ def _likeness(explained: float) -> float:
     30 % of 30 in a hundred (`Ambiguity.margin` over what one shows). The square root of the share leans to
     the careful side of that: it takes more of them for near.
     """
-    return float(np.sqrt(SEEN / max(explained, SEEN)))
+    return float(np.sqrt(REMAINDER_EVIDENCE / max(explained, REMAINDER_EVIDENCE)))
 
 
 def _meet(one: str, other: str, places: Mapping[str, Collection[str]]) -> bool:
@@ -285,8 +297,8 @@ def _stranger(share: float) -> float:
     The former leaves less than x in 0.45 x^0.45 + 0.55 x^5 of all cases, within 0.04 of the counts under
     `_likeness`; of the latter every magnitude is as probable.
     """
-    x = float(np.clip(share, CLOSEST, 1.0))
-    return float((0.45**2 * x**0.45 + 5.0 * 0.55 * x**5) * np.log(1.0 / CLOSEST))
+    x = float(np.clip(share, LEAST_REMAINDER_SHARE, 1.0))
+    return float((0.45**2 * x**0.45 + 5.0 * 0.55 * x**5) * np.log(1.0 / LEAST_REMAINDER_SHARE))
 
 
 def credible_set(

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from bayesid.diagnosis.hypotheses.facts import Facts
-from bayesid.diagnosis.threshold_table import CONFLICT, EVEN, HIDDEN, SURE
+from bayesid.diagnosis.threshold_table import CONFOUNDED_SHARE, EVEN_ODDS, NAMING_PROBABILITY, PRIOR_CONFLICT
 
 Word = Literal["none", "effect", "effect_with_remainder", "several", "outside", "coefficients", "ambiguous"]
 WORDS: tuple[Word, ...] = (
@@ -46,22 +46,22 @@ class Rule:
 RULES: tuple[Rule, ...] = (
     Rule(
         "unlisted cause",
-        lambda f: f.free_shows and f.outside > EVEN,
+        lambda f: f.free_shows and f.outside > EVEN_ODDS,
         "outside", "nothing", "nothing",
         "a free signal gains more than chance allows, and a cause that is not listed is more probable than "
         "all others together",
     ),
     Rule(
         "coefficients moved",
-        lambda f: not f.gains and f.none_in_set and f.none < EVEN
-        and f.conflict > max(f.conflict_by_chance, CONFLICT),
+        lambda f: not f.gains and f.none_in_set and f.none < EVEN_ODDS
+        and f.conflict > max(f.conflict_by_chance, PRIOR_CONFLICT),
         "coefficients", "nothing", "all",
         "no effect gains more than chance allows, and a coefficient moves further than chance and its prior "
         "allow",
     ),
     Rule(
         "nothing beyond chance",
-        lambda f: not f.gains and f.none + f.unseen + (0.0 if f.free_shows else f.outside) > EVEN,
+        lambda f: not f.gains and f.none + f.unseen + (0.0 if f.free_shows else f.outside) > EVEN_ODDS,
         "none", "nothing", "nothing",
         "no effect gains more than chance allows, and no effect, or what these runs cannot tell from it, is "
         "more probable than not",
@@ -74,7 +74,7 @@ RULES: tuple[Rule, ...] = (
     ),
     Rule(
         "faint coefficient, probably none",
-        lambda f: f.widens and f.none_in_set and f.none > EVEN,
+        lambda f: f.widens and f.none_in_set and f.none > EVEN_ODDS,
         "none", "nothing", "nothing",
         "a wrong coefficient explains most, and no error at all is more probable than not",
     ),
@@ -86,15 +86,15 @@ RULES: tuple[Rule, ...] = (
     ),
     Rule(
         "unsure coefficient",
-        lambda f: f.widens and f.acts < SURE,
+        lambda f: f.widens and f.acts < NAMING_PROBABILITY,
         "ambiguous", "rivals", "all",
-        f"a wrong coefficient explains most, with less than {SURE:.0%}",
+        f"a wrong coefficient explains most, with less than {NAMING_PROBABILITY:.0%}",
     ),
     Rule(
         "wrong coefficient",
         lambda f: f.widens,
         "coefficients", "coefficient", "all",
-        f"a wrong coefficient explains most, with at least {SURE:.0%}",
+        f"a wrong coefficient explains most, with at least {NAMING_PROBABILITY:.0%}",
     ),
     Rule(
         "refuted by the runs",
@@ -106,17 +106,17 @@ RULES: tuple[Rule, ...] = (
         "several sure",
         lambda f: f.effects > 1 and f.sure > 1,
         "several", "sure", "all",
-        f"several effects are each needed, and each acts with at least {SURE:.0%}",
+        f"several effects are each needed, and each acts with at least {NAMING_PROBABILITY:.0%}",
     ),
     Rule(
         "several, none sure",
         lambda f: f.effects > 1 and f.sure == 0,
         "ambiguous", "rivals", "all",
-        f"several effects explain most together, and none of them acts with {SURE:.0%}",
+        f"several effects explain most together, and none of them acts with {NAMING_PROBABILITY:.0%}",
     ),
     Rule(
         "several, the sure one hidden",
-        lambda f: f.effects > 1 and f.sure_absorbed > HIDDEN,
+        lambda f: f.effects > 1 and f.sure_absorbed > CONFOUNDED_SHARE,
         "ambiguous", "rivals", "all",
         "of several effects one is sure, and the coefficients' own uncertainty can imitate it",
     ),
@@ -124,17 +124,17 @@ RULES: tuple[Rule, ...] = (
         "several, one sure",
         lambda f: f.effects > 1,
         "effect_with_remainder", "sure", "all",
-        f"of several effects one acts with at least {SURE:.0%}; what is beside it is open",
+        f"of several effects one acts with at least {NAMING_PROBABILITY:.0%}; what is beside it is open",
     ),
     Rule(
         "hidden by coefficients",
-        lambda f: f.absorbed > HIDDEN,
+        lambda f: f.absorbed > CONFOUNDED_SHARE,
         "coefficients", "nothing", "along",
         "the coefficients' own uncertainty can imitate the best explanation on these runs",
     ),
     Rule(
         "probably none",
-        lambda f: f.none_in_set and f.none > EVEN,
+        lambda f: f.none_in_set and f.none > EVEN_ODDS,
         "none", "nothing", "nothing",
         "an effect gains, and no effect is still more probable than not",
     ),
@@ -146,9 +146,9 @@ RULES: tuple[Rule, ...] = (
     ),
     Rule(
         "unsure effect",
-        lambda f: f.acts < SURE,
+        lambda f: f.acts < NAMING_PROBABILITY,
         "ambiguous", "rivals", "nothing",
-        f"the best explanation acts with less than {SURE:.0%}",
+        f"the best explanation acts with less than {NAMING_PROBABILITY:.0%}",
     ),
     Rule(
         "effect without size",
@@ -160,14 +160,15 @@ RULES: tuple[Rule, ...] = (
         "effect with a remainder",
         lambda f: f.rest_shows or f.runs_disagree or not f.explains,
         "effect_with_remainder", "best", "nothing",
-        f"the effect acts with at least {SURE:.0%}; a free signal still gains, runs disagree about it, or it "
+        f"the effect acts with at least {NAMING_PROBABILITY:.0%}; a free signal still gains, runs "
+        f"disagree about it, or it "
         "does not follow the data",
     ),
     Rule(
         "effect",
         lambda f: True,
         "effect", "best", "nothing",
-        f"the effect acts with at least {SURE:.0%}, and nothing beyond chance is left",
+        f"the effect acts with at least {NAMING_PROBABILITY:.0%}, and nothing beyond chance is left",
     ),
 )  # fmt: skip
 

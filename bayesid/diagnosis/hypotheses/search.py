@@ -12,7 +12,15 @@ from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains,
 from bayesid.diagnosis.hypotheses.localisation import Localisation
 from bayesid.diagnosis.hypotheses.refit import FOLLOWING_FORCE_LEVEL, refit, refit_again, remainder
 from bayesid.diagnosis.hypotheses.sensitivity_bank import Isolability, build_bank, levels_between, screen
-from bayesid.diagnosis.threshold_table import ADD, BENDS, DROP, EXCHANGES, MOST, PATH_NOISE, RIVALS
+from bayesid.diagnosis.threshold_table import (
+    ADD_EVIDENCE,
+    DROP_EVIDENCE,
+    LEAST_FREE_SIGNAL_SHARE,
+    LINEARISATION_SCATTER,
+    MOST_EFFECTS,
+    MOST_EXCHANGES,
+    RIVALS_TRIED,
+)
 from bayesid.equations.model import Model
 from bayesid.estimation.filter_error.fit import FreeParameters
 from bayesid.estimation.filter_error.parameters import effect_prior
@@ -44,7 +52,7 @@ def search_several(
     """
     left: dict[tuple[str, ...], Localisation] = {}
     model = problem.model
-    while len(current.effects) < MOST:
+    while len(current.effects) < MOST_EFFECTS:
         chosen = [model.effects[n] for n in current.effects]
         families = {e.family for e in chosen}
         others = [e for e in effects if e.family not in families]
@@ -52,7 +60,7 @@ def search_several(
         points = current.fit.points if current.fit.converged else current.fit.follow
         level = 0.0 if current.fit.converged else current.fit.follow_level
         bank = build_bank(problem, points, levels_between(problem, level), others, inside)
-        ranked = [s for s in screen(bank)[:3] if s.gain > 0.5 * ADD]
+        ranked = [s for s in screen(bank)[:3] if s.gain > 0.5 * ADD_EVIDENCE]
         if not ranked:
             break
         tried = [c for s in ranked for c in _beside(problem, refits, (*chosen, model.effects[s.name]), say)]
@@ -62,10 +70,10 @@ def search_several(
         best = max(tried, key=lambda c: standing(c, gains[c.effects[-1]]))
         if explains(current):
             step = _step(problem, best, current)
-            if step < ADD:
+            if step < ADD_EVIDENCE:
                 break
             left[current.effects] = remainder(problem, current)
-            if step < BENDS * (left[current.effects].outside - left[current.effects].base):
+            if step < LEAST_FREE_SIGNAL_SHARE * (left[current.effects].outside - left[current.effects].base):
                 break
         refits = [*tried, *refits]
         current = best
@@ -79,7 +87,7 @@ def search_several(
             less += known or refit(problem, fewer, say)
             refits += [c for c in less if c not in refits]
         smaller = max(less, key=lambda c: c.log_evidence, default=None)
-        if smaller is None or smaller.log_evidence < current.log_evidence - DROP:
+        if smaller is None or smaller.log_evidence < current.log_evidence - DROP_EVIDENCE:
             break
         current = smaller
     return sorted(refits, key=lambda c: -c.log_evidence), left
@@ -95,12 +103,12 @@ def _exchanged(
     """Each of several effects replaced by those like it, as long as the data gain by it."""
     model = problem.model
     asked = {frozenset(c.effects) for c in refits}
-    for _ in range(int(EXCHANGES)):
+    for _ in range(int(MOST_EXCHANGES)):
         found: list[RefittedHypothesis] = []
         for name in current.effects:
             others = tuple(n for n in current.effects if n != name)
             taken = {model.effects[n].family for n in others}
-            for rival in alike.rivals(name)[: int(RIVALS)]:
+            for rival in alike.rivals(name)[: int(RIVALS_TRIED)]:
                 key = frozenset((*others, rival))
                 if model.effects[rival].family not in taken and key not in asked:
                     asked.add(key)
@@ -134,7 +142,7 @@ def _beside(
 def _step(problem: DiagnosisProblem, larger: RefittedHypothesis, smaller: RefittedHypothesis) -> float:
     """Gain in log evidence; a small one must also be there along the larger refit's own path."""
     gain = larger.log_evidence - smaller.log_evidence
-    return gain if gain > PATH_NOISE else min(gain, nested(problem, larger, smaller.effects))
+    return gain if gain > LINEARISATION_SCATTER else min(gain, nested(problem, larger, smaller.effects))
 
 
 def _joint(model: Model, effects: Sequence[Effect]) -> FreeParameters:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bayesid.diagnosis.hypotheses.sensitivity_bank import SensitivityBank
-from bayesid.diagnosis.threshold_table import COLOURS, FALSE, LEAST
+from bayesid.diagnosis.threshold_table import FALSE_ALARM, LEAST_NAMING_EVIDENCE, NOISE_MODEL_SLACK
 from bayesid.estimation.filter_error.run_readings import Array
 
 
@@ -62,12 +62,12 @@ def thresholds(bank: SensitivityBank, tried: int, seed: int, draws: int = 2000) 
     one that
         keeps time). A Bayes factor exceeds
         exp(w) by chance with probability exp(-w) at most, so the best of them exceeds
-        log(tried / FALSE) with probability `FALSE` at most.
+        log(tried / FALSE_ALARM) with probability `FALSE` at most.
     """
     gain, moved = chance(bank, seed, draws)
     return Thresholds(
-        named=max(LEAST, float(np.quantile(gain, 1.0 - FALSE))),
-        remainder=float(np.log(tried / FALSE)) + COLOURS,
-        conflict=float(np.quantile(moved, 1.0 - FALSE)),
+        named=max(LEAST_NAMING_EVIDENCE, float(np.quantile(gain, 1.0 - FALSE_ALARM))),
+        remainder=float(np.log(tried / FALSE_ALARM)) + NOISE_MODEL_SLACK,
+        conflict=float(np.quantile(moved, 1.0 - FALSE_ALARM)),
         draws=draws,
     )

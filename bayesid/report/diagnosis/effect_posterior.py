@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from bayesid.diagnosis.run import Diagnosis
+from bayesid.diagnosis.summary import unsigned_zeros
 from bayesid.errors import SampleError
 from bayesid.report import posterior_figures as figures
 from bayesid.report.diagnosis.effect_interval import SECTION, why
-from bayesid.report.diagnosis.words import unsigned_zeros
 from bayesid.report.writer import Block, Figure, Section, Table, Text, literal
 
 MOST = 7  # panels a reader can still make out

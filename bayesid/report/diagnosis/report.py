@@ -13,13 +13,14 @@ from pathlib import Path
 from typing import Any
 
 from bayesid.diagnosis.run import Diagnosis
+from bayesid.diagnosis.summary import unsigned_zeros
 from bayesid.report import writer
 from bayesid.report.diagnosis import effect_posterior
 from bayesid.report.diagnosis.cause import description_sections, where_blocks, which_blocks
 from bayesid.report.diagnosis.effect_interval import lead_words
 from bayesid.report.diagnosis.holdout import proof_label, shrink_blocks
 from bayesid.report.diagnosis.limits import ambiguity_blocks, next_blocks, notes_blocks
-from bayesid.report.diagnosis.words import in_words, unsigned_zeros, value_words
+from bayesid.report.diagnosis.words import in_words, value_words
 from bayesid.report.writer import Block, Report, Section, Table, Text, literal
 
 HEADLINES = {
