@@ -105,7 +105,9 @@ def plant_rate(vehicle, dof, gap, state, fins, n, t):
 
 @pytest.mark.parametrize(("name", "dof"), BOTH)
 @pytest.mark.parametrize("seed", range(4))
-def test_the_plant_obeys_newton_in_the_frame_of_the_water(name, dof, seed):
+def test_the_plant_obeys_newton_in_the_frame_of_the_water(name, dof, seed, monkeypatch):
+    # the plant keeps the sharp sign of Y_v|r| and its like; the model rounds it near zero
+    monkeypatch.setattr("reference_motion.side", lambda velocity, band: np.sign(velocity))
     vehicle, t = lopsided(name, seed), 37.0
     U = float(build(vehicle, vehicle.coef, dof, settings()).number["U0"])
     state, fins, n, V, A = point(vehicle, U, dof == 3, np.random.default_rng(seed))

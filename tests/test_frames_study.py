@@ -32,7 +32,8 @@ def test_a_fouled_hull_is_hidden_by_free_coefficients_and_shows_as_built_by_the_
         detectability(fouled(size, sd), rivals=False)[0]
         for size, sd in ((0.4, 0.01), (0.4, 0.10), (0.2, 0.01))
     )
-    assert built.noncentrality / free.noncentrality == pytest.approx(100.0, rel=0.15)
+    # a linear row of drag, as free, stands in for a part of the quadratic one: below 100, and near it
+    assert 75.0 < built.noncentrality / free.noncentrality < 105.0
     assert built.noncentrality / half.noncentrality == pytest.approx(4.0, rel=0.05)
     assert free.absorbed > 0.98
     assert built.noncentrality > 25 > free.noncentrality

@@ -42,7 +42,8 @@ def case(name, dof=3, all_on=True, samples=13, eta=False):
     L, U, rpm = model.scales["L"], model.scales["U"], model.vehicle.rpm_ref
     k = np.arange(samples)
     t = np.cumsum([0.0, *(0.2 + 0.05 * (k[:-1] % 3))]) * L / U
-    inputs = {"delta_r_cmd": 0.17 * np.sin(1.7 * k + 0.3), "n_cmd": rpm * (1 + 0.1 * np.cos(k))}
+    # The phase keeps every stage off the kinks (play, rate limit, signs) by more than a difference moves it.
+    inputs = {"delta_r_cmd": 0.17 * np.sin(1.7 * k + 0.29), "n_cmd": rpm * (1 + 0.1 * np.cos(k))}
     if dof == 6:
         inputs |= {"delta_s_cmd": 0.06 * np.cos(1.3 * k), "delta_b_cmd": 0.05 * np.sin(k)}
     wind = {"wind_speed": 2.0 + 0.1 * k, "wind_from": 0.5 + 0.05 * k}
