@@ -43,9 +43,9 @@ def test_help_needs_no_numerical_library():
 
 
 def test_importing_the_package_loads_nothing_heavy_and_lists_its_names():
-    code = "import sys, bayesid as b; print('numpy' in sys.modules, 'TrialError' in dir(b), b.TrialError)"
+    code = "import sys, bayesid as b; print('numpy' in sys.modules, 'BayesidError' in dir(b), b.BayesidError)"
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
-    assert done.stdout == "False True <class 'bayesid.errors.TrialError'>\n"
+    assert done.stdout == "False True <class 'bayesid.errors.BayesidError'>\n"
 
 
 def test_every_public_name_can_be_loaded():
