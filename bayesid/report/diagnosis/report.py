@@ -167,7 +167,7 @@ def _verdict(found: Diagnosis, record: Mapping[str, Any]) -> list[Block]:
                 "alone: "
                 + ", ".join(in_words(n) for n in found.verdict.hidden)
                 + ". Their probabilities above still "
-                "count. An earlier clean identification (`--as-built`) or an outside measurement can tell."
+                "count. An earlier clean identification (`--prior 0.02`) or an outside measurement can tell."
             )
         )
     return blocks
