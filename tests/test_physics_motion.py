@@ -183,7 +183,7 @@ def adaptive(model, t, rudder, rpm, x0):
 
 
 def agrees_with_an_adaptive_integrator(name, dof):
-    # generic_sub rolls fast: at 200 steps a length RK4 leaves 6e-8 of its roll rate, at 400 a sixteenth of that
+    # generic_sub rolls fast: at 200 steps a length RK4 leaves 6e-8 of its roll rate, at 400 a sixteenth
     model, par, plan, x0, rudder, rpm = turning_run(name, dof, per_length=200 if dof == 3 else 400)
     found = simulate(model, par, plan, x0).states
     expected = adaptive(model, plan.t, rudder, rpm, x0)
