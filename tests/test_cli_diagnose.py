@@ -16,7 +16,7 @@ def test_a_diagnosis_with_draws_holds_the_planted_current_and_writes_its_posteri
     model, current = model_of("generic_sub"), 0.5  # m/s northward, a tenth of the speed
     write_trial(planted_trial(model, {"ocean_current.V_north": current}, 1, samples=40), tmp_path / "pond")
     others = ",".join(name for name in model.effects if name != "ocean_current")
-    line = ["diagnose", str(tmp_path / "pond"), "--vehicle", "generic_sub", "--as-built", "0.02"]
+    line = ["diagnose", str(tmp_path / "pond"), "--vehicle", "generic_sub", "--prior", "0.02"]
     assert run([*line, "--exclude", others, "--out", str(tmp_path / "out")]) == 0
     assert "verdict: effect" in capsys.readouterr().out
     record = json.loads((tmp_path / "out" / "diagnosis.json").read_text(encoding="utf-8"))

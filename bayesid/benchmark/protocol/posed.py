@@ -86,7 +86,7 @@ def _numbers(stored: Any, name: str) -> Array:
 
 
 def _environment(told: dict[str, Any]) -> NoiseIdentification:
-    c = told["colours"]
+    c = told["noise_model"]
     depth = None if c["depth"] is None else float(c["depth"])
     force, arms = (tuple(float(v) for v in c[key]) for key in ("force", "arms"))
     noise_model = NoiseModel(
