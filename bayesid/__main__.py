@@ -1,6 +1,6 @@
 """`python -m bayesid`: the same as the command `bayesid`."""
 
-from bayesid.cli.main import main
+from bayesid.cli.entry import main
 
 if __name__ == "__main__":
     main()

@@ -140,7 +140,7 @@ def test_all_problems_of_a_file_come_in_one_error():
 
 
 def test_a_closed_pipe_ends_quietly():
-    code = "from bayesid.cli.main import main; main(['--help'])"
+    code = "from bayesid.cli.entry import main; main(['--help'])"
     reader = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     reader.stdout.close()
     assert reader.stderr.read() == b""

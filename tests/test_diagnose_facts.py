@@ -48,7 +48,7 @@ def world(w):
     stand_ins = {
         "idle": lambda best, problem: tuple(n for n in w["idle"] if n in best.effects),
         "pulls": lambda fit, problem: np.array(w["pulls"]),
-        "crossed": lambda best, none, k: SimpleNamespace(**w["runs"]),
+        "cross_validate": lambda best, none, k: SimpleNamespace(**w["runs"]),
     }
     return problem, comparison, stand_ins
 

@@ -117,7 +117,7 @@ def forward(monkeypatch, gain, free, rivals):
              "_joint": lambda *a: None, "remainder": lambda *a: left}  # fmt: skip
     for name, fake in fakes.items():
         monkeypatch.setattr(search, name, fake)
-    monkeypatch.setattr(search, "MOST", 2)
+    monkeypatch.setattr(search, "MOST_EFFECTS", 2)
     first = candidate(100.0, "wind")
     every = [effect(n) for n in FAMILY]
     refits, _ = search.search_several(PROBLEM, [first], first, every, rivals, lambda text: None)

@@ -28,8 +28,7 @@ print("gone on")
 """
 WORK = """
 import sys, time
-from bayesid.cli import main
-from bayesid.cli import guard
+from bayesid.cli.entry import main
 
 def body():
     print("ready", flush=True)
@@ -41,7 +40,7 @@ main(["study"])
 """
 POOL = """
 import sys, time
-from bayesid.cli import main
+from bayesid.cli.entry import main
 
 def body():
     from bayesid.workers import worker_pool

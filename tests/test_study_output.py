@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-STUDIES = sorted((ROOT / "studies").glob("*.py"))
+STUDIES = sorted((ROOT / "studies").glob("*/run.py"))
 
 
-@pytest.mark.parametrize("study", STUDIES, ids=lambda path: path.stem)
+@pytest.mark.parametrize("study", STUDIES, ids=lambda path: path.parent.name)
 def test_a_study_writes_into_out_unless_told_otherwise(study):
     (folder,) = re.findall(r'add_argument\(\s*"--out",[^)]*?default=Path\("([^"]+)"\)', study.read_text())
     assert folder.split("/")[0] == "out"
@@ -21,7 +21,7 @@ def commands(*words):
     if shutil.which("make") is None:
         pytest.skip("no make here")
     told = subprocess.run(["make", "-n", *words], cwd=ROOT, capture_output=True, text=True, check=False)
-    return [line for line in told.stdout.splitlines() if "studies/" in line and "--out" in line]
+    return [line for line in told.stdout.splitlines() if "studies." in line and "--out" in line]
 
 
 @pytest.mark.parametrize("words", [("study",), ("study", "DATA=logs"), ("paper",), ("study", "QUICK=1")])
@@ -32,9 +32,9 @@ def test_make_study_and_paper_write_into_out(words):
 
 def test_make_reports_writes_every_study_that_reads_no_sealed_pack_into_reports():
     found = commands("reports", "DATA=logs")
-    names = {re.search(r"studies/(\w+)\.py", line)[1] for line in found}
-    assert names == {path.stem for path in STUDIES if not path.stem.startswith("withheld")}
-    assert all(re.search(r"studies/(\w+)\.py.* --out reports/\1\b", line) for line in found)
+    names = {re.search(r"studies\.(\w+)\.run", line)[1] for line in found}
+    assert names == {path.parent.name for path in STUDIES if not path.parent.name.startswith("withheld")}
+    assert all(re.search(r"studies\.(\w+)\.run.* --out reports/\1\b", line) for line in found)
 
 
 @pytest.mark.parametrize(

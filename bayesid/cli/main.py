@@ -1,14 +1,12 @@
-"""Entry point of `bayesid` and its tree of commands; each lives in its own module and imports the library
-late.
+"""The tree of commands of `bayesid`; each lives in its own module and imports the library when it runs.
 
 Takes arguments of a shell. Computes nothing; exit codes and messages are those of `terminal`.
 """
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
-from typing import Annotated, Any, NoReturn
+from typing import Annotated, Any
 
 import typer
 
@@ -29,19 +27,6 @@ from bayesid.cli.trial_measure import measure
 from bayesid.cli.vehicle_check import check
 
 EPILOGUE = "Exit codes: 0 ok, 2 usage or bad input, 3 not converged."
-
-
-def main(args: Sequence[str] | None = None) -> NoReturn:
-    """Entry point of the shell command.
-
-    Ends the process with 0 ok, 2 usage or bad input, 3 not converged, 128 + signal where it was stopped.
-    """
-    from bayesid.cli.stopping import leave, listen
-
-    listen()
-    # Matrices here are small: a second BLAS thread costs more than it gives (a diagnosis: 7 s, not 10).
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    leave(run(args))
 
 
 def run(args: Sequence[str] | None = None) -> int:

@@ -71,7 +71,7 @@ def noise_of(pairs: list[str] | None, option: str = "--noise") -> dict[str, floa
     found = {}
     for name, text, _ in _split(pairs, option):
         if name not in MEASURED:
-            raise typer.BadParameter(f"no measured channel {name!r}{nearest_hint(name)}", param_hint=option)
+            raise typer.BadParameter(f"no channel {name} is measured{nearest_hint(name)}", param_hint=option)
         found[name] = number_of(text, channel(name).unit)
     return found
 
