@@ -7,12 +7,13 @@ import pytest
 from matplotlib.colors import to_hex
 
 from bayesid.diagnosis.evidence.effect_interval import choice, warning
+from bayesid.diagnosis.summary import unsigned_zeros
 from bayesid.report.diagnosis.cause import where_blocks
 from bayesid.report.diagnosis.effect_interval import lead_words, why
 from bayesid.report.diagnosis.figures import bars, symlog_ticks
 from bayesid.report.diagnosis.holdout import proof_label, shrink_blocks
 from bayesid.report.diagnosis.report import _held, _unlisted
-from bayesid.report.diagnosis.words import in_words, unsigned_zeros
+from bayesid.report.diagnosis.words import in_words
 from bayesid.report.figure_style import COLOURS
 from bayesid.report.writer.blocks import cell_text
 

@@ -109,9 +109,9 @@ def step_of(model, name, size):
     """Change of a parameter for a difference: smaller where the run is far from linear in it.
 
     How long a servo runs, and the trim by an arm of the whole weight: at `SHARE` the difference was off
-    by 2e-6 (servo) to 9e-5 (trim). That of the servo falls a hundredfold with a tenth of the step, to 1e-9.
+    by 2e-6 (servo), 2e-5 (weight, buoyancy) to 9e-5 (trim). A tenth of the step leaves 1e-9 of the first two.
     """
-    if name.endswith("inverse_rate_excess") or name.startswith("servo_lag"):
+    if name.endswith("inverse_rate_excess") or name.startswith("servo_lag") or name in ("W", "B"):
         return 0.1 * SHARE * size
     trims = model.dof == 6 and name.removeprefix("cg_offset_x.")[:2] in ("x_", "z_")
     return (0.01 if trims else 1.0) * SHARE * size
