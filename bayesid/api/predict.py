@@ -185,14 +185,11 @@ class PredictResult(Result):
         sections = []
         for k, (p, row) in enumerate(zip(self.predictions, self.numbers["predictions"], strict=True), 1):
             run = _run(self.trial, p.name)
+            caption = "Mean and 95 % band"
+            if run is not None:
+                caption += "; dots are readings, of which the model was shown those in the shaded part only"
             drawn = bands(p.t, p.channels, p.mean, *p.band(LEVEL), None if run is None else run.data, p.lead)
-            blocks: list[Any] = [
-                Figure(
-                    f"prediction{k:02d}",
-                    drawn,
-                    "Mean and 95 % band; dots are readings not shown to the model.",
-                )
-            ]
+            blocks: list[Any] = [Figure(f"prediction{k:02d}", drawn, caption)]
             if row["against_readings"]:
                 blocks.append(Table(AGAINST_COLUMNS, _against(row), digits=3))
             if row["measures"]:
