@@ -172,8 +172,8 @@ def test_without_draws_the_lead_says_nothing_of_them():
 
 def test_the_reason_for_an_interval_has_the_factor_on_the_environment():
     said = why(a_posterior(force=-1.13), "measured")
-    assert "0.32 of it" in said and "0.38 of Laplace's" in said and "took it for weather" in said
-    assert "took it for weather" not in why(a_posterior(force=-1.13), "assumed")
+    assert "0.32 of it" in said and "0.38 of Laplace's" in said and "took it for process noise" in said
+    assert "took it for process noise" not in why(a_posterior(force=-1.13), "assumed")
     assert "follow the bend" in why(a_posterior(force=-0.3), "measured")
     assert "only right to 0.8 nats" in why(a_posterior(rough=0.8), "measured")
 

@@ -1,4 +1,4 @@
-"""Figures of an excitation: how often each term is kept, coloured by what that means.
+"""Figures of an excitation: how often each term is kept, with a colour for what that means.
 
 Takes plain names and numbers. Does not compute results.
 """

@@ -51,7 +51,7 @@ def spectra(found: Mapping[str, Array]) -> Any:
 
 @styled
 def index(names: Sequence[str], share: Array, contraction: Array, verdicts: Sequence[str]) -> Any:
-    """Share of the data per coefficient as bars, contraction as a mark, coloured by verdict."""
+    """Share of the data per coefficient as bars, contraction as a mark, a colour per verdict."""
     figure, axes = subplots(height=2.8)
     place = np.arange(len(names))
     for verdict, colour in VERDICTS.items():

@@ -25,7 +25,7 @@ MOST_PARTNERS = 3
 
 @dataclass(frozen=True)
 class CoefficientRow:
-    """One line of the ledger.
+    """One line of the coefficient table.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Weather and sensor noise of a run: coloured forces, drifting navigation, white noise, outliers, gaps.
+"""Process and sensor noise of a run: correlated forces, drifting navigation, white noise, outliers, gaps.
 
 Takes: levels and a random generator. Gives arrays; the same generator state gives the same arrays.
 Does not: decide levels (`campaign`).

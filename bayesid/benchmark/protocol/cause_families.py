@@ -1,6 +1,6 @@
 """Which names count as the same cause, and where each may be located.
 
-Takes names of the effect contract or of the plant's strangers. Does not judge.
+Takes names of the effect contract or of the plant's unlisted causes. Does not judge.
 """
 
 from __future__ import annotations

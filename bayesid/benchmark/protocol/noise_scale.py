@@ -1,7 +1,7 @@
 """How large a diagnosis took the environment to be, over what it was.
 
 Takes an `Answer` of the plant and a verdict. Gives a ratio. A cause that acts in straight runs too (a vortex,
-a moment that is always there) is measured as weather: this is where that shows.
+a moment that is always there) is measured as process noise: this is where that shows.
 """
 
 from __future__ import annotations

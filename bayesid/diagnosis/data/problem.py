@@ -164,7 +164,7 @@ def _environment(
         say(f"environment: measured from {len(straight)} straight run(s)")
         first, apart = identify_straight_noise(model, straight, free)
         if apart.any:
-            # the manoeuvres have it as well, and must not count it as weather there
+            # the manoeuvres have it as well, and must not count it as process noise there
             warnings.append(_said(model, apart))
             if apart.repeated:
                 return first
@@ -186,7 +186,7 @@ def _environment(
 
 
 def _said(model: Model, apart: RemovedForces) -> str:
-    """What straight runs have that is not weather, in words."""
+    """What straight runs have that is not process noise, in words."""
     parts = []
     if apart.repeated:
         parts.append(f"the same disturbance in {', '.join(apart.repeated)} at the same time")
@@ -195,7 +195,7 @@ def _said(model: Model, apart: RemovedForces) -> str:
         parts.append(f"a force with a period of {periods} s")
     if apart.lasting:
         parts.append("a force that lasts")
-    return f"the straight runs have {' and '.join(parts)}: not weather, left out of the environment"
+    return f"the straight runs have {' and '.join(parts)}: not process noise, left out of the environment"
 
 
 def first_fit(

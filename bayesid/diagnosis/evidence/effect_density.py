@@ -1,4 +1,4 @@
-"""Posterior density of an explanation: effects' parameters, coefficients that could hide them, loudness.
+"""Posterior density of an explanation: effects' parameters, coefficients that could hide them, noise scale.
 
 Takes a `DiagnosisProblem` and a converged `FilterErrorFit`. Gives an `EffectDensity` a sampler can walk and
 its Laplace approximation. Does not sample.

@@ -1,6 +1,7 @@
 """One refitted hypothesis and the evidence it may claim.
 
-Takes a `DiagnosisProblem` and coloured fits. Gives frozen `RefittedHypothesis`s. Does not choose among them.
+Takes a `DiagnosisProblem` and filter-error fits. Gives frozen `RefittedHypothesis`s. Does not choose among
+them.
 """
 
 from __future__ import annotations

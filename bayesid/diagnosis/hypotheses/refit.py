@@ -87,7 +87,7 @@ def refit_again(
     first: list[RefittedHypothesis],
     say: Say,
 ) -> list[RefittedHypothesis]:
-    """The better of a first candidate and one begun elsewhere; `loud` as in `coloured.fit.fit`."""
+    """The better of a first candidate and one begun elsewhere; `loud` as in `filter_error.fit.fit`."""
     names = tuple(e.name for e in effects)
     say("refit with " + " + ".join(names) + " from a second start")
     try:

@@ -1,9 +1,11 @@
-"""What straight runs have in common is not weather: find it, so that the environment is measured without it.
+"""What straight runs have in common is not process noise: find it, so that the environment is measured
+without it.
 
 Takes straight runs and a first measurement of their environment. Gives the same runs with the common force
-known. Weather differs from run to run; a force that comes back at the same time after the start belongs to
-the vehicle, and counted as weather it would hide the gap it makes (pure error of replicates; Box and Draper
-1987, chapter 4). Does not measure (see `noise_identification`).
+known. Process noise differs from run to run; a force that comes back at the same time after the start
+belongs to
+the vehicle, and counted as process noise it would hide the gap it makes (pure error of replicates; Box and
+Draper 1987, chapter 4). Does not measure (see `noise_identification`).
 """
 
 from __future__ import annotations
@@ -21,14 +23,15 @@ from bayesid.estimation.filter_error.noise_model import NoiseModel, mixing, smoo
 from bayesid.estimation.filter_error.run_readings import Array, RunReadings
 
 # Correlation of two runs' disturbances, over its standard deviation, that chance exceeds in 1 % of the axes.
-# To take weather for a repeated force costs little: half of it is taken, and that is put right.
+# To take process noise for a repeated force costs little: half of it is taken, and that is put right.
 COMMON_CORRELATION = 2.3
-# Correlation time from which a disturbance may be no weather [L/U]; 95 of 100 clean campaigns stay below 4.3.
+# Correlation time from which a disturbance may be no process noise [L/U]; 95 of 100 clean campaigns stay
+# below 4.3.
 SLOW_TAU = 4.0
 
 
 def slow(model: Model, noise_model: NoiseModel) -> bool:
-    """Whether a disturbance is so slow that it may be no weather; a fast one is it too often."""
+    """Whether a disturbance is so slow that it may be no process noise; a fast one is it too often."""
     return noise_model.force_tau >= SLOW_TAU * model.scales["L"] / model.scales["U"]
 
 

@@ -44,7 +44,7 @@ NEGLIGIBLE_FORCE = 3e-6
 
 @dataclass(frozen=True, eq=False)
 class FilterErrorFit:
-    """Converged (or not) coloured fit.
+    """Converged (or not) filter-error fit.
 
     Attributes
     ----------

@@ -182,7 +182,8 @@ def settled_paths(model: Model, logs: Sequence[RunReadings], noise_model: NoiseM
     """Paths settled at the nominal coefficients.
 
     Straight runs settle at once at the real level. Where they do not, they are led there from a loud one: a
-    path that has not settled passes for weather (a remus100 in a clean rough sea: every level at its bound).
+    path that has not settled passes for process noise (a remus100 in a clean rough sea: every level at its
+    bound).
     """
     if all(log.straight for log in logs):
         try:

@@ -1,7 +1,8 @@
 """Periodic forces: find their frequencies in innovations, and the columns a force of a given one has.
 
 Takes standardised innovations and linearised runs. Gives angular frequencies and whitened normal equations
-with the force integrated out. Weather has no memory beyond its correlation time; a force that keeps time over
+with the force integrated out. Process noise has no memory beyond its correlation time; a force that keeps
+time over
 many periods (shed vortices, a hunting servo, a sloshing tank, regular waves) is something the equations lack.
 """
 

@@ -1,10 +1,11 @@
-"""The environment of straight runs, without what acts there and is not weather.
+"""The environment of straight runs, without what acts there and is not process noise.
 
-Takes straight runs. Gives an `NoiseIdentification` and the names of what was set apart. Weather is a force
+Takes straight runs. Gives an `NoiseIdentification` and the names of what was set apart. Process noise is a
+force
 without memory beyond some lengths travelled, other in every run. Three things are not: a force that comes
 back at the same time in every run (`common_forces`), one that keeps time over many periods
-(`periodic_forces`), and one that lasts far longer than the vehicle's answer to it. Counted as weather each
-would hide the gap it makes.
+(`periodic_forces`), and one that lasts far longer than the vehicle's answer to it. Counted as process
+noise each would hide the gap it makes.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ LASTING_TAU, LEAST_EVIDENCE = 64.0, 3.0
 
 @dataclass(frozen=True)
 class RemovedForces:
-    """What straight runs have that is not weather.
+    """What straight runs have that is not process noise.
 
     Attributes
     ----------

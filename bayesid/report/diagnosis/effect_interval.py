@@ -58,7 +58,7 @@ def why(posterior: Mapping[str, Any], source: str) -> str:
     factors = " and ".join(f"the {n} at {f:.2f}" for n, f in levels.items())
     against = (
         " The straight runs measured another level, without the effect: if it acts in them too, they took it "
-        "for weather."
+        "for process noise."
         if source == "measured"
         else ""
     )
