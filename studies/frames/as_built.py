@@ -79,7 +79,7 @@ def as_built_case(task: AsBuilt) -> dict[str, Any]:
     return asdict(task) | {
         "size": campaign.planted[0].size,
         "sensors": campaign.sensors,
-        "sea": campaign.weather.sea,
+        "sea": campaign.disturbance.sea,
         "campaign": "rich" if campaign.rich else "zig-zags",
         "frames": frames,
     }

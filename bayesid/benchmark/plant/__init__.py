@@ -6,7 +6,7 @@ and sensors are written anew, so that an error on either side shows.
 """
 
 from bayesid.benchmark.plant.bundles import truth, write_bundle, write_pack
-from bayesid.benchmark.plant.campaign import Campaign, Planted, Weather, still
+from bayesid.benchmark.plant.campaign import Campaign, Disturbance, Planted, still
 from bayesid.benchmark.plant.draw import KINDS, SEAS, VEHICLES, draw_campaign
 from bayesid.benchmark.plant.execute_campaign import (
     ExecutedCampaign,
@@ -29,7 +29,7 @@ __all__ = [
     "ExecutedRun",
     "Planted",
     "RunPlan",
-    "Weather",
+    "Disturbance",
     "draw_campaign",
     "execute_campaign",
     "ordered_run",

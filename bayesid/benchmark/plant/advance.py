@@ -113,7 +113,7 @@ def interval(x, servo, t0, t1, parts, changes, orders, plane, n, body, g, sea, s
 
 @njit(cache=True)
 def forces_along(t, states, angles, n, body, g):
-    """(k, 6) fluid forces (rows, propulsion, what was added) on a recorded track, without weather."""
+    """(k, 6) fluid forces (rows, propulsion, what was added) on a recorded track, without disturbance."""
     out = np.zeros((t.size, 6))
     work, scratch, calm = np.zeros(WORK), np.zeros(N_STATES), np.zeros(5)
     for k in range(t.size):

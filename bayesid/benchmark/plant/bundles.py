@@ -75,7 +75,7 @@ def run_csv(run: ExecutedRun) -> str:
 def _trial_toml(c: Campaign, name: str) -> str:
     lines = ["format = 1", f"name = {json.dumps(name)}", 'vehicle = "vehicle.toml"', f"dof = {c.dof}"]
     lines += ["", "[noise]", *(f"{channel} = {sd!r}" for channel, sd in c.sigma.items())]
-    if c.weather.sea == "still":
+    if c.disturbance.sea == "still":
         lines += ["", "[environment]", "force_rms = 0.0", "nav_drift = 0.0"]
     for run in c.runs:
         lines += ["", "[[runs]]", f'file = "{run.name}.csv"', f"manoeuvre = {json.dumps(run.manoeuvre)}"]
@@ -104,8 +104,8 @@ def truth(campaign: Campaign, name: str) -> dict[str, Any]:
         "coefficient_draw_relative": {
             key: (c.coef[key] - value) / value if value else 0.0 for key, value in c.vehicle.coef.items()
         },
-        "environment": asdict(c.weather)
-        | {"force_rms": [float(v) for v in np.array(c.weather.amplitude) * execution.typical / scale]},
+        "environment": asdict(c.disturbance)
+        | {"force_rms": [float(v) for v in np.array(c.disturbance.amplitude) * execution.typical / scale]},
         "noise": c.sigma,
         "runs": [
             {"file": f"{run.name}.csv", "manoeuvre": run.manoeuvre, "role": run.role,

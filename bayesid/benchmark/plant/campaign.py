@@ -1,4 +1,4 @@
-"""A campaign: a vehicle that differs from its file, the runs it makes, the weather it meets.
+"""A campaign: a vehicle that differs from its file, the runs it makes, the disturbance it meets.
 
 Takes: what was drawn (`draw`). Gives a frozen `Campaign` that holds the whole truth.
 Does not: run it (`execute_campaign`) or write it (`bundles`).
@@ -28,7 +28,7 @@ class Planted:
 
 
 @dataclass(frozen=True)
-class Weather:
+class Disturbance:
     """Process noise: force amplitudes X Y N Z M over the typical force of the axis, times [s], drift [m]."""
 
     sea: str
@@ -56,7 +56,7 @@ class Campaign:
     planted: tuple[Planted, ...]
     coef: dict[str, float]
     coefficient_error: dict[str, float]
-    weather: Weather
+    disturbance: Disturbance
     sigma: dict[str, float]
     runs: tuple[RunPlan, ...]
 
@@ -90,4 +90,4 @@ def stream_of(seed: int, attempt: int, stream: str, *more: int) -> np.random.Gen
 
 def still(campaign: Campaign) -> Campaign:
     """The same campaign without process noise, drift, outliers and gaps."""
-    return replace(campaign, weather=Weather("still"))
+    return replace(campaign, disturbance=Disturbance("still"))

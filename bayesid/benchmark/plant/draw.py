@@ -1,4 +1,4 @@
-"""Draw campaigns: what is planted, how large, on which vehicle, in which weather; all from a seed.
+"""Draw campaigns: what is planted, how large, on which vehicle, in which sea; all from a seed.
 
 Takes: a seed and whatever factors are to be fixed. Gives a `Campaign` whose vehicle stays in hand.
 Does not: write files (`bundles`).
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from bayesid.benchmark.plant.body import cruising_speed
-from bayesid.benchmark.plant.campaign import Campaign, Planted, Weather, stream_of
+from bayesid.benchmark.plant.campaign import Campaign, Disturbance, Planted, stream_of
 from bayesid.benchmark.plant.execute_campaign import execute_campaign
 from bayesid.benchmark.plant.listed_causes import PlantedCause, Scales, sign
 from bayesid.benchmark.plant.orders import DESIGNS, plan_runs
@@ -137,17 +137,17 @@ def _draw(
     normal = stream_of(seed, attempt, "coefficients").standard_normal(len(boat.coef))
     coef = {key: value * (1.0 + sd * z) for (key, value), z in zip(boat.coef.items(), normal, strict=True)}
     coef |= {key: boat.coef[key] * (1.0 + sd * z) for key, z in wrong.items()}
-    weather = _weather(stream_of(seed, attempt, "weather"), sea or drawn["sea"], scales)
+    disturbance = _disturbance(stream_of(seed, attempt, "weather"), sea or drawn["sea"], scales)
     depth = 0.0 if dof == 3 else (0.3 if any("suck_z" in p.fields for p in planted) else 2.5) * boat.L
     rich = drawn["rich"] if rich is None else rich
     runs = plan_runs(
         stream_of(seed, attempt, "runs"), name, float(boat.rpm_ref or 1.0), scales.LU, boat.L, depth,
-        rich, weather.sea != "still",
+        rich, disturbance.sea != "still",
     )  # fmt: skip
     sigma = _sigma(stream_of(seed, attempt, "sensors"), logged, scales)
     return Campaign(
-        seed, attempt, kind, boat, name, dof, sensors, sd, rich, tuple(planted), coef, wrong, weather, sigma,
-        runs,
+        seed, attempt, kind, boat, name, dof, sensors, sd, rich, tuple(planted), coef, wrong, disturbance,
+        sigma, runs,
     )  # fmt: skip
 
 
@@ -192,15 +192,15 @@ def _coefficient_error(rng: np.random.Generator, boat: Vehicle, size: float) -> 
     return {name: sign(rng) * min(max(6.0 * size, 4.0), 10.0)}
 
 
-def _weather(rng: np.random.Generator, sea: str, s: Scales) -> Weather:
+def _disturbance(rng: np.random.Generator, sea: str, s: Scales) -> Disturbance:
     relative = SEAS[sea] * rng.uniform(0.7, 1.3, 5)
     tau = s.LU * math.exp(rng.uniform(math.log(0.2), math.log(4.0)))
     drift = float(rng.uniform(0.25, 0.8))
     drift_tau, outliers, gaps = float(rng.uniform(40.0, 90.0)), rng.random() < 0.2, bool(rng.random() < 0.3)
     if sea == "still":
-        return Weather(sea)
+        return Disturbance(sea)
     share = 0.01 if outliers else 0.0
-    return Weather(sea, tuple(float(a) for a in relative), tau, drift, drift_tau, share, gaps)
+    return Disturbance(sea, tuple(float(a) for a in relative), tau, drift, drift_tau, share, gaps)
 
 
 def _sigma(rng: np.random.Generator, logged: tuple[str, ...], s: Scales) -> dict[str, float]:

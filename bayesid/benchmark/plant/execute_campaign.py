@@ -65,18 +65,18 @@ def execute_campaign(campaign: Campaign) -> ExecutedCampaign:
     """
     gap, c = campaign.gap, campaign
     body = build(c.vehicle, c.coef, c.dof, gap)
-    typical = _typical(c, body) if any(c.weather.amplitude) else np.zeros(5)
+    typical = _typical(c, body) if any(c.disturbance.amplitude) else np.zeros(5)
     runs = []
     for k, plan in enumerate(c.runs):
         start = _start(c, body, plan)
         sea, spacing = NO_DISTURBANCE, 1.0
-        if any(c.weather.amplitude):
-            amplitude = np.array(c.weather.amplitude) * typical
-            sea, spacing = process_forces(c.rng("process", k), plan.duration, amplitude, c.weather.tau)
+        if any(c.disturbance.amplitude):
+            amplitude = np.array(c.disturbance.amplitude) * typical
+            sea, spacing = process_forces(c.rng("process", k), plan.duration, amplitude, c.disturbance.tau)
         track = execute_run(body, gap, plan.t, _orders(c, body, plan), start, sea, spacing)
         data = measured(
-            c.rng("noise", k), plan.t, read(track, gap), c.sigma, (c.weather.drift, c.weather.drift_tau),
-            c.weather.outliers, c.weather.gaps,
+            c.rng("noise", k), plan.t, read(track, gap), c.sigma,
+            (c.disturbance.drift, c.disturbance.drift_tau), c.disturbance.outliers, c.disturbance.gaps,
         )  # fmt: skip
         given = dict(zip(("delta_r_cmd", "delta_s_cmd", "n_cmd"), track.orders.T, strict=True))
         runs.append(ExecutedRun(plan, plan.t, data, {n: given[n] for n in LOGGED[c.dof]}, track, start))

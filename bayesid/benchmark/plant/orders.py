@@ -67,12 +67,12 @@ USUAL_TURNS = (12, 15, 20)
 
 def plan_runs(
     rng: np.random.Generator, vehicle: str, rpm_ref: float, LU: float, L: float, depth: float,
-    rich: bool, weather: bool,
+    rich: bool, disturbance: bool,
 ) -> tuple[RunPlan, ...]:  # fmt: skip
     """Runs in the order they are executed, hold-outs last.
 
     A rich campaign has zig-zags, turns to both sides, a spiral and a random run with speed steps; a poor one
-    zig-zags only. With `weather` two straight runs and a repeat are added to measure it.
+    zig-zags only. With `disturbance` two straight runs and a repeat are added to measure it.
     """
     dt, durations = DESIGNS[vehicle]
     zigzags, turns = ZIGZAGS.get(vehicle, USUAL_ZIGZAGS), TURNS.get(vehicle, USUAL_TURNS)
@@ -107,7 +107,7 @@ def plan_runs(
     else:
         fit = [zigzag(zigzags[k]) for k in (0, 1, 0, 2)]
         kept = [zigzag(zigzags[1]), plan("turn", f"turning circle starboard {starboard}", -starboard)]
-    if weather:
+    if disturbance:
         again = next((run for run in fit if run.kind == "zigzag"), fit[0])
         fit += [plan("straight", "straight run"), plan("straight", "straight run")]
         fit += [replace(again, manoeuvre=f"{again.manoeuvre} repeat")]

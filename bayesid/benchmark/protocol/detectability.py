@@ -96,7 +96,7 @@ def true_problem(campaign: Campaign) -> DiagnosisProblem:
     """Noise-free readings of the identify runs, the nominal structure with the true coefficients, and the
     true noise and environment."""
     calm = still(campaign)
-    execution, weather = execute_campaign(calm), campaign.weather
+    execution, disturbance = execute_campaign(calm), campaign.disturbance
     # a coefficient that is the planted cause stays at its nominal value: its error is what is to be seen
     true = {n: campaign.vehicle.coef[n] if n in campaign.coefficient_error else v
             for n, v in campaign.coef.items()}  # fmt: skip
@@ -116,11 +116,11 @@ def true_problem(campaign: Campaign) -> DiagnosisProblem:
         logs.append(read_run(model, run, campaign.sigma, channels))
         points.append(_true_path(model, logs[-1], executed))
     noise_model = no_process_noise(model)
-    if any(weather.amplitude):
-        level = dict(zip(PLANT_AXES, np.array(weather.amplitude) * _typical(campaign), strict=True))
+    if any(disturbance.amplitude):
+        level = dict(zip(PLANT_AXES, np.array(disturbance.amplitude) * _typical(campaign), strict=True))
         axes = [n[-1] for n in model.kernel.exogenous if n.startswith("force_")]
         force = tuple(float(level.get(a, 0.0)) for a in axes)
-        noise_model = NoiseModel(force, weather.tau, weather.drift, weather.drift_tau, depth=0.0)
+        noise_model = NoiseModel(force, disturbance.tau, disturbance.drift, disturbance.drift_tau, depth=0.0)
     return DiagnosisProblem(
         model, tuple(logs), coefficient_prior(model), NoiseIdentification(noise_model, "stated", 0.0),
         channels, (), (),

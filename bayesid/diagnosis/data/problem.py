@@ -72,7 +72,7 @@ def build_problem(
     say: Say = lambda text: None,
     as_built: float | None = None,
     events: tuple[Event, ...] = (),
-    strays: tuple[tuple[str, float, str], ...] = (),
+    outlying: tuple[tuple[str, float, str], ...] = (),
 ) -> DiagnosisProblem:
     """Problem of a trial.
 
@@ -80,7 +80,7 @@ def build_problem(
     ----------
     as_built : relative sd of the coefficients if an earlier clean identification fixed them (as-built frame)
     events : what happened once and is to be left out
-    strays : single readings (run, time [s], channel) to be left out
+    outlying : single readings (run, time [s], channel) to be left out
 
     Raises
     ------
@@ -88,7 +88,7 @@ def build_problem(
         if there is nothing to identify from
     """
     warnings: list[str] = []
-    runs = tuple(without_readings(blanked(run, events), strays) for run in trial.identify)
+    runs = tuple(without_readings(blanked(run, events), outlying) for run in trial.identify)
     if not runs:
         raise TrialError(f"{trial.name}: no run has role 'identify'; a diagnosis needs at least one")
     noise = dict(trial.noise)
@@ -127,7 +127,7 @@ def build_problem(
         coefficients,
         environment,
         channels,
-        (*strays, *outliers),
+        (*outlying, *outliers),
         tuple(warnings),
         led.follow,
         led.follow_level,
