@@ -18,7 +18,7 @@ HERE = Path(__file__).parent
 TESTS = {
     "rules": ["test_diagnose_rules.py"],
     "facts": ["test_diagnose_facts.py", "test_diagnose_verdict.py"],
-    "weigh": ["test_diagnose_weigh.py", "test_diagnose_crossed.py"],
+    "probabilities": ["test_diagnose_weigh.py", "test_diagnose_cross_validation.py"],
 }
 SHARE = 0.95
 
@@ -29,7 +29,7 @@ SHARE = 0.95
 def test_nearly_every_mutant_is_noticed(module):
     files = [str(HERE / name) for name in TESTS[module]]
     done = subprocess.run(
-        [sys.executable, str(HERE / "mutants.py"), f"bayesid.diagnosis.{module}", *files],
+        [sys.executable, str(HERE / "mutants.py"), f"bayesid.diagnosis.hypotheses.{module}", *files],
         capture_output=True, text=True, cwd=HERE.parent, check=True,
     )  # fmt: skip
     print(done.stderr, done.stdout)
