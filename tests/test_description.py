@@ -17,7 +17,8 @@ from bayesid.diagnosis.evidence.missing_force import as_json, describe
 from bayesid.diagnosis.hypotheses.localisation import locate
 from bayesid.diagnosis.run import schema
 from bayesid.equations.model import build_model
-from bayesid.estimation.filter_error.fit import FreeParameters, fit
+from bayesid.estimation.filter_error.fit import fit
+from bayesid.estimation.parameters import GaussianPrior
 from bayesid.model.vehicles import load_vehicle
 
 SAMPLES = 120
@@ -123,7 +124,7 @@ def test_evidence_of_the_named_term_is_that_of_a_refit_with_it(monkeypatch):
     names = [c.name for c in trial.columns]
     for name, within in (("Y_vvv", 3.0), ("Y_rrr", np.inf)):
         j = names.index(name)
-        row = FreeParameters((name,), model.positions([name]), np.zeros(1), 1e-3 * trial.unit[[j]], LOWEST)
+        row = GaussianPrior((name,), model.positions([name]), np.zeros(1), 1e-3 * trial.unit[[j]], LOWEST)
         fitted = fit(
             model, problem.logs, problem.coefficients + row, problem.environment.noise_model,
             start=problem.path, loud=problem.path_level,

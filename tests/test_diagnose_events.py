@@ -12,8 +12,8 @@ from bayesid.diagnosis.data.problem import build_problem, fit_with
 from bayesid.diagnosis.data.windows import ratios, windows
 from bayesid.diagnosis.event_search import identify_events, suspects, verdict_with
 from bayesid.diagnosis.hypotheses.verdict import Verdict
-from bayesid.estimation.filter_error.fit import NO_PARAMETERS
 from bayesid.estimation.filter_error.linearise import linearise
+from bayesid.estimation.parameters import NO_PARAMETERS
 
 SAMPLES = 160  # two runs of 64 L/U
 
@@ -120,9 +120,9 @@ def test_only_what_an_event_spoiled_is_left_out():
     np.testing.assert_array_equal(np.isnan(kept.data["psi"]), inside)
     assert not np.isnan(kept.data["r"]).any()
     log = next(log for log in problem.logs if log.name == "turn")
-    assert released(problem.model, log, events).fresh is None  # the vehicle went on as before
+    assert released(problem.model, log, events).jumps is None  # the vehicle went on as before
     moved = released(problem.model, log, (replace(events[0], kind="motion"),))
-    assert np.count_nonzero(moved.fresh.any(axis=1)) == 1
+    assert np.count_nonzero(moved.jumps.any(axis=1)) == 1
 
 
 def test_a_motion_nothing_explains_is_a_gap_and_a_sensor_fault_is_not():

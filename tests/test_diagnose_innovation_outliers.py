@@ -16,11 +16,11 @@ def test_yaw_rates_off_by_eight_sigma_are_found_along_the_fit_and_nothing_else_i
     trial = planted_trial(model, other_vehicle(model, 5), seed=1, samples=160)
     problem = build_problem(model, trial)
     log = problem.logs[0]
-    j = log.channels.index(model.kernel.channels.index("r"))
+    j = log.channels.index("r")
     at = np.array([40, 90, 91 + 30])
-    data = log.data.copy()
-    data[at, j] += 8.0 * log.sigma[j]
-    spoilt = [replace(log, data=data), *problem.logs[1:]]
+    readings = log.readings.copy()
+    readings[at, j] += 8.0 * log.sigma[j]
+    spoilt = [replace(log, readings=readings), *problem.logs[1:]]
     fitted = fit_with(replace(problem, logs=tuple(spoilt)), ())
     kept, found = stripped(model, spoilt, fitted.points, problem.environment.noise_model)
     assert {(r, c) for r, _, c in found} == {(log.name, "r")}

@@ -5,10 +5,11 @@ from functools import lru_cache
 import numpy as np
 from gap_trials import model_of, noise_of
 
-from bayesid.estimation.filter_error.fit import NO_PARAMETERS, fit
+from bayesid.estimation.filter_error.fit import fit
 from bayesid.estimation.filter_error.linearise import Trajectory, linearise, with_forces
 from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit, mixing, whitened
-from bayesid.estimation.filter_error.run_readings import RunReadings
+from bayesid.estimation.parameters import NO_PARAMETERS
+from bayesid.estimation.run_data import RunData
 from bayesid.simulation import interval_maps, plan_run, readings_on, simulate, steady_start
 
 FREE = ("N_v", "N_r", "Y_v")
@@ -22,8 +23,9 @@ def rough_sea(level, count=40, samples=120):
     t = 0.3 * s["L"] / s["U"] * np.arange(samples)
     plan = plan_run(model, t, {"n_cmd": np.full(samples, model.vehicle.rpm_ref)})
     noise_model = NoiseModel(tuple(level * force_unit(model)), 2.0 * s["L"] / s["U"], 0.0, 1.0)
-    sigma = np.array([noise_of(model)[c] for c in ("x", "y", "psi", "r")])
-    picked = tuple(model.kernel.channels.index(c) for c in ("x", "y", "psi", "r"))
+    names = ("x", "y", "psi", "r")
+    sigma = np.array([noise_of(model)[c] for c in names])
+    picked = tuple(model.kernel.channels.index(c) for c in names)
     free = model.positions(list(FREE))
     keep = np.exp(-np.diff(t)[0] / noise_model.force_tau)
     found = []
@@ -38,7 +40,7 @@ def rough_sea(level, count=40, samples=120):
         clean = readings_on(model, model.nominal, pushed, states, maps, nothing).values[:, list(picked)]
         data = clean + sigma * rng.standard_normal(clean.shape)
         start = np.full(states.shape[1], 0.1)
-        log = RunReadings("a", "", "identify", plan, picked, data, np.isfinite(data), sigma, states, start)
+        log = RunData("a", plan, names, data, sigma, states[0], model.kernel.full.states, start, path=states)
         point = fit(model, [log], NO_PARAMETERS, noise_model, iterations=6, loud=0.0).points[0]
         row = []
         for p in (point, Trajectory(point.par, point.states, point.force)):

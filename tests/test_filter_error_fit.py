@@ -17,7 +17,7 @@ from bayesid.estimation.filter_error.evidence import posterior
 from bayesid.estimation.filter_error.fit import fit, stacked_equations
 from bayesid.estimation.filter_error.linearise import first_trajectory, linearise
 from bayesid.estimation.filter_error.noise_model import filter_settings
-from bayesid.estimation.filter_error.run_readings import read_run
+from bayesid.estimation.filter_error.read_run import filter_error_run
 from bayesid.simulation import observe_sensitivity, sensitivities, steady_start
 
 VEHICLES = ("remus100", "generic_sub")
@@ -51,8 +51,8 @@ def open_loop_chi2(model, problem, free, iterations):
             start = steady_start(model)
             s = sensitivities(model, par, log.plan, start, free.where, initial=False, full=True, rates=True)
             value, slope = observe_sensitivity(model, par, log.plan, s, free.where)
-            resid = ((log.data - value[:, list(log.channels)]) / log.sigma).ravel()
-            columns = (slope[:, list(log.channels)] / log.sigma[:, None]).reshape(resid.size, -1) * free.sd
+            resid = ((log.readings - value[:, log.positions(model)]) / log.sigma).ravel()
+            columns = (slope[:, log.positions(model)] / log.sigma[:, None]).reshape(resid.size, -1) * free.sd
             h, g = h + columns.T @ columns, g + columns.T @ resid
             square, count = square + resid @ resid, count + resid.size
         out.append(square / count)
@@ -128,7 +128,7 @@ def test_a_log_keeps_missing_readings_out():
     run = trial.runs[0]
     gone = dict(run.data)
     gone["x"] = np.where(np.arange(run.t.size) % 3 == 0, np.nan, gone["x"])
-    log = read_run(model, replace(run, data=gone), trial.noise, tuple(gone))
+    log = filter_error_run(model, replace(run, data=gone), trial.noise, tuple(gone))
     k = list(gone).index("x")
     assert (~log.valid[:, k]).sum() == np.isnan(gone["x"]).sum()
     assert np.isfinite(log.path).all()
@@ -140,7 +140,7 @@ def test_the_first_guess_of_a_path_has_the_velocities_positions_and_heading_tell
     run = trial.runs[0]
     noise = {c: noise_of(model)[c] for c in ("x", "y", "psi")}
     bare = replace(run, data={c: run.data[c] for c in noise})
-    log = read_run(model, bare, noise, tuple(noise))
+    log = filter_error_run(model, bare, noise, tuple(noise))
     states = model.kernel.full.states
     for name, unit in (("u", model.scales["U"]), ("r", model.scales["U"] / model.scales["L"])):
         miss = log.path[:, states.index(name)] - run.data[name]

@@ -9,7 +9,7 @@ import pytest
 from bayesid.equations.model import build_model
 from bayesid.estimation.filter_error.linearise import Trajectory, latent_inputs, linearise, with_forces
 from bayesid.estimation.filter_error.noise_model import NoiseModel, whitened
-from bayesid.estimation.filter_error.run_readings import RunReadings
+from bayesid.estimation.run_data import RunData
 from bayesid.model.vehicles import load_vehicle
 from bayesid.simulation import (
     inertia_ratio,
@@ -249,9 +249,9 @@ def log_of(model, plan, states, par):
     count = len(model.kernel.channels)
     maps = interval_maps(model, par, plan, states, (), np.zeros(0, dtype=np.int64))
     data = readings_on(model, par, plan, states, maps, np.zeros(0, dtype=np.int64)).values
-    return RunReadings(
-        "a", "zig-zag", "identify", plan, tuple(range(count)), data, np.isfinite(data), np.full(count, 0.1),
-        states, np.full(states.shape[1], 1.0),
+    return RunData(
+        "a", plan, model.kernel.channels, data, np.full(count, 0.1), states[0], model.kernel.full.states,
+        np.full(states.shape[1], 1.0), "zig-zag", path=states,
     )  # fmt: skip
 
 
@@ -317,7 +317,7 @@ def test_a_row_of_the_balance_may_not_shrink_together_with_its_noise(name):
     unit = 1e-3 * 0.5 * s["rho"] * s["L"] ** 2 * s["U"] ** 2
     rng = np.random.default_rng(2)
     log = log_of(model, plan, states, model.nominal)
-    log = replace(log, data=log.data + 0.1 * rng.standard_normal(log.data.shape))
+    log = replace(log, readings=log.readings + 0.1 * rng.standard_normal(log.readings.shape))
 
     def cost(factor, moment=1.0):
         row = ["Izz", *(n for n in model.coefficients if n.startswith("N_"))]

@@ -9,12 +9,12 @@ from scipy.signal import lfilter
 
 from bayesid.equations.model import build_model
 from bayesid.estimation.filter_error.evidence import posterior
-from bayesid.estimation.filter_error.fit import NO_PARAMETERS, stacked_equations
+from bayesid.estimation.filter_error.fit import stacked_equations
 from bayesid.estimation.filter_error.linearise import Trajectory, linearise
 from bayesid.estimation.filter_error.noise_identification import depth_noise, identify_noise
 from bayesid.estimation.filter_error.noise_model import NoiseModel, filter_settings, force_unit
-from bayesid.estimation.filter_error.parameters import coefficient_prior
-from bayesid.estimation.filter_error.run_readings import read_run
+from bayesid.estimation.filter_error.read_run import filter_error_run
+from bayesid.estimation.parameters import NO_PARAMETERS, coefficient_prior
 from bayesid.model.vehicles import load_vehicle
 from bayesid.simulation import plan_run, simulate, steady_start
 from bayesid.trials import Run
@@ -45,7 +45,7 @@ def straight(across, depth, seed=0, samples=250):
         clean = states[:, MODEL.states.index(name)]
         data[name] = clean + sigma * rng.standard_normal(samples) + slow * wandering(rng, samples)
     run = Run("a", "straight run", "identify", t, data, commands)
-    return read_run(MODEL, run, NOISE, tuple(NOISE)), states
+    return filter_error_run(MODEL, run, NOISE, tuple(NOISE)), states
 
 
 def path_of(across, depth, seed=0):
@@ -101,7 +101,7 @@ def test_depth_counts_as_position_where_nothing_else_is_said():
     tied = NoiseModel(tuple(1e-6 * force_unit(MODEL)), SLOW, 0.4, SLOW)
     np.testing.assert_array_equal(filter_settings(MODEL, path, tied).variance_d, 0.4**2 * np.ones(3))
     other = filter_settings(MODEL, path, replace(tied, depth=0.05)).variance_d
-    names = [c for c in (MODEL.kernel.channels[j] for j in path.log.channels) if c in "xyz"]
+    names = [c for c in path.log.channels if c in "xyz"]
     assert dict(zip(names, other, strict=True)) == pytest.approx({"x": 0.16, "y": 0.16, "z": 0.0025})
 
 
@@ -132,7 +132,8 @@ def test_a_position_error_keeps_its_own_time_on_a_large_vehicle():
         }
         for name in ("x", "y"):
             data[name] = data[name] + 2.0 * wandering(rng, t.size, 2.5 / tau)
-        logs.append(read_run(model, Run("a", "straight", "identify", t, data, commands), noise, tuple(noise)))
+        run = Run("a", "straight", "identify", t, data, commands)
+        logs.append(filter_error_run(model, run, noise, tuple(noise)))
     noise_model = identify_noise(model, logs, coefficient_prior(model), rounds=1).noise_model
     # two runs of ten correlation times, two channels
     assert 0.7 < noise_model.drift / 2.0 < 1.4
@@ -142,13 +143,12 @@ def test_a_position_error_keeps_its_own_time_on_a_large_vehicle():
 def test_a_depth_only_the_manoeuvres_log_is_measured_there():
     """Straight runs without depth say nothing about its error; a run with depth then adds an unknown."""
     log = straight(0.3, 0.0)[0]
-    z = log.channels.index(MODEL.kernel.channels.index("z"))
+    z = log.channels.index("z")
     kept = [j for j in range(len(log.channels)) if j != z]
     blind = replace(
         log,
         channels=tuple(log.channels[j] for j in kept),
-        data=log.data[:, kept],
-        valid=log.valid[:, kept],
+        readings=log.readings[:, kept],
         sigma=log.sigma[kept],
     )
     free = coefficient_prior(MODEL)

@@ -20,10 +20,11 @@ from bayesid.diagnosis.diagnosed_model import (
 )
 from bayesid.diagnosis.run import diagnose
 from bayesid.errors import ModelError
-from bayesid.estimation.filter_error.fit import NO_PARAMETERS, fit
+from bayesid.estimation.filter_error.fit import fit
 from bayesid.estimation.filter_error.linearise import linearise, with_forces
 from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit, smoothed
-from bayesid.estimation.filter_error.run_readings import read_run
+from bayesid.estimation.filter_error.read_run import filter_error_run
+from bayesid.estimation.parameters import NO_PARAMETERS
 from bayesid.manoeuvres import Scale, parse
 from bayesid.measures import named_measures as measure
 from bayesid.model.vehicles import self_propulsion_speed
@@ -165,7 +166,7 @@ def test_first_states_have_the_spread_of_the_smoother():
     # expected mean and variance from the smoother's own formulas; 300 draws: variance to 25 %, mean to 0.2 sd
     run, _ = logged(2)
     noise, channels = noise_of(MODEL), tuple(noise_of(MODEL))
-    log = read_run(MODEL, window(run, float(run.t[0]), float(run.t[14])), noise, channels)
+    log = filter_error_run(MODEL, window(run, float(run.t[0]), float(run.t[14])), noise, channels)
     nothing = np.zeros(0, dtype=np.int64)
     pars = np.repeat(MODEL.nominal[None], 300, axis=0)
     rng = np.random.default_rng(0)

@@ -16,7 +16,7 @@ from bayesid.estimation.filter_error.noise_model import (
     whitened,
 )
 from bayesid.estimation.filter_error.regressor_columns import regressor_columns
-from bayesid.estimation.filter_error.run_readings import RunReadings
+from bayesid.estimation.run_data import RunData
 from bayesid.simulation import plan_run, simulate, steady_start
 
 MODEL = model_of("remus100")
@@ -31,14 +31,13 @@ def path_of(seed=0, samples=60):
     plan = plan_run(MODEL, t, commands)
     states = simulate(MODEL, MODEL.nominal, plan, steady_start(MODEL), full=True).states
     names = ("x", "y", "psi", "r")
-    picked = tuple(MODEL.kernel.channels.index(c) for c in names)
     sigma = np.array([noise_of(MODEL)[c] for c in names])
     columns = [MODEL.kernel.full.states.index(c) for c in names]
     data = states[:, columns] + sigma * rng.standard_normal((samples, 4))
     valid = rng.uniform(size=data.shape) > 0.1
     data[~valid] = np.nan
     start = np.full(states.shape[1], 0.1)
-    log = RunReadings("a", "", "identify", plan, picked, data, valid, sigma, states, start)
+    log = RunData("a", plan, names, data, sigma, states[0], MODEL.kernel.full.states, start, path=states)
     force = 1e-4 * force_unit(MODEL) * rng.standard_normal((samples - 1, 3))
     return linearise(MODEL, log, Trajectory(MODEL.nominal, states, force), FREE)
 

@@ -11,7 +11,8 @@ from scipy.stats import t as student_t
 
 from bayesid.equations.model import build_model
 from bayesid.errors import SampleError
-from bayesid.estimation.output_error import FitProblem, RunData
+from bayesid.estimation.output_error import FitProblem
+from bayesid.estimation.run_data import RunData
 from bayesid.estimation.sampling import Laplace, SamplerOptions, SamplingSettings, sample, trial_density
 from bayesid.estimation.sampling.priors import NoisePrior, ParameterPrior, draw_params, prior_moments
 from bayesid.model.params import JointPrior, Parameter, ParameterSet, Prior

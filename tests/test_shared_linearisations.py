@@ -8,7 +8,7 @@ from test_regressor_columns import MODEL, colours_of, path_of
 from bayesid.estimation.filter_error import shared_linearisations
 from bayesid.estimation.filter_error.linearise import forces, linearise
 from bayesid.estimation.filter_error.normal_equations import stacked_equations
-from bayesid.estimation.filter_error.parameters import coefficient_prior, effect_prior
+from bayesid.estimation.parameters import coefficient_prior, effect_prior
 
 COEFFICIENTS = coefficient_prior(MODEL)
 # Products of the same columns in another order.
@@ -60,7 +60,7 @@ def test_other_points_logs_environments_and_prior_means_are_not_taken_for_the_sa
     for _ in range(3):
         shared_linearisations.linear(MODEL, logs, points, COEFFICIENTS, noise_model)
     moved = [replace(p, states=p.states + 1e-9) for p in points]
-    later = [replace(log, data=log.data + 1e-3) for log in logs]
+    later = [replace(log, readings=log.readings + 1e-3) for log in logs]
     mean = replace(COEFFICIENTS, mean=1.01 * COEFFICIENTS.mean)
     for case in (
         (logs, moved, COEFFICIENTS, noise_model),

@@ -11,11 +11,11 @@ from bayesid.estimation.filter_error.evidence import NormalEquations, posterior,
 from bayesid.estimation.filter_error.linearise import Trajectory, latent_inputs, linearise, with_forces
 from bayesid.estimation.filter_error.noise_identification import identify_noise
 from bayesid.estimation.filter_error.noise_model import force_unit
-from bayesid.estimation.filter_error.parameters import coefficient_prior
 from bayesid.estimation.filter_error.periodic_disturbance import periodic_columns, spectrum
 from bayesid.estimation.filter_error.periodic_disturbance import periodic_forces as found_lines
-from bayesid.estimation.filter_error.run_readings import read_run
+from bayesid.estimation.filter_error.read_run import filter_error_run
 from bayesid.estimation.filter_error.straight_run_noise import identify_straight_noise
+from bayesid.estimation.parameters import coefficient_prior
 from bayesid.model.vehicles import load_vehicle
 from bayesid.simulation import plan_run, simulate, steady_start
 from bayesid.trials import Run
@@ -48,7 +48,8 @@ def straight(kind, seed):
     plan = with_forces(MODEL, plan_run(MODEL, t, commands), force)
     states = simulate(MODEL, MODEL.nominal, plan, steady_start(MODEL)).states
     data = {n: states[:, MODEL.states.index(n)] + s * rng.standard_normal(SAMPLES) for n, s in NOISE.items()}
-    return read_run(MODEL, Run("a", "straight run", "identify", t, data, commands), NOISE, tuple(NOISE))
+    run = Run("a", "straight run", "identify", t, data, commands)
+    return filter_error_run(MODEL, run, NOISE, tuple(NOISE))
 
 
 @lru_cache
@@ -96,7 +97,7 @@ def test_white_innovations_have_no_line_and_a_faint_sine_is_one():
         MODEL, log, Trajectory(MODEL.nominal, log.path, np.zeros((log.n - 1, 3))), np.zeros(0, int)
     )
     rng = np.random.default_rng(4)
-    white = [rng.standard_normal(log.data.shape) for _ in range(100)]
+    white = [rng.standard_normal(log.readings.shape) for _ in range(100)]
     false = sum(bool(found_lines(MODEL, [path], [z])[0]) for z in white)
     assert false <= 1  # 0.1 expected
     beat = 0.5 * np.sin(BEAT * log.plan.t)[:, None] * np.array([0, 1, 0, 1, 0, 1])
@@ -110,7 +111,7 @@ def test_ordinates_of_white_noise_have_the_mean_and_spread_of_their_gamma():
         MODEL, log, Trajectory(MODEL.nominal, log.path, np.zeros((log.n - 1, 3))), np.zeros(0, int)
     )
     rng = np.random.default_rng(5)
-    total = [spectrum(MODEL, [path], [rng.standard_normal(log.data.shape)]) for _ in range(20)]
+    total = [spectrum(MODEL, [path], [rng.standard_normal(log.readings.shape)]) for _ in range(20)]
     values = np.concatenate([t[1] for t in total])
     assert total[0][2] == 6
     # the local level is never taken below one, so the mean may only be lower than six
@@ -144,5 +145,5 @@ def test_a_held_rudder_is_no_straight_run_and_what_logs_no_course_is_none_either
         }
         states = simulate(MODEL, MODEL.nominal, plan_run(MODEL, t, commands), steady_start(MODEL)).states
         data = {c: states[:, MODEL.states.index(c)] for c in channels}
-        log = read_run(MODEL, Run("a", "run", "identify", t, data, commands), noise, channels)
+        log = filter_error_run(MODEL, Run("a", "run", "identify", t, data, commands), noise, channels)
         assert log.straight == straight_there

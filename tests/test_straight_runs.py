@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bayesid.equations.model import build_model
-from bayesid.estimation.filter_error.run_readings import _straight
+from bayesid.estimation.filter_error.read_run import _straight
 from bayesid.model.vehicles import load_vehicle
 from bayesid.simulation import plan_run
 

@@ -145,11 +145,7 @@ def fitted_model(
 
 
 def _noise(problem: DiagnosisProblem) -> dict[str, float]:
-    return {
-        problem.model.kernel.channels[c]: float(s)
-        for log in problem.logs
-        for c, s in zip(log.channels, log.sigma, strict=True)
-    }
+    return {c: float(s) for log in problem.logs for c, s in zip(log.channels, log.sigma, strict=True)}
 
 
 def _chosen(c: HypothesisComparison, verdict: Verdict) -> list[RefittedHypothesis]:

@@ -27,10 +27,12 @@ from bayesid.diagnosis.hypotheses.probabilities import probabilities
 from bayesid.diagnosis.hypotheses.verdict import Verdict, simplest
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.evidence import posterior
-from bayesid.estimation.filter_error.fit import NO_PARAMETERS, FilterErrorFit, fit
+from bayesid.estimation.filter_error.fit import FilterErrorFit, fit
 from bayesid.estimation.filter_error.linearise import linearise
 from bayesid.estimation.filter_error.noise_model import LatentInputs
-from bayesid.estimation.filter_error.run_readings import RunReadings, read_run
+from bayesid.estimation.filter_error.read_run import filter_error_run
+from bayesid.estimation.parameters import NO_PARAMETERS
+from bayesid.estimation.run_data import RunData
 from bayesid.trials import Run, Trial, window
 
 # Misfit of an event's windows over the median of all; misfit of a piece that has nothing left to hide.
@@ -117,7 +119,7 @@ def _joined(found: Sequence[Window]) -> tuple[Span, ...]:
     return tuple(out)
 
 
-def _seconds(log: RunReadings, span: Span) -> float:
+def _seconds(log: RunData, span: Span) -> float:
     """Time a span stands for: half of each end window lies outside the event on average."""
     t = log.plan.t
     return 0.5 * float(t[min(span.last, t.size) - 1] - t[span.first])
@@ -218,12 +220,11 @@ def _channel(problem: DiagnosisProblem, span: Span, event: Event) -> tuple[str, 
     return best, float(max(found[best] - none, 0.0))
 
 
-def log_without(problem: DiagnosisProblem, run: Run, events: Sequence[Event]) -> RunReadings:
+def log_without(problem: DiagnosisProblem, run: Run, events: Sequence[Event]) -> RunData:
     """Log of a run whose events hold no readings and let go of the state they disturbed."""
-    noise = {problem.model.kernel.channels[c]: s for log in problem.logs
-             for c, s in zip(log.channels, log.sigma, strict=True)}  # fmt: skip
+    noise = {c: s for log in problem.logs for c, s in zip(log.channels, log.sigma, strict=True)}
     return released(
-        problem.model, read_run(problem.model, blanked(run, events), noise, problem.channels), events
+        problem.model, filter_error_run(problem.model, blanked(run, events), noise, problem.channels), events
     )
 
 

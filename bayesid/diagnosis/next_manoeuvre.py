@@ -18,8 +18,8 @@ from bayesid.errors import BayesidError
 from bayesid.estimation.filter_error.evidence import NormalEquations, normal_equations
 from bayesid.estimation.filter_error.linearise import Trajectory, linearise
 from bayesid.estimation.filter_error.noise_model import whitened
-from bayesid.estimation.filter_error.parameters import effect_prior
-from bayesid.estimation.filter_error.run_readings import Array, RunReadings
+from bayesid.estimation.parameters import effect_prior
+from bayesid.estimation.run_data import Array, RunData
 from bayesid.manoeuvres import library
 from bayesid.simulation import plan_run, run_manoeuvre, steady_start
 
@@ -117,17 +117,16 @@ def run_gram(
     states[:, : base.shape[1]] = base
     states[:, base.shape[1] :] = base[:, [model.states.index("v")]]
     q = len(like.channels)
-    log = RunReadings(
+    log = RunData(
         "next",
-        "next",
-        "identify",
         plan,
         like.channels,
         np.zeros((t.size, q)),
-        np.ones((t.size, q), dtype=bool),
         like.sigma,
-        states,
-        like.start_sd,
+        states[0],
+        model.kernel.full.states,
+        like.initial_sd,
+        path=states,
     )
     point = Trajectory(np.array(par), states, np.zeros((t.size - 1, len(bank.levels[0].force))))
     smooth = [c.effect for c in bank.effects.values() if c.effect.smooth]

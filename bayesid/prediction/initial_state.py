@@ -15,12 +15,13 @@ import numpy as np
 
 from bayesid.equations.model import Model
 from bayesid.errors import ModelError
-from bayesid.estimation.filter_error.fit import NO_PARAMETERS, fit
+from bayesid.estimation.filter_error.fit import fit
 from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, linearise
 from bayesid.estimation.filter_error.noise_model import Filter, NoiseModel, filter_settings
 from bayesid.estimation.filter_error.regressor_columns import known
-from bayesid.estimation.filter_error.run_readings import Array, RunReadings
 from bayesid.estimation.filter_error.smoother import smooth
+from bayesid.estimation.parameters import NO_PARAMETERS
+from bayesid.estimation.run_data import Array, RunData
 from bayesid.simulation import plan_run, simulate_batch
 
 # Times a speed is halved in the search for the one at which thrust and drag balance.
@@ -38,7 +39,7 @@ class InitialState:
 
 def initial_states(
     model: Model,
-    log: RunReadings,
+    log: RunData,
     free: Array,
     mean: Array,
     pars: Array,
@@ -76,7 +77,7 @@ def _draw(
 ) -> tuple[Array, Array, Array]:
     """States (n, nx), disturbance (n, nf) and slow errors (n, nd) given the readings."""
     log = path.log
-    n, q = log.data.shape
+    n, q = log.readings.shape
     nx, nf, nd = f.start.size, f.variance_f.size, f.variance_d.size
     force = coloured_noise(f.decay_f, np.sqrt(f.variance_f), rng)
     drift = coloured_noise(f.decay_d, np.sqrt(f.variance_d), rng)

@@ -17,7 +17,8 @@ from bayesid.equations.model import Model
 from bayesid.errors import BayesidError, ModelError
 from bayesid.estimation.filter_error.linearise import with_forces
 from bayesid.estimation.filter_error.noise_model import NoiseModel
-from bayesid.estimation.filter_error.run_readings import Array, read_run
+from bayesid.estimation.filter_error.read_run import filter_error_run
+from bayesid.estimation.run_data import Array
 from bayesid.manoeuvres import Manoeuvre, OpenLoop
 from bayesid.prediction.initial_state import InitialState, balanced_speed, coloured_noise, initial_states
 from bayesid.simulation import (
@@ -106,7 +107,7 @@ def predict_run(
         lead = min(LEAD_LENGTHS * s["L"] / s["U"], 0.25 * run.duration)
     channels = tuple(c for c in model.kernel.channels if c in run.data and c in found.noise)
     early = window(run, float(run.t[0]), float(run.t[0]) + lead)
-    log = read_run(model, early, found.noise, channels)
+    log = filter_error_run(model, early, found.noise, channels)
     if log.n < 4 or not log.valid.any():
         raise ModelError(f"{run.name}: fewer than four samples in the first {lead:.3g} s; give a longer lead")
     plan, picked = plan_trial_run(model, run), [model.kernel.channels.index(c) for c in channels]

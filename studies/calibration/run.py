@@ -18,8 +18,9 @@ from typing import Any
 import numpy as np
 
 from bayesid.equations.model import Model, build_model
-from bayesid.estimation.output_error import FitProblem, RunData, coefficient_set, fit
+from bayesid.estimation.output_error import FitProblem, coefficient_set, fit
 from bayesid.estimation.output_error.simulated_recovery import run_seeds
+from bayesid.estimation.run_data import RunData
 from bayesid.estimation.sampling import SamplerOptions, SamplingSettings, sample, trial_density
 from bayesid.estimation.sampling.priors import NoisePrior, draw_params
 from bayesid.estimation.sampling.rank_statistics import inside, rank_of

@@ -39,9 +39,9 @@ from bayesid.analysis.design.posterior_check import sampled
 from bayesid.api.compare import compared
 from bayesid.diagnosis.data.problem import build_problem
 from bayesid.equations.model import build_model
-from bayesid.estimation.filter_error.parameters import effect_prior
-from bayesid.estimation.output_error import measured_base, run_data
+from bayesid.estimation.output_error import measured_base, output_error_run
 from bayesid.estimation.output_error.segments import in_pieces
+from bayesid.estimation.parameters import effect_prior
 from bayesid.files import write_json
 from bayesid.lock import lock_or_exit
 from bayesid.manoeuvres import OpenLoop, on_grid
@@ -271,7 +271,7 @@ def real(name: str, data: Path, progress: Progress) -> dict[str, Any]:
     for k, run in enumerate(trial.runs):
         cut = in_pieces(replace(trial, runs=(replace(run, role="identify"),)), setting.piece)
         pieces[f"{run.manoeuvre} ({k + 1})"] = [
-            run_data(model, r, trial.noise, measured_point=trial.measured_point) for r in cut.runs
+            output_error_run(model, r, trial.noise, measured_point=trial.measured_point) for r in cut.runs
         ]
     base = measured_base(model, trial)
     with progress.stage(f"{name}: fit of each run alone", len(pieces)) as stage:

@@ -29,7 +29,7 @@ from bayesid.diagnosis.hypotheses.sensitivity_bank import SensitivityBank, build
 from bayesid.equations.model import build_model
 from bayesid.errors import BayesidError
 from bayesid.estimation.filter_error.noise_identification import no_process_noise
-from bayesid.estimation.filter_error.run_readings import read_run
+from bayesid.estimation.filter_error.read_run import filter_error_run
 from bayesid.files import write_json
 from bayesid.model.vehicles import load_vehicle
 from bayesid.trials import load_trial
@@ -110,11 +110,11 @@ def oracle(task: tuple[Answer, Path, Path, Mapping[str, Any]]) -> tuple[str, flo
     trial = load_trial(bundle)
     model = build_model(load_vehicle(trial.vehicle_ref), trial.dof)
     environment, path, level, valid = read_posed(folder / POSED)
-    from bayesid.estimation.filter_error.parameters import coefficient_prior
+    from bayesid.estimation.parameters import coefficient_prior
 
     noise = dict(trial.noise)
     channels = tuple(c for c in model.kernel.channels if c in noise)
-    logs = [read_run(model, run, noise, channels) for run in trial.identify]
+    logs = [filter_error_run(model, run, noise, channels) for run in trial.identify]
     logs = [log.without(~ok) for log, ok in zip(logs, valid, strict=True)]
     problem = DiagnosisProblem(
         model, tuple(logs), coefficient_prior(model), environment, channels, (), (), path, level

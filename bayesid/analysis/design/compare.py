@@ -30,7 +30,7 @@ from bayesid.analysis.design.prior_knowledge import Knowledge, controllable
 from bayesid.analysis.design.virtual_refit import Refit, prediction_error, refitted
 from bayesid.equations.model import Model
 from bayesid.errors import ModelError
-from bayesid.estimation.output_error import RunData
+from bayesid.estimation.run_data import RunData
 from bayesid.manoeuvres import Manoeuvre, straight
 from bayesid.simulation import sensitivities
 

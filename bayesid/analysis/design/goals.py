@@ -16,7 +16,7 @@ from bayesid.analysis.design.criteria import flat_space, gain, posterior
 from bayesid.analysis.design.information import Logging, RunInformation, columns, planned
 from bayesid.analysis.design.prior_knowledge import Knowledge
 from bayesid.equations.model import Model
-from bayesid.estimation.output_error import RunData
+from bayesid.estimation.run_data import RunData
 from bayesid.manoeuvres import Manoeuvre
 
 Array = np.ndarray

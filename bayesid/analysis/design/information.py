@@ -15,8 +15,8 @@ import numpy as np
 from bayesid.analysis.design.prior_knowledge import Knowledge
 from bayesid.equations.model import Model
 from bayesid.errors import FitError
-from bayesid.estimation.output_error import RunData
-from bayesid.estimation.output_error.run_data import initial_spread
+from bayesid.estimation.output_error.read_run import initial_spread
+from bayesid.estimation.run_data import RunData
 from bayesid.manoeuvres import Manoeuvre, OpenLoop
 from bayesid.simulation import (
     TimePlan,

@@ -19,8 +19,9 @@ from bayesid.analysis.design.prior_knowledge import Knowledge
 from bayesid.analysis.design.virtual_refit import Refit, refit
 from bayesid.equations.model import Model
 from bayesid.errors import ModelError
-from bayesid.estimation.output_error import FitProblem, RunData
+from bayesid.estimation.output_error import FitProblem
 from bayesid.estimation.output_error.residual_correlation import memory
+from bayesid.estimation.run_data import RunData
 from bayesid.simulation import TimePlan, simulate
 
 Array = np.ndarray

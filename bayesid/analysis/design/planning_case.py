@@ -18,7 +18,7 @@ from bayesid.analysis.design.prior_knowledge import ASSUMED_RELATIVE_SD, Knowled
 from bayesid.analysis.design.virtual_refit import refit
 from bayesid.equations.model import Model
 from bayesid.errors import FitError, ModelError, TrialError
-from bayesid.estimation.output_error import FitProblem, measured_base, run_data
+from bayesid.estimation.output_error import FitProblem, measured_base, output_error_run
 from bayesid.manoeuvres import Manoeuvre
 from bayesid.trials import Trial
 
@@ -82,7 +82,9 @@ def trial_case(
     if not trial.identify:
         raise TrialError(f"{trial.name}: no run has role 'identify'; name the vehicle instead of the bundle")
     noise = {**trial.noise, **(sigma or {})}
-    runs = tuple(run_data(model, r, noise, measured_point=trial.measured_point) for r in trial.identify)
+    runs = tuple(
+        output_error_run(model, r, noise, measured_point=trial.measured_point) for r in trial.identify
+    )
     seen: dict[str, list[float]] = {}
     for run in runs:
         for channel, s in zip(run.channels, run.sigma, strict=True):

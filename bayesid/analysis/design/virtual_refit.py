@@ -16,7 +16,8 @@ from bayesid.analysis.design.information import PlannedRun
 from bayesid.analysis.design.prior_knowledge import Knowledge
 from bayesid.equations.model import Model
 from bayesid.errors import ModelError
-from bayesid.estimation.output_error import FitProblem, RunData
+from bayesid.estimation.output_error import FitProblem
+from bayesid.estimation.run_data import RunData
 from bayesid.simulation import observe, simulate
 
 Array = np.ndarray

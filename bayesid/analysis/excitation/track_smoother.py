@@ -19,8 +19,9 @@ from bayesid.equations.formulas import KINEMATICS_3, KINEMATICS_6
 from bayesid.equations.model import Model
 from bayesid.errors import TrialError
 from bayesid.estimation.filter_error.kalman import whiten
-from bayesid.estimation.filter_error.run_readings import ANGLES, RunReadings, read_run
+from bayesid.estimation.filter_error.read_run import ANGLES, filter_error_run
 from bayesid.estimation.filter_error.smoother import smooth
+from bayesid.estimation.run_data import RunData
 from bayesid.simulation import actuate
 from bayesid.trials import Run
 from bayesid.trials.noise import rough_noise
@@ -65,7 +66,7 @@ class Smoothing:
 class _Work:
     """One run while it is smoothed: log, actuators over the intervals, states and remaining accelerations."""
 
-    log: RunReadings
+    log: RunData
     act: Array
     states: Array
     rest: Array
@@ -111,7 +112,7 @@ def stated_or_rough(runs: Sequence[Run], noise: Mapping[str, float]) -> dict[str
     return out
 
 
-def _log(model: Model, run: Run, noise: Mapping[str, float]) -> RunReadings:
+def _log(model: Model, run: Run, noise: Mapping[str, float]) -> RunData:
     channels = [c for c in model.kernel.channels if c in run.data and noise.get(c, 0.0) > 0]
     missing = [
         v
@@ -123,18 +124,18 @@ def _log(model: Model, run: Run, noise: Mapping[str, float]) -> RunReadings:
             f"{run.name}: {', '.join(missing)} cannot be had from {', '.join(channels) or 'nothing'}; log x, "
             "y and psi, or u, v and r"
         )
-    return read_run(model, run, noise, channels)
+    return filter_error_run(model, run, noise, channels)
 
 
-def _held(model: Model, log: RunReadings) -> Array:
+def _held(model: Model, log: RunData) -> Array:
     """(nv,) velocities no reading tells of; they stay at zero."""
-    names = [model.kernel.channels[c] for c in log.channels]
+    names = list(log.channels)
     return np.array(
         [not any(all(c in names for c in need) for need in _SEEN[v]) for v in model.kernel.velocities]
     )
 
 
-def _begin(model: Model, log: RunReadings) -> _Work:
+def _begin(model: Model, log: RunData) -> _Work:
     nx, nv = len(model.states), len(model.kernel.velocities)
     plan = log.plan
     act, _ = actuate(model, model.nominal, plan, full=False)
@@ -222,12 +223,12 @@ def _pass(model: Model, work: _Work, settings: Smoothing, drift: float, strict: 
     """One linearised smoothing pass; with `strict`, readings the others contradict are set aside after it."""
     log, h = work.log, np.diff(work.log.plan.t)
     nx, nv = work.states.shape[1], work.rest.shape[1]
-    names = [model.kernel.channels[c] for c in log.channels]
+    names = list(log.channels)
     phi, gamma = _slopes(model, settings.mean, work)
     slope = np.zeros((log.n, len(names), nx))
     for j, name in enumerate(names):
         slope[:, j, model.states.index(name.removesuffix("_water"))] = 1.0
-    resid = log.data - np.einsum("iqx,ix->iq", slope, work.states)
+    resid = log.readings - np.einsum("iqx,ix->iq", slope, work.states)
     for j, name in enumerate(names):
         if name in ANGLES:
             resid[:, j] = (resid[:, j] + np.pi) % (2 * np.pi) - np.pi
@@ -239,7 +240,7 @@ def _pass(model: Model, work: _Work, settings: Smoothing, drift: float, strict: 
     for k, j in enumerate(position):
         loading[j, k] = 1.0
     slow = 25.0 * model.scales["L"] / model.scales["U"]
-    start = log.start_sd[:nx] ** 2
+    start = log.initial_sd[:nx] ** 2
     start[nx - nv :] *= ~_held(model, log)
     settled = (
         log.valid, slope, log.sigma**2, phi, gamma,

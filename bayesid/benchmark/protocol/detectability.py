@@ -23,8 +23,9 @@ from bayesid.estimation.filter_error.evidence import NormalEquations
 from bayesid.estimation.filter_error.linearise import Trajectory, first_trajectory
 from bayesid.estimation.filter_error.noise_identification import NoiseIdentification, no_process_noise
 from bayesid.estimation.filter_error.noise_model import NoiseModel
-from bayesid.estimation.filter_error.parameters import coefficient_prior
-from bayesid.estimation.filter_error.run_readings import RunReadings, read_run
+from bayesid.estimation.filter_error.read_run import filter_error_run
+from bayesid.estimation.parameters import coefficient_prior
+from bayesid.estimation.run_data import RunData
 from bayesid.model.notation import POSE, VELOCITY
 from bayesid.model.vehicles import CoefficientPrior
 from bayesid.trials import Run
@@ -103,7 +104,7 @@ def true_problem(campaign: Campaign) -> DiagnosisProblem:
     prior = CoefficientPrior(dict.fromkeys(true, campaign.prior_sd))
     model = build_model(replace(campaign.vehicle, coef=true, prior=prior), campaign.dof)
     channels = tuple(c for c in model.kernel.channels if c in campaign.sigma)
-    logs: list[RunReadings] = []
+    logs: list[RunData] = []
     points: list[Trajectory] = []
     for executed in execution.runs:
         if executed.plan.role != "identify":
@@ -113,7 +114,7 @@ def true_problem(campaign: Campaign) -> DiagnosisProblem:
         run = Run(
             executed.plan.name, executed.plan.manoeuvre, "identify", executed.t, data, executed.commands
         )
-        logs.append(read_run(model, run, campaign.sigma, channels))
+        logs.append(filter_error_run(model, run, campaign.sigma, channels))
         points.append(_true_path(model, logs[-1], executed))
     noise_model = no_process_noise(model)
     if any(disturbance.amplitude):
@@ -128,7 +129,7 @@ def true_problem(campaign: Campaign) -> DiagnosisProblem:
     )  # fmt: skip
 
 
-def _true_path(model: Model, log: RunReadings, executed: ExecutedRun) -> Trajectory:
+def _true_path(model: Model, log: RunData, executed: ExecutedRun) -> Trajectory:
     """Where to linearise: the true track, from which the nominal structure departs in every interval."""
     true = executed.track.states[:: executed.track.parts]
     at = dict(zip(POSE + VELOCITY, true[:, :12].T, strict=True))

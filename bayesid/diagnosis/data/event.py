@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bayesid.equations.model import Model
-from bayesid.estimation.filter_error.run_readings import RunReadings
+from bayesid.estimation.run_data import RunData
 from bayesid.trials import Run
 
 
@@ -60,10 +60,10 @@ def blanked(run: Run, events: Sequence[Event]) -> Run:
     return replace(run, data=data)
 
 
-def released(model: Model, log: RunReadings, events: Sequence[Event]) -> RunReadings:
+def released(model: Model, log: RunData, events: Sequence[Event]) -> RunData:
     """The log whose state may be another one after each event that moved the vehicle or its position."""
     states = model.kernel.full.states
-    fresh = np.zeros((log.n - 1, len(states)))
+    jumps = np.zeros((log.n - 1, len(states)))
     for event in events:
         if event.run != log.name or event.kind == "sensor":
             continue
@@ -73,11 +73,11 @@ def released(model: Model, log: RunReadings, events: Sequence[Event]) -> RunRead
             continue
         for j, name in enumerate(states):
             if event.kind == "motion" or name in ("x", "y"):
-                fresh[at, j] = max(log.start_sd[j], _step(log, j, at))
-    return replace(log, fresh=fresh) if fresh.any() else log
+                jumps[at, j] = max(log.initial_sd[j], _step(log, j, at))
+    return replace(log, jumps=jumps) if jumps.any() else log
 
 
-def _step(log: RunReadings, state: int, at: int) -> float:
+def _step(log: RunData, state: int, at: int) -> float:
     """How far the readings' own path moves around a sample: a jump may exceed what a first state is off."""
     near = log.path[max(0, at - 2) : at + 4, state]
     return float(np.ptp(near)) if near.size else 0.0

@@ -18,11 +18,12 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 
 from bayesid.equations.model import Model
-from bayesid.estimation.filter_error.fit import NO_PARAMETERS, fit
+from bayesid.estimation.filter_error.fit import fit
 from bayesid.estimation.filter_error.linearise import Trajectory, linearise
 from bayesid.estimation.filter_error.noise_identification import DRIFT_MEDIAN, no_process_noise
 from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit, smoothed
-from bayesid.estimation.filter_error.run_readings import Array, RunReadings
+from bayesid.estimation.parameters import NO_PARAMETERS
+from bayesid.estimation.run_data import Array, RunData
 
 # Misfit of an outlier over its deviation; force over 1/2 rho L^2 U^2 with which the path may bend at first.
 OUTLIER_DEVIATION, FIRST_FORCE_LEVEL = 6.0, 0.003
@@ -38,7 +39,7 @@ MOST_ROUNDS = 3
 Found = tuple[tuple[str, float, str], ...]
 
 
-def set_aside(model: Model, logs: Sequence[RunReadings]) -> tuple[list[RunReadings], Found]:
+def set_aside(model: Model, logs: Sequence[RunData]) -> tuple[list[RunData], Found]:
     """Logs without the readings that all others contradict, and (run, time [s], channel) of those.
 
     Many in one channel of a run are no accident but a gap; they stay.
@@ -64,17 +65,15 @@ def set_aside(model: Model, logs: Sequence[RunReadings]) -> tuple[list[RunReadin
 
 
 def stripped(
-    model: Model, logs: Sequence[RunReadings], points: Sequence[Trajectory], noise_model: NoiseModel
-) -> tuple[list[RunReadings], Found]:
+    model: Model, logs: Sequence[RunData], points: Sequence[Trajectory], noise_model: NoiseModel
+) -> tuple[list[RunData], Found]:
     """`set_aside` along paths that are known, under an environment that is."""
     return listed(
         model, logs, [_stripped(model, g, p, noise_model) for g, p in zip(logs, points, strict=True)]
     )
 
 
-def listed(
-    model: Model, logs: Sequence[RunReadings], kept: Sequence[RunReadings]
-) -> tuple[list[RunReadings], Found]:
+def listed(model: Model, logs: Sequence[RunData], kept: Sequence[RunData]) -> tuple[list[RunData], Found]:
     """Logs without the readings missing in `kept`, where these are few and apart, and which they are."""
     out, found = [], []
     for log, new in zip(logs, kept, strict=True):
@@ -82,7 +81,7 @@ def listed(
         bad &= bad.sum(axis=0) <= np.maximum(MOST_OUTLIER_SHARE * log.valid.sum(axis=0), 2)
         bad &= ~_lasting(bad, log.valid)
         for i, j in np.argwhere(bad):
-            found.append((log.name, float(log.plan.t[i]), model.kernel.channels[log.channels[j]]))
+            found.append((log.name, float(log.plan.t[i]), log.channels[j]))
         out.append(log.without(bad))
     return out, tuple(found)
 
@@ -91,7 +90,7 @@ def _forced(noise_model: NoiseModel, force: Array) -> NoiseModel:
     return replace(noise_model, force=tuple(float(f) for f in force))
 
 
-def _stripped(model: Model, log: RunReadings, point: Trajectory, noise_model: NoiseModel) -> RunReadings:
+def _stripped(model: Model, log: RunData, point: Trajectory, noise_model: NoiseModel) -> RunData:
     """One log without its outliers, along a fixed path; the same object where there is none.
 
     The worst reading of its neighbourhood goes first: an outlier spoils the misfit of those next to it. A

@@ -15,16 +15,17 @@ from bayesid.diagnosis.data.outliers import set_aside
 from bayesid.diagnosis.threshold_table import FOLLOWS_DATA_CHI2
 from bayesid.equations.model import Model
 from bayesid.errors import ModelError, TrialError
-from bayesid.estimation.filter_error.fit import NO_PARAMETERS, FilterErrorFit, FreeParameters, fit
+from bayesid.estimation.filter_error.fit import FilterErrorFit, fit
 from bayesid.estimation.filter_error.linearise import Trajectory
 from bayesid.estimation.filter_error.noise_identification import (
     NoiseIdentification,
     identify_noise,
     stated_noise,
 )
-from bayesid.estimation.filter_error.parameters import coefficient_prior, effect_prior
-from bayesid.estimation.filter_error.run_readings import RunReadings, read_run
+from bayesid.estimation.filter_error.read_run import filter_error_run
 from bayesid.estimation.filter_error.straight_run_noise import RemovedForces, identify_straight_noise
+from bayesid.estimation.parameters import NO_PARAMETERS, GaussianPrior, coefficient_prior, effect_prior
+from bayesid.estimation.run_data import RunData
 from bayesid.model.effects import Effect
 from bayesid.trials import Trial
 from bayesid.trials.noise import raised, said_raised
@@ -54,8 +55,8 @@ class DiagnosisProblem:
     """
 
     model: Model
-    logs: tuple[RunReadings, ...]
-    coefficients: FreeParameters
+    logs: tuple[RunData, ...]
+    coefficients: GaussianPrior
     environment: NoiseIdentification
     channels: tuple[str, ...]
     outliers: tuple[tuple[str, float, str], ...]
@@ -104,12 +105,12 @@ def build_problem(
     if least:
         noise |= least
         warnings.append(said_raised(least))
-    logs = [released(model, read_run(model, run, noise, channels), events) for run in runs]
+    logs = [released(model, filter_error_run(model, run, noise, channels), events) for run in runs]
     say("reading: readings that no smooth motion explains")
     logs, outliers = set_aside(model, logs)
     coefficients = coefficient_prior(model)
     if as_built is not None:
-        coefficients = FreeParameters(
+        coefficients = GaussianPrior(
             coefficients.names,
             coefficients.where,
             coefficients.mean,
@@ -154,7 +155,7 @@ def _noise_from_data(runs: tuple, names: list[str]) -> dict[str, float]:
 
 
 def _environment(
-    model: Model, trial: Trial, logs: list[RunReadings], free: FreeParameters, warnings: list[str], say: Say
+    model: Model, trial: Trial, logs: list[RunData], free: GaussianPrior, warnings: list[str], say: Say
 ) -> NoiseIdentification:
     told = trial.environment
     if told is not None and told.force_rms is not None:

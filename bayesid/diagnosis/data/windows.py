@@ -14,10 +14,10 @@ import numpy as np
 
 from bayesid.equations.model import Model
 from bayesid.estimation.filter_error.evidence import normal_equations, posterior
-from bayesid.estimation.filter_error.fit import FreeParameters
 from bayesid.estimation.filter_error.linearise import Linearisation
 from bayesid.estimation.filter_error.noise_model import LatentInputs, NoiseModel, whitened
-from bayesid.estimation.filter_error.run_readings import Array, RunReadings
+from bayesid.estimation.parameters import GaussianPrior
+from bayesid.estimation.run_data import Array, RunData
 
 WINDOW_LENGTHS = 6.0  # L/U
 
@@ -49,7 +49,7 @@ class Window:
 def windows(
     model: Model,
     paths: Sequence[Linearisation],
-    free: FreeParameters,
+    free: GaussianPrior,
     noise_model: NoiseModel,
     length: float = WINDOW_LENGTHS,
 ) -> list[Window]:
@@ -78,7 +78,7 @@ def windows(
 def gram_of(
     model: Model,
     path: Linearisation,
-    free: FreeParameters,
+    free: GaussianPrior,
     noise_model: NoiseModel,
     latent: LatentInputs | None = None,
 ):
@@ -96,7 +96,7 @@ def cut(path: Linearisation, first: int, last: int) -> Linearisation:
     p = path.point
     return replace(
         path,
-        log=replace(cut_log(path.log, first, last), first=p.states[first]),
+        log=replace(cut_log(path.log, first, last), x0=p.states[first]),
         point=replace(p, states=p.states[s], force=p.force[steps]),
         resid=path.resid[s],
         slope=path.slope[s],
@@ -108,12 +108,12 @@ def cut(path: Linearisation, first: int, last: int) -> Linearisation:
     )
 
 
-def cut_log(log: RunReadings, first: int, last: int) -> RunReadings:
+def cut_log(log: RunData, first: int, last: int) -> RunData:
     """Samples first to last - 1 of a log; the plan keeps its times only, enough for a filter."""
     s = slice(first, last)
     plan = replace(log.plan, t=log.plan.t[s])
-    fresh = None if log.fresh is None else log.fresh[first : last - 1]
-    return replace(log, plan=plan, data=log.data[s], valid=log.valid[s], path=log.path[s], fresh=fresh)
+    jumps = None if log.jumps is None else log.jumps[first : last - 1]
+    return replace(log, plan=plan, readings=log.readings[s], path=log.path[s], jumps=jumps)
 
 
 def ratios(found: Sequence[Window]) -> Array:

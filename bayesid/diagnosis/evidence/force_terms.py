@@ -13,7 +13,7 @@ import numpy as np
 from bayesid.analysis.excitation.columns import LibraryColumn, evaluate
 from bayesid.equations.model import Model
 from bayesid.estimation.filter_error.linearise import Linearisation
-from bayesid.estimation.filter_error.run_readings import Array
+from bayesid.estimation.run_data import Array
 from bayesid.model.terms import TERMS, Term, term
 from bayesid.simulation import actuate
 

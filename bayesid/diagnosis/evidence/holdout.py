@@ -19,10 +19,12 @@ from scipy.stats import t as student
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.equations.model import Model
 from bayesid.errors import BayesidError
-from bayesid.estimation.filter_error.fit import NO_PARAMETERS, fit
+from bayesid.estimation.filter_error.fit import fit
 from bayesid.estimation.filter_error.linearise import Trajectory, linearise, wrap
 from bayesid.estimation.filter_error.noise_model import NoiseModel, smoothed
-from bayesid.estimation.filter_error.run_readings import Array, RunReadings, read_run
+from bayesid.estimation.filter_error.read_run import filter_error_run
+from bayesid.estimation.parameters import NO_PARAMETERS
+from bayesid.estimation.run_data import Array, RunData
 from bayesid.measures import turning_circle, zigzag
 from bayesid.simulation import observe, simulate
 from bayesid.trials import Run, Trial, window
@@ -118,11 +120,7 @@ def validate_holdout(
     draws : model -> (d, n_par) parameter vectors of its posterior, for the intervals
     """
     rng = np.random.default_rng(seed)
-    noise = {
-        problem.model.kernel.channels[c]: s
-        for log in problem.logs
-        for c, s in zip(log.channels, log.sigma, strict=True)
-    }
+    noise = {c: s for log in problem.logs for c, s in zip(log.channels, log.sigma, strict=True)}
     time = problem.model.scales["L"] / problem.model.scales["U"]
     horizons: list[HorizonError] = []
     measures: tuple[MeasureComparison, ...] = ()
@@ -167,7 +165,7 @@ def _predict(
 ) -> Segment | None:
     model = problem.model
     try:
-        log = read_run(model, run, noise, problem.channels)
+        log = filter_error_run(model, run, noise, problem.channels)
     except BayesidError:
         return None
     t = log.plan.t - log.plan.t[0]
@@ -185,14 +183,14 @@ def _predict(
             if name == "with effect":
                 floor = _floor(model, known, begun.points[0], noise_model, ~early)
             track = simulate(model, par, log.plan, x0, full=True)
-            obs = observe(model, par, log.plan, track.states, full=True)[:, list(log.channels)]
+            obs = observe(model, par, log.plan, track.states, full=True)[:, log.positions(model)]
         except BayesidError:
             return None
         replays[name] = obs
         if name in draws:
             drawn[name] = _drawn(model, draws[name], log, x0, ~early)
         square = _squares(model, log, obs, ~early)
-        at = [problem.channels.index(model.kernel.channels[c]) for c in log.channels]
+        at = [problem.channels.index(c) for c in log.channels]
         errors[name] = np.full(len(problem.channels), np.nan)
         errors[name][at] = square
         sigma = np.full(len(problem.channels), np.nan)
@@ -206,9 +204,9 @@ def _predict(
     return Segment(run.name, start, horizon, errors, rms, whole, drawn, measures)
 
 
-def _squares(model: Model, log: RunReadings, obs: Array, late: Array) -> Array:
+def _squares(model: Model, log: RunData, obs: Array, late: Array) -> Array:
     """(q,) mean squared error in noise units after the lead-in, gross readings left out; nan without any."""
-    resid = np.where(log.valid, wrap(model, log, log.data - obs), np.nan)[late]
+    resid = np.where(log.valid, wrap(model, log, log.readings - obs), np.nan)[late]
     out = np.full(resid.shape[1], np.nan)
     for j, sigma in enumerate(log.sigma):
         miss = np.abs(resid[np.isfinite(resid[:, j]), j])
@@ -217,13 +215,13 @@ def _squares(model: Model, log: RunReadings, obs: Array, late: Array) -> Array:
     return out
 
 
-def _drawn(model: Model, pars: Array, log: RunReadings, x0: Array, late: Array) -> Array:
+def _drawn(model: Model, pars: Array, log: RunData, x0: Array, late: Array) -> Array:
     """(d,) mean squared error of posterior draws over all channels; nan where a draw diverges."""
     out = np.full(len(pars), np.nan)
     for i, par in enumerate(pars):
         try:
             track = simulate(model, par, log.plan, x0, full=True)
-            obs = observe(model, par, log.plan, track.states, full=True)[:, list(log.channels)]
+            obs = observe(model, par, log.plan, track.states, full=True)[:, log.positions(model)]
         except BayesidError:
             continue
         out[i] = _average(_squares(model, log, obs, late))
@@ -231,7 +229,7 @@ def _drawn(model: Model, pars: Array, log: RunReadings, x0: Array, late: Array) 
 
 
 def _measures(
-    problem: DiagnosisProblem, run: Run, log: RunReadings, replays: Mapping[str, Array]
+    problem: DiagnosisProblem, run: Run, log: RunData, replays: Mapping[str, Array]
 ) -> tuple[MeasureComparison, ...]:
     """Tactical diameter, advance or overshoots of a run, by its logged orders; none where it has neither."""
     rudder, names = run.input("delta_r"), list(problem.channels)
@@ -251,7 +249,7 @@ def _measures(
     if "turn" not in text and "zig" not in text:
         return ()
     try:
-        logged = told(np.where(log.valid, log.data, np.nan))
+        logged = told(log.readings.copy())
         replayed = {name: told(obs) for name, obs in replays.items()}
     except (BayesidError, ValueError):
         return ()
@@ -264,9 +262,7 @@ def _measures(
     )
 
 
-def _floor(
-    model: Model, known: RunReadings, point: Trajectory, noise_model: NoiseModel, late: Array
-) -> Array:
+def _floor(model: Model, known: RunData, point: Trajectory, noise_model: NoiseModel, late: Array) -> Array:
     """Expected squared error in noise units of the best prediction: sensor noise, environment and initial
     state.
     """
@@ -274,7 +270,7 @@ def _floor(
     sm = smoothed(model, path, np.zeros(0), noise_model)
     nx = point.states.shape[1]
     spread = np.einsum("iqx,ix->iq", path.slope**2, sm.variance[:, :nx])
-    names = [model.kernel.channels[c] for c in known.channels]
+    names = known.channels
     drift = np.array([noise_model.slow(n) ** 2 for n in names])
     return 1.0 + np.mean((spread + drift)[late] / known.sigma**2, axis=0)
 

@@ -33,9 +33,10 @@ from bayesid.diagnosis.evidence.term_evidence import (
 from bayesid.diagnosis.hypotheses.candidate import explains
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.localisation import Localisation
-from bayesid.estimation.filter_error.fit import NO_PARAMETERS, FilterErrorFit, FreeParameters
+from bayesid.estimation.filter_error.fit import FilterErrorFit
 from bayesid.estimation.filter_error.linearise import Trajectory
-from bayesid.estimation.filter_error.run_readings import Array
+from bayesid.estimation.parameters import NO_PARAMETERS, GaussianPrior
+from bayesid.estimation.run_data import Array
 
 # Bootstrap inclusion from which a term (or its group) is tried, draws, stretches they keep together [L/U].
 LEAST_INCLUSION, DRAWS, BLOCK_LENGTHS = 0.8, 60, 6.0
@@ -110,7 +111,7 @@ def describe_missing_force(
 def describe(
     problem: DiagnosisProblem,
     points: Sequence[Trajectory],
-    free: FreeParameters,
+    free: GaussianPrior,
     where: Localisation,
     level: float = 0.0,
     seed: int = 0,

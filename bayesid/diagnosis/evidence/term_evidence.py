@@ -22,10 +22,11 @@ from bayesid.diagnosis.evidence.force_terms import along
 from bayesid.diagnosis.hypotheses.sensitivity_bank import levels_between
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.evidence import NormalEquations, normal_equations, posterior
-from bayesid.estimation.filter_error.fit import NO_PARAMETERS, FilterErrorFit, FreeParameters, fit
+from bayesid.estimation.filter_error.fit import FilterErrorFit, fit
 from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, linearise
 from bayesid.estimation.filter_error.noise_model import force_unit, whitened
-from bayesid.estimation.filter_error.run_readings import Array
+from bayesid.estimation.parameters import NO_PARAMETERS, GaussianPrior
+from bayesid.estimation.run_data import Array
 
 # Evidence a term must earn [nats], and most terms.
 TERM_EVIDENCE, MOST_TERMS = 5.0, 4
@@ -42,8 +43,8 @@ class TermEvidence:
         self,
         problem: DiagnosisProblem,
         paths: Sequence[Linearisation],
-        free: FreeParameters,
-        added: FreeParameters,
+        free: GaussianPrior,
+        added: GaussianPrior,
         columns: Sequence[LibraryColumn],
         values: Sequence[Array],
         level: float,
@@ -176,8 +177,8 @@ def improved(trial: TermEvidence, chosen: list[int]) -> list[int]:
 def without_terms(
     problem: DiagnosisProblem,
     points: Sequence[Trajectory],
-    free: FreeParameters,
-    added: FreeParameters,
+    free: GaussianPrior,
+    added: GaussianPrior,
     base: FilterErrorFit | None,
     columns: Sequence[LibraryColumn],
     level: float,
@@ -232,7 +233,7 @@ def held(trials: Sequence[TermEvidence], trial: TermEvidence, chosen: list[int])
 
 
 def linear_paths(
-    problem: DiagnosisProblem, points: Sequence[Trajectory], free: FreeParameters
+    problem: DiagnosisProblem, points: Sequence[Trajectory], free: GaussianPrior
 ) -> list[Linearisation]:
     return [
         linearise(problem.model, log, point, free.where)
@@ -243,12 +244,12 @@ def linear_paths(
 def refitted(
     problem: DiagnosisProblem,
     points: Sequence[Trajectory],
-    free: FreeParameters,
-    gone: FreeParameters,
+    free: GaussianPrior,
+    gone: GaussianPrior,
     trial: TermEvidence,
     chosen: Sequence[int],
     level: float,
-) -> tuple[Sequence[Trajectory], FreeParameters, float] | None:
+) -> tuple[Sequence[Trajectory], GaussianPrior, float] | None:
     """Path of a refit with the chosen terms, the rows it adds, and its level; None if no term is a row.
 
     `gone` are the rows an earlier refit added.
@@ -269,7 +270,7 @@ def refitted(
             sd[free.names.index(name)] = float(np.hypot(free.sd[free.names.index(name)], size))
     new = [n for n in rows if n not in free.names]
     where = model.positions(new)
-    added = FreeParameters(
+    added = GaussianPrior(
         tuple(new),
         where,
         model.nominal[where],

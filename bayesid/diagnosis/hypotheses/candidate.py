@@ -19,7 +19,7 @@ from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.evidence import posterior
 from bayesid.estimation.filter_error.fit import FilterErrorFit, stacked_equations
 from bayesid.estimation.filter_error.noise_identification import MANOEUVRE_NOISE_SPREAD
-from bayesid.estimation.filter_error.run_readings import Array
+from bayesid.estimation.run_data import Array
 from bayesid.model.effects import Effect
 
 COEFFICIENT_ERROR = "coefficient_error"

@@ -14,7 +14,7 @@ from scipy import stats
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis
 from bayesid.diagnosis.threshold_table import DISAGREEMENT_P_VALUE
 from bayesid.estimation.filter_error.evidence import NormalEquations, posterior
-from bayesid.estimation.filter_error.run_readings import Array
+from bayesid.estimation.run_data import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,6 @@ from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.hypotheses.periodic_signal import periodic_signals
 from bayesid.equations.model import Model
 from bayesid.estimation.filter_error.evidence import normal_equations, posterior
-from bayesid.estimation.filter_error.fit import FreeParameters
 from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, linearise
 from bayesid.estimation.filter_error.noise_model import (
     LatentInputs,
@@ -25,7 +24,8 @@ from bayesid.estimation.filter_error.noise_model import (
     smoothed,
     whitened,
 )
-from bayesid.estimation.filter_error.run_readings import Array
+from bayesid.estimation.parameters import GaussianPrior
+from bayesid.estimation.run_data import Array
 
 # Amplitudes relative to each channel's unit, and correlation times in L/U: fast, slow, and lasting a run.
 SIGNAL_AMPLITUDES = (1e-3, 1e-2, 1e-1, 1.0)
@@ -139,7 +139,7 @@ def units(model: Model) -> dict[str, float]:
 def _evidence(
     problem: DiagnosisProblem,
     paths: Sequence[Linearisation],
-    free: FreeParameters,
+    free: GaussianPrior,
     noise_model: NoiseModel,
     latent: LatentInputs | None,
 ) -> float:
@@ -155,7 +155,7 @@ def _evidence(
 
 
 def locate(
-    problem: DiagnosisProblem, points: Sequence[Trajectory], free: FreeParameters, masks: bool = True
+    problem: DiagnosisProblem, points: Sequence[Trajectory], free: GaussianPrior, masks: bool = True
 ) -> Localisation:
     """Evidence of a generic latent signal in every place.
 
@@ -222,7 +222,7 @@ def _log_mean(values: Sequence[float]) -> float:
 def _masks(
     problem: DiagnosisProblem,
     paths: Sequence[Linearisation],
-    free: FreeParameters,
+    free: GaussianPrior,
     noise_model: NoiseModel,
     place: LocatedSignal,
     base: float,
@@ -288,7 +288,7 @@ def regimes(problem: DiagnosisProblem) -> list[tuple[str, str, list[Array]]]:
 def _force(
     problem: DiagnosisProblem,
     paths: Sequence[Linearisation],
-    free: FreeParameters,
+    free: GaussianPrior,
     noise_model: NoiseModel,
     size: dict[str, float],
     places: Sequence[LocatedSignal],

@@ -12,11 +12,11 @@ import numpy as np
 
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.estimation.filter_error.evidence import NormalEquations, normal_equations, posterior, without
-from bayesid.estimation.filter_error.fit import FreeParameters
 from bayesid.estimation.filter_error.linearise import Linearisation
 from bayesid.estimation.filter_error.noise_model import White, whitened
 from bayesid.estimation.filter_error.periodic_disturbance import periodic_columns, periodic_forces
-from bayesid.estimation.filter_error.run_readings import Array
+from bayesid.estimation.parameters import GaussianPrior
+from bayesid.estimation.run_data import Array
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class PeriodicSignal:
 def periodic_signals(
     problem: DiagnosisProblem,
     paths: Sequence[Linearisation],
-    free: FreeParameters,
+    free: GaussianPrior,
     sets: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]],
     size: Mapping[str, float],
     amplitudes: Sequence[float],
@@ -82,7 +82,7 @@ def _whitened(
     problem: DiagnosisProblem,
     k: int,
     path: Linearisation,
-    free: FreeParameters,
+    free: GaussianPrior,
     extra: tuple[Array, Array] | None = None,
 ) -> White:
     step = free.mean - path.point.par[free.where]

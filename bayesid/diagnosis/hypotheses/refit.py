@@ -23,7 +23,7 @@ from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.evidence import posterior
 from bayesid.estimation.filter_error.fit import fit
 from bayesid.estimation.filter_error.linearise import Trajectory
-from bayesid.estimation.filter_error.parameters import effect_prior
+from bayesid.estimation.parameters import effect_prior
 from bayesid.model.effects import Effect
 
 SHORTLIST_SIZE = 6

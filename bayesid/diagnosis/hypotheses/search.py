@@ -22,8 +22,7 @@ from bayesid.diagnosis.threshold_table import (
     RIVALS_TRIED,
 )
 from bayesid.equations.model import Model
-from bayesid.estimation.filter_error.fit import FreeParameters
-from bayesid.estimation.filter_error.parameters import effect_prior
+from bayesid.estimation.parameters import GaussianPrior, effect_prior
 from bayesid.model.effects import Effect
 
 Say = Callable[[str], None]
@@ -145,7 +144,7 @@ def _step(problem: DiagnosisProblem, larger: RefittedHypothesis, smaller: Refitt
     return gain if gain > LINEARISATION_SCATTER else min(gain, nested(problem, larger, smaller.effects))
 
 
-def _joint(model: Model, effects: Sequence[Effect]) -> FreeParameters:
+def _joint(model: Model, effects: Sequence[Effect]) -> GaussianPrior:
     parts = [effect_prior(model, e) for e in effects]
     out = parts[0]
     for part in parts[1:]:

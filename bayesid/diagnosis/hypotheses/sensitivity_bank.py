@@ -14,11 +14,10 @@ import numpy as np
 
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.estimation.filter_error.evidence import NormalEquations, normal_equations, posterior
-from bayesid.estimation.filter_error.fit import FreeParameters
 from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, linearise, wrap
 from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit, whitened
-from bayesid.estimation.filter_error.parameters import effect_prior
-from bayesid.estimation.filter_error.run_readings import Array
+from bayesid.estimation.parameters import GaussianPrior, effect_prior
+from bayesid.estimation.run_data import Array
 from bayesid.model.effects import Effect
 from bayesid.simulation import interval_maps, readings_on
 
@@ -80,7 +79,7 @@ def build_bank(
     points: Sequence[Trajectory],
     levels: Sequence[NoiseModel],
     effects: Sequence[Effect],
-    with_effects: FreeParameters | None = None,
+    with_effects: GaussianPrior | None = None,
 ) -> SensitivityBank:
     """Bank along a path.
 
@@ -128,7 +127,7 @@ def secants(problem: DiagnosisProblem, path: Linearisation, effects: Sequence[Ef
     """Difference quotients of readings and interval ends, in units of one prior standard deviation."""
     model, log, point = problem.model, path.log, path.point
     nothing = np.zeros(0, dtype=np.int64)
-    picked = list(log.channels)
+    picked = log.positions(model)
     where = path.aside
     direct, drive = [], []
     for effect in effects:

@@ -13,7 +13,7 @@ import numpy as np
 
 from bayesid.diagnosis.hypotheses.sensitivity_bank import SensitivityBank
 from bayesid.diagnosis.threshold_table import FALSE_ALARM, LEAST_NAMING_EVIDENCE, NOISE_MODEL_SLACK
-from bayesid.estimation.filter_error.run_readings import Array
+from bayesid.estimation.run_data import Array
 
 
 @dataclass(frozen=True)

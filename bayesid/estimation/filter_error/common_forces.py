@@ -17,10 +17,11 @@ import numpy as np
 
 from bayesid.equations.model import Model
 from bayesid.estimation.filter_error.evidence import posterior
-from bayesid.estimation.filter_error.fit import FreeParameters, stacked_equations
+from bayesid.estimation.filter_error.fit import stacked_equations
 from bayesid.estimation.filter_error.linearise import Linearisation, with_forces
 from bayesid.estimation.filter_error.noise_model import NoiseModel, mixing, smoothed
-from bayesid.estimation.filter_error.run_readings import Array, RunReadings
+from bayesid.estimation.parameters import GaussianPrior
+from bayesid.estimation.run_data import Array, RunData
 
 # Correlation of two runs' disturbances, over its standard deviation, that chance exceeds in 1 % of the axes.
 # To take process noise for a repeated force costs little: half of it is taken, and that is put right.
@@ -36,8 +37,8 @@ def slow(model: Model, noise_model: NoiseModel) -> bool:
 
 
 def without_repeats(
-    model: Model, paths: Sequence[Linearisation], free: FreeParameters, noise_model: NoiseModel
-) -> tuple[list[RunReadings], Array] | None:
+    model: Model, paths: Sequence[Linearisation], free: GaussianPrior, noise_model: NoiseModel
+) -> tuple[list[RunData], Array] | None:
     """Runs whose inputs hold the force they have in common, and which axes have one; None where none has.
 
     Parameters
@@ -84,7 +85,7 @@ def without_repeats(
 
 
 def disturbances(
-    model: Model, paths: Sequence[Linearisation], free: FreeParameters, noise_model: NoiseModel
+    model: Model, paths: Sequence[Linearisation], free: GaussianPrior, noise_model: NoiseModel
 ) -> list[Array]:
     """Per run (n-1, nf), smoothed disturbance [N, N m] with the coefficients where the runs put them."""
     grams = stacked_equations(model, paths, free, noise_model)

@@ -21,11 +21,12 @@ from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.evidence import GaussianPosterior, NormalEquations, posterior
 from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, first_trajectory
 from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit, mixing, smoothed
-from bayesid.estimation.filter_error.normal_equations import NO_PARAMETERS, FreeParameters, stacked_equations
-from bayesid.estimation.filter_error.run_readings import Array, RunReadings
+from bayesid.estimation.filter_error.normal_equations import stacked_equations
 from bayesid.estimation.filter_error.shared_linearisations import fresh, linear
+from bayesid.estimation.parameters import GaussianPrior
+from bayesid.estimation.run_data import Array, RunData
 
-__all__ = ["NO_PARAMETERS", "FilterErrorFit", "FreeParameters", "fit", "stacked_equations"]
+__all__ = ["FilterErrorFit", "fit", "stacked_equations"]
 
 # A step this long in posterior standard deviations changes the evidence by about 0.02.
 CONVERGED_STEP = 0.2
@@ -61,7 +62,7 @@ class FilterErrorFit:
         1/2 rho L^2 U^2 and its log evidence: a path that follows the data even where the model cannot
     """
 
-    free: FreeParameters
+    free: GaussianPrior
     values: Array
     posterior: GaussianPosterior
     par: Array
@@ -94,8 +95,8 @@ class FilterErrorFit:
 
 def fit(
     model: Model,
-    logs: Sequence[RunReadings],
-    free: FreeParameters,
+    logs: Sequence[RunData],
+    free: GaussianPrior,
     noise_model: NoiseModel,
     start: Sequence[Trajectory] | None = None,
     loud: float = 0.03,
@@ -192,7 +193,7 @@ def fit(
 def _moved(
     model: Model,
     paths: Sequence[Linearisation],
-    free: FreeParameters,
+    free: GaussianPrior,
     values: Array,
     noise_model: NoiseModel,
     noisy: bool,
@@ -260,7 +261,7 @@ class _Best:
         """Whether a try at the real level came out worse and a shorter step is worth it."""
         return now is real and self.noise_model is real and merit < self.merit - 0.5 and self.share > 0.02
 
-    def again(self, model: Model, free: FreeParameters) -> tuple[list[Trajectory], list[Array], Array]:
+    def again(self, model: Model, free: GaussianPrior) -> tuple[list[Trajectory], list[Array], Array]:
         """Points, innovations and values a share of the step away, the path smoothed for those values."""
         values = np.maximum(self.values + self.share * self.step, free.low)
         points, standards = _moved(model, self.paths, free, values, self.noise_model, self.noisy, self.stride)

@@ -1,6 +1,6 @@
 """Linearise a model along any path of one logged run.
 
-Takes a `RunReadings` and a `Trajectory` (parameters, states at every sample, latent forces), which need not
+Takes a `RunData` and a `Trajectory` (parameters, states at every sample, latent forces), which need not
 obey the equations: each sample interval is run on its own and the gap to the next state is kept as a defect.
 Gives a frozen `Linearisation`. Does not whiten, choose amplitudes or know which columns are coefficients and
 which are effects.
@@ -24,7 +24,8 @@ from functools import lru_cache
 import numpy as np
 
 from bayesid.equations.model import Model
-from bayesid.estimation.filter_error.run_readings import ANGLES, Array, RunReadings
+from bayesid.estimation.filter_error.read_run import ANGLES
+from bayesid.estimation.run_data import Array, RunData
 from bayesid.simulation import TimePlan, inertia_ratio, interval_maps, readings_on
 
 # States of a straight run that keep their own course when slopes by the parameters are taken.
@@ -81,7 +82,7 @@ class Linearisation:
     aside : Aside, where `direct` and `psi` were taken: the path itself where no filter has run
     """
 
-    log: RunReadings
+    log: RunData
     point: Trajectory
     resid: Array
     slope: Array
@@ -105,14 +106,14 @@ def forces(model: Model) -> tuple[str, ...]:
     return tuple(n for n in model.kernel.exogenous if n.startswith("force_"))
 
 
-def first_trajectory(model: Model, log: RunReadings, par: Array) -> Trajectory:
+def first_trajectory(model: Model, log: RunData, par: Array) -> Trajectory:
     """Point of the readings' own path, without latent forces."""
     n_force = sum(n.startswith("force_") for n in model.kernel.exogenous)
     return Trajectory(par, log.path, np.zeros((log.n - 1, n_force)))
 
 
 def linearise(
-    model: Model, log: RunReadings, point: Trajectory, free: Array, inputs: tuple[str, ...] | None = None
+    model: Model, log: RunData, point: Trajectory, free: Array, inputs: tuple[str, ...] | None = None
 ) -> Linearisation:
     """Path of one run about a point, with exact slopes by the free parameters.
 
@@ -140,7 +141,7 @@ def linearise(
         change = np.einsum("ixf,pfg,ig->ixp", raw, ratio_slope[heavy], point.force, optimize=True)
         maps.psi[:, :, heavy] += change
     readings = readings_on(model, point.par, plan, point.states, maps, here)
-    picked = _columns(log.channels)
+    picked = _columns(tuple(log.positions(model)))
     psi, direct = maps.psi, readings.by_parameter
     aside = PerturbedTrajectories(plan, point.states, maps.ends, readings.values[:, picked])
     if beside:
@@ -149,7 +150,7 @@ def linearise(
         seen = readings_on(model, point.par, where, states, other, free)
         psi, direct = other.psi, seen.by_parameter
         aside = PerturbedTrajectories(where, states, other.ends, seen.values[:, picked])
-    resid = wrap(model, log, log.data - readings.values[:, picked])
+    resid = wrap(model, log, log.readings - readings.values[:, picked])
     defect = maps.ends - point.states[1:]
     return Linearisation(
         log,
@@ -179,7 +180,7 @@ def _columns(channels: tuple[int, ...]) -> slice | list[int]:
     return list(channels)
 
 
-def _beside(model: Model, log: RunReadings, point: Trajectory) -> tuple[TimePlan, Array]:
+def _beside(model: Model, log: RunData, point: Trajectory) -> tuple[TimePlan, Array]:
     """Inputs and states at which slopes by the parameters are taken."""
     if not log.straight:
         assert point.before is not None
@@ -206,11 +207,11 @@ def _held(model: Model, command: Array) -> Array:
     return out
 
 
-def wrap(model: Model, log: RunReadings, resid: Array) -> Array:
+def wrap(model: Model, log: RunData, resid: Array) -> Array:
     """Residuals with angles brought into (-pi, pi]."""
     out = resid.copy()
     for j, c in enumerate(log.channels):
-        if model.kernel.channels[c] in ANGLES:
+        if c in ANGLES:
             out[:, j] = (out[:, j] + np.pi) % (2 * np.pi) - np.pi
     return out
 

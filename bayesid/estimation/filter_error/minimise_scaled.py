@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.optimize import minimize
 
-from bayesid.estimation.filter_error.run_readings import Array
+from bayesid.estimation.run_data import Array
 
 # Distance over the prior sd at which the curvature is probed; step of a slope over the sd it means.
 CURVATURE_STEP, SLOPE_STEP = 1e-3, 0.01

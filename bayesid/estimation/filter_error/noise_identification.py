@@ -16,16 +16,15 @@ from bayesid.equations.model import Model
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.evidence import NormalEquations, posterior
 from bayesid.estimation.filter_error.fit import (
-    NO_PARAMETERS,
     FilterErrorFit,
-    FreeParameters,
     fit,
     stacked_equations,
 )
 from bayesid.estimation.filter_error.linearise import Linearisation, linearise
 from bayesid.estimation.filter_error.minimise_scaled import minimise_scaled, spread_left
 from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit, pairs
-from bayesid.estimation.filter_error.run_readings import Array, RunReadings
+from bayesid.estimation.parameters import NO_PARAMETERS, GaussianPrior
+from bayesid.estimation.run_data import Array, RunData
 
 # Prior medians over 1/2 rho L^2 U^2 and L, and spreads of their logarithms: wide enough for a basin and for
 # a rough sea. That of the slow error of depth is the white noise of its sensor.
@@ -52,7 +51,7 @@ MEASURED_SPREAD = 0.5
 DIVERGED_COST = 1e12
 
 
-Grams = Callable[[Model, Sequence[Linearisation], FreeParameters, NoiseModel], list[NormalEquations]]
+Grams = Callable[[Model, Sequence[Linearisation], GaussianPrior, NoiseModel], list[NormalEquations]]
 
 
 @dataclass(frozen=True)
@@ -89,8 +88,8 @@ def stated_noise(model: Model, force_rms: float, nav_drift: float) -> NoiseIdent
 
 def identify_noise(
     model: Model,
-    logs: Sequence[RunReadings],
-    free: FreeParameters,
+    logs: Sequence[RunData],
+    free: GaussianPrior,
     rounds: int = 2,
     known: NoiseIdentification | None = None,
     steps: int = 12,
@@ -171,14 +170,13 @@ def identify_noise(
     return NoiseIdentification(noise_model(theta), "measured", MEASURED_SPREAD, found)
 
 
-def depth_noise(model: Model, logs: Sequence[RunReadings]) -> float | None:
+def depth_noise(model: Model, logs: Sequence[RunData]) -> float | None:
     """White noise of the measured depth [m], loudest of the runs; None where none has it."""
-    z = model.kernel.channels.index("z") if "z" in model.kernel.channels else -1
-    seen = [float(log.sigma[log.channels.index(z)]) for log in logs if z in log.channels]
+    seen = [float(log.sigma[log.channels.index("z")]) for log in logs if "z" in log.channels]
     return max(seen, default=None)
 
 
-def settled_paths(model: Model, logs: Sequence[RunReadings], noise_model: NoiseModel) -> FilterErrorFit:
+def settled_paths(model: Model, logs: Sequence[RunData], noise_model: NoiseModel) -> FilterErrorFit:
     """Paths settled at the nominal coefficients.
 
     Straight runs settle at once at the real level. Where they do not, they are led there from a loud one: a
@@ -196,7 +194,7 @@ def settled_paths(model: Model, logs: Sequence[RunReadings], noise_model: NoiseM
 
 
 def linear_paths(
-    model: Model, logs: Sequence[RunReadings], settled: FilterErrorFit, free: FreeParameters
+    model: Model, logs: Sequence[RunData], settled: FilterErrorFit, free: GaussianPrior
 ) -> tuple[Linearisation, ...]:
     """Paths about where a fit ended; about its most probable pass if the last step left the numbers."""
     try:

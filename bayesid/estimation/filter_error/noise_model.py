@@ -15,8 +15,8 @@ from bayesid.equations.model import Model
 from bayesid.estimation.filter_error.kalman import whiten
 from bayesid.estimation.filter_error.linearise import Linearisation
 from bayesid.estimation.filter_error.regressor_columns import known, regressor_columns
-from bayesid.estimation.filter_error.run_readings import Array
 from bayesid.estimation.filter_error.smoother import smooth_filtered
+from bayesid.estimation.run_data import Array
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ def filter_settings(
     """
     log = path.log
     gaps = np.diff(log.plan.t)
-    names = [model.kernel.channels[c] for c in log.channels]
+    names = log.channels
     gamma = [path.gamma[:, :, : len(noise_model.force)]]
     if any(noise_model.arms):
         gamma[0] = gamma[0].copy()
@@ -156,10 +156,10 @@ def filter_settings(
         seen += more
         keep_d += [faded] * len(more)
         variance_d += [sd[names[j]] ** 2 for j in more]
-    if log.fresh is not None:
-        at, states = np.nonzero(log.fresh)
-        jumps = np.zeros((log.fresh.shape[0], log.fresh.shape[1], log.fresh.shape[1]))
-        jumps[at, states, states] = log.fresh[at, states]
+    if log.jumps is not None:
+        at, states = np.nonzero(log.jumps)
+        jumps = np.zeros((log.jumps.shape[0], log.jumps.shape[1], log.jumps.shape[1]))
+        jumps[at, states, states] = log.jumps[at, states]
         jumped = np.unique(states)
         gamma.append(jumps[:, :, jumped])
         keep += [np.zeros(gaps.size)] * jumped.size
@@ -174,7 +174,7 @@ def filter_settings(
         drift,
         _beside(keep_d, gaps.size),
         np.array(variance_d, dtype=float),
-        log.start_sd**2,
+        log.initial_sd**2,
     )
 
 

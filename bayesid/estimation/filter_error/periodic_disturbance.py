@@ -18,8 +18,8 @@ from bayesid.equations.model import Model
 from bayesid.estimation.filter_error.evidence import NormalEquations, normal_equations, without
 from bayesid.estimation.filter_error.linearise import Linearisation, forces
 from bayesid.estimation.filter_error.noise_model import LatentInputs, NoiseModel, force_unit, whitened
-from bayesid.estimation.filter_error.normal_equations import FreeParameters
-from bayesid.estimation.filter_error.run_readings import Array
+from bayesid.estimation.parameters import GaussianPrior
+from bayesid.estimation.run_data import Array
 
 # Angular frequencies looked at, in U/L: a vehicle hardly feels faster ones, and a period of more than seven
 # lengths is a slow force.
@@ -109,7 +109,7 @@ def periodic_columns(
 def stack_without(
     model: Model,
     paths: Sequence[Linearisation],
-    free: FreeParameters,
+    free: GaussianPrior,
     noise_model: NoiseModel,
     frequencies: Sequence[float],
     latent: LatentInputs | None = None,

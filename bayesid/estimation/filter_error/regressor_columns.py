@@ -13,7 +13,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from bayesid.estimation.filter_error.linearise import Linearisation
-from bayesid.estimation.filter_error.run_readings import Array
+from bayesid.estimation.run_data import Array
 
 # Bytes of stacks kept: those of all runs of a usual trial, some MB each.
 MOST_BYTES = 128_000_000
@@ -63,8 +63,7 @@ def known(path: Linearisation, step: Array) -> tuple[Array, Array, Array]:
         drive = drive + path.psi @ step
     if force.any():
         drive = drive - np.matmul(path.gamma[:, :, : force.shape[1]], force[:, :, None])[:, :, 0]
-    first = path.log.path[0] if path.log.first is None else path.log.first
-    return resid, drive, first - path.point.states[0]
+    return resid, drive, path.log.x0 - path.point.states[0]
 
 
 def regressor_columns(

@@ -24,9 +24,9 @@ from bayesid.equations.model import Model
 from bayesid.estimation.filter_error.evidence import NormalEquations
 from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, forces, linearise
 from bayesid.estimation.filter_error.noise_model import NoiseModel
-from bayesid.estimation.filter_error.normal_equations import FreeParameters, stacked_equations
-from bayesid.estimation.filter_error.parameters import effect_prior
-from bayesid.estimation.filter_error.run_readings import RunReadings
+from bayesid.estimation.filter_error.normal_equations import stacked_equations
+from bayesid.estimation.parameters import GaussianPrior, effect_prior
+from bayesid.estimation.run_data import RunData
 
 # Sets of points kept per model, their bytes at most, and points remembered as seen once.
 MOST_SETS, MOST_BYTES, MOST_SEEN = 4, 400_000_000, 32
@@ -36,12 +36,12 @@ MOST_SETS, MOST_BYTES, MOST_SEEN = 4, 400_000_000, 32
 class _Set:
     """All runs linearised about one set of points for `parameters`; `logs` keeps their identities taken."""
 
-    logs: tuple[RunReadings, ...]
-    free: FreeParameters
+    logs: tuple[RunData, ...]
+    free: GaussianPrior
     paths: tuple[Linearisation, ...]
     grams: tuple[NormalEquations, ...]
 
-    def positions(self, free: FreeParameters) -> np.ndarray | None:
+    def positions(self, free: GaussianPrior) -> np.ndarray | None:
         """Where the parameters of `parameters` stand; none if one is missing or has another prior mean."""
         at = {int(p): i for i, p in enumerate(self.free.where)}
         if any(int(p) not in at for p in free.where):
@@ -55,7 +55,7 @@ class _Kept:
     """What one model keeps."""
 
     sets: OrderedDict[bytes, _Set] = field(default_factory=OrderedDict)
-    seen: OrderedDict[bytes, tuple[RunReadings, ...]] = field(default_factory=OrderedDict)
+    seen: OrderedDict[bytes, tuple[RunData, ...]] = field(default_factory=OrderedDict)
 
 
 _kept: WeakKeyDictionary[Model, _Kept] = WeakKeyDictionary()
@@ -63,9 +63,9 @@ _kept: WeakKeyDictionary[Model, _Kept] = WeakKeyDictionary()
 
 def linear(
     model: Model,
-    logs: Sequence[RunReadings],
+    logs: Sequence[RunData],
     points: Sequence[Trajectory],
-    free: FreeParameters,
+    free: GaussianPrior,
     noise_model: NoiseModel,
 ) -> tuple[list[Linearisation], list[NormalEquations]]:
     """What `fresh` gives, made of what an earlier fit left where it stood at the same points."""
@@ -103,9 +103,9 @@ def _picked(values: np.ndarray, at: np.ndarray) -> np.ndarray:
 
 def fresh(
     model: Model,
-    logs: Sequence[RunReadings],
+    logs: Sequence[RunData],
     points: Sequence[Trajectory],
-    free: FreeParameters,
+    free: GaussianPrior,
     noise_model: NoiseModel,
 ) -> tuple[list[Linearisation], list[NormalEquations]]:
     """Every run linearised for the forces of the environment and `parameters`."""
@@ -114,10 +114,10 @@ def fresh(
     return paths, stacked_equations(model, paths, free, noise_model)
 
 
-def _others(model: Model, free: FreeParameters, par: np.ndarray) -> FreeParameters:
+def _others(model: Model, free: GaussianPrior, par: np.ndarray) -> GaussianPrior:
     """Parameters of all effects that have a slope and are at their prior mean, apart from those of
     `parameters`."""
-    out = FreeParameters((), free.where[:0], free.mean[:0], free.sd[:0], free.low[:0])
+    out = GaussianPrior((), free.where[:0], free.mean[:0], free.sd[:0], free.low[:0])
     for effect in model.kernel.effects:
         if not effect.smooth:
             continue
@@ -127,7 +127,7 @@ def _others(model: Model, free: FreeParameters, par: np.ndarray) -> FreeParamete
     return out
 
 
-def _digest(logs: Sequence[RunReadings], points: Sequence[Trajectory], noise_model: NoiseModel) -> bytes:
+def _digest(logs: Sequence[RunData], points: Sequence[Trajectory], noise_model: NoiseModel) -> bytes:
     out = blake2b(repr((noise_model, [id(log) for log in logs])).encode())
     for p in points:
         for values in (p.par, p.states, p.force):
@@ -136,7 +136,7 @@ def _digest(logs: Sequence[RunReadings], points: Sequence[Trajectory], noise_mod
     return out.digest()
 
 
-def _same(one: Sequence[RunReadings], other: Sequence[RunReadings]) -> bool:
+def _same(one: Sequence[RunData], other: Sequence[RunData]) -> bool:
     return len(one) == len(other) and all(a is b for a, b in zip(one, other, strict=True))
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from bayesid.equations.model import Model
 from bayesid.estimation.filter_error.common_forces import slow, without_repeats
 from bayesid.estimation.filter_error.evidence import posterior
-from bayesid.estimation.filter_error.fit import FreeParameters, stacked_equations
+from bayesid.estimation.filter_error.fit import stacked_equations
 from bayesid.estimation.filter_error.linearise import Linearisation, forces
 from bayesid.estimation.filter_error.noise_identification import (
     LONGEST_TAU,
@@ -31,7 +31,8 @@ from bayesid.estimation.filter_error.noise_identification import (
 )
 from bayesid.estimation.filter_error.noise_model import LatentInputs, NoiseModel
 from bayesid.estimation.filter_error.periodic_disturbance import periodic_forces, stack_without
-from bayesid.estimation.filter_error.run_readings import RunReadings
+from bayesid.estimation.parameters import GaussianPrior
+from bayesid.estimation.run_data import RunData
 
 # Correlation time of a force that lasts, in L/U, and nats it must gain beside the environment: odds of 20.
 LASTING_TAU, LEAST_EVIDENCE = 64.0, 3.0
@@ -65,7 +66,7 @@ class RemovedForces:
 
 
 def identify_straight_noise(
-    model: Model, logs: Sequence[RunReadings], free: FreeParameters
+    model: Model, logs: Sequence[RunData], free: GaussianPrior
 ) -> tuple[NoiseIdentification, RemovedForces]:
     """Environment of straight runs and what was set apart.
 
@@ -105,7 +106,7 @@ def identify_straight_noise(
 
 
 def _evidence(
-    grams: Grams, model: Model, paths: Sequence[Linearisation], free: FreeParameters, noise_model: NoiseModel
+    grams: Grams, model: Model, paths: Sequence[Linearisation], free: GaussianPrior, noise_model: NoiseModel
 ) -> float:
     parts = grams(model, paths, free, noise_model)
     return posterior(sum(parts[1:], parts[0])).log_evidence

@@ -9,23 +9,18 @@ from bayesid.estimation.output_error.batch_readings import readings_batch
 from bayesid.estimation.output_error.fit_result import Fit, load_fit
 from bayesid.estimation.output_error.flat_directions import Direction, flat_directions, rank, singular_values
 from bayesid.estimation.output_error.problem import FitProblem
+from bayesid.estimation.output_error.read_run import initial_state, output_error_run
 from bayesid.estimation.output_error.residual_correlation import beyond_chance, memory
-from bayesid.estimation.output_error.run_data import RunData, initial_state, run_data
 from bayesid.estimation.output_error.search import FitOptions, fit, start_points
 from bayesid.estimation.output_error.trial_fit import RunOutcome, TrialFit, fit_trial
-from bayesid.estimation.output_error.trial_setup import (
-    coefficient_set,
-    measured_base,
-    trial_problem,
-    unweighted,
-)
+from bayesid.estimation.output_error.trial_setup import measured_base, trial_problem, unweighted
+from bayesid.estimation.parameters import coefficient_set
 
 __all__ = [
     "Direction",
     "Fit",
     "FitOptions",
     "FitProblem",
-    "RunData",
     "RunOutcome",
     "TrialFit",
     "beyond_chance",
@@ -39,7 +34,7 @@ __all__ = [
     "memory",
     "rank",
     "readings_batch",
-    "run_data",
+    "output_error_run",
     "singular_values",
     "start_points",
     "trial_problem",

@@ -17,7 +17,7 @@ import numpy as np
 
 from bayesid.equations.model import Model
 from bayesid.errors import ModelError
-from bayesid.estimation.output_error.run_data import RunData
+from bayesid.estimation.run_data import RunData
 from bayesid.model.params import ParameterSet
 from bayesid.simulation import (
     Sensitivity,

@@ -18,10 +18,11 @@ from bayesid.equations.model import Model, build_model
 from bayesid.errors import FitError, ModelError
 from bayesid.estimation.output_error.fit_result import Fit
 from bayesid.estimation.output_error.problem import FitProblem
+from bayesid.estimation.output_error.read_run import output_error_run
 from bayesid.estimation.output_error.residual_correlation import memory
-from bayesid.estimation.output_error.run_data import run_data
 from bayesid.estimation.output_error.search import FitOptions, fit
-from bayesid.estimation.output_error.trial_setup import coefficient_set, measured_base, trial_problem
+from bayesid.estimation.output_error.trial_setup import measured_base, trial_problem
+from bayesid.estimation.parameters import coefficient_set
 from bayesid.model.params import ParameterSet
 from bayesid.model.terms import TERMS
 from bayesid.model.vehicles import Vehicle, identified, load_vehicle, write_vehicle
@@ -166,7 +167,7 @@ def outcomes(problem: FitProblem, trial: Trial, result: Fit) -> tuple[RunOutcome
     fitted = {run.name: x0 for run, x0 in zip(problem.runs, starts, strict=True)}
     channels = tuple(dict.fromkeys(c for run in problem.runs for c in run.channels))
     for run in trial.runs:
-        data = run_data(model, run, result.sigma, channels, True, trial.measured_point)
+        data = output_error_run(model, run, result.sigma, channels, True, trial.measured_point)
         pair = []
         for values, x0 in ((nominal, None), (par, fitted.get(run.name))):
             alone = FitProblem(model, ParameterSet(()), (data,), values)

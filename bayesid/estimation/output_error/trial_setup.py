@@ -1,11 +1,10 @@
-"""From a vehicle and its logs to a problem: which coefficients are free, how far they may go, what was known.
+"""From a vehicle and its logs to an output-error problem.
 
-Takes a `Model`, a trial and choices. Gives a `ParameterSet` or a `FitProblem`. Does not fit.
+Takes a `Model`, a trial and choices. Gives a `FitProblem`. Does not fit.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -14,98 +13,13 @@ import numpy as np
 from bayesid.equations.model import Model
 from bayesid.errors import FitError
 from bayesid.estimation.output_error.problem import FitProblem
-from bayesid.estimation.output_error.run_data import RunData, run_data
-from bayesid.model.params import JointPrior, Parameter, ParameterSet, Prior
-from bayesid.model.terms import TERMS, term
+from bayesid.estimation.output_error.read_run import output_error_run
+from bayesid.estimation.parameters import coefficient_set
+from bayesid.estimation.run_data import RunData
+from bayesid.model.params import ParameterSet
 from bayesid.simulation import TimePlan
 
 Array = np.ndarray
-WIDE = 5.0  # half width of the default bounds in prior standard deviations, or in sizes of the coefficient
-
-
-def coefficient_set(
-    model: Model,
-    free: Iterable[str] | None = None,
-    *,
-    relative_bounds: float | None = None,
-    use_prior: bool = True,
-    ties: Mapping[str, tuple[str, float, float]] | None = None,
-) -> ParameterSet:
-    """Coefficients as unknowns, starting at the vehicle's values.
-
-    Parameters
-    ----------
-    free : names; by default every coefficient of the file this model reads
-    relative_bounds : half width of the bounds over |value|; by default 5 prior sd or 5 |value|, whichever is
-        more
-    use_prior : normal prior from the vehicle file where it states one
-    ties : name -> (free name, factor, offset)
-
-    Raises
-    ------
-    FitError
-        a name the model does not have
-    """
-    names = tuple(free) if free is not None else model.coefficients
-    unknown = [n for n in names if n not in model.index]
-    if unknown:
-        raise FitError(
-            f"model of {model.vehicle.name!r} ({model.dof}-DOF) has no parameter {', '.join(unknown)}; "
-            "see `bayesid vehicle show` for its coefficients"
-        )
-    entries = []
-    for name in names:
-        value = float(model.nominal[model.index[name]])
-        sd = model.prior_sd(name)
-        scale = abs(value) or _unit_size(model, name)
-        half = (
-            relative_bounds * scale if relative_bounds else WIDE * max(scale, 0.0 if math.isnan(sd) else sd)
-        )
-        prior = Prior("normal", value, sd) if use_prior and sd > 0 and math.isfinite(sd) else None
-        entries.append(
-            Parameter(
-                name,
-                value,
-                "free",
-                value - half,
-                value + half,
-                scale,
-                prior,
-                file_scale=model.file_scale(name),
-            )
-        )
-    for name, tie in (ties or {}).items():
-        start = tie[2] + tie[1] * float(model.nominal[model.positions([tie[0]])[0]])
-        entries.append(Parameter(name, start, "tied", tie=tie, file_scale=model.file_scale(name)))
-    joint = _joint(model, names) if use_prior else None
-    if joint is not None:
-        entries = [Parameter(**{**vars(p), "prior": None}) if p.name in joint.names else p for p in entries]
-    return ParameterSet(tuple(entries), joint)
-
-
-def _unit_size(model: Model, name: str) -> float:
-    """Scale of a parameter that is zero: its prior sd, else 1e-3 of the prime unit at the reference speed."""
-    sd = model.prior_sd(name)
-    if sd > 0:
-        return float(sd)
-    if name in {t.name for t in TERMS}:
-        row = term(name)
-        s = model.scales
-        return 1e-3 * 0.5 * s["rho"] * s["L"] ** row.length_power * s["U"] ** (2 - row.velocity_power)
-    return 1.0
-
-
-def _joint(model: Model, names: Sequence[str]) -> JointPrior | None:
-    prior = model.vehicle.prior
-    if prior is None or prior.covariance is None:
-        return None
-    kept = [i for i, n in enumerate(prior.names) if n in names]
-    if not kept:
-        return None
-    picked = tuple(prior.names[i] for i in kept)
-    scale = np.array([model.file_scale(n) for n in picked])
-    covariance = prior.covariance[np.ix_(kept, kept)] * np.outer(scale, scale)
-    return JointPrior(picked, model.nominal[model.positions(picked)], covariance)
 
 
 def trial_problem(
@@ -136,7 +50,9 @@ def trial_problem(
     if not chosen:
         raise FitError(f'trial {trial.name!r} has no run with role "identify"; mark one in trial.toml')
     noise = {**trial.noise, **(sigma or {})}
-    data = tuple(run_data(model, run, noise, channels, initial, trial.measured_point) for run in chosen)
+    data = tuple(
+        output_error_run(model, run, noise, channels, initial, trial.measured_point) for run in chosen
+    )
     return FitProblem(model, params or coefficient_set(model), data, measured_base(model, trial), threads)
 
 

@@ -1,88 +1,29 @@
-"""One run as a fit sees it: time plan, readings, noise and what is known of the initial state.
+"""A logged run as an output-error fit reads it: noise and initial state from the record where none is stated.
 
-Takes a logged run, or arrays. Gives `RunData`. Does not simulate.
+Takes a `trials.Run`. Gives `RunData`. Does not simulate.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from bayesid.equations.model import Model
 from bayesid.errors import FitError
-from bayesid.model.channels import channel
+from bayesid.estimation.run_data import Array, RunData
 from bayesid.model.vehicles import self_propulsion_speed
-from bayesid.simulation import TimePlan, plan_trial_run
+from bayesid.simulation import plan_trial_run
 from bayesid.trials.noise import rough_noise
 
-Array = np.ndarray
 # A run's start is read from this many samples at most; enough to average noise, too short for the vehicle to
 # turn.
 START_SAMPLES = 9
 
 
-@dataclass(frozen=True, eq=False)
-class RunData:
-    """Readings of one run.
-
-    Attributes
-    ----------
-    name : for messages and tables
-    plan : time grid and inputs
-    channels : (c,) names of the readings compared
-    readings : (n, c) SI; NaN where a sample is missing
-    sigma : (c,) one sigma of white noise, SI
-    x0 : (nx,) initial state; the centre of its prior where it is free
-    initial : names of the states whose initial value is unknown
-    initial_sd : (k,) prior standard deviation of those, inf for none
-    """
-
-    name: str
-    plan: TimePlan
-    channels: tuple[str, ...]
-    readings: Array
-    sigma: Array
-    x0: Array
-    initial: tuple[str, ...] = ()
-    initial_sd: Array = field(default_factory=lambda: np.zeros(0))
-
-    def __post_init__(self) -> None:
-        n, c = self.plan.t.size, len(self.channels)
-        if self.readings.shape != (n, c) or np.shape(self.sigma) != (c,):
-            raise FitError(
-                f"run {self.name!r}: readings {self.readings.shape} and noise {np.shape(self.sigma)} "
-                f"do not match {n} samples of {c} channels"
-            )
-        if not (np.isfinite(self.sigma).all() and (np.asarray(self.sigma) > 0).all()):
-            bad = [f"{k} ({s})" for k, s in zip(self.channels, self.sigma, strict=True) if not s > 0]
-            raise FitError(f"run {self.name!r}: noise must be positive, not {', '.join(bad) or 'nan'}")
-        if not np.isfinite(self.readings).any():
-            raise FitError(f"run {self.name!r}: no finite reading in {', '.join(self.channels)}")
-
-    @property
-    def circular(self) -> Array:
-        """(c,) True for angles compared modulo a turn."""
-        return np.array([channel(c).circular for c in self.channels])
-
-    def residuals(self, simulated: Array) -> Array:
-        """(n, c) simulated minus read, over sigma; circular channels by the shortest way; 0 where missing."""
-        difference = simulated - self.readings
-        around = self.circular
-        if around.any():
-            difference[:, around] = np.remainder(difference[:, around] + np.pi, 2 * np.pi) - np.pi
-        return np.where(np.isfinite(self.readings), difference / self.sigma, 0.0)
-
-    def with_sigma(self, sigma: Mapping[str, float]) -> RunData:
-        """The run with other noise for some channels."""
-        values = [sigma.get(c, s) for c, s in zip(self.channels, self.sigma, strict=True)]
-        return replace(self, sigma=np.array(values, dtype=float))
-
-
-def run_data(
+def output_error_run(
     model: Model,
     run: Any,
     sigma: Mapping[str, float] | None = None,
@@ -120,6 +61,8 @@ def run_data(
         if not value > 0:
             raise FitError(f"run {run.name!r}: channel {c} is constant and has no stated noise; leave it out")
         noise.append(value)
+    if not any(np.isfinite(run.data[c]).any() for c in wanted):
+        raise FitError(f"run {run.name!r}: no finite reading in {', '.join(wanted)}")
     x0 = initial_state(model, run, measured_point)
     free = model.states if initial else ()
     return RunData(
@@ -131,6 +74,8 @@ def run_data(
         x0,
         free,
         initial_spread(model, x0, free),
+        run.manoeuvre,
+        run.role,
     )
 
 

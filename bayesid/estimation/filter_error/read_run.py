@@ -1,13 +1,11 @@
-"""One logged run as the filter-error likelihood reads it, and a first guess of its path from the readings
-alone.
+"""A logged run as a filter-error fit reads it, with a first guess of its path from the readings alone.
 
-Takes a `Model` and a `trials.Run`. Gives a frozen `RunReadings`. Does not fit.
+Takes a `Model` and a `trials.Run`. Gives `RunData`. Does not fit.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,9 +13,9 @@ from scipy.ndimage import median_filter
 from scipy.signal import savgol_filter
 
 from bayesid.equations.model import Model
+from bayesid.estimation.run_data import Array, RunData
 from bayesid.simulation import TimePlan, plan_trial_run
 
-Array = np.ndarray
 ANGLES = frozenset({"psi", "phi", "theta"})
 # Error of the first guess of velocities over U, of turning rates over U/L.
 FIRST_SLOPE_ERROR = 0.07
@@ -30,49 +28,7 @@ FINS = {"delta_r": "r", "delta_s": "s", "delta_b": "b"}
 FIRST_SPEED_LENGTHS = 5.0
 
 
-@dataclass(frozen=True, eq=False)
-class RunReadings:
-    """Readings of one run.
-
-    Attributes
-    ----------
-    name, manoeuvre, role : as in the bundle
-    plan : Plan
-    channels : (q,) positions of the measured channels in `model.kernel.channels`
-    data, valid : (n, q) readings [SI] and whether they count
-    sigma : (q,) white sensor noise, one standard deviation
-    path : (n, nx) first guess of the states of the full kernel
-    start_sd : (nx,) how far the first state may be off
-    straight : nothing ordered, course kept (`_straight`): what moves sideways is the environment
-    first : (nx,) prior mean of the first state; None is that of `linearise`
-    fresh : (n-1, nx) deviation by which the state may jump at the end of each interval: none, unless an event
-        took the vehicle or its navigation out of the model's hands
-    """
-
-    name: str
-    manoeuvre: str
-    role: str
-    plan: TimePlan
-    channels: tuple[int, ...]
-    data: Array
-    valid: Array
-    sigma: Array
-    path: Array
-    start_sd: Array
-    straight: bool = False
-    first: Array | None = None
-    fresh: Array | None = None
-
-    @property
-    def n(self) -> int:
-        return int(self.plan.t.size)
-
-    def without(self, bad: Array) -> RunReadings:
-        """Same log with some readings set aside."""
-        return replace(self, valid=self.valid & ~bad)
-
-
-def read_run(model: Model, run: Any, noise: Mapping[str, float], channels: Sequence[str]) -> RunReadings:
+def filter_error_run(model: Model, run: Any, noise: Mapping[str, float], channels: Sequence[str]) -> RunData:
     """Log of a trial run.
 
     Parameters
@@ -103,19 +59,19 @@ def read_run(model: Model, run: Any, noise: Mapping[str, float], channels: Seque
             first[states.index(name)], wide[name] = 0.0, sd * s["U"]
     if "v" not in names and "v_lagged" in states:
         first[states.index("v_lagged")] = 0.0
-    return RunReadings(
-        name=run.name,
-        manoeuvre=run.manoeuvre,
-        role=run.role,
-        plan=plan,
-        channels=tuple(model.kernel.channels.index(c) for c in names),
-        data=data,
-        valid=np.isfinite(data),
-        sigma=np.array([noise[c] for c in names]),
-        path=path,
-        start_sd=np.array([wide.get(n, 0.1 * s["U"]) for n in states]),
-        straight=_straight(model, plan, _heading(model, plan, path, names)),
-        first=first,
+    return RunData(
+        run.name,
+        plan,
+        tuple(names),
+        data,
+        np.array([noise[c] for c in names]),
+        first,
+        states,
+        np.array([wide.get(n, 0.1 * s["U"]) for n in states]),
+        run.manoeuvre,
+        run.role,
+        path,
+        _straight(model, plan, _heading(model, plan, path, names)),
     )
 
 

@@ -1,0 +1,186 @@
+"""Which parameters of a model an estimator is to find: coefficients and effect parameters, with their priors.
+
+Takes a `Model` and names. Gives a `ParameterSet`, the one description both estimators read, or its Gaussian
+form in arrays.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bayesid.equations.model import Model, eval_scale
+from bayesid.errors import FitError
+from bayesid.model.effects import Effect
+from bayesid.model.params import JointPrior, Parameter, ParameterSet, Prior
+from bayesid.model.terms import TERMS, term
+
+Array = np.ndarray
+# Prior sd over |value| of a coefficient for which the vehicle file states none, where a prior is needed.
+DEFAULT_RELATIVE_SD = 0.1
+WIDE = 5.0  # half width of the default bounds in prior standard deviations, or in sizes of the coefficient
+
+
+def coefficient_set(
+    model: Model,
+    free: Iterable[str] | None = None,
+    *,
+    relative_bounds: float | None = None,
+    use_prior: bool = True,
+    ties: Mapping[str, tuple[str, float, float]] | None = None,
+) -> ParameterSet:
+    """Coefficients as unknowns, starting at the vehicle's values.
+
+    Parameters
+    ----------
+    free : names; by default every coefficient of the file this model reads
+    relative_bounds : half width of the bounds over |value|; by default 5 prior sd or 5 |value|, whichever is
+        more
+    use_prior : normal prior from the vehicle file where it states one
+    ties : name -> (free name, factor, offset)
+
+    Raises
+    ------
+    FitError
+        a name the model does not have
+    """
+    names = tuple(free) if free is not None else model.coefficients
+    unknown = [n for n in names if n not in model.index]
+    if unknown:
+        raise FitError(
+            f"model of {model.vehicle.name!r} ({model.dof}-DOF) has no parameter {', '.join(unknown)}; "
+            "see `bayesid vehicle show` for its coefficients"
+        )
+    entries = []
+    for name in names:
+        value = float(model.nominal[model.index[name]])
+        sd = model.prior_sd(name)
+        scale = abs(value) or _unit_size(model, name)
+        half = (
+            relative_bounds * scale if relative_bounds else WIDE * max(scale, 0.0 if math.isnan(sd) else sd)
+        )
+        prior = Prior("normal", value, sd) if use_prior and sd > 0 and math.isfinite(sd) else None
+        entries.append(
+            Parameter(
+                name,
+                value,
+                "free",
+                value - half,
+                value + half,
+                scale,
+                prior,
+                file_scale=model.file_scale(name),
+            )
+        )
+    for name, tie in (ties or {}).items():
+        start = tie[2] + tie[1] * float(model.nominal[model.positions([tie[0]])[0]])
+        entries.append(Parameter(name, start, "tied", tie=tie, file_scale=model.file_scale(name)))
+    joint = _joint(model, names) if use_prior else None
+    if joint is not None:
+        entries = [Parameter(**{**vars(p), "prior": None}) if p.name in joint.names else p for p in entries]
+    return ParameterSet(tuple(entries), joint)
+
+
+def _unit_size(model: Model, name: str) -> float:
+    """Scale of a parameter that is zero: its prior sd, else 1e-3 of the prime unit at the reference speed."""
+    sd = model.prior_sd(name)
+    if sd > 0:
+        return float(sd)
+    if name in {t.name for t in TERMS}:
+        row = term(name)
+        s = model.scales
+        return 1e-3 * 0.5 * s["rho"] * s["L"] ** row.length_power * s["U"] ** (2 - row.velocity_power)
+    return 1.0
+
+
+def _joint(model: Model, names: Sequence[str]) -> JointPrior | None:
+    prior = model.vehicle.prior
+    if prior is None or prior.covariance is None:
+        return None
+    kept = [i for i, n in enumerate(prior.names) if n in names]
+    if not kept:
+        return None
+    picked = tuple(prior.names[i] for i in kept)
+    scale = np.array([model.file_scale(n) for n in picked])
+    covariance = prior.covariance[np.ix_(kept, kept)] * np.outer(scale, scale)
+    return JointPrior(picked, model.nominal[model.positions(picked)], covariance)
+
+
+def effect_set(model: Model, effect: Effect) -> ParameterSet:
+    """Parameters of one effect as unknowns with the prior its declaration states."""
+    entries = []
+    for p in effect.parameters:
+        sd = p.sd * eval_scale(p.scale, model.scales)
+        low = p.off if p.one_sided else -math.inf
+        entries.append(
+            Parameter(effect.key(p.name), p.mean, low=low, scale=sd, prior=Prior("normal", p.mean, sd))
+        )
+    return ParameterSet(tuple(entries))
+
+
+@dataclass(frozen=True, eq=False)
+class GaussianPrior:
+    """Free parameters of a set with independent normal priors, as arrays.
+
+    Attributes
+    ----------
+    names : (k,) free parameters
+    where : (k,) their positions in the model's parameter vector
+    mean, sd : (k,) of the prior [SI]
+    low : (k,) lower bounds [SI], -inf for none
+    """
+
+    names: tuple[str, ...]
+    where: Array
+    mean: Array
+    sd: Array
+    low: Array
+
+    def __add__(self, other: GaussianPrior) -> GaussianPrior:
+        return GaussianPrior(
+            (*self.names, *other.names),
+            np.concatenate([self.where, other.where]),
+            np.concatenate([self.mean, other.mean]),
+            np.concatenate([self.sd, other.sd]),
+            np.concatenate([self.low, other.low]),
+        )
+
+
+NO_PARAMETERS = GaussianPrior((), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0), np.zeros(0))
+
+
+def gaussian_prior(model: Model, params: ParameterSet) -> GaussianPrior:
+    """Free parameters of a set with their normal priors; `DEFAULT_RELATIVE_SD` where one states none.
+
+    Bounds count only where an effect may not change its sign; of a joint prior the standard deviations count.
+    A parameter that is zero and has no prior is left out.
+    """
+    known = (
+        {}
+        if params.joint is None
+        else dict(zip(params.joint.names, np.sqrt(np.diag(params.joint.covariance)), strict=True))
+    )
+    kept = []
+    for p in params.free:
+        sd = known.get(p.name, p.prior.spread if p.prior else math.nan)
+        sd = sd if math.isfinite(sd) and sd > 0 else DEFAULT_RELATIVE_SD * abs(p.start)
+        if sd > 0:
+            kept.append(
+                (p.name, p.prior.centre if p.prior else p.start, sd, p.low if "." in p.name else -math.inf)
+            )
+    names = tuple(name for name, *_ in kept)
+    mean, sd, low = np.array([values for _, *values in kept], dtype=float).reshape(-1, 3).T
+    return GaussianPrior(names, model.positions(names), mean, sd, low)
+
+
+def coefficient_prior(model: Model) -> GaussianPrior:
+    """All coefficients of the vehicle within the prior of its file."""
+    return gaussian_prior(model, coefficient_set(model))
+
+
+def effect_prior(model: Model, effect: Effect) -> GaussianPrior:
+    """Parameters of one effect within its declared prior."""
+    return gaussian_prior(model, effect_set(model, effect))
