@@ -182,9 +182,15 @@ def test_every_planar_parameter_has_its_exact_derivative(name):
     ids=["thrust curve", "strips", "six degrees", "propeller loading"],
 )
 def test_every_parameter_of_every_kernel_has_its_exact_derivative(name, dof, eta):
-    """The text of the kernels run as plain Python over three samples; compiled runs are slow tests."""
+    """The text of the kernels run as plain Python over three samples; compiled runs are slow tests.
+
+    Of the large kernels only the parameters that `generic_sub` does not have in the plane, which has them
+    compiled above.
+    """
     model, par, plan, x0 = case(name, dof, samples=3, eta=eta)
-    assert misjudged(uncompiled(model), par, plan, x0, smooth_parameters(model)) == {}
+    above = set(case("generic_sub")[0].kernel.parameters)
+    wanted = [n for n in smooth_parameters(model) if n not in above]
+    assert misjudged(uncompiled(model), par, plan, x0, wanted) == {}
 
 
 @pytest.mark.slow
