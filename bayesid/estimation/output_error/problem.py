@@ -178,7 +178,7 @@ class FitProblem:
 
     def jacobian(self, z: Array) -> tuple[Array, Array]:
         """Residuals and their exact Jacobian (rows as in `residuals`) by all unknowns."""
-        return self._stacked(z, self._block(z))
+        return self._stacked(z, self.run_blocks(z))
 
     def compressed(self, z: Array) -> tuple[Array, Array]:
         """Residuals and Jacobian turned, run by run, into as few rows as there are unknowns, plus one.
@@ -186,7 +186,7 @@ class FitProblem:
         An orthogonal change of rows: norms, J^T J and J^T r are those of `jacobian`, which for long logs with
         many initial states would not fit into memory. The prior's rows stay as they are and come last.
         """
-        block = self._block(z)
+        block = self.run_blocks(z)
 
         def one(i: int) -> tuple[Array, Array]:
             resid, jac = block(i)
@@ -206,7 +206,7 @@ class FitProblem:
         resid, prior = self.prior(z)
         return np.concatenate([*resids, resid]), np.vstack([*rows, prior])
 
-    def _block(self, z: Array) -> Callable[[int], tuple[Array, Array]]:
+    def run_blocks(self, z: Array) -> Callable[[int], tuple[Array, Array]]:
         """Residuals of one run and their Jacobian by the parameters and the run's own initial states."""
         par, starts = self.split(z)
         positions, slopes = self._chain
