@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bayesid.cli.main import run
-from bayesid.estimation.output_error.segments import in_pieces
+from bayesid.estimation.segments import in_pieces
 from bayesid.model.vehicles import load_vehicle
 from bayesid.trials import load_trial
 

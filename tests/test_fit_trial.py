@@ -10,8 +10,7 @@ import pytest
 
 from bayesid.equations.model import build_model
 from bayesid.errors import FitError
-from bayesid.estimation.output_error import fit_trial
-from bayesid.estimation.output_error.trial_fit import memory, outcomes
+from bayesid.estimation.trial_fit import fit_trial, memory, outcomes
 from bayesid.manoeuvres import turn, zigzag
 from bayesid.model.vehicles import coef_si, load_vehicle
 from bayesid.report.fit import fit_report, write_fit_report

@@ -6,13 +6,16 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from bayesid.api.inputs import Names, TrialLike, VehicleLike, names_of, prepared, trial_of, vehicle_of
 from bayesid.api.result import Result, table
 from bayesid.errors import FitError
-from bayesid.estimation.output_error import FitOptions, TrialFit
-from bayesid.estimation.output_error.segments import fit_in_pieces
+from bayesid.estimation.likelihood import NoiseParts
+from bayesid.estimation.likelihood.posterior import CONFLICT
+from bayesid.estimation.output_error import FitOptions
+from bayesid.estimation.segments import fit_in_pieces
+from bayesid.estimation.trial_fit import TrialFit
 from bayesid.model.vehicles import Vehicle
 from bayesid.progress import Progress
 from bayesid.report.fit import fit_report, noise_level, write_fit_report
@@ -40,6 +43,7 @@ def fit(
     resample: float | None = None,
     pieces: float | None = None,
     estimate_noise: bool = False,
+    residuals: Literal["auto", "white"] = "auto",
     starts: int = 1,
     resume: bool = True,
     seed: int = 0,
@@ -59,6 +63,8 @@ def fit(
     resample : read every so many seconds only
     pieces : fit runs in pieces of this length [s], for unstable vehicles
     estimate_noise : weights from the residuals instead of the stated noise
+    residuals : "auto" gives readings the weight, and coefficients the interval, that memory of the residuals
+        and differences between runs ask for; "white" takes residuals as white noise
     starts : number of starts
     resume : go on from an interrupted fit in `out`
 
@@ -86,6 +92,7 @@ def fit(
     with (progress or Progress(quiet=True)).stage("fit") as stage:
         found = fit_in_pieces(
             chosen, pieces, ship, out, free=names_of(free), fixed=kept, options=options, resume=resume,
+            parts=NoiseParts() if residuals == "white" else None,
             watch=lambda done, cost, step: stage.step(info=f"cost {cost:.6g}, step {step:.1g}"),
         )  # fmt: skip
     return FitResult(found)
@@ -118,10 +125,16 @@ class FitResult(Result):
         scale = self.found.problem.params.vector("file_scale")
         rows: list[list[Any]] = []
         for i, name in enumerate(result.names[: result.n_params]):
-            bound = "on a bound" if name in result.at_bound else ""
+            bound = "on a bound" if name in result.at_bound else self._remark(i)
             relative = 100 * result.sd[i] / max(abs(result.z[i]), 1e-300)
             rows.append([name, result.start[i] / scale[i], result.z[i] / scale[i], relative, bound])
         return rows
+
+    def _remark(self, i: int) -> str:
+        posterior = self.found.posterior
+        if posterior is None or not abs(posterior.conflict[i]) > CONFLICT:
+            return ""
+        return f"prior conflict {posterior.conflict[i]:+.1f} sd"
 
     def to_dataframe(self) -> pandas.DataFrame:
         return table(COLUMNS, self.coefficients()).set_index("coefficient")
@@ -145,6 +158,7 @@ class FitResult(Result):
                 for i, name in enumerate(result.names[: result.n_params])
             },
             "at_bound": result.at_bound,
+            "uncertainty": result.uncertainty,
             "flat": [{"name": d.name, "held_by": d.decided_by} for d in result.flat],
             "runs": prediction_numbers(found.runs),
         }  # fmt: skip
@@ -169,12 +183,21 @@ class FitResult(Result):
         return "\n".join(lines)
 
     def _doubts(self) -> list[str]:
-        """Reasons not to trust the standard deviations."""
+        """What the standard deviations rest on, and reasons not to trust them."""
         found, result, lines = self.found, self.found.fit, []
+        if found.posterior is not None:
+            lines += found.posterior.doubts()
+            lines.append(f"errors of the fit: {found.posterior.parts.describe()}")
         if 2 * result.cost > MISFIT**2 * result.n_readings:
+            checked = found.posterior is not None and found.posterior.halves is not None
             lines.append(
-                "The model misses these runs, or the stated noise is too small: the standard deviations are "
-                "not to be trusted. Try --estimate-noise, or `bayesid diagnose`."
+                "The model misses these runs, or the stated noise is too small: "
+                + (
+                    "the standard deviations allow for it as far as the runs show it. "
+                    if checked
+                    else "with a single run the standard deviations are not to be trusted. "
+                )
+                + "Try --estimate-noise, or `bayesid diagnose`."
             )
         stated = found.trial.noise
         above = {c: v / stated[c] for c, v in result.sigma.items() if stated.get(c, 0) > 0}

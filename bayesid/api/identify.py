@@ -16,7 +16,7 @@ from bayesid.api.inputs import Names, TrialLike, VehicleLike, names_of, prepared
 from bayesid.api.result import Result, table
 from bayesid.equations.model import build_model
 from bayesid.estimation.output_error import coefficient_set, load_fit, trial_problem
-from bayesid.estimation.output_error.segments import in_pieces
+from bayesid.estimation.segments import in_pieces
 from bayesid.model.vehicles import ASSUMED_RELATIVE_SD
 from bayesid.progress import Progress
 from bayesid.report import identify as words

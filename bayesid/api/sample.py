@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any, Literal
 from bayesid.api.inputs import Names, TrialLike, VehicleLike, names_of, prepared, trial_of, vehicle_of
 from bayesid.api.result import Result, table
 from bayesid.equations.model import build_model
-from bayesid.estimation.output_error import TrialFit, coefficient_set
-from bayesid.estimation.output_error.segments import fit_in_pieces
+from bayesid.estimation.output_error import coefficient_set
 from bayesid.estimation.sampling import Posterior, SamplerOptions, SamplingSettings, trial_density
 from bayesid.estimation.sampling import sample as draw
 from bayesid.estimation.sampling.priors import with_prior
+from bayesid.estimation.segments import fit_in_pieces
+from bayesid.estimation.trial_fit import TrialFit
 from bayesid.model.vehicles import ASSUMED_RELATIVE_SD
 from bayesid.progress import Progress
 from bayesid.report.sample import COLUMNS, noise_words, rows, sample_report, verdict, write_sample_report

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -12,6 +12,14 @@ from bayesid.cli.terminal import NOT_CONVERGED, OK
 
 Estimate = Annotated[
     bool, typer.Option("--estimate-noise", help="Weights from the residuals instead of the stated noise.")
+]
+Residuals = Annotated[
+    Literal["auto", "white"],
+    typer.Option(
+        "--residuals",
+        help="auto: weight and intervals as memory of the residuals and differences between runs ask for; "
+        "white: as if residuals were white noise.",
+    ),
 ]
 Fresh = Annotated[bool, typer.Option("--fresh", help="Do not go on from an interrupted fit in --out.")]
 Starts = Annotated[int, typer.Option("--starts", min=1, max=256, help="Number of starts.")]
@@ -28,6 +36,7 @@ def fit(
     resample: Resample = None,
     pieces: Pieces = None,
     estimate: Estimate = False,
+    residuals: Residuals = "auto",
     starts: Starts = 1,
     fresh: Fresh = False,
     seed: Seed = 0,
@@ -45,7 +54,7 @@ def fit(
 
     found = run(
         bundle, vehicle, data=data, out=out, free=free, fix=fix, runs=runs, resample=resample, pieces=pieces,
-        estimate_noise=estimate, starts=starts, resume=not fresh, seed=seed, quick=quick,
+        estimate_noise=estimate, residuals=residuals, starts=starts, resume=not fresh, seed=seed, quick=quick,
         progress=Progress(quiet=as_json),
     )  # fmt: skip
     files = {} if out is None else {"identified vehicle": out / "vehicle.toml"}

@@ -11,7 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from bayesid.estimation.output_error import Fit, RunOutcome, TrialFit
+from bayesid.estimation.likelihood.posterior import CONFLICT
+from bayesid.estimation.output_error import Fit
+from bayesid.estimation.trial_fit import RunOutcome, TrialFit
 from bayesid.model.terms import TERMS, term
 from bayesid.report import fit_figures as figures
 from bayesid.report import writer
@@ -68,8 +70,11 @@ def fit_report(found: TrialFit) -> Report:
             f"{noise_level(found.runs, 'holdout', 'rms_nominal')} to "
             f"{noise_level(found.runs, 'holdout', 'rms_fitted')}."
         )
+    if found.posterior is not None:
+        parts[1:1] = [f"**{line}**" for line in found.posterior.doubts()[:1] if not found.posterior.final]
     sections = [
         _coefficients(found),
+        *_certainty(found),
         _open_directions(found.fit),
         _residuals(found),
         _runs(found),
@@ -100,6 +105,8 @@ def _coefficients(found: TrialFit) -> Section:
             flags.append("the prior decides")
         if any(abs(d.vector[i]) > 0.3 for d in open_names):
             flags.append("part of an open combination")
+        if found.posterior is not None and abs(found.posterior.conflict[i]) > CONFLICT:
+            flags.append(f"conflicts with the prior ({found.posterior.conflict[i]:+.1f} sd)")
         start, value, sd = fit.start[i] / scale[i], fit.z[i] / scale[i], fit.sd[i] / abs(scale[i])
         size = abs(value) or 1.0
         prior = 100 * fit.prior_sd[i] / abs(scale[i]) / size if np.isfinite(fit.prior_sd[i]) else None
@@ -111,9 +118,8 @@ def _coefficients(found: TrialFit) -> Section:
     labels = [_LABELS.get(n, n) for n in fit.names[:k]]
     drawn = figures.estimates(labels, change, fit.sd[:k] / abs(start), fit.prior_sd[:k] / abs(start))
     text = (
-        f"Values in the {unit}. The standard deviation comes from the curvature at the estimate, prior "
-        f"included, and "
-        "holds as far as the residuals are white (see the memory column of the residuals)."
+        f"Values in the {unit}. The standard deviation includes the prior and what the residuals show of "
+        "memory and of differences between runs (next section)."
     )
     caption = (
         "Estimates over their start values; a parameter that starts at zero is shown as 1 + value / scale. "
@@ -123,6 +129,30 @@ def _coefficients(found: TrialFit) -> Section:
         "Coefficients",
         [Text(text), Table(columns, rows), Figure("estimates", drawn, caption)],
     )
+
+
+def _certainty(found: TrialFit) -> list[Section]:
+    """What the standard deviations rest on; nothing for a fit without a posterior."""
+    posterior = found.posterior
+    if posterior is None:
+        return []
+    parts, half = posterior.parts, posterior.halves
+    text = [
+        f"Errors of the fit: {parts.describe()}. A reading counts for {100 * parts.weight:.2g} % of what it "
+        "would with white noise, beside the prior and in the standard deviations, which are "
+        f"{np.median(posterior.sd / posterior.white_sd):.2g} times those of white noise (median)."
+    ]
+    if half is None:
+        text.append("A single run: whether runs agree cannot be checked.")
+    elif not half.counted.any():
+        text.append("Odd and even runs cannot be compared: they determine no coefficient.")
+    else:
+        text.append(
+            f"Odd and even runs, fitted apart, differ by {half.rms:.2g} standard deviations rms over the "
+            f"{int(half.counted.sum())} coefficients the data determine (1 is expected; p = {half.p:.2g})."
+        )
+    text += posterior.doubts()
+    return [Section("What the standard deviations rest on", [Text(" ".join(text))])]
 
 
 def _open_directions(fit: Fit) -> Section:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from bayesid.estimation.output_error import RunOutcome
+from bayesid.estimation.trial_fit import RunOutcome
 from bayesid.model.channels import channel
 
 PREDICTION_COLUMNS = (

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from bayesid.estimation.output_error import TrialFit
 from bayesid.estimation.sampling import Posterior
+from bayesid.estimation.trial_fit import TrialFit
 from bayesid.report import sample_figures as figures
 from bayesid.report import writer
 from bayesid.report.writer import Figure, Report, Section, Table, Text, literal

@@ -40,8 +40,8 @@ from bayesid.api.compare import compared
 from bayesid.diagnosis.data.problem import build_problem
 from bayesid.equations.model import build_model
 from bayesid.estimation.output_error import measured_base, output_error_run
-from bayesid.estimation.output_error.segments import in_pieces
 from bayesid.estimation.parameters import effect_prior
+from bayesid.estimation.segments import in_pieces
 from bayesid.files import write_json
 from bayesid.lock import lock_or_exit
 from bayesid.manoeuvres import OpenLoop, on_grid

@@ -27,12 +27,12 @@ from bayesid.analysis.identifiability import (
 from bayesid.equations.model import Model, build_model
 from bayesid.errors import SampleError
 from bayesid.estimation.output_error import FitOptions, FitProblem, coefficient_set, fit, trial_problem
-from bayesid.estimation.output_error.segments import fit_in_pieces
 from bayesid.estimation.sampling import Posterior, SamplerOptions, load_posterior, sample
 from bayesid.estimation.sampling.nuts import NutsOptions, continue_nuts, sample_nuts
 from bayesid.estimation.sampling.trial_gradient import GradientTrialDensity
 from bayesid.estimation.sampling.trial_posterior import TrialDensity
 from bayesid.estimation.sampling.trial_setup import trial_density
+from bayesid.estimation.segments import fit_in_pieces
 from bayesid.lock import lock_or_exit
 from bayesid.manoeuvres import Manoeuvre, chirp, spiral, zigzag
 from bayesid.model.vehicles import load_vehicle

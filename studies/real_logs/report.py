@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from bayesid.estimation.output_error import RunOutcome, TrialFit
+from bayesid.estimation.trial_fit import RunOutcome, TrialFit
 from bayesid.report.fit import fit_report
 from bayesid.report.prediction_error import prediction_numbers
 from bayesid.report.writer import Report, Section, Table, Text, literal

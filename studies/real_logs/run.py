@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from bayesid.estimation.output_error import FitOptions, TrialFit
-from bayesid.estimation.output_error.segments import fit_in_pieces, in_pieces
-from bayesid.estimation.output_error.trial_fit import outcomes
+from bayesid.estimation.output_error import FitOptions
+from bayesid.estimation.segments import fit_in_pieces, in_pieces
+from bayesid.estimation.trial_fit import TrialFit, outcomes
 from bayesid.lock import lock_or_exit
 from bayesid.model.terms import term
 from bayesid.model.vehicles import Vehicle, load_vehicle

@@ -12,7 +12,6 @@ from bayesid.estimation.output_error.problem import FitProblem
 from bayesid.estimation.output_error.read_run import initial_state, output_error_run
 from bayesid.estimation.output_error.residual_correlation import beyond_chance, memory
 from bayesid.estimation.output_error.search import FitOptions, fit, start_points
-from bayesid.estimation.output_error.trial_fit import RunOutcome, TrialFit, fit_trial
 from bayesid.estimation.output_error.trial_setup import measured_base, trial_problem, unweighted
 from bayesid.estimation.parameters import coefficient_set
 
@@ -21,12 +20,9 @@ __all__ = [
     "Fit",
     "FitOptions",
     "FitProblem",
-    "RunOutcome",
-    "TrialFit",
     "beyond_chance",
     "coefficient_set",
     "fit",
-    "fit_trial",
     "flat_directions",
     "initial_state",
     "load_fit",

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -30,8 +30,8 @@ class Fit:
     ----------
     names : of all unknowns, the `n_params` parameters first, then initial states "run:psi(0)"
     z, start, low, high : (k,) SI
-    sd, covariance : from the curvature at the estimate, prior included, white noise assumed; inf where
-        nothing holds
+    sd, covariance : at the estimate, prior included: of white noise, unless `uncertainty` says otherwise; inf
+        where nothing holds
     prior_sd : (k,) of single priors, inf where there is none
     cost_start, cost : half the sum of squared residuals (half of V for the paper's objective)
     at_bound : names on a bound, or within 1e-6 of its width
@@ -42,6 +42,7 @@ class Fit:
         in all
     starts : per start its first and last cost and stop reason
     sigma, channel_rms : per channel [SI]
+    uncertainty : what `sd` and `covariance` rest on where they are not those of white noise (`likelihood`)
     """
 
     names: tuple[str, ...]
@@ -75,6 +76,7 @@ class Fit:
     channel_rms: Mapping[str, float]
     seed: int
     digest: str
+    uncertainty: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def converged(self) -> bool:
@@ -83,8 +85,9 @@ class Fit:
 
     @property
     def success(self) -> bool:
-        """Converged, and no combination is left open by data and prior together."""
-        return self.converged and all(d.decided_by == "prior" for d in self.flat)
+        """Converged, the runs agree, and no combination is left open by data and prior together."""
+        agreed = bool(self.uncertainty.get("final", True))
+        return self.converged and agreed and all(d.decided_by == "prior" for d in self.flat)
 
     @property
     def verdict(self) -> str:
@@ -122,7 +125,7 @@ def load_fit(path: str | os.PathLike[str]) -> Fit:
     target = Path(path)
     try:
         raw = json.loads(target.read_text(encoding="utf-8"))
-        known = {f.name: raw[f.name] for f in fields(Fit)}
+        known = {f.name: raw[f.name] for f in fields(Fit) if f.name in raw or f.name != "uncertainty"}
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise FitError(f"{target.name}: not a stored fit ({type(error).__name__}: {error})") from None
     arrays = ("z", "start", "low", "high", "scale", "sd", "prior_sd", "singular_values")

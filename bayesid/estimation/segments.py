@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from bayesid.estimation.output_error.trial_fit import TrialFit, fit_trial, outcomes
+from bayesid.estimation.trial_fit import TrialFit, fit_trial, outcomes
 from bayesid.model.vehicles import Vehicle
 from bayesid.trials import Run, Trial, window
 

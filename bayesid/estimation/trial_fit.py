@@ -16,11 +16,13 @@ import numpy as np
 
 from bayesid.equations.model import Model, build_model
 from bayesid.errors import FitError, ModelError
+from bayesid.estimation.likelihood import CoefficientPosterior, NoiseParts
+from bayesid.estimation.likelihood.weighted_fit import weighted_fit
 from bayesid.estimation.output_error.fit_result import Fit
 from bayesid.estimation.output_error.problem import FitProblem
 from bayesid.estimation.output_error.read_run import output_error_run
 from bayesid.estimation.output_error.residual_correlation import memory
-from bayesid.estimation.output_error.search import FitOptions, fit
+from bayesid.estimation.output_error.search import FitOptions
 from bayesid.estimation.output_error.trial_setup import measured_base, trial_problem
 from bayesid.estimation.parameters import coefficient_set
 from bayesid.model.params import ParameterSet
@@ -71,6 +73,7 @@ class TrialFit:
     problem: FitProblem
     fit: Fit
     runs: tuple[RunOutcome, ...]
+    posterior: CoefficientPosterior | None = None
 
 
 def fit_trial(
@@ -89,6 +92,7 @@ def fit_trial(
     resume: bool = True,
     threads: int = 2,
     watch: Callable[[int, float, float], None] | None = None,
+    parts: NoiseParts | None = None,
 ) -> TrialFit:
     """Maximum-posterior fit of a trial's runs with role "identify".
 
@@ -101,6 +105,7 @@ def fit_trial(
     ties : name -> (free name, factor, offset)
     params : the unknowns themselves instead of free, fixed, ties, use_prior and relative_bounds
     channels : readings to compare, by default all
+    parts : what the noise is made of; by default what the data ask for, `NoiseParts()` is white noise
     options : with `profile` None, a channel the trial states no noise for makes all of them be estimated
 
     Raises
@@ -124,12 +129,13 @@ def fit_trial(
     if options.profile is None:
         stated = all(c in trial.noise for run in problem.runs for c in run.channels)
         options = replace(options, profile=not stated)
-    result = fit(problem, options, out, resume, watch)
-    problem = problem.with_sigma(result.sigma)
+    problem, result, posterior = weighted_fit(problem, options, out, resume, watch, parts)
     found = _identified(model, trial, result)
     if out is not None:
         write_vehicle(found, Path(out) / "vehicle.toml")
-    return TrialFit(trial, vehicle, found, model, problem, result, outcomes(problem, trial, result))
+    return TrialFit(
+        trial, vehicle, found, model, problem, result, outcomes(problem, trial, result), posterior
+    )
 
 
 def _identified(model: Model, trial: Trial, result: Fit) -> Vehicle:

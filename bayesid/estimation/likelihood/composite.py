@@ -1,0 +1,147 @@
+"""Composite likelihood of runs: their scores as Gaussian data about the parameters.
+
+Takes `RunInformation` and the noise of residuals. Gives posterior and log evidence for any parts. Linear
+algebra about one estimate; parameters in units of their scale.
+
+Output error maximises a likelihood that treats correlated errors as independent. Its score of run r is then
+unbiased with covariance C_r, not with the information H_r: g_r ~ N(H_r (theta - theta0 + d_r), f B_r),
+where d_r ~ N(0, t^2 S) is how the coefficients of run r differ from those of the ship, B_r follows from the
+memory of the residuals, and C_r = f B_r + t^2 H_r S H_r. With prior precision P and the readings'
+likelihood to the power w the estimate has M = w H + P, and its error the covariance M^-1 (w^2 C + P) M^-1;
+white noise has C = H, w = 1 and gives back (J^T J + P)^-1. (Composite likelihood and its power: Varin, Reid
+and Firth 2011; Pauli, Racugno and Ventura 2011. Random effects of runs: DerSimonian and Laird 1986.)
+
+The power is not only a matter of the interval: with all of it, 22 coefficients of a real tanker went up to
+8 prior sd away to follow errors of the model, and left-out runs were predicted worse beyond the length of a
+piece.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from bayesid.estimation.likelihood.parts import NoiseParts
+from bayesid.estimation.likelihood.residual_noise import ResidualNoise
+from bayesid.estimation.likelihood.run_information import RunInformation
+
+Array = np.ndarray
+# Least eigenvalue of a score's covariance over its largest: what rounding leaves of a direction without data.
+FLAT = 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class RunScore:
+    """What one run, all its pieces together, says: information H, covariance B of the score, score g."""
+
+    name: str
+    information: Array
+    covariance: Array
+    score: Array
+
+
+class Law(NamedTuple):
+    """Estimate of the parameters and its error, deviations from theta0 in units of scale.
+
+    mean, covariance : of the parameters
+    response : (k, k) how the estimate follows the true value
+    noise : (k, k) covariance of the estimate about that
+    """
+
+    mean: Array
+    covariance: Array
+    response: Array
+    noise: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Composite:
+    """Scores of runs beside a Gaussian prior.
+
+    Attributes
+    ----------
+    runs : one score per run
+    prior_precision, prior_score : (k, k), (k,) of the prior at the estimate
+    spread : (k,) sd of a coefficient from run to run at `run_spread` 1
+    """
+
+    runs: tuple[RunScore, ...]
+    prior_precision: Array
+    prior_score: Array
+    spread: Array
+
+    def score_covariance(self, run: RunScore, parts: NoiseParts) -> Array:
+        """(k, k) covariance C_r of the score of one run."""
+        smeared = run.information * self.spread
+        return parts.excess * run.covariance + parts.run_spread**2 * smeared @ smeared.T
+
+    def weighed(self, run: RunScore, parts: NoiseParts) -> tuple[Array, Array, float]:
+        """Precision (k, k) and score (k,) of one run under its noise, and its log density at the estimate."""
+        c = self.score_covariance(run, parts)
+        size = np.sqrt(np.maximum(np.diag(c), 1e-300))
+        c = c / np.outer(size, size) + FLAT * np.eye(size.size)
+        factor = cho_factor(c, lower=True)
+        h, g = run.information / size[:, None], run.score / size
+        whole = cho_solve(factor, np.column_stack([h, g]))
+        logdet = 2.0 * float(np.log(np.diag(factor[0])).sum()) + 2.0 * float(np.log(size).sum())
+        return h.T @ whole[:, :-1], h.T @ whole[:, -1], -0.5 * (logdet + float(g @ whole[:, -1]))
+
+    def data(self, parts: NoiseParts, runs: Iterable[RunScore] | None = None) -> tuple[Array, Array, float]:
+        """Sum of `weighed` over some runs, by default all."""
+        k = self.prior_score.size
+        precision, score, log = np.zeros((k, k)), np.zeros(k), 0.0
+        for run in self.runs if runs is None else runs:
+            a, b, c = self.weighed(run, parts)
+            precision, score, log = precision + a, score + b, log + c
+        return 0.5 * (precision + precision.T), score, log
+
+    def law(self, parts: NoiseParts, runs: Iterable[RunScore] | None = None) -> Law:
+        """Estimate and error given some runs, by default all."""
+        chosen = tuple(self.runs if runs is None else runs)
+        h = sum((r.information for r in chosen), np.zeros_like(self.prior_precision))
+        c = sum((self.score_covariance(r, parts) for r in chosen), np.zeros_like(self.prior_precision))
+        g = sum((r.score for r in chosen), np.zeros_like(self.prior_score))
+        w = parts.weight
+        gain = inverse(w * h + self.prior_precision)
+        noise = w**2 * gain @ c @ gain
+        covariance = noise + gain @ self.prior_precision @ gain
+        return Law(gain @ (w * g + self.prior_score), 0.5 * (covariance + covariance.T), w * gain @ h, noise)
+
+    def log_evidence(self, parts: NoiseParts) -> float:
+        """Log density of all scores, parameters integrated out, up to a constant."""
+        precision, score, log = self.data(parts)
+        whole = precision + self.prior_precision
+        right = score + self.prior_score
+        size = np.sqrt(np.diag(whole))
+        _, logdet = np.linalg.slogdet(whole / np.outer(size, size))
+        return log + 0.5 * float(right @ inverse(whole) @ right) - 0.5 * logdet - float(np.log(size).sum())
+
+
+def inverse(matrix: Array) -> Array:
+    """Inverse of a symmetric positive matrix whose units differ; flat directions get that of rounding."""
+    size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    values, vectors = np.linalg.eigh(matrix / np.outer(size, size))
+    scaled = vectors / np.sqrt(np.maximum(values, 1e-12 * max(float(values[-1]), 1e-300)))
+    return (scaled @ scaled.T) / np.outer(size, size)
+
+
+def run_scores(
+    infos: Sequence[RunInformation], noise: ResidualNoise, groups: Sequence[str]
+) -> tuple[RunScore, ...]:
+    """Scores of runs whose pieces belong together; `groups` names the run of every piece.
+
+    Without memory the covariance of a score is its information, whatever the residuals are.
+    """
+    found: dict[str, list[Array]] = {}
+    for info, group in zip(infos, groups, strict=True):
+        h = info.information
+        b = h if noise.order == 0 else noise.of_score(info.columns) + info.start.T @ info.start
+        if group in found:
+            found[group] = [x + y for x, y in zip(found[group], (h, b, info.score), strict=True)]
+        else:
+            found[group] = [h, b, info.score]
+    return tuple(RunScore(name, *values) for name, values in found.items())

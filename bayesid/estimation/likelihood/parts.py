@@ -1,0 +1,43 @@
+"""What the errors of a fit are made of, beside white sensor noise.
+
+Plain numbers with a sentence. Does not estimate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class NoiseParts:
+    """Parts of the composite likelihood; all off is output error with white noise.
+
+    Attributes
+    ----------
+    order : of the vector autoregression of the residuals; 0 is white
+    excess : factor on the covariance of the runs' scores beyond that, at least 1
+    run_spread : sd of a coefficient from run to run over its prior sd (its size where there is no prior)
+    weight : share of the information of white noise that the readings carry, 0 to 1; the power of their
+        likelihood beside the prior
+    """
+
+    order: int = 0
+    excess: float = 1.0
+    run_spread: float = 0.0
+    weight: float = 1.0
+
+    @property
+    def white(self) -> bool:
+        """Whether nothing but white noise is there."""
+        return self.order == 0 and self.excess == 1.0 and self.run_spread == 0.0
+
+    def describe(self) -> str:
+        """One line for a screen."""
+        if self.white:
+            return "white sensor noise"
+        said = ["white sensor noise" if self.order == 0 else f"residuals with memory (order {self.order})"]
+        if self.excess > 1.0:
+            said.append(f"{self.excess**0.5:.2g} times that between runs")
+        if self.run_spread > 0.0:
+            said.append(f"coefficients that differ from run to run by {self.run_spread:.2g} prior sd")
+        return ", ".join(said)

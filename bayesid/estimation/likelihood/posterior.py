@@ -1,0 +1,261 @@
+"""Posterior of the coefficients at an estimate, with the parts of noise the data ask for.
+
+Takes a `FitProblem` and its estimate. Gives a frozen `CoefficientPosterior`. Does not search or draw figures.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from bayesid.estimation.likelihood.checks import (
+    DETERMINED,
+    HalvesCheck,
+    halves,
+    prior_conflict,
+    prior_sensitivity,
+)
+from bayesid.estimation.likelihood.composite import Composite, run_scores
+from bayesid.estimation.likelihood.parts import NoiseParts
+from bayesid.estimation.likelihood.residual_noise import ResidualNoise, residual_noise
+from bayesid.estimation.likelihood.run_information import run_information
+from bayesid.estimation.output_error.problem import FitProblem
+
+Array = np.ndarray
+# Log evidence a part must earn before it is used.
+PART_EVIDENCE = 3.0
+# Probability of a difference between halves below which the run-to-run spread is raised.
+WIDEN_P = 0.1
+EXCESS = tuple(float(x) for x in np.geomspace(1.0, 1024.0, 21))
+RUN_SPREAD = (0.0, 0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0)
+MOST_SPREAD = 1.0
+# Distance of an estimate from its prior mean, in the sd chance gives it, from which they disagree.
+CONFLICT = 3.0
+PIECE = re.compile(r" \d+/\d+$")
+
+
+@dataclass(frozen=True, eq=False)
+class CoefficientPosterior:
+    """Posterior of the free parameters.
+
+    Attributes
+    ----------
+    names : (k,) free parameters
+    estimate : (k,) where everything was linearised [SI]
+    mean, sd : (k,) of the posterior [SI]
+    covariance : (k, k) [SI]
+    prior_sd : (k,) [SI]; inf where there is none
+    parts : what the noise is made of
+    white_sd : (k,) sd under white noise alone [SI]
+    halves : odd runs against even ones; None with a single run
+    conflict : (k,) z of each posterior mean against its prior; nan without one
+    sensitivity : (k,) change of each mean, in its sd, where the prior counts twice
+    """
+
+    names: tuple[str, ...]
+    estimate: Array
+    mean: Array
+    covariance: Array
+    prior_sd: Array
+    parts: NoiseParts
+    white_sd: Array
+    halves: HalvesCheck | None
+    conflict: Array
+    sensitivity: Array
+
+    @property
+    def sd(self) -> Array:
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def final(self) -> bool:
+        """Whether the runs agree under these intervals."""
+        return self.halves is None or self.halves.agrees
+
+    @property
+    def determined(self) -> tuple[str, ...]:
+        """Coefficients the data determine: sd below half the prior's, no conflict, runs that agree."""
+        if not self.final:
+            return ()
+        narrow = self.sd < DETERMINED * self.prior_sd
+        calm = ~(np.abs(self.conflict) > CONFLICT)
+        return tuple(n for n, a, b in zip(self.names, narrow, calm, strict=True) if a and b)
+
+    def record(self) -> dict[str, Any]:
+        """For JSON."""
+        half = self.halves
+        return {
+            "parts": vars(self.parts) | {"words": self.parts.describe()},
+            "final": self.final,
+            "halves": None
+            if half is None
+            else {
+                "rms": half.rms,
+                "combined_sd": half.combined_rms,
+                "p": half.p,
+                "count": int(half.counted.sum()),
+            },
+            "white_sd": dict(zip(self.names, map(float, self.white_sd), strict=True)),
+            "prior_conflict": dict(zip(self.names, map(float, self.conflict), strict=True)),
+            "prior_sensitivity": dict(zip(self.names, map(float, self.sensitivity), strict=True)),
+        }
+
+    def doubts(self) -> list[str]:
+        """Sentences on what to distrust, the worst first."""
+        said = []
+        if not self.final and self.halves is not None:
+            said.append(
+                f"Not final: the runs disagree. Odd and even runs, fitted apart, differ by "
+                f"{self.halves.rms:.2g} sd rms over {int(self.halves.counted.sum())} coefficients (p = "
+                f"{self.halves.p:.2g}), even with coefficients that differ from run to run."
+            )
+        far = [f"{n} ({z:+.1f})" for n, z in zip(self.names, self.conflict, strict=True) if abs(z) > CONFLICT]
+        if far:
+            said.append(
+                f"Prior and data disagree on {', '.join(far)} (distance in sd): the prior is too narrow, or "
+                "these coefficients stand in for a force the model lacks."
+            )
+        return said
+
+    def draws(self, count: int, rng: np.random.Generator) -> Array:
+        """(count, k) draws [SI]."""
+        values, vectors = np.linalg.eigh(self.covariance / np.outer(self.sd, self.sd))
+        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        return self.mean + self.sd * (rng.standard_normal((count, self.sd.size)) @ root.T)
+
+
+def coefficient_posterior(
+    problem: FitProblem, z: Array, parts: NoiseParts | None = None, seed: int = 0
+) -> CoefficientPosterior:
+    """Posterior at an estimate of a problem.
+
+    Parameters
+    ----------
+    z : unknowns of the problem
+    parts : noise to assume; by default what the data ask for, widened until halves of the runs agree
+    seed : of the check's reference distribution
+
+    Raises
+    ------
+    ModelError
+        if the simulated vehicle diverges there
+    """
+    infos = tuple(run_information(problem, z))
+    noise = residual_noise([i.resid for i in infos], [i.valid for i in infos])
+    if parts is not None and parts.order == 0:
+        noise = ResidualNoise(noise.lags[:1], noise.coefficients[:0])
+    composite = composite_of(problem, z, infos, noise)
+    prior_sd = prior_spread(problem)
+    scale = problem.scale[: prior_sd.size]
+    given = parts is not None
+    chosen = parts if parts is not None else asked_for(composite, noise.order)
+    check = halves(composite, chosen, prior_sd / scale, seed)
+    if not given and check is not None and check.p < WIDEN_P:
+        chosen, check = widened(composite, chosen, prior_sd / scale, seed)
+    found = composite.law(chosen)
+    white = composite.law(NoiseParts())
+    k = scale.size
+    return CoefficientPosterior(
+        names=problem.params.names,
+        estimate=np.array(z[:k]),
+        mean=z[:k] + scale * found.mean,
+        covariance=found.covariance * np.outer(scale, scale),
+        prior_sd=prior_sd,
+        parts=chosen,
+        white_sd=scale * np.sqrt(np.diag(white.covariance)),
+        halves=check,
+        conflict=prior_conflict(composite, found),
+        sensitivity=prior_sensitivity(composite, chosen, found),
+    )
+
+
+def composite_of(problem: FitProblem, z: Array, infos: Sequence, noise: ResidualNoise) -> Composite:
+    """Scores of the runs beside the prior of the problem."""
+    k = len(problem.params.names)
+    scale = problem.scale[:k]
+    resid, slopes = problem.params.prior_residuals(z[:k])
+    slopes = slopes * scale
+    spread = prior_spread(problem)
+    size = np.where(np.isfinite(spread), spread, np.abs(z[:k]) + scale)
+    return Composite(
+        run_scores(infos, noise, groups([i.name for i in infos])),
+        slopes.T @ slopes,
+        -slopes.T @ resid,
+        size / scale,
+    )
+
+
+def groups(names: Sequence[str]) -> list[str]:
+    """Run of every piece: pieces "a 1/3" of one run belong together unless there is but one run."""
+    runs = [PIECE.sub("", name) for name in names]
+    return runs if len(set(runs)) > 1 else list(names)
+
+
+def prior_spread(problem: FitProblem) -> Array:
+    """(k,) prior sd of every free parameter [SI], inf where there is none."""
+    spread = np.array([p.prior.spread if p.prior is not None else np.inf for p in problem.params.free])
+    for i, p in enumerate(problem.params.free):
+        if p.prior is not None and p.prior.kind == "lognormal":
+            spread[i] *= abs(p.prior.centre)
+    joint = problem.params.joint
+    if joint is not None:
+        for name, variance in zip(joint.names, np.diag(joint.covariance), strict=True):
+            spread[problem.params.names.index(name)] = np.sqrt(variance)
+    return spread
+
+
+def asked_for(composite: Composite, order: int) -> NoiseParts:
+    """Parts of the largest evidence; each is on only where it earns `PART_EVIDENCE`."""
+    base = NoiseParts(order)
+    if len(composite.runs) < 2:
+        return with_weight(composite, base)
+    table = {(e, s): composite.log_evidence(NoiseParts(order, e, s)) for e in EXCESS for s in RUN_SPREAD}
+    best, value = base, table[(1.0, 0.0)]
+    steps = (
+        [key for key in table if key[1] == 0.0],
+        [key for key in table if key[0] == 1.0],
+        list(table),
+    )
+    for keys in steps:
+        key = max(keys, key=table.__getitem__)
+        if table[key] > value + PART_EVIDENCE:
+            best, value = NoiseParts(order, *key), table[key]
+    return with_weight(composite, best)
+
+
+def widened(
+    composite: Composite, parts: NoiseParts, prior_sd: Array, seed: int
+) -> tuple[NoiseParts, HalvesCheck]:
+    """Least run-to-run spread, then excess, with which halves of the runs agree; the widest if none does."""
+    tried = [replace(parts, run_spread=s) for s in RUN_SPREAD if s > parts.run_spread]
+    tried += [replace(parts, run_spread=MOST_SPREAD, excess=parts.excess * f) for f in (2.0, 4.0, 8.0, 16.0)]
+    last: tuple[NoiseParts, HalvesCheck] | None = None
+    for one in (with_weight(composite, p) for p in tried):
+        check = halves(composite, one, prior_sd, seed)
+        assert check is not None
+        last = one, check
+        if check.p >= WIDEN_P:
+            break
+    assert last is not None
+    return last
+
+
+def with_weight(composite: Composite, parts: NoiseParts) -> NoiseParts:
+    """The parts with the weight they give the readings."""
+    return replace(parts, weight=1.0 if parts.white else min(1.0, information_share(composite, parts)))
+
+
+def information_share(composite: Composite, parts: NoiseParts) -> float:
+    """Information of the data over that of white noise, mean of the logarithm over directions data decide."""
+    white = sum((r.information for r in composite.runs), np.zeros_like(composite.prior_precision))
+    data = composite.data(parts)[0]
+    size = np.sqrt(np.maximum(np.diag(white + composite.prior_precision), 1e-300))
+    values, vectors = np.linalg.eigh(white / np.outer(size, size))
+    keep = values > 1e-6 * values.max()
+    root = vectors[:, keep] / np.sqrt(values[keep])
+    ratio = np.linalg.eigvalsh(root.T @ (data / np.outer(size, size)) @ root)
+    return float(np.exp(np.mean(np.log(np.maximum(ratio, 1e-12)))))

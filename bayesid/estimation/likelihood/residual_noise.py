@@ -1,0 +1,118 @@
+"""Noise of residuals that remember: a vector autoregression, and the covariance it gives a score.
+
+Takes residuals of several runs. Output error weighs readings as if their errors were independent; where
+they are not, its estimate stands and its covariance does not (Maine and Iliff 1981; Morelli and Klein 1997,
+J. Aircraft 34(2), who take the autocovariance of the residuals; here it comes from an autoregression whose
+order BIC chooses, which also reaches lags a short record shows badly; Lütkepohl 2005, ch. 3 and 4).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+Array = np.ndarray
+MOST_ORDER = 8
+
+
+@dataclass(frozen=True, eq=False)
+class ResidualNoise:
+    """Stationary noise of c channels in units of the stated noise.
+
+    Attributes
+    ----------
+    lags : (p + 1, c, c) covariance at lags 0 to p, E[e(t + h) e(t)^T]
+    coefficients : (p, c, c) of the autoregression; p = 0 is white
+    """
+
+    lags: Array
+    coefficients: Array
+
+    @property
+    def order(self) -> int:
+        return int(self.coefficients.shape[0])
+
+    def covariance(self, count: int) -> Array:
+        """(count, c, c) covariance at lags 0 to count - 1."""
+        p, c = self.order, self.lags.shape[1]
+        out = np.zeros((count, c, c))
+        known = min(count, p + 1)
+        out[:known] = self.lags[:known]
+        for h in range(p + 1, count):
+            for i in range(p):
+                out[h] += self.coefficients[i] @ out[h - 1 - i]
+        return out
+
+    def of_score(self, columns: Array) -> Array:
+        """(k, k) covariance of sum over samples of columns^T e for (n, c, k) columns."""
+        n, c = columns.shape[:2]
+        lags = self.covariance(n)
+        size = 1 << (2 * n - 1).bit_length()
+        two_sided = np.zeros((size, c, c))
+        two_sided[:n] = lags
+        two_sided[size - n + 1 :] = lags[1:][::-1].transpose(0, 2, 1)
+        spectrum = np.fft.rfft(two_sided, axis=0)
+        moved = np.fft.rfft(columns, size, axis=0)
+        smeared = np.fft.irfft(np.einsum("fab,fbk->fak", spectrum, moved), size, axis=0)[:n]
+        out = np.einsum("nak,nal->kl", columns, smeared)
+        return 0.5 * (out + out.T)
+
+
+def autocovariance(resids: Sequence[Array], valid: Sequence[Array], count: int) -> Array:
+    """(count, c, c) covariance at lags 0 to count - 1 over all runs; missing readings count as none.
+
+    Divided by the number of readings at lag 0, so that the sequence is positive semidefinite.
+    """
+    c = resids[0].shape[1]
+    out = np.zeros((count, c, c))
+    used = np.zeros((c, c))
+    for resid, ok in zip(resids, valid, strict=True):
+        n = resid.shape[0]
+        size = 1 << (2 * n - 1).bit_length()
+        f = np.fft.rfft(np.where(ok, resid, 0.0), size, axis=0)
+        found = np.fft.irfft(f[:, :, None] * f.conj()[:, None, :], size, axis=0)
+        used += ok.astype(float).T @ ok.astype(float)
+        m = min(count, n)
+        out[:m] += found[:m]
+    return out / np.maximum(used, 1.0)
+
+
+def residual_noise(resids: Sequence[Array], valid: Sequence[Array], most: int = MOST_ORDER) -> ResidualNoise:
+    """Autoregression of the residuals of several runs; its order, 0 to `most`, has the least BIC."""
+    count = sum(int(ok.any(axis=1).sum()) for ok in valid)
+    c = resids[0].shape[1]
+    shortest = min(r.shape[0] for r in resids)
+    most = max(0, min(most, shortest // 3, count // (5 * c)))
+    lags = autocovariance(resids, valid, most + 1)
+    lags[0] += 1e-9 * np.diag(np.maximum(np.diag(lags[0]), 1e-12))
+    best: tuple[float, ResidualNoise] | None = None
+    for p in range(most + 1):
+        coefficients, left = yule_walker(lags, p)
+        sign, logdet = np.linalg.slogdet(left)
+        if sign <= 0:
+            break
+        bic = count * logdet + np.log(max(count, 2)) * p * c * c
+        if best is None or bic < best[0]:
+            best = (bic, ResidualNoise(lags[: p + 1], coefficients))
+    if best is None:
+        return ResidualNoise(lags[:1], np.zeros((0, c, c)))
+    return best[1]
+
+
+def yule_walker(lags: Array, order: int) -> tuple[Array, Array]:
+    """Coefficients (p, c, c) and innovation covariance (c, c) from autocovariances."""
+    c = lags.shape[1]
+    if order == 0:
+        return np.zeros((0, c, c)), lags[0]
+
+    def at(h: int) -> Array:
+        return lags[h] if h >= 0 else lags[-h].T
+
+    matrix = np.block([[at(j - i) for j in range(order)] for i in range(order)])
+    right = np.hstack([lags[h] for h in range(1, order + 1)])
+    found = np.linalg.solve(matrix.T, right.T).T
+    coefficients = found.reshape(c, order, c).transpose(1, 0, 2)
+    left = lags[0] - sum(coefficients[i] @ lags[i + 1].T for i in range(order))
+    return coefficients, 0.5 * (left + left.T)

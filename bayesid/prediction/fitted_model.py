@@ -1,0 +1,228 @@
+"""From a fit to a model that predicts: honest coefficients, and the disturbance that gives the errors seen.
+
+Takes a `TrialFit`. Gives a `DiagnosedModel` without effects. Does not fit coefficients.
+
+A new run has coefficients of its own, so the run-to-run spread is added to the posterior. What is left is
+taken for a force with memory whose size per axis makes the multi-step errors of the fitted runs, begun on
+their first readings, as large as predicted: 95 % of them within 1.96 predicted standard deviations. The
+size that one-step evidence prefers is another one: it makes a wrong model follow the data, and bands of a
+long prediction three to ten times too wide.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bayesid.diagnosis.diagnosed_model import DiagnosedModel, WeightedHypothesis
+from bayesid.errors import BayesidError, ModelError
+from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit
+from bayesid.estimation.likelihood.posterior import CoefficientPosterior
+from bayesid.estimation.trial_fit import TrialFit
+from bayesid.prediction.prediction import Prediction, predict_run
+from bayesid.trials import Run
+from bayesid.trials.noise import raised, rough_noise
+
+Array = np.ndarray
+# Correlation times of the disturbance that are tried [L/U]; its first, least and most size over
+# 1/2 rho L^2 U^2.
+TAUS, FIRST_LEVEL, LEAST_LEVEL, MOST_LEVEL = (3.0, 12.0), 3e-5, 1e-7, 3e-3
+# Rounds of prediction and change of size, change that counts as none, and most change of one round.
+ROUNDS, SAME, MOST_CHANGE = 6, 0.1, 4.0
+HORIZONS = ("early", "middle", "late")  # thirds of a run after its lead-in
+# Channels that tell the size of each axis.
+TELLING = {
+    "X": ("u",),
+    "Y": ("v",),
+    "Z": ("w", "z"),
+    "K": ("p", "phi"),
+    "M": ("q", "theta"),
+    "N": ("r", "psi"),
+}
+MOST_RUNS = 12
+
+Say = Callable[[str], None]
+Errors = Mapping[str, Mapping[str, Sequence[Array]]]
+# Sd of the logarithm of the size of errors of single runs that chance gives.
+CHANCE_SPREAD = 0.25
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """How well the errors of the fitted runs are predicted.
+
+    Attributes
+    ----------
+    level : axis -> force over 1/2 rho L^2 U^2 (moments: L^3)
+    tau : its correlation time [s]
+    ratio : channel -> horizon (third of a run after its lead-in) -> error that 95 % of the readings stay
+        below, over 1.96 predicted sd
+    run_spread : sd of the logarithm of the disturbance's size from run to run
+    inside : channel -> share of readings inside the 95 % band
+    """
+
+    level: dict[str, float]
+    tau: float
+    ratio: dict[str, dict[str, float]]
+    inside: dict[str, float]
+    run_spread: float = 0.0
+
+
+def predictive_model(
+    found: TrialFit, draws: int = 60, seed: int = 0, say: Say = lambda text: None
+) -> tuple[DiagnosedModel, Calibration]:
+    """The model of a fit, its disturbance calibrated on the fitted runs.
+
+    Raises
+    ------
+    ModelError
+        if the fit has no posterior, or no fitted run can be predicted
+    """
+    if found.posterior is None:
+        raise ModelError("the fit has no posterior: the vehicle diverges at its estimate")
+    runs = spaced(found.trial.identify, MOST_RUNS)
+    tried = []
+    for tau in TAUS:
+        tried += _calibrated(found, found.posterior, tau, runs, draws, seed, say)
+    if not tried:
+        raise ModelError("no fitted run can be predicted from its first readings: every draw diverges")
+    _, level, best = min(tried, key=lambda t: t[0])
+    return with_disturbance(found, found.posterior, level, best.tau, best.run_spread), best
+
+
+def _calibrated(
+    found: TrialFit,
+    posterior: CoefficientPosterior,
+    tau: float,
+    runs: Sequence[Run],
+    draws: int,
+    seed: int,
+    say: Say,
+) -> list[tuple[float, Array, Calibration]]:
+    """What was tried with one correlation time [L/U]: mean squared logarithm of the ratios, sizes, ratios."""
+    axes = [n[-1] for n in found.model.kernel.exogenous if n.startswith("force_")]
+    level = np.full(len(axes), FIRST_LEVEL)
+    seconds = tau * found.model.scales["L"] / found.model.scales["U"]
+    tried: list[tuple[float, Array, Calibration]] = []
+    for number in range(ROUNDS):
+        model = with_disturbance(found, posterior, level, seconds)
+        errors = prediction_errors(model, runs, draws, seed)
+        if not errors:
+            level = level * 0.2
+            continue
+        ratio = {c: {h: ratio_of(np.concatenate(z)) for h, z in parts.items()} for c, parts in errors.items()}
+        inside = {c: float(np.mean(np.abs(pooled(parts)) < 1.96)) for c, parts in errors.items()}
+        logs = np.log([r for parts in ratio.values() for r in parts.values()])
+        now = Calibration(
+            dict(zip(axes, map(float, level), strict=True)), seconds, ratio, inside, size_spread(errors)
+        )
+        tried.append((float(np.mean(logs**2)), level, now))
+        say(
+            f"disturbance of {seconds:.3g} s, round {number + 1}: 95 % of the errors are within "
+            f"{float(np.exp(logs.max())):.2g} times their band"
+        )
+        new = np.clip(level * [_change(axis, errors) for axis in axes], LEAST_LEVEL, MOST_LEVEL)
+        if np.all(np.abs(np.log(new / level)) < SAME):
+            break
+        level = new
+    return tried
+
+
+def ratio_of(z: Array) -> float:
+    """Error that 95 % of the readings stay below, over 1.96 predicted standard deviations."""
+    return max(float(np.quantile(np.abs(z), 0.95)) / 1.96, 1e-3)
+
+
+def _change(axis: str, errors: Errors) -> float:
+    seen = [c for c in TELLING[axis] if c in errors] or list(errors)
+    value = float(np.exp(np.mean([np.log(ratio_of(pooled(errors[c]))) for c in seen])))
+    return float(np.clip(value**1.2, 1.0 / MOST_CHANGE, MOST_CHANGE))
+
+
+def pooled(parts: Mapping[str, Sequence[Array]]) -> Array:
+    """All errors of one channel."""
+    return np.concatenate([z for runs in parts.values() for z in runs])
+
+
+def size_spread(errors: Errors) -> float:
+    """Sd of the logarithm of the errors' size from run to run, beyond what few correlation times give."""
+    count = max(len(runs) for parts in errors.values() for runs in parts.values())
+    sizes = []
+    for k in range(count):
+        squares = [
+            np.mean(runs[k] ** 2) for parts in errors.values() for runs in parts.values() if k < len(runs)
+        ]
+        sizes.append(0.5 * np.log(np.median(squares)))
+    return float(np.sqrt(max(np.var(sizes, ddof=1) - CHANCE_SPREAD**2, 0.0))) if count > 2 else 0.0
+
+
+def with_disturbance(
+    found: TrialFit, posterior: CoefficientPosterior, level: Array, tau: float, run_spread: float = 0.0
+) -> DiagnosedModel:
+    """The model of a fit under a disturbance: size per axis over 1/2 rho L^2 U^2, correlation time [s]."""
+    model, s = found.model, found.model.scales
+    spread = np.where(np.isfinite(posterior.prior_sd), posterior.prior_sd, np.abs(posterior.estimate))
+    covariance = posterior.covariance + np.diag((posterior.parts.run_spread * spread) ** 2)
+    time = s["L"] / s["U"]
+    noise = NoiseModel(tuple(float(f) for f in level * force_unit(model)), tau, 0.0, 20.0 * time)
+    low = np.full(len(posterior.names), -np.inf)
+    # three-point Gauss-Hermite rule of the logarithm of its size
+    sizes = [(np.exp(np.sqrt(3.0) * run_spread * k), w) for k, w in ((-1, 1 / 6), (0, 2 / 3), (1, 1 / 6))]
+    hypotheses = tuple(
+        WeightedHypothesis((), w, posterior.names, posterior.mean, covariance, low, noise.scaled(float(f)))
+        for f, w in (sizes if run_spread > 0 else [(1.0, 1.0)])
+    )
+    return DiagnosedModel(model, hypotheses, sensor_noise(found), "fit", found.trial.digest)
+
+
+def sensor_noise(found: TrialFit) -> dict[str, float]:
+    """White noise per channel [SI]: as stated, else of the readings' own fast changes; never nothing."""
+    out: dict[str, float] = {}
+    for run in found.trial.identify:
+        for c, values in run.data.items():
+            value = found.trial.noise.get(c) or rough_noise(run.t, values)
+            if value:
+                out[c] = max(out.get(c, 0.0), float(value))
+    s = found.model.scales
+    return out | (raised(out, s["L"], s["U"]) or {})
+
+
+def spaced(runs: Sequence[Run], most: int) -> list[Run]:
+    """At most so many runs, evenly picked."""
+    if len(runs) <= most:
+        return list(runs)
+    return [runs[i] for i in np.unique(np.linspace(0, len(runs) - 1, most).round().astype(int))]
+
+
+def prediction_errors(model: DiagnosedModel, runs: Sequence[Run], draws: int, seed: int) -> Errors:
+    """Channel -> horizon -> per run: errors of the mean over the predicted sd, after the lead-ins."""
+    out: dict[str, dict[str, list[Array]]] = {}
+    for run in runs:
+        try:
+            p = predict_run(model, run, draws, seed)
+        except BayesidError:
+            continue
+        for name, z in standard_errors(p, run).items():
+            for horizon, part in zip(HORIZONS, np.array_split(z, len(HORIZONS)), strict=True):
+                if part.size:
+                    out.setdefault(name, {}).setdefault(horizon, []).append(part)
+    return out
+
+
+def standard_errors(p: Prediction, run: Run) -> dict[str, Array]:
+    """Channel -> (m,) readings after the lead-in minus the mean, over the predicted sd, noise included."""
+    late = p.t - p.t[0] > p.lead
+    out = {}
+    for j, name in enumerate(p.channels):
+        if name not in run.data:
+            continue
+        error = run.data[name] - p.mean[:, j]
+        if name in ("psi", "phi", "theta"):
+            error = error - 2 * np.pi * np.round(error / (2 * np.pi))
+        sd = np.hypot(p.draws[:, :, j].std(axis=0, ddof=1), np.nan_to_num(p.noise[j]))
+        seen = late & np.isfinite(error)
+        if seen.any():
+            out[name] = error[seen] / sd[seen]
+    return out
