@@ -10,15 +10,17 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from bayesid.api.inputs import Names, TrialLike, VehicleLike, names_of, prepared, trial_of, vehicle_of
 from bayesid.api.result import Result, table
-from bayesid.errors import FitError
+from bayesid.diagnosis.diagnosed_model import write_diagnosed
+from bayesid.errors import BayesidError, FitError
 from bayesid.estimation.likelihood import NoiseParts
 from bayesid.estimation.likelihood.posterior import CONFLICT
 from bayesid.estimation.output_error import FitOptions
 from bayesid.estimation.segments import fit_in_pieces
 from bayesid.estimation.trial_fit import TrialFit
 from bayesid.model.vehicles import Vehicle
+from bayesid.prediction.fitted_model import Calibration, predictive_model
 from bayesid.progress import Progress
-from bayesid.report.fit import fit_report, noise_level, write_fit_report
+from bayesid.report.fit import calibration_words, fit_report, holdout_words, noise_level, write_fit_report
 from bayesid.report.prediction_error import PREDICTION_COLUMNS, prediction_numbers, prediction_rows
 from bayesid.report.writer import Report
 from bayesid.report.writer.text import table_text
@@ -57,7 +59,8 @@ def fit(
     trial : bundle or `Trial`
     vehicle : by default the one the trial names
     data : folder of the logs where they are kept outside the bundle
-    out : folder for every iterate as it is found, fit.json and vehicle.toml; `FitResult.save` adds the report
+    out : folder for every iterate as it is found, fit.json, vehicle.toml and, unless `quick`, model.json,
+        which `bayesid.predict` reads; `FitResult.save` adds the report
     free, fix : coefficients to free (default: all of the vehicle file) or to keep, "N_v,N_r" or an iterable
     runs : runs to fit; all others are held out. By default the roles of the trial
     resample : read every so many seconds only
@@ -95,7 +98,17 @@ def fit(
             parts=NoiseParts() if residuals == "white" else None,
             watch=lambda done, cost, step: stage.step(info=f"cost {cost:.6g}, step {step:.1g}"),
         )  # fmt: skip
-    return FitResult(found)
+    if out is None or quick or found.posterior is None:
+        return FitResult(found)
+    shown = progress or Progress(quiet=True)
+    try:
+        with shown.stage("predict the fitted runs") as stage:
+            model, calibration = predictive_model(found, seed=seed, say=lambda text: stage.step(info=text))
+    except BayesidError as error:
+        shown.note(f"no model for predictions: {error}")
+        return FitResult(found)
+    write_diagnosed(model, out)
+    return FitResult(found, calibration)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -104,10 +117,12 @@ class FitResult(Result):
 
     Attributes
     ----------
+    calibration : how well the fitted runs are predicted from their first readings; None without `out`
     found : trial, vehicle as given and as identified, problem, estimates, runs beside their simulations
     """
 
     found: TrialFit
+    calibration: Calibration | None = None
 
     @property
     def success(self) -> bool:
@@ -140,10 +155,10 @@ class FitResult(Result):
         return table(COLUMNS, self.coefficients()).set_index("coefficient")
 
     def report(self) -> Report:
-        return fit_report(self.found)
+        return fit_report(self.found, self.calibration)
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
-        return write_fit_report(self.found, folder)
+        return write_fit_report(self.found, folder, self.calibration)
 
     def record(self) -> Mapping[str, Any]:
         found, result = self.found, self.found.fit
@@ -159,6 +174,7 @@ class FitResult(Result):
             },
             "at_bound": result.at_bound,
             "uncertainty": result.uncertainty,
+            "prediction": self.calibration,
             "flat": [{"name": d.name, "held_by": d.decided_by} for d in result.flat],
             "runs": prediction_numbers(found.runs),
         }  # fmt: skip
@@ -174,6 +190,8 @@ class FitResult(Result):
         if result.flat:
             lines.append("\nNot determined by these data:")
             lines += [f"  {d.name}: held by {d.decided_by}" for d in result.flat]
+        if self.calibration is not None:
+            lines.append(f"\n{calibration_words(self.calibration)}")
         held = [run for run in found.runs if run.role == "holdout"]
         if held or verbose:
             of_held = " of the held-out runs, predicted from their first readings" if held else ""
@@ -187,6 +205,8 @@ class FitResult(Result):
         found, result, lines = self.found, self.found.fit, []
         if found.posterior is not None:
             lines += found.posterior.doubts()
+        lines += holdout_words(found.runs)
+        if found.posterior is not None:
             lines.append(f"errors of the fit: {found.posterior.parts.describe()}")
         if 2 * result.cost > MISFIT**2 * result.n_readings:
             checked = found.posterior is not None and found.posterior.halves is not None

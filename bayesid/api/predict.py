@@ -61,7 +61,7 @@ def predict(
     ----------
     trial, data : as in `bayesid.fit`; of a run only the orders and the first readings are used
     what : names of runs, or manoeuvres such as "turn:20"; all runs if left out
-    model : folder of `bayesid.diagnosis`; without it the trial is diagnosed first
+    model : folder of `bayesid.fit` or `bayesid.diagnose`; without it the trial is diagnosed first
     out : folder for a CSV per prediction as it is made, and for a model diagnosed on the way
     vehicle, effects : for a diagnosis on the way, as in `bayesid.diagnosis`
     draws : vehicles drawn from the posterior
@@ -221,11 +221,13 @@ class PredictResult(Result):
         return "\n".join(lines)
 
     def _model_words(self) -> str:
-        words = [
-            f"{' + '.join(h['effects']) or 'no effect'} ({h['weight']:.0%})"
-            for h in self.numbers["hypotheses"]
-        ]
-        return f"model: {', '.join(words)}"
+        if self.numbers["verdict"] == "fit":
+            return "model: a fit of the coefficients"
+        shares: dict[str, float] = {}
+        for h in self.numbers["hypotheses"]:
+            name = " + ".join(h["effects"]) or "no effect"
+            shares[name] = shares.get(name, 0.0) + h["weight"]
+        return f"model: {', '.join(f'{name} ({share:.0%})' for name, share in shares.items())}"
 
 
 def _against(row: Mapping[str, Any]) -> list[list[Any]]:

@@ -23,7 +23,10 @@ What = Annotated[
 ]
 ModelFolder = Annotated[
     Path | None,
-    typer.Option("--model", help="Folder that `bayesid diagnose --out` wrote; without it, diagnose first."),
+    typer.Option(
+        "--model",
+        help="Folder that `bayesid fit --out` or `bayesid diagnose --out` wrote; without it, diagnose first.",
+    ),
 ]
 Draws = Annotated[int, typer.Option("--draws", min=20, help="Vehicles drawn from the posterior.")]
 Approach = Annotated[
@@ -65,7 +68,7 @@ def predict(
     as_json: Json = False,
     verbose: Verbose = False,
 ) -> int:
-    """Predict runs and manoeuvres with the diagnosed model.
+    """Predict runs and manoeuvres with a fitted or diagnosed model.
 
     --out gets one CSV per prediction (mean and 95 % band of every channel) and a report. Of a run in the
     bundle only the orders and the first readings are used.

@@ -259,7 +259,9 @@ def read_diagnosed(folder: str | os.PathLike[str], declared: Iterable[Effect] = 
         vehicle, dof, digest = path.with_name(record["vehicle"]), int(record["dof"]), record["digest"]
         rest = dict(record["noise"]), str(record["verdict"]), str(record["trial"])
     except UnreadableError as error:
-        raise ModelError(f"{path}: {error}; `bayesid diagnose BUNDLE --out FOLDER` writes it") from None
+        raise ModelError(
+            f"{path}: {error}; `bayesid diagnose BUNDLE --out FOLDER` and `bayesid fit` write it"
+        ) from None
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise ModelError(f"{path}: is not a diagnosed model ({error})") from None
     model = build_model(load_vehicle(vehicle), dof, declared=declared)

@@ -15,10 +15,12 @@ from bayesid.estimation.likelihood.posterior import CONFLICT
 from bayesid.estimation.output_error import Fit
 from bayesid.estimation.trial_fit import RunOutcome, TrialFit
 from bayesid.model.terms import TERMS, term
+from bayesid.prediction.fitted_model import Calibration
 from bayesid.report import fit_figures as figures
 from bayesid.report import writer
 from bayesid.report.writer import Block, Figure, Report, Section, Table, Text, literal
 
+HOLDOUT_GROWTH = 1.1  # of the rms heading error, from which a held-out run counts as predicted worse
 MOST_RUNS = 12  # figures; the residual table has all runs
 _LABELS = {t.name: t.label for t in TERMS}
 _SHARES = {
@@ -29,7 +31,9 @@ _SHARES = {
 }
 
 
-def write_fit_report(found: TrialFit, folder: str | os.PathLike[str]) -> Path:
+def write_fit_report(
+    found: TrialFit, folder: str | os.PathLike[str], calibration: Calibration | None = None
+) -> Path:
     """Write report.html, report.md, results.json and figures; returns the path of the HTML file."""
     results = {
         "inputs": {
@@ -43,6 +47,7 @@ def write_fit_report(found: TrialFit, folder: str | os.PathLike[str]) -> Path:
         "verdict": found.fit.verdict,
         "converged": found.fit.converged,
         "fit": found.fit,
+        "prediction": calibration,
         "runs": [
             {
                 "name": r.name, "role": r.role, "channels": r.channels, "sigma": r.sigma, "memory": r.memory,
@@ -51,10 +56,10 @@ def write_fit_report(found: TrialFit, folder: str | os.PathLike[str]) -> Path:
             for r in found.runs
         ],
     }  # fmt: skip
-    return writer.write(fit_report(found), folder, results)
+    return writer.write(fit_report(found, calibration), folder, results)
 
 
-def fit_report(found: TrialFit) -> Report:
+def fit_report(found: TrialFit, calibration: Calibration | None = None) -> Report:
     """The report as plain data."""
     held = [r for r in found.runs if r.role == "holdout"]
     parts = [
@@ -72,9 +77,10 @@ def fit_report(found: TrialFit) -> Report:
         )
     if found.posterior is not None:
         parts[1:1] = [f"**{line}**" for line in found.posterior.doubts()[:1] if not found.posterior.final]
+    parts[1:1] = [f"**{line}**" for line in holdout_words(found.runs)]
     sections = [
         _coefficients(found),
-        *_certainty(found),
+        *_certainty(found, calibration),
         _open_directions(found.fit),
         _residuals(found),
         _runs(found),
@@ -131,7 +137,37 @@ def _coefficients(found: TrialFit) -> Section:
     )
 
 
-def _certainty(found: TrialFit) -> list[Section]:
+def holdout_words(runs: tuple[RunOutcome, ...]) -> list[str]:
+    """A sentence where the found vehicle predicts the heading of held-out runs worse than the given one."""
+    worse, held = [], 0
+    for run in runs:
+        if run.role != "holdout" or "psi" not in run.channels:
+            continue
+        held += 1
+        j = run.channels.index("psi")
+        given, found = (float(np.degrees(x[j])) for x in (run.rms_nominal, run.rms_fitted))
+        if not found <= HOLDOUT_GROWTH * given:
+            worse.append((run.name, given, found))
+    if not worse:
+        return []
+    name, given, found = max(worse, key=lambda w: w[2] if np.isfinite(w[2]) else np.inf)
+    return [
+        f"The heading of {len(worse)} of {held} held-out runs is predicted worse than by the vehicle as "
+        f"given (largest: {literal(name)}, {given:.3g} to {found:.3g} degrees rms): whole runs of an unstable "
+        "vehicle amplify small errors; try shorter pieces, hold what is known, or predict with a band."
+    ]
+
+
+def calibration_words(calibration: Calibration) -> str:
+    """How well the fitted runs are predicted, in a sentence."""
+    inside = ", ".join(f"{c} {100 * share:.0f} %" for c, share in calibration.inside.items())
+    return (
+        "Predicted from their first readings, the fitted runs lie inside the 95 % band for this share of the "
+        f"time: {inside}."
+    )
+
+
+def _certainty(found: TrialFit, calibration: Calibration | None) -> list[Section]:
     """What the standard deviations rest on; nothing for a fit without a posterior."""
     posterior = found.posterior
     if posterior is None:
@@ -152,6 +188,8 @@ def _certainty(found: TrialFit) -> list[Section]:
             f"{int(half.counted.sum())} coefficients the data determine (1 is expected; p = {half.p:.2g})."
         )
     text += posterior.doubts()
+    if calibration is not None:
+        text.append(calibration_words(calibration))
     return [Section("What the standard deviations rest on", [Text(" ".join(text))])]
 
 
