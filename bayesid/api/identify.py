@@ -15,6 +15,7 @@ from bayesid.analysis.identifiability import identify as look
 from bayesid.api.inputs import Names, TrialLike, VehicleLike, names_of, prepared, trial_of, vehicle_of
 from bayesid.api.result import Result, table
 from bayesid.equations.model import build_model
+from bayesid.estimation.likelihood.weighted_fit import weighed
 from bayesid.estimation.output_error import coefficient_set, load_fit, trial_problem
 from bayesid.estimation.segments import in_pieces
 from bayesid.model.vehicles import ASSUMED_RELATIVE_SD
@@ -82,6 +83,16 @@ def identify(
         params = params.started_at([values[n] for n in params.names])
         point, bound = "the values of an earlier fit", earlier.at_bound
     problem = trial_problem(model, chosen, params, sigma=dict(earlier.sigma) if earlier else None)
+    told = earlier.uncertainty if earlier is not None else {}
+    weight = float(told.get("parts", {}).get("weight", 1.0))
+    if weight < 1.0:
+        problem = weighed(problem, weight)
+        remarks.append(
+            f"the earlier fit gave readings {100 * weight:.2g} % of the weight of white noise ("
+            f"{told['parts']['words']}); so does this"
+        )
+    if not told.get("final", True):
+        remarks.append("the earlier fit is not final: its runs disagree, and nothing here is fixed by data")
     seen = {c for run in problem.runs for c in run.channels}
     guessed = sorted(seen - set(chosen.noise) - set(earlier.sigma if earlier else ()))
     if guessed:

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, Literal
 from bayesid.api.inputs import Names, TrialLike, VehicleLike, names_of, prepared, trial_of, vehicle_of
 from bayesid.api.result import Result, table
 from bayesid.equations.model import build_model
+from bayesid.estimation.likelihood import NoiseParts
+from bayesid.estimation.likelihood.weighted_fit import weighed
 from bayesid.estimation.output_error import coefficient_set
 from bayesid.estimation.sampling import Posterior, SamplerOptions, SamplingSettings, trial_density
 from bayesid.estimation.sampling import sample as draw
@@ -28,6 +30,8 @@ if TYPE_CHECKING:
     import pandas
 
 QUICK_SAMPLES, QUICK_STEPS = 200, 600
+# Weight of the readings above which residuals count as white.
+FULL_WEIGHT = 0.9
 
 
 def sample(
@@ -44,7 +48,7 @@ def sample(
     prior: float | None = None,
     noise: Literal["sampled", "marginal", "fixed"] = "sampled",
     initial: Literal["marginal", "sampled", "fixed"] = "marginal",
-    memory: Literal["inflate", "ar1", "ignore"] = "inflate",
+    memory: Literal["composite", "inflate", "ar1", "ignore"] = "composite",
     student: float | None = None,
     ensembles: int = 4,
     walkers: int | None = None,
@@ -63,7 +67,9 @@ def sample(
     prior : relative prior sd of every coefficient; by default the vehicle file's, and 0.1 where it states
         none
     noise, initial : how noise of channels and initial states of runs are treated
-    memory : residuals that persist count for fewer readings, are an autoregression, or are taken as white
+    memory : residuals that persist, and runs that differ: the power of the composite likelihood that
+        `bayesid.fit` finds, with noise fixed ("composite"; "inflate" where residuals are white); or they
+        count for fewer readings, are an autoregression, or are taken as white
     student : degrees of freedom of Student-t noise, for outliers; not with marginal states
     ensembles, walkers : independent ensembles, and walkers of each (default from the unknowns)
     resume : go on with the chain in `out`; it then is the very chain an unbroken run would have given
@@ -77,7 +83,10 @@ def sample(
     TrialError, VehicleError, FitError, SampleError
         what cannot be read or set up
     """
-    choice = SamplingSettings(noise=noise, initial=initial, memory=memory, student=student)
+    composite = memory == "composite" and noise == "sampled" and student is None
+    choice = SamplingSettings(
+        noise=noise, initial=initial, memory="inflate" if memory == "composite" else memory, student=student
+    )
     logged = trial_of(trial, data)
     ship = vehicle_of(vehicle, logged, prior)
     chosen = prepared(logged, runs, resample, QUICK_SAMPLES if quick else None)
@@ -92,22 +101,29 @@ def sample(
     shown = progress or Progress(quiet=True)
     with shown.stage("fit") as stage:
         found = fit_in_pieces(
-            chosen, pieces, ship, out, params=params,
+            chosen, pieces, ship, out, params=params, parts=None if composite else NoiseParts(),
             watch=lambda n, cost, step: stage.step(info=f"cost {cost:.6g}"),
         )  # fmt: skip
     if not found.fit.converged:
         shown.note(f"the fit had not converged ({found.fit.message}); sampling starts off the mode")
-    density = trial_density(found.problem, found.fit.z, choice, chosen.noise)
+    problem, told = found.problem, chosen.noise
+    if composite and found.posterior is not None and found.posterior.parts.weight < FULL_WEIGHT:
+        # the power of the likelihood as noise so much larger, which the residuals must not undo
+        problem = weighed(problem, found.posterior.parts.weight)
+        choice, told = replace(choice, noise="fixed", memory="ignore"), {}
+    density = trial_density(problem, found.fit.z, choice, told)
     stated = dict(zip(density.channels, map(float, density.noise_prior.scale), strict=True))
     if least := raised(stated, model.scales["L"], model.scales["U"]):
         shown.note(f"{said_raised(least)}; chains are slow where a channel has none")
-        density = trial_density(found.problem, found.fit.z, choice, {**chosen.noise, **least})
+        density = trial_density(problem, found.fit.z, choice, {**told, **least})
     with shown.stage("sample") as stage:
         posterior = draw(
             density, density.laplace, options, Path(out), resume=resume,
             watch=lambda steps, note: stage.step(steps, info=note or None),
         )  # fmt: skip
-    posterior = replace(posterior, settings={**posterior.settings, "fit": found.fit.message})
+    likelihood = "white noise" if found.posterior is None else found.posterior.parts.describe()
+    facts = {"fit": found.fit.message, "likelihood": likelihood if composite else memory}
+    posterior = replace(posterior, settings={**posterior.settings, **facts})
     return SampleResult(found, posterior, Path(out))
 
 
@@ -160,6 +176,8 @@ class SampleResult(Result):
         ]
         if diverged := p.counts["diverged"]:
             lines.append(f"{diverged} of {p.counts['all']} simulations diverged and count as impossible.")
+        if self.found.posterior is not None:
+            lines += self.found.posterior.doubts()
         if noisy := noise_words(self.found, p):
             lines.append(noisy)
         lines += ["", table_text(COLUMNS, rows(p)), "", f"posterior: {self.out / 'posterior.nc'}"]

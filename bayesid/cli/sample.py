@@ -18,9 +18,11 @@ Initial = Annotated[
     Literal["marginal", "sampled", "fixed"], typer.Option("--initial", help="Initial state of every run.")
 ]
 Memory = Annotated[
-    Literal["inflate", "ar1", "ignore"],
+    Literal["composite", "inflate", "ar1", "ignore"],
     typer.Option(
-        "--memory", help="Residuals that persist: count for fewer readings, autoregression, or as white."
+        "--memory",
+        help="Residuals that persist and runs that differ: composite likelihood as in `bayesid fit`, fewer "
+        "readings, autoregression, or as white.",
     ),
 ]
 Student = Annotated[
@@ -50,7 +52,7 @@ def sample(
     prior: Prior = None,
     noise: NoiseScale = "sampled",
     initial: Initial = "marginal",
-    memory: Memory = "inflate",
+    memory: Memory = "composite",
     student: Student = None,
     ensembles: Ensembles = 4,
     walkers: Walkers = None,

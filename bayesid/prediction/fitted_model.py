@@ -71,9 +71,19 @@ class Calibration:
 
 
 def predictive_model(
-    found: TrialFit, draws: int = 60, seed: int = 0, say: Say = lambda text: None
+    found: TrialFit,
+    draws: int = 60,
+    seed: int = 0,
+    say: Say = lambda text: None,
+    runs: Sequence[Run] | None = None,
+    lead: float | None = None,
 ) -> tuple[DiagnosedModel, Calibration]:
     """The model of a fit, its disturbance calibrated on the fitted runs.
+
+    Parameters
+    ----------
+    runs : to calibrate on instead of the fitted ones
+    lead : first seconds of each that are read; by default as in `predict_run`
 
     Raises
     ------
@@ -82,10 +92,10 @@ def predictive_model(
     """
     if found.posterior is None:
         raise ModelError("the fit has no posterior: the vehicle diverges at its estimate")
-    runs = spaced(found.trial.identify, MOST_RUNS)
+    chosen = spaced(found.trial.identify if runs is None else runs, MOST_RUNS)
     tried = []
     for tau in TAUS:
-        tried += _calibrated(found, found.posterior, tau, runs, draws, seed, say)
+        tried += _calibrated(found, found.posterior, tau, chosen, draws, seed, say, lead)
     if not tried:
         raise ModelError("no fitted run can be predicted from its first readings: every draw diverges")
     _, level, best = min(tried, key=lambda t: t[0])
@@ -100,6 +110,7 @@ def _calibrated(
     draws: int,
     seed: int,
     say: Say,
+    lead: float | None,
 ) -> list[tuple[float, Array, Calibration]]:
     """What was tried with one correlation time [L/U]: mean squared logarithm of the ratios, sizes, ratios."""
     axes = [n[-1] for n in found.model.kernel.exogenous if n.startswith("force_")]
@@ -108,7 +119,7 @@ def _calibrated(
     tried: list[tuple[float, Array, Calibration]] = []
     for number in range(ROUNDS):
         model = with_disturbance(found, posterior, level, seconds)
-        errors = prediction_errors(model, runs, draws, seed)
+        errors = prediction_errors(model, runs, draws, seed, lead)
         if not errors:
             level = level * 0.2
             continue
@@ -196,12 +207,14 @@ def spaced(runs: Sequence[Run], most: int) -> list[Run]:
     return [runs[i] for i in np.unique(np.linspace(0, len(runs) - 1, most).round().astype(int))]
 
 
-def prediction_errors(model: DiagnosedModel, runs: Sequence[Run], draws: int, seed: int) -> Errors:
+def prediction_errors(
+    model: DiagnosedModel, runs: Sequence[Run], draws: int, seed: int, lead: float | None = None
+) -> Errors:
     """Channel -> horizon -> per run: errors of the mean over the predicted sd, after the lead-ins."""
     out: dict[str, dict[str, list[Array]]] = {}
     for run in runs:
         try:
-            p = predict_run(model, run, draws, seed)
+            p = predict_run(model, run, draws, seed, lead)
         except BayesidError:
             continue
         for name, z in standard_errors(p, run).items():

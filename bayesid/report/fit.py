@@ -153,8 +153,9 @@ def holdout_words(runs: tuple[RunOutcome, ...]) -> list[str]:
     name, given, found = max(worse, key=lambda w: w[2] if np.isfinite(w[2]) else np.inf)
     return [
         f"The heading of {len(worse)} of {held} held-out runs is predicted worse than by the vehicle as "
-        f"given (largest: {literal(name)}, {given:.3g} to {found:.3g} degrees rms): whole runs of an unstable "
-        "vehicle amplify small errors; try shorter pieces, hold what is known, or predict with a band."
+        f"given (largest: {literal(name)}, {given:.3g} to {found:.3g} degrees rms): whole runs of an "
+        "unstable vehicle amplify small errors; try shorter pieces, hold what is known, or predict with "
+        "a band."
     ]
 
 

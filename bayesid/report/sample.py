@@ -84,6 +84,10 @@ def noise_words(found: TrialFit, posterior: Posterior) -> str:
         channel = name.removeprefix("sigma:")
         if channel != name and stated.get(channel, 0.0) > 0 and mean > MISFIT * stated[channel]:
             far.append(f"{channel} {mean / stated[channel]:.2g}")
+    if not any(name.startswith("sigma:") for name in posterior.names):  # held at the power of the likelihood
+        for channel, rms in found.fit.channel_rms.items():
+            if stated.get(channel, 0.0) > 0 and rms > MISFIT * stated[channel]:
+                far.append(f"{channel} {rms / stated[channel]:.2g}")
     if not far:
         return ""
     return (

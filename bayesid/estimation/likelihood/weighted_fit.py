@@ -55,9 +55,9 @@ def weighted_fit(
             break
         weight = posterior.parts.weight
         started = replace(
-            problem,
+            weighed(problem, weight),
             params=problem.params.started_at(result.z[: result.n_params]),
-        ).with_sigma({c: s / np.sqrt(weight) for c, s in first.sigma.items()})
+        )
         below = None if folder is None else Path(folder) / f"weighted_{number}"
         again = fit(started, replace(options, profile=False, starts=1), below, resume, watch)
         if not again.converged:
@@ -67,6 +67,11 @@ def weighted_fit(
             break
         result, posterior = again, found
     return problem, _told(problem, first, result, posterior, folder), posterior
+
+
+def weighed(problem: FitProblem, weight: float) -> FitProblem:
+    """The problem with the likelihood of its readings to a power: white noise larger by its root."""
+    return replace(problem, runs=tuple(replace(r, sigma=r.sigma / np.sqrt(weight)) for r in problem.runs))
 
 
 def _posterior(

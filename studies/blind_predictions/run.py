@@ -1,0 +1,276 @@
+"""What will real runs do whose outcome nobody here has seen? Esso Osaka in its pond, KVLCC2 in another basin.
+
+Usage: python -m studies.blind_predictions.run --data FOLDER [--out FOLDER] [--expect] [--quick] [--seed N].
+FOLDER
+holds `blind_predictions`, `kvlcc2_hsva` and `esso_osaka`. With --expect half of the known runs is held out
+and
+predicted as the blind ones will be, and the errors to expect are written; without it every known run is
+fitted
+and the blind ones are predicted. Predictions that are already there are kept.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bayesid.errors import BayesidError
+from bayesid.estimation.output_error import FitOptions
+from bayesid.estimation.segments import fit_in_pieces
+from bayesid.estimation.trial_fit import TrialFit
+from bayesid.files import write_atomic, write_json
+from bayesid.lock import lock_or_exit
+from bayesid.model.vehicles import load_vehicle
+from bayesid.prediction.fitted_model import predictive_model, standard_errors
+from bayesid.prediction.prediction import Prediction, predict_run
+from bayesid.progress import Progress
+from bayesid.trials import Run, Trial, load_trial, thin
+from studies.blind_predictions.expectation import expectation_text
+from studies.real_logs.run import HERE as LOGS
+from studies.real_logs.run import INERTIA, SETTINGS, SINGLE_SCREW, WIND, begun, plain, with_wind
+
+HERE = Path(__file__).parent
+DRAWS, CALIBRATION_DRAWS = 200, 40
+
+
+@dataclass(frozen=True)
+class BlindSet:
+    """One folder of runs to be predicted.
+
+    logs : the known logs of the same ship
+    lead : first seconds of a run that hold readings [s]
+    step : between predicted samples [s]
+    from_rest : whether the runs begin at rest, so that known ones are taken from their first sample too
+    extra : free parameters beside the coefficients of the vehicle file
+    """
+
+    logs: str
+    lead: float
+    step: float
+    from_rest: bool
+    extra: tuple[str, ...]
+
+
+REGIMES = {"ahead": ("zigzag", "turn", "circle"), "slow": ("berthing", "random")}
+SETS = {
+    "esso_osaka": BlindSet("esso_osaka", 15.0, 0.5, True, (*SINGLE_SCREW, WIND)),
+    "kvlcc2_other_basin": BlindSet("kvlcc2_hsva", 6.0, 0.25, False, ()),
+}
+
+
+def main(data: Path, out: Path, expect: bool, quick: bool, seed: int) -> None:
+    """Expectation or predictions of every set that is there."""
+    progress = Progress()
+    for name, blind in SETS.items():
+        if not (data / blind.logs).is_dir() or not (data / "blind_predictions" / name).is_dir():
+            progress.note(f"{name}: no such folder in {data.name}; left out")
+            continue
+        if expect:
+            expectation(name, blind, data, out / name, quick, seed, progress)
+        else:
+            predictions(name, blind, data, out / name, quick, seed, progress)
+
+
+def kind(name: str) -> str:
+    """Kind of motion of a run, from its name."""
+    head = name.split("_")[0].lower()
+    return {"z": "zigzag", "turn": "turn", "circle": "circle"}.get(head, head)
+
+
+def known_runs(blind: BlindSet, data: Path) -> Trial:
+    """The known logs, wind given wherever it was measured; berthing runs, which the bundle leaves out, as
+    well.
+    """
+    trial = load_trial(LOGS / blind.logs, data / blind.logs)
+    if (HERE / f"{blind.logs}_more").is_dir():
+        more = load_trial(HERE / f"{blind.logs}_more", data / blind.logs)
+        trial = replace(trial, runs=(*(r for r in trial.runs if kind(r.name) != "random"), *more.runs))
+    opened = data / blind.logs / "wind_opened"
+    runs = [
+        with_wind(run, opened / f"{run.name}.csv") if (opened / f"{run.name}.csv").is_file() else run
+        for run in trial.runs
+    ]
+    return replace(trial, runs=tuple(runs))
+
+
+def fitted(
+    blind: BlindSet, trial: Trial, regime: str, quick: bool, seed: int, out: Path, progress: Progress
+) -> TrialFit | None:
+    """The ship fitted in pieces to the runs with role "identify" of one regime; None where there is none.
+
+    At low speed and astern, cubic rows, which hold at one speed, run away: there products of velocities
+    serve.
+    """
+    setting = SETTINGS[blind.logs]
+    step = setting.dt * (2 if quick else 1)
+    inside = [r for r in trial.runs if kind(r.name) in REGIMES[regime] and r.role == "identify"]
+    if not inside:
+        return None
+    way = setting.way if regime == "ahead" else None
+    chosen = replace(trial, runs=tuple(thin(begun(run, way), step) for run in inside))
+    ship = load_vehicle(LOGS / blind.logs / "vehicle.toml")
+    ship = ship if regime == "ahead" else plain(ship)
+    free = (*(n for n in ship.coef if n not in INERTIA), *blind.extra)
+    options = FitOptions(seed=seed, profile=True, rounds=3 if quick else 12)
+    with progress.stage(f"{trial.name}: fit to {' and '.join(REGIMES[regime])} runs") as stage:
+        return fit_in_pieces(
+            chosen, setting.piece, ship, out, free=free, options=options,
+            watch=lambda done, cost, step: stage.step(info=f"cost {cost:.5g}"),
+        )  # fmt: skip
+
+
+def models(
+    blind: BlindSet, trial: Trial, quick: bool, seed: int, out: Path, progress: Progress
+) -> dict[str, Any]:
+    """A predicting model per kind of motion: coefficients of the fit, disturbance of the known runs of
+    that kind.
+    """
+    ready: dict[str, Any] = {}
+    fits = {
+        regime: fitted(blind, trial, regime, quick, seed, out / f"fit_{regime}", progress)
+        for regime in REGIMES
+    }
+    for name in dict.fromkeys(kind(r.name) for r in trial.runs):
+        found = next(fits[regime] for regime, kinds in REGIMES.items() if name in kinds)
+        runs = [prepared(blind, r) for r in trial.runs if kind(r.name) == name and r.role == "identify"]
+        if not runs or found is None:
+            continue
+        draws = 15 if quick else CALIBRATION_DRAWS
+        with progress.stage(f"{trial.name}: disturbance of {name} runs"):
+            try:
+                model = predictive_model(
+                    found, draws, seed, runs=runs[:2] if quick else runs, lead=blind.lead
+                )
+                ready[name] = (*model, found)
+            except BayesidError as error:
+                progress.note(f"{name}: {error}")
+    return ready
+
+
+def prepared(blind: BlindSet, run: Run) -> Run:
+    """A known run as a blind one is given: from its first sample, at the step of the predictions."""
+    return thin(run if blind.from_rest else begun(run, SETTINGS[blind.logs].way), max(blind.step, 0.5))
+
+
+def expectation(
+    name: str, blind: BlindSet, data: Path, out: Path, quick: bool, seed: int, progress: Progress
+) -> None:
+    """Errors of held-out known runs, predicted as the blind ones will be."""
+    trial = known_runs(blind, data)
+    per_kind = models(blind, trial, quick, seed, out / "expected", progress)
+    rows = []
+    held = [r for r in trial.runs if r.role == "holdout"]
+    for run in progress.track(held[:2] if quick else held, f"{name}: held-out runs"):
+        model = per_kind.get(kind(run.name)) or next(iter(per_kind.values()))
+        rows.append(errors_of(model[0], prepared(blind, run), blind.lead, 20 if quick else DRAWS, seed))
+    record = {
+        "inputs": {"trial": trial.digest, "quick": quick, "lead": blind.lead},
+        "seeds": [seed],
+        "fit": {k: v[2].fit.uncertainty for k, v in per_kind.items()},
+        "calibration": {k: v[1] for k, v in per_kind.items()},
+        "runs": rows,
+        "attribution": trial.attribution,
+    }
+    write_json(out / "expected.json", record)
+    write_atomic(out / "EXPECTATION.md", expectation_text(name, record))
+    progress.note(f"expectation: {out / 'EXPECTATION.md'}")
+
+
+def errors_of(model: Any, run: Run, lead: float, draws: int, seed: int) -> dict[str, Any]:
+    """Rms error, share inside the 95 % band and errors over their sd of one run."""
+    try:
+        p = predict_run(model, run, draws, seed, lead)
+    except BayesidError as error:
+        return {"run": run.name, "kind": kind(run.name), "failed": str(error)}
+    z = standard_errors(p, run)
+    late = p.t - p.t[0] > p.lead
+    rms = {}
+    for j, c in enumerate(p.channels):
+        if c in run.data:
+            off = run.data[c] - p.mean[:, j]
+            if c == "psi":
+                off = (off + np.pi) % (2 * np.pi) - np.pi
+            rms[c] = float(np.sqrt(np.nanmean(off[late] ** 2)))
+    return {
+        "run": run.name, "kind": kind(run.name), "seconds": float(run.duration), "rms": rms,
+        "inside": {c: float(np.mean(np.abs(v) < 1.96)) for c, v in z.items()},
+        "rms_z": {c: float(np.sqrt(np.mean(v**2))) for c, v in z.items()},
+        "lost": p.lost,
+    }  # fmt: skip
+
+
+def predictions(
+    name: str, blind: BlindSet, data: Path, out: Path, quick: bool, seed: int, progress: Progress
+) -> None:
+    """Fit every known run, predict the blind ones, a CSV each."""
+    trial = known_runs(blind, data)
+    trial = replace(trial, runs=tuple(replace(run, role="identify") for run in trial.runs))
+    per_kind = models(blind, trial, quick, seed, out / "fitted", progress)
+    told: dict[str, Any] = {}
+    unseen = load_trial(HERE / name, data / "blind_predictions" / name)
+    for run in progress.track(unseen.runs, f"{name}: predictions"):
+        wanted = {"circle": "turn"}.get(kind(run.name), kind(run.name))
+        known = wanted if wanted in per_kind else "zigzag"
+        model = per_kind[known][0]
+        target = out / f"{run.name}.csv"
+        thinned = thin(run, blind.step)
+        try:
+            p = predict_run(model, thinned, 20 if quick else DRAWS, seed, blind.lead)
+        except BayesidError as error:
+            told[run.name] = {"disturbance": known, "failed": str(error)}
+            continue
+        write_atomic(target, csv_text(p))
+        low, high = p.band()
+        told[run.name] = {
+            "disturbance": known, "lost": p.lost, "seconds": float(run.duration),
+            "widest": {c: float((high - low)[:, j].max()) for j, c in enumerate(p.channels)},
+        }  # fmt: skip
+    record = {
+        "inputs": {
+            "fitted": {k: [r.name for r in v[2].trial.runs] for k, v in per_kind.items()},
+            "trial": trial.digest, "blind": unseen.digest,
+            "draws": DRAWS, "lead": blind.lead, "quick": quick,
+        },
+        "seeds": [seed],
+        "fit": {k: v[2].fit.uncertainty for k, v in per_kind.items()},
+        "coefficients": {k: v[2].fit.values for k, v in per_kind.items()},
+        "calibration": {k: v[1] for k, v in per_kind.items()},
+        "predictions": told,
+        "attribution": trial.attribution,
+    }  # fmt: skip
+    write_json(out / "predictions.json", record)
+    progress.note(f"predictions: {out}")
+
+
+SHOWN: Mapping[str, str] = {"x": "m", "y": "m", "psi": "rad", "u": "m/s", "v": "m/s", "r": "rad/s"}
+
+
+def csv_text(p: Prediction) -> str:
+    """`t[s]`, and mean, 2.5 % and 97.5 % of every channel."""
+    low, high = p.band()
+    names, columns = ["t[s]"], [p.t]
+    for j, c in enumerate(p.channels):
+        for ending, values in (("", p.mean), ("_lo", low), ("_hi", high)):
+            names.append(f"{c}{ending}[{SHOWN[c]}]")
+            columns.append(values[:, j])
+    rows = [",".join(f"{v:.6g}" for v in row) for row in np.column_stack(columns)]
+    return "\n".join([",".join(names), *rows]) + "\n"
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--data", type=Path, required=True, help="folder with blind_predictions and the logs")
+    parser.add_argument("--out", type=Path, default=Path("out/blind_predictions"))
+    parser.add_argument("--expect", action="store_true", help="errors to expect instead of predictions")
+    parser.add_argument("--quick", action="store_true", help="few draws and runs")
+    parser.add_argument("--seed", type=int, default=0)
+    given = parser.parse_args()
+    lock_or_exit(given.out, "studies/blind_predictions/run.py")
+    main(given.data, given.out, given.expect, given.quick, given.seed)
