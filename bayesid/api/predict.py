@@ -61,9 +61,9 @@ def predict(
     ----------
     trial, data : as in `bayesid.fit`; of a run only the orders and the first readings are used
     what : names of runs, or manoeuvres such as "turn:20"; all runs if left out
-    model : folder of `bayesid.diagnosis`; without it the trial is diagnosed first
+    model : folder of `bayesid.diagnose`; without it the trial is diagnosed first
     out : folder for a CSV per prediction as it is made, and for a model diagnosed on the way
-    vehicle, effects : for a diagnosis on the way, as in `bayesid.diagnosis`
+    vehicle, effects : for a diagnosis on the way, as in `bayesid.diagnose`
     draws : vehicles drawn from the posterior
     speed, rpm, dt : approach speed [m/s], shaft speed and step [s] of a manoeuvre
     lead : first seconds of a run that may be read, to begin on its track
