@@ -10,6 +10,7 @@ import pytest
 from gap_trials import model_of, noise_of, orders, other_vehicle, planted_trial
 from scipy.stats import binom
 
+from bayesid.api.predict import predict
 from bayesid.cli.main import run as bayesid
 from bayesid.diagnosis.diagnosed_model import (
     DiagnosedModel,
@@ -268,3 +269,13 @@ def test_predict_command_writes_one_table_per_run_and_manoeuvre(tmp_path, capsys
     assert {p.name for p in out.glob("*.csv")} == {"turn.csv", "zigzag_10_10.csv"}
     assert bayesid(["predict", str(tmp_path / "pond"), "--model", str(tmp_path / "none")]) == 2
     assert "bayesid diagnose" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("share", "narrow"), [(1.0, False), (0.01, True)])
+def test_bands_that_do_not_hold_the_readings_are_called_too_narrow(share, narrow, tmp_path):
+    """Coefficients said to be known a hundred times better than they are, and as well as they are."""
+    trial = planted_trial(MODEL, other_vehicle(MODEL, 3), 3)
+    write_diagnosed(found_with(share), tmp_path)
+    found = predict(trial, model=tmp_path, draws=40)
+    assert ("The bands are too narrow" in found.summary()) == narrow
+    assert ("The bands are too narrow" in found.report().lead) == narrow

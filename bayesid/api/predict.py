@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     import pandas
 
 LEVEL = 0.95
+HELD_SHARE = 0.8  # of the readings inside the band, on average over runs, below which the band is too narrow
 AGAINST_COLUMNS = ("channel", "rms error (SI)", "largest", "inside the band [%]")
 MEASURE_COLUMNS = ("measure", "mean", "95 % from", "to", "unit")
 
@@ -195,7 +196,8 @@ class PredictResult(Result):
             if row["measures"]:
                 blocks.append(Table(MEASURE_COLUMNS, _measures(row)))
             sections.append(Section(literal(p.name), blocks))
-        return Report(f"Predictions for {literal(self.trial.name)}", literal(self._model_words()), sections)
+        lead = "\n\n".join(literal(words) for words in (self._model_words(), *self._doubts()))
+        return Report(f"Predictions for {literal(self.trial.name)}", lead, sections)
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
         from bayesid.report import writer
@@ -208,7 +210,7 @@ class PredictResult(Result):
         return self.numbers
 
     def summary(self, verbose: bool = False) -> str:
-        lines = [self._model_words()]
+        lines = [self._model_words(), *self._doubts()]
         for row in self.numbers["predictions"]:
             begun = f", begun on the first {row['lead']:.3g} s of its log" if row["lead"] else ""
             lines.append(f"\n{row['name']}: {row['seconds']:.0f} s{begun}")
@@ -226,6 +228,22 @@ class PredictResult(Result):
             for h in self.numbers["hypotheses"]
         ]
         return f"model: {', '.join(words)}"
+
+    def _doubts(self) -> list[str]:
+        """Channels whose readings the bands of the runs do not hold."""
+        held: dict[str, list[float]] = {}
+        for row in self.numbers["predictions"]:
+            for channel, found in row["against_readings"].items():
+                held.setdefault(channel, []).append(found["inside"])
+        mean = {channel: sum(shares) / len(shares) for channel, shares in held.items()}
+        few = [f"{channel} {share:.0%}" for channel, share in mean.items() if share < HELD_SHARE]
+        if not few:
+            return []
+        return [
+            f"The bands are too narrow: of the readings {LEVEL:.0%} should lie inside, and on average over "
+            f"the runs it is {', '.join(few)}. The model lacks something these runs have; what it predicts "
+            "of other manoeuvres is less sure than its bands say."
+        ]
 
 
 def _against(row: Mapping[str, Any]) -> list[list[Any]]:
