@@ -279,3 +279,12 @@ def test_bands_that_do_not_hold_the_readings_are_called_too_narrow(share, narrow
     found = predict(trial, model=tmp_path, draws=40)
     assert ("The bands are too narrow" in found.summary()) == narrow
     assert ("The bands are too narrow" in found.report().lead) == narrow
+
+
+def test_a_band_wider_than_a_full_turn_is_called_no_prediction(tmp_path):
+    """Coefficients known to 30 % of their size leave a turn open; known to 5 %, they do not."""
+    for share, lost in ((6.0, True), (1.0, False)):
+        write_diagnosed(found_with(share), tmp_path / str(share))
+        trial = planted_trial(MODEL)
+        found = predict(trial, ["turn:10"], model=tmp_path / str(share), draws=40, speed=1.5)
+        assert ("Nothing is predicted for any of these" in found.summary()) == lost

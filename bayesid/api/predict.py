@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from collections.abc import Iterable, Mapping
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     import pandas
 
 LEVEL = 0.95
+FULL_TURN = 2 * math.pi  # width of the heading's band from which a run is not predicted
 HELD_SHARE = 0.8  # of the readings inside the band, on average over runs, below which the band is too narrow
 AGAINST_COLUMNS = ("channel", "rms error (SI)", "largest", "inside the band [%]")
 MEASURE_COLUMNS = ("measure", "mean", "95 % from", "to", "unit")
@@ -230,19 +232,29 @@ class PredictResult(Result):
         return f"model: {', '.join(words)}"
 
     def _doubts(self) -> list[str]:
-        """Channels whose readings the bands of the runs do not hold."""
+        """Runs of which nothing is predicted, and channels whose readings lie outside the bands."""
+        out = []
+        rows = self.numbers["predictions"]
+        lost = [row["name"] for row in rows if row["widest_band"].get("psi", 0.0) > FULL_TURN]
+        if lost:
+            out.append(
+                f"Nothing is predicted for {'any of these' if len(lost) == len(rows) else ', '.join(lost)}: "
+                "the band of the heading becomes wider than a full turn. What is known of the vehicle does "
+                "not fix where it goes."
+            )
         held: dict[str, list[float]] = {}
-        for row in self.numbers["predictions"]:
+        for row in rows:
             for channel, found in row["against_readings"].items():
                 held.setdefault(channel, []).append(found["inside"])
         mean = {channel: sum(shares) / len(shares) for channel, shares in held.items()}
         few = [f"{channel} {share:.0%}" for channel, share in mean.items() if share < HELD_SHARE]
         if not few:
-            return []
+            return out
         return [
+            *out,
             f"The bands are too narrow: of the readings {LEVEL:.0%} should lie inside, and on average over "
             f"the runs it is {', '.join(few)}. The model lacks something these runs have; what it predicts "
-            "of other manoeuvres is less sure than its bands say."
+            "of other manoeuvres is less sure than its bands say.",
         ]
 
 
