@@ -288,3 +288,11 @@ def test_a_band_wider_than_a_full_turn_is_called_no_prediction(tmp_path):
         trial = planted_trial(MODEL)
         found = predict(trial, ["turn:10"], model=tmp_path / str(share), draws=40, speed=1.5)
         assert ("Nothing is predicted for any of these" in found.summary()) == lost
+
+
+def test_the_model_of_another_vehicle_is_refused(tmp_path):
+    write_diagnosed(found_with(), tmp_path)
+    other = planted_trial(model_of("generic_sub"))
+    other = replace(other, vehicle_ref="generic_sub")
+    with pytest.raises(ModelError, match=r"is of REMUS 100 .* m long, and the trial pond of .* 102.3 m"):
+        predict(other, model=tmp_path, draws=20)

@@ -10,7 +10,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bayesid.api.inputs import TrialLike, VehicleLike, declared_effects, model_of, scale_of, trial_of
+from bayesid.api.inputs import (
+    TrialLike,
+    VehicleLike,
+    declared_effects,
+    model_of,
+    scale_of,
+    trial_of,
+    vehicle_of,
+)
 from bayesid.api.result import Result
 from bayesid.diagnosis.diagnosed_model import (
     DiagnosedModel,
@@ -19,7 +27,7 @@ from bayesid.diagnosis.diagnosed_model import (
     write_diagnosed,
 )
 from bayesid.diagnosis.run import diagnose
-from bayesid.errors import ModelError
+from bayesid.errors import BayesidError, ModelError
 from bayesid.files import write_atomic, write_json
 from bayesid.manoeuvres import parse
 from bayesid.measures import named_measures
@@ -35,6 +43,8 @@ if TYPE_CHECKING:
 
 LEVEL = 0.95
 FULL_TURN = 2 * math.pi  # width of the heading's band from which a run is not predicted
+SAME_LENGTH = 0.01  # by which two files of one vehicle may differ in length
+SAME_LENGTH = 0.01  # by which two files of one vehicle may differ in length
 HELD_SHARE = 0.8  # of the readings inside the band, on average over runs, below which the band is too narrow
 AGAINST_COLUMNS = ("channel", "rms error (SI)", "largest", "inside the band [%]")
 MEASURE_COLUMNS = ("measure", "mean", "95 % from", "to", "unit")
@@ -120,13 +130,28 @@ def _model(
     """The diagnosed model, read or made."""
     extra = declared_effects(effects)
     if folder is not None:
-        return read_diagnosed(folder, extra)
+        found = read_diagnosed(folder, extra)
+        _check_vehicle(found, trial)
+        return found
     progress.note("no model given: diagnosing first")
     model = model_of(trial, vehicle, extra)
     found = diagnosed_model_of(diagnose(trial, model, seed=seed, say=progress.note, plan_next=False))
     if out is not None:
         write_diagnosed(found, out)
     return found
+
+
+def _check_vehicle(found: DiagnosedModel, trial: Trial) -> None:
+    """Refuse the model of a vehicle of another size than that of the trial, where the trial's can be read."""
+    try:
+        ours, other = found.model.vehicle, vehicle_of(None, trial)
+    except BayesidError:
+        return
+    if abs(ours.L / other.L - 1.0) > SAME_LENGTH:
+        raise ModelError(
+            f"the model is of {ours.name}, {ours.L:.4g} m long, and the trial {trial.name} of {other.name}, "
+            f"{other.L:.4g} m; give --model the folder of a diagnosis of this vehicle"
+        )
 
 
 def _run(trial: Trial, name: str) -> Run | None:
