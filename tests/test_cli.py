@@ -187,6 +187,8 @@ def test_every_command_has_help_and_a_verbose_option():
     for path, node in walk([], tree):
         assert node.help, f"{path} has no help"
         assert any("--verbose" in option.opts for option in node.params), f"{path} has no -v"
+        paragraphs = node.help.split("\n\n")
+        assert len(set(paragraphs)) == len(paragraphs), f"{path} says something twice"
 
 
 def test_tables_align_numbers_right_and_show_a_dash_for_nothing(capsys):

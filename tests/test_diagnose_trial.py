@@ -248,6 +248,19 @@ def test_noise_that_is_not_stated_is_estimated_and_said():
         assert 0.7 * sigma < found < 1.6 * sigma, channel
 
 
+def test_a_run_that_was_to_be_straight_and_is_not_is_named():
+    """A rudder that stands off turns the vehicle in its straight run: 'no straight run' alone surprises."""
+    model = model_of()
+    trial = replace(planted_trial(model), environment=None)
+    bent = [replace(r, manoeuvre="straight" if r.name == "turn" else r.manoeuvre) for r in trial.runs]
+    for runs, words in (
+        (bent, "no straight run (turn: no course within 15 degrees"),
+        (trial.runs, "no straight run: "),
+    ):
+        told = [w for w in build_problem(model, replace(trial, runs=tuple(runs))).warnings if words in w]
+        assert len(told) == 1
+
+
 def test_a_channel_without_noise_is_named_and_given_the_least_a_sensor_has():
     """Of a simulated log: a rate as computed, a speed that never changes; the others stay as stated."""
     model = model_of()

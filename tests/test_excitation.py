@@ -21,9 +21,12 @@ from bayesid.equations.model import build_model
 from bayesid.errors import ModelError, TrialError
 from bayesid.manoeuvres import library as manoeuvre_library
 from bayesid.model.vehicles import load_vehicle
+from bayesid.report.excite import excitation_report
+from bayesid.report.writer.markup import to_html
 from bayesid.report.writer.write import versions
 from bayesid.simulation import plan_run, steady_start
 from bayesid.simulation.virtual_trial import virtual_run
+from bayesid.trials import Trial
 from studies.manoeuvre_richness.summaries import maps_of
 
 # Sensor noise over L, L, 1, U/L, U, U at 19 readings per L/U: a navigation-grade set on a submarine.
@@ -189,6 +192,14 @@ def test_a_planted_cubic_is_found_from_rich_runs_and_not_told_from_a_spiral(subm
     assert "Y_vvv" not in [w.name for w in poor.candidates]
 
 
+def test_a_report_shows_commands_as_code(submarine):
+    runs, noise = executed(submarine, ["multisine", "zigzag_20_port", "prbs"], cubic(submarine), share=0.3)
+    found = excite(submarine, runs, noise, draws=20)
+    assert found.candidates
+    lead = excitation_report(found, Trial("pond", Path(), "generic_sub", 3, tuple(runs), noise)).lead
+    assert "<code>bayesid diagnose</code>" in to_html(lead)
+
+
 @pytest.mark.slow
 def test_without_a_planted_term_rich_runs_ask_for_none(submarine):
     """The negative control of the planted cubic: same runs, same noise."""
@@ -293,3 +304,4 @@ def test_the_command_writes_report_and_json(tmp_path, capsys):
     assert record["runs"] == ["r1", "r2"] or len(record["runs"]) == 2
     assert {"found", "cannot tell"} & {t["status"] for t in record["axes"]["Y"]["terms"]}
     assert (tmp_path / "out" / "report.html").exists()
+    assert "<h1>Forces excited by" in (tmp_path / "out" / "report.html").read_text()

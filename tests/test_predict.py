@@ -10,6 +10,7 @@ import pytest
 from gap_trials import model_of, noise_of, orders, other_vehicle, planted_trial
 from scipy.stats import binom
 
+from bayesid.api.predict import predict
 from bayesid.cli.main import run as bayesid
 from bayesid.diagnosis.diagnosed_model import (
     DiagnosedModel,
@@ -269,3 +270,30 @@ def test_predict_command_writes_one_table_per_run_and_manoeuvre(tmp_path, capsys
     assert {p.name for p in out.glob("*.csv")} == {"turn.csv", "zigzag_10_10.csv"}
     assert bayesid(["predict", str(tmp_path / "pond"), "--model", str(tmp_path / "none")]) == 2
     assert "bayesid diagnose" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("share", "narrow"), [(1.0, False), (0.01, True)])
+def test_bands_that_do_not_hold_the_readings_are_called_too_narrow(share, narrow, tmp_path):
+    """Coefficients said to be known a hundred times better than they are, and as well as they are."""
+    trial = planted_trial(MODEL, other_vehicle(MODEL, 3), 3)
+    write_diagnosed(found_with(share), tmp_path)
+    found = predict(trial, model=tmp_path, draws=40)
+    assert ("The bands are too narrow" in found.summary()) == narrow
+    assert ("The bands are too narrow" in found.report().lead) == narrow
+
+
+def test_a_band_wider_than_a_full_turn_is_called_no_prediction(tmp_path):
+    """Coefficients known to 30 % of their size leave a turn open; known to 5 %, they do not."""
+    for share, lost in ((6.0, True), (1.0, False)):
+        write_diagnosed(found_with(share), tmp_path / str(share))
+        trial = planted_trial(MODEL)
+        found = predict(trial, ["turn:10"], model=tmp_path / str(share), draws=40, speed=1.5)
+        assert ("Nothing is predicted for any of these" in found.summary()) == lost
+
+
+def test_the_model_of_another_vehicle_is_refused(tmp_path):
+    write_diagnosed(found_with(), tmp_path)
+    other = planted_trial(model_of("generic_sub"))
+    other = replace(other, vehicle_ref="generic_sub")
+    with pytest.raises(ModelError, match=r"is of REMUS 100 .* m long, and the trial pond of .* 102.3 m"):
+        predict(other, model=tmp_path, draws=20)

@@ -88,6 +88,13 @@ def test_html_asks_no_other_file_or_server(tmp_path):
     assert "url(" not in html and "@import" not in html
 
 
+def test_a_long_heading_of_numbers_may_wrap(tmp_path):
+    """On one line it pushed the last columns of a table off the page."""
+    html = write(_report("Trial"), tmp_path, {}).read_text()
+    unbroken = [rule for rule in html.split("<style>")[1].split("}") if "nowrap" in rule]
+    assert unbroken and not any("th" in rule.split("{")[0] for rule in unbroken)
+
+
 @given(st.text())
 def test_any_text_gives_only_the_tags_of_the_markup(text):
     assert set(_Page(to_html(text)).tags) <= ALLOWED_TAGS

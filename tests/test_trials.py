@@ -617,3 +617,18 @@ def test_real_logs_load_and_agree_with_their_conventions(name, identify, holdout
         assert row["checks"]["track"]["scale"] == pytest.approx(1.0, abs=0.01)
         assert row["checks"]["yaw"]["scale"] == pytest.approx(1.0, abs=0.1)
         assert row["checks"]["rudder"]["slope"] < 0  # port-positive inside
+
+
+def test_logs_that_are_all_elsewhere_are_one_sentence(tmp_path):
+    runs = "".join(f"[[runs]]\nfile='r{i}.csv'\n" for i in range(9))
+    (tmp_path / "trial.toml").write_text(f"format = 1\ndata_hint = 'Ask the tank.'\n{runs}")
+    for data, words in (
+        (None, "pass data=FOLDER (--data). Ask the tank."),
+        (tmp_path / "other", "or in the bundle"),
+    ):
+        with pytest.raises(TrialError) as told:
+            load_trial(tmp_path, data)
+        said = str(told.value)
+        assert (
+            "\n" not in said and "each of its 9 logs, r0.csv first, does not exist" in said and words in said
+        )

@@ -1,4 +1,4 @@
-"""`bayesid.diagnosis`: where the gap between simulator and trial lies, what causes it, how far it shrinks."""
+"""`bayesid.diagnose`: where the gap between simulator and trial lies, what causes it, how far it shrinks."""
 
 from __future__ import annotations
 

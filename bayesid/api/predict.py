@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from collections.abc import Iterable, Mapping
@@ -9,7 +10,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bayesid.api.inputs import TrialLike, VehicleLike, declared_effects, model_of, scale_of, trial_of
+from bayesid.api.inputs import (
+    TrialLike,
+    VehicleLike,
+    declared_effects,
+    model_of,
+    scale_of,
+    trial_of,
+    vehicle_of,
+)
 from bayesid.api.result import Result
 from bayesid.diagnosis.diagnosed_model import (
     DiagnosedModel,
@@ -18,7 +27,7 @@ from bayesid.diagnosis.diagnosed_model import (
     write_diagnosed,
 )
 from bayesid.diagnosis.run import diagnose
-from bayesid.errors import ModelError
+from bayesid.errors import BayesidError, ModelError
 from bayesid.files import write_atomic, write_json
 from bayesid.manoeuvres import parse
 from bayesid.measures import named_measures
@@ -33,6 +42,10 @@ if TYPE_CHECKING:
     import pandas
 
 LEVEL = 0.95
+FULL_TURN = 2 * math.pi  # width of the heading's band from which a run is not predicted
+SAME_LENGTH = 0.01  # by which two files of one vehicle may differ in length
+SAME_LENGTH = 0.01  # by which two files of one vehicle may differ in length
+HELD_SHARE = 0.8  # of the readings inside the band, on average over runs, below which the band is too narrow
 AGAINST_COLUMNS = ("channel", "rms error (SI)", "largest", "inside the band [%]")
 MEASURE_COLUMNS = ("measure", "mean", "95 % from", "to", "unit")
 
@@ -63,7 +76,7 @@ def predict(
     what : names of runs, or manoeuvres such as "turn:20"; all runs if left out
     model : folder of `bayesid.fit` or `bayesid.diagnose`; without it the trial is diagnosed first
     out : folder for a CSV per prediction as it is made, and for a model diagnosed on the way
-    vehicle, effects : for a diagnosis on the way, as in `bayesid.diagnosis`
+    vehicle, effects : for a diagnosis on the way, as in `bayesid.diagnose`
     draws : vehicles drawn from the posterior
     speed, rpm, dt : approach speed [m/s], shaft speed and step [s] of a manoeuvre
     lead : first seconds of a run that may be read, to begin on its track
@@ -117,13 +130,28 @@ def _model(
     """The diagnosed model, read or made."""
     extra = declared_effects(effects)
     if folder is not None:
-        return read_diagnosed(folder, extra)
+        found = read_diagnosed(folder, extra)
+        _check_vehicle(found, trial)
+        return found
     progress.note("no model given: diagnosing first")
     model = model_of(trial, vehicle, extra)
     found = diagnosed_model_of(diagnose(trial, model, seed=seed, say=progress.note, plan_next=False))
     if out is not None:
         write_diagnosed(found, out)
     return found
+
+
+def _check_vehicle(found: DiagnosedModel, trial: Trial) -> None:
+    """Refuse the model of a vehicle of another size than that of the trial, where the trial's can be read."""
+    try:
+        ours, other = found.model.vehicle, vehicle_of(None, trial)
+    except BayesidError:
+        return
+    if abs(ours.L / other.L - 1.0) > SAME_LENGTH:
+        raise ModelError(
+            f"the model is of {ours.name}, {ours.L:.4g} m long, and the trial {trial.name} of {other.name}, "
+            f"{other.L:.4g} m; give --model the folder of a diagnosis of this vehicle"
+        )
 
 
 def _run(trial: Trial, name: str) -> Run | None:
@@ -195,7 +223,8 @@ class PredictResult(Result):
             if row["measures"]:
                 blocks.append(Table(MEASURE_COLUMNS, _measures(row)))
             sections.append(Section(literal(p.name), blocks))
-        return Report(f"Predictions for {literal(self.trial.name)}", literal(self._model_words()), sections)
+        lead = "\n\n".join(literal(words) for words in (self._model_words(), *self._doubts()))
+        return Report(f"Predictions for {literal(self.trial.name)}", lead, sections)
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
         from bayesid.report import writer
@@ -208,7 +237,7 @@ class PredictResult(Result):
         return self.numbers
 
     def summary(self, verbose: bool = False) -> str:
-        lines = [self._model_words()]
+        lines = [self._model_words(), *self._doubts()]
         for row in self.numbers["predictions"]:
             begun = f", begun on the first {row['lead']:.3g} s of its log" if row["lead"] else ""
             lines.append(f"\n{row['name']}: {row['seconds']:.0f} s{begun}")
@@ -228,6 +257,32 @@ class PredictResult(Result):
             name = " + ".join(h["effects"]) or "no effect"
             shares[name] = shares.get(name, 0.0) + h["weight"]
         return f"model: {', '.join(f'{name} ({share:.0%})' for name, share in shares.items())}"
+
+    def _doubts(self) -> list[str]:
+        """Runs of which nothing is predicted, and channels whose readings lie outside the bands."""
+        out = []
+        rows = self.numbers["predictions"]
+        lost = [row["name"] for row in rows if row["widest_band"].get("psi", 0.0) > FULL_TURN]
+        if lost:
+            out.append(
+                f"Nothing is predicted for {'any of these' if len(lost) == len(rows) else ', '.join(lost)}: "
+                "the band of the heading becomes wider than a full turn. What is known of the vehicle does "
+                "not fix where it goes."
+            )
+        held: dict[str, list[float]] = {}
+        for row in rows:
+            for channel, found in row["against_readings"].items():
+                held.setdefault(channel, []).append(found["inside"])
+        mean = {channel: sum(shares) / len(shares) for channel, shares in held.items()}
+        few = [f"{channel} {share:.0%}" for channel, share in mean.items() if share < HELD_SHARE]
+        if not few:
+            return out
+        return [
+            *out,
+            f"The bands are too narrow: of the readings {LEVEL:.0%} should lie inside, and on average over "
+            f"the runs it is {', '.join(few)}. The model lacks something these runs have; what it predicts "
+            "of other manoeuvres is less sure than its bands say.",
+        ]
 
 
 def _against(row: Mapping[str, Any]) -> list[list[Any]]:

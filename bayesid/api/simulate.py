@@ -1,4 +1,4 @@
-"""`bayesid.simulation`: run manoeuvres with a vehicle and log them, with noise and with effects switched
+"""`bayesid.simulate`: run manoeuvres with a vehicle and log them, with noise and with effects switched
 on."""
 
 from __future__ import annotations

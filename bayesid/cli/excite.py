@@ -31,8 +31,6 @@ def excite(
 
     The regression is our own stepwise selection on the force table; PySINDy is not its engine.
 
-    The regression is our own stepwise selection on the force table; PySINDy is not its engine.
-
     Reads the identify runs only. --out gets excitation.json and a report.
     """
     from bayesid.api.excite import excite as run

@@ -58,7 +58,7 @@ class WeightedHypothesis:
     effects : names, empty for none
     weight : share of the draws
     names, mean, covariance, low : free parameters [SI], their Gaussian, and bounds of one-sided ones
-    noise model : disturbance force and slow position error that go with it
+    noise_model : disturbance force and slow position error that go with it
     """
 
     effects: tuple[str, ...]

@@ -93,7 +93,7 @@ def write_excitation_report(
 def excitation_report(found: Excitation, trial: Trial) -> Report:
     """The report as plain data."""
     sentences = finding(found)
-    lead = "\n\n".join(literal(s) for s in sentences)
+    lead = "\n\n".join(sentences)  # names of the force table and our own words: no foreign text
     if trial.attribution:
         lead += f"\n\n{literal(trial.attribution)}"
     sections = [
@@ -101,7 +101,7 @@ def excitation_report(found: Excitation, trial: Trial) -> Report:
         Section("Beyond the vehicle file", _beyond(found)),
         Section("How this was done", [Text(_method(found))]),
     ]
-    return Report(f"Which forces {literal(trial.name)} excites", lead, sections)
+    return Report(f"Forces excited by {literal(trial.name)}", lead, sections)
 
 
 def _free(found: Excitation) -> list[Block]:

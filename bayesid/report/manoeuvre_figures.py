@@ -24,11 +24,11 @@ LABELS = {
 }
 
 
-def compact(figure: Any, noise_model: int = 64) -> bytes:
-    """PNG of a figure in few noise model: a third of the size, for reports of many maps."""
+def compact(figure: Any, colours: int = 64) -> bytes:
+    """PNG of a figure in few colours: a third of the size, for reports of many maps."""
     whole, small = BytesIO(), BytesIO()
     figure.savefig(whole, format="png")
-    Image.open(whole).convert("RGB").quantize(noise_model, dither=Image.Dither.NONE).save(
+    Image.open(whole).convert("RGB").quantize(colours, dither=Image.Dither.NONE).save(
         small, "PNG", optimize=True
     )
     return small.getvalue()

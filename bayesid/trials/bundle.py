@@ -84,6 +84,7 @@ def _load(raw: bytes, toml: Path, data: Path | None) -> Trial:
     stated = Stated(tree)
     folder = toml.parent
     vehicle = _vehicle(stated, folder)
+    _some_are_there(stated, folder, data, str(toml))
     seen: dict[Path, str] = {}
 
     def table_of(entry: RunEntry) -> CsvTable:
@@ -161,6 +162,22 @@ def make_trial(
 def _vertical(run: Run) -> bool:
     names = (*run.data, *run.commands, *run.measured_inputs)
     return any(channel(name).vertical for name in names)
+
+
+def _some_are_there(stated: Stated, folder: Path, data: Path | None, source: str) -> None:
+    """Refuse a bundle of several runs of which no log is to be found: one sentence instead of one per run."""
+    if len(stated.runs) < 2:
+        return
+    said = []
+    for entry in stated.runs:
+        try:
+            _find(entry.file, folder, data, stated.data_hint)
+            return
+        except BadTableError as error:
+            said += error.problems
+    if len(set(said)) == 1:
+        stated.problems.append(f"each of its {len(stated.runs)} logs, {stated.runs[0].file} first, {said[0]}")
+        raise_all(TrialError, source, stated.problems)
 
 
 def _find(name: str, folder: Path, data: Path | None, hint: str) -> Path:

@@ -68,7 +68,7 @@ class ManoeuvrePlan:
     randoms : values of random designs within the same limits
     choice : set from the library; None for telling causes apart
     best : name of the first candidate
-    orders, run : of the designed manoeuvre, executed by the nominal vehicle
+    orders, execution : of the designed manoeuvre, executed by the nominal vehicle
     told : criteria of the designed manoeuvre on top of the runs executed; None for telling causes apart
     search : how the search went
     refused : library manoeuvres left out, and why

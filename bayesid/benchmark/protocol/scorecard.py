@@ -43,7 +43,7 @@ class Scorecard:
     calibration : bins over all cases
     control : the line that must fail
     strata : table per factor, see `scores.table`
-    committed : what the seal says, None for unsealed verdicts
+    sealed : what the seal says, None for unsealed verdicts
     missing : bundles without a verdict, left out: not solved in the time given, or unsealed and not there
     caveats : what these seals do not prove
     """

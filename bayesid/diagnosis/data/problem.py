@@ -22,7 +22,7 @@ from bayesid.estimation.filter_error.noise_identification import (
     identify_noise,
     stated_noise,
 )
-from bayesid.estimation.filter_error.read_run import filter_error_run
+from bayesid.estimation.filter_error.read_run import STRAIGHT_LENGTHS, filter_error_run
 from bayesid.estimation.filter_error.straight_run_noise import RemovedForces, identify_straight_noise
 from bayesid.estimation.parameters import NO_PARAMETERS, GaussianPrior, coefficient_prior, effect_prior
 from bayesid.estimation.run_data import RunData
@@ -181,9 +181,20 @@ def _environment(
                 same=STRAIGHT_NOISE_SPREAD,
             )
         return identify_noise(model, logs, free, rounds=1, known=first, steps=5)
-    warnings.append("no straight run: the environment is estimated from all runs, so a gap may hide in it")
+    warnings.append(_not_straight(trial))
     found = identify_noise(model, logs, free)
     return NoiseIdentification(found.noise_model, "assumed", 1.0)
+
+
+def _not_straight(trial: Trial) -> str:
+    """That no run tells the environment apart from the vehicle, and why not those that were meant to."""
+    meant = [run.name for run in trial.identify if "straight" in run.manoeuvre.lower()]
+    why = (
+        f" ({', '.join(meant)}: no course within 15 degrees, or not for {STRAIGHT_LENGTHS:g} lengths)"
+        if meant
+        else ""
+    )
+    return f"no straight run{why}: the environment is estimated from all runs, so a gap may hide in it"
 
 
 def _said(model: Model, apart: RemovedForces) -> str:

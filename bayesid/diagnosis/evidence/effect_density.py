@@ -64,7 +64,7 @@ class EffectDensity:
 
     Attributes
     ----------
-    noise scale : the linear model along the amplitudes
+    noise_scale : the linear model along the amplitudes
     where_effects : positions of the effects' parameters among the k
     root : (e, e) whitened effects' parameters -> prior sd
     loud_sd : prior sd of their logarithms

@@ -116,7 +116,7 @@ def validate_holdout(
     ----------
     models : "nominal", "recalibrated" (one or more keys starting so, the best counts) and "with effect"
         -> parameters
-    noise model : environment, for the floor
+    noise_model : environment, for the floor
     draws : model -> (d, n_par) parameter vectors of its posterior, for the intervals
     """
     rng = np.random.default_rng(seed)

@@ -1,6 +1,6 @@
-"""A figure as PNG: with a palette of 256 noise model wherever the eye cannot tell.
+"""A figure as PNG: with a palette of 256 colours wherever the eye cannot tell.
 
-Takes a Figure. Gives bytes. Drawings of lines, texts and areas have a few noise model and their blends at
+Takes a Figure. Gives bytes. Drawings of lines, texts and areas have a few colours and their blends at
 edges: a palette makes them a third of the size, which is what a report with twenty embedded figures weighs.
 """
 
@@ -11,7 +11,7 @@ import io
 from bayesid.report.writer.blocks import Figure
 
 COLOURS = 256
-VISIBLE = 1.5  # rms change of a channel of 255; smooth areas of many noise model begin to show bands above it
+VISIBLE = 1.5  # rms change of a channel of 255; smooth areas of many colours begin to show bands above it
 MAX_PNG = 200_000  # bytes; above it the palette is taken even so
 
 
