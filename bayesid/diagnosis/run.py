@@ -17,20 +17,19 @@ import numpy as np
 from bayesid.diagnosis.attempt import attempt
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.diagnosed_model import DiagnosedModel, diagnosed_model
-from bayesid.diagnosis.event_search import find_events, verdict_with, with_events
+from bayesid.diagnosis.event_search import verdict_with
 from bayesid.diagnosis.evidence.effect_interval import warning
 from bayesid.diagnosis.evidence.effect_posterior import EffectPosterior, sample_effect
 from bayesid.diagnosis.evidence.effect_posterior import as_json as sampled
 from bayesid.diagnosis.evidence.holdout import HoldoutValidation, validate_holdout
 from bayesid.diagnosis.evidence.missing_force import MissingForce, describe_missing_force
-from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison, compare
+from bayesid.diagnosis.exclusions import compare_without
+from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.verdict import NAMING, Verdict, decide, simplest
-from bayesid.diagnosis.innovation_outliers import prepare
 from bayesid.diagnosis.next_manoeuvre import Proposal, propose
 from bayesid.diagnosis.result import Result, result_of
 from bayesid.diagnosis.summary import summary
 from bayesid.equations.model import Model
-from bayesid.errors import BayesidError
 from bayesid.estimation.filter_error.fit import FilterErrorFit, fit
 from bayesid.estimation.filter_error.noise_identification import no_process_noise
 from bayesid.trials import Trial
@@ -104,23 +103,12 @@ def diagnose(
     TrialError
         if there is nothing to identify from
     """
-    problem, base = prepare(model, trial, say, as_built)
-    candidates = compare(problem, say, seed, base)
-    events = find_events(problem, trial, simplest(candidates), say)
-    unable: list[str] = []
-    if events:
-        named = ", ".join(f"{e.run} {e.start:.0f}-{e.end:.0f} s" for e in events)
-        say(f"the same without {named}")
-        try:
-            shorter, base = prepare(model, trial, say, as_built, events)
-            problem, candidates = shorter, with_events(compare(shorter, say, seed, base), events)
-        except BayesidError as exc:
-            unable.append(
-                f"the trial without {named} could not be diagnosed ({exc}); the verdict counts them"
-            )
-            events = ()
-    verdict = verdict_with(decide(problem, candidates), events)
-    warnings = [*trial.warnings, *problem.warnings, *unable]
+    compared = compare_without(model, trial, say, as_built, seed)
+    problem, candidates = compared.problem, compared.candidates
+    verdict = verdict_with(decide(problem, candidates), problem.events)
+    warnings = [*trial.warnings, *problem.warnings]
+    if compared.unable is not None:
+        warnings.append(compared.unable)
     # The verdict stands. What follows describes, proves and plans; none of it may cost the verdict.
     description = None
     if verdict.word in ("outside", "effect_with_remainder"):

@@ -95,7 +95,7 @@ def compare(
 
     Parameters
     ----------
-    base : the fit without any effect, if it is there already (`innovation_outliers.prepare`)
+    base : the fit without any effect, if it is there already (`exclusions.compare_without`)
     """
     model = problem.model
     if base is None:
