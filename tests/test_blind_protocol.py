@@ -30,7 +30,7 @@ from bayesid.benchmark.protocol.scorecard import score_pack
 from bayesid.benchmark.protocol.solve_pack import NOTE, SolveSettings, solve_pack
 from bayesid.benchmark.protocol.verdict_table import verdicts_report
 from bayesid.cli.main import run as cli
-from bayesid.diagnosis.run import schema
+from bayesid.diagnosis.result import schema
 from bayesid.model.vehicles import write_vehicle
 from bayesid.progress import Progress
 from bayesid.report import writer

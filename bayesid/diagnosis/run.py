@@ -1,16 +1,12 @@
-"""A whole diagnosis: problem, comparison, verdict, shrink on held-out runs, next manoeuvre, and its JSON.
+"""A whole diagnosis: problem, comparison, verdict, hold-out validation, next manoeuvre, and the result.
 
-Takes a trial and a vehicle. Gives a frozen `Diagnosis` with its `Result`, the contract of `schema.json`
-(format 1).
+Takes a trial and a vehicle. Gives a frozen `Diagnosis` with its `Result`. Does not write or draw.
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib.resources import files
-from typing import Any
 
 import numpy as np
 
@@ -18,16 +14,16 @@ from bayesid.diagnosis.attempt import attempt
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.diagnosed_model import DiagnosedModel, diagnosed_model
 from bayesid.diagnosis.event_search import verdict_with
-from bayesid.diagnosis.evidence.effect_interval import warning
-from bayesid.diagnosis.evidence.effect_posterior import EffectPosterior, sample_effect
-from bayesid.diagnosis.evidence.effect_posterior import as_json as sampled
+from bayesid.diagnosis.evidence.effect_draws import warning
+from bayesid.diagnosis.evidence.effect_posterior import EffectPosterior, numbers, sample_effect
 from bayesid.diagnosis.evidence.holdout import HoldoutValidation, validate_holdout
 from bayesid.diagnosis.evidence.missing_force import MissingForce, describe_missing_force
 from bayesid.diagnosis.exclusions import compare_without
+from bayesid.diagnosis.final_values import result_of
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.verdict import NAMING, Verdict, decide, simplest
 from bayesid.diagnosis.next_manoeuvre import Proposal, propose
-from bayesid.diagnosis.result import Result, result_of
+from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.summary import summary
 from bayesid.equations.model import Model
 from bayesid.estimation.filter_error.fit import FilterErrorFit, fit
@@ -205,7 +201,7 @@ def _drawn(
     )
     if found is None:
         return None
-    if (told := warning(sampled(found))) is not None:
+    if (told := warning(numbers(found))) is not None:
         warnings.append(told)
     return found
 
@@ -239,13 +235,3 @@ def parameter_draws(fitted: FilterErrorFit, rng: np.random.Generator, count: int
     values = fitted.free.mean + fitted.free.sd * (z + rng.standard_normal((count, z.size)) @ root.T)
     out[:, fitted.free.where] = np.maximum(values, fitted.free.low)
     return out
-
-
-def as_json(d: Diagnosis) -> dict[str, Any]:
-    """Plain data of `diagnosis.json`, format 1."""
-    return d.result.record()
-
-
-def schema() -> dict[str, Any]:
-    """JSON Schema of `diagnosis.json`."""
-    return json.loads(files("bayesid.diagnosis").joinpath("schema.json").read_text(encoding="utf-8"))

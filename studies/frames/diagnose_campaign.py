@@ -23,7 +23,7 @@ from bayesid.benchmark.protocol.commitment import code_digest
 from bayesid.benchmark.protocol.detectability import Detectability, detectability
 from bayesid.benchmark.protocol.judgement import ScoredCase, judge
 from bayesid.benchmark.protocol.make_pack import SIZE_RANGE, SIZE_TO_START, in_processes, write_answer
-from bayesid.diagnosis.run import Diagnosis, as_json, diagnose
+from bayesid.diagnosis.run import Diagnosis, diagnose
 from bayesid.equations.model import build_model
 from bayesid.errors import BayesidError
 from bayesid.files import write_json
@@ -84,7 +84,7 @@ def diagnose_campaign(
             trial = load_trial(bundle)
             model = build_model(load_vehicle(trial.vehicle_ref), trial.dof)
             found = diagnose(trial, model, as_built=as_built, plan_next=plan_next)
-            verdict = as_json(found)
+            verdict = found.result.record()
         except BayesidError as error:
             failure = str(error)
         except (

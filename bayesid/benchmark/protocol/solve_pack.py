@@ -221,7 +221,7 @@ def _results(tasks: list[Any], jobs: int, minutes: float | None) -> Any:
 def _solve_one(task: tuple[Path, Path, str, SolveSettings, dict[str, str]]) -> tuple[str, str]:
     """Verdict of one bundle, written to disk; (name, what it says)."""
     bundle, folder, digest, settings, now = task
-    from bayesid.diagnosis.run import as_json, diagnose
+    from bayesid.diagnosis.run import diagnose
     from bayesid.equations.model import build_model
     from bayesid.model.vehicles import load_vehicle
     from bayesid.report.diagnosis.report import write_diagnosis_report
@@ -236,14 +236,14 @@ def _solve_one(task: tuple[Path, Path, str, SolveSettings, dict[str, str]]) -> t
         trial = load_trial(bundle)
         model = build_model(load_vehicle(trial.vehicle_ref), trial.dof)
         found = diagnose(trial, model, seed=settings.seed, plan_next=settings.plan_next)
-        record = as_json(found)
+        record = found.result.record()
         note |= {"cpu_seconds": time.process_time() - cpu, "wall_seconds": time.monotonic() - wall}
         verdict = write_json(folder / "diagnosis.json", record)
         note |= {"verdict": digest_of_file(verdict), "dof": trial.dof}
         note |= {"simulated_seconds": float(sum(r.t[-1] - r.t[0] for r in trial.runs))}
         said = record["verdict"]
         if settings.report:
-            write_diagnosis_report(found, folder, record)
+            write_diagnosis_report(found.result, folder)
         if settings.keep is not None:
             settings.keep(found, folder)
     except BayesidError as error:

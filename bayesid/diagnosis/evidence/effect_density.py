@@ -15,12 +15,12 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from scipy.special import log_ndtr
 
 from bayesid.diagnosis.data.problem import DiagnosisProblem
+from bayesid.diagnosis.evidence.effect_draws import DensityCheck
 from bayesid.diagnosis.evidence.noise_scale import NoiseScalePosterior, noise_scale_posterior
 from bayesid.errors import ModelError, SampleError
 from bayesid.estimation.filter_error.evidence import NormalEquations
@@ -356,12 +356,13 @@ def exact_evidence(
     return done.log_evidence + prior, done.posterior.mean
 
 
-def plain(density: EffectDensity) -> dict[str, Any]:
-    """Numbers of the surface for a report."""
-    return {
-        "nodes": int(density.surface.nodes.shape[0]),
-        "missed_nats": [float(v) for v in density.surface.missed - density.surface.missed.min()],
-        "roughness_nats": density.surface.roughness,
-        "loudness_nats": density.noise_scale.error,
-        "loudness": {n: [float(v) for v in np.exp(e)] for n, e in density.noise_scale.reach.items()},
-    }
+def density_check(density: EffectDensity) -> DensityCheck:
+    """How the surface was linearised anew, in numbers."""
+    surface, scale = density.surface, density.noise_scale
+    return DensityCheck(
+        int(surface.nodes.shape[0]),
+        tuple(float(v) for v in surface.missed - surface.missed.min()),
+        float(surface.roughness),
+        float(scale.error),
+        {n: tuple(float(v) for v in np.exp(e)) for n, e in scale.reach.items()},
+    )

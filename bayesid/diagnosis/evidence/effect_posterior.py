@@ -12,15 +12,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from bayesid.diagnosis.data.problem import DiagnosisProblem
-from bayesid.diagnosis.evidence.effect_density import EffectDensity, effect_density, plain
-from bayesid.diagnosis.evidence.effect_interval import ROUGH_DENSITY
+from bayesid.diagnosis.evidence.effect_density import EffectDensity, density_check, effect_density
+from bayesid.diagnosis.evidence.effect_draws import ROUGH_DENSITY, EffectDraws, ParameterDraws
 from bayesid.estimation.filter_error.fit import FilterErrorFit
 from bayesid.estimation.sampling import ConvergenceLimits, Laplace, Posterior, SamplerOptions, sample
 
@@ -144,26 +143,26 @@ def _batched(log_prob: Callable[[Array], Array], points: Array) -> Array:
     return np.concatenate([log_prob(points[i : i + 500]) for i in range(0, points.shape[0], 500)])
 
 
-def as_json(found: EffectPosterior) -> dict[str, Any]:
-    """Numbers for diagnosis.json."""
+def numbers(found: EffectPosterior) -> EffectDraws:
+    """Final numbers of the draws."""
     mean, sd = found.posterior.mean, found.posterior.sd
     interval = found.posterior.interval(0.95)
-    return {
-        "parameters": {
-            n: {
-                "mean": float(mean[i]),
-                "sd": float(sd[i]),
-                "low95": float(interval[i, 0]),
-                "high95": float(interval[i, 1]),
-                "sd_over_laplace": float(found.sd_ratio[i]),
-                "shift_in_laplace_sd": float(found.shift[i]),
-            }
+    return EffectDraws(
+        {
+            n: ParameterDraws(
+                float(mean[i]),
+                float(sd[i]),
+                float(interval[i, 0]),
+                float(interval[i, 1]),
+                float(found.sd_ratio[i]),
+                float(found.shift[i]),
+            )
             for i, n in enumerate(found.posterior.names)
         },
-        "agrees_with_laplace": found.agrees,
-        "converged": found.posterior.converged,
-        "reasons": list(found.posterior.gate.reasons),
-        "log_evidence": found.log_evidence,
-        "log_evidence_error": found.error,
-        "linearised_anew": plain(found.density),
-    }
+        bool(found.agrees),
+        bool(found.posterior.converged),
+        tuple(found.posterior.gate.reasons),
+        float(found.log_evidence),
+        float(found.error),
+        density_check(found.density),
+    )
