@@ -12,7 +12,7 @@ import pytest
 import bayesid.cli.main
 from bayesid import __version__
 from bayesid.cli.main import run
-from bayesid.cli.output import say_json, say_table
+from bayesid.cli.output import rounded, say_json, say_table
 from bayesid.errors import FitError, TrialError, raise_all
 from bayesid.progress import printable
 
@@ -187,6 +187,20 @@ def test_every_command_has_help_and_a_verbose_option():
     for path, node in walk([], tree):
         assert node.help, f"{path} has no help"
         assert any("--verbose" in option.opts for option in node.params), f"{path} has no -v"
+
+
+@pytest.mark.parametrize(
+    "number, printed",
+    [
+        ({"value": 1.23456789, "sd": 0.0123456}, {"value": 1.2346, "sd": 0.0123}),
+        ({"mean": 123456.789, "sd": 4321.0, "n": 7}, {"mean": 123460.0, "sd": 4320.0, "n": 7}),
+        ({"value": 1.23456789, "sd": 0.0}, {"value": 1.23457, "sd": 0.0}),
+        ({"value": 1.23456789, "sd": None}, {"value": 1.23457, "sd": None}),
+        ([0.123456789, 1e-9 / 3, 12, True, "0.123456789"], [0.123457, 3.33333e-10, 12, True, "0.123456789"]),
+    ],
+)  # fmt: skip
+def test_printed_json_has_the_digits_that_mean_something(number, printed):
+    assert rounded(number) == printed
 
 
 def test_tables_align_numbers_right_and_show_a_dash_for_nothing(capsys):

@@ -15,6 +15,7 @@ from bayesid.estimation.output_error import FitOptions, TrialFit
 from bayesid.estimation.output_error.segments import fit_in_pieces
 from bayesid.model.vehicles import Vehicle
 from bayesid.progress import Progress
+from bayesid.report import coefficient_cells
 from bayesid.report.fit import fit_report, noise_level, write_fit_report
 from bayesid.report.prediction_error import PREDICTION_COLUMNS, prediction_numbers, prediction_rows
 from bayesid.report.writer import Report
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
 MISFIT = 3.0  # residuals of so many times the noise are not noise
 QUICK_SAMPLES, QUICK_ROUNDS = 300, 6
-COLUMNS = ("coefficient", "start", "estimate", "sd [%]", "remark")
+COLUMNS = ("coefficient", "start (prime)", *coefficient_cells.COLUMNS, "sd [%]", "remark")
 
 
 def fit(
@@ -113,14 +114,14 @@ class FitResult(Result):
         return self.found.identified
 
     def coefficients(self) -> list[list[Any]]:
-        """Rows of start, estimate and sd per coefficient, units of the vehicle file."""
-        result = self.found.fit
-        scale = self.found.problem.params.vector("file_scale")
+        """Rows of start, estimate (prime and SI) and sd per coefficient."""
+        result, vehicle = self.found.fit, self.found.vehicle
         rows: list[list[Any]] = []
         for i, name in enumerate(result.names[: result.n_params]):
             bound = "on a bound" if name in result.at_bound else ""
             relative = 100 * result.sd[i] / max(abs(result.z[i]), 1e-300)
-            rows.append([name, result.start[i] / scale[i], result.z[i] / scale[i], relative, bound])
+            start = coefficient_cells.prime(vehicle, name, result.start[i])
+            rows.append([name, start, *coefficient_cells.cells(vehicle, name, result.z[i]), relative, bound])
         return rows
 
     def to_dataframe(self) -> pandas.DataFrame:

@@ -126,7 +126,7 @@ class SampleResult(Result):
     out: Path
 
     def to_dataframe(self) -> pandas.DataFrame:
-        return table(COLUMNS, rows(self.posterior)).set_index(COLUMNS[0])
+        return table(COLUMNS, rows(self.posterior, self.found.vehicle)).set_index(COLUMNS[0])
 
     def to_xarray(self) -> Any:
         """The draws for ArviZ, read from posterior.nc: InferenceData (ArviZ 0.x) or DataTree (1.x)."""
@@ -161,5 +161,10 @@ class SampleResult(Result):
             lines.append(f"{diverged} of {p.counts['all']} simulations diverged and count as impossible.")
         if noisy := noise_words(self.found, p):
             lines.append(noisy)
-        lines += ["", table_text(COLUMNS, rows(p)), "", f"posterior: {self.out / 'posterior.nc'}"]
+        lines += [
+            "",
+            table_text(COLUMNS, rows(p, self.found.vehicle)),
+            "",
+            f"posterior: {self.out / 'posterior.nc'}",
+        ]
         return "\n".join(lines)

@@ -38,9 +38,10 @@ def listing(as_json: Json = False, verbose: Verbose = False) -> None:
 
 
 def show(vehicle: VehicleName, as_json: Json = False, verbose: Verbose = False) -> None:
-    """Show a vehicle: particulars, limits and coefficients in the file's units and in SI."""
+    """Show a vehicle: particulars, limits and coefficients, prime and SI."""
     from bayesid.cli.output import say, say_json, say_table
     from bayesid.model.vehicles import load_vehicle
+    from bayesid.report import coefficient_cells
 
     found = load_vehicle(vehicle)
     rows = _coefficient_rows(found)
@@ -53,8 +54,8 @@ def show(vehicle: VehicleName, as_json: Json = False, verbose: Verbose = False) 
     for key, value in head.items():
         say(f"{key.ljust(width)}  {_plain(value)}")
     say()
-    columns = ["coefficient", "value", "SI value", "SI unit", "prior sd [%]", "regressor"]
-    keys = ["name", "value", "si", "unit", "prior_sd_percent", "regressor"]
+    columns = ["coefficient", *coefficient_cells.COLUMNS, "prior sd [%]", "regressor"]
+    keys = ["name", "prime", "si", "unit", "prior_sd_percent", "regressor"]
     if verbose:
         columns, keys = [*columns, "source of the term"], [*keys, "source"]
     say_table(columns, [[row[key] for key in keys] for row in rows])
@@ -63,6 +64,7 @@ def show(vehicle: VehicleName, as_json: Json = False, verbose: Verbose = False) 
 def _coefficient_rows(vehicle: Vehicle) -> list[dict[str, Any]]:
     from bayesid.model.terms import term
     from bayesid.model.vehicles import coef_si
+    from bayesid.report import coefficient_cells
 
     si = coef_si(vehicle)
     spread = vehicle.prior.relative_sd if vehicle.prior else {}
@@ -75,6 +77,7 @@ def _coefficient_rows(vehicle: Vehicle) -> list[dict[str, Any]]:
             {
                 "name": name,
                 "value": vehicle.coef.get(name),
+                "prime": coefficient_cells.prime(vehicle, name, value),
                 "si": value,
                 "unit": row.unit,
                 "prior_sd_percent": 100.0 * spread[name] if name in spread else None,

@@ -13,8 +13,8 @@ import numpy as np
 
 from bayesid.estimation.output_error import Fit, RunOutcome, TrialFit
 from bayesid.model.terms import TERMS, term
+from bayesid.report import coefficient_cells, writer
 from bayesid.report import fit_figures as figures
-from bayesid.report import writer
 from bayesid.report.writer import Block, Figure, Report, Section, Table, Text, literal
 
 MOST_RUNS = 12  # figures; the residual table has all runs
@@ -89,7 +89,6 @@ def noise_level(runs: tuple[RunOutcome, ...], role: str, which: str) -> str:
 
 def _coefficients(found: TrialFit) -> Section:
     fit, k = found.fit, found.fit.n_params
-    scale = found.problem.params.vector("file_scale")
     rows = []
     open_names = [d for d in fit.flat if d.decided_by != "prior"]
     for i, name in enumerate(fit.names[:k]):
@@ -100,18 +99,20 @@ def _coefficients(found: TrialFit) -> Section:
             flags.append("the prior decides")
         if any(abs(d.vector[i]) > 0.3 for d in open_names):
             flags.append("part of an open combination")
-        start, value, sd = fit.start[i] / scale[i], fit.z[i] / scale[i], fit.sd[i] / abs(scale[i])
-        size = abs(value) or 1.0
-        prior = 100 * fit.prior_sd[i] / abs(scale[i]) / size if np.isfinite(fit.prior_sd[i]) else None
-        rows.append([name, start, value, 100 * sd / size, prior, ", ".join(flags)])
-    unit = "prime system, as in the vehicle file" if found.vehicle.nondimensional else "SI"
-    columns = ["coefficient", "start", "estimate", "sd [%]", "prior sd [%]", "remark"]
+        first = coefficient_cells.prime(found.vehicle, name, fit.start[i])
+        value = coefficient_cells.cells(found.vehicle, name, fit.z[i])
+        size = abs(fit.z[i]) or 1.0
+        prior = 100 * fit.prior_sd[i] / size if np.isfinite(fit.prior_sd[i]) else None
+        rows.append([name, first, *value, 100 * fit.sd[i] / size, prior, ", ".join(flags)])
+    columns = [
+        "coefficient", "start (prime)", *coefficient_cells.COLUMNS, "sd [%]", "prior sd [%]", "remark",
+    ]  # fmt: skip
     start = np.where(fit.start[:k] == 0, fit.scale[:k], fit.start[:k])
     change = np.where(fit.start[:k] == 0, 1 + fit.z[:k] / start, fit.z[:k] / start)
     labels = [_LABELS.get(n, n) for n in fit.names[:k]]
     drawn = figures.estimates(labels, change, fit.sd[:k] / abs(start), fit.prior_sd[:k] / abs(start))
     text = (
-        f"Values in the {unit}. The standard deviation comes from the curvature at the estimate, prior "
+        f"{coefficient_cells.FORM} The standard deviation comes from the curvature at the estimate, prior "
         f"included, and "
         "holds as far as the residuals are white (see the memory column of the residuals)."
     )

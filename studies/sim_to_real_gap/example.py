@@ -52,7 +52,7 @@ def example(out: Path, seed: int, progress: Progress, draws: int = DRAWS) -> dic
         "runs": runs,
         "coefficients": coefficients(d, answer),
         "excitation": {
-            "rows": term_rows(excited),
+            "rows": term_rows(excited, vehicle=model.vehicle),
             "finding": finding(excited),
             "needed": [w.name for w in excited.terms if w.status == "found"],
             "groups": excited.groups,

@@ -25,6 +25,7 @@ from bayesid.model.vehicles.vehicle import (
     Vehicle,
     coef_si,
     prime_scale,
+    prime_unit,
     with_relative_prior,
 )
 from bayesid.model.vehicles.writing import identified, write_vehicle
@@ -45,6 +46,7 @@ __all__ = [
     "identified",
     "load_vehicle",
     "prime_scale",
+    "prime_unit",
     "rigid_body_mass",
     "self_propulsion_speed",
     "speed_per_rpm",
