@@ -33,10 +33,10 @@ from bayesid.diagnosis.result import (
 MODELS = ("nominal", "recalibrated", "with effect")
 
 
-def a_horizon(name="6 L/U", before=12.0, after=0.5, worth=True, shrink=0.96, seconds=9.0):
+def a_horizon(name="6 L/U", before=12.0, after=0.5, significant=True, shrink=0.96, seconds=9.0):
     excess = {"nominal": 30.0, "recalibrated": before, "with effect": after}
     rows = {m: {"psi": 0.1, "z": float("nan")} for m in excess}
-    return HorizonError(name, seconds, excess, shrink, (0.9, 0.98), worth, 1.1, rows, rows, 4, 16)
+    return HorizonError(name, seconds, excess, shrink, (0.9, 0.98), significant, 1.1, rows, rows, 4, 16)
 
 
 def a_gap(*horizons):

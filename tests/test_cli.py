@@ -12,7 +12,7 @@ import pytest
 import bayesid.cli.main
 from bayesid import __version__
 from bayesid.cli.main import run
-from bayesid.cli.output import rounded, say_json, say_table
+from bayesid.cli.output import print_json, print_table, rounded
 from bayesid.errors import FitError, TrialError, raise_all
 from bayesid.progress import printable
 
@@ -204,7 +204,7 @@ def test_printed_json_has_the_digits_that_mean_something(number, printed):
 
 
 def test_tables_align_numbers_right_and_show_a_dash_for_nothing(capsys):
-    say_table(["name", "value"], [["a", 1.5], ["long name", None]])
+    print_table(["name", "value"], [["a", 1.5], ["long name", None]])
     assert capsys.readouterr().out.splitlines() == [
         "name       value",
         "---------  -----",
@@ -214,5 +214,5 @@ def test_tables_align_numbers_right_and_show_a_dash_for_nothing(capsys):
 
 
 def test_json_answers_are_strict_json(capsys):
-    say_json({"a": float("nan"), "b": [1.0, 2.0]})
+    print_json({"a": float("nan"), "b": [1.0, 2.0]})
     assert json.loads(capsys.readouterr().out) == {"a": None, "b": [1.0, 2.0]}

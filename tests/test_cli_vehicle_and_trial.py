@@ -11,7 +11,7 @@ import pytest
 import bayesid.model.vehicles
 from bayesid.cli.main import run
 from bayesid.cli.output import rounded
-from bayesid.cli.run_measures import say_measures
+from bayesid.cli.run_measures import print_measures
 from bayesid.measures import named_measures as measure
 from bayesid.model.vehicles import builtin_names, coef_si, load_vehicle
 
@@ -120,7 +120,7 @@ def test_a_circle_is_measured_by_its_geometry(capsys):
     assert values["transfer"] == pytest.approx(50.0, abs=0.1)
     assert values["tactical diameter"] == pytest.approx(100.0, abs=0.1)
     assert values["steady yaw rate"] == pytest.approx(np.degrees(2.0 / 50.0), rel=1e-3)
-    say_measures([turn])
+    print_measures([turn])
     assert "tactical diameter" in capsys.readouterr().out
 
 

@@ -73,10 +73,10 @@ def infos() -> dict:
 
 
 def test_choice_of_three_is_the_best_of_all_sets(infos: dict) -> None:
-    now = np.zeros_like(infos["turn"].grams)
+    now = np.zeros_like(infos["turn"].matrices)
     goal = InformationGoal()
     choice = choose(infos, goal, now, 3)
-    every = [goal.value(sum(infos[n].grams for n in s)) for s in combinations_with_replacement(infos, 3)]
+    every = [goal.value(sum(infos[n].matrices for n in s)) for s in combinations_with_replacement(infos, 3)]
     assert choice.values[-1] == pytest.approx(max(every))
     assert list(choice.values) == sorted(choice.values)
     assert choice.names[0] == rank({n: infos[n] for n in choice.names}, goal, now)[0][0]
@@ -84,8 +84,8 @@ def test_choice_of_three_is_the_best_of_all_sets(infos: dict) -> None:
 
 def test_shrinking_needs_another_run_than_the_one_flown(infos: dict) -> None:
     now = infos["turn"]
-    best = rank(infos, shrink(now), now.grams)[0][0]
-    repeated, other = (1 - shrink(now).shown(now.grams + infos[n].grams) for n in ("turn", best))
+    best = rank(infos, shrink(now), now.matrices)[0][0]
+    repeated, other = (1 - shrink(now).shown(now.matrices + infos[n].matrices) for n in ("turn", best))
     assert best != "turn" and other > 2 * repeated > 0
 
 
@@ -94,7 +94,7 @@ def test_worst_reading_is_never_predicted_better_than_the_mean(infos: dict) -> N
     turn = library_within(MODEL, CASE.bounds)["turn"]
     mean, worst = (predict(MODEL, KNOWN, draws, turn, CASE.logging, w) for w in (False, True))
     for info in infos.values():
-        assert worst.shown(info.grams) > mean.shown(info.grams)
+        assert worst.shown(info.matrices) > mean.shown(info.matrices)
 
 
 @pytest.mark.parametrize("kind", ["shrink", "predict", "gain"])

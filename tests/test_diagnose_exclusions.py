@@ -55,7 +55,7 @@ def passes(monkeypatch, outliers=(), events=(), fails=lambda events, readings: N
     """
     seen = []
 
-    def build(model, trial, say, as_built, events, readings):
+    def build(model, trial, notify, as_built, events, readings):
         if (error := fails(events, readings)) is not None:
             raise error
         seen.append((events, readings))
@@ -65,9 +65,9 @@ def passes(monkeypatch, outliers=(), events=(), fails=lambda events, readings: N
     monkeypatch.setattr(exclusions, "build_problem", build)
     monkeypatch.setattr(exclusions, "fit_with", lambda problem, effects: "base")
     monkeypatch.setattr(exclusions, "innovation_outliers", lambda problem, base: next(rounds, ()))
-    monkeypatch.setattr(exclusions, "compare", lambda problem, say, seed, base: f"compared {len(seen)}")
+    monkeypatch.setattr(exclusions, "compare", lambda problem, notify, seed, base: f"compared {len(seen)}")
     monkeypatch.setattr(exclusions, "simplest", lambda candidates: None)
-    monkeypatch.setattr(exclusions, "find_events", lambda problem, trial, best, say: events)
+    monkeypatch.setattr(exclusions, "find_events", lambda problem, trial, best, notify: events)
     monkeypatch.setattr(exclusions, "with_events", lambda candidates, found: f"{candidates} + {len(found)}")
     return seen, exclusions.compare_without(None, None)
 

@@ -13,7 +13,7 @@ from bayesid.diagnosis.summary import unsigned_zeros
 from bayesid.report.diagnosis.cause import where_blocks
 from bayesid.report.diagnosis.effect_interval import lead_words, why
 from bayesid.report.diagnosis.figures import bars, symlog_ticks
-from bayesid.report.diagnosis.holdout import proof_label, shrink_blocks
+from bayesid.report.diagnosis.holdout import holdout_blocks, proof_label
 from bayesid.report.diagnosis.report import _held, _unlisted, write_diagnosis_report
 from bayesid.report.diagnosis.words import in_words
 from bayesid.report.figure_style import COLOURS
@@ -28,7 +28,7 @@ def test_the_report_is_written_from_the_result_alone(tmp_path):
                  "zigzag", "r1", "Data of a pond.", "no straight run", "advance"):  # fmt: skip
         assert said in text, said
     drawn = {p.stem for p in written.glob("*.png")} | {p.stem for p in (written / "figures").glob("*.png")}
-    assert drawn >= {"where", "force", "screen", "effect_corner", "ladder", "isolability"}
+    assert drawn >= {"where", "force", "screen", "effect_corner", "horizon_errors", "isolability"}
 
 
 def test_saving_needs_no_working_object(tmp_path):
@@ -61,7 +61,7 @@ def test_only_a_model_of_exactly_what_is_named_is_called_with_the_effect(word, n
 
 def test_a_channel_no_held_out_run_reads_has_a_dash():
     rms = {m: {"x": 2.0, "psi": float("nan")} for m in ("nominal", "recalibrated", "with effect")}
-    table = shrink_blocks(replace(RESULT, gap=a_gap(replace(a_horizon(), rms=rms))))[3]
+    table = holdout_blocks(replace(RESULT, gap=a_gap(replace(a_horizon(), rms=rms))))[3]
     cells = {row[0]: [cell_text(c) for c in row[1:]] for row in table.rows}
     assert cells == {"x [m]": ["2"] * 3, "psi [deg]": ["–"] * 3}
 

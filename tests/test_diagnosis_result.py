@@ -78,7 +78,7 @@ def test_a_result_is_final():
 def test_the_gap_is_that_of_the_longest_horizon_that_shows_one():
     short, long = a_horizon(), a_horizon("full replay", before=40.0, after=8.0, shrink=0.8)
     assert (a_gap(short, long).before, a_gap(short, long).shrink) == (40.0, 0.8)
-    idle = a_horizon("full replay", before=0.1, worth=False, shrink=float("nan"))
+    idle = a_horizon("full replay", before=0.1, significant=False, shrink=float("nan"))
     assert a_gap(short, idle).before == 12.0
     only = a_gap(idle)
     assert (only.before, only.shrink) == (0.1, None)
@@ -96,6 +96,6 @@ def test_the_summary_tells_what_the_result_holds():
     assert lines[5] == "note: no straight run" and len(lines) == 6
     closed = replace(RESULT, gap=a_gap(a_horizon(after=-0.1, shrink=1.0)))
     assert "at the floor after: shrinks by 100.0%" in summary(closed)
-    nothing = replace(RESULT, gap=a_gap(a_horizon(worth=False, shrink=float("nan"))))
+    nothing = replace(RESULT, gap=a_gap(a_horizon(significant=False, shrink=float("nan"))))
     assert "nothing to shrink" in summary(nothing)
     assert "gap" not in summary(replace(RESULT, gap=a_gap()))

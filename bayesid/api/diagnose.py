@@ -59,7 +59,7 @@ def diagnose(
     logged = trial_of(trial, data)
     model = model_of(logged, vehicle, declared_effects(effects), exclude)
     found = run(
-        logged, model, seed=seed, say=(progress or Progress(quiet=True)).note, as_built=prior,
+        logged, model, seed=seed, notify=(progress or Progress(quiet=True)).note, as_built=prior,
         plan_next=next_manoeuvre, draw=draws, keep_model=keep_model,
     )  # fmt: skip
     return DiagnoseResult(found)

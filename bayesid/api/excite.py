@@ -55,7 +55,7 @@ def excite(
     drift = (read.environment.nav_drift or 0.0) if read.environment else 0.0
     found = regress(
         model, read.identify, read.noise, form=form, draws=min(draws, 20) if quick else draws, seed=seed,
-        drift=drift, say=(progress or Progress(quiet=True)).note,
+        drift=drift, notify=(progress or Progress(quiet=True)).note,
     )  # fmt: skip
     return ExciteResult(read, found, model.vehicle)
 

@@ -21,7 +21,7 @@ from bayesid.progress import Progress
 from bayesid.report.sample import COLUMNS, noise_words, rows, sample_report, verdict, write_sample_report
 from bayesid.report.writer import Report
 from bayesid.report.writer.text import table_text
-from bayesid.trials.noise import raised, said_raised
+from bayesid.trials.noise import raised, raised_words
 
 if TYPE_CHECKING:
     import pandas
@@ -99,7 +99,7 @@ def sample(
     density = trial_density(found.problem, found.fit.z, choice, chosen.noise)
     stated = dict(zip(density.channels, map(float, density.noise_prior.scale), strict=True))
     if least := raised(stated, model.scales["L"], model.scales["U"]):
-        shown.note(f"{said_raised(least)}; chains are slow where a channel has none")
+        shown.note(f"{raised_words(least)}; chains are slow where a channel has none")
         density = trial_density(found.problem, found.fit.z, choice, {**chosen.noise, **least})
     with shown.stage("sample") as stage:
         posterior = draw(

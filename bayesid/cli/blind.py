@@ -145,7 +145,7 @@ def score(
     """
     from bayesid.benchmark.protocol.report import blind_report, quantity_row, results
     from bayesid.benchmark.protocol.scorecard import score_pack
-    from bayesid.cli.output import say, say_json, say_table
+    from bayesid.cli.output import print_json, print_table, print_text
     from bayesid.report import writer
 
     cache = None if out is None else out / "detectability.json"
@@ -156,24 +156,24 @@ def score(
             blind_report(sheet), out, {"inputs": {"bundles": len(sheet.cases)}, "seeds": [], **plain}
         )
     if as_json:
-        say_json(plain)
+        print_json(plain)
         return OK
     for dof, rows in sheet.quantities.items():
-        say(f"{dof} degrees of freedom")
-        say_table(
+        print_text(f"{dof} degrees of freedom")
+        print_table(
             ["quantity", "over", "score", "cases", "95 % interval", "bar", ""],
             [quantity_row(q) for q in rows],
             3,
         )
-        say()
+        print_text()
     control = f"{sheet.control.hits}/{sheet.control.count}"
-    say(f"control that must fail: {control} right with verdicts of other bundles")
+    print_text(f"control that must fail: {control} right with verdicts of other bundles")
     if sheet.sealed is None:
-        say("not committed: a development score, no blind check")
+        print_text("not committed: a development score, no blind check")
     for sentence in sheet.caveats:
-        say(sentence)
+        print_text(sentence)
     for c in sheet.cases:
         if c.outcome not in ("right", "rejected"):
             said = ", ".join(sorted(c.named)) or c.word
-            say(f"{c.name}: {' + '.join(c.planted) or 'none'} -> {said}: {c.outcome}; {c.reason}")
+            print_text(f"{c.name}: {' + '.join(c.planted) or 'none'} -> {said}: {c.outcome}; {c.reason}")
     return OK

@@ -21,12 +21,12 @@ DIGITS, SD_DIGITS = 6, 3  # significant digits of a number, and of a standard de
 BESIDE_SD = ("value", "mean", "sd", "low95", "high95")
 
 
-def say(text: str = "") -> None:
+def print_text(text: str = "") -> None:
     """One line or paragraph of the answer."""
     print(printable(text))
 
 
-def say_json(data: Any) -> None:
+def print_json(data: Any) -> None:
     """The answer for a program."""
     print(json_text(rounded(to_plain(data))))
 
@@ -58,7 +58,7 @@ def _to_place(value: float, sd: float) -> float:
     return round(value, place)
 
 
-def say_table(columns: Sequence[str], rows: Sequence[Sequence[Any]], digits: int = 4) -> None:
+def print_table(columns: Sequence[str], rows: Sequence[Sequence[Any]], digits: int = 4) -> None:
     """Aligned columns; numbers to the right, the last column as long as it wants."""
     print(table_text(columns, rows, digits))
 
@@ -79,11 +79,11 @@ def answer(
     extra : added to the JSON
     """
     if as_json:
-        say_json({**found.record(), **(extra or {})})
+        print_json({**found.record(), **(extra or {})})
     else:
-        say(found.summary(verbose))
+        print_text(found.summary(verbose))
     report = found.save(out) if out is not None else None
     if report is not None and not as_json:
-        say()
+        print_text()
         for words, path in {**(files or {}), "report": report}.items():
-            say(f"{words}: {path}")
+            print_text(f"{words}: {path}")

@@ -26,7 +26,7 @@ from bayesid.errors import BayesidError
 from bayesid.estimation.filter_error.fit import FilterErrorFit
 from bayesid.trials import Trial
 
-Say = Callable[[str], None]
+Notify = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Compared:
 def compare_without(
     model: Model,
     trial: Trial,
-    say: Say = lambda text: None,
+    notify: Notify = lambda text: None,
     as_built: float | None = None,
     seed: int = 0,
 ) -> Compared:
@@ -67,15 +67,15 @@ def compare_without(
     excluded, whole = Excluded(), None
     while True:
         try:
-            problem = build_problem(model, trial, say, as_built, excluded.events, excluded.readings)
-            say("fit without any effect")
+            problem = build_problem(model, trial, notify, as_built, excluded.events, excluded.readings)
+            notify("fit without any effect")
             base = fit_with(problem, ())
             outliers = () if excluded.readings else innovation_outliers(problem, base)
             if outliers:
-                say(f"once more without {len(outliers)} reading(s) that all others contradict")
+                notify(f"once more without {len(outliers)} reading(s) that all others contradict")
                 excluded = Excluded(excluded.events, (*problem.outliers, *outliers))
                 continue
-            candidates = compare(problem, say, seed, base)
+            candidates = compare(problem, notify, seed, base)
         except BayesidError as error:
             if whole is None:
                 raise
@@ -88,10 +88,10 @@ def compare_without(
         if excluded.events:
             return Compared(problem, with_events(candidates, excluded.events))
         whole = Compared(problem, candidates)
-        events = find_events(problem, trial, simplest(candidates), say)
+        events = find_events(problem, trial, simplest(candidates), notify)
         if not events:
             return whole
-        say(f"the same without {_named(events)}")
+        notify(f"the same without {_named(events)}")
         excluded = Excluded(events)
 
 

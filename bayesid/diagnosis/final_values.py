@@ -16,7 +16,7 @@ from bayesid.diagnosis.evidence.holdout import HoldoutValidation, MeasureCompari
 from bayesid.diagnosis.evidence.missing_force import MissingForce
 from bayesid.diagnosis.hypotheses.candidate import COEFFICIENT_ERROR, RefittedHypothesis, parameter_table
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
-from bayesid.diagnosis.hypotheses.facts import simplest, unseen
+from bayesid.diagnosis.hypotheses.facts import simplest, undetectable
 from bayesid.diagnosis.hypotheses.location import location_of
 from bayesid.diagnosis.hypotheses.verdict import Verdict
 from bayesid.diagnosis.next_manoeuvre import Proposal
@@ -88,7 +88,7 @@ def result_of(
         probabilities={n: float(c.probabilities.get(n, 0.0)) for n in every},
         acting={n: float(min(c.inside.get(n, 0.0), 1.0)) for n in every},
         set95=verdict.set95,
-        unseen=unseen(c),
+        unseen=undetectable(c),
         hidden_by_coefficients=verdict.hidden,
         reasons=verdict.reasons,
         rule=verdict.rule,
@@ -200,7 +200,7 @@ def gap_of(holdout: HoldoutValidation) -> Gap:
             r.excess,
             _number(r.shrink),
             tuple(_number(x) for x in r.interval),
-            r.worth,
+            r.significant,
             r.floor,
             _numbers(r.rms),
             r.pieces,
@@ -209,10 +209,10 @@ def gap_of(holdout: HoldoutValidation) -> Gap:
         )
         for r in holdout.horizons
     )
-    worth = [h for h in horizons if h.worth_shrinking]
+    significant = [h for h in horizons if h.worth_shrinking]
     if not horizons:
         return Gap(None, None, None, None, None, None, (), holdout.runs)
-    full = worth[-1] if worth else horizons[-1]
+    full = significant[-1] if significant else horizons[-1]
     nominal, before, after = (full.excess[m] for m in MODELS)
     return Gap(nominal, before, after, full.floor, full.shrink, full.interval, horizons, holdout.runs)
 

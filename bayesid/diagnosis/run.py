@@ -30,7 +30,7 @@ from bayesid.estimation.filter_error.fit import FilterErrorFit, fit
 from bayesid.estimation.filter_error.noise_identification import no_process_noise
 from bayesid.trials import Trial
 
-Say = Callable[[str], None]
+Notify = Callable[[str], None]
 Array = np.ndarray
 HOLDOUT_DRAWS = 16
 
@@ -76,7 +76,7 @@ def diagnose(
     trial: Trial,
     model: Model,
     seed: int = 0,
-    say: Say = lambda text: None,
+    notify: Notify = lambda text: None,
     as_built: float | None = None,
     plan_next: bool = True,
     draw: bool = False,
@@ -87,7 +87,7 @@ def diagnose(
     Parameters
     ----------
     as_built : relative sd of the coefficients from an earlier clean identification (as-built frame)
-    say : called with a sentence before each stage
+    notify : called with a sentence before each stage
     plan_next : also rank manoeuvres to run next
     draw : also sample the named effects' parameters by emcee; it confirms, the verdict stands before
     keep_model : also make the diagnosed model that `bayesid predict` draws from
@@ -99,7 +99,7 @@ def diagnose(
     TrialError
         if there is nothing to identify from
     """
-    compared = compare_without(model, trial, say, as_built, seed)
+    compared = compare_without(model, trial, notify, as_built, seed)
     problem, candidates = compared.problem, compared.candidates
     verdict = verdict_with(decide(problem, candidates), problem.events)
     warnings = [*trial.warnings, *problem.warnings]
@@ -108,29 +108,29 @@ def diagnose(
     # The verdict stands. What follows describes, proves and plans; none of it may cost the verdict.
     description = None
     if verdict.word in ("outside", "effect_with_remainder"):
-        say("what the missing force is made of")
+        notify("what the missing force is made of")
         description = attempt(
             "the missing force could not be described",
             lambda: describe_missing_force(problem, candidates, verdict.word != "outside", seed),
             None,
             warnings,
         )
-    say("held-out runs: how far the gap shrinks")
+    notify("held-out runs: how far the gap shrinks")
     shrink = attempt(
         "held-out runs could not be predicted",
-        lambda: _shrink(problem, trial, candidates, seed),
+        lambda: _holdout_validation(problem, trial, candidates, seed),
         HoldoutValidation((), ()),
         warnings,
     )
     for horizon_row in shrink.horizons:
-        if verdict.word in NAMING and horizon_row.worth and horizon_row.interval[1] < 0:
+        if verdict.word in NAMING and horizon_row.significant and horizon_row.interval[1] < 0:
             warnings.append(
                 f"the named effect predicts the held-out runs worse over {horizon_row.horizon}; do not "
                 f"rely on it"
             )
     proposals: tuple[Proposal, ...] = ()
     if plan_next:
-        say("which manoeuvre to run next")
+        notify("which manoeuvre to run next")
         names = [n for n in verdict.set95 if n in candidates.bank.effects]
         proposals = attempt(
             "no next manoeuvre could be ranked",
@@ -138,10 +138,10 @@ def diagnose(
             (),
             warnings,
         )
-    posterior = _drawn(problem, candidates, verdict, seed, say, warnings) if draw else None
+    posterior = _drawn(problem, candidates, verdict, seed, notify, warnings) if draw else None
     diagnosed = None
     if keep_model:
-        say("model for predictions")
+        notify("model for predictions")
         diagnosed = attempt(
             "the diagnosed model for `bayesid predict` could not be made",
             lambda: diagnosed_model(problem, candidates, verdict, trial.digest),
@@ -183,7 +183,7 @@ def _drawn(
     candidates: HypothesisComparison,
     verdict: Verdict,
     seed: int,
-    say: Say,
+    notify: Notify,
     warnings: list[str],
 ) -> EffectPosterior | None:
     """Posterior of the explanation the verdict stands on; None where it names none or its refit stopped."""
@@ -195,18 +195,18 @@ def _drawn(
     fitted = of.fit
     found = attempt(
         f"the posterior of {' + '.join(of.effects)} could not be sampled",
-        lambda: sample_effect(problem, fitted, seed, say=say),
+        lambda: sample_effect(problem, fitted, seed, notify=notify),
         None,
         warnings,
     )
     if found is None:
         return None
-    if (told := warning(numbers(found))) is not None:
-        warnings.append(told)
+    if (caution := warning(numbers(found))) is not None:
+        warnings.append(caution)
     return found
 
 
-def _shrink(
+def _holdout_validation(
     problem: DiagnosisProblem, trial: Trial, candidates: HypothesisComparison, seed: int
 ) -> HoldoutValidation:
     if not trial.holdout:

@@ -36,7 +36,7 @@ def example(out: Path, seed: int, progress: Progress, draws: int = DRAWS) -> dic
     trial = load_trial(NAME)
     model = build_model(load_vehicle(trial.vehicle_ref), trial.dof)
     with progress.stage("example bundle"):
-        d = diagnose(trial, model, seed=seed, say=progress.note)
+        d = diagnose(trial, model, seed=seed, notify=progress.note)
         found = diagnosed_model_of(d)
     record = d.result.record()
     write_json(out / NAME / "diagnosis.json", record)

@@ -92,8 +92,8 @@ def main(
     if seed is not None:
         seeds = [*range(seed, seed + count), *range(seed + APART, seed + APART + spatial)]
     if not (packs / PACK_COMMITMENTS_FILE).exists():
-        say = partial(mixture, planar=count, kinds=kinds)
-        make_pack(count + spatial, packs, answers, say, "w", jobs, progress, seeds)
+        notify = partial(mixture, planar=count, kinds=kinds)
+        make_pack(count + spatial, packs, answers, notify, "w", jobs, progress, seeds)
     if not (verdicts / VERDICT_COMMITMENT_FILE).exists():
         keep = SolveSettings(0, False, False, keep_baselines, accept_faults=accept, minutes=minutes)
         solve_pack(packs, verdicts, jobs, keep, progress)

@@ -163,7 +163,7 @@ def next_manoeuvre(
             randoms += _judge(bench, {f"random {i}": anything}, "random", {})
     choice, told = None, None
     if isinstance(bench, _Matrices):
-        choice = choose(bench.infos, bench.goal, bench.now.grams, count)
+        choice = choose(bench.infos, bench.goal, bench.now.matrices, count)
         told = criteria(case.knowledge, bench.now + case.of(found.orders, unseen, "designed"))
     ranked = tuple(sorted(entries, key=lambda c: -c.value))
     return ManoeuvrePlan(
@@ -222,7 +222,7 @@ class _Matrices(_Bench):
         self.infos: dict[str, RunInformation] = {}
         self.goal, self.fast = self._goals(kind, wanted, worst)
         self.name, self.unit = self.goal.name, self.goal.unit
-        self.before = self.goal.shown(self.now.grams)
+        self.before = self.goal.shown(self.now.matrices)
 
     def _goals(self, kind: str, wanted: Manoeuvre | None, worst: bool) -> Sequence[Goal]:
         c = self.case
@@ -236,13 +236,13 @@ class _Matrices(_Bench):
         )
 
     def quick(self, manoeuvre: Manoeuvre) -> float:
-        return self.fast.value(self.first.grams + self.case.of(manoeuvre, self.seen).grams)
+        return self.fast.value(self.first.matrices + self.case.of(manoeuvre, self.seen).matrices)
 
     def full(self, name: str, manoeuvre: Manoeuvre) -> tuple[float, float]:
         info = self.case.of(manoeuvre, self.unseen, name)
         if not name.startswith(("random ", "designed")):
             self.infos[name] = info
-        total = self.now.grams + info.grams
+        total = self.now.matrices + info.matrices
         return self.goal.shown(total), self.goal.value(total)
 
 
@@ -254,8 +254,8 @@ class _Margins(_Bench):
         self.name, self.unit, self.before = causes.name, causes.unit, causes.now
 
     def quick(self, manoeuvre: Manoeuvre) -> float:
-        return self.causes.margin(self.causes.grams(manoeuvre, self.seen))
+        return self.causes.margin(self.causes.matrices(manoeuvre, self.seen))
 
     def full(self, name: str, manoeuvre: Manoeuvre) -> tuple[float, float]:
-        value = self.causes.margin(self.causes.grams(manoeuvre, self.unseen))
+        value = self.causes.margin(self.causes.matrices(manoeuvre, self.unseen))
         return value, value

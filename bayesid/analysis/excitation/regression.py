@@ -101,7 +101,7 @@ def excite(
     draws: int = 100,
     seed: int = 0,
     drift: float = 0.0,
-    say: Callable[[str], None] = lambda text: None,
+    notify: Callable[[str], None] = lambda text: None,
 ) -> Excitation:
     """Sparse regression of the rigid-body wrench of logged runs on the columns of the force table.
 
@@ -122,9 +122,9 @@ def excite(
     """
     if not runs:
         raise ModelError("no run to read; excitation needs at least one")
-    say(f"smoothing {len(runs)} run(s)")
+    notify(f"smoothing {len(runs)} run(s)")
     motions, _ = smooth_tracks(model, runs, noise, drift)
-    return excite_motions(model, motions, form=form, draws=draws, seed=seed, say=say)
+    return excite_motions(model, motions, form=form, draws=draws, seed=seed, notify=notify)
 
 
 def excite_motions(
@@ -135,7 +135,7 @@ def excite_motions(
     draws: int = 100,
     seed: int = 0,
     columns: Sequence[LibraryColumn] | None = None,
-    say: Callable[[str], None] = lambda text: None,
+    notify: Callable[[str], None] = lambda text: None,
 ) -> Excitation:
     """As `excite`, from motions already at hand (`exact_motion` for a run free of noise)."""
     rng = np.random.default_rng(seed)
@@ -150,7 +150,7 @@ def excite_motions(
             prior[column.name] = sd if known else DEFAULT_RELATIVE_SD * abs(column.nominal)
     free, beyond = [], []
     for axis in axes:
-        say(f"regressing {axis} on {sum(c.axis == axis for c in columns)} columns")
+        notify(f"regressing {axis} on {sum(c.axis == axis for c in columns)} columns")
         free.append(select_axis(data, axis, draws, rng))
         beyond.append(select_axis(data, axis, draws, rng, prior))
     seen = {c.name for c in columns}

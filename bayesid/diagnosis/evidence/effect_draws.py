@@ -32,15 +32,15 @@ class DensityCheck:
     nodes : points of linearisation
     missed_nats : log density missed at each, over the least
     roughness_nats : how far the density may be off between them
-    loudness_nats : the same between levels of the environment
-    loudness : amplitude of the environment -> factors on its level at which the density was computed
+    noise_scale_nats : the same between levels of the environment
+    noise_scale : amplitude of the environment -> factors on its level at which the density was computed
     """
 
     nodes: int
     missed_nats: tuple[float, ...]
     roughness_nats: float
-    loudness_nats: float
-    loudness: Mapping[str, tuple[float, ...]]
+    noise_scale_nats: float
+    noise_scale: Mapping[str, tuple[float, ...]]
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class EffectDraws:
 def trusted(posterior: EffectDraws) -> bool:
     """Whether the density the draws are of is right where they go."""
     off = posterior.linearised_anew
-    return off.roughness_nats < ROUGH_DENSITY and off.loudness_nats < ROUGH_DENSITY
+    return off.roughness_nats < ROUGH_DENSITY and off.noise_scale_nats < ROUGH_DENSITY
 
 
 def choice(posterior: EffectDraws) -> str:

@@ -24,7 +24,7 @@ from bayesid.estimation.filter_error.fit import FilterErrorFit
 from bayesid.estimation.sampling import ConvergenceLimits, Laplace, Posterior, SamplerOptions, sample
 
 Array = np.ndarray
-Say = Callable[[str], None]
+Notify = Callable[[str], None]
 # A deviation or a mean that differs by more is said to disagree with Laplace.
 SD_RATIO, SHIFT = 1.25, 0.5
 
@@ -67,24 +67,24 @@ def sample_effect(
     fitted: FilterErrorFit,
     seed: int = 0,
     folder: Path | str | None = None,
-    say: Say = lambda text: None,
+    notify: Notify = lambda text: None,
     coefficients: int = 6,
-    loud: bool = True,
+    sample_noise_scale: bool = True,
 ) -> EffectPosterior:
     """Posterior of a converged fit with effects.
 
     Parameters
     ----------
     folder : gets posterior.nc (and the chain)
-    coefficients, loud : as in `effect_density`
+    coefficients, sample_noise_scale : as in `effect_density`
 
     Raises
     ------
     SampleError
         no effect, not converged, or no finite start
     """
-    density, laplace = effect_density(problem, fitted, say, coefficients, loud)
-    say(f"posterior: emcee in {len(density.unknowns.names)} dimensions")
+    density, laplace = effect_density(problem, fitted, notify, coefficients, sample_noise_scale)
+    notify(f"posterior: emcee in {len(density.unknowns.names)} dimensions")
     options = SamplerOptions(ensembles=4, walkers=max(32, 4 * len(density.unknowns.names) // 2 * 2),
         seed=seed,
                       spread=1.2, first=150, max_steps=4000, limits=ConvergenceLimits(rhat=1.02))  # fmt: skip

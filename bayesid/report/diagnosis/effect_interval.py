@@ -46,7 +46,7 @@ def why(posterior: EffectDraws, source: str) -> str:
         off = posterior.linearised_anew
         return (
             f"{use}, the wider of the two: {differ}The density drawn from is itself only right to "
-            f"{max(off.roughness_nats, off.loudness_nats):.2g} nats."
+            f"{max(off.roughness_nats, off.noise_scale_nats):.2g} nats."
         )
     levels = moved(posterior)
     if not levels:

@@ -33,7 +33,7 @@ def record_label(record: Mapping[str, Any]) -> str:
     return "with the effect" if record["verdict"] == "effect" else "best explanation"
 
 
-def shrink_blocks(result: Result) -> list[Block]:
+def holdout_blocks(result: Result) -> list[Block]:
     """The table of horizons on held-out runs, errors per channel and standard measures."""
     horizons, label = result.gap.horizons, proof_label(result)
     if not horizons:
@@ -59,8 +59,8 @@ def shrink_blocks(result: Result) -> list[Block]:
         )
     )
     nominal, tuned, now = (np.array([r.excess[k] for r in horizons]) for k in MODELS)
-    drawn = figures.ladder([r.horizon for r in horizons], nominal, tuned, now, label)
-    blocks.append(Figure("ladder", drawn, "The same as bars; a bar at 0.001 is at the floor."))
+    drawn = figures.horizon_errors([r.horizon for r in horizons], nominal, tuned, now, label)
+    blocks.append(Figure("horizon_errors", drawn, "The same as bars; a bar at 0.001 is at the floor."))
     last = horizons[-1].rms
     physical = []
     for channel in result.trial.channels:

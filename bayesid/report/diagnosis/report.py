@@ -17,7 +17,7 @@ from bayesid.report import writer
 from bayesid.report.diagnosis import effect_posterior
 from bayesid.report.diagnosis.cause import description_sections, where_blocks, which_blocks
 from bayesid.report.diagnosis.effect_interval import lead_words
-from bayesid.report.diagnosis.holdout import MODELS, proof_label, shrink_blocks
+from bayesid.report.diagnosis.holdout import MODELS, holdout_blocks, proof_label
 from bayesid.report.diagnosis.limits import ambiguity_blocks, next_blocks, notes_blocks
 from bayesid.report.diagnosis.words import in_words, value_words
 from bayesid.report.writer import Block, Report, Section, Table, Text, literal
@@ -68,7 +68,7 @@ def diagnosis_report(result: Result) -> Report:
         *description_sections(result),
         Section("Which effect", which_blocks(result)),
         *effect_posterior.sections(result),
-        Section("How far it shrinks", shrink_blocks(result)),
+        Section("How far it shrinks", holdout_blocks(result)),
         Section("What these runs can tell apart", ambiguity_blocks(result)),
         Section("What to run next", next_blocks(result)),
         Section("Data, environment and notes", notes_blocks(result)),
@@ -94,10 +94,12 @@ def _unlisted(result: Result) -> str:
 
 def _outcome(result: Result) -> str:
     """What it comes to on held-out runs, in degrees of heading."""
-    worth = [h for h in result.gap.horizons if h.worth_shrinking and h.rms["nominal"].get("psi") is not None]
-    if not worth or not result.effects:
+    significant = [
+        h for h in result.gap.horizons if h.worth_shrinking and h.rms["nominal"].get("psi") is not None
+    ]
+    if not significant or not result.effects:
         return ""
-    last = worth[-1]
+    last = significant[-1]
     over = "a whole run" if last.seconds is None else f"{last.seconds:.0f} s"
     as_was, tuned, now = ((last.rms[k]["psi"] or 0.0) * 180 / math.pi for k in MODELS)
     return (
