@@ -82,7 +82,7 @@ def test_choice_of_three_is_the_best_of_all_sets(infos: dict) -> None:
     assert choice.names[0] == rank({n: infos[n] for n in choice.names}, goal, now)[0][0]
 
 
-def test_shrinking_needs_another_run_than_the_one_flown(infos: dict) -> None:
+def test_shrinking_needs_another_run_than_the_one_executed(infos: dict) -> None:
     now = infos["turn"]
     best = rank(infos, shrink(now), now.matrices)[0][0]
     repeated, other = (1 - shrink(now).shown(now.matrices + infos[n].matrices) for n in ("turn", best))
@@ -119,7 +119,7 @@ def test_design_stays_within_its_room() -> None:
     assert "straight" in plan.refused and "area" in plan.refused["straight"]
 
 
-def test_table_of_a_design_flies_the_same_run(tmp_path: Path) -> None:
+def test_table_of_a_design_executes_the_same_run(tmp_path: Path) -> None:
     shape = frame(CASE.bounds, 19.0)
     orders = shape.orders(np.random.default_rng(6).uniform(-1, 1, shape.size))
     back = read_table(write_table(orders, tmp_path / "next.csv"))

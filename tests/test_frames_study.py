@@ -66,7 +66,7 @@ def test_every_hidden_effect_meets_every_vehicle_once_and_no_two_campaigns_share
     assert min(seeds) >= 7000
 
 
-def test_the_first_proposal_the_vehicle_survives_is_flown_no_longer_than_the_zigzag():
+def test_the_first_proposal_the_vehicle_survives_is_executed_no_longer_than_the_zigzag():
     made = extra_run.poor("rudder_offset", 72, "delphin2", 0.1)
     model = build_model(load_vehicle("delphin2"), 3)
     known = extra_run.manoeuvres_of(model)

@@ -1,7 +1,7 @@
 """A campaign of the plant diagnosed and judged on the spot: for studies that compare ways of asking.
 
 Takes a `plant.Campaign`, whose truth is known. Gives judged verdicts as plain data, one file per task. Does
-not seal: packs (`make_pack`, `solve_pack`) are for checks in which nobody may know the answer; here the
+not commit: packs (`make_pack`, `solve_pack`) are for checks in which nobody may know the answer; here the
 diagnosis alone does not.
 """
 

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from bayesid.benchmark.protocol.report import bars_blocks
-from bayesid.benchmark.protocol.verdict_table import table as sealed_table
+from bayesid.benchmark.protocol.verdict_table import table as committed_table
 from bayesid.report.writer import Block, Report, Section, Table, Text, literal
 from studies.withheld_score.effects import FATES, HALF, RIGHT
 from studies.withheld_score.misses import MISSES, OUTSIDE_INTERVAL
@@ -34,7 +34,7 @@ def check_report(results: Mapping[str, Any], verdicts: Mapping[str, Mapping[str,
     if results["wind"] is not None:
         sections.insert(3, Section("The wind on the Esso Osaka", wind_blocks(results["wind"])))
     sections += [
-        Section("The verdicts as they were committed", [sealed_table(verdicts)]),
+        Section("The verdicts as they were committed", [committed_table(verdicts)]),
         Section("How it was scored", [Text(_how(results))]),
     ]
     return Report("Withheld effects: the committed verdicts and their answers", lead(results), sections)
@@ -223,21 +223,21 @@ def _yes(x: bool) -> str:
 
 
 def _how(results: Mapping[str, Any]) -> str:
-    seal = results["seal"]
+    commitment = results["seal"]
     bundles = results["same_bundles"]
     same = (
         "The labelled bundles were not at hand."
         if bundles is None
-        else f"{bundles} of {len(results['bundles'])} bundles beside the labels are those that were sealed."
+        else f"{bundles} of {len(results['bundles'])} bundles beside the labels are the committed ones."
     )
     return (
-        f"Verdicts committed {seal['sealed']} as `{seal['seal'][:16]}`, unchanged since; this report was "
-        f"made "
-        f"by `studies/withheld_score/run.py` from them and the labels (sha256 `{results['labels'][:16]}`), "
-        f"which came after the seal. {same} The seal of that time covers the list of verdicts only, and the "
-        "answers were not committed to beforehand: that they are those of the bundles rests on the maker's "
-        "word. `bayesid.benchmark.protocol.labels` converts a label: names through the aliases of the "
-        "contract, "
+        f"Verdicts committed {commitment['sealed']} as `{commitment['seal'][:16]}`, unchanged since; this "
+        "report was made by `studies/withheld_score/run.py` from them and the labels (sha256 "
+        f"`{results['labels'][:16]}`), which came after the commitment. {same} The commitment of "
+        "that time covers the list of verdicts only, "
+        "and the answers were not committed to beforehand: that they are those of the bundles rests on "
+        "the maker's word. `bayesid.benchmark.protocol.labels` converts a label: names through the aliases "
+        "of the contract, "
         "parameters where both mean the same quantity. A verdict is right when it names every labelled "
         "family and no other, says none where nothing is, says `coefficients` for wrong coefficients, or "
         f"rejects what is outside the list; `{literal(HALF)}` counts as a miss here. The expectations "

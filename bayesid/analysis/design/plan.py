@@ -69,7 +69,7 @@ class ManoeuvrePlan:
     choice : set from the library; None for telling causes apart
     best : name of the first candidate
     orders, run : of the designed manoeuvre, executed by the nominal vehicle
-    told : criteria of the designed manoeuvre on top of the runs executed; None for telling causes apart
+    after : criteria of the designed manoeuvre on top of the runs executed; None for telling causes apart
     search : how the search went
     refused : library manoeuvres left out, and why
     """
@@ -82,7 +82,7 @@ class ManoeuvrePlan:
     choice: Choice | None
     orders: OpenLoop
     execution: PlannedRun
-    told: Criteria | None
+    after: Criteria | None
     search: Search
     refused: Mapping[str, str]
 
@@ -161,13 +161,13 @@ def next_manoeuvre(
         anything = random_design(shape, rng)
         if not penalty(case, anything):
             randoms += _judge(bench, {f"random {i}": anything}, "random", {})
-    choice, told = None, None
+    choice, after = None, None
     if isinstance(bench, _Matrices):
         choice = choose(bench.infos, bench.goal, bench.now.matrices, count)
-        told = criteria(case.knowledge, bench.now + case.of(found.orders, unseen, "designed"))
+        after = criteria(case.knowledge, bench.now + case.of(found.orders, unseen, "designed"))
     ranked = tuple(sorted(entries, key=lambda c: -c.value))
     return ManoeuvrePlan(
-        bench.name, bench.unit, bench.before, ranked, tuple(randoms), choice, found.orders, execution, told,
+        bench.name, bench.unit, bench.before, ranked, tuple(randoms), choice, found.orders, execution, after,
         found, refused,
     )  # fmt: skip
 

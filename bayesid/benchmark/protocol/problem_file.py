@@ -23,23 +23,27 @@ from bayesid.files import UnreadableError, json_text, read_regular, write_atomic
 
 Array = np.ndarray
 LARGEST = 2**28  # bytes of a file, unpacked too; a bundle of a million readings needs a tenth
-Posed = tuple[NoiseIdentification, tuple[Trajectory, ...], float, list[Array]]
+StoredProblem = tuple[NoiseIdentification, tuple[Trajectory, ...], float, list[Array]]
 
 
-def write_posed(problem: DiagnosisProblem, path: Path) -> Path:
+def write_problem(problem: DiagnosisProblem, path: Path) -> Path:
     """Write environment, path, its level and which readings are used, as .npz."""
     arrays: dict[str, Array] = {}
     for i, (point, log) in enumerate(zip(problem.path, problem.logs, strict=True)):
         arrays |= {f"{i}/par": point.par, f"{i}/states": point.states, f"{i}/force": point.force}
         arrays |= {f"{i}/valid": log.valid} | ({} if point.before is None else {f"{i}/before": point.before})
-    told = {"environment": problem.environment, "level": problem.path_level, "runs": len(problem.logs)}
+    about_problem = {
+        "environment": problem.environment,
+        "level": problem.path_level,
+        "runs": len(problem.logs),
+    }
     buffer = io.BytesIO()
-    np.savez_compressed(buffer, about=np.array(json_text(told)), **arrays)  # type: ignore[arg-type]
+    np.savez_compressed(buffer, about=np.array(json_text(about_problem)), **arrays)  # type: ignore[arg-type]
     return write_atomic(path, buffer.getvalue())
 
 
-def read_posed(path: str | os.PathLike[str]) -> Posed:
-    """Read what `write_posed` wrote.
+def read_problem(path: str | os.PathLike[str]) -> StoredProblem:
+    """Read what `write_problem` wrote.
 
     Returns
     -------
@@ -74,7 +78,7 @@ def read_posed(path: str | os.PathLike[str]) -> Posed:
         raise BlindError(f"{target.name}: {error}") from None
     except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile, EOFError) as error:
         raise BlindError(
-            f"{target.name}: holds no posed problem ({type(error).__name__}); solve the bundle again"
+            f"{target.name}: holds no problem of a diagnosis ({type(error).__name__}); solve the bundle again"
         ) from None
 
 
@@ -85,12 +89,14 @@ def _numbers(stored: Any, name: str) -> Array:
     return np.asarray(found, dtype=float)
 
 
-def _environment(told: dict[str, Any]) -> NoiseIdentification:
-    c = told["noise_model"]
+def _environment(about_problem: dict[str, Any]) -> NoiseIdentification:
+    c = about_problem["noise_model"]
     depth = None if c["depth"] is None else float(c["depth"])
     force, arms = (tuple(float(v) for v in c[key]) for key in ("force", "arms"))
     noise_model = NoiseModel(
         force, float(c["force_tau"]), float(c["drift"]), float(c["drift_tau"]), arms, depth
     )
-    left = tuple(float(v) for v in told["left"])
-    return NoiseIdentification(noise_model, str(told["source"]), float(told["spread"]), left)
+    left = tuple(float(v) for v in about_problem["left"])
+    return NoiseIdentification(
+        noise_model, str(about_problem["source"]), float(about_problem["spread"]), left
+    )
