@@ -11,8 +11,7 @@ import json
 import os
 import socket
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -49,16 +48,6 @@ class _Lock:
 
 
 _held: dict[Path, _Lock] = {}
-
-
-@contextmanager
-def locked(folder: str | os.PathLike[str], command: str) -> Iterator[None]:
-    """Hold the lock of a folder; see `lock`. The same process may hold it more than once."""
-    lock(folder, command)
-    try:
-        yield
-    finally:
-        release(folder)
 
 
 def lock(folder: str | os.PathLike[str], command: str) -> str | None:

@@ -12,7 +12,6 @@ from bayesid.model.vehicles.reading import builtin_names, load_vehicle
 from bayesid.model.vehicles.stability import (
     Stability,
     self_propulsion_speed,
-    speed_per_rpm,
     stability,
     usual_speed,
 )
@@ -49,7 +48,6 @@ __all__ = [
     "prime_unit",
     "rigid_body_mass",
     "self_propulsion_speed",
-    "speed_per_rpm",
     "stability",
     "usual_speed",
     "with_relative_prior",
