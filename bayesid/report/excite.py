@@ -67,9 +67,9 @@ def finding(found: Excitation) -> list[str]:
         out.append("Cannot be told apart: " + "; ".join("{" + ", ".join(g) + "}" for g in found.groups) + ".")
     if dead:
         out.append("Not excited above the noise: " + ", ".join(dead) + ".")
-    if found.unseen:
+    if found.out_of_plane:
         out.append(
-            f"Outside the plane and so not excited at all: {len(found.unseen)} rows of the force table."
+            f"Outside the plane and so not excited at all: {len(found.out_of_plane)} rows of the force table."
         )
     if found.candidates:
         named = ", ".join(f"{w.name} = {w.value:.4g} +- {w.sd:.2g}" for w in found.candidates)

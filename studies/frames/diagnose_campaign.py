@@ -97,9 +97,9 @@ def diagnose_campaign(
 
 def plain(asked: DiagnosedCampaign) -> dict[str, Any]:
     """What a report needs of a judged verdict."""
-    c, told = asked.case, asked.verdict or {}
-    own = {n: told.get("detectability", {}).get(n, {}).get("absorbed") for n in c.planted}
-    best = dict(sorted(told.get("probabilities", {}).items(), key=lambda kv: -kv[1])[:4])
+    c, record = asked.case, asked.verdict or {}
+    own = {n: record.get("detectability", {}).get(n, {}).get("absorbed") for n in c.planted}
+    best = dict(sorted(record.get("probabilities", {}).items(), key=lambda kv: -kv[1])[:4])
     return {
         "word": c.word,
         "named": sorted(c.named),
@@ -107,7 +107,7 @@ def plain(asked: DiagnosedCampaign) -> dict[str, Any]:
         "stated": c.stated,
         "right": c.top in c.right,
         "p_right": c.p_right,
-        "set": list(told.get("set95", ())),
+        "set": list(record.get("set95", ())),
         "size": c.size,
         "covered": c.covered,
         "names_it": bool(c.named & c.right),
@@ -116,7 +116,7 @@ def plain(asked: DiagnosedCampaign) -> dict[str, Any]:
         "alone": asked.case.worst_absorbed,
         "absorbed_by_own_account": own,
         "probabilities": best,
-        "hidden": list(told.get("hidden_by_coefficients", ())),
+        "hidden": list(record.get("hidden_by_coefficients", ())),
         "cpu_seconds": c.cost,
         "failure": asked.failure,
     }

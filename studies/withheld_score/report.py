@@ -163,7 +163,7 @@ def wind_blocks(wind: Mapping[str, Any]) -> list[Block]:
     rows = []
     for r in wind["runs"]:
         m = r["measured"]
-        told: list[Any] = [
+        cells: list[Any] = [
             r["run"],
             _words(r["verdict"]),
             "yes" if r["in_set"] else "no",
@@ -171,7 +171,7 @@ def wind_blocks(wind: Mapping[str, Any]) -> list[Block]:
             m["speed"],
         ]
         if "speed" in r:
-            told += [
+            cells += [
                 f"{DEG * r['from']:.0f} ± "
                 f"{DEG * 1.96 * r['from_sd']:.0f}", f"{DEG * r['direction_error']:+.0f}",
                 _yes(r["direction_inside"]), f"{r['speed']:.2f} ± {1.96 * r['speed_sd']:.2f}",
@@ -181,12 +181,12 @@ def wind_blocks(wind: Mapping[str, Any]) -> list[Block]:
             ]  # fmt: skip
         else:
             off = r.get("force_direction_error")
-            told += [
+            cells += [
                 "" if off is None else "a steady force",
                 "" if off is None else f"{DEG * off:+.0f}",
                 *[""] * 7,
             ]
-        rows.append(told)
+        rows.append(cells)
     columns = [
         "run", "verdict", "wind or steady force in the set", "measured from [deg]", "measured [m/s]",
         "said from", "off", "in 95 %", "said [m/s]", "off", "in 95 %", "scaled as in October [m/s]", "off",

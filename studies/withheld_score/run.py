@@ -84,15 +84,15 @@ def explained(missed: set[str], outside: set[str]) -> None:
 
 def wind(file: Path, data: Path) -> dict[str, Any]:
     """Sealed statements about the runs without a wind log, beside the opened anemometer."""
-    told = read_json(file, "the committed verdicts on wind")
-    committed = told["withheld"]
+    on_wind = read_json(file, "the committed verdicts on wind")
+    committed = on_wind["withheld"]
     trial, _ = pond_logs(data)
     rows = []
     for row in committed["runs"]:
         t = trial.run(row["run"]).t
         known = measured(data / "wind_opened" / f"{row['run']}.csv", float(t[0]), float(t[-1]))
         rows.append({"run": row["run"], **scored(row["found"], known, committed["area"])})
-    october = checked(told["hidden"]["runs"], committed["area"])
+    october = checked(on_wind["hidden"]["runs"], committed["area"])
     return {
         "digest": digest_of_file(file), "area": committed["area"], "runs": rows, "sum": summed(rows),
         "october": october,
