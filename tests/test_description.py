@@ -70,6 +70,9 @@ def test_a_planted_term_is_named_with_its_size(name):
     assert term.sd < 0.1 * abs(truth)
     assert term.gain > 50.0 and found.predictive > 20.0
     assert term.in_model == (name == "X_vv")
+    if name == "X_vv":  # prime by 1/2 rho L^2, as the vehicle file has it
+        _, unit, _, speed = scales()
+        assert term.prime == pytest.approx(term.value / (unit / speed**2))
     assert name in found.sentences[0]
 
 

@@ -38,6 +38,7 @@ from bayesid.estimation.filter_error.fit import FilterErrorFit
 from bayesid.estimation.filter_error.linearise import Trajectory
 from bayesid.estimation.parameters import NO_PARAMETERS, GaussianPrior
 from bayesid.estimation.run_data import Array
+from bayesid.model.vehicles import Vehicle, prime_unit
 
 # Bootstrap inclusion from which a term (or its group) is tried, draws, stretches they keep together [L/U].
 LEAST_INCLUSION, DRAWS, BLOCK_LENGTHS = 0.8, 60, 6.0
@@ -69,6 +70,9 @@ class MissingForceTerm:
     inclusion: Annotated[float, About(checks={"minimum": 0, "maximum": 1})]
     gain: float
     rivals: tuple[str, ...]
+    prime: Annotated[
+        float | None, About("The value in the prime system; null for what is no row of the force table.")
+    ] = None
 
 
 @dataclass(frozen=True)
@@ -166,7 +170,7 @@ def describe(
     if chosen and predictive < 0.0:
         chosen, gain = [], 0.0
     selection = {w.name: w for w in selections}
-    terms = tuple(_term(trials, trial, chosen, j, selection) for j in chosen)
+    terms = tuple(_term(model.vehicle, trials, trial, chosen, j, selection) for j in chosen)
     tried = tuple(w.name for w in proposed)
     known = predictive if np.isfinite(predictive) else None
     return MissingForce(terms, gain, known, explained, tried, _words(terms, tried, gain, predictive))
@@ -215,6 +219,7 @@ def _proposed(selections: Sequence[RowSelection]) -> list[RowSelection]:
 
 
 def _term(
+    vehicle: Vehicle,
     trials: Sequence[TermEvidence],
     trial: TermEvidence,
     chosen: Sequence[int],
@@ -241,7 +246,13 @@ def _term(
         selection[column.name].inclusion,
         gain_over(trials, trial, chosen, rest),
         rivals,
+        _prime(vehicle, column, float(value[at])),
     )
+
+
+def _prime(vehicle: Vehicle, column: LibraryColumn, value: float) -> float | None:
+    unit = prime_unit(vehicle, column.name) if column.is_row else float("nan")
+    return value / unit if np.isfinite(unit) else None
 
 
 def _words(

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from bayesid.diagnosis.result import Result
+from bayesid.report.coefficient_cells import COLUMNS
 from bayesid.report.diagnosis import figures
 from bayesid.report.diagnosis.words import arrival_words, in_words
 from bayesid.report.writer import Block, Figure, Section, Table, Text, literal
@@ -95,9 +96,19 @@ def description_sections(result: Result) -> list[Section]:
     if d.terms:
         blocks.append(
             Table(
-                ["term", "regressor", "value", "sd", "unit", "kept in draws", "gain [nats]", "or else"],
+                ["term", "regressor", *COLUMNS, "sd [%]", "kept in draws", "gain [nats]", "or else"],
                 [
-                    [t.name, t.expression, t.value, t.sd, t.unit, t.inclusion, t.gain, ", ".join(t.rivals)]
+                    [
+                        t.name,
+                        t.expression,
+                        t.prime,
+                        t.value,
+                        t.unit,
+                        100 * t.sd / abs(t.value) if t.value else None,
+                        t.inclusion,
+                        t.gain,
+                        ", ".join(t.rivals),
+                    ]
                     for t in d.terms
                 ],
                 "Terms of the missing force. Each was proposed by a sparse regression of the smoothed force "
