@@ -17,7 +17,7 @@ from bayesid.diagnosis.event_search import verdict_with
 from bayesid.diagnosis.evidence.effect_draws import warning
 from bayesid.diagnosis.evidence.effect_posterior import EffectPosterior, numbers, sample_effect
 from bayesid.diagnosis.evidence.holdout import HoldoutValidation, validate_holdout
-from bayesid.diagnosis.evidence.missing_force import MissingForce, describe_missing_force
+from bayesid.diagnosis.evidence.missing_force import describe_missing_force
 from bayesid.diagnosis.exclusions import compare_without
 from bayesid.diagnosis.final_values import result_of
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
@@ -37,18 +37,13 @@ HOLDOUT_DRAWS = 16
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """Everything a diagnosis found.
+    """The result of a diagnosis, and the working objects behind it for whoever goes on computing.
 
     Attributes
     ----------
     trial, model : what was diagnosed
     problem, candidates, verdict : see their modules
-    shrink : table of horizons on the held-out runs, read after the verdict was frozen
-    proposals : next manoeuvres, best first
-    warnings : sentences
-    seed : of the bootstrap
-    result : final values; JSON, terminal and report derive from it
-    description : what the missing force is made of, where an effect does not explain all of it
+    result : final values; JSON, terminal and report derive from it alone
     posterior : draws of the named effects' parameters and of what could hide them, where asked for
     diagnosed : the model to predict from, where asked for
     """
@@ -58,12 +53,7 @@ class Diagnosis:
     problem: DiagnosisProblem
     candidates: HypothesisComparison
     verdict: Verdict
-    shrink: HoldoutValidation
-    proposals: tuple[Proposal, ...]
-    warnings: tuple[str, ...]
-    seed: int
     result: Result
-    description: MissingForce | None = None
     posterior: EffectPosterior | None = None
     diagnosed: DiagnosedModel | None = None
 
@@ -116,13 +106,13 @@ def diagnose(
             warnings,
         )
     notify("held-out runs: how far the gap shrinks")
-    shrink = attempt(
+    holdout = attempt(
         "held-out runs could not be predicted",
         lambda: _holdout_validation(problem, trial, candidates, seed),
         HoldoutValidation((), ()),
         warnings,
     )
-    for horizon_row in shrink.horizons:
+    for horizon_row in holdout.horizons:
         if verdict.word in NAMING and horizon_row.significant and horizon_row.interval[1] < 0:
             warnings.append(
                 f"the named effect predicts the held-out runs worse over {horizon_row.horizon}; do not "
@@ -154,28 +144,14 @@ def diagnose(
         problem,
         candidates,
         verdict,
-        shrink,
+        holdout,
         proposals,
         tuple(warnings),
         seed,
         description,
         posterior,
     )
-    return Diagnosis(
-        trial,
-        model,
-        problem,
-        candidates,
-        verdict,
-        shrink,
-        proposals,
-        tuple(warnings),
-        seed,
-        result,
-        description,
-        posterior,
-        diagnosed,
-    )
+    return Diagnosis(trial, model, problem, candidates, verdict, result, posterior, diagnosed)
 
 
 def _drawn(

@@ -172,7 +172,7 @@ def proposed(asked: DiagnosedCampaign, campaign: Campaign, like: RunPlan) -> tup
     if asked.diagnosis is None:
         return None, refused
     known = manoeuvres_of(asked.diagnosis.model)
-    for proposal in asked.diagnosis.proposals:
+    for proposal in asked.diagnosis.result.next_manoeuvre:
         run = ordered_run(known[proposal.name], like, "next", longest=like.duration)
         try:
             execute_campaign(replace(campaign, runs=_named([*campaign.runs, run])))
