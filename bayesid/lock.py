@@ -11,8 +11,7 @@ import json
 import os
 import socket
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -49,16 +48,6 @@ class _Lock:
 
 
 _held: dict[Path, _Lock] = {}
-
-
-@contextmanager
-def locked(folder: str | os.PathLike[str], command: str) -> Iterator[None]:
-    """Hold the lock of a folder; see `lock`. The same process may hold it more than once."""
-    lock(folder, command)
-    try:
-        yield
-    finally:
-        release(folder)
 
 
 def lock(folder: str | os.PathLike[str], command: str) -> str | None:
@@ -107,13 +96,13 @@ def lock(folder: str | os.PathLike[str], command: str) -> str | None:
 def lock_or_exit(folder: str | os.PathLike[str], script: str) -> None:
     """`lock` for a script: a folder in use ends it with one sentence and exit code 2; freed at its end."""
     try:
-        told = lock(folder, f"python {script}")
+        remark = lock(folder, f"python {script}")
     except LockError as error:
         print(f"bayesid: {error}", file=sys.stderr)
         sys.exit(error.exit_code)
     atexit.register(release, folder)
-    if told is not None:
-        print(f"note: {told}", file=sys.stderr)
+    if remark is not None:
+        print(f"note: {remark}", file=sys.stderr)
 
 
 def release(folder: str | os.PathLike[str]) -> None:
@@ -163,20 +152,20 @@ def _read(handle: int) -> dict[str, Any] | None:
 
 
 def _write(handle: int, command: str) -> None:
-    told = {
+    owner = {
         "pid": os.getpid(), "host": socket.gethostname(), "command": command, "born": _born(os.getpid()),
         "since": datetime.now(UTC).replace(microsecond=0).isoformat().replace("+00:00", "Z"),
     }  # fmt: skip
     os.ftruncate(handle, 0)
     os.lseek(handle, 0, os.SEEK_SET)
-    os.write(handle, json.dumps(told).encode())
+    os.write(handle, json.dumps(owner).encode())
 
 
 def _born(pid: int) -> str:
     """Start of a process in ticks of the system, so that a number used again is not taken for its first."""
     try:
-        told = Path(f"/proc/{pid}/stat").read_text(encoding="ascii", errors="replace")
-        return told.rsplit(")", 1)[1].split()[19]
+        status = Path(f"/proc/{pid}/stat").read_text(encoding="ascii", errors="replace")
+        return status.rsplit(")", 1)[1].split()[19]
     except (OSError, IndexError):
         return ""
 

@@ -11,6 +11,7 @@ import ast
 import copy
 import importlib
 import os
+import signal
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ TURNED = {
     ast.In: ast.NotIn, ast.NotIn: ast.In, ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.And: ast.Or,
     ast.Or: ast.And, ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult,
 }  # fmt: skip
+LONGEST = 120  # seconds the tests may take on one mutant
 NAMES = {"min": "max", "max": "min", "any": "all", "all": "any"}
 
 
@@ -112,6 +114,7 @@ def _noticed(target, mutant: Mutant, tests: list[str]) -> bool:
     if child:
         return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) != 0
     code = 1
+    signal.alarm(LONGEST)  # a loop that never ends is noticed
     try:
         null = os.open(os.devnull, os.O_WRONLY)
         os.dup2(null, 1)

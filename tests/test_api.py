@@ -93,7 +93,7 @@ def test_a_fit_from_frames_finds_the_planted_rudder(sailed):
     trial = Trial.from_frames(frames_of(sailed), "generic_sub", **STATED, holdout=["02_zigzag_10_10"])
     found = fit(trial, free="N_v,N_r,N_dr,Y_v,Y_r,Y_dr")
     row = found.to_dataframe().loc["N_dr"]
-    assert abs(row["estimate"] + 0.0045) < 4 * abs(row["estimate"]) * row["sd [%]"] / 100
+    assert abs(row["prime"] + 0.0045) < 4 * abs(row["prime"]) * row["sd [%]"] / 100
     assert found.success
     assert "02_zigzag_10_10" in found.summary()
     assert "N_dr" in found._repr_html_()

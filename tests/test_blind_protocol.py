@@ -24,13 +24,13 @@ from bayesid.benchmark.protocol.commitment import (
 )
 from bayesid.benchmark.protocol.leak_check import check_pack
 from bayesid.benchmark.protocol.make_pack import commit_pack, make_pack, write_answer
-from bayesid.benchmark.protocol.posed import read_posed
+from bayesid.benchmark.protocol.problem_file import read_problem
 from bayesid.benchmark.protocol.report import blind_report, results
 from bayesid.benchmark.protocol.scorecard import score_pack
 from bayesid.benchmark.protocol.solve_pack import NOTE, SolveSettings, solve_pack
 from bayesid.benchmark.protocol.verdict_table import verdicts_report
 from bayesid.cli.main import run as cli
-from bayesid.diagnosis.run import schema
+from bayesid.diagnosis.result import schema
 from bayesid.model.vehicles import write_vehicle
 from bayesid.progress import Progress
 from bayesid.report import writer
@@ -87,17 +87,17 @@ def score(world, **options):
     return score_pack(world / "answers", world / "out", progress=QUIET, **options)
 
 
-def test_a_whole_pack_is_solved_sealed_and_scored(world):
+def test_a_whole_pack_is_solved_committed_and_scored(world):
     jsonschema = pytest.importorskip("jsonschema")
     verdict = json.loads((world / "out" / "pond" / "diagnosis.json").read_text())
     jsonschema.validate(verdict, schema())
-    seal = json.loads((world / "out" / VERDICT_COMMITMENT_FILE).read_text())
-    assert set(seal["verdicts"]) == {"pond"} and not seal["failures"]
-    assert {"bayesid", "code", "numpy"} <= set(seal["versions"])
-    assert seal["cost"]["pond"]["cpu_seconds"] > 0
+    commitment = json.loads((world / "out" / VERDICT_COMMITMENT_FILE).read_text())
+    assert set(commitment["verdicts"]) == {"pond"} and not commitment["failures"]
+    assert {"bayesid", "code", "numpy"} <= set(commitment["versions"])
+    assert commitment["cost"]["pond"]["cpu_seconds"] > 0
     sheet = score(world)
     (case,) = sheet.cases
-    assert case.name == "pond" and case.outcome == "right" and sheet.sealed is not None
+    assert case.name == "pond" and case.outcome == "right" and sheet.committed is not None
 
 
 def test_baselines_and_oracle_run_on_what_the_solver_kept(world):
@@ -120,30 +120,30 @@ def test_sheet_and_verdicts_can_be_reported(world, tmp_path):
     section = baselines_section(sheet.cases, told, {"pond": 1.0}, family_of)
     page = writer.write(blind_report(sheet, [section]), tmp_path / "sheet", results(sheet))
     assert "Every miss, and why" in page.read_text() and "white noise, chi-square" in page.read_text()
-    seal = json.loads((world / "out" / VERDICT_COMMITMENT_FILE).read_text())
+    commitment = json.loads((world / "out" / VERDICT_COMMITMENT_FILE).read_text())
     verdict = json.loads((world / "out" / "pond" / "diagnosis.json").read_text())
-    page = writer.write(verdicts_report(seal, {"pond": verdict}), tmp_path / "verdicts", {})
+    page = writer.write(verdicts_report(commitment, {"pond": verdict}), tmp_path / "verdicts", {})
     assert "What is expected" in page.read_text()
 
 
-def test_a_verdict_changed_after_the_seal_is_noticed(world):
+def test_a_verdict_changed_after_the_commitment_is_noticed(world):
     path = world / "out" / "pond" / "diagnosis.json"
     path.write_text(path.read_text().replace('"none"', '"wind"', 1))
-    with pytest.raises(BlindError, match="pond: the verdict was changed after the seal"):
+    with pytest.raises(BlindError, match="pond: the verdict was changed after the commitment"):
         score(world)
 
 
 def test_a_verdict_changed_together_with_its_fingerprint_is_noticed(world):
     path = world / "out" / "pond" / "diagnosis.json"
     path.write_text(path.read_text() + " ")
-    seal = json.loads((world / "out" / VERDICT_COMMITMENT_FILE).read_text())
-    seal["verdicts"]["pond"] = digest_of_file(path)
-    (world / "out" / VERDICT_COMMITMENT_FILE).write_text(json.dumps(seal))
-    with pytest.raises(BlindError, match="the seal is broken"):
+    commitment = json.loads((world / "out" / VERDICT_COMMITMENT_FILE).read_text())
+    commitment["verdicts"]["pond"] = digest_of_file(path)
+    (world / "out" / VERDICT_COMMITMENT_FILE).write_text(json.dumps(commitment))
+    with pytest.raises(BlindError, match="the commitment is broken"):
         score(world)
 
 
-def test_a_verdict_added_or_taken_away_after_the_seal_is_noticed(world):
+def test_a_verdict_added_or_taken_away_after_the_commitment_is_noticed(world):
     shutil.copytree(world / "out" / "pond", world / "out" / "lake")
     shutil.rmtree(world / "out" / "pond")
     with pytest.raises(BlindError, match="2 problems") as error:
@@ -167,11 +167,11 @@ def test_a_missing_answer_is_noticed(world):
         score(world)
 
 
-def test_verdicts_without_a_seal_are_scored_only_when_asked(world):
+def test_verdicts_without_a_commitment_are_scored_only_when_asked(world):
     (world / "out" / VERDICT_COMMITMENT_FILE).unlink()
     with pytest.raises(BlindError, match=r"holds no seal\.json"):
         score(world)
-    assert score(world, unsealed=True).sealed is None
+    assert score(world, uncommitted=True).committed is None
 
 
 def test_an_answer_in_the_pack_stops_the_solver_before_it_starts(world):
@@ -217,21 +217,23 @@ def test_a_control_character_in_a_manoeuvre_is_refused(world):
         check_pack(world / "pack")
 
 
-def reseal(world, **changes):
-    """A seal with other content and a digest that fits it, as a forger would write it."""
-    seal = json.loads((world / "out" / VERDICT_COMMITMENT_FILE).read_text()) | changes
-    del seal["seal"]
-    (world / "out" / VERDICT_COMMITMENT_FILE).write_text(json.dumps(seal | {"seal": digest_of_record(seal)}))
+def commit_again(world, **changes):
+    """A commitment with other content and a digest that fits it, as a forger would write it."""
+    commitment = json.loads((world / "out" / VERDICT_COMMITMENT_FILE).read_text()) | changes
+    del commitment["seal"]
+    (world / "out" / VERDICT_COMMITMENT_FILE).write_text(
+        json.dumps(commitment | {"seal": digest_of_record(commitment)})
+    )
 
 
 @pytest.mark.parametrize("change", [
     {"failures": {"lake": "x"}}, {"unsolved": ["lake"]}, {"versions": {"bayesid": "9"}}, {"seed": 5},
     {"mode": "otherwise"}, {"started": "long ago"}, {"pack": {"bundles": {}, "commitments": None}},
 ])  # fmt: skip
-def test_the_seal_covers_all_that_it_tells(world, change):
-    seal = json.loads((world / "out" / VERDICT_COMMITMENT_FILE).read_text())
-    (world / "out" / VERDICT_COMMITMENT_FILE).write_text(json.dumps(seal | change))
-    with pytest.raises(BlindError, match="the seal is broken: what it lists was changed"):
+def test_the_commitment_covers_all_that_it_tells(world, change):
+    commitment = json.loads((world / "out" / VERDICT_COMMITMENT_FILE).read_text())
+    (world / "out" / VERDICT_COMMITMENT_FILE).write_text(json.dumps(commitment | change))
+    with pytest.raises(BlindError, match="the commitment is broken: what it lists was changed"):
         score(world)
 
 
@@ -241,28 +243,28 @@ def test_the_seal_covers_all_that_it_tells(world, change):
     ({"unsolved": ["lake"]}, "lake: is listed as not solved and is no bundle of the pack"),
 ])  # fmt: skip
 def test_a_name_listed_twice_or_without_a_bundle_is_refused(world, change, said):
-    reseal(world, **change)
+    commit_again(world, **change)
     with pytest.raises(BlindError, match=said):
         score(world)
 
 
-def test_a_forged_seal_is_noticed_by_whom_the_true_one_was_told(world, tmp_path):
-    seal = json.loads((world / "out" / VERDICT_COMMITMENT_FILE).read_text())["seal"]
-    assert score(world, promised=seal[:16]).sealed["seal"] == seal
+def test_a_forged_commitment_is_noticed_by_whom_the_true_one_was_told(world, tmp_path):
+    commitment = json.loads((world / "out" / VERDICT_COMMITMENT_FILE).read_text())["seal"]
+    assert score(world, promised=commitment[:16]).committed["seal"] == commitment
     with pytest.raises(BlindError, match="give at least 16 digits"):
-        score(world, promised=seal[:8])
-    reseal(world, started="later")  # consistent in itself
-    assert score(world).sealed["seal"] != seal
-    with pytest.raises(BlindError, match=f"not {seal} as made known"):
-        score(world, promised=seal)
-    with pytest.raises(BlindError, match="leave --unsealed out"):
-        score(world, promised=seal, unsealed=True)
+        score(world, promised=commitment[:8])
+    commit_again(world, started="later")  # consistent in itself
+    assert score(world).committed["seal"] != commitment
+    with pytest.raises(BlindError, match=f"not {commitment} as made known"):
+        score(world, promised=commitment)
+    with pytest.raises(BlindError, match="leave --uncommitted out"):
+        score(world, promised=commitment, uncommitted=True)
 
 
 def test_commitments_are_compared_with_those_the_maker_kept(world):
     kept = world / "kept.json"
     kept.write_text((world / "pack" / PACK_COMMITMENTS_FILE).read_text())
-    assert score(world, commitments=kept).sealed is not None
+    assert score(world, commitments=kept).committed is not None
     told = json.loads(kept.read_text())
     told["bundles"]["pond"]["answer"] = "0" * 64
     kept.write_text(json.dumps(told))
@@ -275,7 +277,7 @@ def test_commitments_are_compared_with_those_the_maker_kept(world):
     ("seed", 7, "pond: solved with seed 7, now 0"),
     ("mode", "with next manoeuvre", "pond: solved with mode with next manoeuvre, now without"),
 ])  # fmt: skip
-def test_verdicts_of_other_code_seed_or_mode_are_not_sealed(world, key, value, said):
+def test_verdicts_of_other_code_seed_or_mode_are_not_committed(world, key, value, said):
     (world / "out" / VERDICT_COMMITMENT_FILE).unlink()
     note = world / "out" / "pond" / NOTE
     note.write_text(json.dumps(json.loads(note.read_text()) | {key: value}))
@@ -292,19 +294,19 @@ def test_a_report_that_fails_does_not_cost_its_verdict(world, monkeypatch):
         raise OSError("disk full")
 
     again = replace(SETTINGS, keep=broken, accept_faults=True)
-    seal = solve_pack(world / "pack", world / "new", settings=again, progress=QUIET)
-    assert set(seal["verdicts"]) == {"pond"} and seal["failures"] == {}
-    assert "disk full" in seal["cost"]["pond"]["beside"]
+    commitment = solve_pack(world / "pack", world / "new", settings=again, progress=QUIET)
+    assert set(commitment["verdicts"]) == {"pond"} and commitment["failures"] == {}
+    assert "disk full" in commitment["cost"]["pond"]["beside"]
     assert score_pack(world / "answers", world / "new", progress=QUIET).cases[0].outcome == "right"
 
 
-def test_packs_and_seals_of_the_old_kind_are_scored_and_say_so(world):
+def test_packs_and_commitments_of_the_old_kind_are_scored_and_say_so(world):
     assert score(world).caveats == ()
     path = world / "out" / VERDICT_COMMITMENT_FILE
-    seal = json.loads(path.read_text())
-    seal["pack"]["commitments"]["format"] = 1
-    seal |= {"format": 1, "seal": digest_of_list(seal["verdicts"])}
-    path.write_text(json.dumps(seal))
+    commitment = json.loads(path.read_text())
+    commitment["pack"]["commitments"]["format"] = 1
+    commitment |= {"format": 1, "seal": digest_of_list(commitment["verdicts"])}
+    path.write_text(json.dumps(commitment))
     sheet = score(world)
     assert ["old kind" in sentence for sentence in sheet.caveats] == [True, True]
     assert "names of its bundles carry the seed" in blind_report(sheet).lead
@@ -333,9 +335,9 @@ def test_a_pack_cannot_be_rebuilt_from_what_it_shows(tmp_path, monkeypatch):
 
 def test_a_score_says_that_a_pack_was_drawn_from_seeds(world):
     path = world / "out" / VERDICT_COMMITMENT_FILE
-    seal = json.loads(path.read_text())
-    commitments = seal["pack"]["commitments"] | {"secret_bits": 0}
-    reseal(world, pack=seal["pack"] | {"commitments": commitments})
+    commitment = json.loads(path.read_text())
+    commitments = commitment["pack"]["commitments"] | {"secret_bits": 0}
+    commit_again(world, pack=commitment["pack"] | {"commitments": commitments})
     assert "drawn from seeds" in score(world).caveats[0]
 
 
@@ -363,9 +365,9 @@ def test_a_folder_without_commitments_is_solved_and_says_so(world):
 def test_a_solved_bundle_is_kept_and_a_torn_one_is_not(world):
     (world / "out" / VERDICT_COMMITMENT_FILE).unlink()
     before = (world / "out" / "pond" / NOTE).stat().st_mtime_ns
-    seal = solve_pack(world / "pack", world / "out", settings=SETTINGS, progress=QUIET)
+    commitment = solve_pack(world / "pack", world / "out", settings=SETTINGS, progress=QUIET)
     assert (world / "out" / "pond" / NOTE).stat().st_mtime_ns == before
-    assert set(seal["verdicts"]) == {"pond"}
+    assert set(commitment["verdicts"]) == {"pond"}
     with pytest.raises(BlindError, match="committed folder is not written to again"):
         solve_pack(world / "pack", world / "out", progress=QUIET)
 
@@ -378,16 +380,16 @@ def test_verdicts_of_another_bundle_of_the_same_name_are_not_taken_over(world):
         solve_pack(world / "pack", world / "out", progress=QUIET)
 
 
-def test_a_bundle_that_cannot_be_read_is_sealed_as_unanswered_and_scored_as_a_miss(world):
+def test_a_bundle_that_cannot_be_read_is_committed_as_unanswered_and_scored_as_a_miss(world):
     (world / "pack" / PACK_COMMITMENTS_FILE).unlink()
     (world / "pack" / "pond" / "trial.toml").write_text("format = 1\n")
-    seal = solve_pack(world / "pack", world / "new", progress=QUIET)
-    assert seal["verdicts"] == {} and "pond" in seal["failures"]
+    commitment = solve_pack(world / "pack", world / "new", progress=QUIET)
+    assert commitment["verdicts"] == {} and "pond" in commitment["failures"]
     (case,) = score_pack(world / "answers", world / "new", progress=QUIET).cases
     assert case.outcome == "failed" and not case.covered
 
 
-def test_a_fault_of_the_program_is_not_sealed_unless_accepted(world, monkeypatch):
+def test_a_fault_of_the_program_is_not_committed_unless_accepted(world, monkeypatch):
     def broken(*_, **__):
         raise ZeroDivisionError("a fault")
 
@@ -395,15 +397,17 @@ def test_a_fault_of_the_program_is_not_sealed_unless_accepted(world, monkeypatch
     with pytest.raises(BlindError, match="pond: ZeroDivisionError: a fault"):
         solve_pack(world / "pack", world / "new", progress=QUIET)
     assert not (world / "new" / VERDICT_COMMITMENT_FILE).exists()
-    seal = solve_pack(
+    commitment = solve_pack(
         world / "pack", world / "new", settings=SolveSettings(accept_faults=True), progress=QUIET
     )
-    assert set(seal["failures"]) == {"pond"}
+    assert set(commitment["failures"]) == {"pond"}
 
 
 def test_time_that_runs_out_is_told_and_what_was_not_solved_is_left_out(world):
-    seal = solve_pack(world / "pack", world / "new", settings=SolveSettings(minutes=0.0), progress=QUIET)
-    assert seal["unsolved"] == ["pond"] and seal["verdicts"] == {}
+    commitment = solve_pack(
+        world / "pack", world / "new", settings=SolveSettings(minutes=0.0), progress=QUIET
+    )
+    assert commitment["unsolved"] == ["pond"] and commitment["verdicts"] == {}
     with pytest.raises(BlindError, match="no bundle has both"):
         score_pack(world / "answers", world / "new", progress=QUIET)
     shutil.copytree(world / "pack" / "pond", world / "pack" / "lake")
@@ -469,5 +473,5 @@ def test_what_an_oracle_reads_can_hold_nothing_but_numbers(kind, tmp_path):
         if kind == "cut":
             path.write_bytes(path.read_bytes()[:-30])
     with pytest.raises(BlindError, match=r"^posed.npz: "):
-        read_posed(path)
+        read_problem(path)
     assert not _Runs.trap.exists()

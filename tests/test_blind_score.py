@@ -144,7 +144,7 @@ def test_the_verdict_s_place_and_that_of_a_free_signal_alone_are_scored_apart():
     assert (case.located, case.alone) == (True, False)
 
 
-def test_a_cause_taken_for_weather_is_told_as_the_reason():
+def test_a_cause_taken_for_process_noise_is_told_as_the_reason():
     # unit of a moment: half the density times L^3 U^2, here with the vehicle's own speed
     source = {"environment": {"force_rms": [2e-5, 2e-5, 2e-6, 0.0, 0.0]}}
     answer = replace(truth("outside", "vortex_shedding"), source=source)
@@ -159,7 +159,7 @@ def test_a_cause_taken_for_weather_is_told_as_the_reason():
         assert ("disturbance in N taken 10 times overestimated" in reason) == said_so
 
 
-def test_every_stranger_of_the_plant_has_a_place():
+def test_every_unlisted_cause_of_the_plant_has_a_place():
     assert all(places_of(case.name) for case in OUTSIDE)
     assert all(places_of(e.name) for e in CATALOGUE)
 

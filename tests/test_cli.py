@@ -12,7 +12,7 @@ import pytest
 import bayesid.cli.main
 from bayesid import __version__
 from bayesid.cli.main import run
-from bayesid.cli.output import say_json, say_table
+from bayesid.cli.output import print_json, print_table, rounded
 from bayesid.errors import FitError, TrialError, raise_all
 from bayesid.progress import printable
 
@@ -191,8 +191,22 @@ def test_every_command_has_help_and_a_verbose_option():
         assert len(set(paragraphs)) == len(paragraphs), f"{path} says something twice"
 
 
+@pytest.mark.parametrize(
+    "number, printed",
+    [
+        ({"value": 1.23456789, "sd": 0.0123456}, {"value": 1.2346, "sd": 0.0123}),
+        ({"mean": 123456.789, "sd": 4321.0, "n": 7}, {"mean": 123460.0, "sd": 4320.0, "n": 7}),
+        ({"value": 1.23456789, "sd": 0.0}, {"value": 1.23457, "sd": 0.0}),
+        ({"value": 1.23456789, "sd": None}, {"value": 1.23457, "sd": None}),
+        ([0.123456789, 1e-9 / 3, 12, True, "0.123456789"], [0.123457, 3.33333e-10, 12, True, "0.123456789"]),
+    ],
+)  # fmt: skip
+def test_printed_json_has_the_digits_that_mean_something(number, printed):
+    assert rounded(number) == printed
+
+
 def test_tables_align_numbers_right_and_show_a_dash_for_nothing(capsys):
-    say_table(["name", "value"], [["a", 1.5], ["long name", None]])
+    print_table(["name", "value"], [["a", 1.5], ["long name", None]])
     assert capsys.readouterr().out.splitlines() == [
         "name       value",
         "---------  -----",
@@ -202,5 +216,5 @@ def test_tables_align_numbers_right_and_show_a_dash_for_nothing(capsys):
 
 
 def test_json_answers_are_strict_json(capsys):
-    say_json({"a": float("nan"), "b": [1.0, 2.0]})
+    print_json({"a": float("nan"), "b": [1.0, 2.0]})
     assert json.loads(capsys.readouterr().out) == {"a": None, "b": [1.0, 2.0]}

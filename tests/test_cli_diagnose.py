@@ -6,7 +6,7 @@ from gap_trials import model_of, planted_trial
 from jsonschema import validate
 
 from bayesid.cli.main import run
-from bayesid.diagnosis.run import schema
+from bayesid.diagnosis.result import schema
 from bayesid.estimation.sampling import load_posterior
 from bayesid.trials import write_trial
 

@@ -39,7 +39,8 @@ def test_a_planted_coefficient_is_found_and_the_held_out_turn_predicted(pond, tm
     heading = turn["channels"]["psi"]
     assert heading["rms_fitted"] < 0.2 * heading["rms_nominal"]
     found = load_vehicle(tmp_path / "vehicle.toml")
-    assert found.coef["N_dr"] == pytest.approx(value) and found.prior.covariance is not None
+    assert found.coef["N_dr"] == pytest.approx(value, abs=0.01 * abs(sd))  # printed to three digits of sd
+    assert found.prior.covariance is not None
     assert {p.name for p in tmp_path.iterdir()} >= {"fit.json", "iterates.jsonl", "report.html", "report.md"}
 
 

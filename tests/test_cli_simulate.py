@@ -42,7 +42,7 @@ def test_the_turn_of_generic_sub_agrees_with_an_independent_simulator(capsys):
     assert 1 - values["speed loss"] / 100 == pytest.approx(0.643444, rel=1e-3)
 
 
-def test_a_simulated_bundle_reads_back_as_it_was_flown(model, scale, tmp_path, capsys):
+def test_a_simulated_bundle_reads_back_as_it_was_executed(model, scale, tmp_path, capsys):
     arguments = ["simulate", "generic_sub", "zigzag:10/10", "--dt", "1", "--out", str(tmp_path / "bundle")]
     assert run(arguments) == 0
     assert "trial bundle:" in capsys.readouterr().out
@@ -96,7 +96,7 @@ def test_a_table_without_shaft_speed_keeps_the_usual_one(model, scale, tmp_path)
         (["turn:20", "--set", "N_r=1"], "diverges"),
     ],
 )
-def test_what_cannot_be_flown_is_exit_code_2_with_the_reason(arguments, words, capsys):
+def test_what_cannot_be_executed_is_exit_code_2_with_the_reason(arguments, words, capsys):
     assert run(["simulate", "generic_sub", *arguments]) == 2
     err = capsys.readouterr().err
     assert words in err and "Traceback" not in err and "unexpected" not in err
@@ -107,7 +107,7 @@ def test_noise_without_a_generator_is_refused(model, scale):
         virtual_run(model, model.nominal, parse("straight", scale), name="a", noise={"x": 1.0})
 
 
-def test_vehicle_check_flies_the_standard_manoeuvres(capsys):
+def test_vehicle_check_executes_the_standard_manoeuvres(capsys):
     assert run(["vehicle", "check", "remus100", "--json"]) == 0
     executed = json.loads(capsys.readouterr().out)["behaviour"]
     kinds = [item["manoeuvre"].split(":")[0] for item in executed]

@@ -14,7 +14,7 @@ def weather(rng, n, keep):
 
 
 @pytest.mark.parametrize("keep", [0.0, 0.6, 0.9])
-def test_independent_weather_agrees_by_chance_only(keep):
+def test_independent_process_noise_agrees_by_chance_only(keep):
     rng = np.random.default_rng(1)
     found = np.array([agreement(weather(rng, 300, keep), weather(rng, 300, keep)) for _ in range(400)])
     assert abs(found.mean()) < 0.2
@@ -22,7 +22,7 @@ def test_independent_weather_agrees_by_chance_only(keep):
     assert (found > COMMON_CORRELATION).mean() < 0.04
 
 
-def test_a_force_that_comes_back_is_found_under_weather_of_its_own_size():
+def test_a_force_that_comes_back_is_found_under_process_noise_of_its_own_size():
     rng = np.random.default_rng(2)
     common = weather(rng, 300, 0.6)
     found = [agreement(common + weather(rng, 300, 0.6), common + weather(rng, 300, 0.6)) for _ in range(50)]

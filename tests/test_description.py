@@ -13,9 +13,10 @@ from bayesid.analysis.excitation.columns import evaluate
 from bayesid.diagnosis.data.problem import build_problem
 from bayesid.diagnosis.evidence import missing_force, term_evidence
 from bayesid.diagnosis.evidence.force_terms import force_library, unit_of
-from bayesid.diagnosis.evidence.missing_force import as_json, describe
+from bayesid.diagnosis.evidence.missing_force import describe
 from bayesid.diagnosis.hypotheses.localisation import locate
-from bayesid.diagnosis.run import schema
+from bayesid.diagnosis.result import schema
+from bayesid.diagnosis.schema import plain
 from bayesid.equations.model import build_model
 from bayesid.estimation.filter_error.fit import fit
 from bayesid.estimation.parameters import GaussianPrior
@@ -69,6 +70,9 @@ def test_a_planted_term_is_named_with_its_size(name):
     assert term.sd < 0.1 * abs(truth)
     assert term.gain > 50.0 and found.predictive > 20.0
     assert term.in_model == (name == "X_vv")
+    if name == "X_vv":  # prime by 1/2 rho L^2, as the vehicle file has it
+        _, unit, _, speed = scales()
+        assert term.prime == pytest.approx(term.value / (unit / speed**2))
     assert name in found.sentences[0]
 
 
@@ -149,8 +153,8 @@ def test_every_term_of_the_library_can_be_evaluated_and_has_a_unit():
 def test_the_block_of_the_record_is_what_the_schema_states():
     found = described_term("X_vv")
     block = schema()["properties"]["description"]
-    jsonschema.validate(as_json(found), block)
-    broken = as_json(found)
+    jsonschema.validate(plain(found), block)
+    broken = plain(found)
     del broken["terms"][0]["gain"]
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate(broken, block)

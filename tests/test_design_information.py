@@ -69,11 +69,11 @@ def test_information_is_that_of_central_differences_with_the_start_unknown(case:
 
 def test_twice_the_noise_is_a_quarter_of_the_information(case: PlanningCase) -> None:
     turn = library_within(case.model, case.bounds)["turn"]
-    loud = Logging({c: 2 * s for c, s in case.logging.sigma.items()}, case.logging.dt)
+    noisy = Logging({c: 2 * s for c, s in case.logging.sigma.items()}, case.logging.dt)
     one, two = (
         run_information(case.model, case.knowledge, case.model.nominal, planned(
             case.model, case.model.nominal, turn, log).run)
-        for log in (case.logging, loud)
+        for log in (case.logging, noisy)
     )  # fmt: skip
     # not exactly: the prior of the start does not get larger; without it the factor is 4
     assert np.trace(one) / np.trace(two) == pytest.approx(4.0, rel=1e-3)
@@ -89,10 +89,10 @@ def test_no_manoeuvre_sees_a_row_scaled_as_a_whole(case: PlanningCase) -> None:
     other[known.names.index("N_dr")] = 1.0
     for manoeuvre in library_within(model, case.bounds).values():
         run = case.execution(manoeuvre).run
-        gram = run_information(model, known, model.nominal, run)
-        assert direction @ gram @ direction < 1e-9 * max(np.trace(gram), 1.0)
+        matrix = run_information(model, known, model.nominal, run)
+        assert direction @ matrix @ direction < 1e-9 * max(np.trace(matrix), 1.0)
         if manoeuvre.name.startswith("zig-zag"):  # the control: a direction that is seen
-            assert other @ gram @ other > 1e-2 * np.trace(gram)
+            assert other @ matrix @ other > 1e-2 * np.trace(matrix)
 
 
 def vertical(names: tuple[str, ...]) -> list[int]:
@@ -109,18 +109,20 @@ def test_level_motion_tells_nothing_of_the_vertical_plane(deep: PlanningCase) ->
     assert len(where) > 10
     found = library_within(model, deep.bounds)
     for name in ("zigzag_20", "turn", "random", "speedsteps"):
-        gram = run_information(model, known, flat, planned(model, flat, found[name], deep.logging).run)
-        assert not np.any(contraction(known, gram)[where]), name
-    gram = run_information(model, known, flat, planned(model, flat, found["vzigzag"], deep.logging).run)
-    assert np.max(contraction(known, gram)[where]) > 0.5
+        matrix = run_information(model, known, flat, planned(model, flat, found[name], deep.logging).run)
+        assert not np.any(contraction(known, matrix)[where]), name
+    matrix = run_information(model, known, flat, planned(model, flat, found["vzigzag"], deep.logging).run)
+    assert np.max(contraction(known, matrix)[where]) > 0.5
 
 
 def test_a_vehicle_that_rolls_in_a_turn_tells_something_of_it(deep: PlanningCase) -> None:
     """Why the test above has to hold the vehicle upright: roll tips yaw into pitch."""
     model, known = deep.model, deep.knowledge
     turn = library_within(model, deep.bounds)["turn"]
-    gram = run_information(model, known, model.nominal, planned(model, model.nominal, turn, deep.logging).run)
-    assert np.max(contraction(known, gram)[vertical(known.names)]) > 0.1
+    matrix = run_information(
+        model, known, model.nominal, planned(model, model.nominal, turn, deep.logging).run
+    )
+    assert np.max(contraction(known, matrix)[vertical(known.names)]) > 0.1
 
 
 def test_criteria_of_a_diagonal_information_are_the_closed_forms(case: PlanningCase) -> None:
@@ -146,11 +148,11 @@ def test_a_further_run_never_widens_a_coefficient(case: PlanningCase) -> None:
     draws = case.draws(np.random.default_rng(1), 3)
     found = library_within(case.model, case.bounds)
     total = case.now(draws)
-    before = contraction(case.knowledge, total.grams)
+    before = contraction(case.knowledge, total.matrices)
     assert not before.any()
     for name in ("zigzag_10", "turn", "multisine"):
         total = total + information(case.model, case.knowledge, draws, found[name], case.logging)
-        after = contraction(case.knowledge, total.grams)
+        after = contraction(case.knowledge, total.matrices)
         assert (after >= before - 1e-9).all()
         before = after
 
@@ -171,7 +173,7 @@ def test_predicted_contraction_is_that_of_refits(case: PlanningCase) -> None:
     case = replace(case, knowledge=known)
     manoeuvre = library_within(model, limits(model, duration=900.0))["random"]
     draws = case.draws(np.random.default_rng(2), 6)
-    expected = np.mean(contraction(known, case.of(manoeuvre, draws).grams), axis=0)
+    expected = np.mean(contraction(known, case.of(manoeuvre, draws).matrices), axis=0)
     true = case.draws(np.random.default_rng(3), 3)
     refits = [refitted(model, known, [case.execution(manoeuvre, par)], par, s) for s, par in enumerate(true)]
     assert all(r.converged for r in refits)

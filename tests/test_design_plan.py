@@ -73,19 +73,19 @@ def infos() -> dict:
 
 
 def test_choice_of_three_is_the_best_of_all_sets(infos: dict) -> None:
-    now = np.zeros_like(infos["turn"].grams)
+    now = np.zeros_like(infos["turn"].matrices)
     goal = InformationGoal()
     choice = choose(infos, goal, now, 3)
-    every = [goal.value(sum(infos[n].grams for n in s)) for s in combinations_with_replacement(infos, 3)]
+    every = [goal.value(sum(infos[n].matrices for n in s)) for s in combinations_with_replacement(infos, 3)]
     assert choice.values[-1] == pytest.approx(max(every))
     assert list(choice.values) == sorted(choice.values)
     assert choice.names[0] == rank({n: infos[n] for n in choice.names}, goal, now)[0][0]
 
 
-def test_shrinking_needs_another_run_than_the_one_flown(infos: dict) -> None:
+def test_shrinking_needs_another_run_than_the_one_executed(infos: dict) -> None:
     now = infos["turn"]
-    best = rank(infos, shrink(now), now.grams)[0][0]
-    repeated, other = (1 - shrink(now).shown(now.grams + infos[n].grams) for n in ("turn", best))
+    best = rank(infos, shrink(now), now.matrices)[0][0]
+    repeated, other = (1 - shrink(now).shown(now.matrices + infos[n].matrices) for n in ("turn", best))
     assert best != "turn" and other > 2 * repeated > 0
 
 
@@ -94,7 +94,7 @@ def test_worst_reading_is_never_predicted_better_than_the_mean(infos: dict) -> N
     turn = library_within(MODEL, CASE.bounds)["turn"]
     mean, worst = (predict(MODEL, KNOWN, draws, turn, CASE.logging, w) for w in (False, True))
     for info in infos.values():
-        assert worst.shown(info.grams) > mean.shown(info.grams)
+        assert worst.shown(info.matrices) > mean.shown(info.matrices)
 
 
 @pytest.mark.parametrize("kind", ["shrink", "predict", "gain"])
@@ -119,7 +119,7 @@ def test_design_stays_within_its_room() -> None:
     assert "straight" in plan.refused and "area" in plan.refused["straight"]
 
 
-def test_table_of_a_design_flies_the_same_run(tmp_path: Path) -> None:
+def test_table_of_a_design_executes_the_same_run(tmp_path: Path) -> None:
     shape = frame(CASE.bounds, 19.0)
     orders = shape.orders(np.random.default_rng(6).uniform(-1, 1, shape.size))
     back = read_table(write_table(orders, tmp_path / "next.csv"))

@@ -87,8 +87,8 @@ def test_causes_that_cannot_show_are_refused() -> None:
     )  # fmt: skip
     kept = replace(trial, runs=tuple(
         replace(r, data={c: r.data[c] for c in ("psi", "u")}) for r in trial.runs))  # fmt: skip
-    posed = build_problem(MODEL, kept)
+    problem = build_problem(MODEL, kept)
     with pytest.raises(ModelError, match="no effect gremlins"):
-        causes(posed, ("gremlins", "steady_force"))
+        causes(problem, ("gremlins", "steady_force"))
     with pytest.raises(ModelError, match="cannot show"):
-        causes(posed, ("gyro_bias", "steady_force"))
+        causes(problem, ("gyro_bias", "steady_force"))

@@ -184,16 +184,16 @@ def test_a_signal_that_gains_nothing_beside_an_effect_explains_nothing_the_effec
 
 
 def test_what_a_signal_keeps_is_read_where_it_gained_most():
-    def where(gains, rhythm=0.0):
-        places = (LocatedSignal("N", max(rhythm, max(gains.values())), 0.1, 1.0, 0.0),)
+    def where(gains, periodic=0.0):
+        places = (LocatedSignal("N", max(periodic, max(gains.values())), 0.1, 1.0, 0.0),)
         return Localisation(places, (), 0.0, 0.0, (), (), (), (), gains)
 
     before = {("N", 0.1, 1.0): 80.0, ("N", 0.01, 1.0): 20.0}
     after = where({("N", 0.1, 1.0): -7.0, ("N", 0.01, 1.0): 4.0})
     assert where(before).kept(after) == -7.0
-    assert where(before, rhythm=90.0).kept(after) == np.inf  # a rhythm was better: not tried again
+    assert where(before, periodic=90.0).kept(after) == np.inf  # a rhythm was better: not tried again
     elsewhere = {("N", 0.1, 1.0): 60.0, ("Y", 0.1, 1.0): 80.0}
-    assert where(elsewhere, rhythm=90.0).kept(where(dict.fromkeys(elsewhere, -40.0))) == np.inf
+    assert where(elsewhere, periodic=90.0).kept(where(dict.fromkeys(elsewhere, -40.0))) == np.inf
 
 
 def test_a_gap_that_is_mostly_explained_by_one_effect_that_does_not_arrive_is_like_that_effect():

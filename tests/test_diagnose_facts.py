@@ -100,14 +100,14 @@ NAMED = {
 }
 
 
-def test_what_speaks_at_all_or_leaves_a_trace_is_not_unseen():
+def test_what_speaks_at_all_or_leaves_a_trace_is_not_undetectable():
     told = SimpleNamespace(names=("a", "b", "c", "d"), detect=(9.9, 9.9, 9.9, 10.0))
     comparison = SimpleNamespace(
         ambiguity=told, evidence={"a": 0.5, "b": 0.0, "d": -1.0}, probabilities={"none": 0.01}
     )
-    assert facts.unseen(comparison) == ("b", "c")
+    assert facts.undetectable(comparison) == ("b", "c")
     comparison.probabilities["none"] = 0.0099
-    assert facts.unseen(comparison) == ()
+    assert facts.undetectable(comparison) == ()
 
 
 def test_a_hidden_effect_is_listed_beside_the_best_within_twenty_nats_only(monkeypatch):

@@ -37,17 +37,17 @@ def case(gap, known=0.005):
 def test_the_true_effect_closes_the_gap_within_its_interval():
     _, _, shrink, _ = case(True)
     long = shrink.horizons[-1]
-    assert long.worth and long.excess["recalibrated"] > 10.0
+    assert long.significant and long.excess["recalibrated"] > 10.0
     assert long.shrink > 0.9 and long.interval[0] > 0.8
     for horizon_row in shrink.horizons:
-        if horizon_row.worth and np.isfinite(horizon_row.interval[0]):
+        if horizon_row.significant and np.isfinite(horizon_row.interval[0]):
             assert horizon_row.interval[0] <= horizon_row.shrink + 0.1 and horizon_row.interval[1] <= 1.0
 
 
 def test_without_a_gap_there_is_nothing_to_shrink():
     _, _, shrink, _ = case(False)
     for horizon_row in shrink.horizons:
-        assert not horizon_row.worth and np.isnan(horizon_row.shrink), horizon_row.horizon
+        assert not horizon_row.significant and np.isnan(horizon_row.shrink), horizon_row.horizon
 
 
 def test_one_run_has_an_interval_from_posterior_draws_alone():

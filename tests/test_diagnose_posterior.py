@@ -52,7 +52,7 @@ def test_bridge_sampling_gives_the_integral_of_a_gaussian():
 
 def test_the_density_is_the_linear_model_where_that_is_right():
     problem, fitted, _ = case("ocean_current")
-    density, laplace = effect_density(problem, fitted, loud=False)
+    density, laplace = effect_density(problem, fitted, sample_noise_scale=False)
     assert density.surface.roughness < 0.01 and np.ptp(density.surface.missed) < 0.5
     rng = np.random.RandomState(0)
     q = laplace.draw(400, 1.0, rng)
@@ -64,7 +64,7 @@ def test_the_density_is_the_linear_model_where_that_is_right():
 
 def test_outside_its_bounds_the_density_is_nothing():
     problem, fitted, _ = case("actuator_backlash")
-    density, laplace = effect_density(problem, fitted, loud=False)
+    density, laplace = effect_density(problem, fitted, sample_noise_scale=False)
     q = np.repeat(laplace.mode[None], 2, axis=0)
     q[1, 0] = -1e-6  # half a play below zero
     value = density.log_prob(q)
@@ -79,7 +79,7 @@ def test_a_posterior_needs_a_converged_effect():
 
 def test_draws_cover_the_truth_and_agree_with_laplace():
     problem, fitted, truth = case("ocean_current")
-    found = sample_effect(problem, fitted, seed=1, loud=False)
+    found = sample_effect(problem, fitted, seed=1, sample_noise_scale=False)
     assert found.posterior.converged and found.agrees
     for name, value in truth.items():
         i = found.posterior.names.index(name)
@@ -109,7 +109,7 @@ def test_evidence_of_one_sided_and_bent_effects_by_four_methods(effect):
     dynesty = pytest.importorskip("dynesty")
     problem, fitted, _ = case(effect)
     assert np.isfinite(fitted.free.low[-1])
-    found = sample_effect(problem, fitted, seed=2, loud=False, coefficients=3)
+    found = sample_effect(problem, fitted, seed=2, sample_noise_scale=False, coefficients=3)
     d = found.density
     exact = by_quadrature(problem, fitted, d)
     laplace = corrected_evidence(fitted)
@@ -140,7 +140,7 @@ REACH = 5.0
 def test_the_half_normal_correction_is_needed():
     # control of the test above: without ln 2 for the bound Laplace is out by more than all its tolerances
     problem, fitted, _ = case("actuator_rate_limit")
-    density, _ = effect_density(problem, fitted, loud=False)
+    density, _ = effect_density(problem, fitted, sample_noise_scale=False)
     assert abs(fitted.log_evidence - by_quadrature(problem, fitted, density)) > 0.5
 
 
@@ -151,7 +151,7 @@ def far_draws(found):
     return draws[ends]
 
 
-def test_the_density_is_right_wherever_the_loudness_of_the_environment_is_drawn():
+def test_the_density_is_right_wherever_the_noise_scale_is_drawn():
     # nothing is stated, so the level is what the draws make of it
     model = model_of("remus100")
     s, effect = model.scales, model.effects["ocean_current"]
@@ -161,13 +161,13 @@ def test_the_density_is_right_wherever_the_loudness_of_the_environment_is_drawn(
     fitted = fit_with(problem, (effect,))
     found = sample_effect(problem, fitted, seed=1)
     d = found.density
-    assert d.loud == ("force", "drift") and d.noise_scale.error < 0.1
+    assert d.scaled_amplitudes == ("force", "drift") and d.noise_scale.error < 0.1
     far = far_draws(found)
-    loud = far[:, -2:]
-    assert np.abs(loud).max() > 1.2, "control: beyond a grid of a fixed width"
+    log_factors = far[:, -2:]
+    assert np.abs(log_factors).max() > 1.2, "control: beyond a grid of a fixed width"
     chosen = [fitted.free.names.index(n) for n in found.posterior.names[: d.count]]
-    mean, factor, evidence = d.noise_scale.at(loud)
-    for i, (force, drift) in enumerate(loud):
+    mean, factor, evidence = d.noise_scale.at(log_factors)
+    for i, (force, drift) in enumerate(log_factors):
         noise_model = problem.environment.noise_model
         louder = replace(
             noise_model,

@@ -19,8 +19,9 @@ from bayesid.diagnosis.threshold_table import (
 # One effect that explains a gap; chance allows 4 nats, 19 of a free signal, 3.5 sd of a coefficient.
 PLAIN = Facts(
     gain=50.0, gain_by_chance=4.0, free=30.0, free_by_chance=19.0, left=2.0, conflict=0.5,
-    conflict_by_chance=3.5, none=0.0, outside=0.04, unseen=0.0, none_in_set=False, effects=1, widens=False,
-    explains=True, acts=0.96, absorbed=0.2, idle=False, sure=0, sure_absorbed=0.0, runs_refute=False,
+    conflict_by_chance=3.5, none=0.0, outside=0.04, undetectable=0.0, none_in_set=False, effects=1,
+    widens=False, explains=True, acts=0.96, absorbed=0.2, idle=False, sure=0, sure_absorbed=0.0,
+    runs_refute=False,
     runs_disagree=False,
 )  # fmt: skip
 FAINT = replace(PLAIN, gain=3.9, none_in_set=True, acts=0.3)
@@ -39,8 +40,8 @@ CASES = [
         "gain": (4.0, "none not excluded")}),
     ("coefficients moved", replace(FAINT, conflict=PRIOR_CONFLICT + TINY, conflict_by_chance=2.0), {
         "conflict": (PRIOR_CONFLICT + 0.0, "faint")}),
-    ("nothing beyond chance", replace(FAINT, none=0.4, unseen=0.1 + TINY), {
-        "unseen": (0.1, "faint"), "none": (0.3, "faint"), "gain": (4.0, "none not excluded")}),
+    ("nothing beyond chance", replace(FAINT, none=0.4, undetectable=0.1 + TINY), {
+        "undetectable": (0.1, "faint"), "none": (0.3, "faint"), "gain": (4.0, "none not excluded")}),
     ("nothing beyond chance", replace(FAINT, none=0.1, outside=0.45, free=19.0), {
         "free": (19 + TINY, "faint"), "outside": (0.4, "faint")}),
     ("nothing beyond chance", replace(FAINT, none=0.6, none_in_set=True, conflict=9.0), {
@@ -100,7 +101,7 @@ def test_every_rule_has_a_case_and_a_name_of_its_own():
 
 NAMES = Named(
     best=("a", "b"), sure=("b",), hidden=("c", "d"), along=("d",),
-    set95=("outside", "a", "none", "b"), unseen=(),
+    set95=("outside", "a", "none", "b"), undetectable=(),
 )  # fmt: skip
 SAID = {
     "unlisted cause": ("outside", (), ()),

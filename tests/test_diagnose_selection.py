@@ -33,12 +33,12 @@ class Tried:
     def __init__(self, value, chi2=1.0):
         self.value, self.chi2, self.asked, self.starts = value, chi2, [], []
 
-    def refit(self, problem, effects, say):
+    def refit(self, problem, effects, notify):
         names = tuple(e.name for e in effects)
         self.asked.append(frozenset(names))
         return [candidate(self.value.get(frozenset(names), 0.0), *names, chi2=self.chi2)]
 
-    def again(self, problem, effects, start, loud, first, say):
+    def again(self, problem, effects, start, initial_noise_scale, first, notify):
         self.starts.append((tuple(e.name for e in effects), tuple(start)))
         return first
 

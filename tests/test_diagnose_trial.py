@@ -10,8 +10,9 @@ from gap_trials import model_of, orders, other_vehicle, planted_trial
 from bayesid.diagnosis.data.problem import build_problem, fit_with
 from bayesid.diagnosis.hypotheses import sensitivity_bank as banks
 from bayesid.diagnosis.hypotheses.comparison import compare
+from bayesid.diagnosis.hypotheses.facts import undetectable
 from bayesid.diagnosis.hypotheses.probabilities import credible_set
-from bayesid.diagnosis.hypotheses.verdict import decide, unseen
+from bayesid.diagnosis.hypotheses.verdict import decide
 from bayesid.errors import TrialError
 from bayesid.simulation import plan_run, simulate, steady_start
 
@@ -102,7 +103,7 @@ def test_probabilities_sum_to_one_and_the_set_holds_its_mass():
     for _, candidates, verdict in (verdict_of("remus100", 11), verdict_of("remus100", 5, "wall", 1e-4)):
         p = candidates.probabilities
         assert abs(sum(p.values()) - 1.0) < 1e-9
-        faint = unseen(candidates)
+        faint = undetectable(candidates)
         assert verdict.set95 == credible_set(p, silent=faint)
         held = {n: p[n] + (sum(p[k] for k in faint) if n == "none" else 0.0) for n in verdict.set95}
         assert sum(held.values()) >= 0.95 > sum(held[n] for n in verdict.set95[:-1])

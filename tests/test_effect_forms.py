@@ -353,13 +353,3 @@ def test_an_effect_can_be_told_in_words(effect):
     assert all(word in text for word in (effect.name, effect.source, effect.form))
     assert all(p.about in text for p in effect.parameters)
     assert lines_of(effect)
-
-
-def test_the_picture_of_the_forms_draws_what_is_declared():
-    """Stall of the catalogue at its own angle keeps 3/4 of the lift: 1/(1 + 1/3)."""
-    from bayesid.report.effects_figures import forms
-
-    figure = forms()
-    stall = figure.axes[0].lines[0]
-    assert np.interp(25.0, stall.get_xdata(), stall.get_ydata()) == pytest.approx(75.0, abs=0.1)
-    assert [len(axes.lines) for axes in figure.axes] == [2, 2, 2, 3, 2, 2]

@@ -1,6 +1,7 @@
 """The study of hidden causes and look-alikes: campaigns of a wanted plainness, scores, its report."""
 
 from dataclasses import dataclass, replace
+from types import SimpleNamespace as Plain
 
 import numpy as np
 import pytest
@@ -66,21 +67,14 @@ def test_every_hidden_effect_meets_every_vehicle_once_and_no_two_campaigns_share
     assert min(seeds) >= 7000
 
 
-def test_the_first_proposal_the_vehicle_survives_is_flown_no_longer_than_the_zigzag():
+def test_the_first_proposal_the_vehicle_survives_is_executed_no_longer_than_the_zigzag():
     made = extra_run.poor("rudder_offset", 72, "delphin2", 0.1)
     model = build_model(load_vehicle("delphin2"), 3)
     known = extra_run.manoeuvres_of(model)
 
-    @dataclass
-    class Found:
-        model: object
-        proposals: tuple
-
-    @dataclass
-    class Offer:
-        name: str
-
-    asked = diagnose_campaign.DiagnosedCampaign(None, None, Found(model, (Offer("prbs"), Offer("coast"))))
+    offers = tuple(Plain(name=name) for name in ("prbs", "coast"))
+    found = Plain(model=model, result=Plain(next_manoeuvre=offers))
+    asked = diagnose_campaign.DiagnosedCampaign(None, None, found)
     run, refused = extra_run.proposed(asked, made, made.runs[-1])
     assert (run.manoeuvre, refused) == ("prbs", [])
     assert known["prbs"].duration > made.runs[-1].duration == run.duration

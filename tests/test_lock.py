@@ -12,7 +12,7 @@ import pytest
 
 from bayesid import lock as locks
 from bayesid.cli.main import run
-from bayesid.lock import LOCK, LockError, lock, locked, release_all
+from bayesid.lock import LOCK, LockError, lock, release, release_all
 
 HOLD = """
 import sys, time
@@ -82,13 +82,17 @@ def test_a_torn_lock_that_nobody_holds_is_taken(text, tmp_path):
 
 
 def test_a_process_may_hold_a_folder_twice_and_frees_it_once_done(tmp_path):
-    with locked(tmp_path / "new", "a"), locked(tmp_path / "new", "b"):
-        pass
+    for name in ("a", "b"):
+        lock(tmp_path / "new", name)
+    for _ in range(2):
+        release(tmp_path / "new")
     assert not (tmp_path / "new").exists()  # made for the lock alone
-    with locked(tmp_path / "new", "a"):
-        with locked(tmp_path / "new", "b"):
-            (tmp_path / "new" / "result").write_text("")
-        assert (tmp_path / "new" / LOCK).exists()
+    for name in ("a", "b"):
+        lock(tmp_path / "new", name)
+    (tmp_path / "new" / "result").write_text("")
+    release(tmp_path / "new")
+    assert (tmp_path / "new" / LOCK).exists()
+    release(tmp_path / "new")
     assert [p.name for p in (tmp_path / "new").iterdir()] == ["result"]
 
 

@@ -13,9 +13,9 @@ from scipy.optimize import brentq
 
 from bayesid.errors import ManoeuvreError
 from bayesid.manoeuvres import dieudonne, pull_out, zigzag
-from bayesid.measures import imo_limits, turning_circle
 from bayesid.measures import pull_out as measure_pull_out
 from bayesid.measures import spiral as measure_spiral
+from bayesid.measures import turning_circle
 from bayesid.measures import zigzag as measure_zigzag
 
 DEG = math.pi / 180
@@ -348,15 +348,6 @@ def test_spiral_with_too_few_holds_says_so():
     t, psi, _, rudder = steer(pull_out(20 * DEG, 60, 10, 60, 120, 0.1))
     m = measure_spiral(t, psi, rudder, shortest=5.0)
     assert math.isnan(m.loop_width) and "at least five" in m.reasons["loop_width"]
-
-
-@pytest.mark.parametrize(("ratio", "first", "second"), [(5, 10, 25), (20, 15, 32.5), (40, 20, 40)])
-def test_imo_overshoot_limits_follow_length_over_speed(ratio, first, second):
-    # MSC.137(76) 5.3.3: 10 deg below 10 s, 5 + L/2V between, 20 deg from 30 s on; second 25, 17.5 + 0.75
-    # L/V, 40
-    limits = imo_limits(100.0, 100.0 / ratio)
-    assert limits["overshoot_10_10_first"] == pytest.approx(first * DEG)
-    assert limits["overshoot_10_10_second"] == pytest.approx(second * DEG)
 
 
 def test_steering_before_a_turn_or_zigzag_is_not_taken_for_it():

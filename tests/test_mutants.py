@@ -1,8 +1,6 @@
-"""Small changes of the rules, the facts and the weighing are noticed by their tests.
+"""Small changes of rules, facts, weighing, search and comparison are noticed by their tests.
 
-Run by `make slow`, some minutes. Prints what was not noticed. `selection` has no such tests yet: most of its
-backward steps and exchanges are seen by whole diagnoses only (`python tests/mutants.py
-bayesid.diagnosis.hypotheses.search tests/test_diagnose_selection.py`).
+Run by `make slow`, some minutes. Prints what was not noticed.
 """
 
 from __future__ import annotations
@@ -18,6 +16,8 @@ HERE = Path(__file__).parent
 TESTS = {
     "rules": ["test_diagnose_rules.py"],
     "facts": ["test_diagnose_facts.py", "test_diagnose_verdict.py"],
+    "search": ["test_diagnose_search.py", "test_diagnose_selection.py"],
+    "comparison": ["test_diagnose_comparison.py"],
     "probabilities": ["test_diagnose_weigh.py", "test_diagnose_cross_validation.py"],
 }
 SHARE = 0.95

@@ -101,7 +101,7 @@ def test_a_chain_of_another_density_is_not_lengthened():
         continue_nuts(target, start, found)
 
 
-def test_a_wall_across_the_posterior_is_told_and_keeps_the_gate_shut():
+def test_a_wall_across_the_posterior_is_told_and_does_not_converge():
     # half the space is wall: a tenth of the usual draws meets it often enough
     found = spread(Gaussian(wall=True), tune=100, draws=100)
     assert not found.converged

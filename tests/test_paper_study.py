@@ -172,7 +172,7 @@ def test_five_on_the_bounds_is_stated_from_the_counts_of_the_fits(count, same):
     assert bool(found.short) is not same
 
 
-def test_strays_are_named_and_an_axis_without_one_is_not():
+def test_outlying_values_are_named_and_an_axis_without_one_is_not():
     record = run([1.0, 1.08, 1.0, 1.0, 1.07, 1.0])
     found = differences._strays({"2": [record]}, facts_for(record))
     assert not found.same and "X_rr" in found.short and "N_v" in found.short and "Y_" not in found.short

@@ -38,12 +38,6 @@ def test_the_chain_is_the_slope_of_the_placement():
         assert moved[where] == pytest.approx(slopes[:, k] * 0.25)
 
 
-def test_file_units_go_there_and_back():
-    params, x = small_set(), np.array([2.5, -2.0])
-    assert params.to_file(x) == pytest.approx([0.25, -2.0])
-    assert params.from_file(params.to_file(x)) == pytest.approx(x)
-
-
 @pytest.mark.parametrize(
     ("kind", "centre", "value"), [("normal", 2.0, 2.7), ("lognormal", 2.0, 2.7), ("lognormal", -2.0, -1.1)]
 )

@@ -203,7 +203,7 @@ def test_every_case_shows_at_its_reference_size_and_not_at_a_vanishing_one(case)
     assert difference(case, 1.0) > 1e-3
 
 
-def test_coloured_noise_has_its_variance_and_memory():
+def test_correlated_noise_has_its_variance_and_memory():
     x = ornstein_uhlenbeck(np.random.default_rng(5), 200_000, 0.1, 2.0)
     # 200 000 samples hold about 10 000 independent ones: 2 % on the variance is two sigma
     assert x.var() == pytest.approx(1.0, rel=0.05)

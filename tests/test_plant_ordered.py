@@ -84,7 +84,7 @@ def test_planes_are_the_planesmans_unless_the_manoeuvre_orders_them():
     (OpenLoop("dive", [0.0, 50.0], {"delta_b_cmd": [0.1, 0.1]}), "bow planes"),
     (OpenLoop("blink", [0.0, 0.01], {"delta_r_cmd": [0.1, 0.1]}), "first sample"),
 ])  # fmt: skip
-def test_what_the_plant_cannot_fly_is_refused(campaign, manoeuvre, words):
+def test_what_the_plant_cannot_execute_is_refused(campaign, manoeuvre, words):
     with pytest.raises(ManoeuvreError, match=words):
         ordered_run(manoeuvre, campaign.runs[0], "r1")
 

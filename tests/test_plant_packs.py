@@ -105,7 +105,7 @@ def test_the_log_is_the_true_response_plus_the_stated_noise():
     assert np.abs(clean["psi"] - true["psi"] - bias).max() < 1e-12
 
 
-def test_weather_brings_straight_runs_and_a_repeat_and_can_be_taken_away():
+def test_process_noise_brings_straight_runs_and_a_repeat_and_can_be_taken_away():
     campaign = draw_campaign(31, vehicle="lauv", effects=(), sea="rough")
     kinds = Counter(run.kind for run in campaign.runs)
     assert kinds["straight"] == 2

@@ -119,7 +119,7 @@ def test_the_autocorrelation_time_of_an_autoregression_is_its_closed_form(rho):
     assert found == pytest.approx(np.mean([integrated_time(e, tol=0) for e in x]), rel=0.05)
 
 
-def test_the_gate_passes_independent_draws_and_names_what_is_wrong_with_others():
+def test_the_convergence_check_passes_independent_draws_and_names_what_is_wrong_with_others():
     x = np.random.default_rng(0).standard_normal((4, 400, 16, 2))
     assert check_convergence(x, ("a", "b")).converged
     apart = x.copy()

@@ -15,7 +15,7 @@ COEFFICIENTS = coefficient_prior(MODEL)
 CLOSE = 1e-10
 
 
-def posed():
+def logs_and_points():
     paths = [path_of(seed) for seed in (0, 1)]
     return [p.log for p in paths], [p.point for p in paths]
 
@@ -36,7 +36,7 @@ def assert_is_its_own(found, logs, points, free, noise_model):
 
 def test_refits_from_the_same_points_get_the_linearisation_they_would_have_made():
     shared_linearisations._kept.pop(MODEL, None)
-    logs, points = posed()
+    logs, points = logs_and_points()
     noise_model = colours_of()
     effects = [e for e in MODEL.kernel.effects if e.smooth and e.dof <= MODEL.dof][::3]
     wide = replace(COEFFICIENTS, sd=COEFFICIENTS.sd * np.linspace(1.0, 10.0, len(COEFFICIENTS.names)))
@@ -55,7 +55,7 @@ def test_refits_from_the_same_points_get_the_linearisation_they_would_have_made(
 
 
 def test_other_points_logs_environments_and_prior_means_are_not_taken_for_the_same():
-    logs, points = posed()
+    logs, points = logs_and_points()
     noise_model = colours_of()
     for _ in range(3):
         shared_linearisations.linear(MODEL, logs, points, COEFFICIENTS, noise_model)

@@ -59,14 +59,14 @@ def measured(kind):
     return identify_straight_noise(MODEL, logs, coefficient_prior(MODEL))
 
 
-def test_weather_alone_has_nothing_set_apart():
+def test_process_noise_alone_has_nothing_set_apart():
     environment, apart = measured("weather")
     assert not apart.any
     level = np.array(environment.noise_model.force) / force_unit(MODEL)
     assert np.all(level < 2.5 * QUIET) and np.all(level > QUIET / 4)
 
 
-def test_a_periodic_force_is_found_with_its_period_and_is_not_weather():
+def test_a_periodic_force_is_found_with_its_period_and_is_not_process_noise():
     environment, apart = measured("beat")
     assert apart.frequencies == pytest.approx((BEAT,), rel=0.02)
     plain = identify_noise(MODEL, [straight("beat", k) for k in (1, 2)], coefficient_prior(MODEL))
@@ -74,7 +74,7 @@ def test_a_periodic_force_is_found_with_its_period_and_is_not_weather():
     assert environment.noise_model.force[1] < 3.0 * QUIET * force_unit(MODEL)[1]
 
 
-def test_a_drag_that_steps_up_for_good_is_not_weather():
+def test_a_drag_that_steps_up_for_good_is_not_process_noise():
     environment, apart = measured("step")
     assert apart.lasting or "X" in apart.repeated
     plain = identify_noise(MODEL, [straight("step", k) for k in (1, 2)], coefficient_prior(MODEL))

@@ -16,7 +16,6 @@ from bayesid.model.vehicles import (
     check_vehicle,
     load_vehicle,
     self_propulsion_speed,
-    speed_per_rpm,
     stability,
     usual_speed,
 )
@@ -87,12 +86,6 @@ def test_vertical_eigenvalues_solve_the_linear_equations():
     matrix = np.vstack([np.linalg.solve(inertia, force), [0.0, 1.0, 0.0]])
     expected = np.sort_complex(np.linalg.eigvals(matrix) * vehicle.L / U)
     np.testing.assert_allclose(np.sort_complex(np.array(result.vertical)), expected, rtol=1e-9)
-
-
-def test_command_speed_per_rpm_is_stated_or_follows_from_the_straight_run():
-    assert speed_per_rpm(load_vehicle("generic_sub")) == 0.09
-    lauv = load_vehicle("lauv")
-    assert speed_per_rpm(lauv) == pytest.approx(usual_speed(lauv) / 2450.0)
 
 
 def test_a_boat_without_drag_has_no_speed_of_its_own():

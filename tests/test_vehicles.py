@@ -161,14 +161,14 @@ SECTION_7 = {
     "N_pq": "+M_qdot-K_pdot",
     "N_qr": "-K_rdot",
 }
-TWINS = {"Y_rdot": "N_vdot", "Z_qdot": "M_wdot", "Y_pdot": "K_vdot", "K_rdot": "N_pdot"}
+PAIRS = {"Y_rdot": "N_vdot", "Z_qdot": "M_wdot", "Y_pdot": "K_vdot", "K_rdot": "N_pdot"}
 
 
 def test_added_mass_brings_exactly_the_rows_of_potential_flow():
     """The list derived by hand for an x-z symmetric body; every other row stays at zero."""
     rng = np.random.default_rng(0)
     inertia = {row.name: float(rng.normal()) for row in TERMS if row.is_inertia}
-    inertia |= {recovery: inertia[name] for name, recovery in TWINS.items()}
+    inertia |= {recovery: inertia[name] for name, recovery in PAIRS.items()}
     expected = {row: eval(formula, {}, inertia) for row, formula in SECTION_7.items()}
     assert munk_and_coriolis(inertia) == pytest.approx(expected)
 

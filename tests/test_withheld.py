@@ -18,7 +18,7 @@ from studies.withheld_score.misses import MISSES  # noqa: E402
 from studies.withheld_score.run import explained  # noqa: E402
 from studies.withheld_score.wind import measured, scored, summed  # noqa: E402
 
-SEALED = ROOT / "reports" / "withheld"
+COMMITTED = ROOT / "reports" / "withheld"
 
 
 def label(name, effect, params, vehicle="generic_sub", **more):
@@ -34,28 +34,30 @@ def answers_of(tmp_path, *labels):
     return load_answers(file)
 
 
-def test_the_sealed_verdicts_and_predictions_are_those_of_the_seal():
-    seal = json.loads((SEALED / VERDICT_COMMITMENT_FILE).read_text())
-    bundles = dict.fromkeys(seal["pack"]["bundles"])
-    assert seal["seal"].startswith("a24e94cfa3b24e8a")
-    assert check_commitments(SEALED, bundles)["seal"] == seal["seal"]  # every diagnosis.json by its digest
+def test_the_committed_verdicts_and_predictions_are_those_of_the_commitment():
+    commitment = json.loads((COMMITTED / VERDICT_COMMITMENT_FILE).read_text())
+    bundles = dict.fromkeys(commitment["pack"]["bundles"])
+    assert commitment["seal"].startswith("a24e94cfa3b24e8a")
+    assert (
+        check_commitments(COMMITTED, bundles)["seal"] == commitment["seal"]
+    )  # every diagnosis.json by its digest
     # written on 2026-11-21 and 22, before the anemometer and the other facility were opened
-    assert digest_of_file(SEALED / "esso_osaka_wind" / "verdicts.json").startswith("6598907cabdfd9d9")
-    assert digest_of_file(SEALED / "kvlcc2_other_facility" / "predictions.json").startswith(
+    assert digest_of_file(COMMITTED / "esso_osaka_wind" / "verdicts.json").startswith("6598907cabdfd9d9")
+    assert digest_of_file(COMMITTED / "kvlcc2_other_facility" / "predictions.json").startswith(
         "a31a9ff87c8bc0a4"
     )
 
 
 def test_the_committed_result_is_of_these_verdicts_and_explains_every_miss():
-    told = json.loads((SEALED / "results.json").read_text())
-    found = load_verdicts(SEALED)
+    told = json.loads((COMMITTED / "results.json").read_text())
+    found = load_verdicts(COMMITTED)
     rows = {r["bundle"]: r for r in told["bundles"]}
     assert rows.keys() == found.keys()
     assert {n: (r["verdict"], r["set"]) for n, r in rows.items()} == {
         n: (v["verdict"], v["set95"]) for n, v in found.items()
     }
     assert {n for n, r in rows.items() if r["fate"] != RIGHT} == set(MISSES)
-    first = (SEALED / "report.md").read_text().split("\n##")[0]
+    first = (COMMITTED / "report.md").read_text().split("\n##")[0]
     count = Counter(r["fate"] for r in rows.values())
     assert f"Of 36 bundles {count[RIGHT]} verdicts are right" in first and f"{count[FIRST]} {FIRST}" in first
     assert "October made the speeds worse" in first

@@ -85,8 +85,10 @@ def design(
     TrialError, VehicleError, ManoeuvreError
         what cannot be read, set up or executed
     """
-    told = names_of(tell)
-    goals = [name for name, given in (("gain", gain), ("predict", predict), ("tell", told)) if given]
+    causes_to_tell = names_of(tell)
+    goals = [
+        name for name, given in (("gain", gain), ("predict", predict), ("tell", causes_to_tell)) if given
+    ]
     if len(goals) > 1:
         raise FitError(f"one goal at a time: gain, predict or tell; given are {' and '.join(goals)}")
     model, trial = subject_of(source, vehicle, dof, prior)
@@ -95,8 +97,12 @@ def design(
         rudder=rudder, rate=rate, rpm=rpm, box=box, depth=depth, plane=plane,
     )  # fmt: skip
     case, notes = made.case, list(made.notes)
-    between = _causes(case, model, trial, told, size, seed, notes) if told else None
-    most = (200 if quick else tries) if told is None else (60 if quick else min(tries, MOST_TRIES_CAUSES))
+    between = _causes(case, model, trial, causes_to_tell, size, seed, notes) if causes_to_tell else None
+    most = (
+        (200 if quick else tries)
+        if causes_to_tell is None
+        else (60 if quick else min(tries, MOST_TRIES_CAUSES))
+    )
     effort = SearchEffort(2, 4, most, 6) if quick else SearchEffort(evaluations=most)
     with (progress or Progress(quiet=True)).stage("search", most) as stage:
         plan = next_manoeuvre(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from bayesid.api.inputs import Names, TrialLike, VehicleLike, declared_effects, model_of, trial_of
 from bayesid.api.result import Result, table
 from bayesid.diagnosis.diagnosed_model import write_diagnosed
-from bayesid.diagnosis.run import Diagnosis, as_json
+from bayesid.diagnosis.run import Diagnosis
 from bayesid.diagnosis.run import diagnose as run
 from bayesid.files import write_json
 from bayesid.progress import Progress
@@ -59,7 +59,7 @@ def diagnose(
     logged = trial_of(trial, data)
     model = model_of(logged, vehicle, declared_effects(effects), exclude)
     found = run(
-        logged, model, seed=seed, say=(progress or Progress(quiet=True)).note, as_built=prior,
+        logged, model, seed=seed, notify=(progress or Progress(quiet=True)).note, as_built=prior,
         plan_next=next_manoeuvre, draw=draws, keep_model=keep_model,
     )  # fmt: skip
     return DiagnoseResult(found)
@@ -74,16 +74,16 @@ class DiagnoseResult(Result):
     @property
     def verdict(self) -> str:
         """The word of the verdict."""
-        return self.found.verdict.word
+        return self.found.result.verdict
 
     @property
     def effects(self) -> tuple[str, ...]:
-        """Names of the effects the verdict names."""
-        return self.found.verdict.effects
+        """Names of the effects the verdict stands on; of an ambiguous one those in question."""
+        return tuple(effect.name for effect in self.found.result.effects)
 
     @cached_property
     def _record(self) -> dict[str, Any]:
-        return as_json(self.found)
+        return self.found.result.record()
 
     def record(self) -> Mapping[str, Any]:
         return self._record
@@ -91,13 +91,13 @@ class DiagnoseResult(Result):
     def to_dataframe(self) -> pandas.DataFrame:
         """One row per parameter of every effect in question."""
         rows: list[list[Any]] = []
-        for effect in self._record["effects"]:
-            for name, p in effect["parameters"].items():
-                rows.append([effect["name"], effect["probability"], name, p["value"], p["sd"], p["unit"]])
+        for effect in self.found.result.effects:
+            for name, p in effect.parameters.items():
+                rows.append([effect.name, effect.probability, name, p.value, p.sd, p.unit])
         return table(EFFECT_COLUMNS, rows)
 
     def report(self) -> Report:
-        return diagnosis_report(self.found, self._record)
+        return diagnosis_report(self.found.result)
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
         target = Path(folder)
@@ -107,7 +107,7 @@ class DiagnoseResult(Result):
             write_diagnosed(self.found.diagnosed, target)
         if self.found.posterior is not None:
             self.found.posterior.posterior.to_netcdf(target / "posterior.nc")
-        return write_diagnosis_report(self.found, target, self._record)
+        return write_diagnosis_report(self.found.result, target)
 
     def summary(self, verbose: bool = False) -> str:
         return self.found.summary()

@@ -15,6 +15,7 @@ from bayesid.api.inputs import TrialLike, VehicleLike, trial_of, vehicle_of
 from bayesid.api.result import Result, table
 from bayesid.equations.model import build_model
 from bayesid.files import write_json
+from bayesid.model.vehicles import Vehicle
 from bayesid.progress import Progress
 from bayesid.report.excite import TERM_COLUMNS, excitation_report, finding, term_rows, write_excitation_report
 from bayesid.report.writer import Report
@@ -54,9 +55,9 @@ def excite(
     drift = (read.environment.nav_drift or 0.0) if read.environment else 0.0
     found = regress(
         model, read.identify, read.noise, form=form, draws=min(draws, 20) if quick else draws, seed=seed,
-        drift=drift, say=(progress or Progress(quiet=True)).note,
+        drift=drift, notify=(progress or Progress(quiet=True)).note,
     )  # fmt: skip
-    return ExciteResult(read, found)
+    return ExciteResult(read, found, model.vehicle)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -65,21 +66,22 @@ class ExciteResult(Result):
 
     trial: Trial
     found: Excitation
+    vehicle: Vehicle
 
     def to_dataframe(self) -> pandas.DataFrame:
-        return table(TERM_COLUMNS, term_rows(self.found, all_of_them=True))
+        return table(TERM_COLUMNS, term_rows(self.found, all_of_them=True, vehicle=self.vehicle))
 
     def report(self) -> Report:
-        return excitation_report(self.found, self.trial)
+        return excitation_report(self.found, self.trial, self.vehicle)
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
         record = self.record()
         write_json(Path(folder) / "excitation.json", record)
-        return write_excitation_report(self.found, self.trial, folder, record)
+        return write_excitation_report(self.found, self.trial, folder, record, self.vehicle)
 
     def record(self) -> Mapping[str, Any]:
         return as_json(self.found)
 
     def summary(self, verbose: bool = False) -> str:
-        rows = table_text(TERM_COLUMNS, term_rows(self.found, all_of_them=verbose))
+        rows = table_text(TERM_COLUMNS, term_rows(self.found, all_of_them=verbose, vehicle=self.vehicle))
         return "\n".join([rows, "", *finding(self.found)])

@@ -20,6 +20,7 @@ from bayesid.estimation.trial_fit import TrialFit
 from bayesid.model.vehicles import Vehicle
 from bayesid.prediction.fitted_model import Calibration, predictive_model
 from bayesid.progress import Progress
+from bayesid.report import coefficient_cells
 from bayesid.report.fit import calibration_words, fit_report, holdout_words, noise_level, write_fit_report
 from bayesid.report.prediction_error import PREDICTION_COLUMNS, prediction_numbers, prediction_rows
 from bayesid.report.writer import Report
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 
 MISFIT = 3.0  # residuals of so many times the noise are not noise
 QUICK_SAMPLES, QUICK_ROUNDS = 300, 6
-COLUMNS = ("coefficient", "start", "estimate", "sd [%]", "remark")
+COLUMNS = ("coefficient", "start (prime)", *coefficient_cells.COLUMNS, "sd [%]", "remark")
 
 
 def fit(
@@ -135,14 +136,14 @@ class FitResult(Result):
         return self.found.identified
 
     def coefficients(self) -> list[list[Any]]:
-        """Rows of start, estimate and sd per coefficient, units of the vehicle file."""
-        result = self.found.fit
-        scale = self.found.problem.params.vector("file_scale")
+        """Rows of start, estimate (prime and SI) and sd per coefficient."""
+        result, vehicle = self.found.fit, self.found.vehicle
         rows: list[list[Any]] = []
         for i, name in enumerate(result.names[: result.n_params]):
             bound = "on a bound" if name in result.at_bound else self._remark(i)
             relative = 100 * result.sd[i] / max(abs(result.z[i]), 1e-300)
-            rows.append([name, result.start[i] / scale[i], result.z[i] / scale[i], relative, bound])
+            start = coefficient_cells.prime(vehicle, name, result.start[i])
+            rows.append([name, start, *coefficient_cells.cells(vehicle, name, result.z[i]), relative, bound])
         return rows
 
     def _remark(self, i: int) -> str:

@@ -18,7 +18,7 @@ from bayesid.equations.model import build_model
 from bayesid.estimation.likelihood.weighted_fit import weighed
 from bayesid.estimation.output_error import coefficient_set, load_fit, trial_problem
 from bayesid.estimation.segments import in_pieces
-from bayesid.model.vehicles import ASSUMED_RELATIVE_SD
+from bayesid.model.vehicles import ASSUMED_RELATIVE_SD, Vehicle
 from bayesid.progress import Progress
 from bayesid.report import identify as words
 from bayesid.report.writer import Report
@@ -113,7 +113,7 @@ def identify(
     if profile and not quick:
         with shown.stage("turning circles and zig-zags", 2 * ZIGZAGS) as stage:
             behaviour = _behaviour(problem, found, seed, stage.step)
-    return IdentifyResult(found, facts, behaviour)
+    return IdentifyResult(found, facts, behaviour, ship)
 
 
 def _behaviour(problem: Any, found: Identifiability, seed: int, step: Any) -> tuple[Derived, Derived]:
@@ -135,20 +135,23 @@ class IdentifyResult(Result):
     found : verdict per coefficient, open combinations, spectra, profiles
     facts : what was looked at
     behaviour : turning circle and overshoots of vehicles drawn from the prior and from the posterior, or None
+    vehicle : whose coefficients they are
     """
 
     found: Identifiability
     facts: Mapping[str, Any]
     behaviour: tuple[Derived, Derived] | None
+    vehicle: Vehicle
 
     def to_dataframe(self) -> pandas.DataFrame:
-        return table(words.LEDGER_COLUMNS, words.ledger_rows(self.found)).set_index(words.LEDGER_COLUMNS[0])
+        rows = words.coefficient_rows(self.found, self.vehicle)
+        return table(words.COEFFICIENT_COLUMNS, rows).set_index(words.COEFFICIENT_COLUMNS[0])
 
     def report(self) -> Report:
-        return words.identify_report(self.found, self.facts, self.behaviour)
+        return words.identify_report(self.found, self.facts, self.behaviour, self.vehicle)
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
-        return words.write_identify_report(self.found, self.facts, Path(folder), self.behaviour)
+        return words.write_identify_report(self.found, self.facts, Path(folder), self.behaviour, self.vehicle)
 
     def record(self) -> Mapping[str, Any]:
         extra = {"derived": words.derived_numbers(*self.behaviour)} if self.behaviour else {}
@@ -163,9 +166,9 @@ class IdentifyResult(Result):
             *(f"note: {remark}" for remark in facts["remarks"]),
             "",
         ]
-        chosen = range(len(words.LEDGER_COLUMNS)) if verbose else (0, 2, 3, 4, 6)
-        rows = [[row[i] for i in chosen] for row in words.ledger_rows(found)]
-        lines.append(table_text([words.LEDGER_COLUMNS[i] for i in chosen], rows, digits=3))
+        chosen = range(len(words.COEFFICIENT_COLUMNS)) if verbose else (0, 1, 2, 4, 5, 6, 8)
+        rows = [[row[i] for i in chosen] for row in words.coefficient_rows(found, self.vehicle)]
+        lines.append(table_text([words.COEFFICIENT_COLUMNS[i] for i in chosen], rows, digits=3))
         if found.directions:
             lines += ["\nLeft open:", *self._open(verbose)]
         if self.behaviour is not None:

@@ -135,7 +135,7 @@ def _model(
         return found
     progress.note("no model given: diagnosing first")
     model = model_of(trial, vehicle, extra)
-    found = diagnosed_model_of(diagnose(trial, model, seed=seed, say=progress.note, plan_next=False))
+    found = diagnosed_model_of(diagnose(trial, model, seed=seed, notify=progress.note, plan_next=False))
     if out is not None:
         write_diagnosed(found, out)
     return found

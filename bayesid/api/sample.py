@@ -24,7 +24,7 @@ from bayesid.progress import Progress
 from bayesid.report.sample import COLUMNS, noise_words, rows, sample_report, verdict, write_sample_report
 from bayesid.report.writer import Report
 from bayesid.report.writer.text import table_text
-from bayesid.trials.noise import raised, said_raised
+from bayesid.trials.noise import raised, raised_words
 
 if TYPE_CHECKING:
     import pandas
@@ -114,7 +114,7 @@ def sample(
     density = trial_density(problem, found.fit.z, choice, told)
     stated = dict(zip(density.channels, map(float, density.noise_prior.scale), strict=True))
     if least := raised(stated, model.scales["L"], model.scales["U"]):
-        shown.note(f"{said_raised(least)}; chains are slow where a channel has none")
+        shown.note(f"{raised_words(least)}; chains are slow where a channel has none")
         density = trial_density(problem, found.fit.z, choice, {**told, **least})
     with shown.stage("sample") as stage:
         posterior = draw(
@@ -143,7 +143,7 @@ class SampleResult(Result):
     out: Path
 
     def to_dataframe(self) -> pandas.DataFrame:
-        return table(COLUMNS, rows(self.posterior)).set_index(COLUMNS[0])
+        return table(COLUMNS, rows(self.posterior, self.found.vehicle)).set_index(COLUMNS[0])
 
     def to_xarray(self) -> Any:
         """The draws for ArviZ, read from posterior.nc: InferenceData (ArviZ 0.x) or DataTree (1.x)."""
@@ -180,5 +180,10 @@ class SampleResult(Result):
             lines += self.found.posterior.doubts()
         if noisy := noise_words(self.found, p):
             lines.append(noisy)
-        lines += ["", table_text(COLUMNS, rows(p)), "", f"posterior: {self.out / 'posterior.nc'}"]
+        lines += [
+            "",
+            table_text(COLUMNS, rows(p, self.found.vehicle)),
+            "",
+            f"posterior: {self.out / 'posterior.nc'}",
+        ]
         return "\n".join(lines)

@@ -71,8 +71,8 @@ def remove(
 
     found = take(bundle, what, out, answers, data, name)
     for effect, values in found.effects.items():
-        told = ", ".join(f"{n} = {v:.4g}" for n, v in values.items())
-        print(f"{effect}: {told} is the committed answer")
+        listed = ", ".join(f"{n} = {v:.4g}" for n, v in values.items())
+        print(f"{effect}: {listed} is the committed answer")
     print(f"reduced bundle in {out}; keep {answers} apart")
     return OK
 
@@ -81,21 +81,21 @@ def solve(
     pack: Annotated[Path, typer.Argument(help="Folder of trial bundles.")],
     out: OutFolder,
     only: Annotated[
-        list[str] | None, typer.Option("--only", help="This bundle only; may be given twice. Not sealed.")
+        list[str] | None, typer.Option("--only", help="This bundle only; may be given twice. Not committed.")
     ] = None,
     accept_faults: Annotated[
         bool, typer.Option("--accept-faults", help="Seal although the program failed on some bundles.")
     ] = False,
     minutes: Annotated[
         float | None,
-        typer.Option("--minutes", min=0.0, help="Begin no bundle after this time; seal the rest."),
+        typer.Option("--minutes", min=0.0, help="Begin no bundle after this time; commit to the rest."),
     ] = None,
     jobs: Jobs = 1,
     seed: Seed = 0,
     quick: Quick = False,
     verbose: Verbose = False,
 ) -> int:
-    """Diagnose every bundle of a pack and seal the verdicts.
+    """Diagnose every bundle of a pack and commit to the verdicts.
 
     Refuses a pack in which an answer may be read. Run it again after a stop: what is solved is kept.
     --quick leaves out the next manoeuvre and the reports.
@@ -105,16 +105,16 @@ def solve(
     settings = SolveSettings(
         seed, plan_next=not quick, report=not quick, accept_faults=accept_faults, minutes=minutes
     )
-    seal = solve_pack(pack, out, jobs, settings, names=tuple(only or ()))
-    if "seal" not in seal:
-        print(f"{len(seal['verdicts'])} verdicts in {out}, not committed: only some bundles were asked for")
+    commitment = solve_pack(pack, out, jobs, settings, names=tuple(only or ()))
+    if "seal" not in commitment:
+        print(f"{len(commitment['verdicts'])} verdicts in {out}, not committed: only some were asked for")
         return OK
-    print(f"{len(seal['verdicts'])} verdicts in {out}, committed as {seal['seal'][:16]}")
-    if seal["unsolved"]:
-        print(f"{len(seal['unsolved'])} bundles were not solved in the time given; the seal lists them")
-    for name, message in seal["failures"].items():
+    print(f"{len(commitment['verdicts'])} verdicts in {out}, committed as {commitment['seal'][:16]}")
+    if commitment["unsolved"]:
+        print(f"{len(commitment['unsolved'])} bundles were not solved in time; the commitment lists them")
+    for name, message in commitment["failures"].items():
         print(f"{name}: no verdict: {message}")
-    return NOT_CONVERGED if seal["failures"] else OK
+    return NOT_CONVERGED if commitment["failures"] else OK
 
 
 def score(
@@ -124,11 +124,11 @@ def score(
         Path | None,
         typer.Option("--out", "-o", file_okay=False, help="Folder for the report.", callback=claimed),
     ] = None,
-    unsealed: Annotated[
-        bool, typer.Option("--unsealed", help="Score verdicts without a seal, whichever are there.")
+    uncommitted: Annotated[
+        bool, typer.Option("--uncommitted", help="Score verdicts without a commitment, whichever are there.")
     ] = False,
-    seal: Annotated[
-        str, typer.Option("--seal", help="The seal as made known when it was made; 16 digits or more.")
+    digest: Annotated[
+        str, typer.Option("--digest", help="Digest of the verdicts as made known; 16 digits or more.")
     ] = "",
     commitments: Annotated[
         Path | None, typer.Option("--commitments", help="commitments.json as whoever made the pack kept it.")
@@ -137,43 +137,43 @@ def score(
     as_json: Json = False,
     verbose: Verbose = False,
 ) -> int:
-    """Score verdicts against answers; both seals are checked first.
+    """Score verdicts against answers; both commitments are checked first.
 
-    A seal proves something to whom it was made known: --seal and --commitments compare with what was kept
-    apart from these folders. Detectability is computed from the seed of an answer that does not state it, and
-    kept in --out.
+    A commitment proves something to whom it was made known: --digest and --commitments compare with what was
+    kept apart from these folders. Detectability is computed from the seed of an answer that does not state
+    it, and kept in --out.
     """
     from bayesid.benchmark.protocol.report import blind_report, quantity_row, results
     from bayesid.benchmark.protocol.scorecard import score_pack
-    from bayesid.cli.output import say, say_json, say_table
+    from bayesid.cli.output import print_json, print_table, print_text
     from bayesid.report import writer
 
     cache = None if out is None else out / "detectability.json"
-    sheet = score_pack(answers, verdicts, unsealed, cache, jobs, promised=seal, commitments=commitments)
+    sheet = score_pack(answers, verdicts, uncommitted, cache, jobs, promised=digest, commitments=commitments)
     plain = results(sheet)
     if out is not None:
         writer.write(
             blind_report(sheet), out, {"inputs": {"bundles": len(sheet.cases)}, "seeds": [], **plain}
         )
     if as_json:
-        say_json(plain)
+        print_json(plain)
         return OK
     for dof, rows in sheet.quantities.items():
-        say(f"{dof} degrees of freedom")
-        say_table(
+        print_text(f"{dof} degrees of freedom")
+        print_table(
             ["quantity", "over", "score", "cases", "95 % interval", "bar", ""],
             [quantity_row(q) for q in rows],
             3,
         )
-        say()
+        print_text()
     control = f"{sheet.control.hits}/{sheet.control.count}"
-    say(f"control that must fail: {control} right with verdicts of other bundles")
-    if sheet.sealed is None:
-        say("not committed: a development score, no blind check")
+    print_text(f"control that must fail: {control} right with verdicts of other bundles")
+    if sheet.committed is None:
+        print_text("not committed: a development score, no blind check")
     for sentence in sheet.caveats:
-        say(sentence)
+        print_text(sentence)
     for c in sheet.cases:
         if c.outcome not in ("right", "rejected"):
-            said = ", ".join(sorted(c.named)) or c.word
-            say(f"{c.name}: {' + '.join(c.planted) or 'none'} -> {said}: {c.outcome}; {c.reason}")
+            answer = ", ".join(sorted(c.named)) or c.word
+            print_text(f"{c.name}: {' + '.join(c.planted) or 'none'} -> {answer}: {c.outcome}; {c.reason}")
     return OK

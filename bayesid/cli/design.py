@@ -74,7 +74,7 @@ def design(
     """
     from bayesid.api.design import TABLE
     from bayesid.api.design import design as run
-    from bayesid.cli.output import answer, say
+    from bayesid.cli.output import answer, print_text
     from bayesid.cli.quantity import noise_of, range_of
     from bayesid.progress import Progress
 
@@ -91,5 +91,5 @@ def design(
     )  # fmt: skip
     answer(found, out, as_json, verbose, {} if out is None else {"command table": out / TABLE})
     if out is None and not as_json:
-        say("\nGive --out FOLDER for the command table and the report.")
+        print_text("\nGive --out FOLDER for the command table and the report.")
     return OK

@@ -20,21 +20,21 @@ LIST_COLUMNS = ("effect", "acts on", "family", "dof", "parameters [unit]")
 
 def listing(effects: Effects = None, as_json: Json = False, verbose: Verbose = False) -> None:
     """List the effects of the catalogue."""
-    from bayesid.cli.output import say_json, say_table
+    from bayesid.cli.output import print_json, print_table
 
     found = _catalogue(effects)
     if as_json:
-        say_json({e.name: _plain(e) for e in found})
+        print_json({e.name: _plain(e) for e in found})
         return
     rows = [[e.name, e.port, e.family, e.dof, ", ".join(_parameters(e))] for e in found]
-    say_table(LIST_COLUMNS, rows)
+    print_table(LIST_COLUMNS, rows)
 
 
 def show(name: Name, effects: Effects = None, as_json: Json = False, verbose: Verbose = False) -> None:
     """Show an effect: parameters, usual size, equation and source."""
     import difflib
 
-    from bayesid.cli.output import say, say_json
+    from bayesid.cli.output import print_json, print_text
     from bayesid.errors import ModelError
     from bayesid.model.effects.describe import describe
 
@@ -45,11 +45,11 @@ def show(name: Name, effects: Effects = None, as_json: Json = False, verbose: Ve
         raise ModelError(f"no effect {name!r}{hint}")
     effect = known[name]
     if as_json:
-        say_json(_plain(effect))
+        print_json(_plain(effect))
         return
-    say(describe(effect))
+    print_text(describe(effect))
     key = effect.key(effect.parameters[0].name)
-    say(f"\ntry it: bayesid simulate remus100 zigzag:10/10 --set {key}=VALUE")
+    print_text(f"\ntry it: bayesid simulate remus100 zigzag:10/10 --set {key}=VALUE")
 
 
 def _catalogue(path: Any) -> tuple[Effect, ...]:

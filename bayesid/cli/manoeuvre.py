@@ -9,11 +9,11 @@ COLUMNS = ("manoeuvre", "write", "options", "dof", "what it is")
 
 def listing(as_json: Json = False, verbose: Verbose = False) -> None:
     """List the manoeuvres with their options; -v with the unit of each option."""
-    from bayesid.cli.output import say, say_json, say_table
+    from bayesid.cli.output import print_json, print_table, print_text
     from bayesid.manoeuvres.catalogue import REGISTRY
 
     if as_json:
-        say_json({
+        print_json({
             name: {
                 "summary": entry.summary, "dof": entry.dof, "positional": entry.positional,
                 "required": entry.required, "options": {k: kind for k, (kind, _) in entry.options.items()},
@@ -28,5 +28,7 @@ def listing(as_json: Json = False, verbose: Verbose = False) -> None:
         )
         taken = [f"{k} [{kind}]" if verbose else k for k, (kind, _) in entry.options.items()]
         rows.append([name, pattern, ", ".join(taken), entry.dof, entry.summary])
-    say_table(COLUMNS, rows)
-    say("\ndegrees, seconds, metres and rpm unless a unit is written: turn:20,approach=4LU,side=starboard")
+    print_table(COLUMNS, rows)
+    print_text(
+        "\ndegrees, seconds, metres and rpm unless a unit is written: turn:20,approach=4LU,side=starboard"
+    )

@@ -22,9 +22,9 @@ def claimed(context: typer.Context, folder: Path | None) -> Path | None:
         another command writes there
     """
     if folder is not None and not context.resilient_parsing:
-        told = lock(folder, context.command_path)
-        if told is not None:
-            print(printable(f"note: {told}"), file=sys.stderr)
+        taken_over = lock(folder, context.command_path)
+        if taken_over is not None:
+            print(printable(f"note: {taken_over}"), file=sys.stderr)
     return folder
 
 

@@ -53,11 +53,6 @@ def number_of(text: str, inside: str, bare: str | None = None) -> float:
         raise typer.BadParameter(str(error)) from None
 
 
-def values_of(pairs: list[str] | None, option: str) -> dict[str, float]:
-    """NAME=VALUE texts as numbers, in the order given."""
-    return {name: _plain(text, option, pair) for name, text, pair in _split(pairs, option)}
-
-
 def noise_of(pairs: list[str] | None, option: str = "--noise") -> dict[str, float]:
     """CHANNEL=SIGMA[unit] texts as channel -> sigma [SI].
 
@@ -106,10 +101,3 @@ def _split(pairs: list[str] | None, option: str) -> list[tuple[str, str, str]]:
             raise typer.BadParameter(f"{pair!r} is not NAME=VALUE with a number", param_hint=option)
         found.append((name.strip(), text.strip(), pair))
     return found
-
-
-def _plain(text: str, option: str, pair: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise typer.BadParameter(f"{pair!r} is not NAME=VALUE with a number", param_hint=option) from None

@@ -5,18 +5,18 @@ from __future__ import annotations
 from typing import Any
 
 
-def say_measures(measured: list[dict[str, Any]], length: float | None = None) -> None:
+def print_measures(measured: list[dict[str, Any]], length: float | None = None) -> None:
     """Print what `measure` found; with the vehicle's length [m] distances also in lengths."""
-    from bayesid.cli.output import say, say_table
+    from bayesid.cli.output import print_table, print_text
 
     for result in measured:
-        say()
+        print_text()
         if result["rows"] and length:
             rows = [(*row, f"{row[1] / length:.3g} L" if row[2] == "m" else "") for row in result["rows"]]
-            say_table([result["kind"], "value", "unit", ""], rows)
+            print_table([result["kind"], "value", "unit", ""], rows)
         elif result["rows"]:
-            say_table([result["kind"], "value", "unit"], result["rows"])
+            print_table([result["kind"], "value", "unit"], result["rows"])
         else:
-            say(result["kind"])
+            print_text(result["kind"])
         for quantity, reason in result["reasons"].items():
-            say(f"  {quantity}: {reason}")
+            print_text(f"  {quantity}: {reason}")

@@ -48,9 +48,9 @@ def simulate(
 ) -> None:
     """Simulate manoeuvres and measure them; --out writes a trial bundle."""
     from bayesid.api.simulate import simulate_model
-    from bayesid.cli.output import say, say_json
+    from bayesid.cli.output import print_json, print_text
     from bayesid.cli.quantity import changes_of, noise_of
-    from bayesid.cli.run_measures import say_measures
+    from bayesid.cli.run_measures import print_measures
     from bayesid.equations.model import build_model
     from bayesid.model.vehicles import load_vehicle
     from bayesid.trials import write_trial
@@ -64,17 +64,19 @@ def simulate(
     if out is not None:
         write_trial(trial, out)
     if as_json:
-        say_json({
+        print_json({
             "vehicle": found.name, "digest": model.digest, "dof": dof or 3, "seed": seed, "runs": results
         })  # fmt: skip
         return
     for result in results.values():
         first, last = result["speed at the start [m/s]"], result["speed at the end [m/s]"]
-        say(f"{result['manoeuvre']}: {result['duration [s]']:.0f} s, speed {first:.3g} to {last:.3g} m/s")
-        say_measures(result["measures"], found.L)
-        say()
+        print_text(
+            f"{result['manoeuvre']}: {result['duration [s]']:.0f} s, speed {first:.3g} to {last:.3g} m/s"
+        )
+        print_measures(result["measures"], found.L)
+        print_text()
     if out is not None:
-        say(f"trial bundle: {out / 'trial.toml'}")
+        print_text(f"trial bundle: {out / 'trial.toml'}")
 
 
 def _summary(run: Run) -> dict[str, Any]:

@@ -22,11 +22,11 @@ def study(
     verbose: Verbose = False,
 ) -> int:
     """Run a study and write its report."""
-    from bayesid.cli.output import say, say_table
+    from bayesid.cli.output import print_table, print_text
 
     studies = _studies()
     if name is None:
-        say_table(["study", "question"], [[key, _question(path)] for key, path in studies.items()])
+        print_table(["study", "question"], [[key, _question(path)] for key, path in studies.items()])
         return 0
     if name not in studies:
         raise typer.BadParameter(f"no study {name!r}; there are: {', '.join(studies)}", param_hint="NAME")
@@ -40,7 +40,7 @@ def study(
     code = _run_script(studies[name], arguments)
     if code == 0:
         for path in sorted(folder.rglob("report.html")):  # one, or one per data set
-            say(f"report: {path}")
+            print_text(f"report: {path}")
     return code
 
 

@@ -29,7 +29,7 @@ def check(
     bundle: Bundle, data: Data = None, out: Out = None, as_json: Json = False, verbose: Verbose = False
 ) -> int:
     """Read a bundle, list everything odd about it and what its channels hold."""
-    from bayesid.cli.output import say_json
+    from bayesid.cli.output import print_json
     from bayesid.files import write_json
     from bayesid.trials import load_trial, trial_summary
 
@@ -39,7 +39,7 @@ def check(
     if out is not None:
         write_json(out / "trial_check.json", summary)
     if as_json:
-        say_json(summary)
+        print_json(summary)
     else:
         _print(summary, verbose)
     return 0 if vehicle is None else 2
@@ -60,35 +60,35 @@ def _vehicle_problem(trial: Trial) -> str | None:
 
 
 def _print(summary: dict[str, Any], verbose: bool) -> None:
-    from bayesid.cli.output import say, say_table
+    from bayesid.cli.output import print_table, print_text
 
     vehicle = Path(summary["vehicle"]).name or "not stated"
     size = f"{len(summary['runs'])} runs, {summary['dof']} degrees of freedom"
-    say(f"{summary['name']}: {size}, vehicle {vehicle}")
+    print_text(f"{summary['name']}: {size}, vehicle {vehicle}")
     if summary["attribution"]:
-        say(summary["attribution"])
-    say()
-    say_table(RUN_COLUMNS, [_run_row(run) for run in summary["runs"]], digits=3)
-    say()
-    say_table(
+        print_text(summary["attribution"])
+    print_text()
+    print_table(RUN_COLUMNS, [_run_row(run) for run in summary["runs"]], digits=3)
+    print_text()
+    print_table(
         ["channel", "unit", "stated noise", "seen noise"],
         [[name, row["unit"], row["stated"], row["estimated"]] for name, row in summary["noise"].items()],
         digits=3,
     )
     if verbose:
         for run in summary["runs"]:
-            say(
+            print_text(
                 f"\n{run['name']}: channels {', '.join(run['channels'])}; inputs {', '.join(run['inputs'])}"
                 + (f"; further columns {', '.join(run['extra'])}" if run["extra"] else "")
             )
     if summary["warnings"]:
-        say(f"\n{len(summary['warnings'])} remarks:")
+        print_text(f"\n{len(summary['warnings'])} remarks:")
         for warning in summary["warnings"]:
-            say(f"  - {warning}")
+            print_text(f"  - {warning}")
     if summary["vehicle_problem"]:
-        say(f"\nThe vehicle cannot be used:\n{summary['vehicle_problem']}")
+        print_text(f"\nThe vehicle cannot be used:\n{summary['vehicle_problem']}")
     elif not summary["warnings"]:
-        say("\nNothing odd found.")
+        print_text("\nNothing odd found.")
 
 
 def _run_row(run: dict[str, Any]) -> list[Any]:

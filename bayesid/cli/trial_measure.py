@@ -15,8 +15,8 @@ def measure(
     bundle: Bundle, data: Data = None, out: Out = None, as_json: Json = False, verbose: Verbose = False
 ) -> None:
     """Measure the standard manoeuvres of a bundle (turning circle, pull-out, zig-zag, spiral)."""
-    from bayesid.cli.output import say, say_json
-    from bayesid.cli.run_measures import say_measures
+    from bayesid.cli.output import print_json, print_text
+    from bayesid.cli.run_measures import print_measures
     from bayesid.files import write_json
     from bayesid.trials import load_trial
 
@@ -28,14 +28,14 @@ def measure(
     if out is not None:
         write_json(out / "trial_measures.json", results)
     if as_json:
-        say_json(results)
+        print_json(results)
         return
     for name, result in results.items():
-        say(f"{name}: {result['manoeuvre'] or 'no description'}")
-        say_measures(result["measures"])
+        print_text(f"{name}: {result['manoeuvre'] or 'no description'}")
+        print_measures(result["measures"])
         if not result["measures"]:
-            say("  no standard manoeuvre named")
-        say()
+            print_text("  no standard manoeuvre named")
+        print_text()
 
 
 def _measures(run: Run) -> list[dict[str, Any]]:

@@ -13,14 +13,14 @@ if TYPE_CHECKING:
 
 def listing(as_json: Json = False, verbose: Verbose = False) -> None:
     """List the built-in vehicles."""
-    from bayesid.cli.output import say_json, say_table
+    from bayesid.cli.output import print_json, print_table
     from bayesid.model.vehicles import builtin_names, load_vehicle
 
     vehicles = {name: load_vehicle(name) for name in builtin_names()}
     if as_json:
-        say_json({name: _head(vehicle) for name, vehicle in vehicles.items()})
+        print_json({name: _head(vehicle) for name, vehicle in vehicles.items()})
         return
-    say_table(
+    print_table(
         ["vehicle", "L [m]", "mass [kg]", "dof", "coefficients", "propulsion", "source"],
         [
             [
@@ -38,31 +38,33 @@ def listing(as_json: Json = False, verbose: Verbose = False) -> None:
 
 
 def show(vehicle: VehicleName, as_json: Json = False, verbose: Verbose = False) -> None:
-    """Show a vehicle: particulars, limits and coefficients in the file's units and in SI."""
-    from bayesid.cli.output import say, say_json, say_table
+    """Show a vehicle: particulars, limits and coefficients, prime and SI."""
+    from bayesid.cli.output import print_json, print_table, print_text
     from bayesid.model.vehicles import load_vehicle
+    from bayesid.report import coefficient_cells
 
     found = load_vehicle(vehicle)
     rows = _coefficient_rows(found)
     if as_json:
-        say_json({**_head(found), "coefficients": rows})
+        print_json({**_head(found), "coefficients": rows})
         return
-    say(f"{found.name}\n{found.source}\n")
+    print_text(f"{found.name}\n{found.source}\n")
     head = {key: value for key, value in _head(found).items() if key not in ("name", "source")}
     width = max(map(len, head))
     for key, value in head.items():
-        say(f"{key.ljust(width)}  {_plain(value)}")
-    say()
-    columns = ["coefficient", "value", "SI value", "SI unit", "prior sd [%]", "regressor"]
-    keys = ["name", "value", "si", "unit", "prior_sd_percent", "regressor"]
+        print_text(f"{key.ljust(width)}  {_plain(value)}")
+    print_text()
+    columns = ["coefficient", *coefficient_cells.COLUMNS, "prior sd [%]", "regressor"]
+    keys = ["name", "prime", "si", "unit", "prior_sd_percent", "regressor"]
     if verbose:
         columns, keys = [*columns, "source of the term"], [*keys, "source"]
-    say_table(columns, [[row[key] for key in keys] for row in rows])
+    print_table(columns, [[row[key] for key in keys] for row in rows])
 
 
 def _coefficient_rows(vehicle: Vehicle) -> list[dict[str, Any]]:
     from bayesid.model.terms import term
     from bayesid.model.vehicles import coef_si
+    from bayesid.report import coefficient_cells
 
     si = coef_si(vehicle)
     spread = vehicle.prior.relative_sd if vehicle.prior else {}
@@ -75,6 +77,7 @@ def _coefficient_rows(vehicle: Vehicle) -> list[dict[str, Any]]:
             {
                 "name": name,
                 "value": vehicle.coef.get(name),
+                "prime": coefficient_cells.prime(vehicle, name, value),
                 "si": value,
                 "unit": row.unit,
                 "prior_sd_percent": 100.0 * spread[name] if name in spread else None,

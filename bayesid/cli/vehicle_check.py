@@ -21,8 +21,8 @@ LARGEST = 35 * DEG  # where a vehicle states no limit
 
 def check(vehicle: VehicleName, out: Out = None, as_json: Json = False, verbose: Verbose = False) -> None:
     """Check a vehicle: stability, how it turns and zig-zags, and what no real vehicle does."""
-    from bayesid.cli.output import say, say_json, say_table
-    from bayesid.cli.run_measures import say_measures
+    from bayesid.cli.output import print_json, print_table, print_text
+    from bayesid.cli.run_measures import print_measures
     from bayesid.files import write_json
     from bayesid.model.vehicles import load_vehicle
     from bayesid.model.vehicles.check import check_vehicle
@@ -44,22 +44,22 @@ def check(vehicle: VehicleName, out: Out = None, as_json: Json = False, verbose:
     if out is not None:
         write_json(out / "vehicle_check.json", result)
     if as_json:
-        say_json(result)
+        print_json(result)
         return
-    say(f"{found.name}\n")
+    print_text(f"{found.name}\n")
     if straight is not None:
-        say_table(["straight run", "value", "meaning"], _stability_rows(straight))
-    say_measures([{**item, "kind": item["manoeuvre"]} for item in behaviour], found.L)
-    say()
+        print_table(["straight run", "value", "meaning"], _stability_rows(straight))
+    print_measures([{**item, "kind": item["manoeuvre"]} for item in behaviour], found.L)
+    print_text()
     warnings = [finding for finding in findings if finding.level == "warning"]
     notes = [finding for finding in findings if finding.level != "warning"]
     for title, group in (("Unphysical or contradictory", warnings), ("Worth knowing", notes)):
         if group:
-            say(f"{title}:")
+            print_text(f"{title}:")
             for finding in group:
-                say(f"  - {finding.text}")
+                print_text(f"  - {finding.text}")
     if not warnings:
-        say("Nothing unphysical found.")
+        print_text("Nothing unphysical found.")
 
 
 def _behaviour(vehicle: Vehicle) -> list[dict[str, Any]]:

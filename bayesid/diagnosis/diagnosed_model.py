@@ -168,9 +168,9 @@ def _with_remainder(problem: DiagnosisProblem, fitted: FilterErrorFit) -> tuple[
     real = problem.environment.noise_model
 
     def evidence(noise_model: NoiseModel) -> float:
-        grams = stacked_equations(model, fitted.paths, fitted.free, noise_model)
+        equations = stacked_equations(model, fitted.paths, fitted.free, noise_model)
         try:
-            value = posterior(sum(grams[1:], grams[0])).log_evidence
+            value = posterior(sum(equations[1:], equations[0])).log_evidence
         except ModelError:  # this disturbance is out of reach, others may not be
             return -np.inf
         return value if np.isfinite(value) else -np.inf

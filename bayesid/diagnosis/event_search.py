@@ -19,7 +19,7 @@ from scipy.stats import chi2
 
 from bayesid.diagnosis.data.event import Event, blanked, released, without_readings
 from bayesid.diagnosis.data.problem import DiagnosisProblem
-from bayesid.diagnosis.data.windows import WINDOW_LENGTHS, Window, cut, gram_of, windows
+from bayesid.diagnosis.data.windows import WINDOW_LENGTHS, Window, cut, window_equations, windows
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.localisation import channel_sets, units
@@ -43,7 +43,7 @@ MOST_EVENTS = 8
 # Force with which the fit of a short piece begins, over 1/2 rho L^2 U^2, and its passes: enough to arrive at
 # the real environment, under which the piece is judged.
 PIECE_FORCE_LEVEL, PIECE_ITERATIONS = 0.003, 16
-Say = Callable[[str], None]
+Notify = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Span:
 
 
 def find_events(
-    problem: DiagnosisProblem, trial: Trial, best: RefittedHypothesis, say: Say = lambda text: None
+    problem: DiagnosisProblem, trial: Trial, best: RefittedHypothesis, notify: Notify = lambda text: None
 ) -> tuple[Event, ...]:
     """Events the best explanation of the whole trial leaves.
 
@@ -73,7 +73,7 @@ def find_events(
         spans = suspects(problem) or (suspects(problem, best.fit) if best.fit.converged else ())
     if not spans:
         return ()
-    say(f"events: {len(spans)} short piece(s) predicted far worse than the rest")
+    notify(f"events: {len(spans)} short piece(s) predicted far worse than the rest")
     return identify_events(problem, trial, spans)
 
 
@@ -178,7 +178,7 @@ def _misfit(problem: DiagnosisProblem, run: Run, event: Event) -> tuple[float, i
     try:
         log = log_without(problem, run, (event,))
         done = fit(model, [log], free, real, loud=PIECE_FORCE_LEVEL, iterations=PIECE_ITERATIONS)
-        g = gram_of(model, linearise(model, log, done.points[0], free.where), free, real)
+        g = window_equations(model, linearise(model, log, done.points[0], free.where), free, real)
         return float(g.ee - g.se @ posterior(g).mean), g.used
     except (ModelError, LinAlgError, ValueError):
         return float("inf"), 0
@@ -209,13 +209,13 @@ def _channel(problem: DiagnosisProblem, span: Span, event: Event) -> tuple[str, 
     path = cut(linearise(model, log, problem.path[span.run], free.where), first, last)
     inside = (path.log.plan.t >= event.start) & (path.log.plan.t <= event.end)
     noise_model = problem.environment.noise_model
-    none = posterior(gram_of(model, path, free, noise_model)).log_evidence
+    none = posterior(window_equations(model, path, free, noise_model)).log_evidence
     found = {}
     for name, (inputs, channels) in channel_sets(problem).items():
         if not inputs or channels or name == "current":
             continue
         latent = LatentInputs(inputs, (), tuple(size[n] for n in inputs), scale, (inside,))
-        found[name] = posterior(gram_of(model, path, free, noise_model, latent)).log_evidence
+        found[name] = posterior(window_equations(model, path, free, noise_model, latent)).log_evidence
     best = max(found, key=lambda n: found[n])
     return best, float(max(found[best] - none, 0.0))
 
@@ -248,8 +248,8 @@ def verdict_with(verdict: Verdict, events: Sequence[Event]) -> Verdict:
     """Verdict that knows of events: a motion nothing explains is a gap, though it lasted seconds only."""
     if not events:
         return verdict
-    told = [f"{e.run} {e.start:.1f} to {e.end:.1f} s ({e.channel}, {e.kind})" for e in events]
-    reasons = (*verdict.reasons, "left out as events: " + "; ".join(told))
+    listed = [f"{e.run} {e.start:.1f} to {e.end:.1f} s ({e.channel}, {e.kind})" for e in events]
+    reasons = (*verdict.reasons, "left out as events: " + "; ".join(listed))
     silent = verdict.word in ("none", "coefficients") or verdict.set95 == ("outside",)
     if silent and any(e.kind == "motion" for e in events):
         return replace(verdict, word="outside", set95=("outside",), reasons=reasons, rule=MOTION_EVENT)

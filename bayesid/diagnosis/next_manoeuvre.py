@@ -58,12 +58,14 @@ def propose(
         return ()
     for name, manoeuvre in executed.items():
         try:
-            added = run_gram(problem, bank, manoeuvre)
+            added = added_equations(problem, bank, manoeuvre)
         except BayesidError:
             continue
         if added is None:
             continue
-        more = replace(bank, grams=tuple((*g, added) if i == 0 else g for i, g in enumerate(bank.grams)))
+        more = replace(
+            bank, equations=tuple((*g, added) if i == 0 else g for i, g in enumerate(bank.equations))
+        )
         out.append(Proposal(name, float(manoeuvre.t[-1]), now, worst_margin(more, chosen, size)))
     return tuple(sorted(out, key=lambda p: -p.margin_with))
 
@@ -71,15 +73,15 @@ def propose(
 def worst_margin(bank: SensitivityBank, names: Sequence[str], size: float) -> float:
     """Expected log-evidence margin [nats] of the pair that is hardest to tell apart; with fewer than two
     names half the median noncentrality of all effects."""
-    told = isolability(bank, size)
+    apart = isolability(bank, size)
     if len(names) >= 2:
-        index = [told.names.index(n) for n in names]
-        return float(min(told.margin[i, j] for i in index for j in index if i != j))
-    seen = size**2 * told.detect
+        index = [apart.names.index(n) for n in names]
+        return float(min(apart.margin[i, j] for i in index for j in index if i != j))
+    seen = size**2 * apart.detect
     return float(np.median(seen)) / 2.0
 
 
-def run_gram(
+def added_equations(
     problem: DiagnosisProblem,
     bank: SensitivityBank,
     manoeuvre: object,

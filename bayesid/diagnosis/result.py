@@ -1,36 +1,34 @@
-"""The result of a diagnosis: final values, made once. `diagnosis.json`, terminal and report are views of it.
+"""The result of a diagnosis: final values, made once; `diagnosis.json`, terminal and report are views of it.
 
-The fields of `Result` are the keys of the format (1), in order; `schema.json` describes them. Takes the parts
-of a diagnosis. Does not decide, fit or write.
+The fields of `Result` are the keys of the format (1), in order; the schema is generated from their types and
+from what is said of them here. Arrays that only figures need are in `Drawings`, which is not written. Does
+not decide, fit or write (`final_values` makes it).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Annotated, Any
 
 import numpy as np
 
 from bayesid.diagnosis.data.event import Event
-from bayesid.diagnosis.data.problem import DiagnosisProblem
-from bayesid.diagnosis.evidence.effect_posterior import EffectPosterior
-from bayesid.diagnosis.evidence.effect_posterior import as_json as sampled
-from bayesid.diagnosis.evidence.holdout import HoldoutValidation, HorizonError, MeasureComparison
+from bayesid.diagnosis.evidence.effect_draws import EffectDraws
 from bayesid.diagnosis.evidence.missing_force import MissingForce
-from bayesid.diagnosis.evidence.missing_force import as_json as described
-from bayesid.diagnosis.hypotheses.candidate import COEFFICIENT_ERROR, RefittedHypothesis, parameter_table
-from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
-from bayesid.diagnosis.hypotheses.facts import simplest, unseen
-from bayesid.diagnosis.hypotheses.location import location_of
-from bayesid.diagnosis.hypotheses.verdict import Verdict
+from bayesid.diagnosis.hypotheses.rules import Word
+from bayesid.diagnosis.hypotheses.thresholds import Thresholds
 from bayesid.diagnosis.next_manoeuvre import Proposal
-from bayesid.equations.model import Model
-from bayesid.trials import Trial
+from bayesid.diagnosis.schema import About, described, plain
 
 FORMAT = 1
-MODELS = ("nominal", "recalibrated", "with effect")
-MOST_MASKS = 5
+# Keys every file of format 1 has, also one of an earlier version.
+CONTRACT = (
+    "format", "verdict", "effects", "probabilities", "set95", "ambiguity_groups", "where", "gap",
+    "next_manoeuvre", "warnings",
+)  # fmt: skip
+Array = np.ndarray
+Share = Annotated[float, About(checks={"minimum": 0, "maximum": 1})]
 ByChannel = Mapping[str, Mapping[str, float | None]]
 
 
@@ -42,6 +40,9 @@ class Diagnosed:
     digest: str
     dof: int
     channels: tuple[str, ...]
+    vehicle: str = ""
+    vehicle_digest: str = ""
+    attribution: str = ""
 
 
 @dataclass(frozen=True)
@@ -58,8 +59,12 @@ class Effect:
     """One effect the verdict stands on, its probability of acting and its sizes."""
 
     name: str
-    probability: float
+    probability: Annotated[float, About("That it acts, alone or with others.", {"minimum": 0, "maximum": 1})]
     parameters: Mapping[str, Value]
+    meaning: Annotated[Mapping[str, str], About("Parameter -> what it stands for.")] = field(
+        default_factory=dict
+    )
+    usual_size: Annotated[str, About("How large it usually is, in words; empty if not stated.")] = ""
 
 
 @dataclass(frozen=True)
@@ -76,18 +81,68 @@ class Region:
 
     name: str
     evidence: float
+    kind: Annotated[str, About("manoeuvre, window or regime")] = ""
+    share: Annotated[float, About("Share of the samples.")] = 0.0
 
 
 @dataclass(frozen=True)
 class Location:
     """Where the gap lies; evidence in nats, period in s."""
 
-    channel: str | None
-    evidence: Mapping[str, float]
-    period: float | None
-    windows: tuple[Region, ...]
-    regimes: tuple[Region, ...]
-    after: Mapping[str, float]
+    channel: Annotated[
+        str | None,
+        About(
+            "Most probable place, every hypothesis counted by its probability; need not be the place of most "
+            "evidence below. null where no free signal gains more than chance."
+        ),
+    ]
+    evidence: Annotated[
+        Mapping[str, float],
+        About(
+            "Gain in log evidence [nats] of a free signal let into each place alone, no effect in the model; "
+            "most first."
+        ),
+    ]
+    period: Annotated[
+        float | None, About("Seconds, where the free signal of most evidence is periodic; else null.")
+    ]
+    windows: Annotated[
+        tuple[Region, ...],
+        About(
+            "The same for the place of most evidence, the signal allowed only in one run or stretch of time."
+        ),
+    ]
+    regimes: Annotated[tuple[Region, ...], About("The same, allowed only in one regime of motion.")]
+    after: Annotated[Mapping[str, float], About("As evidence, with the best explanation in the model.")] = (
+        field(default_factory=dict)
+    )
+
+
+@dataclass(frozen=True)
+class Screened:
+    """Gain in log evidence of one effect of the catalogue along one path, coefficients free [nats]."""
+
+    name: str
+    gain: float
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Estimate and standard deviation, SI."""
+
+    value: float
+    sd: float
+
+
+@dataclass(frozen=True)
+class Refit:
+    """One hypothesis refitted: gain in log evidence over no effect [nats], fit and parameters."""
+
+    effects: tuple[str, ...]
+    gain: float
+    chi2: Annotated[float, About("Mean squared residual in noise variances.")]
+    converged: bool
+    parameters: Mapping[str, Estimate]
 
 
 @dataclass(frozen=True)
@@ -111,13 +166,32 @@ class Horizon:
 class Gap:
     """The longest horizon that shows a gap, and all of them."""
 
-    before_nominal: float | None
-    before: float | None
-    after: float | None
+    before_nominal: Annotated[
+        float | None,
+        About(
+            "Mean squared error on held-out runs above the floor, in noise variances, with the coefficients "
+            "as given."
+        ),
+    ]
+    before: Annotated[float | None, About("With re-tuned coefficients.")]
+    after: Annotated[
+        float | None,
+        About("With the best explanation, which may hold more effects than the verdict names."),
+    ]
     floor: float | None
     shrink: float | None
     interval: tuple[float | None, ...] | None
     horizons: tuple[Horizon, ...]
+    runs: Annotated[tuple[str, ...], About("The held-out runs.")] = ()
+
+
+@dataclass(frozen=True)
+class Outlier:
+    """A single reading left out."""
+
+    run: str
+    time: float
+    channel: str
 
 
 @dataclass(frozen=True)
@@ -141,196 +215,196 @@ class Coefficient:
     sd: float
 
 
-@dataclass(frozen=True)
-class Result:
-    """Everything a diagnosis says, as final plain values. Keys and meanings: `schema.json`."""
+@dataclass(frozen=True, eq=False)
+class Force:
+    """Smoothed missing force in body axes, (n, axes) per run, and its standard deviation [N, N m]."""
 
-    format: int
-    bayesid: str
-    trial: Diagnosed
-    model: str
-    seed: int
-    verdict: str
-    effects: tuple[Effect, ...]
-    probabilities: Mapping[str, float]
-    acting: Mapping[str, float]
-    set95: tuple[str, ...]
-    unseen: tuple[str, ...]
-    hidden_by_coefficients: tuple[str, ...]
-    reasons: tuple[str, ...]
-    rule: str
-    ambiguity_groups: tuple[tuple[str, ...], ...]
-    detectability: Mapping[str, Detectability]
-    where: Location
-    gap: Gap
-    measures: tuple[Mapping[str, Any], ...]
-    events: tuple[Event, ...]
-    posterior: Mapping[str, Any] | None
-    description: Mapping[str, Any] | None
-    environment: Noise
-    coefficients: Mapping[str, Coefficient]
-    next_manoeuvre: tuple[Proposal, ...]
-    warnings: tuple[str, ...]
+    axes: tuple[str, ...]
+    runs: tuple[str, ...]
+    times: tuple[Array, ...]
+    values: tuple[Array, ...]
+    sd: tuple[Array, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Corner:
+    """(m, k) draws of the first unknowns, and of their Laplace approximation, in the units of `names`."""
+
+    names: tuple[str, ...]
+    draws: Array
+    laplace: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Drawings:
+    """Arrays figures are drawn from.
+
+    Attributes
+    ----------
+    force : None where nothing localises the gap
+    effects, margin : effects these runs would show, and (k, k) expected log-evidence margin [nats] of a truth
+        (row) over an explanation (column)
+    corner : None without draws
+    """
+
+    force: Force | None
+    effects: tuple[str, ...]
+    margin: Array
+    corner: Corner | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Result:
+    """Everything a diagnosis says, as final plain values."""
+
+    format: Annotated[int, About(checks={"const": FORMAT})]
+    bayesid: Annotated[str, About("Version that diagnosed.")]
+    trial: Annotated[
+        Diagnosed,
+        About(
+            "What was diagnosed: name, digest of its readings, degrees of freedom, the channels used, the "
+            "vehicle, and whom the data are owed to."
+        ),
+    ]
+    model: Annotated[str, About("Digest of the equations and the vehicle's numbers.")]
+    seed: Annotated[int, About("Of the draws behind thresholds and intervals.")]
+    verdict: Annotated[
+        Word,
+        About(
+            "none: nothing beyond noise, environment and stated uncertainty. effect: one effect explains the "
+            "gap. effect_with_remainder: one effect is sure and does not explain all, be it that a free "
+            "signal still gains, that runs disagree about it, or that others act beside it which are not "
+            "sure. several: more than one is sure. outside: a gap, and no effect is named. coefficients: "
+            "closed by moving coefficients beyond their uncertainty. ambiguous: these runs cannot tell the "
+            "cause, or whether there is one, also where the most probable name has less than 90 %."
+        ),
+    ]
+    effects: Annotated[
+        tuple[Effect, ...],
+        About(
+            "What the verdict stands on; empty for none and outside. Of an ambiguous verdict the members of "
+            "set95 but none and outside, which are possible, not named (or, where there is no other, the "
+            "effect more probable than not, if any); of coefficients coefficient_error, or the effect more "
+            "probable than not that acts alike. Parameters are those of the best explanation (Laplace, "
+            "environment at its level), empty for an effect that is not in it."
+        ),
+    ]
+    probabilities: Annotated[
+        Mapping[str, Share],
+        About(
+            "Of every hypothesis: none, each effect of the catalogue, coefficient_error, outside. Sums to 1; "
+            "effects that act together share their mass.",
+            {"required": ["none", "outside"]},
+        ),
+    ]
+    acting: Annotated[
+        Mapping[str, Share],
+        About(
+            "Of every hypothesis: that it is true, alone or with others. Two effects that surely act "
+            "together have 1 each; does not sum to 1."
+        ),
+    ]
+    set95: Annotated[
+        tuple[str, ...],
+        About(
+            "Fewest hypotheses that hold 95 % of the probability, most probable first. Those of unseen count "
+            "as none."
+        ),
+    ]
+    unseen: Annotated[
+        tuple[str, ...],
+        About(
+            "Effects these runs would hardly show at their usual size and do not speak for: not to be told "
+            "from none here. Their probability is about what it was before the data."
+        ),
+    ]
+    hidden_by_coefficients: Annotated[
+        tuple[str, ...], About("Effects whose trace changed coefficients can take over.")
+    ]
+    reasons: Annotated[tuple[str, ...], About("Sentences behind the verdict, numbers included.")]
+    rule: Annotated[
+        str,
+        About(
+            "Name of the rule that decided; the rules stand in order in `bayesid.diagnosis.hypotheses.rules`."
+        ),
+    ]
+    thresholds: Annotated[
+        Thresholds,
+        About(
+            "What chance reaches in at most 1 of 100 trials: gain of the best effect (named) and of the best "
+            "free signal (remainder) [nats], largest coefficient move (conflict) [prior sd]."
+        ),
+    ]
+    screen: Annotated[
+        tuple[Screened, ...], About("Every effect of the catalogue along one path, best first.")
+    ]
+    refits: Annotated[
+        tuple[Refit, ...],
+        About("Hypotheses refitted: no effect, then the others, best first."),
+    ]
+    explanation: Annotated[
+        tuple[str, ...],
+        About("Effects of the model `with effect` of gap and measures; empty where no effect gains."),
+    ]
+    ambiguity_groups: Annotated[
+        tuple[tuple[str, ...], ...], About("Effects that leave nearly the same trace on these runs.")
+    ]
+    ambiguity_size: Annotated[
+        float, About("Size at which these groups are alike [prior standard deviations].")
+    ]
+    detectability: Annotated[
+        Mapping[str, Detectability],
+        About(
+            "Per effect these runs can test: expected noncentrality of its trace on them at one prior "
+            "standard deviation, and the share of it that coefficients within their prior absorb."
+        ),
+    ]
+    where: Annotated[Location, About("Where the gap lies.")]
+    gap: Annotated[Gap, About("Prediction error on held-out runs, which were read after the verdict.")]
+    measures: Annotated[
+        tuple[Mapping[str, str | float | None], ...],
+        About(
+            "Overshoots, diameters and the like of held-out runs, as logged and as each model replays them."
+        ),
+    ]
+    events: Annotated[tuple[Event, ...], About("Short pieces left out; see the report for their kinds.")]
+    outliers: Annotated[tuple[Outlier, ...], About("Single readings left out.")]
+    posterior: Annotated[
+        EffectDraws | None, About("Draws of the named effects' parameters, where asked for (SI).")
+    ]
+    description: Annotated[
+        MissingForce | None,
+        About("What the missing force is made of, where an effect does not explain all of it."),
+    ]
+    environment: Annotated[
+        Noise,
+        About(
+            "Noise of the motion the diagnosis allowed for, one standard deviation: force per axis [N, N m] "
+            "over force_tau [s], slow error of the position [m] over drift_tau [s], depth that of the depth "
+            "[m] (null: as the position, or none logged), arms the moment a disturbance has per force [m]. "
+            "Source: stated in the bundle, measured from straight runs, or assumed."
+        ),
+    ]
+    coefficients: Annotated[
+        Mapping[str, Coefficient], About("With the best explanation, in the units of the vehicle file.")
+    ]
+    next_manoeuvre: Annotated[
+        tuple[Proposal, ...],
+        About("Manoeuvres, best first, with the margin [nats] of the worst pair without and with each."),
+    ]
+    warnings: Annotated[tuple[str, ...], About("What a reader has to know besides.")]
+    drawings: Drawings | None = field(default=None, metadata={"drawn": True}, compare=False)
 
     def record(self) -> dict[str, Any]:
         """Plain data of `diagnosis.json`."""
-        return {key: _plain(value) for key, value in asdict(self).items()}
+        return plain(self)
 
 
-def result_of(
-    trial: Trial,
-    model: Model,
-    problem: DiagnosisProblem,
-    candidates: HypothesisComparison,
-    verdict: Verdict,
-    shrink: HoldoutValidation,
-    proposals: tuple[Proposal, ...],
-    warnings: tuple[str, ...],
-    seed: int,
-    description: MissingForce | None = None,
-    posterior: EffectPosterior | None = None,
-) -> Result:
-    """Final values of a diagnosis."""
-    from bayesid import __version__
-
-    c, best = candidates, simplest(candidates)
-    every = ["none", *(e.name for e in model.kernel.effects), COEFFICIENT_ERROR, "outside"]
-    told = c.ambiguity
-    return Result(
-        format=FORMAT,
-        bayesid=__version__,
-        trial=Diagnosed(trial.name, trial.digest, model.dof, tuple(problem.channels)),
-        model=model.digest,
-        seed=seed,
-        verdict=verdict.word,
-        effects=_effects(model, problem, c, verdict, best),
-        probabilities={n: float(c.probabilities.get(n, 0.0)) for n in every},
-        acting={n: float(min(c.inside.get(n, 0.0), 1.0)) for n in every},
-        set95=verdict.set95,
-        unseen=unseen(c),
-        hidden_by_coefficients=verdict.hidden,
-        reasons=verdict.reasons,
-        rule=verdict.rule,
-        ambiguity_groups=tuple(tuple(g) for g in told.groups),
-        detectability={
-            n: Detectability(float(x), float(a))
-            for n, x, a in zip(told.names, told.detect, told.absorbed, strict=True)
-        },
-        where=_location(c, model),
-        gap=_gap(shrink.horizons),
-        measures=tuple(_measure(m) for m in shrink.measures),
-        events=problem.events,
-        posterior=sampled(posterior) if posterior is not None else None,
-        description=described(description) if description is not None else None,
-        environment=_noise(problem),
-        coefficients={
-            n: Coefficient(float(x / model.file_scale(n)), float(s / abs(model.file_scale(n))))
-            for n, x, s in zip(problem.coefficients.names, best.fit.values, best.fit.sd, strict=False)
-        },
-        next_manoeuvre=proposals,
-        warnings=warnings,
-    )
-
-
-def _effects(
-    model: Model,
-    problem: DiagnosisProblem,
-    c: HypothesisComparison,
-    verdict: Verdict,
-    best: RefittedHypothesis,
-) -> tuple[Effect, ...]:
-    """What the verdict stands on, or what is more probable than not where it names nothing."""
-    table = parameter_table(best.fit, problem)
-    named = verdict.effects
-    if not named and verdict.word in ("ambiguous", "coefficients"):
-        named = tuple(n for n in best.effects if n in model.effects and c.inside.get(n, 0.0) > 0.5)
-    out = []
-    for name in named:
-        effect = model.effects.get(name)
-        keys = {p.name: (effect.key(p.name), p.unit) for p in effect.parameters} if effect is not None else {}
-        values = {p: Value(*table[key], unit) for p, (key, unit) in keys.items() if key in table}
-        out.append(Effect(name, float(min(1.0, c.inside.get(name, 0.0))), _contract(name, values)))
-    return tuple(out)
-
-
-def _contract(name: str, values: dict[str, Value]) -> dict[str, Value]:
-    """Parameters under the names of the contract: wind as speed and direction."""
-    if name != "wind" or "blowing_north" not in values:
-        return values
-    n, e = values["blowing_north"], values["blowing_east"]
-    speed = float(np.hypot(n.value, e.value))
-    spread = float(np.hypot(n.sd, e.sd) / np.sqrt(2))
-    came = float((np.arctan2(e.value, n.value) + np.pi) % (2 * np.pi))
+def schema() -> dict[str, Any]:
+    """JSON Schema of `diagnosis.json`."""
     return {
-        "V_wind": Value(speed, spread, "m/s"),
-        "from": Value(came, min(spread / max(speed, 1e-9), np.pi), "rad"),
-        "area_coefficients": values["area_coefficients"],
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": f"bayesid diagnosis, format {FORMAT}",
+        **described(Result),
+        "required": list(CONTRACT),
     }
-
-
-def _location(c: HypothesisComparison, model: Model) -> Location:
-    def masks(regime: bool) -> tuple[Region, ...]:
-        kept = [m for m in c.where.masks if (m.kind == "regime") == regime]
-        return tuple(Region(m.name, float(m.evidence)) for m in kept[:MOST_MASKS])
-
-    return Location(
-        location_of(c, model),
-        {p.channel: float(p.evidence) for p in c.where.places},
-        c.where.places[0].period,
-        masks(False),
-        masks(True),
-        {p.channel: float(p.evidence) for p in c.where_after.places} if c.where_after else {},
-    )
-
-
-def _gap(errors: tuple[HorizonError, ...]) -> Gap:
-    horizons = tuple(
-        Horizon(
-            r.horizon,
-            _number(r.seconds),
-            r.excess,
-            _number(r.shrink),
-            tuple(_number(x) for x in r.interval),
-            r.worth,
-            r.floor,
-            _numbers(r.rms),
-            r.pieces,
-            r.draws,
-            _numbers(r.channels),
-        )
-        for r in errors
-    )
-    worth = [h for h in horizons if h.worth_shrinking]
-    if not horizons:
-        return Gap(None, None, None, None, None, None, ())
-    full = worth[-1] if worth else horizons[-1]
-    nominal, before, after = (full.excess[m] for m in MODELS)
-    return Gap(nominal, before, after, full.floor, full.shrink, full.interval, horizons)
-
-
-def _measure(m: MeasureComparison) -> dict[str, Any]:
-    known = {"run": m.run, "name": m.name, "unit": m.unit, "logged": m.logged}
-    return known | {k: _number(m.models.get(k, float("nan"))) for k in MODELS}
-
-
-def _noise(problem: DiagnosisProblem) -> Noise:
-    e, c = problem.environment, problem.environment.noise_model
-    return Noise(e.source, tuple(c.force), c.force_tau, c.drift, c.drift_tau, c.depth, tuple(c.arms))
-
-
-def _number(x: float) -> float | None:
-    return float(x) if np.isfinite(x) else None
-
-
-def _numbers(table: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float | None]]:
-    """Model -> channel -> number; None for a channel no held-out run reads."""
-    return {k: {c: _number(x) for c, x in row.items()} for k, row in table.items()}
-
-
-def _plain(value: Any) -> Any:
-    """Lists for tuples, plain dicts for mappings."""
-    if isinstance(value, Mapping):
-        return {k: _plain(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
-    return value

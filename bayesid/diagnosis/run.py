@@ -1,59 +1,49 @@
-"""A whole diagnosis: problem, comparison, verdict, shrink on held-out runs, next manoeuvre, and its JSON.
+"""A whole diagnosis: problem, comparison, verdict, hold-out validation, next manoeuvre, and the result.
 
-Takes a trial and a vehicle. Gives a frozen `Diagnosis` with its `Result`, the contract of `schema.json`
-(format 1).
+Takes a trial and a vehicle. Gives a frozen `Diagnosis` with its `Result`. Does not write or draw.
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib.resources import files
-from typing import Any
 
 import numpy as np
 
 from bayesid.diagnosis.attempt import attempt
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.diagnosed_model import DiagnosedModel, diagnosed_model
-from bayesid.diagnosis.event_search import find_events, verdict_with, with_events
-from bayesid.diagnosis.evidence.effect_interval import warning
-from bayesid.diagnosis.evidence.effect_posterior import EffectPosterior, sample_effect
-from bayesid.diagnosis.evidence.effect_posterior import as_json as sampled
+from bayesid.diagnosis.event_search import verdict_with
+from bayesid.diagnosis.evidence.effect_draws import warning
+from bayesid.diagnosis.evidence.effect_posterior import EffectPosterior, numbers, sample_effect
 from bayesid.diagnosis.evidence.holdout import HoldoutValidation, validate_holdout
-from bayesid.diagnosis.evidence.missing_force import MissingForce, describe_missing_force
-from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison, compare
+from bayesid.diagnosis.evidence.missing_force import describe_missing_force
+from bayesid.diagnosis.exclusions import compare_without
+from bayesid.diagnosis.final_values import result_of
+from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.verdict import NAMING, Verdict, decide, simplest
-from bayesid.diagnosis.innovation_outliers import prepare
 from bayesid.diagnosis.next_manoeuvre import Proposal, propose
-from bayesid.diagnosis.result import Result, result_of
+from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.summary import summary
 from bayesid.equations.model import Model
-from bayesid.errors import BayesidError
 from bayesid.estimation.filter_error.fit import FilterErrorFit, fit
 from bayesid.estimation.filter_error.noise_identification import no_process_noise
 from bayesid.trials import Trial
 
-Say = Callable[[str], None]
+Notify = Callable[[str], None]
 Array = np.ndarray
 HOLDOUT_DRAWS = 16
 
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """Everything a diagnosis found.
+    """The result of a diagnosis, and the working objects behind it for whoever goes on computing.
 
     Attributes
     ----------
     trial, model : what was diagnosed
     problem, candidates, verdict : see their modules
-    shrink : table of horizons on the held-out runs, read after the verdict was frozen
-    proposals : next manoeuvres, best first
-    warnings : sentences
-    seed : of the bootstrap
-    result : final values; JSON, terminal and report derive from it
-    description : what the missing force is made of, where an effect does not explain all of it
+    result : final values; JSON, terminal and report derive from it alone
     posterior : draws of the named effects' parameters and of what could hide them, where asked for
     diagnosed : the model to predict from, where asked for
     """
@@ -63,12 +53,7 @@ class Diagnosis:
     problem: DiagnosisProblem
     candidates: HypothesisComparison
     verdict: Verdict
-    shrink: HoldoutValidation
-    proposals: tuple[Proposal, ...]
-    warnings: tuple[str, ...]
-    seed: int
     result: Result
-    description: MissingForce | None = None
     posterior: EffectPosterior | None = None
     diagnosed: DiagnosedModel | None = None
 
@@ -81,7 +66,7 @@ def diagnose(
     trial: Trial,
     model: Model,
     seed: int = 0,
-    say: Say = lambda text: None,
+    notify: Notify = lambda text: None,
     as_built: float | None = None,
     plan_next: bool = True,
     draw: bool = False,
@@ -92,7 +77,7 @@ def diagnose(
     Parameters
     ----------
     as_built : relative sd of the coefficients from an earlier clean identification (as-built frame)
-    say : called with a sentence before each stage
+    notify : called with a sentence before each stage
     plan_next : also rank manoeuvres to run next
     draw : also sample the named effects' parameters by emcee; it confirms, the verdict stands before
     keep_model : also make the diagnosed model that `bayesid predict` draws from
@@ -104,49 +89,38 @@ def diagnose(
     TrialError
         if there is nothing to identify from
     """
-    problem, base = prepare(model, trial, say, as_built)
-    candidates = compare(problem, say, seed, base)
-    events = find_events(problem, trial, simplest(candidates), say)
-    unable: list[str] = []
-    if events:
-        named = ", ".join(f"{e.run} {e.start:.0f}-{e.end:.0f} s" for e in events)
-        say(f"the same without {named}")
-        try:
-            shorter, base = prepare(model, trial, say, as_built, events)
-            problem, candidates = shorter, with_events(compare(shorter, say, seed, base), events)
-        except BayesidError as exc:
-            unable.append(
-                f"the trial without {named} could not be diagnosed ({exc}); the verdict counts them"
-            )
-            events = ()
-    verdict = verdict_with(decide(problem, candidates), events)
-    warnings = [*trial.warnings, *problem.warnings, *unable]
+    compared = compare_without(model, trial, notify, as_built, seed)
+    problem, candidates = compared.problem, compared.candidates
+    verdict = verdict_with(decide(problem, candidates), problem.events)
+    warnings = [*trial.warnings, *problem.warnings]
+    if compared.unable is not None:
+        warnings.append(compared.unable)
     # The verdict stands. What follows describes, proves and plans; none of it may cost the verdict.
     description = None
     if verdict.word in ("outside", "effect_with_remainder"):
-        say("what the missing force is made of")
+        notify("what the missing force is made of")
         description = attempt(
             "the missing force could not be described",
             lambda: describe_missing_force(problem, candidates, verdict.word != "outside", seed),
             None,
             warnings,
         )
-    say("held-out runs: how far the gap shrinks")
-    shrink = attempt(
+    notify("held-out runs: how far the gap shrinks")
+    holdout = attempt(
         "held-out runs could not be predicted",
-        lambda: _shrink(problem, trial, candidates, seed),
+        lambda: _holdout_validation(problem, trial, candidates, seed),
         HoldoutValidation((), ()),
         warnings,
     )
-    for horizon_row in shrink.horizons:
-        if verdict.word in NAMING and horizon_row.worth and horizon_row.interval[1] < 0:
+    for horizon_row in holdout.horizons:
+        if verdict.word in NAMING and horizon_row.significant and horizon_row.interval[1] < 0:
             warnings.append(
                 f"the named effect predicts the held-out runs worse over {horizon_row.horizon}; do not "
                 f"rely on it"
             )
     proposals: tuple[Proposal, ...] = ()
     if plan_next:
-        say("which manoeuvre to run next")
+        notify("which manoeuvre to run next")
         names = [n for n in verdict.set95 if n in candidates.bank.effects]
         proposals = attempt(
             "no next manoeuvre could be ranked",
@@ -154,10 +128,10 @@ def diagnose(
             (),
             warnings,
         )
-    posterior = _drawn(problem, candidates, verdict, seed, say, warnings) if draw else None
+    posterior = _drawn(problem, candidates, verdict, seed, notify, warnings) if draw else None
     diagnosed = None
     if keep_model:
-        say("model for predictions")
+        notify("model for predictions")
         diagnosed = attempt(
             "the diagnosed model for `bayesid predict` could not be made",
             lambda: diagnosed_model(problem, candidates, verdict, trial.digest),
@@ -170,28 +144,14 @@ def diagnose(
         problem,
         candidates,
         verdict,
-        shrink,
+        holdout,
         proposals,
         tuple(warnings),
         seed,
         description,
         posterior,
     )
-    return Diagnosis(
-        trial,
-        model,
-        problem,
-        candidates,
-        verdict,
-        shrink,
-        proposals,
-        tuple(warnings),
-        seed,
-        result,
-        description,
-        posterior,
-        diagnosed,
-    )
+    return Diagnosis(trial, model, problem, candidates, verdict, result, posterior, diagnosed)
 
 
 def _drawn(
@@ -199,7 +159,7 @@ def _drawn(
     candidates: HypothesisComparison,
     verdict: Verdict,
     seed: int,
-    say: Say,
+    notify: Notify,
     warnings: list[str],
 ) -> EffectPosterior | None:
     """Posterior of the explanation the verdict stands on; None where it names none or its refit stopped."""
@@ -211,18 +171,18 @@ def _drawn(
     fitted = of.fit
     found = attempt(
         f"the posterior of {' + '.join(of.effects)} could not be sampled",
-        lambda: sample_effect(problem, fitted, seed, say=say),
+        lambda: sample_effect(problem, fitted, seed, notify=notify),
         None,
         warnings,
     )
     if found is None:
         return None
-    if (told := warning(sampled(found))) is not None:
-        warnings.append(told)
+    if (caution := warning(numbers(found))) is not None:
+        warnings.append(caution)
     return found
 
 
-def _shrink(
+def _holdout_validation(
     problem: DiagnosisProblem, trial: Trial, candidates: HypothesisComparison, seed: int
 ) -> HoldoutValidation:
     if not trial.holdout:
@@ -251,13 +211,3 @@ def parameter_draws(fitted: FilterErrorFit, rng: np.random.Generator, count: int
     values = fitted.free.mean + fitted.free.sd * (z + rng.standard_normal((count, z.size)) @ root.T)
     out[:, fitted.free.where] = np.maximum(values, fitted.free.low)
     return out
-
-
-def as_json(d: Diagnosis) -> dict[str, Any]:
-    """Plain data of `diagnosis.json`, format 1."""
-    return d.result.record()
-
-
-def schema() -> dict[str, Any]:
-    """JSON Schema of `diagnosis.json`."""
-    return json.loads(files("bayesid.diagnosis").joinpath("schema.json").read_text(encoding="utf-8"))

@@ -24,7 +24,7 @@ def summary(result: Result) -> str:
         out.append(f"  {effect.name} (probability {effect.probability:.3f}) {values}")
     out.append("95 % set: " + ", ".join(result.set95))
     out += [f"  {unsigned_zeros(reason)}" for reason in result.reasons]
-    out += [f"  {sentence}" for sentence in (result.description or {}).get("sentences", ())]
+    out += [f"  {sentence}" for sentence in (result.description.sentences if result.description else ())]
     gap = result.gap
     if gap.shrink is not None and gap.before is not None and gap.after is not None:
         after = f"{gap.after:.3g}" if gap.after > 0 else "at the floor"

@@ -58,7 +58,7 @@ UNDETECTABLE_NONCENTRALITY = Limit(
 )  # fmt: skip
 GAP_IS_SURE_BELOW = Limit(
     "GAP_IS_SURE_BELOW", 0.01, "1",
-    "Probability of no effect below which there surely is a gap, which no unseen effect explains.",
+    "Probability of no effect below which there surely is a gap, which no undetectable effect explains.",
     "A review: with a sure gap, effects not to be seen counted as 'none'.",
 )  # fmt: skip
 MINOR_SHARE = Limit(

@@ -4,7 +4,6 @@ Takes: t, position, heading, rudder [SI, rad]; tolerates noise, NaN and uneven s
 results in which NaN comes with a reason. Does not: simulate or read files.
 """
 
-from bayesid.measures.criteria import imo_limits
 from bayesid.measures.named import named_measures
 from bayesid.measures.pullout import PullOut, pull_out
 from bayesid.measures.turning import TurningCircle, turning_circle
@@ -15,7 +14,6 @@ __all__ = [
     "Spiral",
     "TurningCircle",
     "Zigzag",
-    "imo_limits",
     "named_measures",
     "pull_out",
     "spiral",

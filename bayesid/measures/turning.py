@@ -3,7 +3,7 @@
 Takes: arrays t, x, y, psi and the rudder of one run, simulated or logged (noise, NaN, uneven sampling);
 velocities where there are any. Results are positive for either side. A quantity the run does not allow is
 NaN with a reason.
-Does not: average runs or judge a vehicle (see `imo_limits`).
+Does not: average runs or judge a vehicle.
 
 Definitions: IMO Resolution MSC.137(76), section 2.2; ITTC Recommended Procedure 7.5-04-02-01 (free running
 tests).

@@ -195,14 +195,6 @@ class ParameterSet:
             slopes = np.vstack([slopes, block])
         return np.asarray(resid, dtype=float), slopes
 
-    def to_file(self, x: Array) -> Array:
-        """SI free vector in the units of the vehicle file."""
-        return np.asarray(x) / self.vector("file_scale")
-
-    def from_file(self, values: Array) -> Array:
-        """Free vector in file units as SI."""
-        return np.asarray(values) * self.vector("file_scale")
-
     def changed(self, names: Iterable[str], **changes: Any) -> ParameterSet:
         """The set with fields of some entries replaced."""
         wanted = set(names)

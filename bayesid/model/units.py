@@ -120,8 +120,3 @@ def scale(unit: str, inside: str, where: str) -> float:
     if isinstance(found, str):
         raise UnitError(f"{where}: {found}")
     return found
-
-
-def known_units(inside: str) -> tuple[str, ...]:
-    """Spellings read without pint for one inside unit."""
-    return tuple(_TABLE[inside])

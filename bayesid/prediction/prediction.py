@@ -211,7 +211,7 @@ def predict_manoeuvre(
     for h, pars in found.draw(rng, draws):
         speeds = np.full(len(pars), speed) if speed is not None else balanced_speed(model, pars, rpm)
         for par, u in zip(pars, speeds, strict=True):
-            executed = _fly(model, par, manoeuvre, float(u), h, picked, rng)
+            executed = _simulated(model, par, manoeuvre, float(u), h, picked, rng)
             if executed is None:
                 continue
             t, obs, commands = executed
@@ -230,7 +230,7 @@ def predict_manoeuvre(
     )  # fmt: skip
 
 
-def _fly(
+def _simulated(
     model: Model,
     par: Array,
     manoeuvre: Manoeuvre,

@@ -40,9 +40,9 @@ def plan_record(case: PlanningCase, plan: ManoeuvrePlan, seed: int, notes: Seque
             "order": list(plan.choice.names), "after_each": list(plan.choice.values),
         },
         "designed": {
-            "gain_nats": None if plan.told is None else plan.told.gain,
-            "contraction": None if plan.told is None else dict(
-                zip(case.knowledge.names, plan.told.contraction.tolist(), strict=True)),
+            "gain_nats": None if plan.after is None else plan.after.gain,
+            "contraction": None if plan.after is None else dict(
+                zip(case.knowledge.names, plan.after.contraction.tolist(), strict=True)),
             "area_m": [float(np.ptp(track["x"])), float(np.ptp(track["y"]))],
             "evaluations": plan.search.evaluations,
         },
@@ -127,11 +127,11 @@ def plan_report(case: PlanningCase, plan: ManoeuvrePlan, notes: Sequence[str], t
                 ],
             )
         )
-    if plan.told is not None:
-        order = np.argsort(-plan.told.contraction)
+    if plan.after is not None:
+        order = np.argsort(-plan.after.contraction)
         rows = [
             [case.knowledge.names[i], *(float(a[i]) for a in (
-                plan.told.contraction, plan.told.contraction_low, plan.told.contraction_high))]
+                plan.after.contraction, plan.after.contraction_low, plan.after.contraction_high))]
             for i in order
         ]  # fmt: skip
         sections.append(

@@ -13,12 +13,16 @@ from typing import Any
 
 from bayesid.analysis.excitation import Excitation, RowSelection
 from bayesid.analysis.excitation.row_selection import ENGINE
+from bayesid.model.vehicles import Vehicle
+from bayesid.report import coefficient_cells, writer
 from bayesid.report import excite_figures as figures
-from bayesid.report import writer
 from bayesid.report.writer import Block, Figure, Report, Section, Table, Text, literal
 from bayesid.trials import Trial
 
-TERM_COLUMNS = ("term", "status", "inclusion", "value", "sd", "share of force", "margin", "or else")
+TERM_COLUMNS = (
+    "term", "status", "inclusion", *coefficient_cells.COLUMNS, "sd [%]", "share of force", "margin",
+    "or else",
+)  # fmt: skip
 _MANY = 3
 _BEYOND = "Beyond the vehicle file, its own terms held within their prior, the regression takes up"
 _STAND_IN = (
@@ -27,22 +31,28 @@ _STAND_IN = (
 )
 
 
-def term_rows(found: Excitation, all_of_them: bool = False) -> list[list[Any]]:
-    """Rows of `TERM_COLUMNS`: every column of the vehicle file or kept in a fifth of the draws."""
+def term_rows(
+    found: Excitation, all_of_them: bool = False, vehicle: Vehicle | None = None
+) -> list[list[Any]]:
+    """Rows of `TERM_COLUMNS`: every column of the vehicle file or kept in a fifth of the draws.
+
+    Without a vehicle there are no prime values.
+    """
     return [
-        _row(w) for w in found.terms if all_of_them or w.in_model or w.inclusion >= 0.2 or w.status == "found"
+        _row(w, vehicle)
+        for w in found.terms
+        if all_of_them or w.in_model or w.inclusion >= 0.2 or w.status == "found"
     ]
 
 
-def _row(w: RowSelection) -> list[Any]:
+def _row(w: RowSelection, vehicle: Vehicle | None) -> list[Any]:
     group = [n for n in w.group if n != w.name]
     others = ", ".join(group[:_MANY]) + (f" and {len(group) - _MANY} more" if len(group) > _MANY else "")
     margin = w.margin if w.margin > 0 else None
-    return [w.name, w.status, w.inclusion, _known(w.value), _known(w.sd), w.share, margin, others]
-
-
-def _known(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+    known = math.isfinite(w.value)
+    value = coefficient_cells.cells(vehicle, w.name, w.value) if known else [None] * 3
+    spread = 100 * w.sd / abs(w.value) if known and w.value and math.isfinite(w.sd) else None
+    return [w.name, w.status, w.inclusion, *value, spread, w.share, margin, others]
 
 
 def finding(found: Excitation) -> list[str]:
@@ -57,9 +67,9 @@ def finding(found: Excitation) -> list[str]:
         out.append("Cannot be told apart: " + "; ".join("{" + ", ".join(g) + "}" for g in found.groups) + ".")
     if dead:
         out.append("Not excited above the noise: " + ", ".join(dead) + ".")
-    if found.unseen:
+    if found.out_of_plane:
         out.append(
-            f"Outside the plane and so not excited at all: {len(found.unseen)} rows of the force table."
+            f"Outside the plane and so not excited at all: {len(found.out_of_plane)} rows of the force table."
         )
     if found.candidates:
         named = ", ".join(f"{w.name} = {w.value:.4g} +- {w.sd:.2g}" for w in found.candidates)
@@ -73,7 +83,11 @@ def finding(found: Excitation) -> list[str]:
 
 
 def write_excitation_report(
-    found: Excitation, trial: Trial, folder: str | os.PathLike[str], record: Mapping[str, Any]
+    found: Excitation,
+    trial: Trial,
+    folder: str | os.PathLike[str],
+    record: Mapping[str, Any],
+    vehicle: Vehicle | None = None,
 ) -> Path:
     """Write report.html, report.md, results.json and figures; returns the path of the HTML file."""
     results = {
@@ -87,24 +101,24 @@ def write_excitation_report(
         "seeds": [found.seed],
         "excitation": record,
     }
-    return writer.write(excitation_report(found, trial), folder, results)
+    return writer.write(excitation_report(found, trial, vehicle), folder, results)
 
 
-def excitation_report(found: Excitation, trial: Trial) -> Report:
+def excitation_report(found: Excitation, trial: Trial, vehicle: Vehicle | None = None) -> Report:
     """The report as plain data."""
     sentences = finding(found)
     lead = "\n\n".join(sentences)  # names of the force table and our own words: no foreign text
     if trial.attribution:
         lead += f"\n\n{literal(trial.attribution)}"
     sections = [
-        Section("Every term on its own merits", _free(found)),
-        Section("Beyond the vehicle file", _beyond(found)),
+        Section("Every term on its own merits", _free(found, vehicle)),
+        Section("Beyond the vehicle file", _beyond(found, vehicle)),
         Section("How this was done", [Text(_method(found))]),
     ]
     return Report(f"Forces excited by {literal(trial.name)}", lead, sections)
 
 
-def _free(found: Excitation) -> list[Block]:
+def _free(found: Excitation, vehicle: Vehicle | None) -> list[Block]:
     blocks: list[Block] = [
         Text(
             "Nothing is known of any coefficient here. A term is **found** if it is kept in at least 80 % of "
@@ -130,16 +144,17 @@ def _free(found: Excitation) -> list[Block]:
     blocks.append(
         Table(
             TERM_COLUMNS,
-            [[literal(str(c)) if i in (0, 7) else c for i, c in enumerate(r)] for r in term_rows(found)],
-            "Values and bootstrap spreads in SI. Share: rms of the term's force over that of the axis.",
+            [[literal(r[0]), *r[1:-1], literal(r[-1])] for r in term_rows(found, vehicle=vehicle)],
+            f"{coefficient_cells.FORM} sd: spread of bootstrap draws. Share: rms of the term's force over "
+            "that of the axis.",
         )
     )
     return blocks
 
 
-def _beyond(found: Excitation) -> list[Block]:
+def _beyond(found: Excitation, vehicle: Vehicle | None) -> list[Block]:
     rows = [
-        _row(w)
+        _row(w, vehicle)
         for fit in found.beyond
         for w in fit.selections
         if not w.in_model and (w.status not in ("not needed", "not excited") or w.inclusion >= 0.2)
@@ -151,7 +166,7 @@ def _beyond(found: Excitation) -> list[Block]:
     )
     if not rows:
         return [text, Text("Nothing is taken up in addition.")]
-    return [text, Table(TERM_COLUMNS, rows, "Terms beyond the vehicle file, SI.")]
+    return [text, Table(TERM_COLUMNS, rows, f"Terms beyond the vehicle file. {coefficient_cells.FORM}")]
 
 
 def _method(found: Excitation) -> str:

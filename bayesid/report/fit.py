@@ -16,8 +16,8 @@ from bayesid.estimation.output_error import Fit
 from bayesid.estimation.trial_fit import RunOutcome, TrialFit
 from bayesid.model.terms import TERMS, term
 from bayesid.prediction.fitted_model import Calibration
+from bayesid.report import coefficient_cells, writer
 from bayesid.report import fit_figures as figures
-from bayesid.report import writer
 from bayesid.report.writer import Block, Figure, Report, Section, Table, Text, literal
 
 HOLDOUT_GROWTH = 1.1  # of the rms heading error, from which a held-out run counts as predicted worse
@@ -100,7 +100,6 @@ def noise_level(runs: tuple[RunOutcome, ...], role: str, which: str) -> str:
 
 def _coefficients(found: TrialFit) -> Section:
     fit, k = found.fit, found.fit.n_params
-    scale = found.problem.params.vector("file_scale")
     rows = []
     open_names = [d for d in fit.flat if d.decided_by != "prior"]
     for i, name in enumerate(fit.names[:k]):
@@ -113,18 +112,20 @@ def _coefficients(found: TrialFit) -> Section:
             flags.append("part of an open combination")
         if found.posterior is not None and abs(found.posterior.conflict[i]) > CONFLICT:
             flags.append(f"conflicts with the prior ({found.posterior.conflict[i]:+.1f} sd)")
-        start, value, sd = fit.start[i] / scale[i], fit.z[i] / scale[i], fit.sd[i] / abs(scale[i])
-        size = abs(value) or 1.0
-        prior = 100 * fit.prior_sd[i] / abs(scale[i]) / size if np.isfinite(fit.prior_sd[i]) else None
-        rows.append([name, start, value, 100 * sd / size, prior, ", ".join(flags)])
-    unit = "prime system, as in the vehicle file" if found.vehicle.nondimensional else "SI"
-    columns = ["coefficient", "start", "estimate", "sd [%]", "prior sd [%]", "remark"]
+        first = coefficient_cells.prime(found.vehicle, name, fit.start[i])
+        value = coefficient_cells.cells(found.vehicle, name, fit.z[i])
+        size = abs(fit.z[i]) or 1.0
+        prior = 100 * fit.prior_sd[i] / size if np.isfinite(fit.prior_sd[i]) else None
+        rows.append([name, first, *value, 100 * fit.sd[i] / size, prior, ", ".join(flags)])
+    columns = [
+        "coefficient", "start (prime)", *coefficient_cells.COLUMNS, "sd [%]", "prior sd [%]", "remark",
+    ]  # fmt: skip
     start = np.where(fit.start[:k] == 0, fit.scale[:k], fit.start[:k])
     change = np.where(fit.start[:k] == 0, 1 + fit.z[:k] / start, fit.z[:k] / start)
     labels = [_LABELS.get(n, n) for n in fit.names[:k]]
     drawn = figures.estimates(labels, change, fit.sd[:k] / abs(start), fit.prior_sd[:k] / abs(start))
     text = (
-        f"Values in the {unit}. The standard deviation includes the prior and what the residuals show of "
+        f"{coefficient_cells.FORM} The standard deviation includes the prior and what the residuals show of "
         "memory and of differences between runs (next section)."
     )
     caption = (

@@ -14,14 +14,17 @@ import numpy as np
 
 from bayesid.analysis.identifiability import Derived, Identifiability, OpenDirection
 from bayesid.analysis.identifiability.derived import UNITS
+from bayesid.model.vehicles import Vehicle
+from bayesid.report import coefficient_cells, writer
 from bayesid.report import identify_figures as figures
-from bayesid.report import writer
 from bayesid.report.writer import Block, Figure, Report, Section, Table, Text, literal
 
 MOST_PROFILES = 24
 DIRECTION_COLUMNS = ("combination (relative changes)", "what it is", "sd from the data", "data share")
 DERIVED_COLUMNS = ("quantity", "from the prior: 90 %", "with the data: median", "90 %", "narrower by")
-LEDGER_COLUMNS = ("coefficient", "value", "prior sd [%]", "sd [%]", "index", "contraction", "verdict")
+COEFFICIENT_COLUMNS = (
+    "coefficient", *coefficient_cells.COLUMNS, "prior sd [%]", "sd [%]", "index", "contraction", "verdict",
+)  # fmt: skip
 
 
 def write_identify_report(
@@ -29,6 +32,7 @@ def write_identify_report(
     facts: Mapping[str, Any],
     folder: str | os.PathLike[str],
     behaviour: tuple[Derived, Derived] | None = None,
+    vehicle: Vehicle | None = None,
 ) -> Path:
     """Write report.html, report.md, results.json and figures; returns the path of the HTML file.
 
@@ -36,19 +40,23 @@ def write_identify_report(
     ----------
     behaviour : derived quantities of draws of the prior and of the posterior
     facts : "trial", "vehicle", "digest", "point" (where it was looked at, in words), "remarks" (list)
+    vehicle : for prime values
     """
     results = {"inputs": dict(facts), "identifiability": numbers(found)}
     if behaviour is not None:
         results["derived"] = derived_numbers(*behaviour)
-    return writer.write(identify_report(found, facts, behaviour), folder, results)
+    return writer.write(identify_report(found, facts, behaviour, vehicle), folder, results)
 
 
 def identify_report(
-    found: Identifiability, facts: Mapping[str, Any], behaviour: tuple[Derived, Derived] | None = None
+    found: Identifiability,
+    facts: Mapping[str, Any],
+    behaviour: tuple[Derived, Derived] | None = None,
+    vehicle: Vehicle | None = None,
 ) -> Report:
     """The report as plain data."""
     lead = f"**{sentence(found)}** {_agreement_words(found)}"
-    sections = [*identify_sections(found), _inputs(found, facts)]
+    sections = [*identify_sections(found, vehicle=vehicle), _inputs(found, facts)]
     if behaviour is not None:
         sections.insert(2, derived_section(*behaviour))
     return Report(f"What {literal(facts['trial'])} can tell", lead, sections)
@@ -98,9 +106,11 @@ def derived_numbers(prior: Derived, posterior: Derived) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def identify_sections(found: Identifiability, prefix: str = "") -> list[Section]:
+def identify_sections(
+    found: Identifiability, prefix: str = "", vehicle: Vehicle | None = None
+) -> list[Section]:
     """Coefficient table, open directions, spectrum and profiles; figure names start with `prefix`."""
-    sections = [_ledger(found, prefix), _open(found, prefix), _spectrum(found, prefix)]
+    sections = [_coefficients(found, prefix, vehicle), _open(found, prefix), _spectrum(found, prefix)]
     if found.profiles:
         sections.append(_profiles(found, prefix))
     return sections
@@ -153,19 +163,19 @@ def percent(sd: float) -> str:
     return f"{100 * sd:.2g} %" if sd < 1 else f"{100 * sd:.0f} %"
 
 
-def ledger_rows(found: Identifiability, scale: np.ndarray | None = None) -> list[list[Any]]:
-    """Rows of `LEDGER_COLUMNS`; values in file units if `scale` (SI over file units) is given."""
+def coefficient_rows(found: Identifiability, vehicle: Vehicle | None = None) -> list[list[Any]]:
+    """Rows of `COEFFICIENT_COLUMNS`; no prime values without a vehicle."""
     rows = []
-    unit = np.ones(len(found.names)) if scale is None else scale
-    for e, s, size in zip(found.entries, unit, found.information.scale, strict=True):
+    for e, size in zip(found.entries, found.information.scale, strict=True):
         prior = f"{100 * e.prior_sd / size:.3g}" + ("" if e.stated else " assumed")
+        value = coefficient_cells.cells(vehicle, e.name, e.value)
         rows.append(
-            [e.name, e.value / s, prior, 100 * e.sd / size, f"{e.index:.2f}", f"{e.contraction:.2f}", e.words]
+            [e.name, *value, prior, 100 * e.sd / size, f"{e.index:.2f}", f"{e.contraction:.2f}", e.words]
         )
     return rows
 
 
-def _ledger(found: Identifiability, prefix: str) -> Section:
+def _coefficients(found: Identifiability, prefix: str, vehicle: Vehicle | None) -> Section:
     text = (
         "`index` is the share of the data in the posterior variance: raise the likelihood to a power of 1.01 "
         "and the variance falls by that share of 1 %; the prior's share is 1 minus it. `contraction` is how "
@@ -179,7 +189,7 @@ def _ledger(found: Identifiability, prefix: str) -> Section:
         [
             Text(text),
             Figure(f"{prefix}index", drawn, "Share of the data in what is known of each coefficient."),
-            Table(LEDGER_COLUMNS, ledger_rows(found), "Values in SI.", digits=3),
+            Table(COEFFICIENT_COLUMNS, coefficient_rows(found, vehicle), coefficient_cells.FORM, digits=3),
         ],
     )
 

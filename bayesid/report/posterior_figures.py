@@ -14,7 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Canvas
 
 from bayesid.errors import SampleError
-from bayesid.report.figure_style import COLOURS, MEASURED, styled, subplots, track_axes
+from bayesid.report.figure_style import COLOURS, MEASURED, styled, subplots
 from bayesid.report.identify_figures import label
 
 Array = np.ndarray
@@ -172,31 +172,4 @@ def spread(t: Mapping[str, Array], found: Mapping[str, Mapping[str, Array]]) -> 
         axes.set_xlabel("time [s]")
     grid[0, 0].set_ylabel("90 % radius [m]")
     grid[0, 0].legend()
-    return figure
-
-
-@styled
-def fan(tracks: Mapping[str, Array], truth: Array | None = None) -> Any:
-    """Plan view of drawn tracks.
-
-    Parameters
-    ----------
-    tracks : set -> (m, n, 2) north and east [m]
-    truth : (n, 2)
-    """
-    figure, axes = subplots(height=3.6, width=5.0)
-    for (name, drawn), colour in zip(tracks.items(), ORDER, strict=False):
-        for number, one in enumerate(drawn):
-            axes.plot(
-                one[:, 1],
-                one[:, 0],
-                color=colour,
-                linewidth=0.5,
-                alpha=0.4,
-                label=name if not number else None,
-            )
-    if truth is not None:
-        axes.plot(truth[:, 1], truth[:, 0], color=MEASURED, linewidth=1.2, label="truth")
-    track_axes(axes)
-    axes.legend()
     return figure

@@ -13,11 +13,15 @@ import numpy as np
 
 from bayesid.estimation.sampling import Posterior
 from bayesid.estimation.trial_fit import TrialFit
+from bayesid.model.vehicles import Vehicle
+from bayesid.report import coefficient_cells, writer
 from bayesid.report import sample_figures as figures
-from bayesid.report import writer
 from bayesid.report.writer import Figure, Report, Section, Table, Text, literal
 
-COLUMNS = ("unknown", "mean", "sd", "5 %", "95 %", "sd / prior sd", "R-hat", "bulk size")
+COLUMNS = (
+    "unknown", *coefficient_cells.COLUMNS, "sd [%]", "5 % (SI)", "95 % (SI)", "sd / prior sd", "R-hat",
+    "bulk size",
+)  # fmt: skip
 MOST_SHOWN = 24  # unknowns in the figures
 MOST_NAMED = 12  # channels whose memory is listed one by one
 MISFIT = 3.0  # noise found over noise stated beyond which the model, not the sensor, is the limit
@@ -30,15 +34,16 @@ def verdict(posterior: Posterior) -> str:
     return f"Not converged; no interval is final: {'; '.join(posterior.gate.reasons)}."
 
 
-def rows(posterior: Posterior) -> list[list[Any]]:
-    """One row per unknown, in the units of the vehicle file."""
-    scale, edges, g = posterior.unknowns.file_scale, posterior.interval(0.9), posterior.gate
+def rows(posterior: Posterior, vehicle: Vehicle) -> list[list[Any]]:
+    """One row per unknown: mean as prime and SI value, sd in percent of it, interval in SI."""
+    edges, g = posterior.interval(0.9), posterior.gate
     found = []
     for i, name in enumerate(posterior.names):
-        low, high = sorted(edges[i] / scale[i])
         ratio = posterior.sd[i] / posterior.prior_sd[i] if np.isfinite(posterior.prior_sd[i]) else None
-        numbers = [posterior.mean[i] / scale[i], posterior.sd[i] / abs(scale[i]), low, high]
-        found.append([name, *numbers, ratio, float(g.rhat[i]), round(float(g.ess_bulk[i]))])
+        mean = float(posterior.mean[i])
+        value = coefficient_cells.cells(vehicle, name, mean)
+        spread = 100 * posterior.sd[i] / abs(mean) if mean else None
+        found.append([name, *value, spread, *edges[i], ratio, float(g.rhat[i]), round(float(g.ess_bulk[i]))])
     return found
 
 
@@ -56,9 +61,8 @@ def write_sample_report(found: TrialFit, posterior: Posterior, out: Path) -> Pat
 
 def sample_report(found: TrialFit, posterior: Posterior) -> Report:
     """The report as plain data."""
-    unit = "non-dimensional units of the vehicle file" if found.vehicle.nondimensional else "SI"
     title = f"What {literal(found.trial.name)} says about {literal(found.vehicle.name)}"
-    sections = (_unknowns(posterior, unit), _chain(posterior), _model(found, posterior))
+    sections = (_unknowns(posterior, found.vehicle), _chain(posterior), _model(found, posterior))
     return Report(title, _lead(found, posterior), sections)
 
 
@@ -109,12 +113,11 @@ def _memory(taus: dict[str, float]) -> str:
     )
 
 
-def _unknowns(posterior: Posterior, unit: str) -> Section:
+def _unknowns(posterior: Posterior, vehicle: Vehicle) -> Section:
     words = (
-        f"Coefficients in the {unit}; `sigma` is the noise of a channel, `phi` the correlation of neighbours "
-        "among residuals, in SI. Intervals hold the central 90 %, given the model: an effect it does "
-        "not know makes "
-        "them wrong without making them wide."
+        f"Means: {coefficient_cells.FORM} `sigma` is the noise of a channel, `phi` the correlation of "
+        "neighbours among residuals, in SI. Intervals hold the central 90 %, given the model: an effect it "
+        "does not know makes them wrong without making them wide."
     )
     if not posterior.converged:
         words = f"**{literal(verdict(posterior))}** The numbers below are for looking only. {words}"
@@ -127,7 +130,7 @@ def _unknowns(posterior: Posterior, unit: str) -> Section:
             "50 and 90 % intervals of the posterior in prior standard deviations; grey: 90 % of the prior."
         )
         blocks.append(Figure("intervals", drawn, caption))
-    return Section("Unknowns", (*blocks, Table(COLUMNS, rows(posterior), digits=5)))
+    return Section("Unknowns", (*blocks, Table(COLUMNS, rows(posterior, vehicle), digits=5)))
 
 
 def _chain(posterior: Posterior) -> Section:

@@ -210,17 +210,17 @@ def _sorted(
     columns = {(k, True): np.where(np.abs(v) < ABSURD, v, np.nan)[order] for k, v in values.items()}
     columns |= {(k, False): v[order] for k, v in extra.items()}
     found = merge_equal_times(t[order], columns, {key for key in columns if key[1]})
-    told = [f"sorted by time: it went back {int((np.diff(t) < 0).sum())} times"]
+    remarks = [f"sorted by time: it went back {int((np.diff(t) < 0).sum())} times"]
     if found.merged:
-        told.append(f"{found.merged} rows of equal time merged with the first, no reading lost")
+        remarks.append(f"{found.merged} rows of equal time merged with the first, no reading lost")
     if found.dropped:
         lost = {name: n for (name, _), n in found.lost.items() if name != "t"}
         each = ", ".join(f"{n} of {name}" for name, n in lost.items())
-        told.append(
+        remarks.append(
             f"{found.dropped} rows that contradict another of equal time dropped, with "
             f"{sum(lost.values())} readings ({each})"
         )
-    notices.append("; ".join(told))
+    notices.append("; ".join(remarks))
     read, other = ({k: v for (k, is_read), v in found.columns.items() if is_read is r} for r in (True, False))
     return read, other
 

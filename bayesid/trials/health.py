@@ -155,8 +155,8 @@ def _stuck(run: Run) -> list[str]:
                 f"{name} is stuck at {shown} from t = {run.t[k0]:.6g} to {run.t[k1]:.6g} s while others move"
             )
     for name in ("delta_r", "delta_s", "delta_b", "n"):
-        told, done = run.commands.get(f"{name}_cmd"), run.measured_inputs.get(name)
-        if told is not None and done is not None and np.ptp(told) > 0.0 and np.ptp(done) == 0.0:
+        ordered, done = run.commands.get(f"{name}_cmd"), run.measured_inputs.get(name)
+        if ordered is not None and done is not None and np.ptp(ordered) > 0.0 and np.ptp(done) == 0.0:
             notices.append(f"{name} (measured) never changes although {name}_cmd does; is it stuck?")
     return notices
 

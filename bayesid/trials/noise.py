@@ -35,7 +35,7 @@ def raised(noise: Mapping[str, float], length: float, speed: float) -> dict[str,
     return {name: value for name, value in least.items() if not noise[name] >= value}
 
 
-def said_raised(least: Mapping[str, float]) -> str:
+def raised_words(least: Mapping[str, float]) -> str:
     """What was raised, for a reader."""
     values = ", ".join(f"{name} {value:.2g} {channel(name).unit}" for name, value in least.items())
     return (

@@ -1,7 +1,7 @@
 """A campaign of the plant diagnosed and judged on the spot: for studies that compare ways of asking.
 
 Takes a `plant.Campaign`, whose truth is known. Gives judged verdicts as plain data, one file per task. Does
-not seal: packs (`make_pack`, `solve_pack`) are for checks in which nobody may know the answer; here the
+not commit: packs (`make_pack`, `solve_pack`) are for checks in which nobody may know the answer; here the
 diagnosis alone does not.
 """
 
@@ -23,7 +23,7 @@ from bayesid.benchmark.protocol.commitment import code_digest
 from bayesid.benchmark.protocol.detectability import Detectability, detectability
 from bayesid.benchmark.protocol.judgement import ScoredCase, judge
 from bayesid.benchmark.protocol.make_pack import SIZE_RANGE, SIZE_TO_START, in_processes, write_answer
-from bayesid.diagnosis.run import Diagnosis, as_json, diagnose
+from bayesid.diagnosis.run import Diagnosis, diagnose
 from bayesid.equations.model import build_model
 from bayesid.errors import BayesidError
 from bayesid.files import write_json
@@ -84,7 +84,7 @@ def diagnose_campaign(
             trial = load_trial(bundle)
             model = build_model(load_vehicle(trial.vehicle_ref), trial.dof)
             found = diagnose(trial, model, as_built=as_built, plan_next=plan_next)
-            verdict = as_json(found)
+            verdict = found.result.record()
         except BayesidError as error:
             failure = str(error)
         except (
@@ -97,9 +97,9 @@ def diagnose_campaign(
 
 def plain(asked: DiagnosedCampaign) -> dict[str, Any]:
     """What a report needs of a judged verdict."""
-    c, told = asked.case, asked.verdict or {}
-    own = {n: told.get("detectability", {}).get(n, {}).get("absorbed") for n in c.planted}
-    best = dict(sorted(told.get("probabilities", {}).items(), key=lambda kv: -kv[1])[:4])
+    c, record = asked.case, asked.verdict or {}
+    own = {n: record.get("detectability", {}).get(n, {}).get("absorbed") for n in c.planted}
+    best = dict(sorted(record.get("probabilities", {}).items(), key=lambda kv: -kv[1])[:4])
     return {
         "word": c.word,
         "named": sorted(c.named),
@@ -107,7 +107,7 @@ def plain(asked: DiagnosedCampaign) -> dict[str, Any]:
         "stated": c.stated,
         "right": c.top in c.right,
         "p_right": c.p_right,
-        "set": list(told.get("set95", ())),
+        "set": list(record.get("set95", ())),
         "size": c.size,
         "covered": c.covered,
         "names_it": bool(c.named & c.right),
@@ -116,7 +116,7 @@ def plain(asked: DiagnosedCampaign) -> dict[str, Any]:
         "alone": asked.case.worst_absorbed,
         "absorbed_by_own_account": own,
         "probabilities": best,
-        "hidden": list(told.get("hidden_by_coefficients", ())),
+        "hidden": list(record.get("hidden_by_coefficients", ())),
         "cpu_seconds": c.cost,
         "failure": asked.failure,
     }

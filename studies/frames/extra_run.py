@@ -172,7 +172,7 @@ def proposed(asked: DiagnosedCampaign, campaign: Campaign, like: RunPlan) -> tup
     if asked.diagnosis is None:
         return None, refused
     known = manoeuvres_of(asked.diagnosis.model)
-    for proposal in asked.diagnosis.proposals:
+    for proposal in asked.diagnosis.result.next_manoeuvre:
         run = ordered_run(known[proposal.name], like, "next", longest=like.duration)
         try:
             execute_campaign(replace(campaign, runs=_named([*campaign.runs, run])))
@@ -196,13 +196,13 @@ def extra_run_scores(records: Sequence[Mapping[str, Any]]) -> list[Quantity]:
     about = "D ≥ 25, margin < 5 after one"
     out = []
     for arm, words in ARMS.items():
-        said = [arms[arm] for arms in chosen]
+        outcomes = [arms[arm] for arms in chosen]
         out += [
-            share(f"{words}: top-1 by family", about, [a["right"] for a in said], bars[arm]),
-            average(f"{words}: P(family)", about, [a["p_right"] for a in said]),
-            average(f"{words}: families in the set", about, [float(a["size"]) for a in said]),
-            share(f"{words}: 95 % set holds it", about, [a["covered"] for a in said]),
-            share(f"{words}: named by the verdict", about, [a["names_it"] for a in said]),
-            share(f"{words}: wrong name", about, [a["outcome"] == "wrong name" for a in said]),
+            share(f"{words}: top-1 by family", about, [a["right"] for a in outcomes], bars[arm]),
+            average(f"{words}: P(family)", about, [a["p_right"] for a in outcomes]),
+            average(f"{words}: families in the set", about, [float(a["size"]) for a in outcomes]),
+            share(f"{words}: 95 % set holds it", about, [a["covered"] for a in outcomes]),
+            share(f"{words}: named by the verdict", about, [a["names_it"] for a in outcomes]),
+            share(f"{words}: wrong name", about, [a["outcome"] == "wrong name" for a in outcomes]),
         ]
     return out

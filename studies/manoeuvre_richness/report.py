@@ -24,12 +24,12 @@ from studies.manoeuvre_richness.targets import tell_targets, vehicle_targets
 def richness_report(
     vehicles: Mapping[str, Any],
     level_motion: Mapping[str, Any],
-    told: Mapping[str, Any],
+    discrimination: Mapping[str, Any],
     logs: Mapping[str, Any],
     quick: bool,
 ) -> Report:
     """The report as plain data."""
-    targets = [*vehicle_targets(vehicles, level_motion, logs), *tell_targets(told)]
+    targets = [*vehicle_targets(vehicles, level_motion, logs), *tell_targets(discrimination)]
     missed = [row[0] for row in targets if not row[2]]
     lead = f"**{len(targets) - len(missed)} of {len(targets)} targets are met.** " + _finding(vehicles)
     if missed:
@@ -43,7 +43,7 @@ def richness_report(
         ),
         *[Section(f"{n}", vehicle_blocks(n, v)) for n, v in vehicles.items()],
         Section("Contraction: expected, refitted, sampled", contraction_blocks(vehicles)),
-        Section("Two causes of a gap told apart", tell_blocks(told)),
+        Section("Two causes of a gap told apart", tell_blocks(discrimination)),
         Section("Vertical plane", vertical_blocks(level_motion)),
         *[Section(literal(v["title"]), logs_blocks(n, v)) for n, v in logs.items()],
         Section("What this does not show", [Text(LIMITS)]),

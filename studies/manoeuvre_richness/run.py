@@ -97,14 +97,14 @@ def main(data: Path | None, out: Path, quick: bool, seed: int) -> Path:
             record["sampled"] = part(f"{name}_sampled", work)
         vehicles[name] = record
     deep = part("six_dof", lambda: vertical("generic_sub", progress))
-    told = part("tell", lambda: tell_part(case_of(VEHICLES[0]), size, seed, progress))
+    discrimination = part("tell", lambda: tell_part(case_of(VEHICLES[0]), size, seed, progress))
     logs = {}
     for name in () if quick else SETTINGS:
         if data is not None and (data / name).is_dir():
             logs[name] = part(name, partial(real, name, data / name, progress))
     plain = {n: {k: v for k, v in r.items() if k != "orders"} for n, r in vehicles.items()}
-    results = {"seeds": [seed], "vehicles": plain, "six_dof": deep, "tell": told, "logs": logs}
-    page = writer.write(richness_report(vehicles, deep, told, logs, quick), out, results)
+    results = {"seeds": [seed], "vehicles": plain, "six_dof": deep, "tell": discrimination, "logs": logs}
+    page = writer.write(richness_report(vehicles, deep, discrimination, logs, quick), out, results)
     progress.note(f"report: {page}")
     return page
 
@@ -196,7 +196,7 @@ def tell_part(case: PlanningCase, size: Size, seed: int, progress: Progress) -> 
     model, library = case.model, library_within(case.model, case.bounds)
     flown_before = {"straight": library["straight"], BEFORE: library[BEFORE]}
 
-    def posed(plant: dict[str, float], more: dict[str, Any], rng: np.random.Generator) -> Any:
+    def problem_of(plant: dict[str, float], more: dict[str, Any], rng: np.random.Generator) -> Any:
         par = case.draws(rng, 4)[0] if plant else model.nominal.copy()
         for key, value in plant.items():
             par[model.index[key]] = value
@@ -211,7 +211,7 @@ def tell_part(case: PlanningCase, size: Size, seed: int, progress: Progress) -> 
         sea = Environment(VIRTUAL_FORCE_LEVEL, 0.0)
         return causes(build_problem(model, replace(trial, environment=sea)), CAUSES, SMALL, 46.0)
 
-    goal = posed({}, {}, np.random.default_rng(seed))
+    goal = problem_of({}, {}, np.random.default_rng(seed))
     effort = replace(size.effort, evaluations=min(size.effort.evaluations, 300), random=6)
     with progress.stage("design to tell", effort.evaluations) as stage:
         plan = next_manoeuvre(
@@ -231,7 +231,7 @@ def tell_part(case: PlanningCase, size: Size, seed: int, progress: Progress) -> 
         for k in range(1 if size is QUICK else 4):
             for label, more in campaigns.items():
                 plant = {n: SMALL * float(s) for n, s in zip(prior.names, prior.sd, strict=True)}
-                found = evidence(posed(plant, more, np.random.default_rng([seed, k])))
+                found = evidence(problem_of(plant, more, np.random.default_rng([seed, k])))
                 rows.append([cause, k, label, found[cause] - found[other]])
     return {"plan": plan_record(case, plan, seed, ()), "orders": orders_of(plan), "rows": rows, "size": SMALL}
 

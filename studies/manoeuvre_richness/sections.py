@@ -123,16 +123,18 @@ def _drawn(orders: Mapping[str, Array]) -> bytes:
     return figures.compact(figures.orders(orders["t"], commands, {k: orders[k] for k in "xy"}))
 
 
-def tell_blocks(told: Mapping[str, Any]) -> list[Block]:
-    plan = told["plan"]
-    orders = {k: np.array(x) for k, x in told["orders"].items()}
+def tell_blocks(discrimination: Mapping[str, Any]) -> list[Block]:
+    plan = discrimination["plan"]
+    orders = {k: np.array(x) for k, x in discrimination["orders"].items()}
     rows = [
         [k, v.size, float(np.mean(v)), float(np.min(v)), f"{np.mean(v > 0):.0%}"]
-        for k, v in margins_of(told).items()
+        for k, v in margins_of(discrimination).items()
     ]
     return [
         Text(
-            f"After a straight run and a 10/10 zig-zag: {plan['goal']}, each {told['size']:g} of its prior "
+            f"After a straight run and a 10/10 zig-zag: {plan['goal']}, each "
+            f"{discrimination['size']:g} of its "
+            "prior "
             "sd. Below, either is planted in vehicles drawn from what is known, the campaign is executed "
             "with "
             "noise, and the bank of the gap diagnosis weighs both."

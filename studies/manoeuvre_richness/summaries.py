@@ -85,7 +85,9 @@ def paired_tests(v: Mapping[str, Any], goal: str) -> list[list[Any]]:
     return sorted(rows, key=lambda row: row[1])
 
 
-def margins_of(told: Mapping[str, Any]) -> dict[str, Array]:
+def margins_of(discrimination: Mapping[str, Any]) -> dict[str, Array]:
     """Evidence of the true cause over the other [nats] per campaign."""
-    labels = list(dict.fromkeys(row[2] for row in told["rows"]))
-    return {k: np.array([row[3] for row in told["rows"] if row[2] == k], dtype=float) for k in labels}
+    labels = list(dict.fromkeys(row[2] for row in discrimination["rows"]))
+    return {
+        k: np.array([row[3] for row in discrimination["rows"] if row[2] == k], dtype=float) for k in labels
+    }

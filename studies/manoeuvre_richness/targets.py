@@ -80,11 +80,12 @@ def vehicle_targets(
             ])  # fmt: skip
         _, gains, predicted, actual = crossing_of(v)
         if np.isfinite(actual).any():
-            told = gains > 1.0  # runs that tell nothing would make the ranking look better than it is
-            made, foreseen = error_over_others(actual)[told], error_over_others(predicted)[told]
-            rho = rank_correlation(gains[told], -made)
+            informative = gains > 1.0  # runs that tell nothing would make the ranking look better than it is
+            made, foreseen = error_over_others(actual)[informative], error_over_others(predicted)[informative]
+            rho = rank_correlation(gains[informative], -made)
             rows.append([
-                f"{name}: richness ranks the cross error of the {told.sum()} runs that tell (Spearman > 0.5)",
+                f"{name}: richness ranks the cross error of the {informative.sum()} runs that tell "
+                f"(Spearman > 0.5)",
                 f"{rho:.2f} (from expected errors "
                 f"{rank_correlation(foreseen, made):.2f})",
                 rho > 0.5,
@@ -101,8 +102,8 @@ def vehicle_targets(
     return rows
 
 
-def tell_targets(told: Mapping[str, Any]) -> list[list[Any]]:
-    plan, margins = told["plan"], margins_of(told)
+def tell_targets(discrimination: Mapping[str, Any]) -> list[list[Any]]:
+    plan, margins = discrimination["plan"], margins_of(discrimination)
     after: dict[str, list[float]] = {}
     for c in plan["candidates"]:
         after.setdefault(c["kind"], []).append(c["after"])

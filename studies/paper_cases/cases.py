@@ -76,7 +76,7 @@ def _axis_table(records: Records, facts: Mapping[str, Any]) -> list[Block]:
 def _stray_table(records: Records, facts: Mapping[str, Any]) -> list[Block]:
     runs, plain = records["2"], facts["plain"]["2"]
     exact, early = errors_by_name(runs, "goal"), errors_by_name(plain, None)
-    said = {"X": "one of X_vr, X_rr: the two cancel", "Y": "one, of small effect", "N": "none named"}
+    paper_says = {"X": "one of X_vr, X_rr: the two cancel", "Y": "one, of small effect", "N": "none named"}
     rows = []
     for axis in AXES:
         cells = [
@@ -86,7 +86,7 @@ def _stray_table(records: Records, facts: Mapping[str, Any]) -> list[Block]:
             or "none"
             for found in (exact, early)
         ]
-        rows.append([axis, said[axis], *cells])
+        rows.append([axis, paper_says[axis], *cells])
     caption = (
         f"Strays of Case 2: coefficients with an error above {STRAY:g} % in any seed; median error [%] and, "
         f"in "

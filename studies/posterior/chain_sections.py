@@ -15,7 +15,7 @@ from bayesid.report import posterior_figures as figures
 from bayesid.report.writer import Block, Figure, Section, Table, Text, literal
 from studies.posterior.sampled_case import Sampled
 
-GATE_COLUMNS = (
+CONVERGENCE_COLUMNS = (
     "case", "sampler", "R-hat", "ESS bulk", "tail", "tau", "in tau", "CPU [s]", "ESS / s", "passed",
 )  # fmt: skip
 
@@ -44,7 +44,7 @@ def chains_section(every: Mapping[str, Sampled]) -> Section:
             )  # fmt: skip
             if g.reasons:
                 reasons.append(f"- {literal(case.words)}, {name}: {literal('; '.join(g.reasons))}")
-    blocks: list[Block] = [Text(text), Table(GATE_COLUMNS, rows, digits=3)]
+    blocks: list[Block] = [Text(text), Table(CONVERGENCE_COLUMNS, rows, digits=3)]
     if reasons:
         blocks.append(Text("Short of the convergence check:\n\n" + "\n".join(reasons)))
     for case in every.values():

@@ -14,12 +14,12 @@ import numpy as np
 from bayesid.report import identify_figures as shares
 from bayesid.report import posterior_figures as figures
 from bayesid.report.identify import (
+    COEFFICIENT_COLUMNS,
     DERIVED_COLUMNS,
     DIRECTION_COLUMNS,
-    LEDGER_COLUMNS,
+    coefficient_rows,
     derived_rows,
     direction_rows,
-    ledger_rows,
     percent,
     sentence,
 )
@@ -127,7 +127,12 @@ def known_section(case: Sampled) -> Section:
     blocks: list[Block] = [
         Text(sentence(found) + least + f" Covariance from {found.source}."),
         Figure(f"index_{case.key}", drawn, "Share of the data per coefficient."),
-        Table(LEDGER_COLUMNS, ledger_rows(found), "Ledger, SI.", digits=3),
+        Table(
+            COEFFICIENT_COLUMNS,
+            coefficient_rows(found, case.problem.model.vehicle),
+            "Coefficients.",
+            digits=3,
+        ),
     ]
     if found.directions:
         blocks.append(Table(DIRECTION_COLUMNS, direction_rows(found.directions), "Open directions."))

@@ -87,7 +87,7 @@ def main(
         plans = [(*plan[:-1], ("emcee",)) for plan in plans]
     cases = {}
     for key, words, runs, names, share, samplers in plans:
-        problem = pose(model, {n: executed[n] for n in runs}, names, share, seed)
+        problem = posterior_problem(model, {n: executed[n] for n in runs}, names, share, seed)
         cases[key] = sampled(key, words, problem, None, samplers, out, quick, seed, progress, most)
     logs = {} if data is None or quick else real(data, plans[-1][-1], by_laplace, out, seed, progress, most)
     with progress.stage("runs not flown"):
@@ -118,7 +118,7 @@ def manoeuvres(quick: bool) -> dict[str, Manoeuvre]:
     }
 
 
-def pose(
+def posterior_problem(
     model: Model, executed: dict[str, Manoeuvre], names: tuple[str, ...], share: float, seed: int
 ) -> FitProblem:
     """Readings of the true vehicle with `share` of the noise, every one of `names` known before to 10 %."""
@@ -259,7 +259,7 @@ def collapse(
     for count, names in sets.items():
         for share in (1.0, 0.3, 0.1):
             one, three = (
-                identify(pose(model, runs, names, share, seed), profile=False)
+                identify(posterior_problem(model, runs, names, share, seed), profile=False)
                 for runs in ({"spiral": executed["spiral"]}, executed)
             )
             rows = []

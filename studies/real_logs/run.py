@@ -147,8 +147,8 @@ def in_opened_wind(trial: Trial, found: TrialFit, folder: Path) -> str:
         return ""
     errors = []
     for some in (tuple(trial.run(name) for name in windy), tuple(windy.values())):
-        told = outcomes(found.problem, replace(trial, runs=some), found.fit)
-        errors.append([float(np.degrees(o.rms_fitted[o.channels.index("psi")])) for o in told])
+        judged_runs = outcomes(found.problem, replace(trial, runs=some), found.fit)
+        errors.append([float(np.degrees(o.rms_fitted[o.channels.index("psi")])) for o in judged_runs])
     return (
         f" The held-out zig-zags were predicted without wind, to {np.median(errors[0]):.2g} degrees; with "
         "the wind that was measured in them and opened since, the same fit misses by "

@@ -17,7 +17,7 @@ import numpy as np
 
 from bayesid.diagnosis.data.problem import build_problem, fit_with
 from bayesid.diagnosis.hypotheses.candidate import weighted_hypothesis
-from bayesid.diagnosis.run import as_json, diagnose
+from bayesid.diagnosis.run import diagnose
 from bayesid.equations.model import Model, build_model, without_effects
 from bayesid.model.vehicles import Vehicle, identified, load_vehicle
 from bayesid.progress import Progress
@@ -166,7 +166,7 @@ def asked(logs: Trial, model: Model, name: str) -> dict[str, Any]:
 
 def diagnosed(logs: Trial, model: Model, seed: int) -> dict[str, Any]:
     """Record of one diagnosis."""
-    return as_json(diagnose(logs, model, seed=seed, plan_next=False))
+    return diagnose(logs, model, seed=seed, plan_next=False).result.record()
 
 
 def hidden_wind(

@@ -17,7 +17,7 @@ from bayesid.diagnosis.diagnosed_model import (
     diagnosed_model_of,
     write_diagnosed,
 )
-from bayesid.diagnosis.run import Diagnosis, as_json, diagnose
+from bayesid.diagnosis.run import Diagnosis, diagnose
 from bayesid.equations.model import build_model
 from bayesid.files import write_json
 from bayesid.model.vehicles import load_vehicle
@@ -36,23 +36,23 @@ def example(out: Path, seed: int, progress: Progress, draws: int = DRAWS) -> dic
     trial = load_trial(NAME)
     model = build_model(load_vehicle(trial.vehicle_ref), trial.dof)
     with progress.stage("example bundle"):
-        d = diagnose(trial, model, seed=seed, say=progress.note)
+        d = diagnose(trial, model, seed=seed, notify=progress.note)
         found = diagnosed_model_of(d)
-    record = as_json(d)
+    record = d.result.record()
     write_json(out / NAME / "diagnosis.json", record)
     write_diagnosed(found, out / NAME)
-    write_diagnosis_report(d, out / NAME, record)
+    write_diagnosis_report(d.result, out / NAME)
     runs = [predicted(run, d, found, seed, draws) for run in trial.holdout]
     with progress.stage("excitation of the example"):
         excited = excite(model, trial.identify, trial.noise, draws=min(draws, EXCITE), seed=seed)
     answer = truth(example_campaign(), NAME)
     return {
-        "found": record | {"limit": d.candidates.thresholds.remainder},
+        "found": record | {"limit": d.result.thresholds.remainder},
         "truth": answer,
         "runs": runs,
         "coefficients": coefficients(d, answer),
         "excitation": {
-            "rows": term_rows(excited),
+            "rows": term_rows(excited, vehicle=model.vehicle),
             "finding": finding(excited),
             "needed": [w.name for w in excited.terms if w.status == "found"],
             "groups": excited.groups,
@@ -97,7 +97,7 @@ def coefficients(d: Diagnosis, answer: dict[str, Any]) -> list[list[Any]]:
     """Name, nominal value, prior sd, estimate, its sd, and the true value, in file units."""
     drawn, nominal = answer["coefficient_draw_relative"], d.model.vehicle.coef
     rows = []
-    for n, v in as_json(d)["coefficients"].items():
+    for n, v in d.result.record()["coefficients"].items():
         prior = d.model.prior_sd(n) / abs(d.model.file_scale(n))
         rows.append([n, nominal[n], float(prior), v["value"], v["sd"], nominal[n] * (1 + drawn[n])])
     return rows

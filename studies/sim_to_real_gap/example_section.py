@@ -96,14 +96,14 @@ def _which(found: Mapping[str, Any]) -> Section:
 def _closed(found: Mapping[str, Any], runs: list[Mapping[str, Any]]) -> Section:
     rows = []
     for h in found["gap"]["horizons"]:
-        told = (
+        shrinks = (
             f"{h['shrink']:.1%}" if h["worth_shrinking"] and h["shrink"] is not None else "nothing to shrink"
         )
         rows.append(
             [
                 h["horizon"],
                 *(at_floor(h["excess"][k]) for k in ("nominal", "recalibrated", "with effect")),
-                told,
+                shrinks,
             ]
         )
     return Section(
@@ -135,8 +135,8 @@ def _answer(story: Mapping[str, Any]) -> Section:
     for effect in planted:
         for name, value in effect["parameters"].items():
             p = named.get(effect["name"], {}).get(name)
-            said = f"{p['value']:.4g} ± {p['sd']:.2g}" if p else "not named"
-            rows.append([effect["name"].replace("_", " "), name.replace("_", " "), value, said])
+            estimate = f"{p['value']:.4g} ± {p['sd']:.2g}" if p else "not named"
+            rows.append([effect["name"].replace("_", " "), name.replace("_", " "), value, estimate])
     return Section(
         "What had been planted",
         [Table(["effect", "parameter", "planted", "found"], rows, "Drawn by the plant, read last.")],

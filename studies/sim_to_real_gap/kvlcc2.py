@@ -15,7 +15,7 @@ import numpy as np
 
 from bayesid.diagnosis.data.problem import DiagnosisProblem, build_problem, fit_with
 from bayesid.diagnosis.evidence.holdout import validate_holdout
-from bayesid.diagnosis.run import as_json, diagnose
+from bayesid.diagnosis.run import diagnose
 from bayesid.equations.model import Model, build_model, without_effects
 from bayesid.model.terms import term
 from bayesid.model.vehicles import Vehicle, load_vehicle
@@ -68,7 +68,10 @@ def kvlcc2(data: Path, store: Path, quick: bool, seed: int, progress: Progress) 
             diagnoses[key] = keep(
                 store,
                 f"kvlcc2-diagnosis-{key}-{seed}",
-                partial(lambda model: as_json(diagnose(trial, model, seed=seed, plan_next=False)), model),
+                partial(
+                    lambda model: diagnose(trial, model, seed=seed, plan_next=False).result.record(),
+                    model,
+                ),
             )
     return {
         "sets": sets,

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from bayesid.benchmark.plant import draw_campaign, write_bundle
-from bayesid.diagnosis.run import as_json, diagnose
+from bayesid.diagnosis.run import diagnose
 from bayesid.equations.model import build_model
 from bayesid.files import write_json
 from bayesid.model.vehicles import load_vehicle
@@ -60,7 +60,7 @@ def run(i: int, seed: int) -> dict[str, Any]:
         answer = write_bundle(made, bundle)
         trial = load_trial(bundle)
         model = build_model(load_vehicle(trial.vehicle_ref), trial.dof)
-        found = as_json(diagnose(trial, model, seed=seed, plan_next=False))
+        found = diagnose(trial, model, seed=seed, plan_next=False).result.record()
     return {
         "vehicle": vehicle,
         "planted": list(effects),

@@ -75,7 +75,7 @@ def planted_section(rows: Sequence[Mapping[str, Any]], judged: Sequence[str]) ->
             ),
             Table(
                 ["planted", "horizon", "nominal", "recalibrated", "best explanation", "shrinks by"],
-                [_ladder(row) for row in rows],
+                [_horizon_row(row) for row in rows],
                 "Held-out runs: mean squared prediction error above the floor, in noise variances, over the "
                 "shortest horizon with a sure gap. Where re-tuned coefficients leave little, the right name "
                 "adds nothing over so short a time; all horizons are in results.json. The best explanation "
@@ -85,7 +85,7 @@ def planted_section(rows: Sequence[Mapping[str, Any]], judged: Sequence[str]) ->
     )
 
 
-def _ladder(row: Mapping[str, Any]) -> list[Any]:
+def _horizon_row(row: Mapping[str, Any]) -> list[Any]:
     """Shortest horizon over which the gap before is sure, else the shortest."""
     found = row["found"]
     if not found["gap"]["horizons"]:

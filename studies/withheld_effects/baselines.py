@@ -22,7 +22,7 @@ from scipy.stats import chi2
 
 from bayesid.benchmark.protocol.answers import Answer
 from bayesid.benchmark.protocol.cause_families import CATALOGUE_NAMES
-from bayesid.benchmark.protocol.posed import read_posed, write_posed
+from bayesid.benchmark.protocol.problem_file import read_problem, write_problem
 from bayesid.diagnosis.data.problem import DiagnosisProblem, fit_with
 from bayesid.diagnosis.evidence.holdout import validate_holdout
 from bayesid.diagnosis.hypotheses.sensitivity_bank import SensitivityBank, build_bank, testable
@@ -34,7 +34,7 @@ from bayesid.files import write_json
 from bayesid.model.vehicles import load_vehicle
 from bayesid.trials import load_trial
 
-CHOICES, POSED = "baselines.json", "posed.npz"
+CHOICES, PROBLEM_FILE = "baselines.json", "posed.npz"
 NAMES = ("recalibrated", "bic", "correlation")
 FLAT_PRIOR_PRECISION = 1e-9  # prior precision of an effect in a baseline that has no prior for it
 RESIDUAL_P_VALUE = 1e-3  # p-value below which chi-square calls the residuals more than noise
@@ -47,7 +47,7 @@ def keep_baselines(found: Any, folder: Path) -> None:
     points = none.points if none.converged else problem.path
     bank = build_bank(problem, points, [no_process_noise(problem.model)], effects)
     write_json(folder / CHOICES, choices(bank))
-    write_posed(problem, folder / POSED)
+    write_problem(problem, folder / PROBLEM_FILE)
 
 
 def choices(bank: SensitivityBank, level: int = 0) -> dict[str, Any]:
@@ -109,7 +109,7 @@ def oracle(task: tuple[Answer, Path, Path, Mapping[str, Any]]) -> tuple[str, flo
         return answer.name, math.nan
     trial = load_trial(bundle)
     model = build_model(load_vehicle(trial.vehicle_ref), trial.dof)
-    environment, path, level, valid = read_posed(folder / POSED)
+    environment, path, level, valid = read_problem(folder / PROBLEM_FILE)
     from bayesid.estimation.parameters import coefficient_prior
 
     noise = dict(trial.noise)

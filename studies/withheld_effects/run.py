@@ -92,8 +92,8 @@ def main(
     if seed is not None:
         seeds = [*range(seed, seed + count), *range(seed + APART, seed + APART + spatial)]
     if not (packs / PACK_COMMITMENTS_FILE).exists():
-        say = partial(mixture, planar=count, kinds=kinds)
-        make_pack(count + spatial, packs, answers, say, "w", jobs, progress, seeds)
+        notify = partial(mixture, planar=count, kinds=kinds)
+        make_pack(count + spatial, packs, answers, notify, "w", jobs, progress, seeds)
     if not (verdicts / VERDICT_COMMITMENT_FILE).exists():
         keep = SolveSettings(0, False, False, keep_baselines, accept_faults=accept, minutes=minutes)
         solve_pack(packs, verdicts, jobs, keep, progress)
@@ -112,17 +112,17 @@ def main(
 def oracles(packs: Path, answers: Path, verdicts: Path, kept: Path, jobs: int, progress: Progress) -> dict:
     """Shrink of refits with the true effects, for every gap that is worth it."""
     found: dict[str, float | None] = json.loads(kept.read_text("utf-8")) if kept.exists() else {}
-    known, told = load_answers(answers), load_verdicts(verdicts)
-    for name in told.keys() - found.keys():  # the verdict stands on this very fit: it is its own oracle
-        if not needs_oracle(known[name], told[name]):
-            found[name] = told[name]["gap"]["shrink"]
-    shown = {n: [c.shown.noncentrality for c in known[n].causes if c.shown] for n in told}
+    known, verdicts_read = load_answers(answers), load_verdicts(verdicts)
+    for name in verdicts_read.keys() - found.keys():  # this very fit is its own oracle
+        if not needs_oracle(known[name], verdicts_read[name]):
+            found[name] = verdicts_read[name]["gap"]["shrink"]
+    shown = {n: [c.shown.noncentrality for c in known[n].causes if c.shown] for n in verdicts_read}
     left = [
         n
-        for n in sorted(told.keys() - found.keys())
+        for n in sorted(verdicts_read.keys() - found.keys())
         if max(shown[n], default=0.0) >= DETECTABLE_NONCENTRALITY
     ]
-    tasks = [(known[n], packs / n, verdicts / n, told[n]) for n in left]
+    tasks = [(known[n], packs / n, verdicts / n, verdicts_read[n]) for n in left]
     with progress.stage("oracles", len(tasks)) as stage:
         for name, shrink in in_processes(oracle, tasks, jobs):
             found[name] = shrink if math.isfinite(shrink) else None

@@ -219,11 +219,11 @@ def _wind(found: Mapping[str, Any]) -> Mapping[str, Any] | None:
 def wind_row(row: Mapping[str, Any], area: float) -> list[Any]:
     found, effect = row["found"], _wind(row["found"])
     known = row["measured"]
-    told = f"{DEG * known['from']:.0f} deg, {known['speed']:.2f} m/s" if known else "withheld"
-    said: list[Any] = ["", "", ""]
+    measured_wind = f"{DEG * known['from']:.0f} deg, {known['speed']:.2f} m/s" if known else "withheld"
+    stated_wind: list[Any] = ["", "", ""]
     if effect is not None and "V_wind" in effect["parameters"]:
         speed, come = effect["parameters"]["V_wind"], effect["parameters"]["from"]
-        said = [
+        stated_wind = [
             f"{DEG * come['value']:.0f} ± {DEG * 2 * come['sd']:.0f}",
             f"{speed['value']:.2f} ± {2 * speed['sd']:.2f}",
             f"{speed['value'] / math.sqrt(area):.2f}" if area > 0.01 else "",
@@ -234,7 +234,7 @@ def wind_row(row: Mapping[str, Any], area: float) -> list[Any]:
     if effect is None and force:
         n, e = force["F_north"]["value"], force["F_east"]["value"]
         come = DEG * (math.atan2(-e, -n) % (2 * math.pi))
-        said[0] = f"{come:.0f}: a steady force of {math.hypot(n, e):.2g} N"
+        stated_wind[0] = f"{come:.0f}: a steady force of {math.hypot(n, e):.2g} N"
     names = ", ".join(n.replace("_", " ") for n in found["set95"][:MOST])
     names += f" and {len(found['set95']) - MOST} more" if len(found["set95"]) > MOST else ""
-    return [row["run"], found["verdict"].replace("_", " "), names, *said, told]
+    return [row["run"], found["verdict"].replace("_", " "), names, *stated_wind, measured_wind]

@@ -65,10 +65,10 @@ def parameters(
     """
     rows = []
     for name, answer in sorted(answers.items()):
-        told = {e["name"]: e["parameters"] for e in verdicts[name]["effects"]}
+        stated = {e["name"]: e["parameters"] for e in verdicts[name]["effects"]}
         for cause in answer.causes:
             for parameter, true in (cause.parameters or {}).items():
-                found = told.get(cause.name, {}).get(parameter)
+                found = stated.get(cause.name, {}).get(parameter)
                 if found is None:
                     continue
                 error, sd = float(found["value"]) - true, float(found["sd"])

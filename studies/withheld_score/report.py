@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from bayesid.benchmark.protocol.report import bars_blocks
-from bayesid.benchmark.protocol.verdict_table import table as sealed_table
+from bayesid.benchmark.protocol.verdict_table import table as committed_table
 from bayesid.report.writer import Block, Report, Section, Table, Text, literal
 from studies.withheld_score.effects import FATES, HALF, RIGHT
 from studies.withheld_score.misses import MISSES, OUTSIDE_INTERVAL
@@ -34,7 +34,7 @@ def check_report(results: Mapping[str, Any], verdicts: Mapping[str, Mapping[str,
     if results["wind"] is not None:
         sections.insert(3, Section("The wind on the Esso Osaka", wind_blocks(results["wind"])))
     sections += [
-        Section("The verdicts as they were committed", [sealed_table(verdicts)]),
+        Section("The verdicts as they were committed", [committed_table(verdicts)]),
         Section("How it was scored", [Text(_how(results))]),
     ]
     return Report("Withheld effects: the committed verdicts and their answers", lead(results), sections)
@@ -163,7 +163,7 @@ def wind_blocks(wind: Mapping[str, Any]) -> list[Block]:
     rows = []
     for r in wind["runs"]:
         m = r["measured"]
-        told: list[Any] = [
+        cells: list[Any] = [
             r["run"],
             _words(r["verdict"]),
             "yes" if r["in_set"] else "no",
@@ -171,7 +171,7 @@ def wind_blocks(wind: Mapping[str, Any]) -> list[Block]:
             m["speed"],
         ]
         if "speed" in r:
-            told += [
+            cells += [
                 f"{DEG * r['from']:.0f} ± "
                 f"{DEG * 1.96 * r['from_sd']:.0f}", f"{DEG * r['direction_error']:+.0f}",
                 _yes(r["direction_inside"]), f"{r['speed']:.2f} ± {1.96 * r['speed_sd']:.2f}",
@@ -181,12 +181,12 @@ def wind_blocks(wind: Mapping[str, Any]) -> list[Block]:
             ]  # fmt: skip
         else:
             off = r.get("force_direction_error")
-            told += [
+            cells += [
                 "" if off is None else "a steady force",
                 "" if off is None else f"{DEG * off:+.0f}",
                 *[""] * 7,
             ]
-        rows.append(told)
+        rows.append(cells)
     columns = [
         "run", "verdict", "wind or steady force in the set", "measured from [deg]", "measured [m/s]",
         "said from", "off", "in 95 %", "said [m/s]", "off", "in 95 %", "scaled as in October [m/s]", "off",
@@ -223,21 +223,21 @@ def _yes(x: bool) -> str:
 
 
 def _how(results: Mapping[str, Any]) -> str:
-    seal = results["seal"]
+    commitment = results["seal"]
     bundles = results["same_bundles"]
     same = (
         "The labelled bundles were not at hand."
         if bundles is None
-        else f"{bundles} of {len(results['bundles'])} bundles beside the labels are those that were sealed."
+        else f"{bundles} of {len(results['bundles'])} bundles beside the labels are the committed ones."
     )
     return (
-        f"Verdicts committed {seal['sealed']} as `{seal['seal'][:16]}`, unchanged since; this report was "
-        f"made "
-        f"by `studies/withheld_score/run.py` from them and the labels (sha256 `{results['labels'][:16]}`), "
-        f"which came after the seal. {same} The seal of that time covers the list of verdicts only, and the "
-        "answers were not committed to beforehand: that they are those of the bundles rests on the maker's "
-        "word. `bayesid.benchmark.protocol.labels` converts a label: names through the aliases of the "
-        "contract, "
+        f"Verdicts committed {commitment['sealed']} as `{commitment['seal'][:16]}`, unchanged since; this "
+        "report was made by `studies/withheld_score/run.py` from them and the labels (sha256 "
+        f"`{results['labels'][:16]}`), which came after the commitment. {same} The commitment of "
+        "that time covers the list of verdicts only, "
+        "and the answers were not committed to beforehand: that they are those of the bundles rests on "
+        "the maker's word. `bayesid.benchmark.protocol.labels` converts a label: names through the aliases "
+        "of the contract, "
         "parameters where both mean the same quantity. A verdict is right when it names every labelled "
         "family and no other, says none where nothing is, says `coefficients` for wrong coefficients, or "
         f"rejects what is outside the list; `{literal(HALF)}` counts as a miss here. The expectations "

@@ -2,7 +2,7 @@
 
 Usage: python -m studies.withheld_score.run --labels FILE [--verdicts FOLDER] [--data FOLDER] [--out FOLDER].
 --labels is the maker's list, --data the folder of the real logs (holds `esso_osaka` with `wind_opened`; left
-out, the wind is not scored). Verdicts are checked against their seal first and never written to.
+out, the wind is not scored). Verdicts are checked against their commitment first and never written to.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ WIND = Path("esso_osaka_wind") / "verdicts.json"
 def main(labels: Path, verdicts: Path, data: Path | None, out: Path) -> dict[str, Any]:
     """Score, report."""
     sheet = score_pack(labels, verdicts)
-    assert sheet.sealed is not None  # score_pack raises without a seal
+    assert sheet.committed is not None  # score_pack raises without a commitment
     answers, found = load_answers(labels), load_verdicts(verdicts)
     rows = [row_of(c, answers[c.name], found[c.name]) for c in sheet.cases]
     sizes = parameters({c.name: answers[c.name] for c in sheet.cases}, found)
@@ -40,11 +40,11 @@ def main(labels: Path, verdicts: Path, data: Path | None, out: Path) -> dict[str
     nulls = [c for c in sheet.cases if c.kind == "none"]
     naming = [c for c in sheet.cases if c.named]
     results = {
-        "inputs": {"verdicts": sheet.sealed["seal"], "bundles": len(rows)},
+        "inputs": {"verdicts": sheet.committed["seal"], "bundles": len(rows)},
         "seeds": [],
-        "seal": {k: sheet.sealed[k] for k in ("seal", "sealed", "versions")},
+        "seal": {k: sheet.committed[k] for k in ("seal", "sealed", "versions")},
         "labels": digest_of_file(labels),
-        "same_bundles": same_bundles(labels.parent, sheet.sealed["pack"]["bundles"]),
+        "same_bundles": same_bundles(labels.parent, sheet.committed["pack"]["bundles"]),
         "bundles": rows,
         "parameters": sizes,
         "promised": sum(r["stated"] for r in rows),
@@ -58,10 +58,10 @@ def main(labels: Path, verdicts: Path, data: Path | None, out: Path) -> dict[str
     return results
 
 
-def same_bundles(folder: Path, sealed: dict[str, str]) -> int | None:
+def same_bundles(folder: Path, committed: dict[str, str]) -> int | None:
     """How many bundles beside the labels have the digest that was committed; None where there are none."""
-    there = [n for n in sealed if (folder / n / "trial.toml").exists()]
-    return sum(digest_of_folder(folder / n) == sealed[n] for n in there) if there else None
+    there = [n for n in committed if (folder / n / "trial.toml").exists()]
+    return sum(digest_of_folder(folder / n) == committed[n] for n in there) if there else None
 
 
 def explained(missed: set[str], outside: set[str]) -> None:
@@ -84,17 +84,17 @@ def explained(missed: set[str], outside: set[str]) -> None:
 
 def wind(file: Path, data: Path) -> dict[str, Any]:
     """Sealed statements about the runs without a wind log, beside the opened anemometer."""
-    told = read_json(file, "the committed verdicts on wind")
-    sealed = told["withheld"]
+    on_wind = read_json(file, "the committed verdicts on wind")
+    committed = on_wind["withheld"]
     trial, _ = pond_logs(data)
     rows = []
-    for row in sealed["runs"]:
+    for row in committed["runs"]:
         t = trial.run(row["run"]).t
         known = measured(data / "wind_opened" / f"{row['run']}.csv", float(t[0]), float(t[-1]))
-        rows.append({"run": row["run"], **scored(row["found"], known, sealed["area"])})
-    october = checked(told["hidden"]["runs"], sealed["area"])
+        rows.append({"run": row["run"], **scored(row["found"], known, committed["area"])})
+    october = checked(on_wind["hidden"]["runs"], committed["area"])
     return {
-        "digest": digest_of_file(file), "area": sealed["area"], "runs": rows, "sum": summed(rows),
+        "digest": digest_of_file(file), "area": committed["area"], "runs": rows, "sum": summed(rows),
         "october": october,
     }  # fmt: skip
 

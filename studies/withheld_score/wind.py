@@ -91,23 +91,23 @@ def checked(rows: Sequence[Mapping[str, Any]], area: Mapping[str, float]) -> lis
     for row in rows:
         wind = next((e for e in row["found"]["effects"] if e["name"] == "wind"), None)
         if wind and "V_wind" in wind["parameters"] and row["measured"]:
-            said = wind["parameters"]["V_wind"]["value"]
-            scaled = said / math.sqrt(area["area"])
-            out.append({"measured": row["measured"]["speed"], "said": said, "scaled": scaled})
+            stated = wind["parameters"]["V_wind"]["value"]
+            scaled = stated / math.sqrt(area["area"])
+            out.append({"measured": row["measured"]["speed"], "said": stated, "scaled": scaled})
     return out
 
 
 def summed(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Counts and mean errors over the runs with a statement, and what blew where none was made."""
-    said = [r for r in rows if "speed" in r]
+    stated = [r for r in rows if "speed" in r]
     silent = [r for r in rows if "speed" not in r and "force_direction_error" not in r]
 
     def mean(key: str) -> float:
-        return float(np.mean([abs(r[key]) for r in said])) if said else math.nan
+        return float(np.mean([abs(r[key]) for r in stated])) if stated else math.nan
 
     return {
-        "runs": len(rows), "said": len(said),
-        **{f"{k}_inside": sum(r[f"{k}_inside"] for r in said) for k in ("direction", "speed", "scaled")},
+        "runs": len(rows), "said": len(stated),
+        **{f"{k}_inside": sum(r[f"{k}_inside"] for r in stated) for k in ("direction", "speed", "scaled")},
         "direction_error": mean("direction_error"),
         "speed_error": mean("speed_error"), "scaled_error": mean("scaled_error"),
         "in_set": sum(r["in_set"] for r in rows),

@@ -145,8 +145,8 @@ def richness(
             infos[name] = case.of(manoeuvre, draws, name)
         watch(name)
     found = sorted((criteria(case.knowledge, i) for i in infos.values()), key=lambda c: -c.gain)
-    base = gain(now.grams)
-    added = np.array([np.mean(gain(now.grams + infos[c.name].grams) - base) for c in found])
+    base = gain(now.matrices)
+    added = np.array([np.mean(gain(now.matrices + infos[c.name].matrices) - base) for c in found])
     return Richness(tuple(found), added, criteria(case.knowledge, now)), infos
 
 
@@ -191,7 +191,7 @@ def crossing(
     }
     table = np.empty((len(names), len(names)))
     for i, row in enumerate(names):
-        left = posterior(infos[row].grams)
+        left = posterior(infos[row].matrices)
         for j, column in enumerate(names):
             table[i, j] = _rms(rows[column], left)
     prior = np.array([np.sqrt(np.mean(np.sum(rows[n] ** 2, axis=2))) for n in names])

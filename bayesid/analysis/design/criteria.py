@@ -55,35 +55,35 @@ class Criteria:
     contraction_high: Array
 
 
-def posterior(grams: Array) -> Array:
+def posterior(matrices: Array) -> Array:
     """(..., k, k) covariance of xi after data with the given information; the identity before."""
-    return np.linalg.inv(np.eye(grams.shape[-1]) + grams)
+    return np.linalg.inv(np.eye(matrices.shape[-1]) + matrices)
 
 
-def gain(grams: Array) -> Array:
+def gain(matrices: Array) -> Array:
     """(...) half the log determinant of posterior over prior information [nats]."""
-    return 0.5 * np.asarray(np.linalg.slogdet(np.eye(grams.shape[-1]) + grams)[1])
+    return 0.5 * np.asarray(np.linalg.slogdet(np.eye(matrices.shape[-1]) + matrices)[1])
 
 
-def contraction(knowledge: Knowledge, grams: Array) -> Array:
+def contraction(knowledge: Knowledge, matrices: Array) -> Array:
     """(..., k) 1 - posterior sd / prior sd of every coefficient."""
-    return 1.0 - knowledge.spread(posterior(grams)) / knowledge.sd
+    return 1.0 - knowledge.spread(posterior(matrices)) / knowledge.sd
 
 
 def criteria(knowledge: Knowledge, info: RunInformation) -> Criteria:
     """All criteria of a run or a set."""
-    values = np.linalg.eigvalsh(info.grams)
+    values = np.linalg.eigvalsh(info.matrices)
     values = np.where(values > ROUNDING * values[:, -1:], values, 0.0)
     with np.errstate(divide="ignore"):
         logs, inverse = np.log(values), 1.0 / values
     smallest, largest = values[:, 0], values[:, -1]
     ratio = np.divide(largest, smallest, out=np.full(len(values), np.inf), where=smallest > 0)
-    left = posterior(info.grams)
+    left = posterior(info.matrices)
     shares = 1.0 - knowledge.spread(left) / knowledge.sd
     return Criteria(
         info.name,
         info.duration,
-        float(np.mean(gain(info.grams))),
+        float(np.mean(gain(info.matrices))),
         float(np.mean(np.trace(left, axis1=1, axis2=2))) / values.shape[1],
         float(np.mean(logs)),
         float(np.mean(inverse)),
@@ -102,7 +102,7 @@ def flat_space(info: RunInformation, keep: float = FLAT_VARIANCE_SHARE) -> Array
 
     Directions are those of the posterior averaged over the vehicles drawn.
     """
-    values, vectors = np.linalg.eigh(np.mean(posterior(info.grams), axis=0))
+    values, vectors = np.linalg.eigh(np.mean(posterior(info.matrices), axis=0))
     order = np.argsort(-values)
     return vectors[:, order[values[order] > keep]]
 
@@ -112,7 +112,7 @@ def flat_names(
 ) -> list[tuple[str, float]]:
     """Flat directions as sums of coefficients, in units of their prior sd, and the sd left along them."""
     space = flat_space(info, keep)
-    left = np.mean(posterior(info.grams), axis=0)
+    left = np.mean(posterior(info.matrices), axis=0)
     scaled = knowledge.root / knowledge.sd[:, None]
     found = []
     for v in space.T:

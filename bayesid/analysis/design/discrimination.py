@@ -13,7 +13,7 @@ import numpy as np
 
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.hypotheses.sensitivity_bank import SensitivityBank, build_bank, testable
-from bayesid.diagnosis.next_manoeuvre import run_gram, worst_margin
+from bayesid.diagnosis.next_manoeuvre import added_equations, worst_margin
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.evidence import NormalEquations, posterior
 from bayesid.manoeuvres import Manoeuvre
@@ -47,7 +47,7 @@ class Causes:
         """Margin with the runs flown."""
         return worst_margin(self.bank, self.names, self.size)
 
-    def grams(self, manoeuvre: Manoeuvre, draws: Array) -> list[NormalEquations]:
+    def matrices(self, manoeuvre: Manoeuvre, draws: Array) -> list[NormalEquations]:
         """What a manoeuvre would add, per vehicle drawn.
 
         Raises
@@ -57,16 +57,16 @@ class Causes:
         """
         found = []
         for par in draws:
-            gram = run_gram(self.problem, self.bank, manoeuvre, par, self.longest)
-            if gram is None or not np.isfinite(gram.ss).all():
+            matrix = added_equations(self.problem, self.bank, manoeuvre, par, self.longest)
+            if matrix is None or not np.isfinite(matrix.ss).all():
                 raise ModelError(f"{manoeuvre.name}: too few readings, or the vehicle leaves its equations")
-            found.append(gram)
+            found.append(matrix)
         return found
 
-    def margin(self, grams: Sequence[NormalEquations]) -> float:
+    def margin(self, matrices: Sequence[NormalEquations]) -> float:
         """Mean margin with each of the additions."""
-        first, *rest = self.bank.grams[0]
-        with_it = [replace(self.bank, grams=((first + g, *rest),)) for g in grams]
+        first, *rest = self.bank.equations[0]
+        with_it = [replace(self.bank, equations=((first + g, *rest),)) for g in matrices]
         return float(np.mean([worst_margin(b, self.names, self.size) for b in with_it]))
 
 

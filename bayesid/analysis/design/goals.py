@@ -33,10 +33,10 @@ class Goal(Protocol):
     def unit(self) -> str:
         """Of `shown`."""
 
-    def value(self, grams: Array) -> float:
-        """Larger is better; `grams` (d, k, k) of all runs together."""
+    def value(self, matrices: Array) -> float:
+        """Larger is better; `matrices` (d, k, k) of all runs together."""
 
-    def shown(self, grams: Array) -> float:
+    def shown(self, matrices: Array) -> float:
         """The same in `unit`."""
 
 
@@ -47,11 +47,11 @@ class InformationGoal:
     name: str = "learn most about all coefficients"
     unit: str = "information gain [nats]"
 
-    def value(self, grams: Array) -> float:
-        return float(np.mean(gain(grams)))
+    def value(self, matrices: Array) -> float:
+        return float(np.mean(gain(matrices)))
 
-    def shown(self, grams: Array) -> float:
-        return self.value(grams)
+    def shown(self, matrices: Array) -> float:
+        return self.value(matrices)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,11 +65,11 @@ class ContractionGoal:
     name: str = "shrink the directions left open"
     unit: str = "mean share of variance left in them"
 
-    def value(self, grams: Array) -> float:
-        return -self.shown(grams)
+    def value(self, matrices: Array) -> float:
+        return -self.shown(matrices)
 
-    def shown(self, grams: Array) -> float:
-        left = posterior(grams)
+    def shown(self, matrices: Array) -> float:
+        left = posterior(matrices)
         return float(np.mean(np.einsum("im,dij,jm->d", self.space, left, self.space))) / self.space.shape[1]
 
 
@@ -97,16 +97,16 @@ class PredictionGoal:
     def name(self) -> str:
         return f"predict {self.wanted}" + (", worst reading" if self.worst else "")
 
-    def variance(self, grams: Array) -> Array:
+    def variance(self, matrices: Array) -> Array:
         """(d, n) predicted variance of every reading over that of its noise."""
-        left = posterior(grams)
+        left = posterior(matrices)
         return np.asarray(np.einsum("dni,dij,dnj->dn", self.rows, left, self.rows))
 
-    def value(self, grams: Array) -> float:
-        return -float(np.log(self.shown(grams)))
+    def value(self, matrices: Array) -> float:
+        return -float(np.log(self.shown(matrices)))
 
-    def shown(self, grams: Array) -> float:
-        variance = self.variance(grams)
+    def shown(self, matrices: Array) -> float:
+        variance = self.variance(matrices)
         each = np.max(variance, axis=1) if self.worst else np.mean(variance, axis=1)
         return float(np.sqrt(np.mean(each)))
 

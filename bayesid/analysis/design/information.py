@@ -74,16 +74,16 @@ class RunInformation:
     ----------
     name : of the run, or of the runs
     duration : [s]
-    grams : (d, k, k) information about xi, where coefficients = mean + root xi: 1 is as much as is known
+    matrices : (d, k, k) information about xi, where coefficients = mean + root xi: 1 is as much as is known
     """
 
     name: str
     duration: float
-    grams: Array
+    matrices: Array
 
     def __add__(self, other: RunInformation) -> RunInformation:
         return RunInformation(
-            f"{self.name} + {other.name}", self.duration + other.duration, self.grams + other.grams
+            f"{self.name} + {other.name}", self.duration + other.duration, self.matrices + other.matrices
         )
 
 
@@ -200,8 +200,8 @@ def run_information(model: Model, knowledge: Knowledge, par: Array, run: RunData
     size = np.maximum(np.linalg.norm(b, axis=0), 1.0)
     q = np.linalg.qr(np.vstack([b / size, np.diag(1.0 / size)]))[0][: len(b)]
     seen = q.T @ a
-    gram = a.T @ a - seen.T @ seen
-    return 0.5 * (gram + gram.T)
+    matrix = a.T @ a - seen.T @ seen
+    return 0.5 * (matrix + matrix.T)
 
 
 def information(
@@ -221,14 +221,14 @@ def information(
         runs = [run] * len(draws)
     else:
         runs = [planned(model, par, manoeuvre, logging, name).run for par in draws]
-    grams = [run_information(model, knowledge, par, run) for par, run in zip(draws, runs, strict=True)]
-    return RunInformation(name or manoeuvre.name, float(manoeuvre.duration), np.array(grams))
+    matrices = [run_information(model, knowledge, par, run) for par, run in zip(draws, runs, strict=True)]
+    return RunInformation(name or manoeuvre.name, float(manoeuvre.duration), np.array(matrices))
 
 
 def executed_information(
     model: Model, knowledge: Knowledge, draws: Array, runs: Sequence[RunData], name: str = "flown"
 ) -> RunInformation:
     """Information of logged runs, with their own samples, noise and inputs; noise as stated, white."""
-    grams = [sum(run_information(model, knowledge, par, run) for run in runs) for par in draws]
+    matrices = [sum(run_information(model, knowledge, par, run) for run in runs) for par in draws]
     seconds = sum(float(run.plan.t[-1] - run.plan.t[0]) for run in runs)
-    return RunInformation(name, seconds, np.array(grams))
+    return RunInformation(name, seconds, np.array(matrices))

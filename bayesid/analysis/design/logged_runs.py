@@ -128,16 +128,16 @@ def cross_logs(
     joint[known.where] = weights.fit.values
     begun = {n: [replace(r, x0=x) for r, x in zip(runs[n], weights.starts[n], strict=True)] for n in names}
     weighed = {n: [r.with_sigma(weights.sigma) for r in runs[n]] for n in names}
-    grams, rows = {}, {}
+    matrices, rows = {}, {}
     for n in names:
         inside = [r.with_sigma(weights.sigma) for r in begun[n]]
-        grams[n] = np.sum([run_information(model, known, joint, r) for r in inside], axis=0)
+        matrices[n] = np.sum([run_information(model, known, joint, r) for r in inside], axis=0)
         plain = [r.with_sigma(weights.rms) for r in begun[n]]
         rows[n] = np.concatenate([prediction_rows(model, known, joint, r) for r in plain])
     m = len(names)
     predicted, actual = np.full((m, m), np.nan), np.full((m, m), np.nan)
     for i, row in enumerate(names):
-        left = posterior(grams[row])
+        left = posterior(matrices[row])
         values = None
         try:
             problem = FitProblem(model, known.parameters(), tuple(weighed[row]), base)
@@ -154,7 +154,7 @@ def cross_logs(
         np.array([error(model, known, base, v, runs[n], weights.rms) for n in names])
         for v in (known.mean, weights.fit.values)
     )
-    gains = np.array([float(gain(grams[n])) for n in names])
+    gains = np.array([float(gain(matrices[n])) for n in names])
     return LogCrossing(names, gains, predicted, actual, before, together)
 
 

@@ -69,7 +69,7 @@ class ManoeuvrePlan:
     choice : set from the library; None for telling causes apart
     best : name of the first candidate
     orders, execution : of the designed manoeuvre, executed by the nominal vehicle
-    told : criteria of the designed manoeuvre on top of the runs executed; None for telling causes apart
+    after : criteria of the designed manoeuvre on top of the runs executed; None for telling causes apart
     search : how the search went
     refused : library manoeuvres left out, and why
     """
@@ -82,7 +82,7 @@ class ManoeuvrePlan:
     choice: Choice | None
     orders: OpenLoop
     execution: PlannedRun
-    told: Criteria | None
+    after: Criteria | None
     search: Search
     refused: Mapping[str, str]
 
@@ -128,13 +128,13 @@ def next_manoeuvre(
         needs = {"predict": " needs a wanted manoeuvre", "tell": " needs causes to tell apart"}.get(kind, "")
         raise FitError(f"goal {kind!r}{needs or ' is unknown'}; there are {', '.join(GOALS)}")
     draws = case.draws(rng, effort.search + effort.judge)
-    seen, unseen = draws[: effort.search], draws[effort.search :]
-    if not len(unseen):
-        seen = unseen = draws
+    search_draws, judging_draws = draws[: effort.search], draws[effort.search :]
+    if not len(judging_draws):
+        search_draws = judging_draws = draws
     library, refused = case.allowed()
     bench: _Bench = (
-        _Margins(causes, seen, unseen) if kind == "tell" and causes is not None
-        else _Matrices(case, kind, seen, unseen, wanted, worst)
+        _Margins(causes, search_draws, judging_draws) if kind == "tell" and causes is not None
+        else _Matrices(case, kind, search_draws, judging_draws, wanted, worst)
     )  # fmt: skip
     entries = _judge(bench, library, "library", refused)
     shape = frame(case.bounds, case.model.scales["L"] / case.model.scales["U"])
@@ -161,13 +161,13 @@ def next_manoeuvre(
         anything = random_design(shape, rng)
         if not penalty(case, anything):
             randoms += _judge(bench, {f"random {i}": anything}, "random", {})
-    choice, told = None, None
+    choice, after = None, None
     if isinstance(bench, _Matrices):
-        choice = choose(bench.infos, bench.goal, bench.now.grams, count)
-        told = criteria(case.knowledge, bench.now + case.of(found.orders, unseen, "designed"))
+        choice = choose(bench.infos, bench.goal, bench.now.matrices, count)
+        after = criteria(case.knowledge, bench.now + case.of(found.orders, judging_draws, "designed"))
     ranked = tuple(sorted(entries, key=lambda c: -c.value))
     return ManoeuvrePlan(
-        bench.name, bench.unit, bench.before, ranked, tuple(randoms), choice, found.orders, execution, told,
+        bench.name, bench.unit, bench.before, ranked, tuple(randoms), choice, found.orders, execution, after,
         found, refused,
     )  # fmt: skip
 
@@ -215,14 +215,20 @@ class _Matrices(_Bench):
     """Goals that are functions of Fisher information."""
 
     def __init__(
-        self, case: PlanningCase, kind: str, seen: Array, unseen: Array, wanted: Manoeuvre | None, worst: bool
+        self,
+        case: PlanningCase,
+        kind: str,
+        search_draws: Array,
+        judging_draws: Array,
+        wanted: Manoeuvre | None,
+        worst: bool,
     ) -> None:
-        self.case, self.seen, self.unseen = case, seen, unseen
-        self.first, self.now = case.now(seen), case.now(unseen)
+        self.case, self.search_draws, self.judging_draws = case, search_draws, judging_draws
+        self.first, self.now = case.now(search_draws), case.now(judging_draws)
         self.infos: dict[str, RunInformation] = {}
         self.goal, self.fast = self._goals(kind, wanted, worst)
         self.name, self.unit = self.goal.name, self.goal.unit
-        self.before = self.goal.shown(self.now.grams)
+        self.before = self.goal.shown(self.now.matrices)
 
     def _goals(self, kind: str, wanted: Manoeuvre | None, worst: bool) -> Sequence[Goal]:
         c = self.case
@@ -232,30 +238,31 @@ class _Matrices(_Bench):
         if kind == "gain" or wanted is None:
             return InformationGoal(), InformationGoal()
         return tuple(
-            predict(c.model, c.knowledge, d, wanted, c.logging, worst) for d in (self.unseen, self.seen)
+            predict(c.model, c.knowledge, d, wanted, c.logging, worst)
+            for d in (self.judging_draws, self.search_draws)
         )
 
     def quick(self, manoeuvre: Manoeuvre) -> float:
-        return self.fast.value(self.first.grams + self.case.of(manoeuvre, self.seen).grams)
+        return self.fast.value(self.first.matrices + self.case.of(manoeuvre, self.search_draws).matrices)
 
     def full(self, name: str, manoeuvre: Manoeuvre) -> tuple[float, float]:
-        info = self.case.of(manoeuvre, self.unseen, name)
+        info = self.case.of(manoeuvre, self.judging_draws, name)
         if not name.startswith(("random ", "designed")):
             self.infos[name] = info
-        total = self.now.grams + info.grams
+        total = self.now.matrices + info.matrices
         return self.goal.shown(total), self.goal.value(total)
 
 
 class _Margins(_Bench):
     """The goal of telling causes apart."""
 
-    def __init__(self, causes: Causes, seen: Array, unseen: Array) -> None:
-        self.causes, self.seen, self.unseen = causes, seen[:2], unseen[:4]
+    def __init__(self, causes: Causes, search_draws: Array, judging_draws: Array) -> None:
+        self.causes, self.search_draws, self.judging_draws = causes, search_draws[:2], judging_draws[:4]
         self.name, self.unit, self.before = causes.name, causes.unit, causes.now
 
     def quick(self, manoeuvre: Manoeuvre) -> float:
-        return self.causes.margin(self.causes.grams(manoeuvre, self.seen))
+        return self.causes.margin(self.causes.matrices(manoeuvre, self.search_draws))
 
     def full(self, name: str, manoeuvre: Manoeuvre) -> tuple[float, float]:
-        value = self.causes.margin(self.causes.grams(manoeuvre, self.unseen))
+        value = self.causes.margin(self.causes.matrices(manoeuvre, self.judging_draws))
         return value, value

@@ -67,10 +67,10 @@ def sampled(
     density = trial_density(problem, found.unknowns, settings)
     chain = sample(density, density.laplace, SamplerOptions(ensembles=2, max_steps=steps, seed=seed))
     k = len(known.names)
-    grams = sum(case.of(m, draws).grams for m in manoeuvres)
+    matrices = sum(case.of(m, draws).matrices for m in manoeuvres)
     watch()
     return SampledCheck(
-        known.names, np.mean(contraction(known, np.asarray(grams)), axis=0), found.contraction(known),
+        known.names, np.mean(contraction(known, np.asarray(matrices)), axis=0), found.contraction(known),
         1.0 - chain.sd[:k] / known.sd, bool(chain.converged), tuple(chain.gate.reasons),
         int(chain.counts["all"]),
     )  # fmt: skip

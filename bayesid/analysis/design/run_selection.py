@@ -34,7 +34,7 @@ class Choice:
 
 def rank(candidates: Mapping[str, RunInformation], goal: Goal, now: Array) -> list[tuple[str, float]]:
     """Candidates with the goal's value after each alone, best first."""
-    values = {name: goal.value(now + info.grams) for name, info in candidates.items()}
+    values = {name: goal.value(now + info.matrices) for name, info in candidates.items()}
     return sorted(values.items(), key=lambda item: -item[1])
 
 
@@ -50,7 +50,7 @@ def choose(candidates: Mapping[str, RunInformation], goal: Goal, now: Array, cou
     for _ in range(count):
         best = rank(candidates, goal, total)[0][0]
         picked.append(best)
-        total = total + candidates[best].grams
+        total = total + candidates[best].matrices
     greedy = list(picked)
     value = goal.value(total)
     for _ in range(10):
@@ -67,7 +67,7 @@ def choose(candidates: Mapping[str, RunInformation], goal: Goal, now: Array, cou
     while left:
         name = rank({n: candidates[n] for n in left}, goal, total)[0][0]
         left.remove(name)
-        total = total + candidates[name].grams
+        total = total + candidates[name].matrices
         order.append(name)
         values.append(goal.shown(total))
     return Choice(tuple(order), tuple(values), goal.shown(now), sorted(greedy) != sorted(picked))
@@ -76,5 +76,5 @@ def choose(candidates: Mapping[str, RunInformation], goal: Goal, now: Array, cou
 def _sum(now: Array, names: Sequence[str], candidates: Mapping[str, RunInformation]) -> Array:
     total = now
     for name in names:
-        total = total + candidates[name].grams
+        total = total + candidates[name].matrices
     return total

@@ -88,8 +88,8 @@ def refit(problem: FitProblem, knowledge: Knowledge, iterations: int = 40) -> Re
     scale = np.concatenate([knowledge.sd, problem.scale[len(knowledge.names) :]])
     for factor in (30.0, 5.0):
         if cost > 0.5 * factor**2 * problem.n_readings:
-            loud = tuple(replace(run, sigma=run.sigma * factor) for run in problem.runs)
-            z, _, _ = _descend(replace(problem, runs=loud), z, scale, iterations // 2)
+            noisy = tuple(replace(run, sigma=run.sigma * factor) for run in problem.runs)
+            z, _, _ = _descend(replace(problem, runs=noisy), z, scale, iterations // 2)
     z, jac, converged = _descend(problem, z, scale, iterations)
     k = len(knowledge.names)
     inner = np.linalg.solve(knowledge.root, np.diag(knowledge.sd))

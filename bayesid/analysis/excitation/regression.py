@@ -36,8 +36,8 @@ class Excitation:
     form, draws, seed : "weak" or "strong"; bootstrap draws
     axes : one regression per axis, nothing known of any coefficient
     beyond : the same with the vehicle's own rows held within their prior: what they leave
-    unseen : rows of the table outside a planar model, whose regressors are zero in the plane or whose axis is
-        not logged
+    out_of_plane : rows of the table outside a planar model, whose regressors are zero in the plane or whose
+        axis is not logged
     """
 
     vehicle: str
@@ -48,7 +48,7 @@ class Excitation:
     seed: int
     axes: tuple[AxisFit, ...]
     beyond: tuple[AxisFit, ...]
-    unseen: tuple[str, ...]
+    out_of_plane: tuple[str, ...]
 
     @cached_property
     def terms(self) -> tuple[RowSelection, ...]:
@@ -58,7 +58,7 @@ class Excitation:
     @cached_property
     def inclusion(self) -> dict[str, float]:
         """Share of bootstrap draws that keep each column."""
-        return {w.name: w.inclusion for w in self.terms} | dict.fromkeys(self.unseen, 0.0)
+        return {w.name: w.inclusion for w in self.terms} | dict.fromkeys(self.out_of_plane, 0.0)
 
     @cached_property
     def spread(self) -> dict[str, float]:
@@ -67,7 +67,7 @@ class Excitation:
         for w in self.terms:
             known = np.isfinite(w.value) and w.value != 0.0 and np.isfinite(w.sd)
             out[w.name] = abs(w.sd / w.value) if known else float("inf")
-        return out | dict.fromkeys(self.unseen, float("inf"))
+        return out | dict.fromkeys(self.out_of_plane, float("inf"))
 
     @cached_property
     def groups(self) -> tuple[tuple[str, ...], ...]:
@@ -101,7 +101,7 @@ def excite(
     draws: int = 100,
     seed: int = 0,
     drift: float = 0.0,
-    say: Callable[[str], None] = lambda text: None,
+    notify: Callable[[str], None] = lambda text: None,
 ) -> Excitation:
     """Sparse regression of the rigid-body wrench of logged runs on the columns of the force table.
 
@@ -122,9 +122,9 @@ def excite(
     """
     if not runs:
         raise ModelError("no run to read; excitation needs at least one")
-    say(f"smoothing {len(runs)} run(s)")
+    notify(f"smoothing {len(runs)} run(s)")
     motions, _ = smooth_tracks(model, runs, noise, drift)
-    return excite_motions(model, motions, form=form, draws=draws, seed=seed, say=say)
+    return excite_motions(model, motions, form=form, draws=draws, seed=seed, notify=notify)
 
 
 def excite_motions(
@@ -135,7 +135,7 @@ def excite_motions(
     draws: int = 100,
     seed: int = 0,
     columns: Sequence[LibraryColumn] | None = None,
-    say: Callable[[str], None] = lambda text: None,
+    notify: Callable[[str], None] = lambda text: None,
 ) -> Excitation:
     """As `excite`, from motions already at hand (`exact_motion` for a run free of noise)."""
     rng = np.random.default_rng(seed)
@@ -150,11 +150,13 @@ def excite_motions(
             prior[column.name] = sd if known else DEFAULT_RELATIVE_SD * abs(column.nominal)
     free, beyond = [], []
     for axis in axes:
-        say(f"regressing {axis} on {sum(c.axis == axis for c in columns)} columns")
+        notify(f"regressing {axis} on {sum(c.axis == axis for c in columns)} columns")
         free.append(select_axis(data, axis, draws, rng))
         beyond.append(select_axis(data, axis, draws, rng, prior))
     seen = {c.name for c in columns}
-    unseen = tuple(t.name for t in TERMS if t.group == "base" and not t.is_inertia and t.name not in seen)
+    out_of_plane = tuple(
+        t.name for t in TERMS if t.group == "base" and not t.is_inertia and t.name not in seen
+    )
     return Excitation(
         model.vehicle.name,
         model.digest,
@@ -164,7 +166,7 @@ def excite_motions(
         seed,
         tuple(free),
         tuple(beyond),
-        unseen,
+        out_of_plane,
     )
 
 
@@ -181,7 +183,7 @@ def as_json(found: Excitation) -> dict[str, Any]:
         "seed": found.seed,
         "axes": {fit.axis: _axis(fit) for fit in found.axes},
         "beyond": {fit.axis: _axis(fit) for fit in found.beyond},
-        "unseen": list(found.unseen),
+        "unseen": list(found.out_of_plane),
         "groups": [list(g) for g in found.groups],
         "candidates": [w.name for w in found.candidates],
         "candidate_groups": [list(g) for g in found.candidate_groups],

@@ -197,7 +197,7 @@ def select_axis(
     if prior is not None:
         target = target - theta @ np.array([c.nominal for c in columns])
     roots = _Roots(scaled, target, data.weight, data.block)
-    recoveries = _twins(roots.total(np.ones(roots.blocks)), columns, alive)
+    recoveries = _collinear(roots.total(np.ones(roots.blocks)), columns, alive)
     keep = [k for k in range(len(columns)) if alive[k] and (k == recoveries[k] or k in known)]
     fixed = frozenset(known)
     variance, inflation = _noise(roots, keep, (EXACT_RESIDUAL * rms) ** 2)
@@ -271,7 +271,7 @@ def select_axis(
     )
 
 
-def _twins(root: Array, columns: list[LibraryColumn], alive: Array) -> Array:
+def _collinear(root: Array, columns: list[LibraryColumn], alive: Array) -> Array:
     """For every column the first parallel one, those of the vehicle file first; itself if there is none."""
     unit = root[:, :-1] / np.maximum(np.linalg.norm(root[:, :-1], axis=0), 1e-300)
     out = np.arange(len(columns))

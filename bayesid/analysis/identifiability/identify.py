@@ -116,9 +116,9 @@ def identify(
     z = problem.start if z is None else np.asarray(z, dtype=float)
     stated = states_prior(problem)
     full = with_assumed_priors(problem.with_params(problem.params.started_at(z[: len(stated)])), level)
-    posed = full if fitted else as_if_read(full, z)
-    info = information(posed, z, stated)
-    found = open_directions(info, scalings(posed, z))
+    problem_seen = full if fitted else as_if_read(full, z)
+    info = information(problem_seen, z, stated)
+    found = open_directions(info, scalings(problem_seen, z))
     covariance, source = info.covariance, "Laplace"
     if draws is not None:
         covariance, source = np.cov(draws / info.unit, rowvar=False), "draws"
@@ -126,7 +126,7 @@ def identify(
     done: tuple[Profile, ...] = ()
     if profile:
         names = info.names if profile is True else tuple(profile)
-        done = profiles(posed, info, z, names, offsets, log, step)
+        done = profiles(problem_seen, info, z, names, offsets, log, step)
         shares = np.array([p.data_share for p in done])
         spaces["profile"] = path_space(np.array([p.path for p in done]), shares)
     directions = tuple(
@@ -135,5 +135,5 @@ def identify(
     return Identifiability(
         info.names, info.z, info, singular_values(info.data)[0], directions, coefficient_rows(info,
             at_bound), done,
-        source, posed.n_readings,
+        source, problem_seen.n_readings,
     )  # fmt: skip

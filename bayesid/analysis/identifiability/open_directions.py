@@ -18,7 +18,7 @@ from bayesid.estimation.output_error.flat_directions import SHOWN, combination, 
 from bayesid.model.terms import TERMS, term
 
 Array = np.ndarray
-UNSEEN_SHARE = 1e-6  # a structural change moves the residuals by less than this share of its parts
+UNINFORMED_SHARE = 1e-6  # a structural change moves the residuals by less than this share of its parts
 EXACT_SHARE = 1e-11  # and by less than this where it is exact in arithmetic
 OPEN_DATA_SHARE = 0.5  # a direction is open where the data's share of what is known along it is below this
 FAMILY_SHARE = 0.6  # a ridge has a family's name if its members make up this share of it
@@ -75,7 +75,7 @@ def open_directions(info: Information, structural: Sequence[Scaling] = ()) -> tu
         step = candidate.tangent / info.unit
         step = step / np.linalg.norm(step)
         change, parts = np.linalg.norm(info.data @ step), np.linalg.norm(info.reach * step)
-        if change <= UNSEEN_SHARE * parts and info.share_along(step) < OPEN_DATA_SHARE:
+        if change <= UNINFORMED_SHARE * parts and info.share_along(step) < OPEN_DATA_SHARE:
             exact = bool(change <= EXACT_SHARE * parts)
             found.append(_open(info, step, "structural", candidate.name, exact))
             basis = np.column_stack([basis, step])

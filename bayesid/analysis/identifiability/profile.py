@@ -213,13 +213,13 @@ class _Store:
 def _holds(problem: FitProblem, start: float, line: dict[str, Any]) -> bool:
     """Whether the cost a stored refit tells is that of its values, computed again."""
     try:
-        told = start + float(line["rise"])
+        stored = start + float(line["rise"])
         found = problem.cost(np.array(line["z"], dtype=float))
         moved = np.array(line["moved"], dtype=float)
     except (KeyError, TypeError, ValueError, IndexError):
         return False
     if moved.shape != (len(problem.params.names),):
         return False
-    if not np.isfinite(told):
+    if not np.isfinite(stored):
         return not np.isfinite(found)
-    return bool(abs(found - told) <= SAME_COST * max(abs(told), abs(start)))
+    return bool(abs(found - stored) <= SAME_COST * max(abs(stored), abs(start)))

@@ -1,7 +1,7 @@
 """Bundles for whoever is to find out, answers for whoever is to judge; never in the same folder.
 
 Takes: a campaign. Writes trial.toml, vehicle.toml and one CSV per run; returns the truth as plain values.
-Does not: seal or score.
+Does not: commit or score.
 """
 
 from __future__ import annotations
@@ -131,14 +131,14 @@ def write_pack(
     ------
     TrialError                 one folder lies within the other, or a bundle exists already
     """
-    packs, sealed = Path(out).resolve(), Path(answers).resolve()
-    if packs == sealed or packs in sealed.parents or sealed in packs.parents:
+    packs, committed = Path(out).resolve(), Path(answers).resolve()
+    if packs == committed or packs in committed.parents or committed in packs.parents:
         raise TrialError("answers must be in a folder of their own, not within the bundles or around them")
-    sealed.mkdir(parents=True, exist_ok=True)
+    committed.mkdir(parents=True, exist_ok=True)
     made = []
     for k in range(count):
         name = f"{prefix}{seed + k:04d}"
         answer = write_bundle(draw_campaign(seed + k, **factors), packs / name)
-        (sealed / f"{name}.json").write_text(json.dumps(answer, indent=1) + "\n", encoding="utf-8")
+        (committed / f"{name}.json").write_text(json.dumps(answer, indent=1) + "\n", encoding="utf-8")
         made.append(answer)
     return made

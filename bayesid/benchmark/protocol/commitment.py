@@ -25,14 +25,14 @@ VERDICT_COMMITMENT_FILE = (
     "seal.json"  # beside verdicts: their fingerprints, versions and the commitments they answer
 )
 SECRET = "secret.key"  # beside answers: hexadecimal digits from which campaigns and names are derived
-# 1: names carried the seed of the campaign, and the seal covered the list of verdicts only; still read
+# 1: names carried the seed of the campaign, and the commitment covered the list of verdicts only; still read
 FORMAT, FORMATS = 2, (1, 2)
 SECRET_BITS = 256
 ENOUGH_BITS = 128  # below, a pack can be rebuilt by trying
 
 
 class BlindError(BayesidError):
-    """A blind check cannot go on: a seal is broken, an answer leaked, a pack or a verdict is missing."""
+    """A blind check cannot go on: a broken commitment, an answer that leaked, a missing pack or verdict."""
 
 
 def salt() -> str:

@@ -105,7 +105,7 @@ class ScoredCase:
 
 def judge(answer: Answer, verdict: Mapping[str, Any] | None, cost: float = math.nan) -> ScoredCase:
     """Judge one bundle; `cost` is its CPU time [s]."""
-    told: Mapping[str, Any] = verdict or {
+    record: Mapping[str, Any] = verdict or {
         "verdict": "failed",
         "effects": [],
         "set95": [],
@@ -115,25 +115,25 @@ def judge(answer: Answer, verdict: Mapping[str, Any] | None, cost: float = math.
     shown = [c.shown for c in answer.causes if c.shown is not None]
     plain = max(shown, key=lambda s: s.noncentrality, default=None)
     stratum = _stratum(answer, plain)
-    probability = by_family(told["probabilities"] or _PRIOR | dict.fromkeys(FAMILIES, 0.4 / len(FAMILIES)))
+    probability = by_family(record["probabilities"] or _PRIOR | dict.fromkeys(FAMILIES, 0.4 / len(FAMILIES)))
     total = sum(probability.values())
     probability = {n: p / total for n, p in probability.items()} if total > 0 else probability
     top = max(probability, key=lambda n: probability[n])
     acceptable = right | {"none"} if stratum == "faint" else right
-    if stratum == "hidden" and told["verdict"] == "coefficients":
+    if stratum == "hidden" and record["verdict"] == "coefficients":
         acceptable = acceptable | {"coefficient_error"}
-    names = [e["name"] for e in told["effects"]]
-    named = families_of(names) if told["verdict"] in NAMING_VERDICTS else frozenset()
-    stated_set = families_of(told["set95"])
+    names = [e["name"] for e in record["effects"]]
+    named = families_of(names) if record["verdict"] in NAMING_VERDICTS else frozenset()
+    stated_set = families_of(record["set95"])
     p_right = sum(probability.get(f, 0.0) for f in right)
     target = dict.fromkeys(right, 1.0 / len(right))
     brier = sum((p - target.get(n, 0.0)) ** 2 for n, p in probability.items())
-    gap = told.get("gap") or {}
+    gap = record.get("gap") or {}
     shrink, before, after = (_number(gap.get(k)) for k in ("shrink", "before", "after"))
-    place, located, alone = _located(answer, told)
+    place, located, alone = _located(answer, record)
     covered = bool(stated_set & acceptable) if answer.kind != "two" else right <= stated_set or (
         stratum == "faint" and "none" in stated_set)  # fmt: skip
-    outcome = _outcome(answer, told, named, stated_set, bool(plain and plain.absorbed > CONFOUNDED_SHARE))
+    outcome = _outcome(answer, record, named, stated_set, bool(plain and plain.absorbed > CONFOUNDED_SHARE))
     return ScoredCase(
         name=answer.name,
         kind=answer.kind,
@@ -147,10 +147,10 @@ def judge(answer: Answer, verdict: Mapping[str, Any] | None, cost: float = math.
         rival=plain.rival if plain else "",
         least=min((s.noncentrality for s in shown), default=math.nan),
         deepest=max((s.absorbed for s in shown), default=math.nan),
-        word=told["verdict"],
+        word=record["verdict"],
         named=named,
         top=top,
-        stated=_acting(told, top, probability[top]),
+        stated=_acting(record, top, probability[top]),
         right=right,
         acceptable=acceptable,
         p_right=p_right,
@@ -159,24 +159,24 @@ def judge(answer: Answer, verdict: Mapping[str, Any] | None, cost: float = math.
         covered=covered,
         size=len(stated_set),
         outcome=outcome,
-        reason=_explained(answer, outcome, plain, told, named),
-        parameters=_parameters(answer, told),
-        coefficients=_coefficients(answer, told),
+        reason=_explained(answer, outcome, plain, record, named),
+        parameters=_parameters(answer, record),
+        coefficients=_coefficients(answer, record),
         place=place,
         located=located,
         alone=alone,
         before=before,
         after=after,
         shrink=shrink,
-        worst_absorbed=_absorbed(told, names),
+        worst_absorbed=_absorbed(record, names),
         cost=cost,
         dof=int(answer.factors.get("dof") or 3),
     )
 
 
-def _acting(told: Mapping[str, Any], top: str, alone: float) -> float:
+def _acting(record: Mapping[str, Any], top: str, alone: float) -> float:
     """Stated probability that a family acts, alone or with others; older verdicts state only shares."""
-    acting = told.get("acting")
+    acting = record.get("acting")
     return min(by_family(acting).get(top, 0.0), 1.0) if acting else alone
 
 
@@ -194,9 +194,9 @@ def _stratum(answer: Answer, plain: Any) -> str:
     return "not isolable" if plain.margin < ISOLABLE_NONCENTRALITY else "clear"
 
 
-def _outcome(answer: Answer, told: Mapping[str, Any], named: frozenset[str], stated_set: frozenset[str],
+def _outcome(answer: Answer, record: Mapping[str, Any], named: frozenset[str], stated_set: frozenset[str],
              hidden: bool) -> str:  # fmt: skip
-    word, right = told["verdict"], answer.families
+    word, right = record["verdict"], answer.families
     if word == "failed":
         return "failed"
     if answer.kind == "none":
@@ -223,25 +223,29 @@ def _outcome(answer: Answer, told: Mapping[str, Any], named: frozenset[str], sta
 
 
 def _explained(
-    answer: Answer, outcome: str, plain: Any, told: Mapping[str, Any], named: frozenset[str]
+    answer: Answer, outcome: str, plain: Any, record: Mapping[str, Any], named: frozenset[str]
 ) -> str:
     """Reason of a miss, and whether the environment was misjudged meanwhile."""
-    reason = _reason(answer, outcome, plain, told, named)
-    return "; ".join(part for part in (reason, largest_overestimate(answer, told)) if part) if reason else ""
+    reason = _reason(answer, outcome, plain, record, named)
+    return (
+        "; ".join(part for part in (reason, largest_overestimate(answer, record)) if part) if reason else ""
+    )
 
 
-def _reason(answer: Answer, outcome: str, plain: Any, told: Mapping[str, Any], named: frozenset[str]) -> str:
+def _reason(
+    answer: Answer, outcome: str, plain: Any, record: Mapping[str, Any], named: frozenset[str]
+) -> str:
     """Why a verdict is not simply right, from the numbers of answer and verdict."""
     if outcome == "right" or outcome == "rejected":
         return ""
     if outcome == "failed":
         return "the diagnosis did not end"
     if answer.kind == "none":
-        where = told.get("where", {}).get("channel")
-        said = ", ".join(sorted(named)) or told["verdict"]
+        where = record.get("where", {}).get("channel")
+        names = ", ".join(sorted(named)) or record["verdict"]
         sea = answer.factors.get("sea", "")
         place = where or "no channel"
-        return f"nothing planted; {said}; a free signal gains {_top_gain(told)} in {place}, sea {sea}"
+        return f"nothing planted; {names}; a free signal gains {_top_gain(record)} in {place}, sea {sea}"
     if plain is None:
         return "detectability of the cause is not known"
     d = f"D = {plain.noncentrality:.3g}"
@@ -249,9 +253,9 @@ def _reason(answer: Answer, outcome: str, plain: Any, told: Mapping[str, Any], n
         hidden = f", {plain.absorbed:.1%} absorbed by the coefficients" if plain.absorbed > 0.9 else ""
         return f"below detectability ({d}{hidden})"
     if answer.kind == "outside" and not named:
-        return f"a free signal gains {_top_gain(told)} over the environment the verdict assumes ({d})"
+        return f"a free signal gains {_top_gain(record)} over the environment the verdict assumes ({d})"
     if answer.kind == "outside":
-        return f"named what is most like it ({d}, {_top_gain(told)} of a free signal)"
+        return f"named what is most like it ({d}, {_top_gain(record)} of a free signal)"
     if answer.kind == "two" and outcome == "in part":
         faint = [
             c.name for c in answer.causes if c.shown and c.shown.noncentrality < DETECTABLE_NONCENTRALITY
@@ -264,25 +268,25 @@ def _reason(answer: Answer, outcome: str, plain: Any, told: Mapping[str, Any], n
         return f"expected margin over {plain.rival} only {plain.margin:.1f} ({d})"
     if family_of(plain.rival) in named:
         return f"named its nearest rival {plain.rival}, expected margin {plain.margin:.0f} ({d})"
-    groups = [g for g in told.get("ambiguity_groups", []) if families_of(g) & answer.families]
+    groups = [g for g in record.get("ambiguity_groups", []) if families_of(g) & answer.families]
     if named and any(families_of(g) & named for g in groups):
         return f"named another of a group the diagnosis itself called alike ({d})"
     if answer.kind == "variant":
         return f"the catalogue words this cause otherwise: {answer.causes[0].variant} ({d})"
-    if told["verdict"] == "outside":
+    if record["verdict"] == "outside":
         return f"the best refit left a remainder or did not arrive ({d})"
     if outcome == "set":
         return f"in the set without being named ({d})"
     return f"detectable ({d}), margin {plain.margin:.3g} over {plain.rival or 'none'}; unexplained"
 
 
-def _top_gain(told: Mapping[str, Any]) -> str:
-    evidence = [v for v in told.get("where", {}).get("evidence", {}).values() if v is not None]
+def _top_gain(record: Mapping[str, Any]) -> str:
+    evidence = [v for v in record.get("where", {}).get("evidence", {}).values() if v is not None]
     return f"{max(evidence):.1f} nats" if evidence else "nothing known"
 
 
-def _located(answer: Answer, told: Mapping[str, Any]) -> tuple[str | None, bool | None, bool | None]:
-    where = told.get("where") or {}
+def _located(answer: Answer, record: Mapping[str, Any]) -> tuple[str | None, bool | None, bool | None]:
+    where = record.get("where") or {}
     evidence = {n: float(v) for n, v in where.get("evidence", {}).items() if v is not None}
     place = where.get("channel")
     allowed = {p for c in answer.causes for p in places_of(c.name)}
@@ -291,9 +295,9 @@ def _located(answer: Answer, told: Mapping[str, Any]) -> tuple[str | None, bool 
     return place, place in allowed, max(evidence, key=lambda n: evidence[n]) in allowed
 
 
-def _parameters(answer: Answer, told: Mapping[str, Any]) -> tuple[tuple[str, str, float, float], ...]:
+def _parameters(answer: Answer, record: Mapping[str, Any]) -> tuple[tuple[str, str, float, float], ...]:
     out = []
-    named = {e["name"]: e["parameters"] for e in told["effects"] if told["verdict"] in NAMING_VERDICTS}
+    named = {e["name"]: e["parameters"] for e in record["effects"] if record["verdict"] in NAMING_VERDICTS}
     for cause in answer.causes:
         for name, true in (cause.parameters or {}).items():
             found = named.get(cause.name, {}).get(name)
@@ -309,13 +313,15 @@ def _parameters(answer: Answer, told: Mapping[str, Any]) -> tuple[tuple[str, str
     return tuple(out)
 
 
-def _coefficients(answer: Answer, told: Mapping[str, Any]) -> tuple[int, int]:
+def _coefficients(answer: Answer, record: Mapping[str, Any]) -> tuple[int, int]:
     """Coefficients within two stated deviations, where the chosen structure is right."""
-    stated = told.get("coefficients") or {}
+    stated = record.get("coefficients") or {}
     named = (
-        families_of(e["name"] for e in told["effects"]) if told["verdict"] in NAMING_VERDICTS else frozenset()
+        families_of(e["name"] for e in record["effects"])
+        if record["verdict"] in NAMING_VERDICTS
+        else frozenset()
     )
-    sound = told["verdict"] == "none" if answer.kind == "none" else named == answer.families
+    sound = record["verdict"] == "none" if answer.kind == "none" else named == answer.families
     if not stated or not answer.coefficients or not sound or answer.kind == "variant":
         return 0, 0
     from bayesid.errors import BayesidError
@@ -334,10 +340,10 @@ def _coefficients(answer: Answer, told: Mapping[str, Any]) -> tuple[int, int]:
     return inside, count
 
 
-def _absorbed(told: Mapping[str, Any], names: list[str]) -> float:
-    if told["verdict"] not in ("effect", "effect_with_remainder") or len(names) != 1:
+def _absorbed(record: Mapping[str, Any], names: list[str]) -> float:
+    if record["verdict"] not in ("effect", "effect_with_remainder") or len(names) != 1:
         return math.nan
-    return _number((told.get("detectability") or {}).get(names[0], {}).get("absorbed"))
+    return _number((record.get("detectability") or {}).get(names[0], {}).get("absorbed"))
 
 
 def _number(value: Any) -> float:

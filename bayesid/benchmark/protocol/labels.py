@@ -19,20 +19,20 @@ from bayesid.benchmark.protocol.detectability import Detectability
 from bayesid.errors import BayesidError
 from bayesid.model.vehicles import Vehicle, load_vehicle
 
-Told = Mapping[str, Any]
-Convert = Callable[[Told, Vehicle], float]
+Label = Mapping[str, Any]
+Convert = Callable[[Label, Vehicle], float]
 
 
 def _same(key: str) -> Convert:
-    return lambda told, vehicle: float(told[key])
+    return lambda label, vehicle: float(label[key])
 
 
 def _degrees(key: str, times: float = 1.0) -> Convert:
-    return lambda told, vehicle: times * math.radians(float(told[key]))
+    return lambda label, vehicle: times * math.radians(float(label[key]))
 
 
-def _rate_excess(told: Told, vehicle: Vehicle) -> float:
-    return 1.0 / math.radians(float(told["a_rate_deg_s"])) - 1.0 / vehicle.rates["delta_r"]
+def _rate_excess(label: Label, vehicle: Vehicle) -> float:
+    return 1.0 / math.radians(float(label["a_rate_deg_s"])) - 1.0 / vehicle.rates["delta_r"]
 
 
 # Effect of the contract -> its parameter -> the label's value in SI. Drag of a line, compass deviation, strip
@@ -56,7 +56,7 @@ CONVERTED: Mapping[str, Mapping[str, Convert]] = {
     "propeller_side_force": {"side_force": _same("p_side")},
     "cg_offset_x": {"x_G": _same("cg_x")},
     "ballast_mass": {
-        "mass_fraction": lambda told, vehicle: float(told["bal_m"]) / vehicle.mass,
+        "mass_fraction": lambda label, vehicle: float(label["bal_m"]) / vehicle.mass,
         "x": _same("bal_x"),
     },
     "added_mass_error": {"e_Y": _same("am_y"), "e_N": _same("am_n")},
@@ -70,7 +70,7 @@ CONVERTED: Mapping[str, Mapping[str, Convert]] = {
 ALIASES: Mapping[str, Mapping[str, Convert]] = {"time_offset": {"delay": _same("s_off")}}
 
 
-def parameters_of(effect: Told, vehicle: Vehicle | None) -> dict[str, float]:
+def parameters_of(effect: Label, vehicle: Vehicle | None) -> dict[str, float]:
     """Parameters of a labelled effect under the names of the contract, SI, where they can be compared."""
     name = str(effect["name"])
     table = ALIASES.get(name) or CONVERTED.get(name, {})
@@ -85,7 +85,7 @@ def parameters_of(effect: Told, vehicle: Vehicle | None) -> dict[str, float]:
     return out
 
 
-def answer_of_label(label: Told, path: Path) -> Answer:
+def answer_of_label(label: Label, path: Path) -> Answer:
     """One label as an answer; `path` is for messages.
 
     Noncentrality is the label's `delta_cost`: the fall of chi-square, with the noise of the trial, from a
@@ -104,13 +104,13 @@ def answer_of_label(label: Told, path: Path) -> Answer:
         ) from None
 
 
-def _answer(label: Told) -> Answer:
-    told = [e for e in label["effects"] if e["name"] != "none"]
+def _answer(label: Label) -> Answer:
+    planted = [e for e in label["effects"] if e["name"] != "none"]
     outside = label["label"] == "outside"
     vehicle = _vehicle(str(label.get("vehicle", "")))
     detect, causes = label.get("detect") or {}, []
     each = detect.get("delta_cost_each") or {}
-    for e in told:
+    for e in planted:
         cost = each.get(e["name"], detect.get("delta_cost"))
         shown = None
         if cost is not None:

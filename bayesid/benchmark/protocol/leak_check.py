@@ -50,25 +50,25 @@ def check_pack(pack: Path) -> dict[str, Any] | None:
     bundles = {p.parent.name: p.parent for p in pack.glob("*/trial.toml")}
     if not bundles:
         raise BlindError(f"{pack}: no bundle (a folder with trial.toml) in this pack")
-    told = (
+    content = (
         read_json(pack / PACK_COMMITMENTS_FILE, "the commitments")
         if (pack / PACK_COMMITMENTS_FILE).exists()
         else None
     )
-    problems = _leaks(pack, told) + _hidden(pack)
-    if isinstance(told, dict) and told.get("format") == FORMAT:
+    problems = _leaks(pack, content) + _hidden(pack)
+    if isinstance(content, dict) and content.get("format") == FORMAT:
         named = {problem.split(": ")[0] for problem in problems}
         problems += [p for p in _needless(pack, bundles) if p.split(": ")[0] not in named]
-    if told is not None:
-        problems += _missing(bundles, told)
+    if content is not None:
+        problems += _missing(bundles, content)
     if problems:
         raise_all(BlindError, str(pack), problems)
-    return told
+    return content
 
 
-def _missing(bundles: dict[str, Path], told: Any) -> list[str]:
-    announced = told.get("bundles") if isinstance(told, dict) else None
-    if not isinstance(announced, dict) or told.get("format") not in FORMATS:
+def _missing(bundles: dict[str, Path], content: Any) -> list[str]:
+    announced = content.get("bundles") if isinstance(content, dict) else None
+    if not isinstance(announced, dict) or content.get("format") not in FORMATS:
         return [f"{PACK_COMMITMENTS_FILE}: is of none of the formats {FORMATS}; ask for the pack again"]
     out = [f"incomplete: bundle {n} is announced but missing" for n in sorted(set(announced) - set(bundles))]
     out += [f"bundle {n} was not announced" for n in sorted(set(bundles) - set(announced))]
@@ -80,10 +80,10 @@ def _missing(bundles: dict[str, Path], told: Any) -> list[str]:
     return out
 
 
-def _leaks(pack: Path, told: Any) -> list[str]:
-    sealed = set()
-    if isinstance(told, dict) and isinstance(told.get("bundles"), dict):
-        sealed = {entry.get("answer") for entry in told["bundles"].values() if isinstance(entry, dict)}
+def _leaks(pack: Path, content: Any) -> list[str]:
+    committed = set()
+    if isinstance(content, dict) and isinstance(content.get("bundles"), dict):
+        committed = {entry.get("answer") for entry in content["bundles"].values() if isinstance(entry, dict)}
     out = []
     for path in sorted(pack.rglob("*")):
         if path.is_dir() and not path.is_symlink():
@@ -93,7 +93,7 @@ def _leaks(pack: Path, told: Any) -> list[str]:
             continue
         if path.is_symlink():
             out.append(f"{name}: is a link out of the pack; put the file itself there")
-        elif digest_of_file(path) in sealed:
+        elif digest_of_file(path) in committed:
             out.append(f"{name}: is a committed answer; take it out of the pack unread")
         elif path.suffix.lower() not in READABLE_SUFFIXES:
             out.append(f"{name}: may hold an answer; a pack holds .toml and .csv files only")
@@ -112,9 +112,12 @@ def _hidden(pack: Path) -> list[str]:
         if unprintable(path.name)
     ]
     for file in sorted(pack.glob("*/trial.toml")):
-        told = _toml(file)
-        runs = [run for run in told.get("runs", ()) if isinstance(run, dict)]
-        texts = [told.get("name", ""), *(run.get(key, "") for run in runs for key in ("file", "manoeuvre"))]
+        content = _toml(file)
+        runs = [run for run in content.get("runs", ()) if isinstance(run, dict)]
+        texts = [
+            content.get("name", ""),
+            *(run.get(key, "") for run in runs for key in ("file", "manoeuvre")),
+        ]
         bad = [text for text in texts if isinstance(text, str) and unprintable(text)]
         out += [f"{file.parent.name}/trial.toml: {text!r} holds a control character" for text in bad]
     return out
@@ -133,11 +136,11 @@ def _needless(pack: Path, bundles: dict[str, Path]) -> list[str]:
     needed = {pack / PACK_COMMITMENTS_FILE}
     out: list[str] = []
     for folder in bundles.values():
-        told = _toml(folder / "trial.toml")
-        runs = [r.get("file") for r in told.get("runs", ()) if isinstance(r, dict)]
+        content = _toml(folder / "trial.toml")
+        runs = [r.get("file") for r in content.get("runs", ()) if isinstance(r, dict)]
         files = [folder / name for name in runs if isinstance(name, str)]
         needed |= {folder / "trial.toml", folder / "vehicle.toml", *files}
-        renamed = told.get("columns")
+        renamed = content.get("columns")
         named = {str(v) for v in renamed.values()} if isinstance(renamed, dict) else set()
         for file in files:
             extra = _columns(file, named)

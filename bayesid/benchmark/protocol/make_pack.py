@@ -79,9 +79,10 @@ def make_pack(
     drawn = list(seeds) if seeds is not None else [derived(secret, "campaign", k) for k in range(count)]
     names = [f"{prefix}{derived(secret, 'name', k):032x}"[:NAME_DIGITS] for k in range(count)]
     given: Mapping[str, Any] = {} if callable(factors) else factors or {}
-    said = [factors(k, seed) if callable(factors) else given for k, seed in enumerate(drawn)]
+    given_factors = [factors(k, seed) if callable(factors) else given for k, seed in enumerate(drawn)]
     tasks = [
-        (seed, name, out, answers, dict(some)) for seed, name, some in zip(drawn, names, said, strict=True)
+        (seed, name, out, answers, dict(some))
+        for seed, name, some in zip(drawn, names, given_factors, strict=True)
     ]
     progress = progress or Progress()
     with progress.stage("bundles", len(tasks)) as stage:
@@ -101,13 +102,13 @@ def commit_pack(out: Path, answers: Path, names: Iterable[str], secret_bits: int
     path = out / PACK_COMMITMENTS_FILE
     if secret_bits is None and path.exists():
         secret_bits = read_json(path, "the commitments").get("secret_bits")
-    told = {} if secret_bits is None else {"secret_bits": secret_bits}
+    secrets_given = {} if secret_bits is None else {"secret_bits": secret_bits}
     bundles = {
         name: {"answer": digest_of_file(answers / f"{name}.json"), "bundle": digest_of_folder(out / name)}
         for name in sorted(names)
     }
     made = datetime.now(UTC).isoformat(timespec="seconds")
-    return write_json(path, {"format": FORMAT, "made": made, **told, "bundles": bundles})
+    return write_json(path, {"format": FORMAT, "made": made, **secrets_given, "bundles": bundles})
 
 
 def _make_one(task: tuple[int, str, Path, Path, dict[str, Any]]) -> str:

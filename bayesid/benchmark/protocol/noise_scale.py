@@ -24,9 +24,9 @@ PLANT_AXES, AXES = "XYNZM", {3: "XYN", 6: "XYZKMN"}
 def noise_overestimate(answer: Answer, verdict: Mapping[str, Any]) -> dict[str, float]:
     """Axis -> disturbance in the verdict over the true one; empty where either is unknown."""
     true = (answer.source.get("environment") or {}).get("force_rms")
-    told = (verdict.get("environment") or {}).get("force")
+    force_stated = (verdict.get("environment") or {}).get("force")
     dof = int(answer.factors.get("dof") or 3)
-    if not true or not any(true) or not told or len(told) != len(AXES[dof]):
+    if not true or not any(true) or not force_stated or len(force_stated) != len(AXES[dof]):
         return {}
     try:
         v = load_vehicle(answer.factors["vehicle"])
@@ -34,7 +34,7 @@ def noise_overestimate(answer: Answer, verdict: Mapping[str, Any]) -> dict[str, 
         return {}
     force = 0.5 * v.rho * v.L**2 * cruising_speed(v, float(v.rpm_ref or math.nan)) ** 2
     unit = {a: force * (1.0 if a in "XYZ" else v.L) for a in PLANT_AXES}
-    level = dict(zip(AXES[dof], told, strict=True))
+    level = dict(zip(AXES[dof], force_stated, strict=True))
     amplitude = dict(zip(PLANT_AXES, true, strict=True))
     return {
         a: float(level[a]) / (amplitude[a] * unit[a])

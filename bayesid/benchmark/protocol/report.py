@@ -46,7 +46,7 @@ def blind_report(sheet: Any, extra: Sequence[Section] = (), title: str = "Blind 
         Section("How far the gap shrank", _shrink(sheet.cases)),
         Section("Parameters", _parameters(sheet.cases)),
         Section("Every miss, and why", _gallery(sheet.cases)),
-        Section("Seals and versions", _seals(sheet)),
+        Section("Commitments and versions", _commitments_and_versions(sheet)),
     ]
     return Report(title, _lead(sheet), sections)
 
@@ -54,7 +54,7 @@ def blind_report(sheet: Any, extra: Sequence[Section] = (), title: str = "Blind 
 def results(sheet: Any) -> dict[str, Any]:
     """Plain data of a sheet."""
     return {
-        "sealed": sheet.sealed is not None,
+        "sealed": sheet.committed is not None,
         "caveats": list(sheet.caveats),
         "quantities": {str(d): list(q) for d, q in sheet.quantities.items()},
         "calibration": list(sheet.calibration),
@@ -75,9 +75,9 @@ def _lead(sheet: Any) -> str:
         f"**{counted}.** {wrong} of {len(named)} verdicts that name an effect name a wrong one; {alarms} of "
         f"{len(nulls)} bundles without any effect raised an alarm."
     )
-    if sheet.sealed is None:
+    if sheet.committed is None:
         text += " These verdicts are **not committed**: a development score, no blind check."
-    if sheet.sealed is not None and sheet.missing:
+    if sheet.committed is not None and sheet.missing:
         text += (
             f" {len(sheet.missing)} bundles were not solved in the time given and are left out, whatever "
             "their answers."
@@ -249,20 +249,20 @@ def _gallery(cases: Sequence[Any]) -> list[Any]:
     tally: dict[str, int] = {}
     for c in cases:
         tally[c.outcome] = tally.get(c.outcome, 0) + 1
-    told = ", ".join(f"{n} {o}" for o, n in sorted(tally.items(), key=lambda kv: -kv[1]))
+    tallied = ", ".join(f"{n} {o}" for o, n in sorted(tally.items(), key=lambda kv: -kv[1]))
     return [
-        Text(f"Of {len(cases)} bundles: {told}."),
+        Text(f"Of {len(cases)} bundles: {tallied}."),
         Table(["bundle", "planted", "size", "D", "verdict", "P(true)", "outcome", "why"], rows, "", digits=3),
     ]
 
 
-def _seals(sheet: Any) -> list[Any]:
-    if sheet.sealed is None:
-        text = "The verdicts carry no seal."
+def _commitments_and_versions(sheet: Any) -> list[Any]:
+    if sheet.committed is None:
+        text = "The verdicts carry no commitment."
         if sheet.missing:
             text += f" {len(sheet.missing)} answers have no verdict yet and are left out."
         return [Text(text)]
-    s: Mapping[str, Any] = sheet.sealed
+    s: Mapping[str, Any] = sheet.committed
     codes = sorted({c.get("code", "") for c in s["cost"].values()})
     committed = (
         "and every answer is the one committed to" if s["pack"]["commitments"] else "without commitments"

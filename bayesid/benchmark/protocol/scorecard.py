@@ -43,9 +43,9 @@ class Scorecard:
     calibration : bins over all cases
     control : the line that must fail
     strata : table per factor, see `scores.table`
-    sealed : what the seal says, None for unsealed verdicts
-    missing : bundles without a verdict, left out: not solved in the time given, or unsealed and not there
-    caveats : what these seals do not prove
+    committed : what the commitment says, None for uncommitted verdicts
+    missing : bundles without a verdict, left out: not solved in the time given, or uncommitted and not there
+    caveats : what these commitments do not prove
     """
 
     cases: tuple[ScoredCase, ...]
@@ -53,7 +53,7 @@ class Scorecard:
     calibration: tuple[Bin, ...]
     control: Quantity
     strata: Mapping[str, list[list[object]]]
-    sealed: Mapping[str, Any] | None
+    committed: Mapping[str, Any] | None
     missing: tuple[str, ...]
     caveats: tuple[str, ...] = ()
 
@@ -61,7 +61,7 @@ class Scorecard:
 def score_pack(
     answers: Path,
     verdicts: Path,
-    unsealed: bool = False,
+    uncommitted: bool = False,
     cache: Path | None = None,
     jobs: int = 1,
     oracle: Mapping[str, float] | None = None,
@@ -74,26 +74,30 @@ def score_pack(
     Parameters
     ----------
     answers : folder of answers, or a file with a list of labels
-    unsealed : take verdicts without a seal, whichever there are, and say so
+    uncommitted : take verdicts without a commitment, whichever there are, and say so
     cache : file that keeps detectabilities which answers do not state, so that they are computed once
     oracle : bundle -> shrink of a refit with the true effects
     promised, commitments : see `check_commitments`
 
     Raises
     ------
-    BlindError                 a seal is broken or not the one made known, a verdict or an answer is missing
+    BlindError                 a commitment broken or not the one made known, a verdict or an answer missing
     """
     known = load_answers(answers)
-    if unsealed and (promised or commitments):
-        raise BlindError("verdicts without a seal cannot be checked against one; leave --unsealed out")
-    sealed = None if unsealed else check_commitments(verdicts, known, promised, commitments)
+    if uncommitted and (promised or commitments):
+        raise BlindError(
+            "verdicts without a commitment cannot be checked against one; leave --uncommitted out"
+        )
+    committed = None if uncommitted else check_commitments(verdicts, known, promised, commitments)
     found = load_verdicts(verdicts)
-    unsolved = set(sealed.get("unsolved", ())) if sealed else set()
-    asked = sorted(set(sealed["pack"]["bundles"]) - unsolved) if sealed else sorted(set(found) & set(known))
+    unsolved = set(committed.get("unsolved", ())) if committed else set()
+    asked = (
+        sorted(set(committed["pack"]["bundles"]) - unsolved) if committed else sorted(set(found) & set(known))
+    )
     if not asked:
         raise BlindError(f"no bundle has both an answer in {answers} and a verdict in {verdicts}")
     known = reweighted({n: known[n] for n in asked}, cache, jobs, progress or Progress())
-    cost = (sealed or {}).get("cost", {})
+    cost = (committed or {}).get("cost", {})
     cases = []
     for name in asked:
         verdict = found.get(name)
@@ -103,12 +107,12 @@ def score_pack(
         dof: tuple(score_quantities([c for c in cases if c.dof == dof], oracle, dof))
         for dof in sorted({c.dof for c in cases})
     }
-    missing = tuple(sorted(unsolved if sealed else set(load_answers(answers)) - set(found)))
+    missing = tuple(sorted(unsolved if committed else set(load_answers(answers)) - set(found)))
     strata = {name: table(cases, key) for name, key in STRATA.items()}
     control = shuffled(known, found)
-    told = caveats(sealed) if sealed else ()
+    doubts = caveats(committed) if committed else ()
     return Scorecard(
-        tuple(cases), quantities, tuple(calibration(cases)), control, strata, sealed, missing, told
+        tuple(cases), quantities, tuple(calibration(cases)), control, strata, committed, missing, doubts
     )
 
 

@@ -106,12 +106,12 @@ def score_quantities(
     oracle : bundle -> shrink of a refit with the true effects on the same data; 1 where not given
     """
     effect = [c for c in cases if c.kind == "effect"]
-    told = [
+    isolable = [
         c
         for c in effect
         if c.noncentrality >= DETECTABLE_NONCENTRALITY and c.margin >= ISOLABLE_NONCENTRALITY
     ]
-    clear = [c for c in told if c.stratum == "clear"]
+    clear = [c for c in isolable if c.stratum == "clear"]
     none = [c for c in cases if c.kind == "none"]
     outside = [c for c in cases if c.kind == "outside"]
     variant = [c for c in cases if c.kind == "variant" and c.noncentrality >= DETECTABLE_NONCENTRALITY]
@@ -123,7 +123,7 @@ def score_quantities(
     gap = [c for c in outside if c.before >= 0.5]
     costs = [c.cost for c in cases if math.isfinite(c.cost)]
     out = [
-        share("top-1 by family", "one effect, D >= 25, margin >= 10", [c.top in c.right for c in told],
+        share("top-1 by family", "one effect, D >= 25, margin >= 10", [c.top in c.right for c in isolable],
               at_least(0.95)),
         share("named by family", "the same, not hidden; the verdict names it",
               [c.outcome == "right" for c in clear]),
@@ -215,8 +215,8 @@ def calibration(cases: Sequence[ScoredCase], slack: float = 0.07) -> list[Bin]:
         hits = sum(c.top in c.acceptable for c in group)
         stated, interval = float(np.mean([c.stated for c in group])), clopper(hits, len(group))
         share_hit = hits / len(group)
-        told = standing(share_hit, interval, (stated - slack, stated + slack))
-        out.append(Bin(stated, share_hit, interval, len(group), told))
+        state = standing(share_hit, interval, (stated - slack, stated + slack))
+        out.append(Bin(stated, share_hit, interval, len(group), state))
     return out
 
 

@@ -1,4 +1,4 @@
-"""Solve a blind pack: diagnose every bundle, write verdicts, seal them.
+"""Solve a blind pack: diagnose every bundle, write verdicts, commit to them.
 
 Takes a pack (a folder of bundles, with commitments or without). Writes <bundle>/diagnosis.json with its
 report, and seal.json. Refuses a pack in which an answer may be read. Does not know answers.
@@ -48,8 +48,8 @@ class SolveSettings:
     plan_next : also rank manoeuvres to run next
     report : write report.html and figures beside each verdict
     keep : called with each diagnosis and its folder, to keep more of it; must not change the verdict
-    accept_faults : seal although the program itself failed on some bundles or reports
-    minutes : begin no bundle after this time and seal what there is; the others are listed as not solved
+    accept_faults : commit although the program itself failed on some bundles or reports
+    minutes : begin no bundle after this time and commit to what there is; the others are listed as not solved
     """
 
     seed: int = 0
@@ -73,10 +73,11 @@ def solve_pack(
     progress: Progress | None = None,
     names: tuple[str, ...] = (),
 ) -> dict[str, Any]:
-    """Diagnose every bundle of a pack and seal the verdicts.
+    """Diagnose every bundle of a pack and commit to the verdicts.
 
-    Bundles already solved in `out` are kept. A bundle that cannot be read or diagnosed is listed in the seal
-    with its message and counts as unanswered; faults of the program are not committed unless accepted.
+    Bundles already solved in `out` are kept. A bundle that cannot be read or diagnosed is listed in the
+    commitment with its message and counts as unanswered; faults of the program are not committed unless
+    accepted.
 
     Parameters
     ----------
@@ -85,7 +86,7 @@ def solve_pack(
 
     Returns
     -------
-    dict                       what seal.json holds (without seal where only some bundles were asked for)
+    dict                       what seal.json holds (no commitment where only some bundles were asked for)
 
     Raises
     ------
@@ -122,10 +123,10 @@ def solve_pack(
     if names:
         return {"verdicts": {b.name: digest_of_file(out / b.name / "diagnosis.json") for b in bundles
                              if (out / b.name / "diagnosis.json").exists()}}  # fmt: skip
-    seal = _seal(out, digests, commitments, now, started, settings)
-    if settings.report and seal["verdicts"]:
-        _overview(out, seal)
-    return seal
+    commitment = _commit(out, digests, commitments, now, started, settings)
+    if settings.report and commitment["verdicts"]:
+        _overview(out, commitment)
+    return commitment
 
 
 def _check_out(out: Path, digests: dict[str, str]) -> None:
@@ -140,17 +141,16 @@ def _check_out(out: Path, digests: dict[str, str]) -> None:
 
 
 def _check_same(bundles: list[Path], out: Path, settings: SolveSettings, now: dict[str, str]) -> None:
-    """Verdicts under one seal are made by one program in one way; what was made otherwise is not taken "
-    "over."""
+    """Verdicts under one commitment are made by one program in one way; others are not taken over."""
     asked = {"versions": now, "seed": settings.seed, "mode": settings.mode}
     problems = []
     for name in sorted(b.name for b in bundles):
         if not (out / name / NOTE).exists():
             continue
-        told = read_json(out / name / NOTE, "a note of `blind solve`")
-        if "verdict" in told:
-            problems += [f"{name}: solved with {key} {_short(told.get(key))}, now {_short(value)}"
-                         for key, value in asked.items() if told.get(key) != value]  # fmt: skip
+        solved = read_json(out / name / NOTE, "a note of `blind solve`")
+        if "verdict" in solved:
+            problems += [f"{name}: solved with {key} {_short(solved.get(key))}, now {_short(value)}"
+                         for key, value in asked.items() if solved.get(key) != value]  # fmt: skip
     if problems:
         problems.append("choose another folder, or delete these bundles from it to have them solved again")
         raise_all(BlindError, str(out), problems)
@@ -166,11 +166,11 @@ def _done(folder: Path, digest: str) -> bool:
     note = folder / NOTE
     if not note.exists():
         return False
-    told = read_json(note, "a note of `blind solve`")
-    if "verdict" not in told:
+    solved = read_json(note, "a note of `blind solve`")
+    if "verdict" not in solved:
         return False
     verdict = folder / "diagnosis.json"
-    return told["bundle"] == digest and verdict.exists() and digest_of_file(verdict) == told["verdict"]
+    return solved["bundle"] == digest and verdict.exists() and digest_of_file(verdict) == solved["verdict"]
 
 
 def _run(todo: list[Path], out: Path, digests: dict[str, str], jobs: int, settings: SolveSettings,
@@ -181,11 +181,11 @@ def _run(todo: list[Path], out: Path, digests: dict[str, str], jobs: int, settin
     tasks = [(b, out / b.name, digests[b.name], settings, now) for b in todo]
     left, begun = sum(weight.values()), time.monotonic()
     with progress.stage("bundles", len(tasks)) as stage:
-        for name, told in _results(tasks, jobs, settings.minutes):
+        for name, outcome in _results(tasks, jobs, settings.minutes):
             left -= weight[name]
             share = sum(weight.values()) - left
             minutes = left * (time.monotonic() - begun) / share / 60.0
-            stage.step(info=f"{name} {told}, about {minutes:.0f} min left")
+            stage.step(info=f"{name} {outcome}, about {minutes:.0f} min left")
 
 
 def _check_faults(bundles: list[Path], out: Path, accepted: bool) -> None:
@@ -221,7 +221,7 @@ def _results(tasks: list[Any], jobs: int, minutes: float | None) -> Any:
 def _solve_one(task: tuple[Path, Path, str, SolveSettings, dict[str, str]]) -> tuple[str, str]:
     """Verdict of one bundle, written to disk; (name, what it says)."""
     bundle, folder, digest, settings, now = task
-    from bayesid.diagnosis.run import as_json, diagnose
+    from bayesid.diagnosis.run import diagnose
     from bayesid.equations.model import build_model
     from bayesid.model.vehicles import load_vehicle
     from bayesid.report.diagnosis.report import write_diagnosis_report
@@ -231,19 +231,19 @@ def _solve_one(task: tuple[Path, Path, str, SolveSettings, dict[str, str]]) -> t
     cpu, wall = time.process_time(), time.monotonic()
     note: dict[str, Any] = {"bundle": digest, "code": now["code"], "versions": now}
     note |= {"seed": settings.seed, "mode": settings.mode}
-    said = "failed"
+    outcome = "failed"
     try:
         trial = load_trial(bundle)
         model = build_model(load_vehicle(trial.vehicle_ref), trial.dof)
         found = diagnose(trial, model, seed=settings.seed, plan_next=settings.plan_next)
-        record = as_json(found)
+        record = found.result.record()
         note |= {"cpu_seconds": time.process_time() - cpu, "wall_seconds": time.monotonic() - wall}
         verdict = write_json(folder / "diagnosis.json", record)
         note |= {"verdict": digest_of_file(verdict), "dof": trial.dof}
         note |= {"simulated_seconds": float(sum(r.t[-1] - r.t[0] for r in trial.runs))}
-        said = record["verdict"]
+        outcome = record["verdict"]
         if settings.report:
-            write_diagnosis_report(found, folder, record)
+            write_diagnosis_report(found.result, folder)
         if settings.keep is not None:
             settings.keep(found, folder)
     except BayesidError as error:
@@ -252,7 +252,7 @@ def _solve_one(task: tuple[Path, Path, str, SolveSettings, dict[str, str]]) -> t
         trace = traceback.format_exc(limit=-3)
         note |= {_failed(note): f"{type(error).__name__}: {error}", "trace": trace}
     write_json(folder / NOTE, note)
-    return bundle.name, said
+    return bundle.name, outcome
 
 
 def _failed(note: dict[str, Any]) -> str:
@@ -266,22 +266,24 @@ def _spatial(bundle: Path) -> bool:
     for first in sorted(bundle.glob("*.csv"))[:1]:
         with first.open(encoding="utf-8", errors="replace") as stream:
             head = stream.readline()
-    told = (bundle / "trial.toml").read_text("utf-8", errors="replace")
-    return "dof = 6" in told or ("z[" in head and "dof = 3" not in told)
+    stated = (bundle / "trial.toml").read_text("utf-8", errors="replace")
+    return "dof = 6" in stated or ("z[" in head and "dof = 3" not in stated)
 
 
-def _overview(out: Path, seal: dict[str, Any]) -> None:
-    """report.md and report.html of all verdicts beside the seal."""
+def _overview(out: Path, commitment: dict[str, Any]) -> None:
+    """report.md and report.html of all verdicts beside the commitment."""
     from bayesid.benchmark.protocol.verdict_table import verdicts_report
     from bayesid.report import writer
 
-    told = {n: read_json(out / n / "diagnosis.json", "a verdict") for n in seal["verdicts"]}
+    verdicts = {n: read_json(out / n / "diagnosis.json", "a verdict") for n in commitment["verdicts"]}
     writer.write(
-        verdicts_report(seal, told), out, {"inputs": seal["pack"], "seeds": [], "seal": seal["seal"]}
+        verdicts_report(commitment, verdicts),
+        out,
+        {"inputs": commitment["pack"], "seeds": [], "seal": commitment["seal"]},
     )
 
 
-def _seal(out: Path, digests: dict[str, str], commitments: dict[str, Any] | None, now: dict[str, str],
+def _commit(out: Path, digests: dict[str, str], commitments: dict[str, Any] | None, now: dict[str, str],
           started: str, settings: SolveSettings) -> dict[str, Any]:  # fmt: skip
     unsolved = sorted(name for name in digests if not (out / name / NOTE).exists())
     for name in unsolved:  # what a stop left behind is no verdict
@@ -289,7 +291,7 @@ def _seal(out: Path, digests: dict[str, str], commitments: dict[str, Any] | None
     notes = {n: read_json(out / n / NOTE, "a note of `blind solve`") for n in digests if n not in unsolved}
     verdicts = {n: t["verdict"] for n, t in notes.items() if "verdict" in t}
     keys = ("cpu_seconds", "wall_seconds", "simulated_seconds", "dof", "code", "beside")
-    seal = {
+    commitment = {
         "format": FORMAT,
         "versions": now,
         "seed": settings.seed,
@@ -303,8 +305,8 @@ def _seal(out: Path, digests: dict[str, str], commitments: dict[str, Any] | None
         "cost": {n: {k: t[k] for k in keys if k in t} for n, t in notes.items()},
     }
     written = read_json(
-        write_json(out / VERDICT_COMMITMENT_FILE, seal), "the seal"
+        write_json(out / VERDICT_COMMITMENT_FILE, commitment), "the commitment"
     )  # as whoever checks it will read it
-    seal = {**written, "seal": digest_of_record(written)}
-    write_json(out / VERDICT_COMMITMENT_FILE, seal)
-    return seal
+    commitment = {**written, "seal": digest_of_record(written)}
+    write_json(out / VERDICT_COMMITMENT_FILE, commitment)
+    return commitment

@@ -16,23 +16,23 @@ from bayesid.report.writer import Report, Section, Table, Text, literal
 NAMING = ("effect", "effect_with_remainder", "several")
 
 
-def verdicts_report(seal: Mapping[str, Any], verdicts: Mapping[str, Mapping[str, Any]]) -> Report:
+def verdicts_report(commitment: Mapping[str, Any], verdicts: Mapping[str, Mapping[str, Any]]) -> Report:
     """Report of committed verdicts whose answers are not known."""
     first = {n: _first(v) for n, v in verdicts.items()}
     words = Counter(v["verdict"] for v in verdicts.values())
     named = {n: v["effects"][0]["probability"] for n, v in verdicts.items() if v["verdict"] in NAMING}
-    told = ", ".join(f"{count} {literal(word.replace('_', ' '))}" for word, count in words.most_common())
+    counted = ", ".join(f"{count} {literal(word.replace('_', ' '))}" for word, count in words.most_common())
     lead = (
-        f"**{len(verdicts)} bundles diagnosed, committed {seal['sealed']} as `{seal['seal'][:16]}`**: "
-        f"{told}. "
+        f"**{len(verdicts)} bundles diagnosed, committed {commitment['sealed']} as "
+        f"`{commitment['seal'][:16]}`**: {counted}. "
         "No answer was readable when this was done."
     )
-    if seal["failures"]:
-        lead += f" {len(seal['failures'])} could not be diagnosed."
+    if commitment["failures"]:
+        lead += f" {len(commitment['failures'])} could not be diagnosed."
     return Report("Verdicts on withheld effects", lead, [
         Section("What is expected", [Text(_expected(first, named))]),
         Section("Verdicts", [table(verdicts)]),
-        Section("Cost and versions", _cost(seal)),
+        Section("Cost and versions", _cost(commitment)),
     ])  # fmt: skip
 
 
@@ -86,28 +86,30 @@ def _effect(effect: Mapping[str, Any]) -> str:
     return effect["name"].replace("_", " ") + (f" ({', '.join(parts)})" if parts else "")
 
 
-def _cost(seal: Mapping[str, Any]) -> list[Any]:
+def _cost(commitment: Mapping[str, Any]) -> list[Any]:
     rows = []
     for dof in (3, 6):
         spent = [
-            c["cpu_seconds"] for c in seal["cost"].values() if c.get("dof") == dof and "cpu_seconds" in c
+            c["cpu_seconds"]
+            for c in commitment["cost"].values()
+            if c.get("dof") == dof and "cpu_seconds" in c
         ]
         executed = [
             c["simulated_seconds"]
-            for c in seal["cost"].values()
+            for c in commitment["cost"].values()
             if c.get("dof") == dof and "cpu_seconds" in c
         ]
         if spent:
             per_hour = 3600 * sum(spent) / sum(executed)
             rows.append([dof, len(spent), float(np.median(spent)), max(spent), sum(spent) / 60.0, per_hour])
     columns = ["dof", "bundles", "median CPU [s]", "longest [s]", "all [min]", "per logged hour [s]"]
-    versions = ", ".join(f"{k} {v}" for k, v in seal["versions"].items())
-    codes = sorted({c.get("code", "") for c in seal["cost"].values()})
-    failed = [[n, m] for n, m in sorted(seal["failures"].items())]
+    versions = ", ".join(f"{k} {v}" for k, v in commitment["versions"].items())
+    codes = sorted({c.get("code", "") for c in commitment["cost"].values()})
+    failed = [[n, m] for n, m in sorted(commitment["failures"].items())]
     return [
         Table(columns, rows, "CPU time of one diagnosis.", digits=3),
         Text(
-            f"Versions: {versions}. Started {seal['started']}. "
+            f"Versions: {versions}. Started {commitment['started']}. "
             f"States of the deciding code: {', '.join(codes)}."
         ),
         *([Table(["bundle", "why not"], failed, "Not diagnosed.")] if failed else []),

@@ -40,7 +40,7 @@ class Withheld:
 def withhold(
     bundle: Path, what: str, out: Path, answers: Path, data: Path | None = None, name: str = ""
 ) -> Withheld:
-    """Write the reduced bundle into `out` and its answer into `answers`, and seal the pack again.
+    """Write the reduced bundle into `out` and its answer into `answers`, and commit to the pack again.
 
     Parameters
     ----------
@@ -102,19 +102,19 @@ def _wind(trial: Trial, vehicle: Vehicle) -> Withheld:
         raise BlindError(
             f"{trial.name}: no run has wind_speed and wind_from, so there is no wind to take away"
         )
-    told, total, seconds = [], np.zeros(2), 0.0
+    rows, total, seconds = [], np.zeros(2), 0.0
     for run in logged:
         speed, come = run.exogenous["wind_speed"], run.exogenous["wind_from"]
         mean = np.array([np.mean(speed * np.cos(come)), np.mean(speed * np.sin(come))])
         total += mean * run.duration
         seconds += run.duration
-        told.append({"run": run.name, **_polar(mean), "speed_sd": float(np.std(speed))})
+        rows.append({"run": run.name, **_polar(mean), "speed_sd": float(np.std(speed))})
     strength = _polar(total / seconds)
     runs = tuple(
         replace(r, exogenous={n: v for n, v in r.exogenous.items() if not n.startswith("wind_")})
         for r in trial.runs
     )
-    return Withheld(replace(trial, runs=runs), vehicle, {"wind": strength}, tuple(told))
+    return Withheld(replace(trial, runs=runs), vehicle, {"wind": strength}, tuple(rows))
 
 
 def _polar(mean: np.ndarray) -> dict[str, float]:
@@ -128,11 +128,11 @@ def _rudder(trial: Trial, vehicle: Vehicle) -> Withheld:
         raise BlindError(
             f"{trial.name}: no run has both delta_r and delta_r_cmd; without an order nothing would steer"
         )
-    lag, offset, told = 0.0, 0.0, []
+    lag, offset, rows = 0.0, 0.0, []
     for run in logged:
         tau, zero, left = lag_behind(run.t, run.commands["delta_r_cmd"], run.measured_inputs["delta_r"])
         lag, offset = lag + tau / len(logged), offset + zero / len(logged)
-        told.append({"run": run.name, "tau": tau, "offset": zero, "rms_left": left})
+        rows.append({"run": run.name, "tau": tau, "offset": zero, "rms_left": left})
     runs = tuple(
         replace(r, measured_inputs={n: v for n, v in r.measured_inputs.items() if n != "delta_r"})
         if "delta_r_cmd" in r.commands
@@ -142,7 +142,7 @@ def _rudder(trial: Trial, vehicle: Vehicle) -> Withheld:
     effects = {"actuator_lag": {"tau": lag}}
     if abs(offset) > math.radians(0.3):
         effects["rudder_offset"] = {"offset": offset}
-    return Withheld(replace(trial, runs=runs), vehicle, effects, tuple(told))
+    return Withheld(replace(trial, runs=runs), vehicle, effects, tuple(rows))
 
 
 def lag_behind(t: np.ndarray, order: np.ndarray, measured: np.ndarray) -> tuple[float, float, float]:
@@ -170,21 +170,21 @@ def _current(trial: Trial, vehicle: Vehicle) -> Withheld:
     logged = [r for r in trial.runs if need <= set(r.data)]
     if not logged:
         raise BlindError(f"{trial.name}: no run has u, v, psi, u_water and v_water, so no current is known")
-    told, total, seconds = [], np.zeros(2), 0.0
+    rows, total, seconds = [], np.zeros(2), 0.0
     for run in logged:
         ahead, aside = run.data["u"] - run.data["u_water"], run.data["v"] - run.data["v_water"]
         c, s = np.cos(run.data["psi"]), np.sin(run.data["psi"])
         mean = np.array([np.nanmean(ahead * c - aside * s), np.nanmean(ahead * s + aside * c)])
         total += mean * run.duration
         seconds += run.duration
-        told.append({"run": run.name, "V_north": float(mean[0]), "V_east": float(mean[1])})
+        rows.append({"run": run.name, "V_north": float(mean[0]), "V_east": float(mean[1])})
     north, east = (float(v) for v in total / seconds)
     runs = tuple(
         replace(r, data={n: v for n, v in r.data.items() if not n.endswith("_water")}) for r in trial.runs
     )
     noise = {n: s for n, s in trial.noise.items() if not n.endswith("_water")}
     reduced = replace(trial, runs=runs, noise=noise)
-    return Withheld(reduced, vehicle, {"ocean_current": {"V_north": north, "V_east": east}}, tuple(told))
+    return Withheld(reduced, vehicle, {"ocean_current": {"V_north": north, "V_east": east}}, tuple(rows))
 
 
 def _rate_limit(trial: Trial, vehicle: Vehicle) -> Withheld:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -34,7 +35,7 @@ class Event:
     start: float
     end: float
     channel: str
-    kind: str
+    kind: Literal["sensor", "jump", "motion"]
     misfit: float
     evidence: float = 0.0
 

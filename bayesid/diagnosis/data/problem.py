@@ -28,9 +28,9 @@ from bayesid.estimation.parameters import NO_PARAMETERS, GaussianPrior, coeffici
 from bayesid.estimation.run_data import RunData
 from bayesid.model.effects import Effect
 from bayesid.trials import Trial
-from bayesid.trials.noise import raised, said_raised
+from bayesid.trials.noise import raised, raised_words
 
-Say = Callable[[str], None]
+Notify = Callable[[str], None]
 # How far the environment of manoeuvres may lie from that of straight runs that hold a gap, in the logarithm.
 STRAIGHT_NOISE_SPREAD = 0.2
 
@@ -70,7 +70,7 @@ class DiagnosisProblem:
 def build_problem(
     model: Model,
     trial: Trial,
-    say: Say = lambda text: None,
+    notify: Notify = lambda text: None,
     as_built: float | None = None,
     events: tuple[Event, ...] = (),
     outlying: tuple[tuple[str, float, str], ...] = (),
@@ -104,9 +104,9 @@ def build_problem(
     least = raised({c: noise[c] for c in channels}, model.scales["L"], model.scales["U"])
     if least:
         noise |= least
-        warnings.append(said_raised(least))
+        warnings.append(raised_words(least))
     logs = [released(model, filter_error_run(model, run, noise, channels), events) for run in runs]
-    say("reading: readings that no smooth motion explains")
+    notify("reading: readings that no smooth motion explains")
     logs, outliers = set_aside(model, logs)
     coefficients = coefficient_prior(model)
     if as_built is not None:
@@ -119,9 +119,9 @@ def build_problem(
         )
     if model.vehicle.prior is None and as_built is None:
         warnings.append("the vehicle file states no prior; coefficients are taken as known to 10 %")
-    environment = _environment(model, trial, logs, coefficients, warnings, say)
-    say("path: the nominal model led along the data by a free force")
-    led = fit(model, logs, NO_PARAMETERS, environment.noise_model, iterations=16)
+    environment = _environment(model, trial, logs, coefficients, warnings, notify)
+    notify("path: the nominal model along the data under a free force")
+    along_data = fit(model, logs, NO_PARAMETERS, environment.noise_model, iterations=16)
     return DiagnosisProblem(
         model,
         tuple(logs),
@@ -130,8 +130,8 @@ def build_problem(
         channels,
         (*outlying, *outliers),
         tuple(warnings),
-        led.follow,
-        led.follow_level,
+        along_data.follow,
+        along_data.follow_level,
         events,
         as_built is not None,
     )
@@ -155,18 +155,18 @@ def _noise_from_data(runs: tuple, names: list[str]) -> dict[str, float]:
 
 
 def _environment(
-    model: Model, trial: Trial, logs: list[RunData], free: GaussianPrior, warnings: list[str], say: Say
+    model: Model, trial: Trial, logs: list[RunData], free: GaussianPrior, warnings: list[str], notify: Notify
 ) -> NoiseIdentification:
-    told = trial.environment
-    if told is not None and told.force_rms is not None:
-        return stated_noise(model, told.force_rms, told.nav_drift or 0.0)
+    stated = trial.environment
+    if stated is not None and stated.force_rms is not None:
+        return stated_noise(model, stated.force_rms, stated.nav_drift or 0.0)
     straight = [log for log in logs if log.straight]
     if straight:
-        say(f"environment: measured from {len(straight)} straight run(s)")
+        notify(f"environment: measured from {len(straight)} straight run(s)")
         first, apart = identify_straight_noise(model, straight, free)
         if apart.any:
             # the manoeuvres have it as well, and must not count it as process noise there
-            warnings.append(_said(model, apart))
+            warnings.append(_removed_words(model, apart))
             if apart.repeated:
                 return first
             firm = replace(first, left=())
@@ -197,7 +197,7 @@ def _not_straight(trial: Trial) -> str:
     return f"no straight run{why}: the environment is estimated from all runs, so a gap may hide in it"
 
 
-def _said(model: Model, apart: RemovedForces) -> str:
+def _removed_words(model: Model, apart: RemovedForces) -> str:
     """What straight runs have that is not process noise, in words."""
     parts = []
     if apart.repeated:
@@ -229,7 +229,7 @@ def fit_with(
     effects: tuple[Effect, ...],
     start: Sequence[Trajectory] | None = None,
     iterations: int = 25,
-    loud: float = 0.03,
+    initial_noise_scale: float = 0.03,
 ) -> FilterErrorFit:
     """Filter-error fit of coefficients and of some effects' parameters.
 
@@ -243,9 +243,17 @@ def fit_with(
         if effects:
             nominal = [replace(point, par=problem.model.nominal) for point in start]
             start = first_fit(problem, effects, nominal)
-        loud = max(problem.path_level, 1e-5)
+        initial_noise_scale = max(problem.path_level, 1e-5)
     noise_model = problem.environment.noise_model
-    out = fit(problem.model, problem.logs, free, noise_model, start=start, iterations=iterations, loud=loud)
+    out = fit(
+        problem.model,
+        problem.logs,
+        free,
+        noise_model,
+        start=start,
+        iterations=iterations,
+        loud=initial_noise_scale,
+    )
     if out.converged or out.iterations < iterations or not out.chi2 <= FOLLOWS_DATA_CHI2:
         return out
     try:

@@ -69,13 +69,13 @@ def windows(
             if last - first < 3 or path.log.valid[first:last].sum() < 6:
                 continue
             piece = cut(path, first, last)
-            g = gram_of(model, piece, free, noise_model)
+            g = window_equations(model, piece, free, noise_model)
             post = posterior(g)
             out.append(Window(k, first, last, g.ee - float(g.se @ post.mean), g.used))
     return out
 
 
-def gram_of(
+def window_equations(
     model: Model,
     path: Linearisation,
     free: GaussianPrior,

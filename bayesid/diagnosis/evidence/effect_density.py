@@ -15,12 +15,12 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from scipy.special import log_ndtr
 
 from bayesid.diagnosis.data.problem import DiagnosisProblem
+from bayesid.diagnosis.evidence.effect_draws import DensityCheck
 from bayesid.diagnosis.evidence.noise_scale import NoiseScalePosterior, noise_scale_posterior
 from bayesid.errors import ModelError, SampleError
 from bayesid.estimation.filter_error.evidence import NormalEquations
@@ -29,7 +29,7 @@ from bayesid.estimation.filter_error.noise_identification import MANOEUVRE_NOISE
 from bayesid.estimation.sampling import Laplace, Unknowns
 
 Array = np.ndarray
-Say = Callable[[str], None]
+Notify = Callable[[str], None]
 COEFFICIENTS_SHOWN = 6  # shown beside the effects' parameters
 KNOWN_REACH = 4.5  # posterior sd of an effect's parameter within which the density is known
 AXIS_NODES, CORNER_NODE = (1.5, 3.0), 1.3
@@ -67,7 +67,7 @@ class EffectDensity:
     noise_scale : the linear model along the amplitudes
     where_effects : positions of the effects' parameters among the k
     root : (e, e) whitened effects' parameters -> prior sd
-    loud_sd : prior sd of their logarithms
+    amplitude_sd : prior sd of their logarithms
     one_sided : logarithm of what bounds take from the prior's mass (ln 2 for a parameter from zero up)
     """
 
@@ -78,13 +78,13 @@ class EffectDensity:
     centre: Array
     root: Array
     surface: EvidenceSurface
-    loud_sd: float
+    amplitude_sd: float
     scale: Array
     offset: Array
     one_sided: float
 
     @property
-    def loud(self) -> tuple[str, ...]:
+    def scaled_amplitudes(self) -> tuple[str, ...]:
         """Names of the amplitudes sampled, "force" and "drift"."""
         return self.noise_scale.names
 
@@ -112,9 +112,11 @@ class EffectDensity:
         scaled = np.einsum("bij,bi->bj", np.tril(factor, -1), moved) + np.exp(diagonal) * moved
         out = evidence + diagonal.sum(axis=1) - 0.5 * (scaled**2).sum(axis=1) - 0.5 * k * np.log(2 * np.pi)
         out = out + terms @ self.surface.weights + self.one_sided
-        if self.loud:
-            a = q[:, k:] / self.loud_sd
-            out -= 0.5 * (a**2).sum(axis=1) + len(self.loud) * np.log(self.loud_sd * np.sqrt(2 * np.pi))
+        if self.scaled_amplitudes:
+            a = q[:, k:] / self.amplitude_sd
+            out -= 0.5 * (a**2).sum(axis=1) + len(self.scaled_amplitudes) * np.log(
+                self.amplitude_sd * np.sqrt(2 * np.pi)
+            )
         natural = self.natural(q)
         inside = np.all((natural >= self.unknowns.low) & (natural <= self.unknowns.high), axis=1)
         inside &= (np.abs(w) <= KNOWN_REACH).all(axis=1) & self.noise_scale.holds(q[:, k:])
@@ -128,16 +130,16 @@ class EffectDensity:
 def effect_density(
     problem: DiagnosisProblem,
     fitted: FilterErrorFit,
-    say: Say = lambda text: None,
+    notify: Notify = lambda text: None,
     coefficients: int = COEFFICIENTS_SHOWN,
-    loud: bool = True,
+    sample_noise_scale: bool = True,
 ) -> tuple[EffectDensity, Laplace]:
     """Density of a fit with effects, and the Laplace approximation of the linear model.
 
     Parameters
     ----------
     coefficients : so many of those that lie closest to the effects in the posterior are sampled too
-    loud : sample the environment's amplitudes too, where they are not stated
+    sample_noise_scale : sample the environment's amplitudes too, where they are not stated
 
     Raises
     ------
@@ -154,7 +156,7 @@ def effect_density(
     near = np.abs(cov[np.ix_(effects, np.arange(n_coef))] / np.outer(sd[effects], sd[:n_coef])).max(axis=0)
     shown = np.argsort(-near)[:coefficients]
     chosen = np.concatenate([effects, shown])
-    amplitudes = _amplitudes(problem) if loud else ()
+    amplitudes = _amplitudes(problem) if sample_noise_scale else ()
     spread = (
         MANOEUVRE_NOISE_SPREAD
         if problem.environment.source == "measured"
@@ -165,7 +167,7 @@ def effect_density(
     centre = along.middle[:e]
     narrow = _narrowed(problem, fitted, effects, centre, sd[effects])
     root = narrow[:, None] * np.linalg.cholesky(cov[np.ix_(effects, effects)])
-    say(f"posterior: the model linearised anew at {_nodes(e).shape[0]} nodes")
+    notify(f"posterior: the model linearised anew at {_nodes(e).shape[0]} nodes")
     surface = _surface(problem, fitted, effects, shown, centre, root)
     unit, middle = free.sd[chosen], free.mean[chosen]
     names = (*(free.names[i] for i in chosen), *(f"log {a}" for a in amplitudes))
@@ -196,7 +198,7 @@ def effect_density(
 
 
 def _laplace(density: EffectDensity, cov: Array, narrow: Array) -> Laplace:
-    k, extra = cov.shape[0], len(density.loud)
+    k, extra = cov.shape[0], len(density.scaled_amplitudes)
     scale = np.ones(k)
     scale[density.where_effects] = narrow
     cov = cov * np.outer(scale, scale)
@@ -356,12 +358,13 @@ def exact_evidence(
     return done.log_evidence + prior, done.posterior.mean
 
 
-def plain(density: EffectDensity) -> dict[str, Any]:
-    """Numbers of the surface for a report."""
-    return {
-        "nodes": int(density.surface.nodes.shape[0]),
-        "missed_nats": [float(v) for v in density.surface.missed - density.surface.missed.min()],
-        "roughness_nats": density.surface.roughness,
-        "loudness_nats": density.noise_scale.error,
-        "loudness": {n: [float(v) for v in np.exp(e)] for n, e in density.noise_scale.reach.items()},
-    }
+def density_check(density: EffectDensity) -> DensityCheck:
+    """How the surface was linearised anew, in numbers."""
+    surface, scale = density.surface, density.noise_scale
+    return DensityCheck(
+        int(surface.nodes.shape[0]),
+        tuple(float(v) for v in surface.missed - surface.missed.min()),
+        float(surface.roughness),
+        float(scale.error),
+        {n: tuple(float(v) for v in np.exp(e)) for n, e in scale.reach.items()},
+    )

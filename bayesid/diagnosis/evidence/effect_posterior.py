@@ -12,20 +12,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from bayesid.diagnosis.data.problem import DiagnosisProblem
-from bayesid.diagnosis.evidence.effect_density import EffectDensity, effect_density, plain
-from bayesid.diagnosis.evidence.effect_interval import ROUGH_DENSITY
+from bayesid.diagnosis.evidence.effect_density import EffectDensity, density_check, effect_density
+from bayesid.diagnosis.evidence.effect_draws import ROUGH_DENSITY, EffectDraws, ParameterDraws
 from bayesid.estimation.filter_error.fit import FilterErrorFit
 from bayesid.estimation.sampling import ConvergenceLimits, Laplace, Posterior, SamplerOptions, sample
 
 Array = np.ndarray
-Say = Callable[[str], None]
+Notify = Callable[[str], None]
 # A deviation or a mean that differs by more is said to disagree with Laplace.
 SD_RATIO, SHIFT = 1.25, 0.5
 
@@ -68,24 +67,24 @@ def sample_effect(
     fitted: FilterErrorFit,
     seed: int = 0,
     folder: Path | str | None = None,
-    say: Say = lambda text: None,
+    notify: Notify = lambda text: None,
     coefficients: int = 6,
-    loud: bool = True,
+    sample_noise_scale: bool = True,
 ) -> EffectPosterior:
     """Posterior of a converged fit with effects.
 
     Parameters
     ----------
     folder : gets posterior.nc (and the chain)
-    coefficients, loud : as in `effect_density`
+    coefficients, sample_noise_scale : as in `effect_density`
 
     Raises
     ------
     SampleError
         no effect, not converged, or no finite start
     """
-    density, laplace = effect_density(problem, fitted, say, coefficients, loud)
-    say(f"posterior: emcee in {len(density.unknowns.names)} dimensions")
+    density, laplace = effect_density(problem, fitted, notify, coefficients, sample_noise_scale)
+    notify(f"posterior: emcee in {len(density.unknowns.names)} dimensions")
     options = SamplerOptions(ensembles=4, walkers=max(32, 4 * len(density.unknowns.names) // 2 * 2),
         seed=seed,
                       spread=1.2, first=150, max_steps=4000, limits=ConvergenceLimits(rhat=1.02))  # fmt: skip
@@ -144,26 +143,26 @@ def _batched(log_prob: Callable[[Array], Array], points: Array) -> Array:
     return np.concatenate([log_prob(points[i : i + 500]) for i in range(0, points.shape[0], 500)])
 
 
-def as_json(found: EffectPosterior) -> dict[str, Any]:
-    """Numbers for diagnosis.json."""
+def numbers(found: EffectPosterior) -> EffectDraws:
+    """Final numbers of the draws."""
     mean, sd = found.posterior.mean, found.posterior.sd
     interval = found.posterior.interval(0.95)
-    return {
-        "parameters": {
-            n: {
-                "mean": float(mean[i]),
-                "sd": float(sd[i]),
-                "low95": float(interval[i, 0]),
-                "high95": float(interval[i, 1]),
-                "sd_over_laplace": float(found.sd_ratio[i]),
-                "shift_in_laplace_sd": float(found.shift[i]),
-            }
+    return EffectDraws(
+        {
+            n: ParameterDraws(
+                float(mean[i]),
+                float(sd[i]),
+                float(interval[i, 0]),
+                float(interval[i, 1]),
+                float(found.sd_ratio[i]),
+                float(found.shift[i]),
+            )
             for i, n in enumerate(found.posterior.names)
         },
-        "agrees_with_laplace": found.agrees,
-        "converged": found.posterior.converged,
-        "reasons": list(found.posterior.gate.reasons),
-        "log_evidence": found.log_evidence,
-        "log_evidence_error": found.error,
-        "linearised_anew": plain(found.density),
-    }
+        bool(found.agrees),
+        bool(found.posterior.converged),
+        tuple(found.posterior.gate.reasons),
+        float(found.log_evidence),
+        float(found.error),
+        density_check(found.density),
+    )

@@ -73,7 +73,7 @@ class HorizonError:
     horizon, seconds : name and length [s] (nan for full replay)
     excess : model -> mean squared error in noise units above the floor
     shrink, interval : 1 - after/before and its 90 % interval; nan where nothing is left to shrink
-    worth : whether the gap before is above zero at 95 %
+    significant : whether the gap before is above zero at 95 %
     floor : expected error of the best prediction, noise variances
     rms : model -> channel -> root mean square error [SI]
     channels : model -> channel -> excess
@@ -85,7 +85,7 @@ class HorizonError:
     excess: dict[str, float]
     shrink: float
     interval: tuple[float, float]
-    worth: bool
+    significant: bool
     floor: float
     rms: dict[str, dict[str, float]]
     channels: dict[str, dict[str, float]]
@@ -303,11 +303,11 @@ def _rung(
     floor = _average(np.array([s.floor for s in segments]))
     # Three segments give an interval; with fewer the gap must stand out of what the best model would leave.
     sure = np.quantile(base, 0.05) > 0 and (_stands_out(before) if n >= 3 else before.mean() > 0.5 * floor)
-    worth = bool(before.mean() > 0.05 and sure)
-    shrink = 1.0 - max(float(after.mean()), 0.0) / float(before.mean()) if worth else float("nan")
+    significant = bool(before.mean() > 0.05 and sure)
+    shrink = 1.0 - max(float(after.mean()), 0.0) / float(before.mean()) if significant else float("nan")
     interval = (
         tuple(float(q) for q in np.nanquantile(ratio, (0.05, 0.95)))
-        if worth and (n >= 3 or len(sampled) == 2)
+        if significant and (n >= 3 or len(sampled) == 2)
         else (float("nan"),) * 2
     )
     shown = {"nominal": "nominal", "recalibrated": before_key, "with effect": "with effect"}
@@ -328,7 +328,7 @@ def _rung(
         {label: float(excess[k].mean()) for label, k in shown.items()},
         shrink,
         (interval[0], interval[1]),
-        worth,
+        significant,
         floor,
         rms,
         channels,

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated
 
 import numpy as np
 
@@ -33,10 +33,12 @@ from bayesid.diagnosis.evidence.term_evidence import (
 from bayesid.diagnosis.hypotheses.candidate import explains
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.localisation import Localisation
+from bayesid.diagnosis.schema import About
 from bayesid.estimation.filter_error.fit import FilterErrorFit
 from bayesid.estimation.filter_error.linearise import Trajectory
 from bayesid.estimation.parameters import NO_PARAMETERS, GaussianPrior
 from bayesid.estimation.run_data import Array
+from bayesid.model.vehicles import Vehicle, prime_unit
 
 # Bootstrap inclusion from which a term (or its group) is tried, draws, stretches they keep together [L/U].
 LEAST_INCLUSION, DRAWS, BLOCK_LENGTHS = 0.8, 60, 6.0
@@ -59,15 +61,18 @@ class MissingForceTerm:
     """
 
     name: str
-    axis: str
+    axis: Annotated[str, About(checks={"enum": list("XYZKMN")})]
     expression: str
     in_model: bool
     value: float
     sd: float
     unit: str
-    inclusion: float
+    inclusion: Annotated[float, About(checks={"minimum": 0, "maximum": 1})]
     gain: float
     rivals: tuple[str, ...]
+    prime: Annotated[
+        float | None, About("The value in the prime system; null for what is no row of the force table.")
+    ] = None
 
 
 @dataclass(frozen=True)
@@ -78,7 +83,7 @@ class MissingForce:
     ----------
     terms : accepted terms, empty if none earned its evidence
     gain : log evidence of all together over none
-    predictive : the same for each run predicted from the others; nan with a single run
+    predictive : the same for each run predicted from the others; None with a single run
     explained : axis -> share of the smoothed force's mean square the regression explains
     tried : terms the regression proposed
     sentences : the finding in words
@@ -86,7 +91,7 @@ class MissingForce:
 
     terms: tuple[MissingForceTerm, ...]
     gain: float
-    predictive: float
+    predictive: float | None
     explained: dict[str, float]
     tried: tuple[str, ...]
     sentences: tuple[str, ...]
@@ -134,7 +139,7 @@ def describe(
     selections, explained = _regress(problem, columns, values, where, seed)
     proposed = _proposed(selections)
     if not proposed:
-        return MissingForce((), 0.0, float("nan"), explained, (), _words((), (), 0.0, float("nan")))
+        return MissingForce((), 0.0, None, explained, (), _words((), (), 0.0, float("nan")))
     axes = {w.axis for w in proposed}
     picked = [k for k, c in enumerate(columns) if c.axis in axes and any(v[:, k].any() for v in values)]
     columns = tuple(columns[k] for k in picked)
@@ -165,9 +170,10 @@ def describe(
     if chosen and predictive < 0.0:
         chosen, gain = [], 0.0
     selection = {w.name: w for w in selections}
-    terms = tuple(_term(trials, trial, chosen, j, selection) for j in chosen)
+    terms = tuple(_term(model.vehicle, trials, trial, chosen, j, selection) for j in chosen)
     tried = tuple(w.name for w in proposed)
-    return MissingForce(terms, gain, predictive, explained, tried, _words(terms, tried, gain, predictive))
+    known = predictive if np.isfinite(predictive) else None
+    return MissingForce(terms, gain, known, explained, tried, _words(terms, tried, gain, predictive))
 
 
 def _regress(
@@ -213,6 +219,7 @@ def _proposed(selections: Sequence[RowSelection]) -> list[RowSelection]:
 
 
 def _term(
+    vehicle: Vehicle,
     trials: Sequence[TermEvidence],
     trial: TermEvidence,
     chosen: Sequence[int],
@@ -239,7 +246,13 @@ def _term(
         selection[column.name].inclusion,
         gain_over(trials, trial, chosen, rest),
         rivals,
+        _prime(vehicle, column, float(value[at])),
     )
+
+
+def _prime(vehicle: Vehicle, column: LibraryColumn, value: float) -> float | None:
+    unit = prime_unit(vehicle, column.name) if column.is_row else float("nan")
+    return value / unit if np.isfinite(unit) else None
 
 
 def _words(
@@ -270,29 +283,3 @@ def _words(
         tail += f" and the density of each run given the others by {predictive:.1f} nats"
     out.append(tail + ". A form, not a cause.")
     return tuple(out)
-
-
-def as_json(d: MissingForce) -> dict[str, Any]:
-    """Plain data of the block "description" of `diagnosis.json`."""
-    return {
-        "terms": [
-            {
-                "name": t.name,
-                "axis": t.axis,
-                "expression": t.expression,
-                "in_model": t.in_model,
-                "value": t.value,
-                "sd": t.sd,
-                "unit": t.unit,
-                "inclusion": t.inclusion,
-                "gain": t.gain,
-                "rivals": list(t.rivals),
-            }
-            for t in d.terms
-        ],
-        "gain": d.gain,
-        "predictive": d.predictive if np.isfinite(d.predictive) else None,
-        "explained": d.explained,
-        "tried": list(d.tried),
-        "sentences": list(d.sentences),
-    }

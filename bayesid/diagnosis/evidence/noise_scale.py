@@ -80,16 +80,16 @@ class NoiseScalePosterior:
         ends = {n: (float(x[0]), float(x[-1])) for n, x in zip(SCALED_AMPLITUDES, self.nodes, strict=True)}
         return {n: ends[n] for n in self.names}
 
-    def holds(self, loud: Array) -> Array:
+    def holds(self, log_factors: Array) -> Array:
         """(b,) whether (b, n_names) points lie on the grid."""
         ends = np.array(list(self.reach.values())).reshape(-1, 2)
-        return np.all((loud >= ends[:, 0]) & (loud <= ends[:, 1]), axis=1)
+        return np.all((log_factors >= ends[:, 0]) & (log_factors <= ends[:, 1]), axis=1)
 
-    def at(self, loud: Array) -> tuple[Array, Array, Array]:
+    def at(self, log_factors: Array) -> tuple[Array, Array, Array]:
         """Mean, factor and evidence at (b, n_names) points; beyond the grid those of its end."""
-        both = np.zeros((loud.shape[0], 2))
+        both = np.zeros((log_factors.shape[0], 2))
         for i, name in enumerate(self.names):
-            both[:, SCALED_AMPLITUDES.index(name)] = np.clip(loud[:, i], *self.reach[name])
+            both[:, SCALED_AMPLITUDES.index(name)] = np.clip(log_factors[:, i], *self.reach[name])
         one, two = (f(both[:, a]) for a, f in enumerate(self._cardinal))
         weights = (one[:, :, None] * two[:, None, :]).reshape(len(both), -1)
         k = self.middle.size
@@ -162,23 +162,23 @@ class _Nodes:
     def __call__(self, force: float, drift: float) -> Node | None:
         key = (round(float(force), 9), round(float(drift), 9))
         if key not in self.seen:
-            louder = _louder(self.problem.environment.noise_model, *key)
-            grams = stacked_equations(self.problem.model, self.paths, self.fitted.free, louder)
-            self.seen[key] = _reduced(sum(grams[1:], grams[0]), self.chosen)
+            rescaled = _rescaled(self.problem.environment.noise_model, *key)
+            equations = stacked_equations(self.problem.model, self.paths, self.fitted.free, rescaled)
+            self.seen[key] = _reduced(sum(equations[1:], equations[0]), self.chosen)
         return self.seen[key]
 
 
 def _settled(
-    problem: DiagnosisProblem, fitted: FilterErrorFit, loud: Array
+    problem: DiagnosisProblem, fitted: FilterErrorFit, log_factors: Array
 ) -> tuple[Linearisation, ...] | None:
     """Paths linearised anew at another noise scale; None where the model leaves the finite numbers."""
-    louder = _louder(problem.environment.noise_model, *loud)
+    rescaled = _rescaled(problem.environment.noise_model, *log_factors)
     try:
         again = fit(
             problem.model,
             problem.logs,
             fitted.free,
-            louder,
+            rescaled,
             start=list(fitted.points),
             loud=0.0,
             iterations=NODE_ITERATIONS,
@@ -247,13 +247,13 @@ def _lower(factor: Array) -> Array:
     return out
 
 
-def _louder(noise_model: NoiseModel, force: float, drift: float) -> NoiseModel:
-    louder = float(np.exp(drift))
+def _rescaled(noise_model: NoiseModel, force: float, drift: float) -> NoiseModel:
+    rescaled = float(np.exp(drift))
     return replace(
         noise_model,
         force=tuple(f * np.exp(force) for f in noise_model.force),
-        drift=noise_model.drift * louder,
-        depth=None if noise_model.depth is None else noise_model.depth * louder,
+        drift=noise_model.drift * rescaled,
+        depth=None if noise_model.depth is None else noise_model.depth * rescaled,
     )
 
 

@@ -61,7 +61,7 @@ class TermEvidence:
         self.levels: list[list[NormalEquations]] = []
         self._known: dict[frozenset[int], float] = {}
         for noise_model in levels_between(problem, level):
-            grams = []
+            equations = []
             for k, (path, value) in enumerate(zip(paths, values, strict=True)):
                 n, q = path.resid.shape
                 drive = path.gamma[:, :, at] * (value * self.unit)[:, None, :]
@@ -76,8 +76,8 @@ class TermEvidence:
                 )
                 # rows a refit added are moved back to none; as columns they are among the terms
                 kept = np.delete(w.columns, np.arange(self.base, len(whole.names)), axis=1)
-                grams.append(normal_equations(w.resid, kept, w.logdet, w.used))
-            self.levels.append(grams)
+                equations.append(normal_equations(w.resid, kept, w.logdet, w.used))
+            self.levels.append(equations)
 
     def _scaled(self, g: NormalEquations, chosen: Sequence[int], size: float) -> NormalEquations:
         picked = g.pick(np.concatenate([np.arange(self.base), self.base + np.array(chosen, dtype=int)]))
@@ -86,9 +86,9 @@ class TermEvidence:
             picked.ss * np.outer(scale, scale), picked.se * scale, picked.ee, picked.logdet, picked.used
         )
 
-    def _evidence(self, grams: Sequence[NormalEquations], chosen: Sequence[int]) -> float:
+    def _evidence(self, equations: Sequence[NormalEquations], chosen: Sequence[int]) -> float:
         """Log evidence of one level, averaged over the prior size of the terms."""
-        total = sum(grams[1:], grams[0])
+        total = sum(equations[1:], equations[0])
         if not chosen:
             return posterior(self._scaled(total, (), 1.0)).log_evidence
         sizes = [posterior(self._scaled(total, chosen, s)).log_evidence for s in TERM_FORCE_SDS]
@@ -96,13 +96,13 @@ class TermEvidence:
 
     def best(self, chosen: Sequence[int]) -> int:
         """Level of most evidence."""
-        return int(np.argmax([self._evidence(grams, chosen) for grams in self.levels]))
+        return int(np.argmax([self._evidence(equations, chosen) for equations in self.levels]))
 
     def evidence(self, chosen: Sequence[int]) -> float:
         """Log evidence of some terms at their best level."""
         key = frozenset(chosen)
         if key not in self._known:
-            self._known[key] = max(self._evidence(grams, sorted(key)) for grams in self.levels)
+            self._known[key] = max(self._evidence(equations, sorted(key)) for equations in self.levels)
         return self._known[key]
 
     def gain(self, chosen: Sequence[int], over: Sequence[int] = ()) -> float:
@@ -111,26 +111,26 @@ class TermEvidence:
 
     def left_out(self, chosen: Sequence[int]) -> float:
         """Log density of every run given the others; nan with a single run."""
-        grams = self.levels[self.best(chosen)]
-        if len(grams) < 2:
+        equations = self.levels[self.best(chosen)]
+        if len(equations) < 2:
             return float("nan")
-        whole = self._evidence(grams, chosen)
+        whole = self._evidence(equations, chosen)
         return sum(
-            whole - self._evidence([g for i, g in enumerate(grams) if i != k], chosen)
-            for k in range(len(grams))
+            whole - self._evidence([g for i, g in enumerate(equations) if i != k], chosen)
+            for k in range(len(equations))
         )
 
     def scale(self, j: int) -> float:
         """Prior sd of one coefficient [SI] at its most probable size."""
-        grams = self.levels[self.best([j])]
-        total = sum(grams[1:], grams[0])
+        equations = self.levels[self.best([j])]
+        total = sum(equations[1:], equations[0])
         found = [posterior(self._scaled(total, [j], s)).log_evidence for s in TERM_FORCE_SDS]
         return float(TERM_FORCE_SDS[int(np.argmax(found))] * self.unit[j])
 
     def coefficients(self, chosen: Sequence[int]) -> tuple[Array, Array]:
         """Coefficients and their sd [SI] at the most probable level and size."""
-        grams = self.levels[self.best(chosen)]
-        total = sum(grams[1:], grams[0])
+        equations = self.levels[self.best(chosen)]
+        total = sum(equations[1:], equations[0])
         found = [posterior(self._scaled(total, chosen, s)) for s in TERM_FORCE_SDS]
         k = int(np.argmax([f.log_evidence for f in found]))
         scale = TERM_FORCE_SDS[k] * self.unit[list(chosen)]

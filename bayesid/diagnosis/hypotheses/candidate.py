@@ -72,14 +72,14 @@ def repeatable_bonus(problem: DiagnosisProblem, fitted: FilterErrorFit) -> float
     weight -= logsumexp(weight)
     values = []
     for shift in logs:
-        grams = stacked_equations(
+        equations = stacked_equations(
             problem.model,
             fitted.paths,
             fitted.free,
             problem.environment.noise_model.scaled(float(np.exp(shift))),
         )
         try:
-            values.append(posterior(sum(grams[1:], grams[0])).log_evidence)
+            values.append(posterior(sum(equations[1:], equations[0])).log_evidence)
         except ModelError:
             return 0.0
     return float(logsumexp(np.array(values) + weight) - fitted.log_evidence)

@@ -49,7 +49,7 @@ from bayesid.diagnosis.threshold_table import (
 )
 from bayesid.estimation.filter_error.fit import FilterErrorFit
 
-Say = Callable[[str], None]
+Notify = Callable[[str], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,34 +89,37 @@ class HypothesisComparison:
 
 
 def compare(
-    problem: DiagnosisProblem, say: Say = lambda text: None, seed: int = 0, base: FilterErrorFit | None = None
+    problem: DiagnosisProblem,
+    notify: Notify = lambda text: None,
+    seed: int = 0,
+    base: FilterErrorFit | None = None,
 ) -> HypothesisComparison:
     """Screen the catalogue, refit a shortlist, weigh every hypothesis; `seed` draws the thresholds.
 
     Parameters
     ----------
-    base : the fit without any effect, if it is there already (`innovation_outliers.prepare`)
+    base : the fit without any effect, if it is there already (`exclusions.compare_without`)
     """
     model = problem.model
     if base is None:
-        say("fit without any effect")
+        notify("fit without any effect")
         base = fit_with(problem, ())
     none = weighted_hypothesis(problem, (), base)
     fine = explains(none)
-    follow = list(base.points) if fine else list(problem.path)
+    points = list(base.points) if fine else list(problem.path)
     level = 0.0 if fine else problem.path_level
     effects = [e for e in model.kernel.effects if testable(problem, e)]
-    say(f"screen {len(effects)} effects from one bank of sensitivities")
-    bank = build_bank(problem, follow, levels_between(problem, level), effects)
+    notify(f"screen {len(effects)} effects from one bank of sensitivities")
+    bank = build_bank(problem, points, levels_between(problem, level), effects)
     scores = screen(bank)
     known = isolability(bank)
     limits = thresholds(bank, tried(problem), seed)
-    say("where the gap lies")
-    where = locate(problem, follow, problem.coefficients)
+    notify("where the gap lies")
+    where = locate(problem, points, problem.coefficients)
     wide = widened(bank, problem.coefficients.names)
-    refits = [c for s in shortlist(scores) for c in refit_screened(problem, bank, s, say)]
-    refits += [c for name in likely_coefficients(wide, scores) for c in refit_wide(problem, name, say)]
-    none = _second_start(problem, none, refits, say)
+    refits = [c for s in shortlist(scores) for c in refit_screened(problem, bank, s, notify)]
+    refits += [c for name in likely_coefficients(wide, scores) for c in refit_wide(problem, name, notify)]
+    none = _second_start(problem, none, refits, notify)
     gains = {s.name: s.gain for s in scores}
     refits = sorted((checked(problem, c, none, gains) for c in refits), key=lambda c: -c.log_evidence)
     after = None
@@ -129,10 +132,10 @@ def compare(
             if explains(first)
             else gains[first.effects[0]] > ADD_EVIDENCE
         ):
-            refits, left = search_several(problem, refits, first, effects, known, say)
+            refits, left = search_several(problem, refits, first, effects, known, notify)
             refits = sorted((checked(problem, c, none, gains) for c in refits), key=lambda c: -c.log_evidence)
     if refits and refits[0].log_evidence > none.log_evidence + ADD_EVIDENCE:
-        say("what the best explanation leaves")
+        notify("what the best explanation leaves")
         after = left.get(refits[0].effects) or remainder(problem, refits[0])
     evidence = evidences(problem, none, refits, scores, wide, where)
     rest = _rests(refits, after)
@@ -163,13 +166,13 @@ def _rests(refits: Sequence[RefittedHypothesis], after: Localisation | None) -> 
 
 
 def _second_start(
-    problem: DiagnosisProblem, none: RefittedHypothesis, refits: Sequence[RefittedHypothesis], say: Say
+    problem: DiagnosisProblem, none: RefittedHypothesis, refits: Sequence[RefittedHypothesis], notify: Notify
 ) -> RefittedHypothesis:
     """No effect fitted once more from where a refit explains the data, if its first start did not arrive."""
     done = [c for c in refits if explains(c)]
     if explains(none) or not done:
         return none
-    say("fit without any effect from a second start")
+    notify("fit without any effect from a second start")
     best = max(done, key=lambda c: c.log_evidence).fit
     par = problem.model.nominal.copy()
     where = problem.coefficients.where

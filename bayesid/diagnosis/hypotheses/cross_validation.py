@@ -50,11 +50,11 @@ class CrossValidation:
         return self.total < 0 and self.total / n + float(stats.t.ppf(0.95, n - 1)) * error < 0
 
 
-def left_out(grams: tuple[NormalEquations, ...]) -> Array:
+def left_out(equations: tuple[NormalEquations, ...]) -> Array:
     """(runs,) log predictive density of each run given all others."""
-    total = sum(grams[1:], grams[0])
+    total = sum(equations[1:], equations[0])
     whole = posterior(total).log_evidence
-    return np.array([whole - posterior(total - g).log_evidence for g in grams])
+    return np.array([whole - posterior(total - g).log_evidence for g in equations])
 
 
 def cross_validate(
@@ -70,20 +70,20 @@ def cross_validate(
     return CrossValidation(gains, *disagreement(candidate.fit.grams, coefficients))
 
 
-def disagreement(grams: tuple[NormalEquations, ...], coefficients: int) -> tuple[float, float]:
+def disagreement(equations: tuple[NormalEquations, ...], coefficients: int) -> tuple[float, float]:
     """p-value, and chi-square over its degrees of freedom, of one common effect against one for every run.
 
     Coefficients are common. Twice the gain in the maximised density is chi-square with (runs - 1) times
     (effect parameters) degrees of freedom; directions no run shows do not count.
     """
     c = coefficients
-    k = grams[0].se.size - c
-    runs = len(grams)
+    k = equations[0].se.size - c
+    runs = len(equations)
     if k == 0 or runs < 2:
         return 1.0, 1.0
     own = np.zeros((c + k * runs, c + k * runs))
     score = np.zeros(c + k * runs)
-    for m, g in enumerate(grams):
+    for m, g in enumerate(equations):
         at = np.concatenate([np.arange(c), c + k * m + np.arange(k)])
         own[np.ix_(at, at)] += g.ss
         score[at] += g.se

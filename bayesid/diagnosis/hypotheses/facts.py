@@ -44,8 +44,8 @@ class Facts:
     free, free_by_chance : the same of a free signal without any effect [nats]
     left : what a free signal adds beside the best [nats]
     conflict, conflict_by_chance : largest coefficient move without an effect [prior sd]
-    none, outside, unseen : probability of no effect, of a cause that is not listed, and of effects that these
-        runs could not show
+    none, outside, undetectable : probability of no effect, of a cause that is not listed, and of effects
+        that these runs could not show
     none_in_set : whether the 95 % set holds no effect
     effects : number of effects of the best
     widens : whether the best is a coefficient with a wide prior
@@ -67,7 +67,7 @@ class Facts:
     conflict_by_chance: float
     none: float
     outside: float
-    unseen: float
+    undetectable: float
     none_in_set: bool
     effects: int
     widens: bool
@@ -107,7 +107,7 @@ class Named:
     hidden : effects the coefficients can absorb
     along : of these the ones about as good as the best
     set95 : credible set
-    unseen : effects these runs could not show
+    undetectable : effects these runs could not show
     """
 
     best: tuple[str, ...]
@@ -115,7 +115,7 @@ class Named:
     hidden: tuple[str, ...]
     along: tuple[str, ...]
     set95: tuple[str, ...]
-    unseen: tuple[str, ...]
+    undetectable: tuple[str, ...]
 
     @property
     def rivals(self) -> tuple[str, ...]:
@@ -140,7 +140,7 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
     probability, limit = candidates.probabilities, candidates.thresholds
     none, best = candidates.none, simplest(candidates)
     before = candidates.where.places[0]
-    faint = unseen(candidates)
+    faint = undetectable(candidates)
     set95 = credible_set(probability, silent=faint)
     absorbed = _absorbed(problem, candidates)
     families = {e.name: e.family for e in problem.model.kernel.effects}
@@ -176,7 +176,7 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
         conflict_by_chance=limit.conflict,
         none=probability["none"],
         outside=probability["outside"],
-        unseen=sum(probability[n] for n in faint),
+        undetectable=sum(probability[n] for n in faint),
         none_in_set="none" in set95,
         effects=len(best.effects),
         widens=best.widens,
@@ -195,7 +195,7 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
     return Grounds(facts, names, before.channel, best.fit.chi2**0.5, follows, runs)
 
 
-def unseen(candidates: HypothesisComparison) -> tuple[str, ...]:
+def undetectable(candidates: HypothesisComparison) -> tuple[str, ...]:
     """Effects that these runs would hardly show at their usual size, and do not speak for.
 
     Their probability is what it was before the data. As an explanation they are no other than "none": what is

@@ -184,10 +184,10 @@ def locate(
                 )
                 seen.append((_evidence(problem, paths, free, noise_model, latent), a, tau * time))
         best = max(seen)
-        rhythm = periodic.get(name)
-        beats = list(rhythm.evidence) if rhythm else []
+        best_periodic = periodic.get(name)
+        beats = list(best_periodic.evidence) if best_periodic else []
         average = _log_mean([t[0] for t in seen] + beats)
-        period = rhythm.period if rhythm and max(beats) > best[0] else None
+        period = best_periodic.period if best_periodic and max(beats) > best[0] else None
         top = max([best[0], *beats])
         places.append(LocatedSignal(name, top - base, best[1], best[2], average - base, period))
         # A signal on a sensor stands for drift, or for noise faster than the sampling, as well as a fault.
@@ -298,13 +298,13 @@ def _force(
     best = force_places[0]
     inputs = tuple(n for n in problem.model.kernel.exogenous if n.startswith("force_"))
     latent = LatentInputs(inputs, (), tuple(best.amplitude * size[n] for n in inputs), best.tau)
-    total, grams = None, []
+    total, equations = None, []
     for k, path in enumerate(paths):
         w = whitened(
             problem.model, path, free.mean - path.point.par[free.where], free.sd, noise_model, latent, k
         )
-        grams.append(normal_equations(w.resid, w.columns, w.logdet, w.used))
-        total = grams[-1] if total is None else total + grams[-1]
+        equations.append(normal_equations(w.resid, w.columns, w.logdet, w.used))
+        total = equations[-1] if total is None else total + equations[-1]
     assert total is not None
     values = free.mean + free.sd * posterior(total).mean
     times, force, band = [], [], []

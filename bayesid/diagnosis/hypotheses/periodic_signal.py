@@ -49,8 +49,8 @@ def periodic_signals(
     left out of the sum, which can only lower it.
     """
     white = [_whitened(problem, k, p, free) for k, p in enumerate(paths)]
-    grams = [normal_equations(w.resid, w.columns, w.logdet, w.used) for w in white]
-    z = posterior(sum(grams[1:], grams[0])).mean
+    equations = [normal_equations(w.resid, w.columns, w.logdet, w.used) for w in white]
+    z = posterior(sum(equations[1:], equations[0])).mean
     standard = [(w.resid - w.columns @ z).reshape(p.resid.shape) for w, p in zip(white, paths, strict=True)]
     found, tries = periodic_forces(problem.model, paths, standard)
     if not found:

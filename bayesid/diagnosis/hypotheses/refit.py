@@ -29,7 +29,7 @@ from bayesid.model.effects import Effect
 SHORTLIST_SIZE = 6
 # Latent force of the first pass where the start already follows the data.
 FOLLOWING_FORCE_LEVEL = 1e-5
-Say = Callable[[str], None]
+Notify = Callable[[str], None]
 
 
 def shortlist(scores: Sequence[ScreenScore]) -> list[ScreenScore]:
@@ -46,19 +46,19 @@ def likely_coefficients(wide: dict[str, float], scores: Sequence[ScreenScore]) -
     return [n for n in ranked[:2] if wide[n] > max(2.0, 0.05 * scores[0].gain)]
 
 
-def refit(problem: DiagnosisProblem, effects: tuple[Effect, ...], say: Say) -> list[RefittedHypothesis]:
+def refit(problem: DiagnosisProblem, effects: tuple[Effect, ...], notify: Notify) -> list[RefittedHypothesis]:
     """Candidate of some effects; none where the model cannot follow the data with them at all."""
     names = tuple(e.name for e in effects)
-    say("refit with " + " + ".join(names))
+    notify("refit with " + " + ".join(names))
     try:
         return [weighted_hypothesis(problem, names, fit_with(problem, effects))]
     except ModelError as exc:
-        say(f"given up: {exc}")
+        notify(f"given up: {exc}")
         return []
 
 
 def refit_screened(
-    problem: DiagnosisProblem, bank: SensitivityBank, score: ScreenScore, say: Say
+    problem: DiagnosisProblem, bank: SensitivityBank, score: ScreenScore, notify: Notify
 ) -> list[RefittedHypothesis]:
     """Candidate of one screened effect.
 
@@ -66,7 +66,7 @@ def refit_screened(
     explain the data.
     """
     effect = problem.model.effects[score.name]
-    out = refit(problem, (effect,), say)
+    out = refit(problem, (effect,), notify)
     if effect.smooth or any(explains(c) for c in out):
         return out
     return refit_again(
@@ -75,7 +75,7 @@ def refit_screened(
         _estimated(problem, bank, score),
         max(problem.path_level, FOLLOWING_FORCE_LEVEL),
         out,
-        say,
+        notify,
     )
 
 
@@ -83,17 +83,19 @@ def refit_again(
     problem: DiagnosisProblem,
     effects: tuple[Effect, ...],
     start: list[Trajectory],
-    loud: float,
+    initial_noise_scale: float,
     first: list[RefittedHypothesis],
-    say: Say,
+    notify: Notify,
 ) -> list[RefittedHypothesis]:
-    """The better of a first candidate and one begun elsewhere; `loud` as in `filter_error.fit.fit`."""
+    """The better of a first candidate and one begun elsewhere."""
     names = tuple(e.name for e in effects)
-    say("refit with " + " + ".join(names) + " from a second start")
+    notify("refit with " + " + ".join(names) + " from a second start")
     try:
-        second = weighted_hypothesis(problem, names, fit_with(problem, effects, start=start, loud=loud))
+        second = weighted_hypothesis(
+            problem, names, fit_with(problem, effects, start=start, initial_noise_scale=initial_noise_scale)
+        )
     except ModelError as exc:
-        say(f"given up: {exc}")
+        notify(f"given up: {exc}")
         return first
     return [max([*first, second], key=lambda c: (explains(c), c.log_evidence))]
 
@@ -112,9 +114,9 @@ def _estimated(problem: DiagnosisProblem, bank: SensitivityBank, score: ScreenSc
     return [replace(point, par=par) for point in problem.path]
 
 
-def refit_wide(problem: DiagnosisProblem, name: str, say: Say) -> list[RefittedHypothesis]:
+def refit_wide(problem: DiagnosisProblem, name: str, notify: Notify) -> list[RefittedHypothesis]:
     """Candidate in which one coefficient may be ten prior standard deviations off."""
-    say(f"refit with a wide prior on {name}")
+    notify(f"refit with a wide prior on {name}")
     free = problem.coefficients
     sd = free.sd.copy()
     sd[free.names.index(name)] *= 10.0
@@ -128,7 +130,7 @@ def refit_wide(problem: DiagnosisProblem, name: str, say: Say) -> list[RefittedH
             loud=max(problem.path_level, FOLLOWING_FORCE_LEVEL),
         )
     except ModelError as exc:
-        say(f"given up: {exc}")
+        notify(f"given up: {exc}")
         return []
     return [weighted_hypothesis(problem, (f"{COEFFICIENT_ERROR}:{name}",), fitted)]
 

@@ -61,7 +61,7 @@ RULES: tuple[Rule, ...] = (
     ),
     Rule(
         "nothing beyond chance",
-        lambda f: not f.gains and f.none + f.unseen + (0.0 if f.free_shows else f.outside) > EVEN_ODDS,
+        lambda f: not f.gains and f.none + f.undetectable + (0.0 if f.free_shows else f.outside) > EVEN_ODDS,
         "none", "nothing", "nothing",
         "no effect gains more than chance allows, and no effect, or what these runs cannot tell from it, is "
         "more probable than not",

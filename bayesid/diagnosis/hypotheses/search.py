@@ -25,7 +25,7 @@ from bayesid.equations.model import Model
 from bayesid.estimation.parameters import GaussianPrior, effect_prior
 from bayesid.model.effects import Effect
 
-Say = Callable[[str], None]
+Notify = Callable[[str], None]
 
 
 def search_several(
@@ -34,7 +34,7 @@ def search_several(
     current: RefittedHypothesis,
     effects: list[Effect],
     alike: Isolability,
-    say: Say,
+    notify: Notify,
 ) -> tuple[list[RefittedHypothesis], dict[tuple[str, ...], Localisation]]:
     """Forward selection from the best single effect, then backward: the first one may owe its place to the
     second.
@@ -62,7 +62,9 @@ def search_several(
         ranked = [s for s in screen(bank)[:3] if s.gain > 0.5 * ADD_EVIDENCE]
         if not ranked:
             break
-        tried = [c for s in ranked for c in _beside(problem, refits, (*chosen, model.effects[s.name]), say)]
+        tried = [
+            c for s in ranked for c in _beside(problem, refits, (*chosen, model.effects[s.name]), notify)
+        ]
         if not tried:
             break
         gains = {s.name: s.gain for s in ranked}
@@ -77,13 +79,13 @@ def search_several(
         refits = [*tried, *refits]
         current = best
         if len(current.effects) == 2:
-            refits, current = _exchanged(problem, refits, current, alike, say)
+            refits, current = _exchanged(problem, refits, current, alike, notify)
     while len(current.effects) > 1:
         less = []
         for name in current.effects:
             fewer = tuple(model.effects[n] for n in current.effects if n != name)
             known = [c for c in refits if set(c.effects) == {e.name for e in fewer}]
-            less += known or refit(problem, fewer, say)
+            less += known or refit(problem, fewer, notify)
             refits += [c for c in less if c not in refits]
         smaller = max(less, key=lambda c: c.log_evidence, default=None)
         if smaller is None or smaller.log_evidence < current.log_evidence - DROP_EVIDENCE:
@@ -97,7 +99,7 @@ def _exchanged(
     refits: list[RefittedHypothesis],
     current: RefittedHypothesis,
     alike: Isolability,
-    say: Say,
+    notify: Notify,
 ) -> tuple[list[RefittedHypothesis], RefittedHypothesis]:
     """Each of several effects replaced by those like it, as long as the data gain by it."""
     model = problem.model
@@ -112,7 +114,7 @@ def _exchanged(
                 if model.effects[rival].family not in taken and key not in asked:
                     asked.add(key)
                     both = tuple(model.effects[n] for n in (*others, rival))
-                    found += _beside(problem, refits, both, say)
+                    found += _beside(problem, refits, both, notify)
         refits = [*found, *refits]
         best = max((c for c in found if explains(c)), key=lambda c: c.log_evidence, default=None)
         if best is None or (explains(current) and best.log_evidence <= current.log_evidence):
@@ -122,11 +124,14 @@ def _exchanged(
 
 
 def _beside(
-    problem: DiagnosisProblem, refits: Sequence[RefittedHypothesis], effects: tuple[Effect, ...], say: Say
+    problem: DiagnosisProblem,
+    refits: Sequence[RefittedHypothesis],
+    effects: tuple[Effect, ...],
+    notify: Notify,
 ) -> list[RefittedHypothesis]:
     """Candidate of several effects; a second start from a part that explains the data where the first does
     not."""
-    out = refit(problem, effects, say)
+    out = refit(problem, effects, notify)
     names = {e.name for e in effects}
     part = [c for c in refits if set(c.effects) < names and explains(c)]
     if not part or any(explains(c) for c in out):
@@ -134,7 +139,7 @@ def _beside(
     smaller = max(part, key=lambda c: c.log_evidence)
     more = tuple(e for e in effects if e.name not in smaller.effects)
     return refit_again(
-        problem, effects, first_fit(problem, more, smaller.fit.points), FOLLOWING_FORCE_LEVEL, out, say
+        problem, effects, first_fit(problem, more, smaller.fit.points), FOLLOWING_FORCE_LEVEL, out, notify
     )
 
 

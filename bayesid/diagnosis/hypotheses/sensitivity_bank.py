@@ -40,21 +40,21 @@ class SensitivityBank:
 
     Attributes
     ----------
-    grams : per environment level, one Gram per run; columns are coefficients, then effects
+    equations : normal equations per environment level and run; columns are coefficients, then effects
     levels : the environments
     n_coef : number of coefficient columns
     effects : name -> Column
     """
 
-    grams: tuple[tuple[NormalEquations, ...], ...]
+    equations: tuple[tuple[NormalEquations, ...], ...]
     levels: tuple[NoiseModel, ...]
     n_coef: int
     effects: dict[str, EffectColumns]
 
     def total(self, level: int) -> NormalEquations:
         """All runs together."""
-        grams = self.grams[level]
-        return sum(grams[1:], grams[0])
+        equations = self.equations[level]
+        return sum(equations[1:], equations[0])
 
     def columns(self, chosen: Sequence[str], variants: Sequence[int] = ()) -> Array:
         """Positions of the coefficients and of the chosen effects."""
@@ -111,7 +111,7 @@ def build_bank(
         path = linearise(model, log, point, free.where)
         paths.append(path)
         extras.append(secants(problem, path, kinked) if kinked else None)
-    grams = []
+    equations = []
     for noise_model in levels:
         row = []
         for k, (path, extra) in enumerate(zip(paths, extras, strict=True)):
@@ -119,8 +119,8 @@ def build_bank(
                 model, path, free.mean - path.point.par[free.where], free.sd, noise_model, run=k, extra=extra
             )
             row.append(normal_equations(w.resid, w.columns, w.logdet, w.used))
-        grams.append(tuple(row))
-    return SensitivityBank(tuple(grams), tuple(levels), len(base.names), columns)
+        equations.append(tuple(row))
+    return SensitivityBank(tuple(equations), tuple(levels), len(base.names), columns)
 
 
 def secants(problem: DiagnosisProblem, path: Linearisation, effects: Sequence[Effect]) -> tuple[Array, Array]:
@@ -153,18 +153,18 @@ class ScreenScore:
     variant: int
 
 
-def levels_between(problem: DiagnosisProblem, follow: float) -> list[NoiseModel]:
+def levels_between(problem: DiagnosisProblem, path_level: float) -> list[NoiseModel]:
     """Environments from the real one up to what the following path needed."""
     real = problem.environment.noise_model
     unit = force_unit(problem.model)
     quiet = max(float((np.array(real.force) / unit).max()), 1e-6)
     out = [real]
     level = quiet * 6.0
-    while level < follow:
+    while level < path_level:
         out.append(replace(real, force=tuple(np.maximum(real.force, level * unit))))
         level *= 6.0
-    if follow > quiet:
-        out.append(replace(real, force=tuple(np.maximum(real.force, follow * unit))))
+    if path_level > quiet:
+        out.append(replace(real, force=tuple(np.maximum(real.force, path_level * unit))))
     return out
 
 

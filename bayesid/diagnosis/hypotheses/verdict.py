@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.hypotheses.candidate import COEFFICIENT_ERROR
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
-from bayesid.diagnosis.hypotheses.facts import Facts, Grounds, Named, grounds_of, simplest, unseen
+from bayesid.diagnosis.hypotheses.facts import Facts, Grounds, Named, grounds_of, simplest
 from bayesid.diagnosis.hypotheses.rules import NAMING, WORDS, Rule, Word, deciding
 
-__all__ = ["NAMING", "WORDS", "Verdict", "Word", "decide", "simplest", "unseen"]
+__all__ = ["NAMING", "WORDS", "Verdict", "Word", "decide", "simplest"]
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,6 @@ from bayesid.model.vehicles.reading import builtin_names, load_vehicle
 from bayesid.model.vehicles.stability import (
     Stability,
     self_propulsion_speed,
-    speed_per_rpm,
     stability,
     usual_speed,
 )
@@ -25,6 +24,7 @@ from bayesid.model.vehicles.vehicle import (
     Vehicle,
     coef_si,
     prime_scale,
+    prime_unit,
     with_relative_prior,
 )
 from bayesid.model.vehicles.writing import identified, write_vehicle
@@ -45,9 +45,9 @@ __all__ = [
     "identified",
     "load_vehicle",
     "prime_scale",
+    "prime_unit",
     "rigid_body_mass",
     "self_propulsion_speed",
-    "speed_per_rpm",
     "stability",
     "usual_speed",
     "with_relative_prior",

@@ -81,13 +81,6 @@ def usual_speed(vehicle: Vehicle) -> float:
     raise VehicleError(f"{vehicle.name}: give rpm_ref in [propulsion] or U_ref in [vehicle], or pass a speed")
 
 
-def speed_per_rpm(vehicle: Vehicle) -> float:
-    """k of the command speed u_c = k n [m/s per rpm]: as stated by the propulsion model, else U0/rpm_ref."""
-    values = vehicle.propulsion.values
-    stated = values.get("uc_per_rpm", values.get("k"))
-    return stated if stated is not None else usual_speed(vehicle) / (vehicle.rpm_ref or float("nan"))
-
-
 def stability(vehicle: Vehicle, U: float | None = None) -> Stability:
     """Indices and eigenvalues at speed U [m/s], by default that of rpm_ref.
 

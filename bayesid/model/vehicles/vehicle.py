@@ -149,8 +149,17 @@ def prime_scale(vehicle: Vehicle, row: Term | str) -> float:
     dimensional set and for propulsion rows, which are always SI.
     """
     row = term(row) if isinstance(row, str) else row
-    if not vehicle.nondimensional or row.group == "propulsion":
-        return 1.0
+    return prime_unit(vehicle, row) if vehicle.nondimensional and row.group != "propulsion" else 1.0
+
+
+def prime_unit(vehicle: Vehicle, row: Term | str) -> float:
+    """SI value of a coefficient whose prime value is 1, whatever the units of the file.
+
+    nan for a propulsion row, which has no prime form, and for a row that needs a U_ref the vehicle lacks.
+    """
+    row = term(row) if isinstance(row, str) else row
+    if row.group == "propulsion":
+        return float("nan")
     scale = 0.5 * vehicle.rho * vehicle.L**row.length_power
     if row.velocity_power == 2:
         return scale

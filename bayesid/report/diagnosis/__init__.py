@@ -1,4 +1,4 @@
 """The report of a diagnosis: cause, location, hold-out validation, limits and figures, one module each.
 
-Takes a diagnosis as the record that is written to `diagnosis.json`. Does not compute.
+Takes the `Result` of a diagnosis, of which `diagnosis.json` is another view. Does not compute.
 """

@@ -1,61 +1,54 @@
 """Sections of a diagnosis on the cause: where the gap lives, what the missing force is made of, which effect.
 
-Takes a `Diagnosis`. Does not compute.
+Takes a `Result`. Does not compute.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
-from bayesid.diagnosis.hypotheses.localisation import Localisation
-from bayesid.diagnosis.run import Diagnosis
+from bayesid.diagnosis.result import Result
+from bayesid.report.coefficient_cells import COLUMNS
 from bayesid.report.diagnosis import figures
 from bayesid.report.diagnosis.words import arrival_words, in_words
 from bayesid.report.writer import Block, Figure, Section, Table, Text, literal
 
+MOST_SCREENED = 14
 
-def where_blocks(found: Diagnosis, record: Mapping[str, Any]) -> list[Block]:
+
+def where_blocks(result: Result) -> list[Block]:
     """Evidence of a free signal per channel, parts of the runs, and the smoothed force."""
-    where, limits = found.candidates.where, found.candidates.thresholds
+    where, gains = result.where, result.where.evidence
     blocks: list[Block] = [
         Text(
             "A free signal is let into one channel at a time; the gain in log evidence says how much of "
-            "the gap that "
-            "channel can carry. No cause is named here. " + _place(found, record) + _beat(where)
+            "the gap that channel can carry. No cause is named here. " + _place(result) + _period(result)
         ),
         Figure(
             "where",
             figures.bars(
-                [p.channel for p in where.places],
-                np.array([p.evidence for p in where.places]),
+                list(gains),
+                np.array(list(gains.values())),
                 "gain in log evidence [nats]",
-                limits.remainder,
+                result.thresholds.remainder,
             ),
             "Evidence of a free signal per channel, before any effect is added.",
         ),
     ]
-    if where.masks:
-        rows = [[m.kind, literal(m.name), m.evidence, f"{m.share:.0%}"] for m in where.masks[:10]]
+    parts = sorted((*where.windows, *where.regimes), key=lambda r: -r.evidence)
+    if parts:
         blocks.append(
             Table(
                 ["kind", "where it may act", "gain [nats]", "share of samples"],
-                rows,
-                f"The signal in {where.places[0].channel} allowed only in one manoeuvre, window or "
-                f"regime. One that keeps "
-                "nearly all of the gain is where the gap lives.",
+                [[r.kind, literal(r.name), r.evidence, f"{r.share:.0%}"] for r in parts],
+                f"The signal in {first_place(result)} allowed only in one manoeuvre, window or regime; the "
+                "best of each kind. One that keeps nearly all of the gain is where the gap lives.",
             )
         )
-        axes = [n[-1] for n in found.model.kernel.exogenous if n.startswith("force_")]
-        many = min(len(where.runs), 4)
+    force = result.drawings.force if result.drawings is not None else None
+    if force is not None:
         drawn = figures.force(
-            [literal(r) for r in where.runs[:many]],
-            where.times[:many],
-            where.force[:many],
-            where.band[:many],
-            axes,
+            [literal(r) for r in force.runs], force.times, force.values, force.sd, force.axes
         )
         blocks.append(
             Figure("force", drawn, "Smoothed missing force in body axes, with two standard deviations.")
@@ -63,44 +56,59 @@ def where_blocks(found: Diagnosis, record: Mapping[str, Any]) -> list[Block]:
     return blocks
 
 
-def _beat(where: Localisation) -> str:
-    """Period of the signal that gains most, if it keeps time."""
-    best = where.places[0]
-    if best.period is None:
+def first_place(result: Result) -> str:
+    """Channel in which a free signal gains most."""
+    return next(iter(result.where.evidence))
+
+
+def _period(result: Result) -> str:
+    """Period of the signal that gains most, if it is periodic."""
+    if result.where.period is None:
         return ""
     return (
-        f" The signal in {best.channel} that gains most keeps time: its period is {best.period:.3g} s. "
-        "Look for what turns, sheds, sloshes or hunts with it."
+        f" The signal in {first_place(result)} that gains most is periodic: its period is "
+        f"{result.where.period:.3g} s. Look for what turns, sheds, sloshes or hunts with it."
     )
 
 
-def _place(found: Diagnosis, record: Mapping[str, Any]) -> str:
+def _place(result: Result) -> str:
     """The most probable place of all hypotheses beside that of a free signal alone."""
-    first, chance = found.candidates.where.places[0], found.candidates.thresholds.remainder
-    named = record["where"]["channel"]
-    words = "" if first.evidence > chance else "None gains more than chance does. "
+    first, named = first_place(result), result.where.channel
+    above = result.where.evidence[first] > result.thresholds.remainder
+    words = "" if above else "None gains more than chance does. "
     if named is None:
         return words + "So no place is named."
     words += f"The most probable place, all hypotheses counted by their probability, is **{named}**"
-    if named == first.channel:
+    if named == first:
         return words + "."
     return words + (
-        f", not {first.channel}: a free signal knows no vehicle, while the causes left can act only in "
-        "places of their own."
+        f", not {first}: a free signal knows no vehicle, while the causes left can act only in places of "
+        "their own."
     )
 
 
-def description_sections(found: Diagnosis) -> list[Section]:
-    d = found.description
+def description_sections(result: Result) -> list[Section]:
+    """What the missing force is made of; none where nothing was described."""
+    d = result.description
     if d is None:
         return []
     blocks: list[Block] = [Text("\n\n".join(literal(s) for s in d.sentences))]
     if d.terms:
         blocks.append(
             Table(
-                ["term", "regressor", "value", "sd", "unit", "kept in draws", "gain [nats]", "or else"],
+                ["term", "regressor", *COLUMNS, "sd [%]", "kept in draws", "gain [nats]", "or else"],
                 [
-                    [t.name, t.expression, t.value, t.sd, t.unit, t.inclusion, t.gain, ", ".join(t.rivals)]
+                    [
+                        t.name,
+                        t.expression,
+                        t.prime,
+                        t.value,
+                        t.unit,
+                        100 * t.sd / abs(t.value) if t.value else None,
+                        t.inclusion,
+                        t.gain,
+                        ", ".join(t.rivals),
+                    ]
                     for t in d.terms
                 ],
                 "Terms of the missing force. Each was proposed by a sparse regression of the smoothed force "
@@ -112,34 +120,27 @@ def description_sections(found: Diagnosis) -> list[Section]:
     return [Section("What the missing force is made of", blocks)]
 
 
-def which_blocks(found: Diagnosis) -> list[Block]:
-    c = found.candidates
-    scores = c.scores[:14]
-    base = c.none.log_evidence
-    rows = [["none", 0.0, c.none.fit.chi2, arrival_words(c.none.fit.converged), ""]]
-    for r in c.refits:
-        k = len(found.problem.coefficients.names)
-        values = "; ".join(
-            f"{n.split('.')[1]} = {v:.4g} ± {s:.2g}"
-            for n, v, s in zip(r.fit.free.names[k:], r.fit.values[k:], r.fit.sd[k:], strict=True)
-        )
-        rows.append(
-            [
-                " + ".join(in_words(n) for n in r.effects),
-                r.log_evidence - base,
-                r.fit.chi2,
-                arrival_words(r.fit.converged),
-                values,
-            ]
-        )
+def which_blocks(result: Result) -> list[Block]:
+    """Screen of the catalogue, and the refits of what it proposed."""
+    shown = result.screen[:MOST_SCREENED]
+    rows = [
+        [
+            " + ".join(in_words(n) for n in r.effects) or "none",
+            r.gain,
+            r.chi2,
+            arrival_words(r.converged),
+            "; ".join(f"{n.split('.')[1]} = {p.value:.4g} ± {p.sd:.2g}" for n, p in r.parameters.items()),
+        ]
+        for r in result.refits
+    ]
     return [
         Figure(
             "screen",
             figures.bars(
-                [in_words(s.name) for s in scores],
-                np.array([s.gain for s in scores]),
+                [in_words(s.name) for s in shown],
+                np.array([s.gain for s in shown]),
                 "gain in log evidence, screen [nats]",
-                c.thresholds.named,
+                result.thresholds.named,
             ),
             "Screen of the whole catalogue along one path, coefficients free.",
         ),

@@ -1,30 +1,29 @@
 """Words for the interval of an effect's parameter to use, Laplace's or that of the draws, and for the reason.
 
-Takes the record of a diagnosis. The choice itself is `bayesid.diagnosis.evidence.effect_interval`'s.
+Takes a `Result`, or its draws. The choice itself is `bayesid.diagnosis.evidence.effect_draws`'s.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
 
-from bayesid.diagnosis.evidence.effect_interval import choice, trusted
+from bayesid.diagnosis.evidence.effect_draws import EffectDraws, choice, trusted
+from bayesid.diagnosis.result import Result
 
 SECTION = "How well its parameters are known"
 FAR = 0.5  # logarithm of an amplitude that draws have moved, and error bars with it
 
 
-def moved(posterior: Mapping[str, Any]) -> dict[str, float]:
+def moved(posterior: EffectDraws) -> dict[str, float]:
     """Amplitudes of the environment the draws put far from their level: name -> factor on it."""
     return {
-        name.removeprefix("log "): math.exp(p["mean"])
-        for name, p in posterior["parameters"].items()
-        if name.startswith("log ") and abs(p["mean"]) > FAR
+        name.removeprefix("log "): math.exp(p.mean)
+        for name, p in posterior.parameters.items()
+        if name.startswith("log ") and abs(p.mean) > FAR
     }
 
 
-def why(posterior: Mapping[str, Any], source: str) -> str:
+def why(posterior: EffectDraws, source: str) -> str:
     """The choice and its reason, for the section on the parameters.
 
     Parameters
@@ -34,20 +33,20 @@ def why(posterior: Mapping[str, Any], source: str) -> str:
     picked = choice(posterior)
     if picked == "either":
         return "Both say the same: use either."
-    if not posterior["converged"]:
+    if not posterior.converged:
         return (
             "**Use the ± of the lead** (Laplace): the draws did not pass their convergence check "
-            f"({'; '.join(posterior['reasons'])})."
+            f"({'; '.join(posterior.reasons)})."
         )
-    ratio = [p["sd_over_laplace"] for n, p in posterior["parameters"].items() if "." in n]
+    ratio = posterior.ratios
     spread = f"{min(ratio):.2f}" + (f" to {max(ratio):.2f}" if len(ratio) > 1 else "")
     use = "**Use the intervals of the draws**" if picked == "draws" else "**Use the ± of the lead** (Laplace)"
     differ = f"the sd of the effects' parameters in the draws is {spread} of Laplace's. "
     if not trusted(posterior):
-        off = posterior["linearised_anew"]
+        off = posterior.linearised_anew
         return (
             f"{use}, the wider of the two: {differ}The density drawn from is itself only right to "
-            f"{max(off['roughness_nats'], off['loudness_nats']):.2g} nats."
+            f"{max(off.roughness_nats, off.noise_scale_nats):.2g} nats."
         )
     levels = moved(posterior)
     if not levels:
@@ -68,9 +67,9 @@ def why(posterior: Mapping[str, Any], source: str) -> str:
     )
 
 
-def lead_words(record: Mapping[str, Any]) -> str:
+def lead_words(result: Result) -> str:
     """What the ± of the lead is worth, where that needs a word."""
-    posterior = record.get("posterior")
+    posterior = result.posterior
     picked = "either" if posterior is None else choice(posterior)
     if picked == "either":
         return ""

@@ -1,4 +1,4 @@
-"""Figures of a diagnosis: where, which, the smoothed force, what can be told apart, the ladder.
+"""Figures of a diagnosis: where, which, the smoothed force, what can be told apart, errors by horizon.
 
 Takes plain arrays and numbers. Does not compute results.
 """
@@ -119,7 +119,7 @@ def isolability(names: Sequence[str], margin: Array) -> Any:
 
 
 @styled
-def ladder(
+def horizon_errors(
     horizons: Sequence[str],
     before_nominal: Array,
     before: Array,

@@ -1,6 +1,6 @@
-"""Section of a diagnosis on the proof: how far each model shrinks the error of runs held out.
+"""Section of a diagnosis on hold-out validation: how far each model shrinks the error of runs held out.
 
-Takes a `Diagnosis`. Does not compute.
+Takes a `Result`. Does not compute.
 """
 
 from __future__ import annotations
@@ -11,19 +11,19 @@ from typing import Any
 
 import numpy as np
 
-from bayesid.diagnosis.evidence.holdout import HorizonError
-from bayesid.diagnosis.hypotheses.verdict import NAMING, simplest
-from bayesid.diagnosis.run import Diagnosis
+from bayesid.diagnosis.hypotheses.rules import NAMING
+from bayesid.diagnosis.result import Horizon, Result
 from bayesid.report.diagnosis import figures
 from bayesid.report.diagnosis.words import IN_DEGREES, in_words
 from bayesid.report.writer import Block, Figure, Table, Text, literal
 
+MODELS = ("nominal", "recalibrated", "with effect")
 
-def proof_label(found: Diagnosis) -> str:
+
+def proof_label(result: Result) -> str:
     """What the third model has: what the verdict names, or the best explanation, which may be more."""
-    best = simplest(found.candidates)
-    used = best.effects if best.log_evidence > found.candidates.none.log_evidence else ()
-    if found.verdict.word in NAMING and set(used) == set(found.verdict.effects):
+    used = result.explanation
+    if result.verdict in NAMING and set(used) == {e.name for e in result.effects}:
         return "with the effect" if len(used) == 1 else "with the effects"
     return f"best explanation ({' + '.join(in_words(n) for n in used) or 'none'})"
 
@@ -33,27 +33,22 @@ def record_label(record: Mapping[str, Any]) -> str:
     return "with the effect" if record["verdict"] == "effect" else "best explanation"
 
 
-def shrink_blocks(found: Diagnosis) -> list[Block]:
+def holdout_blocks(result: Result) -> list[Block]:
     """The table of horizons on held-out runs, errors per channel and standard measures."""
-    horizons, label = found.shrink.horizons, proof_label(found)
+    horizons, label = result.gap.horizons, proof_label(result)
     if not horizons:
         return [Text("No run was held out, so no prediction could be proven. Give a run the role `holdout`.")]
     blocks: list[Block] = [
         Text(
             "Held-out runs "
-            + ", ".join(literal(r) for r in found.shrink.runs)
+            + ", ".join(literal(r) for r in result.gap.runs)
             + " were read only after the verdict stood."
         )
     ]
     rows = []
     for r in horizons:
-        told = _closed(r) if not r.worth else f"{r.shrink:.1%}"
-        if r.worth and math.isfinite(r.interval[0]):
-            told += f" ({r.interval[0]:.0%} to {r.interval[1]:.0%})"
-        name = r.horizon + (f" ({r.seconds:.0f} s)" if math.isfinite(r.seconds) else "")
-        rows.append(
-            [name, *(at_floor(r.excess[k]) for k in ("nominal", "recalibrated", "with effect")), told]
-        )
+        name = r.horizon + (f" ({r.seconds:.0f} s)" if r.seconds is not None else "")
+        rows.append([name, *(at_floor(r.excess[k]) for k in MODELS), _shrinks(r)])
     blocks.append(
         Table(
             ["horizon", "nominal", "recalibrated", label, "shrinks by"],
@@ -63,14 +58,12 @@ def shrink_blocks(found: Diagnosis) -> list[Block]:
             "pieces predicted and draw the models' parameters from their posteriors.",
         )
     )
-    nominal, tuned, now = (
-        np.array([r.excess[k] for r in horizons]) for k in ("nominal", "recalibrated", "with effect")
-    )
-    drawn = figures.ladder([r.horizon for r in horizons], nominal, tuned, now, label)
-    blocks.append(Figure("ladder", drawn, "The same as bars; a bar at 0.001 is at the floor."))
+    nominal, tuned, now = (np.array([r.excess[k] for r in horizons]) for k in MODELS)
+    drawn = figures.horizon_errors([r.horizon for r in horizons], nominal, tuned, now, label)
+    blocks.append(Figure("horizon_errors", drawn, "The same as bars; a bar at 0.001 is at the floor."))
     last = horizons[-1].rms
     physical = []
-    for channel in found.problem.channels:
+    for channel in result.trial.channels:
         unit, scale = (
             ("deg", 180 / math.pi) if channel in ("psi", "phi", "theta") else ("deg/s", 180 / math.pi)
         )
@@ -81,7 +74,7 @@ def shrink_blocks(found: Diagnosis) -> list[Block]:
         physical.append(
             [
                 f"{channel} [{unit}]",
-                *(_known(last[k].get(channel), scale) for k in ("nominal", "recalibrated", "with effect")),
+                *(_scaled(last[k].get(channel), scale) for k in MODELS),
             ]
         )
     blocks.append(
@@ -91,17 +84,17 @@ def shrink_blocks(found: Diagnosis) -> list[Block]:
             "Full replay, root mean square error; a dash where no held-out run reads the channel.",
         )
     )
-    if found.shrink.measures:
-        blocks.append(_measures(found, label))
+    if result.measures:
+        blocks.append(_measures(result, label))
     return blocks
 
 
-def _measures(found: Diagnosis, label: str) -> Table:
+def _measures(result: Result, label: str) -> Table:
     rows: list[list[Any]] = []
-    for m in found.shrink.measures:
-        unit, scale = IN_DEGREES.get(m.unit, (m.unit, 1.0))
-        models = (m.models.get(k, math.nan) * scale for k in ("nominal", "recalibrated", "with effect"))
-        rows.append([literal(m.run), f"{m.name} [{unit}]", m.logged * scale, *models])
+    for m in result.measures:
+        unit, scale = IN_DEGREES.get(str(m["unit"]), (m["unit"], 1.0))
+        values = (_scaled(m.get(k), scale) for k in ("logged", *MODELS))
+        rows.append([literal(str(m["run"])), f"{m['name']} [{unit}]", *values])
     return Table(
         ["run", "measure", "as logged", "nominal", "recalibrated", label],
         rows,
@@ -109,18 +102,20 @@ def _measures(found: Diagnosis, label: str) -> Table:
     )
 
 
-def _known(value: float | None, scale: float) -> float | None:
-    return value * scale if value is not None and math.isfinite(value) else None
+def _scaled(value: Any, scale: float) -> float | None:
+    return float(value) * scale if value is not None else None
 
 
-def _closed(horizon_row: HorizonError) -> str:
-    """Words where the recalibrated model leaves no gap."""
-    if (
-        horizon_row.excess["nominal"] > 1.0
-        and horizon_row.excess["recalibrated"] < 0.1 * horizon_row.excess["nominal"]
-    ):
-        return "closed by recalibration"
-    return "nothing to shrink"
+def _shrinks(horizon: Horizon) -> str:
+    """By how much the gap shrinks, with its interval, or why there is none to shrink."""
+    excess = horizon.excess
+    if not horizon.worth_shrinking or horizon.shrink is None:
+        closed = excess["nominal"] > 1.0 and excess["recalibrated"] < 0.1 * excess["nominal"]
+        return "closed by recalibration" if closed else "nothing to shrink"
+    low, high = horizon.interval
+    return f"{horizon.shrink:.1%}" + (
+        f" ({low:.0%} to {high:.0%})" if low is not None and high is not None else ""
+    )
 
 
 def at_floor(excess: float) -> Any:

@@ -1,42 +1,40 @@
 """Sections of a diagnosis on its limits: what these runs can tell apart, what to run next, data left out.
 
-Takes a `Diagnosis`. Does not compute.
+Takes a `Result`. Does not compute.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+import math
 
-import numpy as np
-
-from bayesid.diagnosis.run import Diagnosis
+from bayesid.diagnosis.result import Result
 from bayesid.report.diagnosis import figures
 from bayesid.report.diagnosis.words import in_words
 from bayesid.report.writer import Block, Figure, Table, Text, literal
 
+VISIBLE = 10.0  # noncentrality from which an effect is seen
 
-def ambiguity_blocks(found: Diagnosis) -> list[Block]:
-    a = found.candidates.ambiguity
-    order = np.argsort(-a.detect)
-    seen = [i for i in order if a.size**2 * a.detect[i] >= 10.0]
+
+def ambiguity_blocks(result: Result) -> list[Block]:
+    """What these runs would show, and what they could tell apart, from information alone."""
+    shown, size = result.drawings, result.ambiguity_size
+    ranked = sorted(result.detectability.items(), key=lambda item: -item[1].noncentrality_at_one_prior_sd)
+    seen = sum(size**2 * d.noncentrality_at_one_prior_sd >= VISIBLE for _, d in ranked)
     blocks: list[Block] = [
         Text(
-            f"From information alone, before any data: of {len(a.names)} effects these runs would show "
-            f"{len(seen)} at "
-            f"{a.size:g} prior standard deviations."
+            f"From information alone, before any data: of {len(ranked)} effects these runs would show {seen} "
+            f"at {size:g} prior standard deviations."
             + (
                 " Told apart poorly: "
-                + "; ".join("{" + ", ".join(in_words(n) for n in g) + "}" for g in a.groups)
+                + "; ".join("{" + ", ".join(in_words(n) for n in g) + "}" for g in result.ambiguity_groups)
                 + "."
-                if a.groups
+                if result.ambiguity_groups
                 else ""
             )
         )
     ]
-    if len(seen) > 1:
-        index = np.array(sorted(seen))
-        drawn = figures.isolability([in_words(a.names[i]) for i in index], a.margin[np.ix_(index, index)])
+    if shown is not None and len(shown.effects) > 1:
+        drawn = figures.isolability([in_words(n) for n in shown.effects], shown.margin)
         blocks.append(
             Figure(
                 "isolability",
@@ -45,8 +43,12 @@ def ambiguity_blocks(found: Diagnosis) -> list[Block]:
             )
         )
     rows = [
-        [in_words(a.names[i]), float(np.sqrt(10.0 / max(a.detect[i], 1e-12))), f"{a.absorbed[i]:.3f}"]
-        for i in order
+        [
+            in_words(n),
+            math.sqrt(VISIBLE / max(d.noncentrality_at_one_prior_sd, 1e-12)),
+            f"{d.absorbed:.3f}",
+        ]
+        for n, d in ranked
     ]
     blocks.append(
         Table(
@@ -58,10 +60,11 @@ def ambiguity_blocks(found: Diagnosis) -> list[Block]:
     return blocks
 
 
-def next_blocks(found: Diagnosis) -> list[Block]:
-    if not found.proposals:
+def next_blocks(result: Result) -> list[Block]:
+    """Manoeuvres to execute next, best first."""
+    if not result.next_manoeuvre:
         return [Text("No manoeuvre was ranked.")]
-    rows = [[in_words(p.name), p.duration, p.margin_now, p.margin_with] for p in found.proposals]
+    rows = [[in_words(p.name), p.duration, p.margin_now, p.margin_with] for p in result.next_manoeuvre]
     return [
         Text(
             "`bayesid predict BUNDLE MANOEUVRE --model THIS_FOLDER` says, with a band, what each would show."
@@ -83,12 +86,12 @@ EVENT_KINDS = {
 }
 
 
-def _events(found: Diagnosis) -> list[Block]:
-    if not found.problem.events:
+def _events(result: Result) -> list[Block]:
+    if not result.events:
         return []
     rows = [
         [literal(e.run), f"{e.start:.1f}", f"{e.end:.1f}", e.channel, EVENT_KINDS[e.kind], e.misfit]
-        for e in found.problem.events
+        for e in result.events
     ]
     return [
         Table(
@@ -100,20 +103,19 @@ def _events(found: Diagnosis) -> list[Block]:
     ]
 
 
-def notes_blocks(found: Diagnosis, record: Mapping[str, Any]) -> list[Block]:
+def notes_blocks(result: Result) -> list[Block]:
     """The environment, what was set aside or cut out, and warnings."""
-    e = found.problem.environment
-    c = e.noise_model
+    e = result.environment
     lines = [
         f"- environment {e.source}: force "
-        + ", ".join(f"{f:.3g}" for f in c.force)
-        + f" N or N m, correlated over {c.force_tau:.3g} s; slow position error {c.drift:.3g} m over "
-        f"{c.drift_tau:.3g} s" + (f", of the depth {c.depth:.3g} m" if c.depth is not None else ""),
-        f"- {len(found.problem.outliers)} readings were set aside as outliers",
-        *[f"- {literal(w)}" for w in record["warnings"]],
+        + ", ".join(f"{f:.3g}" for f in e.force)
+        + f" N or N m, correlated over {e.force_tau:.3g} s; slow position error {e.drift:.3g} m over "
+        f"{e.drift_tau:.3g} s" + (f", of the depth {e.depth:.3g} m" if e.depth is not None else ""),
+        f"- {len(result.outliers)} readings were set aside as outliers",
+        *[f"- {literal(w)}" for w in result.warnings],
     ]
-    rows = [[run, f"{t:.2f}", channel] for run, t, channel in found.problem.outliers[:20]]
-    blocks: list[Block] = [Text("\n".join(lines)), *_events(found)]
+    rows = [[o.run, f"{o.time:.2f}", o.channel] for o in result.outliers[:20]]
+    blocks: list[Block] = [Text("\n".join(lines)), *_events(result)]
     if rows:
         blocks.append(Table(["run", "time [s]", "channel"], rows, "Readings set aside (first 20)."))
     return blocks

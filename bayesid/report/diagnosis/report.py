@@ -1,24 +1,23 @@
 """The report of a diagnosis, told in the order a reader asks: verdict, where, which, proof, what next.
 
-Takes a `Diagnosis` and its JSON record. Does not compute; the sections themselves are in the modules
-`diagnosis_*` beside it.
+Takes a `Result`, nothing else: no fit, problem or trial. Does not compute; the sections themselves are in
+the modules beside it.
 """
 
 from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from bayesid.diagnosis.run import Diagnosis
+from bayesid.diagnosis.result import Effect, Result
 from bayesid.diagnosis.summary import unsigned_zeros
 from bayesid.report import writer
 from bayesid.report.diagnosis import effect_posterior
 from bayesid.report.diagnosis.cause import description_sections, where_blocks, which_blocks
 from bayesid.report.diagnosis.effect_interval import lead_words
-from bayesid.report.diagnosis.holdout import proof_label, shrink_blocks
+from bayesid.report.diagnosis.holdout import MODELS, holdout_blocks, proof_label
 from bayesid.report.diagnosis.limits import ambiguity_blocks, next_blocks, notes_blocks
 from bayesid.report.diagnosis.words import in_words, value_words
 from bayesid.report.writer import Block, Report, Section, Table, Text, literal
@@ -35,81 +34,77 @@ HEADLINES = {
 }
 
 
-def write_diagnosis_report(
-    found: Diagnosis, folder: str | os.PathLike[str], record: Mapping[str, Any]
-) -> Path:
+def write_diagnosis_report(result: Result, folder: str | os.PathLike[str]) -> Path:
     """Write report.html, report.md, results.json and figures; returns the path of the HTML file."""
     results = {
         "inputs": {
-            "trial": found.trial.name,
-            "trial_digest": found.trial.digest,
-            "vehicle": found.model.vehicle.name,
-            "vehicle_digest": found.model.vehicle.digest,
-            "attribution": found.trial.attribution,
+            "trial": result.trial.name,
+            "trial_digest": result.trial.digest,
+            "vehicle": result.trial.vehicle,
+            "vehicle_digest": result.trial.vehicle_digest,
+            "attribution": result.trial.attribution,
         },
-        "seeds": [found.seed],
-        "diagnosis": record,
+        "seeds": [result.seed],
+        "diagnosis": result.record(),
     }
-    return writer.write(diagnosis_report(found, record), folder, results)
+    return writer.write(diagnosis_report(result), folder, results)
 
 
-def diagnosis_report(found: Diagnosis, record: Mapping[str, Any]) -> Report:
+def diagnosis_report(result: Result) -> Report:
     """The report as plain data."""
     parts = (
-        f"**{HEADLINES[found.verdict.word]}**",
-        _names(record),
-        _unlisted(record),
-        lead_words(record),
-        _outcome(found),
+        f"**{HEADLINES[result.verdict]}**",
+        _names(result),
+        _unlisted(result),
+        lead_words(result),
+        _outcome(result),
     )
     lead = " ".join(part for part in parts if part)
-    if found.trial.attribution:
-        lead += f"\n\n{literal(found.trial.attribution)}"
+    if result.trial.attribution:
+        lead += f"\n\n{literal(result.trial.attribution)}"
     sections = [
-        Section("Verdict", _verdict(found, record)),
-        Section("Where the gap lies", where_blocks(found, record)),
-        *description_sections(found),
-        Section("Which effect", which_blocks(found)),
-        *effect_posterior.sections(found, record),
-        Section("How far it shrinks", shrink_blocks(found)),
-        Section("What these runs can tell apart", ambiguity_blocks(found)),
-        Section("What to run next", next_blocks(found)),
-        Section("Data, environment and notes", notes_blocks(found, record)),
+        Section("Verdict", _verdict(result)),
+        Section("Where the gap lies", where_blocks(result)),
+        *description_sections(result),
+        Section("Which effect", which_blocks(result)),
+        *effect_posterior.sections(result),
+        Section("How far it shrinks", holdout_blocks(result)),
+        Section("What these runs can tell apart", ambiguity_blocks(result)),
+        Section("What to run next", next_blocks(result)),
+        Section("Data, environment and notes", notes_blocks(result)),
     ]
-    return Report(f"Sim-to-real gap of {literal(found.trial.name)}", lead, sections)
+    return Report(f"Sim-to-real gap of {literal(result.trial.name)}", lead, sections)
 
 
-def _names(record: Mapping[str, Any]) -> str:
+def _names(result: Result) -> str:
     parts = []
-    for effect in record["effects"]:
-        values = ", ".join(value_words(n, p) for n, p in effect["parameters"].items())
-        parts.append(f"**{in_words(effect['name'])}**" + (f" ({values})" if values else ""))
+    for effect in result.effects:
+        values = ", ".join(value_words(n, p) for n, p in effect.parameters.items())
+        parts.append(f"**{in_words(effect.name)}**" + (f" ({values})" if values else ""))
     return "; ".join(parts) + ("." if parts else "")
 
 
-def _unlisted(record: Mapping[str, Any]) -> str:
+def _unlisted(result: Result) -> str:
     """How probable it is that what acts only looks like what is named."""
-    if not record["effects"] or "outside" not in record["set95"]:
+    if not result.effects or "outside" not in result.set95:
         return ""
-    share = record["probabilities"]["outside"]
+    share = result.probabilities["outside"]
     return f"With a probability of {share:.0%} what acts is not on the list and only looks like it."
 
 
-def _outcome(found: Diagnosis) -> str:
+def _outcome(result: Result) -> str:
     """What it comes to on held-out runs, in degrees of heading."""
-    worth = [
-        r for r in found.shrink.horizons if r.worth and math.isfinite(r.rms["nominal"].get("psi", math.nan))
+    significant = [
+        h for h in result.gap.horizons if h.worth_shrinking and h.rms["nominal"].get("psi") is not None
     ]
-    if not worth or not found.verdict.effects:
+    if not significant or not result.effects:
         return ""
-    last = worth[-1]
-    over = "a whole run" if not math.isfinite(last.seconds) else f"{last.seconds:.0f} s"
-    as_was, tuned, now = (
-        last.rms[k]["psi"] * 180 / math.pi for k in ("nominal", "recalibrated", "with effect")
-    )
+    last = significant[-1]
+    over = "a whole run" if last.seconds is None else f"{last.seconds:.0f} s"
+    as_was, tuned, now = ((last.rms[k]["psi"] or 0.0) * 180 / math.pi for k in MODELS)
     return (
         f"Over {over} of the held-out runs the heading was off by {_short(as_was)} degrees rms as given, "
-        f"by {_short(tuned)} with re-tuned coefficients, and by {_short(now)} {_with(proof_label(found))}."
+        f"by {_short(tuned)} with re-tuned coefficients, and by {_short(now)} {_with(proof_label(result))}."
     )
 
 
@@ -121,27 +116,23 @@ def _with(label: str) -> str:
     return label if label.startswith("with ") else f"with the {label}"
 
 
-def _meaning(found: Diagnosis, record: Mapping[str, Any]) -> list[str]:
-    """What the parameters of the named effects stand for, and how large they usually are."""
-    lines = []
-    for named in record["effects"]:
-        effect = found.model.effects.get(named["name"])
-        if effect is not None and named["parameters"]:
-            about = "; ".join(f"{in_words(p.name)} is {p.about}" for p in effect.parameters if p.about)
-            usual = f" Usual size: {effect.magnitude}." if effect.magnitude else ""
-            lines.append(f"- {in_words(effect.name)}: {about}.{usual}")
-    return lines
+def _meaning(effect: Effect) -> str:
+    """What the parameters of a named effect stand for, and how large they usually are."""
+    about = "; ".join(f"{in_words(n)} is {words}" for n, words in effect.meaning.items())
+    usual = f" Usual size: {effect.usual_size}." if effect.usual_size else ""
+    return f"- {in_words(effect.name)}: {about}.{usual}"
 
 
-def _verdict(found: Diagnosis, record: Mapping[str, Any]) -> list[Block]:
-    probability, acting = record["probabilities"], record["acting"]
+def _verdict(result: Result) -> list[Block]:
+    probability, acting = result.probabilities, result.acting
     top = sorted(probability, key=lambda n: -probability[n])[:6]
     joint = any(acting[n] > probability[n] + 1e-3 for n in top)
     also = ["acts, alone or with others"] if joint else []
-    reasons = [unsigned_zeros(r) for r in found.verdict.reasons] + _held(found)
+    reasons = [unsigned_zeros(r) for r in result.reasons] + _held(result)
+    meanings = [_meaning(e) for e in result.effects if e.parameters]
     blocks: list[Block] = [
         Text(
-            "\n".join([*_meaning(found, record), *(f"- {r}" for r in reasons)])
+            "\n".join([*meanings, *(f"- {r}" for r in reasons)])
             + "\n\nLog evidence is in nats: 3 are odds of 20 to 1, 7 of 1000 to 1."
         ),
         Table(
@@ -150,7 +141,7 @@ def _verdict(found: Diagnosis, record: Mapping[str, Any]) -> list[Block]:
                 [
                     in_words(n),
                     *(_probability(p[n]) for p in (probability, acting)[: 1 + joint]),
-                    _in_set(n, record),
+                    _in_set(n, result),
                 ]
                 for n in top
             ],
@@ -159,13 +150,13 @@ def _verdict(found: Diagnosis, record: Mapping[str, Any]) -> list[Block]:
             "runs could not show at its usual size, and do not speak for, is no other answer than none.",
         ),
     ]
-    if found.verdict.hidden:
+    if result.hidden_by_coefficients:
         blocks.append(
             Text(
                 "The coefficients' own uncertainty can imitate these effects on these runs, so none of "
                 "them is named "
                 "alone: "
-                + ", ".join(in_words(n) for n in found.verdict.hidden)
+                + ", ".join(in_words(n) for n in result.hidden_by_coefficients)
                 + ". Their probabilities above still "
                 "count. An earlier clean identification (`--prior 0.02`) or an outside measurement can tell."
             )
@@ -173,23 +164,23 @@ def _verdict(found: Diagnosis, record: Mapping[str, Any]) -> list[Block]:
     return blocks
 
 
-def _in_set(name: str, record: Mapping[str, Any]) -> str:
-    if name in record["set95"]:
+def _in_set(name: str, result: Result) -> str:
+    if name in result.set95:
         return "yes"
-    return "counts as none" if name in record["unseen"] else ""
+    return "counts as none" if name in result.unseen else ""
 
 
-def _held(found: Diagnosis) -> list[str]:
+def _held(result: Result) -> list[str]:
     """Why an effect can gain much where a free signal gains nothing."""
-    c = found.candidates
-    free, limits = c.where.places[0].evidence, c.thresholds
-    if free > limits.remainder or c.best.log_evidence - c.none.log_evidence <= limits.named:
+    free, limits = max(result.where.evidence.values()), result.thresholds
+    best = result.refits[1].gain if len(result.refits) > 1 else 0.0
+    if free > limits.remainder or best <= limits.named:
         return []
-    e = found.problem.environment
     return [
         "a free signal gains no more than chance although an effect gains: the environment of these runs "
-        f"({e.source}) already holds a random force as large as what is missing, so one more random force "
-        "adds nothing; an effect gains because it says the same in every run, which no random force does"
+        f"({result.environment.source}) already holds a random force as large as what is missing, so one "
+        "more random force adds nothing; an effect gains because it says the same in every run, which no "
+        "random force does"
     ]
 
 

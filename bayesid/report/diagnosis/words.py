@@ -6,8 +6,8 @@ Takes plain values. Gives text.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
+
+from bayesid.diagnosis.result import Value
 
 IN_DEGREES = {"rad": ("deg", 180 / math.pi), "rad/s": ("deg/s", 180 / math.pi)}
 
@@ -18,9 +18,9 @@ def in_words(name: str) -> str:
     return kind.replace("_", " ") + (f" of {coefficient}" if coefficient else "")
 
 
-def value_words(name: str, p: Mapping[str, Any]) -> str:
-    unit, scale = IN_DEGREES.get(p["unit"], (p["unit"], 1.0))
-    text = f"{in_words(name)} {p['value'] * scale:.4g} ± {p['sd'] * scale:.2g}"
+def value_words(name: str, p: Value) -> str:
+    unit, scale = IN_DEGREES.get(p.unit, (p.unit, 1.0))
+    text = f"{in_words(name)} {p.value * scale:.4g} ± {p.sd * scale:.2g}"
     return text if unit == "-" else f"{text} {unit}"
 
 

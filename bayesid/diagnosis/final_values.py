@@ -1,0 +1,288 @@
+"""Final values of a diagnosis: the one place where its parts become the frozen `Result`.
+
+Takes the parts of a diagnosis while they are in memory. Does not decide, fit or write.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from bayesid.diagnosis.data.problem import DiagnosisProblem
+from bayesid.diagnosis.evidence.effect_posterior import EffectPosterior, numbers
+from bayesid.diagnosis.evidence.holdout import HoldoutValidation, MeasureComparison
+from bayesid.diagnosis.evidence.missing_force import MissingForce
+from bayesid.diagnosis.hypotheses.candidate import COEFFICIENT_ERROR, RefittedHypothesis, parameter_table
+from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
+from bayesid.diagnosis.hypotheses.facts import simplest, undetectable
+from bayesid.diagnosis.hypotheses.location import location_of
+from bayesid.diagnosis.hypotheses.verdict import Verdict
+from bayesid.diagnosis.next_manoeuvre import Proposal
+from bayesid.diagnosis.result import (
+    FORMAT,
+    Coefficient,
+    Corner,
+    Detectability,
+    Diagnosed,
+    Drawings,
+    Effect,
+    Estimate,
+    Force,
+    Gap,
+    Horizon,
+    Location,
+    Noise,
+    Outlier,
+    Refit,
+    Region,
+    Result,
+    Screened,
+    Value,
+)
+from bayesid.equations.model import Model
+from bayesid.trials import Trial
+
+MODELS = ("nominal", "recalibrated", "with effect")
+MOST_MASKS = 5
+# Noncentrality from which runs show an effect; runs of the force, panels and draws a reader can make out.
+SHOWN, MOST_RUNS, MOST_PANELS, LAPLACE_DRAWS = 10.0, 4, 7, 4000
+
+
+def result_of(
+    trial: Trial,
+    model: Model,
+    problem: DiagnosisProblem,
+    candidates: HypothesisComparison,
+    verdict: Verdict,
+    holdout: HoldoutValidation,
+    proposals: tuple[Proposal, ...],
+    warnings: tuple[str, ...],
+    seed: int,
+    description: MissingForce | None = None,
+    posterior: EffectPosterior | None = None,
+) -> Result:
+    """Final values of a diagnosis."""
+    from bayesid import __version__
+
+    c, best = candidates, simplest(candidates)
+    every = ["none", *(e.name for e in model.kernel.effects), COEFFICIENT_ERROR, "outside"]
+    apart = c.ambiguity
+    return Result(
+        format=FORMAT,
+        bayesid=__version__,
+        trial=Diagnosed(
+            trial.name,
+            trial.digest,
+            model.dof,
+            tuple(problem.channels),
+            model.vehicle.name,
+            model.vehicle.digest,
+            trial.attribution,
+        ),
+        model=model.digest,
+        seed=seed,
+        verdict=verdict.word,
+        effects=_effects(model, problem, c, verdict, best),
+        probabilities={n: float(c.probabilities.get(n, 0.0)) for n in every},
+        acting={n: float(min(c.inside.get(n, 0.0), 1.0)) for n in every},
+        set95=verdict.set95,
+        unseen=undetectable(c),
+        hidden_by_coefficients=verdict.hidden,
+        reasons=verdict.reasons,
+        rule=verdict.rule,
+        thresholds=c.thresholds,
+        screen=tuple(Screened(s.name, float(s.gain)) for s in c.scores),
+        refits=tuple(_refit(problem, c.none, r) for r in (c.none, *c.refits)),
+        explanation=best.effects if best.log_evidence > c.none.log_evidence else (),
+        ambiguity_groups=tuple(tuple(g) for g in apart.groups),
+        ambiguity_size=apart.size,
+        detectability={
+            n: Detectability(float(x), float(a))
+            for n, x, a in zip(apart.names, apart.detect, apart.absorbed, strict=True)
+        },
+        where=_location(c, model),
+        gap=gap_of(holdout),
+        measures=tuple(_measure(m) for m in holdout.measures),
+        events=problem.events,
+        outliers=tuple(Outlier(*o) for o in problem.outliers),
+        posterior=numbers(posterior) if posterior is not None else None,
+        description=description,
+        environment=_noise(problem),
+        coefficients={
+            n: Coefficient(float(x / model.file_scale(n)), float(s / abs(model.file_scale(n))))
+            for n, x, s in zip(problem.coefficients.names, best.fit.values, best.fit.sd, strict=False)
+        },
+        next_manoeuvre=proposals,
+        warnings=warnings,
+        drawings=_drawings(model, c, posterior, seed),
+    )
+
+
+def _effects(
+    model: Model,
+    problem: DiagnosisProblem,
+    c: HypothesisComparison,
+    verdict: Verdict,
+    best: RefittedHypothesis,
+) -> tuple[Effect, ...]:
+    """What the verdict stands on, or what is more probable than not where it names nothing."""
+    table = parameter_table(best.fit, problem)
+    named = verdict.effects
+    if not named and verdict.word in ("ambiguous", "coefficients"):
+        named = tuple(n for n in best.effects if n in model.effects and c.inside.get(n, 0.0) > 0.5)
+    out = []
+    for name in named:
+        effect = model.effects.get(name)
+        parameters = effect.parameters if effect is not None else ()
+        keys = {p.name: (effect.key(p.name), p.unit) for p in parameters} if effect is not None else {}
+        values = {p: Value(*table[key], unit) for p, (key, unit) in keys.items() if key in table}
+        out.append(
+            Effect(
+                name,
+                float(min(1.0, c.inside.get(name, 0.0))),
+                _contract(name, values),
+                {p.name: p.about for p in parameters if p.about},
+                effect.magnitude if effect is not None else "",
+            )
+        )
+    return tuple(out)
+
+
+def _contract(name: str, values: dict[str, Value]) -> dict[str, Value]:
+    """Parameters under the names of the contract: wind as speed and direction."""
+    if name != "wind" or "blowing_north" not in values:
+        return values
+    n, e = values["blowing_north"], values["blowing_east"]
+    speed = float(np.hypot(n.value, e.value))
+    spread = float(np.hypot(n.sd, e.sd) / np.sqrt(2))
+    came = float((np.arctan2(e.value, n.value) + np.pi) % (2 * np.pi))
+    return {
+        "V_wind": Value(speed, spread, "m/s"),
+        "from": Value(came, min(spread / max(speed, 1e-9), np.pi), "rad"),
+        "area_coefficients": values["area_coefficients"],
+    }
+
+
+def _refit(problem: DiagnosisProblem, none: RefittedHypothesis, refit: RefittedHypothesis) -> Refit:
+    found = parameter_table(refit.fit, problem)
+    return Refit(
+        refit.effects,
+        float(refit.log_evidence - none.log_evidence),
+        float(refit.fit.chi2),
+        bool(refit.fit.converged),
+        {n: Estimate(value, sd) for n, (value, sd) in found.items()},
+    )
+
+
+def _location(c: HypothesisComparison, model: Model) -> Location:
+    def masks(regime: bool) -> tuple[Region, ...]:
+        kept = [m for m in c.where.masks if (m.kind == "regime") == regime]
+        return tuple(Region(m.name, float(m.evidence), m.kind, float(m.share)) for m in kept[:MOST_MASKS])
+
+    return Location(
+        location_of(c, model),
+        {p.channel: float(p.evidence) for p in c.where.places},
+        c.where.places[0].period,
+        masks(False),
+        masks(True),
+        {p.channel: float(p.evidence) for p in c.where_after.places} if c.where_after else {},
+    )
+
+
+def gap_of(holdout: HoldoutValidation) -> Gap:
+    """Errors of all horizons; the headline is the longest that shows a gap."""
+    horizons = tuple(
+        Horizon(
+            r.horizon,
+            _number(r.seconds),
+            r.excess,
+            _number(r.shrink),
+            tuple(_number(x) for x in r.interval),
+            r.significant,
+            r.floor,
+            _numbers(r.rms),
+            r.pieces,
+            r.draws,
+            _numbers(r.channels),
+        )
+        for r in holdout.horizons
+    )
+    significant = [h for h in horizons if h.worth_shrinking]
+    if not horizons:
+        return Gap(None, None, None, None, None, None, (), holdout.runs)
+    full = significant[-1] if significant else horizons[-1]
+    nominal, before, after = (full.excess[m] for m in MODELS)
+    return Gap(nominal, before, after, full.floor, full.shrink, full.interval, horizons, holdout.runs)
+
+
+def _measure(m: MeasureComparison) -> dict[str, str | float | None]:
+    known: dict[str, str | float | None] = {
+        "run": m.run,
+        "name": m.name,
+        "unit": m.unit,
+        "logged": _number(m.logged),
+    }
+    return known | {k: _number(m.models.get(k, float("nan"))) for k in MODELS}
+
+
+def _noise(problem: DiagnosisProblem) -> Noise:
+    e, c = problem.environment, problem.environment.noise_model
+    return Noise(e.source, tuple(c.force), c.force_tau, c.drift, c.drift_tau, c.depth, tuple(c.arms))
+
+
+def _drawings(
+    model: Model, c: HypothesisComparison, posterior: EffectPosterior | None, seed: int
+) -> Drawings:
+    apart, where = c.ambiguity, c.where
+    shown = np.flatnonzero(apart.size**2 * apart.detect >= SHOWN)
+    force = None
+    if where.masks:
+        axes = tuple(n[-1] for n in model.kernel.exogenous if n.startswith("force_"))
+        first = slice(MOST_RUNS)
+        force = Force(axes, where.runs[first], where.times[first], where.force[first], where.band[first])
+    return Drawings(
+        force,
+        tuple(apart.names[i] for i in shown),
+        apart.margin[np.ix_(shown, shown)],
+        _corner(model, posterior, seed) if posterior is not None else None,
+    )
+
+
+def _corner(model: Model, p: EffectPosterior, seed: int) -> Corner:
+    """Draws beside Laplace's, coefficients over their nominal value."""
+    k = min(p.density.count, MOST_PANELS)
+    rng = np.random.default_rng(seed)
+    gauss = p.density.natural(p.laplace.draw(LAPLACE_DRAWS, 1.0, np.random.RandomState(rng.integers(2**31))))[
+        :, :k
+    ]
+    scale, names = np.ones(k), []
+    for i, n in enumerate(p.posterior.names[:k]):
+        nominal = model.nominal[model.index[n]]
+        if "." not in n and nominal:
+            scale[i] = nominal
+            names.append(f"{n} / nominal")
+        else:
+            unit = _unit(model, n)
+            scale[i] = math.pi / 180 if unit == "deg" else 1.0
+            names.append(n.split(".")[-1].replace("_", " ") + (f" [{unit}]" if unit else ""))
+    return Corner(tuple(names), p.posterior.flat[:, :k] / scale, gauss / scale)
+
+
+def _unit(model: Model, name: str) -> str:
+    """Unit an effect's parameter is shown in; empty for a plain number."""
+    effect, _, parameter = name.partition(".")
+    declared = model.effects.get(effect)
+    units = {q.name: q.unit for q in declared.parameters} if declared is not None else {}
+    unit = units.get(parameter, "")
+    return {"rad": "deg", "-": ""}.get(unit, unit)
+
+
+def _number(x: float) -> float | None:
+    return float(x) if np.isfinite(x) else None
+
+
+def _numbers(table: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float | None]]:
+    """Model -> channel -> number; None for a channel no held-out run reads."""
+    return {k: {c: _number(x) for c, x in row.items()} for k, row in table.items()}

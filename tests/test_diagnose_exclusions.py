@@ -1,0 +1,102 @@
+"""What a diagnosis leaves out: innovation outliers, events, and the loop over both."""
+
+from dataclasses import replace
+from types import SimpleNamespace as Plain
+
+import numpy as np
+import pytest
+from gap_trials import model_of, other_vehicle, planted_trial
+
+from bayesid.diagnosis import exclusions
+from bayesid.diagnosis.data.event import Event, without_readings
+from bayesid.diagnosis.data.outliers import stripped
+from bayesid.diagnosis.data.problem import build_problem, fit_with
+from bayesid.errors import ModelError, TrialError
+from bayesid.trials import Run
+
+
+def test_yaw_rates_off_by_eight_sigma_are_found_along_the_fit_and_nothing_else_is():
+    model = model_of("generic_sub")
+    trial = planted_trial(model, other_vehicle(model, 5), seed=1, samples=160)
+    problem = build_problem(model, trial)
+    log = problem.logs[0]
+    j = log.channels.index("r")
+    at = np.array([40, 90, 91 + 30])
+    readings = log.readings.copy()
+    readings[at, j] += 8.0 * log.sigma[j]
+    spoilt = [replace(log, readings=readings), *problem.logs[1:]]
+    fitted = fit_with(replace(problem, logs=tuple(spoilt)), ())
+    kept, found = stripped(model, spoilt, fitted.points, problem.environment.noise_model)
+    assert {(r, c) for r, _, c in found} == {(log.name, "r")}
+    assert {round(t, 6) for _, t, _ in found} == {round(float(log.plan.t[i]), 6) for i in at}
+    assert not kept[0].valid[at, j].any()
+    assert stripped(model, problem.logs, fitted.points, problem.environment.noise_model)[1] == ()
+
+
+def test_single_readings_are_taken_from_their_run_and_channel_and_from_no_other():
+    t = 0.1 * np.arange(40)
+    run = Run("a", "turn", "identify", t, {"r": np.sin(t), "psi": t}, {"n_cmd": np.ones(40)})
+    less = without_readings(run, [(run.name, float(run.t[7]), "r"), ("another", float(run.t[9]), "r")])
+    assert list(np.flatnonzero(np.isnan(less.data["r"]))) == [7]
+    for name, values in run.data.items():
+        assert np.isfinite(values).all()  # the run itself is as it was
+        if name != "r":
+            np.testing.assert_array_equal(less.data[name], values)
+
+
+EVENT = Event("a", 3.0, 5.0, "r", "sensor", 20.0)
+EARLY, LATE = ("a", 1.0, "r"), ("a", 2.0, "psi")
+
+
+def passes(monkeypatch, outliers=(), events=(), fails=lambda events, readings: None):
+    """Run the loop with stand-ins; what each pass excluded, and the outcome.
+
+    `outliers` are contradicted readings once events are known and before: one entry per round of events.
+    """
+    seen = []
+
+    def build(model, trial, notify, as_built, events, readings):
+        if (error := fails(events, readings)) is not None:
+            raise error
+        seen.append((events, readings))
+        return Plain(events=events, outliers=(*readings, EARLY))
+
+    rounds = iter(outliers)
+    monkeypatch.setattr(exclusions, "build_problem", build)
+    monkeypatch.setattr(exclusions, "fit_with", lambda problem, effects: "base")
+    monkeypatch.setattr(exclusions, "innovation_outliers", lambda problem, base: next(rounds, ()))
+    monkeypatch.setattr(exclusions, "compare", lambda problem, notify, seed, base: f"compared {len(seen)}")
+    monkeypatch.setattr(exclusions, "simplest", lambda candidates: None)
+    monkeypatch.setattr(exclusions, "find_events", lambda problem, trial, best, notify: events)
+    monkeypatch.setattr(exclusions, "with_events", lambda candidates, found: f"{candidates} + {len(found)}")
+    return seen, exclusions.compare_without(None, None)
+
+
+def test_with_nothing_to_exclude_there_is_one_pass(monkeypatch):
+    seen, found = passes(monkeypatch)
+    assert seen == [((), ())] and found.candidates == "compared 1" and found.unable is None
+
+
+def test_outliers_are_left_out_together_with_those_found_before_anything_was_fitted(monkeypatch):
+    seen, found = passes(monkeypatch, outliers=((LATE,),))
+    assert seen == [((), ()), ((), (EARLY, LATE))] and found.candidates == "compared 2"
+
+
+def test_outliers_are_sought_anew_without_the_events(monkeypatch):
+    seen, found = passes(monkeypatch, outliers=((LATE,), (LATE,)), events=(EVENT,))
+    assert seen[2:] == [((EVENT,), ()), ((EVENT,), (EARLY, LATE))]
+    assert found.candidates == "compared 4 + 1" and found.problem.events == (EVENT,)
+
+
+def test_events_whose_removal_cannot_be_diagnosed_are_counted_and_said(monkeypatch):
+    def fails(events, readings):
+        return ModelError("left the region") if events else None
+
+    seen, found = passes(monkeypatch, events=(EVENT,), fails=fails)
+    assert found.candidates == "compared 1" and found.problem.events == () and len(seen) == 1
+    assert found.unable.startswith("the trial without a 3-5 s could not be diagnosed (left the region)")
+
+
+def test_a_trial_with_nothing_to_identify_from_is_an_error(monkeypatch):
+    with pytest.raises(TrialError, match="nothing"):
+        passes(monkeypatch, fails=lambda events, readings: TrialError("nothing"))
