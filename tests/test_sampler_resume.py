@@ -69,6 +69,27 @@ def test_a_chain_killed_in_the_middle_and_resumed_is_the_unbroken_chain(tmp_path
     assert found.counts == unbroken.counts
 
 
+def test_a_stop_within_the_density_prints_nothing_of_the_sampler_and_loses_nothing(
+    tmp_path, unbroken, capfd
+):
+    """emcee prints a traceback and its arrays for whatever is raised within the density."""
+    density, laplace = correlated(5)
+    plain, calls = density.log_prob, []
+
+    def asked(q):
+        calls.append(len(q))
+        if len(calls) == 300:
+            raise KeyboardInterrupt
+        return plain(q)
+
+    density.log_prob = asked
+    with pytest.raises(KeyboardInterrupt):
+        sample(density, laplace, OPTIONS, tmp_path)
+    assert len(calls) == 300 and capfd.readouterr() == ("", "")
+    found = sample(*correlated(5), OPTIONS, tmp_path, resume=True)
+    assert np.array_equal(found.draws, unbroken.draws)
+
+
 def test_another_seed_gives_another_chain(unbroken):
     from dataclasses import replace
 

@@ -218,12 +218,19 @@ class _Crew:
         else:
             random, references = before.random, before.references
             coords, values = before.coords[-1], before.log_prob[-1]
+        stops: list[KeyboardInterrupt] = []
         sampler = EnsembleSampler(
-            values.size, self.k, log_prob, vectorize=True, moves=make_moves(references, self.options.weights)
+            values.size,
+            self.k,
+            _stoppable(log_prob, stops),
+            vectorize=True,
+            moves=make_moves(references, self.options.weights),
         )
         steps, thin = self.options.round_steps(number), self.options.thin
         state = State(coords.reshape(-1, self.k), log_prob=values.ravel(), random_state=random)
         for _ in sampler.sample(state, iterations=steps, thin_by=thin, skip_initial_state_check=True):
+            if stops:
+                raise stops[0]
             if watch is not None:
                 watch(thin, "")
         found = sampler.get_chain().reshape(steps, *self.shape)
@@ -284,6 +291,25 @@ class _Crew:
 
     def _drawn(self, count: int, spread: float, random: np.random.RandomState) -> Array:
         return self.laplace.whitened(self.laplace.draw(count, spread, random))
+
+
+def _stoppable(
+    log_prob: Callable[[Array], Array], stops: list[KeyboardInterrupt]
+) -> Callable[[Array], Array]:
+    """The density, a stop asked for within it kept in `stops`: emcee prints all that passes through it.
+
+    From then on the density is zero, so that a step ends at once.
+    """
+
+    def kept(x: Array) -> Array:
+        if not stops:
+            try:
+                return log_prob(x)
+            except KeyboardInterrupt as stop:
+                stops.append(stop)
+        return np.full(len(x), -np.inf)
+
+    return kept
 
 
 def _posterior(crew: _Crew, number: int, gate: ConvergenceCheck, laplace: Laplace) -> Posterior:
