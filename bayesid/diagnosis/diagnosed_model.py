@@ -43,6 +43,8 @@ LARGEST_MODEL = 2**28  # bytes of model.json; 70 coefficients with covariance ta
 SYMMETRIC = 1e-8
 # Weight below which a hypothesis is left out of a prediction.
 LEAST_WEIGHT = 0.01
+# Refitted explanations weighed in a prediction, the best ones.
+MOST_HYPOTHESES = 6
 # Latent force over 1/2 rho L^2 U^2 tried as what a hypothesis leaves unexplained, its times in L/U, and the
 # evidence [nats] from which it is believed.
 REMAINDER_FORCES, REMAINDER_TAUS, REMAINDER_EVIDENCE = 10.0 ** np.arange(-5.0, -1.2, 0.5), (2.0, 8.0), 5.0
@@ -149,11 +151,16 @@ def _noise(problem: DiagnosisProblem) -> dict[str, float]:
 
 
 def _chosen(c: HypothesisComparison, verdict: Verdict) -> list[RefittedHypothesis]:
-    """The explanation a verdict names, or all that are worth weighing."""
-    if verdict.word in ("effect", "effect_with_remainder", "several"):
-        same = [r for r in c.refits if set(r.effects) == set(verdict.effects)]
-        return [same[0] if same else simplest(c)]
-    return [c.none, *(r for r in c.refits if len(r.effects) == 1)]
+    """The explanations a prediction weighs: the best few that hold every effect the verdict names.
+
+    Where it names none, those of no effect, of one and of several compete; leaving out those of several made
+    a track that needs three effects be predicted by one of them.
+    """
+    named = set(verdict.effects) if verdict.word in ("effect", "effect_with_remainder", "several") else set()
+    able = [r for r in c.refits if named <= set(r.effects)]
+    best = sorted(able, key=lambda r: r.log_evidence, reverse=True)[:MOST_HYPOTHESES]
+    exact = [r for r in able if named and set(r.effects) == named and r not in best]
+    return [*best, *exact] if named and able else [simplest(c)] if named else [c.none, *best]
 
 
 def _hypothesis(effects: tuple[str, ...], weight: float, f: FilterErrorFit) -> WeightedHypothesis:
