@@ -242,7 +242,7 @@ class PredictResult(Result):
             begun = f", begun on the first {row['lead']:.3g} s of its log" if row["lead"] else ""
             lines.append(f"\n{row['name']}: {row['seconds']:.0f} s{begun}")
             if row["diverged"]:
-                lines.append(f"  {row['diverged']} draws diverged and are left out")
+                lines.append(f"  left out, as they diverge: {row['diverged']} draws")
             if row["against_readings"]:
                 lines.append(table_text(AGAINST_COLUMNS, _against(row), 3))
             if row["measures"]:

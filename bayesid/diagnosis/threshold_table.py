@@ -140,12 +140,12 @@ NOISE_MODEL_SLACK = Limit(
     "What a free signal may gain on top of chance because the process noise is estimated.",
     "157 campaigns without any effect: free forces gained up to 20 nats.",
 )  # fmt: skip
-PRIOR_NONE = Limit("PRIOR_NONE", 0.5, "1", "Prior of no effect.", "Stated (design note A4).")
+PRIOR_NONE = Limit("PRIOR_NONE", 0.5, "1", "Prior of no effect.", "Stated before any data.")
 PRIOR_CATALOGUE = Limit(
-    "PRIOR_CATALOGUE", 0.4, "1", "Prior shared by the catalogue.", "Stated (design note A4)."
+    "PRIOR_CATALOGUE", 0.4, "1", "Prior shared by the catalogue.", "Stated before any data."
 )
 PRIOR_OUTSIDE = Limit(
-    "PRIOR_OUTSIDE", 0.1, "1", "Prior of a cause that is not listed.", "Stated (design note A4)."
+    "PRIOR_OUTSIDE", 0.1, "1", "Prior of a cause that is not listed.", "Stated before any data."
 )
 UNLISTED_ALIKE_SHARE = Limit(
     "UNLISTED_ALIKE_SHARE", 0.5, "1",

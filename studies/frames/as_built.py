@@ -96,7 +96,7 @@ def counted(record: Mapping[str, Any]) -> bool:
 
 
 def as_built_scores(records: Sequence[Mapping[str, Any]]) -> list[Quantity]:
-    """The row of the design note, what it leaves out, and the structure frame on the same campaigns."""
+    """The row with a bar, what it leaves out, and the structure frame on the same campaigns."""
     chosen = [r for r in records if counted(r)]
     seen = [
         r for r in records if r["frames"]["as-built"]["shown"]["noncentrality"] >= DETECTABLE_NONCENTRALITY

@@ -190,7 +190,7 @@ def manoeuvres_of(model: Model) -> dict[str, Any]:
 
 
 def extra_run_scores(records: Sequence[Mapping[str, Any]]) -> list[Quantity]:
-    """The row of the design note for each arm."""
+    """The row with a bar, for each arm."""
     chosen = [r["arms"] for r in records if r["arms"]]
     bars = {"first": at_most(0.6), "repeat": None, "proposed": at_least(0.9)}
     about = "D ≥ 25, margin < 5 after one"

@@ -29,7 +29,7 @@ def frames_report(
 
     Parameters
     ----------
-    built_rows, extra_rows : `Quantity` of either part, the row of the design note first
+    built_rows, extra_rows : `Quantity` of either part, the row with a bar first
     codes : states of the deciding code, one where nothing changed meanwhile
     """
     return Report("Hidden causes and look-alikes", _lead(built_rows, extra_rows), [
@@ -100,7 +100,7 @@ def _built(records: Sequence[Mapping[str, Any]], rows: Sequence[Any]) -> list[An
             "share of its signature that coefficients hide; all from the noise-free truth in the frame "
             "concerned."
         ),
-        _bars(rows, "Scores; the first row is the one with a bar in the design note. Hidden: absorbed above "
+        _bars(rows, "Scores; the first row is the one with a bar. Hidden: absorbed above "
               "0.98 when coefficients are free."),
         Table(columns, table, "Every campaign: verdict and probability of the planted family; in brackets "
               "the most probable answer where it is another.", digits=3),
@@ -145,7 +145,7 @@ def _extra(records: Sequence[Mapping[str, Any]], rows: Sequence[Any]) -> list[An
             "the same zig-zag again, or the first manoeuvre of the diagnosis' own list (`next_manoeuvre`), "
             "from the same heading and cut to the zig-zag's length where it is longer."
         ),
-        _bars([q for q in rows if "top-1" in q.name], "Top-1; the design note asks for at most 0.6 before "
+        _bars([q for q in rows if "top-1" in q.name], "Top-1; the bar is at most 0.6 before "
               "and at least 0.9 after the proposed run."),
         _arms(rows),
     ]  # fmt: skip

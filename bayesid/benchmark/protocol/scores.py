@@ -1,4 +1,4 @@
-"""Scores of a whole campaign of verdicts against the bars of the design note, with intervals and counts.
+"""Scores of a whole campaign of verdicts against bars stated beforehand, with intervals and counts.
 
 Takes judged `ScoredCase`s. Gives frozen `Quantity` rows. A bar is met when the score itself is within it,
 undecided when only the 95 % interval reaches it, missed otherwise; every sheet has a control that must be
@@ -98,7 +98,7 @@ def at_most(x: float) -> tuple[float, float]:
 def score_quantities(
     cases: Sequence[ScoredCase], oracle: Mapping[str, float] | None = None, dof: int = 3
 ) -> list[Quantity]:
-    """All quantities with a bar in section 9 of the design note.
+    """All quantities with a bar stated beforehand.
 
     Parameters
     ----------

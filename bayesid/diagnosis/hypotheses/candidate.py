@@ -49,7 +49,7 @@ class RefittedHypothesis:
 
 
 def corrected_evidence(fitted: FilterErrorFit) -> float:
-    """Laplace evidence with the half-normal correction of one-sided parameters (design note A9)."""
+    """Laplace evidence with the half-normal correction of one-sided parameters."""
     out = fitted.log_evidence
     # the optimum of the quadratic, beyond the bound where the data prefer the forbidden side
     z = fitted.posterior.mean

@@ -1,7 +1,7 @@
 """Runs against each other: does what the others say about an effect predict this run, and do they agree?
 
 Takes `RefittedHypothesis`s. Uses the normal equations of their refits, so nothing is fitted again; held-out
-runs are not read (design note A1).
+runs are not read.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Probability of every hypothesis from its evidence and stated priors.
 
-Priors (design note A4): 0.5 none, 0.4 shared by the catalogue, 0.1 outside it. Thresholds and words are the
+Priors: 0.5 none, 0.4 shared by the catalogue, 0.1 outside it. Thresholds and words are the
 verdict's business.
 """
 

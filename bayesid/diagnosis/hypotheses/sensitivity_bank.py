@@ -235,7 +235,7 @@ class Isolability:
 
 
 def isolability(bank: SensitivityBank, size: float = 0.3, level: int = 0) -> Isolability:
-    """Detectability, absorption and isolability of all effects of a bank (design note A6)."""
+    """Detectability, absorption and isolability of all effects of a bank."""
     names = tuple(bank.effects)
     a = bank.total(level).ss
     c = bank.n_coef

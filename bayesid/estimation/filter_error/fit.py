@@ -53,11 +53,11 @@ class FilterErrorFit:
     values : (k,) estimates [SI]
     posterior : Posterior of z = (value - mean)/sd
     par : full parameter vector
-    noise model : environment used
+    noise_model : environment used
     points, paths : one per run
     grams : one per run, columns in units of the prior sd, residual relative to the prior mean
     standard : per run (n, q) standardised innovations
-    passes, converged : Gauss-Newton passes and whether the last step was below `CONVERGED_STEP` posterior sd
+    iterations, converged : Gauss-Newton passes and whether the last step was below `CONVERGED_STEP` posterior sd
     follow, follow_level, follow_evidence : points of the most probable pass, its latent force over
         1/2 rho L^2 U^2 and its log evidence: a path that follows the data even where the model cannot
     """
@@ -106,12 +106,12 @@ def fit(
 
     Parameters
     ----------
-    noise model : the environment's real level
+    noise_model : the environment's real level
     start : points to begin from (default: prior mean along the readings' own path)
     loud : latent force of the first pass over 1/2 rho L^2 U^2, lowered to half of what the path still needs
     each
         pass until the real level is reached; 0 starts at the real level
-    passes : at most this many
+    iterations : at most this many
     """
     unit = force_unit(model)
     base = model.nominal.copy()

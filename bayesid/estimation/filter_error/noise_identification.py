@@ -60,7 +60,7 @@ class NoiseIdentification:
 
     Attributes
     ----------
-    noise model : Noise model
+    noise_model : amplitudes and times
     source : "stated", "measured" or "assumed"
     spread : standard deviation of the logarithm of the amplitudes
     left : standard deviation left to each unknown of a first measurement, in its order, the others held;
