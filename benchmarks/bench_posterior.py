@@ -122,12 +122,12 @@ def main() -> None:
         seed=1, weights={"stretch": 1.0}, max_steps=BASELINE_STEPS, limits=ConvergenceLimits(n_tau=math.inf)
     )
     stretch = sample(density, laplace, plain)
-    per_call = float(stretch.gate.ess_bulk.min()) / stretch.counts["all"]
-    row("sampler and likelihood", "gate", "tau [steps]", "evaluations", "ms each", "least ESS", "ESS / CPU s")
+    per_call = float(stretch.convergence.ess_bulk.min()) / stretch.counts["all"]
+    row("sampler, likelihood", "state", "tau [steps]", "evaluations", "ms each", "least ESS", "ESS / CPU s")
     row(*["---"] * 7)
     passed = "passed" if ours.converged else "not passed"
-    row("bayesid", passed, f"{ours.gate.tau.max():.0f}", ours.counts["all"],
-        f"{1e3 * ours.seconds / ours.counts['all']:.3f}", f"{ours.gate.ess_bulk.min():.0f}",
+    row("bayesid", passed, f"{ours.convergence.tau.max():.0f}", ours.counts["all"],
+        f"{1e3 * ours.seconds / ours.counts['all']:.3f}", f"{ours.convergence.ess_bulk.min():.0f}",
         f"{ours.ess_per_second:.0f}")  # fmt: skip
     points = ours.subset(EVALUATIONS, np.random.default_rng(0))
     mine = density.log_prob(points)
@@ -139,11 +139,12 @@ def main() -> None:
         seconds = (time.process_time() - begin) / EVALUATIONS
         apart = np.abs((other - other[0]) - (mine - mine[0])).max()
         row(f"emcee, stretch, solve_ivp ({words}); log densities apart by {apart:.2g}",
-            f"at {stretch.gate.n_tau:.0f} tau", f"{stretch.gate.tau.max():.0f}", "", f"{1e3 * seconds:.1f}",
+            f"at {stretch.convergence.n_tau:.0f} tau", f"{stretch.convergence.tau.max():.0f}", "",
+            f"{1e3 * seconds:.1f}",
             "", f"{per_call / seconds:.3f}")  # fmt: skip
         row(f"ratio of ESS per CPU second, bayesid / emcee with solve_ivp ({words})", "", "", "", "", "",
             f"{ours.ess_per_second * seconds / per_call:.0f}")  # fmt: skip
-    moves = ours.gate.ess_bulk.min() / ours.counts["all"] / per_call
+    moves = ours.convergence.ess_bulk.min() / ours.counts["all"] / per_call
     row("of that, by the moves: ESS per evaluation", "", "", "", "", "", f"{moves:.1f}")
     track = simulate(density.problem.model, density.problem.split(points[0])[0], density.problem.runs[0].plan,
                      density.problem.split(points[0])[1][0]).states  # fmt: skip

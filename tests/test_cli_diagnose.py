@@ -24,7 +24,7 @@ def test_a_diagnosis_with_draws_holds_the_planted_current_and_writes_its_posteri
     posterior = load_posterior(tmp_path / "out" / "posterior.nc")
     i = posterior.names.index("ocean_current.V_north")
     assert abs(posterior.mean[i] - current) < 4 * posterior.sd[i]
-    assert posterior.gate.ess_tail.min() >= 400
+    assert posterior.convergence.ess_tail.min() >= 400
     validate(record, schema())
     written = {p.name for p in (tmp_path / "out").iterdir()}
     assert written >= {"diagnosis.json", "model.json", "posterior.nc", "report.html", "report.md"}

@@ -131,7 +131,7 @@ def test_evidence_of_the_named_term_is_that_of_a_refit_with_it(monkeypatch):
         row = GaussianPrior((name,), model.positions([name]), np.zeros(1), 1e-3 * trial.unit[[j]], LOWEST)
         fitted = fit(
             model, problem.logs, problem.coefficients + row, problem.environment.noise_model,
-            start=problem.path, loud=problem.path_level,
+            start=problem.path, initial_noise_scale=problem.path_level,
         )  # fmt: skip
         assert fitted.converged
         assert -3.0 < trial.evidence([j]) - fitted.log_evidence < within, name

@@ -180,7 +180,7 @@ def test_the_density_is_right_wherever_the_noise_scale_is_drawn():
             fitted.free,
             louder,
             start=list(fitted.points),
-            loud=0.0,
+            initial_noise_scale=0.0,
             iterations=4,
         )
         sd = np.sqrt(np.diag(again.posterior.covariance))[chosen]

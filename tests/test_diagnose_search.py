@@ -49,7 +49,7 @@ class World:
         k = key(*effects)
         fit = Plain(
             converged=k not in self.lost, chi2=2.0 if k in self.poor else 1.0, points=f"points of {k}",
-            follow=f"path of {k}", follow_level=0.01,
+            path_points=f"path of {k}", path_force_level=0.01,
         )  # fmt: skip
         return Plain(effects=tuple(effects), log_evidence=self.evidence.get(k, 0.0), fit=fit)
 

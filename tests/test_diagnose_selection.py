@@ -150,8 +150,8 @@ NEAR, FAR, HOME = outcome(1.1), outcome(3.0), outcome(1.0, converged=True)
 def test_a_fit_that_runs_out_of_passes_near_the_data_goes_on_once(monkeypatch, first, second, kept, calls):
     told = []
 
-    def slow(model, logs, free, noise_model, start=None, loud=0.03, iterations=25):
-        told.append((start, loud))
+    def slow(model, logs, free, noise_model, start=None, initial_noise_scale=0.03, iterations=25):
+        told.append((start, initial_noise_scale))
         out = (first, second)[len(told) - 1]
         if isinstance(out, Exception):
             raise out

@@ -41,7 +41,7 @@ def rough_sea(level, count=40, samples=120):
         data = clean + sigma * rng.standard_normal(clean.shape)
         start = np.full(states.shape[1], 0.1)
         log = RunData("a", plan, names, data, sigma, states[0], model.kernel.full.states, start, path=states)
-        point = fit(model, [log], NO_PARAMETERS, noise_model, iterations=6, loud=0.0).points[0]
+        point = fit(model, [log], NO_PARAMETERS, noise_model, iterations=6, initial_noise_scale=0.0).points[0]
         row = []
         for p in (point, Trajectory(point.par, point.states, point.force)):
             path = linearise(model, log, p, free)

@@ -55,7 +55,7 @@ def test_standard_deviations_of_a_known_gaussian_are_met():
     # 4000 draws of about 5000 effective: 1 % each, so 5 % is five sigma and 1 % of the mean of ten is three
     target = Gaussian()
     found = spread(target)
-    assert found.converged, found.gate.reasons
+    assert found.converged, found.convergence.reasons
     assert found.sd / target.sd == pytest.approx(np.ones(K), abs=0.05)
     assert np.mean(found.sd / target.sd) == pytest.approx(1.0, abs=0.01)
 
@@ -83,7 +83,7 @@ def test_a_lengthened_chain_keeps_its_draws_and_gets_the_spread_right():
     long = continue_nuts(target, start, short, NutsOptions(draws=1000, tune=100, accept=0.8, seed=2))
     assert long.draws.shape[:2] == (4, 1075)
     assert long.draws[:, :75].tolist() == short.draws.tolist()
-    assert long.converged, long.gate.reasons
+    assert long.converged, long.convergence.reasons
     # 4000 draws of about 4000 effective, tails of a wrong start included
     assert long.draws[:, 75:].reshape(-1, K).std(axis=0) / target.sd == pytest.approx(np.ones(K), abs=0.06)
     assert long.seconds > short.seconds and long.counts["all"] > short.counts["all"]
@@ -105,7 +105,7 @@ def test_a_wall_across_the_posterior_is_told_and_does_not_converge():
     # half the space is wall: a tenth of the usual draws meets it often enough
     found = spread(Gaussian(wall=True), tune=100, draws=100)
     assert not found.converged
-    assert any("the steps cannot follow" in reason for reason in found.gate.reasons)
+    assert any("the steps cannot follow" in reason for reason in found.convergence.reasons)
 
 
 def test_without_nutpie_the_message_says_what_to_install(monkeypatch):

@@ -173,7 +173,7 @@ def test_first_states_have_the_spread_of_the_smoother():
     rng = np.random.default_rng(0)
     drawn = initial_states(MODEL, log, nothing, MODEL.nominal.copy(), pars, SEA, rng)
     x0 = np.array([b.x0 for b in drawn])
-    begun = fit(MODEL, [log], NO_PARAMETERS, SEA, loud=0.0, iterations=8)
+    begun = fit(MODEL, [log], NO_PARAMETERS, SEA, initial_noise_scale=0.0, iterations=8)
     path = linearise(MODEL, log, begun.points[0], nothing)
     sm = smoothed(MODEL, path, np.zeros(0), SEA)
     sd = np.sqrt(sm.variance[0, :6])

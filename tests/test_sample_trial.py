@@ -302,8 +302,8 @@ def test_the_sampled_posterior_of_a_nearly_linear_trial_is_its_closed_form(probl
     density = trial_density(tight, z + step, SamplingSettings(noise="fixed", memory="ignore"))
     assert isinstance(density.laplace, Laplace)
     found = sample(density, density.laplace, SamplerOptions(first=60, max_steps=2000, seed=2))
-    assert found.converged, found.gate.reasons
-    sd, ess = np.sqrt(np.diag(covariance)[:3]), found.gate.ess_bulk
+    assert found.converged, found.convergence.reasons
+    sd, ess = np.sqrt(np.diag(covariance)[:3]), found.convergence.ess_bulk
     # 0.02: the second-order change of a track over 0.3 % of a coefficient, in posterior sd
     assert np.all(np.abs(found.mean - (z + step)[:3]) < sd * (4.5 / np.sqrt(ess) + 0.02))
     assert np.all(np.abs(found.sd / sd - 1) < 4.5 / np.sqrt(ess) + 0.01)

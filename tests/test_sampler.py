@@ -33,9 +33,9 @@ def test_every_move_offered_samples_the_standard_deviations_of_a_gaussian(mix):
     density, laplace = correlated(6)
     options = SamplerOptions(first=60, weights=MIXES[mix], max_steps=8000, seed=3)
     found = sample(density, laplace, options)
-    assert found.converged, found.gate.reasons
+    assert found.converged, found.convergence.reasons
     # standard errors: of a mean sd/sqrt(ESS), of an sd sd/sqrt(2 ESS); 12 comparisons, 4.5 of them: 1e-4
-    truth, ess = np.sqrt(np.diag(density.covariance)), found.gate.ess_bulk
+    truth, ess = np.sqrt(np.diag(density.covariance)), found.convergence.ess_bulk
     assert np.all(np.abs(found.mean - density.mean) < 4.5 * truth / np.sqrt(ess))
     assert np.all(np.abs(found.sd / truth - 1) < 4.5 / np.sqrt(ess))
 
@@ -47,8 +47,8 @@ def test_a_fit_many_widths_off_the_posterior_costs_warm_up_only():
     far = Laplace(density.mean + off, laplace.covariance)
     near = Laplace(density.mean, laplace.covariance)
     found = [sample(density, start, SamplerOptions(seed=2, first=100)) for start in (far, near)]
-    assert all(p.converged for p in found), found[0].gate.reasons
-    assert found[0].gate.tau.max() < 1.5 * found[1].gate.tau.max()
+    assert all(p.converged for p in found), found[0].convergence.reasons
+    assert found[0].convergence.tau.max() < 1.5 * found[1].convergence.tau.max()
     assert found[0].sd / np.sqrt(np.diag(density.covariance)) == pytest.approx(np.ones(9), abs=0.04)
 
 
@@ -83,7 +83,7 @@ def test_the_region_where_a_simulation_fails_is_never_entered_and_is_counted():
     assert found.counts["diverged"] > 0
     assert found.counts["out of bounds"] == 0
     mean, var = truncnorm.stats(-np.inf, 0.5, moments="mv")
-    assert found.mean[0] == pytest.approx(mean, abs=5 * np.sqrt(var / found.gate.ess_bulk[0]))
+    assert found.mean[0] == pytest.approx(mean, abs=5 * np.sqrt(var / found.convergence.ess_bulk[0]))
 
 
 def test_a_start_without_finite_density_says_how_many_walkers_and_what_to_do():
@@ -165,7 +165,7 @@ def test_a_stored_posterior_comes_back_as_it_was_and_arviz_reads_it(tmp_path):
     found = sample(density, laplace, SamplerOptions(first=40, max_steps=100), tmp_path)
     again = load_posterior(tmp_path / "posterior.nc")
     assert np.array_equal(found.draws, again.draws) and np.array_equal(found.log_prob, again.log_prob)
-    assert again.names == found.names and again.gate.reasons == found.gate.reasons
+    assert again.names == found.names and again.convergence.reasons == found.convergence.reasons
     assert again.summary()["unknowns"].keys() == found.summary()["unknowns"].keys()
     read = arviz.from_netcdf(tmp_path / "posterior.nc")
     assert float(read["posterior"]["p0"].mean()) == pytest.approx(found.mean[0], rel=1e-12)

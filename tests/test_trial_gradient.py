@@ -103,10 +103,10 @@ def test_both_samplers_find_the_same_posterior(problem):
     density = trial_density(problem, fit(problem).z)
     one = sample(density, density.laplace, SamplerOptions(seed=1))
     two = sample_nuts(GradientTrialDensity(density), density.laplace, NutsOptions(seed=1))
-    assert one.converged and two.converged, (one.gate.reasons, two.gate.reasons)
+    assert one.converged and two.converged, (one.convergence.reasons, two.convergence.reasons)
     # means apart by their Monte Carlo errors: ten differences below 4 sigma miss once in 1600 seeds
-    error = one.sd * np.sqrt(1 / one.gate.ess_bulk + 1 / two.gate.ess_bulk)
+    error = one.sd * np.sqrt(1 / one.convergence.ess_bulk + 1 / two.convergence.ess_bulk)
     assert (np.abs(one.mean - two.mean) < 4 * error).all()
     # standard deviations: relative error of each about 1 / sqrt(2 ESS)
-    spread = np.sqrt(0.5 / one.gate.ess_tail + 0.5 / two.gate.ess_tail)
+    spread = np.sqrt(0.5 / one.convergence.ess_tail + 0.5 / two.convergence.ess_tail)
     assert (np.abs(np.log(one.sd / two.sd)) < 4.5 * spread).all()

@@ -165,7 +165,7 @@ class SampleResult(Result):
         }
 
     def summary(self, verbose: bool = False) -> str:
-        p, g = self.posterior, self.posterior.gate
+        p, g = self.posterior, self.posterior.convergence
         lines = [
             f"{self.found.trial.name}: {len(p.names)} unknowns, {p.draws.shape[0]} ensembles of "
             f"{p.draws.shape[2]} walkers, {p.steps} steps after {p.discarded}, {p.seconds:.1f} s of CPU",

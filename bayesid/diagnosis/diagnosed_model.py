@@ -203,7 +203,15 @@ def _with_remainder(problem: DiagnosisProblem, fitted: FilterErrorFit) -> tuple[
             value = evidence(added(tried, tau))
             if value > best:
                 best, noise_model, level = value, added(tried, tau), tried
-    again = fit(model, problem.logs, fitted.free, noise_model, start=fitted.points, loud=0.0, iterations=8)
+    again = fit(
+        model,
+        problem.logs,
+        fitted.free,
+        noise_model,
+        start=fitted.points,
+        initial_noise_scale=0.0,
+        iterations=8,
+    )
     return again, max(best, again.log_evidence)
 
 

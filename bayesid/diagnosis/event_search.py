@@ -177,7 +177,9 @@ def _misfit(problem: DiagnosisProblem, run: Run, event: Event) -> tuple[float, i
     model, free, real = problem.model, problem.coefficients, problem.environment.noise_model
     try:
         log = log_without(problem, run, (event,))
-        done = fit(model, [log], free, real, loud=PIECE_FORCE_LEVEL, iterations=PIECE_ITERATIONS)
+        done = fit(
+            model, [log], free, real, initial_noise_scale=PIECE_FORCE_LEVEL, iterations=PIECE_ITERATIONS
+        )
         g = window_equations(model, linearise(model, log, done.points[0], free.where), free, real)
         return float(g.ee - g.se @ posterior(g).mean), g.used
     except (ModelError, LinAlgError, ValueError):

@@ -62,7 +62,9 @@ def initial_states(
     """
     n_force = len(noise_model.force)
     start = [Trajectory(mean, log.path, np.zeros((log.n - 1, n_force)))]
-    settled = fit(model, [log], NO_PARAMETERS, noise_model, start=start, loud=0.0, iterations=8)
+    settled = fit(
+        model, [log], NO_PARAMETERS, noise_model, start=start, initial_noise_scale=0.0, iterations=8
+    )
     path = linearise(model, log, settled.points[0], free)
     f = filter_settings(model, path, noise_model)
     out = []

@@ -31,12 +31,12 @@ def verdict(posterior: Posterior) -> str:
     """One sentence on the chain."""
     if posterior.converged:
         return "Converged: ensembles agree and are long enough."
-    return f"Not converged; no interval is final: {'; '.join(posterior.gate.reasons)}."
+    return f"Not converged; no interval is final: {'; '.join(posterior.convergence.reasons)}."
 
 
 def rows(posterior: Posterior, vehicle: Vehicle) -> list[list[Any]]:
     """One row per unknown: mean as prime and SI value, sd in percent of it, interval in SI."""
-    edges, g = posterior.interval(0.9), posterior.gate
+    edges, g = posterior.interval(0.9), posterior.convergence
     found = []
     for i, name in enumerate(posterior.names):
         ratio = posterior.sd[i] / posterior.prior_sd[i] if np.isfinite(posterior.prior_sd[i]) else None
@@ -134,7 +134,7 @@ def _unknowns(posterior: Posterior, vehicle: Vehicle) -> Section:
 
 
 def _chain(posterior: Posterior) -> Section:
-    g, counts = posterior.gate, posterior.counts
+    g, counts = posterior.convergence, posterior.counts
     worst = np.argsort(-g.tau)[:4]
     drawn = figures.traces(
         [posterior.names[i] for i in worst], posterior.draws[..., worst].mean(axis=2),

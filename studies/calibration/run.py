@@ -98,9 +98,9 @@ def replicate(s: CalibrationSetting, current: bool, memory: str, seed: int) -> d
         "names": posterior.names, "truth": whole, "rank": rank_of(posterior.flat, whole, RANKS),
         "inside50": inside(posterior.flat, whole, 0.5), "inside90": inside(posterior.flat, whole, 0.9),
         "z": (posterior.mean - whole) / posterior.sd, "sd_over_prior": posterior.sd / posterior.prior_sd,
-        "converged": posterior.converged, "reasons": posterior.gate.reasons,
-        "rhat": float(posterior.gate.rhat.max()), "tau": float(posterior.gate.tau.max()),
-        "ess": float(posterior.gate.ess_bulk.min()), "steps": posterior.steps,
+        "converged": posterior.converged, "reasons": posterior.convergence.reasons,
+        "rhat": float(posterior.convergence.rhat.max()), "tau": float(posterior.convergence.tau.max()),
+        "ess": float(posterior.convergence.ess_bulk.min()), "steps": posterior.steps,
         "cpu_seconds": time.process_time() - begin,
     }  # fmt: skip
 

@@ -34,7 +34,7 @@ def chains_section(every: Mapping[str, Sampled]) -> Section:
         if not case.posteriors:
             rows.append([case.words, "none: Laplace", *[None] * 8])
         for name, p in case.posteriors.items():
-            g = p.gate
+            g = p.convergence
             rows.append(
                 [
                     case.words, name, f"{np.nanmax(g.rhat):.4f}",

@@ -24,7 +24,9 @@ def posterior_results(
     return {
         "inputs": {k: v for k, v in facts.items() if k not in ("tracks", "accelerations", "collapse")},
         "seeds": [seed],
-        "rhat_max": max(float(np.nanmax(p.gate.rhat)) for c in every.values() for p in c.posteriors.values()),
+        "rhat_max": max(
+            float(np.nanmax(p.convergence.rhat)) for c in every.values() for p in c.posteriors.values()
+        ),
         "chains": {
             f"{key} {name}": p.summary() for key, c in every.items() for name, p in c.posteriors.items()
         },

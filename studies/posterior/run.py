@@ -189,7 +189,7 @@ def by_slopes(
         kept = sample_nuts(target, density.laplace, few)
         kept.to_netcdf(stored)
     while not (quick or kept.converged) and kept.draws.shape[1] < most:
-        stage.step(0, f"{kept.gate.reasons[0]}: going on")
+        stage.step(0, f"{kept.convergence.reasons[0]}: going on")
         kept = continue_nuts(target, density.laplace, kept, replace(few, tune=100, draws=MORE))
         kept.to_netcdf(stored)
     return kept

@@ -71,6 +71,6 @@ def sampled(
     watch()
     return SampledCheck(
         known.names, np.mean(contraction(known, np.asarray(matrices)), axis=0), found.contraction(known),
-        1.0 - chain.sd[:k] / known.sd, bool(chain.converged), tuple(chain.gate.reasons),
+        1.0 - chain.sd[:k] / known.sd, bool(chain.converged), tuple(chain.convergence.reasons),
         int(chain.counts["all"]),
     )  # fmt: skip

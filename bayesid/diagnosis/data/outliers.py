@@ -49,13 +49,21 @@ def set_aside(model: Model, logs: Sequence[RunData]) -> tuple[list[RunData], Fou
     kept, start, level = list(logs), None, FIRST_FORCE_LEVEL
     for turn in range(1 + MOST_ROUNDS):
         if turn == 0:
-            fitted = fit(model, kept, NO_PARAMETERS, _forced(calm, level * unit), iterations=3, loud=0.0)
+            fitted = fit(
+                model, kept, NO_PARAMETERS, _forced(calm, level * unit), iterations=3, initial_noise_scale=0.0
+            )
             start = fitted.points
         else:
             fitted = fit(
-                model, kept, NO_PARAMETERS, calm, start=start, loud=level, iterations=10 if turn == 1 else 5
+                model,
+                kept,
+                NO_PARAMETERS,
+                calm,
+                start=start,
+                initial_noise_scale=level,
+                iterations=10 if turn == 1 else 5,
             )
-            start, level = fitted.follow, fitted.follow_level
+            start, level = fitted.path_points, fitted.path_force_level
         before = kept
         noise_model = _forced(calm, level * unit)
         kept = [_stripped(model, log, point, noise_model) for log, point in zip(kept, start, strict=True)]

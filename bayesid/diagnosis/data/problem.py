@@ -130,8 +130,8 @@ def build_problem(
         channels,
         (*outlying, *outliers),
         tuple(warnings),
-        along_data.follow,
-        along_data.follow_level,
+        along_data.path_points,
+        along_data.path_force_level,
         events,
         as_built is not None,
     )
@@ -177,7 +177,7 @@ def _environment(
                 rounds=1,
                 known=firm,
                 steps=5,
-                grams=apart.grams,
+                equations=apart.equations,
                 same=STRAIGHT_NOISE_SPREAD,
             )
         return identify_noise(model, logs, free, rounds=1, known=first, steps=5)
@@ -252,13 +252,19 @@ def fit_with(
         noise_model,
         start=start,
         iterations=iterations,
-        loud=initial_noise_scale,
+        initial_noise_scale=initial_noise_scale,
     )
     if out.converged or out.iterations < iterations or not out.chi2 <= FOLLOWS_DATA_CHI2:
         return out
     try:
         more = fit(
-            problem.model, problem.logs, free, noise_model, start=out.points, iterations=iterations, loud=0.0
+            problem.model,
+            problem.logs,
+            free,
+            noise_model,
+            start=out.points,
+            iterations=iterations,
+            initial_noise_scale=0.0,
         )
     except ModelError:
         return out

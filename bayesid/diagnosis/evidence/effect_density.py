@@ -218,7 +218,7 @@ def _narrowed(
 
     Far below 1 where a parameter has no slope at its optimum, as a lag of nothing.
     """
-    total = sum(fitted.grams[1:], fitted.grams[0])
+    total = sum(fitted.equations[1:], fitted.equations[0])
     rest = np.arange(effects[0])
     out = np.ones(effects.size)
 
@@ -287,7 +287,7 @@ def _surface(
     low = (free.low[effects] - free.mean[effects]) / free.sd[effects]
     points = np.maximum(centre + _nodes(effects.size) @ root.T, low)
     points = np.unique(np.round(points, 12), axis=0)
-    total = sum(fitted.grams[1:], fitted.grams[0])
+    total = sum(fitted.equations[1:], fitted.equations[0])
     rest = np.arange(effects[0])
     nodes, missed, shifts = [], [], []
     for zeta in points:
@@ -351,7 +351,7 @@ def exact_evidence(
         base,
         problem.environment.noise_model,
         start=points,
-        loud=0.0,
+        initial_noise_scale=0.0,
         iterations=MOST_ITERATIONS,
     )
     prior = -0.5 * float(zeta @ zeta) - 0.5 * zeta.size * np.log(2 * np.pi)

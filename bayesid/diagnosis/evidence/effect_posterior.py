@@ -161,7 +161,7 @@ def numbers(found: EffectPosterior) -> EffectDraws:
         },
         bool(found.agrees),
         bool(found.posterior.converged),
-        tuple(found.posterior.gate.reasons),
+        tuple(found.posterior.convergence.reasons),
         float(found.log_evidence),
         float(found.error),
         density_check(found.density),

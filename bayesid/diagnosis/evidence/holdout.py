@@ -178,7 +178,15 @@ def _predict(
     for name, par in models.items():
         try:
             point = Trajectory(par, log.path, np.zeros((log.n - 1, len(noise_model.force))))
-            begun = fit(model, [known], NO_PARAMETERS, noise_model, start=[point], loud=0.0, iterations=15)
+            begun = fit(
+                model,
+                [known],
+                NO_PARAMETERS,
+                noise_model,
+                start=[point],
+                initial_noise_scale=0.0,
+                iterations=15,
+            )
             x0 = begun.points[0].states[0, : len(model.states)]
             if name == "with effect":
                 floor = _floor(model, known, begun.points[0], noise_model, ~early)

@@ -113,7 +113,7 @@ def noise_scale_posterior(
     SampleError
         if the linear model leaves the finite numbers at a noise scale inside the grid
     """
-    paths, middle = tuple(fitted.paths), _reduced(sum(fitted.grams[1:], fitted.grams[0]), chosen)
+    paths, middle = tuple(fitted.paths), _reduced(sum(fitted.equations[1:], fitted.equations[0]), chosen)
     if middle is None:
         raise SampleError("the linear model of the fit is not finite: no posterior")
     free, off = [SCALED_AMPLITUDES.index(n) for n in names], 0.0
@@ -180,7 +180,7 @@ def _settled(
             fitted.free,
             rescaled,
             start=list(fitted.points),
-            loud=0.0,
+            initial_noise_scale=0.0,
             iterations=NODE_ITERATIONS,
         )
     except ModelError:

@@ -194,13 +194,13 @@ def without_terms(
             free,
             problem.environment.noise_model,
             start=[Trajectory(plain, point.states, point.force) for point in points],
-            loud=max(level, problem.path_level, 1e-5),
+            initial_noise_scale=max(level, problem.path_level, 1e-5),
         )
     fine = base.converged
-    paths = linear_paths(problem, base.points if fine else base.follow, free)
+    paths = linear_paths(problem, base.points if fine else base.path_points, free)
     values = [along(model, path, columns) for path in paths]
     return TermEvidence(
-        problem, paths, free, NO_PARAMETERS, columns, values, 0.0 if fine else base.follow_level
+        problem, paths, free, NO_PARAMETERS, columns, values, 0.0 if fine else base.path_force_level
     )
 
 
@@ -284,11 +284,11 @@ def refitted(
             replace(free, sd=sd) + added,
             problem.environment.noise_model,
             start=[Trajectory(par, point.states, point.force) for point in points],
-            loud=level,
+            initial_noise_scale=level,
             iterations=CLEANING_ITERATIONS,
         )
     except ModelError:
         return None
     if fitted.converged:
         return fitted.points, added, 0.0
-    return fitted.follow, added, fitted.follow_level
+    return fitted.path_points, added, fitted.path_force_level

@@ -107,7 +107,7 @@ def away_from_straight(
         return candidate
     gains = []
     for c in (candidate, none):
-        kept = [g for g, s in zip(c.fit.grams, straight, strict=True) if not s]
+        kept = [g for g, s in zip(c.fit.equations, straight, strict=True) if not s]
         gains.append(posterior(sum(kept[1:], kept[0])).log_evidence)
     limit = none.log_evidence + gains[0] - gains[1]
     return replace(candidate, log_evidence=min(candidate.log_evidence, float(limit)))
@@ -148,7 +148,7 @@ def checked(
 def nested(problem: DiagnosisProblem, candidate: RefittedHypothesis, keep: tuple[str, ...] = ()) -> float:
     """Log evidence of a refit over some of its effects, or none, along the refit's own path (Dickey 1971)."""
     fitted, effects = candidate.fit, problem.model.effects
-    total = sum(fitted.grams[1:], fitted.grams[0])
+    total = sum(fitted.equations[1:], fitted.equations[0])
     kept = {effects[n].key(p.name) for n in keep for p in effects[n].parameters}
     k = len(problem.coefficients.names)
     without = total.pick(np.array([i for i, n in enumerate(fitted.free.names) if i < k or n in kept]))

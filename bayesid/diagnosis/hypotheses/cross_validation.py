@@ -66,8 +66,8 @@ def cross_validate(
     ----------
     coefficients : number of leading columns that are coefficients; the others are the effect's
     """
-    gains = left_out(candidate.fit.grams) - left_out(none.fit.grams)
-    return CrossValidation(gains, *disagreement(candidate.fit.grams, coefficients))
+    gains = left_out(candidate.fit.equations) - left_out(none.fit.equations)
+    return CrossValidation(gains, *disagreement(candidate.fit.equations, coefficients))
 
 
 def disagreement(equations: tuple[NormalEquations, ...], coefficients: int) -> tuple[float, float]:

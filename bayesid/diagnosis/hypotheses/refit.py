@@ -127,7 +127,7 @@ def refit_wide(problem: DiagnosisProblem, name: str, notify: Notify) -> list[Ref
             replace(free, sd=sd),
             problem.environment.noise_model,
             start=problem.path,
-            loud=max(problem.path_level, FOLLOWING_FORCE_LEVEL),
+            initial_noise_scale=max(problem.path_level, FOLLOWING_FORCE_LEVEL),
         )
     except ModelError as exc:
         notify(f"given up: {exc}")
@@ -138,5 +138,5 @@ def refit_wide(problem: DiagnosisProblem, name: str, notify: Notify) -> list[Ref
 def remainder(problem: DiagnosisProblem, candidate: RefittedHypothesis) -> Localisation:
     """Where the gap lies that a refit leaves."""
     fitted = candidate.fit
-    points = fitted.points if fitted.converged else fitted.follow
+    points = fitted.points if fitted.converged else fitted.path_points
     return locate(problem, points, fitted.free, masks=False)

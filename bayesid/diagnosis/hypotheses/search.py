@@ -56,8 +56,8 @@ def search_several(
         families = {e.family for e in chosen}
         others = [e for e in effects if e.family not in families]
         inside = _joint(model, chosen)
-        points = current.fit.points if current.fit.converged else current.fit.follow
-        level = 0.0 if current.fit.converged else current.fit.follow_level
+        points = current.fit.points if current.fit.converged else current.fit.path_points
+        level = 0.0 if current.fit.converged else current.fit.path_force_level
         bank = build_bank(problem, points, levels_between(problem, level), others, inside)
         ranked = [s for s in screen(bank)[:3] if s.gain > 0.5 * ADD_EVIDENCE]
         if not ranked:

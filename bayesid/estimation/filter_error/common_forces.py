@@ -88,8 +88,8 @@ def disturbances(
     model: Model, paths: Sequence[Linearisation], free: GaussianPrior, noise_model: NoiseModel
 ) -> list[Array]:
     """Per run (n-1, nf), smoothed disturbance [N, N m] with the coefficients where the runs put them."""
-    grams = stacked_equations(model, paths, free, noise_model)
-    values = free.mean + free.sd * posterior(sum(grams[1:], grams[0])).mean
+    equations = stacked_equations(model, paths, free, noise_model)
+    values = free.mean + free.sd * posterior(sum(equations[1:], equations[0])).mean
     mix = mixing(model, noise_model)
     out = []
     for path in paths:

@@ -55,10 +55,11 @@ class FilterErrorFit:
     par : full parameter vector
     noise_model : environment used
     points, paths : one per run
-    grams : one per run, columns in units of the prior sd, residual relative to the prior mean
+    equations : one per run, columns in units of the prior sd, residual relative to the prior mean
     standard : per run (n, q) standardised innovations
-    iterations, converged : Gauss-Newton passes and whether the last step was below `CONVERGED_STEP` posterior sd
-    follow, follow_level, follow_evidence : points of the most probable pass, its latent force over
+    iterations, converged : Gauss-Newton passes and whether the last step was below `CONVERGED_STEP`
+    posterior sd
+    path_points, path_force_level, path_evidence : points of the most probable pass, its latent force over
         1/2 rho L^2 U^2 and its log evidence: a path that follows the data even where the model cannot
     """
 
@@ -69,13 +70,13 @@ class FilterErrorFit:
     noise_model: NoiseModel
     points: tuple[Trajectory, ...]
     paths: tuple[Linearisation, ...]
-    grams: tuple[NormalEquations, ...]
+    equations: tuple[NormalEquations, ...]
     standard: tuple[Array, ...]
     iterations: int
     converged: bool
-    follow: tuple[Trajectory, ...]
-    follow_level: float
-    follow_evidence: float
+    path_points: tuple[Trajectory, ...]
+    path_force_level: float
+    path_evidence: float
 
     @property
     def log_evidence(self) -> float:
@@ -99,7 +100,7 @@ def fit(
     free: GaussianPrior,
     noise_model: NoiseModel,
     start: Sequence[Trajectory] | None = None,
-    loud: float = 0.03,
+    initial_noise_scale: float = 0.03,
     iterations: int = 25,
 ) -> FilterErrorFit:
     """Fit all runs at once.
@@ -108,7 +109,8 @@ def fit(
     ----------
     noise_model : the environment's real level
     start : points to begin from (default: prior mean along the readings' own path)
-    loud : latent force of the first pass over 1/2 rho L^2 U^2, lowered to half of what the path still needs
+    initial_noise_scale : latent force of the first pass over 1/2 rho L^2 U^2, lowered to half of what the
+    path still needs
     each
         pass until the real level is reached; 0 starts at the real level
     iterations : at most this many
@@ -119,52 +121,52 @@ def fit(
     points = list(start) if start is not None else [first_trajectory(model, log, base) for log in logs]
     values = points[0].par[free.where].copy()
     best: _Best | None = None
-    standards: list[Array] = []
-    converged, level, settled, real, flat = False, loud, 0, 0, 0
-    follow: tuple[float, tuple[Trajectory, ...], float] = (-np.inf, tuple(points), loud)
+    standardised: list[Array] = []
+    converged, level, settled, real, flat = False, initial_noise_scale, 0, 0, 0
+    path_points: tuple[float, tuple[Trajectory, ...], float] = (-np.inf, tuple(points), initial_noise_scale)
     k = 0
     for k in range(iterations):
         now = _level(model, noise_model, level)
         try:
-            if k <= WARM_ITERATIONS and loud > 0 and free.names:
-                paths, grams = linear(model, logs, points, free, now)
+            if k <= WARM_ITERATIONS and initial_noise_scale > 0 and free.names:
+                paths, equations = linear(model, logs, points, free, now)
             else:
-                paths, grams = fresh(model, logs, points, free, now)
-            total = sum(grams[1:], grams[0])
+                paths, equations = fresh(model, logs, points, free, now)
+            total = sum(equations[1:], equations[0])
             post = posterior(total)
         except ModelError:
             if best is None:
                 raise
             best.shorten()
-            points, standards, values = best.again(model, free)
+            points, standardised, values = best.again(model, free)
             continue
-        if post.log_evidence > follow[0]:
-            follow = (post.log_evidence, tuple(points), level if now is not noise_model else 0.0)
+        if post.log_evidence > path_points[0]:
+            path_points = (post.log_evidence, tuple(points), level if now is not noise_model else 0.0)
         z = (values - free.mean) / free.sd
         merit = -0.5 * (total.ee - 2 * total.se @ z + z @ total.ss @ z + z @ z + total.logdet)
         if best is not None and best.refused(merit, now, noise_model):
             best.shorten()
-            points, standards, values = best.again(model, free)
+            points, standardised, values = best.again(model, free)
             continue
         same = best is not None and best.noise_model is noise_model and abs(merit - best.merit) < FLAT_CHANGE
         flat = flat + 1 if same else 0
         step = post.mean - z
         biggest = float(np.abs(step).max()) if step.size else 0.0
         share = min(1.0, MOST_STEP / biggest) if biggest > 0 else 1.0
-        if k < WARM_ITERATIONS and loud > 0:
+        if k < WARM_ITERATIONS and initial_noise_scale > 0:
             # Only let the path settle: slopes along raw readings are biased by their noise.
             share = 0.0
         best = _Best(merit, paths, values, step * free.sd, now, share, any(noise_model.force))
-        points, standards, proposal = best.again(model, free)
+        points, standardised, proposal = best.again(model, free)
         done = (proposal - values) / free.sd
         length = float(np.sqrt(done @ done + done @ total.ss @ done)) if done.size else 0.0
         values = proposal
-        if k < WARM_ITERATIONS and loud > 0:
+        if k < WARM_ITERATIONS and initial_noise_scale > 0:
             continue
         if now is noise_model:
             settled = settled + 1 if length < CONVERGED_STEP else 0
             real += 1
-            if real >= GIVE_UP_ITERATIONS and post.log_evidence < follow[0] - 1e3:
+            if real >= GIVE_UP_ITERATIONS and post.log_evidence < path_points[0] - 1e3:
                 break
             if (settled or flat >= 3) and _joined(paths, points):
                 converged = True
@@ -180,13 +182,13 @@ def fit(
         now,
         tuple(points),
         tuple(paths),
-        tuple(grams),
-        tuple(standards),
+        tuple(equations),
+        tuple(standardised),
         k + 1,
         converged,
-        follow[1],
-        follow[2],
-        follow[0],
+        path_points[1],
+        path_points[2],
+        path_points[0],
     )
 
 
@@ -205,7 +207,7 @@ def _moved(
     smoothed path is the vehicle's own answer, and better known.
     """
     n_force = len(noise_model.force)
-    points, standards = [], []
+    points, standardised = [], []
     for i, path in enumerate(paths):
         par = path.point.par.copy()
         par[free.where] = values
@@ -215,8 +217,8 @@ def _moved(
         force = np.ascontiguousarray(path.point.force + stride * (force - path.point.force))
         before = path.point.states + sm.filtered[:, :nx] if noisy else None
         points.append(Trajectory(par, path.point.states + stride * sm.mean[:, :nx], force, before))
-        standards.append(sm.standard)
-    return points, standards
+        standardised.append(sm.standard)
+    return points, standardised
 
 
 def _joined(paths: Sequence[Linearisation], points: Sequence[Trajectory]) -> bool:
@@ -264,5 +266,7 @@ class _Best:
     def again(self, model: Model, free: GaussianPrior) -> tuple[list[Trajectory], list[Array], Array]:
         """Points, innovations and values a share of the step away, the path smoothed for those values."""
         values = np.maximum(self.values + self.share * self.step, free.low)
-        points, standards = _moved(model, self.paths, free, values, self.noise_model, self.noisy, self.stride)
-        return points, standards, values
+        points, standardised = _moved(
+            model, self.paths, free, values, self.noise_model, self.noisy, self.stride
+        )
+        return points, standardised, values

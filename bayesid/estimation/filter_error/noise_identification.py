@@ -51,7 +51,7 @@ MEASURED_SPREAD = 0.5
 DIVERGED_COST = 1e12
 
 
-Grams = Callable[[Model, Sequence[Linearisation], GaussianPrior, NoiseModel], list[NormalEquations]]
+Equations = Callable[[Model, Sequence[Linearisation], GaussianPrior, NoiseModel], list[NormalEquations]]
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ def identify_noise(
     rounds: int = 2,
     known: NoiseIdentification | None = None,
     steps: int = 12,
-    grams: Grams = stacked_equations,
+    equations: Equations = stacked_equations,
     same: float = MANOEUVRE_NOISE_SPREAD,
 ) -> NoiseIdentification:
     """Environment of runs on which the nominal structure is trusted.
@@ -103,7 +103,7 @@ def identify_noise(
     Parameters
     ----------
     known : an earlier measurement to stay close to
-    grams : whitened normal equations of the runs; another one may know forces beside the environment
+    equations : whitened normal equations of the runs; another one may know forces beside the environment
     same : how close, one standard deviation in the logarithm
     """
     unit, s = force_unit(model), model.scales
@@ -112,7 +112,7 @@ def identify_noise(
     noise = depth_noise(model, logs)
     deep = [] if noise is None else [noise]
     rest = np.array([s["L"], time, NAVIGATION_TAU, *deep])
-    loud = unit.size + rest.size
+    amplitudes = unit.size + rest.size
     if known is None:
         medians = [DRIFT_MEDIAN, TAU_FORCE, 1.0] + [1.0 for _ in deep]
         wide = [DRIFT_SPREAD, TAU_SPREAD, NAVIGATION_TAU_SPREAD] + [DRIFT_SPREAD for _ in deep]
@@ -128,24 +128,24 @@ def identify_noise(
         level = level / rest
         left = list(known.left)
         if left and deep and fresh:
-            left.insert(loud - 1, DRIFT_SPREAD)
+            left.insert(amplitudes - 1, DRIFT_SPREAD)
         before = np.array(c.arms) / s["L"] if c.arms else np.zeros(arms)
         centre = np.concatenate([np.log(np.concatenate([np.array(c.force) / unit, level])), before])
         # an amplitude the straight runs hardly tell may be another one
         spread = np.hypot(
-            np.concatenate([np.full(loud, same), np.full(arms, ARM_MEASURED_SPREAD)]),
+            np.concatenate([np.full(amplitudes, same), np.full(arms, ARM_MEASURED_SPREAD)]),
             np.array(left) if left else 0.0,
         )
 
     def noise_model(theta: Array) -> NoiseModel:
-        value = np.exp(theta[:loud]) * np.concatenate([unit, rest])
+        value = np.exp(theta[:amplitudes]) * np.concatenate([unit, rest])
         drift, force_tau, drift_tau, *depth = (float(x) for x in value[unit.size :])
         return NoiseModel(
             tuple(float(f) for f in value[: unit.size]),
             force_tau,
             drift,
             drift_tau,
-            tuple(float(x) for x in theta[loud:] * s["L"]),
+            tuple(float(x) for x in theta[amplitudes:] * s["L"]),
             depth[0] if depth else None,
         )
 
@@ -157,7 +157,7 @@ def identify_noise(
         linear = linear_paths(model, logs, settled, free)
 
         def cost(t: Array, paths: tuple = linear) -> float:
-            all_runs = grams(model, paths, free, noise_model(t))
+            all_runs = equations(model, paths, free, noise_model(t))
             total = sum(all_runs[1:], all_runs[0])
             if not (np.isfinite(total.ss).all() and np.isfinite(total.se).all() and np.isfinite(total.ee)):
                 return DIVERGED_COST
@@ -179,13 +179,13 @@ def depth_noise(model: Model, logs: Sequence[RunData]) -> float | None:
 def settled_paths(model: Model, logs: Sequence[RunData], noise_model: NoiseModel) -> FilterErrorFit:
     """Paths settled at the nominal coefficients.
 
-    Straight runs settle at once at the real level. Where they do not, they are led there from a loud one: a
+    Straight runs settle at once at the real level. Where they do not, they are led there from a large one: a
     path that has not settled passes for process noise (a remus100 in a clean rough sea: every level at its
     bound).
     """
     if all(log.straight for log in logs):
         try:
-            near = fit(model, logs, NO_PARAMETERS, noise_model, loud=0.0, iterations=8)
+            near = fit(model, logs, NO_PARAMETERS, noise_model, initial_noise_scale=0.0, iterations=8)
         except ModelError:
             near = None
         if near is not None and near.converged:
@@ -203,5 +203,5 @@ def linear_paths(
         )
     except ModelError:
         return tuple(
-            linearise(model, log, p, free.where) for log, p in zip(logs, settled.follow, strict=True)
+            linearise(model, log, p, free.where) for log, p in zip(logs, settled.path_points, strict=True)
         )

@@ -39,7 +39,7 @@ class _Set:
     logs: tuple[RunData, ...]
     free: GaussianPrior
     paths: tuple[Linearisation, ...]
-    grams: tuple[NormalEquations, ...]
+    equations: tuple[NormalEquations, ...]
 
     def positions(self, free: GaussianPrior) -> np.ndarray | None:
         """Where the parameters of `parameters` stand; none if one is missing or has another prior mean."""
@@ -78,8 +78,8 @@ def linear(
             _remember(kept.seen, key, tuple(logs), MOST_SEEN)
             return fresh(model, logs, points, free, noise_model)
         whole = free + _others(model, free, points[0].par)
-        paths, grams = fresh(model, logs, points, whole, noise_model)
-        found = _Set(tuple(logs), whole, tuple(paths), tuple(grams))
+        paths, equations = fresh(model, logs, points, whole, noise_model)
+        found = _Set(tuple(logs), whole, tuple(paths), tuple(equations))
         if sum(p.psi.nbytes + p.direct.nbytes for p in paths) * MOST_SETS < MOST_BYTES:
             _remember(kept.sets, key, found, MOST_SETS)
     at = found.positions(free) if _same(found.logs, logs) else None
@@ -87,8 +87,8 @@ def linear(
         return fresh(model, logs, points, free, noise_model)
     ratio = free.sd / found.free.sd[at]
     paths = [replace(p, direct=_picked(p.direct, at), psi=_picked(p.psi, at)) for p in found.paths]
-    grams = [g.pick(at) for g in found.grams]
-    return paths, [replace(g, ss=g.ss * np.outer(ratio, ratio), se=g.se * ratio) for g in grams]
+    equations = [g.pick(at) for g in found.equations]
+    return paths, [replace(g, ss=g.ss * np.outer(ratio, ratio), se=g.se * ratio) for g in equations]
 
 
 def _picked(values: np.ndarray, at: np.ndarray) -> np.ndarray:

@@ -23,7 +23,7 @@ from bayesid.estimation.filter_error.fit import stacked_equations
 from bayesid.estimation.filter_error.linearise import Linearisation, forces
 from bayesid.estimation.filter_error.noise_identification import (
     LONGEST_TAU,
-    Grams,
+    Equations,
     NoiseIdentification,
     identify_noise,
     linear_paths,
@@ -58,7 +58,7 @@ class RemovedForces:
         return bool(self.repeated or self.frequencies or self.lasting)
 
     @property
-    def grams(self) -> Grams:
+    def equations(self) -> Equations:
         """normal equations with periodic and lasting forces integrated out."""
         if not self.frequencies and self.lasting is None:
             return stacked_equations
@@ -77,14 +77,14 @@ def identify_straight_noise(
     paths = settled_paths(model, logs, found.noise_model)
     apart = RemovedForces(frequencies=periodic_forces(model, paths.paths, paths.standard)[0])
     if apart.frequencies:
-        found = identify_noise(model, logs, free, grams=apart.grams)
+        found = identify_noise(model, logs, free, equations=apart.equations)
         paths = settled_paths(model, logs, found.noise_model)
     if not slow(model, found.noise_model):
         return found, apart
     common = without_repeats(model, linear_paths(model, logs, paths, free), free, found.noise_model)
     if common is not None:
         bare, axes = common
-        again = identify_noise(model, bare, free, grams=apart.grams)
+        again = identify_noise(model, bare, free, equations=apart.equations)
         # what one common force takes from each of n runs
         lost = np.where(axes, np.sqrt(len(logs) / (len(logs) - 1.0)), 1.0)
         force = tuple(float(f) for f in np.array(again.noise_model.force) * lost)
@@ -96,17 +96,21 @@ def identify_straight_noise(
     more = replace(
         apart, lasting=LatentInputs(forces(model), (), found.noise_model.force, LASTING_TAU * time)
     )
-    again = identify_noise(model, logs, free, grams=more.grams)
+    again = identify_noise(model, logs, free, equations=more.equations)
     settled = linear_paths(model, logs, settled_paths(model, logs, again.noise_model), free)
-    gain = _evidence(more.grams, model, settled, free, again.noise_model) - max(
-        _evidence(apart.grams, model, settled, free, c) for c in (found.noise_model, again.noise_model)
+    gain = _evidence(more.equations, model, settled, free, again.noise_model) - max(
+        _evidence(apart.equations, model, settled, free, c) for c in (found.noise_model, again.noise_model)
     )
     slowest = found.noise_model.force_tau > 0.99 * LONGEST_TAU * time
     return (again, more) if gain > LEAST_EVIDENCE or slowest else (found, apart)
 
 
 def _evidence(
-    grams: Grams, model: Model, paths: Sequence[Linearisation], free: GaussianPrior, noise_model: NoiseModel
+    equations: Equations,
+    model: Model,
+    paths: Sequence[Linearisation],
+    free: GaussianPrior,
+    noise_model: NoiseModel,
 ) -> float:
-    parts = grams(model, paths, free, noise_model)
+    parts = equations(model, paths, free, noise_model)
     return posterior(sum(parts[1:], parts[0])).log_evidence

@@ -47,6 +47,6 @@ def agreement(one: Posterior, two: Posterior) -> Agreement:
     if one.names != two.names or one.digest != two.digest:
         raise SampleError("the two posteriors are not of the same density; nothing to compare")
     difference = one.mean - two.mean
-    error = np.sqrt(one.sd**2 / one.gate.ess_bulk + two.sd**2 / two.gate.ess_bulk)
-    spread_error = np.sqrt(0.5 / one.gate.ess_tail + 0.5 / two.gate.ess_tail)
+    error = np.sqrt(one.sd**2 / one.convergence.ess_bulk + two.sd**2 / two.convergence.ess_bulk)
+    spread_error = np.sqrt(0.5 / one.convergence.ess_tail + 0.5 / two.convergence.ess_tail)
     return Agreement(one.names, difference / error, difference / one.sd, one.sd / two.sd, spread_error)

@@ -120,13 +120,16 @@ def sample(
                 seconds = min(more, options.max_steps) / (1 - options.discard) * crew.pace
                 watch(0, words + (f", about {seconds:.0f} s left" if seconds > 1 else ""))
             if enough or last:
-                gate = check_convergence(draws, density.unknowns.names, options.thin, options.limits)
+                convergence = check_convergence(draws, density.unknowns.names, options.thin, options.limits)
                 if watch is not None:
-                    watch(0, "converged" if gate.converged else f"not converged: {gate.reasons[0]}")
-                if gate.converged or last:
+                    watch(
+                        0,
+                        "converged" if convergence.converged else f"not converged: {convergence.reasons[0]}",
+                    )
+                if convergence.converged or last:
                     break
         number += 1
-    posterior = _posterior(crew, number, gate, laplace)
+    posterior = _posterior(crew, number, convergence, laplace)
     if folder is not None:
         posterior.to_netcdf(Path(folder) / "posterior.nc")
     return posterior
@@ -312,7 +315,7 @@ def _stoppable(
     return kept
 
 
-def _posterior(crew: _Crew, number: int, gate: ConvergenceCheck, laplace: Laplace) -> Posterior:
+def _posterior(crew: _Crew, number: int, convergence: ConvergenceCheck, laplace: Laplace) -> Posterior:
     options, density, blocks = crew.options, crew.density, crew.blocks(number)
     draws, log_prob = crew.draws(number)
     counts = np.sum([b.counts for b in blocks], axis=0)
@@ -325,7 +328,7 @@ def _posterior(crew: _Crew, number: int, gate: ConvergenceCheck, laplace: Laplac
     spread = density.natural(columns) - mode
     settings = {**getattr(density, "settings", {}), "sampler": asdict(options)}
     return Posterior(
-        density.unknowns, draws, log_prob, prior, gate, mode,
+        density.unknowns, draws, log_prob, prior, convergence, mode,
         np.sqrt(0.5 * np.sum(spread**2, axis=0)),
         np.average([b.accepted for b in blocks], axis=0, weights=[len(b.coords) for b in blocks]),
         options.thin, crew.discarded(number) * options.thin,

@@ -1,7 +1,8 @@
 """Sample a density with its gradient: nutpie's No-U-Turn sampler in Laplace-whitened coordinates.
 
 Takes a `Density` that also gives its slope, and its `Laplace` approximation. Gives a `Posterior` under the
-same gate as the ensembles, so that either sampler can check the other. Needs the optional package nutpie;
+same convergence check as the ensembles, so that either sampler can check the other. Needs the optional
+package nutpie;
 keeps its chain in memory; a stored posterior can be lengthened.
 """
 
@@ -133,7 +134,7 @@ def continue_nuts(
         )
     done = density.coordinates(before.draws[:, :, 0])
     chains, n, k = done.shape
-    seen = Reference.of(laplace.whitened(done).reshape(-1, k), float(before.gate.ess_bulk.min()))
+    seen = Reference.of(laplace.whitened(done).reshape(-1, k), float(before.convergence.ess_bulk.min()))
     root = laplace.root @ seen.root
     wide = Laplace(laplace.points(seen.mean), root @ root.T)
     parts, seconds = [], before.seconds
@@ -195,14 +196,14 @@ def _posterior(
 ) -> Posterior:  # fmt: skip
     """Points (chains, draws, k) judged."""
     draws = np.asarray(density.natural(q))[:, :, None, :]
-    gate = _with_divergences(
+    convergence = _with_divergences(
         check_convergence(draws, density.unknowns.names, 1, options.limits),
         counts["divergent draws"] / q[..., 0].size,
     )
     log_prob = np.stack([density.log_prob(chain) for chain in q])[:, :, None]
     return Posterior(
         unknowns=density.unknowns, draws=draws, log_prob=log_prob, log_prior=np.full(log_prob.shape, np.nan),
-        gate=gate, thin=1, counts=counts, seconds=seconds, digest=density.digest, **rest,
+        convergence=convergence, thin=1, counts=counts, seconds=seconds, digest=density.digest, **rest,
     )  # fmt: skip
 
 
@@ -223,14 +224,14 @@ def _expand(*seeds: int) -> Callable[[Array], dict[str, Array]]:
     return lambda x: {"x": np.array(x, dtype=np.float64)}
 
 
-def _with_divergences(gate: ConvergenceCheck, share: float) -> ConvergenceCheck:
+def _with_divergences(convergence: ConvergenceCheck, share: float) -> ConvergenceCheck:
     if share <= MOST_DIVERGENT:
-        return gate
+        return convergence
     reason = (
         f"{100 * share:.1f} % of the draws met a region that the steps cannot follow (a bound, or a vehicle "
         "that diverges); the tails there are not explored"
     )
-    return replace(gate, converged=False, reasons=(*gate.reasons, reason))
+    return replace(convergence, converged=False, reasons=(*convergence.reasons, reason))
 
 
 def _natural_sd(density: Density, laplace: Laplace) -> Array:

@@ -33,7 +33,7 @@ class Posterior:
     draws : (ensembles, steps, walkers, k) natural units (SI), warm-up left out
     log_prob : (ensembles, steps, walkers) log density by the sampling coordinates, up to a constant
     log_prior : the same of the prior alone (by natural units); nan where the density does not tell
-    gate : converged or why not
+    convergence : converged or why not
     mode, mode_sd : (k,) natural units: where the Laplace approximation stands, and its sd
     acceptance : (ensembles,) share of accepted proposals
     thin : sampler steps per stored one
@@ -47,7 +47,7 @@ class Posterior:
     draws: Array
     log_prob: Array
     log_prior: Array
-    gate: ConvergenceCheck
+    convergence: ConvergenceCheck
     mode: Array
     mode_sd: Array
     acceptance: Array
@@ -80,7 +80,7 @@ class Posterior:
     @property
     def converged(self) -> bool:
         """Whether the convergence check was passed; below it no interval is final."""
-        return self.gate.converged
+        return self.convergence.converged
 
     @property
     def steps(self) -> int:
@@ -138,11 +138,11 @@ class Posterior:
     @property
     def ess_per_second(self) -> float:
         """Smallest bulk effective size over all processor seconds."""
-        return float(self.gate.ess_bulk.min()) / max(self.seconds, 1e-9)
+        return float(self.convergence.ess_bulk.min()) / max(self.seconds, 1e-9)
 
     def summary(self) -> dict[str, Any]:
-        """Numbers for results.json: gate, and mean, sd, 90 % interval of every unknown."""
-        g, interval = self.gate, self.interval(0.9)
+        """Numbers for results.json: convergence, and mean, sd, 90 % interval of every unknown."""
+        g, interval = self.convergence, self.interval(0.9)
         return {
             "converged": g.converged, "reasons": g.reasons, "rhat_max": float(np.nanmax(g.rhat)),
             "ess_bulk_min": float(g.ess_bulk.min()), "ess_tail_min": float(g.ess_tail.min()),
@@ -183,7 +183,7 @@ class Posterior:
             return ("chain", "draw"), np.ascontiguousarray(np.swapaxes(values, 1, 2).reshape(e * w, n))
 
         rest = {
-            "unknowns": asdict(self.unknowns), "gate": asdict(self.gate), "mode": self.mode,
+            "unknowns": asdict(self.unknowns), "convergence": asdict(self.convergence), "mode": self.mode,
             "mode_sd": self.mode_sd, "acceptance": self.acceptance, "thin": self.thin,
             "discarded": self.discarded, "counts": dict(self.counts), "seconds": self.seconds,
             "seed": self.seed, "digest": self.digest, "settings": dict(self.settings),
@@ -227,17 +227,20 @@ def load_posterior(path: str | os.PathLike[str]) -> Posterior:
             lp, prior = (_folded(data[n].values, ensembles) for n in ("lp", "log_prior"))
     except (OSError, KeyError, ValueError) as error:
         raise SampleError(f"{target.name}: not a posterior of bayesid ({type(error).__name__})") from None
-    about, gate = rest.pop("unknowns"), rest.pop("gate")
+    about, convergence = rest.pop("unknowns"), rest.pop("convergence")
     unknowns = Unknowns(
         tuple(about["names"]), about["n_params"],
         *(_array(about[n]) for n in ("low", "high", "prior_mean", "prior_sd", "file_scale")),
     )  # fmt: skip
     for name in ("rhat", "ess_bulk", "ess_tail", "tau"):
-        gate[name] = _array(gate[name])
-    gate["reasons"], gate["stuck"] = tuple(gate["reasons"]), tuple((i, j) for i, j in gate["stuck"])
+        convergence[name] = _array(convergence[name])
+    convergence["reasons"], convergence["stuck"] = (
+        tuple(convergence["reasons"]),
+        tuple((i, j) for i, j in convergence["stuck"]),
+    )
     for name in ("mode", "mode_sd", "acceptance"):
         rest[name] = _array(rest[name])
-    return Posterior(unknowns, draws, lp, prior, ConvergenceCheck(**gate), **rest)
+    return Posterior(unknowns, draws, lp, prior, ConvergenceCheck(**convergence), **rest)
 
 
 def _folded(values: Array, ensembles: int) -> Array:
