@@ -53,6 +53,7 @@ def logs_report(
     sections = [
         _prediction(variants),
         _rows_that_matter(variants, facts),
+        _halves(facts["halves"]),
         *([_outside(outside)] if outside else []),
         _settings(best.found, facts),
         *own.sections,
@@ -156,6 +157,22 @@ def _rows_that_matter(variants: Sequence[Variant], facts: Mapping[str, Any]) -> 
     return Section("Which rows matter", [Text(text), *tables])
 
 
+def _halves(halves: Mapping[str, Mapping[str, Any]]) -> Section:
+    rows = [
+        [words, "–" if h["rms"] is None else f"{h['rms']:.2g}", h["count"],
+         ", ".join(f"`{n}` {z:+.1f}" for n, z in h["largest"].items()),
+         "converged" if h["converged"] else "not converged"]
+        for words, h in halves.items()
+    ]  # fmt: skip
+    text = (
+        "The identify runs split into odd and even ones, each half fitted by itself: difference of the "
+        "estimates over the root of the sum of both variances, rms over the coefficients that all runs "
+        "together determine to less than half their prior sd. Intervals that hold give about 1 or less."
+    )
+    columns = ["errors of the fit", "rms difference [sd]", "coefficients", "largest", "search"]
+    return Section("Do halves of the runs agree?", [Text(text), Table(columns, rows)])
+
+
 def _outside(outside: Sequence[RunOutcome]) -> Section:
     text = (
         "Random four-quadrant runs: the propeller reverses and the ship moves astern and sideways, where the "
@@ -195,7 +212,7 @@ def logs_results(
 ) -> dict[str, Any]:
     """Numbers for results.json: settings, estimates and errors; no series and no initial states."""
     trial = variants[-1].found.trial
-    fits = {}
+    fits: dict[str, Any] = {}
     for v in variants:
         fit, k = v.found.fit, v.found.fit.n_params
         fits[v.key] = {
@@ -205,6 +222,7 @@ def logs_results(
                 n: {"start": float(fit.start[i]), "value": float(fit.z[i]), "sd": float(fit.sd[i])}
                 for i, n in enumerate(fit.names[:k])
             },
+            "uncertainty": fit.uncertainty,
             "open": [{"name": d.name, "held_by": d.decided_by} for d in fit.flat],
             "prediction": prediction_numbers(r for r in v.found.runs if r.role == "holdout"),
             "prediction_in_pieces": prediction_numbers(v.pieces),

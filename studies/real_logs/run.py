@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from bayesid.estimation.likelihood import NoiseParts
+from bayesid.estimation.likelihood.checks import DETERMINED
 from bayesid.estimation.output_error import FitOptions
 from bayesid.estimation.segments import fit_in_pieces, in_pieces
 from bayesid.estimation.trial_fit import TrialFit, outcomes
@@ -113,6 +115,11 @@ def study(
                 watch=lambda done, cost, step, s=stage: s.step(info=f"cost {cost:.5g}"),
             )  # fmt: skip
             variants.append(Variant(key, words, found, short_runs(inside, found, setting.piece)))
+    halves = {}
+    for words, parts in (("composite likelihood", None), ("white noise", NoiseParts())):
+        with progress.stage(f"{name}: odd and even runs apart, {words}"):
+            free = (*(n for n in vehicle.coef if n not in INERTIA), *extra)
+            halves[words] = halves_apart(inside, setting.piece, vehicle, free, options, parts)
     strange = tuple(r for r in trial.runs if r.manoeuvre.startswith("random"))
     best = variants[-1].found
     outside = outcomes(best.problem, replace(trial, runs=strange), best.fit) if strange else ()
@@ -123,12 +130,48 @@ def study(
         "note": setting.note + in_opened_wind(inside, best, data / "wind_opened"),
         "fixed": INERTIA,
         "quick": quick,
+        "halves": halves,
     }
     page = writer.write(
         logs_report(variants, outside, facts), out, logs_results(variants, outside, facts, seed)
     )
     progress.note(f"report: {page}")
     return variants
+
+
+def halves_apart(
+    trial: Trial,
+    piece: float,
+    vehicle: Vehicle,
+    free: tuple[str, ...],
+    options: FitOptions,
+    parts: NoiseParts | None,
+) -> dict[str, Any]:
+    """Odd and even runs fitted apart: differences of the coefficients that all runs determine, in combined
+    sd.
+    """
+    names = [run.name for run in trial.identify]
+    found = []
+    for kept in (names, names[0::2], names[1::2]):
+        runs = tuple(run for run in trial.identify if run.name in kept)
+        fit = fit_in_pieces(
+            replace(trial, runs=runs), piece, vehicle, None, free=free, options=options, parts=parts
+        ).fit
+        found.append((fit.z[: fit.n_params], fit.sd[: fit.n_params], fit))
+    (_, sd, whole), (one, sd_one, _), (two, sd_two, _) = found
+    counted = sd < DETERMINED * whole.prior_sd[: whole.n_params]
+    z = (one - two) / np.hypot(sd_one, sd_two)
+    return {
+        "rms": float(np.sqrt(np.mean(z[counted] ** 2))) if counted.any() else None,
+        "count": int(counted.sum()),
+        "largest": dict(
+            sorted(
+                ((n, float(v)) for n, v, c in zip(whole.names, z, counted, strict=False) if c),
+                key=lambda pair: -abs(pair[1]),
+            )[:5]
+        ),
+        "converged": all(fit.converged for _, _, fit in found),
+    }
 
 
 def begun(run: Run, share: float | None) -> Run:
