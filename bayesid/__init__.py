@@ -23,6 +23,7 @@ _PUBLIC: dict[str, str] = {
     "design": "bayesid.api.design",
     "diagnose": "bayesid.api.diagnose",
     "predict": "bayesid.api.predict",
+    "export": "bayesid.api.export",
     "write_trial": "bayesid.trials",
     "write_vehicle": "bayesid.model.vehicles",
     "Trial": "bayesid.trials",

@@ -15,6 +15,7 @@ from bayesid.cli.compare import compare
 from bayesid.cli.design import design
 from bayesid.cli.diagnose import diagnose
 from bayesid.cli.excite import excite
+from bayesid.cli.export import export
 from bayesid.cli.fit import fit
 from bayesid.cli.identify import identify
 from bayesid.cli.options import Verbose
@@ -51,6 +52,7 @@ def command() -> Any:
     app.command("diagnose")(diagnose)
     app.command("excite")(excite)
     app.command("predict")(predict)
+    app.command("export")(export)
     app.command("compare")(compare)
     app.command("design")(design)
     app.command("study")(study)

@@ -1,0 +1,74 @@
+"""`bayesid export`: an ensemble of vehicles whose files, effects and seeds are the draws of the posterior."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import bayesid
+from bayesid.cli.main import run
+from bayesid.diagnosis.diagnosed_model import DiagnosedModel, WeightedHypothesis, write_diagnosed
+from bayesid.equations.model import build_model
+from bayesid.errors import ModelError
+from bayesid.estimation.filter_error.noise_model import NoiseModel
+from bayesid.model.vehicles import load_vehicle
+
+MODEL = build_model(load_vehicle("lauv"), 3)
+NAMES = ("N_v", "Y_v", "rudder_offset.offset")
+MEAN = np.array([*MODEL.nominal[MODEL.positions(NAMES[:2])], 0.02])
+SD = np.array([0.1, 0.2, 0.1]) * np.abs(MEAN)
+SEA = NoiseModel((1.0, 2.0, 3.0), 5.0, 0.3, 60.0)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    out = tmp_path_factory.mktemp("model")
+    covariance = np.diag(SD**2)
+    covariance[0, 1] = covariance[1, 0] = 0.8 * SD[0] * SD[1]
+    low = np.full(3, -np.inf)
+    one = WeightedHypothesis(("rudder_offset",), 1.0, NAMES, MEAN, covariance, low, SEA)
+    write_diagnosed(DiagnosedModel(MODEL, (one,), {"psi": 0.01}, "effect", "t"), out)
+    return out
+
+
+def test_vehicle_files_and_effects_are_draws_of_the_posterior(folder, tmp_path):
+    found = bayesid.export(folder, tmp_path, 400, seed=3)
+    record = json.loads((tmp_path / "ensemble.json").read_text(encoding="utf-8"))
+    assert record["members"] == json.loads(json.dumps(found.numbers["members"]))
+    values = []
+    for member in record["members"]:
+        model = build_model(load_vehicle(tmp_path / member["vehicle"]), 3)
+        values.append([*model.nominal[model.positions(NAMES[:2])], member["effects"][NAMES[2]]])
+        untouched = [n for n in model.coefficients if n not in NAMES]
+        np.testing.assert_allclose(
+            model.nominal[model.positions(untouched)], MODEL.nominal[MODEL.positions(untouched)], rtol=1e-6
+        )
+    z = (np.array(values) - MEAN) / SD
+    assert np.abs(z.mean(axis=0)).max() < 4 / np.sqrt(400)
+    assert np.abs(z.std(axis=0) - 1).max() < 4 / np.sqrt(800)
+    assert abs(np.corrcoef(z[:, 0], z[:, 1])[0, 1] - 0.8) < 0.1
+    assert sum(m["weight"] for m in record["members"]) == pytest.approx(1.0)
+    assert len({m["disturbance"]["seed"] for m in record["members"]}) == 400
+    assert record["members"][0]["disturbance"]["force_sd"] == {"X": 1.0, "Y": 2.0, "N": 3.0}
+
+
+def test_a_seed_gives_the_same_ensemble_and_another_one_another(folder, tmp_path):
+    one, same, other = (
+        bayesid.export(folder, tmp_path / name, 5, seed=seed).numbers["members"]
+        for name, seed in (("a", 1), ("b", 1), ("c", 2))
+    )
+    assert one == same != other
+
+
+def test_the_command_writes_the_ensemble_and_refuses_a_folder_without_a_model(folder, tmp_path, capsys):
+    assert run(["export", str(folder), "--draws", "3", "--out", str(tmp_path / "e")]) == 0
+    assert "3 vehicles of equal weight, effects rudder_offset" in capsys.readouterr().out
+    assert sorted(p.name for p in (tmp_path / "e").iterdir()) == [
+        "ensemble.json", "vehicle_1.toml", "vehicle_2.toml", "vehicle_3.toml",
+    ]  # fmt: skip
+    assert run(["export", str(tmp_path), "--out", str(tmp_path / "f")]) == 2
+    assert "bayesid fit" in capsys.readouterr().err
+    with pytest.raises(ModelError, match="1 to 10000"):
+        bayesid.export(folder, tmp_path / "g", 0)
