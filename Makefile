@@ -46,6 +46,7 @@ reports: whole study paper
 	$(BIN)/python -m studies.manoeuvre_richness.run --out $(OUT)/manoeuvre_richness $(FLAGS) --data "$(DATA)"
 	$(BIN)/python -m studies.posterior.run --out $(OUT)/posterior $(FLAGS) --data "$(DATA)"
 	$(BIN)/python -m studies.calibration.run --out $(OUT)/calibration $(FLAGS)
+	$(BIN)/python -m studies.coverage.run --out $(OUT)/coverage $(FLAGS)
 	$(BIN)/python -m studies.frames.run --out $(OUT)/frames $(FLAGS)
 
 whole:

@@ -209,17 +209,18 @@ class FitResult(Result):
         lines += holdout_words(found.runs)
         if found.posterior is not None:
             lines.append(f"errors of the fit: {found.posterior.parts.describe()}")
-        if 2 * result.cost > MISFIT**2 * result.n_readings:
-            checked = found.posterior is not None and found.posterior.halves is not None
-            lines.append(
-                "The model misses these runs, or the stated noise is too small: "
-                + (
-                    "the standard deviations allow for it as far as the runs show it. "
-                    if checked
-                    else "with a single run the standard deviations are not to be trusted. "
-                )
-                + "Try --estimate-noise, or `bayesid diagnose`."
-            )
+        checked = found.posterior is not None and found.posterior.halves is not None
+        trust = (
+            "the standard deviations allow for it as far as the runs show it."
+            if checked
+            else "with a single run the standard deviations are not to be trusted."
+        )
+        raised = bool(result.uncertainty.get("noise_raised"))
+        if raised or 2 * result.cost > MISFIT**2 * result.n_readings:
+            advice = "Try --estimate-noise, or `bayesid diagnose`."
+            if raised:
+                advice = "The channels are weighed by their residuals; see `bayesid diagnose`."
+            lines.append(f"The model misses these runs, or the stated noise is too small: {trust} {advice}")
         stated = found.trial.noise
         above = {c: v / stated[c] for c, v in result.sigma.items() if stated.get(c, 0) > 0}
         far = [f"{c} {ratio:.3g}" for c, ratio in above.items() if ratio > MISFIT]

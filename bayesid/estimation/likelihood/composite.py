@@ -19,7 +19,7 @@ piece.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -73,6 +73,10 @@ class Composite:
     prior_precision: Array
     prior_score: Array
     spread: Array
+
+    def as_white(self) -> Composite:
+        """The same scores as if the residuals had no memory: their covariance is their information."""
+        return replace(self, runs=tuple(replace(run, covariance=run.information) for run in self.runs))
 
     def score_covariance(self, run: RunScore, parts: NoiseParts) -> Array:
         """(k, k) covariance C_r of the score of one run."""

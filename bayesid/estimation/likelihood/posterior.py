@@ -157,7 +157,7 @@ def coefficient_posterior(
     if not given and check is not None and check.p < WIDEN_P:
         chosen, check = widened(composite, chosen, prior_sd / scale, seed)
     found = composite.law(chosen)
-    white = composite.law(NoiseParts())
+    white = composite.as_white().law(NoiseParts())
     k = scale.size
     return CoefficientPosterior(
         names=problem.params.names,

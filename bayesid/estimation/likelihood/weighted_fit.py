@@ -22,6 +22,8 @@ from bayesid.estimation.output_error.search import FitOptions, fit
 
 # Rounds of noise and fit, and change of the logarithm of the weight that counts as none.
 ROUNDS, SAME_WEIGHT = 3, 0.1
+# Rms residual of a channel over its stated noise from which the noise is no measure of its errors.
+MISFIT = 1.5
 
 
 def weighted_fit(
@@ -34,10 +36,15 @@ def weighted_fit(
 ) -> tuple[FitProblem, Fit, CoefficientPosterior | None]:
     """Fit whose readings count for what their residuals say they are worth.
 
+    Where the residuals of a channel exceed its stated noise, the channels are weighed by their residuals from
+    the start values on, the stated noise a lower limit. With the stated noise channels that a disturbance
+    moves most decide most, the search ends far off, and no covariance mends that (simulated campaigns in a
+    rough sea: 54 to 80 % of the 90 % intervals held the truth).
+
     Parameters
     ----------
-    folder : as in `fit`; a further round writes into its sub-folder weighted_<round>
-    parts : noise to assume, None for what the data ask for
+    folder : as in `fit`; further fits write into its sub-folders "balanced" and weighted_<round>
+    parts : noise to assume, None for what the data ask for; white noise is taken at its stated size
 
     Returns
     -------
@@ -45,6 +52,8 @@ def weighted_fit(
     The fit has the posterior's standard deviations; its cost and weights are those of full weight.
     """
     first = fit(problem, options, folder, resume, watch)
+    if not options.profile and not (parts is not None and parts.white) and _missed(first):
+        first = _balanced(problem, options, first, folder, resume, watch)
     problem = problem.with_sigma(first.sigma)
     result, posterior = first, _posterior(problem, first.z, parts, options.seed)
     weight = 1.0
@@ -72,6 +81,39 @@ def weighted_fit(
 def weighed(problem: FitProblem, weight: float) -> FitProblem:
     """The problem with the likelihood of its readings to a power: white noise larger by its root."""
     return replace(problem, runs=tuple(replace(r, sigma=r.sigma / np.sqrt(weight)) for r in problem.runs))
+
+
+def _missed(found: Fit) -> bool:
+    return any(rms > MISFIT * found.sigma[c] for c, rms in found.channel_rms.items())
+
+
+def _balanced(
+    problem: FitProblem,
+    options: FitOptions,
+    first: Fit,
+    folder: str | os.PathLike[str] | None,
+    resume: bool,
+    watch: Callable[[int, float, float], None] | None,
+) -> Fit:
+    """Fit from the start values whose channels weigh as their residuals do, at most as their stated noise."""
+    below = None if folder is None else Path(folder) / "balanced"
+    found = fit(problem, replace(options, profile=True), below, resume, watch)
+    if not found.converged:
+        return first
+    sigma = {c: max(s, first.sigma[c]) for c, s in found.sigma.items()}
+    if sigma != found.sigma:
+        started = problem.with_params(problem.params.started_at(found.z[: found.n_params])).with_sigma(sigma)
+        below = None if below is None else below / "limited"
+        limited = fit(started, replace(options, starts=1), below, resume, watch)
+        found = replace(limited, start=found.start, seconds=found.seconds + limited.seconds)
+    return replace(
+        found,
+        digest=first.digest,
+        cost_start=problem.with_sigma(sigma).cost(problem.start),
+        sigma=sigma,
+        seconds=first.seconds + found.seconds,
+        uncertainty={"noise_raised": {c: s / first.sigma[c] for c, s in sigma.items() if s > first.sigma[c]}},
+    )
 
 
 def _posterior(
@@ -116,7 +158,7 @@ def _told(
         costs=first.costs,
         steps=first.steps,
         seconds=first.seconds + (result.seconds if result is not first else 0.0),
-        uncertainty=posterior.record(),
+        uncertainty={**first.uncertainty, **posterior.record()},
     )
     if folder is not None:
         told.save(Path(folder) / "fit.json")

@@ -1,0 +1,251 @@
+"""The report of the coverage study: which intervals hold the truth, which do not, and what a fit says of it.
+
+Takes plain records of replicates. Judges them against the study's bars. Does not fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from bayesid.estimation.sampling.rank_statistics import bands, coverage, distribution
+from bayesid.report.figure_style import COLOURS, styled, subplots
+from bayesid.report.writer import Figure, Report, Section, Table, Text
+
+Array = np.ndarray
+Records = Mapping[str, Sequence[Mapping[str, Any]]]
+WHITE = "white noise"
+OTHER = "other equations"
+LEAST, MOST_FLAGGED, CONTROL = 0.88, 0.05, 0.75
+STANDARD_ERRORS = 2.0  # a bar is met within so many
+
+
+def judged(records: Records, ranks: int) -> dict[str, Any]:
+    """Coverage, flags and targets as plain numbers."""
+    cases = {name: _case(rows, ranks) for name, rows in records.items()}
+    return {"cases": cases, "targets": _targets(cases)}
+
+
+def _case(rows: Sequence[Mapping[str, Any]], ranks: int) -> dict[str, Any]:
+    good = [r for r in rows if not r["failed"]]
+    found: dict[str, Any] = {"replicates": len(rows), "fitted": len(good)}
+    if len(good) < 2:
+        return found
+    names = good[0]["names"]
+    z, white_z = (np.array([r[k] for r in good]) for k in ("z", "white_z"))
+    inside = np.array([r["inside"] for r in good], dtype=float)
+    found |= {
+        "coverage": coverage(inside),
+        "white_coverage": coverage(np.array([r["white_inside"] for r in good], dtype=float)),
+        "rms_z": float(np.sqrt(np.mean(z**2))), "white_rms_z": float(np.sqrt(np.mean(white_z**2))),
+        "each": dict(zip(names, inside.mean(axis=0).tolist(), strict=True)),
+        "runs_disagree": float(np.mean([not r["final"] for r in good])),
+        "run_spread": float(np.mean([r["run_spread"] > 0 for r in good])),
+        "conflict": float(np.mean([r["conflicts"] > 0 for r in good])),
+        "white_runs_disagree": float(np.mean([not r["white_final"] for r in good])),
+        "weight": float(np.mean([r["weight"] for r in good])),
+        "order": float(np.mean([r["order"] for r in good])),
+        "sd_over_prior": float(np.median([r["sd_over_prior"] for r in good])),
+        "white_sd_over_prior": float(np.median([r["white_sd_over_prior"] for r in good])),
+        "cpu_seconds": float(np.sum([r["cpu_seconds"] for r in good])),
+    }  # fmt: skip
+    band = bands(len(good), len(names), ranks)
+    for key in ("rank", "white_rank"):
+        shares = distribution(np.array([r[key] for r in good], dtype=np.int64), ranks)
+        found[f"{key}s_in_band"] = int(band.holds(shares).sum())
+    found["unknowns"] = len(names)
+    return found
+
+
+def _standing(value: float, error: float, least: float) -> str:
+    if value >= least:
+        return "met"
+    return "undecided" if value + STANDARD_ERRORS * error >= least else "missed"
+
+
+def _targets(cases: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    out: dict[str, Any] = {}
+    for name, c in cases.items():
+        if "coverage" not in c:
+            continue
+        value, error = c["coverage"]["share"], c["coverage"]["standard_error"]
+        out[f"90 % intervals, {name}"] = {
+            "value": value, "bar": f">= {LEAST:.2f}", "standing": _standing(value, error, LEAST),
+        }  # fmt: skip
+    good = cases.get(WHITE, {})
+    if "coverage" in good:
+        flagged = good["runs_disagree"]
+        out["runs of one vehicle said to disagree"] = {
+            "value": flagged, "bar": f"<= {MOST_FLAGGED:.2f}",
+            "standing": "met" if flagged <= MOST_FLAGGED else "missed",
+        }  # fmt: skip
+    for name, c in cases.items():
+        if "coverage" in c and not name.startswith(OTHER):
+            out[f"ranks uniform, {name}"] = {
+                "value": c["ranks_in_band"], "bar": f"all {c['unknowns']} in the band",
+                "standing": "met" if c["ranks_in_band"] == c["unknowns"] else "missed",
+            }  # fmt: skip
+    control = [c["white_coverage"]["share"] for n, c in cases.items() if "remembers" in n and "coverage" in c]
+    if control:
+        out["control: white noise assumed of noise that remembers"] = {
+            "value": max(control), "bar": f"< {CONTROL:.2f} in every such condition",
+            "standing": "met" if max(control) < CONTROL else "missed",
+        }  # fmt: skip
+    return out
+
+
+def coverage_report(findings: Mapping[str, Any], inputs: Mapping[str, Any]) -> Report:
+    """Report of the study."""
+    cases = {n: c for n, c in findings["cases"].items() if "coverage" in c}
+    rows = tuple((n, t["value"], t["bar"], t["standing"]) for n, t in findings["targets"].items())
+    sections = (
+        _coverage_section(cases),
+        _said_section(cases),
+        Section("Targets", (Table(("target", "found", "bar", "standing"), rows),)),
+        _design_section(findings["cases"], inputs),
+    )
+    return Report("Do the intervals of a fit hold the truth?", lead(cases, bool(inputs["quick"])), sections)
+
+
+def lead(cases: Mapping[str, Mapping[str, Any]], quick: bool) -> str:
+    """The answer and every failure, first."""
+    if not cases:
+        return "No campaign could be fitted: cannot tell."
+    right = {n: c for n, c in cases.items() if not n.startswith(OTHER)}
+    wrong = {n: c for n, c in cases.items() if n.startswith(OTHER)}
+    shares = [100 * c["coverage"]["share"] for c in right.values()]
+    white = [100 * c["white_coverage"]["share"] for c in right.values()]
+    words = []
+    if right:
+        words.append(
+            f"Where the equations are right, {min(shares):.1f} to {max(shares):.1f} % of the 90 % intervals "
+            f"hold the truth, whatever the noise is like; with white noise assumed it is {min(white):.1f} to "
+            f"{max(white):.1f} %."
+        )
+        low = [n for n, c in right.items() if c["coverage"]["share"] < LEAST]
+        if low:
+            words.append(f"Below the bar of {100 * LEAST:.0f} %: {'; '.join(low)}.")
+        crooked = [n for n, c in right.items() if c["ranks_in_band"] < c["unknowns"]]
+        if crooked:
+            words.append(
+                f"Ranks of the truth are not uniform for some coefficients in {len(crooked)} of {len(right)} "
+                f"such conditions ({'; '.join(crooked)})."
+            )
+    if wrong:
+        listed = " and ".join(
+            f"{100 * c['coverage']['share']:.0f} % ({n.removeprefix(OTHER + ': ')})" for n, c in wrong.items()
+        )
+        conflict, calm = (
+            100 * float(np.mean([c["conflict"] for c in some.values()])) if some else 0.0
+            for some in (wrong, right)
+        )
+        parted = 100 * float(np.mean([c["runs_disagree"] for c in wrong.values()]))
+        words.append(
+            f"Where the vehicle obeys other equations than the fit, intervals fail: {listed}. The fit says "
+            f"that the runs disagree in {parted:.0f} % of these campaigns and reports a conflict with the "
+            f"prior in {conflict:.0f} % ({calm:.0f} % where the equations are right); `bayesid diagnose` is "
+            "for that."
+        )
+    return " ".join(words) + (" A quick run of few replicates: it decides nothing." if quick else "")
+
+
+def _percent(c: Mapping[str, Any], key: str) -> str:
+    return f"{100 * c[key]['share']:.1f} ± {100 * c[key]['standard_error']:.1f}"
+
+
+def _lowest(each: Mapping[str, float]) -> str:
+    name = min(each, key=lambda n: each[n])
+    return f"{100 * each[name]:.0f} ({name})"
+
+
+def _coverage_section(cases: Mapping[str, Mapping[str, Any]]) -> Section:
+    columns = (
+        "condition", "campaigns", "90 % intervals [%]", "lowest of a coefficient [%]", "rms z",
+        "with white noise [%]", "its rms z", "ranks in the band", "with white noise",
+    )  # fmt: skip
+    rows = tuple(
+        (
+            n, f"{c['fitted']} of {c['replicates']}", _percent(c, "coverage"),
+            _lowest(c["each"]), f"{c['rms_z']:.2f}",
+            _percent(c, "white_coverage"), f"{c['white_rms_z']:.2f}",
+            f"{c['ranks_in_band']} of {c['unknowns']}", f"{c['white_ranks_in_band']} of {c['unknowns']}",
+        )
+        for n, c in cases.items()
+    )  # fmt: skip
+    text = (
+        "Share of the 90 % intervals that hold the true coefficient, all coefficients together, with the "
+        "standard error that takes a campaign as one observation; z is the error over the posterior sd and "
+        "has rms 1 where intervals are right. Ranks: how many coefficients rank uniformly among 99 draws "
+        "over all campaigns, in a band that chance makes one of them leave once in twenty conditions. With "
+        "white noise: the same campaigns fitted as if their errors were independent and of the stated size. "
+        "All conditions share truths and random numbers where they can, so that chance moves them together."
+    )
+    drawn = coverages(cases)
+    caption = "90 % intervals that hold the truth, with two standard errors. Grey: white noise assumed."
+    return Section("Coverage", (Text(text), Figure("coverage", drawn, caption), Table(columns, rows)))
+
+
+def _said_section(cases: Mapping[str, Mapping[str, Any]]) -> Section:
+    columns = (
+        "condition", "runs disagree [%]", "runs differ, allowed for [%]", "prior conflict [%]",
+        "runs disagree, white noise [%]", "mean weight of the readings", "mean order",
+        "median sd over prior sd", "with white noise",
+    )  # fmt: skip
+    rows = tuple(
+        (
+            n, f"{100 * c['runs_disagree']:.1f}", f"{100 * c['run_spread']:.1f}",
+            f"{100 * c['conflict']:.1f}",
+            f"{100 * c['white_runs_disagree']:.1f}", f"{c['weight']:.3g}", f"{c['order']:.1f}",
+            f"{c['sd_over_prior']:.2f}", f"{c['white_sd_over_prior']:.2f}",
+        )
+        for n, c in cases.items()
+    )  # fmt: skip
+    text = (
+        "Share of campaigns in which the fit says so: odd and even runs differ more than chance allows even "
+        "after its intervals were widened, so the answer is not final; coefficients that differ from run to "
+        "run were allowed for; some estimate is more than 3 sd from its prior. The weight is the share of "
+        "the information of white readings that the readings carry beside the prior, the order that of the "
+        "autoregression of the residuals."
+    )
+    return Section("What the fit says", (Text(text), Table(columns, rows)))
+
+
+def _design_section(cases: Mapping[str, Mapping[str, Any]], inputs: Mapping[str, Any]) -> Section:
+    angles = ", ".join(f"{a:g}/{a:g}" for a in inputs["zigzags"])
+    failed = sum(c["replicates"] - c["fitted"] for c in cases.values())
+    text = (
+        f"{inputs['vehicle']}, {len(inputs['unknown'])} coefficients, each with a normal prior of "
+        f"{100 * inputs['prior_sd']:g} % from which the truth is drawn; zig-zags {angles} of "
+        f"{inputs['duration']:g} L/U, six channels every {inputs['dt']:g} L/U, their noise stated. A "
+        f"disturbing force acts on surge, sway and yaw, its correlation time {inputs['force_memory']:g} L/U, "
+        "its sd 3e-5 or 3e-4 of 1/2 rho L^2 U^2 (moments: L^3). Coefficients of runs that differ do so by "
+        "half a prior sd about the ship's. Pieces are 10 L/U long. Cross-flow drag has Cd 0.3; the three "
+        "rows the fitted equations lack are Y_r|r|, N_v|v| and X_vv. Simulation and model are otherwise the "
+        f"same code: this tests the inference. {failed} campaigns could not be fitted. Processor time: "
+        f"{sum(c.get('cpu_seconds', 0.0) for c in cases.values()):.0f} s."
+    )
+    return Section("Design", (Text(text),))
+
+
+@styled
+def coverages(cases: Mapping[str, Mapping[str, Any]]) -> Any:
+    """Coverage of every condition with two standard errors, beside that of white noise."""
+    figure, axes = subplots(height=0.32 * len(cases) + 1.2)
+    axes.axvline(0.9, color="black", linewidth=1.0, linestyle="--")
+    axes.axvspan(LEAST, 1.0, color="#EEEEEE", linewidth=0)
+    for j, c in enumerate(cases.values()):
+        for key, colour, shift, word in (
+            ("white_coverage", COLOURS["grey"], 0.12, "white noise assumed"),
+            ("coverage", COLOURS["blue"], -0.12, "bayesid fit"),
+        ):
+            share, error = c[key]["share"], c[key]["standard_error"]
+            axes.errorbar(share, j + shift, xerr=2 * error, fmt="o", color=colour,
+                          label=word if j == 0 else None)  # fmt: skip
+    axes.set_yticks(range(len(cases)), list(cases))
+    axes.set_ylim(len(cases) - 0.5, -0.5)
+    axes.set_xlim(0, 1)
+    axes.set_xlabel("share of 90 % intervals that hold the truth (dashed: what they claim)")
+    axes.legend(loc="upper left")
+    return figure

@@ -1,0 +1,134 @@
+"""Do the intervals of a fit hold the truth where noise has memory, the sea pushes or equations are wrong?
+
+Usage: python -m studies.coverage.run [--out FOLDER] [--quick] [--seed N] [--replicates N]. Truths are drawn
+from the prior, a campaign of four zig-zags is simulated and fitted as `bayesid fit` does, and as it did with
+white noise. Replicates are kept in FOLDER/seeds and not run again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bayesid.errors import BayesidError
+from bayesid.estimation.likelihood import NoiseParts
+from bayesid.estimation.likelihood.posterior import CONFLICT
+from bayesid.estimation.likelihood.weighted_fit import weighted_fit
+from bayesid.estimation.output_error import FitOptions
+from bayesid.estimation.output_error.simulated_recovery import run_seeds
+from bayesid.estimation.sampling.rank_statistics import rank_of
+from bayesid.lock import lock_or_exit
+from bayesid.progress import Progress
+from bayesid.report import writer
+from studies.coverage.campaigns import (
+    ANGLES,
+    DT,
+    DURATION,
+    FORCE_MEMORY,
+    NOISE,
+    PRIOR_SD,
+    VEHICLE,
+    Condition,
+    Setting,
+    campaign,
+    drawn_truth,
+    problem_of,
+    setting,
+    with_rows,
+)
+from studies.coverage.report import coverage_report, judged
+
+INSIDE90, RANKS = 1.6448536269514722, 99
+REPLICATES, QUICK = 200, 6
+# Campaigns whose fit takes several times as long, and how many of them at most.
+COSTLY, FEWER = (
+    ("large disturbing force", "large disturbing force, pieces", "coefficients differ from run to run"),
+    60,
+)
+# effects and rows of the size that changes the zig-zags by a few times the noise once all else is refitted
+CONDITIONS = {
+    "white noise": Condition(),
+    "white noise, pieces": Condition(piece=10.0),
+    "noise remembers 5 samples": Condition(memory=5.0),
+    "noise remembers 10 samples": Condition(memory=10.0),
+    "noise remembers 20 samples": Condition(memory=20.0),
+    "noise remembers 10 samples, pieces": Condition(memory=10.0, piece=10.0),
+    "small disturbing force": Condition(force=3e-5),
+    "large disturbing force": Condition(force=3e-4),
+    "large disturbing force, pieces": Condition(force=3e-4, piece=10.0),
+    "coefficients differ from run to run": Condition(run_spread=0.5),
+    "other equations: cross-flow drag": Condition(effect={"crossflow_drag.Cd": 0.3}),
+    "other equations: three more rows": Condition(rows={"Y_r|r|": 10.0, "N_v|v|": -20.0, "X_vv": 10.0}),
+}
+
+
+def replicate(s: Setting, real: Setting, condition: Condition, seed: int) -> dict[str, Any]:
+    """One truth, one campaign, the fit and the white one: errors in sd, and what the fit said."""
+    begin, rng = time.process_time(), np.random.default_rng([2026, seed])
+    truth = drawn_truth(s, rng)
+    try:
+        trial = campaign(s, condition, truth, rng, real)
+        problem = problem_of(s, trial, condition.piece)
+        options = FitOptions(profile=condition.estimate_noise, seed=seed)
+        _, found, posterior = weighted_fit(problem, options)
+        _, _, white = weighted_fit(problem, options, parts=NoiseParts())
+    except BayesidError as error:
+        return {"failed": str(error)}
+    if posterior is None or white is None or not found.converged:
+        return {"failed": found.message}
+    z = (posterior.mean - truth) / posterior.sd
+    white_z = (white.mean - truth) / white.sd
+    parts = posterior.parts
+    return {
+        "failed": "", "names": posterior.names, "z": z, "inside": np.abs(z) < INSIDE90,
+        "white_z": white_z, "white_inside": np.abs(white_z) < INSIDE90,
+        "rank": rank_of(posterior.draws(RANKS, rng), truth, RANKS),
+        "white_rank": rank_of(white.draws(RANKS, rng), truth, RANKS),
+        "sd_over_prior": posterior.sd / posterior.prior_sd, "white_sd_over_prior": white.sd / white.prior_sd,
+        "weight": parts.weight, "order": parts.order, "run_spread": parts.run_spread, "excess": parts.excess,
+        "final": posterior.final, "halves_p": posterior.halves.p if posterior.halves else None,
+        "halves_sd": posterior.halves.combined_rms if posterior.halves else None,
+        "conflicts": int(np.sum(np.abs(posterior.conflict) > CONFLICT)),
+        "white_final": white.final, "white_conflicts": int(np.sum(np.abs(white.conflict) > CONFLICT)),
+        "cpu_seconds": time.process_time() - begin,
+    }  # fmt: skip
+
+
+def main(out: Path, quick: bool, first_seed: int, replicates: int = REPLICATES) -> dict[str, Any]:
+    """Run everything and write the report; returns the targets."""
+    progress, s = Progress(), setting()
+    count = min(replicates, QUICK) if quick else replicates
+    records: dict[str, list[dict[str, Any]]] = {}
+    for name, condition in CONDITIONS.items():
+        key = "".join(c if c.isalnum() else "-" for c in name)
+        number = min(count, FEWER) if name in COSTLY else count
+        with progress.stage(name, number) as stage:
+            work = partial(replicate, s, with_rows(s, condition.rows), condition)
+            seeds = range(first_seed, first_seed + number)
+            records[name] = run_seeds(work, seeds, out / "seeds", key, 1, stage.step)
+    findings = judged(records, RANKS)
+    inputs = {
+        "vehicle": VEHICLE, "vehicle_digest": s.model.vehicle.digest, "unknown": s.params.names,
+        "prior_sd": PRIOR_SD, "noise": NOISE, "zigzags": ANGLES, "duration": DURATION, "dt": DT,
+        "force_memory": FORCE_MEMORY, "replicates": count, "first_seed": first_seed, "quick": quick,
+        "conditions": {name: vars(c) for name, c in CONDITIONS.items()},
+    }  # fmt: skip
+    page = writer.write(coverage_report(findings, inputs), out, {"inputs": inputs, **findings})
+    progress.note(f"report: {page}")
+    return dict(findings["targets"])
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--out", type=Path, default=Path("out/coverage"))
+    parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--replicates", type=int, default=REPLICATES)
+    given = parser.parse_args()
+    lock_or_exit(given.out, "studies/coverage/run.py")
+    main(given.out, given.quick, given.seed, given.replicates)
