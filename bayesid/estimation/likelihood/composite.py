@@ -111,9 +111,23 @@ class Composite:
         g = sum((r.score for r in chosen), np.zeros_like(self.prior_score))
         w = parts.weight
         gain = inverse(w * h + self.prior_precision)
-        noise = w**2 * gain @ c @ gain
-        covariance = noise + gain @ self.prior_precision @ gain
-        return Law(gain @ (w * g + self.prior_score), 0.5 * (covariance + covariance.T), w * gain @ h, noise)
+        spread, pull = w * gain @ root(c), gain @ root(self.prior_precision)
+        noise = spread @ spread.T  # products of roots: no variance comes out negative by rounding
+        return Law(gain @ (w * g + self.prior_score), noise + pull @ pull.T, w * gain @ h, noise)
+
+    def left_out_cost(self, weight: float) -> float:
+        """Cost of every run at the estimate of all others with the readings to this power, over that here.
+
+        Half the sum of squared multi-step residuals, to second order: prediction error of left-out runs.
+        """
+        h = sum((r.information for r in self.runs), np.zeros_like(self.prior_precision))
+        g = sum((r.score for r in self.runs), np.zeros_like(self.prior_score))
+        total = 0.0
+        for run in self.runs:
+            gain = inverse(weight * (h - run.information) + self.prior_precision)
+            step = gain @ (weight * (g - run.score) + self.prior_score)
+            total += 0.5 * float(step @ run.information @ step) - float(step @ run.score)
+        return total
 
     def log_evidence(self, parts: NoiseParts) -> float:
         """Log density of all scores, parameters integrated out, up to a constant."""
@@ -123,6 +137,14 @@ class Composite:
         size = np.sqrt(np.diag(whole))
         _, logdet = np.linalg.slogdet(whole / np.outer(size, size))
         return log + 0.5 * float(right @ inverse(whole) @ right) - 0.5 * logdet - float(np.log(size).sum())
+
+
+def root(matrix: Array) -> Array:
+    """R with R R^T = a symmetric positive matrix whose units differ; negative by rounding counts as 0."""
+    size = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    scale = np.where(size > 0, size, 1.0)
+    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    return size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
 
 
 def inverse(matrix: Array) -> Array:

@@ -33,6 +33,8 @@ WIDEN_P = 0.1
 EXCESS = tuple(float(x) for x in np.geomspace(1.0, 1024.0, 21))
 RUN_SPREAD = (0.0, 0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0)
 MOST_SPREAD = 1.0
+# Runs from which leaving one out tells the weight, and weights tried.
+LEAST_RUNS, WEIGHTS = 4, 13
 # Distance of an estimate from its prior mean, in the sd chance gives it, from which they disagree.
 CONFLICT = 3.0
 PIECE = re.compile(r" \d+/\d+$")
@@ -145,7 +147,9 @@ def coefficient_posterior(
         if the simulated vehicle diverges there
     """
     infos = tuple(run_information(problem, z))
-    noise = residual_noise([i.resid for i in infos], [i.valid for i in infos])
+    noise = residual_noise([i.resid for i in infos], [i.valid for i in infos]).for_unknowns(
+        int(np.mean([i.resid.shape[0] for i in infos])), problem.n_readings, z.size
+    )
     if parts is not None and parts.order == 0:
         noise = ResidualNoise(noise.lags[:1], noise.coefficients[:0])
     composite = composite_of(problem, z, infos, noise)
@@ -245,8 +249,19 @@ def widened(
 
 
 def with_weight(composite: Composite, parts: NoiseParts) -> NoiseParts:
-    """The parts with the weight they give the readings."""
-    return replace(parts, weight=1.0 if parts.white else min(1.0, information_share(composite, parts)))
+    """The parts with the power of the readings' likelihood that predicts left-out runs best.
+
+    Tried between the information share that the parts leave the readings and full weight; with few runs the
+    share itself. The interval holds for any power, since the error of the estimate is worked out for it.
+    """
+    if parts.white:
+        return replace(parts, weight=1.0)
+    share = min(1.0, information_share(composite, parts))
+    if len(composite.runs) < LEAST_RUNS:
+        return replace(parts, weight=share)
+    powers = np.geomspace(share, 1.0, WEIGHTS)
+    costs = [composite.left_out_cost(float(w)) for w in powers]
+    return replace(parts, weight=float(powers[int(np.argmin(costs))]))
 
 
 def information_share(composite: Composite, parts: NoiseParts) -> float:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bayesid.errors import ModelError
+from bayesid.errors import FitError, ModelError
 from bayesid.estimation.likelihood.parts import NoiseParts
 from bayesid.estimation.likelihood.posterior import CoefficientPosterior, coefficient_posterior
 from bayesid.estimation.output_error.fit_result import Fit
@@ -68,7 +68,12 @@ def weighted_fit(
             params=problem.params.started_at(result.z[: result.n_params]),
         )
         below = None if folder is None else Path(folder) / f"weighted_{number}"
-        again = fit(started, replace(options, profile=False, starts=1), below, resume, watch)
+        try:
+            again = fit(started, replace(options, profile=False, starts=1), below, resume, watch)
+        except (
+            FitError
+        ):  # the vehicle diverges from the readings' own initial states; the round before stands
+            break
         if not again.converged:
             break
         found = _posterior(problem, again.z, parts, options.seed)
