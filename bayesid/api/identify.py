@@ -92,7 +92,10 @@ def identify(
             f"{told['parts']['words']}); so does this"
         )
     if not told.get("final", True):
-        remarks.append("the earlier fit is not final: its runs disagree, and nothing here is fixed by data")
+        remarks.append(
+            "the earlier fit is not final: its runs disagree or its coefficients conflict with their prior, "
+            "so nothing here is fixed by data"
+        )
     seen = {c for run in problem.runs for c in run.channels}
     guessed = sorted(seen - set(chosen.noise) - set(earlier.sigma if earlier else ()))
     if guessed:

@@ -133,6 +133,12 @@ def lead(cases: Mapping[str, Mapping[str, Any]], quick: bool) -> str:
                 f"Ranks of the truth are not uniform for some coefficients in {len(crooked)} of {len(right)} "
                 f"such conditions ({'; '.join(crooked)})."
             )
+        told = [c["white_coverage"]["share"] for n, c in right.items() if "remembers" in n]
+        if told and max(told) >= CONTROL:
+            words.append(
+                f"The control misses its bar: with white noise assumed of noise that remembers, up to "
+                f"{100 * max(told):.0f} % still hold the truth (bar: below {100 * CONTROL:.0f} %)."
+            )
     if wrong:
         listed = " and ".join(
             f"{100 * c['coverage']['share']:.0f} % ({n.removeprefix(OTHER + ': ')})" for n, c in wrong.items()

@@ -75,8 +75,9 @@ class CoefficientPosterior:
 
     @property
     def final(self) -> bool:
-        """Whether the runs agree under these intervals."""
-        return self.halves is None or self.halves.agrees
+        """Whether the runs agree under these intervals, and no coefficient conflicts with its prior."""
+        agreed = self.halves is None or self.halves.agrees
+        return agreed and not np.any(np.abs(self.conflict) > CONFLICT)
 
     @property
     def determined(self) -> tuple[str, ...]:
@@ -109,7 +110,7 @@ class CoefficientPosterior:
     def doubts(self) -> list[str]:
         """Sentences on what to distrust, the worst first."""
         said = []
-        if not self.final and self.halves is not None:
+        if self.halves is not None and not self.halves.agrees:
             said.append(
                 f"Not final: the runs disagree. Odd and even runs, fitted apart, differ by "
                 f"{self.halves.rms:.2g} sd rms over {int(self.halves.counted.sum())} coefficients (p = "
@@ -118,8 +119,9 @@ class CoefficientPosterior:
         far = [f"{n} ({z:+.1f})" for n, z in zip(self.names, self.conflict, strict=True) if abs(z) > CONFLICT]
         if far:
             said.append(
-                f"Prior and data disagree on {', '.join(far)} (distance in sd): the prior is too narrow, or "
-                "these coefficients stand in for a force the model lacks."
+                f"Not final: prior and data disagree on {', '.join(far)} (distance in sd). The prior is "
+                "too narrow, or these coefficients stand in for a force the model lacks, and then no interval here "
+                "holds."
             )
         return said
 
