@@ -21,7 +21,15 @@ from bayesid.model.vehicles import Vehicle
 from bayesid.prediction.fitted_model import Calibration, predictive_model
 from bayesid.progress import Progress
 from bayesid.report import coefficient_cells
-from bayesid.report.fit import calibration_words, fit_report, holdout_words, noise_level, write_fit_report
+from bayesid.report.fit import (
+    calibration_words,
+    fit_report,
+    form_rows_of,
+    form_words,
+    holdout_words,
+    noise_level,
+    write_fit_report,
+)
 from bayesid.report.prediction_error import PREDICTION_COLUMNS, prediction_numbers, prediction_rows
 from bayesid.report.writer import Report
 from bayesid.report.writer.text import table_text
@@ -148,6 +156,8 @@ class FitResult(Result):
 
     def _remark(self, i: int) -> str:
         posterior = self.found.posterior
+        if self.found.fit.names[i] in form_rows_of(self.found.fit):
+            return "model form"
         if posterior is None or not abs(posterior.conflict[i]) > CONFLICT:
             return ""
         return f"prior conflict {posterior.conflict[i]:+.1f} sd"
@@ -207,6 +217,7 @@ class FitResult(Result):
         if found.posterior is not None:
             lines += found.posterior.doubts()
         lines += holdout_words(found.runs)
+        lines += form_words(found.fit)
         if found.posterior is not None:
             lines.append(f"errors of the fit: {found.posterior.parts.describe()}")
         checked = found.posterior is not None and found.posterior.halves is not None

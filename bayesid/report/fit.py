@@ -6,6 +6,7 @@ Takes a `TrialFit`. Does not fit or simulate.
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -110,6 +111,8 @@ def _coefficients(found: TrialFit) -> Section:
             flags.append("the prior decides")
         if any(abs(d.vector[i]) > 0.3 for d in open_names):
             flags.append("part of an open combination")
+        if name in form_rows_of(fit):
+            flags.append("model form: a row the vehicle lacks")
         if found.posterior is not None and abs(found.posterior.conflict[i]) > CONFLICT:
             flags.append(f"conflicts with the prior ({found.posterior.conflict[i]:+.1f} sd)")
         first = coefficient_cells.prime(found.vehicle, name, fit.start[i])
@@ -160,6 +163,25 @@ def holdout_words(runs: tuple[RunOutcome, ...]) -> list[str]:
     ]
 
 
+def form_rows_of(fit: Fit) -> Mapping[str, float]:
+    """Rows of the model form a fit needed: force over 1/2 rho L^2 U^2 at the typical motion."""
+    return fit.uncertainty.get("form", {}).get("rows", {})
+
+
+def form_words(fit: Fit) -> list[str]:
+    """A sentence where the runs ask for a force the equations lack."""
+    rows = form_rows_of(fit)
+    if not rows:
+        return []
+    first = sorted(rows, key=lambda n: -abs(rows[n]))[:3]
+    told = ", ".join(f"{literal(n)} {rows[n]:+.1e}" for n in first)
+    return [
+        "These runs ask for a force the equations of this vehicle lack: every row of the table its symmetry "
+        f"allows is free about zero with {fit.uncertainty['form']['size']:.0e} of 1/2 rho L^2 U^2. Largest "
+        f"at v' = 0.2, r' = 0.3, 0.25 rad of rudder: {told}."
+    ]
+
+
 def calibration_words(calibration: Calibration) -> str:
     """How well the fitted runs are predicted, in a sentence."""
     inside = ", ".join(f"{c} {100 * share:.0f} %" for c, share in calibration.inside.items())
@@ -189,7 +211,7 @@ def _certainty(found: TrialFit, calibration: Calibration | None) -> list[Section
             f"Odd and even runs, fitted apart, differ by {half.rms:.2g} standard deviations rms over the "
             f"{int(half.counted.sum())} coefficients the data determine (1 is expected; p = {half.p:.2g})."
         )
-    text += posterior.doubts()
+    text += [*form_words(found.fit), *posterior.doubts()]
     if calibration is not None:
         text.append(calibration_words(calibration))
     return [Section("What the standard deviations rest on", [Text(" ".join(text))])]

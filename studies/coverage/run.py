@@ -81,19 +81,22 @@ def replicate(s: Setting, real: Setting, condition: Condition, seed: int) -> dic
         return {"failed": str(error)}
     if posterior is None or white is None or not found.converged:
         return {"failed": found.message}
-    z = (posterior.mean - truth) / posterior.sd
+    k = truth.size  # rows of a model form come after the vehicle's own coefficients and have no truth
+    z = (posterior.mean[:k] - truth) / posterior.sd[:k]
     white_z = (white.mean - truth) / white.sd
     parts = posterior.parts
     return {
-        "failed": "", "names": posterior.names, "z": z, "inside": np.abs(z) < INSIDE90,
+        "failed": "", "names": posterior.names[:k], "z": z, "inside": np.abs(z) < INSIDE90,
         "white_z": white_z, "white_inside": np.abs(white_z) < INSIDE90,
-        "rank": rank_of(posterior.draws(RANKS, rng), truth, RANKS),
+        "rank": rank_of(posterior.draws(RANKS, rng)[:, :k], truth, RANKS),
         "white_rank": rank_of(white.draws(RANKS, rng), truth, RANKS),
-        "sd_over_prior": posterior.sd / posterior.prior_sd, "white_sd_over_prior": white.sd / white.prior_sd,
+        "sd_over_prior": (posterior.sd / posterior.prior_sd)[:k],
+        "white_sd_over_prior": white.sd / white.prior_sd,
         "weight": parts.weight, "order": parts.order, "run_spread": parts.run_spread, "excess": parts.excess,
         "final": posterior.final, "halves_p": posterior.halves.p if posterior.halves else None,
         "halves_sd": posterior.halves.combined_rms if posterior.halves else None,
-        "conflicts": int(np.sum(np.abs(posterior.conflict) > CONFLICT)),
+        "conflicts": int(np.sum(np.abs(posterior.conflict[:k]) > CONFLICT)),
+        "form": found.uncertainty.get("form", {}).get("size", 0.0),
         "white_final": white.final, "white_conflicts": int(np.sum(np.abs(white.conflict) > CONFLICT)),
         "cpu_seconds": time.process_time() - begin,
     }  # fmt: skip

@@ -157,9 +157,9 @@ def halves_apart(
         fit = fit_in_pieces(
             replace(trial, runs=runs), piece, vehicle, None, free=free, options=options, parts=parts
         ).fit
-        found.append((fit.z[: fit.n_params], fit.sd[: fit.n_params], fit))
+        found.append((fit.z[: len(free)], fit.sd[: len(free)], fit))
     (_, sd, whole), (one, sd_one, _), (two, sd_two, _) = found
-    counted = sd < DETERMINED * whole.prior_sd[: whole.n_params]
+    counted = sd < DETERMINED * whole.prior_sd[: len(free)]
     z = (one - two) / np.hypot(sd_one, sd_two)
     return {
         "rms": float(np.sqrt(np.mean(z[counted] ** 2))) if counted.any() else None,

@@ -136,7 +136,12 @@ class Composite:
         right = score + self.prior_score
         size = np.sqrt(np.diag(whole))
         _, logdet = np.linalg.slogdet(whole / np.outer(size, size))
-        return log + 0.5 * float(right @ inverse(whole) @ right) - 0.5 * logdet - float(np.log(size).sum())
+        held = np.diag(self.prior_precision) > 0  # a flat prior has no norm and adds none
+        prior = self.prior_precision[np.ix_(held, held)]
+        unit = np.sqrt(np.diag(prior))
+        norm = 0.5 * float(np.linalg.slogdet(prior / np.outer(unit, unit))[1]) + float(np.log(unit).sum())
+        explained = 0.5 * float(right @ inverse(whole) @ right)
+        return log + explained - 0.5 * float(logdet) - float(np.log(size).sum()) + norm
 
 
 def root(matrix: Array) -> Array:

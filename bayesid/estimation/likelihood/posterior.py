@@ -22,7 +22,7 @@ from bayesid.estimation.likelihood.checks import (
 from bayesid.estimation.likelihood.composite import Composite, run_scores
 from bayesid.estimation.likelihood.parts import NoiseParts
 from bayesid.estimation.likelihood.residual_noise import ResidualNoise, residual_noise
-from bayesid.estimation.likelihood.run_information import run_information
+from bayesid.estimation.likelihood.run_information import RunInformation, run_information
 from bayesid.estimation.output_error.problem import FitProblem
 
 Array = np.ndarray
@@ -54,7 +54,7 @@ class CoefficientPosterior:
     parts : what the noise is made of
     white_sd : (k,) sd under white noise alone [SI]
     halves : odd runs against even ones; None with a single run
-    conflict : (k,) z of each posterior mean against its prior; nan without one
+    conflict : (k,) z of each posterior mean against its prior; nan without one, and for rows of a model form
     sensitivity : (k,) change of each mean, in its sd, where the prior counts twice
     """
 
@@ -119,9 +119,9 @@ class CoefficientPosterior:
         far = [f"{n} ({z:+.1f})" for n, z in zip(self.names, self.conflict, strict=True) if abs(z) > CONFLICT]
         if far:
             said.append(
-                f"Not final: prior and data disagree on {', '.join(far)} (distance in sd). The prior is "
-                "too narrow, or these coefficients stand in for a force the model lacks, and then no interval here "
-                "holds."
+                f"Not final: prior and data disagree on {', '.join(far)} (distance in sd). The prior "
+                "is too narrow, or these coefficients stand in for a force the model lacks, and then no "
+                "interval here holds."
             )
         return said
 
@@ -148,15 +148,13 @@ def coefficient_posterior(
     ModelError
         if the simulated vehicle diverges there
     """
-    infos = tuple(run_information(problem, z))
-    noise = residual_noise([i.resid for i in infos], [i.valid for i in infos]).for_unknowns(
-        int(np.mean([i.resid.shape[0] for i in infos])), problem.n_readings, z.size
-    )
+    infos, noise = noise_and_runs(problem, z)
     if parts is not None and parts.order == 0:
         noise = ResidualNoise(noise.lags[:1], noise.coefficients[:0])
     composite = composite_of(problem, z, infos, noise)
     prior_sd = prior_spread(problem)
     scale = problem.scale[: prior_sd.size]
+    stated = [n in problem.model.vehicle.coef or "." in n for n in problem.params.names]
     given = parts is not None
     chosen = parts if parts is not None else asked_for(composite, noise.order)
     check = halves(composite, chosen, prior_sd / scale, seed)
@@ -174,9 +172,17 @@ def coefficient_posterior(
         parts=chosen,
         white_sd=scale * np.sqrt(np.diag(white.covariance)),
         halves=check,
-        conflict=prior_conflict(composite, found),
+        conflict=np.where(stated, prior_conflict(composite, found), np.nan),
         sensitivity=prior_sensitivity(composite, chosen, found),
     )
+
+
+def noise_and_runs(problem: FitProblem, z: Array) -> tuple[tuple[RunInformation, ...], ResidualNoise]:
+    """What every run says at z, and the noise of the residuals there."""
+    infos = tuple(run_information(problem, z))
+    noise = residual_noise([i.resid for i in infos], [i.valid for i in infos])
+    samples = int(np.mean([i.resid.shape[0] for i in infos]))
+    return infos, noise.for_unknowns(samples, problem.n_readings, z.size)
 
 
 def composite_of(problem: FitProblem, z: Array, infos: Sequence, noise: ResidualNoise) -> Composite:

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from bayesid.errors import FitError, ModelError
+from bayesid.estimation.likelihood.model_form import form_part, form_size, with_form
 from bayesid.estimation.likelihood.parts import NoiseParts
 from bayesid.estimation.likelihood.posterior import CoefficientPosterior, coefficient_posterior
 from bayesid.estimation.output_error.fit_result import Fit
@@ -49,8 +50,50 @@ def weighted_fit(
     Returns
     -------
     problem with the noise of the residuals, fit, posterior (None where the vehicle diverges at the estimate).
-    The fit has the posterior's standard deviations; its cost and weights are those of full weight.
+    The fit has the posterior's standard deviations; its cost and weights are those of full weight. Where the
+    runs ask for a model form, its rows are among the parameters.
     """
+    found = _without_form(problem, options, folder, resume, watch, parts)
+    plain, result, posterior = found
+    if parts is not None or posterior is None or not result.converged:
+        return found
+    size = form_size(plain, result.z, posterior.parts)
+    if size == 0.0:
+        return found
+    k = result.n_params
+    wide = with_form(problem, size)
+    wide = wide.with_params(wide.params.started_at([*result.z[:k], *np.zeros(len(wide.params.names) - k)]))
+    below = None if folder is None else Path(folder) / "form"
+    try:
+        formed, again, wider = _without_form(wide, replace(options, starts=1), below, resume, watch, None)
+    except FitError:
+        return found
+    if wider is None or not again.converged:
+        return found
+    rows = form_part(problem.model, again.values, problem.model.vehicle.coef)
+    start = np.concatenate([result.start[:k], np.zeros(again.n_params - k), again.start[again.n_params :]])
+    again = replace(
+        again,
+        start=start,
+        cost_start=result.cost_start,
+        digest=result.digest,
+        seconds=result.seconds + again.seconds,
+        uncertainty={**again.uncertainty, "form": {"size": size, "rows": rows}},
+    )
+    if folder is not None:
+        again.save(Path(folder) / "fit.json")
+    return formed, again, wider
+
+
+def _without_form(
+    problem: FitProblem,
+    options: FitOptions,
+    folder: str | os.PathLike[str] | None,
+    resume: bool,
+    watch: Callable[[int, float, float], None] | None,
+    parts: NoiseParts | None,
+) -> tuple[FitProblem, Fit, CoefficientPosterior | None]:
+    """`weighted_fit` for the parameters the problem has."""
     first = fit(problem, options, folder, resume, watch)
     if not options.profile and not (parts is not None and parts.white) and _missed(first):
         first = _balanced(problem, options, first, folder, resume, watch)
@@ -70,9 +113,7 @@ def weighted_fit(
         below = None if folder is None else Path(folder) / f"weighted_{number}"
         try:
             again = fit(started, replace(options, profile=False, starts=1), below, resume, watch)
-        except (
-            FitError
-        ):  # the vehicle diverges from the readings' own initial states; the round before stands
+        except FitError:  # it diverges from the readings' own initial states; the round before stands
             break
         if not again.converged:
             break

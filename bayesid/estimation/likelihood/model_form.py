@@ -1,0 +1,112 @@
+"""A force the equations lack that depends on the motion: rows of the table the vehicle has not, of unknown
+size.
+
+Takes a `FitProblem` and its estimate. Gives the problem with such rows free under a prior of one common
+size, the
+size the runs ask for; none where they ask for none. Does not search.
+
+Port-starboard symmetry of the hull decides which rows may act: X and the pitching axes even, Y, K and N odd
+in
+the motions that change sign in a mirror. A row's coefficient is normal about zero; its standard deviation
+is the
+size, a force over 1/2 rho L^2 U^2, that it makes at a drift of 0.2, a turning rate of 0.3 U/L and a fin
+angle of
+0.25 rad (Kennedy and O'Hagan 2001; Brynjarsdottir and O'Hagan 2014: a discrepancy needs what is known of it).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from bayesid.equations.model import Model
+from bayesid.estimation.likelihood.parts import NoiseParts
+from bayesid.estimation.likelihood.posterior import asked_for, composite_of, noise_and_runs
+from bayesid.estimation.output_error.problem import FitProblem
+from bayesid.model.params import Parameter, ParameterSet, Prior
+from bayesid.model.terms import Term, term
+
+Array = np.ndarray
+SCALE = 1e-3  # of the unknowns: one for all sizes, so that densities of scores compare
+SIZES = (3e-5, 1e-4, 3e-4, 1e-3, 3e-3)
+# Log evidence the form must earn, and runs from which leaving one out can tell of it.
+FORM_EVIDENCE, LEAST_RUNS = 5.0, 4
+# Size of a motion at which a row is as large as its prior says: over U, U/L or in rad; 1 for the rest.
+TYPICAL = {
+    **dict.fromkeys(("v", "w", "Rv", "Rw"), 0.2),
+    **dict.fromkeys(("p", "q", "r"), 0.3),
+    **dict.fromkeys(("delta_r", "delta_s", "delta_b"), 0.25),
+}
+# What changes sign in a mirror between port and starboard.
+MIRRORED = frozenset(("v", "p", "r", "delta_r"))
+NOT_SO_SMALL = 1e-9  # of a size: no form at all, in the same unknowns
+
+
+def form_rows(model: Model) -> tuple[str, ...]:
+    """Rows the vehicle lacks that the symmetry of its hull allows; no accelerations, no constants."""
+    return tuple(n for n in model.candidate_rows if _may_act(term(n)))
+
+
+def _may_act(row: Term) -> bool:
+    moves = any(f.symbol in TYPICAL for f in row.factors)
+    odd = sum(f.symbol in MIRRORED and not f.is_even for f in row.factors) % 2 == 1
+    return moves and not row.is_inertia and odd == (row.axis in "YKN")
+
+
+def typical(model: Model, name: str) -> float:
+    """Coefficient [SI] whose force is 1/2 rho L^2 U^2 (moments L^3) at the typical motion."""
+    row, s = term(name), model.scales
+    unit = 0.5 * s["rho"] * s["L"] ** row.length_power * s["U"] ** (2 - row.velocity_power)
+    motion = np.prod([TYPICAL.get(f.symbol, 1.0) for f in row.factors if f.wrap != "sgn"])
+    return float(unit / motion)
+
+
+def with_form(problem: FitProblem, size: float) -> FitProblem:
+    """The problem with the rows of its form free, each normal about zero with this size."""
+    free = set(problem.params.names)
+    entries = []
+    for name in form_rows(problem.model):
+        if name not in free:
+            unit = typical(problem.model, name)
+            entries.append(
+                Parameter(
+                    name, 0.0, scale=SCALE * abs(unit), prior=Prior("normal", 0.0, size * abs(unit)),
+                    file_scale=problem.model.file_scale(name),
+                )
+            )  # fmt: skip
+    params = ParameterSet((*problem.params.entries, *entries), problem.params.joint)
+    return problem.with_params(params)
+
+
+def form_size(problem: FitProblem, z: Array, parts: NoiseParts) -> float:
+    """Size of the form that these runs ask for, 0 for none.
+
+    Both must speak for it: the evidence of the runs' scores, each size with the parts of noise it leaves, and
+    the multi-step cost of left-out runs.
+    """
+    k = len(problem.params.names)
+    found: dict[float, tuple[float, float]] = {}
+    for size in (NOT_SO_SMALL * SIZES[0], *SIZES):
+        wide = with_form(problem, size)
+        extra = len(wide.params.names) - k
+        if extra == 0:
+            return 0.0
+        start = np.concatenate([z[:k], np.zeros(extra), z[k:]])
+        infos, noise = noise_and_runs(wide, start)
+        composite = composite_of(wide, start, infos, noise)
+        if len(composite.runs) < LEAST_RUNS:
+            return 0.0
+        chosen = asked_for(composite, noise.order)
+        found[size] = composite.log_evidence(chosen), composite.left_out_cost(parts.weight)
+    (nothing, (evidence, cost)), *sizes = found.items()
+    best = max(sizes, key=lambda item: item[1][0])
+    asks = best[1][0] > evidence + FORM_EVIDENCE and best[1][1] < cost
+    return best[0] if asks and nothing >= 0 else 0.0
+
+
+def form_part(model: Model, values: Mapping[str, float], given: Mapping[str, float]) -> dict[str, float]:
+    """Force of every row of a form over 1/2 rho L^2 U^2 at the typical motion; rows the vehicle has are
+    left out.
+    """
+    return {n: v / typical(model, n) for n, v in values.items() if n in form_rows(model) and n not in given}

@@ -1,0 +1,80 @@
+"""A force the equations lack: rows the hull's symmetry allows, used where runs ask for them only."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bayesid.equations.model import build_model
+from bayesid.estimation.likelihood.model_form import form_rows, typical
+from bayesid.model.vehicles import load_vehicle
+from bayesid.simulation import plan_run, simulate, steady_start
+from studies.coverage import run as coverage
+
+PLANTED, CLEAN, FORCE = "other equations: three more rows", "white noise", "large disturbing force"
+
+
+@pytest.mark.parametrize(("name", "dof"), [("lauv", 3), ("generic_sub", 3), ("generic_sub", 6)])
+def test_a_hull_with_its_form_turns_to_starboard_as_to_port(name, dof):
+    """Mirrored rudder, mirrored track, all rows on."""
+    model = build_model(load_vehicle(name), dof)
+    s = model.scales
+    base = model.nominal.copy()
+    sideways = [n for n in model.index if n in ("y_G", "y_B", "Ixy", "Iyz")]
+    constant = [n for n in ("Y_*", "K_*", "N_*") if n in model.index]
+    base[model.positions([*sideways, *constant])] = 0.0
+    rows = form_rows(model)
+    assert len(rows) > 10 and not any(n.endswith("dot") or "*" in n for n in rows)
+
+    def mirrored(names):
+        par = base.copy()
+        for n in names:
+            par[model.index[n]] += 1e-5 * typical(model, n)
+        t = 0.1 * s["L"] / s["U"] * np.arange(80)
+        found = []
+        for side in (1.0, -1.0):
+            held = {"n_cmd": model.vehicle.rpm_ref, "delta_r_cmd": 0.1 * side}
+            plan = plan_run(model, t, {name: np.full(t.size, value) for name, value in held.items()})
+            states = simulate(model, par, plan, steady_start(model)).states
+            sign = [side if n in ("y", "phi", "psi", "v", "p", "r") else 1.0 for n in model.states]
+            found.append(states * sign)
+        scale = np.maximum(np.abs(found[0]).max(axis=0), 1e-3)
+        return np.abs((found[0] - found[1]) / scale).max()
+
+    assert mirrored(rows) < 1e-7
+    assert mirrored([*rows, "N_*"]) > 1e-4  # the control: a constant moment has a side
+
+
+def test_a_typical_row_makes_its_force_at_the_typical_motion():
+    model = build_model(load_vehicle("lauv"), 3)
+    s = model.scales
+    force = 0.5 * s["rho"] * s["L"] ** 2 * s["U"] ** 2
+    v, r = 0.2 * s["U"], 0.3 * s["U"] / s["L"]
+    assert typical(model, "Y_vvr") * v * v * r * s["U"] ** -1 * s["U"] == pytest.approx(force)
+    assert typical(model, "N_v|v|") * v * v == pytest.approx(force * s["L"])
+
+
+def replicates(name, count, first=5000):
+    s, condition = coverage.setting(), coverage.CONDITIONS[name]
+    real = coverage.with_rows(s, condition.rows)
+    found = [coverage.replicate(s, real, condition, first + k) for k in range(count)]
+    return [r for r in found if not r["failed"]]
+
+
+def test_rows_that_were_planted_are_asked_for_and_clean_runs_ask_for_none():
+    (planted,) = replicates(PLANTED, 1)
+    (clean,) = replicates(CLEAN, 1)
+    assert planted["form"] > 0 and clean["form"] == 0
+    assert np.sqrt(np.mean(planted["z"] ** 2)) < 0.5 * np.sqrt(np.mean(planted["white_z"] ** 2))
+
+
+@pytest.mark.slow
+def test_intervals_hold_where_the_equations_lack_rows_and_no_form_is_found_where_they_do_not():
+    planted = replicates(PLANTED, 25)
+    assert np.mean([r["form"] > 0 for r in planted]) >= 0.9
+    inside = np.array([np.mean(r["inside"]) for r in planted])
+    white = np.mean([np.mean(r["white_inside"]) for r in planted])
+    assert inside.mean() > 0.88 - 2 * inside.std() / np.sqrt(inside.size)
+    assert white < 0.7  # the control: white noise and the given rows alone
+    for name in (CLEAN, FORCE):
+        assert np.mean([r["form"] > 0 for r in replicates(name, 25)]) <= 0.08
