@@ -22,7 +22,7 @@ import numpy as np
 
 from bayesid.equations.model import Model
 from bayesid.estimation.likelihood.parts import NoiseParts
-from bayesid.estimation.likelihood.posterior import asked_for, composite_of, noise_and_runs
+from bayesid.estimation.likelihood.posterior import asked_for, composite_of, groups, noise_and_runs
 from bayesid.estimation.output_error.problem import FitProblem
 from bayesid.model.params import Parameter, ParameterSet, Prior
 from bayesid.model.terms import Term, term
@@ -86,23 +86,20 @@ def form_size(problem: FitProblem, z: Array, parts: NoiseParts) -> float:
     the multi-step cost of left-out runs.
     """
     k = len(problem.params.names)
-    found: dict[float, tuple[float, float]] = {}
-    for size in (NOT_SO_SMALL * SIZES[0], *SIZES):
-        wide = with_form(problem, size)
-        extra = len(wide.params.names) - k
-        if extra == 0:
-            return 0.0
-        start = np.concatenate([z[:k], np.zeros(extra), z[k:]])
-        infos, noise = noise_and_runs(wide, start)
-        composite = composite_of(wide, start, infos, noise)
-        if len(composite.runs) < LEAST_RUNS:
-            return 0.0
+    nothing = with_form(problem, NOT_SO_SMALL * SIZES[0])
+    extra = len(nothing.params.names) - k
+    if extra == 0 or len(set(groups([r.name for r in problem.runs]))) < LEAST_RUNS:
+        return 0.0
+    start = np.concatenate([z[:k], np.zeros(extra), z[k:]])
+    infos, noise = noise_and_runs(nothing, start)  # in units that are the same for all sizes
+    found: list[tuple[float, float, float]] = []
+    for size in (0.0, *SIZES):
+        composite = composite_of(with_form(problem, size) if size else nothing, start, infos, noise)
         chosen = asked_for(composite, noise.order)
-        found[size] = composite.log_evidence(chosen), composite.left_out_cost(parts.weight)
-    (nothing, (evidence, cost)), *sizes = found.items()
-    best = max(sizes, key=lambda item: item[1][0])
-    asks = best[1][0] > evidence + FORM_EVIDENCE and best[1][1] < cost
-    return best[0] if asks and nothing >= 0 else 0.0
+        found.append((composite.log_evidence(chosen), composite.left_out_cost(parts.weight), size))
+    evidence, cost, _ = found[0]
+    best = max(found)
+    return best[2] if best[0] > evidence + FORM_EVIDENCE and best[1] < cost else 0.0
 
 
 def form_part(model: Model, values: Mapping[str, float], given: Mapping[str, float]) -> dict[str, float]:
