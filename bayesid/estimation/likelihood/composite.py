@@ -115,19 +115,20 @@ class Composite:
         noise = spread @ spread.T  # products of roots: no variance comes out negative by rounding
         return Law(gain @ (w * g + self.prior_score), noise + pull @ pull.T, w * gain @ h, noise)
 
-    def left_out_cost(self, weight: float) -> float:
-        """Cost of every run at the estimate of all others with the readings to this power, over that here.
+    def left_out_costs(self, weight: float) -> Array:
+        """(n,) cost of every run at the estimate of all others with the readings to this power, over that
+        here.
 
         Half the sum of squared multi-step residuals, to second order: prediction error of left-out runs.
         """
         h = sum((r.information for r in self.runs), np.zeros_like(self.prior_precision))
         g = sum((r.score for r in self.runs), np.zeros_like(self.prior_score))
-        total = 0.0
+        costs = []
         for run in self.runs:
             gain = inverse(weight * (h - run.information) + self.prior_precision)
             step = gain @ (weight * (g - run.score) + self.prior_score)
-            total += 0.5 * float(step @ run.information @ step) - float(step @ run.score)
-        return total
+            costs.append(0.5 * float(step @ run.information @ step) - float(step @ run.score))
+        return np.array(costs)
 
     def log_evidence(self, parts: NoiseParts) -> float:
         """Log density of all scores, parameters integrated out, up to a constant."""

@@ -96,7 +96,9 @@ def form_size(problem: FitProblem, z: Array, parts: NoiseParts) -> float:
     for size in (0.0, *SIZES):
         composite = composite_of(with_form(problem, size) if size else nothing, start, infos, noise)
         chosen = asked_for(composite, noise.order)
-        found.append((composite.log_evidence(chosen), composite.left_out_cost(parts.weight), size))
+        found.append(
+            (composite.log_evidence(chosen), float(composite.left_out_costs(parts.weight).sum()), size)
+        )
     evidence, cost, _ = found[0]
     best = max(found)
     return best[2] if best[0] > evidence + FORM_EVIDENCE and best[1] < cost else 0.0

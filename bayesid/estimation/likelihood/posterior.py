@@ -257,10 +257,12 @@ def widened(
 
 
 def with_weight(composite: Composite, parts: NoiseParts) -> NoiseParts:
-    """The parts with the power of the readings' likelihood that predicts left-out runs best.
+    """The parts with the least power of the readings' likelihood that predicts left-out runs as well as any.
 
-    Tried between the information share that the parts leave the readings and full weight; with few runs the
-    share itself. The interval holds for any power, since the error of the estimate is worked out for it.
+    Tried between the information share that the parts leave the readings and full weight; as well means
+    within
+    one standard error, over runs, of the best (Breiman et al. 1984). With few runs the share itself. The
+    interval holds for any power, since the error of the estimate is worked out for it.
     """
     if parts.white:
         return replace(parts, weight=1.0)
@@ -268,8 +270,10 @@ def with_weight(composite: Composite, parts: NoiseParts) -> NoiseParts:
     if len(composite.runs) < LEAST_RUNS:
         return replace(parts, weight=share)
     powers = np.geomspace(share, 1.0, WEIGHTS)
-    costs = [composite.left_out_cost(float(w)) for w in powers]
-    return replace(parts, weight=float(powers[int(np.argmin(costs))]))
+    costs = np.array([composite.left_out_costs(float(w)) for w in powers])
+    over = costs - costs[int(np.argmin(costs.sum(axis=1)))]
+    error = over.std(axis=1, ddof=1) * np.sqrt(over.shape[1])
+    return replace(parts, weight=float(powers[int(np.argmax(over.sum(axis=1) <= error))]))
 
 
 def information_share(composite: Composite, parts: NoiseParts) -> float:
