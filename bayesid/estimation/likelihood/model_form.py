@@ -100,8 +100,8 @@ def form_size(problem: FitProblem, z: Array, parts: NoiseParts) -> float:
             (composite.log_evidence(chosen), float(composite.left_out_costs(parts.weight).sum()), size)
         )
     evidence, cost, _ = found[0]
-    best = max(found)
-    return best[2] if best[0] > evidence + FORM_EVIDENCE and best[1] < cost else 0.0
+    able = [(c, size) for e, c, size in found if e > evidence + FORM_EVIDENCE]
+    return min(able)[1] if able and min(able)[0] < cost else 0.0
 
 
 def form_part(model: Model, values: Mapping[str, float], given: Mapping[str, float]) -> dict[str, float]:
