@@ -51,6 +51,7 @@ def body(setting: Setting) -> str:
 def _statements(g: Graph, outputs: list[tuple[str, Node]], symbols: dict[str, str]) -> list[str]:
     lines, text = [], {}
     forms = {"add": "{} + {}", "sub": "{} - {}", "mul": "{} * {}", "div": "{} / {}", "neg": "-{}"}
+    forms |= {name: f"v{name}(SPLAT(0.0) + {{}}, SPLAT(0.0) + {{}})" for name in ("min", "max")}
     angles = set()
     for node in sorted(g.closure(n for _, n in outputs)):
         name, *args = g.key(node)
@@ -68,7 +69,7 @@ def _statements(g: Graph, outputs: list[tuple[str, Node]], symbols: dict[str, st
         else:
             values = [text[a] for a in args]
             form = forms.get(name, f"v{name}({{}})")
-            if name in ("abs", "sgn", "sqrt", "step"):
+            if name in ("abs", "sgn", "sqrt", "rsqrt", "step"):
                 values = [f"SPLAT(0.0) + {values[0]}"]  # some are plain numbers, such as |n|
             lines.append(f"const vd t{node} = SPLAT(0.0) + ({form.format(*values)});")
             text[node] = f"t{node}"

@@ -23,6 +23,10 @@ static inline vd vsqrt(vd x) {
 #endif
 }
 
+static inline vd vmin(vd a, vd b) { return pick((vi)(a < b), a, b); }
+static inline vd vmax(vd a, vd b) { return pick((vi)(a > b), a, b); }
+static inline vd vrsqrt(vd x) { return 1.0 / vsqrt(vmax(x, SPLAT(1e-60))); }
+
 /* Cody-Waite reduction by the round-to-nearest shift, Cephes polynomials, quadrant from the shifted mantissa. */
 static inline void vsincos(vd a, vd *s, vd *c) {
     const double shift = 6755399441055744.0;
