@@ -180,3 +180,10 @@ def test_the_numbers_of_the_table_are_those_the_practice_campaigns_were_scored_w
         "LEAST_REMAINDER_SHARE": 1e-3,
         "FREE_SIGNAL_SLACK": 10.0,
     }
+
+
+def test_every_verdict_word_has_its_headline():
+    from bayesid.diagnosis.hypotheses.rules import WORDS
+    from bayesid.report.diagnosis.report import HEADLINES
+
+    assert set(HEADLINES) == set(WORDS)

@@ -8,7 +8,6 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-from bayesid.simulation.path_points import follow
 from plain_kernel import equations
 from reference_motion import make_rate, rotation
 from scipy.integrate import solve_ivp
@@ -26,6 +25,7 @@ from bayesid.simulation import (
     simulate_batch,
     steady_start,
 )
+from bayesid.simulation.follow import follow
 
 NAMES = builtin_names()
 PLANAR = [0, 1, 5, 6, 7, 11]

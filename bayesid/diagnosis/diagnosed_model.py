@@ -22,7 +22,7 @@ import numpy as np
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
-from bayesid.diagnosis.hypotheses.verdict import Verdict, simplest
+from bayesid.diagnosis.hypotheses.verdict import NAMING, Verdict, simplest
 from bayesid.diagnosis.threshold_table import PRIOR_CATALOGUE, PRIOR_NONE
 from bayesid.equations.model import Model, build_model
 from bayesid.errors import ModelError
@@ -156,7 +156,7 @@ def _chosen(c: HypothesisComparison, verdict: Verdict) -> list[RefittedHypothesi
     Where it names none, those of no effect, of one and of several compete; leaving out those of several made
     a track that needs three effects be predicted by one of them.
     """
-    named = set(verdict.effects) if verdict.word in ("effect", "effect_with_remainder", "several") else set()
+    named = set(verdict.effects) if verdict.word in NAMING else set()
     able = [r for r in c.refits if named <= set(r.effects)]
     best = sorted(able, key=lambda r: r.log_evidence, reverse=True)[:MOST_HYPOTHESES]
     exact = [r for r in able if named and set(r.effects) == named and r not in best]
