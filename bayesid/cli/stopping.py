@@ -15,7 +15,7 @@ from types import FrameType
 from typing import NoReturn
 
 TEXT = "stopped before it was done; --out holds what had been written until then, if anything"
-TIDY = 6.0  # s at most for giving back what other processes share
+TIDY = 2.0  # s at most for giving back what other processes share
 _asked: int | None = None
 
 
