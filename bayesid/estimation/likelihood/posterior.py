@@ -110,11 +110,12 @@ class CoefficientPosterior:
     def doubts(self) -> list[str]:
         """Sentences on what to distrust, the worst first."""
         said = []
+        widened = ", even with coefficients that differ from run to run" if self.parts.run_spread else ""
         if self.halves is not None and not self.halves.agrees:
             said.append(
                 f"Not final: the runs disagree. Odd and even runs, fitted apart, differ by "
                 f"{self.halves.rms:.2g} sd rms over {int(self.halves.counted.sum())} coefficients (p = "
-                f"{self.halves.p:.2g}), even with coefficients that differ from run to run."
+                f"{self.halves.p:.2g}){widened}."
             )
         far = [f"{n} ({z:+.1f})" for n, z in zip(self.names, self.conflict, strict=True) if abs(z) > CONFLICT]
         if far:
