@@ -289,6 +289,28 @@ def test_a_spread_from_run_to_run_is_found_near_its_size_from_many_runs(size):
     assert (spread > 0).all() and spread.max() <= 2 * size
 
 
+@pytest.mark.parametrize("rank", [8, 3, 2])
+def test_noise_is_found_where_every_run_moves_the_vehicle_in_few_ways(rank):
+    found = []
+    for i in range(4):
+        rng, runs = np.random.default_rng([13, i]), []
+        truth = rng.standard_normal(8)
+        for j in range(8):
+            x = rng.standard_normal((60, rank)) @ rng.standard_normal((rank, 8))
+            h = x.T @ x
+            runs.append(RunScore(f"r{j}", h, h, h @ truth + 3.0 * x.T @ rng.standard_normal(60)))
+        found.append(asked_for(Composite(tuple(runs), np.eye(8), np.zeros(8), np.ones(8)), 0).excess)
+    assert 4.0 < np.exp(np.mean(np.log(found))) < 16.0  # 9 is true
+
+
+def test_a_run_without_any_data_changes_nothing():
+    composite, _ = linear_runs(np.random.default_rng(14))
+    nothing = RunScore("still", np.zeros((4, 4)), np.zeros((4, 4)), np.zeros(4))
+    more = replace(composite, runs=(*composite.runs, nothing))
+    for parts in (NoiseParts(), NoiseParts(excess=4.0, run_spread=0.3)):
+        assert more.log_evidence(parts) == pytest.approx(composite.log_evidence(parts), rel=1e-12)
+
+
 def test_runs_of_one_vehicle_are_given_no_spread():
     found = [asked_for(linear_runs(np.random.default_rng([7, i]), count=8)[0], 0) for i in range(30)]
     assert sum(not f.white for f in found) <= binom.ppf(0.999, 30, 0.05)
