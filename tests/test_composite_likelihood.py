@@ -15,7 +15,7 @@ from bayesid.api.fit import FitResult
 from bayesid.estimation.likelihood import NoiseParts, coefficient_posterior
 from bayesid.estimation.likelihood.checks import HALVES_P, halves, prior_conflict, prior_sensitivity
 from bayesid.estimation.likelihood.composite import Composite, RunScore
-from bayesid.estimation.likelihood.posterior import asked_for
+from bayesid.estimation.likelihood.posterior import asked_for, with_weight
 from bayesid.estimation.likelihood.residual_noise import ResidualNoise, autocovariance, residual_noise
 from bayesid.estimation.likelihood.weighted_fit import weighted_fit
 from bayesid.estimation.output_error import FitOptions, fit
@@ -253,6 +253,17 @@ def test_errors_are_standard_normal_over_their_posterior_whatever_the_weight():
             z.append((law.mean - truth) / np.sqrt(np.diag(law.covariance)))
         for column in np.array(z).T:
             assert kstest(column, "norm").pvalue > 1e-3
+
+
+def test_a_weight_that_predicts_best_does_not_pass_for_information():
+    # the prior is far off, so left-out runs ask for all the weight; the readings still know a quarter
+    composite, _ = linear_runs(np.random.default_rng(15), count=12, noise=2.0, truth=[30.0] * 4)
+    parts = with_weight(composite, NoiseParts(excess=4.0))
+    assert parts.share == pytest.approx(0.25, rel=1e-6)
+    assert parts.weight > 0.5
+    sd = np.sqrt(np.diag(composite.law(parts).covariance))
+    white = np.sqrt(np.diag(composite.law(NoiseParts()).covariance))
+    assert np.median(sd / white) == pytest.approx(2.0, rel=0.1)
 
 
 def test_halves_of_runs_that_agree_have_uniform_p():

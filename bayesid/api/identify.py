@@ -84,12 +84,13 @@ def identify(
         point, bound = "the values of an earlier fit", earlier.at_bound
     problem = trial_problem(model, chosen, params, sigma=dict(earlier.sigma) if earlier else None)
     told = earlier.uncertainty if earlier is not None else {}
-    weight = float(told.get("parts", {}).get("weight", 1.0))
-    if weight < 1.0:
-        problem = weighed(problem, weight)
+    parts = told.get("parts", {})
+    share = float(parts.get("share", parts.get("weight", 1.0)))
+    if share < 1.0:
+        problem = weighed(problem, share)
         remarks.append(
-            f"the earlier fit gave readings {100 * weight:.2g} % of the weight of white noise ("
-            f"{told['parts']['words']}); so does this"
+            f"in the earlier fit readings carry {100 * share:.2g} % of the information of white noise ("
+            f"{parts['words']}); so they do here"
         )
     if not told.get("final", True):
         remarks.append(

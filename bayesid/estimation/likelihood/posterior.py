@@ -266,15 +266,16 @@ def with_weight(composite: Composite, parts: NoiseParts) -> NoiseParts:
     interval holds for any power, since the error of the estimate is worked out for it.
     """
     if parts.white:
-        return replace(parts, weight=1.0)
+        return replace(parts, weight=1.0, share=1.0)
     share = min(1.0, information_share(composite, parts))
     if len(composite.runs) < LEAST_RUNS:
-        return replace(parts, weight=share)
+        return replace(parts, weight=share, share=share)
     powers = np.geomspace(share, 1.0, WEIGHTS)
     costs = np.array([composite.left_out_costs(float(w)) for w in powers])
     over = costs - costs[int(np.argmin(costs.sum(axis=1)))]
     error = over.std(axis=1, ddof=1) * np.sqrt(over.shape[1])
-    return replace(parts, weight=float(powers[int(np.argmax(over.sum(axis=1) <= error))]))
+    weight = float(powers[int(np.argmax(over.sum(axis=1) <= error))])
+    return replace(parts, weight=weight, share=share)
 
 
 def information_share(composite: Composite, parts: NoiseParts) -> float:
