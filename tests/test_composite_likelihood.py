@@ -4,24 +4,26 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache, partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_lyapunov
 from scipy.stats import binom, kstest
 
+from bayesid.api.fit import FitResult
 from bayesid.estimation.likelihood import NoiseParts, coefficient_posterior
 from bayesid.estimation.likelihood.checks import HALVES_P, halves, prior_conflict, prior_sensitivity
 from bayesid.estimation.likelihood.composite import Composite, RunScore
-from bayesid.estimation.likelihood.posterior import asked_for
-from bayesid.estimation.likelihood.residual_noise import ResidualNoise, residual_noise
+from bayesid.estimation.likelihood.posterior import asked_for, with_weight
+from bayesid.estimation.likelihood.residual_noise import ResidualNoise, autocovariance, residual_noise
 from bayesid.estimation.likelihood.weighted_fit import weighted_fit
 from bayesid.estimation.output_error import FitOptions, fit
 from bayesid.estimation.sampling.rank_statistics import bands, coverage, distribution
 from bayesid.estimation.trial_fit import fit_trial
 from bayesid.model.params import ParameterSet
 from bayesid.model.vehicles import coef_si, load_vehicle
-from bayesid.prediction.fitted_model import predictive_model, standard_errors
+from bayesid.prediction.fitted_model import CHANCE_SPREAD, predictive_model, size_spread, standard_errors
 from bayesid.prediction.prediction import predict_run
 from studies.coverage.campaigns import Condition, campaign, drawn_truth, problem_of, setting, with_rows
 from studies.coverage.run import CONDITIONS, RANKS, replicate
@@ -145,6 +147,78 @@ def test_white_noise_has_order_none_and_an_autoregression_some():
     assert (orders_found(0.8) >= 1).all()
 
 
+def remembering(rng, n=600, c=3, memory=0.9):
+    e = rng.standard_normal((n, c))
+    for i in range(1, n):
+        e[i] = memory * e[i - 1] + np.sqrt(1 - memory**2) * e[i]
+    return e
+
+
+def test_autocovariances_are_positive_where_channels_are_read_in_different_runs():
+    # a in runs 1 and 2, b in 2 and 3, c in 1 and 3: no pair is read as often as its two channels
+    rng = np.random.default_rng(11)
+    common = [remembering(rng, 60, 1) for _ in range(3)]
+    resids = [np.hstack([e, e * (-1) ** i, -e if i == 2 else e]) for i, e in enumerate(common)]
+    valid = [np.tile(row, (60, 1)) for row in ([True, False, True], [True, True, False], [False, True, True])]
+    lags = autocovariance(resids, valid, 8)
+
+    def at(h):
+        return lags[h] if h >= 0 else lags[-h].T
+
+    whole = np.block([[at(i - j) for j in range(8)] for i in range(8)])
+    assert np.linalg.eigvalsh(whole).min() > -1e-10 * np.abs(whole).max()
+
+
+@pytest.mark.parametrize("dropped", [(0,), (0, 1)])
+def test_a_channel_a_run_has_not_counts_as_one_without_readings(dropped):
+    s, _, trial = campaign_of(Condition(memory=10.0), 4)
+    absent, empty = [], []
+    for i, run in enumerate(trial.runs):
+        names = list(run.data)
+        gone = names[i % len(names)] if i in dropped else None
+        absent.append(replace(run, data={c: v for c, v in run.data.items() if c != gone}))
+        empty.append(
+            replace(run, data={c: np.full(v.shape, np.nan) if c == gone else v for c, v in run.data.items()})
+        )
+    one, other = (
+        coefficient_posterior(p, p.start)
+        for p in (problem_of(s, replace(trial, runs=tuple(r))) for r in (absent, empty))
+    )
+    assert one.parts.order > 0 and one.parts.order == other.parts.order
+    assert one.sd == pytest.approx(other.sd, rel=1e-6)
+    assert np.abs((one.mean - other.mean) / other.sd).max() < 1e-5
+
+
+def test_doubts_speak_of_a_spread_between_runs_only_where_it_is_allowed_for():
+    s, _, trial = campaign_of(Condition(), 1)
+    problem = problem_of(s, trial)
+    found = coefficient_posterior(problem, problem.start, NoiseParts())
+    apart = replace(found.halves, p=1e-3)
+    for spread, told in ((0.0, False), (0.5, True)):
+        said = replace(found, halves=apart, parts=NoiseParts(run_spread=spread)).doubts()[0]
+        assert "runs disagree" in said and ("differ from run to run" in said) == told
+
+
+def test_a_fit_with_white_noise_does_not_claim_to_allow_for_more():
+    s, _, trial = campaign_of(Condition(), 1)
+    problem = problem_of(s, trial)
+    found = coefficient_posterior(problem, problem.start, NoiseParts())
+    missed = SimpleNamespace(cost=1e6, n_readings=10, uncertainty={}, sigma={})
+    for parts, words in ((NoiseParts(), "do not allow for it"), (NoiseParts(order=2), "allow for it as far")):
+        posterior = replace(found, parts=parts)
+        result = FitResult(SimpleNamespace(trial=trial, runs=(), fit=missed, posterior=posterior))
+        assert any(words in line for line in result._doubts())
+
+
+def test_size_spread_compares_errors_of_the_same_run_where_runs_have_different_channels():
+    rng = np.random.default_rng(3)
+    sizes = (1.0, 3.0, 9.0, 1.0, 3.0, 9.0)
+    u = [s * rng.standard_normal(200) for s in sizes]
+    r = [np.zeros(0) if i == 0 else s * rng.standard_normal(200) for i, s in enumerate(sizes)]
+    expected = np.sqrt(np.var(np.log(sizes), ddof=1) - CHANCE_SPREAD**2)
+    assert size_spread({"u": {"early": u}, "r": {"early": r}}) == pytest.approx(expected, rel=0.1)
+
+
 # ---- linear runs: what the algebra says, thousands of times ----
 
 
@@ -181,6 +255,17 @@ def test_errors_are_standard_normal_over_their_posterior_whatever_the_weight():
             assert kstest(column, "norm").pvalue > 1e-3
 
 
+def test_a_weight_that_predicts_best_does_not_pass_for_information():
+    # the prior is far off, so left-out runs ask for all the weight; the readings still know a quarter
+    composite, _ = linear_runs(np.random.default_rng(15), count=12, noise=2.0, truth=[30.0] * 4)
+    parts = with_weight(composite, NoiseParts(excess=4.0))
+    assert parts.share == pytest.approx(0.25, rel=1e-6)
+    assert parts.weight > 0.5
+    sd = np.sqrt(np.diag(composite.law(parts).covariance))
+    white = np.sqrt(np.diag(composite.law(NoiseParts()).covariance))
+    assert np.median(sd / white) == pytest.approx(2.0, rel=0.1)
+
+
 def test_halves_of_runs_that_agree_have_uniform_p():
     p = np.array(
         [
@@ -213,6 +298,28 @@ def test_a_spread_from_run_to_run_is_found_near_its_size_from_many_runs(size):
     spread = np.array([f.run_spread for f in found])
     assert np.median(spread) == pytest.approx(size, rel=0.3)
     assert (spread > 0).all() and spread.max() <= 2 * size
+
+
+@pytest.mark.parametrize("rank", [8, 3, 2])
+def test_noise_is_found_where_every_run_moves_the_vehicle_in_few_ways(rank):
+    found = []
+    for i in range(4):
+        rng, runs = np.random.default_rng([13, i]), []
+        truth = rng.standard_normal(8)
+        for j in range(8):
+            x = rng.standard_normal((60, rank)) @ rng.standard_normal((rank, 8))
+            h = x.T @ x
+            runs.append(RunScore(f"r{j}", h, h, h @ truth + 3.0 * x.T @ rng.standard_normal(60)))
+        found.append(asked_for(Composite(tuple(runs), np.eye(8), np.zeros(8), np.ones(8)), 0).excess)
+    assert 4.0 < np.exp(np.mean(np.log(found))) < 16.0  # 9 is true
+
+
+def test_a_run_without_any_data_changes_nothing():
+    composite, _ = linear_runs(np.random.default_rng(14))
+    nothing = RunScore("still", np.zeros((4, 4)), np.zeros((4, 4)), np.zeros(4))
+    more = replace(composite, runs=(*composite.runs, nothing))
+    for parts in (NoiseParts(), NoiseParts(excess=4.0, run_spread=0.3)):
+        assert more.log_evidence(parts) == pytest.approx(composite.log_evidence(parts), rel=1e-12)
 
 
 def test_runs_of_one_vehicle_are_given_no_spread():

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from bayesid.api.identify import identify
 from bayesid.equations.model import build_model
-from bayesid.estimation.likelihood.model_form import form_rows, typical
+from bayesid.errors import FitError
+from bayesid.estimation.likelihood.model_form import form_rows, typical, with_form
+from bayesid.estimation.output_error import FitOptions, fit
 from bayesid.model.vehicles import load_vehicle
 from bayesid.simulation import plan_run, simulate, steady_start
 from studies.coverage import run as coverage
+from studies.coverage.campaigns import Condition, campaign, problem_of
 
 PLANTED, CLEAN, FORCE = "other equations: three more rows", "white noise", "large disturbing force"
 
@@ -52,6 +58,33 @@ def test_a_typical_row_makes_its_force_at_the_typical_motion():
     v, r = 0.2 * s["U"], 0.3 * s["U"] / s["L"]
     assert typical(model, "Y_vvr") * v * v * r * s["U"] ** -1 * s["U"] == pytest.approx(force)
     assert typical(model, "N_v|v|") * v * v == pytest.approx(force * s["L"])
+
+
+def test_identify_takes_the_rows_of_a_fit_with_their_prior_and_values(tmp_path, monkeypatch):
+    s = coverage.setting()
+    trial = campaign(s, Condition(), s.params.start, np.random.default_rng(0))
+    problem = problem_of(s, trial)
+    first = fit(problem, FitOptions(profile=False, rounds=1, iterations=1))
+    wide, size = with_form(problem, 3e-4), 3e-4
+    row = next(n for n in wide.params.names if n not in problem.params.names)
+    k, value = first.n_params, 2 * wide.params[row].prior.spread
+    names = (*first.names[:k], row)
+    replace(
+        first, names=names, n_params=k + 1, z=np.append(first.z[:k], value),
+        uncertainty={"form": {"size": size, "rows": {row: 2 * size}}},
+    ).save(tmp_path / "fit.json")  # fmt: skip
+    seen = []
+
+    def looked(problem, **_):
+        seen.append(problem)
+        raise FitError("seen enough")
+
+    monkeypatch.setattr("bayesid.api.identify.look", looked)
+    with pytest.raises(FitError, match="seen enough"):
+        identify(trial, s.model.vehicle, fitted=tmp_path, profile=False)
+    params = seen[0].params
+    assert set(params.names) == set(wide.params.names)
+    assert params[row].start == pytest.approx(value) and params[row].prior == wide.params[row].prior
 
 
 def replicates(name, count, first=5000):

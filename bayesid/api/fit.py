@@ -220,12 +220,12 @@ class FitResult(Result):
         lines += form_words(found.fit)
         if found.posterior is not None:
             lines.append(f"errors of the fit: {found.posterior.parts.describe()}")
-        checked = found.posterior is not None and found.posterior.halves is not None
-        trust = (
-            "the standard deviations allow for it as far as the runs show it."
-            if checked
-            else "with a single run the standard deviations are not to be trusted."
-        )
+        if found.posterior is None or found.posterior.parts.white:
+            trust = "the standard deviations are those of white noise and do not allow for it."
+        elif found.posterior.halves is None:
+            trust = "with a single run the standard deviations are not to be trusted."
+        else:
+            trust = "the standard deviations allow for it as far as the runs show it."
         raised = bool(result.uncertainty.get("noise_raised"))
         if raised or 2 * result.cost > MISFIT**2 * result.n_readings:
             advice = "Try --estimate-noise, or `bayesid diagnose`."

@@ -15,6 +15,7 @@ from bayesid.analysis.identifiability import identify as look
 from bayesid.api.inputs import Names, TrialLike, VehicleLike, names_of, prepared, trial_of, vehicle_of
 from bayesid.api.result import Result, table
 from bayesid.equations.model import build_model
+from bayesid.estimation.likelihood.model_form import with_form
 from bayesid.estimation.likelihood.weighted_fit import weighed
 from bayesid.estimation.output_error import coefficient_set, load_fit, trial_problem
 from bayesid.estimation.segments import in_pieces
@@ -73,9 +74,11 @@ def identify(
     model = build_model(ship, 3 if ship.planar_only else chosen.dof)
     file = Path(fitted) if fitted is not None else None
     earlier = load_fit(file / "fit.json" if file.is_dir() else file) if file is not None else None
+    form = earlier.uncertainty.get("form", {}) if earlier else {}
+    formed = set(form.get("rows", ())) - set(ship.coef)
     wanted = names_of(free) or (earlier.names[: earlier.n_params] if earlier else model.coefficients)
     kept = set(names_of(fix) or ())
-    params = coefficient_set(model, tuple(n for n in wanted if n not in kept))
+    params = coefficient_set(model, tuple(n for n in wanted if n not in kept | formed))
     point, remarks = "the values of the vehicle file", []
     bound: tuple[str, ...] = ()
     if earlier is not None:
@@ -83,13 +86,20 @@ def identify(
         params = params.started_at([values[n] for n in params.names])
         point, bound = "the values of an earlier fit", earlier.at_bound
     problem = trial_problem(model, chosen, params, sigma=dict(earlier.sigma) if earlier else None)
+    if earlier is not None and formed:  # with the prior and the values they had
+        params = with_form(problem, form["size"]).params
+        problem = problem.with_params(
+            params.started_at([earlier.values.get(n, params[n].start) for n in params.names])
+        )
+        remarks.append("the earlier fit has a model form; its rows are free here too, under its prior")
     told = earlier.uncertainty if earlier is not None else {}
-    weight = float(told.get("parts", {}).get("weight", 1.0))
-    if weight < 1.0:
-        problem = weighed(problem, weight)
+    parts = told.get("parts", {})
+    share = float(parts.get("share", parts.get("weight", 1.0)))
+    if share < 1.0:
+        problem = weighed(problem, share)
         remarks.append(
-            f"the earlier fit gave readings {100 * weight:.2g} % of the weight of white noise ("
-            f"{told['parts']['words']}); so does this"
+            f"in the earlier fit readings carry {100 * share:.2g} % of the information of white noise ("
+            f"{parts['words']}); so they do here"
         )
     if not told.get("final", True):
         remarks.append(

@@ -44,7 +44,6 @@ if TYPE_CHECKING:
 LEVEL = 0.95
 FULL_TURN = 2 * math.pi  # width of the heading's band from which a run is not predicted
 SAME_LENGTH = 0.01  # by which two files of one vehicle may differ in length
-SAME_LENGTH = 0.01  # by which two files of one vehicle may differ in length
 HELD_SHARE = 0.8  # of the readings inside the band, on average over runs, below which the band is too narrow
 AGAINST_COLUMNS = ("channel", "rms error (SI)", "largest", "inside the band [%]")
 MEASURE_COLUMNS = ("measure", "mean", "95 % from", "to", "unit")

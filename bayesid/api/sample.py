@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     import pandas
 
 QUICK_SAMPLES, QUICK_STEPS = 200, 600
-# Weight of the readings above which residuals count as white.
+# Share of the readings' information above which residuals count as white.
 FULL_WEIGHT = 0.9
 
 
@@ -67,8 +67,8 @@ def sample(
     prior : relative prior sd of every coefficient; by default the vehicle file's, and 0.1 where it states
         none
     noise, initial : how noise of channels and initial states of runs are treated
-    memory : residuals that persist, and runs that differ: the power of the composite likelihood that
-        `bayesid.fit` finds, with noise fixed ("composite"; "inflate" where residuals are white); or they
+    memory : residuals that persist, and runs that differ: a power of the likelihood, the share of information
+        that `bayesid.fit` finds, with noise fixed ("composite"; "inflate" where residuals are white); or they
         count for fewer readings, are an autoregression, or are taken as white
     student : degrees of freedom of Student-t noise, for outliers; not with marginal states
     ensembles, walkers : independent ensembles, and walkers of each (default from the unknowns)
@@ -107,9 +107,11 @@ def sample(
     if not found.fit.converged:
         shown.note(f"the fit had not converged ({found.fit.message}); sampling starts off the mode")
     problem, told = found.problem, chosen.noise
-    if composite and found.posterior is not None and found.posterior.parts.weight < FULL_WEIGHT:
+    # a sampled power of the likelihood is the interval too: the share of information, not the fit's weight
+    share = 1.0 if found.posterior is None else found.posterior.parts.share
+    if composite and share < FULL_WEIGHT:
         # the power of the likelihood as noise so much larger, which the residuals must not undo
-        problem = weighed(problem, found.posterior.parts.weight)
+        problem = weighed(problem, share)
         choice, told = replace(choice, noise="fixed", memory="ignore"), {}
     density = trial_density(problem, found.fit.z, choice, told)
     stated = dict(zip(density.channels, map(float, density.noise_prior.scale), strict=True))

@@ -163,10 +163,11 @@ def size_spread(errors: Errors) -> float:
     sizes = []
     for k in range(count):
         squares = [
-            np.mean(runs[k] ** 2) for parts in errors.values() for runs in parts.values() if k < len(runs)
+            np.mean(runs[k] ** 2) for parts in errors.values() for runs in parts.values() if runs[k].size
         ]
-        sizes.append(0.5 * np.log(np.median(squares)))
-    return float(np.sqrt(max(np.var(sizes, ddof=1) - CHANCE_SPREAD**2, 0.0))) if count > 2 else 0.0
+        if squares:
+            sizes.append(0.5 * np.log(np.median(squares)))
+    return float(np.sqrt(max(np.var(sizes, ddof=1) - CHANCE_SPREAD**2, 0.0))) if len(sizes) > 2 else 0.0
 
 
 def with_disturbance(
@@ -210,17 +211,23 @@ def spaced(runs: Sequence[Run], most: int) -> list[Run]:
 def prediction_errors(
     model: DiagnosedModel, runs: Sequence[Run], draws: int, seed: int, lead: float | None = None
 ) -> Errors:
-    """Channel -> horizon -> per run: errors of the mean over the predicted sd, after the lead-ins."""
+    """Channel -> horizon -> per run: errors of the mean over the predicted sd, after the lead-ins.
+
+    Every list has all runs; what a run has not read is empty.
+    """
     out: dict[str, dict[str, list[Array]]] = {}
+    found: list[dict[str, Array]] = []
     for run in runs:
         try:
             p = predict_run(model, run, draws, seed, lead)
         except BayesidError:
             continue
-        for name, z in standard_errors(p, run).items():
-            for horizon, part in zip(HORIZONS, np.array_split(z, len(HORIZONS)), strict=True):
-                if part.size:
-                    out.setdefault(name, {}).setdefault(horizon, []).append(part)
+        found.append(standard_errors(p, run))
+    for name in dict.fromkeys(c for errors in found for c in errors):
+        split = [np.array_split(errors.get(name, np.zeros(0)), len(HORIZONS)) for errors in found]
+        for horizon, parts in zip(HORIZONS, zip(*split, strict=True), strict=True):
+            if any(part.size for part in parts):
+                out.setdefault(name, {})[horizon] = list(parts)
     return out
 
 

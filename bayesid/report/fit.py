@@ -199,7 +199,7 @@ def _certainty(found: TrialFit, calibration: Calibration | None) -> list[Section
     parts, half = posterior.parts, posterior.halves
     text = [
         f"Errors of the fit: {parts.describe()}. A reading counts for {100 * parts.weight:.3g} % of what it "
-        "would with white noise, beside the prior and in the standard deviations, which are "
+        "would with white noise beside the prior, and the standard deviations are "
         f"{np.median(posterior.sd / posterior.white_sd):.2g} times those of white noise (median)."
     ]
     if half is None:

@@ -6,7 +6,7 @@ holds `blind_predictions`, `kvlcc2_hsva` and `esso_osaka`. With --expect half of
 and
 predicted as the blind ones will be, and the errors to expect are written; without it every known run is
 fitted
-and the blind ones are predicted. Predictions that are already there are kept.
+and the blind ones are predicted. Fits that were interrupted go on.
 """
 
 from __future__ import annotations
@@ -234,7 +234,7 @@ def predictions(
         "inputs": {
             "fitted": {k: [r.name for r in v[2].trial.runs] for k, v in per_kind.items()},
             "trial": trial.digest, "blind": unseen.digest,
-            "draws": DRAWS, "lead": blind.lead, "quick": quick,
+            "draws": 20 if quick else DRAWS, "lead": blind.lead, "quick": quick,
         },
         "seeds": [seed],
         "fit": {k: v[2].fit.uncertainty for k, v in per_kind.items()},

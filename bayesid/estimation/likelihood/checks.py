@@ -73,7 +73,7 @@ def halves(composite: Composite, parts: NoiseParts, prior_sd: Array, seed: int =
         counted,
         rms,
         float(np.sqrt(np.mean(combined[counted] ** 2))),
-        float(np.mean(chance >= rms)),
+        (1 + int(np.sum(chance >= rms))) / (1 + DRAWS),
     )
 
 

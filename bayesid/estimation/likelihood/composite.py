@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -30,7 +31,7 @@ from bayesid.estimation.likelihood.residual_noise import ResidualNoise
 from bayesid.estimation.likelihood.run_information import RunInformation
 
 Array = np.ndarray
-# Least eigenvalue of a score's covariance over its largest: what rounding leaves of a direction without data.
+# Eigenvalue of a score's covariance over its largest up to which a direction is one without data.
 FLAT = 1e-10
 
 
@@ -42,6 +43,19 @@ class RunScore:
     information: Array
     covariance: Array
     score: Array
+
+    @cached_property
+    def seen(self) -> Array:
+        """(k, m) directions this run has data of, in which the covariance of its score is one.
+
+        In all others the score is nothing whatever the noise is; counted as readings without error they
+        would speak against any noise.
+        """
+        size = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        unit = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
+        values, vectors = np.linalg.eigh(self.covariance * np.outer(unit, unit))
+        kept = values > FLAT * max(float(values[-1]), 1e-300)
+        return unit[:, None] * vectors[:, kept] / np.sqrt(values[kept])
 
 
 class Law(NamedTuple):
@@ -85,13 +99,14 @@ class Composite:
 
     def weighed(self, run: RunScore, parts: NoiseParts) -> tuple[Array, Array, float]:
         """Precision (k, k) and score (k,) of one run under its noise, and its log density at the estimate."""
-        c = self.score_covariance(run, parts)
-        size = np.sqrt(np.maximum(np.diag(c), 1e-300))
-        c = c / np.outer(size, size) + FLAT * np.eye(size.size)
+        h, g = run.seen.T @ run.information, run.seen.T @ run.score
+        if not g.size:
+            return np.zeros_like(run.information), np.zeros_like(run.score), 0.0
+        smeared = h * self.spread
+        c = parts.excess * np.eye(g.size) + parts.run_spread**2 * smeared @ smeared.T
         factor = cho_factor(c, lower=True)
-        h, g = run.information / size[:, None], run.score / size
         whole = cho_solve(factor, np.column_stack([h, g]))
-        logdet = 2.0 * float(np.log(np.diag(factor[0])).sum()) + 2.0 * float(np.log(size).sum())
+        logdet = 2.0 * float(np.log(np.diag(factor[0])).sum())
         return h.T @ whole[:, :-1], h.T @ whole[:, -1], -0.5 * (logdet + float(g @ whole[:, -1]))
 
     def data(self, parts: NoiseParts, runs: Iterable[RunScore] | None = None) -> tuple[Array, Array, float]:

@@ -64,10 +64,10 @@ def typical(model: Model, name: str) -> float:
 
 def with_form(problem: FitProblem, size: float) -> FitProblem:
     """The problem with the rows of its form free, each normal about zero with this size."""
-    free = set(problem.params.names)
+    given = {p.name for p in problem.params}  # free, kept or tied
     entries = []
     for name in form_rows(problem.model):
-        if name not in free:
+        if name not in given:
             unit = typical(problem.model, name)
             entries.append(
                 Parameter(

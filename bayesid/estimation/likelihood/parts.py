@@ -17,14 +17,16 @@ class NoiseParts:
     order : of the vector autoregression of the residuals; 0 is white
     excess : factor on the covariance of the runs' scores beyond that, at least 1
     run_spread : sd of a coefficient from run to run over its prior sd (its size where there is no prior)
-    weight : share of the information of white noise that the readings carry, 0 to 1; the power of their
-        likelihood beside the prior
+    weight : power of the readings' likelihood beside the prior in a fit, `share` to 1: what predicts left-out
+        runs best, so no measure of how sure an estimate is
+    share : of the information of white noise that the readings carry, 0 to 1
     """
 
     order: int = 0
     excess: float = 1.0
     run_spread: float = 0.0
     weight: float = 1.0
+    share: float = 1.0
 
     @property
     def white(self) -> bool:

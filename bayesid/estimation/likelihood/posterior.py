@@ -110,11 +110,12 @@ class CoefficientPosterior:
     def doubts(self) -> list[str]:
         """Sentences on what to distrust, the worst first."""
         said = []
+        widened = ", even with coefficients that differ from run to run" if self.parts.run_spread else ""
         if self.halves is not None and not self.halves.agrees:
             said.append(
                 f"Not final: the runs disagree. Odd and even runs, fitted apart, differ by "
                 f"{self.halves.rms:.2g} sd rms over {int(self.halves.counted.sum())} coefficients (p = "
-                f"{self.halves.p:.2g}), even with coefficients that differ from run to run."
+                f"{self.halves.p:.2g}){widened}."
             )
         far = [f"{n} ({z:+.1f})" for n, z in zip(self.names, self.conflict, strict=True) if abs(z) > CONFLICT]
         if far:
@@ -265,15 +266,16 @@ def with_weight(composite: Composite, parts: NoiseParts) -> NoiseParts:
     interval holds for any power, since the error of the estimate is worked out for it.
     """
     if parts.white:
-        return replace(parts, weight=1.0)
+        return replace(parts, weight=1.0, share=1.0)
     share = min(1.0, information_share(composite, parts))
     if len(composite.runs) < LEAST_RUNS:
-        return replace(parts, weight=share)
+        return replace(parts, weight=share, share=share)
     powers = np.geomspace(share, 1.0, WEIGHTS)
     costs = np.array([composite.left_out_costs(float(w)) for w in powers])
     over = costs - costs[int(np.argmin(costs.sum(axis=1)))]
     error = over.std(axis=1, ddof=1) * np.sqrt(over.shape[1])
-    return replace(parts, weight=float(powers[int(np.argmax(over.sum(axis=1) <= error))]))
+    weight = float(powers[int(np.argmax(over.sum(axis=1) <= error))])
+    return replace(parts, weight=weight, share=share)
 
 
 def information_share(composite: Composite, parts: NoiseParts) -> float:

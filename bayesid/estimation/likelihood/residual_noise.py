@@ -83,20 +83,22 @@ class ResidualNoise:
 def autocovariance(resids: Sequence[Array], valid: Sequence[Array], count: int) -> Array:
     """(count, c, c) covariance at lags 0 to count - 1 over all runs; missing readings count as none.
 
-    Divided by the number of readings at lag 0, so that the sequence is positive semidefinite.
+    Divided by the number of readings of both channels, as a geometric mean, so that the sequence is positive
+    semidefinite.
     """
     c = resids[0].shape[1]
     out = np.zeros((count, c, c))
-    used = np.zeros((c, c))
+    used = np.zeros(c)
     for resid, ok in zip(resids, valid, strict=True):
         n = resid.shape[0]
         size = 1 << (2 * n - 1).bit_length()
         f = np.fft.rfft(np.where(ok, resid, 0.0), size, axis=0)
         found = np.fft.irfft(f[:, :, None] * f.conj()[:, None, :], size, axis=0)
-        used += ok.astype(float).T @ ok.astype(float)
+        used += ok.sum(axis=0)
         m = min(count, n)
         out[:m] += found[:m]
-    return out / np.maximum(used, 1.0)
+    root = np.sqrt(np.maximum(used, 1.0))
+    return out / np.outer(root, root)
 
 
 def residual_noise(resids: Sequence[Array], valid: Sequence[Array], most: int = MOST_ORDER) -> ResidualNoise:

@@ -24,7 +24,8 @@ class RunInformation:
     Attributes
     ----------
     name : of the run or piece
-    resid : (n, c) simulated minus read over the stated noise; 0 where nothing was read
+    resid : (n, c) simulated minus read over the stated noise; 0 where nothing was read. Every run has the
+        channels of all runs, so that one noise holds for them
     valid : (n, c) which readings count
     columns : (n, c, k) slopes of `resid` by the parameters per scale, what the initial state can imitate
         taken out
@@ -57,6 +58,7 @@ def run_information(problem: FitProblem, z: Array) -> Iterator[RunInformation]:
     k = len(problem.params.names)
     scale = problem.scale[:k]
     block = problem.run_blocks(z)
+    channels = list(dict.fromkeys(c for run in problem.runs for c in run.channels))
     at = k
     for i, run in enumerate(problem.runs):
         resid, jac = block(i)
@@ -68,11 +70,21 @@ def run_information(problem: FitProblem, z: Array) -> Iterator[RunInformation]:
         q, _ = np.linalg.qr(initial)
         columns = columns - q @ (q.T @ columns)
         n, c = run.readings.shape
+        where = [channels.index(name) for name in run.channels]
         yield RunInformation(
             run.name,
-            resid.reshape(n, c),
-            run.valid,
-            columns[: n * c].reshape(n, c, k),
+            _placed(resid.reshape(n, c), where, len(channels)),
+            _placed(run.valid, where, len(channels)),
+            _placed(columns[: n * c].reshape(n, c, k), where, len(channels)),
             columns[n * c :],
             -columns.T @ np.concatenate([resid, here]),
         )
+
+
+def _placed(values: Array, where: list[int], count: int) -> Array:
+    """Values (n, c, ...) of a run's channels among all; 0 and False for those it has not."""
+    if where == list(range(count)):
+        return values
+    out = np.zeros((values.shape[0], count, *values.shape[2:]), dtype=values.dtype)
+    out[:, where] = values
+    return out
