@@ -72,3 +72,16 @@ def test_the_command_writes_the_ensemble_and_refuses_a_folder_without_a_model(fo
     assert "bayesid fit" in capsys.readouterr().err
     with pytest.raises(ModelError, match="1 to 10000"):
         bayesid.export(folder, tmp_path / "g", 0)
+
+
+def test_a_fit_takes_away_the_model_of_the_fit_before_and_leaves_that_of_a_diagnosis(folder, tmp_path):
+    from bayesid.diagnosis.diagnosed_model import read_diagnosed, remove_fitted
+
+    found = read_diagnosed(folder)
+    for word, stays in (("fit", False), ("effect", True)):
+        out = tmp_path / word
+        out.mkdir()
+        write_diagnosed(DiagnosedModel(MODEL, found.hypotheses, found.noise, word, "t"), out)
+        remove_fitted(out)
+        assert (out / "model.json").exists() == stays
+    remove_fitted(tmp_path)  # nothing there

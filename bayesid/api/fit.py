@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from bayesid.api.inputs import Names, TrialLike, VehicleLike, names_of, prepared, trial_of, vehicle_of
 from bayesid.api.result import Result, table
-from bayesid.diagnosis.diagnosed_model import write_diagnosed
+from bayesid.diagnosis.diagnosed_model import remove_fitted, write_diagnosed
 from bayesid.errors import BayesidError, FitError
 from bayesid.estimation.likelihood import NoiseParts
 from bayesid.estimation.likelihood.posterior import CONFLICT
@@ -107,6 +107,8 @@ def fit(
             parts=NoiseParts() if residuals == "white" else None,
             watch=lambda done, cost, step: stage.step(info=f"cost {cost:.6g}, step {step:.1g}"),
         )  # fmt: skip
+    if out is not None:
+        remove_fitted(out)  # it would predict with the coefficients of the fit before
     if out is None or quick or found.posterior is None:
         return FitResult(found)
     shown = progress or Progress(quiet=True)

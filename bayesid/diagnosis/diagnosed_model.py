@@ -288,6 +288,17 @@ def read_diagnosed(folder: str | os.PathLike[str], declared: Iterable[Effect] = 
     return DiagnosedModel(model, hypotheses, *rest)
 
 
+def remove_fitted(folder: str | os.PathLike[str]) -> None:
+    """Take away the model an earlier fit left in a folder; that of a diagnosis, or of nobody known, stays."""
+    path = Path(folder) / MODEL_FILE
+    try:
+        fitted = json.loads(read_regular(path, LARGEST_MODEL).decode("utf-8"))["verdict"] == "fit"
+    except (UnreadableError, ValueError, KeyError, TypeError):
+        return
+    if fitted:
+        path.unlink()
+
+
 def _check_gaussian(names: Sequence[str], mean: Array, covariance: Array) -> None:
     """Refuse what no Gaussian has, so that no draw of it looks like an answer.
 
