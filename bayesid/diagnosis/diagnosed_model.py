@@ -97,7 +97,12 @@ class DiagnosedModel:
         out = []
         for h, n in zip(self.hypotheses, counts, strict=True):
             pars = np.repeat(self.model.nominal[None], n, axis=0)
-            values = rng.multivariate_normal(h.mean, h.covariance, size=n, method="eigh")
+            sd = np.sqrt(np.diag(h.covariance))
+            # in units of the deviations: NumPy judges a covariance by an absolute tolerance
+            deviations = rng.multivariate_normal(
+                np.zeros(sd.size), h.covariance / np.outer(sd, sd), size=n, method="eigh"
+            )
+            values = h.mean + sd * deviations
             pars[:, self.model.positions(h.names)] = np.maximum(values, h.low)
             if n:
                 out.append((h, pars))
