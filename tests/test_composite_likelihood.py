@@ -23,7 +23,8 @@ from bayesid.estimation.sampling.rank_statistics import bands, coverage, distrib
 from bayesid.estimation.trial_fit import fit_trial
 from bayesid.model.params import ParameterSet
 from bayesid.model.vehicles import coef_si, load_vehicle
-from bayesid.prediction.fitted_model import CHANCE_SPREAD, predictive_model, size_spread, standard_errors
+from bayesid.prediction.fitted_model import CHANCE_SPREAD, predictive_model, size_spread
+from bayesid.prediction.intervals import standard_errors
 from bayesid.prediction.prediction import predict_run
 from studies.coverage.campaigns import Condition, campaign, drawn_truth, problem_of, setting, with_rows
 from studies.coverage.run import CONDITIONS, RANKS, replicate

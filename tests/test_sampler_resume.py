@@ -69,9 +69,7 @@ def test_a_chain_killed_in_the_middle_and_resumed_is_the_unbroken_chain(tmp_path
     assert found.counts == unbroken.counts
 
 
-def test_a_stop_within_the_density_prints_nothing_of_the_sampler_and_loses_nothing(
-    tmp_path, unbroken, capfd
-):
+def test_a_stop_within_the_density_prints_nothing_of_the_sampler_and_loses_nothing(tmp_path, unbroken, capfd):
     """emcee prints a traceback and its arrays for whatever is raised within the density."""
     density, laplace = correlated(5)
     plain, calls = density.log_prob, []

@@ -41,6 +41,11 @@ class Prior:
         ratio = max(value / self.centre, 1e-300)
         return math.log(ratio) / self.spread, 1.0 / (value * self.spread)
 
+    @property
+    def sd(self) -> float:
+        """Standard deviation in the parameter's own unit, of a lognormal prior to first order."""
+        return self.spread * abs(self.centre) if self.kind == "lognormal" else self.spread
+
     def describe(self) -> str:
         """Words for a table."""
         if self.kind == "uniform":
@@ -150,6 +155,19 @@ class ParameterSet:
     @property
     def start(self) -> Array:
         return self.vector("start")
+
+    @cached_property
+    def prior_sd(self) -> Array:
+        """(k,) prior standard deviation of the free parameters [SI], inf where there is none.
+
+        That of the joint prior where a parameter is in it.
+        """
+        joint = (
+            {}
+            if self.joint is None
+            else dict(zip(self.joint.names, np.sqrt(np.diag(self.joint.covariance)), strict=True))
+        )
+        return np.array([joint.get(p.name, math.inf if p.prior is None else p.prior.sd) for p in self.free])
 
     def values(self, x: Array) -> dict[str, float]:
         """Name -> SI value of every entry, tied and fixed ones included."""

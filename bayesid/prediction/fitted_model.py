@@ -21,7 +21,8 @@ from bayesid.errors import BayesidError, ModelError
 from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit
 from bayesid.estimation.likelihood.posterior import CoefficientPosterior
 from bayesid.estimation.trial_fit import TrialFit
-from bayesid.prediction.prediction import Prediction, predict_run
+from bayesid.prediction.intervals import standard_errors
+from bayesid.prediction.prediction import predict_run
 from bayesid.trials import Run
 from bayesid.trials.noise import raised, rough_noise
 
@@ -175,8 +176,7 @@ def with_disturbance(
 ) -> DiagnosedModel:
     """The model of a fit under a disturbance: size per axis over 1/2 rho L^2 U^2, correlation time [s]."""
     model, s = found.model, found.model.scales
-    spread = np.where(np.isfinite(posterior.prior_sd), posterior.prior_sd, np.abs(posterior.estimate))
-    covariance = posterior.covariance + np.diag((posterior.parts.run_spread * spread) ** 2)
+    covariance = posterior.covariance + np.diag(posterior.run_sd**2)
     time = s["L"] / s["U"]
     noise = NoiseModel(tuple(float(f) for f in level * force_unit(model)), tau, 0.0, 20.0 * time)
     low = np.full(len(posterior.names), -np.inf)
@@ -228,21 +228,4 @@ def prediction_errors(
         for horizon, parts in zip(HORIZONS, zip(*split, strict=True), strict=True):
             if any(part.size for part in parts):
                 out.setdefault(name, {})[horizon] = list(parts)
-    return out
-
-
-def standard_errors(p: Prediction, run: Run) -> dict[str, Array]:
-    """Channel -> (m,) readings after the lead-in minus the mean, over the predicted sd, noise included."""
-    late = p.t - p.t[0] > p.lead
-    out = {}
-    for j, name in enumerate(p.channels):
-        if name not in run.data:
-            continue
-        error = run.data[name] - p.mean[:, j]
-        if name in ("psi", "phi", "theta"):
-            error = error - 2 * np.pi * np.round(error / (2 * np.pi))
-        sd = np.hypot(p.draws[:, :, j].std(axis=0, ddof=1), np.nan_to_num(p.noise[j]))
-        seen = late & np.isfinite(error)
-        if seen.any():
-            out[name] = error[seen] / sd[seen]
     return out

@@ -6,7 +6,7 @@ Takes a `Prediction`. Gives CSV text and plain numbers. Does not simulate.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -57,18 +57,8 @@ def beside_readings(p: Prediction, run: Run, seed: int = 0) -> dict[str, dict[st
     noise included; after the lead-in, SI. Neighbouring readings share their error: the share is no binomial.
     """
     low, high = p.band(rng=np.random.default_rng(seed))
-    late = p.t - p.t[0] > p.lead
     out = {}
-    for j, name in enumerate(p.channels):
-        if name not in run.data:
-            continue
-        error = run.data[name] - p.mean[:, j]
-        if name in ("psi", "phi", "theta"):
-            turns = 2 * np.pi * np.round(error / (2 * np.pi))
-            error = error - turns
-        seen = late & np.isfinite(error)
-        if not seen.any():
-            continue
+    for j, name, error, seen in _errors(p, run):
         inside = (error >= low[:, j] - p.mean[:, j]) & (error <= high[:, j] - p.mean[:, j])
         out[name] = {
             "rms": float(np.sqrt(np.mean(error[seen] ** 2))),
@@ -76,6 +66,26 @@ def beside_readings(p: Prediction, run: Run, seed: int = 0) -> dict[str, dict[st
             "inside": float(inside[seen].mean()),
         }
     return out
+
+
+def standard_errors(p: Prediction, run: Run) -> dict[str, Array]:
+    """Channel -> (m,) readings after the lead-in minus the mean, over the predicted sd, noise included."""
+    sd = np.hypot(p.draws.std(axis=0, ddof=1), np.nan_to_num(p.noise))
+    return {name: error[seen] / sd[seen, j] for j, name, error, seen in _errors(p, run)}
+
+
+def _errors(p: Prediction, run: Run) -> Iterator[tuple[int, str, Array, Array]]:
+    """Per channel read: position, name, (n,) reading minus mean by the shortest way round, which count."""
+    late = p.t - p.t[0] > p.lead
+    for j, name in enumerate(p.channels):
+        if name not in run.data:
+            continue
+        error = run.data[name] - p.mean[:, j]
+        if channel(name).circular:
+            error = error - 2 * np.pi * np.round(error / (2 * np.pi))
+        seen = late & np.isfinite(error)
+        if seen.any():
+            yield j, name, error, seen
 
 
 def measure_bands(p: Prediction, measure: Measure, level: float = INTERVAL_LEVEL) -> list[dict[str, Any]]:

@@ -211,6 +211,9 @@ def _certainty(found: TrialFit, calibration: Calibration | None) -> list[Section
             f"Odd and even runs, fitted apart, differ by {half.rms:.2g} standard deviations rms over the "
             f"{int(half.counted.sum())} coefficients the data determine (1 is expected; p = {half.p:.2g})."
         )
+    if posterior.determined:
+        names = ", ".join(f"`{n}`" for n in posterior.determined)
+        text.append(f"Determined by the data, to less than half their prior standard deviation: {names}.")
     text += [*form_words(found.fit), *posterior.doubts()]
     if calibration is not None:
         text.append(calibration_words(calibration))

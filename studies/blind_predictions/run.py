@@ -1,12 +1,9 @@
 """What will real runs do whose outcome nobody here has seen? Esso Osaka in its pond, KVLCC2 in another basin.
 
 Usage: python -m studies.blind_predictions.run --data FOLDER [--out FOLDER] [--expect] [--quick] [--seed N].
-FOLDER
-holds `blind_predictions`, `kvlcc2_hsva` and `esso_osaka`. With --expect half of the known runs is held out
-and
-predicted as the blind ones will be, and the errors to expect are written; without it every known run is
-fitted
-and the blind ones are predicted. Fits that were interrupted go on.
+FOLDER holds `blind_predictions`, `kvlcc2_hsva` and `esso_osaka`. With --expect half of the known runs is held
+out and predicted as the blind ones will be, and the errors to expect are written; without it every known run
+is fitted and the blind ones are predicted. Fits that were interrupted go on.
 """
 
 from __future__ import annotations
@@ -26,7 +23,8 @@ from bayesid.estimation.trial_fit import TrialFit
 from bayesid.files import write_atomic, write_json
 from bayesid.lock import lock_or_exit
 from bayesid.model.vehicles import load_vehicle
-from bayesid.prediction.fitted_model import predictive_model, standard_errors
+from bayesid.prediction.fitted_model import predictive_model
+from bayesid.prediction.intervals import beside_readings, standard_errors
 from bayesid.prediction.prediction import Prediction, predict_run
 from bayesid.progress import Progress
 from bayesid.trials import Run, Trial, load_trial, thin
@@ -188,16 +186,9 @@ def errors_of(model: Any, run: Run, lead: float, draws: int, seed: int) -> dict[
     except BayesidError as error:
         return {"run": run.name, "kind": kind(run.name), "failed": str(error)}
     z = standard_errors(p, run)
-    late = p.t - p.t[0] > p.lead
-    rms = {}
-    for j, c in enumerate(p.channels):
-        if c in run.data:
-            off = run.data[c] - p.mean[:, j]
-            if c == "psi":
-                off = (off + np.pi) % (2 * np.pi) - np.pi
-            rms[c] = float(np.sqrt(np.nanmean(off[late] ** 2)))
     return {
-        "run": run.name, "kind": kind(run.name), "seconds": float(run.duration), "rms": rms,
+        "run": run.name, "kind": kind(run.name), "seconds": float(run.duration),
+        "rms": {c: v["rms"] for c, v in beside_readings(p, run, seed).items()},
         "inside": {c: float(np.mean(np.abs(v) < 1.96)) for c, v in z.items()},
         "rms_z": {c: float(np.sqrt(np.mean(v**2))) for c, v in z.items()},
         "lost": p.lost,

@@ -131,8 +131,8 @@ class Composite:
         return Law(gain @ (w * g + self.prior_score), noise + pull @ pull.T, w * gain @ h, noise)
 
     def left_out_costs(self, weight: float) -> Array:
-        """(n,) cost of every run at the estimate of all others with the readings to this power, over that
-        here.
+        """(n,) cost of every run at the estimate the others give with the readings to this power, over that
+        at theta0.
 
         Half the sum of squared multi-step residuals, to second order: prediction error of left-out runs.
         """

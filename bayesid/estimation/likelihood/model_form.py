@@ -1,17 +1,12 @@
-"""A force the equations lack that depends on the motion: rows of the table the vehicle has not, of unknown
-size.
+"""A force the equations lack that depends on the motion: rows the vehicle has not, of unknown size.
 
-Takes a `FitProblem` and its estimate. Gives the problem with such rows free under a prior of one common
-size, the
-size the runs ask for; none where they ask for none. Does not search.
+Takes a `FitProblem` and its estimate. Gives the problem with such rows free under a prior of one common size,
+the size the runs ask for; none where they ask for none. Does not search.
 
-Port-starboard symmetry of the hull decides which rows may act: X and the pitching axes even, Y, K and N odd
-in
-the motions that change sign in a mirror. A row's coefficient is normal about zero; its standard deviation
-is the
-size, a force over 1/2 rho L^2 U^2, that it makes at a drift of 0.2, a turning rate of 0.3 U/L and a fin
-angle of
-0.25 rad (Kennedy and O'Hagan 2001; Brynjarsdottir and O'Hagan 2014: a discrepancy needs what is known of it).
+Port-starboard symmetry of the hull decides which rows may act: X, Z and M even, Y, K and N odd in the motions
+that change sign in a mirror. A row's coefficient is normal about zero; its standard deviation is the size, a
+force over 1/2 rho L^2 U^2, that it makes at a drift of 0.2, a turning rate of 0.3 U/L and a fin angle of 0.25
+rad (Kennedy and O'Hagan 2001; Brynjarsdottir and O'Hagan 2014: a discrepancy needs what is known of it).
 """
 
 from __future__ import annotations
@@ -22,7 +17,7 @@ import numpy as np
 
 from bayesid.equations.model import Model
 from bayesid.estimation.likelihood.parts import NoiseParts
-from bayesid.estimation.likelihood.posterior import asked_for, composite_of, groups, noise_and_runs
+from bayesid.estimation.likelihood.posterior import asked_for, composite_of, groups, scores_and_noise
 from bayesid.estimation.output_error.problem import FitProblem
 from bayesid.model.params import Parameter, ParameterSet, Prior
 from bayesid.model.terms import Term, term
@@ -91,21 +86,18 @@ def form_size(problem: FitProblem, z: Array, parts: NoiseParts) -> float:
     if extra == 0 or len(set(groups([r.name for r in problem.runs]))) < LEAST_RUNS:
         return 0.0
     start = np.concatenate([z[:k], np.zeros(extra), z[k:]])
-    infos, noise = noise_and_runs(nothing, start)  # in units that are the same for all sizes
+    scores, noise = scores_and_noise(nothing, start)  # in units that are the same for all sizes
     found: list[tuple[float, float, float]] = []
     for size in (0.0, *SIZES):
-        composite = composite_of(with_form(problem, size) if size else nothing, start, infos, noise)
+        composite = composite_of(with_form(problem, size) if size else nothing, start, scores)
         chosen = asked_for(composite, noise.order)
-        found.append(
-            (composite.log_evidence(chosen), float(composite.left_out_costs(parts.weight).sum()), size)
-        )
+        cost = float(composite.left_out_costs(parts.weight).sum())
+        found.append((composite.log_evidence(chosen), cost, size))
     evidence, cost, _ = found[0]
     able = [(c, size) for e, c, size in found if e > evidence + FORM_EVIDENCE]
     return min(able)[1] if able and min(able)[0] < cost else 0.0
 
 
 def form_part(model: Model, values: Mapping[str, float], given: Mapping[str, float]) -> dict[str, float]:
-    """Force of every row of a form over 1/2 rho L^2 U^2 at the typical motion; rows the vehicle has are
-    left out.
-    """
-    return {n: v / typical(model, n) for n, v in values.items() if n in form_rows(model) and n not in given}
+    """Force of every row of a form over 1/2 rho L^2 U^2 at the typical motion, no row of the vehicle."""
+    return {n: values[n] / typical(model, n) for n in form_rows(model) if n in values and n not in given}

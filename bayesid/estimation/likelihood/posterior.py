@@ -19,10 +19,10 @@ from bayesid.estimation.likelihood.checks import (
     prior_conflict,
     prior_sensitivity,
 )
-from bayesid.estimation.likelihood.composite import Composite, run_scores
+from bayesid.estimation.likelihood.composite import Composite, RunScore, root, run_scores
 from bayesid.estimation.likelihood.parts import NoiseParts
-from bayesid.estimation.likelihood.residual_noise import ResidualNoise, residual_noise
-from bayesid.estimation.likelihood.run_information import RunInformation, run_information
+from bayesid.estimation.likelihood.residual_noise import MOST_ORDER, ResidualNoise, residual_noise
+from bayesid.estimation.likelihood.run_information import run_information
 from bayesid.estimation.output_error.problem import FitProblem
 
 Array = np.ndarray
@@ -32,7 +32,6 @@ PART_EVIDENCE = 3.0
 WIDEN_P = 0.1
 EXCESS = tuple(float(x) for x in np.geomspace(1.0, 1024.0, 21))
 RUN_SPREAD = (0.0, 0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0)
-MOST_SPREAD = 1.0
 # Runs from which leaving one out tells the weight, and weights tried.
 LEAST_RUNS, WEIGHTS = 4, 13
 # Distance of an estimate from its prior mean, in the sd chance gives it, from which they disagree.
@@ -54,6 +53,7 @@ class CoefficientPosterior:
     parts : what the noise is made of
     white_sd : (k,) sd under white noise alone [SI]
     halves : odd runs against even ones; None with a single run
+    run_sd : (k,) sd of the coefficients of single runs about those of the vehicle [SI]
     conflict : (k,) z of each posterior mean against its prior; nan without one, and for rows of a model form
     sensitivity : (k,) change of each mean, in its sd, where the prior counts twice
     """
@@ -66,6 +66,7 @@ class CoefficientPosterior:
     parts: NoiseParts
     white_sd: Array
     halves: HalvesCheck | None
+    run_sd: Array
     conflict: Array
     sensitivity: Array
 
@@ -85,8 +86,7 @@ class CoefficientPosterior:
         if not self.final:
             return ()
         narrow = self.sd < DETERMINED * self.prior_sd
-        calm = ~(np.abs(self.conflict) > CONFLICT)
-        return tuple(n for n, a, b in zip(self.names, narrow, calm, strict=True) if a and b)
+        return tuple(n for n, known in zip(self.names, narrow, strict=True) if known)
 
     def record(self) -> dict[str, Any]:
         """For JSON."""
@@ -128,9 +128,7 @@ class CoefficientPosterior:
 
     def draws(self, count: int, rng: np.random.Generator) -> Array:
         """(count, k) draws [SI]."""
-        values, vectors = np.linalg.eigh(self.covariance / np.outer(self.sd, self.sd))
-        root = vectors * np.sqrt(np.maximum(values, 0.0))
-        return self.mean + self.sd * (rng.standard_normal((count, self.sd.size)) @ root.T)
+        return self.mean + rng.standard_normal((count, self.mean.size)) @ root(self.covariance).T
 
 
 def coefficient_posterior(
@@ -149,11 +147,9 @@ def coefficient_posterior(
     ModelError
         if the simulated vehicle diverges there
     """
-    infos, noise = noise_and_runs(problem, z)
-    if parts is not None and parts.order == 0:
-        noise = ResidualNoise(noise.lags[:1], noise.coefficients[:0])
-    composite = composite_of(problem, z, infos, noise)
-    prior_sd = prior_spread(problem)
+    scores, noise = scores_and_noise(problem, z, white=parts is not None and parts.order == 0)
+    composite = composite_of(problem, z, scores)
+    prior_sd = problem.params.prior_sd
     scale = problem.scale[: prior_sd.size]
     stated = [n in problem.model.vehicle.coef or "." in n for n in problem.params.names]
     given = parts is not None
@@ -173,52 +169,38 @@ def coefficient_posterior(
         parts=chosen,
         white_sd=scale * np.sqrt(np.diag(white.covariance)),
         halves=check,
+        run_sd=chosen.run_spread * composite.spread * scale,
         conflict=np.where(stated, prior_conflict(composite, found), np.nan),
         sensitivity=prior_sensitivity(composite, chosen, found),
     )
 
 
-def noise_and_runs(problem: FitProblem, z: Array) -> tuple[tuple[RunInformation, ...], ResidualNoise]:
-    """What every run says at z, and the noise of the residuals there."""
+def scores_and_noise(
+    problem: FitProblem, z: Array, white: bool = False
+) -> tuple[tuple[RunScore, ...], ResidualNoise]:
+    """What every run says at z, and the noise of the residuals there, as white on request."""
     infos = tuple(run_information(problem, z))
-    noise = residual_noise([i.resid for i in infos], [i.valid for i in infos])
+    noise = residual_noise([i.resid for i in infos], [i.valid for i in infos], 0 if white else MOST_ORDER)
     samples = int(np.mean([i.resid.shape[0] for i in infos]))
-    return infos, noise.for_unknowns(samples, problem.n_readings, z.size)
+    noise = noise.for_unknowns(samples, problem.n_readings, z.size)
+    return run_scores(infos, noise, groups([i.name for i in infos])), noise
 
 
-def composite_of(problem: FitProblem, z: Array, infos: Sequence, noise: ResidualNoise) -> Composite:
+def composite_of(problem: FitProblem, z: Array, scores: tuple[RunScore, ...]) -> Composite:
     """Scores of the runs beside the prior of the problem."""
     k = len(problem.params.names)
     scale = problem.scale[:k]
     resid, slopes = problem.params.prior_residuals(z[:k])
     slopes = slopes * scale
-    spread = prior_spread(problem)
+    spread = problem.params.prior_sd
     size = np.where(np.isfinite(spread), spread, np.abs(z[:k]) + scale)
-    return Composite(
-        run_scores(infos, noise, groups([i.name for i in infos])),
-        slopes.T @ slopes,
-        -slopes.T @ resid,
-        size / scale,
-    )
+    return Composite(scores, slopes.T @ slopes, -slopes.T @ resid, size / scale)
 
 
 def groups(names: Sequence[str]) -> list[str]:
     """Run of every piece: pieces "a 1/3" of one run belong together unless there is but one run."""
     runs = [PIECE.sub("", name) for name in names]
     return runs if len(set(runs)) > 1 else list(names)
-
-
-def prior_spread(problem: FitProblem) -> Array:
-    """(k,) prior sd of every free parameter [SI], inf where there is none."""
-    spread = np.array([p.prior.spread if p.prior is not None else np.inf for p in problem.params.free])
-    for i, p in enumerate(problem.params.free):
-        if p.prior is not None and p.prior.kind == "lognormal":
-            spread[i] *= abs(p.prior.centre)
-    joint = problem.params.joint
-    if joint is not None:
-        for name, variance in zip(joint.names, np.diag(joint.covariance), strict=True):
-            spread[problem.params.names.index(name)] = np.sqrt(variance)
-    return spread
 
 
 def asked_for(composite: Composite, order: int) -> NoiseParts:
@@ -245,7 +227,9 @@ def widened(
 ) -> tuple[NoiseParts, HalvesCheck]:
     """Least run-to-run spread, then excess, with which halves of the runs agree; the widest if none does."""
     tried = [replace(parts, run_spread=s) for s in RUN_SPREAD if s > parts.run_spread]
-    tried += [replace(parts, run_spread=MOST_SPREAD, excess=parts.excess * f) for f in (2.0, 4.0, 8.0, 16.0)]
+    tried += [
+        replace(parts, run_spread=RUN_SPREAD[-1], excess=parts.excess * f) for f in (2.0, 4.0, 8.0, 16.0)
+    ]
     last: tuple[NoiseParts, HalvesCheck] | None = None
     for one in (with_weight(composite, p) for p in tried):
         check = halves(composite, one, prior_sd, seed)

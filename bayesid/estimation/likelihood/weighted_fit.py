@@ -188,7 +188,7 @@ def _told(
     message = first.message
     if result is not first:
         message = (
-            f"{result.message}; the readings count for {100 * posterior.parts.weight:.2g} % of white ones"
+            f"{result.message}; the readings weigh {100 * posterior.parts.weight:.2g} % beside the prior"
         )
     told = replace(
         result,

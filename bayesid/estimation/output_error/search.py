@@ -319,10 +319,7 @@ def _result(
     _, jac = problem.compressed(z)
     n_prior = problem.prior(z)[0].size
     data = (jac[: jac.shape[0] - n_prior] if n_prior else jac) * scale
-    prior = np.array([p.prior.spread if p.prior is not None else np.inf for p in problem.params.free])
-    if problem.params.joint is not None:
-        for name, v in zip(problem.params.joint.names, np.diag(problem.params.joint.covariance), strict=True):
-            prior[problem.params.names.index(name)] = np.sqrt(v)
+    prior = problem.params.prior_sd
     prior_all = np.concatenate([prior, *(r.initial_sd for r in problem.runs)])
     half = np.where(np.isfinite(high - low), 0.5 * (high - low), np.inf)
     seen = data[:, :k] if not problem.n_initial else without(data, k)
