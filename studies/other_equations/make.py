@@ -42,7 +42,7 @@ SENSORS = (*NEED_FULL, "heading_bias", "position_lever_arm")
 TRACK_ONLY = 0.25  # share of campaigns that log position and heading only
 SEAS = ("none", "calm", "mid")
 SEA_ODDS = (0.5, 0.25, 0.25)
-AIM = (1.0, 60.0)  # effect over form gap of causes of the motion, drawn on a log scale
+AIM = (2.5, 100.0)  # effect over form gap of causes of the motion, drawn on a log scale
 SENSOR_SIZES = (0.6, 1.6)
 LEAST_SIZE = 0.3
 

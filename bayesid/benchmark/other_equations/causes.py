@@ -2,7 +2,7 @@
 causes without a name there.
 
 Takes: a generator, a size (1 is usual) and the scales of a vehicle. Gives `Planted`: parameters for the
-label, settings for the plant. Does not apply them.
+label, settings for the plant. A lag or dead time comes on top of the vehicle's own. Does not apply them.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ class OtherVehicle:
     zigzags, turns : rudder and switch, rudder [deg]
     run : usual seconds of a run
     noise : channel -> sd
-    causes : listed causes that do not fit it
+    without : listed causes that do not fit it
     """
 
     name: str
