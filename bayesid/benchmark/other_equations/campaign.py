@@ -59,8 +59,9 @@ class Executed:
 
 def scales_of(vehicle: OtherVehicle) -> Scales:
     """Sizes that causes are drawn in."""
-    force = 0.5 * vehicle.rho * vehicle.L**2 * vehicle.U**2
-    return Scales(vehicle.L, vehicle.U, force, vehicle.rudder_rate, vehicle.run)
+    v = vehicle
+    force = 0.5 * v.rho * v.L**2 * v.U**2
+    return Scales(v.L, v.U, force, v.rudder_rate, v.run, v.dt / v.parts)
 
 
 def draw_campaign(
@@ -124,8 +125,7 @@ def executed(campaign: Campaign) -> tuple[Executed, ...]:
     out, c, g = [], campaign, campaign.settings
     for k, plan in enumerate(c.runs):
         x0, orders = start_of(c, plan, g), orders_of(c.vehicle, plan)
-        parts = max(1, int(np.ceil(plan.dt / c.vehicle.step - 1e-9)))
-        sea = _sea(c, k, (plan.t.size - 1) * parts + 1, plan.dt / parts)
+        sea = _sea(c, k, (plan.t.size - 1) * c.vehicle.parts + 1, plan.dt / c.vehicle.parts)
         record = simulate_run(c.vehicle, g, plan.t, orders, x0, sea)
         clean = readings(g, record.fine, record.states, record.parts)
         sd = np.array([c.sigma.get(name, np.nan) for name in CHANNELS])

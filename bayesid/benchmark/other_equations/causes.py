@@ -27,13 +27,14 @@ KIND = np.dtype([(name, "f8") for name in FORCES + INPUTS + SENSORS])
 
 @dataclass(frozen=True)
 class Scales:
-    """Length [m], speed [m/s], 1/2 rho L^2 U^2 [N] and rudder rate [rad/s] of a vehicle; seconds of a run."""
+    """Length [m], speed [m/s], 1/2 rho L^2 U^2 [N], rudder rate [rad/s]; seconds of a run and of a step."""
 
     L: float
     U: float
     force: float
     rate: float
     run: float
+    step: float
 
     @property
     def LU(self) -> float:
@@ -106,13 +107,18 @@ def _swell(rng, size, s):
     return told, fields | {"swell_n": math.cos(way), "swell_e": math.sin(way)}, {}
 
 
+def _dead_time(rng, size, s):
+    delay = round(0.5 * size * s.LU / s.step) * s.step  # the plant delays by whole steps
+    return {"delay": delay}, {"dead": delay}, {}
+
+
 LISTED: Mapping[str, Draw] = {
     "ocean_current": _two(("V_north", "V_east"), ("current_n", "current_e"), 0.12, "U"),
     "wind": _wind,
     "rudder_offset": _one("offset", "offset", 2.0 * DEG),
     "actuator_lag": _one("tau", "lag", 0.5, "L/U", False),
     "actuator_rate_limit": _rate_limit,
-    "actuator_dead_time": _one("delay", "dead", 0.5, "L/U", False),
+    "actuator_dead_time": _dead_time,
     "thrust_loss": _one("loss", "thrust_loss", 0.2, sided=False),
     "hull_fouling": _one("drag_increase", "fouling", 0.3, sided=False),
     "propeller_side_force": _one("side_force", "side_force", 0.1),

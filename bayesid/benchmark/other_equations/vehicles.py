@@ -58,6 +58,11 @@ class OtherVehicle:
     without: tuple[str, ...] = ()
 
     @property
+    def parts(self) -> int:
+        """Steps between two samples."""
+        return max(1, math.ceil(self.dt / self.step - 1e-9))
+
+    @property
     def LU(self) -> float:
         return self.L / self.U
 
