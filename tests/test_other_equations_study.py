@@ -53,6 +53,10 @@ def test_one_of_two_effects_is_found_only_where_the_other_is_in_the_small_set():
     pair = label(CURRENT, OFFSET)
     assert right(pair, verdict("several", CURRENT, OFFSET))
     assert not right(pair, verdict("effect", CURRENT, stated=["ocean_current"]))
+    assert (
+        scored(pair, verdict("ambiguous", stated=["rudder_offset", "wind"])).how
+        == "one of two causes in the set"
+    )
     assert right(pair, verdict("effect_with_remainder", CURRENT, stated=["ocean_current", "rudder_offset"]))
 
 

@@ -105,6 +105,8 @@ def _outcome(
     if truth <= stated_set:
         beside = f" beside the word {word}" if word in DENYING else ""
         return f"in a set of {len(stated_set)}{beside}", False
+    if truth & stated_set:
+        return "one of two causes in the set", False
     return ("silent" if word in NO_CAUSE else "not in the set"), False
 
 
