@@ -1,0 +1,1 @@
+"""Diagnoses of vehicles whose equations are not bayesid's, and how right they are."""
