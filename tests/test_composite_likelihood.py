@@ -200,6 +200,17 @@ def test_doubts_speak_of_a_spread_between_runs_only_where_it_is_allowed_for():
         assert "runs disagree" in said and ("differ from run to run" in said) == told
 
 
+def test_doubts_name_coefficients_that_are_less_sure_than_their_prior():
+    s, _, trial = campaign_of(Condition(), 1)
+    problem = problem_of(s, trial)
+    found = coefficient_posterior(problem, problem.start, NoiseParts())
+    assert not any("Less sure" in line for line in found.doubts())
+    wider = found.prior_sd.copy()
+    wider[3] = found.sd[3] / 1.5
+    (told,) = [line for line in replace(found, prior_sd=wider).doubts() if "Less sure" in line]
+    assert f": {found.names[3]}." in told
+
+
 def test_a_fit_with_white_noise_does_not_claim_to_allow_for_more():
     s, _, trial = campaign_of(Condition(), 1)
     problem = problem_of(s, trial)

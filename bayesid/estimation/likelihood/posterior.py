@@ -36,6 +36,8 @@ RUN_SPREAD = (0.0, 0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0)
 LEAST_RUNS, WEIGHTS = 4, 13
 # Distance of an estimate from its prior mean, in the sd chance gives it, from which they disagree.
 CONFLICT = 3.0
+# Posterior sd over prior sd from which an estimate is called less sure than its prior.
+UNSURE = 1.1
 PIECE = re.compile(r" \d+/\d+$")
 
 
@@ -123,6 +125,13 @@ class CoefficientPosterior:
                 f"Not final: prior and data disagree on {', '.join(far)} (distance in sd). The prior "
                 "is too narrow, or these coefficients stand in for a force the model lacks, and then no "
                 "interval here holds."
+            )
+        over = self.sd > UNSURE * self.prior_sd
+        if over.any():
+            names = ", ".join(n for n, wide in zip(self.names, over, strict=True) if wide)
+            said.append(
+                f"Less sure than the prior: {names}. Readings count for more here than they know, since so "
+                "left-out runs are predicted best; `bayesid sample` keeps the prior there."
             )
         return said
 
