@@ -24,6 +24,7 @@ from bayesid.estimation.likelihood.parts import NoiseParts
 from bayesid.estimation.likelihood.residual_noise import MOST_ORDER, ResidualNoise, residual_noise
 from bayesid.estimation.likelihood.run_information import run_information
 from bayesid.estimation.output_error.problem import FitProblem
+from bayesid.estimation.truncated_normal import within_bounds
 
 Array = np.ndarray
 # Log evidence a part must earn before it is used.
@@ -58,6 +59,7 @@ class CoefficientPosterior:
     run_sd : (k,) sd of the coefficients of single runs about those of the vehicle [SI]
     conflict : (k,) z of each posterior mean against its prior; nan without one, and for rows of a model form
     sensitivity : (k,) change of each mean, in its sd, where the prior counts twice
+    low, high : (k,) bounds [SI]
     """
 
     names: tuple[str, ...]
@@ -71,6 +73,8 @@ class CoefficientPosterior:
     run_sd: Array
     conflict: Array
     sensitivity: Array
+    low: Array
+    high: Array
 
     @property
     def sd(self) -> Array:
@@ -136,8 +140,9 @@ class CoefficientPosterior:
         return said
 
     def draws(self, count: int, rng: np.random.Generator) -> Array:
-        """(count, k) draws [SI]."""
-        return self.mean + rng.standard_normal((count, self.mean.size)) @ root(self.covariance).T
+        """(count, k) draws within the bounds [SI]."""
+        drawn = self.mean + rng.standard_normal((count, self.mean.size)) @ root(self.covariance).T
+        return within_bounds(drawn, self.mean, self.covariance, self.low, self.high, rng)
 
 
 def coefficient_posterior(
@@ -181,6 +186,8 @@ def coefficient_posterior(
         run_sd=chosen.run_spread * composite.spread * scale,
         conflict=np.where(stated, prior_conflict(composite, found), np.nan),
         sensitivity=prior_sensitivity(composite, chosen, found),
+        low=problem.params.vector("low"),
+        high=problem.params.vector("high"),
     )
 
 
