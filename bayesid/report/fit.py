@@ -171,6 +171,12 @@ def form_rows_of(fit: Fit) -> Mapping[str, float]:
 def form_words(fit: Fit) -> list[str]:
     """A sentence where the runs ask for a force the equations lack."""
     rows = form_rows_of(fit)
+    if failed := fit.uncertainty.get("form_failed"):
+        return [
+            "These runs ask for a force the equations of this vehicle lack, of "
+            f"{failed['size']:.0e} of 1/2 rho L^2 U^2; the fit with it failed ({literal(failed['reason'])}), "
+            "so these coefficients may stand in for it."
+        ]
     if not rows:
         return []
     first = sorted(rows, key=lambda n: -abs(rows[n]))[:3]
