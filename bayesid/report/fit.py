@@ -127,10 +127,10 @@ def _coefficients(found: TrialFit) -> Section:
     change = np.where(fit.start[:k] == 0, 1 + fit.z[:k] / start, fit.z[:k] / start)
     labels = [_LABELS.get(n, n) for n in fit.names[:k]]
     drawn = figures.estimates(labels, change, fit.sd[:k] / abs(start), fit.prior_sd[:k] / abs(start))
-    text = (
-        f"{coefficient_cells.FORM} The standard deviation includes the prior and what the residuals show of "
-        "memory and of differences between runs (next section)."
-    )
+    rests = "what the residuals show of memory and of differences between runs (next section)."
+    if found.posterior is None or found.posterior.parts.white:
+        rests = "takes the residuals as white noise."
+    text = f"{coefficient_cells.FORM} The standard deviation includes the prior and {rests}"
     caption = (
         "Estimates over their start values; a parameter that starts at zero is shown as 1 + value / scale. "
         "Triangles: outside the figure."
