@@ -20,8 +20,9 @@ from bayesid.estimation.likelihood.checks import (
     prior_sensitivity,
 )
 from bayesid.estimation.likelihood.composite import Composite, RunScore, root, run_scores
+from bayesid.estimation.likelihood.mixed_rates import MixedRateNoise, mixed_rate_noise
 from bayesid.estimation.likelihood.parts import NoiseParts
-from bayesid.estimation.likelihood.residual_noise import MOST_ORDER, ResidualNoise, residual_noise
+from bayesid.estimation.likelihood.residual_noise import MOST_ORDER
 from bayesid.estimation.likelihood.run_information import run_information
 from bayesid.estimation.output_error.problem import FitProblem
 from bayesid.estimation.truncated_normal import within_bounds
@@ -193,12 +194,11 @@ def coefficient_posterior(
 
 def scores_and_noise(
     problem: FitProblem, z: Array, white: bool = False
-) -> tuple[tuple[RunScore, ...], ResidualNoise]:
+) -> tuple[tuple[RunScore, ...], MixedRateNoise]:
     """What every run says at z, and the noise of the residuals there, as white on request."""
     infos = tuple(run_information(problem, z))
-    noise = residual_noise([i.resid for i in infos], [i.valid for i in infos], 0 if white else MOST_ORDER)
-    samples = int(np.mean([i.resid.shape[0] for i in infos]))
-    noise = noise.for_unknowns(samples, problem.n_readings, z.size)
+    noise = mixed_rate_noise([i.resid for i in infos], [i.valid for i in infos], 0 if white else MOST_ORDER)
+    noise = noise.for_unknowns(z.size)
     return run_scores(infos, noise, groups([i.name for i in infos])), noise
 
 
@@ -282,7 +282,8 @@ def information_share(composite: Composite, parts: NoiseParts) -> float:
     """Information of the data over that of white noise, mean of the logarithm over directions data decide."""
     white = sum((r.information for r in composite.runs), np.zeros_like(composite.prior_precision))
     data = composite.data(parts)[0]
-    size = np.sqrt(np.maximum(np.diag(white + composite.prior_precision), 1e-300))
+    size = np.sqrt(np.maximum(np.diag(white + composite.prior_precision), 0.0))
+    size = np.where(size > 0, size, 1.0)
     values, vectors = np.linalg.eigh(white / np.outer(size, size))
     keep = values > 1e-6 * values.max()
     root = vectors[:, keep] / np.sqrt(values[keep])
