@@ -29,6 +29,7 @@ from bayesid.report.fit import (
     form_words,
     holdout_words,
     noise_level,
+    predictive_words,
     write_fit_report,
 )
 from bayesid.report.prediction_error import PREDICTION_COLUMNS, prediction_numbers, prediction_rows
@@ -221,6 +222,7 @@ class FitResult(Result):
             lines += found.posterior.doubts()
         lines += holdout_words(found.runs)
         lines += form_words(found.fit)
+        lines += predictive_words(found.fit)
         if found.posterior is not None:
             lines.append(f"errors of the fit: {found.posterior.parts.describe()}")
         if found.posterior is None or found.posterior.parts.white:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from bayesid.estimation.likelihood.posterior import CONFLICT
+from bayesid.estimation.likelihood.predictive_check import MISSED, missed
 from bayesid.estimation.output_error import Fit
 from bayesid.estimation.trial_fit import RunOutcome, TrialFit
 from bayesid.model.terms import TERMS, term
@@ -188,6 +189,32 @@ def form_words(fit: Fit) -> list[str]:
     ]
 
 
+def predictive_words(fit: Fit) -> list[str]:
+    """A sentence where a channel's errors in one kind of motion are larger than those assumed."""
+    low = missed(fit.uncertainty.get("predictive_p", {}))
+    if not low:
+        return []
+    told = "; ".join(
+        f"{literal(kind)}: " + ", ".join(f"{c} (p = {p:.1g})" for c, p in each.items())
+        for kind, each in low.items()
+    )
+    return [
+        "The errors of these channels are larger than the noise of this fit makes them, by posterior "
+        f"predictive p below {MISSED:g}: {told}. The model misses this motion, or the noise is larger there."
+    ]
+
+
+def _predictive_table(fit: Fit) -> list[Block]:
+    found = fit.uncertainty.get("predictive_p", {})
+    names = list(dict.fromkeys(c for each in found.values() for c in each))
+    rows = [[literal(kind), *(each.get(c) for c in names)] for kind, each in found.items()]
+    text = (
+        "Posterior predictive p: probability that the noise of this fit makes errors at least as large as "
+        "those of the readings, per kind of motion and channel."
+    )
+    return [Text(text), Table(["motion", *names], rows, digits=2)] if rows else []
+
+
 def calibration_words(calibration: Calibration) -> str:
     """How well the fitted runs are predicted, in a sentence."""
     inside = ", ".join(f"{c} {100 * share:.0f} %" for c, share in calibration.inside.items())
@@ -220,10 +247,11 @@ def _certainty(found: TrialFit, calibration: Calibration | None) -> list[Section
     if posterior.determined:
         names = ", ".join(f"`{n}`" for n in posterior.determined)
         text.append(f"Determined by the data, to less than half their prior standard deviation: {names}.")
-    text += [*form_words(found.fit), *posterior.doubts()]
+    text += [*form_words(found.fit), *posterior.doubts(), *predictive_words(found.fit)]
     if calibration is not None:
         text.append(calibration_words(calibration))
-    return [Section("What the standard deviations rest on", [Text(" ".join(text))])]
+    blocks = [Text(" ".join(text)), *_predictive_table(found.fit)]
+    return [Section("What the standard deviations rest on", blocks)]
 
 
 def _open_directions(fit: Fit) -> Section:

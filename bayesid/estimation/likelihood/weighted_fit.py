@@ -7,7 +7,7 @@ Takes a `FitProblem`. Gives the fit and its `CoefficientPosterior`. White residu
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from bayesid.errors import FitError, ModelError
 from bayesid.estimation.likelihood.model_form import form_part, form_size, with_form
 from bayesid.estimation.likelihood.parts import NoiseParts
 from bayesid.estimation.likelihood.posterior import CoefficientPosterior, coefficient_posterior
+from bayesid.estimation.likelihood.predictive_check import predictive_p
 from bayesid.estimation.output_error.fit_result import Fit
 from bayesid.estimation.output_error.problem import FitProblem
 from bayesid.estimation.output_error.search import FitOptions, fit
@@ -34,6 +35,7 @@ def weighted_fit(
     resume: bool = True,
     watch: Callable[[int, float, float], None] | None = None,
     parts: NoiseParts | None = None,
+    kinds: Mapping[str, str] | None = None,
 ) -> tuple[FitProblem, Fit, CoefficientPosterior | None]:
     """Fit whose readings count for what their residuals say they are worth.
 
@@ -47,6 +49,7 @@ def weighted_fit(
     folder : as in `fit`, but fit.json is there only once all is done; further fits write their iterates into
         the sub-folders "balanced", weighted_<round> and "form"
     parts : noise to assume, None for what the data ask for; white noise is taken at its stated size
+    kinds : run -> kind of its motion, for posterior predictive p
 
     Returns
     -------
@@ -60,6 +63,9 @@ def weighted_fit(
     if parts is None and posterior is not None and result.converged:
         plain = noisy, result, posterior
         noisy, result, posterior = _with_form_if_asked(problem, options, folder, resume, watch, *plain)
+    if posterior is not None:
+        checked = predictive_p(noisy, result.z, posterior, kinds, options.seed)
+        result = replace(result, uncertainty={**result.uncertainty, "predictive_p": checked})
     if folder is not None:
         result.save(Path(folder) / "fit.json")
     return noisy, result, posterior
