@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     import pandas
 
 QUICK_SAMPLES, QUICK_STEPS = 200, 600
+# Share of the readings' information above which residuals count as white.
+FULL_WEIGHT = 0.9
 
 
 def sample(
@@ -66,8 +68,8 @@ def sample(
         none
     noise, initial : how noise of channels and initial states of runs are treated
     memory : residuals that persist, and runs that differ: the likelihood is adjusted to the covariance that
-        `bayesid.fit` finds, with noise fixed ("composite"; "inflate" where residuals are white); or they
-        count for fewer readings, are an autoregression, or are taken as white
+        `bayesid.fit` finds, with noise fixed ("composite"; "inflate" where readings know 90 % and more); or
+        they count for fewer readings, are an autoregression, or are taken as white
     student : degrees of freedom of Student-t noise, for outliers; not with marginal states
     ensembles, walkers : independent ensembles, and walkers of each (default from the unknowns)
     resume : go on with the chain in `out`; it then is the very chain an unbroken run would have given
@@ -106,7 +108,7 @@ def sample(
         shown.note(f"the fit had not converged ({found.fit.message}); sampling starts off the mode")
     problem, told = found.problem, chosen.noise
     honest = None
-    if composite and found.posterior is not None and not found.posterior.parts.white:
+    if composite and found.posterior is not None and found.posterior.parts.share < FULL_WEIGHT:
         # the power of the likelihood as noise so much larger, which the residuals must not undo
         problem = weighed(problem, found.posterior.parts.weight)
         choice, told = replace(choice, noise="fixed", memory="ignore"), {}
