@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -103,3 +104,7 @@ def test_equations_that_miss_the_motion_are_flagged_under_the_stated_noise():
     z = fit(problem, STATED).z
     found = missed(predictive_p(problem, z, coefficient_posterior(problem, z, NoiseParts())))
     assert {"v", "r"} <= set(found["all runs"])
+    many = dict.fromkeys(s.noise, 0.0005)
+    result = SimpleNamespace(uncertainty={"predictive_p": {"zigzag": many, "turn": {"u": 0.5}}})
+    (said,) = predictive_words(result)
+    assert f"zigzag: {len(many)} channels" in said and "turn" not in said

@@ -23,6 +23,7 @@ from bayesid.report import fit_figures as figures
 from bayesid.report.writer import Block, Figure, Report, Section, Table, Text, literal
 
 HOLDOUT_GROWTH = 1.1  # of the rms heading error, from which a held-out run counts as predicted worse
+MOST_CHANNELS = 3  # named one by one where they miss a kind of motion
 MOST_RUNS = 12  # figures; the residual table has all runs
 _LABELS = {t.name: t.label for t in TERMS}
 _SHARES = {
@@ -194,14 +195,17 @@ def predictive_words(fit: Fit) -> list[str]:
     low = missed(fit.uncertainty.get("predictive_p", {}))
     if not low:
         return []
-    told = "; ".join(
-        f"{literal(kind)}: " + ", ".join(f"{c} (p = {p:.1g})" for c, p in each.items())
-        for kind, each in low.items()
-    )
+    told = "; ".join(f"{literal(kind)}: {_channels(each)}" for kind, each in low.items())
     return [
         "The errors of these channels are larger than the noise of this fit makes them, by posterior "
         f"predictive p below {MISSED:g}: {told}. The model misses this motion, or the noise is larger there."
     ]
+
+
+def _channels(each: Mapping[str, float]) -> str:
+    if len(each) > MOST_CHANNELS:
+        return f"{len(each)} channels (p up to {max(each.values()):.1g})"
+    return ", ".join(f"{c} (p = {p:.1g})" for c, p in each.items())
 
 
 def _predictive_table(fit: Fit) -> list[Block]:
