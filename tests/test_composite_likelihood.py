@@ -9,12 +9,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_lyapunov
-from scipy.stats import binom, kstest
+from scipy.stats import binom, kstest, multivariate_normal
 
 from bayesid.api.fit import FitResult
 from bayesid.estimation.likelihood import NoiseParts, coefficient_posterior
 from bayesid.estimation.likelihood.checks import HALVES_P, halves, prior_conflict, prior_sensitivity
 from bayesid.estimation.likelihood.composite import Composite, RunScore
+from bayesid.estimation.likelihood.mixed_rates import mixed_rate_noise
 from bayesid.estimation.likelihood.posterior import asked_for, with_weight
 from bayesid.estimation.likelihood.residual_noise import ResidualNoise, autocovariance, residual_noise
 from bayesid.estimation.likelihood.weighted_fit import weighted_fit
@@ -26,6 +27,7 @@ from bayesid.model.vehicles import coef_si, load_vehicle
 from bayesid.prediction.fitted_model import CHANCE_SPREAD, predictive_model, size_spread
 from bayesid.prediction.intervals import standard_errors
 from bayesid.prediction.prediction import predict_run
+from bayesid.report.fit import fit_report
 from studies.coverage.campaigns import Condition, campaign, drawn_truth, problem_of, setting, with_rows
 from studies.coverage.run import CONDITIONS, RANKS, replicate
 
@@ -190,6 +192,120 @@ def test_a_channel_a_run_has_not_counts_as_one_without_readings(dropped):
     assert np.abs((one.mean - other.mean) / other.sd).max() < 1e-5
 
 
+# ---- channels read at different rates ----
+
+EVERY = 12  # samples between readings of the slow channels
+
+
+def sparse_runs(seed, memory=0.8, runs=4, n=1200):
+    """Residuals of a fast white channel and two slow ones that remember from reading to reading."""
+    resids, valid = [], []
+    for i in range(runs):
+        rng = np.random.default_rng([21, seed, i])
+        resid, ok = np.zeros((n, 3)), np.zeros((n, 3), dtype=bool)
+        resid[:, 0], ok[:, 0] = rng.standard_normal(n), True
+        slow = remembering(rng, n // EVERY, 2, memory)
+        resid[i::EVERY, 1:], ok[i::EVERY, 1:] = slow[: len(resid[i::EVERY])], True
+        resids.append(resid)
+        valid.append(ok)
+    return resids, valid
+
+
+def test_the_memory_of_a_slow_channel_is_found_at_its_own_rate():
+    resids, valid = sparse_runs(0)
+    assert residual_noise(resids, valid).order == 0  # empty cells hide it from one autoregression of all
+    found = mixed_rate_noise(resids, valid)
+    assert [(g.channels, g.every) for g in found.groups] == [((0,), True), ((1, 2), False)]
+    assert found.groups[0].noise.order == 0 and found.groups[1].noise.order == 1
+    assert np.diag(found.groups[1].noise.coefficients[0]) == pytest.approx([0.8, 0.8], abs=0.1)
+
+
+def test_the_score_of_a_slow_channel_has_the_covariance_of_its_noise():
+    memory, n = 0.8, 1200
+    _, valid = sparse_runs(1, memory)
+    columns = np.random.default_rng(5).standard_normal((n, 3, 2)) + 1.0
+    columns[~valid[0]] = 0.0
+    draws = np.array([np.einsum("nak,na->k", columns, sparse_runs(s, memory, 1)[0][0]) for s in range(3000)])
+    exact = np.cov(draws.T)
+    found = mixed_rate_noise(*sparse_runs(2, memory, 40)).of_score(columns, valid[0])
+    assert found == pytest.approx(exact, rel=0.15)
+    as_white = np.einsum("nak,nal->kl", columns, columns)
+    assert np.all(np.diag(exact) > 1.3 * np.diag(as_white))
+
+
+def test_one_rate_for_all_channels_is_one_autoregression():
+    rng = np.random.default_rng(6)
+    runs = [remembering(rng) for _ in range(3)]
+    valid = [rng.uniform(size=r.shape) > 0.1 for r in runs]
+    runs = [np.where(ok, r, 0.0) for r, ok in zip(runs, valid, strict=True)]
+    (group,) = mixed_rate_noise(runs, valid).groups
+    assert np.array_equal(group.noise.lags, residual_noise(runs, valid).lags)
+
+
+def test_a_speed_read_at_every_fifth_sample_widens_the_interval_by_its_memory():
+    s, truth, _ = campaign_of(Condition(), 1)
+    clean = campaign(s, Condition(), truth, np.random.default_rng(18))
+    rng, runs = np.random.default_rng(17), []
+    for run in clean.runs:
+        at = np.arange(0, run.t.size, 5)
+        speed = np.full(run.t.size, np.nan)
+        speed[at] = run.data["u"][at] + 3 * s.noise["u"] * remembering(rng, at.size, 1, 0.8)[:, 0]
+        runs.append(replace(run, data={c: run.data[c] for c in ("psi", "v", "r")} | {"u": speed}))
+    stated = {c: s.noise[c] for c in ("psi", "v", "r")} | {"u": 3.2 * s.noise["u"]}
+    problem = problem_of(s, replace(clean, runs=tuple(runs), noise=stated))
+    found = coefficient_posterior(problem, fit(problem, STATED).z)
+    assert found.parts.order > 0
+    assert np.max(found.sd / found.white_sd) > 1.1
+
+
+# ---- directions without data or prior ----
+
+
+def test_evidence_is_finite_and_the_same_where_a_parameter_is_left_open():
+    composite, _ = linear_runs(np.random.default_rng(14), count=8, run_spread=0.5)
+    k = composite.prior_score.size
+
+    def padded(matrix):
+        return np.block([[matrix, np.zeros((k, 1))], [np.zeros((1, k + 1))]])
+
+    def opened(flat):
+        keep = np.ones(k) if not flat else np.zeros(k)
+        return Composite(
+            tuple(
+                RunScore(r.name, padded(r.information), padded(r.covariance), np.append(r.score, 0.0))
+                for r in composite.runs
+            ),
+            padded(composite.prior_precision * np.outer(keep, keep)),
+            np.append(composite.prior_score * keep, 0.0),
+            np.append(composite.spread, 1.0),
+        )
+
+    bare = replace(composite, prior_precision=np.zeros((k, k)), prior_score=np.zeros(k))
+    grid = [NoiseParts(), NoiseParts(run_spread=0.5), NoiseParts(excess=4.0)]
+    for reduced, whole in ((composite, opened(False)), (bare, opened(True))):
+        for parts in grid:
+            assert whole.log_evidence(parts) == pytest.approx(reduced.log_evidence(parts), abs=1e-8)
+        one, other = asked_for(whole, 0), asked_for(reduced, 0)
+        assert (one.excess, one.run_spread) == (other.excess, other.run_spread)
+        assert one.weight == pytest.approx(other.weight, rel=1e-6)
+
+
+def test_evidence_is_that_of_the_dense_gaussian():
+    composite, _ = linear_runs(np.random.default_rng(16), count=3, k=2)
+    h = np.vstack([r.information for r in composite.runs])
+    g = np.concatenate([r.score for r in composite.runs])
+
+    def dense(parts):
+        noise = np.zeros((g.size, g.size))
+        for i, r in enumerate(composite.runs):
+            noise[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = composite.score_covariance(r, parts)
+        return multivariate_normal.logpdf(g, cov=noise + h @ h.T)
+
+    one, other = NoiseParts(), NoiseParts(excess=2.0, run_spread=0.3)
+    found = composite.log_evidence(other) - composite.log_evidence(one)
+    assert found == pytest.approx(dense(other) - dense(one), rel=1e-6)
+
+
 def test_doubts_speak_of_a_spread_between_runs_only_where_it_is_allowed_for():
     s, _, trial = campaign_of(Condition(), 1)
     problem = problem_of(s, trial)
@@ -198,6 +314,17 @@ def test_doubts_speak_of_a_spread_between_runs_only_where_it_is_allowed_for():
     for spread, told in ((0.0, False), (0.5, True)):
         said = replace(found, halves=apart, parts=NoiseParts(run_spread=spread)).doubts()[0]
         assert "runs disagree" in said and ("differ from run to run" in said) == told
+
+
+def test_doubts_name_coefficients_that_are_less_sure_than_their_prior():
+    s, _, trial = campaign_of(Condition(), 1)
+    problem = problem_of(s, trial)
+    found = coefficient_posterior(problem, problem.start, NoiseParts())
+    assert not any("Less sure" in line for line in found.doubts())
+    wider = found.prior_sd.copy()
+    wider[3] = found.sd[3] / 1.5
+    (told,) = [line for line in replace(found, prior_sd=wider).doubts() if "Less sure" in line]
+    assert f": {found.names[3]}." in told
 
 
 def test_a_fit_with_white_noise_does_not_claim_to_allow_for_more():
@@ -209,6 +336,17 @@ def test_a_fit_with_white_noise_does_not_claim_to_allow_for_more():
         posterior = replace(found, parts=parts)
         result = FitResult(SimpleNamespace(trial=trial, runs=(), fit=missed, posterior=posterior))
         assert any(words in line for line in result._doubts())
+
+
+@pytest.mark.parametrize("parts", [NoiseParts(), None])
+def test_the_report_of_a_fit_speaks_of_memory_only_where_intervals_allow_for_it(parts):
+    s, _, trial = campaign_of(Condition(memory=10.0), 4)
+    few = ParameterSet(tuple(p for p in s.params.entries if p.name in ("N_v", "N_r", "N_dr", "Y_v", "Y_r")))
+    found = fit_trial(trial, s.model.vehicle, params=few, threads=1, parts=parts, options=STATED)
+    assert found.posterior.parts.white == (parts is not None)
+    coefficients = fit_report(found).sections[0]
+    text = coefficients.blocks[0].body
+    assert ("memory" in text) == (parts is None) and ("white noise" in text) == (parts is not None)
 
 
 def test_size_spread_compares_errors_of_the_same_run_where_runs_have_different_channels():

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from bayesid.api.inputs import Names, TrialLike, VehicleLike, names_of, prepared, trial_of, vehicle_of
 from bayesid.api.result import Result, table
-from bayesid.diagnosis.diagnosed_model import remove_fitted, write_diagnosed
+from bayesid.diagnosis.diagnosed_model import remove_fitted
 from bayesid.errors import BayesidError, FitError
 from bayesid.estimation.likelihood import NoiseParts
 from bayesid.estimation.likelihood.posterior import CONFLICT
@@ -18,6 +18,7 @@ from bayesid.estimation.output_error import FitOptions
 from bayesid.estimation.segments import fit_in_pieces
 from bayesid.estimation.trial_fit import TrialFit
 from bayesid.model.vehicles import Vehicle
+from bayesid.prediction.bounded_model import write_model
 from bayesid.prediction.fitted_model import Calibration, predictive_model
 from bayesid.progress import Progress
 from bayesid.report import coefficient_cells
@@ -28,6 +29,7 @@ from bayesid.report.fit import (
     form_words,
     holdout_words,
     noise_level,
+    predictive_words,
     write_fit_report,
 )
 from bayesid.report.prediction_error import PREDICTION_COLUMNS, prediction_numbers, prediction_rows
@@ -118,7 +120,7 @@ def fit(
     except BayesidError as error:
         shown.note(f"no model for predictions: {error}")
         return FitResult(found)
-    write_diagnosed(model, out)
+    write_model(model, out)
     return FitResult(found, calibration)
 
 
@@ -220,6 +222,7 @@ class FitResult(Result):
             lines += found.posterior.doubts()
         lines += holdout_words(found.runs)
         lines += form_words(found.fit)
+        lines += predictive_words(found.fit)
         if found.posterior is not None:
             lines.append(f"errors of the fit: {found.posterior.parts.describe()}")
         if found.posterior is None or found.posterior.parts.white:

@@ -67,9 +67,9 @@ def sample(
     prior : relative prior sd of every coefficient; by default the vehicle file's, and 0.1 where it states
         none
     noise, initial : how noise of channels and initial states of runs are treated
-    memory : residuals that persist, and runs that differ: a power of the likelihood, the share of information
-        that `bayesid.fit` finds, with noise fixed ("composite"; "inflate" where residuals are white); or they
-        count for fewer readings, are an autoregression, or are taken as white
+    memory : residuals that persist, and runs that differ: the likelihood is adjusted to the covariance that
+        `bayesid.fit` finds, with noise fixed ("composite"; "inflate" where readings know 90 % and more); or
+        they count for fewer readings, are an autoregression, or are taken as white
     student : degrees of freedom of Student-t noise, for outliers; not with marginal states
     ensembles, walkers : independent ensembles, and walkers of each (default from the unknowns)
     resume : go on with the chain in `out`; it then is the very chain an unbroken run would have given
@@ -107,17 +107,17 @@ def sample(
     if not found.fit.converged:
         shown.note(f"the fit had not converged ({found.fit.message}); sampling starts off the mode")
     problem, told = found.problem, chosen.noise
-    # a sampled power of the likelihood is the interval too: the share of information, not the fit's weight
-    share = 1.0 if found.posterior is None else found.posterior.parts.share
-    if composite and share < FULL_WEIGHT:
+    honest = None
+    if composite and found.posterior is not None and found.posterior.parts.share < FULL_WEIGHT:
         # the power of the likelihood as noise so much larger, which the residuals must not undo
-        problem = weighed(problem, share)
+        problem = weighed(problem, found.posterior.parts.weight)
         choice, told = replace(choice, noise="fixed", memory="ignore"), {}
-    density = trial_density(problem, found.fit.z, choice, told)
+        honest = found.posterior.mean, found.posterior.covariance
+    density = trial_density(problem, found.fit.z, choice, told, honest)
     stated = dict(zip(density.channels, map(float, density.noise_prior.scale), strict=True))
     if least := raised(stated, model.scales["L"], model.scales["U"]):
         shown.note(f"{raised_words(least)}; chains are slow where a channel has none")
-        density = trial_density(problem, found.fit.z, choice, {**told, **least})
+        density = trial_density(problem, found.fit.z, choice, {**told, **least}, honest)
     with shown.stage("sample") as stage:
         posterior = draw(
             density, density.laplace, options, Path(out), resume=resume,

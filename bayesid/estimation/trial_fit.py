@@ -17,6 +17,7 @@ import numpy as np
 from bayesid.equations.model import Model, build_model
 from bayesid.errors import FitError, ModelError
 from bayesid.estimation.likelihood import CoefficientPosterior, NoiseParts
+from bayesid.estimation.likelihood.predictive_check import kind_of
 from bayesid.estimation.likelihood.weighted_fit import weighted_fit
 from bayesid.estimation.output_error.fit_result import Fit
 from bayesid.estimation.output_error.problem import FitProblem
@@ -129,7 +130,8 @@ def fit_trial(
     if options.profile is None:
         stated = all(c in trial.noise for run in problem.runs for c in run.channels)
         options = replace(options, profile=not stated)
-    problem, result, posterior = weighted_fit(problem, options, out, resume, watch, parts)
+    kinds = {run.name: kind_of(run.manoeuvre) for run in trial.identify}
+    problem, result, posterior = weighted_fit(problem, options, out, resume, watch, parts, kinds)
     found = _identified(model, trial, result)
     if out is not None:
         write_vehicle(found, Path(out) / "vehicle.toml")

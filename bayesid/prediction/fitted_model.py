@@ -21,6 +21,7 @@ from bayesid.errors import BayesidError, ModelError
 from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit
 from bayesid.estimation.likelihood.posterior import CoefficientPosterior
 from bayesid.estimation.trial_fit import TrialFit
+from bayesid.prediction.bounded_model import BoundedModel
 from bayesid.prediction.intervals import standard_errors
 from bayesid.prediction.prediction import predict_run
 from bayesid.trials import Run
@@ -186,7 +187,12 @@ def with_disturbance(
         WeightedHypothesis((), w, posterior.names, posterior.mean, covariance, low, noise.scaled(float(f)))
         for f, w in (sizes if run_spread > 0 else [(1.0, 1.0)])
     )
-    return DiagnosedModel(model, hypotheses, sensor_noise(found), "fit", found.trial.digest)
+    bounds = {
+        n: (float(a), float(b))
+        for n, a, b in zip(posterior.names, posterior.low, posterior.high, strict=True)
+        if np.isfinite(a) and np.isfinite(b)
+    }
+    return BoundedModel(model, hypotheses, sensor_noise(found), "fit", found.trial.digest, bounds)
 
 
 def sensor_noise(found: TrialFit) -> dict[str, float]:

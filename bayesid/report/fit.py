@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from bayesid.estimation.likelihood.posterior import CONFLICT
+from bayesid.estimation.likelihood.predictive_check import MISSED, missed
 from bayesid.estimation.output_error import Fit
 from bayesid.estimation.trial_fit import RunOutcome, TrialFit
 from bayesid.model.terms import TERMS, term
@@ -22,6 +23,7 @@ from bayesid.report import fit_figures as figures
 from bayesid.report.writer import Block, Figure, Report, Section, Table, Text, literal
 
 HOLDOUT_GROWTH = 1.1  # of the rms heading error, from which a held-out run counts as predicted worse
+MOST_CHANNELS = 3  # named one by one where they miss a kind of motion
 MOST_RUNS = 12  # figures; the residual table has all runs
 _LABELS = {t.name: t.label for t in TERMS}
 _SHARES = {
@@ -127,10 +129,10 @@ def _coefficients(found: TrialFit) -> Section:
     change = np.where(fit.start[:k] == 0, 1 + fit.z[:k] / start, fit.z[:k] / start)
     labels = [_LABELS.get(n, n) for n in fit.names[:k]]
     drawn = figures.estimates(labels, change, fit.sd[:k] / abs(start), fit.prior_sd[:k] / abs(start))
-    text = (
-        f"{coefficient_cells.FORM} The standard deviation includes the prior and what the residuals show of "
-        "memory and of differences between runs (next section)."
-    )
+    rests = "what the residuals show of memory and of differences between runs (next section)."
+    if found.posterior is None or found.posterior.parts.white:
+        rests = "takes the residuals as white noise."
+    text = f"{coefficient_cells.FORM} The standard deviation includes the prior and {rests}"
     caption = (
         "Estimates over their start values; a parameter that starts at zero is shown as 1 + value / scale. "
         "Triangles: outside the figure."
@@ -171,6 +173,12 @@ def form_rows_of(fit: Fit) -> Mapping[str, float]:
 def form_words(fit: Fit) -> list[str]:
     """A sentence where the runs ask for a force the equations lack."""
     rows = form_rows_of(fit)
+    if failed := fit.uncertainty.get("form_failed"):
+        return [
+            "These runs ask for a force the equations of this vehicle lack, of "
+            f"{failed['size']:.0e} of 1/2 rho L^2 U^2; the fit with it failed ({literal(failed['reason'])}), "
+            "so these coefficients may stand in for it."
+        ]
     if not rows:
         return []
     first = sorted(rows, key=lambda n: -abs(rows[n]))[:3]
@@ -180,6 +188,35 @@ def form_words(fit: Fit) -> list[str]:
         f"allows is free about zero with {fit.uncertainty['form']['size']:.0e} of 1/2 rho L^2 U^2. Largest "
         f"at v' = 0.2, r' = 0.3, 0.25 rad of rudder: {told}."
     ]
+
+
+def predictive_words(fit: Fit) -> list[str]:
+    """A sentence where a channel's errors in one kind of motion are larger than those assumed."""
+    low = missed(fit.uncertainty.get("predictive_p", {}))
+    if not low:
+        return []
+    told = "; ".join(f"{literal(kind)}: {_channels(each)}" for kind, each in low.items())
+    return [
+        "The errors of these channels are larger than the noise of this fit makes them, by posterior "
+        f"predictive p below {MISSED:g}: {told}. The model misses this motion, or the noise is larger there."
+    ]
+
+
+def _channels(each: Mapping[str, float]) -> str:
+    if len(each) > MOST_CHANNELS:
+        return f"{len(each)} channels (p up to {max(each.values()):.1g})"
+    return ", ".join(f"{c} (p = {p:.1g})" for c, p in each.items())
+
+
+def _predictive_table(fit: Fit) -> list[Block]:
+    found = fit.uncertainty.get("predictive_p", {})
+    names = list(dict.fromkeys(c for each in found.values() for c in each))
+    rows = [[literal(kind), *(each.get(c) for c in names)] for kind, each in found.items()]
+    text = (
+        "Posterior predictive p: probability that the noise of this fit makes errors at least as large as "
+        "those of the readings, per kind of motion and channel."
+    )
+    return [Text(text), Table(["motion", *names], rows, digits=2)] if rows else []
 
 
 def calibration_words(calibration: Calibration) -> str:
@@ -214,10 +251,11 @@ def _certainty(found: TrialFit, calibration: Calibration | None) -> list[Section
     if posterior.determined:
         names = ", ".join(f"`{n}`" for n in posterior.determined)
         text.append(f"Determined by the data, to less than half their prior standard deviation: {names}.")
-    text += [*form_words(found.fit), *posterior.doubts()]
+    text += [*form_words(found.fit), *posterior.doubts(), *predictive_words(found.fit)]
     if calibration is not None:
         text.append(calibration_words(calibration))
-    return [Section("What the standard deviations rest on", [Text(" ".join(text))])]
+    blocks = [Text(" ".join(text)), *_predictive_table(found.fit)]
+    return [Section("What the standard deviations rest on", blocks)]
 
 
 def _open_directions(fit: Fit) -> Section:

@@ -175,6 +175,12 @@ def _model(found: TrialFit, posterior: Posterior) -> Section:
         "ar1": "Residuals of a channel follow a first-order autoregression.",
         "inflate": "Residuals that persist count for fewer readings: " + _memory(taus) + ".",
     }[density.get("memory", "ignore")]
+    if posterior.settings.get("adjusted"):
+        memory = (
+            "The likelihood is that of white noise, its argument mapped about the fit so that coefficients "
+            f"have the covariance of the fit ({posterior.settings.get('likelihood')}); where that is wider "
+            "than the prior, the prior stands."
+        )
     text = (
         f"Runs {names}; {found.fit.n_readings} readings. Noise {density.get('noise')}, initial states "
         f"{density.get('initial')}"

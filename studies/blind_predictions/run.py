@@ -124,19 +124,26 @@ def fitted(
 
 def models(
     blind: BlindSet, trial: Trial, quick: bool, seed: int, out: Path, progress: Progress
-) -> dict[str, Any]:
+) -> tuple[dict[str, Any], dict[str, str]]:
     """A predicting model per kind of motion: coefficients of the fit, disturbance of the known runs of
-    that kind.
+    that kind; and why there is none of the other kinds.
     """
     ready: dict[str, Any] = {}
-    fits = {
-        regime: fitted(blind, trial, regime, quick, seed, out / f"fit_{regime}", progress)
-        for regime in REGIMES
-    }
+    missing: dict[str, str] = {}
+    fits: dict[str, TrialFit | None] = {}
+    unfitted: dict[str, str] = {}
+    for regime in REGIMES:
+        try:
+            fits[regime] = fitted(blind, trial, regime, quick, seed, out / f"fit_{regime}", progress)
+        except BayesidError as error:
+            fits[regime], unfitted[regime] = None, f"the fit failed: {error}"
+            progress.note(f"{trial.name}, {regime}: {unfitted[regime]}")
     for name in dict.fromkeys(kind(r.name) for r in trial.runs):
-        found = next(fits[regime] for regime, kinds in REGIMES.items() if name in kinds)
+        regime = next(regime for regime, kinds in REGIMES.items() if name in kinds)
+        found = fits[regime]
         runs = [prepared(blind, r) for r in trial.runs if kind(r.name) == name and r.role == "identify"]
         if not runs or found is None:
+            missing[name] = unfitted.get(regime, f"no known {name} run to fit")
             continue
         draws = 15 if quick else CALIBRATION_DRAWS
         with progress.stage(f"{trial.name}: disturbance of {name} runs"):
@@ -146,8 +153,15 @@ def models(
                 )
                 ready[name] = (*model, found)
             except BayesidError as error:
+                missing[name] = str(error)
                 progress.note(f"{name}: {error}")
-    return ready
+    return ready, missing
+
+
+def no_model(name: str, missing: Mapping[str, str]) -> str:
+    """Why a run of this kind of motion cannot be predicted."""
+    told = missing.get(name) or "; ".join(f"{n}: {why}" for n, why in missing.items())
+    return f"no model could be made ({told or 'there are no known runs'})"
 
 
 def prepared(blind: BlindSet, run: Run) -> Run:
@@ -160,11 +174,15 @@ def expectation(
 ) -> None:
     """Errors of held-out known runs, predicted as the blind ones will be."""
     trial = known_runs(blind, data)
-    per_kind = models(blind, trial, quick, seed, out / "expected", progress)
+    per_kind, missing = models(blind, trial, quick, seed, out / "expected", progress)
     rows = []
     held = [r for r in trial.runs if r.role == "holdout"]
     for run in progress.track(held[:2] if quick else held, f"{name}: held-out runs"):
-        model = per_kind.get(kind(run.name)) or next(iter(per_kind.values()))
+        model = per_kind.get(kind(run.name)) or next(iter(per_kind.values()), None)
+        if model is None:
+            why = no_model(kind(run.name), missing)
+            rows.append({"run": run.name, "kind": kind(run.name), "failed": why})
+            continue
         rows.append(errors_of(model[0], prepared(blind, run), blind.lead, 20 if quick else DRAWS, seed))
     record = {
         "inputs": {"trial": trial.digest, "quick": quick, "lead": blind.lead},
@@ -201,14 +219,18 @@ def predictions(
     """Fit every known run, predict the blind ones, a CSV each."""
     trial = known_runs(blind, data)
     trial = replace(trial, runs=tuple(replace(run, role="identify") for run in trial.runs))
-    per_kind = models(blind, trial, quick, seed, out / "fitted", progress)
+    per_kind, missing = models(blind, trial, quick, seed, out / "fitted", progress)
     told: dict[str, Any] = {}
     unseen = load_trial(HERE / name, data / "blind_predictions" / name)
     for run in progress.track(unseen.runs, f"{name}: predictions"):
         wanted = {"circle": "turn"}.get(kind(run.name), kind(run.name))
-        known = wanted if wanted in per_kind else "zigzag"
-        model = per_kind[known][0]
+        known = next((n for n in (wanted, "zigzag", *per_kind) if n in per_kind), None)
         target = out / f"{run.name}.csv"
+        if known is None:
+            told[run.name] = {"disturbance": None, "failed": no_model(wanted, missing)}
+            target.unlink(missing_ok=True)
+            continue
+        model = per_kind[known][0]
         thinned = thin(run, blind.step)
         try:
             p = predict_run(model, thinned, 20 if quick else DRAWS, seed, blind.lead)

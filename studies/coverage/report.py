@@ -10,9 +10,16 @@ from typing import Any
 
 import numpy as np
 
+from bayesid.estimation.likelihood.checks import HALVES_P
 from bayesid.estimation.sampling.rank_statistics import bands, coverage, distribution
 from bayesid.report.figure_style import COLOURS, styled, subplots
 from bayesid.report.writer import Figure, Report, Section, Table, Text
+from studies.coverage.predictions_report import (
+    judged_predictions,
+    prediction_targets,
+    prediction_words,
+    predictions_section,
+)
 
 Array = np.ndarray
 Records = Mapping[str, Sequence[Mapping[str, Any]]]
@@ -22,10 +29,19 @@ LEAST, MOST_FLAGGED, CONTROL = 0.88, 0.05, 0.75
 STANDARD_ERRORS = 2.0  # a bar is met within so many
 
 
-def judged(records: Records, ranks: int) -> dict[str, Any]:
-    """Coverage, flags and targets as plain numbers."""
+def judged(records: Records, ranks: int, fresh: Records) -> dict[str, Any]:
+    """Coverage, flags, predictions and targets as plain numbers.
+
+    Parameters
+    ----------
+    records : condition -> replicates
+    ranks : draws among which the truth is ranked
+    fresh : group of vehicles -> what their fits predict of fresh runs
+    """
     cases = {name: _case(rows, ranks) for name, rows in records.items()}
-    return {"cases": cases, "targets": _targets(cases)}
+    predicted = judged_predictions(fresh)
+    targets = _targets(cases) | prediction_targets(predicted)
+    return {"cases": cases, "predictions": predicted, "targets": targets}
 
 
 def _case(rows: Sequence[Mapping[str, Any]], ranks: int) -> dict[str, Any]:
@@ -41,10 +57,11 @@ def _case(rows: Sequence[Mapping[str, Any]], ranks: int) -> dict[str, Any]:
         "white_coverage": coverage(np.array([r["white_inside"] for r in good], dtype=float)),
         "rms_z": float(np.sqrt(np.mean(z**2))), "white_rms_z": float(np.sqrt(np.mean(white_z**2))),
         "each": dict(zip(names, inside.mean(axis=0).tolist(), strict=True)),
-        "runs_disagree": float(np.mean([not r["final"] for r in good])),
+        "not_final": float(np.mean([not r["final"] for r in good])),
+        "runs_disagree": float(np.mean([(r["halves_p"] or 1.0) < HALVES_P for r in good])),
         "run_spread": float(np.mean([r["run_spread"] > 0 for r in good])),
         "conflict": float(np.mean([r["conflicts"] > 0 for r in good])),
-        "white_runs_disagree": float(np.mean([not r["white_final"] for r in good])),
+        "white_not_final": float(np.mean([not r["white_final"] for r in good])),
         "weight": float(np.mean([r["weight"] for r in good])),
         "order": float(np.mean([r["order"] for r in good])),
         "sd_over_prior": float(np.median([r["sd_over_prior"] for r in good])),
@@ -76,8 +93,8 @@ def _targets(cases: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
         }  # fmt: skip
     good = cases.get(WHITE, {})
     if "coverage" in good:
-        flagged = good["runs_disagree"]
-        out["runs of one vehicle said to disagree"] = {
+        flagged = good["not_final"]
+        out["clean campaigns called not final"] = {
             "value": flagged, "bar": f"<= {MOST_FLAGGED:.2f}",
             "standing": "met" if flagged <= MOST_FLAGGED else "missed",
         }  # fmt: skip
@@ -103,10 +120,13 @@ def coverage_report(findings: Mapping[str, Any], inputs: Mapping[str, Any]) -> R
     sections = (
         _coverage_section(cases),
         _said_section(cases),
+        predictions_section(findings["predictions"]),
         Section("Targets", (Table(("target", "found", "bar", "standing"), rows),)),
         _design_section(findings["cases"], inputs),
     )
-    return Report("Do the intervals of a fit hold the truth?", lead(cases, bool(inputs["quick"])), sections)
+    words = lead(cases, bool(inputs["quick"]))
+    words = " ".join(filter(None, (words, prediction_words(findings["predictions"]))))
+    return Report("Do the intervals of a fit hold the truth?", words, sections)
 
 
 def lead(cases: Mapping[str, Mapping[str, Any]], quick: bool) -> str:
@@ -147,12 +167,11 @@ def lead(cases: Mapping[str, Mapping[str, Any]], quick: bool) -> str:
             100 * float(np.mean([c["conflict"] for c in some.values()])) if some else 0.0
             for some in (wrong, right)
         )
-        parted = 100 * float(np.mean([c["runs_disagree"] for c in wrong.values()]))
+        parted = 100 * float(np.mean([c["not_final"] for c in wrong.values()]))
         words.append(
-            f"Where the vehicle obeys other equations than the fit, intervals fail: {listed}. The fit says "
-            f"that the runs disagree in {parted:.0f} % of these campaigns and reports a conflict with the "
-            f"prior in {conflict:.0f} % ({calm:.0f} % where the equations are right); `bayesid diagnose` is "
-            "for that."
+            f"Where the vehicle obeys other equations than the fit, {listed} hold it. The fit calls "
+            f"{parted:.0f} % of these campaigns not final, {conflict:.0f} % for a conflict with the prior "
+            f"({calm:.0f} % where the equations are right); `bayesid diagnose` is for that."
         )
     return " ".join(words) + (" A quick run of few replicates: it decides nothing." if quick else "")
 
@@ -195,24 +214,24 @@ def _coverage_section(cases: Mapping[str, Mapping[str, Any]]) -> Section:
 
 def _said_section(cases: Mapping[str, Mapping[str, Any]]) -> Section:
     columns = (
-        "condition", "runs disagree [%]", "runs differ, allowed for [%]", "prior conflict [%]",
-        "runs disagree, white noise [%]", "mean weight of the readings", "mean order",
-        "median sd over prior sd", "with white noise",
+        "condition", "not final [%]", "runs disagree [%]", "prior conflict [%]",
+        "runs differ, allowed for [%]", "not final, white noise [%]", "mean weight of the readings",
+        "mean order", "median sd over prior sd", "with white noise",
     )  # fmt: skip
     rows = tuple(
         (
-            n, f"{100 * c['runs_disagree']:.1f}", f"{100 * c['run_spread']:.1f}",
-            f"{100 * c['conflict']:.1f}",
-            f"{100 * c['white_runs_disagree']:.1f}", f"{c['weight']:.3g}", f"{c['order']:.1f}",
+            n, f"{100 * c['not_final']:.1f}", f"{100 * c['runs_disagree']:.1f}",
+            f"{100 * c['conflict']:.1f}", f"{100 * c['run_spread']:.1f}",
+            f"{100 * c['white_not_final']:.1f}", f"{c['weight']:.3g}", f"{c['order']:.1f}",
             f"{c['sd_over_prior']:.2f}", f"{c['white_sd_over_prior']:.2f}",
         )
         for n, c in cases.items()
     )  # fmt: skip
     text = (
-        "Share of campaigns in which the fit says so: odd and even runs differ more than chance allows even "
-        "after its intervals were widened, so the answer is not final; coefficients that differ from run to "
-        "run were allowed for; some estimate is more than 3 sd from its prior. The weight is the share of "
-        "the information of white readings that the readings carry beside the prior, the order that of the "
+        "Share of campaigns in which the fit says so. Its answer is not final where odd and even runs differ "
+        "more than chance allows even after its intervals were widened, or where some estimate is more than "
+        "3 sd from its prior; coefficients that differ from run to run may have been allowed for. The weight "
+        "is the power of the likelihood of the readings beside the prior, the order that of the "
         "autoregression of the residuals."
     )
     return Section("What the fit says", (Text(text), Table(columns, rows)))

@@ -1,4 +1,5 @@
 """Do the intervals of a fit hold the truth where noise has memory, the sea pushes or equations are wrong?
+And do its predictions hold fresh runs?
 
 Usage: python -m studies.coverage.run [--out FOLDER] [--quick] [--seed N] [--replicates N]. Truths are drawn
 from the prior, a campaign of four zig-zags is simulated and fitted as `bayesid fit` does, and as it did with
@@ -41,10 +42,12 @@ from studies.coverage.campaigns import (
     setting,
     with_rows,
 )
+from studies.coverage.predictions import GROUPS, fresh_runs
 from studies.coverage.report import coverage_report, judged
 
 INSIDE90, RANKS = 1.6448536269514722, 99
 REPLICATES, QUICK = 200, 6
+PREDICTED, QUICK_PREDICTED = 25, 2  # vehicles per group whose fresh runs are predicted
 # Campaigns whose fit takes several times as long, and how many of them at most.
 COSTLY, FEWER = (
     ("large disturbing force", "large disturbing force, pieces", "coefficients differ from run to run"),
@@ -114,11 +117,20 @@ def main(out: Path, quick: bool, first_seed: int, replicates: int = REPLICATES) 
             work = partial(replicate, s, with_rows(s, condition.rows), condition)
             seeds = range(first_seed, first_seed + number)
             records[name] = run_seeds(work, seeds, out / "seeds", key, 1, stage.step)
-    findings = judged(records, RANKS)
+    fresh: dict[str, list[dict[str, Any]]] = {}
+    number = QUICK_PREDICTED if quick else PREDICTED
+    for group in GROUPS:
+        key = "fresh-" + "".join(c if c.isalnum() else "-" for c in group)
+        with progress.stage(f"fresh runs: {group}", number) as stage:
+            seeds = range(first_seed, first_seed + number)
+            work = partial(fresh_runs, s, CONDITIONS, group)
+            fresh[group] = run_seeds(work, seeds, out / "seeds", key, 1, stage.step)
+    findings = judged(records, RANKS, fresh)
     inputs = {
         "vehicle": VEHICLE, "vehicle_digest": s.model.vehicle.digest, "unknown": s.params.names,
         "prior_sd": PRIOR_SD, "noise": NOISE, "zigzags": ANGLES, "duration": DURATION, "dt": DT,
         "force_memory": FORCE_MEMORY, "replicates": count, "first_seed": first_seed, "quick": quick,
+        "predicted": number,
         "conditions": {name: vars(c) for name, c in CONDITIONS.items()},
     }  # fmt: skip
     page = writer.write(coverage_report(findings, inputs), out, {"inputs": inputs, **findings})

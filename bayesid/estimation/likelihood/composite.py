@@ -26,13 +26,15 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
+from bayesid.estimation.likelihood.mixed_rates import MixedRateNoise
 from bayesid.estimation.likelihood.parts import NoiseParts
-from bayesid.estimation.likelihood.residual_noise import ResidualNoise
 from bayesid.estimation.likelihood.run_information import RunInformation
 
 Array = np.ndarray
 # Eigenvalue of a score's covariance over its largest up to which a direction is one without data.
 FLAT = 1e-10
+# The same of what readings and prior hold together, below which a direction is open.
+OPEN = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,18 +148,33 @@ class Composite:
         return np.array(costs)
 
     def log_evidence(self, parts: NoiseParts) -> float:
-        """Log density of all scores, parameters integrated out, up to a constant."""
+        """Log density of all scores, parameters integrated out, up to a constant.
+
+        Directions that neither readings nor prior hold have no density and are left out, whatever the parts.
+        """
         precision, score, log = self.data(parts)
-        whole = precision + self.prior_precision
-        right = score + self.prior_score
-        size = np.sqrt(np.diag(whole))
-        _, logdet = np.linalg.slogdet(whole / np.outer(size, size))
-        held = np.diag(self.prior_precision) > 0  # a flat prior has no norm and adds none
-        prior = self.prior_precision[np.ix_(held, held)]
+        basis, sizes = self.held
+        inner = basis.T @ (precision + self.prior_precision) @ basis
+        right = basis.T @ (score + self.prior_score)
+        _, logdet = np.linalg.slogdet(inner)
+        stated = np.diag(self.prior_precision) > 0  # a flat prior has no norm and adds none
+        prior = self.prior_precision[np.ix_(stated, stated)]
         unit = np.sqrt(np.diag(prior))
         norm = 0.5 * float(np.linalg.slogdet(prior / np.outer(unit, unit))[1]) + float(np.log(unit).sum())
-        explained = 0.5 * float(right @ inverse(whole) @ right)
-        return log + explained - 0.5 * float(logdet) - float(np.log(size).sum()) + norm
+        explained = 0.5 * float(right @ np.linalg.solve(inner, right)) if right.size else 0.0
+        return log + explained - 0.5 * float(logdet) - float(np.log(sizes).sum()) + norm
+
+    @cached_property
+    def held(self) -> tuple[Array, Array]:
+        """(k, m) directions that readings or prior hold, parameters in units of their size; the sizes."""
+        whole = sum((r.information for r in self.runs), np.zeros_like(self.prior_precision))
+        whole = whole + self.prior_precision
+        size = np.sqrt(np.maximum(np.diag(whole), 0.0))
+        unit = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
+        values, vectors = np.linalg.eigh(whole * np.outer(unit, unit))
+        kept = values > OPEN * max(float(values[-1]), 1e-300)
+        basis = unit[:, None] * vectors[:, kept]
+        return basis, size[size > 0]
 
 
 def root(matrix: Array) -> Array:
@@ -170,14 +187,15 @@ def root(matrix: Array) -> Array:
 
 def inverse(matrix: Array) -> Array:
     """Inverse of a symmetric positive matrix whose units differ; flat directions get that of rounding."""
-    size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    size = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    size = np.where(size > 0, size, 1.0)
     values, vectors = np.linalg.eigh(matrix / np.outer(size, size))
     scaled = vectors / np.sqrt(np.maximum(values, 1e-12 * max(float(values[-1]), 1e-300)))
     return (scaled @ scaled.T) / np.outer(size, size)
 
 
 def run_scores(
-    infos: Sequence[RunInformation], noise: ResidualNoise, groups: Sequence[str]
+    infos: Sequence[RunInformation], noise: MixedRateNoise, groups: Sequence[str]
 ) -> tuple[RunScore, ...]:
     """Scores of runs whose pieces belong together; `groups` names the run of every piece.
 
@@ -186,7 +204,7 @@ def run_scores(
     found: dict[str, list[Array]] = {}
     for info, group in zip(infos, groups, strict=True):
         h = info.information
-        b = h if noise.order == 0 else noise.of_score(info.columns) + info.start.T @ info.start
+        b = h if noise.order == 0 else noise.of_score(info.columns, info.valid) + info.start.T @ info.start
         if group in found:
             found[group] = [x + y for x, y in zip(found[group], (h, b, info.score), strict=True)]
         else:

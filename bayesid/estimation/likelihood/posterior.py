@@ -20,10 +20,12 @@ from bayesid.estimation.likelihood.checks import (
     prior_sensitivity,
 )
 from bayesid.estimation.likelihood.composite import Composite, RunScore, root, run_scores
+from bayesid.estimation.likelihood.mixed_rates import MixedRateNoise, mixed_rate_noise
 from bayesid.estimation.likelihood.parts import NoiseParts
-from bayesid.estimation.likelihood.residual_noise import MOST_ORDER, ResidualNoise, residual_noise
+from bayesid.estimation.likelihood.residual_noise import MOST_ORDER
 from bayesid.estimation.likelihood.run_information import run_information
 from bayesid.estimation.output_error.problem import FitProblem
+from bayesid.estimation.truncated_normal import within_bounds
 
 Array = np.ndarray
 # Log evidence a part must earn before it is used.
@@ -36,6 +38,8 @@ RUN_SPREAD = (0.0, 0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0)
 LEAST_RUNS, WEIGHTS = 4, 13
 # Distance of an estimate from its prior mean, in the sd chance gives it, from which they disagree.
 CONFLICT = 3.0
+# Posterior sd over prior sd from which an estimate is called less sure than its prior.
+UNSURE = 1.1
 PIECE = re.compile(r" \d+/\d+$")
 
 
@@ -56,6 +60,7 @@ class CoefficientPosterior:
     run_sd : (k,) sd of the coefficients of single runs about those of the vehicle [SI]
     conflict : (k,) z of each posterior mean against its prior; nan without one, and for rows of a model form
     sensitivity : (k,) change of each mean, in its sd, where the prior counts twice
+    low, high : (k,) bounds [SI]
     """
 
     names: tuple[str, ...]
@@ -69,6 +74,8 @@ class CoefficientPosterior:
     run_sd: Array
     conflict: Array
     sensitivity: Array
+    low: Array
+    high: Array
 
     @property
     def sd(self) -> Array:
@@ -124,11 +131,19 @@ class CoefficientPosterior:
                 "is too narrow, or these coefficients stand in for a force the model lacks, and then no "
                 "interval here holds."
             )
+        over = self.sd > UNSURE * self.prior_sd
+        if over.any():
+            names = ", ".join(n for n, wide in zip(self.names, over, strict=True) if wide)
+            said.append(
+                f"Less sure than the prior: {names}. Readings count for more here than they know, since so "
+                "left-out runs are predicted best; `bayesid sample` keeps the prior there."
+            )
         return said
 
     def draws(self, count: int, rng: np.random.Generator) -> Array:
-        """(count, k) draws [SI]."""
-        return self.mean + rng.standard_normal((count, self.mean.size)) @ root(self.covariance).T
+        """(count, k) draws within the bounds [SI]."""
+        drawn = self.mean + rng.standard_normal((count, self.mean.size)) @ root(self.covariance).T
+        return within_bounds(drawn, self.mean, self.covariance, self.low, self.high, rng)
 
 
 def coefficient_posterior(
@@ -172,17 +187,18 @@ def coefficient_posterior(
         run_sd=chosen.run_spread * composite.spread * scale,
         conflict=np.where(stated, prior_conflict(composite, found), np.nan),
         sensitivity=prior_sensitivity(composite, chosen, found),
+        low=problem.params.vector("low"),
+        high=problem.params.vector("high"),
     )
 
 
 def scores_and_noise(
     problem: FitProblem, z: Array, white: bool = False
-) -> tuple[tuple[RunScore, ...], ResidualNoise]:
+) -> tuple[tuple[RunScore, ...], MixedRateNoise]:
     """What every run says at z, and the noise of the residuals there, as white on request."""
     infos = tuple(run_information(problem, z))
-    noise = residual_noise([i.resid for i in infos], [i.valid for i in infos], 0 if white else MOST_ORDER)
-    samples = int(np.mean([i.resid.shape[0] for i in infos]))
-    noise = noise.for_unknowns(samples, problem.n_readings, z.size)
+    noise = mixed_rate_noise([i.resid for i in infos], [i.valid for i in infos], 0 if white else MOST_ORDER)
+    noise = noise.for_unknowns(z.size)
     return run_scores(infos, noise, groups([i.name for i in infos])), noise
 
 
@@ -266,7 +282,8 @@ def information_share(composite: Composite, parts: NoiseParts) -> float:
     """Information of the data over that of white noise, mean of the logarithm over directions data decide."""
     white = sum((r.information for r in composite.runs), np.zeros_like(composite.prior_precision))
     data = composite.data(parts)[0]
-    size = np.sqrt(np.maximum(np.diag(white + composite.prior_precision), 1e-300))
+    size = np.sqrt(np.maximum(np.diag(white + composite.prior_precision), 0.0))
+    size = np.where(size > 0, size, 1.0)
     values, vectors = np.linalg.eigh(white / np.outer(size, size))
     keep = values > 1e-6 * values.max()
     root = vectors[:, keep] / np.sqrt(values[keep])

@@ -15,7 +15,6 @@ import numpy as np
 
 Array = np.ndarray
 MOST_ORDER = 8
-LEAST_FREE = 0.5  # share of the noise left in residuals, below which it is not trusted
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,17 +41,6 @@ class ResidualNoise:
         taper = 1.0 - np.arange(1, count) / count
         times = 1.0 + 2.0 * np.einsum("h,hc->c", taper, np.einsum("hcc->hc", lags)[1:] / variance)
         return float(np.sqrt(np.mean(np.maximum(times, 1.0) ** 2)))
-
-    def for_unknowns(self, count: int, readings: int, unknowns: int) -> ResidualNoise:
-        """The noise whose residuals these are, after a fit of so many unknowns to records of `count` samples.
-
-        A fit takes its unknowns' share of the noise out of the residuals; readings that err together are as
-        few as their correlation time says. White noise is left as stated.
-        """
-        if self.order == 0:
-            return self
-        free = 1.0 - unknowns * self.correlation_time(count) / max(readings, 1)
-        return ResidualNoise(self.lags / max(free, LEAST_FREE), self.coefficients)
 
     def covariance(self, count: int) -> Array:
         """(count, c, c) covariance at lags 0 to count - 1."""

@@ -7,7 +7,7 @@ Takes a `FitProblem`. Gives the fit and its `CoefficientPosterior`. White residu
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from bayesid.errors import FitError, ModelError
 from bayesid.estimation.likelihood.model_form import form_part, form_size, with_form
 from bayesid.estimation.likelihood.parts import NoiseParts
 from bayesid.estimation.likelihood.posterior import CoefficientPosterior, coefficient_posterior
+from bayesid.estimation.likelihood.predictive_check import predictive_p
 from bayesid.estimation.output_error.fit_result import Fit
 from bayesid.estimation.output_error.problem import FitProblem
 from bayesid.estimation.output_error.search import FitOptions, fit
@@ -34,6 +35,7 @@ def weighted_fit(
     resume: bool = True,
     watch: Callable[[int, float, float], None] | None = None,
     parts: NoiseParts | None = None,
+    kinds: Mapping[str, str] | None = None,
 ) -> tuple[FitProblem, Fit, CoefficientPosterior | None]:
     """Fit whose readings count for what their residuals say they are worth.
 
@@ -44,8 +46,10 @@ def weighted_fit(
 
     Parameters
     ----------
-    folder : as in `fit`; further fits write into its sub-folders "balanced" and weighted_<round>
+    folder : as in `fit`, but fit.json is there only once all is done; further fits write their iterates into
+        the sub-folders "balanced", weighted_<round> and "form"
     parts : noise to assume, None for what the data ask for; white noise is taken at its stated size
+    kinds : run -> kind of its motion, for posterior predictive p
 
     Returns
     -------
@@ -53,23 +57,45 @@ def weighted_fit(
     The fit has the posterior's standard deviations; its cost and weights are those of full weight. Where the
     runs ask for a model form, its rows are among the parameters.
     """
-    found = _without_form(problem, options, folder, resume, watch, parts)
-    plain, result, posterior = found
-    if parts is not None or posterior is None or not result.converged:
-        return found
+    if folder is not None:  # one of an earlier fit would look like this one's
+        (Path(folder) / "fit.json").unlink(missing_ok=True)
+    noisy, result, posterior = _without_form(problem, options, folder, resume, watch, parts)
+    if parts is None and posterior is not None and result.converged:
+        plain = noisy, result, posterior
+        noisy, result, posterior = _with_form_if_asked(problem, options, folder, resume, watch, *plain)
+    if posterior is not None:
+        checked = predictive_p(noisy, result.z, posterior, kinds, options.seed)
+        result = replace(result, uncertainty={**result.uncertainty, "predictive_p": checked})
+    if folder is not None:
+        result.save(Path(folder) / "fit.json")
+    return noisy, result, posterior
+
+
+def _with_form_if_asked(
+    problem: FitProblem,
+    options: FitOptions,
+    folder: str | os.PathLike[str] | None,
+    resume: bool,
+    watch: Callable[[int, float, float], None] | None,
+    plain: FitProblem,
+    result: Fit,
+    posterior: CoefficientPosterior,
+) -> tuple[FitProblem, Fit, CoefficientPosterior]:
+    """The fit again with a model form where the runs ask for one; where that fails, as it was, with why."""
     size = form_size(plain, result.z, posterior.parts)
     if size == 0.0:
-        return found
+        return plain, result, posterior
     k = result.n_params
     wide = with_form(problem, size)
     wide = wide.with_params(wide.params.started_at([*result.z[:k], *np.zeros(len(wide.params.names) - k)]))
     below = None if folder is None else Path(folder) / "form"
     try:
         formed, again, wider = _without_form(wide, replace(options, starts=1), below, resume, watch, None)
-    except FitError:
-        return found
+    except FitError as error:
+        return plain, _formless(result, size, str(error)), posterior
     if wider is None or not again.converged:
-        return found
+        why = "the vehicle diverges at its estimate" if wider is None else again.message
+        return plain, _formless(result, size, why), posterior
     rows = form_part(problem.model, again.values, problem.model.vehicle.coef)
     start = np.concatenate([result.start[:k], np.zeros(again.n_params - k), again.start[again.n_params :]])
     again = replace(
@@ -80,9 +106,17 @@ def weighted_fit(
         seconds=result.seconds + again.seconds,
         uncertainty={**again.uncertainty, "form": {"size": size, "rows": rows}},
     )
-    if folder is not None:
-        again.save(Path(folder) / "fit.json")
     return formed, again, wider
+
+
+def _formless(result: Fit, size: float, why: str) -> Fit:
+    """The fit that stands although its runs ask for a model form, which it has not."""
+    told = f"the runs ask for a model form of {size:.0e}, the fit with it failed: {why}"
+    return replace(
+        result,
+        message=f"{result.message}; {told}",
+        uncertainty={**result.uncertainty, "form_failed": {"size": size, "reason": why}},
+    )
 
 
 def _without_form(
@@ -94,7 +128,7 @@ def _without_form(
     parts: NoiseParts | None,
 ) -> tuple[FitProblem, Fit, CoefficientPosterior | None]:
     """`weighted_fit` for the parameters the problem has."""
-    first = fit(problem, options, folder, resume, watch)
+    first = fit(problem, options, folder, resume, watch, store=False)
     if not options.profile and not (parts is not None and parts.white) and _missed(first):
         first = _balanced(problem, options, first, folder, resume, watch)
     problem = problem.with_sigma(first.sigma)
@@ -112,7 +146,7 @@ def _without_form(
         )
         below = None if folder is None else Path(folder) / f"weighted_{number}"
         try:
-            again = fit(started, replace(options, profile=False, starts=1), below, resume, watch)
+            again = fit(started, replace(options, profile=False, starts=1), below, resume, watch, store=False)
         except FitError:  # it diverges from the readings' own initial states; the round before stands
             break
         if not again.converged:
@@ -121,7 +155,7 @@ def _without_form(
         if found is None:
             break
         result, posterior = again, found
-    return problem, _told(problem, first, result, posterior, folder), posterior
+    return problem, _told(problem, first, result, posterior), posterior
 
 
 def weighed(problem: FitProblem, weight: float) -> FitProblem:
@@ -143,14 +177,14 @@ def _balanced(
 ) -> Fit:
     """Fit from the start values whose channels weigh as their residuals do, at most as their stated noise."""
     below = None if folder is None else Path(folder) / "balanced"
-    found = fit(problem, replace(options, profile=True), below, resume, watch)
+    found = fit(problem, replace(options, profile=True), below, resume, watch, store=False)
     if not found.converged:
         return first
     sigma = {c: max(s, first.sigma[c]) for c, s in found.sigma.items()}
     if sigma != found.sigma:
         started = problem.with_params(problem.params.started_at(found.z[: found.n_params])).with_sigma(sigma)
         below = None if below is None else below / "limited"
-        limited = fit(started, replace(options, starts=1), below, resume, watch)
+        limited = fit(started, replace(options, starts=1), below, resume, watch, store=False)
         found = replace(limited, start=found.start, seconds=found.seconds + limited.seconds)
     return replace(
         found,
@@ -176,7 +210,6 @@ def _told(
     first: Fit,
     result: Fit,
     posterior: CoefficientPosterior | None,
-    folder: str | os.PathLike[str] | None,
 ) -> Fit:
     """The fit of the last round in the words and weights of the first."""
     if posterior is None:
@@ -190,7 +223,7 @@ def _told(
         message = (
             f"{result.message}; the readings weigh {100 * posterior.parts.weight:.2g} % beside the prior"
         )
-    told = replace(
+    return replace(
         result,
         start=first.start,
         sd=sd,
@@ -206,6 +239,3 @@ def _told(
         seconds=first.seconds + (result.seconds if result is not first else 0.0),
         uncertainty={**first.uncertainty, **posterior.record()},
     )
-    if folder is not None:
-        told.save(Path(folder) / "fit.json")
-    return told

@@ -68,6 +68,7 @@ def fit(
     resume: bool = True,
     watch: Callable[[int, float, float], None] | None = None,
     note: Callable[[Iterate], None] | None = None,
+    store: bool = True,
 ) -> Fit:
     """Minimise the cost of a problem.
 
@@ -75,6 +76,7 @@ def fit(
     ----------
     folder : gets `iterates.jsonl` (every iterate as it is reached) and `fit.json` (before anything else is
         done)
+    store : without it no fit.json is written: this search is a part of one that is not done
     resume : go on from an `iterates.jsonl` of the same problem and options; warns, and begins anew, where the
         cost it tells is not that of the values it tells
     watch : called with (iterations done, cost, step)
@@ -111,7 +113,7 @@ def fit(
     for search in searches:
         clock.add(search.clock)
     result = _result(problem, options, best, searches, clock)
-    if folder:
+    if folder and store:
         result.save(Path(folder) / "fit.json")
     return result
 

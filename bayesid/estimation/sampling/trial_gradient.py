@@ -82,6 +82,9 @@ class GradientTrialDensity:
         except ModelError:
             return -np.inf, np.zeros(q.size)
         out = self._prior_slope(v)
+        if d.adjustment is not None:
+            by_z[: d.k] = d.adjustment.matrix.T @ by_z[: d.k] + d.adjustment.tilt
+            value += float(d.adjustment.added(v[: d.k]))
         out[: d._initial.stop] += by_z[: d._initial.stop]
         out[d._sigma] += work.by_log_sigma[: width(d._sigma)]
         return value + work.value, out
@@ -115,6 +118,8 @@ class _Runs:
         self.by_log_sigma = np.zeros(len(density.channels))
         self.z = density.z.copy()
         self.z[: density._initial.stop] = v[: density._initial.stop]
+        if density.adjustment is not None:
+            self.z[: density.k] = density.adjustment.argument(v[: density.k])
         problem = density.problem
         widths = [len(r.initial) for r in problem.runs]
         self.first = density.k + np.concatenate([[0], np.cumsum(widths)]).astype(int)

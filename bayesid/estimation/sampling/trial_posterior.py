@@ -17,6 +17,7 @@ from scipy.special import gammaln
 
 from bayesid.estimation.output_error import FitProblem, readings_batch
 from bayesid.estimation.sampling.density import Laplace, Unknowns
+from bayesid.estimation.sampling.likelihood_adjustment import LikelihoodAdjustment
 from bayesid.estimation.sampling.priors import LOG_2PI, NoisePrior, ParameterPrior, draw_params, prior_moments
 from bayesid.estimation.sampling.residual_sums import ChannelResiduals, ResidualSums
 from bayesid.estimation.sampling.settings import SamplingSettings
@@ -39,6 +40,7 @@ class TrialDensity:
     noise_prior : of the channels in `channels`
     laplace : Gaussian approximation about the estimate
     threads : at work on batches of 128 points and more; does not change a number
+    adjustment : of the likelihood by the parameters; None leaves it
     """
 
     problem: FitProblem
@@ -49,6 +51,7 @@ class TrialDensity:
     noise_prior: NoisePrior
     laplace: Laplace
     threads: int = 2
+    adjustment: LikelihoodAdjustment | None = None
 
     # ---- layout ----
     @property
@@ -105,6 +108,9 @@ class TrialDensity:
         text = f"{self.problem.digest}|{self.choice}|{self.channels}|{self.noise_prior.scale.tolist()}"
         hashed = hashlib.sha256(text.encode())
         hashed.update(np.ascontiguousarray(self.z).tobytes())
+        if self.adjustment is not None:
+            for part in (self.adjustment.centre, self.adjustment.matrix, self.adjustment.tilt):
+                hashed.update(np.ascontiguousarray(part).tobytes())
         return hashed.hexdigest()[:16]
 
     @property
@@ -115,7 +121,8 @@ class TrialDensity:
             for run, row in zip(self.problem.runs, self.data, strict=True)
             for name, c in zip(run.channels, row, strict=True)
         }
-        return {"density": asdict(self.choice), "correlation_times": weights}
+        adjusted = self.adjustment is not None
+        return {"density": asdict(self.choice), "correlation_times": weights, "adjusted": adjusted}
 
     def natural(self, q: Array) -> Array:
         out = np.array(q, dtype=float)
@@ -172,11 +179,14 @@ class TrialDensity:
     def log_likelihood(self, v: Array) -> Array:
         """(b,) log likelihood of (b, k) points in natural units; nan where a run diverges."""
         v = np.atleast_2d(v)
+        asked, added = v[:, : self.k], np.zeros(v.shape[0])
+        if self.adjustment is not None:
+            added, asked = self.adjustment.added(asked), self.adjustment.argument(asked)
         with np.errstate(all="ignore"):
-            readings = readings_batch(self.problem, v[:, : self.k], self._starts(v), self.threads)
+            readings = readings_batch(self.problem, asked, self._starts(v), self.threads)
             if self.choice.student is not None:
-                return self._student(v, readings)
-            return self._gaussian(v, readings)
+                return added + self._student(v, readings)
+            return added + self._gaussian(v, readings)
 
     def _starts(self, v: Array) -> list[Array]:
         starts = self._estimated

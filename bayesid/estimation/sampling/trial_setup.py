@@ -13,6 +13,7 @@ import numpy as np
 from bayesid.errors import SampleError
 from bayesid.estimation.output_error import FitProblem, beyond_chance, memory
 from bayesid.estimation.sampling.density import Laplace
+from bayesid.estimation.sampling.likelihood_adjustment import likelihood_adjustment
 from bayesid.estimation.sampling.priors import NoisePrior
 from bayesid.estimation.sampling.residual_sums import ChannelResiduals, neighbours
 from bayesid.estimation.sampling.settings import SamplingSettings
@@ -28,6 +29,7 @@ def trial_density(
     z: Array,
     settings: SamplingSettings | None = None,
     stated: Mapping[str, float] | None = None,
+    honest: tuple[Array, Array] | None = None,
 ) -> TrialDensity:
     """Density of a problem about an estimate.
 
@@ -35,6 +37,8 @@ def trial_density(
     ----------
     z : (nz,) all unknowns of the problem, as `Fit.z`; near the mode
     stated : channel -> noise the prior of the noise is centred on [SI]; by default the problem's
+    honest : mean (k,) and covariance (k, k) of the parameters [SI] that allow for what white noise does not;
+        the likelihood is adjusted to them. Noise is fixed and memory ignored then
 
     Raises
     ------
@@ -42,6 +46,8 @@ def trial_density(
         settings that exclude each other, or an estimate at which the vehicle diverges
     """
     choice = settings or SamplingSettings()
+    if honest is not None and (choice.noise != "fixed" or choice.memory != "ignore"):
+        raise SampleError('a likelihood adjusted to a covariance takes noise "fixed" and memory "ignore"')
     z = np.asarray(z, dtype=float)
     channels = tuple(dict.fromkeys(c for run in problem.runs for c in run.channels))
     if not np.isfinite(problem.cost(z)):
@@ -73,6 +79,9 @@ def trial_density(
     scale = np.array([_stated(problem, c, stated or {}) for c in channels])
     prior = NoisePrior(choice.noise_prior, scale, choice.noise_weight, choice.noise_reach)
     density = TrialDensity(problem, choice, z, channels, tuple(data), prior, _NOT_YET)
+    if honest is not None:
+        found_map = likelihood_adjustment(problem, z, *honest, choice.initial == "fixed")
+        density = replace(density, adjustment=found_map)
     total, number = (np.array([d[c] for c in channels]) for d in (squares, counts))
     level = scale if choice.noise == "fixed" else prior.mode_of(total, number)
     _check_starts(density, level)
@@ -125,6 +134,9 @@ def _laplace(density: TrialDensity, level: Array, counts: Array) -> Laplace:
     scaled = replace(density.problem, runs=tuple(runs))
     _, jac = scaled.compressed(density.z)
     scale = scaled.scale
+    if density.adjustment is not None:
+        readings = jac.shape[0] - scaled.prior(density.z)[0].size
+        jac[:readings, :k] = jac[:readings, :k] @ density.adjustment.matrix
     if choice.initial == "fixed":
         jac, scale = jac[:, :k], scale[:k]
     room = (scaled.high - scaled.low)[: scale.size] / scale

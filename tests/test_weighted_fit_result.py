@@ -1,0 +1,87 @@
+"""What a fit with weighted readings leaves behind when it is stopped, and says when a part of it fails."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from bayesid.errors import FitError
+from bayesid.estimation.likelihood import NoiseParts
+from bayesid.estimation.likelihood import weighted_fit as module
+from bayesid.estimation.likelihood.weighted_fit import weighted_fit
+from bayesid.estimation.output_error import FitOptions
+from bayesid.estimation.output_error.fit_result import load_fit
+from bayesid.model.params import ParameterSet
+from bayesid.report.fit import form_words
+from studies.coverage.campaigns import Condition, campaign, drawn_truth, problem_of, setting
+
+SIX = ("Y_r", "Y_dr", "N_r", "N_v", "N_dr", "X_u|u|")
+STATED = FitOptions(profile=False)
+
+
+@lru_cache
+def problem():
+    """Six coefficients that differ from run to run, noise with memory."""
+    s = setting()
+    s = replace(s, params=ParameterSet(tuple(p for p in s.params.entries if p.name in SIX)))
+    rng = np.random.default_rng([31, 4])
+    return problem_of(s, campaign(s, Condition(run_spread=0.3, memory=10.0), drawn_truth(s, rng), rng))
+
+
+@pytest.mark.parametrize("at", [0, 1])
+def test_a_fit_stopped_before_its_weights_are_final_leaves_no_result(tmp_path, monkeypatch, at):
+    plain = weighted_fit(problem(), STATED, tmp_path, parts=NoiseParts())[1]
+    assert load_fit(tmp_path / "fit.json").converged  # of an earlier, finished fit
+    calls, real = [], module._posterior
+
+    def stopped(*args):
+        calls.append(1)
+        if len(calls) > at:
+            raise KeyboardInterrupt
+        return real(*args)
+
+    monkeypatch.setattr(module, "_posterior", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        weighted_fit(problem(), STATED, tmp_path)
+    assert (tmp_path / "iterates.jsonl").is_file() and not list(tmp_path.rglob("fit.json"))
+    monkeypatch.setattr(module, "_posterior", real)
+    _, found, posterior = weighted_fit(problem(), STATED, tmp_path)
+    assert posterior.parts.weight < 0.9
+    stored = load_fit(tmp_path / "fit.json")
+    assert np.array_equal(stored.z, found.z) and not np.array_equal(stored.sd, plain.sd)
+    assert np.array_equal(found.z, weighted_fit(problem(), STATED)[1].z)  # as one that was never stopped
+
+
+@pytest.mark.parametrize("how", ["raises", "does not converge", "diverges"])
+def test_a_model_form_that_cannot_be_fitted_is_said(monkeypatch, how):
+    real = module._without_form
+
+    def failing(asked, *args):
+        if len(asked.params.names) == len(SIX):
+            return real(asked, *args)
+        if how == "raises":
+            raise FitError("it diverges from the start")
+        noisy, found, posterior = real(problem(), *args)
+        if how == "diverges":
+            return noisy, found, None
+        return noisy, replace(found, status="budget", message="not converged in 3 rounds"), posterior
+
+    monkeypatch.setattr(module, "form_size", lambda *args: 1e-4)
+    monkeypatch.setattr(module, "_without_form", failing)
+    _, found, posterior = weighted_fit(problem(), STATED)
+    assert found.n_params == len(posterior.names) == len(SIX) and found.converged
+    assert "model form of 1e-04, the fit with it failed" in found.message
+    reason = {"raises": "diverges from the start", "does not converge": "3 rounds", "diverges": "diverges"}[
+        how
+    ]
+    assert reason in found.message.split("failed")[1]
+    (said,) = form_words(found)
+    assert "may stand in for it" in said
+
+
+def test_a_fit_whose_runs_ask_for_no_form_says_nothing_of_one():
+    found = weighted_fit(problem(), STATED)[1]
+    assert "form" not in found.message and not form_words(found)
