@@ -93,7 +93,8 @@ RESULT = Result(
     events=(Event("r1", 1.0, 2.0, "psi", "sensor", 12.0),), outliers=(Outlier("r1", 3.0, "r"),),
     posterior=draws(), description=DESCRIPTION,
     environment=Noise("measured", (1.0, 1.0, 1.0), 2.0, 0.1, 30.0, None, (0.0,)),
-    coefficients={"N_r": Coefficient(-0.1, 0.01)}, next_manoeuvre=(Proposal("zigzag", 60.0, 1.0, 9.0),),
+    coefficients={"N_r": Coefficient(-0.1, 0.01)}, model_form=None,
+    next_manoeuvre=(Proposal("zigzag", 60.0, 1.0, 9.0),),
     warnings=("no straight run",), drawings=DRAWINGS,
 )  # fmt: skip
 

@@ -32,6 +32,7 @@ def located(best=8.0, outside=0.0, base=0.0, kept="kept"):
     )
 
 
+OWN_PATH = Plain(par=np.zeros(4))  # of the data, parameters at nominal
 FIT, AGREE = Plain(points=["points of the fit"]), Plain(excess=7.0, disagree=False)
 
 
@@ -75,7 +76,7 @@ class World:
             "search_several": self._several,
             "remainder": lambda problem, candidate: self._kept("remainder", candidate.effects, self.after),
             "evidences": lambda problem, none, refits, scores, wide_, where: self._kept(
-                "evidences", (none, [r.effects for r in refits]), {"wind": 1.0}
+                "evidences", (none, [r.effects for r in refits]), {"wind": 1.0, "outside": 0.5}
             ),
             "cross_validate": lambda best, none, k: self._kept("cross_validate", best.effects, runs or AGREE),
             "probabilities": self._probabilities,
@@ -107,8 +108,8 @@ class World:
     def run(self, base=None):
         coefficients = Plain(names=("a", "b"), where=np.array([1, 2]))
         problem = Plain(
-            model=Plain(kernel=Plain(effects=EFFECTS), nominal=np.zeros(4)), path=["data's own path"],
-            path_level=0.02, coefficients=coefficients,
+            model=Plain(kernel=Plain(effects=EFFECTS)), path=[OWN_PATH], path_level=0.02,
+            coefficients=coefficients, stated=coefficients, form=None,
         )  # fmt: skip
         return comparison.compare(problem, seed=3, base=base)
 
@@ -132,8 +133,8 @@ def test_one_that_does_not_is_left_for_the_path_of_the_readings(monkeypatch):
     world = World(monkeypatch, hypothesis(100.0, chi2=3.0))
     found = world.run()
     assert world.seen["fit_with"] == [{}]
-    assert world.seen["build_bank"][0][:2] == (["data's own path"], 0.02)
-    assert world.seen["locate"] == [["data's own path"]] and found.none.log_evidence == 100.0
+    assert world.seen["build_bank"][0][:2] == ([OWN_PATH], 0.02)
+    assert world.seen["locate"] == [[OWN_PATH]] and found.none.log_evidence == 100.0
 
 
 def test_refits_are_ordered_by_evidence_and_coefficients_are_among_them(monkeypatch):

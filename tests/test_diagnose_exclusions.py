@@ -67,6 +67,7 @@ def passes(monkeypatch, outliers=(), events=(), fails=lambda events, readings: N
     monkeypatch.setattr(exclusions, "innovation_outliers", lambda problem, base: next(rounds, ()))
     monkeypatch.setattr(exclusions, "compare", lambda problem, notify, seed, base: f"compared {len(seen)}")
     monkeypatch.setattr(exclusions, "simplest", lambda candidates: None)
+    monkeypatch.setattr(exclusions, "needed_form", lambda problem, candidates: None)
     monkeypatch.setattr(exclusions, "find_events", lambda problem, trial, best, notify: events)
     monkeypatch.setattr(exclusions, "with_events", lambda candidates, found: f"{candidates} + {len(found)}")
     return seen, exclusions.compare_without(None, None)

@@ -85,7 +85,7 @@ def test_draws_cover_the_truth_and_agree_with_laplace():
         i = found.posterior.names.index(name)
         assert abs(found.posterior.mean[i] - value) < 4 * found.posterior.sd[i]
         assert abs(found.sd_ratio[i] - 1.0) < 0.05  # some 5000 effective draws
-    assert abs(found.log_evidence - corrected_evidence(fitted)) < 0.05
+    assert abs(found.log_evidence - corrected_evidence(problem.model, fitted)) < 0.05
 
 
 def by_quadrature(problem, fitted, density):
@@ -112,7 +112,7 @@ def test_evidence_of_one_sided_and_bent_effects_by_four_methods(effect):
     found = sample_effect(problem, fitted, seed=2, sample_noise_scale=False, coefficients=3)
     d = found.density
     exact = by_quadrature(problem, fitted, d)
-    laplace = corrected_evidence(fitted)
+    laplace = corrected_evidence(problem.model, fitted)
     sd = np.sqrt(np.diag(found.laplace.covariance))
     k = sd.size
 

@@ -20,13 +20,14 @@ from bayesid.diagnosis.threshold_table import (
 PLAIN = Facts(
     gain=50.0, gain_by_chance=4.0, free=30.0, free_by_chance=19.0, left=2.0, conflict=0.5,
     conflict_by_chance=3.5, none=0.0, outside=0.04, undetectable=0.0, none_in_set=False, effects=1,
-    widens=False, explains=True, acts=0.96, absorbed=0.2, idle=False, sure=0, sure_absorbed=0.0,
-    runs_refute=False,
+    widens=False, explains=True, acts=0.96, absorbed=0.2, idle=False, sure=0,
+    form=False, covered=False, others_covered=False, runs_refute=False,
     runs_disagree=False,
 )  # fmt: skip
 FAINT = replace(PLAIN, gain=3.9, none_in_set=True, acts=0.3)
 WIDE = replace(PLAIN, widens=True)
 PAIR = replace(PLAIN, effects=2, sure=2)
+FORM = replace(PLAIN, form=True)
 TINY = 1e-9
 
 # rule, facts it decides, and per fact: a value on the other side of the threshold and the rule that then does
@@ -60,17 +61,30 @@ CASES = [
     ("refuted by the runs", replace(PLAIN, runs_refute=True), {
         "runs_refute": (False, "effect"), "explains": (False, "effect with a remainder")}),
     ("refuted by the runs", replace(PAIR, runs_refute=True), {"runs_refute": (False, "several sure")}),
-    ("several sure", replace(PAIR, sure_absorbed=1.0, none_in_set=True), {
-        "sure": (1, "several, the sure one hidden"), "effects": (1, "none not excluded")}),
+    ("several sure", replace(PAIR, absorbed=1.0, none_in_set=True), {
+        "sure": (1, "several, one sure"), "effects": (1, "none not excluded")}),
+    ("model form", replace(FORM, covered=True, runs_refute=True), {
+        "covered": (False, "refuted by the runs"), "form": (False, "refuted by the runs")}),
+    ("model form", replace(FORM, gain=3.9), {"gain": (4.0, "effect"), "form": (False, "faint")}),
+    ("model form", replace(FORM, widens=True), {
+        "widens": (False, "effect"), "form": (False, "wrong coefficient")}),
+    ("model form", replace(FORM, none_in_set=True, none=EVEN_ODDS + TINY), {
+        "none": (EVEN_ODDS + 0.0, "none not excluded"), "form": (False, "probably none")}),
+    ("model form", replace(FORM, covered=True, outside=EVEN_ODDS + 0.0), {
+        "outside": (EVEN_ODDS + TINY, "unlisted cause")}),
+    ("one sure beside a model form", replace(PAIR, form=True, sure=1, others_covered=True), {
+        "others_covered": (False, "several, one sure"), "left": (19 + TINY, "several, one sure"),
+        "runs_disagree": (True, "several, one sure"), "explains": (False, "several, one sure"),
+        "effects": (1, "effect")}),
     ("several, none sure", replace(PAIR, sure=0), {
         "sure": (1, "several, one sure"), "effects": (1, "effect")}),
-    ("several, the sure one hidden", replace(PAIR, sure=1, sure_absorbed=CONFOUNDED_SHARE + TINY), {
-        "sure_absorbed": (CONFOUNDED_SHARE + 0.0, "several, one sure"), "effects": (1, "effect")}),
     ("several, one sure", replace(PAIR, sure=1, none_in_set=True), {
-        "sure_absorbed": (CONFOUNDED_SHARE + TINY, "several, the sure one hidden"),
-        "effects": (1, "none not excluded")}),
-    ("hidden by coefficients", replace(PLAIN, absorbed=CONFOUNDED_SHARE + TINY, none_in_set=True, none=0.9), {
-        "absorbed": (CONFOUNDED_SHARE + 0.0, "probably none")}),
+        "sure": (0, "several, none sure"), "effects": (1, "none not excluded")}),
+    ("hidden by coefficients", replace(
+        PLAIN, absorbed=CONFOUNDED_SHARE + TINY, none_in_set=True, none=0.9, acts=NAMING_PROBABILITY - TINY,
+    ), {
+        "absorbed": (CONFOUNDED_SHARE + 0.0, "probably none"),
+        "acts": (NAMING_PROBABILITY + 0.0, "probably none")}),
     ("probably none", replace(PLAIN, none_in_set=True, none=EVEN_ODDS + TINY), {
         "none": (EVEN_ODDS + 0.0, "none not excluded"), "none_in_set": (False, "effect")}),
     ("none not excluded", replace(PLAIN, none_in_set=True, none=0.06), {"none_in_set": (False, "effect")}),
@@ -105,6 +119,8 @@ NAMES = Named(
 )  # fmt: skip
 SAID = {
     "unlisted cause": ("outside", (), ()),
+    "model form": ("model_form", (), ()),
+    "one sure beside a model form": ("effect", ("b",), ()),
     "coefficients moved": ("coefficients", (), ("c", "d")),
     "nothing beyond chance": ("none", (), ()),
     "faint": ("ambiguous", ("a", "b"), ()),
@@ -115,7 +131,6 @@ SAID = {
     "refuted by the runs": ("ambiguous", ("a", "b"), ()),
     "several sure": ("several", ("b",), ("c", "d")),
     "several, none sure": ("ambiguous", ("a", "b"), ("c", "d")),
-    "several, the sure one hidden": ("ambiguous", ("a", "b"), ("c", "d")),
     "several, one sure": ("effect_with_remainder", ("b",), ("c", "d")),
     "hidden by coefficients": ("coefficients", (), ("d",)),
     "probably none": ("none", (), ()),
@@ -135,7 +150,9 @@ def test_a_rule_says_its_word_and_names_those_of_its_outcome(rule):
     assert bool(effects) or rule.word not in NAMING
     assert set95 == NAMES.set95
     without = names_of(rule, replace(NAMES, set95=("outside",)))[2]
-    assert without == (("none", "outside") if rule.word == "none" else ("outside",))
+    assert without == (("none", "outside") if rule.word in ("none", "model_form") else ("outside",))
+    beside = names_of(rule, replace(NAMES, form=True))[2]
+    assert beside == ("outside", "a", "model_form", "b")  # nothing but the form
 
 
 def test_the_table_says_of_every_number_what_it_is_and_what_fixed_it():
@@ -160,6 +177,9 @@ def test_the_numbers_of_the_table_are_those_the_practice_campaigns_were_scored_w
         "DISAGREEMENT_P_VALUE": 1e-3,
         "FOLLOWS_DATA_CHI2": 1.5,
         "NOT_FOLLOWING_CHI2": 25.0,
+        "FORM_EVIDENCE": 20.0,
+        "FORM_LEAVES": 0.5,
+        "FORM_LEAVES_BESIDE": 1.0,
         "ADD_EVIDENCE": 5.0,
         "DROP_EVIDENCE": 3.0,
         "MOST_EFFECTS": 3,

@@ -19,6 +19,7 @@ PROBLEM = SimpleNamespace(
     model=SimpleNamespace(kernel=SimpleNamespace(effects=EFFECTS)),
     coefficients=SimpleNamespace(names=()),
     as_built=False,
+    form=None,
 )
 
 
@@ -56,6 +57,8 @@ def judged(
                 detect=[1.0 if n in faint else 400.0 for n in FAMILY],
             ),
             thresholds=SimpleNamespace(named=3.0, remainder=19.0, conflict=3.0),
+            carried=0.0,
+            carried_beside=0.0,
         ),
     )  # fmt: skip
 
@@ -154,12 +157,18 @@ def test_an_effect_is_idle_where_every_size_lies_within_its_deviation_of_off(mon
         "acts.size": (0.0, 0.1),
         "acts.other": (0.5, 0.1),
     }
+    limits = dict.fromkeys(range(4), (-np.inf, np.inf))
     model = SimpleNamespace(
-        effects=effect, index={k: i for i, k in enumerate(table)}, effect_off={1: 1.0, 0: 0.0}
+        effects=effect,
+        index={k: i for i, k in enumerate(table)},
+        effect_off={1: 1.0, 0: 0.0},
+        effect_limits=limits,
     )
     monkeypatch.setattr(candidates, "parameter_table", lambda fit, problem: table)
     both = SimpleNamespace(effects=("still", "acts"), fit=None)
     assert candidates.idle(both, SimpleNamespace(model=model)) == ("still",)
+    limits[3] = (0.6, 1.0)  # what is half is not that effect
+    assert candidates.idle(both, SimpleNamespace(model=model)) == ("still", "acts")
 
 
 def test_a_second_effect_that_might_be_another_is_not_named(pair):
@@ -168,11 +177,12 @@ def test_a_second_effect_that_might_be_another_is_not_named(pair):
     assert {"b", "c"} <= set(v.set95)
 
 
-def test_what_the_coefficients_can_hide_is_not_named_alone(pair):
-    inside = {"a": 1.0, "b": 0.6, "c": 0.4}
-    assert judged(pair, {"a": 0.5, "b": 0.3, "c": 0.2}, inside, absorbed="a").word == "ambiguous"
-    assert judged([candidate(50.0, "a")], {"a": 1.0}, absorbed="a").word == "coefficients"
-    assert judged([candidate(50.0, "a")], {"a": 1.0}, absorbed="a", as_built=True).word == "effect"
+def test_what_the_coefficients_can_hide_is_named_where_it_is_sure_that_they_do_not():
+    alone, unsure = [candidate(50.0, "a")], {"a": 0.89, "coefficient_error": 0.11}
+    assert judged(alone, {"a": 1.0}, absorbed="a").word == "effect"
+    assert judged(alone, unsure, absorbed="a").word == "coefficients"
+    assert judged(alone, unsure).word == "ambiguous"
+    assert judged(alone, unsure, absorbed="a", as_built=True).word == "ambiguous"
 
 
 def test_a_motion_nothing_explains_is_a_gap_whatever_the_coefficients_do():

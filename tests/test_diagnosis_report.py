@@ -163,3 +163,28 @@ def test_the_lead_says_how_probable_it_is_that_the_cause_is_not_on_the_list():
     assert "probability of 8%" in _unlisted(found)
     assert _unlisted(replace(found, set95=("wind",))) == ""
     assert _unlisted(replace(found, effects=())) == ""
+
+
+def test_what_the_equations_lack_is_said_on_the_first_screen_and_has_its_section():
+    from diagnosis_results import RESULT
+
+    from bayesid.diagnosis.result import FormRow, ModelFormPart
+    from bayesid.report.diagnosis.report import diagnosis_report
+
+    part = ModelFormPart(
+        294.0,
+        {"Y": 3e-4, "N": 1e-3},
+        28.9,
+        ("roll_motion", "crossflow_drag"),
+        (FormRow("N_|v|r", "N", 1.9e-3, 3e-4),),
+    )
+    plain = diagnosis_report(RESULT)
+    assert "equations lack" not in plain.lead and "What the equations lack" not in [
+        s.title for s in plain.sections
+    ]
+    named = diagnosis_report(replace(RESULT, model_form=part, verdict="effect"))
+    assert "Beside that the equations lack a force" in named.lead
+    assert "crossflow drag and roll with a period of 28.9 s" in named.lead.replace("cross-flow", "crossflow")
+    assert "What the equations lack" in [s.title for s in named.sections]
+    alone = diagnosis_report(replace(RESULT, model_form=part, verdict="model_form", effects=()))
+    assert "The equations lack a force that depends on the motion" in alone.lead

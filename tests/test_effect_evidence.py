@@ -45,7 +45,9 @@ def test_the_form_that_was_planted_has_the_higher_evidence(name):
     for true, false in (forms, forms[::-1]):
         values = {f"{true}.{k}": v for k, v in SIZES[name].items()}
         problem = build_problem(model(), planted_trial(model(), other_vehicle(model(), 1) | values, 1))
-        right, wrong = (corrected_evidence(fit_with(problem, (model().effects[n],))) for n in (true, false))
+        right, wrong = (
+            corrected_evidence(problem.model, fit_with(problem, (model().effects[n],))) for n in (true, false)
+        )
         margins.append(right - wrong)
     print(f"{name}: {of(name)} planted {margins[0]:.1f} nats for it, the other form {margins[1]:.1f}")
     assert min(margins) > (-1.0 if name == "crossflow_drag_midships" else 0.0)

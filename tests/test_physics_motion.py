@@ -109,11 +109,13 @@ def test_uniform_current_is_a_change_of_frame(name, dof):
 
 @pytest.mark.parametrize("name", [n for n in NAMES if not load_vehicle(n).planar_only])
 def test_three_degrees_of_freedom_are_six_held_in_the_plane(name):
-    """Forces X, Y, N and the mass matrix of the plane, with every planar effect on."""
+    """Forces X, Y, N and the mass matrix of the plane, with every effect on that both have."""
     planar, six = model_of(name, 3), model_of(name, 6)
     rng = np.random.default_rng(3)
     values = {
-        planar.kernel.parameters[i]: off + rng.uniform(0.05, 0.2) for i, off in planar.effect_off.items()
+        planar.kernel.parameters[i]: off + rng.uniform(0.05, 0.2)
+        for i, off in planar.effect_off.items()
+        if planar.kernel.parameters[i] in six.index
     }
     par3, par6 = planar.with_values(values), six.with_values(values)
     for prefix in ("bare", "full"):
@@ -121,7 +123,8 @@ def test_three_degrees_of_freedom_are_six_held_in_the_plane(name):
         state, fins, n = random_state(planar, rng)
         x3, x6 = state[PLANAR], state
         if prefix == "full":
-            x3, x6 = np.append(x3, 0.1), np.append(x6, 0.1)
+            left = len(planar.kernel.full.states) - len(six.kernel.full.states) + len(x6) - len(x3)
+            x3, x6 = np.append(x3, [0.1, *np.zeros(left)]), np.append(x6, 0.1)  # heel, where it is a state
         exo3 = rng.uniform(-0.3, 0.3, len(three.exogenous))
         exo6 = np.array([dict(zip(three.exogenous, exo3, strict=True)).get(e, 0.0) for e in all6.exogenous])
         forces3 = three.forces(x3, np.array([fins[0], n]), exo3, 3.0, par3)

@@ -26,7 +26,9 @@ def listing(effects: Effects = None, as_json: Json = False, verbose: Verbose = F
     if as_json:
         print_json({e.name: _plain(e) for e in found})
         return
-    rows = [[e.name, e.port, e.family, e.dof, ", ".join(_parameters(e))] for e in found]
+    rows = [
+        [e.name, e.port, e.family, "3 only" if e.planar else e.dof, ", ".join(_parameters(e))] for e in found
+    ]
     print_table(LIST_COLUMNS, rows)
 
 

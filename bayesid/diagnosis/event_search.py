@@ -22,6 +22,7 @@ from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.data.windows import WINDOW_LENGTHS, Window, cut, window_equations, windows
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
+from bayesid.diagnosis.hypotheses.form_part import beyond
 from bayesid.diagnosis.hypotheses.localisation import channel_sets, units
 from bayesid.diagnosis.hypotheses.probabilities import probabilities
 from bayesid.diagnosis.hypotheses.verdict import Verdict, simplest
@@ -232,7 +233,7 @@ def log_without(problem: DiagnosisProblem, run: Run, events: Sequence[Event]) ->
 
 def with_events(candidates: HypothesisComparison, events: Sequence[Event]) -> HypothesisComparison:
     """Candidates of the rest of the trial, with what events of motion say for a cause outside added."""
-    gain = sum(e.evidence for e in events if e.kind == "motion")
+    gain = beyond(sum(e.evidence for e in events if e.kind == "motion"), candidates.carried)
     if gain <= candidates.evidence["outside"]:
         return candidates
     evidence = candidates.evidence | {"outside": gain}
@@ -252,7 +253,7 @@ def verdict_with(verdict: Verdict, events: Sequence[Event]) -> Verdict:
         return verdict
     listed = [f"{e.run} {e.start:.1f} to {e.end:.1f} s ({e.channel}, {e.kind})" for e in events]
     reasons = (*verdict.reasons, "left out as events: " + "; ".join(listed))
-    silent = verdict.word in ("none", "coefficients") or verdict.set95 == ("outside",)
+    silent = verdict.word in ("none", "coefficients", "model_form") or verdict.set95 == ("outside",)
     if silent and any(e.kind == "motion" for e in events):
         return replace(verdict, word="outside", set95=("outside",), reasons=reasons, rule=MOTION_EVENT)
     return replace(verdict, reasons=reasons)

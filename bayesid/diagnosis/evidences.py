@@ -13,7 +13,7 @@ from scipy.special import logsumexp
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.hypotheses.candidate import COEFFICIENT_ERROR, RefittedHypothesis, explains
 from bayesid.diagnosis.hypotheses.localisation import Localisation
-from bayesid.diagnosis.hypotheses.sensitivity_bank import ScreenScore, testable
+from bayesid.diagnosis.hypotheses.sensitivity_bank import EVERY, ScreenScore, testable
 
 
 def evidences(
@@ -41,7 +41,9 @@ def evidences(
         out.setdefault(effect.name, 0.0 if testable(problem, effect) else -np.inf)
     prefix = f"{COEFFICIENT_ERROR}:"
     wide = {n: refitted.get(prefix + n, min(v, floor if refitted else v)) for n, v in wide.items()}
-    out[COEFFICIENT_ERROR] = float(logsumexp(list(wide.values())) - np.log(max(len(wide), 1)))
+    # one wrong coefficient, or a prior too narrow as a whole: as probable
+    prior = {n: 0.5 / len(EVERY) if n in EVERY else 0.5 / max(len(wide) - len(EVERY), 1) for n in wide}
+    out[COEFFICIENT_ERROR] = float(logsumexp(list(wide.values()), b=[prior[n] for n in wide]))
     out["outside"] = where.outside - zero(none, where)
     return out
 

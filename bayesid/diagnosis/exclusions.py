@@ -12,7 +12,7 @@ predicts far worse than the rest.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from bayesid.diagnosis.data.event import Event
 from bayesid.diagnosis.data.outliers import Found, stripped
@@ -21,6 +21,9 @@ from bayesid.diagnosis.event_search import find_events, with_events
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison, compare
 from bayesid.diagnosis.hypotheses.facts import simplest
+from bayesid.diagnosis.hypotheses.form_part import form_gain
+from bayesid.diagnosis.hypotheses.form_search import needed_form
+from bayesid.diagnosis.threshold_table import FORM_EVIDENCE
 from bayesid.equations.model import Model
 from bayesid.errors import BayesidError
 from bayesid.estimation.filter_error.fit import FilterErrorFit
@@ -39,7 +42,7 @@ class Excluded:
 
 @dataclass(frozen=True, eq=False)
 class Compared:
-    """A problem and its hypotheses; `unable` says why events that were found are counted all the same."""
+    """A problem and its hypotheses; `unable` says what could not be tried, and why."""
 
     problem: DiagnosisProblem
     candidates: HypothesisComparison
@@ -86,13 +89,34 @@ def compare_without(
                 f"counts them",
             )
         if excluded.events:
-            return Compared(problem, with_events(candidates, excluded.events))
+            with_them = Compared(problem, with_events(candidates, excluded.events))
+            return _with_form(with_them, notify, seed)
         whole = Compared(problem, candidates)
         events = find_events(problem, trial, simplest(candidates), notify)
         if not events:
-            return whole
+            return _with_form(whole, notify, seed)
         notify(f"the same without {_named(events)}")
         excluded = Excluded(events)
+
+
+def _with_form(found: Compared, notify: Notify, seed: int) -> Compared:
+    """The hypotheses with a model form in each, where the runs ask for one beside the best explanation."""
+    problem, candidates = found.problem, found.candidates
+    form = needed_form(problem, candidates)
+    if form is None:
+        return found
+    notify("the same with a force that depends on the motion and that the equations lack")
+    wider = problem.with_form(form)
+    try:
+        again = compare(wider, notify, seed)
+    except BayesidError as error:
+        return replace(found, unable=f"the hypotheses could not be compared with a model form ({error})")
+    before, after = simplest(candidates), simplest(again)
+    if explains(before) and after.log_evidence < before.log_evidence + FORM_EVIDENCE:
+        return found
+    if form_gain(wider, after) < FORM_EVIDENCE:  # the runs do not agree about it
+        return found
+    return replace(found, problem=wider, candidates=with_events(again, problem.events))
 
 
 def innovation_outliers(problem: DiagnosisProblem, base: FilterErrorFit) -> Found:

@@ -14,7 +14,12 @@ from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.evidence.effect_posterior import EffectPosterior, numbers
 from bayesid.diagnosis.evidence.holdout import HoldoutValidation, MeasureComparison
 from bayesid.diagnosis.evidence.missing_force import MissingForce
-from bayesid.diagnosis.hypotheses.candidate import COEFFICIENT_ERROR, RefittedHypothesis, parameter_table
+from bayesid.diagnosis.hypotheses.candidate import (
+    COEFFICIENT_ERROR,
+    RefittedHypothesis,
+    jackknife,
+    parameter_table,
+)
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.facts import simplest, undetectable
 from bayesid.diagnosis.hypotheses.location import location_of
@@ -30,9 +35,11 @@ from bayesid.diagnosis.result import (
     Effect,
     Estimate,
     Force,
+    FormRow,
     Gap,
     Horizon,
     Location,
+    ModelFormPart,
     Noise,
     Outlier,
     Refit,
@@ -42,10 +49,15 @@ from bayesid.diagnosis.result import (
     Value,
 )
 from bayesid.equations.model import Model
+from bayesid.estimation.likelihood.model_form import typical
+from bayesid.model.terms import term
 from bayesid.trials import Trial
 
 MODELS = ("nominal", "recalibrated", "with effect")
 MOST_MASKS = 5
+MODEL_FORM = "model_form"
+# Standard deviations from which a row of a model form is listed, and how many are.
+CLEAR, MOST_ROWS = 2.0, 8
 # Noncentrality from which runs show an effect; runs of the force, panels and draws a reader can make out.
 SHOWN, MOST_RUNS, MOST_PANELS, LAPLACE_DRAWS = 10.0, 4, 7, 4000
 
@@ -68,6 +80,12 @@ def result_of(
 
     c, best = candidates, simplest(candidates)
     every = ["none", *(e.name for e in model.kernel.effects), COEFFICIENT_ERROR, "outside"]
+    probability = {n: float(c.probabilities.get(n, 0.0)) for n in every}
+    acting = {n: float(min(c.inside.get(n, 0.0), 1.0)) for n in every}
+    if problem.form is not None:
+        # no effect beside a form that the runs need is not "nothing"
+        probability |= {"none": 0.0, MODEL_FORM: probability["none"]}
+        acting |= {"none": 0.0, MODEL_FORM: 1.0}
     apart = c.ambiguity
     return Result(
         format=FORMAT,
@@ -85,8 +103,8 @@ def result_of(
         seed=seed,
         verdict=verdict.word,
         effects=_effects(model, problem, c, verdict, best),
-        probabilities={n: float(c.probabilities.get(n, 0.0)) for n in every},
-        acting={n: float(min(c.inside.get(n, 0.0), 1.0)) for n in every},
+        probabilities=probability,
+        acting=acting,
         set95=verdict.set95,
         unseen=undetectable(c),
         hidden_by_coefficients=verdict.hidden,
@@ -112,8 +130,9 @@ def result_of(
         environment=_noise(problem),
         coefficients={
             n: Coefficient(float(x / model.file_scale(n)), float(s / abs(model.file_scale(n))))
-            for n, x, s in zip(problem.coefficients.names, best.fit.values, best.fit.sd, strict=False)
+            for n, x, s in zip(problem.stated.names, best.fit.values, best.fit.sd, strict=False)
         },
+        model_form=_form(problem, c, best),
         next_manoeuvre=proposals,
         warnings=warnings,
         drawings=_drawings(model, c, posterior, seed),
@@ -173,6 +192,34 @@ def _refit(problem: DiagnosisProblem, none: RefittedHypothesis, refit: RefittedH
         float(refit.fit.chi2),
         bool(refit.fit.converged),
         {n: Estimate(value, sd) for n, (value, sd) in found.items()},
+    )
+
+
+def _form(
+    problem: DiagnosisProblem, c: HypothesisComparison, best: RefittedHypothesis
+) -> ModelFormPart | None:
+    """What the model form carries beside the best explanation, and its largest rows."""
+    form, model = problem.form, problem.model
+    if form is None:
+        return None
+    first, last = len(problem.stated.names), len(problem.coefficients.names)
+    sd = np.maximum(best.fit.sd, jackknife(best.fit))[first:last]
+    values = best.fit.values[first:last]
+    rows, like = [], []
+    for name, value, spread in zip(problem.coefficients.names[first:last], values, sd, strict=True):
+        effect, _, parameter = name.partition(".")
+        if not parameter:
+            unit = typical(model, name)
+            rows.append(FormRow(name, term(name).axis, float(value / unit), float(spread / abs(unit))))
+        elif model.effect_off[model.index[name]] == 0.0 and abs(value) > CLEAR * spread:
+            like.append(effect)
+    rows.sort(key=lambda r: -abs(r.force) / r.sd)
+    return ModelFormPart(
+        float(c.carried_beside if best.effects else c.carried),
+        {a: float(s) for a, s in form.sizes.items() if s},
+        form.period,
+        tuple(dict.fromkeys(like)),
+        tuple(r for r in rows if abs(r.force) > CLEAR * r.sd)[:MOST_ROWS],
     )
 
 

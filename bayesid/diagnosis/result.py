@@ -215,6 +215,39 @@ class Coefficient:
     sd: float
 
 
+@dataclass(frozen=True)
+class FormRow:
+    """One row of a model form: its force over 1/2 rho L^2 U^2 (moments L^3) at a drift of 0.2, a yaw rate of
+    0.3 U/L and a rudder of 0.25 rad, and its standard deviation."""
+
+    name: str
+    axis: str
+    force: float
+    sd: float
+
+
+@dataclass(frozen=True)
+class ModelFormPart:
+    """A force that depends on the motion, that the symmetry of a hull allows, and that the equations lack."""
+
+    gain: Annotated[
+        float,
+        About("Log evidence that would be lost without it, beside the best explanation [nats]."),
+    ]
+    sizes: Annotated[
+        Mapping[str, float],
+        About("Axis -> standard deviation of each of its rows, in the unit of their force."),
+    ]
+    period: Annotated[
+        float | None, About("Period [s] of a resonance in it, as of a roll that a planar model leaves out.")
+    ]
+    looks_like: Annotated[
+        tuple[str, ...],
+        About("Declared effects that are part of it and differ from off by two standard deviations."),
+    ]
+    rows: Annotated[tuple[FormRow, ...], About("Rows that differ from zero by as much, clearest first.")]
+
+
 @dataclass(frozen=True, eq=False)
 class Force:
     """Smoothed missing force in body axes, (n, axes) per run, and its standard deviation [N, N m]."""
@@ -276,7 +309,9 @@ class Result:
             "signal still gains, that runs disagree about it, or that others act beside it which are not "
             "sure. several: more than one is sure. outside: a gap, and no effect is named. coefficients: "
             "closed by moving coefficients beyond their uncertainty. ambiguous: these runs cannot tell the "
-            "cause, or whether there is one, also where the most probable name has less than 90 %."
+            "cause, or whether there is one, also where the most probable name has less than 90 %. "
+            "model_form: a repeatable force that depends on the motion and that the equations lack is "
+            "needed, and no cause beside it is told from what such a force leaves."
         ),
     ]
     effects: Annotated[
@@ -292,7 +327,8 @@ class Result:
     probabilities: Annotated[
         Mapping[str, Share],
         About(
-            "Of every hypothesis: none, each effect of the catalogue, coefficient_error, outside. Sums to 1; "
+            "Of every hypothesis: none, each effect of the catalogue, coefficient_error, outside, and "
+            "model_form, which takes the place of none where the runs need one. Sums to 1; "
             "effects that act together share their mass.",
             {"required": ["none", "outside"]},
         ),
@@ -387,6 +423,10 @@ class Result:
     ]
     coefficients: Annotated[
         Mapping[str, Coefficient], About("With the best explanation, in the units of the vehicle file.")
+    ]
+    model_form: Annotated[
+        ModelFormPart | None,
+        About("The force the equations lack that every hypothesis has; null where the runs ask for none."),
     ]
     next_manoeuvre: Annotated[
         tuple[Proposal, ...],

@@ -23,6 +23,14 @@ def summary(result: Result) -> str:
         )
         out.append(f"  {effect.name} (probability {effect.probability:.3f}) {values}")
     out.append("95 % set: " + ", ".join(result.set95))
+    if result.model_form is not None:
+        like = (
+            f"; looks like {', '.join(result.model_form.looks_like)}" if result.model_form.looks_like else ""
+        )
+        out.append(
+            "  the equations lack a force that depends on the motion: without it "
+            f"{result.model_form.gain:.1f} of log evidence would be lost{like}"
+        )
     out += [f"  {unsigned_zeros(reason)}" for reason in result.reasons]
     out += [f"  {sentence}" for sentence in (result.description.sentences if result.description else ())]
     gap = result.gap

@@ -76,7 +76,7 @@ def build(spec: KernelSpec, effects: tuple[Effect, ...], active: bool) -> Dynami
     ModelError
         if an effect's equation cannot be read; names the effect
     """
-    effects = tuple(e for e in effects if e.dof <= spec.dof)
+    effects = tuple(e for e in effects if e.acts_in(spec.dof))
     dyn = _layout(spec, effects, effects if active else ())
     effects = effects if active else ()
     at = _symbols(dyn, effects)

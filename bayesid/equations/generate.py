@@ -44,7 +44,7 @@ def module_source(spec: KernelSpec, effects: tuple[Effect, ...] = CATALOGUE) -> 
     spec : KernelSpec
     effects : declarations to compile in, each at its off value unless a parameter says otherwise
     """
-    used = tuple(e for e in effects if e.dof <= spec.dof)
+    used = tuple(e for e in effects if e.acts_in(spec.dof))
     sets = [
         Context("bare", build(spec, effects, active=False), ()),
         Context("full", build(spec, effects, active=True), used),

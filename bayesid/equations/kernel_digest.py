@@ -23,7 +23,23 @@ from bayesid.equations.print_actuators import servo_formulas
 from bayesid.model.effects import Effect
 
 # wording and priors; a field that is new counts until it is named here
-_NOT_EQUATIONS = frozenset(("source", "magnitude", "about", "aliases", "unit", "sd", "scale", "mean"))
+_NOT_EQUATIONS = frozenset(
+    (
+        "source",
+        "magnitude",
+        "about",
+        "aliases",
+        "unit",
+        "sd",
+        "scale",
+        "mean",
+        "low",
+        "high",
+        "as_form",
+        "planar",
+        "roll_from",
+    )
+)
 _COMMUTE = ("add", "mul")
 
 
@@ -62,7 +78,7 @@ def equations_digest(dyn: Dynamics, effects: Iterable[Effect]) -> str:
             "layout": layout,
             "outputs": [{name: node[n] for name, n in group.items()} for group in outputs],
             "delays": dyn.delays,
-            "effects": equation_data([e for e in effects if e.dof <= dyn.spec.dof]),
+            "effects": equation_data([e for e in effects if e.acts_in(dyn.spec.dof)]),
             "servo": servo_formulas(),
         },
         sort_keys=True,
@@ -77,7 +93,7 @@ def cache_key(spec: KernelSpec, effects: tuple[Effect, ...]) -> str:
 
     from bayesid import __version__
 
-    used = tuple(e for e in effects if e.dof <= spec.dof)
+    used = tuple(e for e in effects if e.acts_in(spec.dof))
     tools = [__version__, platform.python_implementation(), *platform.python_version_tuple()[:2]]
     tools += [numba.__version__, llvmlite.__version__]
     data = [equation_data(part) for part in (spec, rows_of(spec), used)]

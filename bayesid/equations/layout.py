@@ -118,5 +118,5 @@ def parameter_names(spec: KernelSpec, effects: tuple[Effect, ...]) -> list[str]:
     if spec.sections:
         names += ["strip_Y", "strip_Z"]
     names += [row.name for row in rows_of(spec)]
-    names += [effect.key(p.name) for effect in effects if effect.dof <= spec.dof for p in effect.parameters]
+    names += [effect.key(p.name) for effect in effects if effect.acts_in(spec.dof) for p in effect.parameters]
     return names

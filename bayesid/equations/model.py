@@ -74,6 +74,17 @@ class Model:
         return {self.index[e.key(p.name)]: p.off for e in self.kernel.effects for p in e.parameters}
 
     @cached_property
+    def effect_limits(self) -> dict[int, tuple[float, float]]:
+        """Range in which an effect parameter is that of the effect [SI], by position."""
+        out = {}
+        for e in self.kernel.effects:
+            for p in e.parameters:
+                unit = eval_scale(p.scale, self.scales)
+                low = max(p.low * unit, p.off if p.one_sided else -math.inf)
+                out[self.index[e.key(p.name)]] = (low, p.high * unit)
+        return out
+
+    @cached_property
     def scales(self) -> dict[str, float]:
         """Vehicle scales that size priors: L [m], U [m/s], rho [kg/m3] at the reference revolutions."""
         return {"L": self.vehicle.L, "U": float(self.nominal[self.index["U_ref"]]), "rho": self.vehicle.rho}

@@ -89,7 +89,7 @@ def load_kernel(spec: KernelSpec, declared: tuple[Declared, ...] = ()) -> Kernel
     """
     catalogue = (*CATALOGUE, *(d.effect for d in declared))
     module = _module(spec, catalogue)
-    used = tuple(e for e in catalogue if e.dof <= spec.dof)
+    used = tuple(e for e in catalogue if e.acts_in(spec.dof))
     return Kernel(
         spec=spec,
         parameters=module.PARAMETERS,

@@ -94,7 +94,7 @@ class ScoredCase:
         """Where the verdict went: right, nearest rival, other family, none, outside, coefficients, ..."""
         if self.outcome in ("right", "rejected"):
             return "right"
-        if self.word in ("none", "outside", "coefficients", "failed"):
+        if self.word in ("none", "outside", "coefficients", "model_form", "failed"):
             return self.word
         if self.word == "ambiguous":
             return "cannot tell"

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bayesid.diagnosis.data.event import Event, blanked, released, without_readings
+from bayesid.diagnosis.data.model_form import ModelForm, frequency_start, with_form
 from bayesid.diagnosis.data.outliers import set_aside
 from bayesid.diagnosis.threshold_table import FOLLOWS_DATA_CHI2
 from bayesid.equations.model import Model
@@ -43,7 +44,7 @@ class DiagnosisProblem:
     ----------
     model : Model
     logs : identify runs, outliers set aside
-    coefficients : Free
+    coefficients : what is free in every hypothesis: coefficients of the vehicle first, then the model form
     environment : Environment
     channels : measured channels used
     outliers : (run, time [s], channel) of the readings set aside
@@ -52,6 +53,8 @@ class DiagnosisProblem:
         1/2 rho L^2 U^2: where sensitivities are taken while nothing is known
     events : what happened once and is left out
     as_built : whether an earlier clean identification fixed the coefficients
+    form : size of the model form in `coefficients`; None without
+    vehicle : the coefficients of the vehicle alone, where there is a form
     """
 
     model: Model
@@ -65,6 +68,19 @@ class DiagnosisProblem:
     path_level: float
     events: tuple[Event, ...] = ()
     as_built: bool = False
+    form: ModelForm | None = None
+    vehicle: GaussianPrior | None = None
+
+    @property
+    def stated(self) -> GaussianPrior:
+        """Coefficients of the vehicle within the prior of its file."""
+        return self.coefficients if self.vehicle is None else self.vehicle
+
+    def with_form(self, form: ModelForm) -> DiagnosisProblem:
+        """The problem with a model form free in every hypothesis."""
+        path = tuple(replace(p, par=frequency_start(self.model, form, p.par)) for p in self.path)
+        free = with_form(self.model, self.stated, form)
+        return replace(self, coefficients=free, form=form, vehicle=self.stated, path=path)
 
 
 def build_problem(
@@ -241,8 +257,7 @@ def fit_with(
     if start is None:
         start = list(problem.path)
         if effects:
-            nominal = [replace(point, par=problem.model.nominal) for point in start]
-            start = first_fit(problem, effects, nominal)
+            start = first_fit(problem, effects, start)
         initial_noise_scale = max(problem.path_level, 1e-5)
     noise_model = problem.environment.noise_model
     out = fit(

@@ -15,6 +15,7 @@ from scipy.special import log_ndtr, logsumexp
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.threshold_table import FOLLOWS_DATA_CHI2, LINEARISATION_SCATTER, WALD_SLACK
 from bayesid.equations.layout import names_read
+from bayesid.equations.model import Model
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.evidence import posterior
 from bayesid.estimation.filter_error.fit import FilterErrorFit, stacked_equations
@@ -23,6 +24,9 @@ from bayesid.estimation.run_data import Array
 from bayesid.model.effects import Effect
 
 COEFFICIENT_ERROR = "coefficient_error"
+NO_LIMITS = (-np.inf, np.inf)
+# Runs from which leaving one out tells a standard deviation.
+LEAST_RUNS = 3
 # Shifts of the logarithm of a measured environment that are averaged over.
 NOISE_SCALE_SHIFTS = (-0.7, -0.35, 0.0, 0.35, 0.7, 1.05)
 
@@ -48,16 +52,29 @@ class RefittedHypothesis:
         return bool(self.effects) and self.effects[0].startswith(COEFFICIENT_ERROR)
 
 
-def corrected_evidence(fitted: FilterErrorFit) -> float:
-    """Laplace evidence with the half-normal correction of one-sided parameters."""
+def corrected_evidence(model: Model, fitted: FilterErrorFit) -> float:
+    """Laplace evidence with the priors of effect parameters cut at the range in which it is that effect.
+
+    The mass of the posterior inside the range over that of the prior, each parameter on its own.
+    """
     out = fitted.log_evidence
     # the optimum of the quadratic, beyond the bound where the data prefer the forbidden side
-    z = fitted.posterior.mean
-    sd = np.sqrt(np.diag(fitted.posterior.covariance))
-    for i in np.flatnonzero(np.isfinite(fitted.free.low)):
-        edge = (fitted.free.low[i] - fitted.free.mean[i]) / fitted.free.sd[i]
-        out += float(log_ndtr((z[i] - edge) / max(sd[i], 1e-12)) - log_ndtr(-edge))
+    mean, sd = fitted.posterior.mean, np.sqrt(np.diag(fitted.posterior.covariance))
+    limits = model.effect_limits
+    for i, where in enumerate(fitted.free.where):
+        low, high = ((x - fitted.free.mean[i]) / fitted.free.sd[i] for x in limits.get(int(where), NO_LIMITS))
+        if np.isfinite(low) or np.isfinite(high):
+            out += _log_inside(low, high, mean[i], max(sd[i], 1e-12)) - _log_inside(low, high, 0.0, 1.0)
     return out
+
+
+def _log_inside(low: float, high: float, mean: float, sd: float) -> float:
+    """Logarithm of what a normal density holds between two limits."""
+    a, b = (low - mean) / sd, (high - mean) / sd
+    if a > 0:
+        a, b = -b, -a  # the mirror image, where the logarithm of the distribution is exact
+    upper, lower = log_ndtr(b), log_ndtr(a)
+    return float(upper + np.log1p(-np.exp(min(lower - upper, -1e-15))))
 
 
 def repeatable_bonus(problem: DiagnosisProblem, fitted: FilterErrorFit) -> float:
@@ -89,7 +106,8 @@ def weighted_hypothesis(
     problem: DiagnosisProblem, effects: tuple[str, ...], fitted: FilterErrorFit
 ) -> RefittedHypothesis:
     """Candidate with its corrected evidence."""
-    return RefittedHypothesis(effects, corrected_evidence(fitted) + repeatable_bonus(problem, fitted), fitted)
+    evidence = corrected_evidence(problem.model, fitted) + repeatable_bonus(problem, fitted)
+    return RefittedHypothesis(effects, evidence, fitted)
 
 
 def away_from_straight(
@@ -108,7 +126,10 @@ def away_from_straight(
     gains = []
     for c in (candidate, none):
         kept = [g for g, s in zip(c.fit.equations, straight, strict=True) if not s]
-        gains.append(posterior(sum(kept[1:], kept[0])).log_evidence)
+        try:
+            gains.append(posterior(sum(kept[1:], kept[0])).log_evidence)
+        except ModelError:  # its path left the region of one of the runs: it explains nothing
+            return replace(candidate, log_evidence=-np.inf) if c is candidate else candidate
     limit = none.log_evidence + gains[0] - gains[1]
     return replace(candidate, log_evidence=min(candidate.log_evidence, float(limit)))
 
@@ -152,7 +173,7 @@ def nested(problem: DiagnosisProblem, candidate: RefittedHypothesis, keep: tuple
     kept = {effects[n].key(p.name) for n in keep for p in effects[n].parameters}
     k = len(problem.coefficients.names)
     without = total.pick(np.array([i for i, n in enumerate(fitted.free.names) if i < k or n in kept]))
-    return corrected_evidence(fitted) - posterior(without).log_evidence
+    return corrected_evidence(problem.model, fitted) - posterior(without).log_evidence
 
 
 def wald_limit(problem: DiagnosisProblem, fitted: FilterErrorFit) -> float:
@@ -191,19 +212,47 @@ def standing(candidate: RefittedHypothesis, gain: float) -> tuple[bool, float]:
 
 
 def parameter_table(fitted: FilterErrorFit, problem: DiagnosisProblem) -> dict[str, tuple[float, float]]:
-    """Effect parameters of a fit: name -> (value, sd) in SI."""
+    """Effect parameters of a fit: name -> (value, sd) in SI.
+
+    Where the equations lack a form, at least the sd by which single runs move them (jackknife): what a form
+    leaves is the same in every reading of a run, not noise from one to the next.
+    """
     k = len(problem.coefficients.names)
+    sd = fitted.sd[k:]
+    if problem.form is not None:
+        sd = np.maximum(sd, jackknife(fitted)[k:])
     return {
-        n: (float(v), float(s))
-        for n, v, s in zip(fitted.free.names[k:], fitted.values[k:], fitted.sd[k:], strict=True)
+        n: (float(v), float(s)) for n, v, s in zip(fitted.free.names[k:], fitted.values[k:], sd, strict=True)
     }
 
 
+def jackknife(fitted: FilterErrorFit) -> Array:
+    """(k,) standard deviations [SI] from estimates without each run in turn (Efron 1982); 0 below three."""
+    n = len(fitted.equations)
+    if n < LEAST_RUNS:
+        return np.zeros(len(fitted.free.names))
+    total = sum(fitted.equations[1:], fitted.equations[0])
+    try:
+        means = np.array([posterior(total - g).mean for g in fitted.equations])
+    except ModelError:
+        return np.zeros(len(fitted.free.names))
+    return np.sqrt((n - 1) ** 2 / n) * means.std(axis=0, ddof=1) * fitted.free.sd
+
+
 def idle(candidate: RefittedHypothesis, problem: DiagnosisProblem) -> tuple[str, ...]:
-    """Effects of a refit whose every size lies within a standard deviation of off: they explain nothing."""
+    """Effects of a refit that explain nothing as themselves: every size within a standard deviation of off,
+    or a parameter outside the range in which it is that effect.
+    """
     model, table = problem.model, parameter_table(candidate.fit, problem)
     out = []
     for name in candidate.effects:
+        if name not in model.effects:
+            continue
+        every = [model.effects[name].key(p.name) for p in model.effects[name].parameters]
+        limits = {k: model.effect_limits[model.index[k]] for k in every if k in table}
+        if any(not low <= table[k][0] <= high for k, (low, high) in limits.items()):
+            out.append(name)
+            continue
         keys = [model.effects[name].key(p.name) for p in model.effects[name].parameters]
         sizes = [table[k] for k in keys if k in table and model.effect_off.get(model.index[k], 0.0) == 0.0]
         if sizes and all(abs(value) < sd for value, sd in sizes):
@@ -213,5 +262,5 @@ def idle(candidate: RefittedHypothesis, problem: DiagnosisProblem) -> tuple[str,
 
 def pulls(fitted: FilterErrorFit, problem: DiagnosisProblem) -> Array:
     """(coefficients,) departure of the coefficients from their prior mean, in prior sd."""
-    k = len(problem.coefficients.names)
+    k = len(problem.stated.names)
     return (fitted.values[:k] - fitted.free.mean[:k]) / fitted.free.sd[:k]

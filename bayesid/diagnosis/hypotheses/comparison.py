@@ -19,6 +19,7 @@ from bayesid.diagnosis.hypotheses.candidate import (
     weighted_hypothesis,
 )
 from bayesid.diagnosis.hypotheses.cross_validation import cross_validate
+from bayesid.diagnosis.hypotheses.form_part import beyond, form_gain
 from bayesid.diagnosis.hypotheses.localisation import Localisation, locate, tried
 from bayesid.diagnosis.hypotheses.probabilities import Remainder, probabilities
 from bayesid.diagnosis.hypotheses.refit import (
@@ -68,6 +69,7 @@ class HypothesisComparison:
     ambiguity : Ambiguity
     where, where_after : Where before any effect and after the best one
     thresholds : Thresholds of this design
+    carried, carried_beside : log evidence the model form is worth without an effect, and beside the best
     """
 
     none: RefittedHypothesis
@@ -81,6 +83,8 @@ class HypothesisComparison:
     where: Localisation
     where_after: Localisation | None
     thresholds: Thresholds
+    carried: float = 0.0
+    carried_beside: float = 0.0
 
     @property
     def best(self) -> RefittedHypothesis:
@@ -116,7 +120,7 @@ def compare(
     limits = thresholds(bank, tried(problem), seed)
     notify("where the gap lies")
     where = locate(problem, points, problem.coefficients)
-    wide = widened(bank, problem.coefficients.names)
+    wide = widened(bank, problem.stated.names)
     refits = [c for s in shortlist(scores) for c in refit_screened(problem, bank, s, notify)]
     refits += [c for name in likely_coefficients(wide, scores) for c in refit_wide(problem, name, notify)]
     none = _second_start(problem, none, refits, notify)
@@ -138,11 +142,14 @@ def compare(
         notify("what the best explanation leaves")
         after = left.get(refits[0].effects) or remainder(problem, refits[0])
     evidence = evidences(problem, none, refits, scores, wide, where)
-    rest = _rests(refits, after)
+    carried, beside = form_gain(problem, none), form_gain(problem, refits[0]) if refits else 0.0
+    # what a form leaves may be as large as what it carries; only the rest speaks for another cause
+    evidence["outside"] = beyond(evidence["outside"], carried)
+    rest = {k: beyond(v, beside) for k, v in _rests(refits, after).items()}
     excess = _excess(refits, none, len(problem.coefficients.names))
     left_by = Remainder(rest)
     if after is not None:
-        shows = excess > 1.0 or after.places[0].evidence > limits.remainder
+        shows = excess > 1.0 or beyond(after.places[0].evidence, beside) > limits.remainder
         astray = refits[0].fit.chi2 > NOT_FOLLOWING_CHI2
         share = (
             1.0 if astray else after.places[0].evidence / max(where.places[0].evidence, REMAINDER_EVIDENCE)
@@ -151,7 +158,7 @@ def compare(
     places = {e.name: e.where for e in effects}
     weights = probabilities(evidence, refits, none, where, excess, left_by, places)
     found = (evidence, weights.shared, weights.inside, bank, known, where, after, limits)
-    return HypothesisComparison(none, tuple(refits), tuple(scores), *found)
+    return HypothesisComparison(none, tuple(refits), tuple(scores), *found, carried, beside)
 
 
 def _rests(refits: Sequence[RefittedHypothesis], after: Localisation | None) -> dict[tuple[str, ...], float]:
@@ -174,7 +181,7 @@ def _second_start(
         return none
     notify("fit without any effect from a second start")
     best = max(done, key=lambda c: c.log_evidence).fit
-    par = problem.model.nominal.copy()
+    par = problem.path[0].par.copy()
     where = problem.coefficients.where
     par[where] = best.par[where]
     start = [replace(point, par=par) for point in best.points]

@@ -6,7 +6,7 @@ speak of. Does not decide.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,21 +17,26 @@ from bayesid.diagnosis.hypotheses.candidate import (
     RefittedHypothesis,
     explains,
     idle,
+    parameter_table,
     pulls,
 )
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.cross_validation import CrossValidation, cross_validate
+from bayesid.diagnosis.hypotheses.form_part import beyond, form_gain
 from bayesid.diagnosis.hypotheses.probabilities import credible_set
 from bayesid.diagnosis.threshold_table import (
     CONFOUNDED_SHARE,
     EVEN_ODDS,
     FOLLOWS_DATA_CHI2,
+    FORM_LEAVES,
+    FORM_LEAVES_BESIDE,
     GAP_IS_SURE_BELOW,
     LISTED_BESIDE_EVIDENCE,
     MINOR_SHARE,
     NAMING_PROBABILITY,
     UNDETECTABLE_NONCENTRALITY,
 )
+from bayesid.model.effects import Effect
 
 
 @dataclass(frozen=True)
@@ -53,7 +58,10 @@ class Facts:
     acts : probability that what the best names acts, alone or with others of its family
     absorbed : share of the best effect's trace that coefficients absorb
     idle : whether an effect of the best has a size within its deviation of off
-    sure, sure_absorbed : of several effects, how many may be named, and the absorbed share of the first
+    sure : of several effects, how many may be named
+    form : whether every hypothesis has a model form, as the runs ask for one
+    covered : whether what the form leaves may be as large as each effect of the best
+    others_covered : the same of all effects of the best but those that may be named
     runs_refute : whether runs are predicted worse from the others with the best than without
     runs_disagree : whether runs ask for different sizes of it
     """
@@ -76,7 +84,9 @@ class Facts:
     absorbed: float
     idle: bool
     sure: int
-    sure_absorbed: float
+    form: bool
+    covered: bool
+    others_covered: bool
     runs_refute: bool
     runs_disagree: bool
 
@@ -108,6 +118,7 @@ class Named:
     along : of these the ones about as good as the best
     set95 : credible set
     undetectable : effects these runs could not show
+    form : whether no effect means a model form alone
     """
 
     best: tuple[str, ...]
@@ -116,6 +127,7 @@ class Named:
     along: tuple[str, ...]
     set95: tuple[str, ...]
     undetectable: tuple[str, ...]
+    form: bool = False
 
     @property
     def rivals(self) -> tuple[str, ...]:
@@ -147,8 +159,11 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
     gain = best.log_evidence - none.log_evidence
     pull = pulls(none.fit, problem)
     left = candidates.where_after.places[0].evidence if candidates.where_after is not None else 0.0
+    left = beyond(left, candidates.carried_beside)
+    free = before.evidence if before.channel[0] in "xyzpruv" else beyond(before.evidence, candidates.carried)
     off = () if best.widens else idle(best, problem)
     several = len(best.effects) > 1
+    covered = () if best.widens else _covered(problem, candidates, best)
     sure: tuple[str, ...] = ()
     if several:
         shows = left > limit.remainder
@@ -157,11 +172,13 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
         kept = [
             n
             for n in best.effects
-            if n not in off and (not shows or left < MINOR_SHARE * _part(candidates, best, n))
+            if n not in off
+            and n not in covered
+            and (not shows or left < MINOR_SHARE * _part(candidates, best, n))
         ]
         sure = tuple(n for n in kept if _acts(candidates, families, n) >= NAMING_PROBABILITY)
     named = COEFFICIENT_ERROR if best.widens else best.effects[0] if best.effects else ""
-    unlisted = before.evidence > limit.remainder and probability["outside"] > EVEN_ODDS
+    unlisted = free > limit.remainder and probability["outside"] > EVEN_ODDS
     # runs are set against each other where a name is at stake
     asked = not gain < limit.named and not best.widens and not unlisted
     runs = cross_validate(best, none, len(problem.coefficients.names)) if asked else None
@@ -169,7 +186,7 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
     facts = Facts(
         gain=gain,
         gain_by_chance=limit.named,
-        free=before.evidence,
+        free=free,
         free_by_chance=limit.remainder,
         left=left,
         conflict=float(np.abs(pull).max()) if pull.size else 0.0,
@@ -185,13 +202,15 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
         absorbed=absorbed.get(named, 0.0),
         idle=bool(off),
         sure=len(sure),
-        sure_absorbed=absorbed.get(sure[0], 0.0) if sure else 0.0,
+        form=problem.form is not None,
+        covered=bool(best.effects) and set(covered) == set(best.effects),
+        others_covered=bool(sure) and set(best.effects) == {*sure, *covered},
         runs_refute=runs is not None and runs.refuted,
         runs_disagree=runs is not None and runs.disagree,
     )
     along = tuple(n for n in hidden if candidates.evidence.get(n, -np.inf) > gain - LISTED_BESIDE_EVIDENCE)
     follows = any(c.fit.chi2 < FOLLOWS_DATA_CHI2 for c in (none, *candidates.refits))
-    names = Named(best.effects, sure, hidden, along, set95, faint)
+    names = Named(best.effects, sure, hidden, along, set95, faint, problem.form is not None)
     return Grounds(facts, names, before.channel, best.fit.chi2**0.5, follows, runs)
 
 
@@ -248,3 +267,38 @@ def _part(candidates: HypothesisComparison, best: RefittedHypothesis, name: str)
         if set(c.effects) < set(best.effects) and name not in c.effects
     ]
     return best.log_evidence - max(less, default=candidates.none.log_evidence)
+
+
+def _covered(
+    problem: DiagnosisProblem, candidates: HypothesisComparison, best: RefittedHypothesis
+) -> tuple[str, ...]:
+    """Effects of the best that are not larger than what the model form may leave.
+
+    The equations surely lack something. Beside the effect that explains most, another must be worth more
+    than the form itself to be told from what it leaves. Sensors that contradict one another by kinematics
+    alone do so whatever the equations lack.
+    """
+    if problem.form is None:
+        return ()
+    part = {n: _part(candidates, best, n) for n in best.effects}
+    first = max(part, key=lambda n: part[n], default="")
+    form = form_gain(problem, best, agreed=False)
+    table = parameter_table(best.fit, problem)
+    share = {n: FORM_LEAVES if n == first else FORM_LEAVES_BESIDE for n in best.effects}
+    return tuple(
+        n
+        for n in best.effects
+        if part[n] < share[n] * form and not _kinematic(problem.model.effects[n], problem.channels, table)
+    )
+
+
+def _kinematic(effect: Effect, channels: Collection[str], table: Mapping[str, tuple[float, float]]) -> bool:
+    """Whether readings tell an effect of a sensor without any force: d psi/dt against r, the velocity over
+    ground against u, v turned by psi. Not where roll, which a planar model leaves out, gives the same.
+    """
+    rolls = (p.roll_from < table[effect.key(p.name)][0] < p.off for p in effect.parameters)
+    if effect.port != "sensor" or any(rolls):
+        return False
+    seen = set(effect.sensor) | {c for group in effect.sensor_delay.values() for c in group}
+    whole = {"x", "y", "psi", "u", "v"} <= set(channels)
+    return {"psi", "r"} <= set(channels) if seen == {"r"} else whole

@@ -18,7 +18,7 @@ from bayesid.diagnosis.hypotheses.candidate import (
     weighted_hypothesis,
 )
 from bayesid.diagnosis.hypotheses.localisation import Localisation, locate
-from bayesid.diagnosis.hypotheses.sensitivity_bank import ScreenScore, SensitivityBank
+from bayesid.diagnosis.hypotheses.sensitivity_bank import EVERY, ScreenScore, SensitivityBank
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.evidence import posterior
 from bayesid.estimation.filter_error.fit import fit
@@ -106,7 +106,7 @@ def _estimated(problem: DiagnosisProblem, bank: SensitivityBank, score: ScreenSc
     prior = effect_prior(model, model.effects[score.name])
     total = bank.total(score.level).pick(bank.columns((score.name,), (score.variant,)))
     z = posterior(total).mean
-    par = model.nominal.copy()
+    par = problem.path[0].par.copy()
     c = problem.coefficients
     par[c.where] = np.maximum(c.mean + c.sd * np.clip(z[: bank.n_coef], -3.0, 3.0), c.low)
     size = float(np.clip(z[bank.n_coef], 0.1, 3.0)) if np.isfinite(prior.low).any() else float(z[bank.n_coef])
@@ -115,11 +115,14 @@ def _estimated(problem: DiagnosisProblem, bank: SensitivityBank, score: ScreenSc
 
 
 def refit_wide(problem: DiagnosisProblem, name: str, notify: Notify) -> list[RefittedHypothesis]:
-    """Candidate in which one coefficient may be ten prior standard deviations off."""
+    """Candidate in which one coefficient may be ten prior standard deviations off, or all of them several."""
     notify(f"refit with a wide prior on {name}")
     free = problem.coefficients
     sd = free.sd.copy()
-    sd[free.names.index(name)] *= 10.0
+    if name in EVERY:
+        sd[: len(problem.stated.names)] *= EVERY[name]
+    else:
+        sd[free.names.index(name)] *= 10.0
     try:
         fitted = fit(
             problem.model,

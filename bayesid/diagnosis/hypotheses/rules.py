@@ -12,9 +12,12 @@ from typing import Literal
 from bayesid.diagnosis.hypotheses.facts import Facts
 from bayesid.diagnosis.threshold_table import CONFOUNDED_SHARE, EVEN_ODDS, NAMING_PROBABILITY, PRIOR_CONFLICT
 
-Word = Literal["none", "effect", "effect_with_remainder", "several", "outside", "coefficients", "ambiguous"]
+Word = Literal[
+    "none", "effect", "effect_with_remainder", "several", "outside", "coefficients", "model_form", "ambiguous"
+]
 WORDS: tuple[Word, ...] = (
-    "none", "effect", "effect_with_remainder", "several", "outside", "coefficients", "ambiguous",
+    "none", "effect", "effect_with_remainder", "several", "outside", "coefficients", "model_form",
+    "ambiguous",
 )  # fmt: skip
 # Words that name an effect.
 NAMING: tuple[Word, ...] = ("effect", "effect_with_remainder", "several")
@@ -50,6 +53,13 @@ RULES: tuple[Rule, ...] = (
         "outside", "nothing", "nothing",
         "a free signal gains more than chance allows, and a cause that is not listed is more probable than "
         "all others together",
+    ),
+    Rule(
+        "model form",
+        lambda f: f.form and (not f.gains or f.widens or f.covered or f.none > EVEN_ODDS),
+        "model_form", "nothing", "nothing",
+        "a force that depends on the motion and that the equations lack is needed, and beside it no effect "
+        "gains more than what such a force may leave",
     ),
     Rule(
         "coefficients moved",
@@ -115,10 +125,12 @@ RULES: tuple[Rule, ...] = (
         f"several effects explain most together, and none of them acts with {NAMING_PROBABILITY:.0%}",
     ),
     Rule(
-        "several, the sure one hidden",
-        lambda f: f.effects > 1 and f.sure_absorbed > CONFOUNDED_SHARE,
-        "ambiguous", "rivals", "all",
-        "of several effects one is sure, and the coefficients' own uncertainty can imitate it",
+        "one sure beside a model form",
+        lambda f: f.effects > 1 and f.others_covered and not (f.rest_shows or f.runs_disagree)
+        and f.explains,
+        "effect", "sure", "nothing",
+        f"the effect acts with at least {NAMING_PROBABILITY:.0%}; others gain no more than what the model "
+        "form may leave, and nothing else beyond chance is left",
     ),
     Rule(
         "several, one sure",
@@ -128,9 +140,10 @@ RULES: tuple[Rule, ...] = (
     ),
     Rule(
         "hidden by coefficients",
-        lambda f: f.absorbed > CONFOUNDED_SHARE,
+        lambda f: f.absorbed > CONFOUNDED_SHARE and f.acts < NAMING_PROBABILITY,
         "coefficients", "nothing", "along",
-        "the coefficients' own uncertainty can imitate the best explanation on these runs",
+        "the coefficients' own uncertainty can imitate the best explanation on these runs, and with "
+        f"{1 - NAMING_PROBABILITY:.0%} or more does",
     ),
     Rule(
         "probably none",

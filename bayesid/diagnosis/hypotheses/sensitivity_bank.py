@@ -23,6 +23,8 @@ from bayesid.simulation import interval_maps, readings_on
 
 # Secant sizes, in prior standard deviations, of effects without a slope when off.
 SECANT_SIZES = (0.15, 0.8)
+# A prior that is too narrow as a whole: how many times its standard deviations.
+EVERY = {"every coefficient x3": 3.0, "every coefficient x10": 10.0}
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +70,10 @@ class SensitivityBank:
 def testable(problem: DiagnosisProblem, effect: Effect) -> bool:
     """Whether an effect can show in this trial at all."""
     names = set(problem.channels)
-    if effect.dof > problem.model.dof:
+    if not effect.acts_in(problem.model.dof) or effect.as_form == "only":
         return False
+    if any(effect.key(p.name) in problem.coefficients.names for p in effect.parameters):
+        return False  # part of the model form, which every hypothesis has
     seen = set(effect.sensor) | {c for group in effect.sensor_delay.values() for c in group}
     return not (effect.port == "sensor" and not (seen & names))
 
@@ -187,13 +191,18 @@ def screen(bank: SensitivityBank) -> list[ScreenScore]:
 
 
 def widened(bank: SensitivityBank, names: Sequence[str], factor: float = 10.0) -> dict[str, float]:
-    """Gain in log evidence when one coefficient's prior sd is multiplied, per coefficient, best over the
-    levels."""
+    """Gain in log evidence when the prior sd of one coefficient is multiplied, or of all (`EVERY`); best over
+    the levels."""
     out: dict[str, float] = {}
     base = [posterior(bank.total(i).pick(bank.columns(()))).log_evidence for i in range(len(bank.levels))]
+    scales = {}
     for j, name in enumerate(names):
-        scale = np.ones(bank.n_coef)
-        scale[j] = factor
+        scales[name] = np.ones(bank.n_coef)
+        scales[name][j] = factor
+    for name, times in EVERY.items():
+        scales[name] = np.ones(bank.n_coef)
+        scales[name][: len(names)] = times
+    for name, scale in scales.items():
         gains = []
         for i in range(len(bank.levels)):
             g = bank.total(i).pick(bank.columns(()))

@@ -1,4 +1,4 @@
-"""The verdict: one of seven words, with the effects, the set, the reasons and the rule behind it.
+"""The verdict: one of eight words, with the effects, the set, the reasons and the rule behind it.
 
 Takes `HypothesisComparison`. Gives a frozen `Verdict`. Reads no data and no held-out run; the rules are in
 `rules`, the numbers they compare with in `threshold_table`.
@@ -58,7 +58,11 @@ def names_of(rule: Rule, named: Named) -> tuple[tuple[str, ...], tuple[str, ...]
     }[rule.effects]
     hidden = {"nothing": (), "all": named.hidden, "along": named.along}[rule.hidden]
     # what cannot be told from no effect is no effect
-    set95 = named.set95 if rule.word != "none" or "none" in named.set95 else ("none", *named.set95)
+    set95 = named.set95
+    if rule.word in ("none", "model_form") and "none" not in set95:
+        set95 = ("none", *set95)
+    if named.form:
+        set95 = tuple("model_form" if n == "none" else n for n in set95)
     return effects, hidden, set95
 
 

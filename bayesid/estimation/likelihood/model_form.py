@@ -40,10 +40,11 @@ NOT_SO_SMALL = 1e-9  # of a size: no form at all, in the same unknowns
 
 def form_rows(model: Model) -> tuple[str, ...]:
     """Rows the vehicle lacks that the symmetry of its hull allows; no accelerations, no constants."""
-    return tuple(n for n in model.candidate_rows if _may_act(term(n)))
+    return tuple(n for n in model.candidate_rows if depends_on_motion(term(n)))
 
 
-def _may_act(row: Term) -> bool:
+def depends_on_motion(row: Term) -> bool:
+    """Whether a row is a force by drift, turning or fins that the symmetry of a hull allows."""
     moves = any(f.symbol in TYPICAL for f in row.factors)
     odd = sum(f.symbol in MIRRORED and not f.is_even for f in row.factors) % 2 == 1
     return moves and not row.is_inertia and odd == (row.axis in "YKN")

@@ -10,7 +10,11 @@ EFFECTS = (
         family="rudder_offset",
         port="input",
         where=RUDDER_WHERE,
-        parameters=(EffectParameter("offset", "rad", 2 * _DEG, about="added to the rudder angle"),),
+        parameters=(
+            EffectParameter(
+                "offset", "rad", 2 * _DEG, low=-20 * _DEG, high=20 * _DEG, about="added to the rudder angle"
+            ),
+        ),
         stages=(InputStage("delta_r", 20, "x + offset", "x + offset"),),
         source="assumed: constant error of the rudder zero",
         magnitude="neutral rudder 0.5-2 degrees",
@@ -22,7 +26,9 @@ EFFECTS = (
         port="input",
         where=RUDDER_WHERE,
         parameters=(
-            EffectParameter("tau", "s", 0.47, "L/U", one_sided=True, about="first-order time constant"),
+            EffectParameter(
+                "tau", "s", 0.47, "L/U", one_sided=True, low=0, high=20, about="first-order time constant"
+            ),
         ),
         smooth=False,
         adjust={"servo_lag_r": "value + tau"},
@@ -37,7 +43,9 @@ EFFECTS = (
         port="input",
         where=RUDDER_WHERE,
         parameters=(
-            EffectParameter("delay", "s", 0.47, "L/U", about="commands act this much later than logged"),
+            EffectParameter(
+                "delay", "s", 0.47, "L/U", low=0, high=20, about="commands act this much later than logged"
+            ),
         ),
         stages=(InputStage("delta_r", 10, delay="delay"),),
         source="pure delay of a held command; the step a switch falls in gets its time-weighted mean",
@@ -71,7 +79,15 @@ EFFECTS = (
         port="input",
         where=RUDDER_WHERE,
         parameters=(
-            EffectParameter("half_width", "rad", 1.5 * _DEG, one_sided=True, about="half of the play"),
+            EffectParameter(
+                "half_width",
+                "rad",
+                1.5 * _DEG,
+                one_sided=True,
+                low=0,
+                high=10 * _DEG,
+                about="half of the play",
+            ),
         ),
         stages=(
             InputStage(
@@ -91,7 +107,16 @@ EFFECTS = (
         family="stern_plane_offset",
         port="input",
         where=("M", "Z+M"),
-        parameters=(EffectParameter("offset", "rad", 2 * _DEG, about="added to the stern-plane angle"),),
+        parameters=(
+            EffectParameter(
+                "offset",
+                "rad",
+                2 * _DEG,
+                low=-20 * _DEG,
+                high=20 * _DEG,
+                about="added to the stern-plane angle",
+            ),
+        ),
         stages=(InputStage("delta_s", 20, "x + offset", "x + offset"),),
         dof=6,
         source="assumed: constant error of the plane zero",

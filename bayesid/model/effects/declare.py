@@ -26,8 +26,10 @@ as 0. At a tie min() and max() have the slope of their first argument.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Literal
 
 PORTS = ("input", "flow", "force", "sensor")
 
@@ -39,7 +41,8 @@ class EffectParameter:
     `sd` is the prior standard deviation in units of `scale`, a product of vehicle scales such as "U", "L/U"
     or "rho*L**2*U**2/2" that turns it into `unit`. `off` is the value at which the effect is absent and
     `mean` the centre of the prior (they differ only for shape parameters whose amplitude partner is zero when
-    off).
+    off). Outside `low` to `high`, in units of `scale` as well, it is not this effect: no probability goes
+    there. A planar model cannot tell values from `roll_from` to `off` from a list or heel it leaves out.
     """
 
     name: str
@@ -49,6 +52,9 @@ class EffectParameter:
     off: float = 0.0
     mean: float = 0.0
     one_sided: bool = False
+    low: float = -math.inf
+    high: float = math.inf
+    roll_from: float = 0.0
     about: str = ""
 
 
@@ -79,6 +85,10 @@ class Effect:
 
     `form` says what was chosen where the source leaves a choice (which terms, where they act, what is left
     out) and names the alternative of `alternatives` that chooses otherwise, if there is one.
+
+    `as_form` is for a force that the symmetry of a hull allows and that depends on the motion alone, as any
+    force does that the equations lack: "also" where it is a cause of its own as well, "only" where it is not.
+    `planar` effects are what a model in the horizontal plane leaves out; one with roll and pitch has them.
     """
 
     name: str
@@ -99,6 +109,12 @@ class Effect:
     sensor_delay: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     smooth: bool = True
     form: str = ""
+    as_form: Literal["", "also", "only"] = ""
+    planar: bool = False
+
+    def acts_in(self, dof: int) -> bool:
+        """Whether a model of 3 or 6 degrees of freedom can have it."""
+        return self.dof <= dof and not (self.planar and dof > 3)
 
     def key(self, parameter: str) -> str:
         """Name of one parameter in a model's parameter layout."""

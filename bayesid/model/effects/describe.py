@@ -5,6 +5,8 @@ Takes a declaration. Gives lines of text; every word and number of them is the d
 
 from __future__ import annotations
 
+import math
+
 from bayesid.model.effects.alternatives import ALTERNATIVES, of
 from bayesid.model.effects.declare import Effect
 
@@ -13,6 +15,10 @@ _PORTS = {
     "flow": "moving water",
     "force": "force on the hull",
     "sensor": "between state and reading",
+}
+_AS_FORM = {
+    "also": "part of it where the equations lack a force that depends on the motion, else a cause",
+    "only": "part of it, never a cause",
 }
 
 
@@ -43,15 +49,19 @@ def describe(effect: Effect) -> str:
     str : lines separated by newlines, plain text; formulas longer than 200 characters are cut, with "..."
     """
     also = f", also called {', '.join(effect.aliases)}" if effect.aliases else ""
-    dof = ", six degrees of freedom only" if effect.dof == 6 else ""
+    dof = ", six degrees of freedom only" if effect.dof == 6 else ", planar models only" * effect.planar
     lines = [f"{effect.name} ({_PORTS[effect.port]}; family {effect.family}{dof}{also})"]
     for p in effect.parameters:
         sides = ", never negative" if p.one_sided else ""
         scale = "" if p.scale == "1" else f" {p.scale}"
         off = f"; off at {p.off:g}"
+        if math.isfinite(p.low) or math.isfinite(p.high):
+            off += f"; this effect from {p.low:g} to {p.high:g}{scale}"
         lines.append(f"  {p.name} [{p.unit}]: {p.about}; prior {p.mean:g} +- {p.sd:.3g}{scale}{sides}{off}")
     lines += [f"  {line if len(line) <= 200 else line[:197] + '...'}" for line in equations(effect)]
     lines.append(f"  form: {effect.form}")
+    if effect.as_form:
+        lines.append(f"  model form: {_AS_FORM[effect.as_form]}")
     lines.append(f"  source: {effect.source}")
     lines.append(f"  magnitude: {effect.magnitude}")
     lines += [f"  other form: {other.name}. {other.form}" for other in alternatives(effect)]

@@ -11,8 +11,12 @@ EFFECTS = (
         port="flow",
         where=("current",),
         parameters=(
-            EffectParameter("V_north", "m/s", 0.13, "U", about="velocity of the water to the north"),
-            EffectParameter("V_east", "m/s", 0.13, "U", about="velocity of the water to the east"),
+            EffectParameter(
+                "V_north", "m/s", 0.13, "U", low=-2, high=2, about="velocity of the water to the north"
+            ),
+            EffectParameter(
+                "V_east", "m/s", 0.13, "U", low=-2, high=2, about="velocity of the water to the east"
+            ),
         ),
         flow={"north": "V_north", "east": "V_east"},
         source="Fossen (2021), equations of motion in irrotational currents",
@@ -42,7 +46,11 @@ EFFECTS = (
         family="heave_current",
         port="flow",
         where=("Z", "current"),
-        parameters=(EffectParameter("V_down", "m/s", 0.03, "U", about="velocity of the water downwards"),),
+        parameters=(
+            EffectParameter(
+                "V_down", "m/s", 0.03, "U", low=-0.5, high=0.5, about="velocity of the water downwards"
+            ),
+        ),
         flow={"down": "V_down"},
         dof=6,
         source="Fossen (2021), equations of motion in irrotational currents",

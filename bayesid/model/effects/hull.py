@@ -28,8 +28,10 @@ EFFECTS = (
         port="force",
         where=("Y", "N", "Y+N"),
         parameters=(
-            EffectParameter("Cd", "-", 0.5, about="extra strip drag coefficient"),
-            EffectParameter("tilt", "-", 0.3, about="its fore-aft imbalance, bow heavier if positive"),
+            EffectParameter("Cd", "-", 0.5, low=-1, high=3, about="extra strip drag coefficient"),
+            EffectParameter(
+                "tilt", "-", 0.3, low=-1, high=1, about="its fore-aft imbalance, bow heavier if positive"
+            ),
         ),
         force={"Y": _strip(arm=False), "N": _strip(arm=True)},
         source="strip theory as in Healey & Lienard (1993)",
@@ -37,6 +39,7 @@ EFFECTS = (
         form="Strips of constant height (diameter, or strip height of the file) in sway and yaw only, "
         "quadratic, weighed 1 + tilt 2x/L; heave of the strip is left out. Alternative: "
         "crossflow_drag_midships, strips that end in points.",
+        as_form="also",
     ),
     Effect(
         name="cubic_damping",
@@ -51,6 +54,7 @@ EFFECTS = (
         source="cubic terms of ship models (Abkowitz form)",
         magnitude="matters at large drift angles only",
         form="Pure cubes of sway and yaw rate; mixed terms and any other odd power are left out.",
+        as_form="also",
     ),
     Effect(
         name="fluid_memory",
@@ -58,9 +62,18 @@ EFFECTS = (
         port="force",
         where=("Y", "N", "Y+N"),
         parameters=(
-            EffectParameter("fraction", "-", 0.4, about="share of the hull lift that answers with a lag"),
             EffectParameter(
-                "lag", "L/U", 0.7, off=1.5, mean=1.5, about="time constant in hull lengths travelled"
+                "fraction", "-", 0.4, low=0, high=1, about="share of the hull lift that answers with a lag"
+            ),
+            EffectParameter(
+                "lag",
+                "L/U",
+                0.7,
+                off=1.5,
+                mean=1.5,
+                low=0,
+                high=10,
+                about="time constant in hull lengths travelled",
             ),
         ),
         states=(State("v_lagged", "(v - v_lagged)*abs(u)/(max(lag, 0.05)*L)", "v"),),
@@ -82,7 +95,9 @@ EFFECTS = (
         force={"N": "N_u_abs_v*u*abs(v)"},
         source="assumed: appendages or list that add the same moment at either drift side",
         magnitude="a few per cent of N_v",
-        form="A yaw moment alone, even in sway; no side force with it.",
+        form="A yaw moment alone, even in sway; no side force with it. One propeller behind a rudder makes a "
+        "hull asymmetric as well, so it is part of a model form.",
+        as_form="also",
     ),
     Effect(
         name="tether_drag",
@@ -102,5 +117,39 @@ EFFECTS = (
         source="line drag at x = -L/2",
         magnitude="2-10 % of the hull drag",
         form="Quadratic line drag in the water at the stern, x = -L/2, horizontal.",
+    ),
+    Effect(
+        name="roll_motion",
+        family="roll_motion",
+        port="force",
+        where=("Y+N", "Y", "N"),
+        parameters=(
+            EffectParameter("Y_heel", "N", 1e-3, "rho*L**2*U**2/2", about="side force by heel"),
+            EffectParameter("N_heel", "N*m", 3e-4, "rho*L**3*U**2/2", about="yaw moment by heel"),
+            EffectParameter(
+                "frequency",
+                "U/L",
+                1.5,
+                off=4.0,
+                mean=4.0,
+                low=0.2,
+                high=50.0,
+                about="natural frequency of roll",
+            ),
+        ),
+        states=(
+            State("heel", "heel_rate", "r*L/U_ref"),
+            State(
+                "heel_rate",
+                "frequency*U_ref/L*(frequency*U_ref/L*(r*L/U_ref - heel) - 0.2*heel_rate)",
+            ),
+        ),
+        force={"Y": "Y_heel*heel", "N": "N_heel*heel"},
+        source="roll coupled to sway and yaw: Son and Nomoto (1982), J. Soc. Nav. Arch. Japan 150",
+        magnitude="heel of some degrees in a turn",
+        form="A resonance driven by the yaw rate, damping ratio 0.1; the heel is in units of its value in a "
+        "steady turn of r = U/L, so that the forces hold how far the ship heels.",
+        as_form="only",
+        planar=True,
     ),
 )

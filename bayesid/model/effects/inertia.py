@@ -24,7 +24,11 @@ EFFECTS = (
         family="cg_offset_x",
         port="force",
         where=("N", "Y+N", "Y"),
-        parameters=(EffectParameter("x_G", "m", 0.022, "L", about="change of x_G, forward positive"),),
+        parameters=(
+            EffectParameter(
+                "x_G", "m", 0.022, "L", low=-0.1, high=0.1, about="change of x_G, forward positive"
+            ),
+        ),
         adjust={"x_G": "value + x_G"},
         source="Newton-Euler with a shifted centre of mass",
         magnitude="1-2 % of the length",
@@ -36,7 +40,11 @@ EFFECTS = (
         family="cg_offset_y",
         port="force",
         where=("N", "Y+N", "X"),
-        parameters=(EffectParameter("y_G", "m", 0.015, "L", about="change of y_G, starboard positive"),),
+        parameters=(
+            EffectParameter(
+                "y_G", "m", 0.015, "L", low=-0.05, high=0.05, about="change of y_G, starboard positive"
+            ),
+        ),
         adjust={"y_G": "value + y_G"},
         source="Newton-Euler with a shifted centre of mass",
         magnitude="mm to cm",
@@ -49,8 +57,15 @@ EFFECTS = (
         port="force",
         where=("X", "Y", "N", "Y+N", "X+Y+N"),
         parameters=(
-            EffectParameter("mass_fraction", "-", 0.06, about="trapped, neutrally buoyant mass over mass"),
-            EffectParameter("x", "m", 0.1, "L", about="its position, forward positive"),
+            EffectParameter(
+                "mass_fraction",
+                "-",
+                0.06,
+                low=0.0,
+                high=0.5,
+                about="trapped, neutrally buoyant mass over mass",
+            ),
+            EffectParameter("x", "m", 0.1, "L", low=-0.5, high=0.5, about="its position, forward positive"),
         ),
         adjust={
             **NEUTRAL,
@@ -74,9 +89,9 @@ EFFECTS = (
         port="force",
         where=("X", "Y", "N", "Y+N"),
         parameters=(
-            EffectParameter("e_X", "-", 0.1, about="X_udot times (1 + e_X)"),
-            EffectParameter("e_Y", "-", 0.1, about="Y_vdot times (1 + e_Y)"),
-            EffectParameter("e_N", "-", 0.1, about="N_rdot times (1 + e_N)"),
+            EffectParameter("e_X", "-", 0.1, low=-1, high=3, about="X_udot times (1 + e_X)"),
+            EffectParameter("e_Y", "-", 0.1, low=-0.7, high=1.5, about="Y_vdot times (1 + e_Y)"),
+            EffectParameter("e_N", "-", 0.1, low=-0.7, high=1.5, about="N_rdot times (1 + e_N)"),
         ),
         adjust={"X_udot": "value*(1 + e_X)", "Y_vdot": "value*(1 + e_Y)", "N_rdot": "value*(1 + e_N)"},
         source="strip and panel methods against tests",

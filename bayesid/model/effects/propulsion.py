@@ -8,7 +8,9 @@ EFFECTS = (
         family="thrust_or_drag",
         port="force",
         where=("X", "rpm"),
-        parameters=(EffectParameter("loss", "-", 0.15, about="share of the thrust that is missing"),),
+        parameters=(
+            EffectParameter("loss", "-", 0.15, low=-1, high=1, about="share of the thrust that is missing"),
+        ),
         force={"X": "-loss*thrust()"},
         source="assumed: thrust in proportion",
         magnitude="2-10 % of revolutions, twice that of thrust",
@@ -21,7 +23,12 @@ EFFECTS = (
         where=("X", "rpm"),
         parameters=(
             EffectParameter(
-                "loss_per_600s", "-", 0.2, about="thrust falls by this share in 600 s of each run"
+                "loss_per_600s",
+                "-",
+                0.2,
+                low=-1,
+                high=1,
+                about="thrust falls by this share in 600 s of each run",
             ),
         ),
         force={"X": "-loss_per_600s*t/600*thrust()"},
@@ -40,6 +47,8 @@ EFFECTS = (
                 "drag_increase",
                 "-",
                 0.25,
+                low=-0.5,
+                high=3,
                 about="straight-ahead drag that goes with speed squared, times (1 + drag_increase)",
             ),
         ),
@@ -56,7 +65,14 @@ EFFECTS = (
         port="force",
         where=("Y", "N", "Y+N", "rudder"),
         parameters=(
-            EffectParameter("side_force", "-", 0.1, about="share of thrust to starboard at the propeller"),
+            EffectParameter(
+                "side_force",
+                "-",
+                0.1,
+                low=-0.5,
+                high=0.5,
+                about="share of thrust to starboard at the propeller",
+            ),
         ),
         force={"Y": "side_force*thrust()", "N": "-0.5*L*side_force*thrust()"},
         source="assumed: proportional to thrust, propeller at x = -L/2",

@@ -17,7 +17,12 @@ EFFECTS = (
         where=RUDDER_WHERE,
         parameters=(
             EffectParameter(
-                "loss", "-", 0.2, about="share of the rudder's side force and moment that is missing"
+                "loss",
+                "-",
+                0.2,
+                low=-1,
+                high=1,
+                about="share of the rudder's side force and moment that is missing",
             ),
         ),
         force={"Y": "-loss*rows('Y', 'delta_r')", "N": "-loss*rows('N', 'delta_r')"},
@@ -32,7 +37,14 @@ EFFECTS = (
         port="force",
         where=RUDDER_WHERE,
         parameters=(
-            EffectParameter("asymmetry", "-", 0.1, about="rudder forces times (1 + asymmetry sgn(delta_r))"),
+            EffectParameter(
+                "asymmetry",
+                "-",
+                0.1,
+                low=-1,
+                high=1,
+                about="rudder forces times (1 + asymmetry sgn(delta_r))",
+            ),
         ),
         force={
             "Y": "asymmetry*sgn(delta_r)*rows('Y', 'delta_r')",
@@ -68,7 +80,9 @@ EFFECTS = (
         family="rudder_propeller_interaction",
         port="force",
         where=RUDDER_WHERE,
-        parameters=(EffectParameter("k", "-", 0.4, about="u^2 delta becomes (u^2 + k w_n^2) delta"),),
+        parameters=(
+            EffectParameter("k", "-", 0.4, low=-1, high=3, about="u^2 delta becomes (u^2 + k w_n^2) delta"),
+        ),
         force={
             "Y": "k*(U_ref**2*n*abs(n)/rpm_ref**2 - u*abs(u))*coef('Y_dr')*delta_r",
             "N": "k*(U_ref**2*n*abs(n)/rpm_ref**2 - u*abs(u))*coef('N_dr')*delta_r",
@@ -86,7 +100,12 @@ EFFECTS = (
         where=("M", "Z+M"),
         parameters=(
             EffectParameter(
-                "loss", "-", 0.2, about="share of the stern planes' force and moment that is missing"
+                "loss",
+                "-",
+                0.2,
+                low=-1,
+                high=1,
+                about="share of the stern planes' force and moment that is missing",
             ),
         ),
         force={"Z": "-loss*rows('Z', 'delta_s')", "M": "-loss*rows('M', 'delta_s')"},

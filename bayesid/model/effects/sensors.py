@@ -10,7 +10,11 @@ EFFECTS = (
         family="heading_bias",
         port="sensor",
         where=("psi",),
-        parameters=(EffectParameter("bias", "rad", 2 * _DEG, about="added to the true heading"),),
+        parameters=(
+            EffectParameter(
+                "bias", "rad", 2 * _DEG, low=-30 * _DEG, high=30 * _DEG, about="added to the true heading"
+            ),
+        ),
         sensor={"psi": "psi + bias"},
         source="assumed: alignment or declination error",
         magnitude="0.5-3 degrees",
@@ -22,8 +26,8 @@ EFFECTS = (
         port="sensor",
         where=("psi",),
         parameters=(
-            EffectParameter("A", "rad", 2 * _DEG, about="times sin psi"),
-            EffectParameter("B", "rad", 2 * _DEG, about="times cos psi"),
+            EffectParameter("A", "rad", 2 * _DEG, low=-30 * _DEG, high=30 * _DEG, about="times sin psi"),
+            EffectParameter("B", "rad", 2 * _DEG, low=-30 * _DEG, high=30 * _DEG, about="times cos psi"),
         ),
         sensor={"psi": "psi + A*sin(psi) + B*cos(psi)"},
         source="one-cycle deviation: Hench & Rosman (2010), J. Atmos. Ocean. Tech. 27, 1229",
@@ -35,11 +39,32 @@ EFFECTS = (
         family="gyro_scale",
         port="sensor",
         where=("r",),
-        parameters=(EffectParameter("scale", "-", 0.03, about="r times (1 + scale)"),),
+        parameters=(
+            EffectParameter(
+                "scale", "-", 0.03, roll_from=-0.0097, low=-0.3, high=0.3, about="r times (1 + scale)"
+            ),
+        ),
         sensor={"r": "r*(1 + scale)"},
         source="assumed: scale-factor error",
         magnitude="0.1-3 % for MEMS",
-        form="The same to both sides.",
+        form="The same to both sides. A list of 8 degrees reads as -0.97 %.",
+    ),
+    Effect(
+        name="heel_in_yaw_rate",
+        family="heel_in_yaw_rate",
+        port="sensor",
+        where=("r",),
+        parameters=(
+            EffectParameter("heel", "-", 0.06, about="share of the rate at r = U/L by heel in turns"),
+            EffectParameter("list", "-", 0.05, about="the same by heel in turns on top of a list, odd"),
+        ),
+        sensor={"r": "r*(1 + list*r*L/U_ref + heel*(r*L/U_ref)**2)"},
+        source="body yaw rate under roll, r = (d psi/dt) cos(phi) cos(theta) (Fossen 2021, 2.3)",
+        magnitude="1.5 % at a heel of 10 degrees",
+        form="Heel is a list plus a part that goes with the yaw rate; its cosine to second order. What a "
+        "list alone does is a scale and is not in it.",
+        as_form="only",
+        planar=True,
     ),
     Effect(
         name="gyro_bias",
@@ -58,8 +83,10 @@ EFFECTS = (
         port="sensor",
         where=("x,y",),
         parameters=(
-            EffectParameter("l_x", "m", 0.3, "L", about="position sensor forward of the assumed point"),
-            EffectParameter("l_y", "m", 0.15, "L", about="to starboard of it"),
+            EffectParameter(
+                "l_x", "m", 0.3, "L", low=-1, high=1, about="position sensor forward of the assumed point"
+            ),
+            EffectParameter("l_y", "m", 0.15, "L", low=-0.5, high=0.5, about="to starboard of it"),
         ),
         sensor={"x": "x + l_x*cos(psi) - l_y*sin(psi)", "y": "y + l_x*sin(psi) + l_y*cos(psi)"},
         source="rigid-body kinematics",
@@ -73,7 +100,14 @@ EFFECTS = (
         where=("x,y",),
         parameters=(
             EffectParameter(
-                "delay", "s", 0.5, "L/U", one_sided=True, about="age of the position when logged"
+                "delay",
+                "s",
+                0.5,
+                "L/U",
+                one_sided=True,
+                low=0,
+                high=20,
+                about="age of the position when logged",
             ),
         ),
         sensor_delay={"delay": ("x", "y")},
@@ -86,7 +120,9 @@ EFFECTS = (
         family="velocity_scale",
         port="sensor",
         where=("u,v",),
-        parameters=(EffectParameter("scale", "-", 0.02, about="u and v times (1 + scale)"),),
+        parameters=(
+            EffectParameter("scale", "-", 0.02, low=-0.3, high=0.3, about="u and v times (1 + scale)"),
+        ),
         sensor={"u": "u*(1 + scale)", "v": "v*(1 + scale)"},
         source="assumed: scale-factor error of the velocity log",
         magnitude="0.2-0.7 % after calibration",
@@ -97,7 +133,16 @@ EFFECTS = (
         family="velocity_misalignment",
         port="sensor",
         where=("u,v",),
-        parameters=(EffectParameter("angle", "rad", 2 * _DEG, about="velocity log turned to starboard"),),
+        parameters=(
+            EffectParameter(
+                "angle",
+                "rad",
+                2 * _DEG,
+                low=-20 * _DEG,
+                high=20 * _DEG,
+                about="velocity log turned to starboard",
+            ),
+        ),
         sensor={"u": "u*cos(angle) + v*sin(angle)", "v": "v*cos(angle) - u*sin(angle)"},
         source="rotation of the velocity log's frame",
         magnitude="1-2 degrees before calibration",
@@ -110,7 +155,14 @@ EFFECTS = (
         where=("u,v",),
         parameters=(
             EffectParameter(
-                "delay", "s", 0.3, "L/U", one_sided=True, about="age of the velocity when logged"
+                "delay",
+                "s",
+                0.3,
+                "L/U",
+                one_sided=True,
+                low=0,
+                high=20,
+                about="age of the velocity when logged",
             ),
         ),
         sensor_delay={"delay": ("u", "v", "w")},
@@ -123,7 +175,7 @@ EFFECTS = (
         family="depth_bias",
         port="sensor",
         where=("z",),
-        parameters=(EffectParameter("bias", "m", 0.05, "L", about="added to the depth"),),
+        parameters=(EffectParameter("bias", "m", 0.05, "L", low=-1, high=1, about="added to the depth"),),
         sensor={"z": "z + bias"},
         dof=6,
         source="assumed: zero of the pressure sensor",
@@ -136,7 +188,9 @@ EFFECTS = (
         port="sensor",
         where=("z",),
         parameters=(
-            EffectParameter("delay", "s", 0.5, "L/U", one_sided=True, about="age of the depth when logged"),
+            EffectParameter(
+                "delay", "s", 0.5, "L/U", one_sided=True, low=0, high=20, about="age of the depth when logged"
+            ),
         ),
         sensor_delay={"delay": ("z",)},
         dof=6,

@@ -19,6 +19,7 @@ from bayesid.report.diagnosis.cause import description_sections, where_blocks, w
 from bayesid.report.diagnosis.effect_interval import lead_words
 from bayesid.report.diagnosis.holdout import MODELS, holdout_blocks, proof_label
 from bayesid.report.diagnosis.limits import ambiguity_blocks, next_blocks, notes_blocks
+from bayesid.report.diagnosis.model_form import form_lead, form_sections
 from bayesid.report.diagnosis.words import in_words, value_words
 from bayesid.report.writer import Block, Report, Section, Table, Text, literal
 
@@ -30,6 +31,8 @@ HEADLINES = {
     "outside": "There is a gap, and no effect of the catalogue explains it well enough to be named.",
     "coefficients": "The gap closes by moving coefficients beyond their stated uncertainty. An effect named "
     "below acts on these runs as such a change does, so the track alone cannot prove it.",
+    "model_form": "No cause beyond a force that the equations lack is needed, or told from what such a force "
+    "leaves.",
     "ambiguous": "Something seems to act, but these runs cannot tell which of several causes it is.",
 }
 
@@ -56,6 +59,7 @@ def diagnosis_report(result: Result) -> Report:
         f"**{HEADLINES[result.verdict]}**",
         _names(result),
         _unlisted(result),
+        form_lead(result),
         lead_words(result),
         _outcome(result),
     )
@@ -65,6 +69,7 @@ def diagnosis_report(result: Result) -> Report:
     sections = [
         Section("Verdict", _verdict(result)),
         Section("Where the gap lies", where_blocks(result)),
+        *form_sections(result),
         *description_sections(result),
         Section("Which effect", which_blocks(result)),
         *effect_posterior.sections(result),

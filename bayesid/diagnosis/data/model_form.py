@@ -1,0 +1,113 @@
+"""The force a model's equations lack and that depends on the motion, as unknowns beside the coefficients.
+
+Takes a `Model`, the prior of its coefficients and a size per axis. Gives the prior of everything that is free
+in every hypothesis. Does not ask whether the runs need it (`hypotheses.form_search`).
+
+Three kinds of unknowns make it up. Rows of the force table the vehicle lacks, normal about zero. Its own rows
+of the same kinds, whose prior is widened by as much: the file's values were tuned to other equations. Effects
+declared as such functions of the motion (`Effect.as_form`): strips in cross flow, cubes, roll.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bayesid.equations.model import Model
+from bayesid.estimation.likelihood.model_form import depends_on_motion, form_rows, typical
+from bayesid.estimation.parameters import GaussianPrior, effect_prior
+from bayesid.model.effects import Effect
+from bayesid.model.terms import TERMS, term
+
+Array = np.ndarray
+_ROWS = frozenset(t.name for t in TERMS)
+# Standard deviation of a natural frequency over the one seen, which is read off a spectrum.
+FREQUENCY_SPREAD = 0.1
+FREQUENCY = "frequency"
+
+
+@dataclass(frozen=True)
+class ModelForm:
+    """Size of the form.
+
+    Attributes
+    ----------
+    sizes : axis -> standard deviation of every row's force over 1/2 rho L^2 U^2 (moments L^3) at the typical
+        motion; 0 for none
+    period : of a resonance the planar model leaves out [s]; None without
+    """
+
+    sizes: Mapping[str, float]
+    period: float | None = None
+
+    @property
+    def acts(self) -> bool:
+        return self.period is not None or any(self.sizes.values())
+
+
+def form_effects(model: Model, form: ModelForm) -> tuple[Effect, ...]:
+    """Declared effects that are part of a form: those in its axes, and what a planar model leaves out."""
+    if not form.acts:
+        return ()
+    chosen = []
+    for effect in model.kernel.effects:
+        if effect.as_form == "only":
+            if form.period is not None or not _resonates(effect):
+                chosen.append(effect)
+        elif effect.as_form and any(form.sizes.get(axis, 0.0) for axis in effect.force):
+            chosen.append(effect)
+    return tuple(chosen)
+
+
+def with_form(model: Model, stated: GaussianPrior, form: ModelForm) -> GaussianPrior:
+    """Prior of the coefficients with a form: the stated ones first, wider; then its own unknowns."""
+    wide = np.array([_row_sd(model, n, form) for n in stated.names])
+    rows = tuple(n for n in form_rows(model) if n not in stated.names and _row_sd(model, n, form) > 0)
+    added = GaussianPrior(
+        rows,
+        model.positions(rows),
+        np.zeros(len(rows)),
+        np.array([_row_sd(model, n, form) for n in rows]),
+        np.full(len(rows), -np.inf),
+    )
+    out = replace(stated, sd=np.hypot(stated.sd, wide)) + added
+    for effect in form_effects(model, form):
+        out = out + _effect_prior(model, effect, form)
+    return out
+
+
+def frequency_start(model: Model, form: ModelForm, par: Array) -> Array:
+    """Parameters with the natural frequency of a form's resonance at what was seen."""
+    out = par.copy()
+    for effect in form_effects(model, form):
+        if _resonates(effect):
+            out[model.index[effect.key(FREQUENCY)]] = _frequency(model, form)
+    return out
+
+
+def _resonates(effect: Effect) -> bool:
+    return any(p.name == FREQUENCY for p in effect.parameters)
+
+
+def _frequency(model: Model, form: ModelForm) -> float:
+    assert form.period is not None
+    return float(2 * np.pi / form.period * model.scales["L"] / model.scales["U"])
+
+
+def _effect_prior(model: Model, effect: Effect, form: ModelForm) -> GaussianPrior:
+    prior = effect_prior(model, effect)
+    if not _resonates(effect):
+        return prior
+    mean, sd = prior.mean.copy(), prior.sd.copy()
+    i = prior.names.index(effect.key(FREQUENCY))
+    mean[i] = _frequency(model, form)
+    sd[i] = FREQUENCY_SPREAD * mean[i]
+    return replace(prior, mean=mean, sd=sd)
+
+
+def _row_sd(model: Model, name: str, form: ModelForm) -> float:
+    if name not in _ROWS or not depends_on_motion(term(name)):
+        return 0.0
+    return form.sizes.get(term(name).axis, 0.0) * abs(typical(model, name))

@@ -1,0 +1,140 @@
+"""Whether the runs need a model form, how large, and how much of the gap it carries.
+
+Takes a `DiagnosisProblem` and its hypotheses without a form. Gives a `ModelForm`, or None. One linearisation
+along the best explanation; no refit.
+
+A form is needed where both say so beside the best explanation: the evidence, its size averaged over nothing
+but chosen per axis, and the density of every run given the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from bayesid.diagnosis.data.model_form import ModelForm, form_effects, frequency_start, with_form
+from bayesid.diagnosis.data.problem import DiagnosisProblem
+from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains
+from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
+from bayesid.diagnosis.hypotheses.cross_validation import left_out
+from bayesid.diagnosis.hypotheses.facts import simplest
+from bayesid.diagnosis.hypotheses.form_part import scaled
+from bayesid.diagnosis.hypotheses.localisation import Localisation
+from bayesid.diagnosis.hypotheses.sensitivity_bank import levels_between
+from bayesid.diagnosis.threshold_table import ADD_EVIDENCE, FORM_EVIDENCE
+from bayesid.errors import ModelError
+from bayesid.estimation.filter_error.evidence import NormalEquations, normal_equations, posterior
+from bayesid.estimation.filter_error.linearise import Trajectory, linearise
+from bayesid.estimation.filter_error.noise_model import whitened
+from bayesid.estimation.parameters import GaussianPrior, effect_prior
+
+Array = np.ndarray
+# Sizes tried, over 1/2 rho L^2 U^2; the largest sizes the columns.
+SIZES = (1e-4, 3e-4, 1e-3, 3e-3)
+# Rounds over the axes: the size of one changes what another needs.
+ROUNDS = 2
+LEAST_RUNS = 3
+
+
+def needed_form(problem: DiagnosisProblem, candidates: HypothesisComparison) -> ModelForm | None:
+    """Form the runs ask for beside the best explanation without one; None where they ask for none."""
+    try:
+        equations = _Columns.along(problem, simplest(candidates), _period(candidates))
+    except ModelError:
+        return None
+    nothing = ModelForm(dict.fromkeys(equations.axes, 0.0))
+    best, form = equations.evidence(nothing), nothing
+    base = best
+    for _ in range(ROUNDS):
+        for axis in equations.axes:
+            for size in (0.0, *SIZES):
+                tried = ModelForm({**form.sizes, axis: size}, form.period)
+                value = equations.evidence(tried)
+                if value > best + (ADD_EVIDENCE if form.sizes[axis] == 0.0 else 0.0):
+                    best, form = value, tried
+        if equations.period is not None and form.period is None:
+            tried = ModelForm(form.sizes, equations.period)
+            if (value := equations.evidence(tried)) > best + ADD_EVIDENCE:
+                best, form = value, tried
+    if best < base + FORM_EVIDENCE or not form.acts:
+        return None
+    if len(problem.logs) >= LEAST_RUNS and equations.left_out(form) <= equations.left_out(nothing):
+        return None
+    return form
+
+
+def _period(candidates: HypothesisComparison) -> float | None:
+    """Period of what is left in the forces, where a periodic force gains most."""
+    left: Localisation = candidates.where_after or candidates.where
+    first = left.places[0]
+    return (
+        first.period
+        if first.channel[0] in "YN" and first.evidence > candidates.thresholds.remainder
+        else None
+    )
+
+
+class _Columns:
+    """Whitened products of everything a form may have, along one path."""
+
+    def __init__(
+        self,
+        problem: DiagnosisProblem,
+        equations: Sequence[NormalEquations],
+        free: GaussianPrior,
+        largest: ModelForm,
+    ) -> None:
+        self._problem, self._equations, self._free, self._largest = problem, equations, free, largest
+        self.axes = tuple(largest.sizes)
+        self.period = largest.period
+
+    @classmethod
+    def along(cls, problem: DiagnosisProblem, best: RefittedHypothesis, period: float | None) -> _Columns:
+        model, fitted = problem.model, best.fit
+        planar = model.dof == 3
+        roll = period if planar else None
+        largest = ModelForm(dict.fromkeys("XYN" if planar else "XYZKMN", SIZES[-1]), roll)
+        free = with_form(model, problem.stated, largest)
+        for effect in (model.effects[n] for n in best.effects if n in model.effects):
+            if not any(effect.key(p.name) in free.names for p in effect.parameters):
+                free = free + effect_prior(model, effect)
+        follows = explains(best)
+        points = fitted.points if follows else fitted.path_points
+        level = 0.0 if follows else fitted.path_force_level
+        noise_model = levels_between(problem, level)[-1]
+        equations = []
+        for k, (log, point) in enumerate(zip(problem.logs, points, strict=True)):
+            at = Trajectory(
+                frequency_start(model, largest, point.par), point.states, point.force, point.before
+            )
+            path = linearise(model, log, at, free.where)
+            w = whitened(model, path, free.mean - at.par[free.where], free.sd, noise_model, run=k)
+            equations.append(normal_equations(w.resid, w.columns, w.logdet, w.used))
+        return cls(problem, equations, free, largest)
+
+    def evidence(self, form: ModelForm) -> float:
+        return posterior(self._total(form)).log_evidence
+
+    def left_out(self, form: ModelForm) -> float:
+        keep, scale = self._columns(form)
+        return float(left_out(tuple(scaled(g, scale).pick(keep) for g in self._equations)).sum())
+
+    def _total(self, form: ModelForm) -> NormalEquations:
+        keep, scale = self._columns(form)
+        return scaled(sum(self._equations[1:], self._equations[0]), scale).pick(keep)
+
+    def _columns(self, form: ModelForm) -> tuple[Array, Array]:
+        """Columns of a smaller form, and every prior sd over that of the largest."""
+        model = self._problem.model
+        wanted = with_form(model, self._problem.stated, form)
+        size = dict(zip(wanted.names, wanted.sd, strict=True))
+        own = {e.key(p.name) for e in form_effects(model, self._largest) for p in e.parameters}
+        keep, scale = [], np.ones(len(self._free.names))
+        for i, name in enumerate(self._free.names):
+            if name in size:
+                keep.append(i)
+                scale[i] = size[name] / self._free.sd[i]
+            elif "." in name and name not in own:
+                keep.append(i)  # of the explanation, not of the form
+        return np.array(keep), scale

@@ -1,0 +1,65 @@
+"""Section of a diagnosis on the force its equations lack: how much it carries, its size, what it looks like.
+
+Takes a `Result`. Does not compute.
+"""
+
+from __future__ import annotations
+
+from bayesid.diagnosis.hypotheses.rules import NAMING
+from bayesid.diagnosis.result import ModelFormPart, Result
+from bayesid.report.diagnosis.words import in_words
+from bayesid.report.writer import Block, Section, Table, Text, literal
+
+MOTION = "a drift of 0.2 U, a yaw rate of 0.3 U/L and a rudder of 0.25 rad"
+
+
+def form_sections(result: Result) -> list[Section]:
+    """One section where the runs need a model form, else none."""
+    form = result.model_form
+    return [] if form is None else [Section("What the equations lack", _blocks(form))]
+
+
+def form_lead(result: Result) -> str:
+    """One sentence for the first screen; empty without a form."""
+    form = result.model_form
+    if form is None:
+        return ""
+    like = _like(form)
+    beside = "Beside that the" if result.verdict in NAMING else "The"
+    return f"{beside} equations lack a force that depends on the motion and repeats in every run" + (
+        f"; it looks like {like}." if like else "."
+    )
+
+
+def _like(form: ModelFormPart) -> str:
+    names = [in_words(n) for n in form.looks_like if n != "roll_motion"]
+    if form.period is not None:
+        names.append(f"roll with a period of {form.period:.3g} s")
+    return " and ".join(names)
+
+
+def _blocks(form: ModelFormPart) -> list[Block]:
+    axes = ", ".join(f"{a} {1e3 * s:.2g}" for a, s in form.sizes.items())
+    text = (
+        "Every hypothesis has a force of unknown size beside it that depends on the motion alone and that "
+        "the symmetry of a hull allows: rows of the force table the vehicle file leaves at zero, its own "
+        f"such rows with a wider prior, and the effects declared so. Without it {form.gain:.3g} nats of log "
+        "evidence would be lost. Size of each row, in 1e-3 of 1/2 rho L^2 U^2 (moments L^3) at "
+        f"{MOTION}: {axes or 'none'}."
+    )
+    if form.period is not None:
+        text += (
+            f" It has a resonance with a period of {form.period:.3g} s, as the roll that a planar model "
+            "leaves out has: a model with six degrees of freedom can tell."
+        )
+    if form.rows:
+        return [
+            Text(text),
+            Table(
+                ["row", "axis", "force [1e-3]", "sd [1e-3]"],
+                [[literal(r.name), r.axis, 1e3 * r.force, 1e3 * r.sd] for r in form.rows],
+                f"Rows that differ from zero by two standard deviations, as forces at {MOTION}. Single rows "
+                "share what the manoeuvres cannot tell apart.",
+            ),
+        ]
+    return [Text(text + " No single row differs from zero by two standard deviations: only their sum does.")]

@@ -1,0 +1,172 @@
+"""A force the equations lack: found where it is planted and only there, and what it leaves to name."""
+
+from dataclasses import replace
+from types import SimpleNamespace as Plain
+
+import numpy as np
+import pytest
+from gap_trials import model_of, other_vehicle, planted_trial
+from scipy.integrate import quad
+from scipy.stats import norm
+
+from bayesid.diagnosis.data.model_form import ModelForm, form_effects, with_form
+from bayesid.diagnosis.data.problem import build_problem, fit_with
+from bayesid.diagnosis.exclusions import compare_without
+from bayesid.diagnosis.hypotheses import candidate as candidates
+from bayesid.diagnosis.hypotheses.candidate import corrected_evidence, jackknife, weighted_hypothesis
+from bayesid.diagnosis.hypotheses.form_part import beyond, form_gain
+from bayesid.diagnosis.hypotheses.verdict import decide
+from bayesid.estimation.filter_error.evidence import NormalEquations
+from bayesid.estimation.likelihood.model_form import form_rows, typical
+from bayesid.estimation.parameters import coefficient_prior
+from bayesid.manoeuvres import OpenLoop
+from bayesid.simulation import plan_run, simulate, steady_start
+
+SIZES = {"X": 0.0, "Y": 3e-4, "N": 1e-3}
+
+
+def test_a_form_widens_the_rows_it_has_and_adds_those_the_vehicle_lacks():
+    model = model_of("generic_sub")
+    stated = coefficient_prior(model)
+    free = with_form(model, stated, ModelForm(SIZES))
+    assert free.names[: len(stated.names)] == stated.names
+    sd = dict(zip(free.names, free.sd, strict=True))
+    before = dict(zip(stated.names, stated.sd, strict=True))
+    for name in stated.names:
+        axis = name[0]
+        moves = name in ("Y_v", "Y_r", "Y_dr", "N_v", "N_r", "N_dr")
+        if moves:  # rows of motion: by as much as the form; a drift of 0.2 makes a force of its size
+            assert sd[name] == pytest.approx(np.hypot(before[name], SIZES[axis] * abs(typical(model, name))))
+        if axis == "X" or name.endswith("dot"):
+            assert sd[name] == before[name]
+    added = set(free.names[len(stated.names) :])
+    assert {n for n in added if "." not in n} == {n for n in form_rows(model) if n[0] in "YN"}
+    assert {n.split(".")[0] for n in added if "." in n} == {
+        "crossflow_drag", "cubic_damping", "heel_in_yaw_rate", "hull_asymmetry",
+    }  # fmt: skip
+
+
+def test_no_form_is_the_prior_of_the_vehicle():
+    model = model_of("generic_sub")
+    stated = coefficient_prior(model)
+    nothing = ModelForm(dict.fromkeys("XYN", 0.0))
+    free = with_form(model, stated, nothing)
+    assert free.names == stated.names and (free.sd == stated.sd).all()
+    assert not nothing.acts and form_effects(model, nothing) == ()
+
+
+def test_a_resonance_starts_at_the_period_that_was_seen():
+    model = model_of("generic_sub")
+    time = model.scales["L"] / model.scales["U"]
+    free = with_form(model, coefficient_prior(model), ModelForm(SIZES, period=1.5 * time))
+    i = free.names.index("roll_motion.frequency")
+    assert free.mean[i] == pytest.approx(2 * np.pi / 1.5) and free.sd[i] == pytest.approx(0.1 * free.mean[i])
+
+
+def test_roll_left_out_is_a_resonance_and_in_a_steady_turn_a_force_by_the_yaw_rate():
+    model = model_of("generic_sub")
+    s, rpm = model.scales, model.vehicle.rpm_ref
+    t = 0.02 * s["L"] / s["U"] * np.arange(1500)
+    plan = plan_run(model, t, OpenLoop("turn", t, {
+        "delta_r_cmd": np.where(t > 0, 0.1, 0.0), "n_cmd": np.full(t.size, rpm)}).commands)  # fmt: skip
+    par = model.with_values({"roll_motion.frequency": 4.0})
+    track = simulate(model, par, plan, steady_start(model), full=True).states
+    names = model.kernel.full.states
+    r, heel = track[:, names.index("r")], track[:, names.index("heel")]
+    steady = r[-1] * s["L"] / model.nominal[model.index["U_ref"]]
+    assert heel[-1] == pytest.approx(steady, rel=0.02)
+    # an independent integration of heel'' = w^2 (r' - heel) - 0.2 w heel', driven by the same yaw rate
+    w, dt = 4.0 * model.nominal[model.index["U_ref"]] / s["L"], t[1] - t[0]
+    drive = r * s["L"] / model.nominal[model.index["U_ref"]]
+    x, p = drive[0], 0.0
+    fine, own = 50, [x]
+    for a, b in zip(drive[:-1], drive[1:], strict=True):
+        for k in range(fine):
+            f = a + (b - a) * (k + 0.5) / fine
+            p += dt / fine * (w * w * (f - x) - 0.2 * w * p)
+            x += dt / fine * p
+        own.append(x)
+    assert np.abs(np.array(own) - heel).max() < 0.01 * np.abs(heel).max()
+
+
+@pytest.mark.parametrize("low, high", [(0.0, 1.0), (0.0, np.inf), (-np.inf, 0.3), (-1.0, 3.0)])
+@pytest.mark.parametrize("mean, sd", [(0.4, 0.1), (-0.5, 0.2), (2.0, 0.3)])
+def test_the_evidence_is_that_of_a_prior_cut_at_the_range_of_the_effect(low, high, mean, sd):
+    unit = 0.7  # prior sd; the prior mean is 0.2
+    fitted = Plain(
+        log_evidence=0.0,
+        free=Plain(where=np.array([5]), mean=np.array([0.2]), sd=np.array([unit])),
+        posterior=Plain(mean=np.array([(mean - 0.2) / unit]), covariance=np.array([[(sd / unit) ** 2]])),
+    )
+    model = Plain(effect_limits={5: (low, high)})
+    inside = quad(lambda x: norm.pdf(x, mean, sd), max(low, mean - 40 * sd), min(high, mean + 40 * sd))[0]
+    prior = norm.cdf(high, 0.2, unit) - norm.cdf(low, 0.2, unit)
+    if inside > 1e-12:
+        assert corrected_evidence(model, fitted) == pytest.approx(np.log(inside / prior), abs=1e-6)
+    assert corrected_evidence(Plain(effect_limits={}), fitted) == 0.0
+
+
+def test_far_outside_the_range_nothing_is_left_of_the_evidence():
+    fitted = Plain(
+        log_evidence=0.0,
+        free=Plain(where=np.array([5]), mean=np.zeros(1), sd=np.ones(1)),
+        posterior=Plain(mean=np.array([-7.0]), covariance=np.array([[0.01]])),
+    )
+    found = corrected_evidence(Plain(effect_limits={5: (0.0, 1.0)}), fitted)
+    assert -2460 < found < -2440  # (7/0.1)^2/2, and the prior's half
+
+
+def test_the_jackknife_of_a_mean_is_its_standard_error(monkeypatch):
+    values = np.array([1.0, 2.0, 4.0, 9.0])  # one run each, prior flat beside them
+    equations = tuple(NormalEquations(np.array([[1e8]]), np.array([1e8 * v]), 0.0, 0.0, 1) for v in values)
+    fitted = Plain(equations=equations, free=Plain(names=("a",), sd=np.array([3.0])))
+    assert jackknife(fitted)[0] == pytest.approx(3.0 * values.std(ddof=1) / 2.0, rel=1e-6)
+    two = Plain(equations=equations[:2], free=fitted.free)
+    assert jackknife(two)[0] == 0.0
+
+
+def test_only_what_exceeds_the_form_speaks_for_another_cause():
+    assert beyond(100.0, 30.0) == 70.0 and beyond(20.0, 30.0) == 0.0 and beyond(-3.0, 30.0) == -3.0
+
+
+def test_where_the_equations_are_right_no_form_is_asked_for():
+    model = model_of("remus100")
+    for seed, planted in ((3, {}), (4, {"rudder_offset.offset": 0.06})):
+        trial = planted_trial(model, other_vehicle(model, seed) | planted, seed, samples=160)
+        found = compare_without(model, trial)
+        assert found.problem.form is None
+        problem = found.problem
+        assert form_gain(problem, weighted_hypothesis(problem, (), fit_with(problem, ()))) == 0.0
+
+
+def planted_form(model, size):
+    """Rows the vehicle lacks, each a force of this size over 1/2 rho L^2 U^2 at the typical motion."""
+    return {n: -size * typical(model, n) for n in ("Y_vvr", "Y_|v|r", "N_vvr", "N_|v|r") if n in model.index}
+
+
+def test_a_form_is_found_where_the_equations_lack_one_and_the_cause_beside_it_keeps_its_name():
+    model = model_of("generic_sub")
+    lacking = planted_form(model, 2e-3)
+    trial = planted_trial(model, other_vehicle(model, 5) | lacking, 5, samples=160)
+    found = compare_without(model, trial)
+    assert found.problem.form is not None and found.problem.form.period is None
+    verdict = decide(found.problem, found.candidates)
+    assert verdict.word == "model_form" and "model_form" in verdict.set95 and "none" not in verdict.set95
+    offset = planted_trial(
+        model, other_vehicle(model, 5) | lacking | {"rudder_offset.offset": 0.06}, 5, samples=160
+    )
+    found = compare_without(model, offset)
+    verdict = decide(found.problem, found.candidates)
+    assert "rudder_offset" in verdict.effects
+    assert form_gain(found.problem, found.candidates.best) > 20.0
+
+
+def test_the_form_of_a_problem_leaves_its_stated_coefficients():
+    model = model_of("generic_sub")
+    problem = build_problem(model, planted_trial(model, seed=1))
+    wider = problem.with_form(ModelForm(SIZES))
+    assert wider.stated is problem.coefficients and problem.stated is problem.coefficients
+    fitted = fit_with(wider, ())
+    assert candidates.pulls(fitted, wider).size == len(problem.coefficients.names)
+    again = replace(wider, form=None)
+    assert again.stated is problem.coefficients
