@@ -183,7 +183,7 @@ def test_what_the_equations_lack_is_said_on_the_first_screen_and_has_its_section
         s.title for s in plain.sections
     ]
     named = diagnosis_report(replace(RESULT, model_form=part, verdict="effect"))
-    assert "Beside that the equations lack a force" in named.lead
+    assert "The equations also lack a force" in named.lead
     assert "crossflow drag and roll with a period of 28.9 s" in named.lead.replace("cross-flow", "crossflow")
     assert "What the equations lack" in [s.title for s in named.sections]
     alone = diagnosis_report(replace(RESULT, model_form=part, verdict="model_form", effects=()))

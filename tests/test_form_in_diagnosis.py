@@ -170,3 +170,19 @@ def test_the_form_of_a_problem_leaves_its_stated_coefficients():
     assert candidates.pulls(fitted, wider).size == len(problem.coefficients.names)
     again = replace(wider, form=None)
     assert again.stated is problem.coefficients
+
+
+def test_a_parameter_that_is_known_is_drawn_as_it_is():
+    from bayesid.diagnosis.diagnosed_model import DiagnosedModel, WeightedHypothesis
+    from bayesid.estimation.filter_error.noise_identification import no_process_noise
+
+    model = model_of("generic_sub")
+    names = ("N_r", "Y_v")
+    mean = np.array([model.nominal[model.index[n]] for n in names])
+    covariance = np.diag([0.0, (0.1 * mean[1]) ** 2])
+    low = np.full(2, -np.inf)
+    one = WeightedHypothesis((), 1.0, names, mean, covariance, low, no_process_noise(model))
+    drawn = DiagnosedModel(model, (one,), {}, "none", "trial").draw(np.random.default_rng(0), 200)[0][1]
+    values = drawn[:, model.positions(names)]
+    assert (values[:, 0] == mean[0]).all()
+    assert values[:, 1].std() == pytest.approx(0.1 * abs(mean[1]), rel=0.15)

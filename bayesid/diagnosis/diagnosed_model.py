@@ -98,11 +98,12 @@ class DiagnosedModel:
         for h, n in zip(self.hypotheses, counts, strict=True):
             pars = np.repeat(self.model.nominal[None], n, axis=0)
             sd = np.sqrt(np.diag(h.covariance))
+            unit = np.where(sd > 0, sd, 1.0)  # a known coefficient has none
             # in units of the deviations: NumPy judges a covariance by an absolute tolerance
             deviations = rng.multivariate_normal(
-                np.zeros(sd.size), h.covariance / np.outer(sd, sd), size=n, method="eigh"
+                np.zeros(sd.size), h.covariance / np.outer(unit, unit), size=n, method="eigh"
             )
-            values = h.mean + sd * deviations
+            values = h.mean + unit * deviations
             pars[:, self.model.positions(h.names)] = np.maximum(values, h.low)
             if n:
                 out.append((h, pars))

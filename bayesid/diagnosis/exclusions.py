@@ -112,7 +112,10 @@ def _with_form(found: Compared, notify: Notify, seed: int) -> Compared:
     except BayesidError as error:
         return replace(found, unable=f"the hypotheses could not be compared with a model form ({error})")
     before, after = simplest(candidates), simplest(again)
-    if explains(before) and after.log_evidence < before.log_evidence + FORM_EVIDENCE:
+    # an effect that may itself be part of a form need not be beaten, only equalled
+    rival = any(problem.model.effects[n].as_form for n in before.effects if not before.widens)
+    least = before.log_evidence + (0.0 if rival else float(FORM_EVIDENCE))
+    if explains(before) and after.log_evidence < least:
         return found
     if form_gain(wider, after) < FORM_EVIDENCE:  # the runs do not agree about it
         return found

@@ -117,7 +117,12 @@ def added_equations(
     base = np.column_stack([np.interp(t, track.t, track.states[:, j]) for j in range(len(model.states))])
     states = np.zeros((t.size, len(model.kernel.full.states)))
     states[:, : base.shape[1]] = base
-    states[:, base.shape[1] :] = base[:, [model.states.index("v")]]
+    full = model.kernel.full.states
+    states[:, full.index("v_lagged")] = base[:, model.states.index("v")]
+    if "heel" in full:
+        states[:, full.index("heel")] = (
+            base[:, model.states.index("r")] * model.scales["L"] / model.scales["U"]
+        )
     q = len(like.channels)
     log = RunData(
         "next",

@@ -54,7 +54,7 @@ def form_effects(model: Model, form: ModelForm) -> tuple[Effect, ...]:
     chosen = []
     for effect in model.kernel.effects:
         if effect.as_form == "only":
-            if form.period is not None or not _resonates(effect):
+            if form.period is not None or not resonates(effect):
                 chosen.append(effect)
         elif effect.as_form and any(form.sizes.get(axis, 0.0) for axis in effect.force):
             chosen.append(effect)
@@ -82,13 +82,14 @@ def frequency_start(model: Model, form: ModelForm, par: Array) -> Array:
     """Parameters with the natural frequency of a form's resonance at what was seen."""
     out = par.copy()
     for effect in form_effects(model, form):
-        if _resonates(effect):
+        if resonates(effect):
             out[model.index[effect.key(FREQUENCY)]] = _frequency(model, form)
     return out
 
 
-def _resonates(effect: Effect) -> bool:
-    return any(p.name == FREQUENCY for p in effect.parameters)
+def resonates(effect: Effect) -> bool:
+    """Whether it is part of a form only where a period was seen: that of a motion left out."""
+    return effect.as_form == "only" and any(p.name == FREQUENCY for p in effect.parameters)
 
 
 def _frequency(model: Model, form: ModelForm) -> float:
@@ -98,7 +99,7 @@ def _frequency(model: Model, form: ModelForm) -> float:
 
 def _effect_prior(model: Model, effect: Effect, form: ModelForm) -> GaussianPrior:
     prior = effect_prior(model, effect)
-    if not _resonates(effect):
+    if not resonates(effect):
         return prior
     mean, sd = prior.mean.copy(), prior.sd.copy()
     i = prior.names.index(effect.key(FREQUENCY))

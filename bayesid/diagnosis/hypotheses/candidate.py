@@ -17,7 +17,7 @@ from bayesid.diagnosis.threshold_table import FOLLOWS_DATA_CHI2, LINEARISATION_S
 from bayesid.equations.layout import names_read
 from bayesid.equations.model import Model
 from bayesid.errors import ModelError
-from bayesid.estimation.filter_error.evidence import posterior
+from bayesid.estimation.filter_error.evidence import GaussianPosterior, posterior
 from bayesid.estimation.filter_error.fit import FilterErrorFit, stacked_equations
 from bayesid.estimation.filter_error.noise_identification import MANOEUVRE_NOISE_SPREAD
 from bayesid.estimation.run_data import Array
@@ -57,14 +57,19 @@ def corrected_evidence(model: Model, fitted: FilterErrorFit) -> float:
 
     The mass of the posterior inside the range over that of the prior, each parameter on its own.
     """
-    out = fitted.log_evidence
+    every = np.arange(len(fitted.free.where))
+    return fitted.log_evidence + _log_mass(model, fitted, fitted.posterior, every)
+
+
+def _log_mass(model: Model, fitted: FilterErrorFit, found: GaussianPosterior, columns: Array) -> float:
+    """Logarithm of what ranges leave of a posterior of some parameters, over the same of their prior."""
+    out, free = 0.0, fitted.free
     # the optimum of the quadratic, beyond the bound where the data prefer the forbidden side
-    mean, sd = fitted.posterior.mean, np.sqrt(np.diag(fitted.posterior.covariance))
-    limits = model.effect_limits
-    for i, where in enumerate(fitted.free.where):
-        low, high = ((x - fitted.free.mean[i]) / fitted.free.sd[i] for x in limits.get(int(where), NO_LIMITS))
+    for mean, sd, i in zip(found.mean, np.sqrt(np.diag(found.covariance)), columns, strict=True):
+        limits = model.effect_limits.get(int(free.where[i]), NO_LIMITS)
+        low, high = ((x - free.mean[i]) / free.sd[i] for x in limits)
         if np.isfinite(low) or np.isfinite(high):
-            out += _log_inside(low, high, mean[i], max(sd[i], 1e-12)) - _log_inside(low, high, 0.0, 1.0)
+            out += _log_inside(low, high, mean, max(sd, 1e-12)) - _log_inside(low, high, 0.0, 1.0)
     return out
 
 
@@ -172,8 +177,10 @@ def nested(problem: DiagnosisProblem, candidate: RefittedHypothesis, keep: tuple
     total = sum(fitted.equations[1:], fitted.equations[0])
     kept = {effects[n].key(p.name) for n in keep for p in effects[n].parameters}
     k = len(problem.coefficients.names)
-    without = total.pick(np.array([i for i, n in enumerate(fitted.free.names) if i < k or n in kept]))
-    return corrected_evidence(problem.model, fitted) - posterior(without).log_evidence
+    less = np.array([i for i, n in enumerate(fitted.free.names) if i < k or n in kept])
+    without = posterior(total.pick(less))
+    model = problem.model
+    return corrected_evidence(model, fitted) - without.log_evidence - _log_mass(model, fitted, without, less)
 
 
 def wald_limit(problem: DiagnosisProblem, fitted: FilterErrorFit) -> float:

@@ -6,7 +6,7 @@ speak of. Does not decide.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +23,7 @@ from bayesid.diagnosis.hypotheses.candidate import (
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.cross_validation import CrossValidation, cross_validate
 from bayesid.diagnosis.hypotheses.form_part import beyond, form_gain
+from bayesid.diagnosis.hypotheses.localisation import SENSORS
 from bayesid.diagnosis.hypotheses.probabilities import credible_set
 from bayesid.diagnosis.threshold_table import (
     CONFOUNDED_SHARE,
@@ -159,8 +160,9 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
     gain = best.log_evidence - none.log_evidence
     pull = pulls(none.fit, problem)
     left = candidates.where_after.places[0].evidence if candidates.where_after is not None else 0.0
-    left = beyond(left, candidates.carried_beside)
-    free = before.evidence if before.channel[0] in "xyzpruv" else beyond(before.evidence, candidates.carried)
+    if candidates.where_after is not None and candidates.where_after.places[0].channel not in SENSORS:
+        left = beyond(left, candidates.carried_beside)
+    free = before.evidence if before.channel in SENSORS else beyond(before.evidence, candidates.carried)
     off = () if best.widens else idle(best, problem)
     several = len(best.effects) > 1
     covered = () if best.widens else _covered(problem, candidates, best)
@@ -288,17 +290,18 @@ def _covered(
     return tuple(
         n
         for n in best.effects
-        if part[n] < share[n] * form and not _kinematic(problem.model.effects[n], problem.channels, table)
+        if part[n] < share[n] * form and not _kinematic(problem, problem.model.effects[n], table)
     )
 
 
-def _kinematic(effect: Effect, channels: Collection[str], table: Mapping[str, tuple[float, float]]) -> bool:
+def _kinematic(problem: DiagnosisProblem, effect: Effect, table: Mapping[str, tuple[float, float]]) -> bool:
     """Whether readings tell an effect of a sensor without any force: d psi/dt against r, the velocity over
     ground against u, v turned by psi. Not where roll, which a planar model leaves out, gives the same.
     """
+    channels, planar = set(problem.channels), problem.model.dof == 3
     rolls = (p.roll_from < table[effect.key(p.name)][0] < p.off for p in effect.parameters)
-    if effect.port != "sensor" or any(rolls):
-        return False
     seen = set(effect.sensor) | {c for group in effect.sensor_delay.values() for c in group}
-    whole = {"x", "y", "psi", "u", "v"} <= set(channels)
-    return {"psi", "r"} <= set(channels) if seen == {"r"} else whole
+    if effect.port != "sensor" or "z" in seen or (planar and any(rolls)):
+        return False
+    whole = {"x", "y", "psi", "u", "v"} <= channels
+    return {"psi", "r"} <= channels if seen == {"r"} else whole

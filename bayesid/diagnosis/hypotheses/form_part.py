@@ -29,7 +29,8 @@ def form_gain(problem: DiagnosisProblem, candidate: RefittedHypothesis, agreed: 
     fitted, stated = candidate.fit, problem.stated
     k = len(stated.names)
     scale = np.ones(len(fitted.free.names))
-    scale[:k] = stated.sd / fitted.free.sd[:k]
+    # what the form widens, not what a hypothesis does
+    scale[:k] = stated.sd / problem.coefficients.sd[:k]
     keep = np.concatenate([np.arange(k), np.arange(len(problem.coefficients.names), scale.size)])
     total = sum(fitted.equations[1:], fitted.equations[0])
     try:

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bayesid.diagnosis.data.model_form import ModelForm, form_effects, frequency_start, with_form
+from bayesid.diagnosis.data.model_form import ModelForm, form_effects, frequency_start, resonates, with_form
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
@@ -40,9 +40,13 @@ LEAST_RUNS = 3
 def needed_form(problem: DiagnosisProblem, candidates: HypothesisComparison) -> ModelForm | None:
     """Form the runs ask for beside the best explanation without one; None where they ask for none."""
     try:
-        equations = _Columns.along(problem, simplest(candidates), _period(candidates))
+        return _asked_for(problem, _Columns.along(problem, _beside(candidates), _period(candidates)))
     except ModelError:
         return None
+
+
+def _asked_for(problem: DiagnosisProblem, equations: _Columns) -> ModelForm | None:
+    """Sizes of most evidence, axis by axis; None where they gain or predict left-out runs too little."""
     nothing = ModelForm(dict.fromkeys(equations.axes, 0.0))
     best, form = equations.evidence(nothing), nothing
     base = best
@@ -62,6 +66,15 @@ def needed_form(problem: DiagnosisProblem, candidates: HypothesisComparison) -> 
     if len(problem.logs) >= LEAST_RUNS and equations.left_out(form) <= equations.left_out(nothing):
         return None
     return form
+
+
+def _beside(candidates: HypothesisComparison) -> RefittedHypothesis:
+    """Best explanation that is no wider prior: that is another account of what a form is for."""
+    best = simplest(candidates)
+    if not best.widens:
+        return best
+    others = [c for c in candidates.refits if not c.widens and explains(c)]
+    return max([candidates.none, *others], key=lambda c: c.log_evidence)
 
 
 def _period(candidates: HypothesisComparison) -> float | None:
@@ -84,8 +97,10 @@ class _Columns:
         equations: Sequence[NormalEquations],
         free: GaussianPrior,
         largest: ModelForm,
+        named: frozenset[str],
     ) -> None:
         self._problem, self._equations, self._free, self._largest = problem, equations, free, largest
+        self._named = named  # parameters of the explanation
         self.axes = tuple(largest.sizes)
         self.period = largest.period
 
@@ -93,10 +108,11 @@ class _Columns:
     def along(cls, problem: DiagnosisProblem, best: RefittedHypothesis, period: float | None) -> _Columns:
         model, fitted = problem.model, best.fit
         planar = model.dof == 3
-        roll = period if planar else None
+        roll = period if planar and any(resonates(e) for e in model.kernel.effects) else None
         largest = ModelForm(dict.fromkeys("XYN" if planar else "XYZKMN", SIZES[-1]), roll)
         free = with_form(model, problem.stated, largest)
-        for effect in (model.effects[n] for n in best.effects if n in model.effects):
+        explanation = [model.effects[n] for n in best.effects if n in model.effects]
+        for effect in explanation:
             if not any(effect.key(p.name) in free.names for p in effect.parameters):
                 free = free + effect_prior(model, effect)
         follows = explains(best)
@@ -111,7 +127,8 @@ class _Columns:
             path = linearise(model, log, at, free.where)
             w = whitened(model, path, free.mean - at.par[free.where], free.sd, noise_model, run=k)
             equations.append(normal_equations(w.resid, w.columns, w.logdet, w.used))
-        return cls(problem, equations, free, largest)
+        named = frozenset(e.key(p.name) for e in explanation for p in e.parameters)
+        return cls(problem, equations, free, largest, named)
 
     def evidence(self, form: ModelForm) -> float:
         return posterior(self._total(form)).log_evidence
@@ -128,8 +145,8 @@ class _Columns:
         """Columns of a smaller form, and every prior sd over that of the largest."""
         model = self._problem.model
         wanted = with_form(model, self._problem.stated, form)
-        size = dict(zip(wanted.names, wanted.sd, strict=True))
-        own = {e.key(p.name) for e in form_effects(model, self._largest) for p in e.parameters}
+        size = {n: s for n, s in zip(wanted.names, wanted.sd, strict=True) if n not in self._named}
+        own = {e.key(p.name) for e in form_effects(model, self._largest) for p in e.parameters} - self._named
         keep, scale = [], np.ones(len(self._free.names))
         for i, name in enumerate(self._free.names):
             if name in size:

@@ -30,6 +30,8 @@ from bayesid.estimation.run_data import Array
 # Amplitudes relative to each channel's unit, and correlation times in L/U: fast, slow, and lasting a run.
 SIGNAL_AMPLITUDES = (1e-3, 1e-2, 1e-1, 1.0)
 SIGNAL_TAUS = (1.0, 8.0, 64.0)
+# Places of a signal that is an error of sensors.
+SENSORS = {"x,y": ("x", "y"), "psi": ("psi",), "r": ("r",), "u,v": ("u", "v"), "z": ("z",)}
 
 
 @dataclass(frozen=True)
@@ -109,8 +111,7 @@ def channel_sets(problem: DiagnosisProblem) -> dict[str, tuple[tuple[str, ...], 
     out["rudder"] = (("delta_r",), ())
     out["rpm"] = (("n",), ())
     out["current"] = (("flow_north", "flow_east"), ())
-    groups = {"x,y": ("x", "y"), "psi": ("psi",), "r": ("r",), "u,v": ("u", "v"), "z": ("z",)}
-    for name, channels in groups.items():
+    for name, channels in SENSORS.items():
         if all(c in problem.channels for c in channels):
             out[name] = ((), channels)
     return out

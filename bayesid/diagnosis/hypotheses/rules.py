@@ -59,7 +59,7 @@ RULES: tuple[Rule, ...] = (
         lambda f: f.form and (not f.gains or f.widens or f.covered or f.none > EVEN_ODDS),
         "model_form", "nothing", "nothing",
         "a force that depends on the motion and that the equations lack is needed, and beside it no effect "
-        "gains more than what such a force may leave",
+        "gains more than what such a force may leave; a coefficient further off than stated may stand for it",
     ),
     Rule(
         "coefficients moved",

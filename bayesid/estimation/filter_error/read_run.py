@@ -46,6 +46,8 @@ def filter_error_run(model: Model, run: Any, noise: Mapping[str, float], channel
         **dict.fromkeys(("phi", "theta", "psi"), 0.3),
         **dict.fromkeys(("u", "v", "w"), 0.3 * s["U"]),
         **dict.fromkeys(("p", "q", "r"), 0.5 * s["U"] / s["L"]),
+        "heel": 0.3,
+        "heel_rate": 0.3 * s["U"] / s["L"],
     }
     states = model.kernel.full.states
     path = _first_path(model, run, noise)
@@ -121,6 +123,7 @@ def _first_path(model: Model, run: Any, noise: Mapping[str, float]) -> Array:
             value.setdefault(turn, slope[angle])
     value.setdefault("u", np.full(t.size, s["U"]))
     value["v_lagged"] = value.get("v", np.zeros(t.size))
+    value["heel"] = value.get("r", np.zeros(t.size)) * model.scales["L"] / model.scales["U"]
     return np.column_stack([value.get(n, np.zeros(t.size)) for n in model.kernel.full.states])
 
 

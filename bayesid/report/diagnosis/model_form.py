@@ -25,8 +25,8 @@ def form_lead(result: Result) -> str:
     if form is None:
         return ""
     like = _like(form)
-    beside = "Beside that the" if result.verdict in NAMING else "The"
-    return f"{beside} equations lack a force that depends on the motion and repeats in every run" + (
+    also = "also " if result.verdict in NAMING else ""
+    return f"The equations {also}lack a force that depends on the motion" + (
         f"; it looks like {like}." if like else "."
     )
 

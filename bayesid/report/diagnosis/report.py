@@ -159,8 +159,7 @@ def _verdict(result: Result) -> list[Block]:
         blocks.append(
             Text(
                 "The coefficients' own uncertainty can imitate these effects on these runs, so none of "
-                "them is named "
-                "alone: "
+                "them is named unless the evidence is sure that they do not: "
                 + ", ".join(in_words(n) for n in result.hidden_by_coefficients)
                 + ". Their probabilities above still "
                 "count. An earlier clean identification (`--prior 0.02`) or an outside measurement can tell."
