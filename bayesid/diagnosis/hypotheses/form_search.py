@@ -127,7 +127,9 @@ class _Columns:
             path = linearise(model, log, at, free.where)
             w = whitened(model, path, free.mean - at.par[free.where], free.sd, noise_model, run=k)
             equations.append(normal_equations(w.resid, w.columns, w.logdet, w.used))
-        named = frozenset(e.key(p.name) for e in explanation for p in e.parameters)
+        # what may be part of a form is asked for anew with it: the refits decide between the two
+        causes = [e for e in explanation if not e.as_form]
+        named = frozenset(e.key(p.name) for e in causes for p in e.parameters)
         return cls(problem, equations, free, largest, named)
 
     def evidence(self, form: ModelForm) -> float:
