@@ -406,3 +406,8 @@ def test_any_bytes_give_a_table_or_one_clear_message(tmp_path_factory, content):
         assert man.read_table(path).duration > 0
     except ManoeuvreError as err:
         assert "any.csv" in str(err)
+
+
+def test_a_spiral_whose_steps_are_not_held_is_refused_in_one_sentence():
+    with pytest.raises(ManoeuvreError, match="held for 0 s; give a positive hold"):
+        man.parse("dieudonne:hold=0", man.Scale(1.0, 1.0, 100.0, 0.5, dof=6, dt=0.5))

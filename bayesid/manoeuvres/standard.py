@@ -57,6 +57,8 @@ def dieudonne(
 
     `levels` [rad] run one way; the way back repeats them in reverse without the turning point.
     """
+    if not hold > 0:
+        raise ManoeuvreError(f"spiral: each rudder angle is held for {hold:g} s; give a positive hold")
     there = list(levels)
     steps = there + there[-2::-1]
     t = grid(approach + hold * len(steps), dt)
