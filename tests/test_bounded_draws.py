@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.stats import kstest, truncnorm
 
-from bayesid.diagnosis.diagnosed_model import read_diagnosed
+from bayesid.diagnosis.diagnosed_model import read_diagnosed, write_diagnosed
 from bayesid.errors import ModelError
 from bayesid.estimation.likelihood import NoiseParts
 from bayesid.estimation.output_error import FitOptions
 from bayesid.estimation.trial_fit import fit_trial
 from bayesid.estimation.truncated_normal import within_bounds
 from bayesid.model.params import ParameterSet
-from bayesid.prediction.bounded_model import read_model, write_model
 from bayesid.prediction.fitted_model import with_disturbance
 from studies.coverage.campaigns import Condition, campaign, drawn_truth, setting
 
@@ -76,20 +76,23 @@ def test_draws_of_a_fit_on_its_bounds_stay_within_them_in_memory_and_from_the_fi
     drawn = posterior.draws(400, np.random.default_rng(0))
     assert np.all((drawn >= posterior.low) & (drawn <= posterior.high))
     model = with_disturbance(at_bound, posterior, np.full(3, 1e-5), 2.0)
-    write_model(model, tmp_path)
+    write_diagnosed(model, tmp_path)
     where = model.model.positions(posterior.names)
-    beyond = read_diagnosed(tmp_path).draw(np.random.default_rng(0), 400)[0][1][:, where]
+    h, free = model.hypotheses[0], np.full(len(posterior.names), np.inf)
+    unbounded = replace(model, hypotheses=(replace(h, low=-free, high=free),))
+    beyond = unbounded.draw(np.random.default_rng(0), 400)[0][1][:, where]
     assert np.mean(np.any((beyond < posterior.low) | (beyond > posterior.high), axis=1)) > 0.3
-    for one in (model, read_model(tmp_path)):
+    for one in (model, read_diagnosed(tmp_path)):
         pars = one.draw(np.random.default_rng(0), 400)[0][1][:, where]
         assert np.all((pars >= posterior.low) & (pars <= posterior.high))
         assert np.all(pars.std(axis=0) > 0)
 
 
-@pytest.mark.parametrize("bounds", [{"N_r": [1.0, 0.0]}, {"N_r": 3.0}, [1.0]])
+@pytest.mark.parametrize("bounds", [[-1e30] * 3, [1e30], "none", [[1.0], 2.0, 3.0]])
 def test_bounds_that_are_none_are_refused(at_bound, tmp_path, bounds):
-    path = write_model(with_disturbance(at_bound, at_bound.posterior, np.full(3, 1e-5), 2.0), tmp_path)
+    path = write_diagnosed(with_disturbance(at_bound, at_bound.posterior, np.full(3, 1e-5), 2.0), tmp_path)
     record = json.loads(path.read_text())
-    path.write_text(json.dumps({**record, "bounds": bounds}))
-    with pytest.raises(ModelError, match="bounds"):
-        read_model(tmp_path)
+    record["hypotheses"][0]["high"] = bounds
+    path.write_text(json.dumps(record))
+    with pytest.raises(ModelError, match=r"model\.json"):
+        read_diagnosed(tmp_path)

@@ -27,8 +27,8 @@ def folder(tmp_path_factory):
     out = tmp_path_factory.mktemp("model")
     covariance = np.diag(SD**2)
     covariance[0, 1] = covariance[1, 0] = 0.8 * SD[0] * SD[1]
-    low = np.full(3, -np.inf)
-    one = WeightedHypothesis(("rudder_offset",), 1.0, NAMES, MEAN, covariance, low, SEA)
+    free = np.full(3, np.inf)
+    one = WeightedHypothesis(("rudder_offset",), 1.0, NAMES, MEAN, covariance, -free, free, SEA)
     write_diagnosed(DiagnosedModel(MODEL, (one,), {"psi": 0.01}, "effect", "t"), out)
     return out
 

@@ -180,8 +180,8 @@ def test_a_parameter_that_is_known_is_drawn_as_it_is():
     names = ("N_r", "Y_v")
     mean = np.array([model.nominal[model.index[n]] for n in names])
     covariance = np.diag([0.0, (0.1 * mean[1]) ** 2])
-    low = np.full(2, -np.inf)
-    one = WeightedHypothesis((), 1.0, names, mean, covariance, low, no_process_noise(model))
+    free = np.full(2, np.inf)
+    one = WeightedHypothesis((), 1.0, names, mean, covariance, -free, free, no_process_noise(model))
     drawn = DiagnosedModel(model, (one,), {}, "none", "trial").draw(np.random.default_rng(0), 200)[0][1]
     values = drawn[:, model.positions(names)]
     assert (values[:, 0] == mean[0]).all()

@@ -46,8 +46,8 @@ def found_with(share=1.0, noise_model=SEA):
     names = MODEL.coefficients
     sd = np.array([share * MODEL.prior_sd(n) for n in names])
     mean = MODEL.nominal[MODEL.positions(names)]
-    low = np.full(len(names), -np.inf)
-    hypothesis = WeightedHypothesis((), 1.0, names, mean, np.diag(sd**2), low, noise_model)
+    free = np.full(len(names), np.inf)
+    hypothesis = WeightedHypothesis((), 1.0, names, mean, np.diag(sd**2), -free, free, noise_model)
     return DiagnosedModel(MODEL, (hypothesis,), noise_of(MODEL), "none", "")
 
 

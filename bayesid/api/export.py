@@ -12,12 +12,11 @@ import numpy as np
 
 from bayesid.api.inputs import declared_effects
 from bayesid.api.result import Result
-from bayesid.diagnosis.diagnosed_model import DiagnosedModel, WeightedHypothesis
+from bayesid.diagnosis.diagnosed_model import DiagnosedModel, WeightedHypothesis, read_diagnosed
 from bayesid.errors import ModelError
 from bayesid.files import write_json
 from bayesid.model.terms import TERMS
 from bayesid.model.vehicles import identified, write_vehicle
-from bayesid.prediction.bounded_model import read_model
 from bayesid.progress import Progress
 from bayesid.report.writer import Report
 
@@ -59,7 +58,7 @@ def export(
     """
     if not 1 <= draws <= MOST_DRAWS:
         raise ModelError(f"draws = {draws}: give 1 to {MOST_DRAWS}")
-    found = read_model(model, declared_effects(effects))
+    found = read_diagnosed(model, declared_effects(effects))
     rng = np.random.default_rng(seed)
     drawn = [(h, par) for h, pars in found.draw(rng, draws) for par in pars]
     shown = progress or Progress(quiet=True)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from bayesid.api.inputs import Names, TrialLike, VehicleLike, names_of, prepared, trial_of, vehicle_of
 from bayesid.api.result import Result, table
-from bayesid.diagnosis.diagnosed_model import remove_fitted
+from bayesid.diagnosis.diagnosed_model import remove_fitted, write_diagnosed
 from bayesid.errors import BayesidError, FitError
 from bayesid.estimation.likelihood import NoiseParts
 from bayesid.estimation.likelihood.posterior import CONFLICT
@@ -18,7 +18,6 @@ from bayesid.estimation.output_error import FitOptions
 from bayesid.estimation.segments import fit_in_pieces
 from bayesid.estimation.trial_fit import TrialFit
 from bayesid.model.vehicles import Vehicle
-from bayesid.prediction.bounded_model import write_model
 from bayesid.prediction.fitted_model import Calibration, predictive_model
 from bayesid.progress import Progress
 from bayesid.report import coefficient_cells
@@ -120,7 +119,7 @@ def fit(
     except BayesidError as error:
         shown.note(f"no model for predictions: {error}")
         return FitResult(found)
-    write_model(model, out)
+    write_diagnosed(model, out)
     return FitResult(found, calibration)
 
 

@@ -23,6 +23,7 @@ from bayesid.api.result import Result
 from bayesid.diagnosis.diagnosed_model import (
     DiagnosedModel,
     diagnosed_model_of,
+    read_diagnosed,
     write_diagnosed,
 )
 from bayesid.diagnosis.run import diagnose
@@ -30,7 +31,6 @@ from bayesid.errors import BayesidError, ModelError
 from bayesid.files import write_atomic, write_json
 from bayesid.manoeuvres import parse
 from bayesid.measures import named_measures
-from bayesid.prediction.bounded_model import read_model
 from bayesid.prediction.intervals import beside_readings, measure_bands, prediction_csv
 from bayesid.prediction.prediction import Prediction, predict_manoeuvre, predict_run
 from bayesid.progress import Progress
@@ -129,7 +129,7 @@ def _model(
     """The diagnosed model, read or made."""
     extra = declared_effects(effects)
     if folder is not None:
-        found = read_model(folder, extra)
+        found = read_diagnosed(folder, extra)
         _check_vehicle(found, trial)
         return found
     progress.note("no model given: diagnosing first")

@@ -29,6 +29,7 @@ from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.evidence import NOT_LINEARISABLE, posterior
 from bayesid.estimation.filter_error.fit import FilterErrorFit, fit, stacked_equations
 from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit
+from bayesid.estimation.truncated_normal import within_bounds
 from bayesid.files import UnreadableError, read_regular, write_json
 from bayesid.model.effects import Effect
 from bayesid.model.vehicles import load_vehicle, write_vehicle
@@ -59,7 +60,7 @@ class WeightedHypothesis:
     ----------
     effects : names, empty for none
     weight : share of the draws
-    names, mean, covariance, low : free parameters [SI], their Gaussian, and bounds of one-sided ones
+    names, mean, covariance, low, high : free parameters [SI], their Gaussian, and the bounds it is cut at
     noise_model : disturbance force and slow position error that go with it
     """
 
@@ -69,6 +70,7 @@ class WeightedHypothesis:
     mean: Array
     covariance: Array
     low: Array
+    high: Array
     noise_model: NoiseModel
 
 
@@ -103,8 +105,8 @@ class DiagnosedModel:
             deviations = rng.multivariate_normal(
                 np.zeros(sd.size), h.covariance / np.outer(unit, unit), size=n, method="eigh"
             )
-            values = h.mean + unit * deviations
-            pars[:, self.model.positions(h.names)] = np.maximum(values, h.low)
+            values = within_bounds(h.mean + unit * deviations, h.mean, h.covariance, h.low, h.high, rng)
+            pars[:, self.model.positions(h.names)] = values
             if n:
                 out.append((h, pars))
         return out
@@ -171,7 +173,10 @@ def _chosen(c: HypothesisComparison, verdict: Verdict) -> list[RefittedHypothesi
 
 def _hypothesis(effects: tuple[str, ...], weight: float, f: FilterErrorFit) -> WeightedHypothesis:
     covariance = f.posterior.covariance * np.outer(f.free.sd, f.free.sd)
-    return WeightedHypothesis(effects, weight, f.free.names, f.values, covariance, f.free.low, f.noise_model)
+    high = np.full(len(f.free.names), np.inf)
+    return WeightedHypothesis(
+        effects, weight, f.free.names, f.values, covariance, f.free.low, high, f.noise_model
+    )
 
 
 def _with_remainder(problem: DiagnosisProblem, fitted: FilterErrorFit) -> tuple[FilterErrorFit, float]:
@@ -234,6 +239,7 @@ def write_diagnosed(found: DiagnosedModel, folder: str | os.PathLike[str]) -> Pa
             "covariance": h.covariance.tolist(),
             "one_sided": np.isfinite(h.low).tolist(),
             "low": np.where(np.isfinite(h.low), h.low, 0.0).tolist(),
+            "high": [float(x) if np.isfinite(x) else None for x in h.high],
             "force": list(h.noise_model.force),
             "force_tau": h.noise_model.force_tau,
             "drift": h.noise_model.drift,
@@ -334,6 +340,7 @@ def _read(h: Mapping[str, Any]) -> WeightedHypothesis:
         return np.array(values, dtype=float)
 
     low = np.where(np.array(h["one_sided"], dtype=bool), array(h["low"]), -np.inf)
+    high = np.array([np.inf if x is None else float(x) for x in h.get("high", [None] * low.size)])
     noise_model = NoiseModel(
         tuple(h["force"]),
         h["force_tau"],
@@ -346,11 +353,13 @@ def _read(h: Mapping[str, Any]) -> WeightedHypothesis:
     mean, covariance = array(h["mean"]), array(h["covariance"])
     if mean.shape != (len(names),) or covariance.shape != (len(names),) * 2:
         raise ValueError("mean and covariance do not fit the names")
+    if low.shape != mean.shape or high.shape != mean.shape or not (low < high).all():
+        raise ValueError("the bounds do not fit the names, or leave no room")
     _check_gaussian(names, mean, covariance)
     _check_size("force", noise_model.force)
     _check_size(
         "drift", (noise_model.drift, noise_model.drift_tau, noise_model.force_tau, noise_model.depth or 0.0)
     )
     return WeightedHypothesis(
-        tuple(h["effects"]), float(h["weight"]), names, mean, covariance, low, noise_model
+        tuple(h["effects"]), float(h["weight"]), names, mean, covariance, low, high, noise_model
     )

@@ -22,12 +22,17 @@ def within_bounds(
     """(n, k) draws of a Gaussian, those outside the bounds replaced by draws of the Gaussian cut there.
 
     Rejection alone would not end where the estimate is on a bound and its mean beyond. Replaced draws are
-    moved by sweeps of a Gibbs sampler.
+    moved by sweeps of a Gibbs sampler. What has no spread stays as drawn.
     """
+    sd = np.sqrt(np.diag(covariance))
+    if not sd.all():
+        moves, out = np.flatnonzero(sd), np.array(draws)
+        few = covariance[np.ix_(moves, moves)]
+        out[:, moves] = within_bounds(draws[:, moves], mean[moves], few, low[moves], high[moves], rng)
+        return out
     outside = ~np.all((draws >= low) & (draws <= high), axis=1)
     if not outside.any():
         return draws
-    sd = np.sqrt(np.diag(covariance))
     values, vectors = np.linalg.eigh(covariance / np.outer(sd, sd))
     precision = (vectors / np.maximum(values, FLAT * values[-1])) @ vectors.T
     least, most = (np.clip((b - mean) / sd, -FAR, FAR) for b in (low, high))

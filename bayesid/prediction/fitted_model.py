@@ -21,7 +21,6 @@ from bayesid.errors import BayesidError, ModelError
 from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit
 from bayesid.estimation.likelihood.posterior import CoefficientPosterior
 from bayesid.estimation.trial_fit import TrialFit
-from bayesid.prediction.bounded_model import BoundedModel
 from bayesid.prediction.intervals import standard_errors
 from bayesid.prediction.prediction import predict_run
 from bayesid.trials import Run
@@ -180,19 +179,22 @@ def with_disturbance(
     covariance = posterior.covariance + np.diag(posterior.run_sd**2)
     time = s["L"] / s["U"]
     noise = NoiseModel(tuple(float(f) for f in level * force_unit(model)), tau, 0.0, 20.0 * time)
-    low = np.full(len(posterior.names), -np.inf)
     # three-point Gauss-Hermite rule of the logarithm of its size
     sizes = [(np.exp(np.sqrt(3.0) * run_spread * k), w) for k, w in ((-1, 1 / 6), (0, 2 / 3), (1, 1 / 6))]
     hypotheses = tuple(
-        WeightedHypothesis((), w, posterior.names, posterior.mean, covariance, low, noise.scaled(float(f)))
+        WeightedHypothesis(
+            (),
+            w,
+            posterior.names,
+            posterior.mean,
+            covariance,
+            posterior.low,
+            posterior.high,
+            noise.scaled(float(f)),
+        )
         for f, w in (sizes if run_spread > 0 else [(1.0, 1.0)])
     )
-    bounds = {
-        n: (float(a), float(b))
-        for n, a, b in zip(posterior.names, posterior.low, posterior.high, strict=True)
-        if np.isfinite(a) and np.isfinite(b)
-    }
-    return BoundedModel(model, hypotheses, sensor_noise(found), "fit", found.trial.digest, bounds)
+    return DiagnosedModel(model, hypotheses, sensor_noise(found), "fit", found.trial.digest)
 
 
 def sensor_noise(found: TrialFit) -> dict[str, float]:

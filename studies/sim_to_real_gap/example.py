@@ -71,9 +71,9 @@ def predicted(run: Run, d: Diagnosis, found: DiagnosedModel, seed: int, draws: i
     where = d.model.positions(base.free.names)
 
     def at(values: np.ndarray) -> DiagnosedModel:
-        none = np.full(values.size, -np.inf)
+        free = np.full(values.size, np.inf)
         known = WeightedHypothesis(
-            (), 1.0, base.free.names, values, np.zeros((values.size,) * 2), none, quiet
+            (), 1.0, base.free.names, values, np.zeros((values.size,) * 2), -free, free, quiet
         )
         return replace(found, hypotheses=(known,))
 
