@@ -21,7 +21,7 @@ from bayesid.estimation.filter_error.noise_model import whitened
 from bayesid.estimation.parameters import effect_prior
 from bayesid.estimation.run_data import Array, RunData
 from bayesid.manoeuvres import library
-from bayesid.simulation import plan_run, run_manoeuvre, steady_start
+from bayesid.simulation import plan_run, run_manoeuvre, steady_start, with_own_states
 
 MOST_LENGTHS = 60.0
 
@@ -115,14 +115,7 @@ def added_equations(
     plan = plan_run(model, t, held)
     like = problem.logs[0]
     base = np.column_stack([np.interp(t, track.t, track.states[:, j]) for j in range(len(model.states))])
-    states = np.zeros((t.size, len(model.kernel.full.states)))
-    states[:, : base.shape[1]] = base
-    full = model.kernel.full.states
-    states[:, full.index("v_lagged")] = base[:, model.states.index("v")]
-    if "heel" in full:
-        states[:, full.index("heel")] = (
-            base[:, model.states.index("r")] * model.scales["L"] / model.scales["U"]
-        )
+    states = with_own_states(model, base)
     q = len(like.channels)
     log = RunData(
         "next",

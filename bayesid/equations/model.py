@@ -74,6 +74,12 @@ class Model:
         return {self.index[e.key(p.name)]: p.off for e in self.kernel.effects for p in e.parameters}
 
     @cached_property
+    def own_state_sd(self) -> dict[str, float]:
+        """Prior standard deviation of the effects' own states at the start of a run [SI]."""
+        own = (s for e in self.kernel.effects for s in e.states)
+        return {s.name: s.sd * eval_scale(s.scale, self.scales) for s in own}
+
+    @cached_property
     def effect_limits(self) -> dict[int, tuple[float, float]]:
         """Range in which an effect parameter is that of the effect [SI], by position."""
         out = {}

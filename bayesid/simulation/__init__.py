@@ -11,7 +11,7 @@ from bayesid.simulation.accelerations import rates_on
 from bayesid.simulation.batch import THREADED_FROM, gradient_batch, simulate_batch
 from bayesid.simulation.closed_loop import run_manoeuvre, steady_start
 from bayesid.simulation.interval_maps import Maps, Readings, inertia_ratio, interval_maps, readings_on
-from bayesid.simulation.prepare import actuate
+from bayesid.simulation.prepare import actuate, with_own_states
 from bayesid.simulation.sensors import observe, observe_sensitivity
 from bayesid.simulation.single import Sensitivity, Track, gradient, sensitivities, simulate
 from bayesid.simulation.time_plan import STEP_PER_LENGTH, TimePlan, plan_run, plan_trial_run
@@ -40,4 +40,5 @@ __all__ = [
     "simulate",
     "simulate_batch",
     "steady_start",
+    "with_own_states",
 ]

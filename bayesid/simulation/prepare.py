@@ -82,6 +82,12 @@ def start(fun: Functions, par: Array, exogenous: Array, x0: Array) -> tuple[Arra
     return x, slope_x, slope_par
 
 
+def with_own_states(model: Model, states: Array) -> Array:
+    """(n, nx) states of the full model: (n, n0) of the bare one, the effects' own at their initial values."""
+    fun, still = model.kernel.full, np.zeros(len(model.kernel.exogenous))
+    return np.array([start(fun, model.nominal, still, x)[0] for x in np.ascontiguousarray(states)])
+
+
 def mass_matrices(model: Model, fun: Functions, pars: Array) -> Array:
     """(b, nv, nv) mass matrices, added mass included, of (b, n) parameter vectors."""
     nv = len(model.kernel.velocities)

@@ -28,6 +28,7 @@ from bayesid.estimation.parameters import coefficient_prior
 from bayesid.estimation.run_data import RunData
 from bayesid.model.notation import POSE, VELOCITY
 from bayesid.model.vehicles import CoefficientPrior
+from bayesid.simulation import with_own_states
 from bayesid.trials import Run
 
 PLANT_AXES = ("X", "Y", "N", "Z", "M")  # order of the plant's process forces
@@ -133,9 +134,7 @@ def _true_path(model: Model, log: RunData, executed: ExecutedRun) -> Trajectory:
     """Where to linearise: the true track, from which the nominal structure departs in every interval."""
     true = executed.track.states[:: executed.track.parts]
     at = dict(zip(POSE + VELOCITY, true[:, :12].T, strict=True))
-    at["v_lagged"] = at["v"]
-    zero = np.zeros(log.n)
-    states = np.column_stack([at.get(name, zero) for name in model.kernel.full.states])
+    states = with_own_states(model, np.column_stack([at[name] for name in model.states]))
     return replace(first_trajectory(model, log, model.nominal), states=states)
 
 

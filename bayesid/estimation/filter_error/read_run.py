@@ -14,7 +14,7 @@ from scipy.signal import savgol_filter
 
 from bayesid.equations.model import Model
 from bayesid.estimation.run_data import Array, RunData
-from bayesid.simulation import TimePlan, plan_trial_run
+from bayesid.simulation import TimePlan, plan_trial_run, with_own_states
 
 ANGLES = frozenset({"psi", "phi", "theta"})
 # Error of the first guess of velocities over U, of turning rates over U/L.
@@ -46,8 +46,7 @@ def filter_error_run(model: Model, run: Any, noise: Mapping[str, float], channel
         **dict.fromkeys(("phi", "theta", "psi"), 0.3),
         **dict.fromkeys(("u", "v", "w"), 0.3 * s["U"]),
         **dict.fromkeys(("p", "q", "r"), 0.5 * s["U"] / s["L"]),
-        "heel": 0.3,
-        "heel_rate": 0.3 * s["U"] / s["L"],
+        **model.own_state_sd,
     }
     states = model.kernel.full.states
     path = _first_path(model, run, noise)
@@ -59,8 +58,7 @@ def filter_error_run(model: Model, run: Any, noise: Mapping[str, float], channel
     for name, sd in (("v", 0.2), ("w", 0.1)):
         if name not in names and name in states:
             first[states.index(name)], wide[name] = 0.0, sd * s["U"]
-    if "v" not in names and "v_lagged" in states:
-        first[states.index("v_lagged")] = 0.0
+    first = with_own_states(model, first[None, : len(model.states)])[0]
     return RunData(
         run.name,
         plan,
@@ -69,7 +67,7 @@ def filter_error_run(model: Model, run: Any, noise: Mapping[str, float], channel
         np.array([noise[c] for c in names]),
         first,
         states,
-        np.array([wide.get(n, 0.1 * s["U"]) for n in states]),
+        np.array([wide[n] for n in states]),
         run.manoeuvre,
         run.role,
         path,
@@ -122,9 +120,8 @@ def _first_path(model: Model, run: Any, noise: Mapping[str, float]) -> Array:
         if angle in slope:
             value.setdefault(turn, slope[angle])
     value.setdefault("u", np.full(t.size, s["U"]))
-    value["v_lagged"] = value.get("v", np.zeros(t.size))
-    value["heel"] = value.get("r", np.zeros(t.size)) * model.scales["L"] / model.scales["U"]
-    return np.column_stack([value.get(n, np.zeros(t.size)) for n in model.kernel.full.states])
+    bare = np.column_stack([value.get(n, np.zeros(t.size)) for n in model.states])
+    return with_own_states(model, bare)
 
 
 def _heading(model: Model, plan: TimePlan, path: Array, names: Sequence[str]) -> Array | None:

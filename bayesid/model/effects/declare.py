@@ -72,11 +72,14 @@ class InputStage:
 
 @dataclass(frozen=True)
 class State:
-    """Extra state of a force effect: rate and initial value as expressions."""
+    """Extra state of a force effect: rate and initial value as expressions, and how far it may be off at the
+    start of a run: `sd` in units of `scale`, as of a parameter."""
 
     name: str
     rate: str
     initial: str = "0"
+    sd: float = 0.1
+    scale: str = "U"
 
 
 @dataclass(frozen=True)

@@ -138,10 +138,12 @@ EFFECTS = (
             ),
         ),
         states=(
-            State("heel", "heel_rate", "r*L/U_ref"),
+            State("heel", "heel_rate", "r*L/U_ref", sd=0.3, scale="1"),
             State(
                 "heel_rate",
                 "frequency*U_ref/L*(frequency*U_ref/L*(r*L/U_ref - heel) - 0.2*heel_rate)",
+                sd=0.3,
+                scale="U/L",
             ),
         ),
         force={"Y": "Y_heel*heel", "N": "N_heel*heel"},
