@@ -57,9 +57,10 @@ def names_of(rule: Rule, named: Named) -> tuple[tuple[str, ...], tuple[str, ...]
         "coefficient": (COEFFICIENT_ERROR,),
     }[rule.effects]
     hidden = {"nothing": (), "all": named.hidden, "along": named.along}[rule.hidden]
+    hidden = tuple(n for n in hidden if n not in effects)  # what is named is not hidden
     # what cannot be told from no effect is no effect
     set95 = named.set95
-    if rule.word in ("none", "model_form") and "none" not in set95:
+    if rule.or_none and "none" not in set95:
         set95 = ("none", *set95)
     if named.form:
         set95 = tuple("model_form" if n == "none" else n for n in set95)
