@@ -212,7 +212,8 @@ def weigh(
     left_by = Remainder(rest)
     if after is not None:
         shows = excess > 1.0 or beyond(after.places[0].evidence, beside) > limits.remainder
-        astray = refits[0].fit.chi2 > NOT_FOLLOWING_CHI2
+        # beside a form, evidence compares without it: what does not follow is held to what it gains as itself
+        astray = problem.form is not None or refits[0].fit.chi2 > NOT_FOLLOWING_CHI2
         share = (
             1.0 if astray else after.places[0].evidence / max(where.places[0].evidence, REMAINDER_EVIDENCE)
         )
