@@ -13,6 +13,7 @@ import numpy as np
 from bayesid.diagnosis.data.event import Event, blanked, released, without_readings
 from bayesid.diagnosis.data.model_form import ModelForm, frequency_start, with_form
 from bayesid.diagnosis.data.outliers import set_aside
+from bayesid.diagnosis.data.sampling import too_coarse
 from bayesid.diagnosis.threshold_table import FOLLOWS_DATA_CHI2
 from bayesid.equations.model import Model
 from bayesid.errors import ModelError, TrialError
@@ -147,6 +148,8 @@ def build_problem(
         noise |= least
         warnings.append(raised_words(least))
     logs = [released(model, filter_error_run(model, run, noise, channels), events) for run in runs]
+    if (coarse := too_coarse(model, logs)) is not None:
+        warnings.append(coarse)
     notify("reading: readings that no smooth motion explains")
     logs, outliers = set_aside(model, logs)
     coefficients = coefficient_prior(model)
