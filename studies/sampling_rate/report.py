@@ -51,7 +51,8 @@ def _table(records: Sequence[Mapping[str, Any]]) -> Table:
     return Table(
         columns, rows,
         "Verdict at every rate, with the probability that what is named acts; (readings coarse) where the "
-        "report says that they are too far apart for the rudder. CPU seconds in the order of the rates.", digits=2,
+        "report says that they are too far apart for the rudder. CPU seconds in the order of the rates.",
+        digits=2,
     )  # fmt: skip
 
 
