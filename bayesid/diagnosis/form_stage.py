@@ -3,9 +3,9 @@
 Takes a `DiagnosisProblem`. Gives `Compared`: the problem, with the form if it has one, and its hypotheses.
 Leaves out no reading (`exclusions`) and does not decide.
 
-A form is asked for twice: beside the best single effect, if it gains more there than any second effect would,
-and else beside the best of all. So the search for several effects runs once where a form is needed, and two
-effects that explain everything are not taken for one.
+A form is asked for beside the best single effect where it gains more there than any second effect would, and
+else beside the best of all, so that two effects that explain everything are not taken for one. It is tried
+once: hypotheses with a form cost as much as all others together.
 """
 
 from __future__ import annotations
@@ -51,24 +51,24 @@ def compared(
 ) -> Compared:
     """Hypotheses of a problem, with a form in each where the runs ask for one."""
     single = single_effects(problem, notify, seed, base)
-    leading, unable = single.leading, None
+    leading = single.leading
     notify("whether the equations lack a force that depends on the motion")
     left = remainder(problem, leading) if leading.effects else single.where
     needed = needed_form(problem, leading, _period(left, single.thresholds.remainder))
+    known = {leading.effects: left} if leading.effects else None
     if needed is not None and needed.gain > _further(problem, single):
         found, unable = _with_form(problem, needed, leading, notify, seed)
-        if found is not None:
-            return found
-    candidates = weigh(problem, single, notify, {leading.effects: left} if leading.effects else None)
+        return found or Compared(problem, weigh(problem, single, notify, known), unable)
+    candidates = weigh(problem, single, notify, known)
     beside = _beside(candidates)
-    if beside.effects != leading.effects:
-        left = candidates.where_after or candidates.where
-        needed = needed_form(problem, beside, _period(left, candidates.thresholds.remainder))
-        if needed is not None:
-            found, unable = _with_form(problem, needed, simplest(candidates), notify, seed)
-            if found is not None:
-                return found
-    return Compared(problem, candidates, unable)
+    if beside.effects == leading.effects and needed is None:
+        return Compared(problem, candidates)
+    left = candidates.where_after or candidates.where
+    needed = needed_form(problem, beside, _period(left, candidates.thresholds.remainder))
+    if needed is None:
+        return Compared(problem, candidates)
+    found, unable = _with_form(problem, needed, simplest(candidates), notify, seed)
+    return found or Compared(problem, candidates, unable)
 
 
 def _with_form(
