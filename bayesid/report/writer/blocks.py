@@ -62,6 +62,17 @@ class Figure:
 
 
 @dataclass(frozen=True)
+class Row:
+    """Figures beside one another on a wide page, below one another on a narrow one; one caption for all."""
+
+    figures: Sequence[Figure]
+    caption: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "figures", tuple(self.figures))
+
+
+@dataclass(frozen=True)
 class Section:
     """A heading and its blocks; a block may be a section of the next level."""
 
@@ -72,21 +83,31 @@ class Section:
         object.__setattr__(self, "blocks", tuple(self.blocks))
 
 
-Block: TypeAlias = "Text | Table | Figure | Section"
+Block: TypeAlias = "Text | Table | Figure | Row | Section"
 
 
 @dataclass(frozen=True)
 class Report:
-    """A title, the finding in a few sentences (`lead`, same markup as Text), and the sections."""
+    """A title, the finding in a few sentences, and the sections.
+
+    Attributes
+    ----------
+    lead : same markup as Text; stands in a box
+    failures : checks that failed, same markup; stand in the box too
+    first : blocks of the first screen, above the contents
+    """
 
     title: str
     lead: str
     sections: Sequence[Section]
+    failures: Sequence[str] = ()
+    first: Sequence[Block] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "sections", tuple(self.sections))
+        for name in ("sections", "failures", "first"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
         seen: set[str] = set()
-        for figure in figures_of(self.sections):
+        for figure in figures_of((*self.first, *self.sections)):
             if figure.name in seen:
                 raise ValueError(f"two figures are named {figure.name!r}; one would overwrite the other")
             seen.add(figure.name)
@@ -98,6 +119,8 @@ def figures_of(blocks: Sequence[Block]) -> list[Figure]:
     for block in blocks:
         if isinstance(block, Figure):
             found.append(block)
+        elif isinstance(block, Row):
+            found.extend(block.figures)
         elif isinstance(block, Section):
             found.extend(figures_of(block.blocks))
     return found

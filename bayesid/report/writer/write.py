@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import platform
 from base64 import b64encode
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from html import escape
 from importlib import metadata, resources
@@ -17,7 +17,17 @@ from typing import Any
 
 from bayesid import __version__
 from bayesid.files import write_atomic, write_json
-from bayesid.report.writer.blocks import Block, Figure, Report, Section, Table, Text, cell_text, figures_of
+from bayesid.report.writer.blocks import (
+    Block,
+    Figure,
+    Report,
+    Row,
+    Section,
+    Table,
+    Text,
+    cell_text,
+    figures_of,
+)
 from bayesid.report.writer.markup import (
     inline_html,
     inline_markdown,
@@ -52,7 +62,7 @@ def write(report: Report, folder: str | os.PathLike[str], results: Mapping[str, 
     created = datetime.now(UTC).replace(microsecond=0).isoformat().replace("+00:00", "Z")
     record = {"title": report.title, "created": created, "versions": versions(), **results}
     write_json(base / "results.json", record)  # first: the numbers are safe even if drawing fails
-    images = {figure.name: png_bytes(figure) for figure in figures_of(report.sections)}
+    images = {figure.name: png_bytes(figure) for figure in figures_of((*report.first, *report.sections))}
     for name, data in images.items():
         write_atomic(base / "figures" / f"{name}.png", data)
     write_atomic(base / "report.md", visible(_markdown(report, record)))
@@ -86,6 +96,8 @@ def _html(report: Report, images: Mapping[str, bytes], record: Mapping[str, Any]
     return template.render(
         title=report.title,
         lead=Markup(to_html(report.lead)),
+        failures=[Markup(inline_html(text)) for text in report.failures],
+        first=Markup("\n".join(_block_html(block, 2, images) for block in report.first)),
         contents=contents,
         body=Markup("\n".join(body)),
         created=record["created"],
@@ -105,12 +117,20 @@ def _block_html(block: Block, level: int, images: Mapping[str, bytes]) -> str:
         return to_html(block.body)
     if isinstance(block, Section):
         return _section_html(block, min(level + 1, 6), "", images)
-    if isinstance(block, Figure):
-        source = f"data:image/png;base64,{b64encode(images[block.name]).decode('ascii')}"
+    if isinstance(block, Row):
         caption = f"<figcaption>{inline_html(block.caption)}</figcaption>" if block.caption else ""
-        alt = escape(block.alt or block.caption or block.name)
-        return f'<figure><img src="{source}" alt="{alt}">{caption}</figure>'
+        return "".join(
+            ['<figure class="row">', *(_image_html(f, images) for f in block.figures), caption, "</figure>"]
+        )
+    if isinstance(block, Figure):
+        caption = f"<figcaption>{inline_html(block.caption)}</figcaption>" if block.caption else ""
+        return f"<figure>{_image_html(block, images)}{caption}</figure>"
     return _table_html(block)
+
+
+def _image_html(figure: Figure, images: Mapping[str, bytes]) -> str:
+    source = f"data:image/png;base64,{b64encode(images[figure.name]).decode('ascii')}"
+    return f'<img src="{source}" alt="{escape(figure.alt or figure.caption or figure.name)}">'
 
 
 def _table_html(table: Table) -> str:
@@ -130,6 +150,8 @@ def _table_html(table: Table) -> str:
 
 def _markdown(report: Report, record: Mapping[str, Any]) -> str:
     parts = [f"# {plain_markdown(report.title)}", to_markdown(report.lead)]
+    parts += [f"**Check failed:** {inline_markdown(text)}" for text in report.failures]
+    parts += _blocks_markdown(report.first, 2)
     for section in report.sections:
         parts += _section_markdown(section, 2)
     stated = ", ".join(f"{name} {version}" for name, version in record["versions"].items())
@@ -138,15 +160,20 @@ def _markdown(report: Report, record: Mapping[str, Any]) -> str:
 
 
 def _section_markdown(section: Section, level: int) -> list[str]:
-    parts = [f"{'#' * level} {plain_markdown(section.title)}"]
-    for block in section.blocks:
+    return [f"{'#' * level} {plain_markdown(section.title)}", *_blocks_markdown(section.blocks, level)]
+
+
+def _blocks_markdown(blocks: Sequence[Block], level: int) -> list[str]:
+    parts: list[str] = []
+    for block in blocks:
         if isinstance(block, Text):
             parts.append(to_markdown(block.body))
         elif isinstance(block, Section):
             parts += _section_markdown(block, min(level + 1, 6))
-        elif isinstance(block, Figure):
-            alt = plain_markdown(block.alt or block.caption or block.name).replace("\n", " ")
-            parts.append(f"![{alt}](figures/{block.name}.png)")
+        elif isinstance(block, Figure | Row):
+            for figure in (block,) if isinstance(block, Figure) else block.figures:
+                alt = plain_markdown(figure.alt or figure.caption or figure.name).replace("\n", " ")
+                parts.append(f"![{alt}](figures/{figure.name}.png)")
             if block.caption:
                 parts.append(inline_markdown(block.caption))
         else:
