@@ -38,7 +38,7 @@ def test_a_slow_rudder_is_told_in_degrees_a_second_with_its_interval():
     excess, sd = (1 / 28 - 1 / 1000) * per_degree, 0.02 / 28 * per_degree
     slow = an_effect("actuator_rate_limit", inverse_rate_excess=(excess, sd))
     assert sentence(slow) == "The rudder moves at 28 degrees a second instead of 1000 degrees a second."
-    assert intervals(slow)[0] == "28 degrees a second (95 %: 26.9 to 29.1)"
+    assert intervals(slow)[0] == "28.0 degrees a second (95 %: 26.9 to 29.1)"
 
 
 @pytest.mark.parametrize(
@@ -70,7 +70,7 @@ def test_an_effect_of_a_user_without_a_sentence_is_told_by_its_name():
 def test_the_interval_shown_is_that_of_the_draws_where_they_are_to_be_used_and_no_note_says_otherwise():
     size = Value(0.25, 0.01, "-", 0.1, 0.3)
     effect = replace(an_effect("thrust_loss"), parameters={"loss": size})
-    assert intervals(effect) == ["25 % (95 %: 10 to 30)"]
+    assert intervals(effect) == ["25 % less (95 %: 10 to 30)"]
     posterior = draws(force=-1.13)
     assert warning(posterior) is not None
     told = replace(RESULT, posterior=posterior, warnings=(warning(posterior), "no straight run"))

@@ -23,6 +23,8 @@ SAME = 1.25
 # Hypotheses from this probability on are named as what else it could be, the first few.
 WORTH_A_WORD, MOST_RIVALS = 0.01, 4
 MOST_MOVED = 6
+# Verdicts that stand on no effect: what is shown as explained has none, though one may gain by chance.
+NEEDS_NONE = ("none", "model_form")
 FAR_OFF = 10.0  # stated uncertainties from which a coefficient of the explanation is not to be believed
 PLACES = {
     "X": "the force ahead", "Y": "the side force", "N": "the turning moment", "Z": "the vertical force",
@@ -128,14 +130,15 @@ def error_rows(run: RunError) -> tuple[ErrorRow, ...]:
 
 def explained_words(result: Result) -> str:
     """What the third model is: with what is named, or with the best explanation, which may be another."""
-    used = result.explanation
+    used = explanation(result)
+    if result.verdict == "model_form":
+        return "Re-tuned and explained are one: with the force that the equations lack, and no other cause."
     if not used:
         return "Explained: as re-tuned, no effect is in it."
     words = " + ".join(in_words(n) for n in used)
     if result.verdict in NAMING and set(used) == {e.name for e in result.effects}:
         return f"Explained: with {words}."
-    chance = ", which chance gains as well" if result.verdict == "none" else ""
-    return f"Explained: with {words}, the best explanation{chance}."
+    return f"Explained: with {words}, the best explanation."
 
 
 def miss(rows: tuple[ErrorRow, ...], model: int) -> str:
@@ -247,15 +250,20 @@ def _outcome(result: Result, run: RunError) -> str:
         return ""
     verb = "predicted" if run.role == "holdout" else "simulated"
     given, tuned, now = (miss(errors, k) for k in range(3))
-    if result.verdict == "none" and not result.explanation:
+    if result.verdict == "none":
         return f"Both are rms errors of the {verb} {run_words(run)}."
-    if not result.explanation:
+    if not explanation(result):
         return f"The {verb} {run_words(run)} misses the log by {given} (rms); re-tuned, by {tuned}."
     what = (
-        "With it" if len(result.explanation) == 1 and result.verdict in NAMING
-        else "With them" if result.verdict in NAMING and len(result.explanation) == len(result.effects)
-        else f"With {' + '.join(in_words(n) for n in result.explanation)}"
+        "With it" if len(explanation(result)) == 1 and result.verdict in NAMING
+        else "With them" if result.verdict in NAMING and len(explanation(result)) == len(result.effects)
+        else f"With {' + '.join(in_words(n) for n in explanation(result))}"
     )  # fmt: skip
+    if not _closes(errors, 0, 2):
+        return (
+            f"{what}, the {verb} {run_words(run)} misses the log by {now} (rms), no less than as given, "
+            f"{given}; re-tuned, by {tuned}."
+        )
     said = f"{what}, the {verb} {run_words(run)} is within {now} of the log (rms) instead of {given}"
     if _closes(errors, 1, 2) or _closes(errors, 2, 1):
         return f"{said}; re-tuning coefficients alone gives {tuned}."
@@ -268,7 +276,7 @@ def _outcome(result: Result, run: RunError) -> str:
 def failures(result: Result) -> tuple[str, ...]:
     """Checks that failed; each one sentence."""
     out = []
-    if result.explanation:
+    if explanation(result):
         worse = [run for run in result.runs if run.role == "holdout" and _worse(error_rows(run))]
         held = sum(run.role == "holdout" for run in result.runs)
         if worse:
@@ -282,19 +290,31 @@ def failures(result: Result) -> tuple[str, ...]:
                 "The runs disagree about its size: that one and the same cause acts in all of them has "
                 f"p = {result.runs_agree:.1g}."
             )
-        far = {n: abs(m.explained - m.given) / m.prior_sd for n, m in result.moved.items() if m.prior_sd > 0}
-        most = max(far, key=lambda n: far[n], default="")
-        if most and far[most] > FAR_OFF:
-            out.append(
-                f"The explanation needs coefficients far from those stated ({most} by {far[most]:.0f} times "
-                "its stated uncertainty): as an account of this vehicle it is not to be believed."
-            )
-        refit = next((r for r in result.refits if set(r.effects) == set(result.explanation)), None)
+        if (far := far_off(result)) and result.model_form is None:
+            out.append(f"{far}: as an account of this vehicle it is not to be believed.")
+        refit = next((r for r in result.refits if set(r.effects) == set(explanation(result))), None)
         if refit is not None and not refit.converged:
             out.append("The fit of the explanation stopped before it converged; its sizes are rough.")
     elif result.refits and not result.refits[0].converged:
         out.append("The re-tuning stopped before it converged; its errors are rough.")
     return tuple(out)
+
+
+def far_off(result: Result) -> str:
+    """The beginning of a sentence that the explanation takes a coefficient out of all reason; else empty."""
+    far = {n: abs(m.explained - m.given) / m.prior_sd for n, m in result.moved.items() if m.prior_sd > 0}
+    most = max(far, key=lambda n: far[n], default="")
+    if not most or far[most] <= FAR_OFF:
+        return ""
+    return (
+        f"The explanation needs coefficients far from those stated ({most} by {far[most]:.0f} times its "
+        "stated uncertainty)"
+    )
+
+
+def explanation(result: Result) -> tuple[str, ...]:
+    """Effects of the third model that is shown: none where the verdict needs none."""
+    return () if result.verdict in NEEDS_NONE else result.explanation
 
 
 def _worse(rows: tuple[ErrorRow, ...]) -> bool:
@@ -313,13 +333,17 @@ def _moved(result: Result) -> tuple[str, ...]:
             continue
         far = abs(m.retuned - m.given) / m.prior_sd
         with_it = ""
-        if result.explanation:
-            with_it = f", explained {(m.explained - m.given) / m.given:+.0%}"
+        if explanation(result):
+            with_it = f", explained {_percent(m.explained, m.given)}"
         told.append(
-            (far, f"{name} {(m.retuned - m.given) / m.given:+.0%} ({far:.1f} times its stated "
+            (far, f"{name} {_percent(m.retuned, m.given)} ({far:.1f} times its stated "
                   f"uncertainty{with_it})")
         )  # fmt: skip
     return tuple(text for far, text in sorted(told, reverse=True)[:MOST_MOVED] if far >= 0.5)
+
+
+def _percent(value: float, given: float) -> str:
+    return f"{round(100 * (value - given) / given):+d} %"
 
 
 def rivals(result: Result) -> list[tuple[str, float]]:
@@ -358,6 +382,8 @@ def _certainty(result: Result) -> tuple[str, ...]:
         out.append(f"On these runs {_list(alike)} would leave nearly the same trace.")
     if result.model_form is not None and result.verdict != "model_form":
         out.append(f"The equations also lack a force that depends on the motion{_like(result)}.")
+    if result.model_form is not None and (far := far_off(result)):
+        out.append(f"{far}: they stand in for the force the equations lack.")
     out.append(_proof(result))
     if result.verdict == "none" and result.unseen:
         out.append(
@@ -381,7 +407,7 @@ def _proof(result: Result) -> str:
     if not held:
         return "No run was held out, so the errors are of runs that were read; give one the role `holdout`."
     better = sum(not _worse(error_rows(run)) for run in held)
-    if not result.explanation:
+    if not explanation(result):
         return f"Held-out runs: {len(held)}, read only after the verdict stood."
     return f"Of {len(held)} held-out runs, read after the verdict stood, {better} are predicted no worse."
 

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from bayesid.diagnosis.data.model_form import resonates
+from bayesid.diagnosis.answer import NEEDS_NONE
 from bayesid.diagnosis.attempt import attempt
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.evidence.effect_draws import EffectDraws, choice
@@ -98,13 +99,15 @@ def result_of(
     apart = c.ambiguity
     gains = best.log_evidence > c.none.log_evidence
     drawn = numbers(posterior) if posterior is not None else None
+    # a verdict that needs no effect is shown without one, though one may gain by chance
+    shown = best if gains and verdict.word not in NEEDS_NONE else c.none
     told, nothing = list(warnings), tuple[Replay, ...]()
     replays = attempt(
         "the runs could not be replayed for the picture",
         lambda: replay_trial(
             problem,
             trial,
-            {GIVEN: None, RETUNED: c.none.fit, EXPLAINED: best.fit if gains else c.none.fit},
+            {GIVEN: None, RETUNED: c.none.fit, EXPLAINED: shown.fit},
             seed,
         ),
         nothing,
@@ -159,7 +162,7 @@ def result_of(
         next_manoeuvre=proposals,
         warnings=tuple(told),
         runs=tuple(_run_error(r) for r in replays),
-        moved=_moved(model, problem, c.none, best if gains else c.none),
+        moved=_moved(model, problem, c.none, shown),
         runs_agree=_agreement(problem, c.none, best) if gains and not best.widens else None,
         drawings=_drawings(model, c, posterior, seed, replays),
     )

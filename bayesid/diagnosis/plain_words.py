@@ -69,9 +69,19 @@ def intervals(effect: Effect) -> list[str]:
         except KeyError:
             continue
         if size.low < size.high and all(math.isfinite(x) for x in size):
-            _, words = _unit(m[2])
-            out.append(f"{number(size.value)}{words} (95 %: {number(size.low)} to {number(size.high)})")
+            words = _unit(m[2])[1]
+            if m[3] is not None:
+                words += f" {m[3] if size.value >= 0 else m[4]}"
+                size = size if size.value >= 0 else size.mapped(lambda x: -x)
+            value, low, high = _aligned(size)
+            out.append(f"{value}{words} (95 %: {low} to {high})")
     return out
+
+
+def _aligned(size: Size) -> list[str]:
+    """Value and ends with as many decimals as the interval asks for, two digits of its half width."""
+    places = 1 - math.floor(math.log10(0.5 * (size.high - size.low)))
+    return [f"{x:.{min(max(places, 0), 6)}f}" for x in size]
 
 
 def number(x: float) -> str:

@@ -12,8 +12,9 @@ from bayesid.diagnosis.answer import Answer, error_rows, in_words
 from bayesid.diagnosis.plain_words import number, sentence
 from bayesid.diagnosis.result import Effect, Result
 from bayesid.diagnosis.summary import unsigned_zeros
-from bayesid.report.diagnosis import picture
+from bayesid.report import run_picture
 from bayesid.report.diagnosis.cause import where_blocks, which_blocks
+from bayesid.report.diagnosis.first_screen import picture_of
 from bayesid.report.diagnosis.holdout import holdout_blocks, measures_table
 from bayesid.report.diagnosis.limits import margin_table
 from bayesid.report.writer import Block, Figure, Row, Section, Table, Text, literal
@@ -42,12 +43,13 @@ def runs_blocks(result: Result, a: Answer) -> list[Block]:
         blocks.append(measures_table(result, a.labels))
     others = result.drawings.replays[1 : 1 + MOST_PICTURES] if result.drawings is not None else ()
     for k, replay in enumerate(others, 1):
+        drawn = picture_of(replay, a)
         where = f"{literal(replay.run)} ({literal(replay.manoeuvre)}, {replay.role})"
         blocks.append(
             Row(
                 (
-                    Figure(f"run{k}_track", picture.track(replay, a.labels), alt=f"Track of {where}"),
-                    Figure(f"run{k}_time", picture.over_time(replay), alt=f"Errors of {where}"),
+                    Figure(f"run{k}_track", run_picture.track(drawn), alt=f"Track of {where}"),
+                    Figure(f"run{k}_time", run_picture.over_time(drawn), alt=f"Errors of {where}"),
                 ),
                 where,
             )
