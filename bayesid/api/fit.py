@@ -22,6 +22,7 @@ from bayesid.prediction.fitted_model import Calibration, predictive_model
 from bayesid.progress import Progress
 from bayesid.report import coefficient_cells
 from bayesid.report.fit import (
+    MISFIT,
     calibration_words,
     fit_report,
     form_rows_of,
@@ -31,6 +32,7 @@ from bayesid.report.fit import (
     predictive_words,
     write_fit_report,
 )
+from bayesid.report.fit_first_screen import failures, headline, moved
 from bayesid.report.prediction_error import PREDICTION_COLUMNS, prediction_numbers, prediction_rows
 from bayesid.report.writer import Report
 from bayesid.report.writer.text import table_text
@@ -38,7 +40,6 @@ from bayesid.report.writer.text import table_text
 if TYPE_CHECKING:
     import pandas
 
-MISFIT = 3.0  # residuals of so many times the noise are not noise
 QUICK_SAMPLES, QUICK_ROUNDS = 300, 6
 COLUMNS = ("coefficient", "start (prime)", *coefficient_cells.COLUMNS, "sd [%]", "remark")
 
@@ -196,9 +197,17 @@ class FitResult(Result):
     def summary(self, verbose: bool = False) -> str:
         found, result = self.found, self.found.fit
         size = f"{len(found.problem.runs)} runs, {result.n_readings} readings, {result.n_params} unknowns"
-        lines = [f"{found.trial.name}: {size}, {result.seconds:.1f} s", f"{result.verdict}."]
         before, after = (noise_level(found.runs, "identify", key) for key in ("rms_nominal", "rms_fitted"))
-        lines.append(f"residuals of the fitted runs: from {before} to {after} times the noise")
+        lines = [headline(found)]
+        if words := moved(found):
+            lines.append(f"Moved most (with one sd): {words}.")
+        lines += [f"CHECK FAILED: {text}" for text in failures(found, holdout_words(found.runs))]
+        lines += [
+            "",
+            f"{found.trial.name}: {size}, {result.seconds:.1f} s",
+            f"{result.verdict}.",
+            f"residuals of the fitted runs: from {before} to {after} times the noise",
+        ]
         lines += self._doubts()
         lines += ["", table_text(COLUMNS, self.coefficients())]
         if result.flat:
@@ -219,7 +228,6 @@ class FitResult(Result):
         found, result, lines = self.found, self.found.fit, []
         if found.posterior is not None:
             lines += found.posterior.doubts()
-        lines += holdout_words(found.runs)
         lines += form_words(found.fit)
         lines += predictive_words(found.fit)
         if found.posterior is not None:

@@ -37,11 +37,11 @@ PLACES = {
 
 @dataclass(frozen=True)
 class ErrorRow:
-    """One kind of error of one run: as given, re-tuned, explained; nan where there is none."""
+    """One kind of error of one run, a number per model; nan where there is none."""
 
     what: str
     unit: str
-    values: tuple[float, float, float]
+    values: tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -98,9 +98,14 @@ def in_words(name: str) -> str:
 
 def run_words(run: RunError) -> str:
     """A run as people call it."""
-    kind = _kind(run)
-    role = "held-out " if run.role == "holdout" else ""
-    return f"{role}{kind} ({run.run})" if run.run not in kind else f"{role}{kind}"
+    return name_of_run(run.run, run.manoeuvre, run.role)
+
+
+def name_of_run(name: str, manoeuvre: str, role: str) -> str:
+    """Manoeuvre and name of a run, and whether it was held out."""
+    kind = manoeuvre.split(",")[0].strip() or f"run {name}"
+    held = "held-out " if role == "holdout" else ""
+    return f"{held}{kind} ({name})" if name not in kind else f"{held}{kind}"
 
 
 def _kind(run: RunError) -> str:
@@ -125,7 +130,7 @@ def error_rows(run: RunError) -> tuple[ErrorRow, ...]:
         for channel, unit, scale in (("r", "degrees a second", 180 / math.pi), ("u", "m/s", 1.0)):
             if channel in logged:
                 rows.append((channel, unit, of(run.rms, channel, scale)))
-    return tuple(ErrorRow(what, unit, (v[0], v[1], v[2])) for what, unit, v in rows)
+    return tuple(ErrorRow(what, unit, v) for what, unit, v in rows)
 
 
 def explained_words(result: Result) -> str:
@@ -321,7 +326,7 @@ def _worse(rows: tuple[ErrorRow, ...]) -> bool:
     """Whether position (else the first error there is) is missed by more than as given."""
     if not rows:
         return False
-    given, _, now = rows[0].values
+    given, now = rows[0].values[0], rows[0].values[-1]
     return math.isfinite(given) and not now <= WORSE * given
 
 
@@ -416,10 +421,9 @@ def _steps(result: Result) -> tuple[str, ...]:
     out = []
     if result.verdict in NAMING:
         for e in result.effects:
-            out += [
-                f"Look for it on the vehicle, or simulate with it: `--set {e.name}.{n}={p.value:.3g}`."
-                for n, p in list(e.parameters.items())[:1]
-            ]
+            if e.parameters:
+                values = " ".join(f"--set {e.name}.{n}={p.value:.3g}" for n, p in e.parameters.items())
+                out.append(f"Look for {in_words(e.name)} on the vehicle, or simulate with it: `{values}`.")
     elif (
         result.verdict in ("none", "coefficients")
         and result.runs

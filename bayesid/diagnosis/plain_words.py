@@ -62,15 +62,15 @@ def intervals(effect: Effect) -> list[str]:
     """The sizes in the sentence with the 95 % interval to use, one text each."""
     out = []
     for m in _PLACE.finditer(effect.says):
-        if "," in m[1]:
-            continue
         try:
-            size = _size(effect, m[1], m[2])
+            size = _length(effect, m[1]) if "," in m[1] else _size(effect, m[1], m[2])
         except KeyError:
             continue
         if size.low < size.high and all(math.isfinite(x) for x in size):
-            words = _unit(m[2])[1]
-            if m[3] is not None:
+            factor, words = _unit(m[2])
+            if "," in m[1]:
+                size = Size(*(factor * x for x in size))
+            elif m[3] is not None:
                 words += f" {m[3] if size.value >= 0 else m[4]}"
                 size = size if size.value >= 0 else size.mapped(lambda x: -x)
             value, low, high = _aligned(size)
@@ -116,6 +116,14 @@ def _size(effect: Effect, what: str, unit: str) -> Size:
         # a reciprocal of what may be zero has no upper end
         return Size(value, max(low, 0.0), high).mapped(lambda x: factor / x if x > 1e-9 else math.inf)
     return Size(value, low, high).mapped(lambda x: factor * x)
+
+
+def _length(effect: Effect, what: str) -> Size:
+    """Length of a vector and its interval, by its deviation along itself; SI."""
+    parts = [effect.parameters[name] for name in what.split(",")]
+    length = math.hypot(*(p.value for p in parts))
+    sd = math.hypot(*(p.value * p.sd for p in parts)) / length if length > 0 else 0.0
+    return Size(length, max(length - Z95 * sd, 0.0), length + Z95 * sd)
 
 
 def _place(effect: Effect, m: re.Match[str]) -> str:
