@@ -242,7 +242,7 @@ def _like(result: Result) -> str:
     form = result.model_form
     if form is None:
         return ""
-    names = [in_words(n) for n in form.looks_like if n != "roll_motion"]
+    names = [in_words(n) for n in form.looks_like]
     if form.period is not None:
         names.append(f"roll with a period of {form.period:.3g} s")
     return f"; it looks like {' and '.join(names)}" if names else ""

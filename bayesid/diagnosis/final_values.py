@@ -11,9 +11,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from bayesid.diagnosis.data.model_form import resonates
 from bayesid.diagnosis.answer import NEEDS_NONE
 from bayesid.diagnosis.attempt import attempt
+from bayesid.diagnosis.data.model_form import resonates
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.evidence.effect_draws import EffectDraws, choice
 from bayesid.diagnosis.evidence.effect_posterior import EffectPosterior, numbers
