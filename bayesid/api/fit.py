@@ -103,7 +103,9 @@ def fit(
     few = {"rounds": QUICK_ROUNDS} if quick else {}
     # profile None: the noise is estimated where the trial leaves that of a channel open
     options = FitOptions(seed=seed, starts=starts, profile=True if estimate_noise else None, **few)
-    with (progress or Progress(quiet=True)).stage("fit") as stage:
+    shown = progress or Progress(quiet=True)
+    shown.expect(1 if out is None or quick else 2)
+    with shown.stage("fit") as stage:
         found = fit_in_pieces(
             chosen, pieces, ship, out, free=names_of(free), fixed=kept, options=options, resume=resume,
             parts=NoiseParts() if residuals == "white" else None,
@@ -113,7 +115,6 @@ def fit(
         remove_fitted(out)  # it would predict with the coefficients of the fit before
     if out is None or quick or found.posterior is None:
         return FitResult(found)
-    shown = progress or Progress(quiet=True)
     try:
         with shown.stage("predict the fitted runs") as stage:
             model, calibration = predictive_model(found, seed=seed, say=lambda text: stage.step(info=text))
