@@ -14,6 +14,7 @@ from bayesid.api.result import Result, table
 from bayesid.diagnosis.diagnosed_model import write_diagnosed
 from bayesid.diagnosis.run import Diagnosis
 from bayesid.diagnosis.run import diagnose as run
+from bayesid.diagnosis.summary import summary
 from bayesid.files import write_json
 from bayesid.progress import Progress, RouteStep
 from bayesid.report.diagnosis.report import diagnosis_report, write_diagnosis_report
@@ -129,4 +130,4 @@ class DiagnoseResult(Result):
         return write_diagnosis_report(self.found.result, target)
 
     def summary(self, verbose: bool = False) -> str:
-        return self.found.summary()
+        return summary(self.found.result, verbose)
