@@ -7,15 +7,25 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from bayesid.diagnosis.answer import Answer
-from bayesid.diagnosis.evidence.replay import EXPLAINED, GIVEN, RETUNED, Replay
+from bayesid.diagnosis.evidence import replay as evidence
+from bayesid.diagnosis.evidence.replay import EXPLAINED, GIVEN, RETUNED
 from bayesid.diagnosis.plain_words import Z95, number
 from bayesid.diagnosis.result import Result
 from bayesid.report import run_picture
-from bayesid.report.writer import Block, Figure, Row, Section, Table, Text, literal
+from bayesid.report.writer import Block, Figure, Replay, Row, Section, Table, Text, literal
+
+MOST_FRAMES = 400
+DASHES: list[list[int]] = [[6, 3], [2, 3], []]
+ORDERS = (
+    ("delta_r_cmd", "rudder order (port +)", "deg", 180 / math.pi),
+    ("delta_s_cmd", "stern-plane order", "deg", 180 / math.pi),
+    ("n_cmd", "shaft", "rpm", 1.0),
+)
 
 
 def first_blocks(result: Result, a: Answer) -> list[Block]:
@@ -31,6 +41,7 @@ def first_blocks(result: Result, a: Answer) -> list[Block]:
             )
         )
     blocks += picture_blocks(result, a)
+    blocks += replay_blocks(result, a)
     sure = [f"- {literal(s)}" for s in a.certainty]
     if a.moved:
         sure.append(f"- Coefficients that re-tuning moves most: {literal('; '.join(a.moved[:3]))}.")
@@ -63,7 +74,41 @@ def picture_blocks(result: Result, a: Answer) -> list[Block]:
     ]
 
 
-def picture_of(r: Replay, a: Answer) -> run_picture.RunPicture:
+def replay_blocks(result: Result, a: Answer) -> list[Block]:
+    """The run of the picture, to be played; nothing without a track."""
+    if result.drawings is None or not result.drawings.replays:
+        return []
+    r = result.drawings.replays[0]
+    if not {"x", "y"} <= set(r.channels):
+        return []
+    return [Replay(played(r, picture_of(r, a)), f"The {literal(a.where)}, to be played.")]
+
+
+def played(r: evidence.Replay, drawn: run_picture.RunPicture) -> dict[str, Any]:
+    """Series of a replay as plain data, at most `MOST_FRAMES` of them."""
+    keep = np.unique(np.linspace(0, r.t.size - 1, min(r.t.size, MOST_FRAMES)).astype(int))
+
+    def values(v: np.ndarray, digits: int = 2) -> list[float | None]:
+        return [round(float(x), digits) if np.isfinite(x) else None for x in v[keep]]
+
+    def series(label: str, colour: str, dash: list[int], table: np.ndarray) -> dict[str, Any]:
+        columns = {c: values(table[:, r.channels.index(c)]) for c in ("x", "y")}
+        psi = values(table[:, r.channels.index("psi")], 3) if "psi" in r.channels else None
+        return {"label": label, "colour": colour, "dash": dash, **columns, "psi": psi}
+
+    shown = [series("log", "#000000", [], r.readings)]
+    for s, dash in zip(drawn.series, DASHES[-len(drawn.series) :], strict=True):
+        first = [6, 3] if s.label == "as given" else dash
+        shown.append(series(s.label, s.style["color"], first, s.values))
+    orders = [
+        {"label": label, "unit": unit, "values": values(scale * r.commands[n], 1)}
+        for n, label, unit, scale in ORDERS
+        if n in r.commands and np.isfinite(r.commands[n]).all()
+    ]
+    return {"t": values(r.t - r.t[0], 1), "series": shown, "orders": orders}
+
+
+def picture_of(r: evidence.Replay, a: Answer) -> run_picture.RunPicture:
     """A replay as a picture; two simulations where the explained model is the re-tuned one."""
     styles = ((GIVEN, run_picture.GIVEN), (RETUNED, run_picture.BETWEEN), (EXPLAINED, run_picture.BEST))
     series = [

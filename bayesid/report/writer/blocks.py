@@ -6,7 +6,7 @@ Takes finished content. Checks shapes and names at once, so that a long study do
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
@@ -73,6 +73,18 @@ class Row:
 
 
 @dataclass(frozen=True)
+class Replay:
+    """A run that can be played in the HTML report; Markdown and print leave it out.
+
+    `data` is plain: t, series of label, colour, dash, x, y, psi (first the log; None where nothing is), and
+    orders of label, unit, values; all of one length.
+    """
+
+    data: Mapping[str, Any]
+    caption: str = ""
+
+
+@dataclass(frozen=True)
 class Section:
     """A heading and its blocks; a block may be a section of the next level."""
 
@@ -83,7 +95,7 @@ class Section:
         object.__setattr__(self, "blocks", tuple(self.blocks))
 
 
-Block: TypeAlias = "Text | Table | Figure | Row | Section"
+Block: TypeAlias = "Text | Table | Figure | Row | Replay | Section"
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,13 @@ Takes a Report and the results behind it. Every file is replaced as a whole; not
 
 from __future__ import annotations
 
+import json
 import os
 import platform
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
+from hashlib import sha256
 from html import escape
 from importlib import metadata, resources
 from pathlib import Path
@@ -20,6 +22,7 @@ from bayesid.files import write_atomic, write_json
 from bayesid.report.writer.blocks import (
     Block,
     Figure,
+    Replay,
     Report,
     Row,
     Section,
@@ -92,9 +95,14 @@ def _html(report: Report, images: Mapping[str, bytes], record: Mapping[str, Any]
         contents.append((anchor, section.title))
         body.append(_section_html(section, 2, anchor, images))
     source = resources.files("bayesid.report.writer").joinpath("templates/report.html.j2").read_text("utf-8")
+    folder = resources.files("bayesid.report.writer").joinpath("templates")
+    moves = _holds_replay((*report.first, *report.sections))
+    script = "\n" + folder.joinpath("replay.js").read_text("utf-8") if moves else ""
     template = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True).from_string(source)
     return template.render(
         title=report.title,
+        script=Markup(script),
+        script_hash=b64encode(sha256(script.encode()).digest()).decode("ascii"),
         lead=Markup(to_html(report.lead)),
         failures=[Markup(inline_html(text)) for text in report.failures],
         first=Markup("\n".join(_block_html(block, 2, images) for block in report.first)),
@@ -117,6 +125,8 @@ def _block_html(block: Block, level: int, images: Mapping[str, bytes]) -> str:
         return to_html(block.body)
     if isinstance(block, Section):
         return _section_html(block, min(level + 1, 6), "", images)
+    if isinstance(block, Replay):
+        return _replay_html(block)
     if isinstance(block, Row):
         caption = f"<figcaption>{inline_html(block.caption)}</figcaption>" if block.caption else ""
         return "".join(
@@ -126,6 +136,21 @@ def _block_html(block: Block, level: int, images: Mapping[str, bytes]) -> str:
         caption = f"<figcaption>{inline_html(block.caption)}</figcaption>" if block.caption else ""
         return f"<figure>{_image_html(block, images)}{caption}</figure>"
     return _table_html(block)
+
+
+def _replay_html(block: Replay) -> str:
+    # "<" as an escape, so that no text of the data can end the element
+    data = json.dumps(block.data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+    caption = f"<figcaption>{inline_html(block.caption)}</figcaption>" if block.caption else ""
+    return (
+        f'<figure class="replay"><script type="application/json">{data}</script><canvas></canvas>'
+        '<div><button type="button">Play</button><input type="range" min="0" value="0" aria-label="time">'
+        f"</div><output></output>{caption}</figure>"
+    )
+
+
+def _holds_replay(blocks: Sequence[Block]) -> bool:
+    return any(isinstance(b, Replay) or (isinstance(b, Section) and _holds_replay(b.blocks)) for b in blocks)
 
 
 def _image_html(figure: Figure, images: Mapping[str, bytes]) -> str:
@@ -168,6 +193,8 @@ def _blocks_markdown(blocks: Sequence[Block], level: int) -> list[str]:
     for block in blocks:
         if isinstance(block, Text):
             parts.append(to_markdown(block.body))
+        elif isinstance(block, Replay):
+            continue
         elif isinstance(block, Section):
             parts += _section_markdown(block, min(level + 1, 6))
         elif isinstance(block, Figure | Row):
