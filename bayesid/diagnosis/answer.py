@@ -137,7 +137,7 @@ def explained_words(result: Result) -> str:
     """What the third model is: with what is named, or with the best explanation, which may be another."""
     used = explanation(result)
     if result.verdict == "model_form":
-        return "Re-tuned and explained are one: with the force that the equations lack, and no other cause."
+        return "Re-tuned and explained are one: with the force that the equations lack, no cause beside it."
     if not used:
         return "Explained: as re-tuned, no effect is in it."
     words = " + ".join(in_words(n) for n in used)
@@ -184,7 +184,7 @@ def _headline(result: Result) -> str:
         return (
             "The equations lack a force that depends on the motion"
             + _like(result)
-            + ("; no other cause is needed.")
+            + ("; no cause beside it can be told.")
         )
     if word == "outside":
         place = result.where.channel
@@ -378,7 +378,8 @@ def _certainty(result: Result) -> tuple[str, ...]:
             f"{'something not on the list that acts alike' if n == 'outside' else in_words(n)} ({_share(p)})"
             for n, p in other
         )
-        out.append(f"What else it could be: {listed}.")
+        what = "What may act beside it" if result.verdict == "model_form" else "What else it could be"
+        out.append(f"{what}: {listed}.")
     elif not other:
         out.append("Nothing else reaches a probability of 0.01.")
     named = {e.name for e in result.effects}
