@@ -16,7 +16,7 @@ from bayesid.diagnosis.hypotheses.verdict import decide
 FILE = Path(__file__).parent / "data" / "verdicts.json"
 WORLDS = json.loads(FILE.read_text()) if FILE.exists() else []
 FAMILY = {"a": "one", "b": "two", "c": "three", "d": "one"}
-EFFECTS = tuple(SimpleNamespace(name=n, family=f, where=("N",)) for n, f in FAMILY.items())
+EFFECTS = tuple(SimpleNamespace(name=n, family=f, where=("N",), as_form="") for n, f in FAMILY.items())
 
 
 def candidate(effects, log_evidence, chi2, converged):
@@ -42,7 +42,7 @@ def world(w):
         carried=0.0, carried_beside=0.0,
     )  # fmt: skip
     problem = SimpleNamespace(
-        model=SimpleNamespace(kernel=SimpleNamespace(effects=EFFECTS)),
+        model=SimpleNamespace(kernel=SimpleNamespace(effects=EFFECTS), effects={e.name: e for e in EFFECTS}),
         coefficients=SimpleNamespace(names=()),
         as_built=w["as_built"],
         form=None,
@@ -61,7 +61,7 @@ def test_facts_and_verdict_are_those_of_the_code_the_campaigns_were_scored_with(
     for name, stand_in in stand_ins.items():
         monkeypatch.setattr(facts, name, stand_in)
     expected = w["expected"]
-    without_form = {"form": False, "covered": False, "others_covered": False}
+    without_form = {"form": False, "of_motion": False, "covered": False, "others_covered": False}
     found = vars(facts.grounds_of(problem, comparison).facts)
     assert found == pytest.approx(expected["facts"] | without_form)
     v = decide(problem, comparison)

@@ -14,9 +14,9 @@ from bayesid.diagnosis.hypotheses import facts, verdict
 from bayesid.diagnosis.hypotheses.location import location_of, locations
 
 FAMILY = {"a": "one", "b": "two", "c": "three", "d": "one"}
-EFFECTS = tuple(SimpleNamespace(name=n, family=f, where=("N",)) for n, f in FAMILY.items())
+EFFECTS = tuple(SimpleNamespace(name=n, family=f, where=("N",), as_form="") for n, f in FAMILY.items())
 PROBLEM = SimpleNamespace(
-    model=SimpleNamespace(kernel=SimpleNamespace(effects=EFFECTS)),
+    model=SimpleNamespace(kernel=SimpleNamespace(effects=EFFECTS), effects={e.name: e for e in EFFECTS}),
     coefficients=SimpleNamespace(names=()),
     as_built=False,
     form=None,
@@ -217,3 +217,17 @@ def test_held_out_runs_take_a_name_away_and_give_none():
     assert gone.reasons[0] == "reason" and "5 lengths" in gone.reasons[-1] and "effect (" in gone.reasons[-1]
     silent = verdict.Verdict("none", (), ("none",), (), (), "nothing beyond chance")
     assert verdict.after_holdout(silent, ("5 lengths",)) is silent
+
+
+def test_a_function_of_the_motion_is_a_cause_alone_and_part_of_a_form_beside_others(pair):
+    shaped = SimpleNamespace(
+        **vars(PROBLEM)
+        | {"model": SimpleNamespace(
+            kernel=PROBLEM.model.kernel,
+            effects={e.name: SimpleNamespace(**vars(e) | {"as_form": "also" if e.name == "b" else ""})
+                     for e in EFFECTS},
+        )}
+    )  # fmt: skip
+    names = facts.like_a_form
+    assert names(pair[0], shaped.model) == ("b",) and names(pair[2], shaped.model) == ()
+    assert names(pair[0], PROBLEM.model) == ()

@@ -136,11 +136,13 @@ def error_rows(run: RunError) -> tuple[ErrorRow, ...]:
 def explained_words(result: Result) -> str:
     """What the third model is: with what is named, or with the best explanation, which may be another."""
     used = explanation(result)
-    if result.verdict == "model_form":
+    if result.verdict == "model_form" and not used:
         return "Re-tuned and explained are one: with the force that the equations lack, no cause beside it."
     if not used:
         return "Explained: as re-tuned, no effect is in it."
     words = " + ".join(in_words(n) for n in used)
+    if result.verdict == "model_form":
+        return f"Explained: with {words}, which may stand for the force that the equations lack."
     if result.verdict in NAMING and set(used) == {e.name for e in result.effects}:
         return f"Explained: with {words}."
     return f"Explained: with {words}, the best explanation."

@@ -28,7 +28,7 @@ from bayesid.diagnosis.hypotheses.candidate import (
 )
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.cross_validation import cross_validate
-from bayesid.diagnosis.hypotheses.facts import simplest, undetectable
+from bayesid.diagnosis.hypotheses.facts import like_a_form, simplest, undetectable
 from bayesid.diagnosis.hypotheses.location import location_of
 from bayesid.diagnosis.hypotheses.verdict import Verdict
 from bayesid.diagnosis.next_manoeuvre import Proposal
@@ -281,10 +281,15 @@ def _refit(problem: DiagnosisProblem, none: RefittedHypothesis, refit: RefittedH
 def _form(
     problem: DiagnosisProblem, c: HypothesisComparison, best: RefittedHypothesis
 ) -> ModelFormPart | None:
-    """What the model form carries beside the best explanation, and its largest rows."""
+    """What the model form carries beside the best explanation, and its largest rows.
+
+    Without one, what of several effects may stand for one, where there is such.
+    """
     form, model = problem.form, problem.model
+    own = like_a_form(best, model)
     if form is None:
-        return None
+        gain = max(best.log_evidence - c.none.log_evidence, 0.0)
+        return ModelFormPart(gain, {}, None, own, ()) if own else None
     first, last = len(problem.stated.names), len(problem.coefficients.names)
     sd = np.maximum(best.fit.sd, jackknife(best.fit))[first:last]
     values = best.fit.values[first:last]
@@ -303,7 +308,7 @@ def _form(
         float(c.carried_beside if best.effects else c.carried),
         {a: float(s) for a, s in form.sizes.items() if s},
         form.period,
-        tuple(dict.fromkeys(like)),
+        tuple(dict.fromkeys((*like, *own))),
         tuple(r for r in rows if abs(r.force) > CLEAR * r.sd)[:MOST_ROWS],
     )
 

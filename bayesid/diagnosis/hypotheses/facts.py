@@ -37,6 +37,7 @@ from bayesid.diagnosis.threshold_table import (
     NAMING_PROBABILITY,
     UNDETECTABLE_NONCENTRALITY,
 )
+from bayesid.equations.model import Model
 from bayesid.model.effects import Effect
 
 
@@ -61,6 +62,7 @@ class Facts:
     idle : whether an effect of the best has a size within its deviation of off
     sure : of several effects, how many may be named
     form : whether every hypothesis has a model form, as the runs ask for one
+    of_motion : whether of several effects only such are sure as depend on the motion alone, as a form does
     covered : whether what the form leaves may be as large as each effect of the best
     others_covered : the same of all effects of the best but those that may be named
     runs_refute : whether runs are predicted worse from the others with the best than without
@@ -86,6 +88,7 @@ class Facts:
     idle: bool
     sure: int
     form: bool
+    of_motion: bool
     covered: bool
     others_covered: bool
     runs_refute: bool
@@ -120,6 +123,7 @@ class Named:
     set95 : credible set
     undetectable : effects these runs could not show
     form : whether no effect means a model form alone
+    like : effects of the best that depend on the motion alone, beside others
     """
 
     best: tuple[str, ...]
@@ -129,6 +133,7 @@ class Named:
     set95: tuple[str, ...]
     undetectable: tuple[str, ...]
     form: bool = False
+    like: tuple[str, ...] = ()
 
     @property
     def rivals(self) -> tuple[str, ...]:
@@ -166,6 +171,8 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
     off = () if best.widens else idle(best, problem)
     several = len(best.effects) > 1
     covered = () if best.widens else _covered(problem, candidates, best)
+    like = () if best.widens else like_a_form(best, problem.model)
+    covered = tuple(dict.fromkeys((*covered, *like)))
     sure: tuple[str, ...] = ()
     if several:
         shows = left > limit.remainder
@@ -205,6 +212,7 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
         idle=bool(off),
         sure=len(sure),
         form=problem.form is not None,
+        of_motion=not sure and any(_acts(candidates, families, n) >= NAMING_PROBABILITY for n in like),
         covered=bool(best.effects) and set(covered) == set(best.effects),
         others_covered=bool(sure) and set(best.effects) == {*sure, *covered},
         runs_refute=runs is not None and runs.refuted,
@@ -212,7 +220,7 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
     )
     along = tuple(n for n in hidden if candidates.evidence.get(n, -np.inf) > gain - LISTED_BESIDE_EVIDENCE)
     follows = any(c.fit.chi2 < FOLLOWS_DATA_CHI2 for c in (none, *candidates.refits))
-    names = Named(best.effects, sure, hidden, along, set95, faint, problem.form is not None)
+    names = Named(best.effects, sure, hidden, along, set95, faint, problem.form is not None, like)
     return Grounds(facts, names, before.channel, best.fit.chi2**0.5, follows, runs)
 
 
@@ -230,6 +238,17 @@ def undetectable(candidates: HypothesisComparison) -> tuple[str, ...]:
         for n, d in zip(candidates.ambiguity.names, candidates.ambiguity.detect, strict=True)
         if d < UNDETECTABLE_NONCENTRALITY and candidates.evidence.get(n, 0.0) <= 0.0
     )
+
+
+def like_a_form(best: RefittedHypothesis, model: Model) -> tuple[str, ...]:
+    """Of several effects, those that depend on the motion alone.
+
+    One that explains everything by itself is a cause. Beside another it is what any simulator lacks of any
+    vehicle: a force that depends on the motion, of which it is one shape.
+    """
+    if len(best.effects) < 2:
+        return ()
+    return tuple(n for n in best.effects if model.effects[n].as_form)
 
 
 def simplest(candidates: HypothesisComparison) -> RefittedHypothesis:

@@ -58,8 +58,9 @@ RULES: tuple[Rule, ...] = (
     ),
     Rule(
         "model form",
-        lambda f: f.form
-        and (not f.gains or f.widens or f.none > EVEN_ODDS or (f.covered and f.acts < NAMING_PROBABILITY)),
+        lambda f: f.of_motion
+        or (f.form
+        and (not f.gains or f.widens or f.none > EVEN_ODDS or (f.covered and f.acts < NAMING_PROBABILITY))),
         "model_form", "nothing", "nothing",
         "a force that depends on the motion and that the equations lack is needed, and beside it no effect "
         "gains more than what such a force may leave; a coefficient further off than stated may stand for it",
@@ -67,7 +68,7 @@ RULES: tuple[Rule, ...] = (
     ),
     Rule(
         "effect no larger than what a model form leaves",
-        lambda f: f.covered,
+        lambda f: f.form and f.covered,
         "ambiguous", "rivals", "nothing",
         f"the best explanation acts with at least {NAMING_PROBABILITY:.0%} and gains no more than "
         "what a force that the equations lack may leave: it may be more of that force",

@@ -83,7 +83,7 @@ def names_of(rule: Rule, named: Named) -> tuple[tuple[str, ...], tuple[str, ...]
     set95 = named.set95
     if rule.or_none and "none" not in set95:
         set95 = ("none", *set95)
-    if named.form:
+    if named.form or rule.word == "model_form":
         set95 = tuple("model_form" if n == "none" else n for n in set95)
     return effects, hidden, set95
 

@@ -5,6 +5,7 @@ Takes a `Result`. Does not compute.
 
 from __future__ import annotations
 
+from bayesid.diagnosis.answer import in_words
 from bayesid.diagnosis.result import ModelFormPart, Result
 from bayesid.report.writer import Block, Section, Table, Text, literal
 
@@ -19,6 +20,15 @@ def form_sections(result: Result) -> list[Section]:
 
 def _blocks(form: ModelFormPart) -> list[Block]:
     axes = ", ".join(f"{a} {1e3 * s:.2g}" for a, s in form.sizes.items())
+    if not form.sizes and form.period is None:
+        return [
+            Text(
+                f"The best explanation holds {' and '.join(in_words(n) for n in form.looks_like)} "
+                "beside others: shapes of a force that depends on the motion "
+                "alone, as any simulator lacks one. They are not named as causes. All effects of "
+                f"that explanation together gain {form.gain:.3g} nats of log evidence."
+            )
+        ]
     text = (
         "Every hypothesis has a force of unknown size beside it that depends on the motion alone and that "
         "the symmetry of a hull allows: rows of the force table the vehicle file leaves at zero, its own "
