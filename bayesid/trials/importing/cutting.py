@@ -1,0 +1,165 @@
+"""A long log cut into runs by its commands: straight, turn, zigzag, spiral, random, rest.
+
+Takes rudder, heading and speed over time. Does not: change data; the windows are a proposal in the map.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bayesid.trials.trial import Floats
+
+_DEG = np.pi / 180.0
+NEUTRAL = 1.5 * _DEG  # rudder within this of its middle is amidships
+LEAD = 5.0  # s of steady motion kept before the first order
+SHORTEST = 20.0  # s; shorter pieces are no run
+
+
+@dataclass(frozen=True)
+class Piece:
+    """start, end [s]; kind; words such as "zigzag 20/20"."""
+
+    start: float
+    end: float
+    kind: str
+    words: str
+
+
+def cut(t: Floats, rudder: Floats, psi: Floats | None, speed: Floats | None) -> list[Piece]:
+    """Pieces in order of time.
+
+    Parameters
+    ----------
+    t : (n,) s, increasing
+    rudder : (n,) rad, held or measured; finite
+    psi : (n,) rad, continuous, or None
+    speed : (n,) m/s or None
+    """
+    if t.size < 10:
+        return []
+    away = np.abs(rudder - _middle(rudder)) > max(NEUTRAL, 0.1 * float(np.max(np.abs(rudder))))
+    rest = np.zeros(t.shape, dtype=bool)
+    if speed is not None:
+        smooth = _smooth(t, np.abs(np.nan_to_num(speed)), 5.0)
+        top = float(np.percentile(smooth, 90))
+        rest = smooth < 0.15 * top if top > 0 else rest
+    dwell = _dwells(t, away)
+    gap = max(SHORTEST, 3.0 * float(np.median(dwell))) if dwell.size else SHORTEST
+    active = _close(t, away & ~rest, gap)
+    pieces: list[Piece] = []
+    for first, last, kind in _spans(active, rest):
+        start, end = float(t[first]), float(t[min(last + 1, t.size - 1)])
+        if kind == "active":
+            before = pieces[-1].start + SHORTEST if pieces else float(t[0])
+            start = max(float(t[0]), before if pieces and pieces[-1].kind != "rest" else float(t[0]), start - LEAD)
+            if pieces and pieces[-1].end > start:
+                old = pieces.pop()
+                if start - old.start >= SHORTEST:
+                    pieces.append(Piece(old.start, start, old.kind, old.words))
+            its = (t >= start) & (t <= end)
+            kind, words = classify(t[its], rudder[its], None if psi is None else psi[its])
+        else:
+            words = kind
+        if end - start >= SHORTEST:
+            pieces.append(Piece(start, end, kind, words))
+    return _tidy(pieces)
+
+
+def classify(t: Floats, rudder: Floats, psi: Floats | None) -> tuple[str, str]:
+    """(kind, words) of one stretch of commands."""
+    levels, held = _levels(t, rudder)
+    big = float(np.max(np.abs(levels))) if levels.size else 0.0
+    if big < NEUTRAL:
+        return "straight", "straight"
+    off = np.abs(levels) > 0.3 * big
+    signs = np.sign(levels[off])
+    size = float(np.median(np.abs(levels[off])))
+    turned = 0.0 if psi is None or not np.isfinite(psi).any() else float(np.nanmax(psi) - np.nanmin(psi))
+    degrees = round(size / _DEG)
+    same = float(np.max(np.abs(np.abs(levels[off]) - size))) < max(0.12 * size, 1.0 * _DEG)
+    flips = int(np.sum(signs[1:] != signs[:-1]))
+    if flips == 0 and (same or turned > 1.5 * np.pi) and off.sum() <= 2:
+        return "turn", f"turning circle {degrees}" if turned > 1.5 * np.pi else f"turn {degrees}"
+    if same and flips >= 2 and flips == signs.size - 1:
+        return _zigzag(t, rudder, psi, degrees)
+    steps = np.sign(np.diff(levels[held > 0.0]))
+    runs = 1 + int(np.sum(steps[1:] * steps[:-1] < 0)) if steps.size else 0
+    if levels.size >= 5 and runs <= 3 and float(np.median(held)) > 8.0:
+        return "spiral", "spiral"
+    return "random", "random orders"
+
+
+def _zigzag(t: Floats, rudder: Floats, psi: Floats | None, degrees: int) -> tuple[str, str]:
+    """Switching heading by the headings at the reversals about their middle; uneven ones are random orders."""
+    if psi is None:
+        return "zigzag", f"zigzag {degrees}"
+    size = degrees * _DEG
+    out = np.abs(rudder) > size - max(0.6 * _DEG, 0.04 * size)
+    ends = np.flatnonzero(out[:-1] & ~(out[1:] & (rudder[1:] * rudder[:-1] > 0)))  # the rudder leaves a side
+    start = int(np.argmax(np.abs(rudder) > max(NEUTRAL, 0.1 * size)))
+    if ends.size < 2 or not np.isfinite(psi).any():
+        return "zigzag", f"zigzag {degrees}"
+    base = float(np.nanmean(psi[: max(2, start)]))
+    at = np.abs(psi[ends[:-1] if ends.size > 2 else ends] - base)
+    if float(np.std(at)) > 0.35 * float(np.mean(at)) + 1.0 * _DEG:
+        return "random", "random orders"
+    return "zigzag", f"zigzag {degrees}/{max(1, round(float(np.median(at)) / _DEG))}"
+
+
+def _levels(t: Floats, rudder: Floats) -> tuple[Floats, Floats]:
+    """Levels the rudder dwells at, and for how long, s; a moving rudder is no level."""
+    close = np.abs(np.diff(rudder)) < 0.15 * _DEG
+    edges = np.flatnonzero(~close) + 1
+    parts = np.split(np.arange(t.size), edges)
+    usual = float(np.median(np.diff(t)))
+    values, held = [], []
+    for part in parts:
+        length = float(t[part[-1]] - t[part[0]]) + usual
+        if part.size >= 2 and length >= 1.0:
+            level = float(np.median(rudder[part]))
+            if values and abs(level - values[-1]) < 0.5 * _DEG:
+                held[-1] += length
+            else:
+                values.append(level)
+                held.append(length)
+    return np.array(values), np.array(held)
+
+
+def _middle(rudder: Floats) -> float:
+    near = rudder[np.abs(rudder) < 5.0 * _DEG]
+    return float(np.median(near)) if near.size > 0.1 * rudder.size and abs(float(np.median(near))) < NEUTRAL else 0.0
+
+
+def _smooth(t: Floats, values: Floats, width: float) -> Floats:
+    from scipy.ndimage import uniform_filter1d
+
+    return uniform_filter1d(values, max(1, int(width / max(1e-9, float(np.median(np.diff(t)))))), mode="nearest")
+
+
+def _dwells(t: Floats, on: np.ndarray) -> Floats:
+    edge = np.flatnonzero(np.diff(on.astype(int)))
+    return np.diff(t[edge]) if edge.size > 1 else np.empty(0)
+
+
+def _close(t: Floats, on: np.ndarray, gap: float) -> np.ndarray:
+    """Off stretches between two on ones shorter than `gap` count as on."""
+    out = on.copy()
+    edge = np.flatnonzero(np.diff(on.astype(int)))
+    for a, b in zip(edge[:-1], edge[1:], strict=True):
+        if on[a] and not on[a + 1] and t[b] - t[a] < gap:
+            out[a : b + 1] = True
+    return out
+
+
+def _spans(active: np.ndarray, rest: np.ndarray) -> list[tuple[int, int, str]]:
+    code = np.where(active, 2, np.where(rest, 1, 0))
+    edges = np.concatenate(([0], np.flatnonzero(np.diff(code)) + 1, [code.size]))
+    names = {2: "active", 1: "rest", 0: "straight"}
+    return [(int(a), int(b) - 1, names[int(code[a])]) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+
+
+def _tidy(pieces: list[Piece]) -> list[Piece]:
+    """A straight lead-in that is too short for a run of its own has been given to the run after it."""
+    return [p for p in pieces if p.end - p.start >= SHORTEST]
