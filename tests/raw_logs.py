@@ -107,7 +107,7 @@ def draw(rng: np.random.Generator, folder: Path) -> tuple[Shape, dict[str, np.nd
     u, v = truth["u"] + 0.01 * noise["u"], truth["v"] + 0.01 * noise["v"]
     columns: dict[str, tuple[str, str, np.ndarray]] = {}  # key -> (name, unit, values)
     place = pick("place", "latlon", "latlon", "north_east", "ned", "enu")
-    attitude = pick("attitude", "heading", "heading", "yaw_enu", "yaw_ned")
+    attitude = pick("attitude", "heading", "heading", "heading", "yaw_enu", "yaw_ned")
     if place == "latlon":
         normal = 6378137.0 / np.sqrt(1 - 0.00669437999014 * np.sin(LAT * DEG) ** 2)
         meridian = normal * (1 - 0.00669437999014) / (1 - 0.00669437999014 * np.sin(LAT * DEG) ** 2)
@@ -143,20 +143,20 @@ def draw(rng: np.random.Generator, folder: Path) -> tuple[Shape, dict[str, np.nd
     columns["rudder"] = (name("rudder"), unit, (1.0 if side == "port" else -1.0) * truth["delta_r_cmd"] * factor)
     per_minute = pick("n", "rpm", "rpm", "rps")
     columns["n"] = (name("n"), per_minute, truth["n_cmd"] / (1.0 if per_minute == "rpm" else 60.0))
-    shown = pick("units", "bracket", "parenthesis", "suffix", "row", "none")
-    clock = pick("clock", "relative", "ms", "unix", "iso", "week")
+    shown = pick("units", "bracket", "bracket", "parenthesis", "suffix", "row", "none")
     split = pick("files", "one", "one", "three")
+    clock = pick("clock", *(("unix", "iso", "week") if split == "three" else ("relative", "ms", "unix", "iso", "week")))
     if split == "three":
         groups = [["lat", "lon", "north", "east", "x", "y", "vn", "ve"], ["psi", "r", "u", "v"], ["rudder", "n"]]
     else:
         groups = [list(columns)]
-    late = float(rng.choice([0.0, 0.0, 18.0])) if split == "three" else 0.0
-    shape.late = late
+    late = float(rng.choice([0.0, 0.0, 0.0, 18.0, rng.uniform(2.0, 30.0)])) if split == "three" else 0.0
+    shape.late, off = late, int(rng.integers(3))
     taken: set[str] = set()
     for k, group in enumerate(groups):
         its = {key: columns[key] for key in group if key in columns}
         step = 1 if k == 1 or split == "one" else int(rng.choice([2, 5]))
-        t = truth["t"][::step] + (late if k == 0 else 0.0)
+        t = truth["t"][::step] + (late if k == off else 0.0)
         its = {key: (n, w, values[::step]) for key, (n, w, values) in its.items()}
         its["battery"] = (["Battery", "V_batt", "volt", "U_bat"][style], "V", 24.0 + 0.1 * rng.normal(size=t.size))
         stem = "log" if split == "one" else ("nav", "imu", "act")[k]

@@ -122,3 +122,46 @@ def lag_of(first: tuple[Floats, Floats], second: tuple[Floats, Floats], longest:
     best = int(np.argmax(np.abs(values)))
     norm = float(np.sqrt(a @ a) * np.sqrt(b @ b))
     return float(shifts[best] * step), float((abs(values[best]) - abs(full[0])) / norm)
+
+
+def response_shift(
+    rudder: tuple[Floats, Floats], rate: tuple[Floats, Floats], longest: float = 40.0
+) -> tuple[float, float, float] | None:
+    """Shift of the rudder's clock at which the yaw rate follows it best as a first-order turn.
+
+    Returns
+    -------
+    (shift [s], time constant [s], residual power there over that without a shift); None if nothing follows
+
+    The shift is found on a grid of 1 s: what is left of a lag of servo and hull stays below it.
+    """
+    from scipy.signal import lfilter
+
+    low, high = max(rudder[0][0], rate[0][0]) + longest, min(rudder[0][-1], rate[0][-1]) - longest
+    step = max(0.25, (high - low) / 5000.0)
+    n = int((high - low) / step)
+    if n < 100:
+        return None
+    grid = low + step * np.arange(n)
+    turn = at_times(rate, grid)
+    if not np.isfinite(turn).all() or np.ptp(turn) == 0.0:
+        return None
+    wide = np.arange(low - longest, high + longest, step)
+    whole = held(rudder, wide)
+    best: tuple[float, float, float] | None = None
+    at_zero = np.inf
+    for constant in (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0):
+        a = np.exp(-step / constant)
+        followed = lfilter([1.0 - a], [1.0, -a], whole)
+        for shift in np.arange(-longest, longest + 0.5, 1.0):
+            column = np.interp(grid - shift, wide, followed)
+            design = np.column_stack((column, np.ones(n)))
+            weights, *_ = np.linalg.lstsq(design, turn, rcond=None)
+            left = float(np.sum((turn - design @ weights) ** 2))
+            if shift == 0.0:
+                at_zero = min(at_zero, left)
+            if best is None or left < best[2]:
+                best = (float(shift), constant, left)
+    if best is None or best[2] > 0.5 * float(np.sum((turn - turn.mean()) ** 2)):
+        return None
+    return best[0], best[1], best[2] / at_zero

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from bayesid.model.units import scale
-from bayesid.trials.importing.agreement import common_run, lag_of, rudder_t, speed_fit, track_misfit, yaw_fit
+from bayesid.trials.importing.agreement import lag_of, response_shift, rudder_t, speed_fit, track_misfit, yaw_fit
 from bayesid.trials.importing.joining import Recording, convert, resolve
 from bayesid.trials.importing.log_map import LogMap
 from bayesid.trials.importing.roles import WORLD_WORDS
@@ -368,17 +368,17 @@ def _clocks(draft: Draft) -> None:
         _say_lag(draft, lag_of(rate, series["r"]), label["r"], "yaw rate", 0.3)
     place = next((r for r in ("latitude", "north", "x") if r in label), None)
     if place is not None and label[place] != label[heading]:
-        run = common_run(draft.map, recording, without=("u", "v", "w"))
-        if run is not None and {"x", "y"} <= set(run.data):
-            track = _best_shift(draft.map, recording, label[place])
-            if track is not None:
-                draft.ask(0, f"track and heading agree best with the clock of {label[place]} shifted by {track:+.0f} s (GPS and UTC differ by "
-                             f"18 s); set clock_offset in [sources.{label[place]}]")
+        track = _best_shift(draft.map, recording, label[place])
+        if track is not None:
+            draft.ask(0, f"track and heading agree best with the clock of {label[place]} shifted by {track:+.0f} s (GPS and UTC differ by "
+                         f"18 s); set clock_offset in [sources.{label[place]}]")
     rudder = next((r for r in ("delta_r_cmd", "delta_r") if r in label), None)
     if rudder is not None and label[rudder] != label[heading]:
-        shift = _rudder_shift(draft, recording, label[rudder])
-        if shift is not None:
-            draft.ask(0, f"rudder and turn agree best with the clock of {label[rudder]} shifted by {shift:+.0f} s; set clock_offset in "
+        turn = response_shift(series[rudder], series["r"] if "r" in series else rate)
+        if turn is None:
+            draft.ask(3, f"nothing tells whether the clock of {label[rudder]} is that of {label[heading]}: no turn follows the rudder plainly")
+        elif turn[2] < 0.8 and (turn[0] < -0.5 or turn[0] > 1.0 + turn[1]):
+            draft.ask(0, f"the turns follow the rudder best with the clock of {label[rudder]} shifted by {turn[0]:+.0f} s; set clock_offset in "
                          f"[sources.{label[rudder]}]")
 
 
@@ -387,17 +387,21 @@ def _shifted(recording: Recording, label: str, by: float) -> Recording:
 
 
 def _best_shift(found: LogMap, recording: Recording, label: str) -> float | None:
-    now = track_misfit(found, recording)[0]
-    tried = {by: track_misfit(found, _shifted(recording, label, by))[0] for by in (-40.0, -18.0, -12.0, -8.0, -5.0, 5.0, 8.0, 12.0, 18.0, 40.0)}
+    """Shift of a clock at which track and heading, with the speed where there is one, agree much better."""
+
+    def misfit(by: float) -> float:
+        its = _shifted(recording, label, by) if by else recording
+        if {"u", "v"} <= set(found.channels):
+            with_speed = speed_fit(found, its)
+            return 1.0 if with_speed is None else with_speed[1]
+        return track_misfit(found, its)[0]
+
+    now = misfit(0.0)
+    tried = {by: misfit(by) for by in (*np.arange(-40.0, -0.5, 1.0), *np.arange(1.0, 40.5, 1.0))}
     best = min(tried, key=lambda k: tried[k])
-    return best if tried[best] < 0.5 * now and now > 0.02 else None
-
-
-def _rudder_shift(draft: Draft, recording: Recording, label: str) -> float | None:
-    now = abs(rudder_t(draft.map, recording) or 0.0)
-    tried = {by: abs(rudder_t(draft.map, _shifted(recording, label, by)) or 0.0) for by in (-40.0, -18.0, -10.0, -5.0, 5.0, 10.0, 18.0, 40.0)}
-    best = max(tried, key=lambda k: tried[k])
-    return best if tried[best] > 1.6 * now + 3.0 else None
+    # without the sway speed the sideslip in turns makes the course late by up to a vehicle length of travel
+    least = 0.5 if {"u", "v"} <= set(found.channels) else 2.5
+    return float(best) if tried[best] < 0.5 * now and now > 1e-4 and abs(best) > least else None
 
 
 def _say_lag(draft: Draft, lag: tuple[float, float] | None, label: str, what: str, least: float) -> None:

@@ -51,7 +51,9 @@ class TimeChoice:
 
 def plain(name: str) -> str:
     """Lower-case words of a name, without unit and camel case."""
-    head, _ = split_unit(name)
+    head, unit = split_unit(name)
+    again, twice = split_unit(head)
+    head = again if twice is not None and twice == unit else head  # latitude_deg (deg)
     head = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", head)
     return " ".join(re.findall(r"[a-zäöüß]+|\d+|[δψφθ]", head.lower()))
 

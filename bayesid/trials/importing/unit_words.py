@@ -51,6 +51,8 @@ _SUFFIX = {
 }  # fmt: skip
 _PAIRS = {("rad", "s"): "rad/s", ("deg", "s"): "deg/s", ("m", "s"): "m/s", ("cm", "s"): "cm/s", ("km", "h"): "km/h",
           ("ft", "s"): "ft/s", ("per", "s"): "1/s", ("deg", "min"): "deg/min"}  # fmt: skip
+_FOREIGN = {"V", "A", "W", "mV", "mA", "Ah", "kW", "°C", "degC", "C", "K", "Pa", "kPa", "bar", "mbar", "hPa", "dB", "dBm", "g",
+            "m/s2", "m/s^2", "rad/s2", "kg", "UTC", "ISO", "bool", "string", "text", "km"}  # fmt: skip
 # a suffix that is also a letter of the field counts only after a longer name: t_s, but not delta_s
 _LETTERS = {"s", "m", "ms"}
 
@@ -70,7 +72,7 @@ def plain_unit(text: str | None) -> str | None:
 def is_unit(text: str) -> bool:
     """True if the text is a unit and nothing else, as in a second header row."""
     word = text.strip().strip("[]()<>")
-    return word.lower() in _UNIT or word in ("", "-", "kN", "Nm", "kNm")
+    return word.lower() in _UNIT or word in ("", "-", "kN", "Nm", "kNm") or word in _FOREIGN
 
 
 def split_unit(header: str) -> tuple[str, str | None]:

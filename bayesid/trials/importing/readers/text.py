@@ -130,16 +130,22 @@ def _is_sample(cells: list[str]) -> bool:
 
 
 def _score(lines: list[str], delimiter: str) -> tuple[float, int]:
-    """(share of lines that are samples of the commonest width, that width): higher is the better dialect."""
-    widths: dict[int, int] = {}
+    """(lines that are samples of the commonest width, each by its share of numbers; that width)."""
+    widths: dict[int, float] = {}
     for line in lines[-300:]:
         cells = _cells(line, delimiter)
         if len(cells) > 1 and _is_sample(cells):
-            widths[len(cells)] = widths.get(len(cells), 0) + 1
+            good = sum(bool(_NUMBER.fullmatch(c)) or c.lower() in _HOLE or _whole(c) for c in cells)
+            widths[len(cells)] = widths.get(len(cells), 0.0) + good / len(cells)
     if not widths:
         return 0.0, max((len(_cells(line, delimiter)) for line in lines[:5]), default=0)
     width = max(widths, key=lambda w: (widths[w], w))
-    return float(widths[width]) + min(width, 99) / 100.0, width
+    return widths[width] + min(width, 99) / 100.0, width
+
+
+def _whole(cell: str) -> bool:
+    """A cell that is a word or a date rather than two cells of another dialect."""
+    return not any(mark in cell for mark in ";\t|,") and bool(re.search("[A-Za-z:]", cell) or clocks.is_date_text([cell]))
 
 
 def _body(lines: list[str], delimiter: str) -> tuple[int, int]:
