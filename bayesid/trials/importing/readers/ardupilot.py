@@ -43,7 +43,11 @@ def read_bin(path: Path, options: SourceOptions, request: Request) -> RawLog:
     from pymavlink import DFReader  # type: ignore[import-untyped]
 
     log = DFReader.DFReader_binary(str(path), zero_time_base=False)
-    return _read(path, log, BIN, "ardupilot_bin", request)
+    try:
+        return _read(path, log, BIN, "ardupilot_bin", request)
+    finally:
+        log.data_map.close()
+        log.filehandle.close()
 
 
 def read_tlog(path: Path, options: SourceOptions, request: Request) -> RawLog:
@@ -51,7 +55,10 @@ def read_tlog(path: Path, options: SourceOptions, request: Request) -> RawLog:
     from pymavlink import mavutil  # type: ignore[import-untyped]
 
     log = mavutil.mavlink_connection(str(path), dialect="ardupilotmega")
-    return _read(path, log, TLOG, "ardupilot_tlog", request)
+    try:
+        return _read(path, log, TLOG, "ardupilot_tlog", request)
+    finally:
+        log.close()
 
 
 def _read(path: Path, log: Any, known: dict[str, tuple[str, str, float]], kind: str, request: Request) -> RawLog:

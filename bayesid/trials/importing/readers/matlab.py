@@ -6,13 +6,15 @@ Does not: read tables, timetables or objects of MATLAB (export them with `table2
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from bayesid.trials.importing.raw import ImportLogError, RawChannel, RawLog, Request, SourceOptions
-from bayesid.trials.importing.tables import Columns, channels_of, choose_time
+from bayesid.trials.importing.tables import Columns, TimeChoice, channels_of, choose_time
+from bayesid.trials.importing.unit_words import split_unit
 
 WIDEST = 64  # columns of a matrix that are read as channels
 
@@ -83,46 +85,45 @@ def _log(
         raise ImportLogError(f"{path}: holds no numeric vectors; tables of MATLAB are saved with table2struct")
     channels: list[RawChannel] = []
     notices: list[str] = []
-    start, words, names, unit, doubts = None, "", (), None, ()
+    start: float | None = None
+    words, unit = "", None
+    names: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
     groups: dict[tuple[str, int], dict[str, np.ndarray]] = {}
     for name, array in found.items():
         groups.setdefault((name.rpartition(".")[0], array.size), {})[name] = array
-    failed: ImportLogError | None = None
-    clocks_by_size: dict[int, dict[str, np.ndarray]] = {}
-    ordered = sorted(groups.items(), key=lambda item: not _has_time(item[1], options, path))
+    clocks_by_size: dict[int, tuple[TimeChoice, dict[str, np.ndarray]]] = {}
+    ordered = sorted(groups.items(), key=lambda item: _time_of(item[1], options, path) is None)
     for (_, size), group in ordered:
         data = dict(group)
-        own = SourceOptions(time=tuple(n for n in options.time if n in data) or options.time, clock=options.clock,
-                            time_unit=options.time_unit)  # fmt: skip
-        try:
-            if not _has_time(data, own, path) and size in clocks_by_size:
-                data |= clocks_by_size[size]
-                own = SourceOptions(time=tuple(clocks_by_size[size]), clock=options.clock, time_unit=options.time_unit)
-            shown = {n: n.rpartition(".")[2] for n in data}
-            columns = Columns(data, {n: Columns({}).unit(s) for n, s in shown.items()})
-            choice = choose_time(columns, own, str(path))
-        except ImportLogError as error:
-            failed = failed or error
+        choice = _time_of(data, options, path)
+        if choice is None and size in clocks_by_size:
+            choice, its = clocks_by_size[size]
+            data |= its
+        if choice is None:
             if size > 2:
                 notices.append(f"no time vector of {size} samples for {', '.join(list(group)[:3])}; left out")
             continue
-        clocks_by_size.setdefault(size, {n: data[n] for n in choice.names})
+        clocks_by_size.setdefault(size, (choice, {n: data[n] for n in choice.names}))
+        columns = Columns(data, {n: split_unit(n.rpartition(".")[2])[1] for n in data})
         more, start, words = channels_of(columns, choice, request, str(path))
         channels += [c for c in more if c.name in group]
         names, unit, doubts = (*names, *choice.names), choice.unit, choice.doubts
-    if not channels and failed is not None:
-        raise failed
+    if not channels:
+        choose_time(Columns(found), options, str(path))  # says that there is no time
     return RawLog(
         str(path), kind, "", tuple(channels), start, words, time_names=tuple(dict.fromkeys(names)), time_unit=unit,
         doubts=tuple(doubts), notices=tuple(notices), text=text,
     )  # fmt: skip
 
 
-def _has_time(data: dict[str, np.ndarray], options: SourceOptions, path: Path) -> bool:
+def _time_of(data: dict[str, np.ndarray], options: SourceOptions, path: Path) -> TimeChoice | None:
+    """The time among vectors of one length; a member of a struct goes by its own name."""
     if options.time:
-        return any(n in data for n in options.time)
-    shown = {n.rpartition(".")[2]: v for n, v in data.items()}
+        return choose_time(Columns(data), options, str(path)) if set(options.time) <= set(data) else None
+    full = {n.rpartition(".")[2]: n for n in data}
     try:
-        return bool(choose_time(Columns(shown), SourceOptions(), str(path)).names)
+        found = choose_time(Columns({s: data[n] for s, n in full.items()}), options, str(path))
     except ImportLogError:
-        return False
+        return None
+    return replace(found, names=tuple(full[n] for n in found.names))

@@ -34,14 +34,16 @@ _SINCE = re.compile(r"(\w+)\s+since\s+(.+)", re.IGNORECASE)
 
 def read_netcdf(path: Path, options: SourceOptions, request: Request) -> RawLog:
     """Every variable of one dimension that has a time along it."""
-    variables = _version3(path) if path.open("rb").read(3) == b"CDF" else _version4(path)
+    with open(path, "rb") as file:
+        variables = _version3(path) if file.read(3) == b"CDF" else _version4(path)
     groups: dict[str, dict[str, tuple[np.ndarray, dict[str, str]]]] = {}
     for name, (dims, values, attrs) in variables.items():
         if len(dims) == 1 and values.dtype.kind in "iuf":
             groups.setdefault(dims[0], {})[name] = (values, attrs)
     channels: list[RawChannel] = []
     notices: list[str] = []
-    start, words, names = None, "", ()
+    start: float | None = None
+    words, names = "", ()  # type: str, tuple[str, ...]
     failed: ImportLogError | None = None
     for dim, group in groups.items():
         data = {n: v for n, (v, _) in group.items()}

@@ -35,7 +35,8 @@ def read_ulog(path: Path, options: SourceOptions, request: Request) -> RawLog:
     topics = None
     if request.wanted is not None:
         topics = sorted({name.split(".")[0].split("[")[0] for name in request.wanted})
-    log = ULog(str(path), topics)
+    with open(path, "rb") as file:
+        log = ULog(file, topics)
     channels = []
     start = None
     for data in log.data_list:

@@ -85,7 +85,7 @@ def find_dialect(path: Path, options: SourceOptions) -> Dialect:
         key=lambda item: item[:2],
     )
     if best[0][0] < 1:
-        if best[0][1] < 2:
+        if best[0][1] < 2 or len(lines) > 1 + sum(not line.strip() for line in lines):
             raise ImportLogError(f"{path}: holds no table of numbers (first line: {(lines or [''])[0][:60]!r})")
         raise ImportLogError(f"{path}: holds a header but no samples")
     delimiter = best[2]
