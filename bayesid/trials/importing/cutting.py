@@ -103,7 +103,8 @@ def _zigzag(t: Floats, rudder: Floats, psi: Floats | None, degrees: int) -> tupl
         return "zigzag", f"zigzag {degrees}"
     base = float(np.nanmean(psi[: max(2, start)]))
     at = np.abs(psi[ends[:-1] if ends.size > 2 else ends] - base)
-    if float(np.std(at)) > 0.35 * float(np.mean(at)) + 1.0 * _DEG:
+    between = float(np.nanpercentile(np.abs(np.diff(psi)), 95))  # a switch falls anywhere between two samples
+    if float(np.std(at)) > 0.35 * float(np.mean(at)) + 1.0 * _DEG + between:
         return "random", "random orders"
     return "zigzag", f"zigzag {degrees}/{max(1, round(float(np.median(at)) / _DEG))}"
 

@@ -306,7 +306,7 @@ def _rudder(draft: Draft) -> None:
             draft.ask(1, f"{role} {name} is a pulse width or a share, not an angle; give it `scale` and `offset` to degrees")
         elif not draft.stated[role]:
             draft.map = draft.change(role, unit="rad" if top <= 0.8 else "deg")
-            if 0.8 < top <= 2.0 or top == 1.0 or top == 0.0:
+            if 0.8 < top <= 2.0:
                 draft.ask(1, f"{role} {name} states no unit and reaches {top:.3g}: deg, rad, or a share of full rudder? (read as deg)")
         elif unit == "rad" and top > 1.6:
             draft.ask(1, f"{role} {name} is labelled rad and reaches {top:.3g}; degrees?")

@@ -291,7 +291,8 @@ def _attitude(raw, world, body, give) -> None:  # type: ignore[no-untyped-def]
             ("theta", axes.body_of("theta", pitch, body("qw"))),
             ("phi", roll),
         ):
-            if name not in raw and not (name == "psi" and "heading" in raw):
+            level = name != "psi" and float(np.nanmax(np.abs(values), initial=0.0)) < 1e-9  # a planar estimate
+            if name not in raw and not level and not (name == "psi" and "heading" in raw):
                 give(name, (t, values), words, *QUATERNION)
 
 

@@ -105,6 +105,9 @@ def guess_role(channel: RawChannel, own_format: bool = False) -> Guess | None:
     if channel.role:
         return Guess(channel.role, 3.0) if channel.role in ROLES else None
     ordered = True if ORDERED.search(words) else False if MEASURED.search(words) else None
+    if ordered is None and "(" in channel.place:  # the type of a message says it too: ActuatorCommand
+        kind = plain(channel.place.partition("(")[2].partition(")")[0].replace("/", " ").replace("_", " "))
+        ordered = True if ORDERED.search(kind) else False if MEASURED.search(kind) else None
     bare = " ".join(MEASURED.sub(" ", ORDERED.sub(" ", words)).split())
     odd = bool(OTHER.search(words))
     kept = " ".join(OTHER.sub(" ", bare).split()) if odd else bare

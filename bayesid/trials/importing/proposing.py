@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from bayesid.errors import BayesidError
+from bayesid.model.units import UnitError, scale
 from bayesid.trials.importing.agreement import common_run, rudder_t
 from bayesid.trials.importing.cutting import Piece, cut
 from bayesid.trials.importing.deciding import Draft, decide
@@ -21,7 +22,8 @@ from bayesid.trials.importing.log_map import ChannelMap, LogMap, RunMap, SourceM
 from bayesid.trials.importing.names import WITH_ORDER, guess_role, in_bundle_format
 from bayesid.trials.importing.raw import ImportLogError, RawChannel, RawLog, Request, SourceOptions
 from bayesid.trials.importing.readers import read_log
-from bayesid.trials.importing.roles import QUATERNION
+from bayesid.trials.importing.roles import QUATERNION, ROLES
+from bayesid.trials.importing.unit_words import split_unit
 from bayesid.trials.trial import Run
 
 LOOK = 100_000  # samples per series a proposal looks at
@@ -65,6 +67,7 @@ def propose(sources: Sequence[Path], vehicle: str = "", name: str = "") -> Propo
     for weight, text in doubts:
         draft.ask(weight, text)
     unused = _name(draft, recordings)
+    _drop_constant(draft)
     _needs(draft, recordings, unused)
     _declared_axes(draft, logs)
     if draft.map.channels:
@@ -80,6 +83,8 @@ def propose(sources: Sequence[Path], vehicle: str = "", name: str = "") -> Propo
     for channel in (c for log in logs.values() for c in log.channels if c.lost):
         draft.remark(f"{channel.place}: {channel.lost} cells are no numbers and are left out")
     questions = tuple(text for _, text in sorted(draft.asked, key=lambda item: item[0]))
+    if not any(role in _UPRIGHT for role in draft.map.channels) and not draft.has("qw"):
+        draft.map = replace(draft.map, dof=3)
     found = replace(draft.map, questions=questions, runs=tuple(runs), step=step)
     if not vehicle:
         draft.remark("no vehicle is named; write vehicle = \"remus100\" or a file beside the map (`bayesid vehicle list`)")
@@ -166,18 +171,21 @@ def _name(draft: Draft, recordings: list[Recording]) -> list[str]:
             if role in WITH_ORDER:
                 ordered = guess.ordered
                 if ordered is None:
-                    ordered = _in_steps(channel)
+                    its = [r.logs[label].by_name.get(channel.name) for r in recordings if label in r.logs]
+                    ordered = _in_steps([c for c in its if c is not None])
                 role = f"{role}_cmd" if ordered and guess.score < 3.0 else role
             best.setdefault(role, []).append((guess.score, label, channel, guess.ordered))
     _one_attitude(best)
     favoured = _favoured(best)
     channels: dict[str, ChannelMap] = {}
+    passed: dict[tuple[str, str], list[str]] = {}
     for role, found in best.items():
         found.sort(key=lambda item: (-round(item[0], 2), item[2].name.rpartition(".")[0] != favoured, item[1] != favoured))
         score, label, channel, ordered = found[0]
         full = _full(label, channel.name, len(first))
-        channels[role] = ChannelMap(full, channel.unit)
-        draft.stated[role] = channel.unit is not None or role in QUATERNION
+        unit = channel.unit or (None if role in QUATERNION else _unit_in_name(channel.name, role))
+        channels[role] = ChannelMap(full, unit)
+        draft.stated[role] = unit is not None or role in QUATERNION
         for other in found[1:]:
             unused.append(_full(other[1], other[2].name, len(first)))
         rivals = [o for o in found[1:] if o[0] > score - 0.3]
@@ -185,12 +193,15 @@ def _name(draft: Draft, recordings: list[Recording]) -> list[str]:
             shown = ", ".join(repr(o[2].name) for o in rivals[:3])
             draft.ask(3, f"{role} is read from {channel.name!r}; {shown} would fit as well")
         elif rivals:
-            draft.remark(f"{role} is read from {channel.name!r}, not from {', '.join(repr(o[2].name) for o in rivals[:3])}")
+            pair = (_topic(channel.name).split(".")[0], _topic(rivals[0][2].name).split(".")[0])
+            passed.setdefault(pair, []).append(role)
         if role.split("_cmd")[0] in WITH_ORDER and ordered is None and score < 3.0:
             what = "ordered: it moves in steps" if role.endswith("_cmd") else "measured: it moves smoothly"
             draft.remark(f"{channel.name!r} is read as {role}, {what}")
         if score < 1.0:
             draft.ask(4, f"{channel.name!r} is read as {role} by a part of its name; is it?")
+    for (taken, other_topic), roles in passed.items():
+        draft.remark(f"{', '.join(roles)} are read from {taken}, not from {other_topic}")
     if channels.keys() >= {"latitude", "longitude"} and {"x", "y"} & set(channels):
         draft.remark("latitude and longitude are left out: local positions are there")
         for role in ("latitude", "longitude", "height"):
@@ -214,6 +225,15 @@ def _name(draft: Draft, recordings: list[Recording]) -> list[str]:
             channels.pop(role)
     draft.map = replace(draft.map, channels=channels)
     return unused
+
+
+def _unit_in_name(name: str, role: str) -> str | None:
+    """The unit at the end of a topic's field, if it is one of that role."""
+    unit = split_unit(re.split(r"[./]", name)[-1])[1]
+    try:
+        return unit if unit and scale(unit, ROLES[role].unit, name) else None
+    except UnitError:
+        return unit if unit in ("%", "us_pwm") else None
 
 
 def _full(label: str, name: str, count: int) -> str:
@@ -248,10 +268,22 @@ def _topic(name: str) -> str:
     return name.rpartition(".")[0]
 
 
-def _in_steps(channel: RawChannel) -> bool:
-    """True if most samples repeat the one before while the series does move."""
-    x = channel.values[np.isfinite(channel.values)]
-    return x.size > 10 and float(np.ptp(x)) > 0 and float(np.mean(np.diff(x) == 0.0)) > 0.7
+def _in_steps(channels: Sequence[RawChannel]) -> bool:
+    """True if most samples repeat the one before, where the series moves at all."""
+    moving = [c.values[np.isfinite(c.values)] for c in channels]
+    moving = [x for x in moving if x.size > 10 and float(np.ptp(x)) > 0]
+    return all(float(np.mean(np.diff(x) == 0.0)) > 0.5 for x in moving)
+
+
+_UPRIGHT = ("z", "depth", "height", "phi", "theta", "w", "p", "q", "delta_s", "delta_s_cmd", "delta_b", "delta_b_cmd")
+
+
+def _drop_constant(draft: Draft) -> None:
+    """Series of the vertical plane that never change tell nothing and would make the trial one of 6 degrees of freedom."""
+    still = [r for r in _UPRIGHT if draft.has(r) and (raw := draft.raw(r)).size and float(np.ptp(raw)) == 0.0]
+    if still:
+        draft.map = replace(draft.map, channels={k: v for k, v in draft.map.channels.items() if k not in still})
+        draft.remark(f"{', '.join(still)} never change and are left out")
 
 
 def _needs(draft: Draft, recordings: list[Recording], unused: list[str]) -> None:

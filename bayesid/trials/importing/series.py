@@ -21,6 +21,7 @@ class Collected:
         self._stamps: dict[str, array] = {}
         self._values: dict[str, dict[str, array]] = {}
         self._before: dict[str, int] = {}
+        self.kinds: dict[str, str] = {}  # topic -> type of its messages
 
     def add(self, topic: str, stamp_ns: int, fields: Mapping[str, float]) -> None:
         """One message; fields by their full names."""
@@ -65,5 +66,5 @@ class Collected:
             t = (stamps[order] - zero_ns) * 1e-9
             for key, column in columns.items():
                 values = np.frombuffer(column, dtype=float)[order] * factors.get(key, 1.0)
-                out.append(RawChannel(key, t, values, units.get(key), roles.get(key), f"{topic}: {key}"))
+                out.append(RawChannel(key, t, values, units.get(key), roles.get(key), f"{topic} ({self.kinds.get(topic, 'message')}): {key}"))
         return out

@@ -65,6 +65,7 @@ def read_rosbag(path: Path, options: SourceOptions, request: Request) -> RawLog:
     with AnyReader([opened], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
         bad: dict[str, int] = {}
         use = [c for c in reader.connections if topics is None or c.topic in topics]
+        collected.kinds = {c.topic: c.msgtype for c in use}
         for connection, stamp, raw in reader.messages(connections=use):
             try:
                 message = reader.deserialize(raw, connection.msgtype)
