@@ -1,6 +1,7 @@
 """Raw logs of random shape from one motion: names, units, clocks, axes, files and formats drawn at random.
 
-Knows nothing of bayesid: the motion is a first-order turn with sideslip, and what it writes is what it says in
+Knows nothing of bayesid: the motion is a first-order turn with sideslip, and what it writes is what it says
+in
 `Shape`. `truth` is north-east-down, forward-starboard-down, rudder positive to port, SI, rpm.
 """
 
@@ -24,8 +25,10 @@ def motion(rng: np.random.Generator, dt: float = 0.1) -> dict[str, np.ndarray]:
     orders: list[tuple[float, float]] = []
     t, psi, r, delta = 0.0, rng.uniform(-3, 3), 0.0, 0.0
     rows = []
-    side, base, plan = 1.0, psi, [("straight", 60.0), ("zz", 20.0), ("straight", 40.0), ("zz", 10.0), ("straight", 40.0),
-                                  ("turn", 15.0), ("straight", 40.0), ("turn", -15.0), ("straight", 40.0), ("prbs", 90.0)]  # fmt: skip
+    side, base = 1.0, psi
+    between = ("straight", 40.0)
+    plan = [("straight", 60.0), ("zz", 20.0), between, ("zz", 10.0), between, ("turn", 15.0), between]
+    plan += [("turn", -15.0), between, ("prbs", 90.0)]
     x, y = 0.0, 0.0
     for kind, value in plan:
         begun, base, flips, switch = t, psi, 0, t
@@ -66,7 +69,8 @@ def motion(rng: np.random.Generator, dt: float = 0.1) -> dict[str, np.ndarray]:
 
 @dataclass
 class Shape:
-    """What was drawn; `ambiguous` if the log does not hold what its axes are, `late` seconds one clock is off."""
+    """What was drawn; `ambiguous` if the log does not hold what its axes are, `late` seconds one clock is
+    off."""
 
     words: dict[str, str] = field(default_factory=dict)
     ambiguous: bool = False
@@ -75,10 +79,13 @@ class Shape:
 
 
 NAMES = {
-    "lat": ["Latitude", "lat", "GPS_Lat", "latitude_deg"], "lon": ["Longitude", "lon", "GPS_Lon", "longitude_deg"],
-    "north": ["North", "Northing", "pos_n", "position_north"], "east": ["East", "Easting", "pos_e", "position_east"],
+    "lat": ["Latitude", "lat", "GPS_Lat", "latitude_deg"], "lon": ["Longitude", "lon", "GPS_Lon",
+    "longitude_deg"],
+    "north": ["North", "Northing", "pos_n", "position_north"], "east": ["East", "Easting", "pos_e",
+    "position_east"],
     "x": ["x", "pos_x", "X_position", "px"], "y": ["y", "pos_y", "Y_position", "py"],
-    "heading": ["Heading", "HDG", "heading_true", "Kurs", "compass"], "yaw": ["yaw", "Yaw_angle", "psi", "yaw"],
+    "heading": ["Heading", "HDG", "heading_true", "Kurs", "compass"], "yaw": ["yaw", "Yaw_angle", "psi",
+    "yaw"],
     "u": ["u", "surge", "vx", "surge_speed"], "v": ["v", "sway", "vy", "sway_speed"],
     "vn": ["v_north", "vel_n", "VN", "VelocityNorth"], "ve": ["v_east", "vel_e", "VE", "VelocityEast"],
     "r": ["r", "yaw_rate", "RateOfTurn", "gyro_z"],
@@ -95,7 +102,9 @@ def draw(rng: np.random.Generator, folder: Path) -> tuple[Shape, dict[str, np.nd
     style = int(rng.integers(4))
 
     def name(key: str) -> str:
-        return NAMES[key][min(style, len(NAMES[key]) - 1)] if rng.random() < 0.5 else str(rng.choice(NAMES[key]))
+        return (
+            NAMES[key][min(style, len(NAMES[key]) - 1)] if rng.random() < 0.5 else str(rng.choice(NAMES[key]))
+        )
 
     def pick(key: str, *options: str) -> str:
         shape.words[key] = str(rng.choice(options))
@@ -140,14 +149,24 @@ def draw(rng: np.random.Generator, folder: Path) -> tuple[Shape, dict[str, np.nd
         rate = pick("rate", "deg/s", "rad/s")
         columns["r"] = (name("r"), rate, sign * r / (DEG if rate == "deg/s" else 1.0))
     side = pick("rudder", "port", "starboard")
-    columns["rudder"] = (name("rudder"), unit, (1.0 if side == "port" else -1.0) * truth["delta_r_cmd"] * factor)
+    columns["rudder"] = (
+        name("rudder"),
+        unit,
+        (1.0 if side == "port" else -1.0) * truth["delta_r_cmd"] * factor,
+    )
     per_minute = pick("n", "rpm", "rpm", "rps")
     columns["n"] = (name("n"), per_minute, truth["n_cmd"] / (1.0 if per_minute == "rpm" else 60.0))
     shown = pick("units", "bracket", "bracket", "parenthesis", "suffix", "row", "none")
     split = pick("files", "one", "one", "three")
-    clock = pick("clock", *(("unix", "iso", "week") if split == "three" else ("relative", "ms", "unix", "iso", "week")))
+    clock = pick(
+        "clock", *(("unix", "iso", "week") if split == "three" else ("relative", "ms", "unix", "iso", "week"))
+    )
     if split == "three":
-        groups = [["lat", "lon", "north", "east", "x", "y", "vn", "ve"], ["psi", "r", "u", "v"], ["rudder", "n"]]
+        groups = [
+            ["lat", "lon", "north", "east", "x", "y", "vn", "ve"],
+            ["psi", "r", "u", "v"],
+            ["rudder", "n"],
+        ]
     else:
         groups = [list(columns)]
     late = float(rng.choice([0.0, 0.0, 0.0, 18.0, rng.uniform(2.0, 30.0)])) if split == "three" else 0.0
@@ -158,7 +177,11 @@ def draw(rng: np.random.Generator, folder: Path) -> tuple[Shape, dict[str, np.nd
         step = 1 if k == 1 or split == "one" else int(rng.choice([2, 5]))
         t = truth["t"][::step] + (late if k == off else 0.0)
         its = {key: (n, w, values[::step]) for key, (n, w, values) in its.items()}
-        its["battery"] = (["Battery", "V_batt", "volt", "U_bat"][style], "V", 24.0 + 0.1 * rng.normal(size=t.size))
+        its["battery"] = (
+            ["Battery", "V_batt", "volt", "U_bat"][style],
+            "V",
+            24.0 + 0.1 * rng.normal(size=t.size),
+        )
         stem = "log" if split == "one" else ("nav", "imu", "act")[k]
         taken.add(stem)
         shape.files.append(_write(rng, folder, stem, t, its, shown, clock, name("time"), shape))
@@ -166,7 +189,8 @@ def draw(rng: np.random.Generator, folder: Path) -> tuple[Shape, dict[str, np.nd
 
 
 def _header(name: str, unit: str, shown: str) -> str:
-    suffix = {"deg": "deg", "rad": "rad", "m": "m", "m/s": "mps", "kn": "kn", "deg/s": "deg_s", "rad/s": "rad_s",
+    suffix = {"deg": "deg", "rad": "rad", "m": "m", "m/s": "mps", "kn": "kn", "deg/s": "deg_s",
+        "rad/s": "rad_s",
               "rpm": "rpm", "rps": "rps", "V": "V", "s": "s", "ms": "ms"}  # fmt: skip
     if shown == "bracket":
         return f"{name} [{unit}]"
@@ -180,7 +204,7 @@ def _header(name: str, unit: str, shown: str) -> str:
 def _write(rng, folder, stem, t, its, shown, clock, time_name, shape) -> Path:  # type: ignore[no-untyped-def]
     kind = str(rng.choice(["csv", "csv", "semicolon", "tab", "parquet", "mat", "netcdf"]))
     shape.words[f"kind {stem}"] = kind
-    if clock == "week" and kind in ("netcdf", "mat") or clock == "iso" and kind in ("mat", "netcdf"):
+    if (clock == "week" and kind in ("netcdf", "mat")) or (clock == "iso" and kind in ("mat", "netcdf")):
         kind = "csv"
     if kind in ("parquet", "mat", "netcdf") and shown == "row":
         shown = "bracket" if kind == "parquet" else "none"
@@ -194,7 +218,9 @@ def _write(rng, folder, stem, t, its, shown, clock, time_name, shape) -> Path:  
     elif clock == "unix":
         times[_header(time_name, "s", shown)] = ("s", EPOCH + t)
     elif clock == "iso":
-        texts = [datetime.fromtimestamp(EPOCH + v, UTC).strftime("%Y-%m-%dT%H:%M:%S.%f")[:-3] + "Z" for v in t]
+        texts = [
+            datetime.fromtimestamp(EPOCH + v, UTC).strftime("%Y-%m-%dT%H:%M:%S.%f")[:-3] + "Z" for v in t
+        ]
         times["UTC"] = ("", np.array(texts, dtype=object))
     else:
         total = EPOCH - 315964800.0 + 18.0 + t
@@ -222,7 +248,9 @@ def _write(rng, folder, stem, t, its, shown, clock, time_name, shape) -> Path:  
             for (label, values), unit in zip(table.items(), units, strict=True):
                 variable = file.create_variable(label.replace("/", " per "), ("time",), float)
                 variable[:] = values
-                variable.attrs["units"] = "seconds since 2024-05-01 10:00:00" if unit == "s" and clock == "unix" else unit
+                variable.attrs["units"] = (
+                    "seconds since 2024-05-01 10:00:00" if unit == "s" and clock == "unix" else unit
+                )
                 if unit == "s" and clock == "unix":
                     variable[:] = t
     else:

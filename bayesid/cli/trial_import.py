@@ -18,29 +18,49 @@ Sources = Annotated[
     list[Path],
     typer.Argument(
         metavar="SOURCE...",
-        help="Logs: CSV or other text tables, Parquet, MAT, NetCDF, ROS bags, MCAP, ArduPilot .bin/.tlog, PX4 .ulg.",
+        help="Logs: text tables, Parquet, MAT, NetCDF, ROS bags, MCAP, ArduPilot .bin/.tlog, PX4 .ulg.",
         show_default=False,
     ),
 ]
 MapFile = Annotated[
     Path | None,
-    typer.Option("--map", help="What the series are (TOML). Without it one is proposed as BUNDLE/map.toml.", dir_okay=False),
+    typer.Option(
+        "--map",
+        help="What the series are (TOML). Without it one is proposed as BUNDLE/map.toml.",
+        dir_okay=False,
+    ),
 ]
-Named = Annotated[str | None, typer.Option("--vehicle", help="Built-in name or vehicle file, for a proposed map.")]
+Named = Annotated[
+    str | None, typer.Option("--vehicle", help="Built-in name or vehicle file, for a proposed map.")
+]
 
 
 def import_logs(
-    sources: Sources, out: OutFolder, map_file: MapFile = None, vehicle: Named = None, verbose: Verbose = False
+    sources: Sources,
+    out: OutFolder,
+    map_file: MapFile = None,
+    vehicle: Named = None,
+    verbose: Verbose = False,
 ) -> int:
     """Turn raw logs into a trial bundle: units, axes, clocks and names by a map, which it proposes itself.
 
-    Without --map it guesses one from names, units and kinematics and writes it to BUNDLE/map.toml, with a picture
-    of the runs it would cut. Nothing doubtful is taken silently: with an open question it stops with exit code 3;
+    Without --map it guesses one from names, units and kinematics and writes it to BUNDLE/map.toml, with a
+    picture
+    of the runs it would cut. Nothing doubtful is taken silently: with an open question it stops with exit
+    code 3;
     answer in the map, delete the question, and give the command again with --map BUNDLE/map.toml. Without a
     question the bundle is written at once.
     """
     from bayesid.cli.output import print_text
-    from bayesid.trials.importing import ImportLogError, apply_map, check_bundle, map_text, propose, read_map, write_bundle
+    from bayesid.trials.importing import (
+        ImportLogError,
+        apply_map,
+        check_bundle,
+        map_text,
+        propose,
+        read_map,
+        write_bundle,
+    )
 
     absent = [str(p) for p in sources if not p.exists()]
     if absent:
@@ -48,7 +68,8 @@ def import_logs(
     if map_file is None:
         if (out / "map.toml").exists():
             raise ImportLogError(
-                f"{out / 'map.toml'} is there already; carry it out with --map {out / 'map.toml'}, or delete it for a new one"
+                f"{out / 'map.toml'} is there already; carry it out with --map {out / 'map.toml'}, or "
+                f"delete it for a new one"
             )
         proposal = propose(sources, _vehicle(vehicle, out), out.name)
         out.mkdir(parents=True, exist_ok=True)
@@ -94,17 +115,28 @@ def _say(proposal: Proposal, out: Path) -> None:
     from bayesid.report.import_figure import draw_runs
 
     found = proposal.map
-    rows = [[role, entry.source, entry.unit or "", entry.scale if entry.scale != 1 else None] for role, entry in found.channels.items()]
+    rows = [
+        [role, entry.source, entry.unit or "", entry.scale if entry.scale != 1 else None]
+        for role, entry in found.channels.items()
+    ]
     print_table(["channel", "read from", "unit", "scale"], rows)
-    print_text(f"\naxes {found.world or 'ned'}, {found.body or 'frd'}; positive rudder turns to {found.rudder_positive}")
+    print_text(
+        f"\naxes {found.world or 'ned'}, {found.body or 'frd'}; positive rudder turns to "
+        f"{found.rudder_positive}"
+    )
     kinds: dict[str, int] = {}
     for run in found.runs:
         kinds[run.manoeuvre or "not named"] = kinds.get(run.manoeuvre or "not named", 0) + 1
-    print_text(f"{len(found.runs)} runs: " + ", ".join(k if n == 1 else f"{n} x {k}" for k, n in kinds.items()))
+    print_text(
+        f"{len(found.runs)} runs: " + ", ".join(k if n == 1 else f"{n} x {k}" for k, n in kinds.items())
+    )
     pictures = draw_runs(proposal, out)
     if pictures:
         print_text(f"track and commands of each: {', '.join(str(p) for p in pictures)}")
-    for head, texts in (("Questions, most important first:", found.questions), ("Taken for granted:", proposal.remarks)):
+    for head, texts in (
+        ("Questions, most important first:", found.questions),
+        ("Taken for granted:", proposal.remarks),
+    ):
         if texts:
             print_text(f"\n{head}")
             for text in texts[:10]:

@@ -24,7 +24,7 @@ def draw_runs(proposal: Proposal, folder: Path) -> list[Path]:
         look = proposal.looks.get(run.files)
         if look is not None:
             rows.append((run, look, _zero(look)))
-    paths = []
+    paths: list[Path] = []
     for first in range(0, len(rows), ROWS):
         part = rows[first : first + ROWS]
         figure = Figure(figsize=(9, 2.3 * len(part)), layout="constrained")
@@ -40,10 +40,14 @@ def draw_runs(proposal: Proposal, folder: Path) -> list[Path]:
                 track.set_ylabel("north [m]")
             rudder = look.commands.get("delta_r_cmd", look.measured_inputs.get("delta_r"))
             if rudder is not None:
-                command.plot(look.t[own] - zero, np.degrees(rudder[own]), color="C1", lw=1.0, label="rudder [deg]")
+                command.plot(
+                    look.t[own] - zero, np.degrees(rudder[own]), color="C1", lw=1.0, label="rudder [deg]"
+                )
             if "psi" in look.data and own.any():
                 psi = np.degrees(look.data["psi"][own])
-                command.plot(look.t[own] - zero, psi - psi[0], color="C0", lw=1.0, label="heading - first [deg]")
+                command.plot(
+                    look.t[own] - zero, psi - psi[0], color="C0", lw=1.0, label="heading - first [deg]"
+                )
             command.set_title(f"{run.name}: {run.manoeuvre or 'not named'} ({run.role})", fontsize=9)
             command.set_xlabel("t [s]")
             command.legend(fontsize=7, loc="upper right")

@@ -1,4 +1,5 @@
-"""Does a map make the series of a log agree: track with heading and speed, heading with yaw rate, turn with rudder?
+"""Does a map make the series of a log agree: track with heading and speed, heading with yaw rate, turn with
+rudder?
 
 Takes a map and a recording; every hypothesis about units, signs and axes is a map of its own.
 Does not: choose; that is `deciding`.
@@ -11,7 +12,7 @@ import numpy as np
 from bayesid.errors import BayesidError
 from bayesid.trials.assemble import unwrap
 from bayesid.trials.consistency import check_rudder, check_track, check_yaw
-from bayesid.trials.importing.joining import Recording, at_times, convert
+from bayesid.trials.importing.converting import Recording, at_times, convert
 from bayesid.trials.importing.log_map import LogMap
 from bayesid.trials.trial import Floats, Run
 
@@ -47,7 +48,11 @@ def common_run(found: LogMap, recording: Recording, without: tuple[str, ...] = (
             inputs[name] = _filled(at_times(one, t))
         else:
             data[name] = at_times(one, t, name in _ANGLES)
-    data = {k: unwrap(v) if k in _ANGLES else v for k, v in data.items() if k not in ("thrust", "torque", "wind_speed", "wind_from")}
+    data = {
+        k: unwrap(v) if k in _ANGLES else v
+        for k, v in data.items()
+        if k not in ("thrust", "torque", "wind_speed", "wind_from")
+    }
     return Run(
         "look", "", "identify", t, data,
         commands={k: v for k, v in inputs.items() if k.endswith("_cmd")},
@@ -75,7 +80,8 @@ def track_misfit(found: LogMap, recording: Recording) -> tuple[float, float]:
 
 
 def speed_fit(found: LogMap, recording: Recording) -> tuple[float, float, float] | None:
-    """(track length over integrated velocity, misfit, rotation [rad]); v is taken as zero where it is missing."""
+    """(track length over integrated velocity, misfit, rotation [rad]); v is taken as zero where it is
+    missing."""
     run = common_run(found, recording)
     if run is None or "u" not in run.data:
         return None
@@ -100,7 +106,9 @@ def rudder_t(found: LogMap, recording: Recording) -> float | None:
     return None if check is None else check.t_value
 
 
-def lag_of(first: tuple[Floats, Floats], second: tuple[Floats, Floats], longest: float = 60.0) -> tuple[float, float] | None:
+def lag_of(
+    first: tuple[Floats, Floats], second: tuple[Floats, Floats], longest: float = 60.0
+) -> tuple[float, float] | None:
     """(seconds by which the second series is late, correlation there minus that at zero) of two yaw rates."""
     low, high = max(first[0][0], second[0][0]), min(first[0][-1], second[0][-1])
     step = max(0.02, float(np.median(np.diff(first[0]))), float(np.median(np.diff(second[0]))))

@@ -15,7 +15,8 @@ _FLIPPED = ("v", "w", "q", "r", "v_water", "w_water", "theta")
 
 
 def euler(qw: Floats, qx: Floats, qy: Floats, qz: Floats) -> tuple[Floats, Floats, Floats]:
-    """(roll, pitch, yaw) [rad], turned yaw first, of quaternions of body in world axes; any length but zero."""
+    """(roll, pitch, yaw) [rad], turned yaw first, of quaternions of body in world axes; any length but
+    zero."""
     size = np.sqrt(qw**2 + qx**2 + qy**2 + qz**2)
     w, x, y, z = (q / np.where(size > 1e-9, size, np.nan) for q in (qw, qx, qy, qz))
     return (

@@ -5,7 +5,6 @@ Does not: write into a folder that holds a trial, unless told to.
 
 from __future__ import annotations
 
-import io
 import json
 import shutil
 from collections.abc import Sequence
@@ -73,12 +72,16 @@ def provenance(
     """Where every channel of every run is from, as plain data."""
     return {
         "format": 1,
-        "origin": None if origin is None else {"latitude_deg": origin[0], "longitude_deg": origin[1], "height_m": origin[2]},
+        "origin": None
+        if origin is None
+        else {"latitude_deg": origin[0], "longitude_deg": origin[1], "height_m": origin[2]},
         "runs": [
             {
                 "file": file,
                 "sources": dict(joined.digests),
-                "start_utc": None if joined.start is None else datetime.fromtimestamp(joined.start, UTC).isoformat(),
+                "start_utc": None
+                if joined.start is None
+                else datetime.fromtimestamp(joined.start, UTC).isoformat(),
                 "window_s": joined.run.window,
                 "notices": list(joined.notices),
                 "channels": {
@@ -111,7 +114,7 @@ def _file_names(names: Sequence[str]) -> list[str]:
 
 def _write_csv(joined: Joined, path: Path) -> None:
     names = sorted(joined.data, key=_ORDER.__getitem__)
-    with io.open(path, "w", encoding="utf-8", newline="\n") as file:
+    with open(path, "w", encoding="utf-8", newline="\n") as file:
         file.write(",".join(["t[s]", *(f"{name}[{channel(name).unit}]" for name in names)]) + "\n")
         columns = [joined.t, *(joined.data[name] for name in names)]
         for first in range(0, joined.t.size, PART):
@@ -139,7 +142,9 @@ def _trial_toml(found: LogMap, runs: Sequence[Joined], files: Sequence[str], veh
     for joined, file in zip(runs, files, strict=True):
         run = joined.run
         window = "" if run.window is None else f", {run.window[0]:g} to {run.window[1]:g} s"
-        notes = "; ".join(text for text in (run.notes, f"imported from {', '.join(run.files)}{window}") if text)
+        notes = "; ".join(
+            text for text in (run.notes, f"imported from {', '.join(run.files)}{window}") if text
+        )
         lines += [
             "", "[[runs]]", f"file = {toml_text(file)}", f"manoeuvre = {toml_text(run.manoeuvre)}",
             f'role = "{run.role}"', f"notes = {toml_text(notes)}",

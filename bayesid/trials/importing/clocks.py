@@ -19,7 +19,14 @@ UNIT_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 
 GPS_EPOCH = 315964800  # 1980-01-06 as UTC seconds since 1970
 DATENUM_EPOCH = 719529.0  # MATLAB's day number of 1970-01-01
 # GPS - UTC [s] from this UTC on (IERS Bulletin C); seven before the first are not needed by any log of today
-LEAPS = ((0, 13.0), (1136073600, 14.0), (1230768000, 15.0), (1341100800, 16.0), (1435708800, 17.0), (1483228800, 18.0))
+LEAPS = (
+    (0, 13.0),
+    (1136073600, 14.0),
+    (1230768000, 15.0),
+    (1341100800, 16.0),
+    (1435708800, 17.0),
+    (1483228800, 18.0),
+)
 _NUMERIC_DATE = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}")
 _TIME_OF_DAY = re.compile(r"\s*\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?\s*")
 
@@ -42,7 +49,8 @@ def gps_to_utc(seconds: Any) -> Any:
 
 
 def guess_clock(values: np.ndarray, unit: str | None) -> tuple[str, str, str | None]:
-    """(clock, unit, doubt) of the numbers of a time column; the doubt is a question, None where there is none."""
+    """(clock, unit, doubt) of the numbers of a time column; the doubt is a question, None where there is
+    none."""
     good = values[np.isfinite(values)]
     if good.size == 0:
         return "relative", unit or "s", None
@@ -88,7 +96,7 @@ def from_numbers(values: np.ndarray, clock: str, unit: str) -> Stamps:
         t = (seconds - zero / factor) * factor
     if clock == "gps":
         zero = float(gps_to_utc(np.array([zero]))[0])
-    return Stamps(t, zero, f"{clock} [{unit}]")
+    return Stamps(np.asarray(t, dtype=np.float64), zero, f"{clock} [{unit}]")
 
 
 def from_week(week: np.ndarray, seconds: np.ndarray, unit: str) -> Stamps:
@@ -125,7 +133,8 @@ def is_time_of_day(texts: list[str]) -> bool:
 
 
 def parse_dates(texts: np.ndarray) -> np.ndarray:
-    """datetime64[ns] of texts, UTC; NaT where a text is no date. Day first where a first number exceeds 12."""
+    """datetime64[ns] of texts, UTC; NaT where a text is no date. Day first where a first number exceeds
+    12."""
     import pandas
 
     series = pandas.Series(texts).astype(str).str.strip().str.replace(",", ".", regex=False)
@@ -141,7 +150,8 @@ def parse_dates(texts: np.ndarray) -> np.ndarray:
 
 
 def ambiguous_day(texts: np.ndarray) -> bool:
-    """True if day and month cannot be told apart (both up to 12, and differing) in dates such as 03/04/2024."""
+    """True if day and month cannot be told apart (both up to 12, and differing) in dates such as
+    03/04/2024."""
     for text in texts[:1]:
         found = re.match(r"\s*(\d{1,2})[-/.](\d{1,2})[-/.]\d{2,4}", str(text))
         return bool(found) and int(found[1]) <= 12 and int(found[2]) <= 12 and found[1] != found[2]  # type: ignore[index]

@@ -45,15 +45,15 @@ def cut(t: Floats, rudder: Floats, psi: Floats | None, speed: Floats | None) -> 
         smooth = _smooth(t, np.abs(np.nan_to_num(speed)), 5.0)
         top = float(np.percentile(smooth, 90))
         rest = smooth < 0.15 * top if top > 0 else rest
-    dwell = _dwells(t, away)
-    gap = max(SHORTEST, 3.0 * float(np.median(dwell))) if dwell.size else SHORTEST
-    active = _close(t, away & ~rest, gap)
+    active = _close(t, away & ~rest, rudder, psi)
     pieces: list[Piece] = []
     for first, last, kind in _spans(active, rest):
         start, end = float(t[first]), float(t[min(last + 1, t.size - 1)])
         if kind == "active":
             before = pieces[-1].start + SHORTEST if pieces else float(t[0])
-            start = max(float(t[0]), before if pieces and pieces[-1].kind != "rest" else float(t[0]), start - LEAD)
+            start = max(
+                float(t[0]), before if pieces and pieces[-1].kind != "rest" else float(t[0]), start - LEAD
+            )
             if pieces and pieces[-1].end > start:
                 old = pieces.pop()
                 if start - old.start >= SHORTEST:
@@ -92,21 +92,23 @@ def classify(t: Floats, rudder: Floats, psi: Floats | None) -> tuple[str, str]:
 
 
 def _zigzag(t: Floats, rudder: Floats, psi: Floats | None, degrees: int) -> tuple[str, str]:
-    """Switching heading by the headings at the reversals about their middle; uneven ones are random orders."""
+    """Switching heading: half of what lies between the headings at which either side ends; uneven ones are
+    random orders."""
     if psi is None:
         return "zigzag", f"zigzag {degrees}"
     size = degrees * _DEG
     out = np.abs(rudder) > size - max(0.6 * _DEG, 0.04 * size)
     ends = np.flatnonzero(out[:-1] & ~(out[1:] & (rudder[1:] * rudder[:-1] > 0)))  # the rudder leaves a side
-    start = int(np.argmax(np.abs(rudder) > max(NEUTRAL, 0.1 * size)))
-    if ends.size < 2 or not np.isfinite(psi).any():
+    if ends.size < 3 or not np.isfinite(psi).any():
         return "zigzag", f"zigzag {degrees}"
-    base = float(np.nanmean(psi[: max(2, start)]))
-    at = np.abs(psi[ends[:-1] if ends.size > 2 else ends] - base)
+    ends = ends[:-1] if ends.size > 3 else ends
+    at = 0.5 * (psi[ends] + psi[np.minimum(ends + 1, psi.size - 1)])
+    sides = [at[rudder[ends] * sign > 0] for sign in (1.0, -1.0)]
+    switch = 0.5 * abs(float(np.nanmedian(sides[0])) - float(np.nanmedian(sides[1])))
     between = float(np.nanpercentile(np.abs(np.diff(psi)), 95))  # a switch falls anywhere between two samples
-    if float(np.std(at)) > 0.35 * float(np.mean(at)) + 1.0 * _DEG + between:
+    if max(float(np.nanstd(side)) for side in sides) > 0.35 * switch + 1.0 * _DEG + between:
         return "random", "random orders"
-    return "zigzag", f"zigzag {degrees}/{max(1, round(float(np.median(at)) / _DEG))}"
+    return "zigzag", f"zigzag {degrees}/{max(1, round(switch / _DEG))}"
 
 
 def _levels(t: Floats, rudder: Floats) -> tuple[Floats, Floats]:
@@ -115,7 +117,8 @@ def _levels(t: Floats, rudder: Floats) -> tuple[Floats, Floats]:
     edges = np.flatnonzero(~close) + 1
     parts = np.split(np.arange(t.size), edges)
     usual = float(np.median(np.diff(t)))
-    values, held = [], []
+    values: list[float] = []
+    held: list[float] = []
     for part in parts:
         length = float(t[part[-1]] - t[part[0]]) + usual
         if part.size >= 2 and length >= 1.0:
@@ -130,28 +133,48 @@ def _levels(t: Floats, rudder: Floats) -> tuple[Floats, Floats]:
 
 def _middle(rudder: Floats) -> float:
     near = rudder[np.abs(rudder) < 5.0 * _DEG]
-    return float(np.median(near)) if near.size > 0.1 * rudder.size and abs(float(np.median(near))) < NEUTRAL else 0.0
+    return (
+        float(np.median(near))
+        if near.size > 0.1 * rudder.size and abs(float(np.median(near))) < NEUTRAL
+        else 0.0
+    )
 
 
 def _smooth(t: Floats, values: Floats, width: float) -> Floats:
     from scipy.ndimage import uniform_filter1d
 
-    return uniform_filter1d(values, max(1, int(width / max(1e-9, float(np.median(np.diff(t)))))), mode="nearest")
+    return uniform_filter1d(
+        values, max(1, int(width / max(1e-9, float(np.median(np.diff(t)))))), mode="nearest"
+    )
 
 
-def _dwells(t: Floats, on: np.ndarray) -> Floats:
-    edge = np.flatnonzero(np.diff(on.astype(int)))
-    return np.diff(t[edge]) if edge.size > 1 else np.empty(0)
+def _close(t: Floats, on: np.ndarray, rudder: Floats, psi: Floats | None) -> np.ndarray:
+    """Stretches amidships that belong to the orders around them count as orders.
 
-
-def _close(t: Floats, on: np.ndarray, gap: float) -> np.ndarray:
-    """Off stretches between two on ones shorter than `gap` count as on."""
+    Those shorter than the orders beside them (a turn is no measure: it is as long as it is), and steps
+    through zero
+    of a staircase."""
     out = on.copy()
+    top = float(np.max(np.abs(rudder)))
     edge = np.flatnonzero(np.diff(on.astype(int)))
     for a, b in zip(edge[:-1], edge[1:], strict=True):
-        if on[a] and not on[a + 1] and t[b] - t[a] < gap:
+        if not on[a] or on[a + 1]:
+            continue
+        before, after = _order_at(t, rudder, psi, a, -1), _order_at(t, rudder, psi, b + 1, 1)
+        stairs = 0.0 < max(abs(before[0]), abs(after[0])) < 0.6 * top
+        if t[b] - t[a] < max(0.5 * SHORTEST, 1.5 * min(before[1], after[1])) or stairs:
             out[a : b + 1] = True
     return out
+
+
+def _order_at(t: Floats, rudder: Floats, psi: Floats | None, k: int, way: int) -> tuple[float, float]:
+    """(level, seconds it is held) of the order that holds at row k, looking back or ahead; a turn is held for
+    0 s."""
+    level, last = float(rudder[k]), k
+    while 0 <= last + way < t.size and abs(rudder[last + way] - level) < NEUTRAL:
+        last += way
+    turned = 0.0 if psi is None else abs(float(psi[last] - psi[k]))
+    return level, 0.0 if turned > np.pi else abs(float(t[last] - t[k]))
 
 
 def _spans(active: np.ndarray, rest: np.ndarray) -> list[tuple[int, int, str]]:

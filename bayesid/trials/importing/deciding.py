@@ -1,4 +1,5 @@
-"""Units, signs and axes that a log does not state, decided by kinematics where they decide, asked where they do not.
+"""Units, signs and axes that a log does not state, decided by kinematics where they decide, asked where they
+do not.
 
 Works on a `Draft` (a map in the making with its questions and remarks).
 Does not: read names; `proposing` has done that.
@@ -7,13 +8,19 @@ Does not: read names; `proposing` has done that.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
 from bayesid.model.units import scale
-from bayesid.trials.importing.agreement import lag_of, response_shift, rudder_t, speed_fit, track_misfit, yaw_fit
-from bayesid.trials.importing.joining import Recording, convert, resolve
+from bayesid.trials.importing.agreement import (
+    rudder_t,
+    speed_fit,
+    track_misfit,
+    yaw_fit,
+)
+from bayesid.trials.importing.clock_agreement import check_clocks
+from bayesid.trials.importing.draft import Draft
 from bayesid.trials.importing.log_map import LogMap
 from bayesid.trials.importing.roles import WORLD_WORDS
 
@@ -22,68 +29,6 @@ CLEAR = 0.35  # a hypothesis must leave less than this share of the next one's m
 AGREES = 0.3  # misfit of a direction that agrees; sideslip in turns leaves up to 0.1
 SPEED_UNITS = ("m/s", "kn", "km/h", "ft/s", "cm/s", "mm/s")
 NEAR = 0.1  # a unit is told by a scale within this share
-
-
-@dataclass
-class Draft:
-    """A map in the making; `weight` 0 is the most important question."""
-
-    map: LogMap
-    recordings: list[Recording]
-    stated: dict[str, bool] = field(default_factory=dict)
-    axes_stated: bool = False
-    body_stated: bool = False
-    asked: list[tuple[int, str]] = field(default_factory=list)
-    remarks: list[str] = field(default_factory=list)
-    handed: bool = False
-    mirror: bool = False
-
-    def ask(self, weight: int, text: str) -> None:
-        if text not in [t for _, t in self.asked]:
-            self.asked.append((weight, text))
-
-    def remark(self, text: str) -> None:
-        if text not in self.remarks:
-            self.remarks.append(text)
-
-    def has(self, *roles: str) -> bool:
-        return set(roles) <= set(self.map.channels)
-
-    def change(self, role: str, **what: object) -> LogMap:
-        channels = dict(self.map.channels)
-        channels[role] = replace(channels[role], **what)  # type: ignore[arg-type]
-        return replace(self.map, channels=channels)
-
-    def rename(self, old: str, new: str) -> LogMap:
-        channels = {new if k == old else k: v for k, v in self.map.channels.items()}
-        return replace(self.map, channels=channels)
-
-    def column(self, role: str) -> str:
-        return repr(resolve(self.map, role)[1])
-
-    def raw(self, role: str, recording: Recording | None = None) -> np.ndarray:
-        label, name = resolve(self.map, role)
-        values = [
-            r.logs[label].by_name[name].values
-            for r in ([recording] if recording else self.recordings)
-            if label in r.logs and name in r.logs[label].by_name
-        ]
-        joined = np.concatenate(values) if values else np.empty(0)
-        return joined[np.isfinite(joined)]
-
-    @property
-    def liveliest(self) -> Recording:
-        """The recording in which the heading changes most."""
-
-        def span(recording: Recording) -> float:
-            for role in ("psi", "heading", "r", "qz", "y", "latitude"):
-                if role in self.map.channels:
-                    raw = self.raw(role, recording)
-                    if raw.size:
-                        return float(np.ptp(raw)) * math.log(raw.size + 1)
-            return 0.0
-
-        return max(self.recordings, key=span)
 
 
 def decide(draft: Draft) -> None:
@@ -95,13 +40,15 @@ def decide(draft: Draft) -> None:
     _depth(draft)
     _rudder(draft)
     _revolutions(draft)
-    _clocks(draft)
+    check_clocks(draft)
     if draft.mirror:
         body = "flu" if draft.map.body != "flu" else "frd"
         side = "port" if draft.map.rudder_positive == "starboard" else "starboard"
         rest = f', body = "{body}"' if draft.has("r") or draft.has("v") else ""
         draft.ask(
-            0, f"which axes? ned ({WORLD_WORDS['ned']}) is set; enu ({WORLD_WORDS['enu']}) fits as well, as its mirror "
+            0,
+            f"which axes? ned ({WORLD_WORDS['ned']}) is set; enu ({WORLD_WORDS['enu']}) fits as well, as "
+            f"its mirror "
             f'image: then set world = "enu"{rest}, rudder_positive = "{side}"',
         )
 
@@ -121,24 +68,44 @@ def _angle_units(draft: Draft) -> None:
             if as_deg < CLEAR * as_rad:
                 draft.map = other
             elif not as_rad < AGREES and span < 1.0:
-                draft.ask(2, f"heading {draft.column(role)} states no unit and stays within {span:.2g}; rad or deg? (read as rad)")
+                draft.ask(
+                    2,
+                    f"heading {draft.column(role)} states no unit and stays within {span:.2g}; rad or deg? "
+                    f"(read as rad)",
+                )
         elif role in ("phi", "theta") and unit == "rad":
             if top > 1.4:
                 draft.map = draft.change(role, unit="deg")
             else:
-                draft.ask(6, f"{role} {draft.column(role)} states no unit and stays within {top:.2g}; rad or deg? (read as rad)")
+                draft.ask(
+                    6,
+                    f"{role} {draft.column(role)} states no unit and stays within {top:.2g}; rad or deg? "
+                    f"(read as rad)",
+                )
         elif role == "wind_from" and unit == "rad" and span < 3.0:
             draft.ask(6, f"wind direction {draft.column(role)} states no unit; rad or deg? (read as rad)")
 
 
 def _axes(draft: Draft) -> None:
     """World axes by agreement of track and heading, and whether they can be told from their mirror image."""
-    attitude = "heading" if draft.has("heading") else "psi" if draft.has("psi") else "qw" if draft.has("qw") else None
+    attitude = (
+        "heading"
+        if draft.has("heading")
+        else "psi"
+        if draft.has("psi")
+        else "qw"
+        if draft.has("qw")
+        else None
+    )
     absolute = draft.has("latitude", "longitude") or draft.has("north", "east")
     local = draft.has("x", "y")
     if attitude is None or not (absolute or local):
         if attitude in ("psi", "qw") and not draft.axes_stated:
-            draft.ask(1, f"world: {draft.column(attitude)} turns clockwise (ned) or counter-clockwise (enu, nwu)? no position tells")
+            draft.ask(
+                1,
+                f"world: {draft.column(attitude)} turns clockwise (ned) or counter-clockwise (enu, nwu)? "
+                f"no position tells",
+            )
         return
     options: list[tuple[str, LogMap]] = []
     if attitude == "heading" and absolute:
@@ -159,15 +126,25 @@ def _axes(draft: Draft) -> None:
     draft.map = dict(options)[best]
     mirrored = absolute is False and attitude != "heading" and not draft.axes_stated
     if misfit > AGREES:
-        draft.ask(0, f"track and heading {draft.column(_attitude_role(draft))} do not agree in any axes tried "
-                     f"({100 * misfit:.0f} % of the track unexplained); are these position and heading of one vehicle, on one clock?")
+        draft.ask(
+            0,
+            f"track and heading {draft.column(_attitude_role(draft))} do not agree in any axes tried "
+            f"({100 * misfit:.0f} % of the track unexplained); are these position and heading of one "
+            f"vehicle, on one clock?",
+        )
         return
-    rivals = [k for k in straight if k != best and straight[k] < misfit / CLEAR and not _same(k, best, absolute)]
+    rivals = [
+        k for k in straight if k != best and straight[k] < misfit / CLEAR and not _same(k, best, absolute)
+    ]
     draft.handed = not mirrored
     if mirrored:
         shown = draft.map.world or "ned"
         if best.startswith("heading"):
-            draft.ask(0, f"x, y fit {shown} with a yaw that runs clockwise (set), or ned with one that runs counter-clockwise: which?")
+            draft.ask(
+                0,
+                f"x, y fit {shown} with a yaw that runs clockwise (set), or ned with one that runs "
+                f"counter-clockwise: which?",
+            )
         else:
             draft.mirror = True
             draft.map = replace(draft.map, world="ned")
@@ -181,11 +158,19 @@ def _axes(draft: Draft) -> None:
     else:
         rotation = float(np.median([track_misfit(draft.map, r)[1] for r in draft.recordings[:8]]))
     if abs(rotation) > 0.6:
-        draft.ask(0, f"the track runs {rotation / _DEG:+.0f} deg off the heading {draft.column(_attitude_role(draft))}: position and heading "
-                     "count from different norths; give the heading an `offset`, or another `world`")
+        draft.ask(
+            0,
+            f"the track runs {rotation / _DEG:+.0f} deg off the heading "
+            f"{draft.column(_attitude_role(draft))}: position and heading "
+            "count from different norths; give the heading an `offset`, or another `world`",
+        )
     elif abs(rotation) > least:
-        draft.ask(3, f"the track runs {rotation / _DEG:+.1f} deg off the heading {draft.column(_attitude_role(draft))}: magnetic north, a "
-                     "misaligned compass or a current? give the heading an `offset` (in its unit), or leave it")
+        draft.ask(
+            3,
+            f"the track runs {rotation / _DEG:+.1f} deg off the heading "
+            f"{draft.column(_attitude_role(draft))}: magnetic north, a "
+            "misaligned compass or a current? give the heading an `offset` (in its unit), or leave it",
+        )
 
 
 def _attitude_role(draft: Draft) -> str:
@@ -200,28 +185,50 @@ def _same(a: str, b: str, absolute: bool) -> bool:
 def _rates(draft: Draft) -> None:
     if not draft.has("r"):
         return
-    units = ["rad/s", "deg/s", "deg/min"] if not draft.stated["r"] else [draft.map.channels["r"].unit or "rad/s"]
+    units = (
+        ["rad/s", "deg/s", "deg/min"] if not draft.stated["r"] else [draft.map.channels["r"].unit or "rad/s"]
+    )
     base = draft.change("r", unit=units[0])
     fit = yaw_fit(base, draft.liveliest)
     if fit is None or fit[1] < 0.7:
         if fit is not None and (draft.has("psi") or draft.has("heading") or draft.has("qw")):
-            draft.ask(3, f"yaw rate {draft.column('r')} follows the heading poorly ({100 * max(fit[1], 0):.0f} % of it); right column, right "
-                         "clock? else delete `r`")
+            draft.ask(
+                3,
+                f"yaw rate {draft.column('r')} follows the heading poorly ({100 * max(fit[1], 0):.0f} % of "
+                f"it); right column, right "
+                "clock? else delete `r`",
+            )
         elif not draft.stated["r"]:
             top = float(np.max(np.abs(draft.raw("r"))))
             draft.map = draft.change("r", unit="deg/s" if top > 3.0 else "rad/s")
-            draft.ask(4, f"yaw rate {draft.column('r')} states no unit and nothing tells it; read as {'deg/s' if top > 3.0 else 'rad/s'}")
+            draft.ask(
+                4,
+                f"yaw rate {draft.column('r')} states no unit and nothing tells it; read as "
+                f"{'deg/s' if top > 3.0 else 'rad/s'}",
+            )
         if not draft.body_stated:
-            draft.ask(2, "body: no yaw rate tells whether body axes are forward-starboard-down (frd) or forward-port-up (flu)")
+            draft.ask(
+                2,
+                "body: no yaw rate tells whether body axes are forward-starboard-down (frd) or "
+                "forward-port-up (flu)",
+            )
         return
     size = {u: abs(fit[0]) * scale(units[0], "rad/s", "r") / scale(u, "rad/s", "r") for u in units}
     unit = min(size, key=lambda u: abs(math.log(size[u])))
     if abs(math.log(size[unit])) > 0.2:
-        draft.ask(1, f"heading changes {size[unit]:.3g} times as much as the integral of {draft.column('r')} [{unit}]; check both units")
+        draft.ask(
+            1,
+            f"heading changes {size[unit]:.3g} times as much as the integral of {draft.column('r')} "
+            f"[{unit}]; check both units",
+        )
     draft.map = draft.change("r", unit=unit)
     if fit[0] < 0:
         if draft.body_stated:
-            draft.ask(1, f"yaw rate {draft.column('r')} runs against the heading although body axes are stated; check `body` and `world`")
+            draft.ask(
+                1,
+                f"yaw rate {draft.column('r')} runs against the heading although body axes are stated; "
+                f"check `body` and `world`",
+            )
         else:
             draft.map = replace(draft.map, body="flu")
     elif not draft.body_stated:
@@ -241,15 +248,29 @@ def _speeds(draft: Draft) -> None:
         if for_v and against and against[1] < CLEAR * for_v[1]:
             if draft.has("r") or draft.body_stated:
                 draft.map = turned
-                draft.ask(2, f"sway {draft.column('v')} counts against the body axes of the other series; its sign is turned (scale = -1), check it")
+                draft.ask(
+                    2,
+                    f"sway {draft.column('v')} counts against the body axes of the other series; its sign "
+                    f"is turned (scale = -1), check it",
+                )
             else:
                 draft.map = replace(draft.map, body="flu")
-        elif not (draft.has("r") or draft.body_stated) and not (for_v and for_v[1] < CLEAR * (against or for_v)[1]):
-            draft.ask(2, f"body: nothing tells whether sway {draft.column('v')} counts to starboard (frd) or to port (flu)")
+        elif not (draft.has("r") or draft.body_stated) and not (
+            for_v and for_v[1] < CLEAR * (against or for_v)[1]
+        ):
+            draft.ask(
+                2,
+                f"body: nothing tells whether sway {draft.column('v')} counts to starboard (frd) or to "
+                f"port (flu)",
+            )
     fit = speed_fit(draft.map, draft.liveliest)
     if fit is None or fit[1] > AGREES:
         if draft.has("x", "y") or draft.has("latitude") or draft.has("north"):
-            draft.ask(2, f"speed {draft.column('u')} does not integrate to the track; right column, axes, clock? else delete `u`, `v`")
+            draft.ask(
+                2,
+                f"speed {draft.column('u')} does not integrate to the track; right column, axes, clock? "
+                f"else delete `u`, `v`",
+            )
         elif not draft.stated["u"]:
             draft.ask(2, f"speed {draft.column('u')} states no unit and no position tells it; read as m/s")
         return
@@ -259,10 +280,18 @@ def _speeds(draft: Draft) -> None:
         if abs(math.log(size)) > NEAR:
             unit = "position" if not metric else "speed"
             near = min(SPEED_UNITS, key=lambda u: abs(math.log(size / scale(u, "m/s", "u"))))
-            draft.ask(1, f"the track is {size:.3g} times as long as {draft.column('u')} says: the unit of {unit} or time is another "
-                         f"({near}?), or the speed is through the water (`u_water`)")
+            draft.ask(
+                1,
+                f"the track is {size:.3g} times as long as {draft.column('u')} says: the unit of {unit} or "
+                f"time is another "
+                f"({near}?), or the speed is through the water (`u_water`)",
+            )
         elif not metric and not draft.stated["u"]:
-            draft.ask(2, f"neither position {_position(draft)} nor speed {draft.column('u')} states a unit; m and m/s are set")
+            draft.ask(
+                2,
+                f"neither position {_position(draft)} nor speed {draft.column('u')} states a unit; m and "
+                f"m/s are set",
+            )
         elif abs(math.log(size)) > 0.03:
             draft.remark(f"the track is {size:.3f} times as long as {draft.column('u')} says")
         return
@@ -272,7 +301,11 @@ def _speeds(draft: Draft) -> None:
         if draft.has(role) and not draft.stated[role]:
             draft.map = draft.change(role, unit=unit)
     if off > NEAR:
-        draft.ask(1, f"speed {draft.column('u')} states no unit; the track is {size:.3g} times as long as it says (read as {unit})")
+        draft.ask(
+            1,
+            f"speed {draft.column('u')} states no unit; the track is {size:.3g} times as long as it says "
+            f"(read as {unit})",
+        )
     elif unit != "m/s":
         draft.remark(f"speed {draft.column('u')} is read as {unit}: the track is {size:.3f} times as long")
 
@@ -286,16 +319,31 @@ def _depth(draft: Draft) -> None:
         raw = draft.raw("depth")
         if raw.size and float(np.median(raw)) < -0.3:
             draft.map = draft.change("depth", scale=-draft.map.channels["depth"].scale)
-            draft.ask(4, f"depth {draft.column('depth')} is negative; its sign is turned (scale = -1), check it")
+            draft.ask(
+                4, f"depth {draft.column('depth')} is negative; its sign is turned (scale = -1), check it"
+            )
     elif draft.has("z") and draft.handed is False and not draft.axes_stated:
         raw = draft.raw("z")
-        side = "up (enu)" if raw.size and float(np.median(raw)) < -0.3 else "down (ned)" if float(np.median(raw)) > 0.3 else ""
+        side = (
+            "up (enu)"
+            if raw.size and float(np.median(raw)) < -0.3
+            else "down (ned)"
+            if float(np.median(raw)) > 0.3
+            else ""
+        )
         if side:
-            draft.remark(f"{draft.column('z')} is {'below' if 'up' in side else 'above'} zero in the middle, which below the surface means z {side}")
+            draft.remark(
+                f"{draft.column('z')} is {'below' if 'up' in side else 'above'} zero in the middle, which "
+                f"below the surface means z {side}"
+            )
 
 
 def _rudder(draft: Draft) -> None:
-    roles = [r for r in ("delta_r_cmd", "delta_r", "delta_s_cmd", "delta_s", "delta_b_cmd", "delta_b") if draft.has(r)]
+    roles = [
+        r
+        for r in ("delta_r_cmd", "delta_r", "delta_s_cmd", "delta_s", "delta_b_cmd", "delta_b")
+        if draft.has(r)
+    ]
     for role in roles:
         raw = draft.raw(role)
         top = float(np.max(np.abs(raw))) if raw.size else 0.0
@@ -303,11 +351,19 @@ def _rudder(draft: Draft) -> None:
         name = draft.column(role)
         if unit in ("us_pwm", "%") or (not draft.stated[role] and 800 < float(np.median(raw)) < 2200):
             draft.map = draft.change(role, unit="deg")
-            draft.ask(1, f"{role} {name} is a pulse width or a share, not an angle; give it `scale` and `offset` to degrees")
+            draft.ask(
+                1,
+                f"{role} {name} is a pulse width or a share, not an angle; give it `scale` and `offset` to "
+                f"degrees",
+            )
         elif not draft.stated[role]:
             draft.map = draft.change(role, unit="rad" if top <= 0.8 else "deg")
             if 0.8 < top <= 2.0:
-                draft.ask(1, f"{role} {name} states no unit and reaches {top:.3g}: deg, rad, or a share of full rudder? (read as deg)")
+                draft.ask(
+                    1,
+                    f"{role} {name} states no unit and reaches {top:.3g}: deg, rad, or a share of full "
+                    f"rudder? (read as deg)",
+                )
         elif unit == "rad" and top > 1.6:
             draft.ask(1, f"{role} {name} is labelled rad and reaches {top:.3g}; degrees?")
         elif unit == "deg" and 0.0 < top < 0.8:
@@ -318,8 +374,12 @@ def _rudder(draft: Draft) -> None:
     values = [t for t in (rudder_t(draft.map, r) for r in draft.recordings[:12]) if t is not None]
     pooled = sum(values) / math.sqrt(len(values)) if values else 0.0
     if abs(pooled) < 5.0:
-        draft.ask(1, f"rudder_positive: the turns do not tell (t = {pooled:.1f}) whether positive {draft.column(both[0])} turns to port or "
-                     "to starboard; port is set")
+        draft.ask(
+            1,
+            f"rudder_positive: the turns do not tell (t = {pooled:.1f}) whether positive "
+            f"{draft.column(both[0])} turns to port or "
+            "to starboard; port is set",
+        )
     else:
         draft.map = replace(draft.map, rudder_positive="starboard" if pooled > 0 else "port")
         if draft.handed:
@@ -334,77 +394,18 @@ def _revolutions(draft: Draft) -> None:
         top = float(np.max(np.abs(raw))) if raw.size else 0.0
         if draft.map.channels[role].unit in ("us_pwm", "%"):
             draft.map = draft.change(role, unit="rpm")
-            draft.ask(2, f"{role} {draft.column(role)} is a pulse width or a share; give it `scale` and `offset` to rpm, or delete it")
+            draft.ask(
+                2,
+                f"{role} {draft.column(role)} is a pulse width or a share; give it `scale` and `offset` to "
+                f"rpm, or delete it",
+            )
         elif not draft.stated[role]:
             draft.map = draft.change(role, unit="rpm")
-            if top <= 150.0 or 800 < float(np.median(raw)) < 2200 and np.all(raw > 700):
-                draft.ask(2, f"{role} {draft.column(role)} states no unit and reaches {top:.3g}: rpm, rps, or a share? (read as rpm)")
+            if top <= 150.0 or (800 < float(np.median(raw)) < 2200 and np.all(raw > 700)):
+                draft.ask(
+                    2,
+                    f"{role} {draft.column(role)} states no unit and reaches {top:.3g}: rpm, rps, or a "
+                    f"share? (read as rpm)",
+                )
             else:
                 draft.remark(f"{role} {draft.column(role)} states no unit and is read as rpm")
-
-
-def _clocks(draft: Draft) -> None:
-    """Relative clocks of several files, and clocks that kinematics contradict."""
-    for recording in draft.recordings[:3]:
-        if len(recording.logs) > 1 and recording.start is None:
-            labels = ", ".join(recording.logs)
-            draft.ask(0, f"{labels} have relative time; are they from one clock? if not, give one a clock_offset [s]")
-    recording = draft.liveliest
-    if len(recording.logs) < 2:
-        return
-    series, _, _ = convert(draft.map, recording)
-    if "psi" not in series:
-        return
-    label = {role: resolve(draft.map, role)[0] for role in draft.map.channels}
-    heading = next(r for r in ("heading", "psi", "qw") if r in label)
-    t, psi = series["psi"]
-    good = np.isfinite(psi)
-    t, psi = t[good], np.unwrap(psi[good])
-    step = max(1, int(0.5 / max(1e-3, float(np.median(np.diff(t))))))
-    if t.size < 4 * step + 10:
-        return
-    rate = (t[step:-step], (psi[2 * step :] - psi[: -2 * step]) / (t[2 * step :] - t[: -2 * step]))
-    if "r" in label and label["r"] != label[heading]:
-        _say_lag(draft, lag_of(rate, series["r"]), label["r"], "yaw rate", 0.3)
-    place = next((r for r in ("latitude", "north", "x") if r in label), None)
-    if place is not None and label[place] != label[heading]:
-        track = _best_shift(draft.map, recording, label[place])
-        if track is not None:
-            draft.ask(0, f"track and heading agree best with the clock of {label[place]} shifted by {track:+.0f} s (GPS and UTC differ by "
-                         f"18 s); set clock_offset in [sources.{label[place]}]")
-    rudder = next((r for r in ("delta_r_cmd", "delta_r") if r in label), None)
-    if rudder is not None and label[rudder] != label[heading]:
-        turn = response_shift(series[rudder], series["r"] if "r" in series else rate)
-        if turn is None:
-            draft.ask(3, f"nothing tells whether the clock of {label[rudder]} is that of {label[heading]}: no turn follows the rudder plainly")
-        elif turn[2] < 0.8 and (turn[0] < -0.5 or turn[0] > 1.0 + turn[1]):
-            draft.ask(0, f"the turns follow the rudder best with the clock of {label[rudder]} shifted by {turn[0]:+.0f} s; set clock_offset in "
-                         f"[sources.{label[rudder]}]")
-
-
-def _shifted(recording: Recording, label: str, by: float) -> Recording:
-    return replace(recording, shift={**recording.shift, label: recording.shift[label] + by})
-
-
-def _best_shift(found: LogMap, recording: Recording, label: str) -> float | None:
-    """Shift of a clock at which track and heading, with the speed where there is one, agree much better."""
-
-    def misfit(by: float) -> float:
-        its = _shifted(recording, label, by) if by else recording
-        if {"u", "v"} <= set(found.channels):
-            with_speed = speed_fit(found, its)
-            return 1.0 if with_speed is None else with_speed[1]
-        return track_misfit(found, its)[0]
-
-    now = misfit(0.0)
-    tried = {by: misfit(by) for by in (*np.arange(-40.0, -0.5, 1.0), *np.arange(1.0, 40.5, 1.0))}
-    best = min(tried, key=lambda k: tried[k])
-    # without the sway speed the sideslip in turns makes the course late by up to a vehicle length of travel
-    least = 0.5 if {"u", "v"} <= set(found.channels) else 2.5
-    return float(best) if tried[best] < 0.5 * now and now > 1e-4 and abs(best) > least else None
-
-
-def _say_lag(draft: Draft, lag: tuple[float, float] | None, label: str, what: str, least: float) -> None:
-    if lag is not None and abs(lag[0]) > least and lag[1] > 0.02:
-        draft.ask(0, f"{what} of {label} is {lag[0]:+.2f} s late against the heading; set clock_offset = {-lag[0]:.2f} in [sources.{label}]")
-

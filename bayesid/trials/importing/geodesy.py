@@ -1,6 +1,8 @@
-"""Latitude, longitude and height as local metres: north, east and down of a stated origin on the WGS84 ellipsoid.
+"""Latitude, longitude and height as local metres: north, east and down of a stated origin on the WGS84
+ellipsoid.
 
-Through earth-centred axes, so exact for the tangent plane at any distance. Does not: know other datums or maps.
+Through earth-centred axes, so exact for the tangent plane at any distance. Does not: know other datums or
+maps.
 """
 
 from __future__ import annotations

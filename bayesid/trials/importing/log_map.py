@@ -34,7 +34,7 @@ class SourceMap:
     """Files of one structure: patterns of their names, how to read them, their axes where they differ."""
 
     files: tuple[str, ...]
-    options: SourceOptions = SourceOptions()
+    options: SourceOptions = field(default_factory=SourceOptions)
     world: str | None = None
     body: str | None = None
 
@@ -128,7 +128,9 @@ class _Reader:
             return default
         return value
 
-    def choice(self, table: Mapping[str, Any], key: str, allowed: tuple[Any, ...], place: str, default: Any) -> Any:
+    def choice(
+        self, table: Mapping[str, Any], key: str, allowed: tuple[Any, ...], place: str, default: Any
+    ) -> Any:
         value = table.get(key, default)
         if value is not default and value not in allowed:
             self.problems.append(f"{place}{key} is {value!r}; one of {', '.join(map(str, allowed))}")
@@ -228,7 +230,10 @@ class _Reader:
             offset=self.number(table, "clock_offset", place, 0.0),
         )
         return SourceMap(
-            files, options, self.choice(table, "world", WORLDS, place, None), self.choice(table, "body", BODIES, place, None)
+            files,
+            options,
+            self.choice(table, "world", WORLDS, place, None),
+            self.choice(table, "body", BODIES, place, None),
         )
 
     def utc(self, value: Any, place: str) -> float | None:
@@ -238,7 +243,9 @@ class _Reader:
             try:
                 value = datetime.fromisoformat(value)
             except ValueError:
-                self.problems.append(f"{place}start is {value[:40]!r}; a UTC time such as 2024-05-01T10:00:00Z is needed")
+                self.problems.append(
+                    f"{place}start is {value[:40]!r}; a UTC time such as 2024-05-01T10:00:00Z is needed"
+                )
                 return None
         if isinstance(value, datetime):
             return (value if value.tzinfo else value.replace(tzinfo=UTC)).timestamp()
@@ -258,15 +265,19 @@ class _Reader:
         self.known(table, _CHANNEL_KEYS, place)
         head, mark, _ = table["from"].partition(":")
         if len(labels) > 1 and not (mark and head in labels):
+            said = table["from"]
             self.problems.append(
-                f"{place}from = {table['from']!r} must say which source: \"LABEL:column\" (labels: {', '.join(labels)})"
+                f'{place}from = {said!r} must say which source: "LABEL:column" (labels: {", ".join(labels)})'
             )
         unit = table.get("unit")
         if unit is not None and not isinstance(unit, str):
             self.problems.append(f"{place}unit must be text")
             unit = None
         return ChannelMap(
-            table["from"], unit, self.number(table, "scale", place, 1.0), self.number(table, "offset", place, 0.0)
+            table["from"],
+            unit,
+            self.number(table, "scale", place, 1.0),
+            self.number(table, "offset", place, 0.0),
         )
 
     def run(self, k: int, table: Any) -> RunMap:
@@ -282,6 +293,7 @@ class _Reader:
         if not files:
             self.problems.append(f'{place}has no files = ["..."]')
         return RunMap(
-            self.text(table, "name", place) or f"run{k:02d}", files, window, self.text(table, "manoeuvre", place),
+            self.text(table, "name", place) or f"run{k:02d}", files, window, self.text(table,
+                "manoeuvre", place),
             self.choice(table, "role", RUN_ROLES, place, "identify"), self.text(table, "notes", place),
         )  # fmt: skip

@@ -15,21 +15,34 @@ from bayesid.trials.write import toml_text
 
 def map_text(found: LogMap, remarks: Sequence[str] = (), unused: Sequence[str] = ()) -> str:
     """TOML text; `log_map.read_map` reads it back to the same map."""
-    lines = ["# What the series of these logs are. Edit it, then: bayesid trial import SOURCE... --map THIS --out BUNDLE"]
+    lines = [
+        "# What the series of these logs are. Edit it, then: bayesid trial import SOURCE... --map THIS "
+        "--out BUNDLE"
+    ]
     lines.append("format = 1")
     if found.name:
         lines.append(f"name = {toml_text(found.name)}")
-    lines.append(f"vehicle = {toml_text(found.vehicle)}" + ("" if found.vehicle else '  # a built-in name, or "vehicle.toml" beside this file'))
+    lines.append(
+        f"vehicle = {toml_text(found.vehicle)}"
+        + ("" if found.vehicle else '  # a built-in name, or "vehicle.toml" beside this file')
+    )
     if found.attribution:
         lines.append(f"attribution = {toml_text(found.attribution)}")
     if found.dof:
         lines.append(f"dof = {found.dof}")
     if found.questions:
-        lines += ["", "# Answer each by editing the map, then delete its line; nothing is imported while one is left."]
+        lines += [
+            "",
+            "# Answer each by editing the map, then delete its line; nothing is imported while one is left.",
+        ]
         lines += ["questions = [", *(f"  {toml_text(q)}," for q in found.questions), "]"]
     if remarks:
         lines += ["", "# Taken for granted:", *(f"#  - {r}" for r in remarks)]
-    lines += ["", "# Axes of x, y, z, psi and of u, v, w, p, q, r in the log; heading, north, latitude, ... mean the same in all."]
+    lines += [
+        "",
+        "# Axes of x, y, z, psi and of u, v, w, p, q, r in the log; heading, north, latitude, ... mean the "
+        "same in all.",
+    ]
     world, body = found.world or "ned", found.body or "frd"
     lines.append(f'world = "{world}"  # {WORLD_WORDS[world]}; ned, enu or nwu')
     lines.append(f'body = "{body}"  # {BODY_WORDS[body]}; frd or flu')
@@ -38,7 +51,11 @@ def map_text(found: LogMap, remarks: Sequence[str] = (), unused: Sequence[str] =
         lines.append(f"origin = {list(found.origin)}  # deg, deg, m")
     elif "latitude" in found.channels:
         lines.append("# origin = [59.0, 10.0, 0.0]  # deg, deg, m; default: the first fix")
-    lines.append(f"step = {found.step!r}  # s; one sample per channel and step" if found.step else "# step = 0.1  # s; one sample per channel and step")
+    lines.append(
+        f"step = {found.step!r}  # s; one sample per channel and step"
+        if found.step
+        else "# step = 0.1  # s; one sample per channel and step"
+    )
     for label, source in found.sources.items():
         lines += ["", f"[sources.{label}]", f"files = [{', '.join(map(toml_text, source.files))}]"]
         options = source.options
@@ -47,7 +64,12 @@ def map_text(found: LogMap, remarks: Sequence[str] = (), unused: Sequence[str] =
         if options.time:
             times = [toml_text(n) for n in options.time]
             lines.append(f"time = {times[0] if len(times) == 1 else '[' + ', '.join(times) + ']'}")
-        for key, value in (("clock", options.clock), ("time_unit", options.time_unit), ("world", source.world), ("body", source.body)):
+        for key, value in (
+            ("clock", options.clock),
+            ("time_unit", options.time_unit),
+            ("world", source.world),
+            ("body", source.body),
+        ):
             if value:
                 lines.append(f'{key} = "{value}"')
         if options.start is not None:
@@ -63,7 +85,12 @@ def map_text(found: LogMap, remarks: Sequence[str] = (), unused: Sequence[str] =
         if table:
             lines += ["", f"[{key}]", *(f"{toml_text(k)} = {v!r}" for k, v in table.items())]
     for run in found.runs:
-        lines += ["", "[[runs]]", f"name = {toml_text(run.name)}", f"files = [{', '.join(map(toml_text, run.files))}]"]
+        lines += [
+            "",
+            "[[runs]]",
+            f"name = {toml_text(run.name)}",
+            f"files = [{', '.join(map(toml_text, run.files))}]",
+        ]
         if run.window:
             lines.append(f"window = [{run.window[0]!r}, {run.window[1]!r}]  # s from the first sample")
         lines.append(f"manoeuvre = {toml_text(run.manoeuvre)}")

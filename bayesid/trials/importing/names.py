@@ -16,26 +16,33 @@ from bayesid.trials.importing.roles import ROLES
 from bayesid.trials.importing.tables import plain
 
 ORDERED = re.compile(
-    r"\b(cmd|command|commanded|order|ordered|set|setpoint|set point|sp|demand|demanded|desired|des|target|ref|reference|"
+    r"\b(cmd|command|commanded|order|ordered|set|setpoint|set point|sp|demand|demanded|desired|des|target|"
+    r"ref|reference|"
     r"soll|req|requested|input|order|goal)\b"
 )
-MEASURED = re.compile(r"\b(act|actual|meas|measured|fb|feedback|ist|encoder|state|response|reported|sensor)\b")
+MEASURED = re.compile(
+    r"\b(act|actual|meas|measured|fb|feedback|ist|encoder|state|response|reported|sensor)\b"
+)
 OTHER = re.compile(
-    r"\b(raw|std|sigma|sd|var|variance|cov|covariance|err|error|count|status|valid|quality|flag|mode|current|voltage|"
-    r"power|temperature|temp|relative|apparent|bias|offset|age|num|satellites|limit|max|min|gain|hdop|accuracy)\b"
+    r"\b(raw|std|sigma|sd|var|variance|cov|covariance|err|error|count|status|valid|quality|flag|mode|"
+    r"current|voltage|"
+    r"power|temperature|temp|relative|apparent|bias|offset|age|num|satellites|limit|max|min|gain|hdop|"
+    r"accuracy)\b"
 )
 # role -> words of the field, tried against the name without unit; the first group of roles is the surest
 PATTERNS: tuple[tuple[str, str], ...] = (
     ("latitude", r"lat|latitude|gps lat|breite|lat deg"),
     ("longitude", r"lon|lng|long|longitude|gps lon|länge|lon deg"),
-    ("heading", r"heading|hdg|head|compass|true heading|heading true|gyro heading|kurs|kompass|compass heading|cap|hdt|gyrocompass"),
+    ("heading", r"heading|hdg|head|compass|true heading|heading true|gyro heading|kurs|kompass|"
+                r"compass heading|cap|hdt|gyrocompass"),
     ("course", r"cog|course|course over ground|track angle|gps course"),
     ("speed_over_ground", r"sog|speed over ground|ground speed|gps speed|gps sog"),
     ("speed_through_water", r"stw|speed through water|water speed|log speed|speed log"),
     ("v_north", r"v n|vn|vel n|vel north|velocity north|north vel(ocity)?|v north|speed north|ve?l? ?ned ?x"),
     ("v_east", r"v e|ve|vel e|vel east|velocity east|east vel(ocity)?|v east|speed east"),
     ("v_down", r"v d|vd|vel d|vel down|velocity down|down vel(ocity)?|v down"),
-    ("north", r"north|northing|pos n|n pos|pos north|north pos(ition)?|position north|x north|utm n(orthing)?|y utm"),
+    ("north", r"north|northing|pos n|n pos|pos north|north pos(ition)?|position north|x north|"
+              r"utm n(orthing)?|y utm"),
     ("east", r"east|easting|pos e|e pos|pos east|east pos(ition)?|position east|y east|utm e(asting)?|x utm"),
     ("qw", r"qw|q w|quat w|quaternion w|orientation w|q0|q 0"),
     ("qx", r"qx|q x|quat x|quaternion x|orientation x|q1|q 1"),
@@ -49,24 +56,33 @@ PATTERNS: tuple[tuple[str, str], ...] = (
     ("phi", r"roll|phi|φ|heel|roll angle|rollwinkel"),
     ("theta", r"pitch|theta|θ|trim|pitch angle"),
     ("psi", r"yaw|psi|ψ|yaw angle|psi hat|orientation|gier(winkel)?"),
-    ("r", r"r|yaw rate|yawrate|rot|rate of turn|turn rate|gyro z|gz|wz|omega z|angular vel(ocity)? z|yaw ?speed|psi dot|"
+    ("r", r"r|yaw rate|yawrate|rot|rate of turn|turn rate|gyro z|gz|wz|omega z|angular vel(ocity)? z|"
+          r"yaw ?speed|psi dot|"
           r"r angvelo|heading rate|gyr z|yaw velocity|w z|ang vel z|drehrate"),
     ("p", r"p|roll rate|rollrate|gyro x|gx|wx|omega x|angular vel(ocity)? x|roll ?speed|gyr x|w x|ang vel x"),
-    ("q", r"q|pitch rate|pitchrate|gyro y|gy|wy|omega y|angular vel(ocity)? y|pitch ?speed|gyr y|w y|ang vel y"),
+    ("q", r"q|pitch rate|pitchrate|gyro y|gy|wy|omega y|angular vel(ocity)? y|pitch ?speed|gyr y|w y|"
+          r"ang vel y"),
     ("u_water", r"u water|vx water|dvl water x|surge water"),
     ("v_water", r"v water|vy water|dvl water y|sway water"),
-    ("u", r"u|surge|vx|vel x|u velo|surge vel(ocity)?|surge speed|vx body|body vx|u body|forward speed|dvl x|dvl vx|bt x|"
-          r"linear x|velocity x|forward vel(ocity)?|u ground|v x|speed|velocity|geschwindigkeit|long(itudinal)? speed"),
-    ("v", r"v|sway|vy|vel y|vm velo|sway vel(ocity)?|sway speed|vy body|body vy|v body|dvl y|dvl vy|bt y|linear y|velocity y|"
+    ("u", r"u|surge|vx|vel x|u velo|surge vel(ocity)?|surge speed|vx body|body vx|u body|forward speed|"
+          r"dvl x|dvl vx|bt x|"
+          r"linear x|velocity x|forward vel(ocity)?|u ground|v x|speed|velocity|geschwindigkeit|"
+          r"long(itudinal)? speed"),
+    ("v", r"v|sway|vy|vel y|vm velo|sway vel(ocity)?|sway speed|vy body|body vy|v body|dvl y|dvl vy|bt y|"
+          r"linear y|velocity y|"
           r"lateral (speed|velocity)|v ground|v y|transverse speed"),
     ("w", r"w|heave|vz|vel z|heave vel(ocity)?|vz body|w body|dvl z|dvl vz|velocity z|v z"),
-    ("delta_r", r"rudder|rud|helm|ruder|ruderlage|delta r|deltar|delta|δ|delta rudder|rudder angle|dr|steer|steering|tiller|"
+    ("delta_r", r"rudder|rud|helm|ruder|ruderlage|delta r|deltar|delta|δ|delta rudder|rudder angle|dr|"
+                r"steer|steering|tiller|"
                 r"steering angle|vertical fin|fin vertical|rudder pos(ition)?|rudderangle|barre"),
-    ("delta_s", r"stern ?plane|stern ?planes|elevator|delta s|delta e|stern|horizontal fin|fin horizontal|hydroplane|"
+    ("delta_s", r"stern ?plane|stern ?planes|elevator|delta s|delta e|stern|horizontal fin|fin horizontal|"
+                r"hydroplane|"
                 r"stern plane angle|stern ?plane pos(ition)?|elevator angle"),
     ("delta_b", r"bow ?plane|bow ?planes|delta b|bow plane angle|sail ?plane"),
-    ("n", r"n|rpm|rps|n prop|prop(eller)?|prop(eller)? (rpm|rps|speed|rev|revs|revolutions)|shaft|shaft (rpm|speed|rev)|revs|"
-          r"screw|screw speed|motor (rpm|speed)|engine (rpm|speed)|thruster (rpm|speed)|drehzahl|main rpm|rotation rate|"
+    ("n", r"n|rpm|rps|n prop|prop(eller)?|prop(eller)? (rpm|rps|speed|rev|revs|revolutions)|shaft|"
+          r"shaft (rpm|speed|rev)|revs|"
+          r"screw|screw speed|motor (rpm|speed)|engine (rpm|speed)|thruster (rpm|speed)|drehzahl|main rpm|"
+          r"rotation rate|"
           r"propeller rate|prop rate|shaft rate"),
     ("thrust", r"thrust|prop(eller)? thrust|schub"),
     ("torque", r"torque|prop(eller)? torque|drehmoment"),
@@ -81,8 +97,8 @@ WITH_ORDER = ("delta_r", "delta_s", "delta_b", "n")
 
 @dataclass(frozen=True)
 class Guess:
-    """role: what it may be; score: 3 by the format's definition, 2 the whole name, 1 its end; ordered: True for a
-    command, False for a measurement, None where the name does not say."""
+    """role: what it may be; score: 3 by the format's definition, 2 the whole name, 1 its end; ordered: True
+    for a command, False for a measurement, None where the name does not say."""
 
     role: str
     score: float
@@ -90,17 +106,19 @@ class Guess:
 
 
 def in_bundle_format(names: Iterable[str]) -> bool:
-    """True if a table is written as the CSV files of a bundle: `t[s]` and three or more of bayesid's own headers."""
+    """True if a table is written as the CSV files of a bundle: `t[s]` and three or more of bayesid's own
+    headers."""
     heads = [_OWN_HEADER.fullmatch(name) for name in names]
     own = {found[1] for found in heads if found is not None and is_channel(found[1])}
     return len(own) >= 4 and bool(own & {"psi", "r"}) and bool(own & {"delta_r", "delta_r_cmd"})
 
 
 def guess_role(channel: RawChannel, own_format: bool = False) -> Guess | None:
-    """The role a name and a unit fit; None if none. In a table of bayesid's own format only its own headers count."""
+    """The role a name and a unit fit; None if none. In a table of bayesid's own format only its own headers
+    count."""
     if own_format:
-        found = _OWN_HEADER.fullmatch(channel.name)
-        return Guess(found[1], 3.0) if found is not None and found[1] in ROLES else None
+        own = _OWN_HEADER.fullmatch(channel.name)
+        return Guess(own[1], 3.0) if own is not None and own[1] in ROLES else None
     words = plain(channel.name.replace("/", " ").replace(".", " ").replace("(:,", " "))
     if channel.role:
         return Guess(channel.role, 3.0) if channel.role in ROLES else None

@@ -15,27 +15,29 @@ import numpy as np
 from bayesid.errors import BayesidError
 from bayesid.model.units import UnitError, scale
 from bayesid.trials.importing.agreement import common_run, rudder_t
-from bayesid.trials.importing.cutting import Piece, cut
-from bayesid.trials.importing.deciding import Draft, decide
-from bayesid.trials.importing.joining import Recording, convert, one_clock
-from bayesid.trials.importing.log_map import ChannelMap, LogMap, RunMap, SourceMap
+from bayesid.trials.importing.arranging import arrange, sources_of
+from bayesid.trials.importing.converting import Recording
+from bayesid.trials.importing.deciding import decide
+from bayesid.trials.importing.draft import Draft
+from bayesid.trials.importing.joining import one_clock
+from bayesid.trials.importing.log_map import ChannelMap, LogMap
 from bayesid.trials.importing.names import WITH_ORDER, guess_role, in_bundle_format
-from bayesid.trials.importing.raw import ImportLogError, RawChannel, RawLog, Request, SourceOptions
+from bayesid.trials.importing.raw import ImportLogError, RawChannel, RawLog, Request
 from bayesid.trials.importing.readers import read_log
 from bayesid.trials.importing.roles import QUATERNION, ROLES
+from bayesid.trials.importing.run_list import list_runs
 from bayesid.trials.importing.unit_words import split_unit
 from bayesid.trials.trial import Run
 
 LOOK = 100_000  # samples per series a proposal looks at
 LARGE = 1_000_000  # samples beyond which a step is proposed
-SHORT_LOG = 900.0  # s; four or more logs shorter than this are taken for one run each
 _TEXT_WORLD = re.compile(r"\b(ned|enu|nwu)\b", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
 class Proposal:
-    """map with its questions, most important first; remarks: what was taken for granted; unused: series not read;
-    looks: recording files -> the common run a picture is drawn from."""
+    """map with its questions, most important first; remarks: what was taken for granted; unused: series not
+    read; looks: recording files -> the common run a picture is drawn from."""
 
     map: LogMap
     remarks: tuple[str, ...]
@@ -53,16 +55,18 @@ def propose(sources: Sequence[Path], vehicle: str = "", name: str = "") -> Propo
     names = [p.name for p in sources]
     twice = sorted({n for n in names if names.count(n) > 1})
     if twice:
-        raise ImportLogError(f"two files are called {twice[0]!r}; rename one, the map tells files by their names")
+        raise ImportLogError(
+            f"two files are called {twice[0]!r}; rename one, the map tells files by their names"
+        )
     logs = {p.name: read_log(p, request=Request(most=LOOK)) for p in sources}
-    labels, groups, doubts = _arrange(logs)
+    labels, groups, doubts = arrange(logs)
     recordings = []
     for files in groups:
         try:
             recordings.append(one_clock({labels[f]: logs[f] for f in files}, {}))
         except ImportLogError as error:
             raise ImportLogError(f"{error}; write a map with that line") from None
-    found = LogMap(name=name, vehicle=vehicle, sources=_sources(logs, labels))
+    found = LogMap(name=name, vehicle=vehicle, sources=sources_of(logs, labels))
     draft = Draft(found, recordings)
     for weight, text in doubts:
         draft.ask(weight, text)
@@ -73,10 +77,13 @@ def propose(sources: Sequence[Path], vehicle: str = "", name: str = "") -> Propo
     if draft.map.channels:
         decide(draft)
         _ask_time(draft, logs)
-    runs, looks = _runs(draft, groups)
+    runs, looks = list_runs(draft, groups)
     step = _step(logs)
     if step is not None:
-        draft.remark(f"the log is long; step = {step:g} keeps one sample per channel and {step:g} s (commands: every change)")
+        draft.remark(
+            f"the log is long; step = {step:g} keeps one sample per channel and {step:g} s (commands: "
+            f"every change)"
+        )
     for log in logs.values():
         for text in log.notices:
             draft.remark(f"{Path(log.path).name}: {text}")
@@ -87,64 +94,11 @@ def propose(sources: Sequence[Path], vehicle: str = "", name: str = "") -> Propo
         draft.map = replace(draft.map, dof=3)
     found = replace(draft.map, questions=questions, runs=tuple(runs), step=step)
     if not vehicle:
-        draft.remark("no vehicle is named; write vehicle = \"remus100\" or a file beside the map (`bayesid vehicle list`)")
-    return Proposal(found, tuple(draft.remarks), tuple(unused), looks)
-
-
-def _arrange(logs: dict[str, RawLog]) -> tuple[dict[str, str], list[tuple[str, ...]], list[tuple[int, str]]]:
-    """(label of each file, files of each recording, doubts).
-
-    Files of one structure have one label; files of different structure belong together on time."""
-    structure: dict[tuple[str, frozenset[str]], list[str]] = {}
-    for name, log in sorted(logs.items(), key=lambda item: -len(item[1].channels)):
-        series = frozenset(c.name for c in log.channels)
-        alike = (k for k in structure if k[0] == log.format and len(k[1] & series) > 0.6 * len(k[1] | series))
-        structure.setdefault(next(alike, (log.format, series)), []).append(name)
-    labels: dict[str, str] = {}
-    taken: set[str] = set()
-    for files in structure.values():
-        label = _label(files, len(structure) == 1)
-        while label in taken:
-            label += "_"
-        taken.add(label)
-        labels |= dict.fromkeys(files, label)
-    kinds = [sorted(files) for files in structure.values()]
-    if len(kinds) == 1:
-        return labels, [(f,) for f in kinds[0]], []
-    if all(len(files) == 1 for files in kinds):
-        return labels, [tuple(files[0] for files in kinds)], []
-    if len({len(files) for files in kinds}) == 1:
-        groups = [tuple(group) for group in zip(*kinds, strict=True)]
-        together = "; ".join(" with ".join(g) for g in groups[:3])
-        return labels, groups, [(1, f"files are paired by name ({together}); check `files` of the runs")]
-    raise ImportLogError(
-        f"which of these {len(logs)} files belong together is not clear ({', '.join(str(len(k)) for k in kinds)} of each "
-        "structure); import one recording at a time"
-    )
-
-
-def _label(files: list[str], alone: bool) -> str:
-    if alone and len(files) > 1:
-        return "log"
-    stem = re.sub(r"\W+", "_", files[0].partition(".")[0]).strip("_")
-    if len(files) > 1:
-        stem = re.sub(r"[\d_]+$", "", stem) or stem
-    return stem or "log"
-
-
-def _sources(logs: dict[str, RawLog], labels: dict[str, str]) -> dict[str, SourceMap]:
-    out: dict[str, SourceMap] = {}
-    for name, label in labels.items():
-        log = logs[name]
-        clock = log.clock.split(" ")[0].rstrip(",") if log.clock else None
-        options = SourceOptions(
-            time=log.time_names,
-            clock=clock if clock in ("relative", "unix", "gps", "gps_week", "date", "datenum") and log.time_names else None,
-            time_unit=log.time_unit if log.time_unit and clock in ("relative", "unix", "gps", "datenum") else None,
+        draft.remark(
+            'no vehicle is named; write vehicle = "remus100", or a file beside the map '
+            "(`bayesid vehicle list`)"
         )
-        before = out.get(label)
-        out[label] = SourceMap((*(before.files if before else ()), name), before.options if before else options)
-    return out
+    return Proposal(found, tuple(draft.remarks), tuple(unused), looks)
 
 
 def _name(draft: Draft, recordings: list[Recording]) -> list[str]:
@@ -180,7 +134,13 @@ def _name(draft: Draft, recordings: list[Recording]) -> list[str]:
     channels: dict[str, ChannelMap] = {}
     passed: dict[tuple[str, str], list[str]] = {}
     for role, found in best.items():
-        found.sort(key=lambda item: (-round(item[0], 2), item[2].name.rpartition(".")[0] != favoured, item[1] != favoured))
+        found.sort(
+            key=lambda item: (
+                -round(item[0], 2),
+                item[2].name.rpartition(".")[0] != favoured,
+                item[1] != favoured,
+            )
+        )
         score, label, channel, ordered = found[0]
         full = _full(label, channel.name, len(first))
         unit = channel.unit or (None if role in QUATERNION else _unit_in_name(channel.name, role))
@@ -217,9 +177,14 @@ def _name(draft: Draft, recordings: list[Recording]) -> list[str]:
         channels.pop("height")
     if "u" in channels and "v" not in channels and {"north", "x", "latitude"} & set(channels):
         name = channels["u"].source
-        if re.search("speed|velocity|geschw", name.lower()) and not re.search("surge|forward|long", name.lower()):
+        if re.search("speed|velocity|geschw", name.lower()) and not re.search(
+            "surge|forward|long", name.lower()
+        ):
             channels.pop("u")
-            draft.remark(f"speed {name!r} is left out: ahead, along the track or through the water, its name does not say")
+            draft.remark(
+                f"speed {name!r} is left out: ahead, along the track or through the water, its name does "
+                f"not say"
+            )
     for role in ("speed_over_ground", "course"):
         if role in channels and {"north", "x", "latitude"} & set(channels):
             channels.pop(role)
@@ -275,31 +240,56 @@ def _in_steps(channels: Sequence[RawChannel]) -> bool:
     return all(float(np.mean(np.diff(x) == 0.0)) > 0.5 for x in moving)
 
 
-_UPRIGHT = ("z", "depth", "height", "phi", "theta", "w", "p", "q", "delta_s", "delta_s_cmd", "delta_b", "delta_b_cmd")
+_UPRIGHT = (
+    "z",
+    "depth",
+    "height",
+    "phi",
+    "theta",
+    "w",
+    "p",
+    "q",
+    "delta_s",
+    "delta_s_cmd",
+    "delta_b",
+    "delta_b_cmd",
+)
 
 
 def _drop_constant(draft: Draft) -> None:
-    """Series of the vertical plane that never change tell nothing and would make the trial one of 6 degrees of freedom."""
+    """Series of the vertical plane that never change tell nothing and would make the trial one of 6 degrees
+    of freedom."""
     still = [r for r in _UPRIGHT if draft.has(r) and (raw := draft.raw(r)).size and float(np.ptp(raw)) == 0.0]
     if still:
-        draft.map = replace(draft.map, channels={k: v for k, v in draft.map.channels.items() if k not in still})
+        draft.map = replace(
+            draft.map, channels={k: v for k, v in draft.map.channels.items() if k not in still}
+        )
         draft.remark(f"{', '.join(still)} never change and are left out")
 
 
 def _needs(draft: Draft, recordings: list[Recording], unused: list[str]) -> None:
     """What a bundle cannot do without, asked for where it was not found."""
-    listed = ", ".join(repr(n) for n in unused[:8]) + (f" and {len(unused) - 8} more" if len(unused) > 8 else "")
+    listed = ", ".join(repr(n) for n in unused[:8]) + (
+        f" and {len(unused) - 8} more" if len(unused) > 8 else ""
+    )
     spare = f" (series not used: {listed})" if unused else ""
     velocities = draft.has("u", "v") or draft.has("u_water", "v_water") or draft.has("v_north", "v_east")
-    if not (draft.has("x", "y") or draft.has("north", "east") or draft.has("latitude", "longitude") or velocities):
+    if not (
+        draft.has("x", "y") or draft.has("north", "east") or draft.has("latitude", "longitude") or velocities
+    ):
         draft.ask(0, f"no position found; add x, y or latitude, longitude to [channels]{spare}")
     if not (draft.has("heading") or draft.has("psi") or draft.has("qw") or draft.has("r")):
         draft.ask(0, f"no heading found; add heading, psi or qw, qx, qy, qz to [channels]{spare}")
     if not (draft.has("delta_r") or draft.has("delta_r_cmd")):
         hint = _likely_rudder(draft, recordings, unused)
-        draft.ask(0, f"no rudder found; add delta_r_cmd (ordered) or delta_r (measured) to [channels]{hint or spare}")
+        draft.ask(
+            0,
+            f"no rudder found; add delta_r_cmd (ordered) or delta_r (measured) to [channels]{hint or spare}",
+        )
     if not (draft.has("n") or draft.has("n_cmd")):
-        draft.remark("no propeller speed found (n_cmd or n); a model with a propeller curve then takes its usual one")
+        draft.remark(
+            "no propeller speed found (n_cmd or n); a model with a propeller curve then takes its usual one"
+        )
 
 
 def _likely_rudder(draft: Draft, recordings: list[Recording], unused: list[str]) -> str:
@@ -312,7 +302,12 @@ def _likely_rudder(draft: Draft, recordings: list[Recording], unused: list[str])
             continue
         if t is not None and abs(t) > most:
             best, most = name, abs(t)
-    return f"; {best!r} moves before the turns as a rudder does (t = {most:.0f}): state its unit, or scale and offset" if best else ""
+    return (
+        f"; {best!r} moves before the turns as a rudder does (t = {most:.0f}): state its unit, or scale "
+        f"and offset"
+        if best
+        else ""
+    )
 
 
 def _declared_axes(draft: Draft, logs: dict[str, RawLog]) -> None:
@@ -356,66 +351,3 @@ def _step(logs: dict[str, RawLog]) -> float | None:
         return None
     wanted = max(span / 5e5, 0.1)
     return float(next(s for s in (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 1e9) if s >= wanted * 0.999))
-
-
-def _runs(draft: Draft, groups: list[tuple[str, ...]]) -> tuple[list[RunMap], dict[tuple[str, ...], Run]]:
-    """Runs cut by their commands, one after the other; the last is kept for judging where there are three."""
-    runs: list[RunMap] = []
-    looks: dict[tuple[str, ...], Run] = {}
-    used: set[str] = set()
-    for files, recording in zip(groups, draft.recordings, strict=True):
-        look = common_run(draft.map, recording) if draft.map.channels else None
-        stem = re.sub(r"[^\w-]+", "_", files[0].partition(".")[0])
-        if look is None:
-            runs.append(RunMap(_fresh(stem, used), files))
-            continue
-        looks[files] = look
-        pieces = _pieces(look)
-        series, _, _ = convert(draft.map, recording)
-        zero = min(float(t[0]) for t, _ in series.values() if t.size)
-        moving = [p for p in pieces if p.kind != "rest"]
-        whole = len(moving) <= 1 and len(pieces) <= 2
-        if whole or (len(groups) > 3 and look.duration < SHORT_LOG):
-            words = next((p.words for p in sorted(moving, key=lambda p: -_rank(p))), "")
-            runs.append(RunMap(_fresh(stem, used), files, None, words))
-            continue
-        for piece in moving:
-            name = re.sub(r"\W+", "_", piece.words)
-            numbered = f"{len(runs) + 1:02d}_{name}"
-            window = (round(piece.start - zero, 2), round(piece.end - zero, 2))
-            runs.append(RunMap(_fresh(numbered, used), files, window, piece.words))
-    if len(runs) >= 3:
-        last = max((k for k, run in enumerate(runs) if run.manoeuvre not in ("straight", "")), default=len(runs) - 1)
-        runs[last] = replace(runs[last], role="holdout")
-    return runs, looks
-
-
-def _rank(piece: Piece) -> float:
-    return (piece.end - piece.start) * (0.1 if piece.kind == "straight" else 1.0)
-
-
-def _fresh(name: str, used: set[str]) -> str:
-    out, k = name, 2
-    while out in used:
-        out, k = f"{name}_{k}", k + 1
-    used.add(out)
-    return out
-
-
-def _pieces(look: Run) -> list[Piece]:
-    rudder = look.commands.get("delta_r_cmd", look.measured_inputs.get("delta_r"))
-    if rudder is None or not np.isfinite(rudder).all():
-        return []
-    speed = look.data.get("u")
-    if speed is None and {"x", "y"} <= set(look.data):
-        x, y = look.data["x"], look.data["y"]
-        good = np.isfinite(x) & np.isfinite(y)
-        if good.sum() > 20:
-            x, y = (np.interp(look.t, look.t[good], v[good]) for v in (x, y))
-            wide = max(1, int(5.0 / float(np.median(np.diff(look.t)))))
-            speed = np.full(look.t.shape, np.nan)
-            gone = np.hypot(x[wide:] - x[:-wide], y[wide:] - y[:-wide]) / (look.t[wide:] - look.t[:-wide])
-            if gone.size:
-                speed = np.interp(look.t, 0.5 * (look.t[wide:] + look.t[:-wide]), gone)
-    psi = look.data.get("psi")
-    return cut(look.t, rudder, psi, speed)

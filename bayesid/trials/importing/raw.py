@@ -1,4 +1,5 @@
-"""A log as its file holds it: named channels with their own time stamps, units if stated, and where each is from.
+"""A log as its file holds it: named channels with their own time stamps, units if stated, and where each is
+from.
 
 Every reader gives this and nothing else. Does not: know bayesid's channels, axes or units.
 """
@@ -112,7 +113,9 @@ class RawLog:
         object.__setattr__(self, "by_name", {c.name: c for c in self.channels})
 
 
-def thin_rows(t: Floats, switching: Iterable[Floats], step: float, last: int | None) -> tuple[np.ndarray, int]:
+def thin_rows(
+    t: Floats, switching: Iterable[Floats], step: float, last: int | None
+) -> tuple[np.ndarray, int]:
     """Rows to keep for one sample per `step`, and every row at which one of `switching` changes.
 
     Parameters

@@ -22,7 +22,8 @@ BODY_WORDS = {"frd": "forward, starboard, down", "flu": "forward, port, up"}
 
 @dataclass(frozen=True)
 class Role:
-    """unit: inside unit, as of `bayesid.model.units`, "" for a number without one; bare: unit where none is stated."""
+    """unit: inside unit, as of `bayesid.model.units`, "" for a number without one; bare: unit where none is
+    stated."""
 
     unit: str
     meaning: str

@@ -63,8 +63,19 @@ class Collected:
             if self.request.most is not None and stamps.size > self.request.most:
                 stride = int(np.ceil(stamps.size / self.request.most))
             order = order[::stride]
-            t = (stamps[order] - zero_ns) * 1e-9
+            t = np.asarray((stamps[order] - zero_ns) * 1e-9, dtype=np.float64)
             for key, column in columns.items():
-                values = np.frombuffer(column, dtype=float)[order] * factors.get(key, 1.0)
-                out.append(RawChannel(key, t, values, units.get(key), roles.get(key), f"{topic} ({self.kinds.get(topic, 'message')}): {key}"))
+                values = np.asarray(
+                    np.frombuffer(column, dtype=float)[order], dtype=np.float64
+                ) * factors.get(key, 1.0)
+                out.append(
+                    RawChannel(
+                        key,
+                        t,
+                        values,
+                        units.get(key),
+                        roles.get(key),
+                        f"{topic} ({self.kinds.get(topic, 'message')}): {key}",
+                    )
+                )
         return out

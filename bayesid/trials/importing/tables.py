@@ -16,8 +16,9 @@ from bayesid.trials.importing.raw import ImportLogError, RawChannel, Request, So
 from bayesid.trials.importing.unit_words import split_unit
 
 _TIME = re.compile(
-    r"(t|time|times|timestamp|time ?stamp|stamp|utc|date ?time|datetime|epoch|secs?|seconds|zeit|elapsed( ?time)?|"
-    r"sim ?time|gps ?time|unix ?time|log ?time|uhrzeit|temps|utc ?time|time ?utc|index time|tow|time of week|"
+    r"(t|time|times|timestamp|time ?stamp|stamp|utc|date ?time|datetime|epoch|secs?|seconds|zeit|"
+    r"elapsed( ?time)?|sim ?time|gps ?time|unix ?time|"
+    r"log ?time|uhrzeit|temps|utc ?time|time ?utc|index time|tow|time of week|"
     r"posix ?time|clock|ros ?time|time ?us|time ?ms|time ?ns|time ?boot|t ?(abs|rel))"
 )
 _DATE = re.compile(r"(date|datum|day|utc date|gps date)")
@@ -75,7 +76,7 @@ def choose_time(columns: Columns, options: SourceOptions, where: str) -> TimeCho
         names = _find_time(columns)
         if not names:
             raise ImportLogError(
-                f"{where}: no column can be the time; name it in the map: [sources.LABEL] time = \"...\" "
+                f'{where}: no column can be the time; name it in the map: [sources.LABEL] time = "..." '
                 f"(columns: {_some(data)})"
             )
     first = data[names[0]]
@@ -91,7 +92,8 @@ def choose_time(columns: Columns, options: SourceOptions, where: str) -> TimeCho
             return TimeChoice(names, "time_of_day", "s")
         if clocks.ambiguous_day(first):
             doubts.append(
-                f"{names[0]!r} holds dates such as {first[0]!s}, read as month/day; if it is day/month, give the "
+                f"{names[0]!r} holds dates such as {first[0]!s}, read as month/day; if it is day/month, "
+                f"give the "
                 "file in ISO dates; runs within one day are not affected"
             )
         return TimeChoice(names, "date", "s", tuple(doubts[:0]))
@@ -100,11 +102,13 @@ def choose_time(columns: Columns, options: SourceOptions, where: str) -> TimeCho
     clock, unit, doubt = clocks.guess_clock(first.astype(float), unit)
     if clock == "unix" and "gps" in plain(names[0]) and "utc" not in plain(names[0]):
         doubts.append(
-            f"{names[0]!r} is read as UTC seconds since 1970; GPS seconds since 1980 would be clock = \"gps\""
+            f'{names[0]!r} is read as UTC seconds since 1970; GPS seconds since 1980 would be clock = "gps"'
         )
         doubts = doubts[:0] if not _gps_likely(first, unit) else doubts
     if doubt == "unit":
-        doubts.append(f"time {names[0]!r} states no unit and is read as {unit}; say time_unit if it is another")
+        doubts.append(
+            f"time {names[0]!r} states no unit and is read as {unit}; say time_unit if it is another"
+        )
     return TimeChoice(names, clock, unit, tuple(doubts))
 
 
@@ -124,7 +128,9 @@ def _find_time(columns: Columns) -> tuple[str, ...]:
     words = {name: plain(name) for name in data}
     weeks = [n for n, w in words.items() if _WEEK.fullmatch(w)]
     named = [n for n, w in words.items() if _TIME.fullmatch(w)]
-    named += [n for n, w in words.items() if n not in named and re.search(r"\b(time|timestamp|utc|stamp)\b", w)]
+    named += [
+        n for n, w in words.items() if n not in named and re.search(r"\b(time|timestamp|utc|stamp)\b", w)
+    ]
     if weeks and named:
         tow = next((n for n in named if re.search("tow|week|sec|ms|time", words[n])), named[0])
         return (weeks[0], tow)
@@ -163,12 +169,16 @@ def stamps_of(data: Mapping[str, np.ndarray], choice: TimeChoice) -> clocks.Stam
             return clocks.Stamps(clocks.parse_times_of_day(first), None, "time of day")
         texts = first
         if len(choice.names) == 2:
-            texts = np.array([f"{a} {b}" for a, b in zip(first, data[choice.names[1]], strict=True)], dtype=object)
+            texts = np.array(
+                [f"{a} {b}" for a, b in zip(first, data[choice.names[1]], strict=True)], dtype=object
+            )
         return clocks.from_datetimes(clocks.parse_dates(texts))
     return clocks.from_numbers(first, choice.clock, choice.unit)
 
 
-def channels_of(columns: Columns, choice: TimeChoice, request: Request, where: str) -> tuple[list[RawChannel], float | None, str]:
+def channels_of(
+    columns: Columns, choice: TimeChoice, request: Request, where: str
+) -> tuple[list[RawChannel], float | None, str]:
     """(channels, UTC of t = 0, words) of a table; rows without a time are left out."""
     stamps = stamps_of(columns.data, choice)
     t = stamps.t

@@ -22,17 +22,20 @@ _SAME = {
     "ft": ("ft", "feet", "foot"),
     "nmi": ("nmi", "nm"),
     "deg": (
-        "deg", "°", "degree", "degrees", "degs", "º", "degrees_north", "degree_north", "degrees_east", "degree_east",
+        "deg", "°", "degree", "degrees", "degs", "º", "degrees_north", "degree_north", "degrees_east",
+        "degree_east",
         "degrees_true", "degt", "grad°",
     ),
     "rad": ("rad", "radian", "radians", "rads"),
-    "m/s": ("m/s", "mps", "ms-1", "m s-1", "m.s-1", "m s^-1", "m*s-1", "m s**-1", "metre/second", "meter/second"),
+    "m/s": ("m/s", "mps", "ms-1", "m s-1", "m.s-1", "m s^-1", "m*s-1", "m s**-1", "metre/second",
+    "meter/second"),
     "cm/s": ("cm/s", "cm s-1", "cmps"),
     "mm/s": ("mm/s", "mm s-1"),
     "km/h": ("km/h", "kmh", "kph", "km h-1"),
     "kn": ("kn", "kt", "kts", "knot", "knots"),
     "ft/s": ("ft/s", "fps", "ft s-1"),
-    "deg/s": ("deg/s", "°/s", "degps", "deg s-1", "degree s-1", "degrees/s", "deg/sec", "dps", "degree/s", "degrees/second"),
+    "deg/s": ("deg/s", "°/s", "degps", "deg s-1", "degree s-1", "degrees/s", "deg/sec", "dps", "degree/s",
+    "degrees/second"),
     "rad/s": ("rad/s", "rad s-1", "radps", "radian s-1", "radians/s", "rad/sec", "rads-1"),
     "deg/min": ("deg/min", "°/min"),
     "rpm": ("rpm", "1/min", "min-1", "rev/min", "u/min"),
@@ -49,9 +52,11 @@ _SUFFIX = {
     "deg", "rad", "mps", "kn", "kts", "knots", "rpm", "rps", "dps", "ms", "us", "ns", "sec", "degs", "m", "s",
     "ft", "cm", "mm", "rads", "radps", "degps", "kmh", "pwm", "pct", "percent",
 }  # fmt: skip
-_PAIRS = {("rad", "s"): "rad/s", ("deg", "s"): "deg/s", ("m", "s"): "m/s", ("cm", "s"): "cm/s", ("km", "h"): "km/h",
+_PAIRS = {("rad", "s"): "rad/s", ("deg", "s"): "deg/s", ("m", "s"): "m/s", ("cm", "s"): "cm/s", ("km",
+    "h"): "km/h",
           ("ft", "s"): "ft/s", ("per", "s"): "1/s", ("deg", "min"): "deg/min"}  # fmt: skip
-_FOREIGN = {"V", "A", "W", "mV", "mA", "Ah", "kW", "°C", "degC", "C", "K", "Pa", "kPa", "bar", "mbar", "hPa", "dB", "dBm", "g",
+_FOREIGN = {"V", "A", "W", "mV", "mA", "Ah", "kW", "°C", "degC", "C", "K", "Pa", "kPa", "bar", "mbar",
+    "hPa", "dB", "dBm", "g",
             "m/s2", "m/s^2", "rad/s2", "kg", "UTC", "ISO", "bool", "string", "text", "km"}  # fmt: skip
 # a suffix that is also a letter of the field counts only after a longer name: t_s, but not delta_s
 _LETTERS = {"s", "m", "ms"}

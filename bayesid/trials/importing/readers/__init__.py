@@ -1,4 +1,5 @@
-"""Which reader a file takes, by its first bytes and its name; readers import their libraries only when called."""
+"""Which reader a file takes, by its first bytes and its name; readers import their libraries only when
+called."""
 
 from __future__ import annotations
 
@@ -24,7 +25,8 @@ _READERS = {
     "px4": ("px4", "read_ulog", "px4"),
 }
 _SUFFIX = {
-    ".parquet": "parquet", ".pq": "parquet", ".mat": "mat", ".nc": "netcdf", ".nc4": "netcdf", ".cdf": "netcdf",
+    ".parquet": "parquet", ".pq": "parquet", ".mat": "mat", ".nc": "netcdf", ".nc4": "netcdf",
+    ".cdf": "netcdf",
     ".bag": "rosbag", ".db3": "rosbag", ".mcap": "mcap", ".bin": "ardupilot_bin", ".tlog": "ardupilot_tlog",
     ".ulg": "px4",
 }  # fmt: skip
@@ -40,7 +42,9 @@ def format_of(path: Path) -> str:
     if path.is_dir():
         if (path / "metadata.yaml").is_file():
             return "rosbag"
-        raise ImportLogError(f"{path}: is a folder without metadata.yaml, so not a ROS 2 bag; name its files instead")
+        raise ImportLogError(
+            f"{path}: is a folder without metadata.yaml, so not a ROS 2 bag; name its files instead"
+        )
     try:
         with open(path, "rb") as file:
             head = file.read(512)
@@ -95,6 +99,8 @@ def read_log(path: Path, options: SourceOptions | None = None, request: Request 
         raise ImportLogError(
             f"{path}: is damaged or not a {kind} file ({type(error).__name__}{': ' + said if said else ''})"
         ) from None
+    if not log.channels and request.wanted is not None:  # the caller says what there is instead
+        return read_log(path, options, Request(most=1000))
     if not log.channels:
         raise ImportLogError(f"{path}: holds no series of numbers")
     start = log.start if log.start is not None else options.start

@@ -11,7 +11,7 @@ from typing import Any
 from bayesid.trials.importing.raw import ImportLogError, RawLog, Request, SourceOptions
 from bayesid.trials.importing.series import Collected
 
-# message.field -> role, unit, factor; axes north-east-down and forward-starboard-down by definition of ArduPilot
+# message.field -> role, unit, factor; axes ned and frd by definition of ArduPilot
 BIN = {
     "ATT.Roll": ("phi", "deg", 1.0), "ATT.Pitch": ("theta", "deg", 1.0), "ATT.Yaw": ("heading", "deg", 1.0),
     "XKF1.PN": ("north", "m", 1.0), "XKF1.PE": ("east", "m", 1.0), "XKF1.PD": ("z", "m", 1.0),
@@ -19,28 +19,42 @@ BIN = {
     "NKF1.PN": ("north", "m", 1.0), "NKF1.PE": ("east", "m", 1.0), "NKF1.PD": ("z", "m", 1.0),
     "NKF1.VN": ("v_north", "m/s", 1.0), "NKF1.VE": ("v_east", "m/s", 1.0), "NKF1.VD": ("v_down", "m/s", 1.0),
     "IMU.GyrX": ("p", "rad/s", 1.0), "IMU.GyrY": ("q", "rad/s", 1.0), "IMU.GyrZ": ("r", "rad/s", 1.0),
-    "GPS.Lat": ("latitude", "deg", 1.0), "GPS.Lng": ("longitude", "deg", 1.0), "GPS.Alt": ("height", "m", 1.0),
+    "GPS.Lat": ("latitude", "deg", 1.0), "GPS.Lng": ("longitude", "deg", 1.0), "GPS.Alt": ("height",
+    "m", 1.0),
     "GPS.Spd": ("speed_over_ground", "m/s", 1.0), "GPS.GCrs": ("course", "deg", 1.0),
     "RPM.rpm1": ("n", "rpm", 1.0), "ESC.RPM": ("n", "rpm", 1.0),
 }  # fmt: skip
 TLOG = {
-    "ATTITUDE.roll": ("phi", "rad", 1.0), "ATTITUDE.pitch": ("theta", "rad", 1.0), "ATTITUDE.yaw": ("heading", "rad", 1.0),
+    "ATTITUDE.roll": ("phi", "rad", 1.0), "ATTITUDE.pitch": ("theta", "rad", 1.0),
+    "ATTITUDE.yaw": ("heading", "rad", 1.0),
     "ATTITUDE.rollspeed": ("p", "rad/s", 1.0), "ATTITUDE.pitchspeed": ("q", "rad/s", 1.0),
     "ATTITUDE.yawspeed": ("r", "rad/s", 1.0),
-    "GLOBAL_POSITION_INT.lat": ("latitude", "deg", 1e-7), "GLOBAL_POSITION_INT.lon": ("longitude", "deg", 1e-7),
+    "GLOBAL_POSITION_INT.lat": ("latitude", "deg", 1e-7), "GLOBAL_POSITION_INT.lon": ("longitude",
+    "deg", 1e-7),
     "GLOBAL_POSITION_INT.alt": ("height", "m", 1e-3), "GLOBAL_POSITION_INT.vx": ("v_north", "m/s", 1e-2),
     "GLOBAL_POSITION_INT.vy": ("v_east", "m/s", 1e-2), "GLOBAL_POSITION_INT.vz": ("v_down", "m/s", 1e-2),
     "LOCAL_POSITION_NED.x": ("north", "m", 1.0), "LOCAL_POSITION_NED.y": ("east", "m", 1.0),
     "LOCAL_POSITION_NED.z": ("z", "m", 1.0), "LOCAL_POSITION_NED.vx": ("v_north", "m/s", 1.0),
     "LOCAL_POSITION_NED.vy": ("v_east", "m/s", 1.0), "LOCAL_POSITION_NED.vz": ("v_down", "m/s", 1.0),
 }  # fmt: skip
-_BOOKKEEPING = {"FMT", "FMTU", "UNIT", "MULT", "PARM", "MSG", "BAD_DATA", "PARAM_VALUE", "STATUSTEXT", "HEARTBEAT"}
+_BOOKKEEPING = {
+    "FMT",
+    "FMTU",
+    "UNIT",
+    "MULT",
+    "PARM",
+    "MSG",
+    "BAD_DATA",
+    "PARAM_VALUE",
+    "STATUSTEXT",
+    "HEARTBEAT",
+}
 _TIMES = {"TimeUS", "TimeMS", "time_boot_ms", "time_usec", "mavpackettype", "I", "C"}
 
 
 def read_bin(path: Path, options: SourceOptions, request: Request) -> RawLog:
     """A dataflash log; instance 0 of a sensor keeps the plain name, others are IMU[1], GPS[1]."""
-    from pymavlink import DFReader  # type: ignore[import-untyped]
+    from pymavlink import DFReader
 
     log = DFReader.DFReader_binary(str(path), zero_time_base=False)
     try:
@@ -52,7 +66,7 @@ def read_bin(path: Path, options: SourceOptions, request: Request) -> RawLog:
 
 def read_tlog(path: Path, options: SourceOptions, request: Request) -> RawLog:
     """A telemetry log, stamped by the ground station."""
-    from pymavlink import mavutil  # type: ignore[import-untyped]
+    from pymavlink import mavutil
 
     log = mavutil.mavlink_connection(str(path), dialect="ardupilotmega")
     try:
@@ -61,7 +75,9 @@ def read_tlog(path: Path, options: SourceOptions, request: Request) -> RawLog:
         log.close()
 
 
-def _read(path: Path, log: Any, known: dict[str, tuple[str, str, float]], kind: str, request: Request) -> RawLog:
+def _read(
+    path: Path, log: Any, known: dict[str, tuple[str, str, float]], kind: str, request: Request
+) -> RawLog:
     collected = Collected(request)
     roles: dict[str, str] = {}
     units: dict[str, str] = {}
@@ -78,7 +94,7 @@ def _read(path: Path, log: Any, known: dict[str, tuple[str, str, float]], kind: 
         topic = name if not isinstance(instance, int) or instance == 0 else f"{name}[{instance}]"
         stamp = content.get("TimeUS")
         when = float(getattr(message, "_timestamp", 0.0))
-        at = int(round(when * 1e6)) * 1000 if stamp is None or when > 1e9 else int(stamp) * 1000
+        at = round(when * 1e6) * 1000 if stamp is None or when > 1e9 else int(stamp) * 1000
         fields = {
             f"{topic}.{key}": float(value)
             for key, value in content.items()

@@ -1,6 +1,8 @@
-"""MAT files: version 5 by scipy, version 7.3 (HDF5) by h5py. Structs become names with points, matrices columns.
+"""MAT files: version 5 by scipy, version 7.3 (HDF5) by h5py. Structs become names with points, matrices
+columns.
 
-Does not: read tables, timetables or objects of MATLAB (export them with `table2struct`, or as CSV or Parquet).
+Does not: read tables, timetables or objects of MATLAB (export them with `table2struct`, or as CSV or
+Parquet).
 """
 
 from __future__ import annotations
@@ -41,10 +43,10 @@ def read_mat73(path: Path, options: SourceOptions, request: Request) -> RawLog:
     with h5py.File(path, "r") as file:
 
         def visit(name: str, item: Any) -> None:
-            if isinstance(item, h5py.Dataset) and not name.startswith("#") and item.dtype.kind in "iuf":
-                if item.attrs.get("MATLAB_class", b"") != b"char":
-                    for key, array in _columns_of(name.replace("/", "."), np.asarray(item).T):
-                        found[key] = array
+            if not isinstance(item, h5py.Dataset) or name.startswith("#") or item.dtype.kind not in "iuf":
+                return
+            if item.attrs.get("MATLAB_class", b"") != b"char":
+                found.update(_columns_of(name.replace("/", "."), np.asarray(item).T))
 
         file.visititems(visit)
     return _log(path, "mat73", found, options, request, "")
@@ -82,7 +84,9 @@ def _log(
 ) -> RawLog:
     """Variables of one length and struct share the time vector found among them."""
     if not found:
-        raise ImportLogError(f"{path}: holds no numeric vectors; tables of MATLAB are saved with table2struct")
+        raise ImportLogError(
+            f"{path}: holds no numeric vectors; tables of MATLAB are saved with table2struct"
+        )
     channels: list[RawChannel] = []
     notices: list[str] = []
     start: float | None = None
@@ -112,7 +116,8 @@ def _log(
     if not channels:
         choose_time(Columns(found), options, str(path))  # says that there is no time
     return RawLog(
-        str(path), kind, "", tuple(channels), start, words, time_names=tuple(dict.fromkeys(names)), time_unit=unit,
+        str(path), kind,
+            "", tuple(channels), start, words, time_names=tuple(dict.fromkeys(names)), time_unit=unit,
         doubts=tuple(doubts), notices=tuple(notices), text=text,
     )  # fmt: skip
 

@@ -62,7 +62,9 @@ def read_netcdf(path: Path, options: SourceOptions, request: Request) -> RawLog:
         more, zero, words = channels_of(columns, choice, request, str(path))
         shift = 0.0 if start is None or zero is None else zero - start
         start = zero if start is None else start
-        channels += [RawChannel(c.name, c.t + shift, c.values, c.unit, c.role, f"variable {c.name!r}") for c in more]
+        channels += [
+            RawChannel(c.name, c.t + shift, c.values, c.unit, c.role, f"variable {c.name!r}") for c in more
+        ]
         names = (*names, *choice.names)
     if not channels and failed is not None:
         raise failed
@@ -85,8 +87,10 @@ def _dates(values: np.ndarray, unit: str, since: str) -> np.ndarray:
     first = float(values[good][0]) if good.any() else 0.0
     whole = int(np.floor(first * factor))
     rest = (values[good].astype(float) - whole / factor) * factor
-    out[good] = epoch.to_datetime64().astype("datetime64[ns]") + np.timedelta64(whole, "s") + (
-        np.round(rest * 1e9).astype("timedelta64[ns]")
+    out[good] = (
+        epoch.to_datetime64().astype("datetime64[ns]")
+        + np.timedelta64(whole, "s")
+        + (np.round(rest * 1e9).astype("timedelta64[ns]"))
     )
     return out
 
@@ -98,7 +102,9 @@ def _scaled(values: np.ndarray, attrs: dict[str, Any]) -> np.ndarray:
         out = values.astype(float)
         for mark in fill:
             out[values == np.asarray(mark).ravel()[0]] = np.nan
-        out = out * float(np.ravel(attrs.get("scale_factor", 1.0))[0]) + float(np.ravel(attrs.get("add_offset", 0.0))[0])
+        out = out * float(np.ravel(attrs.get("scale_factor", 1.0))[0]) + float(
+            np.ravel(attrs.get("add_offset", 0.0))[0]
+        )
     return out
 
 
@@ -125,7 +131,11 @@ def _version4(path: Path) -> dict[str, tuple[tuple[str, ...], np.ndarray, dict[s
     out = {}
     with h5netcdf.File(path, "r") as file:
         for name, variable in file.variables.items():
-            if variable.dtype is str or np.dtype(variable.dtype).kind not in "iuf" or len(variable.dimensions) != 1:
+            if (
+                variable.dtype is str
+                or np.dtype(variable.dtype).kind not in "iuf"
+                or len(variable.dimensions) != 1
+            ):
                 continue
             attrs = dict(variable.attrs)
             out[name] = (tuple(variable.dimensions), _scaled(np.asarray(variable[...]), attrs), _texts(attrs))

@@ -12,8 +12,8 @@ from bayesid.trials.importing.tables import Columns, channels_of, choose_time
 
 def read_parquet(path: Path, options: SourceOptions, request: Request) -> RawLog:
     """Columns of numbers and times; units from the metadata of a field where it has them."""
-    import pyarrow.parquet as pq  # type: ignore[import-untyped]
-    import pyarrow.types as kinds  # type: ignore[import-untyped]
+    import pyarrow.parquet as pq
+    import pyarrow.types as kinds
 
     file = pq.ParquetFile(path)
     schema = file.schema_arrow

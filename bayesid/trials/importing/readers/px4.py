@@ -18,9 +18,11 @@ KNOWN = {
     "vehicle_local_position.vy": ("v_east", "m/s", 1.0), "vehicle_local_position.vz": ("v_down", "m/s", 1.0),
     "vehicle_attitude.q[0]": ("qw", "", 1.0), "vehicle_attitude.q[1]": ("qx", "", 1.0),
     "vehicle_attitude.q[2]": ("qy", "", 1.0), "vehicle_attitude.q[3]": ("qz", "", 1.0),
-    "vehicle_angular_velocity.xyz[0]": ("p", "rad/s", 1.0), "vehicle_angular_velocity.xyz[1]": ("q", "rad/s", 1.0),
+    "vehicle_angular_velocity.xyz[0]": ("p", "rad/s", 1.0), "vehicle_angular_velocity.xyz[1]": ("q",
+    "rad/s", 1.0),
     "vehicle_angular_velocity.xyz[2]": ("r", "rad/s", 1.0),
-    "vehicle_gps_position.lat": ("latitude", "deg", 1e-7), "vehicle_gps_position.lon": ("longitude", "deg", 1e-7),
+    "vehicle_gps_position.lat": ("latitude", "deg", 1e-7), "vehicle_gps_position.lon": ("longitude",
+    "deg", 1e-7),
     "vehicle_gps_position.alt": ("height", "m", 1e-3),
     "vehicle_gps_position.latitude_deg": ("latitude", "deg", 1.0),
     "vehicle_gps_position.longitude_deg": ("longitude", "deg", 1.0),
@@ -30,7 +32,7 @@ KNOWN = {
 
 def read_ulog(path: Path, options: SourceOptions, request: Request) -> RawLog:
     """Every topic of the log; a further instance of a topic is named topic[1]."""
-    from pyulog import ULog  # type: ignore[import-not-found]
+    from pyulog import ULog
 
     topics = None
     if request.wanted is not None:
@@ -61,7 +63,14 @@ def read_ulog(path: Path, options: SourceOptions, request: Request) -> RawLog:
                 continue
             role, unit, factor = KNOWN.get(name, (None, None, 1.0))
             channels.append(
-                RawChannel(name, t[rows], values[rows].astype(float) * factor, unit or None, role, f"topic {topic}: {key}")
+                RawChannel(
+                    name,
+                    t[rows],
+                    values[rows].astype(float) * factor,
+                    unit or None,
+                    role,
+                    f"topic {topic}: {key}",
+                )
             )
     return RawLog(
         str(path), "px4", "", tuple(channels), start, "time since boot" if start is None else "UTC by GPS",

@@ -1,6 +1,7 @@
 """ROS 1 and ROS 2 bags and MCAP files, by rosbags; a message type is read by the definition the bag holds.
 
-Takes a `.bag`, `.db3` or `.mcap` file or the folder of a ROS 2 bag. Axes follow REP 103 (east-north-up, forward-left-
+Takes a `.bag`, `.db3` or `.mcap` file or the folder of a ROS 2 bag. Axes follow REP 103 (east-north-up,
+forward-left-
 up) unless a frame says ned or frd.
 """
 
@@ -19,7 +20,8 @@ LONGEST = 16  # elements of an array that are read as channels
 # field path inside a message of that type -> role, unit
 _POSE = {
     "position.x": ("x", "m"), "position.y": ("y", "m"), "position.z": ("z", "m"),
-    "orientation.w": ("qw", ""), "orientation.x": ("qx", ""), "orientation.y": ("qy", ""), "orientation.z": ("qz", ""),
+    "orientation.w": ("qw", ""), "orientation.x": ("qx", ""), "orientation.y": ("qy", ""),
+    "orientation.z": ("qz", ""),
 }  # fmt: skip
 _TWIST = {
     "linear.x": ("u", "m/s"), "linear.y": ("v", "m/s"), "linear.z": ("w", "m/s"),
@@ -37,7 +39,8 @@ KNOWN = {
     "geometry_msgs/msg/PoseWithCovarianceStamped": _under("pose.pose", _POSE),
     "sensor_msgs/msg/Imu": {
         **{k: v for k, v in _POSE.items() if k.startswith("orientation")},
-        "angular_velocity.x": ("p", "rad/s"), "angular_velocity.y": ("q", "rad/s"), "angular_velocity.z": ("r", "rad/s"),
+        "angular_velocity.x": ("p", "rad/s"), "angular_velocity.y": ("q", "rad/s"),
+        "angular_velocity.z": ("r", "rad/s"),
     },
     "sensor_msgs/msg/NavSatFix": {
         "latitude": ("latitude", "deg"), "longitude": ("longitude", "deg"), "altitude": ("height", "m"),
@@ -48,8 +51,8 @@ _SKIP = re.compile(r"covariance|header|__msgtype__|_seq$")
 
 def read_rosbag(path: Path, options: SourceOptions, request: Request) -> RawLog:
     """Every number of every message, named topic.field; stamped by its header, else by the bag."""
-    from rosbags.highlevel import AnyReader  # type: ignore[import-not-found]
-    from rosbags.typesys import Stores, get_typestore  # type: ignore[import-not-found]
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
 
     collected = Collected(request)
     roles: dict[str, str] = {}
@@ -110,7 +113,10 @@ def _stamp(message: Any) -> int:
 
 
 def _frames(message: Any) -> set[str]:
-    names = {getattr(getattr(message, "header", None), "frame_id", ""), getattr(message, "child_frame_id", "")}
+    names = {
+        getattr(getattr(message, "header", None), "frame_id", ""),
+        getattr(message, "child_frame_id", ""),
+    }
     return {name for name in names if name}
 
 

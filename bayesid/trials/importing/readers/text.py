@@ -1,5 +1,5 @@
-"""A text table of any dialect: comma, semicolon, tab, bar or blanks; decimal comma; units in brackets or a row of
-their own; comments, a preamble, a byte-order mark; with or without a header.
+"""A text table of any dialect: comma, semicolon, tab, bar or blanks; decimal comma; units in brackets or a
+row of their own; comments, a preamble, a byte-order mark; with or without a header.
 
 Read in parts, so that memory holds what is kept and not the file.
 """
@@ -24,7 +24,9 @@ from bayesid.trials.importing.unit_words import is_unit, plain_unit, split_unit
 PART = 100_000  # rows read at a time
 HEAD = 256 * 1024  # bytes the dialect is found in
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?")
-_HOLE = frozenset({"", "nan", "na", "n/a", "null", "none", "-", "--", "inf", "-inf", "+nan", "-nan", "1.#qnan", "nat"})
+_HOLE = frozenset(
+    {"", "nan", "na", "n/a", "null", "none", "-", "--", "inf", "-inf", "+nan", "-nan", "1.#qnan", "nat"}
+)
 _COMMENT = ("#", "%", "//", "!", "*")
 
 
@@ -86,7 +88,9 @@ def find_dialect(path: Path, options: SourceOptions) -> Dialect:
     )
     if best[0][0] < 1:
         if best[0][1] < 2 or len(lines) > 1 + sum(not line.strip() for line in lines):
-            raise ImportLogError(f"{path}: holds no table of numbers (first line: {(lines or [''])[0][:60]!r})")
+            raise ImportLogError(
+                f"{path}: holds no table of numbers (first line: {(lines or [''])[0][:60]!r})"
+            )
         raise ImportLogError(f"{path}: holds a header but no samples")
     delimiter = best[2]
     width, first = _body(lines, delimiter)
@@ -107,7 +111,15 @@ def find_dialect(path: Path, options: SourceOptions) -> Dialect:
     names = _unique(names)
     comment = next((c for c in _COMMENT[:2] if any(line.startswith(c) for line in lines[first:])), None)
     return Dialect(
-        encoding, delimiter, decimal, first, tuple(names), tuple(units), named, "\n".join(t for _, t in head), comment
+        encoding,
+        delimiter,
+        decimal,
+        first,
+        tuple(names),
+        tuple(units),
+        named,
+        "\n".join(t for _, t in head),
+        comment,
     )
 
 
@@ -126,7 +138,9 @@ def _is_sample(cells: list[str]) -> bool:
     numbers = sum(bool(_NUMBER.fullmatch(c)) for c in cells)
     holes = sum(c.lower() in _HOLE for c in cells)
     dated = any(clocks.is_date_text([c]) or clocks.is_time_of_day([c]) for c in cells)
-    return numbers >= 1 and (numbers + holes >= 0.5 * len(cells) or dated and numbers + holes >= 0.3 * len(cells))
+    return numbers >= 1 and (
+        numbers + holes >= 0.5 * len(cells) or (dated and numbers + holes >= 0.3 * len(cells))
+    )
 
 
 def _score(lines: list[str], delimiter: str) -> tuple[float, int]:
@@ -145,7 +159,9 @@ def _score(lines: list[str], delimiter: str) -> tuple[float, int]:
 
 def _whole(cell: str) -> bool:
     """A cell that is a word or a date rather than two cells of another dialect."""
-    return not any(mark in cell for mark in ";\t|,") and bool(re.search("[A-Za-z:]", cell) or clocks.is_date_text([cell]))
+    return not any(mark in cell for mark in ";\t|,") and bool(
+        re.search("[A-Za-z:]", cell) or clocks.is_date_text([cell])
+    )
 
 
 def _body(lines: list[str], delimiter: str) -> tuple[int, int]:
@@ -160,7 +176,9 @@ def _body(lines: list[str], delimiter: str) -> tuple[int, int]:
     return width, 0
 
 
-def _header(head: list[tuple[int, str]], delimiter: str, width: int) -> tuple[bool, list[str | None], list[str]]:
+def _header(
+    head: list[tuple[int, str]], delimiter: str, width: int
+) -> tuple[bool, list[str | None], list[str]]:
     """(is there a header, unit of each column, name of each column)."""
     rows = []
     for _, line in head[-4:]:
@@ -212,8 +230,16 @@ def _frames(path: Path, dialect: Dialect, wanted: Any) -> Iterator[Any]:
 class _Parts:
     """Rows kept so far."""
 
-    def __init__(self, path: Path, dialect: Dialect, options: SourceOptions, request: Request, stride: int) -> None:
-        self.path, self.dialect, self.options, self.request, self.stride = path, dialect, options, request, stride
+    def __init__(
+        self, path: Path, dialect: Dialect, options: SourceOptions, request: Request, stride: int
+    ) -> None:
+        self.path, self.dialect, self.options, self.request, self.stride = (
+            path,
+            dialect,
+            options,
+            request,
+            stride,
+        )
         self.columns: list[str] | None = None
         if request.wanted is not None and options.time:
             self.columns = [n for n in dialect.names if n in request.wanted or n in options.time]
@@ -264,7 +290,9 @@ class _Parts:
 
         if series.dtype.kind in "iub":
             values = series.to_numpy()
-            return values if values.dtype.kind in "iu" and name in self._time_names() else values.astype(float)
+            return (
+                values if values.dtype.kind in "iu" and name in self._time_names() else values.astype(float)
+            )
         if series.dtype.kind == "f":
             return series.to_numpy()
         texts = series.astype(str).str.strip()
