@@ -329,7 +329,9 @@ def test_runs_are_cut_by_their_commands():
     kinds = [p.kind for p in pieces if p.kind != "straight"]
     assert kinds == ["zigzag", "zigzag", "turn", "turn", "random"]
     words = [p.words.removeprefix("zigzag ").split("/") for p in pieces if p.kind == "zigzag"]
-    np.testing.assert_allclose(np.array(words, dtype=float), [[20, 20], [10, 10]], atol=1.0)
+    np.testing.assert_allclose(
+        np.array(words, dtype=float), [[20, 20], [10, 10]], atol=2.5
+    )  # it turns 2 deg in a sample
     for a, b in zip(pieces[:-1], pieces[1:], strict=True):
         assert a.end <= b.start + 1e-9
 

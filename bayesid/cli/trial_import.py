@@ -128,11 +128,16 @@ def _say(proposal: Proposal, out: Path) -> None:
     for run in found.runs:
         kinds[run.manoeuvre or "not named"] = kinds.get(run.manoeuvre or "not named", 0) + 1
     print_text(
-        f"{len(found.runs)} runs: " + ", ".join(k if n == 1 else f"{n} x {k}" for k, n in kinds.items())
+        f"{len(found.runs)} runs: "
+        + ", ".join([k if n == 1 else f"{n} x {k}" for k, n in kinds.items()][:12])
+        + (", ..." if len(kinds) > 12 else "")
     )
     pictures = draw_runs(proposal, out)
     if pictures:
-        print_text(f"track and commands of each: {', '.join(str(p) for p in pictures)}")
+        print_text(
+            f"track and commands of each: {pictures[0]}"
+            + (f" to {pictures[-1].name}" if pictures[1:] else "")
+        )
     for head, texts in (
         ("Questions, most important first:", found.questions),
         ("Taken for granted:", proposal.remarks),

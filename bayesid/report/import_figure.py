@@ -13,6 +13,7 @@ from bayesid.trials.importing import Proposal
 from bayesid.trials.trial import Run
 
 ROWS = 8  # runs per picture
+MOST = 40  # runs drawn; a list longer than this is looked through in the map
 
 
 def draw_runs(proposal: Proposal, folder: Path) -> list[Path]:
@@ -24,6 +25,7 @@ def draw_runs(proposal: Proposal, folder: Path) -> list[Path]:
         look = proposal.looks.get(run.files)
         if look is not None:
             rows.append((run, look, _zero(look)))
+    rows = rows[:MOST]
     paths: list[Path] = []
     for first in range(0, len(rows), ROWS):
         part = rows[first : first + ROWS]

@@ -104,6 +104,8 @@ def _zigzag(t: Floats, rudder: Floats, psi: Floats | None, degrees: int) -> tupl
     ends = ends[:-1] if ends.size > 3 else ends
     at = 0.5 * (psi[ends] + psi[np.minimum(ends + 1, psi.size - 1)])
     sides = [at[rudder[ends] * sign > 0] for sign in (1.0, -1.0)]
+    if any(not np.isfinite(side).any() for side in sides):
+        return "zigzag", f"zigzag {degrees}"
     switch = 0.5 * abs(float(np.nanmedian(sides[0])) - float(np.nanmedian(sides[1])))
     between = float(np.nanpercentile(np.abs(np.diff(psi)), 95))  # a switch falls anywhere between two samples
     if max(float(np.nanstd(side)) for side in sides) > 0.35 * switch + 1.0 * _DEG + between:
