@@ -92,6 +92,7 @@ def propose(sources: Sequence[Path], vehicle: str = "", name: str = "") -> Propo
     questions = tuple(text for _, text in sorted(draft.asked, key=lambda item: item[0]))
     if not any(role in _UPRIGHT for role in draft.map.channels) and not draft.has("qw"):
         draft.map = replace(draft.map, dof=3)
+    draft.map = replace(draft.map, world=draft.map.world or "ned", body=draft.map.body or "frd")
     found = replace(draft.map, questions=questions, runs=tuple(runs), step=step)
     if not vehicle:
         draft.remark(
