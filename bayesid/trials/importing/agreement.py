@@ -145,10 +145,12 @@ def response_shift(
     """
     from scipy.signal import lfilter
 
-    low, high = max(rudder[0][0], rate[0][0]) + longest, min(rudder[0][-1], rate[0][-1]) - longest
+    low, high = max(rudder[0][0], rate[0][0]), min(rudder[0][-1], rate[0][-1])
+    longest = float(np.floor(min(longest, 0.25 * (high - low))))
+    low, high = low + longest, high - longest
     step = max(0.25, (high - low) / 5000.0)
     n = int((high - low) / step)
-    if n < 100:
+    if n < 40 or longest < 2.0:
         return None
     grid = low + step * np.arange(n)
     turn = at_times(rate, grid)

@@ -35,6 +35,8 @@ def arrange(logs: dict[str, RawLog]) -> tuple[dict[str, str], list[tuple[str, ..
         return labels, [tuple(files[0] for files in kinds)], []
     if len({len(files) for files in kinds}) == 1:
         groups = [tuple(group) for group in zip(*kinds, strict=True)]
+        if _told_by_time(groups, logs):
+            return labels, groups, []
         together = "; ".join(" with ".join(g) for g in groups[:3])
         return labels, groups, [(1, f"files are paired by name ({together}); check `files` of the runs")]
     raise ImportLogError(
@@ -42,6 +44,25 @@ def arrange(logs: dict[str, RawLog]) -> tuple[dict[str, str], list[tuple[str, ..
         f"({', '.join(str(len(k)) for k in kinds)} of each "
         "structure); import one recording at a time"
     )
+
+
+def _told_by_time(groups: list[tuple[str, ...]], logs: dict[str, RawLog]) -> bool:
+    """True if the clocks themselves say which files belong together: spans overlap within a group and nowhere else."""
+    spans: list[list[tuple[float, float]]] = []
+    for group in groups:
+        its = [logs[name] for name in group]
+        if any(log.start is None for log in its):
+            return False
+        ends = [(log.start or 0.0, [c.t for c in log.channels if c.t.size]) for log in its]
+        spans.append([(s + min(t[0] for t in ts), s + max(t[-1] for t in ts)) for s, ts in ends])
+    for k, group_spans in enumerate(spans):
+        shared = min(e for _, e in group_spans) - max(s for s, _ in group_spans)
+        if shared < 0.8 * max(e - s for s, e in group_spans):
+            return False
+        for other in spans[k + 1 :]:
+            if any(s < e2 and s2 < e for s, e in group_spans for s2, e2 in other):
+                return False
+    return True
 
 
 def _label(files: list[str], alone: bool) -> str:

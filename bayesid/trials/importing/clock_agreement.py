@@ -52,7 +52,12 @@ def check_clocks(draft: Draft) -> None:
             )
     rudder = next((r for r in ("delta_r_cmd", "delta_r") if r in label), None)
     if rudder is not None and label[rudder] != label[heading]:
-        turn = response_shift(series[rudder], series.get("r", rate))
+        turn = None
+        for other in (recording, *draft.recordings):
+            its = series if other is recording else convert(draft.map, other)[0]
+            turn = turn or (response_shift(its[rudder], its["r"]) if {rudder, "r"} <= set(its) else None)
+        if turn is None and "r" not in series:
+            turn = response_shift(series[rudder], rate)
         if turn is None:
             draft.ask(
                 3,

@@ -399,6 +399,8 @@ def _revolutions(draft: Draft) -> None:
                 f"{role} {draft.column(role)} is a pulse width or a share; give it `scale` and `offset` to "
                 f"rpm, or delete it",
             )
+        elif not draft.stated[role] and "rpm" in draft.column(role).lower() and top > 30.0:
+            draft.map = draft.change(role, unit="rpm")
         elif not draft.stated[role]:
             draft.map = draft.change(role, unit="rpm")
             if top <= 150.0 or (800 < float(np.median(raw)) < 2200 and np.all(raw > 700)):
