@@ -401,3 +401,17 @@ def test_a_map_that_does_not_fit_says_where(tmp_path, text, words):
     (tmp_path / "log.csv").write_text("t,yaw\n0,1\n1,2\n2,3\n3,4\n")
     with pytest.raises(ImportLogError, match=words):
         imported(tmp_path, text, tmp_path / "log.csv")
+
+
+def test_the_noise_of_a_channel_at_half_the_rate_of_the_rows_is_that_of_its_readings():
+    """Joined files of other rates leave empty cells; a diagnosis once found no noise, hence no channel, in them."""
+    from types import SimpleNamespace
+
+    from bayesid.diagnosis.data.problem import _noise_from_data
+
+    readings = np.random.default_rng(1).normal(scale=0.2, size=400)
+    rows = np.full(800, np.nan)
+    rows[::2] = readings
+    dense, sparse = (_noise_from_data((SimpleNamespace(data={"x": v}),), ["x"]) for v in (readings, rows))
+    assert sparse == dense
+    assert sparse["x"] == pytest.approx(0.2, rel=0.2)
