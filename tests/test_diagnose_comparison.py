@@ -97,9 +97,9 @@ class World:
     def _checked(self, problem, candidate, none, gains):
         return self._kept("checked", (candidate.effects, none.log_evidence, gains), candidate)
 
-    def _several(self, problem, refits, first, effects, alike, notify):
+    def _several(self, problem, refits, first, effects, alike, notify, left):
         self._kept("several", (first.effects, [r.effects for r in refits]), None)
-        return [*refits, *self.joint], self.left
+        return [*refits, *self.joint], self.left | left
 
     def _probabilities(self, evidence, refits, none, where, excess, left, places):
         self._kept("weights", (excess, left, places), None)

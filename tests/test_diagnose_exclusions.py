@@ -11,6 +11,7 @@ from bayesid.diagnosis import exclusions
 from bayesid.diagnosis.data.event import Event, without_readings
 from bayesid.diagnosis.data.outliers import stripped
 from bayesid.diagnosis.data.problem import build_problem, fit_with
+from bayesid.diagnosis.form_stage import Compared
 from bayesid.errors import ModelError, TrialError
 from bayesid.trials import Run
 
@@ -65,9 +66,10 @@ def passes(monkeypatch, outliers=(), events=(), fails=lambda events, readings: N
     monkeypatch.setattr(exclusions, "build_problem", build)
     monkeypatch.setattr(exclusions, "fit_with", lambda problem, effects: "base")
     monkeypatch.setattr(exclusions, "innovation_outliers", lambda problem, base: next(rounds, ()))
-    monkeypatch.setattr(exclusions, "compare", lambda problem, notify, seed, base: f"compared {len(seen)}")
+    monkeypatch.setattr(
+        exclusions, "compared", lambda problem, notify, seed, base: Compared(problem, f"compared {len(seen)}")
+    )
     monkeypatch.setattr(exclusions, "simplest", lambda candidates: None)
-    monkeypatch.setattr(exclusions, "needed_form", lambda problem, candidates: None)
     monkeypatch.setattr(exclusions, "find_events", lambda problem, trial, best, notify: events)
     monkeypatch.setattr(exclusions, "with_events", lambda candidates, found: f"{candidates} + {len(found)}")
     return seen, exclusions.compare_without(None, None)

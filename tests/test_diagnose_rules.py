@@ -63,14 +63,18 @@ CASES = [
     ("refuted by the runs", replace(PAIR, runs_refute=True), {"runs_refute": (False, "several sure")}),
     ("several sure", replace(PAIR, absorbed=1.0, none_in_set=True), {
         "sure": (1, "several, one sure"), "effects": (1, "none not excluded")}),
-    ("model form", replace(FORM, covered=True, runs_refute=True), {
-        "covered": (False, "refuted by the runs"), "form": (False, "refuted by the runs")}),
+    ("model form", replace(FORM, covered=True, acts=NAMING_PROBABILITY - TINY), {
+        "covered": (False, "unsure effect"),
+        "acts": (NAMING_PROBABILITY + 0.0, "effect no larger than what a model form leaves")}),
+    ("effect no larger than what a model form leaves", replace(FORM, covered=True, runs_refute=True), {
+        "covered": (False, "refuted by the runs"), "acts": (NAMING_PROBABILITY - TINY, "model form"),
+        "none": (EVEN_ODDS + TINY, "model form"), "gain": (3.9, "model form")}),
     ("model form", replace(FORM, gain=3.9), {"gain": (4.0, "effect"), "form": (False, "faint")}),
     ("model form", replace(FORM, widens=True), {
         "widens": (False, "effect"), "form": (False, "wrong coefficient")}),
     ("model form", replace(FORM, none_in_set=True, none=EVEN_ODDS + TINY), {
         "none": (EVEN_ODDS + 0.0, "none not excluded"), "form": (False, "probably none")}),
-    ("model form", replace(FORM, covered=True, outside=EVEN_ODDS + 0.0), {
+    ("model form", replace(FORM, covered=True, outside=EVEN_ODDS + 0.0, acts=0.3), {
         "outside": (EVEN_ODDS + TINY, "unlisted cause")}),
     ("one sure beside a model form", replace(PAIR, form=True, sure=1, others_covered=True), {
         "others_covered": (False, "several, one sure"), "left": (19 + TINY, "several, one sure"),
@@ -120,6 +124,7 @@ NAMES = Named(
 SAID = {
     "unlisted cause": ("outside", (), ()),
     "model form": ("model_form", (), ()),
+    "effect no larger than what a model form leaves": ("ambiguous", ("a", "b"), ()),
     "one sure beside a model form": ("effect", ("b",), ()),
     "coefficients moved": ("coefficients", (), ("c", "d")),
     "nothing beyond chance": ("none", (), ()),
@@ -150,7 +155,9 @@ def test_a_rule_says_its_word_and_names_those_of_its_outcome(rule):
     assert bool(effects) or rule.word not in NAMING
     assert set95 == NAMES.set95
     without = names_of(rule, replace(NAMES, set95=("outside",)))[2]
-    assert without == (("none", "outside") if rule.word in ("none", "model_form") else ("outside",))
+    silent = rule.word in ("none", "model_form") or rule.name.endswith("a model form leaves")
+    assert without == (("none", "outside") if silent else ("outside",))
+    assert not set(names_of(rule, replace(NAMES, hidden=("a", "b", "c"), along=("a", "c")))[1]) & set(effects)
     beside = names_of(rule, replace(NAMES, form=True))[2]
     assert beside == ("outside", "a", "model_form", "b")  # nothing but the form
 

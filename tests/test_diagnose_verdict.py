@@ -207,3 +207,13 @@ def test_a_named_cause_puts_the_gap_where_it_acts_and_an_unknown_one_where_a_fre
     assert location_of(told(a=1.0), model) == "N"
     assert location_of(told(outside=1.0), model) == "psi"
     assert sum(locations(told(a=0.7, outside=0.3), model).values()) == pytest.approx(1.0)
+
+
+def test_held_out_runs_take_a_name_away_and_give_none():
+    named = verdict.Verdict("effect", ("a",), ("a",), (), ("reason",), "effect")
+    assert verdict.after_holdout(named, ()) is named
+    gone = verdict.after_holdout(named, ("5 lengths",))
+    assert (gone.word, gone.effects, gone.set95, gone.rule) == ("ambiguous", ("a",), ("a",), verdict.REFUTED)
+    assert gone.reasons[0] == "reason" and "5 lengths" in gone.reasons[-1] and "effect (" in gone.reasons[-1]
+    silent = verdict.Verdict("none", (), ("none",), (), (), "nothing beyond chance")
+    assert verdict.after_holdout(silent, ("5 lengths",)) is silent

@@ -15,6 +15,7 @@ from bayesid.diagnosis.exclusions import compare_without
 from bayesid.diagnosis.hypotheses import candidate as candidates
 from bayesid.diagnosis.hypotheses.candidate import corrected_evidence, jackknife, weighted_hypothesis
 from bayesid.diagnosis.hypotheses.form_part import beyond, form_gain
+from bayesid.diagnosis.hypotheses.form_search import _Columns
 from bayesid.diagnosis.hypotheses.verdict import decide
 from bayesid.estimation.filter_error.evidence import NormalEquations
 from bayesid.estimation.likelihood.model_form import form_rows, typical
@@ -159,6 +160,36 @@ def test_a_form_is_found_where_the_equations_lack_one_and_the_cause_beside_it_ke
     verdict = decide(found.problem, found.candidates)
     assert "rudder_offset" in verdict.effects
     assert form_gain(found.problem, found.candidates.best) > 20.0
+
+
+def rolling(frequency):
+    """A trial of a ship that rolls, its readings planar, and what is left of it without any effect."""
+    model = model_of("generic_sub")
+    s = model.scales
+    force = 0.5 * s["rho"] * s["L"] ** 2 * s["U"] ** 2
+    heel = {
+        "roll_motion.frequency": frequency,
+        "roll_motion.Y_heel": 2e-3 * force,
+        "roll_motion.N_heel": -6e-4 * force * s["L"],
+    }
+    problem = build_problem(model, planted_trial(model, other_vehicle(model, 5) | heel, 5, samples=160))
+    return problem, weighted_hypothesis(problem, (), fit_with(problem, ()))
+
+
+@pytest.mark.parametrize("frequency", [1.0, 2.5])
+def test_roll_is_worth_as_much_in_the_search_as_in_the_refit_and_its_period_is_found(frequency):
+    problem, none = rolling(frequency)
+    period = 2 * np.pi * problem.model.scales["L"] / problem.model.scales["U"] / frequency
+    columns = _Columns.along(problem, none, period)
+    forces = ModelForm({"X": 0.0, "Y": 1e-3, "N": 3e-4})
+    gain = columns.evidence(ModelForm(forces.sizes, period)) - columns.evidence(forces)
+    assert gain > 30.0  # 1.4 and 4.3 where the heel stayed as at another frequency
+    wrong = _Columns.along(problem, none, 2.0 * period)
+    assert gain > wrong.evidence(ModelForm(forces.sizes, 2.0 * period)) - wrong.evidence(forces) + 20.0
+    fitted = fit_with(problem.with_form(ModelForm(forces.sizes, 1.1 * period)), ())
+    i = fitted.free.names.index("roll_motion.frequency")
+    assert fitted.values[i] == pytest.approx(frequency, rel=0.02)
+    assert abs(fitted.values[i] - frequency) < 3 * fitted.sd[i]
 
 
 def test_the_form_of_a_problem_leaves_its_stated_coefficients():

@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bayesid.api.inputs import Names, TrialLike, VehicleLike, declared_effects, model_of, trial_of
+from bayesid.api.inputs import Names, TrialLike, VehicleLike, declared_effects, model_of, prepared, trial_of
 from bayesid.api.result import Result, table
 from bayesid.diagnosis.diagnosed_model import write_diagnosed
 from bayesid.diagnosis.run import Diagnosis
@@ -33,6 +33,7 @@ def diagnose(
     prior: float | None = None,
     effects: str | os.PathLike[str] | None = None,
     exclude: Names = None,
+    resample: float | None = None,
     next_manoeuvre: bool = True,
     draws: bool = False,
     keep_model: bool = True,
@@ -47,6 +48,7 @@ def diagnose(
     prior : coefficients known to this share from an earlier clean trial, e.g. 0.02
     effects : Python file whose EFFECTS are added to the catalogue; it is run
     exclude : effects that cannot be here, e.g. "wind,ocean_current" in a towing tank
+    resample : time between readings [s]; commands keep their own times
     next_manoeuvre : also rank manoeuvres to execute next
     draws : also sample the named effects' parameters by emcee
     keep_model : also make the model that `bayesid.predict` draws from
@@ -56,7 +58,7 @@ def diagnose(
     TrialError, VehicleError, ModelError
         what cannot be read, or nothing to identify from
     """
-    logged = trial_of(trial, data)
+    logged = prepared(trial_of(trial, data), resample=resample)
     model = model_of(logged, vehicle, declared_effects(effects), exclude)
     found = run(
         logged, model, seed=seed, notify=(progress or Progress(quiet=True)).note, as_built=prior,

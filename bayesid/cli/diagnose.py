@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bayesid.cli.choices import Bundle, Data, Effects, Exclude, Prior, Vehicle
+from bayesid.cli.choices import Bundle, Data, Effects, Exclude, Prior, Resample, Vehicle
 from bayesid.cli.options import Json, Out, Quick, Seed, Verbose
 from bayesid.cli.terminal import OK
 
@@ -15,6 +15,7 @@ def diagnose(
     prior: Prior = None,
     effects: Effects = None,
     exclude: Exclude = None,
+    resample: Resample = None,
     seed: Seed = 0,
     quick: Quick = False,
     as_json: Json = False,
@@ -30,7 +31,8 @@ def diagnose(
     from bayesid.progress import Progress
 
     found = run(
-        bundle, vehicle, data=data, prior=prior, effects=effects, exclude=exclude, next_manoeuvre=not quick,
+        bundle, vehicle, data=data, prior=prior, effects=effects, exclude=exclude, resample=resample,
+        next_manoeuvre=not quick,
         draws=out is not None and not quick, keep_model=out is not None, seed=seed,
         progress=Progress(quiet=as_json),
     )  # fmt: skip

@@ -123,7 +123,7 @@ def diagnosed_model(
         if no hypothesis has a finite log evidence along its path
     """
     chosen = _chosen(candidates, verdict)
-    each = PRIOR_CATALOGUE / (len(problem.model.kernel.effects) + 1)
+    each = PRIOR_CATALOGUE / (len(problem.model.causes) + 1)
     fits, weights = [], []
     for c in chosen:
         fitted, evidence = _with_remainder(problem, c.fit)

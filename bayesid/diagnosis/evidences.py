@@ -37,7 +37,7 @@ def evidences(
         out[score.name] = refitted.get(
             score.name, min(score.gain, floor if sound else floor - top + score.gain)
         )
-    for effect in problem.model.kernel.effects:
+    for effect in problem.model.causes:
         out.setdefault(effect.name, 0.0 if testable(problem, effect) else -np.inf)
     prefix = f"{COEFFICIENT_ERROR}:"
     wide = {n: refitted.get(prefix + n, min(v, floor if refitted else v)) for n, v in wide.items()}

@@ -6,7 +6,7 @@ Takes a trial and a model. Gives the `DiagnosisProblem` without what is excluded
 Two kinds are excluded. Single readings that contradict the fit without any effect (innovation outliers):
 before anything is known a path may bend a little, and one yaw rate off by ten sigma is a possible motion;
 under the measured environment it is not. Events: short pieces that the best explanation of the whole trial
-predicts far worse than the rest.
+predicts far worse than the rest, a model form included.
 """
 
 from __future__ import annotations
@@ -18,12 +18,9 @@ from bayesid.diagnosis.data.event import Event
 from bayesid.diagnosis.data.outliers import Found, stripped
 from bayesid.diagnosis.data.problem import DiagnosisProblem, build_problem, fit_with
 from bayesid.diagnosis.event_search import find_events, with_events
+from bayesid.diagnosis.form_stage import Compared, compared
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains
-from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison, compare
 from bayesid.diagnosis.hypotheses.facts import simplest
-from bayesid.diagnosis.hypotheses.form_part import form_gain
-from bayesid.diagnosis.hypotheses.form_search import needed_form
-from bayesid.diagnosis.threshold_table import FORM_EVIDENCE
 from bayesid.equations.model import Model
 from bayesid.errors import BayesidError
 from bayesid.estimation.filter_error.fit import FilterErrorFit
@@ -38,15 +35,6 @@ class Excluded:
 
     events: tuple[Event, ...] = ()
     readings: Found = ()
-
-
-@dataclass(frozen=True, eq=False)
-class Compared:
-    """A problem and its hypotheses; `unable` says what could not be tried, and why."""
-
-    problem: DiagnosisProblem
-    candidates: HypothesisComparison
-    unable: str | None = None
 
 
 def compare_without(
@@ -67,7 +55,8 @@ def compare_without(
     TrialError
         if there is nothing to identify from
     """
-    excluded, whole = Excluded(), None
+    excluded = Excluded()
+    whole: Compared | None = None
     while True:
         try:
             problem = build_problem(model, trial, notify, as_built, excluded.events, excluded.readings)
@@ -78,48 +67,23 @@ def compare_without(
                 notify(f"once more without {len(outliers)} reading(s) that all others contradict")
                 excluded = Excluded(excluded.events, (*problem.outliers, *outliers))
                 continue
-            candidates = compare(problem, notify, seed, base)
+            found = compared(problem, notify, seed, base)
         except BayesidError as error:
             if whole is None:
                 raise
-            return Compared(
-                whole.problem,
-                whole.candidates,
-                f"the trial without {_named(excluded.events)} could not be diagnosed ({error}); the verdict "
-                f"counts them",
+            return replace(
+                whole,
+                unable=f"the trial without {_named(excluded.events)} could not be diagnosed ({error}); the "
+                "verdict counts them",
             )
         if excluded.events:
-            with_them = Compared(problem, with_events(candidates, excluded.events))
-            return _with_form(with_them, notify, seed)
-        whole = Compared(problem, candidates)
-        events = find_events(problem, trial, simplest(candidates), notify)
+            return replace(found, candidates=with_events(found.candidates, excluded.events))
+        whole = found
+        events = find_events(found.problem, trial, simplest(found.candidates), notify)
         if not events:
-            return _with_form(whole, notify, seed)
+            return found
         notify(f"the same without {_named(events)}")
         excluded = Excluded(events)
-
-
-def _with_form(found: Compared, notify: Notify, seed: int) -> Compared:
-    """The hypotheses with a model form in each, where the runs ask for one beside the best explanation."""
-    problem, candidates = found.problem, found.candidates
-    form = needed_form(problem, candidates)
-    if form is None:
-        return found
-    notify("the same with a force that depends on the motion and that the equations lack")
-    wider = problem.with_form(form)
-    try:
-        again = compare(wider, notify, seed)
-    except BayesidError as error:
-        return replace(found, unable=f"the hypotheses could not be compared with a model form ({error})")
-    before, after = simplest(candidates), simplest(again)
-    # an effect that may itself be part of a form need not be beaten, only equalled
-    rival = any(problem.model.effects[n].as_form for n in before.effects if not before.widens)
-    least = before.log_evidence + (0.0 if rival else float(FORM_EVIDENCE))
-    if explains(before) and after.log_evidence < least:
-        return found
-    if form_gain(wider, after) < FORM_EVIDENCE:  # the runs do not agree about it
-        return found
-    return replace(found, problem=wider, candidates=with_events(again, problem.events))
 
 
 def innovation_outliers(problem: DiagnosisProblem, base: FilterErrorFit) -> Found:

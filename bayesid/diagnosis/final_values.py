@@ -10,6 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from bayesid.diagnosis.data.model_form import resonates
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.evidence.effect_posterior import EffectPosterior, numbers
 from bayesid.diagnosis.evidence.holdout import HoldoutValidation, MeasureComparison
@@ -79,13 +80,13 @@ def result_of(
     from bayesid import __version__
 
     c, best = candidates, simplest(candidates)
-    every = ["none", *(e.name for e in model.kernel.effects), COEFFICIENT_ERROR, "outside"]
+    every = ["none", *(e.name for e in model.causes), COEFFICIENT_ERROR, "outside"]
     probability = {n: float(c.probabilities.get(n, 0.0)) for n in every}
     acting = {n: float(min(c.inside.get(n, 0.0), 1.0)) for n in every}
     if problem.form is not None:
         # no effect beside a form that the runs need is not "nothing"
         probability |= {"none": 0.0, MODEL_FORM: probability["none"]}
-        acting |= {"none": 0.0, MODEL_FORM: 1.0}
+        acting |= {"none": 0.0, MODEL_FORM: 1.0}  # every hypothesis has it
     apart = c.ambiguity
     return Result(
         format=FORMAT,
@@ -211,6 +212,8 @@ def _form(
         if not parameter:
             unit = typical(model, name)
             rows.append(FormRow(name, term(name).axis, float(value / unit), float(spread / abs(unit))))
+        elif resonates(model.effects[effect]):
+            continue  # the period says it
         elif model.effect_off[model.index[name]] == 0.0 and abs(value) > CLEAR * spread:
             like.append(effect)
     rows.sort(key=lambda r: -abs(r.force) / r.sd)

@@ -21,7 +21,7 @@ from bayesid.diagnosis.evidence.missing_force import describe_missing_force
 from bayesid.diagnosis.exclusions import compare_without
 from bayesid.diagnosis.final_values import result_of
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
-from bayesid.diagnosis.hypotheses.verdict import NAMING, Verdict, decide, simplest
+from bayesid.diagnosis.hypotheses.verdict import NAMING, Verdict, after_holdout, decide, simplest
 from bayesid.diagnosis.next_manoeuvre import Proposal, propose
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.summary import summary
@@ -112,12 +112,7 @@ def diagnose(
         HoldoutValidation((), ()),
         warnings,
     )
-    for horizon_row in holdout.horizons:
-        if verdict.word in NAMING and horizon_row.significant and horizon_row.interval[1] < 0:
-            warnings.append(
-                f"the named effect predicts the held-out runs worse over {horizon_row.horizon}; do not "
-                f"rely on it"
-            )
+    verdict = after_holdout(verdict, holdout.worse)
     proposals: tuple[Proposal, ...] = ()
     if plan_next:
         notify("which manoeuvre to run next")

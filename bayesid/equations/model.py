@@ -80,6 +80,11 @@ class Model:
         return {s.name: s.sd * eval_scale(s.scale, self.scales) for s in own}
 
     @cached_property
+    def causes(self) -> tuple[Effect, ...]:
+        """Effects that may be named; the others are part of a model form only."""
+        return tuple(e for e in self.kernel.effects if e.as_form != "only")
+
+    @cached_property
     def effect_limits(self) -> dict[int, tuple[float, float]]:
         """Range in which an effect parameter is that of the effect [SI], by position."""
         out = {}

@@ -24,8 +24,9 @@ _STRANGERS = {
     "drag_step": ("X", "rpm"),
     "compass_creep": ("psi",),
 }
-CATALOGUE_NAMES = tuple(e.name for e in CATALOGUE)
-FAMILIES = tuple(dict.fromkeys(e.family for e in CATALOGUE))
+_CAUSES = tuple(e for e in CATALOGUE if e.as_form != "only")
+CATALOGUE_NAMES = tuple(e.name for e in _CAUSES)
+FAMILIES = tuple(dict.fromkeys(e.family for e in _CAUSES))
 
 
 def family_of(name: str) -> str:

@@ -13,6 +13,7 @@ import numpy as np
 from bayesid.diagnosis.data.event import Event, blanked, released, without_readings
 from bayesid.diagnosis.data.model_form import ModelForm, frequency_start, with_form
 from bayesid.diagnosis.data.outliers import set_aside
+from bayesid.diagnosis.data.sampling import too_coarse
 from bayesid.diagnosis.threshold_table import FOLLOWS_DATA_CHI2
 from bayesid.equations.model import Model
 from bayesid.errors import ModelError, TrialError
@@ -34,6 +35,8 @@ from bayesid.trials.noise import raised, raised_words
 Notify = Callable[[str], None]
 # How far the environment of manoeuvres may lie from that of straight runs that hold a gap, in the logarithm.
 STRAIGHT_NOISE_SPREAD = 0.2
+# Passes in which states that hang on nothing but a known motion arrive.
+SETTLING_ITERATIONS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,9 +81,32 @@ class DiagnosisProblem:
 
     def with_form(self, form: ModelForm) -> DiagnosisProblem:
         """The problem with a model form free in every hypothesis."""
-        path = tuple(replace(p, par=frequency_start(self.model, form, p.par)) for p in self.path)
         free = with_form(self.model, self.stated, form)
+        path = self.swinging(self.path, form, self.path_level)
         return replace(self, coefficients=free, form=form, vehicle=self.stated, path=path)
+
+    def swinging(
+        self, points: Sequence[Trajectory], form: ModelForm, force_level: float
+    ) -> tuple[Trajectory, ...]:
+        """Points at the natural frequency of a form's resonance, its states smoothed anew along them.
+
+        Parameters
+        ----------
+        force_level : latent force over 1/2 rho L^2 U^2 with which the points follow the readings; 0 for the
+            real one
+        """
+        if form.period is None:
+            return tuple(points)
+        moved = [replace(p, par=frequency_start(self.model, form, p.par)) for p in points]
+        return fit(
+            self.model,
+            self.logs,
+            NO_PARAMETERS,
+            self.environment.noise_model,
+            start=moved,
+            initial_noise_scale=force_level,
+            iterations=SETTLING_ITERATIONS,
+        ).points
 
 
 def build_problem(
@@ -122,6 +148,8 @@ def build_problem(
         noise |= least
         warnings.append(raised_words(least))
     logs = [released(model, filter_error_run(model, run, noise, channels), events) for run in runs]
+    if (coarse := too_coarse(model, logs)) is not None:
+        warnings.append(coarse)
     notify("reading: readings that no smooth motion explains")
     logs, outliers = set_aside(model, logs)
     coefficients = coefficient_prior(model)

@@ -101,6 +101,11 @@ class HoldoutValidation:
     runs: tuple[str, ...]
     measures: tuple[MeasureComparison, ...] = ()
 
+    @property
+    def worse(self) -> tuple[str, ...]:
+        """Horizons over which the explanation predicts worse: 90 % interval of the shrinkage below 0."""
+        return tuple(h.horizon for h in self.horizons if h.significant and h.interval[1] < 0)
+
 
 def validate_holdout(
     problem: DiagnosisProblem,

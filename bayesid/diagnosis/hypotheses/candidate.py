@@ -159,13 +159,17 @@ def checked(
     that did not arrive and fits worse than no effect claims no more than its screen, `gains`.
     """
     c = away_from_straight(problem, candidate, none)
-    if not none.fit.converged or c.widens:
+    lost = not none.fit.converged
+    if c.widens or (lost and (problem.form is None or explains(c))):
         return c
     gain = c.log_evidence - none.log_evidence
     if explains(c):
         gain = gain if gain > LINEARISATION_SCATTER else min(gain, nested(problem, c))
         return replace(c, log_evidence=none.log_evidence + gain)
     limit = wald_limit(problem, c.fit)
+    if lost:
+        # beside a form that follows nothing either, only what an effect gains as itself counts
+        return replace(c, log_evidence=min(c.log_evidence, none.log_evidence + limit))
     if not c.fit.converged and c.fit.chi2 > none.fit.chi2 and len(c.effects) == 1:
         limit = min(limit, gains.get(c.effects[0], limit))
     return replace(c, log_evidence=min(c.log_evidence, none.log_evidence + limit))
@@ -187,7 +191,8 @@ def wald_limit(problem: DiagnosisProblem, fitted: FilterErrorFit) -> float:
     """Most that effect parameters can have gained: half their squared distance from zero in posterior sd.
 
     Shape parameters, whose off value is not zero, do not count. Evidence beyond this comes from refits of
-    unlike quality, not from the effect.
+    unlike quality, not from the effect. Where the equations lack a form, deviations are at least those from
+    run to run: an effect that every run asks for in another size has gained nothing as itself.
     """
     k = len(problem.coefficients.names)
     model = problem.model
@@ -200,6 +205,9 @@ def wald_limit(problem: DiagnosisProblem, fitted: FilterErrorFit) -> float:
         return float("inf")
     z = (fitted.values - fitted.free.mean)[where] / fitted.free.sd[where]
     inside = fitted.posterior.covariance[np.ix_(where, where)]
+    if problem.form is not None:
+        times = np.maximum(jackknife(fitted)[where] / fitted.sd[where], 1.0)
+        inside = inside * np.outer(times, times)
     return 0.5 * float(z @ np.linalg.solve(inside, z)) + WALD_SLACK
 
 

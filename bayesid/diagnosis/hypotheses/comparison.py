@@ -6,7 +6,7 @@ stated priors only; thresholds and words are the verdict's business.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from bayesid.diagnosis.data.problem import DiagnosisProblem, fit_with
@@ -49,6 +49,7 @@ from bayesid.diagnosis.threshold_table import (
     REMAINDER_EVIDENCE,
 )
 from bayesid.estimation.filter_error.fit import FilterErrorFit
+from bayesid.model.effects import Effect
 
 Notify = Callable[[str], None]
 
@@ -92,6 +93,45 @@ class HypothesisComparison:
         return self.refits[0] if self.refits else self.none
 
 
+@dataclass(frozen=True, eq=False)
+class SingleEffects:
+    """What is known of a trial before effects are joined.
+
+    Attributes
+    ----------
+    none : without effects
+    refits : one effect or wider coefficients each, best first
+    effects : those that can show in this trial
+    scores, bank, ambiguity, thresholds, where : as in `HypothesisComparison`
+    wide : coefficient -> gain in log evidence under a wider prior
+    """
+
+    none: RefittedHypothesis
+    refits: tuple[RefittedHypothesis, ...]
+    effects: tuple[Effect, ...]
+    scores: tuple[ScreenScore, ...]
+    bank: SensitivityBank
+    ambiguity: Isolability
+    thresholds: Thresholds
+    where: Localisation
+    wide: dict[str, float]
+
+    @property
+    def gains(self) -> dict[str, float]:
+        """Effect -> gain of the screen."""
+        return {s.name: s.gain for s in self.scores}
+
+    @property
+    def leading(self) -> RefittedHypothesis:
+        """Best single effect where it gains, no effect otherwise."""
+        single, gains = [c for c in self.refits if not c.widens], self.gains
+        if not single:
+            return self.none
+        first = max(single, key=lambda c: standing(c, gains[c.effects[0]]))
+        gain = first.log_evidence - self.none.log_evidence if explains(first) else gains[first.effects[0]]
+        return first if gain > ADD_EVIDENCE else self.none
+
+
 def compare(
     problem: DiagnosisProblem,
     notify: Notify = lambda text: None,
@@ -104,6 +144,16 @@ def compare(
     ----------
     base : the fit without any effect, if it is there already (`exclusions.compare_without`)
     """
+    return weigh(problem, single_effects(problem, notify, seed, base), notify)
+
+
+def single_effects(
+    problem: DiagnosisProblem,
+    notify: Notify = lambda text: None,
+    seed: int = 0,
+    base: FilterErrorFit | None = None,
+) -> SingleEffects:
+    """Screen of the catalogue and refits of a shortlist, one effect or wider coefficients each."""
     model = problem.model
     if base is None:
         notify("fit without any effect")
@@ -125,24 +175,36 @@ def compare(
     refits += [c for name in likely_coefficients(wide, scores) for c in refit_wide(problem, name, notify)]
     none = _second_start(problem, none, refits, notify)
     gains = {s.name: s.gain for s in scores}
-    refits = sorted((checked(problem, c, none, gains) for c in refits), key=lambda c: -c.log_evidence)
-    after = None
-    left: dict[tuple[str, ...], Localisation] = {}
-    single = [c for c in refits if not c.widens]
-    if single:
-        first = max(single, key=lambda c: standing(c, gains[c.effects[0]]))
-        if (
-            (first.log_evidence > none.log_evidence + ADD_EVIDENCE)
-            if explains(first)
-            else gains[first.effects[0]] > ADD_EVIDENCE
-        ):
-            refits, left = search_several(problem, refits, first, effects, known, notify)
-            refits = sorted((checked(problem, c, none, gains) for c in refits), key=lambda c: -c.log_evidence)
+    ranked = _ranked(problem, refits, none, gains)
+    return SingleEffects(none, ranked, tuple(effects), tuple(scores), bank, known, limits, where, wide)
+
+
+def weigh(
+    problem: DiagnosisProblem,
+    single: SingleEffects,
+    notify: Notify = lambda text: None,
+    left: Mapping[tuple[str, ...], Localisation] | None = None,
+) -> HypothesisComparison:
+    """Several effects at once, what the best explanation leaves, and the probability of every hypothesis.
+
+    Parameters
+    ----------
+    left : what some explanations leave, where it is known
+    """
+    none, scores, where, limits = single.none, single.scores, single.where, single.thresholds
+    refits, gains = list(single.refits), single.gains
+    after, left = None, dict(left or {})
+    if (first := single.leading).effects:
+        found, left = search_several(
+            problem, refits, first, list(single.effects), single.ambiguity, notify, left
+        )
+        refits = list(_ranked(problem, found, none, gains))
     if refits and refits[0].log_evidence > none.log_evidence + ADD_EVIDENCE:
         notify("what the best explanation leaves")
         after = left.get(refits[0].effects) or remainder(problem, refits[0])
-    evidence = evidences(problem, none, refits, scores, wide, where)
-    carried, beside = form_gain(problem, none), form_gain(problem, refits[0]) if refits else 0.0
+    evidence = evidences(problem, none, refits, scores, single.wide, where)
+    best = refits[0] if refits and refits[0].log_evidence > none.log_evidence else none
+    carried, beside = form_gain(problem, none), form_gain(problem, best)
     # what a form leaves may be as large as what it carries; only the rest speaks for another cause
     evidence["outside"] = beyond(evidence["outside"], carried)
     rest = {k: beyond(v, beside) for k, v in _rests(refits, after).items()}
@@ -150,15 +212,39 @@ def compare(
     left_by = Remainder(rest)
     if after is not None:
         shows = excess > 1.0 or beyond(after.places[0].evidence, beside) > limits.remainder
-        astray = refits[0].fit.chi2 > NOT_FOLLOWING_CHI2
+        # beside a form, evidence compares without it: what does not follow is held to what it gains as itself
+        astray = problem.form is not None or refits[0].fit.chi2 > NOT_FOLLOWING_CHI2
         share = (
             1.0 if astray else after.places[0].evidence / max(where.places[0].evidence, REMAINDER_EVIDENCE)
         )
         left_by = Remainder(rest, shows, share, where.kept(after))
-    places = {e.name: e.where for e in effects}
+    places = {e.name: e.where for e in single.effects}
     weights = probabilities(evidence, refits, none, where, excess, left_by, places)
-    found = (evidence, weights.shared, weights.inside, bank, known, where, after, limits)
-    return HypothesisComparison(none, tuple(refits), tuple(scores), *found, carried, beside)
+    return HypothesisComparison(
+        none,
+        tuple(refits),
+        scores,
+        evidence,
+        weights.shared,
+        weights.inside,
+        single.bank,
+        single.ambiguity,
+        where,
+        after,
+        limits,
+        carried,
+        beside,
+    )
+
+
+def _ranked(
+    problem: DiagnosisProblem,
+    refits: Sequence[RefittedHypothesis],
+    none: RefittedHypothesis,
+    gains: Mapping[str, float],
+) -> tuple[RefittedHypothesis, ...]:
+    """Refits by the evidence they may claim, best first."""
+    return tuple(sorted((checked(problem, c, none, gains) for c in refits), key=lambda c: -c.log_evidence))
 
 
 def _rests(refits: Sequence[RefittedHypothesis], after: Localisation | None) -> dict[tuple[str, ...], float]:

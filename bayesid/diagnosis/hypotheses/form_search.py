@@ -1,31 +1,29 @@
 """Whether the runs need a model form, how large, and how much of the gap it carries.
 
-Takes a `DiagnosisProblem` and its hypotheses without a form. Gives a `ModelForm`, or None. One linearisation
-along the best explanation; no refit.
+Takes a `DiagnosisProblem` and an explanation without a form. Gives a `ModelForm`, or None. One linearisation
+along that explanation; no refit.
 
-A form is needed where both say so beside the best explanation: the evidence, its size averaged over nothing
-but chosen per axis, and the density of every run given the others.
+A form is needed where both say so beside the explanation: the evidence, its size averaged over nothing but
+chosen per axis, and the density of every run given the others.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from bayesid.diagnosis.data.model_form import ModelForm, form_effects, frequency_start, resonates, with_form
+from bayesid.diagnosis.data.model_form import ModelForm, form_effects, resonates, with_form
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains
-from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.cross_validation import left_out
-from bayesid.diagnosis.hypotheses.facts import simplest
 from bayesid.diagnosis.hypotheses.form_part import scaled
-from bayesid.diagnosis.hypotheses.localisation import Localisation
 from bayesid.diagnosis.hypotheses.sensitivity_bank import levels_between
 from bayesid.diagnosis.threshold_table import ADD_EVIDENCE, FORM_EVIDENCE
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.evidence import NormalEquations, normal_equations, posterior
-from bayesid.estimation.filter_error.linearise import Trajectory, linearise
+from bayesid.estimation.filter_error.linearise import linearise
 from bayesid.estimation.filter_error.noise_model import whitened
 from bayesid.estimation.parameters import GaussianPrior, effect_prior
 
@@ -37,15 +35,30 @@ ROUNDS = 2
 LEAST_RUNS = 3
 
 
-def needed_form(problem: DiagnosisProblem, candidates: HypothesisComparison) -> ModelForm | None:
-    """Form the runs ask for beside the best explanation without one; None where they ask for none."""
+@dataclass(frozen=True)
+class NeededForm:
+    """A form and what it gains beside the explanation it was asked for with [nats]."""
+
+    form: ModelForm
+    gain: float
+
+
+def needed_form(
+    problem: DiagnosisProblem, best: RefittedHypothesis, period: float | None
+) -> NeededForm | None:
+    """Form the runs ask for beside an explanation without one; None where they ask for none.
+
+    Parameters
+    ----------
+    period : of what the explanation leaves, where that has one [s]
+    """
     try:
-        return _asked_for(problem, _Columns.along(problem, _beside(candidates), _period(candidates)))
+        return _asked_for(problem, _Columns.along(problem, best, period))
     except ModelError:
         return None
 
 
-def _asked_for(problem: DiagnosisProblem, equations: _Columns) -> ModelForm | None:
+def _asked_for(problem: DiagnosisProblem, equations: _Columns) -> NeededForm | None:
     """Sizes of most evidence, axis by axis; None where they gain or predict left-out runs too little."""
     nothing = ModelForm(dict.fromkeys(equations.axes, 0.0))
     best, form = equations.evidence(nothing), nothing
@@ -65,27 +78,7 @@ def _asked_for(problem: DiagnosisProblem, equations: _Columns) -> ModelForm | No
         return None
     if len(problem.logs) >= LEAST_RUNS and equations.left_out(form) <= equations.left_out(nothing):
         return None
-    return form
-
-
-def _beside(candidates: HypothesisComparison) -> RefittedHypothesis:
-    """Best explanation that is no wider prior: that is another account of what a form is for."""
-    best = simplest(candidates)
-    if not best.widens:
-        return best
-    others = [c for c in candidates.refits if not c.widens and explains(c)]
-    return max([candidates.none, *others], key=lambda c: c.log_evidence)
-
-
-def _period(candidates: HypothesisComparison) -> float | None:
-    """Period of what is left in the forces, where a periodic force gains most."""
-    left: Localisation = candidates.where_after or candidates.where
-    first = left.places[0]
-    return (
-        first.period
-        if first.channel[0] in "YN" and first.evidence > candidates.thresholds.remainder
-        else None
-    )
+    return NeededForm(form, best - base)
 
 
 class _Columns:
@@ -116,16 +109,13 @@ class _Columns:
             if not any(effect.key(p.name) in free.names for p in effect.parameters):
                 free = free + effect_prior(model, effect)
         follows = explains(best)
-        points = fitted.points if follows else fitted.path_points
         level = 0.0 if follows else fitted.path_force_level
+        points = problem.swinging(fitted.points if follows else fitted.path_points, largest, level)
         noise_model = levels_between(problem, level)[-1]
         equations = []
         for k, (log, point) in enumerate(zip(problem.logs, points, strict=True)):
-            at = Trajectory(
-                frequency_start(model, largest, point.par), point.states, point.force, point.before
-            )
-            path = linearise(model, log, at, free.where)
-            w = whitened(model, path, free.mean - at.par[free.where], free.sd, noise_model, run=k)
+            path = linearise(model, log, point, free.where)
+            w = whitened(model, path, free.mean - point.par[free.where], free.sd, noise_model, run=k)
             equations.append(normal_equations(w.resid, w.columns, w.logdet, w.used))
         # what may be part of a form is asked for anew with it: the refits decide between the two
         causes = [e for e in explanation if not e.as_form]

@@ -36,6 +36,7 @@ class Rule:
         sure, the best explanation, or the error of a coefficient
     hidden : which effects the coefficients can absorb are listed with it
     sentence : what it says to a reader
+    or_none : whether no effect is in the 95 % set however small its probability
     """
 
     name: str
@@ -44,6 +45,7 @@ class Rule:
     effects: Literal["nothing", "rivals", "sure", "best", "coefficient"]
     hidden: Literal["nothing", "all", "along"]
     sentence: str
+    or_none: bool = False
 
 
 RULES: tuple[Rule, ...] = (
@@ -56,10 +58,20 @@ RULES: tuple[Rule, ...] = (
     ),
     Rule(
         "model form",
-        lambda f: f.form and (not f.gains or f.widens or f.covered or f.none > EVEN_ODDS),
+        lambda f: f.form
+        and (not f.gains or f.widens or f.none > EVEN_ODDS or (f.covered and f.acts < NAMING_PROBABILITY)),
         "model_form", "nothing", "nothing",
         "a force that depends on the motion and that the equations lack is needed, and beside it no effect "
         "gains more than what such a force may leave; a coefficient further off than stated may stand for it",
+        or_none=True,
+    ),
+    Rule(
+        "effect no larger than what a model form leaves",
+        lambda f: f.covered,
+        "ambiguous", "rivals", "nothing",
+        f"the best explanation acts with at least {NAMING_PROBABILITY:.0%} and gains no more than "
+        "what a force that the equations lack may leave: it may be more of that force",
+        or_none=True,
     ),
     Rule(
         "coefficients moved",
@@ -75,6 +87,7 @@ RULES: tuple[Rule, ...] = (
         "none", "nothing", "nothing",
         "no effect gains more than chance allows, and no effect, or what these runs cannot tell from it, is "
         "more probable than not",
+        or_none=True,
     ),
     Rule(
         "faint",
@@ -87,6 +100,7 @@ RULES: tuple[Rule, ...] = (
         lambda f: f.widens and f.none_in_set and f.none > EVEN_ODDS,
         "none", "nothing", "nothing",
         "a wrong coefficient explains most, and no error at all is more probable than not",
+        or_none=True,
     ),
     Rule(
         "faint coefficient",
@@ -150,6 +164,7 @@ RULES: tuple[Rule, ...] = (
         lambda f: f.none_in_set and f.none > EVEN_ODDS,
         "none", "nothing", "nothing",
         "an effect gains, and no effect is still more probable than not",
+        or_none=True,
     ),
     Rule(
         "none not excluded",

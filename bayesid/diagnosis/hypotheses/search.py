@@ -5,13 +5,19 @@ Takes a `DiagnosisProblem` and the refits of single effects. Gives `RefittedHypo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from bayesid.diagnosis.data.problem import DiagnosisProblem, first_fit
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains, nested, standing
 from bayesid.diagnosis.hypotheses.localisation import Localisation
 from bayesid.diagnosis.hypotheses.refit import FOLLOWING_FORCE_LEVEL, refit, refit_again, remainder
-from bayesid.diagnosis.hypotheses.sensitivity_bank import Isolability, build_bank, levels_between, screen
+from bayesid.diagnosis.hypotheses.sensitivity_bank import (
+    Isolability,
+    ScreenScore,
+    build_bank,
+    levels_between,
+    screen,
+)
 from bayesid.diagnosis.threshold_table import (
     ADD_EVIDENCE,
     DROP_EVIDENCE,
@@ -35,6 +41,7 @@ def search_several(
     effects: list[Effect],
     alike: Isolability,
     notify: Notify,
+    left: Mapping[tuple[str, ...], Localisation] | None = None,
 ) -> tuple[list[RefittedHypothesis], dict[tuple[str, ...], Localisation]]:
     """Forward selection from the best single effect, then backward: the first one may owe its place to the
     second.
@@ -48,18 +55,13 @@ def search_several(
     ----------
     alike : whose rivals take an effect's place in pairs. Beside the wrong one of two alike effects the second
         cause is not found, or not in its full size.
+    left : what some explanations leave, where it is known
     """
-    left: dict[tuple[str, ...], Localisation] = {}
+    left = dict(left or {})
     model = problem.model
     while len(current.effects) < MOST_EFFECTS:
         chosen = [model.effects[n] for n in current.effects]
-        families = {e.family for e in chosen}
-        others = [e for e in effects if e.family not in families]
-        inside = _joint(model, chosen)
-        points = current.fit.points if current.fit.converged else current.fit.path_points
-        level = 0.0 if current.fit.converged else current.fit.path_force_level
-        bank = build_bank(problem, points, levels_between(problem, level), others, inside)
-        ranked = [s for s in screen(bank)[:3] if s.gain > 0.5 * ADD_EVIDENCE]
+        ranked = [s for s in gains_beside(problem, current, effects)[:3] if s.gain > 0.5 * ADD_EVIDENCE]
         if not ranked:
             break
         tried = [
@@ -73,7 +75,8 @@ def search_several(
             step = _step(problem, best, current)
             if step < ADD_EVIDENCE:
                 break
-            left[current.effects] = remainder(problem, current)
+            if current.effects not in left:
+                left[current.effects] = remainder(problem, current)
             if step < LEAST_FREE_SIGNAL_SHARE * (left[current.effects].outside - left[current.effects].base):
                 break
         refits = [*tried, *refits]
@@ -92,6 +95,19 @@ def search_several(
             break
         current = smaller
     return sorted(refits, key=lambda c: -c.log_evidence), left
+
+
+def gains_beside(
+    problem: DiagnosisProblem, current: RefittedHypothesis, effects: Sequence[Effect]
+) -> list[ScreenScore]:
+    """Screen of one more effect of another family beside those of a refit, along its path, best first."""
+    chosen = [problem.model.effects[n] for n in current.effects]
+    families = {e.family for e in chosen}
+    others = [e for e in effects if e.family not in families]
+    points = current.fit.points if current.fit.converged else current.fit.path_points
+    level = 0.0 if current.fit.converged else current.fit.path_force_level
+    levels = levels_between(problem, level)
+    return screen(build_bank(problem, points, levels, others, _joint(problem.model, chosen)))
 
 
 def _exchanged(

@@ -1,12 +1,14 @@
 """The verdict: one of eight words, with the effects, the set, the reasons and the rule behind it.
 
-Takes `HypothesisComparison`. Gives a frozen `Verdict`. Reads no data and no held-out run; the rules are in
-`rules`, the numbers they compare with in `threshold_table`.
+Takes `HypothesisComparison`. Gives a frozen `Verdict`. Reads no data and no held-out run, whose prediction
+may only take a name away (`after_holdout`); the rules are in `rules`, the numbers they compare with in
+`threshold_table`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.hypotheses.candidate import COEFFICIENT_ERROR
@@ -14,7 +16,7 @@ from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.facts import Facts, Grounds, Named, grounds_of, simplest
 from bayesid.diagnosis.hypotheses.rules import NAMING, WORDS, Rule, Word, deciding
 
-__all__ = ["NAMING", "WORDS", "Verdict", "Word", "decide", "simplest"]
+__all__ = ["NAMING", "REFUTED", "WORDS", "Verdict", "Word", "after_holdout", "decide", "simplest"]
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,25 @@ def decide(problem: DiagnosisProblem, candidates: HypothesisComparison) -> Verdi
     return Verdict(rule.word, effects, set95, hidden, _reasons(grounds, rule), rule.name)
 
 
+REFUTED = "refuted by held-out runs"
+
+
+def after_holdout(verdict: Verdict, worse: Sequence[str]) -> Verdict:
+    """Verdict that knows held-out runs: a name under which their prediction gets worse is not given.
+
+    Parameters
+    ----------
+    worse : horizons over which the error grows
+    """
+    if verdict.word not in NAMING or not worse:
+        return verdict
+    reason = (
+        f"{' + '.join(verdict.effects)} predicts the held-out runs worse over {', '.join(worse)} than the "
+        f"re-tuned coefficients do; before they were read the verdict was {verdict.word} ({verdict.rule})"
+    )
+    return replace(verdict, word="ambiguous", reasons=(*verdict.reasons, reason), rule=REFUTED)
+
+
 def names_of(rule: Rule, named: Named) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
     """Effects a rule names, effects it lists as hidden, and the 95 % set it is said with."""
     effects = {
@@ -57,9 +78,10 @@ def names_of(rule: Rule, named: Named) -> tuple[tuple[str, ...], tuple[str, ...]
         "coefficient": (COEFFICIENT_ERROR,),
     }[rule.effects]
     hidden = {"nothing": (), "all": named.hidden, "along": named.along}[rule.hidden]
+    hidden = tuple(n for n in hidden if n not in effects)  # what is named is not hidden
     # what cannot be told from no effect is no effect
     set95 = named.set95
-    if rule.word in ("none", "model_form") and "none" not in set95:
+    if rule.or_none and "none" not in set95:
         set95 = ("none", *set95)
     if named.form:
         set95 = tuple("model_form" if n == "none" else n for n in set95)

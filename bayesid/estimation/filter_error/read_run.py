@@ -67,7 +67,8 @@ def filter_error_run(model: Model, run: Any, noise: Mapping[str, float], channel
         np.array([noise[c] for c in names]),
         first,
         states,
-        np.array([wide[n] for n in states]),
+        # states of effects that were taken out move nothing, and are as good as known
+        np.array([wide.get(n, 0.1 * s["U"]) for n in states]),
         run.manoeuvre,
         run.role,
         path,

@@ -118,7 +118,7 @@ def _others(model: Model, free: GaussianPrior, par: np.ndarray) -> GaussianPrior
     """Parameters of all effects that have a slope and are at their prior mean, apart from those of
     `parameters`."""
     out = GaussianPrior((), free.where[:0], free.mean[:0], free.sd[:0], free.low[:0])
-    for effect in model.kernel.effects:
+    for effect in model.causes:
         if not effect.smooth:
             continue
         prior = effect_prior(model, effect)

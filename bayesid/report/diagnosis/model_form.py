@@ -32,7 +32,7 @@ def form_lead(result: Result) -> str:
 
 
 def _like(form: ModelFormPart) -> str:
-    names = [in_words(n) for n in form.looks_like if n != "roll_motion"]
+    names = [in_words(n) for n in form.looks_like]
     if form.period is not None:
         names.append(f"roll with a period of {form.period:.3g} s")
     return " and ".join(names)

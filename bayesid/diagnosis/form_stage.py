@@ -1,0 +1,118 @@
+"""The hypotheses of a problem, with a model form in each of them where the runs ask for one.
+
+Takes a `DiagnosisProblem`. Gives `Compared`: the problem, with the form if it has one, and its hypotheses.
+Leaves out no reading (`exclusions`) and does not decide.
+
+A form is asked for beside the best single effect where it gains more there than any second effect would, and
+else beside the best of all, so that two effects that explain everything are not taken for one. It is tried
+once: hypotheses with a form cost as much as all others together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from bayesid.diagnosis.data.problem import DiagnosisProblem
+from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains
+from bayesid.diagnosis.hypotheses.comparison import (
+    HypothesisComparison,
+    SingleEffects,
+    compare,
+    single_effects,
+    weigh,
+)
+from bayesid.diagnosis.hypotheses.facts import simplest
+from bayesid.diagnosis.hypotheses.form_part import form_gain
+from bayesid.diagnosis.hypotheses.form_search import NeededForm, needed_form
+from bayesid.diagnosis.hypotheses.localisation import Localisation
+from bayesid.diagnosis.hypotheses.refit import remainder
+from bayesid.diagnosis.hypotheses.search import gains_beside
+from bayesid.diagnosis.threshold_table import FORM_EVIDENCE
+from bayesid.errors import BayesidError
+from bayesid.estimation.filter_error.fit import FilterErrorFit
+
+Notify = Callable[[str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """A problem and its hypotheses; `unable` says what could not be tried, and why."""
+
+    problem: DiagnosisProblem
+    candidates: HypothesisComparison
+    unable: str | None = None
+
+
+def compared(
+    problem: DiagnosisProblem, notify: Notify, seed: int, base: FilterErrorFit | None = None
+) -> Compared:
+    """Hypotheses of a problem, with a form in each where the runs ask for one."""
+    single = single_effects(problem, notify, seed, base)
+    leading = single.leading
+    notify("whether the equations lack a force that depends on the motion")
+    left = remainder(problem, leading) if leading.effects else single.where
+    needed = needed_form(problem, leading, _period(left, single.thresholds.remainder))
+    known = {leading.effects: left} if leading.effects else None
+    if needed is not None and needed.gain > _further(problem, single):
+        found, unable = _with_form(problem, needed, leading, notify, seed)
+        return found or Compared(problem, weigh(problem, single, notify, known), unable)
+    candidates = weigh(problem, single, notify, known)
+    beside = _beside(candidates)
+    if beside.effects == leading.effects and needed is None:
+        return Compared(problem, candidates)
+    left = candidates.where_after or candidates.where
+    needed = needed_form(problem, beside, _period(left, candidates.thresholds.remainder))
+    if needed is None:
+        return Compared(problem, candidates)
+    found, unable = _with_form(problem, needed, simplest(candidates), notify, seed)
+    return found or Compared(problem, candidates, unable)
+
+
+def _with_form(
+    problem: DiagnosisProblem, needed: NeededForm, before: RefittedHypothesis, notify: Notify, seed: int
+) -> tuple[Compared | None, str | None]:
+    """The same with a form; nothing where the refits do not bear it out, and why it could not be tried."""
+    notify("the same with a force that depends on the motion and that the equations lack")
+    try:
+        wider = problem.with_form(needed.form)
+        candidates = compare(wider, notify, seed)
+    except BayesidError as error:
+        return None, f"the hypotheses could not be compared with a model form ({error})"
+    after = simplest(candidates)
+    # an effect that may itself be part of a form need not be beaten, only equalled
+    rival = any(problem.model.effects[n].as_form for n in before.effects if not before.widens)
+    least = before.log_evidence + (0.0 if rival else float(FORM_EVIDENCE))
+    if explains(before) and after.log_evidence < least:
+        return None, None
+    if form_gain(wider, after) < FORM_EVIDENCE:  # the runs do not agree about it
+        return None, None
+    return Compared(wider, candidates), None
+
+
+def _further(problem: DiagnosisProblem, single: SingleEffects) -> float:
+    """What one more effect would gain beside the best single one that is no part of a form [nats]."""
+    leading = single.leading
+    if leading.effects:
+        scores = gains_beside(problem, leading, list(single.effects))
+    else:
+        scores = list(single.scores)
+    others = [s.gain for s in scores if not problem.model.effects[s.name].as_form]
+    return max(others, default=-np.inf)
+
+
+def _beside(candidates: HypothesisComparison) -> RefittedHypothesis:
+    """Best explanation that is no wider prior: that is another account of what a form is for."""
+    best = simplest(candidates)
+    if not best.widens:
+        return best
+    others = [c for c in candidates.refits if not c.widens and explains(c)]
+    return max([candidates.none, *others], key=lambda c: c.log_evidence)
+
+
+def _period(left: Localisation, by_chance: float) -> float | None:
+    """Period of what is left in the forces, where a periodic force gains most."""
+    first = left.places[0]
+    return first.period if first.channel[0] in "YN" and first.evidence > by_chance else None
