@@ -404,7 +404,7 @@ def test_a_map_that_does_not_fit_says_where(tmp_path, text, words):
 
 
 def test_the_noise_of_a_channel_at_half_the_rate_of_the_rows_is_that_of_its_readings():
-    """Joined files of other rates leave empty cells; a diagnosis once found no noise, hence no channel, in them."""
+    """Joined files of other rates leave empty cells; a diagnosis once found no noise in them."""
     from types import SimpleNamespace
 
     from bayesid.diagnosis.data.problem import _noise_from_data

@@ -47,7 +47,9 @@ def arrange(logs: dict[str, RawLog]) -> tuple[dict[str, str], list[tuple[str, ..
 
 
 def _told_by_time(groups: list[tuple[str, ...]], logs: dict[str, RawLog]) -> bool:
-    """True if the clocks themselves say which files belong together: spans overlap within a group and nowhere else."""
+    """True if the clocks say which files belong together.
+
+    Spans overlap within a group and nowhere else."""
     spans: list[list[tuple[float, float]]] = []
     for group in groups:
         its = [logs[name] for name in group]
