@@ -306,6 +306,7 @@ def _table(tmp_path, truth, columns, name="log.csv"):
         ({"rudder [deg]": lambda c: c * DEG}, "radians"),
         ({"yaw [deg]": lambda c: c + 25.0}, "off the heading"),
         ({"u [m/s]": lambda c: c / 0.514444}, "times as long"),
+        ({"x [m]": lambda c: c + 0.02 * np.arange(c.size)}, "through the water"),  # a current of 0.2 m/s
     ],
 )
 def test_what_is_doubtful_is_asked(tmp_path, change, words):

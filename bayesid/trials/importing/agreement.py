@@ -92,6 +92,34 @@ def speed_fit(found: LogMap, recording: Recording) -> tuple[float, float, float]
     return None if check is None else (check.scale, check.misfit, check.rotation)
 
 
+def drift(found: LogMap, recording: Recording) -> tuple[float, float, float] | None:
+    """(steady drift of the track off what u and v say, its sd, mean speed), m/s; None without u, v.
+
+    A current moves the track but not a speed through the water; over ground there is no such drift.
+    """
+    run = common_run(found, recording)
+    if run is None or not {"x", "y", "psi", "u", "v"} <= set(run.data):
+        return None
+    t, data = run.t, run.data
+    good = np.all([np.isfinite(data[k]) for k in ("x", "y", "psi", "u", "v")], axis=0)
+    if good.sum() < 80:
+        return None
+    t, (x, y, psi, u, v) = t[good], (data[k][good] for k in ("x", "y", "psi", "u", "v"))
+    velocity = (u + 1j * v) * np.exp(1j * psi)
+    way = np.concatenate(([0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(t))))
+    knots = np.unique(np.linspace(0, t.size - 1, 41).astype(int))
+    moved, reckoned, span = (np.diff(a[knots]) for a in (x + 1j * y, way, t))
+    design = np.column_stack((reckoned, span))
+    weights, _, rank, _ = np.linalg.lstsq(design, moved, rcond=None)
+    if rank < 2:
+        return None
+    left = moved - design @ weights
+    freedom = max(1, moved.size - 2)
+    spread = np.linalg.inv(np.real(np.conj(design).T @ design))[1, 1]
+    sd = float(np.sqrt(np.sum(np.abs(left) ** 2) / freedom * abs(spread)))
+    return float(abs(weights[1])), sd, float(np.mean(np.abs(velocity)))
+
+
 def yaw_fit(found: LogMap, recording: Recording) -> tuple[float, float] | None:
     """(heading change over the integral of r, share explained)."""
     run = common_run(found, recording)

@@ -13,12 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from bayesid.model.units import scale
-from bayesid.trials.importing.agreement import (
-    rudder_t,
-    speed_fit,
-    track_misfit,
-    yaw_fit,
-)
+from bayesid.trials.importing.agreement import drift, rudder_t, speed_fit, track_misfit, yaw_fit
 from bayesid.trials.importing.clock_agreement import check_clocks
 from bayesid.trials.importing.draft import Draft
 from bayesid.trials.importing.log_map import LogMap
@@ -37,6 +32,7 @@ def decide(draft: Draft) -> None:
     _axes(draft)
     _rates(draft)
     _speeds(draft)
+    _current(draft)
     _depth(draft)
     _rudder(draft)
     _revolutions(draft)
@@ -308,6 +304,18 @@ def _speeds(draft: Draft) -> None:
         )
     elif unit != "m/s":
         draft.remark(f"speed {draft.column('u')} is read as {unit}: the track is {size:.3f} times as long")
+
+
+def _current(draft: Draft) -> None:
+    """Asks where the track drifts steadily away from what u and v integrate to."""
+    found = drift(draft.map, draft.liveliest) if draft.has("u", "v") else None
+    if found is not None and found[0] > max(0.05 * found[2], 4.0 * found[1]):
+        draft.ask(
+            2,
+            f"the track drifts {found[0]:.2g} m/s off what {draft.column('u')} and {draft.column('v')} say: "
+            "if they are through the water, call them `u_water` and `v_water`; if over ground, position or "
+            "heading errs",
+        )
 
 
 def _position(draft: Draft) -> str:
