@@ -7,11 +7,20 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterable, Iterator, Sized
+from collections.abc import Iterable, Iterator, Sequence, Sized
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any, TextIO, TypeVar
 
 T = TypeVar("T")
+_silent = False
+
+
+def set_quiet(on: bool) -> bool:
+    """Whether all progress of this process is silent; usable as the callback of an option."""
+    global _silent
+    _silent = bool(on)
+    return on
 
 
 def printable(text: str) -> str:
@@ -28,13 +37,32 @@ class Progress:
 
     def __init__(self, *, quiet: bool = False, every: float = 10.0, stream: TextIO | None = None) -> None:
         self._stream = stream or sys.stderr
-        self._quiet = quiet
+        self._quiet = quiet or _silent
         self._every = every
         self._bars: _Bars | None = None
+        self._steps, self._step, self._depth = 0, 0, 0
+
+    def expect(self, steps: int) -> None:
+        """From now on the next so many stages are named step 1 of n, step 2 of n and so on."""
+        self._steps, self._step = steps, 0
+
+    def route(self, steps: Sequence[RouteStep]) -> Route:
+        """A listener for work that says in sentences where it is."""
+        return Route(self, steps)
 
     @contextmanager
     def stage(self, name: str, total: int | None = None) -> Iterator[Stage]:
         """A named piece of work of `total` steps (None: unknown); call `.step()` on what it yields."""
+        if self._depth == 0 and self._step < self._steps and self._steps > 1:
+            self._step += 1
+            name = f"step {self._step} of {self._steps}: {name}"
+        self._depth += 1
+        try:
+            yield from self._shown(name, total)
+        finally:
+            self._depth -= 1
+
+    def _shown(self, name: str, total: int | None) -> Iterator[Stage]:
         if self._quiet:
             yield Stage(name, total)
             return
@@ -64,6 +92,51 @@ class Progress:
 
     def _is_terminal(self) -> bool:
         return bool(getattr(self._stream, "isatty", lambda: False)())
+
+
+@dataclass(frozen=True)
+class RouteStep:
+    """A step of work that tells where it is in sentences.
+
+    Attributes
+    ----------
+    begins : beginnings of the sentences it is told by
+    share : usual share of the whole time that it takes
+    """
+
+    begins: tuple[str, ...]
+    share: float
+
+
+class Route:
+    """Sentences become lines "step k of n: sentence (12 s, about 20 s left)"; steps only go on."""
+
+    def __init__(self, progress: Progress, steps: Sequence[RouteStep]) -> None:
+        self._progress, self._steps, self._at = progress, tuple(steps), 0
+        self._begin = time.monotonic()
+        self._entered = 0.0
+
+    def __call__(self, sentence: str) -> None:
+        """Tell one sentence."""
+        gone = time.monotonic() - self._begin
+        for k in range(self._at, len(self._steps)):
+            if sentence.startswith(self._steps[k].begins):
+                if k > self._at:
+                    self._at, self._entered = k, gone
+                break
+        shares = [s.share / sum(s.share for s in self._steps) for s in self._steps]
+        before, after, left = sum(shares[: self._at]), sum(shares[self._at + 1 :]), ""
+        if before > 0.05:  # too little has gone by to tell before
+            whole = self._entered / before
+            left = f", about {time_words(max(whole - gone, whole * after))} left"
+        self._progress.note(f"step {self._at + 1} of {len(self._steps)}: {sentence} ({gone:.0f} s{left})")
+
+
+def time_words(seconds: float) -> str:
+    """A rough time: 20 s, 3 min, 2 h."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
 class Stage:
@@ -105,7 +178,12 @@ class _LineStage(Stage):
         now = time.monotonic()
         if now - self._last >= self._every:
             self._last = now
-            self._print(f"{self._count()}, {self.seconds:.0f} s")
+            self._print(f"{self._count()}, {self.seconds:.0f} s{self._left()}")
+
+    def _left(self) -> str:
+        if not self.total or not 0 < self.done < self.total:
+            return ""
+        return f", about {time_words(self.seconds * (self.total - self.done) / self.done)} left"
 
     def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
         state = "done" if kind is None else "stopped"

@@ -11,20 +11,22 @@ from bayesid.diagnosis.evidence.effect_draws import choice, warning
 from bayesid.diagnosis.run import Diagnosis
 from bayesid.diagnosis.summary import unsigned_zeros
 from bayesid.report.diagnosis.cause import where_blocks
-from bayesid.report.diagnosis.effect_interval import lead_words, why
+from bayesid.report.diagnosis.effect_interval import why
+from bayesid.report.diagnosis.evidence import held_words
 from bayesid.report.diagnosis.figures import bars, symlog_ticks
 from bayesid.report.diagnosis.holdout import holdout_blocks, proof_label
-from bayesid.report.diagnosis.report import _held, _unlisted, write_diagnosis_report
+from bayesid.report.diagnosis.report import diagnosis_report, write_diagnosis_report
 from bayesid.report.diagnosis.words import in_words
 from bayesid.report.figure_style import COLOURS
-from bayesid.report.writer.blocks import cell_text
+from bayesid.report.writer.blocks import Section, cell_text
+from bayesid.report.writer.markup import to_markdown
 
 
 def test_the_report_is_written_from_the_result_alone(tmp_path):
     """No fit, problem, model or trial is behind this result: whatever the report says and draws is in it."""
     written = write_diagnosis_report(RESULT, tmp_path).parent
     text = (written / "report.md").read_text(encoding="utf-8")
-    for said in ("wind** (V wind 5 ± 0.5 m/s)", "V wind is its speed", "Usual size: 0 to 10 m/s", "Y_vv",
+    for said in ("Wind acts (probability 0.97).", "its speed", "Usual size: 0 to 10 m/s", "Y_vv",
                  "zigzag", "r1", "Data of a pond.", "no straight run", "advance"):  # fmt: skip
         assert said in text, said
     drawn = {p.stem for p in written.glob("*.png")} | {p.stem for p in (written / "figures").glob("*.png")}
@@ -111,7 +113,7 @@ def test_a_coefficient_keeps_its_underscore():
 
 @pytest.mark.parametrize("free, gain, said", [(-0.0, 45.0, True), (30.0, 45.0, False), (-0.0, 2.0, False)])
 def test_an_effect_where_a_free_signal_gains_nothing_is_explained(free, gain, said):
-    lines = _held(a_result(free=free, gain=gain))
+    lines = held_words(a_result(free=free, gain=gain))
     assert bool(lines) == said
     assert all("already holds" in line for line in lines)
 
@@ -128,24 +130,14 @@ def test_an_effect_where_a_free_signal_gains_nothing_is_explained(free, gain, sa
         (draws(converged=False), "Laplace"),
     ],
 )
-def test_warning_lead_and_section_send_a_reader_to_the_same_interval(posterior, use):
+def test_warning_and_section_send_a_reader_to_the_same_interval(posterior, use):
     assert choice(posterior) == use
-    lead, section, told = (
-        lead_words(replace(RESULT, posterior=posterior)),
-        why(posterior, "measured"),
-        warning(posterior),
-    )
+    section, told = why(posterior, "measured"), warning(posterior)
     if use == "either":
-        assert lead == "" and told is None and "use either" in section
+        assert told is None and "say the same" in section
         return
-    to_draws = use == "draws"
-    assert ("Instead of the ±" in lead) == to_draws and ("Use this ±" in lead) != to_draws
-    assert ("Use the intervals of the draws" in section) == to_draws
-    assert ("use the intervals of the draws" in told) == to_draws and ("use the +-" in told) != to_draws
-
-
-def test_without_draws_the_lead_says_nothing_of_them():
-    assert lead_words(replace(RESULT, posterior=None)) == ""
+    assert ("shown is that of the draws" in section) == (use == "draws")
+    assert ("use the intervals of the draws" in told) == (use == "draws")
 
 
 def test_the_reason_for_an_interval_has_the_factor_on_the_environment():
@@ -156,20 +148,8 @@ def test_the_reason_for_an_interval_has_the_factor_on_the_environment():
     assert "only right to 0.8 nats" in why(draws(rough=0.8), "measured")
 
 
-def test_the_lead_says_how_probable_it_is_that_the_cause_is_not_on_the_list():
-    found = replace(
-        a_result(), set95=("wind", "outside"), probabilities={"none": 0.0, "wind": 0.916, "outside": 0.084}
-    )
-    assert "probability of 8%" in _unlisted(found)
-    assert _unlisted(replace(found, set95=("wind",))) == ""
-    assert _unlisted(replace(found, effects=())) == ""
-
-
 def test_what_the_equations_lack_is_said_on_the_first_screen_and_has_its_section():
-    from diagnosis_results import RESULT
-
     from bayesid.diagnosis.result import FormRow, ModelFormPart
-    from bayesid.report.diagnosis.report import diagnosis_report
 
     part = ModelFormPart(
         294.0,
@@ -183,8 +163,9 @@ def test_what_the_equations_lack_is_said_on_the_first_screen_and_has_its_section
         s.title for s in plain.sections
     ]
     named = diagnosis_report(replace(RESULT, model_form=part, verdict="effect"))
-    assert "The equations also lack a force" in named.lead
-    assert "crossflow drag and roll with a period of 28.9 s" in named.lead.replace("cross-flow", "crossflow")
+    screen = to_markdown("".join(b.body for s in named.first if isinstance(s, Section) for b in s.blocks))
+    assert "The equations also lack a force" in screen
+    assert "crossflow drag and roll with a period of 28.9 s" in screen
     assert "What the equations lack" in [s.title for s in named.sections]
     alone = diagnosis_report(replace(RESULT, model_form=part, verdict="model_form", effects=()))
     assert "The equations lack a force that depends on the motion" in alone.lead

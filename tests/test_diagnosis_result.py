@@ -1,7 +1,7 @@
 """One result: JSON, schema, terminal and report are views of the same final values."""
 
 import json
-from dataclasses import FrozenInstanceError, dataclass, fields, replace
+from dataclasses import FrozenInstanceError, dataclass, fields
 from typing import Annotated, Literal
 
 import jsonschema
@@ -10,7 +10,6 @@ from diagnosis_results import RESULT, a_gap, a_horizon
 
 from bayesid.diagnosis.result import CONTRACT, Effect, Gap, Horizon, Location, Result, schema
 from bayesid.diagnosis.schema import About, described
-from bayesid.diagnosis.summary import summary
 
 
 def test_the_record_is_plain_json_and_follows_the_schema():
@@ -84,18 +83,3 @@ def test_the_gap_is_that_of_the_longest_horizon_that_shows_one():
     assert (only.before, only.shrink) == (0.1, None)
     assert only.horizons[0].rms["nominal"] == {"psi": 0.1, "z": None}
     assert isinstance(only.horizons[0], Horizon) and a_gap().before is None
-
-
-def test_the_summary_tells_what_the_result_holds():
-    bare = replace(RESULT, description=None)
-    lines = summary(bare).splitlines()
-    assert lines[0] == "verdict: effect"
-    assert lines[1] == "  wind (probability 0.970) V_wind = 5 +- 0.5 m/s"
-    assert lines[2:4] == ["95 % set: wind", "  it gains 0.0 nats"]
-    assert lines[4] == "held-out gap (noise units): 12 before, 0.5 after: shrinks by 96.0%"
-    assert lines[5] == "note: no straight run" and len(lines) == 6
-    closed = replace(RESULT, gap=a_gap(a_horizon(after=-0.1, shrink=1.0)))
-    assert "at the floor after: shrinks by 100.0%" in summary(closed)
-    nothing = replace(RESULT, gap=a_gap(a_horizon(significant=False, shrink=float("nan"))))
-    assert "nothing to shrink" in summary(nothing)
-    assert "gap" not in summary(replace(RESULT, gap=a_gap()))

@@ -6,7 +6,7 @@ import io
 
 import pytest
 
-from bayesid.progress import Progress
+from bayesid.progress import Progress, RouteStep, set_quiet
 
 
 class _Terminal(io.StringIO):
@@ -66,3 +66,39 @@ def test_a_name_cannot_steer_the_terminal_through_a_note_or_a_stage():
     with progress.stage("fit") as stage:
         stage.step(info="run\x07\x9b31m")
     assert "run" in stream.getvalue() and not set(stream.getvalue()) & set("\x1b\x07\x9b")
+
+
+def test_stages_that_are_expected_are_numbered_and_tell_the_time_left():
+    log = io.StringIO()
+    progress = Progress(stream=log, every=0.0)
+    progress.expect(2)
+    with progress.stage("fit", 4) as stage:
+        stage.step()
+        list(progress.track(range(1), "inner"))  # part of its stage, no step of its own
+    list(progress.track(range(2), "predict"))
+    said = log.getvalue().splitlines()
+    assert said[0].startswith("step 1 of 2: fit: 1/4,") and " left" in said[0]
+    assert any(line.startswith("inner: ") for line in said)
+    assert said[-1].startswith("step 2 of 2: predict: done 2/2")
+
+
+def test_a_route_goes_on_only_and_says_where_it_is():
+    log = io.StringIO()
+    route = Progress(stream=log).route(
+        [RouteStep(("read",), 0.2), RouteStep(("refit",), 0.6), RouteStep(("end",), 0.2)]
+    )
+    for sentence in ("read it", "refit with wind", "read once more", "refit with lag", "end"):
+        route(sentence)
+    steps = [line.split(":")[0] for line in log.getvalue().splitlines()]
+    assert steps == [f"step {k} of 3" for k in (1, 2, 2, 2, 3)]
+    assert "left" in log.getvalue().splitlines()[1] and "left" not in log.getvalue().splitlines()[0]
+
+
+def test_quiet_for_the_whole_process_silences_every_progress():
+    log = io.StringIO()
+    set_quiet(True)
+    try:
+        Progress(stream=log).note("x")
+    finally:
+        set_quiet(False)
+    assert log.getvalue() == ""

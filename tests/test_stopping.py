@@ -81,6 +81,21 @@ def test_a_stop_while_a_library_loads_ends_there(number, tmp_path):
     assert (child.returncode, out, err) == (128 + number, "", SENTENCE)
 
 
+HALF = """
+import os, signal, sys, types
+from bayesid.cli.stopping import listen
+listen()
+sys.modules["bayesid.lock"] = types.ModuleType("bayesid.lock")  # as while it is imported
+exec(compile("import os, signal; os.kill(os.getpid(), signal.SIGINT)", "<frozen importlib>", "exec"))
+print("gone on")
+"""
+
+
+def test_a_stop_in_the_middle_of_an_import_of_our_own_is_one_sentence_too():
+    found = subprocess.run([sys.executable, "-c", HALF], capture_output=True, text=True, timeout=20)
+    assert (found.returncode, found.stdout, found.stderr) == (130, "", SENTENCE)
+
+
 @SIGNALS
 def test_a_stop_at_work_is_one_sentence_and_the_code_of_the_signal(number):
     child, _ = started(["-c", WORK])

@@ -104,6 +104,7 @@ def compared(
     vehicles = case.draws(rng, draws)
     allowed, refused = case.allowed()
     manoeuvres = {**allowed, **also}
+    progress.expect(refits + 2 if refits else 1)
     with progress.stage("information", len(manoeuvres)) as stage:
         rich, infos = richness(case, manoeuvres, vehicles, lambda name: stage.step(info=name))
     refused |= {n: "not every vehicle drawn survives it" for n in manoeuvres if n not in infos}

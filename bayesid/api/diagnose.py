@@ -14,14 +14,25 @@ from bayesid.api.result import Result, table
 from bayesid.diagnosis.diagnosed_model import write_diagnosed
 from bayesid.diagnosis.run import Diagnosis
 from bayesid.diagnosis.run import diagnose as run
+from bayesid.diagnosis.summary import summary
 from bayesid.files import write_json
-from bayesid.progress import Progress
+from bayesid.progress import Progress, RouteStep
 from bayesid.report.diagnosis.report import diagnosis_report, write_diagnosis_report
 from bayesid.report.writer import Report
 
 if TYPE_CHECKING:
     import pandas
 
+ROUTE = {
+    "read": RouteStep(("reading:", "environment:", "path:"), 0.2),
+    "none": RouteStep(("fit without any effect",), 0.05),
+    "screen": RouteStep(("screen", "where the gap lies"), 0.08),
+    "refits": RouteStep(("refit", "what the best", "whether the equations", "the same", "events:"), 0.22),
+    "held-out": RouteStep(("what the missing", "held-out runs"), 0.07),
+    "next": RouteStep(("which manoeuvre",), 0.15),
+    "draws": RouteStep(("posterior",), 0.16),
+    "model": RouteStep(("model for predictions",), 0.07),
+}
 EFFECT_COLUMNS = ("effect", "probability", "parameter", "value", "sd", "unit")
 
 
@@ -60,11 +71,18 @@ def diagnose(
     """
     logged = prepared(trial_of(trial, data), resample=resample)
     model = model_of(logged, vehicle, declared_effects(effects), exclude)
+    told = (progress or Progress(quiet=True)).route(_route(next_manoeuvre, draws, keep_model))
     found = run(
-        logged, model, seed=seed, notify=(progress or Progress(quiet=True)).note, as_built=prior,
-        plan_next=next_manoeuvre, draw=draws, keep_model=keep_model,
+        logged, model, seed=seed, notify=told, as_built=prior, plan_next=next_manoeuvre, draw=draws,
+        keep_model=keep_model,
     )  # fmt: skip
     return DiagnoseResult(found)
+
+
+def _route(next_manoeuvre: bool, draws: bool, keep_model: bool) -> list[RouteStep]:
+    """What a diagnosis goes through; shares of the time as measured on the practice bundles."""
+    asked = {"next": next_manoeuvre, "draws": draws, "model": keep_model}
+    return [step for name, step in ROUTE.items() if asked.get(name, True)]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -112,4 +130,4 @@ class DiagnoseResult(Result):
         return write_diagnosis_report(self.found.result, target)
 
     def summary(self, verbose: bool = False) -> str:
-        return self.found.summary()
+        return summary(self.found.result, verbose)

@@ -22,6 +22,7 @@ from bayesid.prediction.fitted_model import Calibration, predictive_model
 from bayesid.progress import Progress
 from bayesid.report import coefficient_cells
 from bayesid.report.fit import (
+    MISFIT,
     calibration_words,
     fit_report,
     form_rows_of,
@@ -31,6 +32,7 @@ from bayesid.report.fit import (
     predictive_words,
     write_fit_report,
 )
+from bayesid.report.fit_first_screen import failures, headline, moved
 from bayesid.report.prediction_error import PREDICTION_COLUMNS, prediction_numbers, prediction_rows
 from bayesid.report.writer import Report
 from bayesid.report.writer.text import table_text
@@ -38,7 +40,6 @@ from bayesid.report.writer.text import table_text
 if TYPE_CHECKING:
     import pandas
 
-MISFIT = 3.0  # residuals of so many times the noise are not noise
 QUICK_SAMPLES, QUICK_ROUNDS = 300, 6
 COLUMNS = ("coefficient", "start (prime)", *coefficient_cells.COLUMNS, "sd [%]", "remark")
 
@@ -102,7 +103,9 @@ def fit(
     few = {"rounds": QUICK_ROUNDS} if quick else {}
     # profile None: the noise is estimated where the trial leaves that of a channel open
     options = FitOptions(seed=seed, starts=starts, profile=True if estimate_noise else None, **few)
-    with (progress or Progress(quiet=True)).stage("fit") as stage:
+    shown = progress or Progress(quiet=True)
+    shown.expect(1 if out is None or quick else 2)
+    with shown.stage("fit") as stage:
         found = fit_in_pieces(
             chosen, pieces, ship, out, free=names_of(free), fixed=kept, options=options, resume=resume,
             parts=NoiseParts() if residuals == "white" else None,
@@ -112,7 +115,6 @@ def fit(
         remove_fitted(out)  # it would predict with the coefficients of the fit before
     if out is None or quick or found.posterior is None:
         return FitResult(found)
-    shown = progress or Progress(quiet=True)
     try:
         with shown.stage("predict the fitted runs") as stage:
             model, calibration = predictive_model(found, seed=seed, say=lambda text: stage.step(info=text))
@@ -196,9 +198,17 @@ class FitResult(Result):
     def summary(self, verbose: bool = False) -> str:
         found, result = self.found, self.found.fit
         size = f"{len(found.problem.runs)} runs, {result.n_readings} readings, {result.n_params} unknowns"
-        lines = [f"{found.trial.name}: {size}, {result.seconds:.1f} s", f"{result.verdict}."]
         before, after = (noise_level(found.runs, "identify", key) for key in ("rms_nominal", "rms_fitted"))
-        lines.append(f"residuals of the fitted runs: from {before} to {after} times the noise")
+        lines = [headline(found)]
+        if words := moved(found):
+            lines.append(f"Moved most (with one sd): {words}.")
+        lines += [f"CHECK FAILED: {text}" for text in failures(found, holdout_words(found.runs))]
+        lines += [
+            "",
+            f"{found.trial.name}: {size}, {result.seconds:.1f} s",
+            f"{result.verdict}.",
+            f"residuals of the fitted runs: from {before} to {after} times the noise",
+        ]
         lines += self._doubts()
         lines += ["", table_text(COLUMNS, self.coefficients())]
         if result.flat:
@@ -219,7 +229,6 @@ class FitResult(Result):
         found, result, lines = self.found, self.found.fit, []
         if found.posterior is not None:
             lines += found.posterior.doubts()
-        lines += holdout_words(found.runs)
         lines += form_words(found.fit)
         lines += predictive_words(found.fit)
         if found.posterior is not None:

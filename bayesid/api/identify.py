@@ -112,6 +112,7 @@ def identify(
         remarks.append(f"no noise is stated for {', '.join(guessed)}; taken from the readings themselves")
     shown = progress or Progress(quiet=True)
     log = Path(out) / "profile.jsonl" if out is not None and profile else None
+    shown.expect(2 if profile and not quick else 1)
     with shown.stage("identify", 4 * len(params.names) if profile else None) as stage:
         found = look(
             problem, level=ASSUMED_RELATIVE_SD, profile=profile,

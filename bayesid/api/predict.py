@@ -31,9 +31,11 @@ from bayesid.errors import BayesidError, ModelError
 from bayesid.files import write_atomic, write_json
 from bayesid.manoeuvres import parse
 from bayesid.measures import named_measures
-from bayesid.prediction.intervals import beside_readings, measure_bands, prediction_csv
+from bayesid.prediction.intervals import as_given, beside_readings, measure_bands, prediction_csv
 from bayesid.prediction.prediction import Prediction, predict_manoeuvre, predict_run
 from bayesid.progress import Progress
+from bayesid.report import predict_first_screen as first_screen
+from bayesid.report.prediction_figures import bands
 from bayesid.report.writer import Figure, Report, Section, Table, literal
 from bayesid.report.writer.text import table_text
 from bayesid.trials import Run, Trial
@@ -45,8 +47,8 @@ LEVEL = 0.95
 FULL_TURN = 2 * math.pi  # width of the heading's band from which a run is not predicted
 SAME_LENGTH = 0.01  # by which two files of one vehicle may differ in length
 HELD_SHARE = 0.8  # of the readings inside the band, on average over runs, below which the band is too narrow
-AGAINST_COLUMNS = ("channel", "rms error (SI)", "largest", "inside the band [%]")
-MEASURE_COLUMNS = ("measure", "mean", "95 % from", "to", "unit")
+AGAINST_COLUMNS = ("channel", "rms as given (SI)", "predicted", "largest", "inside the band [%]")
+MEASURE_COLUMNS = ("measure", "as given", "mean", "95 % from", "to", "unit")
 
 
 def predict(
@@ -101,7 +103,14 @@ def predict(
             against = beside_readings(p, run, seed)
         else:
             p, against = predict_manoeuvre(found, text, orders[text], draws, seed, speed), {}
-        row = _row(p, against, measure_bands(p, named_measures))
+        measures = measure_bands(p, named_measures)
+        given = as_given(p)
+        if given is not None:
+            errors = beside_readings(given, run, seed) if run is not None else {}
+            against = {c: v | {"rms_given": errors[c]["rms"]} for c, v in against.items()}
+            nominal = {m["quantity"]: m["mean"] for m in measure_bands(given, named_measures)}
+            measures = [m | {"given": nominal.get(m["quantity"])} for m in measures]
+        row = _row(p, against, measures)
         if out is not None:
             row["file"] = f"{_file_name(text)}.csv"
             write_atomic(Path(out) / row["file"], prediction_csv(p, seed if sensor_noise else None))
@@ -207,23 +216,31 @@ class PredictResult(Result):
         return pandas.concat(frames, ignore_index=True)
 
     def report(self) -> Report:
-        from bayesid.report.prediction_figures import bands
-
+        rows = self.numbers["predictions"]
         sections = []
-        for k, (p, row) in enumerate(zip(self.predictions, self.numbers["predictions"], strict=True), 1):
+        for k, (p, row) in enumerate(zip(self.predictions, rows, strict=True), 1):
             run = _run(self.trial, p.name)
-            caption = "Mean and 95 % band"
+            caption = "Mean and 95 % band of every channel. What to see: dots inside the band"
             if run is not None:
-                caption += "; dots are readings, of which the model was shown those in the shaded part only"
+                caption += "; the model was shown the dots of the shaded part only"
             drawn = bands(p.t, p.channels, p.mean, *p.band(LEVEL), None if run is None else run.data, p.lead)
-            blocks: list[Any] = [Figure(f"prediction{k:02d}", drawn, caption)]
+            blocks: list[Any] = [Figure(f"prediction{k:02d}", drawn, f"{caption}.")]
             if row["against_readings"]:
                 blocks.append(Table(AGAINST_COLUMNS, _against(row), digits=3))
             if row["measures"]:
                 blocks.append(Table(MEASURE_COLUMNS, _measures(row)))
             sections.append(Section(literal(p.name), blocks))
-        lead = "\n\n".join(literal(words) for words in (self._model_words(), *self._doubts()))
-        return Report(f"Predictions for {literal(self.trial.name)}", lead, sections)
+        lead = (
+            f"**{literal(first_screen.headline(self.trial, self.predictions, rows))}**\n\n"
+            f"{literal(self._model_words().capitalize())}."
+        )
+        return Report(
+            f"{self.trial.name}: predictions",
+            lead,
+            sections,
+            [literal(words) for words in self._doubts()],
+            first_screen.first_blocks(self.trial, self.predictions, rows),
+        )
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
         from bayesid.report import writer
@@ -236,7 +253,9 @@ class PredictResult(Result):
         return self.numbers
 
     def summary(self, verbose: bool = False) -> str:
-        lines = [self._model_words(), *self._doubts()]
+        lines = [first_screen.headline(self.trial, self.predictions, self.numbers["predictions"])]
+        lines += [f"CHECK FAILED: {words}" for words in self._doubts()]
+        lines += ["", self._model_words()]
         for row in self.numbers["predictions"]:
             begun = f", begun on the first {row['lead']:.3g} s of its log" if row["lead"] else ""
             lines.append(f"\n{row['name']}: {row['seconds']:.0f} s{begun}")
@@ -285,13 +304,16 @@ class PredictResult(Result):
 
 
 def _against(row: Mapping[str, Any]) -> list[list[Any]]:
-    return [[name, v["rms"], v["largest"], 100 * v["inside"]] for name, v in row["against_readings"].items()]
+    return [
+        [name, v.get("rms_given"), v["rms"], v["largest"], 100 * v["inside"]]
+        for name, v in row["against_readings"].items()
+    ]
 
 
 def _measures(row: Mapping[str, Any]) -> list[list[Any]]:
     """Measures that most draws have."""
     return [
-        [m["quantity"], m["mean"], m["low"], m["high"], m["unit"]]
+        [m["quantity"], m.get("given"), m["mean"], m["low"], m["high"], m["unit"]]
         for m in row["measures"]
         if m["share"] > 0.5
     ]

@@ -99,6 +99,7 @@ def sample(
         seed=seed, first=100 if quick else 200,
     )  # fmt: skip
     shown = progress or Progress(quiet=True)
+    shown.expect(2)
     with shown.stage("fit") as stage:
         found = fit_in_pieces(
             chosen, pieces, ship, out, params=params, parts=None if composite else NoiseParts(),

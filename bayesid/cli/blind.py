@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from bayesid.cli.options import Json, OutFolder, Quick, Seed, Verbose, claimed
+from bayesid.cli.options import Json, OutFolder, Quick, Quiet, Seed, Verbose, claimed
 from bayesid.cli.terminal import NOT_CONVERGED, OK
 
 Jobs = Annotated[int, typer.Option("--jobs", "-j", min=1, help="Worker processes.")]
@@ -34,6 +34,7 @@ def make(
     sea: Annotated[str | None, typer.Option(help="still, calm, mid or rough.")] = None,
     jobs: Jobs = 1,
     verbose: Verbose = False,
+    quiet: Quiet = False,
 ) -> int:
     """Make a pack of trial bundles with committed answers.
 
@@ -61,6 +62,7 @@ def remove(
     data: Annotated[Path | None, typer.Option("--data", help="Folder of the logs, if apart.")] = None,
     name: Annotated[str, typer.Option("--name", help="Name of the reduced bundle.")] = "",
     verbose: Verbose = False,
+    quiet: Quiet = False,
 ) -> int:
     """Take a measured channel or a known limit away from a real log, to have it found again.
 
@@ -94,6 +96,7 @@ def solve(
     seed: Seed = 0,
     quick: Quick = False,
     verbose: Verbose = False,
+    quiet: Quiet = False,
 ) -> int:
     """Diagnose every bundle of a pack and commit to the verdicts.
 
@@ -136,6 +139,7 @@ def score(
     jobs: Jobs = 1,
     as_json: Json = False,
     verbose: Verbose = False,
+    quiet: Quiet = False,
 ) -> int:
     """Score verdicts against answers; both commitments are checked first.
 

@@ -19,7 +19,7 @@ from bayesid.cli.choices import (
     Step,
     Vehicle,
 )
-from bayesid.cli.options import Json, Out, Quick, Seed, Verbose
+from bayesid.cli.options import Json, Out, Quick, Quiet, Seed, Verbose
 from bayesid.cli.terminal import OK
 
 Extra = Annotated[
@@ -52,6 +52,7 @@ def compare(
     quick: Quick = False,
     as_json: Json = False,
     verbose: Verbose = False,
+    quiet: Quiet = False,
 ) -> int:
     """Compare manoeuvres before anything is executed: information, contraction, cross prediction.
 

@@ -23,7 +23,7 @@ from bayesid.cli.choices import (
     Step,
     Vehicle,
 )
-from bayesid.cli.options import Json, Out, Quick, Seed, Verbose
+from bayesid.cli.options import Json, Out, Quick, Quiet, Seed, Verbose
 from bayesid.cli.terminal import OK
 
 Gain = Annotated[bool, typer.Option("--gain", help="Goal: most about all coefficients, open or not.")]
@@ -67,6 +67,7 @@ def design(
     quick: Quick = False,
     as_json: Json = False,
     verbose: Verbose = False,
+    quiet: Quiet = False,
 ) -> int:
     """Design the next manoeuvre within limits: shrink what is open (default), predict, or tell causes apart.
 

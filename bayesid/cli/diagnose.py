@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bayesid.cli.choices import Bundle, Data, Effects, Exclude, Prior, Resample, Vehicle
-from bayesid.cli.options import Json, Out, Quick, Seed, Verbose
+from bayesid.cli.options import Json, Out, Quick, Quiet, Seed, Verbose
 from bayesid.cli.terminal import OK
 
 
@@ -20,6 +20,7 @@ def diagnose(
     quick: Quick = False,
     as_json: Json = False,
     verbose: Verbose = False,
+    quiet: Quiet = False,
 ) -> int:
     """Diagnose the gap between a simulator and a trial.
 

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from bayesid.cli.choices import Bundle, Data, Vehicle
-from bayesid.cli.options import Json, Out, Quick, Seed, Verbose
+from bayesid.cli.options import Json, Out, Quick, Quiet, Seed, Verbose
 
 Form = Annotated[
     str, typer.Option("--form", help="weak (averages, no accelerations) or strong (smoothed accelerations).")
@@ -26,6 +26,7 @@ def excite(
     quick: Quick = False,
     as_json: Json = False,
     verbose: Verbose = False,
+    quiet: Quiet = False,
 ) -> None:
     """Which force terms the runs excite: a sparse regression that needs no fit.
 

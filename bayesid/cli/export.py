@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from bayesid.cli.choices import Effects
-from bayesid.cli.options import Json, OutFolder, Seed, Verbose
+from bayesid.cli.options import Json, OutFolder, Quiet, Seed, Verbose
 from bayesid.cli.terminal import OK
 
 ModelFolder = Annotated[
@@ -25,6 +25,7 @@ def export(
     seed: Seed = 0,
     as_json: Json = False,
     verbose: Verbose = False,
+    quiet: Quiet = False,
 ) -> int:
     """Write an ensemble of vehicles with effects, disturbances, weights and seeds.
 

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import typer
 
 from bayesid.cli.choices import Bundle, Data, Fix, Free, Pieces, Resample, Runs, Vehicle
-from bayesid.cli.options import Json, Out, Quick, Seed, Verbose
+from bayesid.cli.options import Json, Out, Quick, Quiet, Seed, Verbose
 from bayesid.cli.terminal import NOT_CONVERGED, OK
 
 Estimate = Annotated[
@@ -43,6 +43,7 @@ def fit(
     quick: Quick = False,
     as_json: Json = False,
     verbose: Verbose = False,
+    quiet: Quiet = False,
 ) -> int:
     """Identify a vehicle's coefficients from a trial and predict its held-out runs.
 

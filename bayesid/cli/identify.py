@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from bayesid.cli.choices import Bundle, Data, Fix, Free, Pieces, Prior, Resample, Runs, Vehicle
-from bayesid.cli.options import Json, Out, Quick, Seed, Verbose
+from bayesid.cli.options import Json, Out, Quick, Quiet, Seed, Verbose
 from bayesid.cli.terminal import OK
 
 FitFolder = Annotated[
@@ -38,6 +38,7 @@ def identify(
     quick: Quick = False,
     as_json: Json = False,
     verbose: Verbose = False,
+    quiet: Quiet = False,
 ) -> int:
     """Say which coefficients and combinations a trial fixes, and which rest on the prior.
 

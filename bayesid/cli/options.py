@@ -10,7 +10,7 @@ import typer
 
 from bayesid.cli.terminal import set_verbose
 from bayesid.lock import lock
-from bayesid.progress import printable
+from bayesid.progress import printable, set_quiet
 
 
 def claimed(context: typer.Context, folder: Path | None) -> Path | None:
@@ -43,6 +43,9 @@ OutFolder = Annotated[
 ]
 Seed = Annotated[int, typer.Option("--seed", min=0, max=2**32 - 1, help="Seed of every random number.")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
+Quiet = Annotated[
+    bool, typer.Option("--quiet", "-q", help="Print the answer only, no progress.", callback=set_quiet)
+]
 Quick = Annotated[bool, typer.Option("--quick", help="A small version of the work, for a first look.")]
 Verbose = Annotated[
     bool, typer.Option("--verbose", "-v", help="Show details and tracebacks.", callback=set_verbose)

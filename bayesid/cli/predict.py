@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from bayesid.cli.choices import Bundle, Data, Effects, Shaft, Step, Vehicle
-from bayesid.cli.options import Json, Out, Seed, Verbose
+from bayesid.cli.options import Json, Out, Quiet, Seed, Verbose
 from bayesid.cli.quantity import quantity
 from bayesid.cli.terminal import OK
 
@@ -67,6 +67,7 @@ def predict(
     seed: Seed = 0,
     as_json: Json = False,
     verbose: Verbose = False,
+    quiet: Quiet = False,
 ) -> int:
     """Predict runs and manoeuvres with a fitted or diagnosed model.
 

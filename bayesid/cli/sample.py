@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import typer
 
 from bayesid.cli.choices import Bundle, Data, Fix, Free, Pieces, Prior, Resample, Runs, Vehicle
-from bayesid.cli.options import Json, OutFolder, Quick, Seed, Verbose
+from bayesid.cli.options import Json, OutFolder, Quick, Quiet, Seed, Verbose
 from bayesid.cli.terminal import NOT_CONVERGED, OK
 
 NoiseScale = Annotated[
@@ -62,6 +62,7 @@ def sample(
     quick: Quick = False,
     as_json: Json = False,
     verbose: Verbose = False,
+    quiet: Quiet = False,
 ) -> int:
     """Sample the posterior of a trial's coefficients and say whether the chain may be believed.
 

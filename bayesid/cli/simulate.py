@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from bayesid.cli.choices import Dof, Noise, Shaft, Step, VehicleName
-from bayesid.cli.options import Json, Out, Seed, Verbose
+from bayesid.cli.options import Json, Out, Quiet, Seed, Verbose
 
 if TYPE_CHECKING:
     import numpy as np
@@ -45,6 +45,7 @@ def simulate(
     seed: Seed = 0,
     as_json: Json = False,
     verbose: Verbose = False,
+    quiet: Quiet = False,
 ) -> None:
     """Simulate manoeuvres and measure them; --out writes a trial bundle."""
     from bayesid.api.simulate import simulate_model

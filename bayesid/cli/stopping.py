@@ -59,10 +59,10 @@ def _at_once(number: int, frame: FrameType | None) -> None:
 
 
 def _end(status: int) -> NoReturn:
-    if "bayesid.lock" in sys.modules:
-        sys.modules["bayesid.lock"].release_all()
+    # A module may be half imported: what it lacks yet has nothing to give back.
+    getattr(sys.modules.get("bayesid.lock"), "release_all", _nothing)()
     if "multiprocessing.resource_tracker" in sys.modules:
-        for child in sys.modules["multiprocessing"].active_children():
+        for child in getattr(sys.modules.get("multiprocessing"), "active_children", tuple)():
             child.terminate()
         # Semaphores go back, else their tracker warns after the last word. Within an import this may hang.
         tidy = threading.Thread(target=atexit._run_exitfuncs, daemon=True)
@@ -72,6 +72,10 @@ def _end(status: int) -> NoReturn:
         with suppress(OSError, ValueError, RuntimeError):
             stream.flush()
     os._exit(status)
+
+
+def _nothing() -> None:
+    """Stands in for what is not there yet."""
 
 
 def _importing(frame: FrameType | None) -> bool:

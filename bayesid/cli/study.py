@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from bayesid.cli.options import Out, Quick, Verbose
+from bayesid.cli.options import Out, Quick, Quiet, Verbose
 from bayesid.lock import lock
 
 
@@ -20,6 +20,7 @@ def study(
     seed: Annotated[int | None, typer.Option(min=0, help="Seed instead of the study's own.")] = None,
     quick: Quick = False,
     verbose: Verbose = False,
+    quiet: Quiet = False,
 ) -> int:
     """Run a study and write its report."""
     from bayesid.cli.output import print_table, print_text

@@ -18,7 +18,7 @@ import typer
 from bayesid.cli import stopping
 from bayesid.errors import BayesidError
 from bayesid.lock import release_all
-from bayesid.progress import printable
+from bayesid.progress import printable, set_quiet
 
 OK, FAULT, BAD_INPUT, NOT_CONVERGED, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -38,6 +38,7 @@ def guarded(command: Callable[[], Any], args: Sequence[str] | None = None) -> in
     """Run a command tree and return its exit code; nothing is raised but SystemExit by the interpreter."""
     global _verbose
     _verbose = False
+    set_quiet(False)
     show_before, warnings.showwarning = warnings.showwarning, _show_warning
     try:
         given = sys.argv[1:] if args is None else list(args)

@@ -1,6 +1,7 @@
 """Final values of a diagnosis: the one place where its parts become the frozen `Result`.
 
-Takes the parts of a diagnosis while they are in memory. Does not decide, fit or write.
+Takes the parts of a diagnosis while they are in memory, and has every run replayed with the models found.
+Does not decide or write.
 """
 
 from __future__ import annotations
@@ -10,11 +11,15 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from bayesid.diagnosis.answer import NEEDS_NONE
+from bayesid.diagnosis.attempt import attempt
 from bayesid.diagnosis.data.model_form import resonates
 from bayesid.diagnosis.data.problem import DiagnosisProblem
+from bayesid.diagnosis.evidence.effect_draws import EffectDraws, choice
 from bayesid.diagnosis.evidence.effect_posterior import EffectPosterior, numbers
 from bayesid.diagnosis.evidence.holdout import HoldoutValidation, MeasureComparison
 from bayesid.diagnosis.evidence.missing_force import MissingForce
+from bayesid.diagnosis.evidence.replay import EXPLAINED, GIVEN, RETUNED, Replay, replay_trial
 from bayesid.diagnosis.hypotheses.candidate import (
     COEFFICIENT_ERROR,
     RefittedHypothesis,
@@ -22,6 +27,7 @@ from bayesid.diagnosis.hypotheses.candidate import (
     parameter_table,
 )
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
+from bayesid.diagnosis.hypotheses.cross_validation import cross_validate
 from bayesid.diagnosis.hypotheses.facts import simplest, undetectable
 from bayesid.diagnosis.hypotheses.location import location_of
 from bayesid.diagnosis.hypotheses.verdict import Verdict
@@ -41,15 +47,18 @@ from bayesid.diagnosis.result import (
     Horizon,
     Location,
     ModelFormPart,
+    Moved,
     Noise,
     Outlier,
     Refit,
     Region,
     Result,
+    RunError,
     Screened,
     Value,
 )
 from bayesid.equations.model import Model
+from bayesid.errors import BayesidError
 from bayesid.estimation.likelihood.model_form import typical
 from bayesid.model.terms import term
 from bayesid.trials import Trial
@@ -88,6 +97,22 @@ def result_of(
         probability |= {"none": 0.0, MODEL_FORM: probability["none"]}
         acting |= {"none": 0.0, MODEL_FORM: 1.0}  # every hypothesis has it
     apart = c.ambiguity
+    gains = best.log_evidence > c.none.log_evidence
+    drawn = numbers(posterior) if posterior is not None else None
+    # a verdict that needs no effect is shown without one, though one may gain by chance
+    shown = best if gains and verdict.word not in NEEDS_NONE else c.none
+    told, nothing = list(warnings), tuple[Replay, ...]()
+    replays = attempt(
+        "the runs could not be replayed for the picture",
+        lambda: replay_trial(
+            problem,
+            trial,
+            {GIVEN: None, RETUNED: c.none.fit, EXPLAINED: shown.fit},
+            seed,
+        ),
+        nothing,
+        told,
+    )
     return Result(
         format=FORMAT,
         bayesid=__version__,
@@ -103,7 +128,7 @@ def result_of(
         model=model.digest,
         seed=seed,
         verdict=verdict.word,
-        effects=_effects(model, problem, c, verdict, best),
+        effects=_effects(model, problem, c, verdict, best, drawn),
         probabilities=probability,
         acting=acting,
         set95=verdict.set95,
@@ -114,7 +139,7 @@ def result_of(
         thresholds=c.thresholds,
         screen=tuple(Screened(s.name, float(s.gain)) for s in c.scores),
         refits=tuple(_refit(problem, c.none, r) for r in (c.none, *c.refits)),
-        explanation=best.effects if best.log_evidence > c.none.log_evidence else (),
+        explanation=best.effects if gains else (),
         ambiguity_groups=tuple(tuple(g) for g in apart.groups),
         ambiguity_size=apart.size,
         detectability={
@@ -126,7 +151,7 @@ def result_of(
         measures=tuple(_measure(m) for m in holdout.measures),
         events=problem.events,
         outliers=tuple(Outlier(*o) for o in problem.outliers),
-        posterior=numbers(posterior) if posterior is not None else None,
+        posterior=drawn,
         description=description,
         environment=_noise(problem),
         coefficients={
@@ -135,9 +160,50 @@ def result_of(
         },
         model_form=_form(problem, c, best),
         next_manoeuvre=proposals,
-        warnings=warnings,
-        drawings=_drawings(model, c, posterior, seed),
+        warnings=tuple(told),
+        runs=tuple(_run_error(r) for r in replays),
+        moved=_moved(model, problem, c.none, shown),
+        runs_agree=_agreement(problem, c.none, best) if gains and not best.widens else None,
+        drawings=_drawings(model, c, posterior, seed, replays),
     )
+
+
+def _run_error(r: Replay) -> RunError:
+    return RunError(
+        r.run,
+        r.manoeuvre,
+        r.role,
+        float(r.t[-1] - r.t[0]),
+        r.lead,
+        {m: _number(r.position_error(m)) for m in r.models},
+        _numbers(r.rms),
+    )
+
+
+def _moved(
+    model: Model, problem: DiagnosisProblem, none: RefittedHypothesis, best: RefittedHypothesis
+) -> dict[str, Moved]:
+    """Coefficients of the vehicle file as given, re-tuned and explained, in its units."""
+    stated, out = problem.stated, {}
+    for i, name in enumerate(stated.names):
+        scale = model.file_scale(name)
+        out[name] = Moved(
+            float(stated.mean[i] / scale),
+            float(stated.sd[i] / abs(scale)),
+            float(none.fit.values[i] / scale),
+            float(best.fit.values[i] / scale),
+        )
+    return out
+
+
+def _agreement(problem: DiagnosisProblem, none: RefittedHypothesis, best: RefittedHypothesis) -> float | None:
+    """p-value of one effect for all runs; None for a single run."""
+    if len(problem.logs) < 2:
+        return None
+    try:
+        return _number(cross_validate(best, none, len(problem.coefficients.names)).disagreement)
+    except (BayesidError, np.linalg.LinAlgError):
+        return None
 
 
 def _effects(
@@ -146,6 +212,7 @@ def _effects(
     c: HypothesisComparison,
     verdict: Verdict,
     best: RefittedHypothesis,
+    drawn: EffectDraws | None,
 ) -> tuple[Effect, ...]:
     """What the verdict stands on, or what is more probable than not where it names nothing."""
     table = parameter_table(best.fit, problem)
@@ -157,7 +224,11 @@ def _effects(
         effect = model.effects.get(name)
         parameters = effect.parameters if effect is not None else ()
         keys = {p.name: (effect.key(p.name), p.unit) for p in parameters} if effect is not None else {}
-        values = {p: Value(*table[key], unit) for p, (key, unit) in keys.items() if key in table}
+        values = {
+            p: Value(*table[key], unit, *_interval(drawn, key))
+            for p, (key, unit) in keys.items()
+            if key in table
+        }
         out.append(
             Effect(
                 name,
@@ -165,9 +236,20 @@ def _effects(
                 _contract(name, values),
                 {p.name: p.about for p in parameters if p.about},
                 effect.magnitude if effect is not None else "",
+                effect.says if effect is not None else "",
+                {n: float(model.nominal[model.index[n]]) for n in effect.adjust if n in model.index}
+                if effect is not None
+                else {},
             )
         )
     return tuple(out)
+
+
+def _interval(drawn: EffectDraws | None, key: str) -> tuple[float | None, float | None]:
+    """95 % interval of the draws where it is the one to use."""
+    if drawn is None or key not in drawn.parameters or choice(drawn) != "draws":
+        return None, None
+    return drawn.parameters[key].low95, drawn.parameters[key].high95
 
 
 def _contract(name: str, values: dict[str, Value]) -> dict[str, Value]:
@@ -283,7 +365,11 @@ def _noise(problem: DiagnosisProblem) -> Noise:
 
 
 def _drawings(
-    model: Model, c: HypothesisComparison, posterior: EffectPosterior | None, seed: int
+    model: Model,
+    c: HypothesisComparison,
+    posterior: EffectPosterior | None,
+    seed: int,
+    replays: tuple[Replay, ...],
 ) -> Drawings:
     apart, where = c.ambiguity, c.where
     shown = np.flatnonzero(apart.size**2 * apart.detect >= SHOWN)
@@ -297,6 +383,7 @@ def _drawings(
         tuple(apart.names[i] for i in shown),
         apart.margin[np.ix_(shown, shown)],
         _corner(model, posterior, seed) if posterior is not None else None,
+        replays,
     )
 
 

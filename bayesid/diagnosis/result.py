@@ -16,6 +16,7 @@ import numpy as np
 from bayesid.diagnosis.data.event import Event
 from bayesid.diagnosis.evidence.effect_draws import EffectDraws
 from bayesid.diagnosis.evidence.missing_force import MissingForce
+from bayesid.diagnosis.evidence.replay import Replay
 from bayesid.diagnosis.hypotheses.rules import Word
 from bayesid.diagnosis.hypotheses.thresholds import Thresholds
 from bayesid.diagnosis.next_manoeuvre import Proposal
@@ -47,11 +48,16 @@ class Diagnosed:
 
 @dataclass(frozen=True)
 class Value:
-    """Estimate and standard deviation."""
+    """Estimate and standard deviation (Laplace); the 95 % interval of the draws where that is to be used."""
 
     value: float
     sd: float
     unit: str
+    low95: Annotated[
+        float | None,
+        About("Use low95 to high95, of the draws, where they are there; else value +- 1.96 sd."),
+    ] = None
+    high95: float | None = None
 
 
 @dataclass(frozen=True)
@@ -65,6 +71,12 @@ class Effect:
         default_factory=dict
     )
     usual_size: Annotated[str, About("How large it usually is, in words; empty if not stated.")] = ""
+    says: Annotated[
+        str, About("The effect as a sentence with places for sizes, `{parameter:unit}`; empty if not stated.")
+    ] = ""
+    instead: Annotated[
+        Mapping[str, float], About("Constants of the vehicle file that it changes, as given there [SI].")
+    ] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -216,6 +228,35 @@ class Coefficient:
 
 
 @dataclass(frozen=True)
+class Moved:
+    """A coefficient as given, re-tuned without an effect, with the best explanation; units of the file."""
+
+    given: float
+    prior_sd: Annotated[float, About("Stated uncertainty, one standard deviation.")]
+    retuned: float
+    explained: float
+
+
+@dataclass(frozen=True)
+class RunError:
+    """Open-loop replay of one run, root mean square errors after the first seconds of it.
+
+    Models are nominal (as given), recalibrated (coefficients only) and with effect (the best explanation).
+    """
+
+    run: str
+    manoeuvre: str
+    role: str
+    seconds: Annotated[float, About("Length of the run.")]
+    lead: Annotated[float, About("First seconds, read to begin on the track; errors count after them.")]
+    position: Annotated[
+        Mapping[str, float | None],
+        About("Model -> horizontal distance [m]; null where it diverges or none was logged."),
+    ]
+    rms: Annotated[ByChannel, About("Model -> channel -> error [SI].")]
+
+
+@dataclass(frozen=True)
 class FormRow:
     """One row of a model form: its force over 1/2 rho L^2 U^2 (moments L^3) at a drift of 0.2, a yaw rate of
     0.3 U/L and a rudder of 0.25 rad, and its standard deviation."""
@@ -278,12 +319,14 @@ class Drawings:
     effects, margin : effects these runs would show, and (k, k) expected log-evidence margin [nats] of a truth
         (row) over an explanation (column)
     corner : None without draws
+    replays : every run beside its simulations, the one to show first
     """
 
     force: Force | None
     effects: tuple[str, ...]
     margin: Array
     corner: Corner | None
+    replays: tuple[Replay, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -433,6 +476,24 @@ class Result:
         About("Manoeuvres, best first, with the margin [nats] of the worst pair without and with each."),
     ]
     warnings: Annotated[tuple[str, ...], About("What a reader has to know besides.")]
+    runs: Annotated[
+        tuple[RunError, ...],
+        About(
+            "Errors of every run, replayed open loop as given, re-tuned and with the best explanation. The "
+            "first is the one the report shows: the held-out run (else the identify run) that the model as "
+            "given misses most."
+        ),
+    ] = ()
+    moved: Annotated[
+        Mapping[str, Moved], About("How far each coefficient of the vehicle file moves, in its units.")
+    ] = field(default_factory=dict)
+    runs_agree: Annotated[
+        float | None,
+        About(
+            "p-value of all identify runs having one and the same effect, the best explanation's; null where "
+            "it was not asked."
+        ),
+    ] = None
     drawings: Drawings | None = field(default=None, metadata={"drawn": True}, compare=False)
 
     def record(self) -> dict[str, Any]:

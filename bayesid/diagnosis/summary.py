@@ -1,9 +1,17 @@
-"""A diagnosis in a few lines: what the terminal prints and `Diagnosis.summary()` gives."""
+"""A diagnosis on one screen of the terminal: what `bayesid diagnose` prints and `Diagnosis.summary()` gives.
+
+Takes a `Result`. Does not choose words of the answer: `answer` does, for the report as well.
+"""
 
 from __future__ import annotations
 
+import math
 import re
+from collections.abc import Iterable
 
+from bayesid.diagnosis.answer import Answer, answer
+from bayesid.diagnosis.evidence.effect_draws import warning
+from bayesid.diagnosis.plain_words import number
 from bayesid.diagnosis.result import Result
 
 _SIGNED_ZERO = re.compile(r"(?<![\w.])[+-](0(?:\.0+)?)(?!\.?\d)")
@@ -14,31 +22,50 @@ def unsigned_zeros(text: str) -> str:
     return _SIGNED_ZERO.sub(r"\1", text)
 
 
-def summary(result: Result) -> str:
-    """Verdict, effects, reasons, what is left, how far the gap shrinks, and notes; one a line."""
-    out = [f"verdict: {result.verdict}"]
-    for effect in result.effects:
-        values = ", ".join(
-            f"{n} = {p.value:.4g} +- {p.sd:.2g} {p.unit}" for n, p in effect.parameters.items()
+def notes(result: Result) -> tuple[str, ...]:
+    """Warnings but the one on which interval to use: the interval that is shown is that one."""
+    drawn = result.posterior and warning(result.posterior)
+    return tuple(w for w in result.warnings if w != drawn)
+
+
+def summary(result: Result, verbose: bool = False) -> str:
+    """Answer, failed checks, errors three ways, how sure, what next, notes; `verbose` adds the evidence."""
+    a = answer(result)
+    out = [a.headline]
+    if a.outcome:
+        out.append(a.outcome)
+    out += [f"CHECK FAILED: {text}" for text in a.failures]
+    if a.errors:
+        out += ["", f"rms errors, {a.where}", *_errors(a), f"  {a.explained}"]
+    out += _listed("how sure, and what else it could be", a.certainty)
+    out += _listed("coefficients that move most", a.moved)
+    out += _listed("what to do next", a.steps)
+    out += _listed("notes", notes(result))
+    out.append(f"\nverdict: {result.verdict}; 95 % set: {', '.join(result.set95)}")
+    if verbose:
+        described = result.description.sentences if result.description else ()
+        out += _listed("evidence, in nats", (*map(unsigned_zeros, result.reasons), *described))
+    return "\n".join(out)
+
+
+def _listed(title: str, lines: Iterable[str]) -> list[str]:
+    told = [f"  {line}" for line in lines]
+    return ["", title, *told] if told else []
+
+
+def _errors(a: Answer) -> list[str]:
+    rows = [["", *(f"{r.what} [{r.unit}]" for r in a.errors)]]
+    for k, label in enumerate(a.labels):
+        rows.append([label, *(_cell(r.values[k]) for r in a.errors)])
+    widths = [max(len(row[j]) for row in rows) for j in range(len(rows[0]))]
+    return [
+        "  "
+        + "  ".join(
+            c.ljust(w) if j == 0 else c.rjust(w) for j, (c, w) in enumerate(zip(row, widths, strict=True))
         )
-        out.append(f"  {effect.name} (probability {effect.probability:.3f}) {values}")
-    out.append("95 % set: " + ", ".join(result.set95))
-    if result.model_form is not None:
-        like = (
-            f"; looks like {', '.join(result.model_form.looks_like)}" if result.model_form.looks_like else ""
-        )
-        out.append(
-            "  the equations lack a force that depends on the motion: without it "
-            f"{result.model_form.gain:.1f} of log evidence would be lost{like}"
-        )
-    out += [f"  {unsigned_zeros(reason)}" for reason in result.reasons]
-    out += [f"  {sentence}" for sentence in (result.description.sentences if result.description else ())]
-    gap = result.gap
-    if gap.shrink is not None and gap.before is not None and gap.after is not None:
-        after = f"{gap.after:.3g}" if gap.after > 0 else "at the floor"
-        out.append(
-            f"held-out gap (noise units): {gap.before:.3g} before, {after} after: shrinks by {gap.shrink:.1%}"
-        )
-    elif gap.before is not None:
-        out.append("held-out gap: nothing to shrink beyond what recalibration closes")
-    return "\n".join([*out, *(f"note: {w}" for w in result.warnings)])
+        for row in rows
+    ]
+
+
+def _cell(x: float) -> str:
+    return number(x) if math.isfinite(x) else "diverges"

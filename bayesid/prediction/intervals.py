@@ -128,6 +128,14 @@ def _row(key: tuple[str, str, str], values: Sequence[float], draws: int, level: 
     }
 
 
+def as_given(p: Prediction) -> Prediction | None:
+    """The same of the vehicle as given alone: one draw, no band; None where it has none."""
+    if p.given is None:
+        return None
+    orders = None if p.given_orders is None else p.given_orders[None]
+    return replace(p, draws=p.given[None], orders=orders)
+
+
 def thinned(p: Prediction, every: int) -> Prediction:
     """Every so many-th sample of a prediction, for tables that need not be as fine as the simulation."""
     pick = slice(None, None, every)
@@ -137,4 +145,6 @@ def thinned(p: Prediction, every: int) -> Prediction:
         draws=p.draws[:, pick],
         commands={n: np.asarray(v)[pick] for n, v in p.commands.items()},
         orders=None if p.orders is None else p.orders[:, pick],
+        given=None if p.given is None else p.given[pick],
+        given_orders=None if p.given_orders is None else p.given_orders[pick],
     )

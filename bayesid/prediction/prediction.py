@@ -18,7 +18,7 @@ from bayesid.errors import BayesidError, ModelError
 from bayesid.estimation.filter_error.linearise import with_forces
 from bayesid.estimation.filter_error.noise_model import NoiseModel
 from bayesid.estimation.filter_error.read_run import filter_error_run
-from bayesid.estimation.run_data import Array
+from bayesid.estimation.run_data import Array, RunData
 from bayesid.manoeuvres import Manoeuvre, OpenLoop
 from bayesid.prediction.initial_state import InitialState, balanced_speed, coloured_noise, initial_states
 from bayesid.simulation import (
@@ -53,6 +53,8 @@ class Prediction:
     lead : length of the lead-in whose readings were used [s], 0 for a manoeuvre
     lost : draws that diverged
     noise : (q,) white noise of the sensors, nan where none is known
+    given : (n, q) the vehicle as given, without disturbance; None where it diverges or ends at another time
+    given_orders : (n,) its rudder orders in a closed loop, None otherwise
     """
 
     name: str
@@ -65,6 +67,8 @@ class Prediction:
     lead: float
     lost: int
     noise: Array
+    given: Array | None = None
+    given_orders: Array | None = None
 
     @property
     def mean(self) -> Array:
@@ -126,9 +130,31 @@ def predict_run(
     noise = np.array([found.noise.get(c, np.nan) for c in channels])
     commands = {**run.commands, **run.measured_inputs}
     lost = draws - len(kept)
+    given = _given(found, log, plan, run.n_samples, channels, picked, rng)
     return Prediction(
-        run.name, run.manoeuvre, run.t, channels, np.array(kept), commands, None, lead, lost, noise
+        run.name, run.manoeuvre, run.t, channels, np.array(kept), commands, None, lead, lost, noise, given
     )
+
+
+def _given(
+    found: DiagnosedModel,
+    early: RunData,
+    plan: TimePlan,
+    n: int,
+    channels: tuple[str, ...],
+    picked: list[int],
+    rng: np.random.Generator,
+) -> Array | None:
+    """Readings (n, q) of the vehicle as given, begun on the lead-in."""
+    model = found.model
+    none = np.zeros(0, dtype=np.int64)
+    noise_model = found.hypotheses[0].noise_model
+    try:
+        (begin,) = initial_states(model, early, none, model.nominal, model.nominal[None], noise_model, rng)
+    except BayesidError:
+        return None
+    still, drift = np.zeros((n - 1, len(noise_model.force))), np.zeros((n, _slow(noise_model, channels).size))
+    return _track(model, model.nominal, plan, begin.x0, still, drift, channels, picked)
 
 
 def _slow(noise_model: NoiseModel, channels: Sequence[str]) -> Array:
@@ -223,11 +249,31 @@ def predict_manoeuvre(
             first = first or commands
     _enough(name, len(kept), draws)
     closed = not isinstance(manoeuvre, OpenLoop)
+    given, given_orders = _given_manoeuvre(found, manoeuvre, speed, rpm, picked, t.size)
     noise = np.array([found.noise.get(c, np.nan) for c in channels])
     return Prediction(
         name, manoeuvre.name, t, channels, np.array(kept), first, np.array(rudders) if closed else None, 0.0,
-        draws - len(kept), noise,
+        draws - len(kept), noise, given,
+        given_orders if closed else None,
     )  # fmt: skip
+
+
+def _given_manoeuvre(
+    found: DiagnosedModel, manoeuvre: Manoeuvre, speed: float | None, rpm: float, picked: list[int], n: int
+) -> tuple[Array | None, Array | None]:
+    """Readings (n, q) of the vehicle as given, and its rudder orders (n,)."""
+    model = found.model
+    try:
+        begin = speed if speed is not None else float(balanced_speed(model, model.nominal[None], rpm)[0])
+        x0 = np.zeros(len(model.states))
+        x0[model.states.index("u")] = begin
+        track, commands = run_manoeuvre(model, model.nominal, manoeuvre, x0)
+        obs = observe(model, model.nominal, plan_run(model, track.t, commands), track.states)[:, picked]
+    except BayesidError:
+        return None, None
+    if len(obs) != n or not np.isfinite(obs).all():
+        return None, None
+    return obs, np.asarray(commands.get("delta_r_cmd", np.zeros(n)))
 
 
 def _simulated(

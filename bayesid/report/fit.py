@@ -20,8 +20,10 @@ from bayesid.model.terms import TERMS, term
 from bayesid.prediction.fitted_model import Calibration
 from bayesid.report import coefficient_cells, writer
 from bayesid.report import fit_figures as figures
+from bayesid.report import fit_first_screen as first_screen
 from bayesid.report.writer import Block, Figure, Report, Section, Table, Text, literal
 
+MISFIT = 3.0  # residuals of so many times the noise are not noise
 HOLDOUT_GROWTH = 1.1  # of the rms heading error, from which a held-out run counts as predicted worse
 MOST_CHANNELS = 3  # named one by one where they miss a kind of motion
 MOST_RUNS = 12  # figures; the residual table has all runs
@@ -64,33 +66,58 @@ def write_fit_report(
 
 def fit_report(found: TrialFit, calibration: Calibration | None = None) -> Report:
     """The report as plain data."""
-    held = [r for r in found.runs if r.role == "holdout"]
-    parts = [
-        f"**{found.fit.verdict[0].upper()}{found.fit.verdict[1:]}.**",
-        f"{found.fit.n_params} coefficients of {literal(found.vehicle.name)} fitted to "
-        f"{len(found.trial.identify)} runs of {literal(found.trial.name)}: residuals fall from "
-        f"{noise_level(found.runs, 'identify', 'rms_nominal')} to "
-        f"{noise_level(found.runs, 'identify', 'rms_fitted')} times the noise (rms over channels).",
-    ]
-    if held:
-        parts.append(
-            f"On the {len(held)} held-out runs, which the fit has not read, from "
-            f"{noise_level(found.runs, 'holdout', 'rms_nominal')} to "
-            f"{noise_level(found.runs, 'holdout', 'rms_fitted')}."
-        )
-    if found.posterior is not None:
-        parts[1:1] = [f"**{line}**" for line in found.posterior.doubts()[:1] if not found.posterior.final]
-    parts[1:1] = [f"**{line}**" for line in holdout_words(found.runs)]
+    others = [*holdout_words(found.runs)]
+    if found.posterior is not None and not found.posterior.final:
+        others += found.posterior.doubts()[:1]
     sections = [
         _coefficients(found),
         *_certainty(found, calibration),
         _open_directions(found.fit),
         _residuals(found),
         _runs(found),
-        _search(found.fit),
-        _inputs(found),
+        Section("Appendix: the search and the inputs", [_search(found.fit), _inputs(found)]),
     ]
-    return Report(f"Fit of {found.trial.name}", " ".join(parts), sections)
+    lead = f"**{literal(first_screen.headline(found))}**\n\n{_verdict_words(found)}"
+    return Report(
+        f"{found.trial.name}: coefficients fitted",
+        lead,
+        sections,
+        first_screen.failures(found, others),
+        first_screen.first_blocks(found, next_steps(found)),
+    )
+
+
+def _verdict_words(found: TrialFit) -> str:
+    """How many coefficients from how many runs, how well, and how the search ended."""
+    before, after = (noise_level(found.runs, "identify", key) for key in ("rms_nominal", "rms_fitted"))
+    end = "The search converged" if found.fit.converged else "The search did not converge"
+    return (
+        f"{found.fit.n_params} coefficients of {literal(found.vehicle.name)} from "
+        f"{len(found.trial.identify)} runs; residuals of the fitted runs fall from {before} to {after} times "
+        f"the noise. {end}."
+    )
+
+
+def next_steps(found: TrialFit) -> list[str]:
+    """What to do with this fit."""
+    out = []
+    if any(d.decided_by != "prior" for d in found.fit.flat):
+        out.append(
+            "Keep what is known (`--free`, `--fix`), or run a manoeuvre that tells: `bayesid design BUNDLE`."
+        )
+    if not any(r.role == "holdout" for r in found.runs):
+        out.append("No run was held out: keep one back (`--runs`, role `holdout`) to see what it is worth.")
+    if noise_of(found.runs) > MISFIT:
+        out.append("Residuals are several times the noise: `bayesid diagnose BUNDLE` asks for the cause.")
+    out.append("`bayesid predict BUNDLE MANOEUVRE --model THIS_FOLDER` says, with a band, what to expect.")
+    return out
+
+
+def noise_of(runs: tuple[RunOutcome, ...]) -> float:
+    """Rms of the fitted runs' residuals as found, in units of the noise; nan where nothing is finite."""
+    ratios = np.concatenate([r.rms_fitted / r.sigma for r in runs if r.role == "identify"] or [np.zeros(0)])
+    ratios = ratios[np.isfinite(ratios)]
+    return float(np.sqrt(np.mean(ratios**2))) if ratios.size else float("nan")
 
 
 def noise_level(runs: tuple[RunOutcome, ...], role: str, which: str) -> str:
@@ -313,7 +340,7 @@ def _runs(found: TrialFit) -> Section:
     for number, run in enumerate(shown, 1):
         drawn = figures.overlay(run.t, run.channels, run.readings, run.nominal, run.fitted)
         word = "held out: predicted" if run.role == "holdout" else "fitted"
-        caption = f"{literal(run.name)} ({literal(run.manoeuvre)}), {word}."
+        caption = f"{literal(run.name)} ({literal(run.manoeuvre)}), {word}: is the line on the dots?"
         blocks.append(Figure(f"run{number:02d}", drawn, caption))
     left = len(found.runs) - len(shown)
     if left:

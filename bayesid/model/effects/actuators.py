@@ -7,6 +7,7 @@ _DEG = 0.017453292519943295
 EFFECTS = (
     Effect(
         name="rudder_offset",
+        says="The rudder stands {offset:deg:to port:to starboard} of where it is ordered.",
         family="rudder_offset",
         port="input",
         where=RUDDER_WHERE,
@@ -22,6 +23,7 @@ EFFECTS = (
     ),
     Effect(
         name="actuator_lag",
+        says="The rudder follows its orders with a lag of {tau:s}.",
         family="actuator_timing",
         port="input",
         where=RUDDER_WHERE,
@@ -38,6 +40,7 @@ EFFECTS = (
     ),
     Effect(
         name="actuator_dead_time",
+        says="The rudder acts {delay:s:later:earlier} than its order is logged.",
         aliases=("time_offset",),
         family="actuator_timing",
         port="input",
@@ -54,6 +57,8 @@ EFFECTS = (
     ),
     Effect(
         name="actuator_rate_limit",
+        says="The rudder moves at {inverse_rate_r+inverse_rate_excess:1/deg/s} instead of "
+        "{inverse_rate_r:1/deg/s}.",
         family="actuator_rate_limit",
         port="input",
         where=RUDDER_WHERE,
@@ -75,6 +80,7 @@ EFFECTS = (
     ),
     Effect(
         name="actuator_backlash",
+        says="The rudder has a play of {half_width:deg} to either side.",
         family="actuator_backlash",
         port="input",
         where=RUDDER_WHERE,
@@ -104,6 +110,7 @@ EFFECTS = (
     ),
     Effect(
         name="stern_plane_offset",
+        says="The stern planes stand {offset:deg} off where they are ordered.",
         family="stern_plane_offset",
         port="input",
         where=("M", "Z+M"),

@@ -89,6 +89,9 @@ class Effect:
     `form` says what was chosen where the source leaves a choice (which terms, where they act, what is left
     out) and names the alternative of `alternatives` that chooses otherwise, if there is one.
 
+    `says` is the effect in one sentence for whoever runs the vehicle, with places for its sizes: see
+    `bayesid.diagnosis.plain_words`.
+
     `as_form` is for a force that the symmetry of a hull allows and that depends on the motion alone, as any
     force does that the equations lack: "also" where it is a cause of its own as well, "only" where it is not.
     `planar` effects are what a model in the horizontal plane leaves out; one with roll and pitch has them.
@@ -112,6 +115,7 @@ class Effect:
     sensor_delay: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     smooth: bool = True
     form: str = ""
+    says: str = ""
     as_form: Literal["", "also", "only"] = ""
     planar: bool = False
 

@@ -30,6 +30,7 @@ def _wind(axis: str) -> str:
 EFFECTS = (
     Effect(
         name="steady_force",
+        says="A steady force of {F_north,F_east:N} pushes the vehicle.",
         aliases=("wind_or_steady_force",),
         family="earth_force",
         port="force",
@@ -51,6 +52,7 @@ EFFECTS = (
     ),
     Effect(
         name="wind",
+        says="A wind of {V_wind:m/s} from {from:bearing} acts that the simulator leaves out.",
         family="earth_force",
         port="force",
         where=("X+Y+N", "X", "Y", "N", "Y+N", "current"),
@@ -77,6 +79,7 @@ EFFECTS = (
     ),
     Effect(
         name="trim_weight",
+        says="The vehicle is {weight_excess:N:heavier:lighter} than the water it displaces.",
         family="trim_weight",
         port="force",
         where=("Z", "M", "Z+M"),
@@ -98,6 +101,7 @@ EFFECTS = (
     ),
     Effect(
         name="surface_suction",
+        says="The surface pulls the vehicle up (suction coefficient {Z_s:-}).",
         family="surface_suction",
         port="force",
         where=("Z", "M", "Z+M"),

@@ -7,6 +7,7 @@ _SEEN = "0.05-1 m/s in coastal waters; IMO MSC/Circ.1053 3.4.2 estimates it from
 EFFECTS = (
     Effect(
         name="ocean_current",
+        says="A current of {V_north,V_east:m/s} sets the vehicle.",
         family="current",
         port="flow",
         where=("current",),
@@ -26,6 +27,7 @@ EFFECTS = (
     ),
     Effect(
         name="ocean_current_varying",
+        says="A current sets the vehicle and changes on the way: {V_north,V_east:m/s} at the start.",
         family="current",
         port="flow",
         where=("current",),
@@ -43,6 +45,7 @@ EFFECTS = (
     ),
     Effect(
         name="heave_current",
+        says="The water moves {V_down:m/s:down:up}.",
         family="heave_current",
         port="flow",
         where=("Z", "current"),

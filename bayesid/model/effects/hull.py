@@ -24,6 +24,7 @@ def _strip(arm: bool) -> str:
 EFFECTS = (
     Effect(
         name="crossflow_drag",
+        says="The hull's cross-flow drag coefficient is {Cd:-:higher:lower} than the simulator's.",
         family="crossflow_drag",
         port="force",
         where=("Y", "N", "Y+N"),
@@ -43,6 +44,7 @@ EFFECTS = (
     ),
     Effect(
         name="cubic_damping",
+        says="The hull resists large drift or turning with a cubic force.",
         family="cubic_damping",
         port="force",
         where=("Y", "N", "Y+N"),
@@ -58,6 +60,7 @@ EFFECTS = (
     ),
     Effect(
         name="fluid_memory",
+        says="{fraction:%} of the hull's lift follows the drift with a lag of {lag:L/U}.",
         family="fluid_memory",
         port="force",
         where=("Y", "N", "Y+N"),
@@ -88,6 +91,7 @@ EFFECTS = (
     ),
     Effect(
         name="hull_asymmetry",
+        says="The hull turns to one side when it drifts: it is not symmetric.",
         family="hull_asymmetry",
         port="force",
         where=("N", "Y+N", "rudder"),
@@ -101,6 +105,7 @@ EFFECTS = (
     ),
     Effect(
         name="tether_drag",
+        says="Something dragged at the stern, such as a tether, brakes the vehicle.",
         family="tether_drag",
         port="force",
         where=("X+Y+N", "X", "Y+N", "N", "rpm"),
@@ -120,6 +125,7 @@ EFFECTS = (
     ),
     Effect(
         name="roll_motion",
+        says="The vehicle rolls, which this model leaves out.",
         family="roll_motion",
         port="force",
         where=("Y+N", "Y", "N"),

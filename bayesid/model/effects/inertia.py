@@ -21,6 +21,7 @@ NEUTRAL = {
 EFFECTS = (
     Effect(
         name="cg_offset_x",
+        says="The centre of gravity lies {x_G:m:forward:aft} of where the simulator has it.",
         family="cg_offset_x",
         port="force",
         where=("N", "Y+N", "Y"),
@@ -37,6 +38,7 @@ EFFECTS = (
     ),
     Effect(
         name="cg_offset_y",
+        says="The centre of gravity lies {y_G:m:to starboard:to port} of where the simulator has it.",
         family="cg_offset_y",
         port="force",
         where=("N", "Y+N", "X"),
@@ -53,6 +55,7 @@ EFFECTS = (
     ),
     Effect(
         name="ballast_mass",
+        says="The vehicle carries {mass_fraction:%:more:less} mass than the simulator's.",
         family="ballast_mass",
         port="force",
         where=("X", "Y", "N", "Y+N", "X+Y+N"),
@@ -85,6 +88,7 @@ EFFECTS = (
     ),
     Effect(
         name="added_mass_error",
+        says="The added mass differs from the simulator's: surge {e_X:+%}, sway {e_Y:+%}, yaw {e_N:+%}.",
         family="added_mass_error",
         port="force",
         where=("X", "Y", "N", "Y+N"),

@@ -5,6 +5,7 @@ from bayesid.model.effects.declare import Effect, EffectParameter
 EFFECTS = (
     Effect(
         name="thrust_loss",
+        says="The propeller gives {loss:%:less:more} thrust than the simulator's.",
         family="thrust_or_drag",
         port="force",
         where=("X", "rpm"),
@@ -18,6 +19,7 @@ EFFECTS = (
     ),
     Effect(
         name="thrust_decay",
+        says="The thrust changes by {loss_per_600s:-%} in ten minutes.",
         family="thrust_decay",
         port="force",
         where=("X", "rpm"),
@@ -39,6 +41,7 @@ EFFECTS = (
     ),
     Effect(
         name="hull_fouling",
+        says="The hull has {drag_increase:%:more:less} drag straight ahead than the simulator's.",
         family="thrust_or_drag",
         port="force",
         where=("X", "rpm"),
@@ -61,6 +64,8 @@ EFFECTS = (
     ),
     Effect(
         name="propeller_side_force",
+        says="The propeller pushes the stern aside with {side_force:%:of its thrust to starboard:"
+        "of its thrust to port}.",
         family="propeller_side_force",
         port="force",
         where=("Y", "N", "Y+N", "rudder"),
@@ -83,6 +88,7 @@ EFFECTS = (
     ),
     Effect(
         name="propeller_torque",
+        says="The propeller lists the vehicle with {torque:N m} more torque than the simulator's.",
         family="propeller_torque",
         port="force",
         where=("K",),

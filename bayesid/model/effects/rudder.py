@@ -12,6 +12,7 @@ def _stalled(axis: str) -> str:
 EFFECTS = (
     Effect(
         name="rudder_effectiveness",
+        says="The rudder gives {loss:%:less:more} side force than the simulator's.",
         family="rudder_effectiveness",
         port="force",
         where=RUDDER_WHERE,
@@ -33,6 +34,7 @@ EFFECTS = (
     ),
     Effect(
         name="rudder_asymmetry",
+        says="The rudder is {asymmetry:%:stronger:weaker} to port, the opposite to starboard.",
         family="rudder_asymmetry",
         port="force",
         where=RUDDER_WHERE,
@@ -56,6 +58,7 @@ EFFECTS = (
     ),
     Effect(
         name="rudder_stall",
+        says="The rudder stalls at an inflow of about {inverse_stall_angle:1/deg}.",
         family="rudder_stall",
         port="force",
         where=RUDDER_WHERE,
@@ -77,6 +80,7 @@ EFFECTS = (
     ),
     Effect(
         name="rudder_propeller_interaction",
+        says="The rudder's force follows the propeller's slipstream (share {k:%}) not the speed alone.",
         family="rudder_propeller_interaction",
         port="force",
         where=RUDDER_WHERE,
@@ -95,6 +99,7 @@ EFFECTS = (
     ),
     Effect(
         name="stern_plane_effectiveness",
+        says="The stern planes give {loss:%:less:more} force than the simulator's.",
         family="stern_plane_effectiveness",
         port="force",
         where=("M", "Z+M"),

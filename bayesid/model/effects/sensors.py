@@ -7,6 +7,7 @@ _DEG = 0.017453292519943295
 EFFECTS = (
     Effect(
         name="heading_bias",
+        says="The compass reads {bias:deg:too much:too little}.",
         family="heading_bias",
         port="sensor",
         where=("psi",),
@@ -22,6 +23,7 @@ EFFECTS = (
     ),
     Effect(
         name="compass_deviation",
+        says="The compass deviates with heading by up to {A,B:deg:in:all}.",
         family="compass_deviation",
         port="sensor",
         where=("psi",),
@@ -36,6 +38,7 @@ EFFECTS = (
     ),
     Effect(
         name="gyro_scale",
+        says="The yaw-rate gyro reads {scale:%:too high:too low}.",
         family="gyro_scale",
         port="sensor",
         where=("r",),
@@ -51,6 +54,7 @@ EFFECTS = (
     ),
     Effect(
         name="heel_in_yaw_rate",
+        says="Heel makes the yaw-rate gyro read {heel:%:too high:too low} in a turn.",
         family="heel_in_yaw_rate",
         port="sensor",
         where=("r",),
@@ -68,6 +72,7 @@ EFFECTS = (
     ),
     Effect(
         name="gyro_bias",
+        says="The yaw-rate gyro reads {bias:deg/s:too much:too little}.",
         family="gyro_bias",
         port="sensor",
         where=("r",),
@@ -79,6 +84,8 @@ EFFECTS = (
     ),
     Effect(
         name="position_lever_arm",
+        says="The position sensor sits {l_x:m:forward:aft} and {l_y:m:to starboard:to port} of where "
+        "it is assumed.",
         family="position_lever_arm",
         port="sensor",
         where=("x,y",),
@@ -95,6 +102,7 @@ EFFECTS = (
     ),
     Effect(
         name="position_latency",
+        says="The position is {delay:s} old when it is logged.",
         family="position_latency",
         port="sensor",
         where=("x,y",),
@@ -117,6 +125,7 @@ EFFECTS = (
     ),
     Effect(
         name="velocity_scale",
+        says="The velocity log reads {scale:%:too high:too low}.",
         family="velocity_scale",
         port="sensor",
         where=("u,v",),
@@ -130,6 +139,7 @@ EFFECTS = (
     ),
     Effect(
         name="velocity_misalignment",
+        says="The velocity log is turned {angle:deg:to starboard:to port}.",
         family="velocity_misalignment",
         port="sensor",
         where=("u,v",),
@@ -150,6 +160,7 @@ EFFECTS = (
     ),
     Effect(
         name="velocity_latency",
+        says="The velocity is {delay:s} old when it is logged.",
         family="velocity_latency",
         port="sensor",
         where=("u,v",),
@@ -172,6 +183,7 @@ EFFECTS = (
     ),
     Effect(
         name="depth_bias",
+        says="The depth sensor reads {bias:m:too deep:too shallow}.",
         family="depth_bias",
         port="sensor",
         where=("z",),
@@ -184,6 +196,7 @@ EFFECTS = (
     ),
     Effect(
         name="depth_latency",
+        says="The depth is {delay:s} old when it is logged.",
         family="depth_latency",
         port="sensor",
         where=("z",),

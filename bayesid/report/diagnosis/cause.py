@@ -45,15 +45,20 @@ def where_blocks(result: Result) -> list[Block]:
                 "best of each kind. One that keeps nearly all of the gain is where the gap lives.",
             )
         )
-    force = result.drawings.force if result.drawings is not None else None
-    if force is not None:
-        drawn = figures.force(
-            [literal(r) for r in force.runs], force.times, force.values, force.sd, force.axes
-        )
-        blocks.append(
-            Figure("force", drawn, "Smoothed missing force in body axes, with two standard deviations.")
-        )
     return blocks
+
+
+def force_blocks(result: Result) -> list[Block]:
+    """The smoothed missing force; none where nothing localises the gap."""
+    force = result.drawings.force if result.drawings is not None else None
+    if force is None:
+        return []
+    drawn = figures.force([literal(r) for r in force.runs], force.times, force.values, force.sd, force.axes)
+    caption = (
+        "The force that, added to the simulator as re-tuned, leads it along the log, in body axes, with two "
+        "standard deviations. What to see: when it acts, and whether it follows the rudder or the turning."
+    )
+    return [Figure("force", drawn, caption)]
 
 
 def first_place(result: Result) -> str:

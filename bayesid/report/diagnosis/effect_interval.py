@@ -1,6 +1,6 @@
-"""Words for the interval of an effect's parameter to use, Laplace's or that of the draws, and for the reason.
+"""Words for why the interval shown of an effect's parameter is Laplace's, or that of the draws.
 
-Takes a `Result`, or its draws. The choice itself is `bayesid.diagnosis.evidence.effect_draws`'s.
+Takes the draws of a result. The choice itself is `bayesid.diagnosis.evidence.effect_draws`'s.
 """
 
 from __future__ import annotations
@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 
 from bayesid.diagnosis.evidence.effect_draws import EffectDraws, choice, trusted
-from bayesid.diagnosis.result import Result
 
 SECTION = "How well its parameters are known"
 FAR = 0.5  # logarithm of an amplitude that draws have moved, and error bars with it
@@ -32,15 +31,16 @@ def why(posterior: EffectDraws, source: str) -> str:
     """
     picked = choice(posterior)
     if picked == "either":
-        return "Both say the same: use either."
+        return "Draws and Laplace say the same."
     if not posterior.converged:
         return (
-            "**Use the ± of the lead** (Laplace): the draws did not pass their convergence check "
+            "**The interval shown is Laplace's**: the draws did not pass their convergence check "
             f"({'; '.join(posterior.reasons)})."
         )
     ratio = posterior.ratios
     spread = f"{min(ratio):.2f}" + (f" to {max(ratio):.2f}" if len(ratio) > 1 else "")
-    use = "**Use the intervals of the draws**" if picked == "draws" else "**Use the ± of the lead** (Laplace)"
+    shown = "that of the draws" if picked == "draws" else "Laplace's"
+    use = f"**The interval shown is {shown}**"
     differ = f"the sd of the effects' parameters in the draws is {spread} of Laplace's. "
     if not trusted(posterior):
         off = posterior.linearised_anew
@@ -65,14 +65,3 @@ def why(posterior: EffectDraws, source: str) -> str:
         f"{use}: {differ}Laplace keeps the environment at its level ({source}); the draws put {factors} of "
         f"it, and error bars follow the level.{against}"
     )
-
-
-def lead_words(result: Result) -> str:
-    """What the ± of the lead is worth, where that needs a word."""
-    posterior = result.posterior
-    picked = "either" if posterior is None else choice(posterior)
-    if picked == "either":
-        return ""
-    if picked == "draws":
-        return f"Instead of the ± use the intervals of the draws under `{SECTION}`, which says why."
-    return f"Use this ±; `{SECTION}` says why not that of the draws."

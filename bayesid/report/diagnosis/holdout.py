@@ -51,7 +51,7 @@ def holdout_blocks(result: Result) -> list[Block]:
         rows.append([name, *(at_floor(r.excess[k]) for k in MODELS), _shrinks(r)])
     blocks.append(
         Table(
-            ["horizon", "nominal", "recalibrated", label, "shrinks by"],
+            ["horizon", "as given", "re-tuned", label, "shrinks by"],
             rows,
             "Mean squared prediction error above the floor, in noise variances; the floor is what noise, "
             "environment and an unknown start leave to the best of models. The 90 % intervals resample the "
@@ -79,24 +79,23 @@ def holdout_blocks(result: Result) -> list[Block]:
         )
     blocks.append(
         Table(
-            ["channel", "nominal", "recalibrated", label],
+            ["channel", "as given", "re-tuned", label],
             physical,
             "Full replay, root mean square error; a dash where no held-out run reads the channel.",
         )
     )
-    if result.measures:
-        blocks.append(_measures(result, label))
     return blocks
 
 
-def _measures(result: Result, label: str) -> Table:
+def measures_table(result: Result, labels: tuple[str, str, str]) -> Table:
+    """Overshoots, diameters and the like of held-out runs."""
     rows: list[list[Any]] = []
     for m in result.measures:
         unit, scale = IN_DEGREES.get(str(m["unit"]), (m["unit"], 1.0))
         values = (_scaled(m.get(k), scale) for k in ("logged", *MODELS))
         rows.append([literal(str(m["run"])), f"{m['name']} [{unit}]", *values])
     return Table(
-        ["run", "measure", "as logged", "nominal", "recalibrated", label],
+        ["run", "measure", "as logged", *labels],
         rows,
         "Standard measures of the held-out runs, replayed with the logged orders.",
     )

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 
 from bayesid.diagnosis.result import Result
+from bayesid.diagnosis.summary import notes
 from bayesid.report.diagnosis import figures
 from bayesid.report.diagnosis.words import in_words
 from bayesid.report.writer import Block, Figure, Table, Text, literal
@@ -64,19 +65,25 @@ def next_blocks(result: Result) -> list[Block]:
     """Manoeuvres to execute next, best first."""
     if not result.next_manoeuvre:
         return [Text("No manoeuvre was ranked.")]
-    rows = [[in_words(p.name), p.duration, p.margin_now, p.margin_with] for p in result.next_manoeuvre]
+    rows = [[in_words(p.name), round(p.duration)] for p in result.next_manoeuvre]
     return [
         Text(
+            "Best first: what tells the causes still possible apart, or shows a usual effect where none is. "
             "`bayesid predict BUNDLE MANOEUVRE --model THIS_FOLDER` says, with a band, what each would show."
         ),
-        Table(
-            ["manoeuvre", "duration [s]", "margin now [nats]", "margin with it [nats]"],
-            rows,
-            "Expected margin of the worst pair still in the 95 % set (or of a typical effect over none "
-            "where the set has one "
-            "member) at 0.3 prior standard deviations.",
-        ),
+        Table(["manoeuvre", "duration [s]"], rows),
     ]
+
+
+def margin_table(result: Result) -> Table:
+    """What each proposed manoeuvre is expected to tell."""
+    rows = [[in_words(p.name), p.margin_now, p.margin_with] for p in result.next_manoeuvre]
+    return Table(
+        ["manoeuvre", "margin now [nats]", "margin with it [nats]"],
+        rows,
+        "Expected margin of the worst pair still in the 95 % set (or of a typical effect over none where the "
+        "set has one member) at 0.3 prior standard deviations.",
+    )
 
 
 EVENT_KINDS = {
@@ -112,7 +119,8 @@ def notes_blocks(result: Result) -> list[Block]:
         + f" N or N m, correlated over {e.force_tau:.3g} s; slow position error {e.drift:.3g} m over "
         f"{e.drift_tau:.3g} s" + (f", of the depth {e.depth:.3g} m" if e.depth is not None else ""),
         f"- {len(result.outliers)} readings were set aside as outliers",
-        *[f"- {literal(w)}" for w in result.warnings],
+        *[f"- {literal(w)}" for w in notes(result)],
+        *([f"- {literal(result.trial.attribution)}"] if result.trial.attribution else []),
     ]
     rows = [[o.run, f"{o.time:.2f}", o.channel] for o in result.outliers[:20]]
     blocks: list[Block] = [Text("\n".join(lines)), *_events(result)]

@@ -5,9 +5,7 @@ Takes a `Result`. Does not compute.
 
 from __future__ import annotations
 
-from bayesid.diagnosis.hypotheses.rules import NAMING
 from bayesid.diagnosis.result import ModelFormPart, Result
-from bayesid.report.diagnosis.words import in_words
 from bayesid.report.writer import Block, Section, Table, Text, literal
 
 MOTION = "a drift of 0.2 U, a yaw rate of 0.3 U/L and a rudder of 0.25 rad"
@@ -17,25 +15,6 @@ def form_sections(result: Result) -> list[Section]:
     """One section where the runs need a model form, else none."""
     form = result.model_form
     return [] if form is None else [Section("What the equations lack", _blocks(form))]
-
-
-def form_lead(result: Result) -> str:
-    """One sentence for the first screen; empty without a form."""
-    form = result.model_form
-    if form is None:
-        return ""
-    like = _like(form)
-    also = "also " if result.verdict in NAMING else ""
-    return f"The equations {also}lack a force that depends on the motion" + (
-        f"; it looks like {like}." if like else "."
-    )
-
-
-def _like(form: ModelFormPart) -> str:
-    names = [in_words(n) for n in form.looks_like]
-    if form.period is not None:
-        names.append(f"roll with a period of {form.period:.3g} s")
-    return " and ".join(names)
 
 
 def _blocks(form: ModelFormPart) -> list[Block]:

@@ -5,8 +5,8 @@ Takes sections of text, tables and finished figures. Does not compute, draw or c
 
 from __future__ import annotations
 
-from bayesid.report.writer.blocks import Block, Figure, Report, Section, Table, Text
+from bayesid.report.writer.blocks import Block, Figure, Replay, Report, Row, Section, Table, Text
 from bayesid.report.writer.markup import literal
 from bayesid.report.writer.write import write
 
-__all__ = ["Block", "Figure", "Report", "Section", "Table", "Text", "literal", "write"]
+__all__ = ["Block", "Figure", "Replay", "Report", "Row", "Section", "Table", "Text", "literal", "write"]

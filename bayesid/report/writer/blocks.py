@@ -6,7 +6,7 @@ Takes finished content. Checks shapes and names at once, so that a long study do
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
@@ -62,6 +62,29 @@ class Figure:
 
 
 @dataclass(frozen=True)
+class Row:
+    """Figures beside one another on a wide page, below one another on a narrow one; one caption for all."""
+
+    figures: Sequence[Figure]
+    caption: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "figures", tuple(self.figures))
+
+
+@dataclass(frozen=True)
+class Replay:
+    """A run that can be played in the HTML report; Markdown and print leave it out.
+
+    `data` is plain: t, series of label, colour, dash, x, y, psi (first the log; None where nothing is), and
+    orders of label, unit, values; all of one length.
+    """
+
+    data: Mapping[str, Any]
+    caption: str = ""
+
+
+@dataclass(frozen=True)
 class Section:
     """A heading and its blocks; a block may be a section of the next level."""
 
@@ -72,21 +95,31 @@ class Section:
         object.__setattr__(self, "blocks", tuple(self.blocks))
 
 
-Block: TypeAlias = "Text | Table | Figure | Section"
+Block: TypeAlias = "Text | Table | Figure | Row | Replay | Section"
 
 
 @dataclass(frozen=True)
 class Report:
-    """A title, the finding in a few sentences (`lead`, same markup as Text), and the sections."""
+    """A title, the finding in a few sentences, and the sections.
+
+    Attributes
+    ----------
+    lead : same markup as Text; stands in a box
+    failures : checks that failed, same markup; stand in the box too
+    first : blocks of the first screen, above the contents
+    """
 
     title: str
     lead: str
     sections: Sequence[Section]
+    failures: Sequence[str] = ()
+    first: Sequence[Block] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "sections", tuple(self.sections))
+        for name in ("sections", "failures", "first"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
         seen: set[str] = set()
-        for figure in figures_of(self.sections):
+        for figure in figures_of((*self.first, *self.sections)):
             if figure.name in seen:
                 raise ValueError(f"two figures are named {figure.name!r}; one would overwrite the other")
             seen.add(figure.name)
@@ -98,6 +131,8 @@ def figures_of(blocks: Sequence[Block]) -> list[Figure]:
     for block in blocks:
         if isinstance(block, Figure):
             found.append(block)
+        elif isinstance(block, Row):
+            found.extend(block.figures)
         elif isinstance(block, Section):
             found.extend(figures_of(block.blocks))
     return found

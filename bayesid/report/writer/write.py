@@ -5,11 +5,13 @@ Takes a Report and the results behind it. Every file is replaced as a whole; not
 
 from __future__ import annotations
 
+import json
 import os
 import platform
 from base64 import b64encode
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
+from hashlib import sha256
 from html import escape
 from importlib import metadata, resources
 from pathlib import Path
@@ -17,7 +19,18 @@ from typing import Any
 
 from bayesid import __version__
 from bayesid.files import write_atomic, write_json
-from bayesid.report.writer.blocks import Block, Figure, Report, Section, Table, Text, cell_text, figures_of
+from bayesid.report.writer.blocks import (
+    Block,
+    Figure,
+    Replay,
+    Report,
+    Row,
+    Section,
+    Table,
+    Text,
+    cell_text,
+    figures_of,
+)
 from bayesid.report.writer.markup import (
     inline_html,
     inline_markdown,
@@ -52,7 +65,7 @@ def write(report: Report, folder: str | os.PathLike[str], results: Mapping[str, 
     created = datetime.now(UTC).replace(microsecond=0).isoformat().replace("+00:00", "Z")
     record = {"title": report.title, "created": created, "versions": versions(), **results}
     write_json(base / "results.json", record)  # first: the numbers are safe even if drawing fails
-    images = {figure.name: png_bytes(figure) for figure in figures_of(report.sections)}
+    images = {figure.name: png_bytes(figure) for figure in figures_of((*report.first, *report.sections))}
     for name, data in images.items():
         write_atomic(base / "figures" / f"{name}.png", data)
     write_atomic(base / "report.md", visible(_markdown(report, record)))
@@ -82,10 +95,17 @@ def _html(report: Report, images: Mapping[str, bytes], record: Mapping[str, Any]
         contents.append((anchor, section.title))
         body.append(_section_html(section, 2, anchor, images))
     source = resources.files("bayesid.report.writer").joinpath("templates/report.html.j2").read_text("utf-8")
+    folder = resources.files("bayesid.report.writer").joinpath("templates")
+    moves = _holds_replay((*report.first, *report.sections))
+    script = "\n" + folder.joinpath("replay.js").read_text("utf-8") if moves else ""
     template = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True).from_string(source)
     return template.render(
         title=report.title,
+        script=Markup(script),
+        script_hash=b64encode(sha256(script.encode()).digest()).decode("ascii"),
         lead=Markup(to_html(report.lead)),
+        failures=[Markup(inline_html(text)) for text in report.failures],
+        first=Markup("\n".join(_block_html(block, 2, images) for block in report.first)),
         contents=contents,
         body=Markup("\n".join(body)),
         created=record["created"],
@@ -105,12 +125,37 @@ def _block_html(block: Block, level: int, images: Mapping[str, bytes]) -> str:
         return to_html(block.body)
     if isinstance(block, Section):
         return _section_html(block, min(level + 1, 6), "", images)
-    if isinstance(block, Figure):
-        source = f"data:image/png;base64,{b64encode(images[block.name]).decode('ascii')}"
+    if isinstance(block, Replay):
+        return _replay_html(block)
+    if isinstance(block, Row):
         caption = f"<figcaption>{inline_html(block.caption)}</figcaption>" if block.caption else ""
-        alt = escape(block.alt or block.caption or block.name)
-        return f'<figure><img src="{source}" alt="{alt}">{caption}</figure>'
+        return "".join(
+            ['<figure class="row">', *(_image_html(f, images) for f in block.figures), caption, "</figure>"]
+        )
+    if isinstance(block, Figure):
+        caption = f"<figcaption>{inline_html(block.caption)}</figcaption>" if block.caption else ""
+        return f"<figure>{_image_html(block, images)}{caption}</figure>"
     return _table_html(block)
+
+
+def _replay_html(block: Replay) -> str:
+    # "<" as an escape, so that no text of the data can end the element
+    data = json.dumps(block.data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+    caption = f"<figcaption>{inline_html(block.caption)}</figcaption>" if block.caption else ""
+    return (
+        f'<figure class="replay"><script type="application/json">{data}</script><canvas></canvas>'
+        '<div><button type="button">Play</button><input type="range" min="0" value="0" aria-label="time">'
+        f"</div><output></output>{caption}</figure>"
+    )
+
+
+def _holds_replay(blocks: Sequence[Block]) -> bool:
+    return any(isinstance(b, Replay) or (isinstance(b, Section) and _holds_replay(b.blocks)) for b in blocks)
+
+
+def _image_html(figure: Figure, images: Mapping[str, bytes]) -> str:
+    source = f"data:image/png;base64,{b64encode(images[figure.name]).decode('ascii')}"
+    return f'<img src="{source}" alt="{escape(figure.alt or figure.caption or figure.name)}">'
 
 
 def _table_html(table: Table) -> str:
@@ -130,6 +175,8 @@ def _table_html(table: Table) -> str:
 
 def _markdown(report: Report, record: Mapping[str, Any]) -> str:
     parts = [f"# {plain_markdown(report.title)}", to_markdown(report.lead)]
+    parts += [f"**Check failed:** {inline_markdown(text)}" for text in report.failures]
+    parts += _blocks_markdown(report.first, 2)
     for section in report.sections:
         parts += _section_markdown(section, 2)
     stated = ", ".join(f"{name} {version}" for name, version in record["versions"].items())
@@ -138,15 +185,22 @@ def _markdown(report: Report, record: Mapping[str, Any]) -> str:
 
 
 def _section_markdown(section: Section, level: int) -> list[str]:
-    parts = [f"{'#' * level} {plain_markdown(section.title)}"]
-    for block in section.blocks:
+    return [f"{'#' * level} {plain_markdown(section.title)}", *_blocks_markdown(section.blocks, level)]
+
+
+def _blocks_markdown(blocks: Sequence[Block], level: int) -> list[str]:
+    parts: list[str] = []
+    for block in blocks:
         if isinstance(block, Text):
             parts.append(to_markdown(block.body))
+        elif isinstance(block, Replay):
+            continue
         elif isinstance(block, Section):
             parts += _section_markdown(block, min(level + 1, 6))
-        elif isinstance(block, Figure):
-            alt = plain_markdown(block.alt or block.caption or block.name).replace("\n", " ")
-            parts.append(f"![{alt}](figures/{block.name}.png)")
+        elif isinstance(block, Figure | Row):
+            for figure in (block,) if isinstance(block, Figure) else block.figures:
+                alt = plain_markdown(figure.alt or figure.caption or figure.name).replace("\n", " ")
+                parts.append(f"![{alt}](figures/{figure.name}.png)")
             if block.caption:
                 parts.append(inline_markdown(block.caption))
         else:

@@ -1,0 +1,440 @@
+"""The answer of a diagnosis in plain words: what is different, what it does, how sure, what else, what next.
+
+Takes a `Result`. Gives a frozen `Answer`, of which terminal and report are views. Does not compute or draw.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from bayesid.diagnosis.evidence.replay import EXPLAINED, GIVEN, RETUNED
+from bayesid.diagnosis.hypotheses.rules import NAMING
+from bayesid.diagnosis.plain_words import intervals, number, sentence
+from bayesid.diagnosis.result import Effect, Result, RunError
+from bayesid.diagnosis.threshold_table import DISAGREEMENT_P_VALUE
+
+MODELS = (GIVEN, RETUNED, EXPLAINED)
+# An explanation that misses a held-out run by so much more than the model as given has failed.
+WORSE = 1.1
+# Up to this factor two errors count as the same.
+SAME = 1.25
+# Hypotheses from this probability on are named as what else it could be, the first few.
+WORTH_A_WORD, MOST_RIVALS = 0.01, 4
+MOST_MOVED = 6
+# Verdicts that stand on no effect: what is shown as explained has none, though one may gain by chance.
+NEEDS_NONE = ("none", "model_form")
+FAR_OFF = 10.0  # stated uncertainties from which a coefficient of the explanation is not to be believed
+PLACES = {
+    "X": "the force ahead", "Y": "the side force", "N": "the turning moment", "Z": "the vertical force",
+    "M": "the pitching moment", "K": "the heeling moment", "Y+N": "side force and turning moment",
+    "X+Y+N": "all forces", "rudder": "the rudder's angle", "current": "moving water",
+    "rpm": "the propeller's revolutions", "psi": "the heading reading", "r": "the yaw-rate reading",
+    "u,v": "the velocity reading", "x,y": "the position reading",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ErrorRow:
+    """One kind of error of one run, a number per model; nan where there is none."""
+
+    what: str
+    unit: str
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a reader needs on one screen.
+
+    Attributes
+    ----------
+    headline : one sentence in engineering units
+    outcome : what it means for the run of the picture; empty where no run could be replayed
+    failures : checks that failed, to stand beside the headline
+    where : the run of the picture, in words; empty without one
+    errors : of that run
+    labels : of the three models
+    explained : what the third of them is
+    moved : coefficients that move most, by re-tuning and with the explanation
+    certainty, steps : sentences on how sure it is and what else it could be, and on what to do
+    """
+
+    headline: str
+    outcome: str
+    failures: tuple[str, ...]
+    where: str
+    errors: tuple[ErrorRow, ...]
+    labels: tuple[str, str, str]
+    explained: str
+    moved: tuple[str, ...]
+    certainty: tuple[str, ...]
+    steps: tuple[str, ...]
+
+
+def answer(result: Result) -> Answer:
+    """The answer of a result."""
+    shown = result.runs[0] if result.runs else None
+    return Answer(
+        _headline(result),
+        _outcome(result, shown) if shown is not None else "",
+        failures(result),
+        run_words(shown) if shown is not None else "",
+        error_rows(shown) if shown is not None else (),
+        ("as given", "re-tuned", "explained"),
+        explained_words(result),
+        _moved(result),
+        _certainty(result),
+        _steps(result),
+    )
+
+
+def in_words(name: str) -> str:
+    """Name of an effect, or of a coefficient that may be wrong (`coefficient_error:N_r`), as prose has it."""
+    kind, _, coefficient = name.partition(":")
+    return kind.replace("_", " ") + (f" of {coefficient}" if coefficient else "")
+
+
+def run_words(run: RunError) -> str:
+    """A run as people call it."""
+    return name_of_run(run.run, run.manoeuvre, run.role)
+
+
+def name_of_run(name: str, manoeuvre: str, role: str) -> str:
+    """Manoeuvre and name of a run, and whether it was held out."""
+    kind = manoeuvre.split(",")[0].strip() or f"run {name}"
+    held = "held-out " if role == "holdout" else ""
+    return f"{held}{kind} ({name})" if name not in kind else f"{held}{kind}"
+
+
+def _kind(run: RunError) -> str:
+    return run.manoeuvre.split(",")[0].strip() or f"run {run.run}"
+
+
+def error_rows(run: RunError) -> tuple[ErrorRow, ...]:
+    """Position and heading of a run, depth where it was logged; what was not logged is left out."""
+
+    def of(table: Mapping[str, Mapping[str, float | None]], channel: str, scale: float) -> tuple[float, ...]:
+        return tuple(_scaled(table[m].get(channel), scale) for m in MODELS)
+
+    logged = {c for m in MODELS for c in run.rms[m]}
+    rows = []
+    if {"x", "y"} <= logged:
+        rows.append(("position", "m", tuple(_scaled(run.position.get(m), 1.0) for m in MODELS)))
+    if "psi" in logged:
+        rows.append(("heading", "degrees", of(run.rms, "psi", 180 / math.pi)))
+    if "z" in logged:
+        rows.append(("depth", "m", of(run.rms, "z", 1.0)))
+    if not rows:
+        for channel, unit, scale in (("r", "degrees a second", 180 / math.pi), ("u", "m/s", 1.0)):
+            if channel in logged:
+                rows.append((channel, unit, of(run.rms, channel, scale)))
+    return tuple(ErrorRow(what, unit, v) for what, unit, v in rows)
+
+
+def explained_words(result: Result) -> str:
+    """What the third model is: with what is named, or with the best explanation, which may be another."""
+    used = explanation(result)
+    if result.verdict == "model_form":
+        return "Re-tuned and explained are one: with the force that the equations lack, no cause beside it."
+    if not used:
+        return "Explained: as re-tuned, no effect is in it."
+    words = " + ".join(in_words(n) for n in used)
+    if result.verdict in NAMING and set(used) == {e.name for e in result.effects}:
+        return f"Explained: with {words}."
+    return f"Explained: with {words}, the best explanation."
+
+
+def miss(rows: tuple[ErrorRow, ...], model: int) -> str:
+    """Errors of one model in a phrase: "76 m and 29 degrees"."""
+    said = [
+        f"{number(r.values[model])} {r.unit}" + ("" if r.what in ("position", "heading") else f" of {r.what}")
+        for r in rows
+        if math.isfinite(r.values[model])
+    ]
+    return " and ".join(said) if said else "more than can be simulated"
+
+
+def _scaled(value: float | None, scale: float) -> float:
+    return math.nan if value is None else value * scale
+
+
+def _share(p: float) -> str:
+    return "above 0.99" if p > 0.995 else "below 0.01" if p < 0.005 else f"{p:.2f}"
+
+
+def _headline(result: Result) -> str:
+    word, effects = result.verdict, result.effects
+    if word in NAMING and effects:
+        said = " ".join(sentence(e).rstrip(".") + f" (probability {_share(e.probability)})." for e in effects)
+        rest = {
+            "effect_with_remainder": " It does not explain the whole gap.",
+            "several": " Each of them is needed.",
+        }
+        return said + rest.get(word, "")
+    if word == "none":
+        return _none(result)
+    if word == "coefficients":
+        far = _moved(result)[:2]
+        return "No effect is needed, but coefficients lie further off than stated" + (
+            f": {'; '.join(far)}." if far else "."
+        )
+    if word == "model_form":
+        return (
+            "The equations lack a force that depends on the motion"
+            + _like(result)
+            + ("; no cause beside it can be told.")
+        )
+    if word == "outside":
+        place = result.where.channel
+        where = f", in {PLACES.get(place, place)}" if place is not None else ""
+        return f"Something acts that is not among the known effects{where}."
+    return _ambiguous(result)
+
+
+def _none(result: Result) -> str:
+    errors = error_rows(result.runs[0]) if result.runs else ()
+    if not errors:
+        return "No effect is needed: simulator and log agree within the stated uncertainty."
+    if _closes(errors, 0, 1):
+        return (
+            f"No effect is needed; the coefficients as given miss the {_kind(result.runs[0])} by "
+            f"{miss(errors, 0)}: re-tuned they miss it by {miss(errors, 1)}."
+        )
+    return (
+        f"No effect is needed: simulator and log agree to {miss(errors, 0)} on the {_kind(result.runs[0])}, "
+        "the worst of the runs."
+    )
+
+
+def _closes(errors: tuple[ErrorRow, ...], before: int, after: int) -> bool:
+    """Whether any error falls by more than what counts as the same, or becomes a number at all."""
+    return any(
+        math.isfinite(r.values[after]) and not r.values[before] <= SAME * r.values[after] for r in errors
+    )
+
+
+def _ambiguous(result: Result) -> str:
+    chances = [
+        (n, result.probabilities.get(n, 0.0)) for n in result.set95 if n not in ("none", "model_form")
+    ][:MOST_RIVALS]
+    acting = any(result.acting.get(n, 0.0) > p + 0.05 for n, p in chances)
+    listed = ", ".join(
+        f"{_outside(n)} ({_share(result.acting.get(n, p) if acting else p)})" for n, p in chances
+    )
+    nothing = "none" in result.set95
+    if not chances:
+        return "These runs cannot tell whether anything acts."
+    alone = f", or nothing at all ({_share(result.probabilities.get('none', 0.0))})" if nothing else ""
+    if acting:
+        return f"Several things act together and these runs cannot tell which: {listed}{alone}."
+    if len(chances) == 1:
+        return f"These runs cannot tell whether it is {listed}{alone or ' or something else'}."
+    return f"These runs cannot tell which it is: {listed}{alone}."
+
+
+def _outside(name: str) -> str:
+    return "something not on the list" if name == "outside" else in_words(name)
+
+
+def _like(result: Result) -> str:
+    form = result.model_form
+    if form is None:
+        return ""
+    names = [in_words(n) for n in form.looks_like]
+    if form.period is not None:
+        names.append(f"roll with a period of {form.period:.3g} s")
+    return f"; it looks like {' and '.join(names)}" if names else ""
+
+
+def _outcome(result: Result, run: RunError) -> str:
+    """What it comes to on the run of the picture: always the error as given, re-tuned and explained."""
+    errors = error_rows(run)
+    if not errors:
+        return ""
+    verb = "predicted" if run.role == "holdout" else "simulated"
+    given, tuned, now = (miss(errors, k) for k in range(3))
+    if result.verdict == "none":
+        return f"Both are rms errors of the {verb} {run_words(run)}."
+    if not explanation(result):
+        return f"The {verb} {run_words(run)} misses the log by {given} (rms); re-tuned, by {tuned}."
+    what = (
+        "With it" if len(explanation(result)) == 1 and result.verdict in NAMING
+        else "With them" if result.verdict in NAMING and len(explanation(result)) == len(result.effects)
+        else f"With {' + '.join(in_words(n) for n in explanation(result))}"
+    )  # fmt: skip
+    if not _closes(errors, 0, 2):
+        return (
+            f"{what}, the {verb} {run_words(run)} misses the log by {now} (rms), no less than as given, "
+            f"{given}; re-tuned, by {tuned}."
+        )
+    said = f"{what}, the {verb} {run_words(run)} is within {now} of the log (rms) instead of {given}"
+    if _closes(errors, 1, 2) or _closes(errors, 2, 1):
+        return f"{said}; re-tuning coefficients alone gives {tuned}."
+    far = _moved(result)[:1]
+    return f"{said}; re-tuning coefficients alone does as well" + (
+        f", but moves {far[0].split(', explained')[0].rstrip(')')})." if far else "."
+    )
+
+
+def failures(result: Result) -> tuple[str, ...]:
+    """Checks that failed; each one sentence."""
+    out = []
+    if explanation(result):
+        worse = [run for run in result.runs if run.role == "holdout" and _worse(error_rows(run))]
+        held = sum(run.role == "holdout" for run in result.runs)
+        if worse:
+            rows = error_rows(worse[0])
+            out.append(
+                f"The explanation predicts {len(worse)} of {held} held-out runs worse than the simulator as "
+                f"given ({worse[0].run}: {miss(rows, 2)}, as given {miss(rows, 0)}): do not rely on it."
+            )
+        if result.runs_agree is not None and result.runs_agree < DISAGREEMENT_P_VALUE:
+            out.append(
+                "The runs disagree about its size: that one and the same cause acts in all of them has "
+                f"p = {result.runs_agree:.1g}."
+            )
+        if (far := far_off(result)) and result.model_form is None:
+            out.append(f"{far}: as an account of this vehicle it is not to be believed.")
+        refit = next((r for r in result.refits if set(r.effects) == set(explanation(result))), None)
+        if refit is not None and not refit.converged:
+            out.append("The fit of the explanation stopped before it converged; its sizes are rough.")
+    elif result.refits and not result.refits[0].converged:
+        out.append("The re-tuning stopped before it converged; its errors are rough.")
+    return tuple(out)
+
+
+def far_off(result: Result) -> str:
+    """The beginning of a sentence that the explanation takes a coefficient out of all reason; else empty."""
+    far = {n: abs(m.explained - m.given) / m.prior_sd for n, m in result.moved.items() if m.prior_sd > 0}
+    most = max(far, key=lambda n: far[n], default="")
+    if not most or far[most] <= FAR_OFF:
+        return ""
+    return (
+        f"The explanation needs coefficients far from those stated ({most} by {far[most]:.0f} times its "
+        "stated uncertainty)"
+    )
+
+
+def explanation(result: Result) -> tuple[str, ...]:
+    """Effects of the third model that is shown: none where the verdict needs none."""
+    return () if result.verdict in NEEDS_NONE else result.explanation
+
+
+def _worse(rows: tuple[ErrorRow, ...]) -> bool:
+    """Whether position (else the first error there is) is missed by more than as given."""
+    if not rows:
+        return False
+    given, now = rows[0].values[0], rows[0].values[-1]
+    return math.isfinite(given) and not now <= WORSE * given
+
+
+def _moved(result: Result) -> tuple[str, ...]:
+    """Coefficients that leave their stated uncertainty furthest, most first."""
+    told = []
+    for name, m in result.moved.items():
+        if not (m.prior_sd > 0 and m.given):
+            continue
+        far = abs(m.retuned - m.given) / m.prior_sd
+        with_it = ""
+        if explanation(result):
+            with_it = f", explained {_percent(m.explained, m.given)}"
+        told.append(
+            (far, f"{name} {_percent(m.retuned, m.given)} ({far:.1f} times its stated "
+                  f"uncertainty{with_it})")
+        )  # fmt: skip
+    return tuple(text for far, text in sorted(told, reverse=True)[:MOST_MOVED] if far >= 0.5)
+
+
+def _percent(value: float, given: float) -> str:
+    return f"{round(100 * (value - given) / given):+d} %"
+
+
+def rivals(result: Result) -> list[tuple[str, float]]:
+    """What else it could be, most probable first, from one per cent on."""
+    named = {e.name for e in result.effects} if result.verdict in NAMING else set()
+    own = {"none": "none", "model_form": "model_form", "coefficients": "coefficient_error"}.get(
+        result.verdict
+    )
+    left = [(n, p) for n, p in result.probabilities.items() if n not in named and n != own]
+    left.sort(key=lambda item: -item[1])
+    return [(n, p) for n, p in left if p >= WORTH_A_WORD][:MOST_RIVALS]
+
+
+def _certainty(result: Result) -> tuple[str, ...]:
+    out = []
+    if result.verdict in NAMING:
+        for e in result.effects:
+            sizes = intervals(e)
+            out.append(
+                f"{in_words(e.name).capitalize()}: probability {_share(e.probability)} that it acts"
+                + (f"; {', '.join(sizes)}." if sizes else ".")
+                + _usual(e)
+            )
+    other = rivals(result)
+    if other and result.verdict != "ambiguous":
+        listed = ", ".join(
+            f"{'something not on the list that acts alike' if n == 'outside' else in_words(n)} ({_share(p)})"
+            for n, p in other
+        )
+        what = "What may act beside it" if result.verdict == "model_form" else "What else it could be"
+        out.append(f"{what}: {listed}.")
+    elif not other:
+        out.append("Nothing else reaches a probability of 0.01.")
+    named = {e.name for e in result.effects}
+    alike = sorted({n for g in result.ambiguity_groups if named & set(g) for n in g} - named)
+    if alike:
+        out.append(f"On these runs {_list(alike)} would leave nearly the same trace.")
+    if result.model_form is not None and result.verdict != "model_form":
+        out.append(f"The equations also lack a force that depends on the motion{_like(result)}.")
+    if result.model_form is not None and (far := far_off(result)):
+        out.append(f"{far}: they stand in for the force the equations lack.")
+    out.append(_proof(result))
+    if result.verdict == "none" and result.unseen:
+        out.append(
+            f"These runs would hardly show {_list(list(result.unseen)[:6])}"
+            + (f" and {len(result.unseen) - 6} more" if len(result.unseen) > 6 else "")
+            + " at their usual size."
+        )
+    return tuple(out)
+
+
+def _list(names: list[str]) -> str:
+    return ", ".join(in_words(n) for n in names)
+
+
+def _usual(e: Effect) -> str:
+    return f" Usual size: {e.usual_size}." if e.usual_size else ""
+
+
+def _proof(result: Result) -> str:
+    held = [run for run in result.runs if run.role == "holdout"]
+    if not held:
+        return "No run was held out, so the errors are of runs that were read; give one the role `holdout`."
+    better = sum(not _worse(error_rows(run)) for run in held)
+    if not explanation(result):
+        return f"Held-out runs: {len(held)}, read only after the verdict stood."
+    return f"Of {len(held)} held-out runs, read after the verdict stood, {better} are predicted no worse."
+
+
+def _steps(result: Result) -> tuple[str, ...]:
+    out = []
+    if result.verdict in NAMING:
+        for e in result.effects:
+            if e.parameters:
+                values = " ".join(f"--set {e.name}.{n}={p.value:.3g}" for n, p in e.parameters.items())
+                out.append(f"Look for {in_words(e.name)} on the vehicle, or simulate with it: `{values}`.")
+    elif (
+        result.verdict in ("none", "coefficients")
+        and result.runs
+        and _closes(error_rows(result.runs[0]), 0, 1)
+    ):
+        out.append("Re-tune: `bayesid fit BUNDLE --out FOLDER` writes the vehicle file.")
+    if result.next_manoeuvre:
+        best = result.next_manoeuvre[0]
+        out.append(
+            f"Run next: {in_words(best.name)}, {best.duration:.0f} s, which tells best what is still open."
+        )
+    out.append("`bayesid predict BUNDLE MANOEUVRE --model THIS_FOLDER` says, with a band, what to expect.")
+    return tuple(out)

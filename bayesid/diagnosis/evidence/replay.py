@@ -1,0 +1,213 @@
+"""Every run of a trial replayed from its orders: as given, re-tuned, explained; how far each misses the log.
+
+Takes a `DiagnosisProblem`, its trial and fitted models. Gives frozen `Replay`s. Never changes a verdict.
+
+Each replay starts from a state fitted to the first seconds and runs open loop from there; errors are counted
+after those seconds. The deviation around the explained model is that of the sensors, of the environment, of
+the start and of the explained model's parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bayesid.diagnosis.data.problem import DiagnosisProblem
+from bayesid.errors import BayesidError
+from bayesid.estimation.filter_error.fit import FilterErrorFit, fit
+from bayesid.estimation.filter_error.linearise import Trajectory, linearise, wrap
+from bayesid.estimation.filter_error.noise_model import NoiseModel, smoothed
+from bayesid.estimation.filter_error.read_run import filter_error_run
+from bayesid.estimation.parameters import NO_PARAMETERS
+from bayesid.estimation.run_data import Array, RunData
+from bayesid.estimation.truncated_normal import within_bounds
+from bayesid.simulation import observe, simulate
+from bayesid.trials import Run, Trial
+
+GIVEN, RETUNED, EXPLAINED = "nominal", "recalibrated", "with effect"
+# First part read to begin on the track: six ship lengths of travel, at most this share of a run.
+LEAD_LENGTHS, MOST_LEAD = 6.0, 0.25
+BAND_DRAWS = 16
+GROSS = 50.0  # times the median miss, from which a reading is not an error of a model
+
+
+@dataclass(frozen=True, eq=False)
+class Replay:
+    """One run beside its simulations.
+
+    Attributes
+    ----------
+    run, manoeuvre, role : as in the trial
+    t : (n,) [s]
+    lead : seconds read to begin on the track
+    channels : (q,) names
+    readings : (n, q) SI, nan where there is none
+    models : "nominal", "recalibrated", "with effect" -> (n, q) SI, nan where the simulation diverges
+    rms : model -> channel -> root mean square error after the lead-in [SI], nan without readings
+    sd : (n, q) deviation of a reading from the explained model that is to be expected; None where not asked
+    commands : name -> (n,) orders [SI]
+    """
+
+    run: str
+    manoeuvre: str
+    role: str
+    t: Array
+    lead: float
+    channels: tuple[str, ...]
+    readings: Array
+    models: Mapping[str, Array]
+    rms: Mapping[str, Mapping[str, float]]
+    sd: Array | None
+    commands: Mapping[str, Array]
+
+    def position_error(self, model: str) -> float:
+        """Root mean square distance in the horizontal plane [m]; nan where no position was logged."""
+        return float(np.hypot(self.rms[model].get("x", np.nan), self.rms[model].get("y", np.nan)))
+
+    def misfit(self, model: str, sigma: Mapping[str, float]) -> float:
+        """Mean squared error in noise variances; inf where the simulation diverges."""
+        ratios = [e / sigma[c] for c, e in self.rms[model].items() if c in sigma]
+        found = float(np.mean(np.square(ratios))) if ratios else 0.0
+        return found if np.isfinite(found) else np.inf
+
+
+def replay_trial(
+    problem: DiagnosisProblem, trial: Trial, models: Mapping[str, FilterErrorFit | None], seed: int
+) -> tuple[Replay, ...]:
+    """All runs that can be replayed; the first is the one to show.
+
+    That is the held-out run which the model as given misses most, in noise units, else the identify run. It
+    alone has a deviation.
+
+    Parameters
+    ----------
+    models : name -> its fit; None is the model as given
+    """
+    noise = {c: float(s) for log in problem.logs for c, s in zip(log.channels, log.sigma, strict=True)}
+    read = {log.name: log for log in problem.logs}
+    found: list[tuple[Replay, RunData, dict[str, Array], Trajectory]] = []
+    for run in trial.runs:
+        try:
+            log = read.get(run.name) or filter_error_run(problem.model, run, noise, problem.channels)
+        except BayesidError:
+            continue
+        replayed = _replay(problem, run, log, models)
+        if replayed is not None:
+            found.append(replayed)
+    if not found:
+        return ()
+    held = any(r.role == "holdout" for r, *_ in found)
+
+    def rank(item: tuple[Replay, RunData, dict[str, Array], Trajectory]) -> tuple[bool, float]:
+        return held and item[0].role != "holdout", -item[0].misfit(GIVEN, noise)
+
+    (first, log, starts, point), *others = sorted(found, key=rank)
+    explained = models.get(EXPLAINED)
+    sd = _deviation(problem, log, first, explained, starts.get(EXPLAINED), point, seed)
+    return replace(first, sd=sd), *(r for r, *_ in others)
+
+
+def _replay(
+    problem: DiagnosisProblem, run: Run, log: RunData, models: Mapping[str, FilterErrorFit | None]
+) -> tuple[Replay, RunData, dict[str, Array], Trajectory] | None:
+    model, t = problem.model, log.plan.t - log.plan.t[0]
+    lead = min(LEAD_LENGTHS * model.scales["L"] / model.scales["U"], MOST_LEAD * float(t[-1]))
+    late = t > lead
+    known = log.without(np.repeat(late[:, None], len(log.channels), axis=1))
+    if not known.valid.any() or not log.valid[late].any():
+        return None
+    noise_model = problem.environment.noise_model
+    simulated, starts, point = {}, {}, None
+    for name, fitted in models.items():
+        par = model.nominal if fitted is None else fitted.par
+        simulated[name] = np.full(log.readings.shape, np.nan)
+        try:
+            point = _begun(problem, known, par, noise_model)
+            x0 = point.states[0, : len(model.states)]
+            simulated[name] = _simulated(problem, log, par, x0)
+            starts[name] = x0
+        except BayesidError:  # it diverges in this run, which is a finding
+            continue
+    if point is None:
+        return None
+    rms = {name: _rms(problem, log, obs, late) for name, obs in simulated.items()}
+    commands = {**run.commands, **run.measured_inputs}
+    replayed = Replay(
+        run.name, run.manoeuvre, run.role, log.plan.t, float(lead), log.channels,
+        np.where(log.valid, log.readings, np.nan), simulated, rms, None, commands,
+    )  # fmt: skip
+    return replayed, known, starts, point
+
+
+def _begun(problem: DiagnosisProblem, known: RunData, par: Array, noise_model: NoiseModel) -> Trajectory:
+    """Path of a model over a run of which only the lead-in has readings."""
+    first = Trajectory(par, known.path, np.zeros((known.n - 1, len(noise_model.force))))
+    return fit(
+        problem.model, [known], NO_PARAMETERS, noise_model, start=[first], initial_noise_scale=0.0,
+        iterations=15,
+    ).points[0]  # fmt: skip
+
+
+def _simulated(problem: DiagnosisProblem, log: RunData, par: Array, x0: Array) -> Array:
+    model = problem.model
+    track = simulate(model, par, log.plan, x0, full=True)
+    return observe(model, par, log.plan, track.states, full=True)[:, log.positions(model)]
+
+
+def _rms(problem: DiagnosisProblem, log: RunData, obs: Array, late: Array) -> dict[str, float]:
+    """Channel -> error after the lead-in, gross readings left out."""
+    resid = np.where(log.valid, wrap(problem.model, log, log.readings - obs), np.nan)[late]
+    out = {}
+    for j, channel in enumerate(log.channels):
+        miss = np.abs(resid[np.isfinite(resid[:, j]), j])
+        if miss.size:
+            miss = miss[miss <= GROSS * np.median(miss) + 20 * log.sigma[j]]
+        out[channel] = float(np.sqrt(np.mean(miss**2))) if miss.size else float("nan")
+    return out
+
+
+def _deviation(
+    problem: DiagnosisProblem,
+    known: RunData,
+    shown: Replay,
+    fitted: FilterErrorFit | None,
+    x0: Array | None,
+    point: Trajectory,
+    seed: int,
+) -> Array | None:
+    """(n, q) what noise, environment, start and parameters let a reading depart from the explained model."""
+    model, noise_model = problem.model, problem.environment.noise_model
+    if fitted is None or x0 is None:
+        return None
+    path = linearise(model, known, point, NO_PARAMETERS.where)
+    sm = smoothed(model, path, np.zeros(0), noise_model)
+    spread = np.einsum("iqx,ix->iq", path.slope**2, sm.variance[:, : point.states.shape[1]])
+    drift = np.array([noise_model.slow(c) for c in known.channels])
+    tracks = []
+    for par in _draws(fitted, np.random.default_rng(seed)):
+        try:
+            tracks.append(_simulated(problem, known, par, x0))
+        except BayesidError:
+            continue
+    about = np.zeros_like(spread)
+    if len(tracks) > BAND_DRAWS // 2:
+        about = np.mean((np.array(tracks) - shown.models[EXPLAINED]) ** 2, axis=0)
+    return np.sqrt(known.sigma**2 + spread + drift**2 + about)
+
+
+def _draws(fitted: FilterErrorFit, rng: np.random.Generator) -> Array:
+    """(draws, n_par) parameter vectors of a fit's Gaussian posterior within its bounds."""
+    free = fitted.free
+    covariance = fitted.posterior.covariance * np.outer(free.sd, free.sd)
+    deviations = rng.multivariate_normal(
+        np.zeros(len(free.names)), fitted.posterior.covariance, size=BAND_DRAWS, method="eigh"
+    )
+    high = np.full(len(free.names), np.inf)
+    values = within_bounds(
+        fitted.values + free.sd * deviations, fitted.values, covariance, free.low, high, rng
+    )
+    out = np.repeat(fitted.par[None], BAND_DRAWS, axis=0)
+    out[:, free.where] = values
+    return out

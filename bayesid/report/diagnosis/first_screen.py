@@ -1,0 +1,125 @@
+"""The first screen of a diagnosis: errors three ways, the picture, how sure and what else, what next.
+
+Takes a `Result` and its `Answer`. Does not compute.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from bayesid.diagnosis.answer import Answer
+from bayesid.diagnosis.evidence import replay as evidence
+from bayesid.diagnosis.evidence.replay import EXPLAINED, GIVEN, RETUNED
+from bayesid.diagnosis.plain_words import Z95, number
+from bayesid.diagnosis.result import Result
+from bayesid.report import run_picture
+from bayesid.report.writer import Block, Figure, Replay, Row, Section, Table, Text, literal
+
+MOST_FRAMES = 400
+DASHES: list[list[int]] = [[6, 3], [2, 3], []]
+ORDERS = (
+    ("delta_r_cmd", "rudder order (port +)", "deg", 180 / math.pi),
+    ("delta_s_cmd", "stern-plane order", "deg", 180 / math.pi),
+    ("n_cmd", "shaft", "rpm", 1.0),
+)
+
+
+def first_blocks(result: Result, a: Answer) -> list[Block]:
+    """Errors, picture, certainty and steps."""
+    blocks: list[Block] = []
+    if a.errors:
+        blocks.append(
+            Table(
+                ["rms error", *a.labels],
+                [[f"{r.what} [{r.unit}]", *(_cell(x) for x in r.values)] for r in a.errors],
+                f"{literal(a.where)[:1].upper()}{literal(a.where)[1:]}, replayed from its orders. "
+                f"{literal(a.explained)}",
+            )
+        )
+    blocks += picture_blocks(result, a)
+    blocks += replay_blocks(result, a)
+    sure = [f"- {literal(s)}" for s in a.certainty]
+    if a.moved:
+        sure.append(f"- Coefficients that re-tuning moves most: {literal('; '.join(a.moved[:3]))}.")
+    blocks.append(Section("How sure, and what else it could be", [Text("\n".join(sure))]))
+    blocks.append(Section("What to do next", [Text("\n".join(f"- {s}" for s in a.steps))]))
+    return blocks
+
+
+def picture_blocks(result: Result, a: Answer) -> list[Block]:
+    """The run the simulator as given misses most; nothing where none could be replayed."""
+    if result.drawings is None or not result.drawings.replays:
+        return []
+    shown = picture_of(result.drawings.replays[0], a)
+    caption = (
+        "Left: track, begun at the ring. Right: heading, and below it how far each simulation is from the "
+        "log (lines: running means; dots: the explained model's). Blue: where 95 % of its dots should lie; a "
+        "line that leaves its panel misses by more. Grey: first seconds, read to begin on the track."
+    )
+    where = literal(a.where)
+    return [
+        Row(
+            (
+                Figure("picture_track", run_picture.track(shown), alt=f"Track of the {where}"),
+                Figure(
+                    "picture_time", run_picture.over_time(shown), alt=f"Heading and errors of the {where}"
+                ),
+            ),
+            caption,
+        )
+    ]
+
+
+def replay_blocks(result: Result, a: Answer) -> list[Block]:
+    """The run of the picture, to be played; nothing without a track."""
+    if result.drawings is None or not result.drawings.replays:
+        return []
+    r = result.drawings.replays[0]
+    if not {"x", "y"} <= set(r.channels):
+        return []
+    return [Replay(played(r, picture_of(r, a)), f"The {literal(a.where)}, to be played.")]
+
+
+def played(r: evidence.Replay, drawn: run_picture.RunPicture) -> dict[str, Any]:
+    """Series of a replay as plain data, at most `MOST_FRAMES` of them."""
+    keep = np.unique(np.linspace(0, r.t.size - 1, min(r.t.size, MOST_FRAMES)).astype(int))
+
+    def values(v: np.ndarray, digits: int = 2) -> list[float | None]:
+        return [round(float(x), digits) if np.isfinite(x) else None for x in v[keep]]
+
+    def series(label: str, colour: str, dash: list[int], table: np.ndarray) -> dict[str, Any]:
+        columns = {c: values(table[:, r.channels.index(c)]) for c in ("x", "y")}
+        psi = values(table[:, r.channels.index("psi")], 3) if "psi" in r.channels else None
+        return {"label": label, "colour": colour, "dash": dash, **columns, "psi": psi}
+
+    shown = [series("log", "#000000", [], r.readings)]
+    for s, dash in zip(drawn.series, DASHES[-len(drawn.series) :], strict=True):
+        first = [6, 3] if s.label == "as given" else dash
+        shown.append(series(s.label, s.style["color"], first, s.values))
+    orders = [
+        {"label": label, "unit": unit, "values": values(scale * r.commands[n], 1)}
+        for n, label, unit, scale in ORDERS
+        if n in r.commands and np.isfinite(r.commands[n]).all()
+    ]
+    return {"t": values(r.t - r.t[0], 1), "series": shown, "orders": orders}
+
+
+def picture_of(r: evidence.Replay, a: Answer) -> run_picture.RunPicture:
+    """A replay as a picture; two simulations where the explained model is the re-tuned one."""
+    styles = ((GIVEN, run_picture.GIVEN), (RETUNED, run_picture.BETWEEN), (EXPLAINED, run_picture.BEST))
+    series = [
+        run_picture.Series(label, style, r.models[m])
+        for (m, style), label in zip(styles, a.labels, strict=True)
+    ]
+    if np.array_equal(series[1].values, series[2].values, equal_nan=True):
+        series = [series[0], replace(series[2], label=series[1].label)]
+    half = None if r.sd is None else Z95 * r.sd
+    return run_picture.RunPicture(r.t, r.channels, r.readings, tuple(series), r.lead, half)
+
+
+def _cell(x: float) -> str:
+    return number(x) if math.isfinite(x) else "diverges"

@@ -1,0 +1,146 @@
+"""The first screen of a fit: errors in metres and degrees, failed checks, picture, what moved, what next.
+
+Takes a `TrialFit`. Gives text and blocks for report and terminal. Does not fit or simulate.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from bayesid.diagnosis.answer import ErrorRow, miss, name_of_run
+from bayesid.diagnosis.plain_words import number
+from bayesid.estimation.trial_fit import RunOutcome, TrialFit
+from bayesid.report import run_picture
+from bayesid.report.writer import Block, Figure, Row, Section, Table, Text, literal
+
+LABELS = ("as given", "as found")
+MOST_MOVED = 4
+SAME = 1.1
+DEGREE = 180 / math.pi
+
+
+def shown_run(found: TrialFit) -> RunOutcome | None:
+    """The held-out run that the vehicle as given misses most, else the fitted one."""
+    held = [r for r in found.runs if r.role == "holdout"] or list(found.runs)
+
+    def misfit(r: RunOutcome) -> float:
+        ratio = r.rms_nominal / r.sigma
+        known = ratio[~np.isnan(ratio)] if np.isfinite(r.nominal).any() else np.array([np.inf])
+        return float(np.mean(known**2)) if known.size else 0.0
+
+    return max(held, key=misfit, default=None)
+
+
+def errors_of(run: RunOutcome) -> tuple[ErrorRow, ...]:
+    """Position and heading (depth where logged) as given and as found; else the first channel."""
+    pairs = {c: (float(run.rms_nominal[j]), float(run.rms_fitted[j])) for j, c in enumerate(run.channels)}
+    rows = []
+    if {"x", "y"} <= set(pairs):
+        both = tuple(math.hypot(pairs["x"][k], pairs["y"][k]) for k in range(2))
+        rows.append(ErrorRow("position", "m", both))
+    for channel, what, unit, scale in (("psi", "heading", "degrees", DEGREE), ("z", "depth", "m", 1.0)):
+        if channel in pairs:
+            rows.append(ErrorRow(what, unit, tuple(scale * v for v in pairs[channel])))
+    if not rows:
+        for channel, unit, scale in (("r", "degrees a second", DEGREE), ("u", "m/s", 1.0)):
+            if channel in pairs:
+                rows.append(ErrorRow(channel, unit, tuple(scale * v for v in pairs[channel])))
+    return tuple(rows)
+
+
+def headline(found: TrialFit) -> str:
+    """One sentence: how far the run shown is missed, as found and as given."""
+    run = shown_run(found)
+    if run is None or not (rows := errors_of(run)):
+        return f"{found.fit.n_params} coefficients fitted."
+    verb = "predicted" if run.role == "holdout" else "simulated"
+    name = name_of_run(run.name, run.manoeuvre, run.role)
+    better = any(
+        math.isfinite(r.values[1]) and not r.values[0] <= SAME * r.values[1] for r in rows
+    ) and not any(math.isfinite(r.values[0]) and not r.values[1] <= SAME * r.values[0] for r in rows[:1])
+    if better:
+        return (
+            f"With the coefficients found, the {verb} {name} is within {miss(rows, 1)} of the log (rms) "
+            f"instead of {miss(rows, 0)}."
+        )
+    return (
+        f"With the coefficients found, the {verb} {name} misses the log by {miss(rows, 1)} (rms), no less "
+        f"than as given, {miss(rows, 0)}."
+    )
+
+
+def moved(found: TrialFit) -> str:
+    """Coefficients that move most, in words."""
+    fit, k = found.fit, found.fit.n_params
+    rows = []
+    for i, name in enumerate(fit.names[:k]):
+        if fit.start[i]:
+            change = (fit.z[i] - fit.start[i]) / fit.start[i]
+            sd = fit.sd[i] / abs(fit.start[i])
+            spread = f" ± {100 * sd:.2g}" if math.isfinite(sd) and sd < 10 else " ± more than can be told"
+            rows.append((abs(change), f"{name} {100 * change:+.3g}{spread} %"))
+    rows.sort(reverse=True)
+    return ", ".join(text for _, text in rows[:MOST_MOVED])
+
+
+def failures(found: TrialFit, others: list[str]) -> list[str]:
+    """Checks that failed: convergence, what the data leave open, and `others`."""
+    out = [] if found.fit.converged else ["The search did not converge; the coefficients are not final."]
+    left = [d.name for d in found.fit.flat if d.decided_by != "prior"]
+    if left:
+        some = "; ".join(f"`{n}`" for n in left[:2])
+        more = f" and {len(left) - 2} more" if len(left) > 2 else ""
+        out.append(f"These runs do not determine {len(left)} combinations: {some}{more}.")
+    return out + others
+
+
+def first_blocks(found: TrialFit, steps: list[str]) -> list[Block]:
+    """Errors, picture, what moved, what next."""
+    run = shown_run(found)
+    blocks: list[Block] = []
+    if run is None:
+        return blocks
+    name = literal(name_of_run(run.name, run.manoeuvre, run.role))
+    word = "predicted, the fit has not read it" if run.role == "holdout" else "fitted"
+    blocks.append(
+        Table(
+            ["rms error", *LABELS],
+            [[f"{r.what} [{r.unit}]", *(_cell(x) for x in r.values)] for r in errors_of(run)],
+            f"{name[:1].upper()}{name[1:]}: {word}.",
+        )
+    )
+    picture = picture_of(run)
+    caption = (
+        "Left: track, begun at the ring. Right: heading, and below it how far each simulation is from the "
+        "log (lines: running means; dots: as found). Blue: where 95 % of dots would lie by the noise "
+        "used as weight; a line that leaves its panel misses by more."
+    )
+    blocks.append(
+        Row(
+            (
+                Figure("picture_track", run_picture.track(picture), alt=f"Track of {name}"),
+                Figure("picture_time", run_picture.over_time(picture), alt=f"Errors of {name}"),
+            ),
+            caption,
+        )
+    )
+    if words := moved(found):
+        blocks.append(Text(f"Moved most, with one standard deviation: {literal(words)}."))
+    if steps:
+        blocks.append(Section("What to do next", [Text("\n".join(f"- {s}" for s in steps))]))
+    return blocks
+
+
+def picture_of(run: RunOutcome) -> run_picture.RunPicture:
+    half = np.broadcast_to(1.96 * run.sigma, run.readings.shape)
+    series = (
+        run_picture.Series(LABELS[0], run_picture.GIVEN, run.nominal),
+        run_picture.Series(LABELS[1], run_picture.BEST, run.fitted),
+    )
+    return run_picture.RunPicture(run.t, tuple(run.channels), run.readings, series, 0.0, half)
+
+
+def _cell(x: float) -> str:
+    return number(x) if math.isfinite(x) else "diverges"

@@ -1,0 +1,180 @@
+"""The first screen of predictions: what will happen and how sure, errors against a log, the picture.
+
+Takes predictions and their rows of plain numbers. Does not simulate.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from bayesid.diagnosis.answer import name_of_run
+from bayesid.diagnosis.plain_words import number
+from bayesid.prediction.prediction import Prediction
+from bayesid.report import run_picture
+from bayesid.report.writer import Block, Figure, Row, Table, literal
+from bayesid.trials import Run, Trial
+
+DEGREE = 180 / math.pi
+MOST_ROWS, MOST_MEASURES = 8, 2
+Numbers = Mapping[str, Any]
+# What a helmsman asks of a turn and of a zig-zag.
+ASKED = ("tactical diameter", "advance", "overshoot 1", "overshoot 2", "steady yaw rate", "period")
+
+
+def shown(predictions: Sequence[Prediction], rows: Sequence[Numbers]) -> int:
+    """Position of the one to draw: the run the vehicle as given misses most, else the first."""
+
+    def missed(k: int) -> float:
+        return max((e.what[1] for e in _errors(rows[k])), default=-1.0)
+
+    return max(range(len(rows)), key=lambda k: (missed(k), -k), default=0)
+
+
+class _Error:
+    """Position or heading: as given (nan where it diverges), predicted, share inside the band."""
+
+    def __init__(self, name: str, unit: str, what: tuple[float, float, float]) -> None:
+        self.name, self.unit, self.what = name, unit, what
+
+
+def _errors(row: Numbers) -> list[_Error]:
+    against = row["against_readings"]
+    out = []
+    if {"x", "y"} <= set(against):
+        x, y = against["x"], against["y"]
+        given = math.hypot(x.get("rms_given", math.nan), y.get("rms_given", math.nan))
+        inside = 0.5 * (x["inside"] + y["inside"])
+        out.append(_Error("position", "m", (math.hypot(x["rms"], y["rms"]), given, inside)))
+    if "psi" in against:
+        psi = against["psi"]
+        given = DEGREE * psi.get("rms_given", math.nan)
+        out.append(_Error("heading", "degrees", (DEGREE * psi["rms"], given, psi["inside"])))
+    return out
+
+
+def headline(trial: Trial, predictions: Sequence[Prediction], rows: Sequence[Numbers]) -> str:
+    """One sentence: what the manoeuvre comes to with its band, or how far a log is missed."""
+    if not rows:
+        return "Nothing was predicted."
+    k = shown(predictions, rows)
+    row, errors = rows[k], _errors(rows[k])
+    name = _name(trial, row)
+    if errors:
+        now = " and ".join(f"{number(e.what[0])} {e.unit}" for e in errors)
+        given = " and ".join(
+            f"{number(e.what[1])} {e.unit}" if math.isfinite(e.what[1]) else f"no {e.name} (it diverges)"
+            for e in errors
+        )
+        inside = min(e.what[2] for e in errors)
+        return (
+            f"The {name} is predicted within {now} of the log (rms), as given within {given}; {inside:.0%} "
+            "of its readings lie in the 95 % band."
+        )
+    told = [
+        f"{m['quantity']} of {number(m['mean'])} {m['unit']} (95 %: {number(m['low'])} to {number(m['high'])}"
+        + (f"; as given {number(m['given'])})" if m.get("given") is not None else ")")
+        for m in _telling(row)[:MOST_MEASURES]
+    ]
+    if told:
+        return f"Predicted for {name}: {', '.join(told)}."
+    width = row["widest_band"]
+    if {"x", "y"} <= set(width):
+        reach = 0.5 * math.hypot(width["x"], width["y"])
+        return f"Predicted for {name}: the position is known to {number(reach)} m (95 %) at worst."
+    return f"{name} is predicted with a 95 % band."
+
+
+def first_blocks(trial: Trial, predictions: Sequence[Prediction], rows: Sequence[Numbers]) -> list[Block]:
+    """Errors of every run, or measures, and the picture of one."""
+    blocks: list[Block] = []
+    if not rows:
+        return blocks
+    table = [_run_row(row) for row in rows if _errors(row)][:MOST_ROWS]
+    if table:
+        blocks.append(
+            Table(
+                [
+                    "run", "position as given [m]", "predicted [m]", "heading as given [deg]",
+                    "predicted [deg]", "readings in the 95 % band",
+                ],
+                table,
+                "Errors (rms). Begun on the first seconds of each log; the rest of it was not read.",
+            )
+        )  # fmt: skip
+    measures = [
+        [
+            literal(_name(trial, row)), f"{m['quantity']} [{m['unit']}]", _number(m.get("given")),
+            number(m["mean"]), f"{number(m['low'])} to {number(m['high'])}",
+        ]
+        for row in rows
+        if not _errors(row)
+        for m in _telling(row)
+    ][:MOST_ROWS]  # fmt: skip
+    if measures:
+        blocks.append(Table(["manoeuvre", "measure", "as given", "predicted", "95 %"], measures))
+    k = shown(predictions, rows)
+    p, name = predictions[k], literal(_name(trial, rows[k]))
+    run = next((r for r in trial.runs if r.name == p.name), None)
+    drawn = picture_of(p, run)
+    against = (
+        "below it how far each simulation is from the log (lines: running means; dots: predicted). Blue: "
+        "where 95 % of the dots should lie."
+        if run is not None
+        else "blue: 95 % band, made of the thin tracks at the left."
+    )
+    blocks.append(
+        Row(
+            (
+                Figure("picture_track", run_picture.track(drawn), alt=f"Track of {name}"),
+                Figure("picture_time", run_picture.over_time(drawn), alt=f"Heading of {name}"),
+            ),
+            f"{name[:1].upper()}{name[1:]}. Left: track, begun at the ring. Right: heading; {against}",
+        )
+    )
+    return blocks
+
+
+def picture_of(p: Prediction, run: Run | None) -> run_picture.RunPicture:
+    """A prediction as a picture: as given, predicted mean, half width of the band, draws."""
+    low, high = p.band(rng=np.random.default_rng(0)) if run is not None else p.band()
+    readings = np.full(p.mean.shape, np.nan)
+    if run is not None:
+        for j, channel in enumerate(p.channels):
+            if channel in run.data:
+                readings[:, j] = run.data[channel]
+    series = [run_picture.Series("predicted", run_picture.BEST, p.mean)]
+    if p.given is not None:
+        series.insert(0, run_picture.Series("as given", run_picture.GIVEN, p.given))
+    return run_picture.RunPicture(
+        p.t, p.channels, readings, tuple(series), p.lead, 0.5 * (high - low), p.draws
+    )
+
+
+def _run_row(row: Numbers) -> list[str]:
+    """Errors of one run: as given and predicted, and the share of its readings in the band."""
+    found = {e.name: e.what for e in _errors(row)}
+    cells = [_cell(found[n][k]) if n in found else "–" for n in ("position", "heading") for k in (1, 0)]
+    return [literal(row["name"]), *cells, f"{min(w[2] for w in found.values()):.0%}"]
+
+
+def _telling(row: Numbers) -> list[Numbers]:
+    """Measures a helmsman asks for, most asked first."""
+    there = {m["quantity"]: m for m in row["measures"] if m["share"] > 0.5 and math.isfinite(m["mean"])}
+    return [there[q] for q in ASKED if q in there]
+
+
+def _number(x: float | None) -> str:
+    return "–" if x is None else number(x)
+
+
+def _name(trial: Trial, row: Numbers) -> str:
+    run = next((r for r in trial.runs if r.name == row["name"]), None)
+    return row["name"] if run is None else name_of_run(run.name, run.manoeuvre, run.role)
+
+
+def _cell(x: float) -> str:
+    return number(x) if math.isfinite(x) else "diverges"

@@ -1,0 +1,217 @@
+"""The picture of a run: log and simulations; track, heading, and below it how far each is from the log.
+
+Takes a `RunPicture` of finished series. Does not compute but differences of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from bayesid.report.figure_style import COLOURS, FITTED, MEASURED, NOMINAL, styled, subplots, track_axes
+
+Array = np.ndarray
+MOST_POINTS, MOST_TRACKS = 500, 40
+# Radius of 95 % of a round Gaussian in the plane over the half width of 95 % along a line.
+PLANE95 = 2.45 / 1.96
+NEAR = 4.0  # times the last series' own reach, up to which a line is kept inside its panel
+HEIGHT, WIDTH = 4.3, 3.75
+# Lines differ in dashes and width as well: a grey print tells them apart.
+GIVEN: dict[str, Any] = {"color": NOMINAL, "linestyle": (0, (5, 2)), "linewidth": 1.3}
+BETWEEN: dict[str, Any] = {"color": COLOURS["orange"], "linestyle": (0, (1, 1.2)), "linewidth": 2.2}
+BEST: dict[str, Any] = {"color": FITTED, "linestyle": "-", "linewidth": 1.2}
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """One simulation: label, style of its line, (n, q) values SI, nan where it diverges."""
+
+    label: str
+    style: dict[str, Any]
+    values: Array
+
+
+@dataclass(frozen=True, eq=False)
+class RunPicture:
+    """What is drawn of one run.
+
+    Attributes
+    ----------
+    t : (n,) [s]
+    channels : (q,) names
+    readings : (n, q) SI, nan where there is none
+    series : simulations in drawing order, the one that matters last
+    lead : first seconds, read to begin on the track
+    half : (n, q) half width of the 95 % band around the last series; None without one
+    draws : (k, n, q) of which the band is made, drawn as tracks; None without
+    """
+
+    t: Array
+    channels: tuple[str, ...]
+    readings: Array
+    series: tuple[Series, ...]
+    lead: float = 0.0
+    half: Array | None = None
+    draws: Array | None = None
+
+    def column(self, name: str) -> int | None:
+        return self.channels.index(name) if name in self.channels else None
+
+    def logged(self, *names: str) -> bool:
+        """Whether readings of these channels are there."""
+        columns = [self.column(n) for n in names]
+        return all(j is not None and np.isfinite(self.readings[:, j]).any() for j in columns)
+
+    @property
+    def kept(self) -> Array:
+        """Samples drawn."""
+        n = self.t.size
+        return np.unique(np.linspace(0, n - 1, min(n, MOST_POINTS)).astype(int))
+
+
+@styled
+def track(p: RunPicture) -> Any:
+    """Plan view, or the first channels over time where no position is known."""
+    x, y = p.column("x"), p.column("y")
+    if x is None or y is None:
+        return _channels(p)
+    figure, axes = subplots(height=HEIGHT, width=WIDTH)
+    keep = p.kept
+    if p.draws is not None:
+        for one in p.draws[:MOST_TRACKS]:
+            axes.plot(one[keep, y], one[keep, x], color=COLOURS["sky"], alpha=0.35, linewidth=0.7, zorder=0)
+    seen = p.readings[keep] if p.logged("x", "y") else p.series[-1].values[keep]
+    low, high = np.nanmin(seen, axis=0), np.nanmax(seen, axis=0)
+    room = 0.6 * max(high[x] - low[x], high[y] - low[y], 1e-6)
+    if p.logged("x", "y"):
+        axes.plot(seen[:, y], seen[:, x], ".", color=MEASURED, markersize=4.5, label="log", zorder=1)
+    for s in p.series:
+        z = s.values[keep]
+        inside = (
+            (z[:, x] > low[x] - room) & (z[:, x] < high[x] + room)
+            & (z[:, y] > low[y] - room) & (z[:, y] < high[y] + room)
+        )  # fmt: skip
+        out = np.flatnonzero(~inside)
+        end = out[0] if out.size else len(z)
+        axes.plot(z[:end, y], z[:end, x], label=s.label, **s.style)
+    axes.plot(seen[:1, y], seen[:1, x], "o", color=MEASURED, markersize=6, fillstyle="none")
+    track_axes(axes)
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, handlelength=2.6)
+    return figure
+
+
+def _channels(p: RunPicture) -> Any:
+    count = min(len(p.channels), 3)
+    figure, grid = subplots(count, 1, height=HEIGHT, width=WIDTH, squeeze=False, sharex=True)
+    keep, t = p.kept, p.t - p.t[0]
+    for j, axes in enumerate(grid[:, 0]):
+        axes.plot(t[keep], p.readings[keep, j], ".", color=MEASURED, markersize=2.6, label="log")
+        for s in p.series:
+            axes.plot(t[keep], s.values[keep, j], label=s.label, **s.style)
+        axes.set_ylabel(f"{p.channels[j]} [SI]")
+    grid[0, 0].legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
+    grid[-1, 0].set_xlabel("time [s]")
+    return figure
+
+
+@styled
+def over_time(p: RunPicture) -> Any:
+    """Heading, and below it what each simulation misses: heading and distance, with the 95 % band."""
+    panels = [
+        draw
+        for draw, there in (
+            (_heading, p.column("psi") is not None),
+            (_heading_error, p.logged("psi")),
+            (_distance, p.logged("x", "y")),
+            (_speed, not p.logged("psi") and p.column("u") is not None),
+            (_yaw_rate, not p.logged("psi") and p.column("r") is not None),
+        )
+        if there
+    ]
+    figure, grid = subplots(max(len(panels), 1), 1, height=HEIGHT, width=WIDTH, squeeze=False, sharex=True)
+    t = p.t - p.t[0]
+    for axes, draw in zip(grid[:, 0], panels, strict=False):
+        draw(axes, p, p.kept, t)
+        if p.lead > 0:
+            axes.axvspan(0.0, p.lead, color="0.9", zorder=0, linewidth=0)
+    grid[-1, 0].set_xlabel("time [s]")
+    return figure
+
+
+def _value(axes: Any, p: RunPicture, keep: Array, t: Array, name: str, factor: float, label: str) -> None:
+    j = p.column(name)
+    assert j is not None
+    shown = factor * (p.readings[keep, j] if p.logged(name) else p.series[-1].values[keep, j])
+    if p.logged(name):
+        axes.plot(t[keep], shown, ".", color=MEASURED, markersize=4.0, zorder=1)
+    elif p.half is not None:
+        band = factor * p.half[keep, j]
+        axes.fill_between(t[keep], shown - band, shown + band, color=COLOURS["sky"], alpha=0.35, linewidth=0)
+    for s in p.series:
+        axes.plot(t[keep], factor * s.values[keep, j], **s.style)
+    spread = float(np.nanmax(shown) - np.nanmin(shown))
+    room = 0.4 * spread + (2.0 if name == "psi" else 1e-9)
+    axes.set_ylim(np.nanmin(shown) - room, np.nanmax(shown) + room)
+    axes.set_ylabel(label)
+
+
+def _heading(axes: Any, p: RunPicture, keep: Array, t: Array) -> None:
+    _value(axes, p, keep, t, "psi", 180 / np.pi, "heading\n[deg]")
+
+
+def _speed(axes: Any, p: RunPicture, keep: Array, t: Array) -> None:
+    _value(axes, p, keep, t, "u", 1.0, "speed ahead\n[m/s]")
+
+
+def _yaw_rate(axes: Any, p: RunPicture, keep: Array, t: Array) -> None:
+    _value(axes, p, keep, t, "r", 180 / np.pi, "yaw rate\n[deg/s]")
+
+
+def _heading_error(axes: Any, p: RunPicture, keep: Array, t: Array) -> None:
+    j = p.column("psi")
+
+    def miss(values: Array) -> Array:
+        return np.degrees((values[keep, j] - p.readings[keep, j] + np.pi) % (2 * np.pi) - np.pi)
+
+    band = None if p.half is None else np.degrees(p.half[keep, j])
+    reach = _misses(axes, p, t[keep], [miss(s.values) for s in p.series], band)
+    if band is not None:
+        axes.fill_between(t[keep], -band, band, color=COLOURS["sky"], alpha=0.35, linewidth=0)
+    axes.set_ylim(-reach, reach)
+    axes.set_ylabel("simulated −\nlogged [deg]")
+
+
+def _distance(axes: Any, p: RunPicture, keep: Array, t: Array) -> None:
+    at = [p.channels.index("x"), p.channels.index("y")]
+    miss = [np.hypot(*((s.values - p.readings)[keep][:, at].T)) for s in p.series]
+    band = None if p.half is None else PLANE95 * np.sqrt(np.mean(p.half[keep][:, at] ** 2, axis=1))
+    reach = _misses(axes, p, t[keep], miss, band)
+    if band is not None:
+        axes.fill_between(t[keep], 0.0, band, color=COLOURS["sky"], alpha=0.35, linewidth=0)
+    axes.set_ylim(0.0, reach)
+    axes.set_ylabel("distance to\nthe log [m]")
+
+
+def _misses(axes: Any, p: RunPicture, t: Array, miss: list[Array], band: Array | None) -> float:
+    """Draw running means and the dots of the last series; gives the reach, its own and of what is near it."""
+    for s, values in zip(p.series, miss, strict=True):
+        axes.plot(t, _smooth(values), **s.style)
+    axes.plot(t, miss[-1], ".", color=FITTED, markersize=1.5, alpha=0.35, zorder=1)
+    own = max(_largest(miss[-1]), 0.0 if band is None else _largest(band), 0.1)
+    return 1.25 * max([own, *(x for x in map(_largest, miss) if x < NEAR * own)])
+
+
+def _smooth(values: Array) -> Array:
+    """Running mean over what is there, a fortieth of the run wide: residuals without the sensors' noise."""
+    weight = np.ones(max(1, values.size // 40))
+    there = np.isfinite(values)
+    total = np.convolve(np.where(there, values, 0.0), weight, "same")
+    count = np.convolve(there.astype(float), weight, "same")
+    return np.where(count > 0, total / np.maximum(count, 1.0), np.nan)
+
+
+def _largest(values: Array) -> float:
+    found = np.abs(values[np.isfinite(values)])
+    return float(np.quantile(found, 0.99)) if found.size else 0.0

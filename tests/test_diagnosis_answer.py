@@ -1,0 +1,130 @@
+"""The answer of a diagnosis: engineering units, one interval, three errors, failures beside the headline."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from diagnosis_results import RESULT, a_result, draws
+
+from bayesid.diagnosis.answer import answer, failures
+from bayesid.diagnosis.evidence.effect_draws import warning
+from bayesid.diagnosis.evidence.replay import Replay
+from bayesid.diagnosis.plain_words import intervals, sentence
+from bayesid.diagnosis.result import Effect, Moved, Refit, RunError, Value
+from bayesid.diagnosis.summary import summary
+from bayesid.model.effects import CATALOGUE
+from bayesid.report.diagnosis.report import diagnosis_report, write_diagnosis_report
+from bayesid.report.writer.blocks import Row
+
+MODELS = ("nominal", "recalibrated", "with effect")
+
+
+def a_run(name="r2", role="holdout", position=(76.0, 30.0, 1.3), heading=(0.5, 0.3, 0.005)):
+    rms = {m: {"x": p, "y": 0.0, "psi": h} for m, p, h in zip(MODELS, position, heading, strict=True)}
+    return RunError(name, "turn 25", role, 100.0, 10.0, dict(zip(MODELS, position, strict=True)), rms)
+
+
+def an_effect(name, **sizes):
+    """A catalogue effect with sizes (value, sd)."""
+    declared = next(e for e in CATALOGUE if e.name == name)
+    parameters = {n: Value(v, sd, "") for n, (v, sd) in sizes.items()}
+    return Effect(name, 0.97, parameters, {}, "", declared.says, {"inverse_rate_r": 180 / math.pi / 1000})
+
+
+def test_a_slow_rudder_is_told_in_degrees_a_second_with_its_interval():
+    """1/R - 1/R0 = 1/28 - 1/1000 s/deg; its deviation of 2 % of 1/R is one of about 2 % of R."""
+    per_degree = 180 / math.pi
+    excess, sd = (1 / 28 - 1 / 1000) * per_degree, 0.02 / 28 * per_degree
+    slow = an_effect("actuator_rate_limit", inverse_rate_excess=(excess, sd))
+    assert sentence(slow) == "The rudder moves at 28 degrees a second instead of 1000 degrees a second."
+    assert intervals(slow)[0] == "28.0 degrees a second (95 %: 26.9 to 29.1)"
+
+
+@pytest.mark.parametrize(
+    "name, sizes, said",
+    [
+        ("rudder_offset", {"offset": (-0.02, 0.002)}, "1.1 degrees to starboard"),
+        ("thrust_loss", {"loss": (-0.1, 0.01)}, "10 % more thrust"),
+        ("ocean_current", {"V_north": (0.0, 0.01), "V_east": (-0.3, 0.01)}, "0.3 m/s towards 270 degrees"),
+        ("actuator_dead_time", {"delay": (0.4, 0.1)}, "0.4 seconds later"),
+    ],
+)
+def test_the_sign_of_a_size_is_a_word(name, sizes, said):
+    assert said in sentence(an_effect(name, **sizes))
+
+
+@pytest.mark.parametrize("effect", CATALOGUE, ids=lambda e: e.name)
+def test_every_effect_of_the_catalogue_has_a_sentence_whose_places_are_its_own(effect):
+    sizes = {p.name: Value(0.1, 0.01, p.unit) for p in effect.parameters}
+    if effect.name == "wind":  # told by the contract's names
+        sizes = {"V_wind": Value(5.0, 0.5, "m/s"), "from": Value(0.1, 0.1, "rad")}
+    said = sentence(Effect(effect.name, 1.0, sizes, {}, "", effect.says, dict.fromkeys(effect.adjust, 0.01)))
+    assert effect.says and "{" not in said and not said.endswith("acts.")
+
+
+def test_an_effect_of_a_user_without_a_sentence_is_told_by_its_name():
+    assert sentence(Effect("weed_on_rudder", 0.97, {})) == "Weed on rudder acts."
+
+
+def test_the_interval_shown_is_that_of_the_draws_where_they_are_to_be_used_and_no_note_says_otherwise():
+    size = Value(0.25, 0.01, "-", 0.1, 0.3)
+    effect = replace(an_effect("thrust_loss"), parameters={"loss": size})
+    assert intervals(effect) == ["25 % less (95 %: 10 to 30)"]
+    posterior = draws(force=-1.13)
+    assert warning(posterior) is not None
+    told = replace(RESULT, posterior=posterior, warnings=(warning(posterior), "no straight run"))
+    assert "intervals of the draws" not in summary(told) and "no straight run" in summary(told)
+
+
+def test_three_errors_are_always_told_in_metres_and_degrees():
+    told = summary(replace(RESULT, runs=(a_run(),)))
+    line = {row.split()[0]: row.split()[1:] for row in told.splitlines() if row.startswith("  ")}
+    assert line["as"] == ["given", "76", "28.6"]
+    assert line["re-tuned"] == ["30", "17.2"] and line["explained"] == ["1.3", "0.29"]
+
+
+def test_none_with_a_large_error_says_that_re_tuning_closes_it():
+    runs = (a_run(position=(76.0, 1.3, 1.3), heading=(0.5, 0.006, 0.006)),)
+    said = answer(a_result("none", (), (), 0.0, runs=runs)).headline
+    assert "No effect is needed" in said and "76 m" in said and "re-tuned they miss it by 1.3 m" in said
+    close = (a_run(position=(1.4, 1.3, 1.3), heading=(0.006, 0.006, 0.006)),)
+    assert "agree to 1.4 m" in answer(a_result("none", (), (), 0.0, runs=close)).headline
+
+
+def test_an_explanation_that_predicts_worse_than_as_given_stands_in_the_box():
+    worse, better = a_run(position=(10.0, 9.0, 30.0)), a_run("r3", position=(76.0, 30.0, 1.3))
+    said = failures(a_result(runs=(worse, better)))
+    assert len(said) == 1 and "1 of 2 held-out runs worse" in said[0] and "30 m" in said[0]
+    assert failures(a_result(runs=(better,))) == ()
+    report = diagnosis_report(a_result(runs=(worse,)))
+    assert any("worse" in text for text in report.failures)
+
+
+def test_runs_that_disagree_a_fit_that_stopped_and_absurd_coefficients_stand_in_the_box():
+    assert "disagree" in failures(a_result(runs_agree=1e-6))[0] and failures(a_result(runs_agree=0.2)) == ()
+    stopped = replace(a_result(), refits=(Refit(("wind",), 50.0, 1.0, False, {}),))
+    assert "before it converged" in failures(stopped)[0]
+    moved = {"N_v": Moved(-0.01, 0.001, -0.01, -0.05)}
+    assert "N_v by 40 times" in failures(a_result(moved=moved))[0]
+
+
+def test_a_run_that_diverges_has_words_and_no_number():
+    said = summary(replace(RESULT, runs=(a_run(position=(None, 30.0, 1.3), heading=(None, 0.3, 0.005)),)))
+    assert "diverges" in said and "nan" not in said and "inf" not in said
+
+
+def test_the_picture_is_on_the_first_screen_and_small(tmp_path):
+    t = np.linspace(0.0, 100.0, 201)
+    log = np.column_stack([np.sin(t / 20), np.cos(t / 20), t / 20])
+    models = {m: log + k for k, m in enumerate(MODELS)}
+    shown = Replay(
+        "r2", "turn 25", "holdout", t, 10.0, ("x", "y", "psi"), log, models,
+        a_run().rms, np.full(log.shape, 0.1), {},
+    )  # fmt: skip
+    found = replace(RESULT, runs=(a_run(),), drawings=replace(RESULT.drawings, replays=(shown,)))
+    assert any(isinstance(block, Row) for block in diagnosis_report(found).first)
+    written = write_diagnosis_report(found, tmp_path)
+    assert (tmp_path / "figures" / "picture_track.png").stat().st_size < 100_000
+    text = written.read_text(encoding="utf-8")
+    assert text.index("Track of") < text.index(">Contents<")
