@@ -24,6 +24,7 @@ from bayesid.cli.sample import sample
 from bayesid.cli.simulate import simulate
 from bayesid.cli.study import study
 from bayesid.cli.terminal import guarded
+from bayesid.cli.trial_import import import_logs
 from bayesid.cli.trial_measure import measure
 from bayesid.cli.vehicle_check import check
 
@@ -60,7 +61,12 @@ def command() -> Any:
         "vehicle": _group("Look at coefficient sets.", list=vehicle.listing, show=vehicle.show, check=check),
         "effect": _group("Look up the unmodelled effects.", list=effect.listing, show=effect.show),
         "manoeuvre": _group("Look up the manoeuvres.", list=manoeuvre.listing),
-        "trial": _group("Look at logs before they are used.", check=trial.check, measure=measure),
+        "trial": _group(
+            "Bring logs in and look at them before they are used.",
+            **{"import": import_logs},
+            check=trial.check,
+            measure=measure,
+        ),
         "blind": _group(
             "Check the diagnosis on effects nobody here knows.",
             make=blind.make,

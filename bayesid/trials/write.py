@@ -98,14 +98,14 @@ def _file_names(runs: tuple[Run, ...]) -> list[str]:
 
 
 def _toml(trial: Trial, vehicle: str, files: list[str]) -> str:
-    lines = ["format = 1", f"name = {_text(trial.name)}"]
+    lines = ["format = 1", f"name = {toml_text(trial.name)}"]
     if vehicle:
-        lines.append(f"vehicle = {_text(vehicle)}")
+        lines.append(f"vehicle = {toml_text(vehicle)}")
     lines.append(f"dof = {trial.dof}")
     if any(trial.measured_point):
         lines.append(f"measured_point = [{', '.join(repr(float(v)) for v in trial.measured_point)}]")
     if trial.attribution:
-        lines.append(f"attribution = {_text(trial.attribution)}")
+        lines.append(f"attribution = {toml_text(trial.attribution)}")
     if trial.noise:
         lines += ["", "[noise]", *(f"{name} = {float(sigma)!r}" for name, sigma in trial.noise.items())]
     if trial.environment is not None:
@@ -115,15 +115,15 @@ def _toml(trial: Trial, vehicle: str, files: list[str]) -> str:
             if value is not None:
                 lines.append(f"{key} = {float(value)!r}")
     for run, file in zip(trial.runs, files, strict=True):
-        lines += ["", "[[runs]]", f"file = {_text(file)}", f"manoeuvre = {_text(run.manoeuvre)}"]
+        lines += ["", "[[runs]]", f"file = {toml_text(file)}", f"manoeuvre = {toml_text(run.manoeuvre)}"]
         lines.append(f'role = "{run.role}"')
         notes = "; ".join(text for text in (run.notes, *run.provenance) if text)
         if notes:
-            lines.append(f"notes = {_text(notes)}")
+            lines.append(f"notes = {toml_text(notes)}")
     return "\n".join(lines) + "\n"
 
 
-def _text(value: str) -> str:
+def toml_text(value: str) -> str:
     """A TOML basic string."""
     out = []
     for char in value:

@@ -182,15 +182,16 @@ def build_problem(
 
 
 def _noise_from_data(runs: tuple, names: list[str]) -> dict[str, float]:
-    """White noise per channel from third differences, which remove smooth motion."""
+    """White noise per channel from third differences of its readings, which remove smooth motion.
+
+    A channel slower than the rows has empty cells between its readings."""
     out = {}
     for name in names:
         scatter = []
         for run in runs:
             if name in run.data:
-                y = run.data[name]
+                y = run.data[name][np.isfinite(run.data[name])]
                 d = y[3:] - 3 * y[2:-1] + 3 * y[1:-2] - y[:-3]
-                d = d[np.isfinite(d)]
                 if d.size > 10:
                     scatter.append(1.4826 * np.median(np.abs(d)) / np.sqrt(20.0))
         if scatter:

@@ -1,0 +1,150 @@
+"""`bayesid trial import`: raw logs of any format to a trial bundle, by a map it proposes or is given."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from bayesid.cli.options import OutFolder, Verbose
+
+if TYPE_CHECKING:
+    from bayesid.trials.importing import LogMap, Proposal
+
+ASKED = 3  # exit code: a map was written and asks something
+
+Sources = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="SOURCE...",
+        help="Logs: text tables, Parquet, MAT, NetCDF, ROS bags, MCAP, ArduPilot .bin/.tlog, PX4 .ulg.",
+        show_default=False,
+    ),
+]
+MapFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--map",
+        help="What the series are (TOML). Without it one is proposed as BUNDLE/map.toml.",
+        dir_okay=False,
+    ),
+]
+Named = Annotated[
+    str | None, typer.Option("--vehicle", help="Built-in name or vehicle file, for a proposed map.")
+]
+
+
+def import_logs(
+    sources: Sources,
+    out: OutFolder,
+    map_file: MapFile = None,
+    vehicle: Named = None,
+    verbose: Verbose = False,
+) -> int:
+    """Turn raw logs into a trial bundle: units, axes, clocks and names by a map, which it proposes itself.
+
+    Without --map it guesses one from names, units and kinematics and writes it to BUNDLE/map.toml, with a
+    picture
+    of the runs it would cut. Nothing doubtful is taken silently: with an open question it stops with exit
+    code 3;
+    answer in the map, delete the question, and give the command again with --map BUNDLE/map.toml. Without a
+    question the bundle is written at once.
+    """
+    from bayesid.cli.output import print_text
+    from bayesid.trials.importing import (
+        ImportLogError,
+        apply_map,
+        check_bundle,
+        map_text,
+        propose,
+        read_map,
+        write_bundle,
+    )
+
+    absent = [str(p) for p in sources if not p.exists()]
+    if absent:
+        raise ImportLogError(f"{absent[0]}: does not exist")
+    if map_file is None:
+        if (out / "map.toml").exists():
+            raise ImportLogError(
+                f"{out / 'map.toml'} is there already; carry it out with --map {out / 'map.toml'}, or "
+                f"delete it for a new one"
+            )
+        proposal = propose(sources, _vehicle(vehicle, out), out.name)
+        out.mkdir(parents=True, exist_ok=True)
+        map_file = out / "map.toml"
+        map_file.write_text(map_text(proposal.map, proposal.remarks, proposal.unused), encoding="utf-8")
+        _say(proposal, out)
+        if proposal.map.questions:
+            listed = " ".join(str(p) for p in sources)
+            print_text(f"\nEdit {map_file}, delete each question when it is answered, then:")
+            print_text(f"bayesid trial import {listed} --map {map_file} --out {out}")
+            return ASKED
+        found: LogMap = proposal.map
+    else:
+        found = read_map(map_file)
+    runs, origin = apply_map(found, sources)
+    write_bundle(found, runs, origin, out, map_file)
+    warnings = check_bundle(out)
+    print_text(f"\n{len(runs)} runs written to {out} (provenance.json says where each channel is from).")
+    shown = warnings if verbose else warnings[:6]
+    for text in shown:
+        print_text(f"  - {text}")
+    if len(warnings) > len(shown):
+        print_text(f"  and {len(warnings) - len(shown)} more: bayesid trial check {out}")
+    nexts = "diagnose" if found.vehicle else "trial check"
+    print_text(f"Next: bayesid {nexts} {out}" + (f" --out {out / 'gap'}" if found.vehicle else ""))
+    return 0
+
+
+def _vehicle(vehicle: str | None, out: Path) -> str:
+    """The vehicle as the map names it; a file is copied beside the map."""
+    if vehicle is None or not Path(vehicle).is_file():
+        return vehicle or ""
+    import shutil
+
+    out.mkdir(parents=True, exist_ok=True)
+    if not (out / "vehicle.toml").exists():
+        shutil.copyfile(vehicle, out / "vehicle.toml")
+    return "vehicle.toml"
+
+
+def _say(proposal: Proposal, out: Path) -> None:
+    from bayesid.cli.output import print_table, print_text
+    from bayesid.report.import_figure import draw_runs
+
+    found = proposal.map
+    rows = [
+        [role, entry.source, entry.unit or "", entry.scale if entry.scale != 1 else None]
+        for role, entry in found.channels.items()
+    ]
+    print_table(["channel", "read from", "unit", "scale"], rows)
+    print_text(
+        f"\naxes {found.world or 'ned'}, {found.body or 'frd'}; positive rudder turns to "
+        f"{found.rudder_positive}"
+    )
+    kinds: dict[str, int] = {}
+    for run in found.runs:
+        kinds[run.manoeuvre or "not named"] = kinds.get(run.manoeuvre or "not named", 0) + 1
+    print_text(
+        f"{len(found.runs)} runs: "
+        + ", ".join([k if n == 1 else f"{n} x {k}" for k, n in kinds.items()][:12])
+        + (", ..." if len(kinds) > 12 else "")
+    )
+    pictures = draw_runs(proposal, out)
+    if pictures:
+        print_text(
+            f"track and commands of each: {pictures[0]}"
+            + (f" to {pictures[-1].name}" if pictures[1:] else "")
+        )
+    for head, texts in (
+        ("Questions, most important first:", found.questions),
+        ("Taken for granted:", proposal.remarks),
+    ):
+        if texts:
+            print_text(f"\n{head}")
+            for text in texts[:10]:
+                print_text(f"  - {text}")
+            if len(texts) > 10:
+                print_text(f"  and {len(texts) - 10} more in the map")

@@ -1,0 +1,63 @@
+"""Pictures of the runs a proposed map cuts out of a log: track and commands of each.
+
+Takes a `Proposal`; writes PNG files. Does not: choose runs.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from bayesid.trials.importing import Proposal
+from bayesid.trials.trial import Run
+
+ROWS = 8  # runs per picture
+MOST = 40  # runs drawn; a list longer than this is looked through in the map
+
+
+def draw_runs(proposal: Proposal, folder: Path) -> list[Path]:
+    """One row per run: its track on that of the log, and its rudder with the heading."""
+    from matplotlib.figure import Figure
+
+    rows = []
+    for run in proposal.map.runs:
+        look = proposal.looks.get(run.files)
+        if look is not None:
+            rows.append((run, look, _zero(look)))
+    rows = rows[:MOST]
+    paths: list[Path] = []
+    for first in range(0, len(rows), ROWS):
+        part = rows[first : first + ROWS]
+        figure = Figure(figsize=(9, 2.3 * len(part)), layout="constrained")
+        axes = figure.subplots(len(part), 2, squeeze=False, width_ratios=(1, 2))
+        for (track, command), (run, look, zero) in zip(axes, part, strict=True):
+            low, high = run.window or (0.0, np.inf)
+            own = (look.t - zero >= low) & (look.t - zero <= high)
+            if {"x", "y"} <= set(look.data):
+                track.plot(look.data["y"], look.data["x"], color="0.8", lw=0.8)
+                track.plot(look.data["y"][own], look.data["x"][own], color="C0", lw=1.5)
+                track.set_aspect("equal", "datalim")
+                track.set_xlabel("east [m]")
+                track.set_ylabel("north [m]")
+            rudder = look.commands.get("delta_r_cmd", look.measured_inputs.get("delta_r"))
+            if rudder is not None:
+                command.plot(
+                    look.t[own] - zero, np.degrees(rudder[own]), color="C1", lw=1.0, label="rudder [deg]"
+                )
+            if "psi" in look.data and own.any():
+                psi = np.degrees(look.data["psi"][own])
+                command.plot(
+                    look.t[own] - zero, psi - psi[0], color="C0", lw=1.0, label="heading - first [deg]"
+                )
+            command.set_title(f"{run.name}: {run.manoeuvre or 'not named'} ({run.role})", fontsize=9)
+            command.set_xlabel("t [s]")
+            command.legend(fontsize=7, loc="upper right")
+        path = folder / (f"runs_{len(paths) + 1}.png" if len(rows) > ROWS else "runs.png")
+        figure.savefig(path, dpi=90)
+        paths.append(path)
+    return paths
+
+
+def _zero(look: Run) -> float:
+    return float(look.t[0])

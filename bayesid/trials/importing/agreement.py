@@ -1,0 +1,205 @@
+"""Does a map make the series of a log agree: track with heading and speed, heading with yaw rate, turn with
+rudder?
+
+Takes a map and a recording; every hypothesis about units, signs and axes is a map of its own.
+Does not: choose; that is `deciding`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bayesid.errors import BayesidError
+from bayesid.trials.assemble import unwrap
+from bayesid.trials.consistency import check_rudder, check_track, check_yaw
+from bayesid.trials.importing.converting import Recording, at_times, convert
+from bayesid.trials.importing.log_map import LogMap
+from bayesid.trials.trial import Floats, Run
+
+MOST = 20_000  # samples of the common time base
+_ANGLES = ("psi", "phi", "theta")
+
+
+def common_run(found: LogMap, recording: Recording, without: tuple[str, ...] = ()) -> Run | None:
+    """All series of a recording on one time base, or None where they do not overlap."""
+    try:
+        series, _, _ = convert(found, recording)
+    except BayesidError:
+        return None
+    series = {k: s for k, s in series.items() if k not in without and np.isfinite(s[1]).sum() > 3}
+    moving = {k: s for k, s in series.items() if k in ("x", "y", "psi", "u", "v", "r")}
+    if not moving:
+        return None
+    low = max(float(np.min(s[0])) for s in moving.values())
+    high = min(float(np.max(s[0])) for s in moving.values())
+    if not high > low:
+        return None
+    dense = max(moving.values(), key=lambda s: s[0].size)[0]
+    t = np.unique(dense[(dense >= low) & (dense <= high)])
+    t = t[:: max(1, t.size // MOST)]
+    if t.size < 20:
+        return None
+    data: dict[str, Floats] = {}
+    inputs: dict[str, Floats] = {}
+    for name, one in series.items():
+        if name.endswith("_cmd"):
+            inputs[name] = held(one, t)
+        elif name in ("delta_r", "delta_s", "delta_b", "n"):
+            inputs[name] = _filled(at_times(one, t))
+        else:
+            data[name] = at_times(one, t, name in _ANGLES)
+    data = {
+        k: unwrap(v) if k in _ANGLES else v
+        for k, v in data.items()
+        if k not in ("thrust", "torque", "wind_speed", "wind_from")
+    }
+    return Run(
+        "look", "", "identify", t, data,
+        commands={k: v for k, v in inputs.items() if k.endswith("_cmd")},
+        measured_inputs={k: v for k, v in inputs.items() if not k.endswith("_cmd")},
+    )  # fmt: skip
+
+
+def held(series: tuple[Floats, Floats], t: Floats) -> Floats:
+    """A command at other times: the last one given, the first before it."""
+    good = np.isfinite(series[1])
+    own, values = series[0][good], series[1][good]
+    return values[np.clip(np.searchsorted(own, t + 1e-9, side="right") - 1, 0, own.size - 1)]
+
+
+def _filled(values: Floats) -> Floats:
+    good = np.flatnonzero(np.isfinite(values))
+    return values if good.size in (0, values.size) else np.interp(np.arange(values.size), good, values[good])
+
+
+def track_misfit(found: LogMap, recording: Recording) -> tuple[float, float]:
+    """(share of the track that the direction of the heading leaves unexplained, its rotation [rad])."""
+    run = common_run(found, recording, without=("u", "v", "w", "u_water", "v_water"))
+    check = None if run is None else check_track(run)
+    return (1.0, 0.0) if check is None else (check.misfit, check.rotation)
+
+
+def speed_fit(found: LogMap, recording: Recording) -> tuple[float, float, float] | None:
+    """(track length over integrated velocity, misfit, rotation [rad]); v is taken as zero where it is
+    missing."""
+    run = common_run(found, recording)
+    if run is None or "u" not in run.data:
+        return None
+    if "v" not in run.data:
+        data = {**run.data, "v": np.zeros(run.t.shape)}
+        run = Run("look", "", "identify", run.t, data)
+    check = check_track(run)
+    return None if check is None else (check.scale, check.misfit, check.rotation)
+
+
+def drift(found: LogMap, recording: Recording) -> tuple[float, float, float] | None:
+    """(steady drift of the track off what u and v say, its sd, mean speed), m/s; None without u, v.
+
+    A current moves the track but not a speed through the water; over ground there is no such drift.
+    """
+    run = common_run(found, recording)
+    if run is None or not {"x", "y", "psi", "u", "v"} <= set(run.data):
+        return None
+    t, data = run.t, run.data
+    good = np.all([np.isfinite(data[k]) for k in ("x", "y", "psi", "u", "v")], axis=0)
+    if good.sum() < 80:
+        return None
+    t, (x, y, psi, u, v) = t[good], (data[k][good] for k in ("x", "y", "psi", "u", "v"))
+    velocity = (u + 1j * v) * np.exp(1j * psi)
+    way = np.concatenate(([0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(t))))
+    knots = np.unique(np.linspace(0, t.size - 1, 41).astype(int))
+    moved, reckoned, span = (np.diff(a[knots]) for a in (x + 1j * y, way, t))
+    design = np.column_stack((reckoned, span))
+    weights, _, rank, _ = np.linalg.lstsq(design, moved, rcond=None)
+    if rank < 2:
+        return None
+    left = moved - design @ weights
+    freedom = max(1, moved.size - 2)
+    spread = np.linalg.inv(np.real(np.conj(design).T @ design))[1, 1]
+    sd = float(np.sqrt(np.sum(np.abs(left) ** 2) / freedom * abs(spread)))
+    return float(abs(weights[1])), sd, float(np.mean(np.abs(velocity)))
+
+
+def yaw_fit(found: LogMap, recording: Recording) -> tuple[float, float] | None:
+    """(heading change over the integral of r, share explained)."""
+    run = common_run(found, recording)
+    check = None if run is None else check_yaw(run)
+    return None if check is None else (check.scale, check.explained)
+
+
+def rudder_t(found: LogMap, recording: Recording) -> float | None:
+    """t value of the turn that follows the rudder; negative if positive rudder turns to port."""
+    run = common_run(found, recording)
+    check = None if run is None else check_rudder(run)
+    return None if check is None else check.t_value
+
+
+def lag_of(
+    first: tuple[Floats, Floats], second: tuple[Floats, Floats], longest: float = 60.0
+) -> tuple[float, float] | None:
+    """(seconds by which the second series is late, correlation there minus that at zero) of two yaw rates."""
+    low, high = max(first[0][0], second[0][0]), min(first[0][-1], second[0][-1])
+    step = max(0.02, float(np.median(np.diff(first[0]))), float(np.median(np.diff(second[0]))))
+    if high - low < 4 * step or (high - low) / step > 500_000:
+        step = max(step, (high - low) / 500_000)
+    n = int((high - low) / step)
+    if n < 50:
+        return None
+    grid = low + step * np.arange(n)
+    a, b = (np.nan_to_num(at_times(s, grid)) for s in (first, second))
+    a, b = a - a.mean(), b - b.mean()
+    if a.std() == 0 or b.std() == 0:
+        return None
+    size = 1 << (2 * n - 1).bit_length()
+    full = np.fft.irfft(np.conj(np.fft.rfft(a, size)) * np.fft.rfft(b, size), size)
+    most = min(int(longest / step), n // 3)
+    shifts = np.concatenate([np.arange(0, most + 1), np.arange(-most, 0)])
+    values = np.concatenate([full[: most + 1], full[-most:]]) if most else full[:1]
+    best = int(np.argmax(np.abs(values)))
+    norm = float(np.sqrt(a @ a) * np.sqrt(b @ b))
+    return float(shifts[best] * step), float((abs(values[best]) - abs(full[0])) / norm)
+
+
+def response_shift(
+    rudder: tuple[Floats, Floats], rate: tuple[Floats, Floats], longest: float = 40.0
+) -> tuple[float, float, float] | None:
+    """Shift of the rudder's clock at which the yaw rate follows it best as a first-order turn.
+
+    Returns
+    -------
+    (shift [s], time constant [s], residual power there over that without a shift); None if nothing follows
+
+    The shift is found on a grid of 1 s: what is left of a lag of servo and hull stays below it.
+    """
+    from scipy.signal import lfilter
+
+    low, high = max(rudder[0][0], rate[0][0]), min(rudder[0][-1], rate[0][-1])
+    longest = float(np.floor(min(longest, 0.25 * (high - low))))
+    low, high = low + longest, high - longest
+    step = max(0.25, (high - low) / 5000.0)
+    n = int((high - low) / step)
+    if n < 40 or longest < 2.0:
+        return None
+    grid = low + step * np.arange(n)
+    turn = at_times(rate, grid)
+    if not np.isfinite(turn).all() or np.ptp(turn) == 0.0:
+        return None
+    wide = np.arange(low - longest, high + longest, step)
+    whole = held(rudder, wide)
+    best: tuple[float, float, float] | None = None
+    at_zero = np.inf
+    for constant in (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0):
+        a = np.exp(-step / constant)
+        followed = lfilter([1.0 - a], [1.0, -a], whole)
+        for shift in np.arange(-longest, longest + 0.5, 1.0):
+            column = np.interp(grid - shift, wide, followed)
+            design = np.column_stack((column, np.ones(n)))
+            weights, *_ = np.linalg.lstsq(design, turn, rcond=None)
+            left = float(np.sum((turn - design @ weights) ** 2))
+            if shift == 0.0:
+                at_zero = min(at_zero, left)
+            if best is None or left < best[2]:
+                best = (float(shift), constant, left)
+    if best is None or best[2] > 0.5 * float(np.sum((turn - turn.mean()) ** 2)):
+        return None
+    return best[0], best[1], best[2] / at_zero

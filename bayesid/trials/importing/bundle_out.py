@@ -1,0 +1,167 @@
+"""Joined runs become a trial bundle: a CSV per run, trial.toml, provenance.json and the map itself.
+
+Does not: write into a folder that holds a trial, unless told to.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bayesid.errors import TrialError
+from bayesid.files import write_atomic
+from bayesid.model.channels import CHANNELS, channel
+from bayesid.trials.importing.joining import Joined
+from bayesid.trials.importing.log_map import LogMap
+from bayesid.trials.importing.raw import ImportLogError
+from bayesid.trials.write import toml_text
+
+PART = 20_000  # rows turned into text at a time
+_ORDER = {row.name: k for k, row in enumerate(CHANNELS)}
+
+
+def write_bundle(
+    found: LogMap,
+    runs: Sequence[Joined],
+    origin: tuple[float, float, float] | None,
+    folder: Path,
+    map_file: Path | None,
+    overwrite: bool = False,
+) -> Path:
+    """Write the bundle.
+
+    Returns
+    -------
+    Path                       of trial.toml
+
+    Raises
+    ------
+    ImportLogError             the folder holds a trial already, or a file of the map does not exist
+    """
+    target = folder / "trial.toml"
+    if target.exists() and not overwrite:
+        raise ImportLogError(f"{folder}: holds a trial already; choose another folder or delete it")
+    folder.mkdir(parents=True, exist_ok=True)
+    vehicle = found.vehicle
+    if vehicle.endswith(".toml"):
+        beside = (map_file.parent if map_file else Path()) / vehicle
+        if not beside.is_file():
+            raise ImportLogError(f"vehicle {vehicle!r} of the map does not exist beside it")
+        if not (folder / "vehicle.toml").exists() or not beside.samefile(folder / "vehicle.toml"):
+            shutil.copyfile(beside, folder / "vehicle.toml")
+        vehicle = "vehicle.toml"
+    files = _file_names([joined.run.name for joined in runs])
+    for joined, file in zip(runs, files, strict=True):
+        _write_csv(joined, folder / file)
+    write_atomic(target, _trial_toml(found, runs, files, vehicle))
+    write_atomic(folder / "provenance.json", json.dumps(provenance(runs, files, origin), indent=1) + "\n")
+    if map_file is not None and map_file.resolve() != (folder / "map.toml").resolve():
+        shutil.copyfile(map_file, folder / "map.toml")
+    return target
+
+
+def provenance(
+    runs: Sequence[Joined], files: Sequence[str], origin: tuple[float, float, float] | None
+) -> dict[str, Any]:
+    """Where every channel of every run is from, as plain data."""
+    return {
+        "format": 1,
+        "origin": None
+        if origin is None
+        else {"latitude_deg": origin[0], "longitude_deg": origin[1], "height_m": origin[2]},
+        "runs": [
+            {
+                "file": file,
+                "sources": dict(joined.digests),
+                "start_utc": None
+                if joined.start is None
+                else datetime.fromtimestamp(joined.start, UTC).isoformat(),
+                "window_s": joined.run.window,
+                "notices": list(joined.notices),
+                "channels": {
+                    name: {
+                        "from": list(joined.origins[name].series),
+                        "conversion": joined.origins[name].conversion,
+                        "readings": int(np.isfinite(joined.data[name]).sum()),
+                        "cells_lost": joined.origins[name].lost,
+                    }
+                    for name in sorted(joined.data, key=_ORDER.__getitem__)
+                },
+            }
+            for joined, file in zip(runs, files, strict=True)
+        ],
+    }
+
+
+def _file_names(names: Sequence[str]) -> list[str]:
+    import re
+
+    out: list[str] = []
+    for name in names:
+        stem = re.sub(r"[^\w.-]+", "_", name, flags=re.ASCII).strip("._")[:100] or "run"
+        file, k = f"{stem}.csv", 2
+        while file.lower() in {other.lower() for other in out}:
+            file, k = f"{stem}_{k}.csv", k + 1
+        out.append(file)
+    return out
+
+
+def _write_csv(joined: Joined, path: Path) -> None:
+    names = sorted(joined.data, key=_ORDER.__getitem__)
+    with open(path, "w", encoding="utf-8", newline="\n") as file:
+        file.write(",".join(["t[s]", *(f"{name}[{channel(name).unit}]" for name in names)]) + "\n")
+        columns = [joined.t, *(joined.data[name] for name in names)]
+        for first in range(0, joined.t.size, PART):
+            cells = [
+                ["" if value != value else repr(value) for value in column[first : first + PART].tolist()]
+                for column in columns
+            ]
+            file.writelines(",".join(row) + "\n" for row in zip(*cells, strict=True))
+
+
+def _trial_toml(found: LogMap, runs: Sequence[Joined], files: Sequence[str], vehicle: str) -> str:
+    lines = ["format = 1", f"name = {toml_text(found.name or files[0].removesuffix('.csv'))}"]
+    if vehicle:
+        lines.append(f"vehicle = {toml_text(vehicle)}")
+    if found.dof:
+        lines.append(f"dof = {found.dof}")
+    lines.append(f'rudder_positive = "{found.rudder_positive}"')
+    if found.measured_point:
+        lines.append(f"measured_point = {list(found.measured_point)}")
+    if found.attribution:
+        lines.append(f"attribution = {toml_text(found.attribution)}")
+    for key, table in (("noise", found.noise), ("environment", found.environment)):
+        if table:
+            lines += ["", f"[{key}]", *(f"{toml_text(k)} = {v!r}" for k, v in table.items())]
+    for joined, file in zip(runs, files, strict=True):
+        run = joined.run
+        window = "" if run.window is None else f", {run.window[0]:g} to {run.window[1]:g} s"
+        notes = "; ".join(
+            text for text in (run.notes, f"imported from {', '.join(run.files)}{window}") if text
+        )
+        lines += [
+            "", "[[runs]]", f"file = {toml_text(file)}", f"manoeuvre = {toml_text(run.manoeuvre)}",
+            f'role = "{run.role}"', f"notes = {toml_text(notes)}",
+        ]  # fmt: skip
+    return "\n".join(lines) + "\n"
+
+
+def check_bundle(folder: Path) -> list[str]:
+    """What the reader of bundles says of it, most important first.
+
+    Raises
+    ------
+    TrialError                 it cannot be read: the map lacks something
+    """
+    from bayesid.trials.bundle import load_trial
+
+    try:
+        return list(load_trial(folder).warnings)
+    except TrialError as error:
+        raise TrialError(f"{error}\nChange the map and give the command again.") from None

@@ -1,0 +1,421 @@
+"""Units, signs and axes that a log does not state, decided by kinematics where they decide, asked where they
+do not.
+
+Works on a `Draft` (a map in the making with its questions and remarks).
+Does not: read names; `proposing` has done that.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from bayesid.model.units import scale
+from bayesid.trials.importing.agreement import drift, rudder_t, speed_fit, track_misfit, yaw_fit
+from bayesid.trials.importing.clock_agreement import check_clocks
+from bayesid.trials.importing.draft import Draft
+from bayesid.trials.importing.log_map import LogMap
+from bayesid.trials.importing.roles import WORLD_WORDS
+
+_DEG = math.pi / 180.0
+CLEAR = 0.35  # a hypothesis must leave less than this share of the next one's misfit
+AGREES = 0.3  # misfit of a direction that agrees; sideslip in turns leaves up to 0.1
+SPEED_UNITS = ("m/s", "kn", "km/h", "ft/s", "cm/s", "mm/s")
+NEAR = 0.1  # a unit is told by a scale within this share
+
+
+def decide(draft: Draft) -> None:
+    """All decisions, in an order in which each rests on those before."""
+    _angle_units(draft)
+    _axes(draft)
+    _rates(draft)
+    _speeds(draft)
+    _current(draft)
+    _depth(draft)
+    _rudder(draft)
+    _revolutions(draft)
+    check_clocks(draft)
+    if draft.mirror:
+        body = "flu" if draft.map.body != "flu" else "frd"
+        side = "port" if draft.map.rudder_positive == "starboard" else "starboard"
+        rest = f', body = "{body}"' if draft.has("r") or draft.has("v") else ""
+        draft.ask(
+            0,
+            f"which axes? ned ({WORLD_WORDS['ned']}) is set; enu ({WORLD_WORDS['enu']}) fits as well, as "
+            f"its mirror "
+            f'image: then set world = "enu"{rest}, rudder_positive = "{side}"',
+        )
+
+
+def _angle_units(draft: Draft) -> None:
+    for role in ("psi", "heading", "course", "phi", "theta", "wind_from"):
+        if not draft.has(role) or draft.stated[role]:
+            continue
+        raw = draft.raw(role)
+        top = float(np.max(np.abs(raw))) if raw.size else 0.0
+        span = float(np.ptp(raw)) if raw.size else 0.0
+        unit = "deg" if top > 2 * math.pi + 0.3 else "rad"
+        draft.map = draft.change(role, unit=unit)
+        if role in ("psi", "heading") and unit == "rad":
+            other = draft.change(role, unit="deg")
+            as_rad, as_deg = (track_misfit(m, draft.liveliest)[0] for m in (draft.map, other))
+            if as_deg < CLEAR * as_rad:
+                draft.map = other
+            elif not as_rad < AGREES and span < 1.0:
+                draft.ask(
+                    2,
+                    f"heading {draft.column(role)} states no unit and stays within {span:.2g}; rad or deg? "
+                    f"(read as rad)",
+                )
+        elif role in ("phi", "theta") and unit == "rad":
+            if top > 1.4:
+                draft.map = draft.change(role, unit="deg")
+            else:
+                draft.ask(
+                    6,
+                    f"{role} {draft.column(role)} states no unit and stays within {top:.2g}; rad or deg? "
+                    f"(read as rad)",
+                )
+        elif role == "wind_from" and unit == "rad" and span < 3.0:
+            draft.ask(6, f"wind direction {draft.column(role)} states no unit; rad or deg? (read as rad)")
+
+
+def _axes(draft: Draft) -> None:
+    """World axes by agreement of track and heading, and whether they can be told from their mirror image."""
+    attitude = (
+        "heading"
+        if draft.has("heading")
+        else "psi"
+        if draft.has("psi")
+        else "qw"
+        if draft.has("qw")
+        else None
+    )
+    absolute = draft.has("latitude", "longitude") or draft.has("north", "east")
+    local = draft.has("x", "y")
+    if attitude is None or not (absolute or local):
+        if attitude in ("psi", "qw") and not draft.axes_stated:
+            draft.ask(
+                1,
+                f"world: {draft.column(attitude)} turns clockwise (ned) or counter-clockwise (enu, nwu)? "
+                f"no position tells",
+            )
+        return
+    options: list[tuple[str, LogMap]] = []
+    if attitude == "heading" and absolute:
+        options = [("ned", draft.map)]
+    elif attitude == "psi" and not draft.axes_stated:
+        options = [(w, replace(draft.map, world=w)) for w in ("ned", "enu", "nwu")]
+        if local:
+            flipped = draft.rename("psi", "heading")
+            options += [(f"heading {w}", replace(flipped, world=w)) for w in ("enu", "nwu")]
+    elif draft.axes_stated:
+        options = [(draft.map.world or "ned", draft.map)]
+    else:
+        options = [(w, replace(draft.map, world=w)) for w in ("ned", "enu", "nwu")]
+    fits = {key: track_misfit(m, draft.liveliest) for key, m in options}
+    straight = {k: (m if abs(rot) < 0.6 else m + 1.0) for k, (m, rot) in fits.items()}
+    best = min(straight, key=lambda k: (round(straight[k], 3), list(straight).index(k)))
+    misfit, rotation = fits[best]
+    draft.map = dict(options)[best]
+    mirrored = absolute is False and attitude != "heading" and not draft.axes_stated
+    if misfit > AGREES:
+        draft.ask(
+            0,
+            f"track and heading {draft.column(_attitude_role(draft))} do not agree in any axes tried "
+            f"({100 * misfit:.0f} % of the track unexplained); are these position and heading of one "
+            f"vehicle, on one clock?",
+        )
+        return
+    rivals = [
+        k for k in straight if k != best and straight[k] < misfit / CLEAR and not _same(k, best, absolute)
+    ]
+    draft.handed = not mirrored
+    if mirrored:
+        shown = draft.map.world or "ned"
+        if best.startswith("heading"):
+            draft.ask(
+                0,
+                f"x, y fit {shown} with a yaw that runs clockwise (set), or ned with one that runs "
+                f"counter-clockwise: which?",
+            )
+        else:
+            draft.mirror = True
+            draft.map = replace(draft.map, world="ned")
+    elif rivals:
+        draft.ask(0, f"track and heading fit {best} hardly better than {rivals[0]}; check `world`")
+    least = 15.0 * _DEG  # sideslip in turns to one side alone turns the direction by as much
+    if draft.has("u", "v"):
+        with_speed = speed_fit(draft.map, draft.liveliest)
+        if with_speed is not None and with_speed[1] < AGREES:
+            rotation, least = with_speed[2], 4.0 * _DEG
+    else:
+        rotation = float(np.median([track_misfit(draft.map, r)[1] for r in draft.recordings[:8]]))
+    if abs(rotation) > 0.6:
+        draft.ask(
+            0,
+            f"the track runs {rotation / _DEG:+.0f} deg off the heading "
+            f"{draft.column(_attitude_role(draft))}: position and heading "
+            "count from different norths; give the heading an `offset`, or another `world`",
+        )
+    elif abs(rotation) > least:
+        draft.ask(
+            3,
+            f"the track runs {rotation / _DEG:+.1f} deg off the heading "
+            f"{draft.column(_attitude_role(draft))}: magnetic north, a "
+            "misaligned compass or a current? give the heading an `offset` (in its unit), or leave it",
+        )
+
+
+def _attitude_role(draft: Draft) -> str:
+    return next(r for r in ("heading", "psi", "qw") if draft.has(r))
+
+
+def _same(a: str, b: str, absolute: bool) -> bool:
+    """Hypotheses that are mirror images or rotations of one another when positions are local."""
+    return not absolute and a.startswith("heading") == b.startswith("heading")
+
+
+def _rates(draft: Draft) -> None:
+    if not draft.has("r"):
+        return
+    units = (
+        ["rad/s", "deg/s", "deg/min"] if not draft.stated["r"] else [draft.map.channels["r"].unit or "rad/s"]
+    )
+    base = draft.change("r", unit=units[0])
+    fit = yaw_fit(base, draft.liveliest)
+    if fit is None or fit[1] < 0.7:
+        if fit is not None and (draft.has("psi") or draft.has("heading") or draft.has("qw")):
+            draft.ask(
+                3,
+                f"yaw rate {draft.column('r')} follows the heading poorly ({100 * max(fit[1], 0):.0f} % of "
+                f"it); right column, right "
+                "clock? else delete `r`",
+            )
+        elif not draft.stated["r"]:
+            top = float(np.max(np.abs(draft.raw("r"))))
+            draft.map = draft.change("r", unit="deg/s" if top > 3.0 else "rad/s")
+            draft.ask(
+                4,
+                f"yaw rate {draft.column('r')} states no unit and nothing tells it; read as "
+                f"{'deg/s' if top > 3.0 else 'rad/s'}",
+            )
+        if not draft.body_stated:
+            draft.ask(
+                2,
+                "body: no yaw rate tells whether body axes are forward-starboard-down (frd) or "
+                "forward-port-up (flu)",
+            )
+        return
+    size = {u: abs(fit[0]) * scale(units[0], "rad/s", "r") / scale(u, "rad/s", "r") for u in units}
+    unit = min(size, key=lambda u: abs(math.log(size[u])))
+    if abs(math.log(size[unit])) > 0.2:
+        draft.ask(
+            1,
+            f"heading changes {size[unit]:.3g} times as much as the integral of {draft.column('r')} "
+            f"[{unit}]; check both units",
+        )
+    draft.map = draft.change("r", unit=unit)
+    if fit[0] < 0:
+        if draft.body_stated:
+            draft.ask(
+                1,
+                f"yaw rate {draft.column('r')} runs against the heading although body axes are stated; "
+                f"check `body` and `world`",
+            )
+        else:
+            draft.map = replace(draft.map, body="flu")
+    elif not draft.body_stated:
+        draft.map = replace(draft.map, body="frd")
+
+
+def _speeds(draft: Draft) -> None:
+    if not draft.has("u"):
+        return
+    for role in ("u", "v", "w"):
+        if draft.has(role) and not draft.stated[role]:
+            draft.map = draft.change(role, unit="m/s")
+    if draft.has("v"):
+        for_v = speed_fit(draft.map, draft.liveliest)
+        turned = draft.change("v", scale=-draft.map.channels["v"].scale)
+        against = speed_fit(turned, draft.liveliest)
+        if for_v and against and against[1] < CLEAR * for_v[1]:
+            if draft.has("r") or draft.body_stated:
+                draft.map = turned
+                draft.ask(
+                    2,
+                    f"sway {draft.column('v')} counts against the body axes of the other series; its sign "
+                    f"is turned (scale = -1), check it",
+                )
+            else:
+                draft.map = replace(draft.map, body="flu")
+        elif not (draft.has("r") or draft.body_stated) and not (
+            for_v and for_v[1] < CLEAR * (against or for_v)[1]
+        ):
+            draft.ask(
+                2,
+                f"body: nothing tells whether sway {draft.column('v')} counts to starboard (frd) or to "
+                f"port (flu)",
+            )
+    fit = speed_fit(draft.map, draft.liveliest)
+    if fit is None or fit[1] > AGREES:
+        if draft.has("x", "y") or draft.has("latitude") or draft.has("north"):
+            draft.ask(
+                2,
+                f"speed {draft.column('u')} does not integrate to the track; right column, axes, clock? "
+                f"else delete `u`, `v`",
+            )
+        elif not draft.stated["u"]:
+            draft.ask(2, f"speed {draft.column('u')} states no unit and no position tells it; read as m/s")
+        return
+    size = fit[0]
+    metric = draft.has("latitude") or any(draft.stated.get(r) for r in ("x", "north"))
+    if draft.stated["u"] or not metric:
+        if abs(math.log(size)) > NEAR:
+            unit = "position" if not metric else "speed"
+            near = min(SPEED_UNITS, key=lambda u: abs(math.log(size / scale(u, "m/s", "u"))))
+            draft.ask(
+                1,
+                f"the track is {size:.3g} times as long as {draft.column('u')} says: the unit of {unit} or "
+                f"time is another "
+                f"({near}?), or the speed is through the water (`u_water`)",
+            )
+        elif not metric and not draft.stated["u"]:
+            draft.ask(
+                2,
+                f"neither position {_position(draft)} nor speed {draft.column('u')} states a unit; m and "
+                f"m/s are set",
+            )
+        elif abs(math.log(size)) > 0.03:
+            draft.remark(f"the track is {size:.3f} times as long as {draft.column('u')} says")
+        return
+    unit = min(SPEED_UNITS, key=lambda u: abs(math.log(size / scale(u, "m/s", "u"))))
+    off = abs(math.log(size / scale(unit, "m/s", "u")))
+    for role in ("u", "v", "w"):
+        if draft.has(role) and not draft.stated[role]:
+            draft.map = draft.change(role, unit=unit)
+    if off > NEAR:
+        draft.ask(
+            1,
+            f"speed {draft.column('u')} states no unit; the track is {size:.3g} times as long as it says "
+            f"(read as {unit})",
+        )
+    elif unit != "m/s":
+        draft.remark(f"speed {draft.column('u')} is read as {unit}: the track is {size:.3f} times as long")
+
+
+def _current(draft: Draft) -> None:
+    """Asks where the track drifts steadily away from what u and v integrate to."""
+    found = drift(draft.map, draft.liveliest) if draft.has("u", "v") else None
+    if found is not None and found[0] > max(0.05 * found[2], 4.0 * found[1]):
+        draft.ask(
+            2,
+            f"the track drifts {found[0]:.2g} m/s off what {draft.column('u')} and {draft.column('v')} say: "
+            "if they are through the water, call them `u_water` and `v_water`; if over ground, position or "
+            "heading errs",
+        )
+
+
+def _position(draft: Draft) -> str:
+    return draft.column("x" if draft.has("x") else "north")
+
+
+def _depth(draft: Draft) -> None:
+    if draft.has("depth"):
+        raw = draft.raw("depth")
+        if raw.size and float(np.median(raw)) < -0.3:
+            draft.map = draft.change("depth", scale=-draft.map.channels["depth"].scale)
+            draft.ask(
+                4, f"depth {draft.column('depth')} is negative; its sign is turned (scale = -1), check it"
+            )
+    elif draft.has("z") and draft.handed is False and not draft.axes_stated:
+        raw = draft.raw("z")
+        side = (
+            "up (enu)"
+            if raw.size and float(np.median(raw)) < -0.3
+            else "down (ned)"
+            if float(np.median(raw)) > 0.3
+            else ""
+        )
+        if side:
+            draft.remark(
+                f"{draft.column('z')} is {'below' if 'up' in side else 'above'} zero in the middle, which "
+                f"below the surface means z {side}"
+            )
+
+
+def _rudder(draft: Draft) -> None:
+    roles = [
+        r
+        for r in ("delta_r_cmd", "delta_r", "delta_s_cmd", "delta_s", "delta_b_cmd", "delta_b")
+        if draft.has(r)
+    ]
+    for role in roles:
+        raw = draft.raw(role)
+        top = float(np.max(np.abs(raw))) if raw.size else 0.0
+        unit = draft.map.channels[role].unit
+        name = draft.column(role)
+        if unit in ("us_pwm", "%") or (not draft.stated[role] and 800 < float(np.median(raw)) < 2200):
+            draft.map = draft.change(role, unit="deg")
+            draft.ask(
+                1,
+                f"{role} {name} is a pulse width or a share, not an angle; give it `scale` and `offset` to "
+                f"degrees",
+            )
+        elif not draft.stated[role]:
+            draft.map = draft.change(role, unit="rad" if top <= 0.8 else "deg")
+            if 0.8 < top <= 2.0:
+                draft.ask(
+                    1,
+                    f"{role} {name} states no unit and reaches {top:.3g}: deg, rad, or a share of full "
+                    f"rudder? (read as deg)",
+                )
+        elif unit == "rad" and top > 1.6:
+            draft.ask(1, f"{role} {name} is labelled rad and reaches {top:.3g}; degrees?")
+        elif unit == "deg" and 0.0 < top < 0.8:
+            draft.ask(1, f"{role} {name} is labelled deg and stays within {top:.2g}; radians?")
+    both = [r for r in ("delta_r_cmd", "delta_r") if draft.has(r)]
+    if not both:
+        return
+    values = [t for t in (rudder_t(draft.map, r) for r in draft.recordings[:12]) if t is not None]
+    pooled = sum(values) / math.sqrt(len(values)) if values else 0.0
+    if abs(pooled) < 5.0:
+        draft.ask(
+            1,
+            f"rudder_positive: the turns do not tell (t = {pooled:.1f}) whether positive "
+            f"{draft.column(both[0])} turns to port or "
+            "to starboard; port is set",
+        )
+    else:
+        draft.map = replace(draft.map, rudder_positive="starboard" if pooled > 0 else "port")
+        if draft.handed:
+            draft.remark(f"positive rudder turns to {draft.map.rudder_positive} (t = {abs(pooled):.0f})")
+
+
+def _revolutions(draft: Draft) -> None:
+    for role in ("n_cmd", "n"):
+        if not draft.has(role):
+            continue
+        raw = draft.raw(role)
+        top = float(np.max(np.abs(raw))) if raw.size else 0.0
+        if draft.map.channels[role].unit in ("us_pwm", "%"):
+            draft.map = draft.change(role, unit="rpm")
+            draft.ask(
+                2,
+                f"{role} {draft.column(role)} is a pulse width or a share; give it `scale` and `offset` to "
+                f"rpm, or delete it",
+            )
+        elif not draft.stated[role] and "rpm" in draft.column(role).lower() and top > 30.0:
+            draft.map = draft.change(role, unit="rpm")
+        elif not draft.stated[role]:
+            draft.map = draft.change(role, unit="rpm")
+            if top <= 150.0 or (800 < float(np.median(raw)) < 2200 and np.all(raw > 700)):
+                draft.ask(
+                    2,
+                    f"{role} {draft.column(role)} states no unit and reaches {top:.3g}: rpm, rps, or a "
+                    f"share? (read as rpm)",
+                )
+            else:
+                draft.remark(f"{role} {draft.column(role)} states no unit and is read as rpm")

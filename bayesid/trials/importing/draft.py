@@ -1,0 +1,76 @@
+"""A map in the making: channels decided so far, questions, remarks and the recordings they are checked on.
+
+Does not: decide anything.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from bayesid.trials.importing.converting import Recording, resolve
+from bayesid.trials.importing.log_map import LogMap
+
+
+@dataclass
+class Draft:
+    """A map in the making; `weight` 0 is the most important question."""
+
+    map: LogMap
+    recordings: list[Recording]
+    stated: dict[str, bool] = field(default_factory=dict)
+    axes_stated: bool = False
+    body_stated: bool = False
+    asked: list[tuple[int, str]] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
+    handed: bool = False
+    mirror: bool = False
+
+    def ask(self, weight: int, text: str) -> None:
+        if text not in [t for _, t in self.asked]:
+            self.asked.append((weight, text))
+
+    def remark(self, text: str) -> None:
+        if text not in self.remarks:
+            self.remarks.append(text)
+
+    def has(self, *roles: str) -> bool:
+        return set(roles) <= set(self.map.channels)
+
+    def change(self, role: str, **what: object) -> LogMap:
+        channels = dict(self.map.channels)
+        channels[role] = replace(channels[role], **what)  # type: ignore[arg-type]
+        return replace(self.map, channels=channels)
+
+    def rename(self, old: str, new: str) -> LogMap:
+        channels = {new if k == old else k: v for k, v in self.map.channels.items()}
+        return replace(self.map, channels=channels)
+
+    def column(self, role: str) -> str:
+        return repr(resolve(self.map, role)[1])
+
+    def raw(self, role: str, recording: Recording | None = None) -> np.ndarray:
+        label, name = resolve(self.map, role)
+        values = [
+            r.logs[label].by_name[name].values
+            for r in ([recording] if recording else self.recordings)
+            if label in r.logs and name in r.logs[label].by_name
+        ]
+        joined = np.concatenate(values) if values else np.empty(0)
+        return joined[np.isfinite(joined)]
+
+    @property
+    def liveliest(self) -> Recording:
+        """The recording in which the heading changes most."""
+
+        def span(recording: Recording) -> float:
+            for role in ("psi", "heading", "r", "qz", "y", "latitude"):
+                if role in self.map.channels:
+                    raw = self.raw(role, recording)
+                    if raw.size:
+                        return float(np.ptp(raw)) * math.log(raw.size + 1)
+            return 0.0
+
+        return max(self.recordings, key=span)

@@ -1,0 +1,166 @@
+"""What a series may be by its name and unit alone: roles, and how sure the name is.
+
+One table, `PATTERNS`. Does not: look at numbers.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from bayesid.model.channels import is_channel
+from bayesid.model.units import UnitError, scale
+from bayesid.trials.importing.raw import RawChannel
+from bayesid.trials.importing.roles import ROLES
+from bayesid.trials.importing.tables import plain
+
+ORDERED = re.compile(
+    r"\b(cmd|command|commanded|order|ordered|set|setpoint|set point|sp|demand|demanded|desired|des|target|"
+    r"ref|reference|"
+    r"soll|req|requested|input|order|goal)\b"
+)
+MEASURED = re.compile(
+    r"\b(act|actual|meas|measured|fb|feedback|ist|encoder|state|response|reported|sensor)\b"
+)
+OTHER = re.compile(
+    r"\b(raw|std|sigma|sd|var|variance|cov|covariance|err|error|count|status|valid|quality|flag|mode|"
+    r"current|voltage|"
+    r"power|temperature|temp|relative|apparent|bias|offset|age|num|satellites|limit|max|min|gain|hdop|"
+    r"accuracy)\b"
+)
+# role -> words of the field, tried against the name without unit; the first group of roles is the surest
+PATTERNS: tuple[tuple[str, str], ...] = (
+    ("latitude", r"lat|latitude|gps lat|breite|lat deg"),
+    ("longitude", r"lon|lng|long|longitude|gps lon|länge|lon deg"),
+    ("heading", r"heading|hdg|head|compass|true heading|heading true|gyro heading|kurs|kompass|"
+                r"compass heading|cap|hdt|gyrocompass"),
+    ("course", r"cog|course|course over ground|track angle|gps course"),
+    ("speed_over_ground", r"sog|speed over ground|ground speed|gps speed|gps sog"),
+    ("speed_through_water", r"stw|speed through water|water speed|log speed|speed log"),
+    ("v_north", r"v n|vn|vel n|vel north|velocity north|north vel(ocity)?|v north|speed north|ve?l? ?ned ?x"),
+    ("v_east", r"v e|ve|vel e|vel east|velocity east|east vel(ocity)?|v east|speed east"),
+    ("v_down", r"v d|vd|vel d|vel down|velocity down|down vel(ocity)?|v down"),
+    ("north", r"north|northing|pos n|n pos|pos north|north pos(ition)?|position north|x north|"
+              r"utm n(orthing)?|y utm"),
+    ("east", r"east|easting|pos e|e pos|pos east|east pos(ition)?|position east|y east|utm e(asting)?|x utm"),
+    ("qw", r"qw|q w|quat w|quaternion w|orientation w|q0|q 0"),
+    ("qx", r"qx|q x|quat x|quaternion x|orientation x|q1|q 1"),
+    ("qy", r"qy|q y|quat y|quaternion y|orientation y|q2|q 2"),
+    ("qz", r"qz|q z|quat z|quaternion z|orientation z|q3|q 3"),
+    ("depth", r"depth|tiefe|immersion|depth m|pressure depth|ctd depth|profondeur"),
+    ("height", r"height|gps alt(itude)?|ellipsoid(al)? height|alt|altitude"),
+    ("x", r"x|px|pos x|x pos(ition)?|position x|x 0|x0|pose x|x position mid|loc x|local x|x earth"),
+    ("y", r"y|py|pos y|y pos(ition)?|position y|y0|pose y|y position mid|loc y|local y|y earth"),
+    ("z", r"z|pz|pos z|z pos(ition)?|position z|pose z|loc z|local z"),
+    ("phi", r"roll|phi|φ|heel|roll angle|rollwinkel"),
+    ("theta", r"pitch|theta|θ|trim|pitch angle"),
+    ("psi", r"yaw|psi|ψ|yaw angle|psi hat|orientation|gier(winkel)?"),
+    ("r", r"r|yaw rate|yawrate|rot|rate of turn|turn rate|gyro z|gz|wz|omega z|angular vel(ocity)? z|"
+          r"yaw ?speed|psi dot|"
+          r"r angvelo|heading rate|gyr z|yaw velocity|w z|ang vel z|drehrate"),
+    ("p", r"p|roll rate|rollrate|gyro x|gx|wx|omega x|angular vel(ocity)? x|roll ?speed|gyr x|w x|ang vel x"),
+    ("q", r"q|pitch rate|pitchrate|gyro y|gy|wy|omega y|angular vel(ocity)? y|pitch ?speed|gyr y|w y|"
+          r"ang vel y"),
+    ("u_water", r"u water|vx water|dvl water x|surge water"),
+    ("v_water", r"v water|vy water|dvl water y|sway water"),
+    ("u", r"u|surge|vx|vel x|u velo|surge vel(ocity)?|surge speed|vx body|body vx|u body|forward speed|"
+          r"dvl x|dvl vx|bt x|"
+          r"linear x|velocity x|forward vel(ocity)?|u ground|v x|speed|velocity|geschwindigkeit|"
+          r"long(itudinal)? speed"),
+    ("v", r"v|sway|vy|vel y|vm velo|sway vel(ocity)?|sway speed|vy body|body vy|v body|dvl y|dvl vy|bt y|"
+          r"linear y|velocity y|"
+          r"lateral (speed|velocity)|v ground|v y|transverse speed"),
+    ("w", r"w|heave|vz|vel z|heave vel(ocity)?|vz body|w body|dvl z|dvl vz|velocity z|v z"),
+    ("delta_r", r"rudder|rud|helm|ruder|ruderlage|delta r|deltar|delta|δ|delta rudder|rudder angle|dr|"
+                r"steer|steering|tiller|"
+                r"steering angle|vertical fin|fin vertical|rudder pos(ition)?|rudderangle|barre"),
+    ("delta_s", r"stern ?plane|stern ?planes|elevator|delta s|delta e|stern|horizontal fin|fin horizontal|"
+                r"hydroplane|"
+                r"stern plane angle|stern ?plane pos(ition)?|elevator angle"),
+    ("delta_b", r"bow ?plane|bow ?planes|delta b|bow plane angle|sail ?plane"),
+    ("n", r"n|rpm|rps|n prop|prop(eller)?|prop(eller)? (rpm|rps|speed|rev|revs|revolutions)|shaft|"
+          r"shaft (rpm|speed|rev)|revs|"
+          r"screw|screw speed|motor (rpm|speed)|engine (rpm|speed)|thruster (rpm|speed)|drehzahl|main rpm|"
+          r"rotation rate|"
+          r"propeller rate|prop rate|shaft rate"),
+    ("thrust", r"thrust|prop(eller)? thrust|schub"),
+    ("torque", r"torque|prop(eller)? torque|drehmoment"),
+    ("wind_speed", r"(true )?wind speed|tws|true wind|wind velo true|wind speed true"),
+    ("wind_from", r"(true )?wind (dir|direction|from)|twd|wind dir true|wind direction true"),
+)  # fmt: skip
+_OWN_HEADER = re.compile(r"([A-Za-z_]+)\[[^\[\]]+\]")
+_COMPILED = tuple((role, re.compile(rf"(?:{pattern})")) for role, pattern in PATTERNS)
+ABSOLUTE = frozenset({"latitude", "longitude", "north", "east", "heading", "v_north", "v_east", "course"})
+WITH_ORDER = ("delta_r", "delta_s", "delta_b", "n")
+
+
+@dataclass(frozen=True)
+class Guess:
+    """role: what it may be; score: 3 by the format's definition, 2 the whole name, 1 its end; ordered: True
+    for a command, False for a measurement, None where the name does not say."""
+
+    role: str
+    score: float
+    ordered: bool | None = None
+
+
+def in_bundle_format(names: Iterable[str]) -> bool:
+    """True if a table is written as the CSV files of a bundle: `t[s]` and three or more of bayesid's own
+    headers."""
+    heads = [_OWN_HEADER.fullmatch(name) for name in names]
+    own = {found[1] for found in heads if found is not None and is_channel(found[1])}
+    return len(own) >= 4 and bool(own & {"psi", "r"}) and bool(own & {"delta_r", "delta_r_cmd"})
+
+
+def guess_role(channel: RawChannel, own_format: bool = False) -> Guess | None:
+    """The role a name and a unit fit; None if none. In a table of bayesid's own format only its own headers
+    count."""
+    if own_format:
+        own = _OWN_HEADER.fullmatch(channel.name)
+        return Guess(own[1], 3.0) if own is not None and own[1] in ROLES else None
+    words = plain(channel.name.replace("/", " ").replace(".", " ").replace("(:,", " "))
+    if channel.role:
+        return Guess(channel.role, 3.0) if channel.role in ROLES else None
+    ordered = True if ORDERED.search(words) else False if MEASURED.search(words) else None
+    if ordered is None and "(" in channel.place:  # the type of a message says it too: ActuatorCommand
+        kind = plain(channel.place.partition("(")[2].partition(")")[0].replace("/", " ").replace("_", " "))
+        ordered = True if ORDERED.search(kind) else False if MEASURED.search(kind) else None
+    bare = " ".join(MEASURED.sub(" ", ORDERED.sub(" ", words)).split())
+    odd = bool(OTHER.search(words))
+    kept = " ".join(OTHER.sub(" ", bare).split()) if odd else bare
+    best: Guess | None = None
+    for role, pattern in _COMPILED:
+        for tail, score in _tails(kept):
+            if pattern.fullmatch(tail) and _fits(role, channel):
+                if (len(tail) == 1 or tail in ("speed", "velocity")) and score < 2.0:
+                    continue
+                found = Guess(role, score - (0.9 if odd else 0.0), ordered if role in WITH_ORDER else None)
+                if ordered and role not in WITH_ORDER:
+                    continue  # a commanded heading or speed is no measurement
+                if best is None or found.score > best.score:
+                    best = found
+    return best if best is not None and best.score > 0.2 else None
+
+
+def _tails(words: str) -> list[tuple[str, float]]:
+    """The whole name, then its last words, then its first words."""
+    parts = words.split()
+    out = [(words, 2.0)]
+    out += [(" ".join(parts[k:]), 1.5 - 0.05 * k) for k in range(1, len(parts))]
+    out += [(" ".join(parts[:k]), 1.0 - 0.05 * (len(parts) - k)) for k in range(len(parts) - 1, 0, -1)]
+    return out
+
+
+def _fits(role: str, channel: RawChannel) -> bool:
+    """True unless the unit stated is that of something else."""
+    inside = ROLES[role].unit
+    if channel.unit is None or channel.unit in ("%", "us_pwm"):
+        return True
+    if not inside:
+        return False
+    try:
+        scale(channel.unit, inside, channel.name)
+    except UnitError:
+        return False
+    return True

@@ -1,0 +1,354 @@
+"""A map for logs nobody has described: read, named, decided, cut into runs; what is doubtful is asked.
+
+Takes the files; gives a `Proposal`. Does not: import anything; a map with questions is to be edited first.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from bayesid.errors import BayesidError
+from bayesid.model.units import UnitError, scale
+from bayesid.trials.importing.agreement import common_run, rudder_t
+from bayesid.trials.importing.arranging import arrange, sources_of
+from bayesid.trials.importing.converting import Recording
+from bayesid.trials.importing.deciding import decide
+from bayesid.trials.importing.draft import Draft
+from bayesid.trials.importing.joining import one_clock
+from bayesid.trials.importing.log_map import ChannelMap, LogMap
+from bayesid.trials.importing.names import WITH_ORDER, guess_role, in_bundle_format
+from bayesid.trials.importing.raw import ImportLogError, RawChannel, RawLog, Request
+from bayesid.trials.importing.readers import read_log
+from bayesid.trials.importing.roles import QUATERNION, ROLES
+from bayesid.trials.importing.run_list import list_runs
+from bayesid.trials.importing.unit_words import split_unit
+from bayesid.trials.trial import Run
+
+LOOK = 100_000  # samples per series a proposal looks at
+LARGE = 1_000_000  # samples beyond which a step is proposed
+_TEXT_WORLD = re.compile(r"\b(ned|enu|nwu)\b", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """map with its questions, most important first; remarks: what was taken for granted; unused: series not
+    read; looks: recording files -> the common run a picture is drawn from."""
+
+    map: LogMap
+    remarks: tuple[str, ...]
+    unused: tuple[str, ...]
+    looks: dict[tuple[str, ...], Run]
+
+
+def propose(sources: Sequence[Path], vehicle: str = "", name: str = "") -> Proposal:
+    """A map guessed from names, units and kinematics.
+
+    Raises
+    ------
+    ImportLogError             a file cannot be read, or two have one name
+    """
+    names = [p.name for p in sources]
+    twice = sorted({n for n in names if names.count(n) > 1})
+    if twice:
+        raise ImportLogError(
+            f"two files are called {twice[0]!r}; rename one, the map tells files by their names"
+        )
+    logs = {p.name: read_log(p, request=Request(most=LOOK)) for p in sources}
+    labels, groups, doubts = arrange(logs)
+    recordings = []
+    for files in groups:
+        try:
+            recordings.append(one_clock({labels[f]: logs[f] for f in files}, {}))
+        except ImportLogError as error:
+            raise ImportLogError(f"{error}; write a map with that line") from None
+    found = LogMap(name=name, vehicle=vehicle, sources=sources_of(logs, labels))
+    draft = Draft(found, recordings)
+    for weight, text in doubts:
+        draft.ask(weight, text)
+    unused = _name(draft, recordings)
+    _drop_constant(draft)
+    _needs(draft, recordings, unused)
+    _declared_axes(draft, logs)
+    if draft.map.channels:
+        decide(draft)
+        _ask_time(draft, logs)
+    runs, looks = list_runs(draft, groups)
+    step = _step(logs)
+    if step is not None:
+        draft.remark(
+            f"the log is long; step = {step:g} keeps one sample per channel and {step:g} s (commands: "
+            f"every change)"
+        )
+    for log in logs.values():
+        for text in log.notices:
+            draft.remark(f"{Path(log.path).name}: {text}")
+    for channel in (c for log in logs.values() for c in log.channels if c.lost):
+        draft.remark(f"{channel.place}: {channel.lost} cells are no numbers and are left out")
+    questions = tuple(text for _, text in sorted(draft.asked, key=lambda item: item[0]))
+    if not any(role in _UPRIGHT for role in draft.map.channels) and not draft.has("qw"):
+        draft.map = replace(draft.map, dof=3)
+    draft.map = replace(draft.map, world=draft.map.world or "ned", body=draft.map.body or "frd")
+    found = replace(draft.map, questions=questions, runs=tuple(runs), step=step)
+    if not vehicle:
+        draft.remark(
+            'no vehicle is named; write vehicle = "remus100", or a file beside the map '
+            "(`bayesid vehicle list`)"
+        )
+    return Proposal(found, tuple(draft.remarks), tuple(unused), looks)
+
+
+def _name(draft: Draft, recordings: list[Recording]) -> list[str]:
+    """Channels by name; the series no role was found for."""
+    best: dict[str, list[tuple[float, str, RawChannel, bool | None]]] = {}
+    unused: list[str] = []
+    first: dict[str, RawLog] = {}
+    for recording in recordings:
+        for label, log in recording.logs.items():
+            if label not in first or len(log.channels) > len(first[label].channels):
+                first[label] = log
+    own = {label for label, log in first.items() if in_bundle_format(log.by_name)}
+    if own == set(first):
+        draft.axes_stated = draft.body_stated = True
+        draft.map = replace(draft.map, world="ned", body="frd")
+    for label, log in first.items():
+        for channel in log.channels:
+            good = np.isfinite(channel.values)
+            guess = guess_role(channel, label in own) if good.sum() > 3 else None
+            if guess is None:
+                unused.append(_full(label, channel.name, len(first)))
+                continue
+            role = guess.role
+            if role in WITH_ORDER:
+                ordered = guess.ordered
+                if ordered is None:
+                    its = [r.logs[label].by_name.get(channel.name) for r in recordings if label in r.logs]
+                    ordered = _in_steps([c for c in its if c is not None])
+                role = f"{role}_cmd" if ordered and guess.score < 3.0 else role
+            best.setdefault(role, []).append((guess.score, label, channel, guess.ordered))
+    _one_attitude(best)
+    favoured = _favoured(best)
+    channels: dict[str, ChannelMap] = {}
+    passed: dict[tuple[str, str], list[str]] = {}
+    for role, found in best.items():
+        found.sort(
+            key=lambda item: (
+                -round(item[0], 2),
+                item[2].name.rpartition(".")[0] != favoured,
+                item[1] != favoured,
+            )
+        )
+        score, label, channel, ordered = found[0]
+        full = _full(label, channel.name, len(first))
+        unit = channel.unit or (None if role in QUATERNION else _unit_in_name(channel.name, role))
+        channels[role] = ChannelMap(full, unit)
+        draft.stated[role] = unit is not None or role in QUATERNION
+        for other in found[1:]:
+            unused.append(_full(other[1], other[2].name, len(first)))
+        rivals = [o for o in found[1:] if o[0] > score - 0.3]
+        if rivals and score < 3.0:
+            shown = ", ".join(repr(o[2].name) for o in rivals[:3])
+            draft.ask(3, f"{role} is read from {channel.name!r}; {shown} would fit as well")
+        elif rivals:
+            pair = (_topic(channel.name).split(".")[0], _topic(rivals[0][2].name).split(".")[0])
+            passed.setdefault(pair, []).append(role)
+        if role.split("_cmd")[0] in WITH_ORDER and ordered is None and score < 3.0:
+            what = "ordered: it moves in steps" if role.endswith("_cmd") else "measured: it moves smoothly"
+            draft.remark(f"{channel.name!r} is read as {role}, {what}")
+        if score < 1.0:
+            draft.ask(4, f"{channel.name!r} is read as {role} by a part of its name; is it?")
+    for (taken, other_topic), roles in passed.items():
+        draft.remark(f"{', '.join(roles)} are read from {taken}, not from {other_topic}")
+    if channels.keys() >= {"latitude", "longitude"} and {"x", "y"} & set(channels):
+        draft.remark("latitude and longitude are left out: local positions are there")
+        for role in ("latitude", "longitude", "height"):
+            channels.pop(role, None)
+    for pair in (("north", "east"), ("latitude", "longitude"), ("x", "y")):
+        if len(set(pair) & set(channels)) == 1:
+            lone = (set(pair) & set(channels)).pop()
+            unused.append(channels.pop(lone).source)
+    if {"north", "east"} <= set(channels):
+        for role in ("x", "y", "latitude", "longitude"):
+            channels.pop(role, None)
+    if "height" in channels and "depth" in channels:
+        channels.pop("height")
+    if "u" in channels and "v" not in channels and {"north", "x", "latitude"} & set(channels):
+        name = channels["u"].source
+        if re.search("speed|velocity|geschw", name.lower()) and not re.search(
+            "surge|forward|long", name.lower()
+        ):
+            channels.pop("u")
+            draft.remark(
+                f"speed {name!r} is left out: ahead, along the track or through the water, its name does "
+                f"not say"
+            )
+    for role in ("speed_over_ground", "course"):
+        if role in channels and {"north", "x", "latitude"} & set(channels):
+            channels.pop(role)
+    draft.map = replace(draft.map, channels=channels)
+    return unused
+
+
+def _unit_in_name(name: str, role: str) -> str | None:
+    """The unit at the end of a topic's field, if it is one of that role."""
+    unit = split_unit(re.split(r"[./]", name)[-1])[1]
+    try:
+        return unit if unit and scale(unit, ROLES[role].unit, name) else None
+    except UnitError:
+        return unit if unit in ("%", "us_pwm") else None
+
+
+def _full(label: str, name: str, count: int) -> str:
+    return f"{label}:{name}" if count > 1 else name
+
+
+def _one_attitude(best: dict[str, list[tuple[float, str, RawChannel, bool | None]]]) -> None:
+    """Heading before yaw before quaternion; a quaternion only as a whole and of one topic."""
+    if not set(QUATERNION) <= set(best):
+        for q in QUATERNION:
+            best.pop(q, None)
+    if "heading" in best or "psi" in best:
+        top = max((max(s for s, *_ in best[k]) for k in ("heading", "psi") if k in best), default=0.0)
+        if top >= 1.0 or "qw" not in best:
+            for q in QUATERNION:
+                best.pop(q, None)
+    if "heading" in best and "psi" in best:
+        best.pop("psi")
+
+
+def _favoured(best: dict[str, list[tuple[float, str, RawChannel, bool | None]]]) -> str:
+    """The topic or file with most of the roles: series of one estimate belong together."""
+    count: dict[str, int] = {}
+    for found in best.values():
+        for _, label, channel, _ in found:
+            for key in {_topic(channel.name), label}:
+                count[key] = count.get(key, 0) + 1
+    return max(count, key=lambda k: count[k]) if count else ""
+
+
+def _topic(name: str) -> str:
+    return name.rpartition(".")[0]
+
+
+def _in_steps(channels: Sequence[RawChannel]) -> bool:
+    """True if most samples repeat the one before, where the series moves at all."""
+    moving = [c.values[np.isfinite(c.values)] for c in channels]
+    moving = [x for x in moving if x.size > 10 and float(np.ptp(x)) > 0]
+    return all(float(np.mean(np.diff(x) == 0.0)) > 0.5 for x in moving)
+
+
+_UPRIGHT = (
+    "z",
+    "depth",
+    "height",
+    "phi",
+    "theta",
+    "w",
+    "p",
+    "q",
+    "delta_s",
+    "delta_s_cmd",
+    "delta_b",
+    "delta_b_cmd",
+)
+
+
+def _drop_constant(draft: Draft) -> None:
+    """Series of the vertical plane that never change tell nothing and would make the trial one of 6 degrees
+    of freedom."""
+    still = [r for r in _UPRIGHT if draft.has(r) and (raw := draft.raw(r)).size and float(np.ptp(raw)) == 0.0]
+    if still:
+        draft.map = replace(
+            draft.map, channels={k: v for k, v in draft.map.channels.items() if k not in still}
+        )
+        draft.remark(f"{', '.join(still)} never change and are left out")
+
+
+def _needs(draft: Draft, recordings: list[Recording], unused: list[str]) -> None:
+    """What a bundle cannot do without, asked for where it was not found."""
+    listed = ", ".join(repr(n) for n in unused[:8]) + (
+        f" and {len(unused) - 8} more" if len(unused) > 8 else ""
+    )
+    spare = f" (series not used: {listed})" if unused else ""
+    velocities = draft.has("u", "v") or draft.has("u_water", "v_water") or draft.has("v_north", "v_east")
+    if not (
+        draft.has("x", "y") or draft.has("north", "east") or draft.has("latitude", "longitude") or velocities
+    ):
+        draft.ask(0, f"no position found; add x, y or latitude, longitude to [channels]{spare}")
+    if not (draft.has("heading") or draft.has("psi") or draft.has("qw") or draft.has("r")):
+        draft.ask(0, f"no heading found; add heading, psi or qw, qx, qy, qz to [channels]{spare}")
+    if not (draft.has("delta_r") or draft.has("delta_r_cmd")):
+        hint = _likely_rudder(draft, recordings, unused)
+        draft.ask(
+            0,
+            f"no rudder found; add delta_r_cmd (ordered) or delta_r (measured) to [channels]{hint or spare}",
+        )
+    if not (draft.has("n") or draft.has("n_cmd")):
+        draft.remark(
+            "no propeller speed found (n_cmd or n); a model with a propeller curve then takes its usual one"
+        )
+
+
+def _likely_rudder(draft: Draft, recordings: list[Recording], unused: list[str]) -> str:
+    best, most = "", 6.0
+    for name in unused[:200]:
+        channels = {**draft.map.channels, "delta_r": ChannelMap(name, "deg", scale=1.0)}
+        try:
+            t = rudder_t(replace(draft.map, channels=channels), recordings[0])
+        except (BayesidError, ValueError, np.linalg.LinAlgError):
+            continue
+        if t is not None and abs(t) > most:
+            best, most = name, abs(t)
+    return (
+        f"; {best!r} moves before the turns as a rudder does (t = {most:.0f}): state its unit, or scale "
+        f"and offset"
+        if best
+        else ""
+    )
+
+
+def _declared_axes(draft: Draft, logs: dict[str, RawLog]) -> None:
+    worlds = {log.world for log in logs.values() if log.world}
+    if worlds:
+        first = next(log for log in logs.values() if log.world)
+        draft.axes_stated = draft.body_stated = True
+        draft.map = replace(draft.map, world=first.world, body=first.body)
+        for log in logs.values():
+            for text in log.doubts if log.world else ():
+                draft.ask(1, text)
+        return
+    if draft.axes_stated:
+        return
+    words = " ".join([*(log.text for log in logs.values()), *(c.source for c in draft.map.channels.values())])
+    said = {w.lower() for w in _TEXT_WORLD.findall(words.replace("_", " "))}
+    if len(said) == 1:
+        world = said.pop()
+        draft.axes_stated = True
+        draft.map = replace(draft.map, world=world)
+        draft.remark(f"axes {world}, as a name or a comment of the log says")
+
+
+def _ask_time(draft: Draft, logs: dict[str, RawLog]) -> None:
+    for log in logs.values():
+        for text in log.doubts if not log.world else ():
+            if "states no unit" not in text or any("times as long" in t for _, t in draft.asked):
+                draft.ask(1, f"{Path(log.path).name}: {text}")
+            else:
+                run = common_run(draft.map, draft.liveliest)
+                if run is None or not {"u", "x"} <= set(run.data):
+                    draft.ask(1, f"{Path(log.path).name}: {text}")
+
+
+def _step(logs: dict[str, RawLog]) -> float | None:
+    """A step for logs of more than a million samples: a tenth of a second or what leaves half a million."""
+    longest = max(logs.values(), key=lambda log: max(c.t.size * log.thinned for c in log.channels))
+    channel = max(longest.channels, key=lambda c: c.t.size)
+    rows, span = channel.t.size * longest.thinned, float(channel.t[-1] - channel.t[0])
+    if rows < LARGE or not span > 0:
+        return None
+    wanted = max(span / 5e5, 0.1)
+    return float(next(s for s in (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 1e9) if s >= wanted * 0.999))

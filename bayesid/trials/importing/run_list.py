@@ -1,0 +1,85 @@
+"""Runs of the recordings of a draft, cut by their commands, named and given a role.
+
+Takes a `Draft` whose channels are decided. Does not: decide channels.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+
+from bayesid.trials.importing.agreement import common_run
+from bayesid.trials.importing.converting import convert
+from bayesid.trials.importing.cutting import Piece, cut
+from bayesid.trials.importing.draft import Draft
+from bayesid.trials.importing.log_map import RunMap
+from bayesid.trials.trial import Run
+
+SHORT_LOG = 900.0  # s; four or more logs shorter than this are taken for one run each
+
+
+def list_runs(draft: Draft, groups: list[tuple[str, ...]]) -> tuple[list[RunMap], dict[tuple[str, ...], Run]]:
+    """Runs cut by their commands, one after the other; the last is kept for judging where there are three."""
+    runs: list[RunMap] = []
+    looks: dict[tuple[str, ...], Run] = {}
+    used: set[str] = set()
+    for files, recording in zip(groups, draft.recordings, strict=True):
+        look = common_run(draft.map, recording) if draft.map.channels else None
+        stem = re.sub(r"[^\w-]+", "_", files[0].partition(".")[0])
+        if look is None:
+            runs.append(RunMap(_fresh(stem, used), files))
+            continue
+        looks[files] = look
+        pieces = _pieces(look)
+        series, _, _ = convert(draft.map, recording)
+        zero = min(float(t[0]) for t, _ in series.values() if t.size)
+        moving = [p for p in pieces if p.kind != "rest"]
+        whole = len(moving) <= 1 and len(pieces) <= 2
+        if whole or (len(groups) > 3 and look.duration < SHORT_LOG):
+            words = next((p.words for p in sorted(moving, key=lambda p: -_rank(p))), "")
+            runs.append(RunMap(_fresh(stem, used), files, None, words))
+            continue
+        for piece in moving:
+            name = re.sub(r"\W+", "_", piece.words)
+            numbered = f"{len(runs) + 1:02d}_{name}"
+            window = (round(piece.start - zero, 2), round(piece.end - zero, 2))
+            runs.append(RunMap(_fresh(numbered, used), files, window, piece.words))
+    if len(runs) >= 3:
+        last = max(
+            (k for k, run in enumerate(runs) if run.manoeuvre not in ("straight", "")), default=len(runs) - 1
+        )
+        runs[last] = replace(runs[last], role="holdout")
+    return runs, looks
+
+
+def _rank(piece: Piece) -> float:
+    return (piece.end - piece.start) * (0.1 if piece.kind == "straight" else 1.0)
+
+
+def _fresh(name: str, used: set[str]) -> str:
+    out, k = name, 2
+    while out in used:
+        out, k = f"{name}_{k}", k + 1
+    used.add(out)
+    return out
+
+
+def _pieces(look: Run) -> list[Piece]:
+    rudder = look.commands.get("delta_r_cmd", look.measured_inputs.get("delta_r"))
+    if rudder is None or not np.isfinite(rudder).all():
+        return []
+    speed = look.data.get("u")
+    if speed is None and {"x", "y"} <= set(look.data):
+        x, y = look.data["x"], look.data["y"]
+        good = np.isfinite(x) & np.isfinite(y)
+        if good.sum() > 20:
+            x, y = (np.interp(look.t, look.t[good], v[good]) for v in (x, y))
+            wide = max(1, int(5.0 / float(np.median(np.diff(look.t)))))
+            speed = np.full(look.t.shape, np.nan)
+            gone = np.hypot(x[wide:] - x[:-wide], y[wide:] - y[:-wide]) / (look.t[wide:] - look.t[:-wide])
+            if gone.size:
+                speed = np.interp(look.t, 0.5 * (look.t[wide:] + look.t[:-wide]), gone)
+    psi = look.data.get("psi")
+    return cut(look.t, rudder, psi, speed)

@@ -1,0 +1,108 @@
+"""Units as people write them: in brackets, after a comma or an underscore, in CF words.
+
+`split_unit("Heading_deg")` gives ("Heading", "deg"). Does not: convert; that is `bayesid.model.units`.
+"""
+
+from __future__ import annotations
+
+import re
+
+_SAME = {
+    "s": ("s", "sec", "secs", "second", "seconds"),
+    "ms": ("ms", "msec", "millis", "millisecond", "milliseconds"),
+    "us": ("us", "µs", "usec", "micros", "microsecond", "microseconds"),
+    "ns": ("ns", "nsec", "nanos", "nanosecond", "nanoseconds"),
+    "min": ("min", "minute", "minutes"),
+    "h": ("h", "hour", "hours", "hr"),
+    "d": ("d", "day", "days"),
+    "m": ("m", "meter", "meters", "metre", "metres"),
+    "cm": ("cm",),
+    "mm": ("mm",),
+    "km": ("km",),
+    "ft": ("ft", "feet", "foot"),
+    "nmi": ("nmi", "nm"),
+    "deg": (
+        "deg", "°", "degree", "degrees", "degs", "º", "degrees_north", "degree_north", "degrees_east",
+        "degree_east",
+        "degrees_true", "degt", "grad°",
+    ),
+    "rad": ("rad", "radian", "radians", "rads"),
+    "m/s": ("m/s", "mps", "ms-1", "m s-1", "m.s-1", "m s^-1", "m*s-1", "m s**-1", "metre/second",
+    "meter/second"),
+    "cm/s": ("cm/s", "cm s-1", "cmps"),
+    "mm/s": ("mm/s", "mm s-1"),
+    "km/h": ("km/h", "kmh", "kph", "km h-1"),
+    "kn": ("kn", "kt", "kts", "knot", "knots"),
+    "ft/s": ("ft/s", "fps", "ft s-1"),
+    "deg/s": ("deg/s", "°/s", "degps", "deg s-1", "degree s-1", "degrees/s", "deg/sec", "dps", "degree/s",
+    "degrees/second"),
+    "rad/s": ("rad/s", "rad s-1", "radps", "radian s-1", "radians/s", "rad/sec", "rads-1"),
+    "deg/min": ("deg/min", "°/min"),
+    "rpm": ("rpm", "1/min", "min-1", "rev/min", "u/min"),
+    "rps": ("rps", "1/s", "rev/s", "s-1", "hz"),
+    "N": ("n", "newton", "newtons"),
+    "kN": ("kn_force",),
+    "N*m": ("n*m", "nm_torque", "n m", "newton metre"),
+    "%": ("%", "percent", "pct"),
+    "us_pwm": ("pwm",),
+}  # fmt: skip
+_UNIT = {word: unit for unit, words in _SAME.items() for word in words}
+_BRACKET = re.compile(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\)|<([^<>]*)>|\{([^{}]*)\})\s*")
+_SUFFIX = {
+    "deg", "rad", "mps", "kn", "kts", "knots", "rpm", "rps", "dps", "ms", "us", "ns", "sec", "degs", "m", "s",
+    "ft", "cm", "mm", "rads", "radps", "degps", "kmh", "pwm", "pct", "percent",
+}  # fmt: skip
+_PAIRS = {("rad", "s"): "rad/s", ("deg", "s"): "deg/s", ("m", "s"): "m/s", ("cm", "s"): "cm/s", ("km",
+    "h"): "km/h",
+          ("ft", "s"): "ft/s", ("per", "s"): "1/s", ("deg", "min"): "deg/min"}  # fmt: skip
+_FOREIGN = {"V", "A", "W", "mV", "mA", "Ah", "kW", "°C", "degC", "C", "K", "Pa", "kPa", "bar", "mbar",
+    "hPa", "dB", "dBm", "g",
+            "m/s2", "m/s^2", "rad/s2", "kg", "UTC", "ISO", "bool", "string", "text", "km"}  # fmt: skip
+# a suffix that is also a letter of the field counts only after a longer name: t_s, but not delta_s
+_LETTERS = {"s", "m", "ms"}
+
+
+def plain_unit(text: str | None) -> str | None:
+    """The unit as the program writes it, the text itself if it is not known, None if there is none."""
+    if text is None:
+        return None
+    word = " ".join(text.strip().split())
+    if word in ("", "-", "1", "none", "None", "n/a", "[]"):
+        return None
+    if word in ("kN", "kNm", "kN*m", "Nm", "NM", "N"):  # case matters: kN is a force, kn a speed
+        return word
+    return _UNIT.get(word.lower(), word)
+
+
+def is_unit(text: str) -> bool:
+    """True if the text is a unit and nothing else, as in a second header row."""
+    word = text.strip().strip("[]()<>")
+    return word.lower() in _UNIT or word in ("", "-", "kN", "Nm", "kNm") or word in _FOREIGN
+
+
+def split_unit(header: str) -> tuple[str, str | None]:
+    """Name and unit of a header; the unit is None where none is stated."""
+    header = header.strip()
+    found = _BRACKET.fullmatch(header)
+    if found is not None and found[1]:
+        unit = next((g for g in found.groups()[1:] if g is not None), None)
+        return found[1].strip(), plain_unit(unit)
+    for mark in (",", ";", "/ ", " in "):
+        head, _, tail = header.rpartition(mark)
+        if head and is_unit(tail):
+            return head.strip(), plain_unit(tail)
+    parts = re.split(r"[_.\s]+", header)
+    if len(parts) > 2 and (parts[-2].lower(), parts[-1].lower()) in _PAIRS:
+        return header[: header.lower().rfind(parts[-2].lower())].rstrip("_. "), _PAIRS[
+            parts[-2].lower(), parts[-1].lower()
+        ]
+    last = parts[-1]
+    if len(parts) > 1 and last.lower() in _SUFFIX:
+        head = header[: -len(last)].rstrip("_. ")
+        if last.lower() not in _LETTERS or _long(head):
+            return head, plain_unit(last)
+    return header, None
+
+
+def _long(head: str) -> bool:
+    return head.lower() not in ("delta", "d", "k", "u", "v", "w", "cmd", "delta_cmd", "n", "rms")

@@ -1,0 +1,418 @@
+"""`bayesid trial import`: conversions against closed forms and other implementations, maps, proposals,
+bundles."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bayesid.cli.main import run as bayesid
+from bayesid.trials import load_trial
+from bayesid.trials.importing import (
+    ImportLogError,
+    apply_map,
+    axes,
+    check_bundle,
+    clocks,
+    cutting,
+    geodesy,
+    map_text,
+    propose,
+    read_map,
+    write_bundle,
+)
+from bayesid.trials.importing.joining import join
+from bayesid.trials.importing.unit_words import split_unit
+from tests.raw_logs import draw, motion
+
+DEG = np.pi / 180.0
+
+
+def imported(tmp_path, text, *paths, name="map.toml"):
+    (tmp_path / name).write_text("format = 1\n" + text)
+    found = read_map(tmp_path / name)
+    runs, origin = apply_map(found, list(paths))
+    write_bundle(found, runs, origin, tmp_path / "bundle", tmp_path / name, overwrite=True)
+    check_bundle(tmp_path / "bundle")
+    return load_trial(tmp_path / "bundle")
+
+
+# --- conversions
+
+
+def test_euler_angles_are_those_of_scipy_and_scale_does_not_matter():
+    from scipy.spatial.transform import Rotation
+
+    rng = np.random.default_rng(1)
+    turns = Rotation.random(200, random_state=rng)
+    x, y, z, w = turns.as_quat().T * 1.7
+    yaw, pitch, roll = turns.as_euler("ZYX").T
+    found = axes.euler(w, x, y, z)
+    for angle, wanted in zip(found, (roll, pitch, yaw), strict=True):
+        np.testing.assert_allclose(np.cos(angle - wanted), 1.0, atol=1e-12)
+
+
+def test_east_north_up_attitude_becomes_north_east_down_as_by_rotation_matrices():
+    """Against matrices: C(ned<-frd) = swap C(enu<-flu) flip, with the textbook swap and flip."""
+    from scipy.spatial.transform import Rotation
+
+    swap, flip = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1.0]]), np.diag([1.0, -1.0, -1.0])
+    turns = Rotation.from_euler("ZYX", np.random.default_rng(2).uniform(-1.3, 1.3, (100, 3)))
+    x, y, z, w = turns.as_quat().T
+    roll, pitch, yaw = axes.euler(w, x, y, z)
+    found = Rotation.from_euler(
+        "ZYX", np.column_stack((axes.heading_of(yaw, "enu"), axes.body_of("theta", pitch, "flu"), roll))
+    )
+    np.testing.assert_allclose(found.as_matrix(), swap @ turns.as_matrix() @ flip, atol=1e-12)
+
+
+def test_local_metres_follow_meridian_arc_and_parallel():
+    """Closed forms: the arc of the meridian by its radius of curvature, a parallel by its circle; 1 mm in 200
+    m."""
+    lat0, lon0 = 59.43 * DEG, 10.47 * DEG
+    s2 = np.sin(lat0) ** 2
+    meridian = geodesy.A * (1 - geodesy.E2) / (1 - geodesy.E2 * s2) ** 1.5
+    normal = geodesy.A / np.sqrt(1 - geodesy.E2 * s2)
+    north, east, down = geodesy.local_metres(
+        np.array([lat0 + 200.0 / meridian, lat0]), np.array([lon0, lon0 + 200.0 / (normal * np.cos(lat0))]),
+        np.array([5.0, 5.0]), (lat0, lon0, 5.0),
+    )  # fmt: skip
+    np.testing.assert_allclose(north[0], 200.0, atol=1e-3)
+    np.testing.assert_allclose(east[1], 200.0, atol=1e-3)
+    np.testing.assert_allclose([east[0], down[0], down[1]], 0.0, atol=4e-3)  # the earth falls off by 3 mm
+
+
+def test_gps_time_counts_the_leap_seconds_of_its_day():
+    assert clocks.gps_to_utc([1398592818.0])[0] == 1714557600.0  # 2024-05-01, 18 s (IERS Bulletin C)
+    assert clocks.gps_to_utc([1025136000.0])[0] == 1025136000 + 315964800 - 15  # 2012-06-30, before the leap
+
+
+def test_a_stamp_of_nanoseconds_keeps_its_digits():
+    ns = 1714557600 * 10**9 + np.array([123456789, 123457789])
+    assert clocks.from_numbers(ns, "unix", "ns").t[1] - clocks.from_numbers(ns, "unix", "ns").t[
+        0
+    ] == pytest.approx(1e-6, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("header", "name", "unit"),
+    [
+        ("psi[deg]", "psi", "deg"), ("Heading (°)", "Heading", "deg"), ("yaw_rate_deg_s", "yaw_rate",
+            "deg/s"),
+        ("speed_kn", "speed", "kn"), ("delta_s", "delta_s", None), ("time_ms", "time", "ms"),
+        ("vel, m/s", "vel", "m/s"), ("torque [kNm]", "torque", "kNm"), ("u_mps", "u", "m/s"), ("rpm",
+            "rpm", None),
+    ],
+)  # fmt: skip
+def test_a_header_gives_its_unit_however_it_is_written(header, name, unit):
+    assert split_unit(header) == (name, unit)
+
+
+def test_joined_series_keep_their_own_times_and_a_command_holds_into_a_window():
+    fast, slow = np.arange(0.0, 10.0, 0.1), np.arange(0.0, 10.0, 0.7) + 0.05
+    series = {
+        "psi": (fast, np.sin(fast)),
+        "x": (slow, slow),
+        "delta_r_cmd": (np.array([0.0, 6.0]), np.array([0.1, 0.2])),
+    }
+    t, data = join(series, (3.0, 8.0))
+    inside = slow[(slow >= 3.0) & (slow <= 8.0)]
+    np.testing.assert_array_equal(t[np.isfinite(data["x"])], inside)
+    np.testing.assert_array_equal(data["x"][np.isfinite(data["x"])], inside)
+    assert t[0] == pytest.approx(3.0)
+    assert data["delta_r_cmd"][0] == 0.1  # given at 0 s
+    assert np.isfinite(data["delta_r_cmd"]).sum() == 2
+
+
+# --- published structures, by a map
+
+
+def test_a_towing_tank_table_without_header_in_degrees_and_revolutions_per_second(tmp_path):
+    """The structure of the published KVLCC2 files: four lines of words, earth velocities, no header."""
+    truth = motion(np.random.default_rng(4))
+    t, psi = truth["t"], truth["psi"]
+    east = truth["u"] * np.sin(psi) + truth["v"] * np.cos(psi)
+    north = truth["u"] * np.cos(psi) - truth["v"] * np.sin(psi)
+    r, delta, n = truth["r"] / DEG, truth["delta_r_cmd"] / DEG, truth["n_cmd"] / 60.0
+    table = np.column_stack((t, truth["x"], truth["y"], psi / DEG, north, east, r, delta, n))
+    path = tmp_path / "Z_20_20.dat"
+    np.savetxt(path, table, fmt="%18.9f", header=" TANK\n SHIP\n Z20/20\n Time series", comments="")
+    trial = imported(
+        tmp_path,
+        """
+        [sources.tank]
+        files = "*.dat"
+        columns = ["t", "x", "y", "psi", "vx", "vy", "r", "delta", "n"]
+        time = "t"
+        [channels]
+        x = "x"
+        y = "y"
+        psi = { from = "psi", unit = "deg" }
+        v_north = "vx"
+        v_east = "vy"
+        r = { from = "r", unit = "deg/s" }
+        delta_r = { from = "delta", unit = "deg" }
+        n = { from = "n", unit = "rps" }
+        """,
+        path,
+    )
+    run = trial.runs[0]
+    for name in ("x", "y", "psi", "u", "v", "r"):
+        np.testing.assert_allclose(run.data[name], truth[name], atol=2e-8)
+    np.testing.assert_allclose(run.measured_inputs["n"], truth["n_cmd"], atol=1e-6)
+    np.testing.assert_allclose(run.measured_inputs["delta_r"], truth["delta_r_cmd"], atol=2e-9)
+
+
+def test_three_files_of_other_rates_axes_and_clocks_become_one_run(tmp_path):
+    truth = motion(np.random.default_rng(5))
+    t = truth["t"]
+    nav, act = slice(None, None, 10), slice(None, None, 4)
+    epoch = 1714557600.0
+    (tmp_path / "nav.csv").write_text(
+        "utc;E;N\n"
+        + "".join(
+            f"{epoch + a:.3f};{b:.6f};{c:.6f}\n"
+            for a, b, c in zip(t[nav], truth["y"][nav], truth["x"][nav], strict=True)
+        )
+    )
+    yaw = np.mod(90.0 - truth["psi"] / DEG + 180.0, 360.0) - 180.0
+    (tmp_path / "imu.csv").write_text(
+        "boot_ms,yaw,gz\n"
+        + "".join(f"{1000 * a:.1f},{b:.7f},{c:.9f}\n" for a, b, c in zip(t, yaw, -truth["r"], strict=True))
+    )
+    (tmp_path / "fins.csv").write_text(
+        "utc,pwm\n"
+        + "".join(
+            f"{epoch + a + 2.5:.3f},{1500 - 10 * b / DEG:.6f}\n"
+            for a, b in zip(t[act], truth["delta_r_cmd"][act], strict=True)
+        )
+    )
+    trial = imported(
+        tmp_path,
+        """
+        world = "enu"
+        body = "flu"
+        rudder_positive = "starboard"
+        [sources.nav]
+        files = ["nav.csv"]
+        [sources.imu]
+        files = ["imu.csv"]
+        time = "boot_ms"
+        start = "2024-05-01T10:00:00Z"
+        [sources.fins]
+        files = ["fins.csv"]
+        clock_offset = -2.5
+        [channels]
+        x = "nav:E"
+        y = "nav:N"
+        psi = { from = "imu:yaw", unit = "deg" }
+        r = { from = "imu:gz", unit = "rad/s" }
+        delta_r_cmd = { from = "fins:pwm", scale = 0.1, offset = -150.0, unit = "deg" }
+        """,
+        *(tmp_path / f"{n}.csv" for n in ("nav", "imu", "fins")),
+    )  # fmt: skip
+    run = trial.runs[0]
+    assert run.t.size == t.size
+    np.testing.assert_allclose(
+        run.data["psi"] - run.data["psi"][0], truth["psi"] - truth["psi"][0], atol=1e-8
+    )
+    np.testing.assert_allclose(np.sin(run.data["psi"] - truth["psi"]), 0.0, atol=1e-8)
+    np.testing.assert_allclose(run.data["r"], truth["r"], atol=1e-8)
+    assert np.isfinite(run.data["x"]).sum() == t[nav].size  # its own rate; the other cells are empty
+    np.testing.assert_allclose(run.data["x"][::10], truth["x"][::10], atol=1e-6)
+    np.testing.assert_allclose(run.data["y"][::10], truth["y"][::10], atol=1e-6)
+    np.testing.assert_allclose(run.commands["delta_r_cmd"][::4], truth["delta_r_cmd"][::4], atol=1e-8)
+    said = json.loads((tmp_path / "bundle" / "provenance.json").read_text())["runs"][0]
+    assert said["start_utc"] == "2024-05-01T10:00:00+00:00"
+    assert set(said["sources"]) == {"nav.csv", "imu.csv", "fins.csv"}
+    assert said["channels"]["x"]["from"] == ["nav:N"]
+    assert said["channels"]["x"]["readings"] == t[nav].size
+
+
+# --- proposals
+
+
+def _error(trial, truth):
+    """Largest median error over runs, in units of what is tolerated; rudder as the share of wrong orders."""
+    worst = 0.0
+    for run in trial.runs:
+        for name, tolerated in {"psi": 0.03, "u": 0.06, "v": 0.06, "r": 0.012, "x": 0.5, "y": 0.5}.items():
+            if name not in run.data:
+                continue
+            off = run.data[name] - np.interp(run.t, truth["t"], truth[name])
+            off = off[np.isfinite(off)]
+            off = np.sin(off) if name == "psi" else off - np.median(off) if name in "xy" else off
+            worst = max(worst, float(np.median(np.abs(off))) / tolerated)
+        last = np.clip(np.searchsorted(truth["t"], run.t + 1e-9, side="right") - 1, 0, None)
+        worst = max(
+            worst, float(np.mean(np.abs(run.input("delta_r") - truth["delta_r_cmd"][last]) > 0.01)) / 0.15
+        )
+        worst = max(worst, float(np.mean(np.abs(run.input("n") - truth["n_cmd"][last]) > 1.0)) / 0.15)
+    return worst
+
+
+def test_logs_of_random_shape_are_read_rightly_or_asked_about_and_never_wrongly(tmp_path):
+    """Seeds 0 to 39. A log that holds what its axes, units and clocks are must need no map in four of
+    five."""
+    pytest.importorskip("pyarrow")
+    told, right, wrong = 0, 0, []
+    for seed in range(40):
+        folder = tmp_path / str(seed)
+        folder.mkdir()
+        shape, truth = draw(np.random.default_rng(seed), folder)
+        tells = not shape.ambiguous and not shape.late and shape.words["units"] != "none"
+        told += tells
+        found = propose(shape.files, "remus100").map
+        if found.questions:
+            continue
+        assert not shape.ambiguous and not shape.late
+        whole = replace(found, runs=())
+        runs, origin = apply_map(whole, shape.files)
+        write_bundle(whole, runs, origin, folder / "bundle", None)
+        off = _error(load_trial(folder / "bundle"), truth)
+        right += tells and off < 1.0
+        if off >= 1.0:
+            wrong.append((seed, off, shape.words))
+    assert not wrong
+    assert told > 10
+    assert right >= 0.8 * told
+
+
+def test_a_proposed_map_reads_back_as_it_is(tmp_path):
+    shape, _ = draw(np.random.default_rng(3), tmp_path)
+    proposal = propose(shape.files, "remus100", "pond")
+    (tmp_path / "map.toml").write_text(map_text(proposal.map, proposal.remarks, proposal.unused))
+    assert read_map(tmp_path / "map.toml") == proposal.map
+
+
+def _table(tmp_path, truth, columns, name="log.csv"):
+    lines = [",".join(columns)] + [
+        ",".join(f"{v:.9g}" for v in row) for row in zip(*columns.values(), strict=True)
+    ]
+    (tmp_path / name).write_text("\n".join(lines) + "\n")
+    return tmp_path / name
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({}, "which axes"),  # x, y and yaw alone fit their mirror image
+        ({"rudder [deg]": None}, "no rudder found"),
+        ({"yaw [deg]": None, "r [deg/s]": None}, "no heading found"),
+        ({"r [deg/s]": lambda c: c * DEG}, "integral of"),  # rad/s labelled deg/s
+        ({"rudder [deg]": lambda c: c * DEG}, "radians"),
+        ({"yaw [deg]": lambda c: c + 25.0}, "off the heading"),
+        ({"u [m/s]": lambda c: c / 0.514444}, "times as long"),
+        ({"x [m]": lambda c: c + 0.02 * np.arange(c.size)}, "through the water"),  # a current of 0.2 m/s
+    ],
+)
+def test_what_is_doubtful_is_asked(tmp_path, change, words):
+    truth = motion(np.random.default_rng(7))
+    columns = {
+        "t [s]": truth["t"], "x [m]": truth["x"], "y [m]": truth["y"], "yaw [deg]": truth["psi"] / DEG,
+        "u [m/s]": truth["u"], "v [m/s]": truth["v"], "r [deg/s]": truth["r"] / DEG,
+        "rudder [deg]": truth["delta_r_cmd"] / DEG, "rpm": truth["n_cmd"],
+    }  # fmt: skip
+    for key, what in change.items():
+        value = columns.pop(key)
+        if what is not None:
+            columns[key] = what(value)
+    asked = propose([_table(tmp_path, truth, columns)]).map.questions
+    assert any(words in text for text in asked), asked
+
+
+def test_runs_are_cut_by_their_commands():
+    truth = motion(np.random.default_rng(8))
+    pieces = cutting.cut(truth["t"], truth["delta_r_cmd"], truth["psi"], truth["u"])
+    kinds = [p.kind for p in pieces if p.kind != "straight"]
+    assert kinds == ["zigzag", "zigzag", "turn", "turn", "random"]
+    words = [p.words.removeprefix("zigzag ").split("/") for p in pieces if p.kind == "zigzag"]
+    np.testing.assert_allclose(
+        np.array(words, dtype=float), [[20, 20], [10, 10]], atol=2.5
+    )  # it turns 2 deg in a sample
+    for a, b in zip(pieces[:-1], pieces[1:], strict=True):
+        assert a.end <= b.start + 1e-9
+
+
+def test_a_staircase_of_orders_is_a_spiral_and_a_stop_is_rest():
+    levels = [0, 15, 10, 5, 0, -5, -10, -15, -10, -5, 0, 5, 10, 15, 0]
+    t = np.arange(0.0, 40.0 * len(levels), 0.5)
+    rudder = np.array(levels)[(t // 40).astype(int)] * DEG
+    pieces = cutting.cut(t, rudder, np.cumsum(-rudder) * 0.02, np.ones(t.size))
+    assert "spiral" in [p.kind for p in pieces]
+    speed = np.where(t < 300.0, 1.0, 0.0)
+    assert cutting.cut(t, np.zeros(t.size), np.zeros(t.size), speed)[-1].kind == "rest"
+
+
+# --- the command
+
+
+def test_the_command_asks_first_and_imports_the_answered_map(tmp_path, capsys):
+    truth = motion(np.random.default_rng(9))
+    columns = {
+        "t [s]": truth["t"], "x [m]": truth["y"], "y [m]": truth["x"], "yaw [rad]": np.pi / 2 - truth["psi"],
+        "rudder_cmd [deg]": -truth["delta_r_cmd"] / DEG, "rpm_cmd": truth["n_cmd"],
+    }  # fmt: skip
+    path, out = _table(tmp_path, truth, columns), tmp_path / "bundle"
+    assert bayesid(["trial", "import", str(path), "--out", str(out), "--vehicle", "remus100"]) == 3
+    assert not (out / "trial.toml").exists()
+    assert (out / "runs_1.png").stat().st_size > 10_000
+    assert "which axes?" in capsys.readouterr().out
+    again = ["trial", "import", str(path), "--map", str(out / "map.toml"), "--out", str(out)]
+    assert bayesid(again) == 2  # the question is still open
+    text = (out / "map.toml").read_text()
+    asked = text[text.index("questions = [") : text.index("]\n", text.index("questions = [")) + 2]
+    assert 'rudder_positive = \\"starboard\\"' in asked  # what the mirror image needs is said
+    text = text.replace(asked, "").replace('world = "ned"', 'world = "enu"')
+    text = text.replace('rudder_positive = "port"', 'rudder_positive = "starboard"')
+    (out / "map.toml").write_text(text)
+    assert bayesid(again) == 0
+    trial = load_trial(out)
+    assert len(trial.runs) >= 5
+    assert [run.role for run in trial.runs].count("holdout") == 1
+    run = next(r for r in trial.runs if r.manoeuvre.startswith("zigzag 2"))
+    start = float(run.notes.rpartition(", ")[2].split(" to ")[0])
+    at = np.argmin(np.abs(truth["t"] - start))
+    np.testing.assert_allclose(np.sin(run.data["psi"][0] - truth["psi"][at]), 0.0, atol=0.02)
+    assert run.data["psi"][-1] - run.data["psi"][0] == pytest.approx(
+        np.interp(start + run.duration, truth["t"], truth["psi"]) - truth["psi"][at], abs=0.05
+    )
+    assert np.sign(run.commands["delta_r_cmd"][np.argmax(run.commands["delta_r_cmd"] != 0)]) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[sources.log]\nfiles = 'log.csv'\n[channels]\npsy = 'yaw'", "did you mean 'psi'"),
+        (
+            "[sources.log]\nfiles = 'log.csv'\n[channels]\npsi = { from = 'yaw', unit = 'kn' }",
+            "unit of speed",
+        ),
+        ("[sources.log]\nfiles = 'log.csv'\n[channels]\npsi = 'jaw'", "has no series 'jaw'"),
+        ("[sources.log]\nfiles = 'other.csv'\n[channels]\npsi = 'yaw'", "matches no"),
+        ("wordl = 'ned'\n[sources.log]\nfiles = 'log.csv'", "did you mean 'world'"),
+        ("questions = ['which?']\n[sources.log]\nfiles = 'log.csv'", "questions of the map are open"),
+        ("[sources.log]\nfiles = 'log.csv'\n[[runs]]\nfiles = ['no.csv']", "none of the runs"),
+    ],
+)
+def test_a_map_that_does_not_fit_says_where(tmp_path, text, words):
+    (tmp_path / "log.csv").write_text("t,yaw\n0,1\n1,2\n2,3\n3,4\n")
+    with pytest.raises(ImportLogError, match=words):
+        imported(tmp_path, text, tmp_path / "log.csv")
+
+
+def test_the_noise_of_a_channel_at_half_the_rate_of_the_rows_is_that_of_its_readings():
+    """Joined files of other rates leave empty cells; a diagnosis once found no noise in them."""
+    from types import SimpleNamespace
+
+    from bayesid.diagnosis.data.problem import _noise_from_data
+
+    readings = np.random.default_rng(1).normal(scale=0.2, size=400)
+    rows = np.full(800, np.nan)
+    rows[::2] = readings
+    dense, sparse = (_noise_from_data((SimpleNamespace(data={"x": v}),), ["x"]) for v in (readings, rows))
+    assert sparse == dense
+    assert sparse["x"] == pytest.approx(0.2, rel=0.2)
