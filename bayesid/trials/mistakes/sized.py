@@ -30,7 +30,7 @@ CLOCK_FLOOR = 0.001  # to which scales are known at best
 # Delays tried, in L/U; shorter ones are the catalogue's latency
 DELAYS = (4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0)
 LATE = {"u, v": ("u", "v", "w"), "psi": ("psi",), "r": ("r",), "x, y": ("x", "y")}
-UNDISTURBED = 0.05  # residual over size: delays of several lengths leave more
+UNDISTURBED = 0.1  # residual over size: delays of several lengths leave more
 BETTER = 0.7  # residual after over before: a delay that is there is worth more than noise
 LONGEST_SHARE = 0.2  # of a run
 DEAD_TURN = 0.3  # rad turned while a rate or heading stands still
