@@ -4,21 +4,26 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from bayesid.api.input_result import InputResult
 from bayesid.api.inputs import Names, TrialLike, VehicleLike, declared_effects, model_of, prepared, trial_of
 from bayesid.api.result import Result, table
 from bayesid.diagnosis.diagnosed_model import write_diagnosed
+from bayesid.diagnosis.input import check_trial, mended, not_enough
 from bayesid.diagnosis.run import Diagnosis
 from bayesid.diagnosis.run import diagnose as run
 from bayesid.diagnosis.summary import summary
 from bayesid.files import write_json
 from bayesid.progress import Progress, RouteStep
 from bayesid.report.diagnosis.report import diagnosis_report, write_diagnosis_report
+from bayesid.report.input import check_record, in_order_line
 from bayesid.report.writer import Report
+from bayesid.trials import Trial
+from bayesid.trials.mistakes import InputCheck
 
 if TYPE_CHECKING:
     import pandas
@@ -49,9 +54,14 @@ def diagnose(
     draws: bool = False,
     keep_model: bool = True,
     seed: int = 0,
+    trust_input: bool = False,
     progress: Progress | None = None,
-) -> DiagnoseResult:
+) -> DiagnoseResult | InputResult:
     """Diagnose the gap between a simulator and a trial; held-out runs are read only after the verdict stands.
+
+    A log that does not say what its header says is told first: the verdict is then `input`, with the mend and
+    the diagnosis of the log mended in memory. One that holds too little to say anything gets
+    `not_enough`.
 
     Parameters
     ----------
@@ -63,20 +73,37 @@ def diagnose(
     next_manoeuvre : also rank manoeuvres to execute next
     draws : also sample the named effects' parameters by emcee
     keep_model : also make the model that `bayesid.predict` draws from
+    trust_input : take the log as it is
 
     Raises
     ------
     TrialError, VehicleError, ModelError
         what cannot be read, or nothing to identify from
     """
-    logged = prepared(trial_of(trial, data), resample=resample)
+    logged = trial_of(trial, data)
     model = model_of(logged, vehicle, declared_effects(effects), exclude)
-    told = (progress or Progress(quiet=True)).route(_route(next_manoeuvre, draws, keep_model))
-    found = run(
-        logged, model, seed=seed, notify=told, as_built=prior, plan_next=next_manoeuvre, draw=draws,
-        keep_model=keep_model,
-    )  # fmt: skip
-    return DiagnoseResult(found)
+    shown = progress or Progress(quiet=True)
+
+    def diagnosis(of: Trial, checked: InputCheck) -> DiagnoseResult:
+        told = shown.route(_route(next_manoeuvre, draws, keep_model))
+        found = run(
+            of, model, seed=seed, notify=told, as_built=prior, plan_next=next_manoeuvre, draw=draws,
+            keep_model=keep_model,
+        )  # fmt: skip
+        return DiagnoseResult(found, checked)
+
+    if trust_input:
+        return diagnosis(prepared(logged, resample=resample), InputCheck())
+    shown.note("input: what the channels say of one another")
+    checked = check_trial(logged, model)
+    mend = all(finding.correction is not None for finding in checked.findings)
+    if checked.findings and not mend:
+        return InputResult(logged.name, checked)
+    trial = prepared(mended(logged, checked) if checked.findings else logged, resample=resample)
+    if reasons := not_enough(trial, model):
+        return InputResult(logged.name, checked, reasons)
+    result = diagnosis(trial, checked)
+    return InputResult(logged.name, checked, (), result) if checked.findings else result
 
 
 def _route(next_manoeuvre: bool, draws: bool, keep_model: bool) -> list[RouteStep]:
@@ -90,6 +117,7 @@ class DiagnoseResult(Result):
     """A diagnosis."""
 
     found: Diagnosis
+    checked: InputCheck = field(default_factory=InputCheck)
 
     @property
     def verdict(self) -> str:
@@ -103,7 +131,7 @@ class DiagnoseResult(Result):
 
     @cached_property
     def _record(self) -> dict[str, Any]:
-        return self.found.result.record()
+        return {**self.found.result.record(), "input": check_record(self.checked)}
 
     def record(self) -> Mapping[str, Any]:
         return self._record
@@ -130,4 +158,6 @@ class DiagnoseResult(Result):
         return write_diagnosis_report(self.found.result, target)
 
     def summary(self, verbose: bool = False) -> str:
-        return summary(self.found.result, verbose)
+        line = in_order_line(self.checked)
+        text = summary(self.found.result, verbose)
+        return f"{line}\n{text}" if line else text

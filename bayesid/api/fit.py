@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, Literal
 from bayesid.api.inputs import Names, TrialLike, VehicleLike, names_of, prepared, trial_of, vehicle_of
 from bayesid.api.result import Result, table
 from bayesid.diagnosis.diagnosed_model import remove_fitted, write_diagnosed
-from bayesid.errors import BayesidError, FitError
+from bayesid.diagnosis.input import not_enough
+from bayesid.errors import BayesidError, FitError, TrialError
 from bayesid.estimation.likelihood import NoiseParts
 from bayesid.estimation.likelihood.posterior import CONFLICT
 from bayesid.estimation.output_error import FitOptions
@@ -100,6 +101,8 @@ def fit(
             f"{ship.name} has no coefficient {', '.join(unknown)} to keep; it has {', '.join(ship.coef)}"
         )
     chosen = prepared(logged, runs, resample, QUICK_SAMPLES if quick else None)
+    if lacking := not_enough(chosen):
+        raise TrialError(f"{logged.name}: {'; '.join(lacking)}")
     few = {"rounds": QUICK_ROUNDS} if quick else {}
     # profile None: the noise is estimated where the trial leaves that of a channel open
     options = FitOptions(seed=seed, starts=starts, profile=True if estimate_noise else None, **few)

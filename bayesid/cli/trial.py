@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bayesid.cli.choices import Bundle, Data
+from bayesid.cli.choices import Bundle, Data, Vehicle
 from bayesid.cli.options import Json, Out, Verbose
 
 if TYPE_CHECKING:
@@ -26,23 +27,34 @@ RUN_COLUMNS = (
 
 
 def check(
-    bundle: Bundle, data: Data = None, out: Out = None, as_json: Json = False, verbose: Verbose = False
+    bundle: Bundle,
+    data: Data = None,
+    vehicle: Vehicle = None,
+    out: Out = None,
+    as_json: Json = False,
+    verbose: Verbose = False,
 ) -> int:
-    """Read a bundle, list everything odd about it and what its channels hold."""
+    """Read a bundle, list everything odd about it and what its channels hold.
+
+    Mistakes of signs, units, axes and clock come first, each with the line of trial.toml that mends it; with
+    a vehicle also those that kinematics alone does not tell.
+    """
+    from bayesid.api.check import check as run
     from bayesid.cli.output import print_json
     from bayesid.files import write_json
     from bayesid.trials import load_trial, trial_summary
 
     trial = load_trial(bundle, data)
-    vehicle = _vehicle_problem(trial)
-    summary = {**trial_summary(trial), "vehicle_problem": vehicle}
+    problem = None if vehicle else _vehicle_problem(trial)
+    found = run(trial, vehicle if problem is None else None, with_vehicle=problem is None)
+    summary = {**trial_summary(trial), "vehicle_problem": problem, **found.record()}
     if out is not None:
         write_json(out / "trial_check.json", summary)
     if as_json:
         print_json(summary)
     else:
-        _print(summary, verbose)
-    return 0 if vehicle is None else 2
+        _print(summary, found.sentences, verbose)
+    return 0 if problem is None else 2
 
 
 def _vehicle_problem(trial: Trial) -> str | None:
@@ -59,8 +71,9 @@ def _vehicle_problem(trial: Trial) -> str | None:
     return None
 
 
-def _print(summary: dict[str, Any], verbose: bool) -> None:
+def _print(summary: dict[str, Any], mistakes: Sequence[str], verbose: bool) -> None:
     from bayesid.cli.output import print_table, print_text
+    from bayesid.report.input import grouped
 
     vehicle = Path(summary["vehicle"]).name or "not stated"
     size = f"{len(summary['runs'])} runs, {summary['dof']} degrees of freedom"
@@ -68,6 +81,11 @@ def _print(summary: dict[str, Any], verbose: bool) -> None:
     if summary["attribution"]:
         print_text(summary["attribution"])
     print_text()
+    if mistakes:
+        print_text(f"{len(mistakes)} {'mistake' if len(mistakes) == 1 else 'mistakes'} in the log:")
+        for sentence in mistakes:
+            print_text(f"  - {sentence}")
+        print_text()
     print_table(RUN_COLUMNS, [_run_row(run) for run in summary["runs"]], digits=3)
     print_text()
     print_table(
@@ -81,13 +99,16 @@ def _print(summary: dict[str, Any], verbose: bool) -> None:
                 f"\n{run['name']}: channels {', '.join(run['channels'])}; inputs {', '.join(run['inputs'])}"
                 + (f"; further columns {', '.join(run['extra'])}" if run["extra"] else "")
             )
-    if summary["warnings"]:
-        print_text(f"\n{len(summary['warnings'])} remarks:")
-        for warning in summary["warnings"]:
-            print_text(f"  - {warning}")
+    if summary["input_in_order"]:
+        print_text(f"\n{summary['input_in_order']}")
+    remarks = summary["warnings"] if verbose else grouped(summary["warnings"])
+    if remarks:
+        print_text(f"\n{len(remarks)} remarks:")
+        for remark in remarks:
+            print_text(f"  - {remark}")
     if summary["vehicle_problem"]:
         print_text(f"\nThe vehicle cannot be used:\n{summary['vehicle_problem']}")
-    elif not summary["warnings"]:
+    elif not summary["warnings"] and not mistakes:
         print_text("\nNothing odd found.")
 
 

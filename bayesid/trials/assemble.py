@@ -237,9 +237,18 @@ def _drop_absurd(name: str, values: dict[str, Floats], notices: list[str]) -> No
         del values[name]
 
 
+OUTSIDE = 0.05  # share of readings beyond one turn that no wrapped angle has
+
+
 def unwrap(angle: Floats) -> Floats:
-    """Continuous angle, rad, whatever wrap was logged; NaN stay NaN, steps across them go the short way."""
+    """Continuous angle, rad, whatever wrap was logged; NaN stay NaN, steps across them go the short way.
+
+    One that spans more than a turn was not wrapped where it was logged and stays as it is: in degrees read as
+    radians every step of a fast turn would be lost otherwise.
+    """
     good = np.isfinite(angle)
+    if good.any() and float(np.mean(np.abs(angle[good] - np.median(angle[good])) > 2.01 * np.pi)) > OUTSIDE:
+        return angle
     if good.all():
         if (np.abs(np.diff(angle)) <= np.pi).all():
             return angle

@@ -17,6 +17,7 @@ import numpy as np
 from bayesid.errors import TrialError, raise_all
 from bayesid.model.channels import channel
 from bayesid.trials.assemble import assemble
+from bayesid.trials.correction import apply
 from bayesid.trials.health import check_run, check_runs
 from bayesid.trials.paths import safe_path
 from bayesid.trials.stated import RunEntry, Stated
@@ -127,6 +128,7 @@ def make_trial(
                 run = assemble(table, stated.reading, entry.name, entry.manoeuvre, entry.role, entry.notes)
                 if entry.window is not None:
                     run = window(run, *entry.window)
+                run = apply(stated.correction, run)
                 notices = check_run(run)
         except BadTableError as error:
             problems += [f"{entry.file}: {problem}" for problem in error.problems]

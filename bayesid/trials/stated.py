@@ -4,8 +4,9 @@ Takes the parsed TOML tree; gives `Stated` with every problem and every odd key 
 Does not: open files.
 
 Beyond the bundle format these keys are read: `time_repair = "sort"` (sort rows by time and merge those
-of equal time), `attribution` (for reports), `data_hint` (for the message when logs are kept elsewhere), and
-per run `notes` and `window = [start, end]` in seconds of the log.
+of equal time), `[corrections]` (what the numbers are where the header is wrong), `attribution` (for reports),
+`data_hint` (for the message when logs are kept elsewhere), and per run `notes` and `window = [start, end]` in
+seconds of the log.
 """
 
 from __future__ import annotations
@@ -19,12 +20,13 @@ from typing import Any
 from bayesid.model.channels import channel, is_channel, nearest_hint
 from bayesid.model.units import UnitError, scale
 from bayesid.trials.assemble import TIME_REPAIRS, Reading, split_header
+from bayesid.trials.correction import read_correction
 from bayesid.trials.trial import ROLES, Environment
 
 MAX_RUNS = 10_000
 _KEYS = (
     "format", "name", "vehicle", "dof", "measured_point", "rudder_positive", "time_repair", "attribution",
-    "data_hint", "noise", "environment", "columns", "runs",
+    "data_hint", "noise", "environment", "columns", "corrections", "runs",
 )  # fmt: skip
 _RUN_KEYS = ("file", "manoeuvre", "role", "notes", "window")
 
@@ -74,7 +76,11 @@ class Stated:
         self.reading = Reading(self._columns(), side, repair)
         self.noise = self._noise()
         self.environment = self._environment()
+        self.correction = read_correction(tree.get("corrections", {}), self.problems)
         self.runs = self._runs()
+        there = {entry.name for entry in self.runs}
+        if lost := [name for name in self.correction.runs if name not in there]:
+            self.problems.append(f"[corrections] runs: no run {', '.join(lost)}")
 
     def _unknown(self, table: dict[str, Any], known: tuple[str, ...], place: str) -> None:
         for key in table:

@@ -1,0 +1,10 @@
+"""Mistakes of the log, before any cause of a gap is weighed.
+
+Takes a trial and a model. Gives what is wrong with the input, the mend, and the trial mended.
+Does not: weigh effects, or change a file.
+"""
+
+from bayesid.diagnosis.input.check import check_trial, mended
+from bayesid.diagnosis.input.enough import not_enough
+
+__all__ = ["check_trial", "mended", "not_enough"]

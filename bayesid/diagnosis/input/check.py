@@ -1,0 +1,48 @@
+"""A trial checked for mistakes of the log, by kinematics and by its vehicle.
+
+Takes a trial and a model. Gives an `InputCheck`, and the trial with its mends applied in memory.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from bayesid.diagnosis.input.vehicle_witness import VehicleWitness
+from bayesid.equations.model import Model
+from bayesid.trials import Trial
+from bayesid.trials.correction import apply
+from bayesid.trials.mistakes import InputCheck, check_input
+
+RUNS_COUNT_AS = 2.0  # independent witnesses, however many runs: they share one simulator's errors
+
+
+def check_trial(trial: Trial, model: Model | None = None) -> InputCheck:
+    """Mistakes in the runs a fit may read; held-out runs are not looked at.
+
+    Parameters
+    ----------
+    model : with it the vehicle is a witness too
+    """
+    runs = trial.identify
+    if not runs:
+        return InputCheck()
+    if model is None:
+        return check_input(runs)
+    witness = VehicleWitness(model, min(1.0, RUNS_COUNT_AS / len(runs)))
+    return check_input(runs, model.scales["L"] / model.scales["U"], witness)
+
+
+def mended(trial: Trial, check: InputCheck) -> Trial:
+    """The trial with every mend applied; held-out runs too where all runs have the mistake."""
+    runs = []
+    for run in trial.runs:
+        for finding in check.findings:
+            if finding.correction is not None:
+                run = apply(finding.correction, run)
+        runs.append(run)
+    noise = dict(trial.noise)
+    for finding in check.findings:
+        if finding.correction is not None:
+            noise = {k: v * abs(finding.correction.scale.get(k, 1.0)) for k, v in noise.items()}
+            noise = {finding.correction.rename.get(k, k): v for k, v in noise.items()}
+    return replace(trial, runs=tuple(runs), noise=noise)

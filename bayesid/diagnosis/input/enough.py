@@ -1,0 +1,105 @@
+"""Whether a trial holds enough to say anything: readings, sampling, inputs that move, a vehicle that moves.
+
+Takes a trial, and a model where there is one. Gives sentences; empty where there is enough.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from bayesid.equations.model import Model
+from bayesid.trials import Run, Trial
+
+FEWEST = 8  # readings of a run, fewer than its first state and a response have unknowns
+COARSE = math.radians(90.0)  # heading from reading to reading: the turn between them is not told
+STILL = 0.02  # speed over the vehicle's usual one, or m/s where none is known
+STEADY_COURSE, STEADY_SPEED = math.radians(20.0), 0.2  # rad, and of the speed
+LEAST_FIN = math.radians(0.05)
+
+
+def not_enough(trial: Trial, model: Model | None = None) -> tuple[str, ...]:
+    """Why nothing can be told from the runs a fit may read, one sentence each."""
+    runs = trial.identify
+    if not runs:
+        return ()
+    out = []
+    short = [run for run in runs if _readings(run) < FEWEST]
+    if len(short) == len(runs):
+        most = max(_readings(run) for run in runs)
+        out.append(f"no run has more than {most} readings; at least {FEWEST} are needed to tell a response")
+        return tuple(out)
+    coarse = [(run, step) for run in runs if (step := _turn_between(run)) > COARSE]
+    if len(coarse) == len(runs):
+        worst = math.degrees(max(step for _, step in coarse))
+        out.append(
+            f"the heading moves by up to {worst:.0f} degrees from reading to reading; log it more often, the "
+            "turn between two readings is not told"
+        )
+    speed = model.scales["U"] if model is not None else 1.0
+    if all(_fastest(run) < STILL * speed for run in runs):
+        out.append("the vehicle is at rest in every run; forces of the water show in motion only")
+    if all(_steady(run) for run in runs):
+        out.append(
+            "every run is straight and steady with no input that moves: what rudder, planes and propeller do "
+            "cannot be seen; run a zig-zag or a turning circle"
+        )
+    return tuple(out)
+
+
+def still_inputs(trial: Trial) -> tuple[str, ...]:
+    """Inputs that are logged and never move in any run a fit may read."""
+    names = [
+        n for n in ("delta_r", "delta_s", "delta_b") if any(r.input(n) is not None for r in trial.identify)
+    ]
+    return tuple(n for n in names if not any(_moves(run, n) for run in trial.identify))
+
+
+def _readings(run: Run) -> int:
+    return max((int(np.isfinite(v).sum()) for v in run.data.values()), default=0)
+
+
+def _turn_between(run: Run) -> float:
+    """95 % of the turns from reading to reading [rad]."""
+    psi = run.data.get("psi")
+    if psi is None:
+        return 0.0
+    good = psi[np.isfinite(psi)]
+    return float(np.percentile(np.abs(np.diff(good)), 90)) if good.size > 2 else 0.0
+
+
+def _fastest(run: Run) -> float:
+    """Speed [m/s] that a tenth of the readings exceed; of the track where none is logged."""
+    for name in ("u", "u_water"):
+        if name in run.data and np.isfinite(run.data[name]).any():
+            return float(np.nanpercentile(np.abs(run.data[name]), 90))
+    if {"x", "y"} <= set(run.data):
+        x, y = run.data["x"], run.data["y"]
+        good = np.flatnonzero(np.isfinite(x) & np.isfinite(y))[:: max(1, run.n_samples // 20)]
+        if good.size > 1:
+            return float(np.max(np.hypot(np.diff(x[good]), np.diff(y[good])) / np.diff(run.t[good])))
+    return math.inf
+
+
+def _steady(run: Run) -> bool:
+    """Nothing ordered, course and speed kept."""
+    if any(_moves(run, name) for name in ("delta_r", "delta_s", "delta_b", "n")):
+        return False
+    for name, least in (("psi", STEADY_COURSE), ("theta", STEADY_COURSE)):
+        if name in run.data and float(np.nanmax(run.data[name]) - np.nanmin(run.data[name])) > least:
+            return False
+    u = run.data.get("u", run.data.get("u_water"))
+    if u is None:
+        return "psi" in run.data
+    middle = float(np.nanmedian(np.abs(u)))
+    spread = float(np.nanpercentile(u, 95) - np.nanpercentile(u, 5))
+    return spread < STEADY_SPEED * max(middle, 1e-9)
+
+
+def _moves(run: Run, name: str) -> bool:
+    values = run.input(name)
+    if values is None:
+        return False
+    least = LEAST_FIN if name != "n" else 0.01 * max(float(np.max(np.abs(values))), 1e-9)
+    return float(np.ptp(values)) > least

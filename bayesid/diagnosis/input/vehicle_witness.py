@@ -1,0 +1,232 @@
+"""What a vehicle says of a log: speed at its revolutions, and how much it turns for its rudder.
+
+Takes a model and a run. Gives log likelihoods under wide densities: a simulator that is to be judged may be
+wrong by tens of percent, not by a sign or a unit.
+Does not: know mistakes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from bayesid.equations.model import Model
+from bayesid.errors import BayesidError
+from bayesid.model.vehicles import self_propulsion_speed
+from bayesid.simulation import plan_run, simulate
+from bayesid.trials import Run
+
+Array = np.ndarray
+
+SPEED_SD = 0.2  # of the logarithm of speed over self-propulsion speed
+GAIN_SD = 0.4  # of the logarithm of turn over simulated turn
+TAIL = 2.0  # standard deviations from which on the log density falls linearly
+WRONG_SIDE = -12.0  # nats of a vehicle that turns away from where it is steered
+SURE_SIDE = 3.0  # standard deviations of a gain that is surely on one side
+PIECES, PIECE = 12, 4.0  # of a run; length of a piece in L/U
+# what a witness speaks on -> channels that matter to it
+NEEDS = {
+    "speed": frozenset({"t", "u", "u_water", "x", "y", "n", "n_cmd"}),
+    "turn": frozenset(
+        {"t", "u", "v", "r", "psi", "x", "y", "n", "n_cmd", "delta_r", "delta_r_cmd", "u_water"}
+    ),
+    "drift": frozenset({"v", "v_water", "r", "psi", "delta_r", "delta_r_cmd"}),
+    "pitch": frozenset({"t", "u", "w", "q", "theta", "delta_s", "delta_s_cmd", "x", "y"}),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class VehicleWitness:
+    """Log likelihood of a run by a vehicle.
+
+    Attributes
+    ----------
+    weight : of one run: runs of one trial share the vehicle's errors and count as two together
+    """
+
+    model: Model
+    weight: float = 1.0
+    needs: Mapping[str, frozenset[str]] = field(default_factory=lambda: dict(NEEDS))
+
+    def __call__(self, run: Run) -> dict[str, float]:
+        """What is witnessed -> log likelihood [nats]."""
+        out = {}
+        with np.errstate(all="ignore"):
+            speed = speed_ratio(self.model, run)
+            if speed is not None:
+                out["speed"] = self.weight * _log_density(math.log(speed) / SPEED_SD)
+            for key, fin, angle in (("turn", "delta_r", "psi"), ("pitch", "delta_s", "theta")):
+                try:
+                    gains = fin_gains(self.model, run, fin, angle)
+                except BayesidError:
+                    continue
+                for name, gain in zip((key, "drift"), gains, strict=True):
+                    if gain is not None and (name == key or fin == "delta_r"):
+                        out[name] = self.weight * _gain_density(*gain)
+        return {k: v for k, v in out.items() if math.isfinite(v)}
+
+
+def _log_density(z: float) -> float:
+    z = abs(z)
+    return -0.5 * z * z if z < TAIL else -TAIL * z + 0.5 * TAIL * TAIL
+
+
+def _gain_density(gain: float, sd: float) -> float:
+    """Log density of a gain that should be one, up to tens of percent."""
+    if gain < -SURE_SIDE * sd:
+        return WRONG_SIDE + _log_density(math.log(-gain) / GAIN_SD)
+    if gain < SURE_SIDE * sd:  # no turn to be seen: the gain is at most what its deviation allows
+        return _log_density(min(0.0, math.log(max(SURE_SIDE * sd, 1e-6))) / GAIN_SD)
+    return _log_density(math.log(gain) / math.hypot(GAIN_SD, sd / gain))
+
+
+def speed_ratio(model: Model, run: Run) -> float | None:
+    """Speed reached over self-propulsion speed at the usual revolutions of the run; None where unknown."""
+    n, speed = run.input("n"), _speed(run)
+    if n is None or speed is None:
+        return None
+    usual = float(np.median(n))
+    if not usual > 0:
+        return None
+    at = np.isfinite(speed) & (np.abs(n - usual) < 0.05 * usual)
+    if at.sum() < 5:
+        return None
+    try:
+        steady = self_propulsion_speed(model.vehicle, usual)
+    except BayesidError:
+        return None
+    reached = float(np.percentile(speed[at], 80))
+    return reached / steady if reached > 0 and steady > 0 else None
+
+
+Gain = tuple[float, float] | None
+
+
+def fin_gains(model: Model, run: Run, fin: str, angle: str) -> tuple[Gain, Gain]:
+    """Turn a fin gives over the turn it gives in the simulator, and sway over simulated sway, over pieces.
+
+    Returns
+    -------
+    tuple                      (gain, sd) each; None where the run does not say
+    """
+    order = run.input(fin)
+    speed = _speed(run)
+    if order is None or speed is None or angle not in run.data or np.ptp(order) == 0.0:
+        return None, None
+    usual = float(np.nanmedian(speed))
+    if angle not in model.states or not usual > 0:
+        return None, None
+    travel = model.scales["L"] / usual
+    length = max(PIECE * travel, 3.0 * float(np.median(np.diff(run.t))))
+    if run.duration < 3 * length:
+        return None, None
+    starts = np.linspace(run.t[0] + travel, run.t[-1] - length, min(PIECES, int(run.duration / length)))
+    rows = [row for t0 in starts if (row := _piece(model, run, speed, fin, angle, t0, length, travel))]
+    if len(rows) < 4:
+        return None, None
+    turned, steered, slid, simulated = np.array(rows).T
+    return _slope(turned, steered), _slope(slid, simulated)
+
+
+def _slope(logged: Array, simulated: Array) -> Gain:
+    """Logged over simulated beside a constant, and its sd."""
+    if not (np.isfinite(logged).all() and np.ptp(simulated) > 0):
+        return None
+    x = simulated - simulated.mean()
+    power = float(x @ x)
+    gain = float(x @ logged) / power
+    left = logged - logged.mean() - gain * x
+    return gain, math.sqrt(max(float(left @ left) / max(1, logged.size - 2) / power, 1e-12))
+
+
+def _piece(
+    model: Model, run: Run, speed: Array, fin: str, angle: str, t0: float, length: float, travel: float
+) -> tuple[float, float, float, float] | None:
+    """Turn beyond what a free start gives and last sway, each logged and simulated; None where not read."""
+    inside = (run.t >= t0) & (run.t <= t0 + length)
+    if inside.sum() < 3:
+        return None
+    t = run.t[inside]
+    turned = _ends(run.t, run.data[angle], t[0], t[-1], travel)
+    start = _start(model, run, speed, t[0], travel)
+    if turned is None or start is None:
+        return None
+    groups = [{k: v[inside] for k, v in group.items()} for group in (run.commands, run.measured_inputs)]
+    names = (f"{fin}_cmd", fin)
+    free = [{k: np.zeros(v.shape) if k in names else v for k, v in group.items()} for group in groups]
+    j = model.states.index(angle)
+    ends, sway = [], []
+    for commands, measured in (groups, free):
+        states = simulate(model, model.nominal, plan_run(model, t, commands, measured), start).states
+        ends.append(states[-1, j] - states[0, j])
+        sway.append(states[-1, model.states.index("v")])
+    if not np.isfinite(ends).all():
+        return None
+    side = next((run.data[k] for k in ("v", "v_water") if k in run.data), None)
+    slid = None if side is None else _line(run.t, side, t[-1], travel)
+    return turned - ends[1], ends[0] - ends[1], math.nan if slid is None else slid[0], sway[0]
+
+
+def _ends(t: Array, values: Array, first: float, last: float, around: float) -> float | None:
+    """Change of a reading between two times, each by a line through its neighbours."""
+    a, b = _line(t, values, first, around), _line(t, values, last, around)
+    return None if a is None or b is None else b[0] - a[0]
+
+
+def _line(t: Array, values: Array, at: float, around: float) -> tuple[float, float] | None:
+    """Value and slope at a time."""
+    good = np.isfinite(values)
+    near = good & (np.abs(t - at) <= 0.5 * around)
+    if near.sum() < 3:  # sampled too coarsely for a line: the reading itself, and its neighbours' slope
+        if good.sum() < 3:
+            return None
+        knots, read = t[good], values[good]
+        k = int(np.clip(np.searchsorted(knots, at), 1, knots.size - 2))
+        return float(np.interp(at, knots, read)), float(
+            (read[k + 1] - read[k - 1]) / (knots[k + 1] - knots[k - 1])
+        )
+    slope, value = np.polyfit(t[near] - at, values[near], 1)
+    return float(value), float(slope)
+
+
+def _start(model: Model, run: Run, speed: Array, t0: float, travel: float) -> Array | None:
+    """State at a time, as read; what is not read is zero, but the sway that goes with a turn."""
+    out = np.zeros(len(model.states))
+    place = {name: k for k, name in enumerate(model.states)}
+
+    def put(name: str, value: tuple[float, float] | None, which: int = 0) -> None:
+        if value is not None and name in place:
+            out[place[name]] = value[which]
+
+    # the sway is left to the simulator, which is then a witness of its sign
+    for name in ("psi", "phi", "theta", "r", "q", "p", "w", "z"):
+        if name in run.data:
+            put(name, _line(run.t, run.data[name], t0, travel))
+    for rate, angle in (("r", "psi"), ("q", "theta")):
+        if rate not in run.data and angle in run.data:
+            put(rate, _line(run.t, run.data[angle], t0, travel), 1)
+    along = _line(run.t, speed, t0, travel)
+    if along is None or not np.isfinite(out).all():
+        return None
+    out[place["u"]] = along[0]
+    out[place["v"]] = -0.3 * model.scales["L"] * out[place["r"]]
+    return out
+
+
+def _speed(run: Run) -> Array | None:
+    """Speed ahead [m/s]: as logged, else of the track."""
+    for name in ("u", "u_water"):
+        if name in run.data:
+            return run.data[name]
+    if not {"x", "y"} <= set(run.data):
+        return None
+    x, y = run.data["x"], run.data["y"]
+    good = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
+    good = good[:: max(1, good.size // 60)]
+    if good.size < 4:
+        return None
+    middle = 0.5 * (run.t[good][1:] + run.t[good][:-1])
+    return np.interp(run.t, middle, np.hypot(np.diff(x[good]), np.diff(y[good])) / np.diff(run.t[good]))

@@ -1,0 +1,153 @@
+"""What a check of the input found, in words, as a table and as a short report.
+
+Takes an `InputCheck`. Does not judge.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from bayesid.report.writer import Block, Report, Section, Table, Text, literal
+from bayesid.trials.mistakes import InputCheck, InputFinding
+
+_NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+TOLD = {
+    "track": "the track against speed and heading", "course": "the course against the heading",
+    "yaw": "the heading against the yaw rate", "depth": "the depth against speed and pitch",
+    "pitch": "the pitch angle against its rate", "roll": "the roll angle against its rate",
+    "rudder": "the turn after the rudder", "sway": "the side to which it slides in turns",
+    "size": "the size of the numbers", "vehicle's speed": "the vehicle's speed at its revolutions",
+    "vehicle's turn": "how the vehicle turns for its rudder",
+    "vehicle's pitch": "how it pitches for its planes",
+}  # fmt: skip
+
+
+def finding_sentence(finding: InputFinding) -> str:
+    """One sentence: what is wrong, where, what tells it, how sure, and the line that mends it."""
+    where = "" if finding.all_runs else f" in {_list(finding.runs)}"
+    told = _list([TOLD.get(k, k) for k in finding.told_by[:2]])
+    also = f"; these runs do not tell it from: {', '.join(finding.also)}" if finding.also else ""
+    mend = "; ".join(finding.mend[1:])
+    mend = f"; [corrections] {mend}" if mend else "; the column has to be logged anew"
+    fit = ""
+    if finding.before > 0 and finding.after < finding.before:
+        fit = f", unexplained {finding.before:.2g} before and {finding.after:.2g} after"
+    return f"{finding.says}{where} (probability {_probability(finding.probability)}; {told}{fit}){mend}{also}"
+
+
+def in_order_line(check: InputCheck) -> str:
+    """What was checked about the input and found in order, one line; empty where nothing was."""
+    if not check.in_order and not check.unseen:
+        return ""
+    good = f"input checked: {', '.join(check.in_order)} in order" if check.in_order else "input checked"
+    if check.unseen:
+        good += f"; not to be checked: {', '.join(check.unseen)}"
+    return good
+
+
+def grouped(warnings: Sequence[str]) -> list[str]:
+    """Remarks that differ in run and number alone as one, with how many runs have it."""
+    groups: dict[str, list[str]] = {}
+    for text in warnings:
+        file, mark, rest = text.partition(".csv: ")
+        key = _NUMBER.sub("#", rest) if mark and " " not in file else text
+        groups.setdefault(key, []).append(text)
+    return [
+        g[0] if len(g) == 1 else f"{g[0]} (and alike in {len(g) - 1} other runs)" for g in groups.values()
+    ]
+
+
+def check_record(check: InputCheck) -> dict[str, Any]:
+    """Plain data."""
+    return {
+        "findings": [
+            {
+                "name": f.name, "what": f.says, "channels": list(f.channels), "runs": list(f.runs),
+                "all_runs": f.all_runs, "probability": f.probability, "told_by": list(f.told_by),
+                "unexplained": {"before": f.before, "after": f.after}, "mend": list(f.mend),
+                "not_told_from": list(f.also),
+            }
+            for f in check.findings
+        ],
+        "in_order": list(check.in_order),
+        "not_checked": list(check.unseen),
+    }  # fmt: skip
+
+
+def input_summary(
+    check: InputCheck, reasons: Sequence[str], after: Mapping[str, Any] | None, verdict: str
+) -> str:
+    """What the terminal prints for a verdict on the input.
+
+    Parameters
+    ----------
+    reasons : why there is not enough to say anything
+    after : record of the diagnosis of the mended log; None where there was none
+    """
+    out = [f"verdict: {verdict}"]
+    out += [f"  {_upper(finding_sentence(f))}" for f in check.findings]
+    out += [f"  {_upper(reason)}" for reason in reasons]
+    if line := in_order_line(check):
+        out.append(line)
+    if check.findings:
+        out.append(after_words(after))
+        out.append("--trust-input diagnoses the log as it is")
+    return "\n".join(out)
+
+
+def after_words(after: Mapping[str, Any] | None) -> str:
+    """What the gap looks like once the mend is applied in memory."""
+    if after is None:
+        return "the log cannot be mended in memory, so nothing is said of a gap"
+    verdict = after["verdict"]
+    if verdict == "none":
+        return "with that mended, no gap is left"
+    if verdict == "model_form":
+        return "with that mended, no cause is left beyond a force that the equations lack"
+    names = ", ".join(effect["name"] for effect in after.get("effects", ()))
+    return f"with that mended, the verdict on the gap is {verdict}" + (f": {names}" if names else "")
+
+
+def input_report(
+    title: str, check: InputCheck, reasons: Sequence[str], after: Report | None, words: str
+) -> Report:
+    """A short report; the one of the mended log follows where there is one."""
+    lead = "**The log does not say what its header says.** " if check.findings else ""
+    lead += " ".join(f"{_upper(r)}." for r in reasons)
+    lead += f" {_upper(words)}." if words and check.findings else ""
+    blocks: list[Block] = []
+    if check.findings:
+        rows = [
+            [
+                f.says, ", ".join(f.channels), "all" if f.all_runs else ", ".join(f.runs),
+                _probability(f.probability), _list([TOLD.get(k, k) for k in f.told_by]),
+            ]
+            for f in check.findings
+        ]  # fmt: skip
+        blocks.append(Table(["what", "channels", "runs", "probability", "told by"], rows))
+        for f in check.findings:
+            if f.mend:
+                blocks.append(Text("To mend it, in trial.toml:\n\n```\n" + "\n".join(f.mend) + "\n```"))
+            if f.also:
+                blocks.append(Text(f"These runs do not tell it from: {literal(', '.join(f.also))}."))
+    if line := in_order_line(check):
+        blocks.append(Text(_upper(line) + "."))
+    sections = [Section("The input", blocks)]
+    if after is not None:
+        sections += [Section(f"Mended: {s.title}", s.blocks) for s in after.sections]
+    return Report(f"Input of {literal(title)}", lead.strip(), sections)
+
+
+def _probability(p: float) -> str:
+    return "above 0.999" if p > 0.999 else f"{math.floor(p * 1000) / 1000:.3f}"
+
+
+def _list(items: Sequence[str]) -> str:
+    return ", ".join(items[:-1]) + (" and " if len(items) > 1 else "") + items[-1] if items else ""
+
+
+def _upper(text: str) -> str:
+    return text[:1].upper() + text[1:]

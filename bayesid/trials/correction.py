@@ -1,0 +1,234 @@
+"""What is done to a log whose numbers are not what their header says: the table [corrections] of trial.toml.
+
+Takes the parsed table, or values; gives a `Correction` that turns a `Run` into the corrected one and writes
+itself as lines of trial.toml.
+Does not: find out what is wrong (`bayesid.trials.mistakes`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
+
+import numpy as np
+
+from bayesid.model.channels import channel, is_channel, nearest_hint
+from bayesid.trials.trial import Floats, Run
+
+EARTH_RADIUS = 6_371_000.0  # m, mean
+_GROUP = {
+    "pose": "data", "velocity": "data", "command": "commands", "actuator": "measured_inputs",
+    "propulsion": "propulsion", "environment": "exogenous",
+}  # fmt: skip
+_TEXT = {"heading_from": ("north", "east"), "velocity_axes": ("body", "earth")}
+
+
+@dataclass(frozen=True)
+class Correction:
+    """Corrections in the order they are applied.
+
+    Attributes
+    ----------
+    drop : channels that are not to be read
+    rename : channel -> what it really is, e.g. {"u": "u_water"}
+    geographic : x and y hold latitude and longitude in degrees
+    exchange : pairs of channels whose columns are exchanged
+    scale : channel -> factor on the logged number, e.g. -1 for a sign, 0.514444 for knots read as m/s
+    heading_from : "east" where psi counts from east towards north
+    velocity_axes : "earth" where u and v are the velocities north and east
+    offset : channel -> added, SI
+    from_time : channel -> seconds of the log from which on `offset` holds; the whole run where not stated
+    late : channel -> seconds by which it was logged late
+    time_scale : true seconds per second of the log
+    runs : names of the runs concerned; all where empty
+    """
+
+    drop: tuple[str, ...] = ()
+    rename: Mapping[str, str] = field(default_factory=dict)
+    geographic: bool = False
+    exchange: tuple[tuple[str, str], ...] = ()
+    scale: Mapping[str, float] = field(default_factory=dict)
+    heading_from: str = "north"
+    velocity_axes: str = "body"
+    offset: Mapping[str, float] = field(default_factory=dict)
+    from_time: Mapping[str, float] = field(default_factory=dict)
+    late: Mapping[str, float] = field(default_factory=dict)
+    time_scale: float = 1.0
+    runs: tuple[str, ...] = ()
+
+    @property
+    def channels(self) -> frozenset[str]:
+        """Channels that come out different; "t" stands for all."""
+        out = {*self.drop, *self.rename, *self.rename.values(), *self.scale, *self.offset, *self.late}
+        out |= {name for pair in self.exchange for name in pair}
+        out |= {"x", "y"} if self.geographic else set()
+        out |= {"psi"} if self.heading_from == "east" else set()
+        out |= {"u", "v"} if self.velocity_axes == "earth" else set()
+        return frozenset(out | ({"t"} if self.time_scale != 1.0 else set()))
+
+    def of(self, run: Run) -> bool:
+        """Whether the run is concerned."""
+        return not self.runs or run.name in self.runs
+
+    def lines(self) -> tuple[str, ...]:
+        """The table of trial.toml without its header."""
+        off = Correction()
+        return tuple(
+            f"{item.name} = {_toml(getattr(self, item.name))}"
+            for item in fields(self)
+            if getattr(self, item.name) != getattr(off, item.name)
+        )
+
+
+def apply(correction: Correction, run: Run) -> Run:
+    """The run as it should have been logged."""
+    if not correction.of(run) or not correction.channels:
+        return run
+    series = {k: v for group in run.GROUPS if group != "extra" for k, v in getattr(run, group).items()}
+    for name in correction.drop:
+        series.pop(name, None)
+    series = {correction.rename.get(k, k): v for k, v in series.items()}
+    if correction.geographic and {"x", "y"} <= set(series):
+        series["x"], series["y"] = _metres(series["x"], series["y"])
+    for a, b in correction.exchange:
+        if a in series and b in series:
+            series[a], series[b] = series[b], series[a]
+    for name, factor in correction.scale.items():
+        if name in series:
+            series[name] = series[name] * factor
+            if channel(name).circular and abs(factor) != 1.0:
+                series[name] = _unwrapped(series[name])
+    if correction.heading_from == "east" and "psi" in series:
+        series["psi"] = math.pi / 2 - series["psi"]
+    if correction.velocity_axes == "earth" and {"u", "v", "psi"} <= set(series):
+        body = (series["u"] + 1j * series["v"]) * np.exp(-1j * series["psi"])
+        series["u"], series["v"] = body.real.copy(), body.imag.copy()
+    for name, value in correction.offset.items():
+        if name in series:
+            since = correction.from_time.get(name, -math.inf)
+            series[name] = np.where(run.t >= since, series[name] + value, series[name])
+    for name, delay in correction.late.items():
+        if name in series:
+            series[name] = _earlier(run.t, series[name], delay, channel(name).kind)
+    t = run.t[0] + (run.t - run.t[0]) * correction.time_scale if correction.time_scale != 1.0 else run.t
+    groups: dict[str, Any] = {group: {} for group in set(_GROUP.values())}
+    for name, values in series.items():
+        groups[_GROUP[channel(name).kind]][name] = values
+    note = "corrected: " + "; ".join(correction.lines())
+    return replace(run, t=t, provenance=run.provenance + (note,), **groups)
+
+
+def _metres(latitude: Floats, longitude: Floats) -> tuple[Floats, Floats]:
+    """North and east of the first fix, on a sphere: 1e-3 of the distance from what an ellipsoid gives."""
+    if not np.isfinite(latitude).any():
+        return latitude, longitude
+    first = int(np.argmax(np.isfinite(latitude) & np.isfinite(longitude)))
+    degree = EARTH_RADIUS * math.pi / 180.0
+    east = degree * math.cos(math.radians(float(latitude[first]))) * (longitude - longitude[first])
+    return degree * (latitude - latitude[first]), east
+
+
+def _unwrapped(angle: Floats) -> Floats:
+    good = np.isfinite(angle)
+    out = angle.copy()
+    out[good] = np.unwrap(angle[good])
+    return out
+
+
+def _earlier(t: Floats, values: Floats, delay: float, kind: str) -> Floats:
+    """What was logged `delay` later; NaN where the log had ended, the nearest value for inputs."""
+    at = t + delay
+    if kind == "command":
+        return values[np.clip(np.searchsorted(t, at, side="right") - 1, 0, t.size - 1)]
+    good = np.isfinite(values)
+    if good.sum() < 2:
+        return values
+    out = np.interp(at, t[good], values[good])
+    if kind in ("pose", "velocity", "propulsion"):
+        holes = np.interp(at, t, (~good).astype(float)) > 0.5 if not good.all() else np.zeros(t.shape, bool)
+        out = np.where(holes | (at < t[0]) | (at > t[-1]), np.nan, out)
+    return out
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{k} = {_toml(v)}" for k, v in value.items()) + " }"
+    if isinstance(value, tuple):
+        return "[" + ", ".join(_toml(v) for v in value) + "]"
+    return f'"{value}"' if isinstance(value, str) else f"{value:.6g}"
+
+
+def read_correction(table: Any, problems: list[str]) -> Correction:
+    """The table [corrections], checked value by value; what is wrong goes to `problems`."""
+    if not isinstance(table, dict):
+        problems.append("[corrections] must be a table")
+        return Correction()
+    known = {item.name for item in fields(Correction)}
+    values: dict[str, Any] = {}
+    for key, given in table.items():
+        if key not in known:
+            problems.append(f"[corrections] {key!r} is not known; one of {', '.join(sorted(known))}")
+        elif (value := _checked(key, given, problems)) is not None:
+            values[key] = value
+    return Correction(**values)
+
+
+def _checked(key: str, given: Any, problems: list[str]) -> Any:
+    place = f"[corrections] {key}"
+
+    def name(text: Any) -> bool:
+        if isinstance(text, str) and is_channel(text) and text != "t":
+            return True
+        problems.append(f"{place}: {str(text)[:40]!r} is no channel{nearest_hint(str(text))}")
+        return False
+
+    def number(value: Any, where: str) -> bool:
+        if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
+            return True
+        problems.append(f"{where} is {str(value)[:40]!r}; a number is needed")
+        return False
+
+    if key in ("scale", "offset", "late", "from_time"):
+        if not isinstance(given, dict):
+            problems.append(f"{place} must be a table of channels, e.g. {key} = {{ u = 1.0 }}")
+            return None
+        good = [name(k) and number(v, f"{place} of {k}") for k, v in given.items()]
+        if key == "scale" and any(v == 0 for v in given.values()):
+            problems.append(f"{place}: a factor of zero leaves nothing; drop = [...] leaves a channel out")
+            return None
+        return {k: float(v) for k, v in given.items()} if all(good) else None
+    if key == "rename":
+        ok = isinstance(given, dict) and all(name(k) and name(v) for k, v in given.items())
+        if not isinstance(given, dict):
+            problems.append(f'{place} must be a table, e.g. rename = {{ u = "u_water" }}')
+        return dict(given) if ok else None
+    if key in ("drop", "runs"):
+        if not isinstance(given, list) or not all(isinstance(v, str) for v in given):
+            problems.append(f"{place} must be a list of names")
+            return None
+        return tuple(given) if key == "runs" or all(name(v) for v in given) else None
+    if key == "exchange":
+        pairs = isinstance(given, list) and all(isinstance(p, list) and len(p) == 2 for p in given)
+        if not pairs:
+            problems.append(f'{place} must be a list of pairs, e.g. exchange = [["x", "y"]]')
+            return None
+        return tuple((a, b) for a, b in given) if all(name(v) for p in given for v in p) else None
+    if key in _TEXT:
+        if given in _TEXT[key]:
+            return given
+        problems.append(f"{place} is {str(given)[:40]!r}; one of {', '.join(_TEXT[key])}")
+        return None
+    if key == "geographic":
+        if isinstance(given, bool):
+            return given
+        problems.append(f"{place} must be true or false")
+        return None
+    if number(given, place) and given > 0:
+        return float(given)
+    if isinstance(given, int | float) and given <= 0:
+        problems.append(f"{place} must be above zero")
+    return None

@@ -1,0 +1,294 @@
+"""Which mistake of the table a log holds, by the evidence of its own kinematics.
+
+Takes runs. Every hypothesis is the log corrected; relations between its channels are weighed with and without
+the correction, in the density of the readings as logged, and summed over runs. No cut-off but the probability
+at which a mistake is named.
+Does not: know a vehicle but its size; what needs one is decided in `bayesid.diagnosis.input`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Protocol
+
+import numpy as np
+from scipy.special import logsumexp
+
+from bayesid.trials.correction import apply
+from bayesid.trials.kinematics.evidence import Held, weigh
+from bayesid.trials.kinematics.relations import NEEDS, relations
+from bayesid.trials.mistakes.finding import InputCheck, InputFinding
+from bayesid.trials.mistakes.plausible import implausible
+from bayesid.trials.mistakes.signs import SIGNS, sign_evidence
+from bayesid.trials.mistakes.table import MISTAKES, Mistake
+from bayesid.trials.trial import Floats, Run
+
+NAMED_AT = 0.95  # probability from which a mistake is named
+FOLLOWS = 0.3  # residual over size a corrected relation may keep: it has to hold, not only to hold better
+SAMPLES = 3000  # of a run that are read: blocks average over them
+SOME_RUNS = 5.0  # nats by which some runs must speak against the others
+IMPLAUSIBLE = 12.0  # nats for a channel whose size no vehicle reaches
+NEVER = -1e4  # log odds of a correction that makes a channel implausible
+ALSO = 4.0  # nats within which another mistake is not told from the one named
+ANOTHER = 20.0  # nats another mistake must bring beside one: a mend is not exact, and leaves traces
+CONTENT, ASKED, RULED_OUT = -1.5, -6.0, 25.0  # nats: witness content, asked all the same, too late to ask
+MOST = 3  # mistakes named beside one another
+
+
+class Witness(Protocol):
+    """Somebody who knows more than kinematics: log likelihood of a run, and what channels matter."""
+
+    @property
+    def needs(self) -> Mapping[str, frozenset[str]]: ...
+
+    def __call__(self, run: Run) -> Mapping[str, float]: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Base:
+    """A run as it is: relations, log evidence of signs, implausible channels, what a witness says."""
+
+    run: Run
+    held: Mapping[str, Held]
+    signs: Mapping[str, float]
+    odd: frozenset[str]
+    travel: float | None
+    seen: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Weighed:
+    """One hypothesis: log odds against the log as it is, per run and by what tells it.
+
+    Attributes
+    ----------
+    odds : (runs,) [nats]
+    gain : what tells it -> (runs,) [nats]
+    levels : relation -> (runs, 2) residual over size before and after; NaN where there is none
+    """
+
+    mistake: Mistake
+    odds: Floats
+    gain: Mapping[str, Floats]
+    levels: Mapping[str, Floats] = field(default_factory=dict)
+
+    def told_by(self, runs: np.ndarray) -> tuple[str, ...]:
+        """What tells it in some runs, the most first."""
+        sums = {k: float(v[runs].sum()) for k, v in self.gain.items()}
+        return tuple(sorted((k for k in sums if sums[k] > 1.0), key=lambda k: -sums[k]))
+
+    def level(self, runs: np.ndarray) -> tuple[float, float]:
+        """Residual before and after of the relation that tells most; zeros where no relation does."""
+        key = next((k for k in self.told_by(runs) if k in self.levels), None)
+        if key is None:
+            return 0.0, 0.0
+        pairs = self.levels[key][runs]
+        pairs = pairs[np.isfinite(pairs).all(axis=1)]
+        if not pairs.size:
+            return 0.0, 0.0
+        before, after = np.median(pairs, axis=0)
+        return float(before), float(after)
+
+
+def check_input(
+    runs: Sequence[Run], travel: float | None = None, witness: Witness | None = None
+) -> InputCheck:
+    """What kinematics finds wrong in the runs, one mistake at a time until nothing more is found.
+
+    Parameters
+    ----------
+    travel : time in which the vehicle travels its length [s], where it is known: lever arms and latencies
+        are measured by it
+    witness : asked about mistakes that kinematics leaves open
+    """
+    from bayesid.trials.mistakes.sized import sized
+
+    kept = [_thinned(run) for run in runs]
+    found: list[InputFinding] = []
+    first = base = [base_of(run, travel, witness) for run in kept]
+    for k in range(MOST):
+        every = [*weighed(base, MISTAKES), *sized(base)]
+        if witness is not None:
+            every = _witnessed(every, base, witness)
+        one = named(every, [run.name for run in kept], ANOTHER * k)
+        if one is None or one.name in {f.name for f in found}:
+            break
+        found.append(one)
+        if one.correction is None:
+            break
+        kept = [apply(one.correction, run) for run in kept]
+        base = [base_of(run, travel, witness) for run in kept]
+    return InputCheck(tuple(found), _in_order(base), _unseen(first))
+
+
+def base_of(run: Run, travel: float | None = None, witness: Witness | None = None) -> Base:
+    """A run weighed as it is."""
+    held = {k: weigh(r) for k, r in relations(run, travel=travel).items()}
+    return Base(run, held, sign_evidence(run), implausible(run), travel, witness(run) if witness else {})
+
+
+def _witnessed(found: list[Weighed], base: Sequence[Base], witness: Witness) -> list[Weighed]:
+    """Hypotheses with what the witness says of the corrected runs, where kinematics does not rule them out.
+
+    Where the witness is content with the log as it is and kinematics asks for nothing, it is not asked.
+    """
+    scores = [w.mistake.log_prior + float(w.odds.sum()) for w in found]
+    top = max([0.0, *scores])
+    content = min((sum(one.seen.values()) for one in base), default=0.0) > CONTENT
+    if content and max(scores, default=0.0) < ASKED:
+        return found
+    out = []
+    for w, score in zip(found, scores, strict=True):
+        correction = w.mistake.correction
+        keys = [
+            k for k, needs in witness.needs.items() if correction is not None and correction.channels & needs
+        ]
+        if correction is None or score < top - RULED_OUT or not keys:
+            out.append(w)
+            continue
+        odds, gain = w.odds.copy(), {k: v.copy() for k, v in w.gain.items()}
+        for i, one in enumerate(base):
+            if one.seen and correction.of(one.run):
+                said = witness(apply(correction, one.run))
+                for k in keys:
+                    if k in said and k in one.seen:
+                        key = f"vehicle's {k}"
+                        gain.setdefault(key, np.zeros(len(base)))[i] += said[k] - one.seen[k]
+                        odds[i] += said[k] - one.seen[k]
+        out.append(replace(w, odds=odds, gain=gain))
+    return out
+
+
+def weighed(base: Sequence[Base], mistakes: Sequence[Mistake]) -> list[Weighed]:
+    """Every mistake on which at least one run speaks."""
+    found = (weigh_one(base, mistake) for mistake in mistakes)
+    return [one for one in found if one is not None]
+
+
+def named(found: Sequence[Weighed], names: Sequence[str], less: float = 0.0) -> InputFinding | None:
+    """The most probable mistake, where it is sure enough and its relations then hold.
+
+    Parameters
+    ----------
+    less : taken off the log prior of every mistake [nats]
+    """
+    ready: list[tuple[Weighed, float, np.ndarray, bool]] = []
+    everywhere = np.ones(len(names), dtype=bool)
+    for w in found:
+        whole = float(w.odds.sum())
+        speak = w.odds > 1.0
+        some = float((w.odds[speak] - 1.0).sum()) - SOME_RUNS
+        part = some > whole + SOME_RUNS and not speak.all()
+        chosen = speak if part else everywhere
+        if (part and not speak.any()) or not w.told_by(chosen) or w.level(chosen)[1] > FOLLOWS:
+            continue
+        ready.append((w, w.mistake.log_prior - less + (some if part else whole), chosen, part))
+    if not ready:
+        return None
+    log_odds = np.array([0.0] + [score for _, score, _, _ in ready])
+    probability = np.exp(log_odds - logsumexp(log_odds))
+    sure = 1.0 - float(probability[0])
+    if sure < NAMED_AT:
+        return None
+    w, score, chosen, part = ready[int(np.argmax(probability[1:]))]
+    also = tuple(other.mistake.name for other, s, _, _ in ready if other is not w and s > score - ALSO)
+    concerned = tuple(n for n, keep in zip(names, chosen, strict=True) if keep)
+    correction = w.mistake.correction
+    if correction is not None and part:
+        correction = replace(correction, runs=concerned)
+    before, after = w.level(chosen)
+    return InputFinding(
+        w.mistake.name, w.mistake.says, w.mistake.channels, concerned, not part, sure, w.told_by(chosen),
+        before, after, correction, also,
+    )  # fmt: skip
+
+
+def weigh_one(base: Sequence[Base], mistake: Mistake) -> Weighed | None:
+    """Log odds of one mistake with a correction; None where no run speaks on it."""
+    correction = mistake.correction
+    if correction is None:
+        return None
+    touched = [k for k, needs in NEEDS.items() if correction.channels & set(needs)]
+    turned = [k for k, needs in SIGNS.items() if correction.channels & needs]
+    odds, speaks = np.zeros(len(base)), False
+    gain: dict[str, Floats] = {}
+    levels: dict[str, Floats] = {}
+
+    def add(key: str, i: int, nats: float) -> None:
+        nonlocal speaks
+        gain.setdefault(key, np.zeros(len(base)))[i] += nats
+        odds[i] += nats
+        speaks = True
+
+    for i, one in enumerate(base):
+        there = {"t", *one.run.data, *one.run.commands, *one.run.measured_inputs}
+        if not correction.of(one.run) or not correction.channels & there:
+            continue
+        speaks = speaks or bool(one.seen)
+        fixed = apply(correction, one.run)
+        odd = implausible(fixed)
+        if odd - one.odd:
+            add("size", i, NEVER)
+            continue
+        if one.odd - odd:
+            add("size", i, IMPLAUSIBLE * len(one.odd - odd))
+        now = (
+            relations(fixed, mistake.factors, one.travel, touched)
+            if any(k in one.held for k in touched)
+            else {}
+        )
+        for k in touched:
+            if k not in one.held or k not in now:
+                continue
+            held, was = weigh(now[k]), one.held[k]
+            if min(held.level, was.level) > FOLLOWS:
+                continue  # a relation that holds in neither says nothing of either
+            add(k, i, held.log_evidence - was.log_evidence)
+            levels.setdefault(k, np.full((len(base), 2), np.nan))[i] = was.level, held.level
+        if turned and any(k in one.signs for k in turned):
+            signs = sign_evidence(fixed)
+            for k in turned:
+                if k in signs and k in one.signs:
+                    add(k, i, signs[k] - one.signs[k])
+    return Weighed(mistake, odds, gain, levels) if speaks else None
+
+
+def _thinned(run: Run) -> Run:
+    """Every so many samples of a long run; one with empty cells is read whole, slow channels stay in step."""
+    stride = run.n_samples // SAMPLES
+    if stride < 2 or any(np.isnan(values).any() for values in run.data.values()):
+        return run
+    groups: dict[str, Any] = {g: {k: v[::stride] for k, v in getattr(run, g).items()} for g in run.GROUPS}
+    return replace(run, t=run.t[::stride], **groups)
+
+
+_MEANS = {
+    "track": "track against speed and heading", "course": "course against heading",
+    "yaw": "heading against yaw rate",
+    "depth": "depth against speed and pitch", "pitch": "pitch against pitch rate",
+    "roll": "roll against roll rate",
+}  # fmt: skip
+
+
+def _in_order(base: Sequence[Base]) -> tuple[str, ...]:
+    good = []
+    for key, words in _MEANS.items():
+        levels = [one.held[key].level for one in base if key in one.held]
+        if levels and float(np.median(levels)) < FOLLOWS:
+            good.append(words)
+    if sum(one.signs.get("rudder", 0.0) - one.signs.get("rudder against", 0.0) for one in base) > SOME_RUNS:
+        good.append("sign of the rudder")
+    if base and not any(one.odd for one in base):
+        good.append("size of all channels")
+    return tuple(good)
+
+
+def _unseen(base: Sequence[Base]) -> tuple[str, ...]:
+    there = {key for one in base for key in one.held}
+    lacks = []
+    if not there & {"track", "course"}:
+        lacks.append("the track against speed and heading")
+    if "yaw" not in there:
+        lacks.append("heading against yaw rate")
+    return tuple(lacks)

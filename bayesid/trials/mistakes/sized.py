@@ -1,0 +1,395 @@
+"""Mistakes that have a size: another north, a clock that is fast, a channel that is late or dead.
+
+Takes runs weighed as they are. The size is estimated from the runs, then the mistake is weighed as every
+other; what its size could have been is paid for in its prior.
+Does not: name latencies, biases and scales of the catalogue of effects.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from bayesid.errors import BayesidError
+from bayesid.trials.correction import Correction, apply
+from bayesid.trials.kinematics.evidence import weigh
+from bayesid.trials.kinematics.relations import NEEDS, relations
+from bayesid.trials.mistakes.judge import FOLLOWS, SOME_RUNS, Base, Weighed, weigh_one
+from bayesid.trials.mistakes.plausible import implausible
+from bayesid.trials.mistakes.table import COMMON, RARE, USUAL, Mistake
+from bayesid.trials.trial import Floats, Run
+from bayesid.trials.window import window
+
+LARGEST_BIAS = math.radians(30.0)  # of heading_bias in the catalogue: what is larger is another north
+# Clock: scales of instruments are nought but for one log in twenty, then of the catalogue's usual size
+CLOCK_PRIOR, NO_SCALE, FAINT, USUAL_SCALE, LARGE_SCALE = COMMON, 0.95, 0.003, 0.025, 0.1
+LARGEST_CLOCK, LEAST_CLOCK = 0.35, 0.01
+CLOCK_FLOOR = 0.001  # to which scales are known at best
+# Delays tried, in L/U; shorter ones are the catalogue's latency
+DELAYS = (4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0)
+LATE = {"u, v": ("u", "v", "w"), "psi": ("psi",), "r": ("r",), "x, y": ("x", "y")}
+UNDISTURBED = 0.1  # residual over size: delays of several lengths leave more
+BETTER = 0.7  # residual after over before: a delay that is there is worth more than noise
+LONGEST_SHARE = 0.2  # of a run
+DEAD_TURN = 0.3  # rad turned while a rate or heading stands still
+# An order stands exactly still most of the time and jumps by more than an angle faster than fins move
+JUMP_ANGLE, JUMP_RATE, STANDS = math.radians(3.0), math.radians(60.0), 0.8
+JUMP = 20.0  # a step over the median one, from which on it is looked at
+SURE = 30.0  # nats of a column that never changes while another says it must
+
+
+def sized(base: Sequence[Base]) -> list[Weighed]:
+    """Hypotheses of all kinds with a size, weighed."""
+    found = [_north(base), _clock(base), *_dead(base), *_ordered(base), *_late(base), *_jumps(base)]
+    return [one for one in found if one is not None]
+
+
+def _north(base: Sequence[Base]) -> Weighed | None:
+    """Heading and position count from different norths."""
+    total, power = 0j, 0.0
+    for one in base:
+        data = one.run.data
+        if not {"x", "y", "psi"} <= set(data):
+            continue
+        good = np.isfinite(data["x"]) & np.isfinite(data["y"]) & np.isfinite(data["psi"])
+        at = np.flatnonzero(good)[:: max(1, int(good.sum()) // 60)]
+        if at.size < 5:
+            continue
+        moved = np.diff(data["x"][at] + 1j * data["y"][at])
+        ahead = np.exp(0.5j * (data["psi"][at][1:] + data["psi"][at][:-1]))
+        total += complex(np.sum(moved * np.conj(ahead)))
+        power += float(np.sum(np.abs(moved)))
+    if not power > 0 or abs(total) < 0.7 * power:
+        return None
+    angle = float(np.angle(total))
+    if abs(angle) < LARGEST_BIAS:
+        return None
+    degrees = math.degrees(angle)
+    says = f"heading and position count from different norths, {degrees:.0f} degrees apart"
+    correction = Correction(offset={"psi": angle})
+    prior = USUAL + math.log(0.02 / (2 * math.pi))
+    return weigh_one(base, Mistake("north of heading and position", says, correction, prior))
+
+
+def _clock(base: Sequence[Base]) -> Weighed | None:
+    """Track and heading ask for one and the same factor on the time."""
+    odds = np.zeros(len(base))
+    pairs = [(*one.held["track"].estimate["scale"], *one.held["yaw"].estimate["scale"])
+             for one in base if {"track", "yaw"} <= set(one.held)
+             and max(one.held["track"].level, one.held["yaw"].level) < 0.2]  # fmt: skip
+    if not pairs:
+        return None
+    a, sa, b, sb = (np.array(x) for x in zip(*pairs, strict=True))
+    track, yaw = _pooled(a, sa), _pooled(b, sb)
+    both = (track[0] / track[1] ** 2 + yaw[0] / yaw[1] ** 2) / (1 / track[1] ** 2 + 1 / yaw[1] ** 2)
+    if not LEAST_CLOCK < abs(both) < LARGEST_CLOCK:
+        return None
+    apart = track[1] ** 2 + yaw[1] ** 2
+    same = -0.5 * (track[0] - yaw[0]) ** 2 / apart - 0.5 * math.log(2 * math.pi * apart)
+    same -= math.log(2 * LARGEST_CLOCK)
+    nats = same - _by_itself(*track) - _by_itself(*yaw)
+    odds[:] = nats / len(base)
+    scale = 1.0 + both
+    word = "fast" if scale < 1 else "slow"
+    says = f"the clock is {abs(1 / scale - 1):.1%} {word}"
+    correction = Correction(time_scale=scale)
+    levels = {"track": np.array([[one.held["track"].level] * 2 if "track" in one.held else [np.nan] * 2
+                                 for one in base])}  # fmt: skip
+    return Weighed(
+        Mistake("clock", says, correction, CLOCK_PRIOR), odds, {"track": odds, "yaw": odds}, levels
+    )
+
+
+def _pooled(values: Floats, sd: Floats) -> tuple[float, float]:
+    """Mean over runs and its sd, not below what runs scatter by."""
+    weight = 1.0 / (sd**2 + CLOCK_FLOOR**2)
+    mean = float(np.sum(weight * values) / weight.sum())
+    chi2 = float(np.sum(weight * (values - mean) ** 2)) / max(1, values.size - 1)
+    return mean, math.sqrt(max(1.0, chi2) / float(weight.sum()) + CLOCK_FLOOR**2)
+
+
+def _by_itself(value: float, sd: float) -> float:
+    """Log density of the scale of one instrument."""
+    parts = ((NO_SCALE, FAINT), (0.7 * (1 - NO_SCALE), USUAL_SCALE), (0.3 * (1 - NO_SCALE), LARGE_SCALE))
+    density = sum(
+        share * math.exp(-0.5 * value**2 / (s**2 + sd**2)) / math.sqrt(2 * math.pi * (s**2 + sd**2))
+        for share, s in parts
+    )
+    return math.log(max(density, 1e-300))
+
+
+def _dead(base: Sequence[Base]) -> list[Weighed | None]:
+    """Columns that never change while others say they must."""
+    out: list[Weighed | None] = []
+    for name in ("psi", "r", "u", "v", "x", "y", "theta", "q", "delta_r"):
+        logged = [one for one in base if _values(one.run, name) is not None]
+        still = np.array([_still(one.run, name) for one in base])
+        if not logged or not still.any():
+            continue
+        moved = still & np.array([_must_move(one.run, name) for one in base])
+        if not moved.any():
+            continue
+        rudder = name == "delta_r"
+        if rudder and not all(_still(one.run, name) for one in logged):
+            continue  # runs with the rudder amidships there are
+        word = "the rudder" if rudder else name
+        says = f"{word} never changes although the vehicle moves: a dead column"
+        correction = None if rudder else Correction(drop=(name,))
+        odds = np.where(moved, SURE, 0.0)
+        mistake = Mistake(f"dead {name}", says, correction, COMMON, (name,))
+        out.append(Weighed(mistake, odds, {"size": odds}))
+    return out
+
+
+def _ordered(base: Sequence[Base]) -> list[Weighed | None]:
+    """Angles logged as measured that stand still and jump as only orders do."""
+    out: list[Weighed | None] = []
+    for name in ("delta_r", "delta_s", "delta_b"):
+        logged = [
+            one.run
+            for one in base
+            if name in one.run.measured_inputs and f"{name}_cmd" not in one.run.commands
+        ]
+        steps = np.array([name in one.run.measured_inputs and _is_order(one.run, name) for one in base])
+        moves = [run for run in logged if float(np.ptp(run.measured_inputs[name])) > JUMP_ANGLE]
+        if not moves or steps.sum() < 0.5 * len(moves):
+            continue
+        odds = np.where(steps, SURE, 0.0)
+        says = f"{name} jumps faster than any fin moves and then stands still: an order, not a measured angle"
+        mistake = Mistake(
+            f"{name}: order read as measured", says, Correction(rename={name: f"{name}_cmd"}), USUAL
+        )
+        out.append(Weighed(mistake, odds, {"size": odds}))
+    return out
+
+
+def _is_order(run: Run, name: str) -> bool:
+    change = np.abs(np.diff(run.measured_inputs[name]))
+    moves = change > JUMP_ANGLE
+    if name in implausible(run):
+        return False  # another unit first
+    return (
+        bool(moves.any())
+        and float(np.mean(change == 0.0)) > STANDS
+        and bool(np.median(change[moves] / np.diff(run.t)[moves]) > JUMP_RATE)
+    )
+
+
+def _values(run: Run, name: str) -> Floats | None:
+    return run.input(name) if name.startswith("delta") else run.data.get(name)
+
+
+def _still(run: Run, name: str) -> bool:
+    values = _values(run, name)
+    if values is None:
+        return False
+    good = values[np.isfinite(values)]
+    return good.size >= 10 and float(np.ptp(good)) == 0.0
+
+
+def _must_move(run: Run, name: str) -> bool:
+    """Whether another channel says that this one changes."""
+    data = run.data
+
+    def turned(key: str) -> float:
+        return float(np.nanmax(data[key]) - np.nanmin(data[key])) if key in data else 0.0
+
+    def swung(key: str) -> float:
+        if key not in data:
+            return 0.0
+        angle = np.cumsum(np.nan_to_num(data[key][:-1]) * np.diff(run.t))
+        return float(np.ptp(angle)) if angle.size else 0.0
+
+    far = 0.0
+    if {"x", "y"} <= set(data):
+        far = max(turned("x"), turned("y"))
+    if name == "psi":
+        return swung("r") > DEAD_TURN
+    if name == "r":
+        return turned("psi") > DEAD_TURN
+    if name == "delta_r":
+        return _weaves(run)
+    if name in ("u", "v"):  # exactly constant: no measured or simulated speed is, in a turn
+        return turned("psi") > DEAD_TURN and (name == "v" or turned("r") > 0 or far > 0)
+    if name in ("x", "y"):
+        return far > 0 and turned("psi") > DEAD_TURN
+    return (swung("q") if name == "theta" else turned("theta")) > DEAD_TURN
+
+
+def _weaves(run: Run) -> bool:
+    """Whether the heading swings to and fro, or turns by more than half a circle, with nothing ordered."""
+    psi = run.data.get("psi")
+    if psi is None:
+        return False
+    good = psi[np.isfinite(psi)]
+    if good.size < 10:
+        return False
+    return float(np.ptp(good)) > math.pi or _reversals(good, math.radians(10.0)) >= 3
+
+
+def _reversals(values: Floats, least: float) -> int:
+    """How often a series turns round by more than `least`."""
+    count, low, high, way = 0, values[0], values[0], 0
+    for value in values:
+        low, high = min(low, value), max(high, value)
+        if way <= 0 and value - low > least:
+            count, way, high = count + (way < 0), 1, value
+        elif way >= 0 and high - value > least:
+            count, way, low = count + (way > 0), -1, value
+        if way > 0:
+            low = max(low, high - 2 * least)
+        elif way < 0:
+            high = min(high, low + 2 * least)
+    return count
+
+
+def _late(base: Sequence[Base]) -> list[Weighed | None]:
+    """A group of channels logged late, or early, by more than the catalogue's latency."""
+    return [_late_group(base, word, names) for word, names in LATE.items()]
+
+
+def _late_group(base: Sequence[Base], word: str, names: tuple[str, ...]) -> Weighed | None:
+    touched = [k for k, needs in NEEDS.items() if k in ("track", "yaw") and set(names) & set(needs)]
+    unit = _travel_time(base)
+    logged = [bool(set(names) & set(one.run.data)) and any(k in one.held for k in touched) for one in base]
+    worst = max((one.held[k].level for one in base for k in touched if k in one.held), default=0.0)
+    if unit is None or not any(logged) or worst < UNDISTURBED:
+        return None
+    # whole steps: between two readings interpolation would take noise off, which speaks for any delay
+    step = max(float(np.median(np.diff(one.run.t))) for one in base)
+    coarse = [s * step * round(d * unit / step) for d in DELAYS if d * unit >= step for s in (1.0, -1.0)]
+    if not coarse:
+        return None
+    odds, levels = _weigh_delays(base, logged, names, touched, coarse)
+    best = int(np.argmax(odds.sum(axis=1)))
+    if not odds[best].sum() > SOME_RUNS:
+        return None
+    fine = sorted({step * round(coarse[best] * f / step) for f in np.geomspace(0.7, 1.4, 9)})
+    odds, levels = _weigh_delays(base, logged, names, touched, fine)
+    best = int(np.argmax(odds.sum(axis=1)))
+    told = (odds[best] > 0) & np.isfinite(levels[best]).all(axis=1)
+    if not told.any() or not np.median(levels[best][told, 1] / levels[best][told, 0]) < BETTER:
+        return None
+    delay = fine[best]
+    says = f"{word} {'are' if ',' in word else 'is'} {abs(delay):.2g} s {'late' if delay > 0 else 'early'}"
+    prior = RARE - math.log(len(coarse))
+    mistake = Mistake(f"{word} late", says, Correction(late=dict.fromkeys(names, delay)), prior)
+    return Weighed(mistake, odds[best], {"track": odds[best]}, {"track": levels[best]})
+
+
+def _weigh_delays(
+    base: Sequence[Base],
+    logged: Sequence[bool],
+    names: tuple[str, ...],
+    touched: Sequence[str],
+    delays: list[float],
+) -> tuple[Floats, Floats]:
+    """Log odds (delays, runs) and levels (delays, runs, 2), all over the readings every delay leaves."""
+    odds = np.zeros((len(delays), len(base)))
+    levels = np.full((len(delays), len(base), 2), np.nan)
+    for i, one in enumerate(base):
+        usable = [j for j, d in enumerate(delays) if abs(d) <= LONGEST_SHARE * one.run.duration]
+        if not logged[i] or not usable:
+            continue
+        margin = max(abs(delays[j]) for j in usable)
+        inner = (one.run.t[0] + margin, one.run.t[-1] - margin)
+        try:
+            was = {
+                k: weigh(r)
+                for k, r in relations(window(one.run, *inner), travel=one.travel, only=touched).items()
+            }
+        except BayesidError:
+            continue
+        for j in usable:
+            fixed = window(apply(Correction(late=dict.fromkeys(names, delays[j])), one.run), *inner)
+            for k, relation in relations(fixed, travel=one.travel, only=touched).items():
+                if k in touched and k in was:
+                    held = weigh(relation)
+                    if min(held.level, was[k].level) <= FOLLOWS:
+                        odds[j, i] += held.log_evidence - was[k].log_evidence
+                        levels[j, i] = was[k].level, held.level
+    return odds, levels
+
+
+def _jumps(base: Sequence[Base]) -> list[Weighed | None]:
+    """A place from which on the track, or the heading, is offset: files merged, or a fix lost and found."""
+    out: list[Weighed | None] = []
+    for _i, one in enumerate(base):
+        if (jump := _track_jump(one)) is not None:
+            when, size = jump
+            correction = Correction(
+                offset={"x": -size.real, "y": -size.imag},
+                from_time={"x": when, "y": when},
+                runs=(one.run.name,),
+            )
+            says = f"x and y jump by {abs(size):.3g} m at t = {when:.6g} s of {one.run.name}"
+            out.append(
+                weigh_one(base, Mistake("jump of x, y", says, correction, RARE - math.log(one.run.n_samples)))
+            )
+        if (turn := _heading_jump(one)) is not None:
+            when, angle = turn
+            correction = Correction(offset={"psi": -angle}, from_time={"psi": when}, runs=(one.run.name,))
+            degrees = math.degrees(angle)
+            says = f"the heading jumps by {degrees:.0f} degrees at t = {when:.6g} s of {one.run.name}"
+            out.append(
+                weigh_one(base, Mistake("jump of psi", says, correction, RARE - math.log(one.run.n_samples)))
+            )
+    return out
+
+
+def _track_jump(one: Base) -> tuple[float, complex] | None:
+    """Time and size of the step of the track that dead reckoning contradicts most."""
+    data = one.run.data
+    if not {"x", "y", "psi", "u"} <= set(data):
+        return None
+    good = np.flatnonzero(np.isfinite(data["x"] + data["y"] + data["psi"] + data["u"]))
+    if good.size < 20:
+        return None
+    t, psi = one.run.t[good], data["psi"][good]
+    velocity = (data["u"][good] + 1j * np.nan_to_num(data["v"][good] if "v" in data else 0.0)) * np.exp(
+        1j * psi
+    )
+    step = np.diff(data["x"][good] + 1j * data["y"][good]) - 0.5 * (velocity[1:] + velocity[:-1]) * np.diff(t)
+    return _largest(t, step)
+
+
+def _heading_jump(one: Base) -> tuple[float, float] | None:
+    data = one.run.data
+    if not {"psi", "r"} <= set(data):
+        return None
+    good = np.flatnonzero(np.isfinite(data["psi"] + data["r"]))
+    if good.size < 20:
+        return None
+    t, rate = one.run.t[good], data["r"][good]
+    found = _largest(t, np.diff(data["psi"][good]) - 0.5 * (rate[1:] + rate[:-1]) * np.diff(t))
+    return None if found is None else (found[0], found[1].real)
+
+
+def _largest(t: Floats, step: np.ndarray) -> tuple[float, complex] | None:
+    """A step many times the others, with none of the opposite sign beside it as an outlier has."""
+    size = np.abs(step)
+    k = int(np.argmax(size))
+    if not size[k] > JUMP * max(float(np.median(size)), 1e-12):
+        return None
+    beside = [step[j] for j in (k - 1, k + 1) if 0 <= j < step.size]
+    if any(abs(b + step[k]) < 0.5 * size[k] for b in beside):
+        return None
+    return float(t[k + 1]), complex(step[k])
+
+
+def _travel_time(base: Sequence[Base]) -> float | None:
+    """Time to travel a length [s]: of the vehicle, or a fifth of the time of turning; None where unknown."""
+    found = []
+    for one in base:
+        psi = one.run.data.get("psi")
+        rate = one.run.data.get("r")
+        if rate is None and psi is not None:
+            rate = np.gradient(psi, one.run.t)
+        if rate is None:
+            continue
+        rms = float(np.sqrt(np.nanmean(rate**2)))
+        if rms > 0:
+            found.append(0.2 / rms)
+    return float(np.median(found)) if found else None

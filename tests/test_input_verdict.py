@@ -1,0 +1,121 @@
+"""A log that does not say what its header says is told before any gap; too little is told as such."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bayesid.api.check import check
+from bayesid.api.diagnose import diagnose
+from bayesid.api.fit import fit
+from bayesid.api.input_result import InputResult
+from bayesid.api.simulate import simulate
+from bayesid.diagnosis.input import check_trial, mended, not_enough
+from bayesid.equations.model import build_model
+from bayesid.errors import TrialError
+from bayesid.model.vehicles import load_vehicle
+from bayesid.trials import Trial
+from bayesid.trials.correction import Correction, apply
+
+NOISE = {"x": 0.03, "y": 0.03, "psi": 0.005, "r": 0.003, "u": 0.008, "v": 0.008}
+
+
+@pytest.fixture(scope="module")
+def clean() -> Trial:
+    return simulate("remus100", "zigzag:10/10", "zigzag:13/10", "prbs:seed=2", noise=NOISE, seed=3)
+
+
+@pytest.fixture(scope="module")
+def model():
+    return build_model(load_vehicle("remus100"), 3)
+
+
+def wrong(trial: Trial, correction: Correction) -> Trial:
+    return replace(trial, runs=tuple(apply(correction, run) for run in trial.runs))
+
+
+def test_a_clean_log_is_in_order_with_and_without_a_vehicle(clean, model):
+    for one in (check_trial(clean), check_trial(clean, model)):
+        assert one.findings == ()
+        assert "sign of the rudder" in one.in_order
+
+
+@pytest.mark.parametrize(
+    ("name", "correction"),
+    [
+        ("n: revolutions per second read as rpm", Correction(scale={"n_cmd": 1 / 60})),
+        ("delta_r: radians read as degrees", Correction(scale={"delta_r_cmd": math.pi / 180})),
+        ("sign of v", Correction(scale={"v": -1.0})),
+        ("x, y: feet read as metres", Correction(scale={"x": 1 / 0.3048, "y": 1 / 0.3048})),
+    ],
+)
+def test_the_vehicle_tells_what_kinematics_leaves_open(clean, model, name, correction):
+    found = check_trial(wrong(clean, correction), model).findings
+    assert [f.name for f in found] == [name]
+
+
+def test_the_mended_log_is_the_clean_one_and_states_the_noise_of_it(clean, model):
+    logged = wrong(clean, Correction(scale={"u": 1 / 0.3048, "v": 1 / 0.3048}))
+    logged = replace(logged, noise={**clean.noise, "u": NOISE["u"] / 0.3048, "v": NOISE["v"] / 0.3048})
+    now = mended(logged, check_trial(logged, model))
+    for a, b in zip(clean.runs, now.runs, strict=True):
+        np.testing.assert_allclose(b.data["u"], a.data["u"], rtol=1e-9)
+    assert now.noise["u"] == pytest.approx(NOISE["u"])
+
+
+def test_diagnose_says_input_and_what_is_left_once_it_is_mended(clean):
+    found = diagnose(
+        wrong(clean, Correction(scale={"delta_r_cmd": -1.0})), next_manoeuvre=False, keep_model=False
+    )
+    assert isinstance(found, InputResult)
+    record = found.record()
+    assert record["verdict"] == found.verdict == "input"
+    assert record["input"]["findings"][0]["mend"][0] == "[corrections]"
+    assert record["after_mend"]["verdict"] == "none"
+    assert "no gap is left" in found.summary()
+
+
+def test_a_dead_rudder_is_not_answered_none(clean):
+    dead = tuple(
+        replace(run, commands={**run.commands, "delta_r_cmd": np.zeros(run.n_samples)}) for run in clean.runs
+    )
+    found = diagnose(replace(clean, runs=dead))
+    assert found.verdict == "input"
+    assert found.record()["after_mend"] is None
+
+
+def test_three_readings_and_a_heading_lost_between_readings_are_not_enough(clean, model):
+    def every(k: int, most: int) -> Trial:
+        runs = []
+        for run in clean.runs:
+            groups = {g: {n: v[::k][:most] for n, v in getattr(run, g).items()} for g in run.GROUPS}
+            runs.append(replace(run, t=run.t[::k][:most], **groups))
+        return replace(clean, runs=tuple(runs))
+
+    few = every(100, 3)
+    assert "3 readings" in not_enough(few, model)[0]
+    assert diagnose(few).verdict == "not_enough"
+    with pytest.raises(TrialError, match="3 readings"):
+        fit(few)
+    spun = replace(
+        clean,
+        runs=tuple(
+            replace(r, data={**r.data, "psi": np.arange(r.n_samples) * math.radians(160)}) for r in clean.runs
+        ),
+    )
+    assert "160 degrees" in not_enough(spun, model)[0]
+    assert not_enough(clean, model) == ()
+
+
+def test_straight_and_steady_runs_alone_are_not_enough(model):
+    straight = simulate("remus100", "straight:duration=60", noise=NOISE, seed=1)
+    assert "straight and steady" in not_enough(straight, model)[0]
+
+
+def test_check_gives_one_sentence_per_mistake(clean):
+    found = check(wrong(clean, Correction(exchange=(("x", "y"),))))
+    assert len(found.sentences) == 1
+    assert 'exchange = [["x", "y"]]' in found.sentences[0]

@@ -1,0 +1,177 @@
+"""Mistakes planted into clean logs are named with the mend that undoes them; nothing else is."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bayesid.errors import TrialError
+from bayesid.trials import Run, load_trial
+from bayesid.trials.correction import Correction, apply
+from bayesid.trials.kinematics.evidence import Relation, weigh
+from bayesid.trials.kinematics.relations import relations
+from bayesid.trials.mistakes import MISTAKES, check_input
+
+SPEED, RATE = 1.5, 0.25
+
+
+def weave(seed: int = 0, n: int = 900, dt: float = 0.1) -> Run:
+    """A track integrated from u, v, r by a midpoint rule of its own, with white noise on every channel."""
+    rng = np.random.default_rng(seed)
+    t = dt * np.arange(n)
+    phase = 2 * math.pi * rng.random()
+    rudder = -np.sign(np.sin(0.4 * t + phase)) * 0.2
+    r = RATE * np.sin(0.4 * t + phase - 0.9) + 0.03 * np.sin(0.11 * t)
+    u = SPEED - 0.1 * np.sin(0.13 * t) ** 2
+    v = -0.4 * r
+    psi = 0.7 + np.concatenate(([0.0], np.cumsum(0.5 * (r[1:] + r[:-1]) * dt)))
+    w = (u + 1j * v) * np.exp(1j * psi)
+    place = np.concatenate(([0j], np.cumsum(0.5 * (w[1:] + w[:-1]) * dt)))
+    noise = lambda s: s * rng.standard_normal(n)  # noqa: E731
+    data = {
+        "x": place.real + noise(0.05), "y": place.imag + noise(0.05), "psi": psi + noise(0.005),
+        "u": u + noise(0.01), "v": v + noise(0.01), "r": r + noise(0.003),
+    }  # fmt: skip
+    return Run("weave", "", "identify", t, data, {"delta_r_cmd": rudder, "n_cmd": np.full(n, 1500.0)})
+
+
+def test_a_right_log_has_no_mistake():
+    for seed in range(5):
+        assert check_input([weave(seed), weave(seed + 50)]).findings == ()
+
+
+@pytest.mark.parametrize(
+    ("name", "correction"),
+    [
+        ("sign of psi", Correction(scale={"psi": -1.0})),
+        ("sign of r", Correction(scale={"r": -1.0})),
+        ("sign of y", Correction(scale={"y": -1.0})),
+        ("sign of delta_r", Correction(scale={"delta_r_cmd": -1.0})),
+        ("x and y exchanged", Correction(exchange=(("x", "y"),))),
+        ("heading from east", Correction(heading_from="east")),
+        ("u, v, w: knots read as m/s", Correction(scale={"u": 3600 / 1852, "v": 3600 / 1852})),
+        ("r: degrees per second read as radians per second", Correction(scale={"r": 180 / math.pi})),
+        ("psi: radians read as degrees", Correction(scale={"psi": math.pi / 180})),
+        ("time in ms", Correction(time_scale=1e3)),
+        ("clock", Correction(time_scale=1 / 1.2)),
+        ("psi late", Correction(late={"psi": -6.0})),
+        ("north of heading and position", Correction(offset={"psi": 1.2})),
+        ("jump of x, y", Correction(offset={"x": 40.0}, from_time={"x": 50.0})),
+    ],
+)
+def test_a_planted_mistake_is_named_and_its_mend_leaves_a_right_log(name, correction):
+    wrong = [apply(correction, run) for run in (weave(1), weave(2))]
+    found = check_input(wrong).findings
+    assert found and found[0].name == name
+    mended = wrong
+    for finding in found:
+        mended = [apply(finding.correction, run) for run in mended]
+    assert check_input(mended).findings == ()
+
+
+@pytest.mark.parametrize(
+    "correction",
+    [
+        Correction(offset={"psi": 0.09}),
+        Correction(scale={"r": 1.05}),
+        Correction(scale={"u": 0.95, "v": 0.95}),
+        Correction(late={"u": -0.3, "v": -0.3}),
+        Correction(late={"x": -0.5, "y": -0.5}),
+    ],
+)
+def test_an_effect_of_the_catalogue_is_no_mistake(correction):
+    assert check_input([apply(correction, weave(3)), apply(correction, weave(4))]).findings == ()
+
+
+def test_a_mistake_in_one_run_is_told_of_that_run():
+    runs = [replace(weave(k), name=f"r{k}") for k in range(4)]
+    runs[2] = apply(Correction(scale={"psi": -1.0}), runs[2])
+    found = check_input(runs).findings
+    assert [(f.name, f.runs, f.all_runs) for f in found] == [("sign of psi", ("r2",), False)]
+
+
+def test_slower_positions_with_empty_cells_still_tell_exchanged_axes():
+    run = apply(Correction(exchange=(("x", "y"),)), weave(5))
+    slow = np.arange(run.n_samples) % 10 == 3
+    data = dict(run.data) | {k: np.where(slow, run.data[k], np.nan) for k in ("x", "y")}
+    assert check_input([replace(run, data=data)]).findings[0].name == "x and y exchanged"
+
+
+def test_a_relation_of_noise_alone_names_nothing():
+    """Nothing moves but noise: no unit and no sign explains it better."""
+    rng = np.random.default_rng(0)
+    t = 0.1 * np.arange(600)
+    data = {k: 0.01 * rng.standard_normal(600) for k in ("x", "y", "psi", "u", "v", "r")}
+    run = Run("still", "", "identify", t, data, {"delta_r_cmd": np.zeros(600), "n_cmd": np.zeros(600)})
+    assert [f.name for f in check_input([run, run]).findings if not f.name.startswith("dead")] == []
+
+
+def test_evidence_of_a_relation_is_the_gaussian_marginal_likelihood_averaged_over_its_level():
+    from scipy.stats import multivariate_normal
+
+    from bayesid.trials.kinematics.evidence import FLOOR, LEVELS
+
+    rng = np.random.default_rng(1)
+    x, y = rng.standard_normal((2, 12))
+    held = weigh(Relation("track", y, {"a": x}, {"a": 0.7}, 2.0, jacobian=0.3))
+    each = [
+        multivariate_normal(np.zeros(12), 0.49 * np.outer(x, x) + (2.0 * s) ** 2 * np.eye(12)).logpdf(y)
+        for s in np.geomspace(FLOOR, 4.0, LEVELS)
+    ]
+    assert held.log_evidence == pytest.approx(np.logaddexp.reduce(each) - math.log(LEVELS) + 0.3)
+
+
+def test_scaling_a_response_and_its_density_changes_no_evidence():
+    run = weave(6)
+    one = weigh(relations(run)["yaw"])
+    data = {**run.data, "psi": 3.0 * run.data["psi"], "r": 3.0 * run.data["r"]}
+    other = weigh(relations(replace(run, data=data), {"psi": 3.0})["yaw"])
+    # the columns' deviations are in rates over the time of turning, which is three times as short
+    assert other.log_evidence == pytest.approx(one.log_evidence, abs=2.0)
+    assert other.level == pytest.approx(one.level, rel=1e-6)
+
+
+@pytest.mark.parametrize("mistake", [m for m in MISTAKES if m.correction is not None], ids=lambda m: m.name)
+def test_every_mend_is_read_back_from_its_line_of_trial_toml(mistake, tmp_path):
+    run = weave(7, n=60)
+    columns = {"t[s]": run.t, **{f"{k}[{u}]": run.data[k] for k, u in UNITS.items()},
+        "delta_r_cmd[rad]": run.commands["delta_r_cmd"], "n_cmd[rpm]": run.commands["n_cmd"]}  # fmt: skip
+    rows = [",".join(columns)] + [
+        ",".join(map(repr, map(float, row))) for row in zip(*columns.values(), strict=True)
+    ]
+    (tmp_path / "r.csv").write_text("\n".join(rows) + "\n")
+    head = 'format = 1\nname = "n"\nvehicle = "remus100"\n'
+    lines = "[corrections]\n" + "\n".join(mistake.correction.lines()) + "\n"
+    (tmp_path / "trial.toml").write_text(head + lines + '[[runs]]\nfile = "r.csv"\nrole = "identify"\n')
+    read = load_trial(tmp_path).runs[0]
+    wanted = apply(mistake.correction, run)
+    for name, values in {**wanted.data, **wanted.commands}.items():
+        np.testing.assert_allclose({**read.data, **read.commands}[name], values, rtol=1e-5, atol=1e-9)
+    np.testing.assert_allclose(read.t, wanted.t, rtol=1e-5)
+
+
+UNITS = {"x": "m", "y": "m", "psi": "rad", "u": "m/s", "v": "m/s", "r": "rad/s"}
+
+
+def test_a_correction_that_cannot_be_read_is_refused_with_every_reason(tmp_path):
+    (tmp_path / "trial.toml").write_text(
+        'format = 1\nname = "n"\n[corrections]\nscale = { uu = 2 }\nexchange = ["x"]\ntime_scale = 0\n'
+        "foo = 1\n"
+        'runs = ["nowhere"]\n[[runs]]\nfile = "r.csv"\n'
+    )
+    with pytest.raises(TrialError) as error:
+        load_trial(tmp_path)
+    text = str(error.value)
+    assert all(word in text for word in ("'uu'", "exchange", "time_scale", "'foo'", "nowhere"))
+
+
+def test_degrees_read_as_radians_are_not_unwrapped_away():
+    from bayesid.trials.assemble import unwrap
+
+    degrees = np.cumsum(np.full(200, 5.0))
+    assert np.array_equal(unwrap(degrees), degrees)
+    wrapped = np.mod(np.deg2rad(degrees), 2 * math.pi)
+    assert np.allclose(np.diff(unwrap(wrapped)), np.deg2rad(5.0))
