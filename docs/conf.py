@@ -14,6 +14,7 @@ HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))  # _generate
 sys.path.insert(0, str(HERE.parent))
 
+from _generate.docstrings import spread  # noqa: E402
 from _generate.mathml import register  # noqa: E402
 from _generate.pages import PAGES  # noqa: E402
 
@@ -29,6 +30,7 @@ source_suffix = {".md": "markdown"}
 exclude_patterns = ["_generate"]
 myst_enable_extensions = ["dollarmath", "deflist", "colon_fence", "attrs_inline"]
 myst_heading_anchors = 3
+smartquotes = False  # options begin with two hyphens
 
 nitpicky = True
 # types of the standard library, numpy and pandas, whose own pages cannot be asked offline
@@ -59,7 +61,13 @@ def fill_generated(app, docname, source):
     source[0] = _GENERATED.sub(lambda found: PAGES[found.group(1)](), source[0])
 
 
+def spread_docstring(app, what, name, found, options, lines):
+    """Docstrings of the house as numpydoc has them."""
+    lines[:] = spread(lines)
+
+
 def setup(app):
     register(app)
     app.connect("source-read", fill_generated)
+    app.connect("autodoc-process-docstring", spread_docstring, priority=100)  # before napoleon
     return {"parallel_read_safe": True}

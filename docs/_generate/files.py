@@ -54,7 +54,7 @@ def coefficients_read() -> str:
 
 def _kind(part: dict[str, Any]) -> str:
     if "enum" in part:
-        return "one of " + ", ".join(code(v) for v in part["enum"])
+        return "one of " + ", ".join(plain(v) for v in part["enum"])
     if part.get("type") == "array":
         return "list of " + _kind(part.get("items", {}))
     if part.get("type") == "object":
@@ -73,19 +73,21 @@ def _below(part: dict[str, Any]) -> dict[str, Any]:
         part = inner
 
 
-def _fields(part: dict[str, Any], path: str, required: list[str]) -> list[list[str]]:
-    rows = []
-    for name, field in part.get("properties", {}).items():
-        at = f"{path}{name}"
-        must = "yes" if not path and name in required else ""
-        rows.append([code(at), _kind(field), must, plain(field.get("description", ""))])
-        inner = _below(field)
-        mark = "[]" if field.get("type") == "array" else ".*" if "additionalProperties" in field else ""
-        rows += _fields(inner, f"{at}{mark}.", required)
-    return rows
+def _tables(part: dict[str, Any], title: str, required: list[str]) -> list[str]:
+    """A table of the fields of one object, then those of the objects within it, each under its own name."""
+    rows, inner = [], []
+    for name, field in part["properties"].items():
+        below = _below(field)
+        always = ", always there" if name in required else ""
+        rows.append([code(name), f"*{_kind(field)}{always}.* {plain(field.get('description', ''))}"])
+        if "properties" in below:
+            mark = "[]" if field.get("type") == "array" else ".*" if "additionalProperties" in field else ""
+            inner += _tables(below, f"{title}{'.' if title else ''}{name}{mark}", below.get("required", []))
+    head = f"## {code(title)}" if title else "## Top level"
+    return [head, table(("field", "what it holds"), rows), *inner]
 
 
 def diagnosis_fields() -> str:
-    """Every field of diagnosis.json, nested ones by their path."""
+    """Every field of diagnosis.json, the nested ones under the path of what holds them."""
     found = schema()
-    return table(("field", "kind", "always there", "meaning"), _fields(found, "", found["required"]))
+    return "\n\n".join(_tables(found, "", found["required"]))

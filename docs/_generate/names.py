@@ -29,6 +29,5 @@ def public_names() -> str:
             continue
         what = "autoclass" if inspect.isclass(found) else "autofunction"
         members = "\n   :members:" * inspect.isclass(found)
-        home = f"{found.__module__}.{name}"
-        out.append(f"## {code(name)}\n\n```{{eval-rst}}\n.. {what}:: {home}{members}\n```")
+        out.append(f"## {code(name)}\n\n```{{eval-rst}}\n.. {what}:: bayesid.{name}{members}\n```")
     return "\n\n".join(out)
