@@ -30,6 +30,7 @@ from bayesid.trials.stated import Stated  # noqa: E402
 
 WRITTEN = [ROOT / "README.md", *sorted(p for p in DOCS.rglob("*.md") if p.name != "importing.md")]
 _BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+_NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w])")
 _MARKER = re.compile(r"^<!-- generated: (\w+) -->$", re.MULTILINE)
 # pages whose commands take seconds; those of the others take minutes
 CHEAP = ("guide/own_log.md", "guide/manoeuvres.md", "developer/blind_checks.md")
@@ -117,29 +118,68 @@ def test_files_shown_on_a_page_are_read(page):
 
 
 def run_page(page, folder):
-    """Run the commands of a page in a folder, then its Python."""
+    """Run the commands of a page in a folder, then its Python; what they print."""
     shell = "\n".join(blocks(page, "bash"))
     odd = [line for line in shell.splitlines() if line and not line.startswith(("bayesid ", "    "))]
     assert not odd, "only commands of bayesid are run"
-    runs = [["-m", *words] for words in commands_of(page)] + [["-c", text] for text in blocks(page, "python")]
-    for run in runs:
+    codes = [
+        3 if "# exit code 3" in line else 0 for line in shell.splitlines() if line.startswith("bayesid ")
+    ]
+    runs = [(["-m", *words], code) for words, code in zip(commands_of(page), codes, strict=True)]
+    runs += [(["-c", text], 0) for text in blocks(page, "python")]
+    printed = []
+    for run, code in runs:
         done = subprocess.run(
             [sys.executable, *run], cwd=folder, capture_output=True, text=True, timeout=400, check=False
         )
-        assert done.returncode == 0, f"{' '.join(run)}\n{done.stdout[-2000:]}{done.stderr[-2000:]}"
+        assert done.returncode == code, f"{' '.join(run)}\n{done.stdout[-2000:]}{done.stderr[-2000:]}"
+        printed += done.stdout.splitlines()
+    return printed
+
+
+def parts_of(line):
+    """Words of a line, and its numbers."""
+    return " ".join(re.sub(_NUMBER, "#", line).split()), [float(x) for x in re.findall(_NUMBER, line)]
+
+
+def is_printed(line, printed):
+    """Whether a line is among those printed, numbers to 5 % and 0.02: other processors round otherwise."""
+    words, numbers = parts_of(line)
+    return any(
+        theirs == words and numbers == pytest.approx(found, rel=0.05, abs=0.02)
+        for theirs, found in map(parts_of, printed)
+    )
+
+
+def shown_by(page):
+    """Lines a page says were printed; not those cut short by dots, nor commands."""
+    lines = [line for text in blocks(page, "text") for line in text.splitlines()]
+    lines += re.findall(r"^> (.+)$", page.read_text("utf-8"), re.MULTILINE)
+    return [line for line in lines if line.strip() and "..." not in line and not line.startswith("bayesid ")]
 
 
 @pytest.mark.parametrize("name", CHEAP)
 def test_a_short_page_runs(name, tmp_path, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
-    run_page(DOCS / name, tmp_path)
+    page = DOCS / name
+    printed = run_page(page, tmp_path)
+    assert [line for line in shown_by(page) if not is_printed(line, printed)] == []
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", COSTLY)
 def test_a_long_page_runs(name, tmp_path, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
-    run_page(DOCS / name, tmp_path)
+    page = DOCS / name
+    printed = run_page(page, tmp_path)
+    assert [line for line in shown_by(page) if not is_printed(line, printed)] == []
+
+
+def test_a_line_that_was_not_printed_is_found_out():
+    printed = ["N_dr  -0.003854  -0.004514", "a turn of 455 m (95 %: 454 to 457)"]
+    assert is_printed("a turn of 455.5 m (95 %: 454 to 457)", printed)
+    assert not is_printed("a turn of 490 m (95 %: 454 to 457)", printed)
+    assert not is_printed("a circle of 455 m (95 %: 454 to 457)", printed)
 
 
 def test_every_page_with_commands_is_run_by_a_test():
