@@ -117,6 +117,13 @@ def test_files_shown_on_a_page_are_read(page):
             assert not stated.problems and not stated.warnings
 
 
+@pytest.mark.parametrize("name", ["README.md", "CONTRIBUTING.md"])
+def test_links_of_the_front_pages_lead_somewhere(name):
+    links = re.findall(r"\]\(([^)#]+)\)", (ROOT / name).read_text("utf-8"))
+    assert links
+    assert [link for link in links if "://" not in link and not (ROOT / link).exists()] == []
+
+
 def run_page(page, folder):
     """Run the commands of a page in a folder, then its Python; what they print."""
     shell = "\n".join(blocks(page, "bash"))
