@@ -11,7 +11,7 @@ from bayesid.model.vehicles import load_vehicle
 from bayesid.trials import Run, Trial
 from studies.sim_to_real_gap import delphin2, esso_osaka, planted
 from studies.sim_to_real_gap.example_section import _regression
-from studies.sim_to_real_gap.real_sections import told
+from studies.sim_to_real_gap.real_sections import told, worse_than_given
 from studies.sim_to_real_gap.report import _score, judge, planted_section
 
 
@@ -142,3 +142,14 @@ def test_a_real_log_without_heading_in_its_held_out_runs_has_no_number_there():
     assert [list(row) for row in table.rows] == [["all", None, None, None]]
     assert table.columns[-1] == "best explanation"
     assert "would add 0.0" in text.body
+
+
+def test_real_explanations_that_predict_worse_than_the_simulator_as_given_are_counted():
+    def record(given, explained):
+        rms = {"nominal": {"psi": given}, "recalibrated": {"psi": 0.1}, "with effect": {"psi": explained}}
+        short = {"horizon": "6 L/U", "rms": {k: {"psi": 0.1} for k in rms}}
+        return {"gap": {"horizons": [short, {"horizon": "full replay", "rms": rms}]}}
+
+    found = {"diagnoses": {"plain": record(0.2, 0.3)}, "questions": {"late": {"found": record(0.3, 0.2)}}}
+    assert worse_than_given(found) == [True, False]
+    assert worse_than_given({"questions": {"x": {"found": {"gap": {"horizons": []}}}}}) == []

@@ -12,6 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from bayesid.diagnosis.answer import in_words
+from bayesid.diagnosis.hypotheses.rules import NAMING
 from bayesid.diagnosis.summary import unsigned_zeros
 from bayesid.report.diagnosis.holdout import record_label
 from bayesid.report.writer import Block, Section, Table, Text, literal
@@ -62,20 +64,8 @@ def kvlcc2_section(found: Mapping[str, Any]) -> Section:
             3,
         ),
     ]
-    stripped = found["diagnoses"].get("plain")
-    if stripped and any(e["name"] == "rudder_propeller_interaction" for e in stripped["effects"]):
-        blocks.append(
-            Text(
-                "The plain set was stripped of the rows of the rudder in the propeller race, and that is "
-                "among what its "
-                "diagnosis asks for, first of all. The company it keeps (an offset of the centre of "
-                "gravity, a loss of "
-                "thrust) is known to be false: mass and thrust were measured. On a ship unlike its "
-                "equations several "
-                "names in one verdict are stand-ins for rows, and held-out heading does not get better by "
-                "them."
-            )
-        )
+    if stripped := found["diagnoses"].get("plain"):
+        blocks.append(Text(_asked_back(stripped)))
     words = {s["key"]: s["words"] for s in sets}
     for key, record in found["diagnoses"].items():
         blocks.append(Section(f"Diagnosis: {words[key]}", told(record)))
@@ -87,6 +77,41 @@ def kvlcc2_section(found: Mapping[str, Any]) -> Section:
         )
     )
     return Section("KVLCC2: a tanker told in a submarine's terms", blocks)
+
+
+RACE = "rudder_propeller_interaction"
+
+
+def _asked_back(record: Mapping[str, Any]) -> str:
+    """Whether the diagnosis of the stripped rows asks for what was stripped, and what else it names."""
+    named = [e["name"] for e in record["effects"]] if record["verdict"] in NAMING else []
+    text = "The plain set was stripped of the rows of the rudder in the propeller race: " + (
+        "its diagnosis asks for them." if RACE in named else "its diagnosis does not ask for them."
+    )
+    if others := [in_words(n) for n in named if n != RACE]:
+        text += (
+            f" Beside them it names {', '.join(others)}; mass and thrust were measured, so a name of theirs "
+            "stands in for rows."
+        )
+    row = next((h for h in record["gap"]["horizons"] if h["horizon"] == "full replay"), None)
+    if row and row["rms"]["with effect"]["psi"] >= row["rms"]["nominal"]["psi"]:
+        text += " Held-out heading of whole runs does not get better by it."
+    return text
+
+
+def worse_than_given(found: Mapping[str, Any]) -> list[bool]:
+    """For every diagnosis of a real ship: whether what it explains predicts the heading of held-out runs
+    worse than the untouched simulator, over the longest horizon there is.
+    """
+    records = list(found.get("diagnoses", {}).values())
+    records += [q["found"] for q in found.get("questions", {}).values()]
+    out = []
+    for record in records:
+        rows = [h for h in record["gap"]["horizons"] if h["rms"]["nominal"].get("psi") is not None]
+        if rows:
+            rms = rows[-1]["rms"]
+            out.append(rms["with effect"]["psi"] > rms["nominal"]["psi"])
+    return out
 
 
 def esso_section(found: Mapping[str, Any]) -> Section:

@@ -29,6 +29,12 @@ def gap_report(parts: Mapping[str, Any]) -> Report:
         "plant shares no code with the diagnosed model; the diagnosis saw orders, noisy readings and the "
         "nominal vehicle, and read held-out runs after its verdict."
     )
+    if real := parts.get("worse"):
+        count = sum(real)
+        lead += (
+            f" **On real ships {count} of {len(real)} explanations predict the heading of held-out runs "
+            "worse than the simulator as given**, over the longest horizon: there, do not rely on them."
+        )
     sections = [
         example_section(parts["example"]),
         planted_section(rows, judged),
