@@ -74,6 +74,7 @@ def check_record(check: InputCheck) -> dict[str, Any]:
         ],
         "in_order": list(check.in_order),
         "not_checked": list(check.unseen),
+        "remarks": list(check.remarks),
     }  # fmt: skip
 
 
