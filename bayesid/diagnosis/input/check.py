@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from bayesid.diagnosis.input.vehicle_witness import VehicleWitness
+from bayesid.diagnosis.input.wrong_vehicle import wrong_vehicle
 from bayesid.equations.model import Model
 from bayesid.trials import Trial
 from bayesid.trials.correction import apply
@@ -34,6 +35,8 @@ def check_trial(trial: Trial, model: Model | None = None) -> InputCheck:
         witness = VehicleWitness(model, min(1.0, RUNS_COUNT_AS / len(runs)))
         found = check_input(runs, size[0] / size[1], witness)
     right = mended(trial, found)
+    if model is not None and (other := wrong_vehicle(model, right.identify)) is not None:
+        found = replace(found, findings=(*found.findings, other))
     wrong = stated_wrongly(seen_noise(right.identify, right.noise, size))
     return replace(found, remarks=() if wrong is None else (wrong,))
 
