@@ -20,12 +20,14 @@ from bayesid.progress import Progress
 from bayesid.report.excite import TERM_COLUMNS, excitation_report, finding, term_rows, write_excitation_report
 from bayesid.report.writer import Report
 from bayesid.report.writer.text import table_text
+from bayesid.threads import one_blas_thread
 from bayesid.trials import Trial
 
 if TYPE_CHECKING:
     import pandas
 
 
+@one_blas_thread
 def excite(
     trial: TrialLike,
     vehicle: VehicleLike | None = None,

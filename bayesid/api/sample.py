@@ -24,6 +24,7 @@ from bayesid.progress import Progress
 from bayesid.report.sample import COLUMNS, noise_words, rows, sample_report, verdict, write_sample_report
 from bayesid.report.writer import Report
 from bayesid.report.writer.text import table_text
+from bayesid.threads import one_blas_thread
 from bayesid.trials.noise import raised, raised_words
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ QUICK_SAMPLES, QUICK_STEPS = 200, 600
 FULL_WEIGHT = 0.9
 
 
+@one_blas_thread
 def sample(
     trial: TrialLike,
     out: str | os.PathLike[str],
