@@ -225,8 +225,8 @@ def stated_wrongly(seen: Sequence[SeenNoise]) -> str | None:
     degrees = [one.name for one in wrong if _in_degrees(one)]
     hint = f" ({', '.join(degrees)} in degrees? [noise] is in rad and rad/s)" if degrees else ""
     return (
-        f"noise stated against noise seen in fast changes of the readings: {parts}{hint}; the seen one is "
-        f"used. In trial.toml: [noise] {lines}"
+        f"noise stated against noise seen in fast changes of the readings: {parts}{hint}; a diagnosis uses "
+        f"the seen one. In trial.toml: [noise] {lines}"
     )
 
 
