@@ -12,7 +12,7 @@ from bayesid.api.check import check
 from bayesid.api.diagnose import diagnose
 from bayesid.api.fit import fit
 from bayesid.api.input_result import InputResult
-from bayesid.api.simulate import simulate
+from bayesid.api.simulate import simulate, simulate_model
 from bayesid.diagnosis.input import check_trial, mended, not_enough
 from bayesid.equations.model import build_model
 from bayesid.errors import TrialError
@@ -119,3 +119,27 @@ def test_check_gives_one_sentence_per_mistake(clean):
     found = check(wrong(clean, Correction(exchange=(("x", "y"),))))
     assert len(found.sentences) == 1
     assert 'exchange = [["x", "y"]]' in found.sentences[0]
+
+
+@pytest.mark.parametrize("other", ["nps_auv2", "delphin2"])
+def test_a_log_of_another_vehicle_is_told_and_its_own_is_not(clean, model, other):
+    stranger = build_model(load_vehicle(other), 3)
+    assert "wrong vehicle" in [f.name for f in check_trial(clean, stranger).findings]
+    assert check_trial(clean, model).findings == ()
+
+
+def test_a_weak_rudder_is_no_other_vehicle(model):
+    """Negative control: a rudder of 60 % and thrust of 80 % are causes of a gap."""
+    nominal = model.nominal
+    weak = {k: 0.6 * nominal[model.index[k]] for k in ("N_dr", "Y_dr")}
+    trial = simulate_model(
+        model, "remus100", ("zigzag:10/10", "zigzag:13/10", "prbs:seed=2"), None, None, None, NOISE, 3
+    )
+    own = build_model(load_vehicle("remus100"), 3)
+    par = model.with_values(weak)
+    logged = replace(own, nominal=par)
+    weaker = simulate_model(
+        logged, "remus100", ("zigzag:10/10", "zigzag:13/10", "prbs:seed=2"), None, None, None, NOISE, 3
+    )
+    for one in (trial, weaker):
+        assert "wrong vehicle" not in [f.name for f in check_trial(one, model).findings]

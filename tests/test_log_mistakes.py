@@ -10,7 +10,7 @@ import pytest
 
 from bayesid.errors import TrialError
 from bayesid.trials import Run, load_trial
-from bayesid.trials.correction import Correction, apply
+from bayesid.trials.correction import Correction, apply, read_correction
 from bayesid.trials.kinematics.evidence import Relation, weigh
 from bayesid.trials.kinematics.relations import relations
 from bayesid.trials.mistakes import MISTAKES, check_input
@@ -175,3 +175,42 @@ def test_degrees_read_as_radians_are_not_unwrapped_away():
     assert np.array_equal(unwrap(degrees), degrees)
     wrapped = np.mod(np.deg2rad(degrees), 2 * math.pi)
     assert np.allclose(np.diff(unwrap(wrapped)), np.deg2rad(5.0))
+
+
+def stuck(run: Run, name: str, first: int, count: int) -> Run:
+    values = run.data[name].copy()
+    values[first : first + count] = values[first]
+    return replace(run, data={**run.data, name: values})
+
+
+@pytest.mark.parametrize("name", ["psi", "r", "x", "u"])
+def test_a_column_frozen_for_seconds_is_named_and_its_repeats_left_out(name):
+    runs = [stuck(weave(1), name, 300, 60), replace(weave(2), name="whole")]
+    found = check_input(runs).findings
+    assert [f.name for f in found] == [f"frozen {name}"]
+    mended = apply(found[0].correction, runs[0])
+    empty = np.flatnonzero(np.isnan(mended.data[name]))
+    assert set(range(301, 360)) <= set(empty) and empty.size < 62
+    assert apply(found[0].correction, runs[1]) is runs[1]
+    assert check_input([mended, runs[1]]).findings == ()
+
+
+def test_a_held_a_saturated_and_a_resting_column_are_not_frozen():
+    slow = weave(1)
+    held = replace(slow, data={**slow.data, "psi": np.repeat(slow.data["psi"][::10], 10)})
+    cut = replace(slow, data={**slow.data, "r": np.clip(slow.data["r"], -0.2, 0.2)})
+    rest = replace(slow, data={k: np.where(slow.t < 8.0, v[80], v) for k, v in slow.data.items()})
+    for run in (held, cut, rest):
+        assert not [f for f in check_input([run]).findings if f.name.startswith("frozen")]
+    # a log rounded so coarsely that a fifth of its readings repeat
+    rounded = replace(slow, data={**slow.data, "psi": np.round(slow.data["psi"], 2)})
+    assert not [f for f in check_input([rounded]).findings if f.name.startswith("frozen")]
+
+
+def test_skip_repeats_is_read_from_the_file():
+    problems: list[str] = []
+    read = read_correction({"skip_repeats": ["psi"]}, problems)
+    assert read == Correction(skip_repeats=("psi",)) and not problems
+    assert read.lines() == ('skip_repeats = ["psi"]',)
+    read_correction({"skip_repeats": ["heading!"]}, problems)
+    assert len(problems) == 1

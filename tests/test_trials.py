@@ -433,7 +433,7 @@ def test_estimated_noise_equals_the_noise_put_in(bundle):
     for name, row in summary["noise"].items():
         expected = 0.2 if name == "v" else 1.0  # v is stated five times too large
         assert row["ratio"] == pytest.approx(expected, rel=0.25)  # 600 samples: one sigma is about 5 %
-    assert any("noise of v" in text for text in summary["warnings"])
+    assert [t for t in summary["warnings"] if t.startswith("noise stated") and "[noise] v = 0.0" in t]
     json.dumps(summary)
 
 

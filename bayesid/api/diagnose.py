@@ -75,7 +75,7 @@ def diagnose(
     next_manoeuvre : also rank manoeuvres to execute next
     draws : also sample the named effects' parameters by emcee
     keep_model : also make the model that `bayesid.predict` draws from
-    trust_input : take the log as it is
+    trust_input : take the log, and the noise it states, as they are
 
     Raises
     ------
@@ -90,7 +90,7 @@ def diagnose(
         told = shown.route(_route(next_manoeuvre, draws, keep_model))
         found = run(
             of, model, seed=seed, notify=told, as_built=prior, plan_next=next_manoeuvre, draw=draws,
-            keep_model=keep_model,
+            keep_model=keep_model, trust_noise=trust_input,
         )  # fmt: skip
         return DiagnoseResult(found, checked)
 

@@ -29,6 +29,7 @@ from bayesid.equations.model import Model
 from bayesid.estimation.filter_error.fit import FilterErrorFit, fit
 from bayesid.estimation.filter_error.noise_identification import no_process_noise
 from bayesid.trials import Trial
+from bayesid.trials.noise_stated import with_seen_noise
 
 Notify = Callable[[str], None]
 Array = np.ndarray
@@ -71,6 +72,7 @@ def diagnose(
     plan_next: bool = True,
     draw: bool = False,
     keep_model: bool = False,
+    trust_noise: bool = False,
 ) -> Diagnosis:
     """Diagnose the gap between a model and a trial.
 
@@ -81,6 +83,7 @@ def diagnose(
     plan_next : also rank manoeuvres to run next
     draw : also sample the named effects' parameters by emcee; it confirms, the verdict stands before
     keep_model : also make the diagnosed model that `bayesid predict` draws from
+    trust_noise : keep the noise as stated, whatever fast changes of the readings show
 
     A step after the verdict that fails becomes a sentence in `warnings`.
 
@@ -89,10 +92,11 @@ def diagnose(
     TrialError
         if there is nothing to identify from
     """
-    compared = compare_without(model, trial, notify, as_built, seed)
+    weighed = trial if trust_noise else with_seen_noise(trial, (model.scales["L"], model.scales["U"]))
+    compared = compare_without(model, weighed, notify, as_built, seed)
     problem, candidates = compared.problem, compared.candidates
     verdict = verdict_with(decide(problem, candidates), problem.events)
-    warnings = [*trial.warnings, *problem.warnings]
+    warnings = [*weighed.warnings, *problem.warnings]
     if compared.unable is not None:
         warnings.append(compared.unable)
     # The verdict stands. What follows describes, proves and plans; none of it may cost the verdict.

@@ -31,7 +31,8 @@ def finding_sentence(finding: InputFinding) -> str:
     told = _list([TOLD.get(k, k) for k in finding.told_by[:2]])
     also = f"; these runs do not tell it from: {', '.join(finding.also)}" if finding.also else ""
     mend = "; ".join(finding.mend[1:])
-    mend = f"; [corrections] {mend}" if mend else "; the column has to be logged anew"
+    lost = "; the column has to be logged anew" if finding.channels else "; state the right vehicle"
+    mend = f"; [corrections] {mend}" if mend else lost
     fit = ""
     if finding.before > 0 and finding.after < finding.before:
         fit = f", unexplained {finding.before:.2g} before and {finding.after:.2g} after"
@@ -74,6 +75,7 @@ def check_record(check: InputCheck) -> dict[str, Any]:
         ],
         "in_order": list(check.in_order),
         "not_checked": list(check.unseen),
+        "remarks": list(check.remarks),
     }  # fmt: skip
 
 

@@ -32,6 +32,7 @@ class Correction:
     Attributes
     ----------
     drop : channels that are not to be read
+    skip_repeats : channels of which a reading equal to the one before is an empty cell
     rename : channel -> what it really is, e.g. {"u": "u_water"}
     geographic : x and y hold latitude and longitude in degrees
     exchange : pairs of channels whose columns are exchanged
@@ -46,6 +47,7 @@ class Correction:
     """
 
     drop: tuple[str, ...] = ()
+    skip_repeats: tuple[str, ...] = ()
     rename: Mapping[str, str] = field(default_factory=dict)
     geographic: bool = False
     exchange: tuple[tuple[str, str], ...] = ()
@@ -61,7 +63,15 @@ class Correction:
     @property
     def channels(self) -> frozenset[str]:
         """Channels that come out different; "t" stands for all."""
-        out = {*self.drop, *self.rename, *self.rename.values(), *self.scale, *self.offset, *self.late}
+        out = {
+            *self.drop,
+            *self.skip_repeats,
+            *self.rename,
+            *self.rename.values(),
+            *self.scale,
+            *self.offset,
+            *self.late,
+        }
         out |= {name for pair in self.exchange for name in pair}
         out |= {"x", "y"} if self.geographic else set()
         out |= {"psi"} if self.heading_from == "east" else set()
@@ -89,6 +99,9 @@ def apply(correction: Correction, run: Run) -> Run:
     series = {k: v for group in run.GROUPS if group != "extra" for k, v in getattr(run, group).items()}
     for name in correction.drop:
         series.pop(name, None)
+    for name in correction.skip_repeats:
+        if name in run.data:
+            series[name] = _without_repeats(series[name])
     series = {correction.rename.get(k, k): v for k, v in series.items()}
     if correction.geographic and {"x", "y"} <= set(series):
         series["x"], series["y"] = _metres(series["x"], series["y"])
@@ -118,6 +131,13 @@ def apply(correction: Correction, run: Run) -> Run:
         groups[_GROUP[channel(name).kind]][name] = values
     note = "corrected: " + "; ".join(correction.lines())
     return replace(run, t=t, provenance=run.provenance + (note,), **groups)
+
+
+def _without_repeats(values: Floats) -> Floats:
+    good = np.flatnonzero(np.isfinite(values))
+    out = values.copy()
+    out[good[1:][np.diff(values[good]) == 0.0]] = np.nan
+    return out
 
 
 def _metres(latitude: Floats, longitude: Floats) -> tuple[Floats, Floats]:
@@ -206,7 +226,7 @@ def _checked(key: str, given: Any, problems: list[str]) -> Any:
         if not isinstance(given, dict):
             problems.append(f'{place} must be a table, e.g. rename = {{ u = "u_water" }}')
         return dict(given) if ok else None
-    if key in ("drop", "runs"):
+    if key in ("drop", "skip_repeats", "runs"):
         if not isinstance(given, list) or not all(isinstance(v, str) for v in given):
             problems.append(f"{place} must be a list of names")
             return None

@@ -56,11 +56,11 @@ def rough_noise(t: Floats, values: Floats) -> float:
         return float("nan")
     step = np.diff(t)
     short = step <= 3.0 * np.median(step)
-    found = [_difference_noise(t / np.median(step), x, short, order) for order in (4, 6)]
+    found = [difference_noise(t / np.median(step), x, short, order) for order in (4, 6)]
     return float(min(found))
 
 
-def _difference_noise(t: Floats, x: Floats, short: np.ndarray, order: int) -> float:
+def difference_noise(t: Floats, x: Floats, short: np.ndarray, order: int) -> float:
     size = x.size - order
     near = np.logical_and.reduce([short[k : short.size - order + 1 + k] for k in range(order)])
     if near.sum() < 12:

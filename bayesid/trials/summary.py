@@ -15,6 +15,7 @@ import numpy as np
 from bayesid.model.channels import channel
 from bayesid.trials.consistency import check_rudder, check_track, check_yaw
 from bayesid.trials.noise import rough_noise, spikes
+from bayesid.trials.noise_stated import seen_noise, stated_wrongly
 from bayesid.trials.trial import Floats, Run, Trial, channels_of
 
 _DEG = math.pi / 180.0
@@ -34,6 +35,10 @@ def trial_summary(trial: Trial) -> dict[str, Any]:
             runs.append(_run(run, noise))
         estimates.append(noise)
     warnings = list(trial.warnings)
+    seen = seen_noise(trial.identify or trial.runs, trial.noise)
+    if (wrong := stated_wrongly(seen)) is not None:
+        warnings.append(wrong)
+    told = {one.name for one in seen}
     noise_rows = {}
     for name in channels_of(trial.runs):
         found = [noise[name] for noise in estimates if math.isfinite(noise.get(name, math.nan))]
@@ -46,7 +51,7 @@ def trial_summary(trial: Trial) -> dict[str, Any]:
             "estimated": estimated,
             "ratio": ratio,
         }
-        if ratio is not None and not 0.5 < ratio < 3.0:
+        if name not in told and ratio is not None and not 0.5 < ratio < 3.0:
             warnings.append(
                 f"noise of {name}: {estimated:.3g} {channel(name).unit} seen against {stated:.3g} stated"
                 + (

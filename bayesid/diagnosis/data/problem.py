@@ -30,6 +30,7 @@ from bayesid.estimation.parameters import NO_PARAMETERS, GaussianPrior, coeffici
 from bayesid.estimation.run_data import RunData
 from bayesid.model.effects import Effect
 from bayesid.trials import Trial
+from bayesid.trials.kinematics.derived_velocity import velocity_from_track
 from bayesid.trials.noise import raised, raised_words
 
 Notify = Callable[[str], None]
@@ -58,6 +59,7 @@ class DiagnosisProblem:
     as_built : whether an earlier clean identification fixed the coefficients
     form : size of the model form in `coefficients`; None without
     vehicle : the coefficients of the vehicle alone, where there is a form
+    velocity_from_track : whether u, v are the logged track differentiated, so that both are of one point
     """
 
     model: Model
@@ -73,6 +75,7 @@ class DiagnosisProblem:
     as_built: bool = False
     form: ModelForm | None = None
     vehicle: GaussianPrior | None = None
+    velocity_from_track: bool = False
 
     @property
     def stated(self) -> GaussianPrior:
@@ -147,6 +150,12 @@ def build_problem(
     if least:
         noise |= least
         warnings.append(raised_words(least))
+    derived = bool(velocity_from_track(trial.identify))
+    if derived:
+        warnings.append(
+            "u and v are the logged track differentiated and filtered (fast changes of both agree): both are "
+            "of one point, so a position lever arm is not looked for; a latency may be"
+        )
     logs = [released(model, filter_error_run(model, run, noise, channels), events) for run in runs]
     if (coarse := too_coarse(model, logs)) is not None:
         warnings.append(coarse)
@@ -178,6 +187,7 @@ def build_problem(
         along_data.path_force_level,
         events,
         as_built is not None,
+        velocity_from_track=derived,
     )
 
 

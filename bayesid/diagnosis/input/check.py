@@ -8,10 +8,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 from bayesid.diagnosis.input.vehicle_witness import VehicleWitness
+from bayesid.diagnosis.input.wrong_vehicle import wrong_vehicle
 from bayesid.equations.model import Model
 from bayesid.trials import Trial
 from bayesid.trials.correction import apply
 from bayesid.trials.mistakes import InputCheck, check_input
+from bayesid.trials.noise_stated import seen_noise, stated_wrongly
 
 RUNS_COUNT_AS = 2.0  # independent witnesses, however many runs: they share one simulator's errors
 
@@ -27,9 +29,16 @@ def check_trial(trial: Trial, model: Model | None = None) -> InputCheck:
     if not runs:
         return InputCheck()
     if model is None:
-        return check_input(runs)
-    witness = VehicleWitness(model, min(1.0, RUNS_COUNT_AS / len(runs)))
-    return check_input(runs, model.scales["L"] / model.scales["U"], witness)
+        found, size = check_input(runs), None
+    else:
+        size = model.scales["L"], model.scales["U"]
+        witness = VehicleWitness(model, min(1.0, RUNS_COUNT_AS / len(runs)))
+        found = check_input(runs, size[0] / size[1], witness)
+    right = mended(trial, found)
+    if model is not None and (other := wrong_vehicle(model, right.identify)) is not None:
+        found = replace(found, findings=(*found.findings, other))
+    wrong = stated_wrongly(seen_noise(right.identify, right.noise, size))
+    return replace(found, remarks=() if wrong is None else (wrong,))
 
 
 def mended(trial: Trial, check: InputCheck) -> Trial:

@@ -52,8 +52,10 @@ class InputCheck:
     findings : mistakes, the surest first
     in_order : checks that were made and passed, in words
     unseen : what could not be checked and why, in words
+    remarks : what is stated of the log and its readings contradict, a sentence each; not a verdict
     """
 
     findings: tuple[InputFinding, ...] = ()
     in_order: tuple[str, ...] = ()
     unseen: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()

@@ -102,13 +102,14 @@ def check_input(
         are measured by it
     witness : asked about mistakes that kinematics leaves open
     """
+    from bayesid.trials.mistakes.frozen import frozen
     from bayesid.trials.mistakes.sized import sized
 
     kept = [_thinned(run) for run in runs]
     found: list[InputFinding] = []
     first = base = [base_of(run, travel, witness) for run in kept]
     for k in range(MOST):
-        every = [*weighed(base, MISTAKES), *sized(base)]
+        every = [*weighed(base, MISTAKES), *sized(base), *frozen(base)]
         if witness is not None:
             every = _witnessed(every, base, witness)
         one = named(every, [run.name for run in kept], ANOTHER * k)
