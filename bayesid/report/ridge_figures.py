@@ -50,7 +50,7 @@ def plain_corner(names: Sequence[str], draws: Array, loose: Array, fixed: Array)
             axes.set_ylim(-REACH, REACH)
             _circle(axes)
             axes.plot(
-                *_dots(draws, j, i), ".", color=COLOURS["blue"], markersize=1.4, alpha=0.5, rasterized=True
+                *_dots(draws, j, i), ".", color=COLOURS["sky"], markersize=1.4, alpha=0.6, rasterized=True
             )
             for half in halves:
                 if np.hypot(half[i], half[j]) > 0.5 * np.linalg.norm(half):
@@ -99,10 +99,11 @@ def rotated_corner(
             axes.yaxis.get_major_locator().set_params(nbins=3)
             _circle(axes)
             axes.plot(
-                *_dots(turned, j, i), ".", color=COLOURS["blue"], markersize=1.4, alpha=0.5, rasterized=True
+                *_dots(turned, j, i), ".", color=COLOURS["sky"], markersize=1.4, alpha=0.6, rasterized=True
             )
             _circle(axes, laplace[j], laplace[i])
             if left[i] > 3 * left[j]:
+                axes.axvline(0.0, color="white", linewidth=3.6)
                 axes.axvline(0.0, color=COLOURS["orange"], linewidth=1.6)
     for j in range(g):
         grid[g - 1, j].set_xlabel(_broken(titles[j]), fontsize=7)
@@ -140,12 +141,13 @@ def combinations(titles: Sequence[str], left: Sequence[float], laplace: Sequence
 def _through(axes: Any, middle: Array, half: Array, tone: str, width: float, dash: Any) -> None:
     """A line of this half length through a point."""
     ends = np.array([middle - half, middle + half])
+    axes.plot(ends[:, 0], ends[:, 1], color="white", linewidth=width + 2.0)  # seen in grey among the dots
     axes.plot(ends[:, 0], ends[:, 1], color=tone, linewidth=width, linestyle=dash)
 
 
 def _histogram(axes: Any, values: Array, reach: float) -> None:
     count, edges = np.histogram(values, bins=40, range=(-reach, reach), density=True)
-    axes.stairs(count, edges, fill=True, color=COLOURS["blue"], alpha=0.75, linewidth=0)
+    axes.stairs(count, edges, fill=True, color=COLOURS["sky"], alpha=0.75, linewidth=0)
     at = np.linspace(-reach, reach, 100)
     axes.plot(
         at, np.exp(-0.5 * at**2) / np.sqrt(2 * np.pi), color=COLOURS["grey"], linestyle="--", linewidth=1.0
