@@ -103,7 +103,7 @@ def rotated_corner(
             )
             _circle(axes, laplace[j], laplace[i])
             if left[i] > 3 * left[j]:
-                axes.axvline(0.0, color="white", linewidth=3.6)
+                axes.axvline(0.0, color="white", linewidth=2.8)
                 axes.axvline(0.0, color=COLOURS["orange"], linewidth=1.6)
     for j in range(g):
         grid[g - 1, j].set_xlabel(_broken(titles[j]), fontsize=7)
@@ -141,7 +141,7 @@ def combinations(titles: Sequence[str], left: Sequence[float], laplace: Sequence
 def _through(axes: Any, middle: Array, half: Array, tone: str, width: float, dash: Any) -> None:
     """A line of this half length through a point."""
     ends = np.array([middle - half, middle + half])
-    axes.plot(ends[:, 0], ends[:, 1], color="white", linewidth=width + 2.0)  # seen in grey among the dots
+    axes.plot(ends[:, 0], ends[:, 1], color="white", linewidth=width + 1.2)  # seen in grey among the dots
     axes.plot(ends[:, 0], ends[:, 1], color=tone, linewidth=width, linestyle=dash)
 
 

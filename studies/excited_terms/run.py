@@ -33,9 +33,23 @@ def main(out: Path, draws: int, seed: int, quick: bool) -> dict[str, Any]:
             cases.append(executed_case(vehicle, names, truth, seed + number, draws))
             stage.step(info=f"{vehicle} {names[0]} {truth}")
     numbers = counted(cases)
-    results = {"inputs": {"draws": draws, "quick": quick}, "seeds": [seed], "counts": numbers, "cases": cases}
+    results = {
+        "inputs": {"draws": draws, "quick": quick},
+        "seeds": [seed],
+        "counts": numbers,
+        "cases": shortened(cases),
+    }
     progress.note(f"report: {writer.write(excited_terms_report(cases, numbers), out, results)}")
     return results
+
+
+def shortened(cases: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Cases as kept: terms that act, and those PySINDy finds or cannot tell; the others are counted only."""
+
+    def kept(row: dict[str, Any]) -> bool:
+        return bool(row["acts"] or row["pysindy"] in ("found", "cannot tell"))
+
+    return [{**c, "terms": [r for r in c["terms"] if kept(r)]} for c in cases]
 
 
 if __name__ == "__main__":

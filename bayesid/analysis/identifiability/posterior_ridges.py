@@ -132,7 +132,13 @@ def ridges(names: Sequence[str], draws: Array, prior: Array, laplace: Array | No
     known = np.atleast_2d(np.cov(draws[:, keep] / unit, rowvar=False))
     before = prior[np.ix_(keep, keep)] / scale
     second = None if laplace is None else laplace[np.ix_(keep, keep)] / scale
-    whole = _combinations(kept, np.arange(keep.size), known, before, second)
+    return ridges_of(kept, known, before, second)
+
+
+def ridges_of(names: Sequence[str], known: Array, before: Array, second: Array | None = None) -> Ridges:
+    """The same from covariances (k, k) of posterior and prior, both in units of the prior sd."""
+    kept = tuple(names)
+    whole = _combinations(kept, np.arange(len(kept)), known, before, second)
     left = np.sqrt(np.diag(known))
     with np.errstate(divide="ignore", invalid="ignore"):
         correlation = np.nan_to_num(known / np.outer(left, left))
