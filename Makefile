@@ -2,6 +2,7 @@
 # make paper [QUICK=1] [SEED=n]                 the three cases of Furlong et al. (2003); like study it writes to out/
 # make reports DATA=folder                      these and the other studies into reports/, which git tracks (takes long)
 # make test | slow | lint | bench               each creates .venv and installs when it has to
+# make docs                                     the documentation site into out/docs, offline; warnings are errors
 # make test-posterior PYTHON=python3.13 VENV=.venv313 EXTRAS=test   sampler and posterior on another Python
 PYTHON ?= python3
 VENV   := .venv
@@ -15,11 +16,11 @@ FLAGS  := $(if $(QUICK),--quick) $(if $(SEED),--seed $(SEED))
 POSTERIOR := tests/test_sampler.py tests/test_sampler_resume.py tests/test_sample_trial.py tests/test_cli_sample.py \
 	tests/test_diagnose_posterior.py tests/test_posterior_study.py tests/test_cli_diagnose.py
 
-.PHONY: help install study paper reports whole test test-posterior slow lint bench clean
+.PHONY: help install study paper reports whole test test-posterior slow lint bench docs clean
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '1,5s/^# //p' Makefile
+	@sed -n '1,6s/^# //p' Makefile
 
 install: $(STAMP)
 
@@ -68,6 +69,10 @@ lint: $(STAMP)
 	$(BIN)/ruff check .
 	$(BIN)/mypy bayesid studies
 	$(BIN)/lint-imports
+
+docs: $(STAMP)
+	$(BIN)/python -m sphinx -q -W --keep-going -b html docs $(OUT)/docs
+	@echo "documentation: $(OUT)/docs/index.html"
 
 bench: $(STAMP)
 	@set -e; for script in benchmarks/bench_*.py; do echo "== $$script"; $(BIN)/python "$$script"; done

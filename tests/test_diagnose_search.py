@@ -18,6 +18,9 @@ EFFECTS = {n: Plain(name=n, family=f) for n, f in FAMILY.items()}
 PROBLEM = Plain(model=Plain(effects=EFFECTS))
 
 
+GOOD = Plain(converged=True, chi2=1.0, points="p", path_points="p", path_force_level=0.01)
+
+
 def key(*names):
     return "+".join(sorted(names))
 
@@ -38,9 +41,12 @@ class World:
         self.evidence, self.scores, self.free = evidence, screen, free or {}
         self.poor, self.lost, self.none, self.along = poor, lost, none, along or {}
         self.asked, self.banks, self.starts, self.remainders, self.nested = [], [], [], [], []
-        self.rivals = {}
+        self.rivals, self.again = {}, {}
         for name in ("refit", "refit_again", "build_bank", "screen", "remainder", "nested"):
             monkeypatch.setattr(search, name, getattr(self, f"_{name}"))
+        monkeypatch.setattr(
+            search, "_switched_off", lambda problem, larger, fewer: f"{key(*larger.effects)} with less"
+        )
         monkeypatch.setattr(search, "first_fit", lambda problem, effects, points: (points, names(effects)))
         monkeypatch.setattr(search, "levels_between", lambda problem, level: level)
         monkeypatch.setattr(search, "effect_prior", lambda model, effect: (effect.name,))
@@ -59,7 +65,8 @@ class World:
 
     def _refit_again(self, problem, effects, start, level, first, notify):
         self.starts.append((key(*names(effects)), start, level))
-        return first
+        again = self.again.get(self.starts[-1][0])
+        return first if again is None else [Plain(effects=names(effects), log_evidence=again, fit=GOOD)]
 
     def _build_bank(self, problem, points, level, others, inside):
         self.banks.append((points, level, names(others), inside))
@@ -220,6 +227,22 @@ def test_the_way_back_ends_where_nothing_can_be_refitted(monkeypatch):
     alike = Plain(rivals=lambda name: ())
     found, _ = search.search_several(PROBLEM, [start], start, list(EFFECTS.values()), alike, print)
     assert [key(*c.effects) for c in found] == ["lag+wind"]
+
+
+def test_fewer_effects_that_did_not_arrive_begin_again_where_more_of_them_did(monkeypatch):
+    evidence = {
+        "wind": 100.0,
+        "lag+wind": 160.0,
+        "lag+scale+wind": 220.0,
+        "scale+wind": 130.0,
+        "lag+scale": 5.0,
+    }
+    world = World(monkeypatch, evidence, SCREENS, poor=("scale+wind", "lag+scale", "wind"))
+    world.again = {"scale+wind": 219.0}
+    found, _ = world.run("wind")
+    assert ("scale+wind", "lag+scale+wind with less", search.FOLLOWING_FORCE_LEVEL) in world.starts
+    assert "lag+wind" not in [s[0] for s in world.starts]  # that one explains the data as it is
+    assert found[:2] == ["lag+scale+wind", "scale+wind"]
 
 
 def exchanged(world, *first, rivals):

@@ -128,3 +128,19 @@ def test_the_picture_is_on_the_first_screen_and_small(tmp_path):
     assert (tmp_path / "figures" / "picture_track.png").stat().st_size < 100_000
     text = written.read_text(encoding="utf-8")
     assert text.index("Track of") < text.index(">Contents<")
+
+
+def test_an_interval_of_draws_is_as_wide_as_the_runs_differ():
+    from diagnosis_results import draws
+
+    from bayesid.diagnosis.evidence.effect_draws import choice
+    from bayesid.diagnosis.final_values import _interval
+
+    drawn = draws()
+    assert choice(drawn) == "draws"
+    key, of = next(iter(drawn.parameters.items()))
+    assert _interval(drawn, key, 0.5 * of.sd) == pytest.approx((of.low95, of.high95))
+    low, high = _interval(drawn, key, 3.0 * of.sd)
+    assert (low - of.mean) == pytest.approx(3 * (of.low95 - of.mean))
+    assert (high - of.mean) == pytest.approx(3 * (of.high95 - of.mean))
+    assert _interval(None, key, of.sd) == (None, None) == _interval(drawn, "none", of.sd)

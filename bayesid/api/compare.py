@@ -31,12 +31,14 @@ from bayesid.report import compare as words
 from bayesid.report.compare import Comparison
 from bayesid.report.writer import Report
 from bayesid.report.writer.text import table_text
+from bayesid.threads import one_blas_thread
 from bayesid.trials import Trial
 
 if TYPE_CHECKING:
     import pandas
 
 
+@one_blas_thread
 def compare(
     source: Trial | Vehicle | str | os.PathLike[str],
     vehicle: VehicleLike | None = None,

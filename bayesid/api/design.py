@@ -27,6 +27,7 @@ from bayesid.report import design as words
 from bayesid.report.writer import Report
 from bayesid.report.writer.text import table_text
 from bayesid.simulation.virtual_trial import virtual_trial
+from bayesid.threads import one_blas_thread
 from bayesid.trials import Environment, Trial
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ TABLE = "next_manoeuvre.csv"
 MOST_TRIES, MOST_TRIES_CAUSES = 1500, 600
 
 
+@one_blas_thread
 def design(
     source: Trial | Vehicle | str | os.PathLike[str],
     vehicle: VehicleLike | None = None,

@@ -22,6 +22,7 @@ from bayesid.progress import Progress, RouteStep
 from bayesid.report.diagnosis.report import diagnosis_report, write_diagnosis_report
 from bayesid.report.input import check_record, in_order_line
 from bayesid.report.writer import Report
+from bayesid.threads import one_blas_thread
 from bayesid.trials import Trial
 from bayesid.trials.mistakes import InputCheck
 
@@ -41,6 +42,7 @@ ROUTE = {
 EFFECT_COLUMNS = ("effect", "probability", "parameter", "value", "sd", "unit")
 
 
+@one_blas_thread
 def diagnose(
     trial: TrialLike,
     vehicle: VehicleLike | None = None,

@@ -26,6 +26,7 @@ from bayesid.report import excite_first_screen as screen
 from bayesid.report.excite import TERM_COLUMNS, excitation_report, term_rows, write_excitation_report
 from bayesid.report.writer import Report
 from bayesid.report.writer.text import table_text
+from bayesid.threads import one_blas_thread
 from bayesid.trials import Trial
 
 if TYPE_CHECKING:
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 MOST_WITNESS = 60  # draws of PySINDy; more move no verdict
 
 
+@one_blas_thread
 def excite(
     trial: TrialLike,
     vehicle: VehicleLike | None = None,

@@ -37,6 +37,7 @@ from bayesid.report.fit_first_screen import failures, headline, moved
 from bayesid.report.prediction_error import PREDICTION_COLUMNS, prediction_numbers, prediction_rows
 from bayesid.report.writer import Report
 from bayesid.report.writer.text import table_text
+from bayesid.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import pandas
@@ -45,6 +46,7 @@ QUICK_SAMPLES, QUICK_ROUNDS = 300, 6
 COLUMNS = ("coefficient", "start (prime)", *coefficient_cells.COLUMNS, "sd [%]", "remark")
 
 
+@one_blas_thread
 def fit(
     trial: TrialLike,
     vehicle: VehicleLike | None = None,

@@ -24,6 +24,7 @@ from bayesid.progress import Progress
 from bayesid.report import identify as words
 from bayesid.report.writer import Report
 from bayesid.report.writer.text import table_text
+from bayesid.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import pandas
@@ -33,6 +34,7 @@ MOST_LEFT = 12  # open directions of a summary; a 6-DOF vehicle may have seventy
 DRAWS, ZIGZAGS = 200, 40  # of prior and posterior, for what the vehicle does
 
 
+@one_blas_thread
 def identify(
     trial: TrialLike,
     vehicle: VehicleLike | None = None,

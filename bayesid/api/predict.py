@@ -38,6 +38,7 @@ from bayesid.report import predict_first_screen as first_screen
 from bayesid.report.prediction_figures import bands
 from bayesid.report.writer import Figure, Report, Section, Table, literal
 from bayesid.report.writer.text import table_text
+from bayesid.threads import one_blas_thread
 from bayesid.trials import Run, Trial
 
 if TYPE_CHECKING:
@@ -51,6 +52,7 @@ AGAINST_COLUMNS = ("channel", "rms as given (SI)", "predicted", "largest", "insi
 MEASURE_COLUMNS = ("measure", "as given", "mean", "95 % from", "to", "unit")
 
 
+@one_blas_thread
 def predict(
     trial: TrialLike,
     what: str | Iterable[str] | None = None,

@@ -35,6 +35,7 @@ from bayesid.report.sample import (
 )
 from bayesid.report.writer import Report
 from bayesid.report.writer.text import table_text
+from bayesid.threads import one_blas_thread
 from bayesid.trials.noise import raised, raised_words
 
 if TYPE_CHECKING:
@@ -45,6 +46,7 @@ QUICK_SAMPLES, QUICK_STEPS = 200, 600
 FULL_WEIGHT = 0.9
 
 
+@one_blas_thread
 def sample(
     trial: TrialLike,
     out: str | os.PathLike[str],

@@ -225,7 +225,7 @@ def _effects(
         parameters = effect.parameters if effect is not None else ()
         keys = {p.name: (effect.key(p.name), p.unit) for p in parameters} if effect is not None else {}
         values = {
-            p: Value(*table[key], unit, *_interval(drawn, key))
+            p: Value(*table[key], unit, *_interval(drawn, key, table[key][1]))
             for p, (key, unit) in keys.items()
             if key in table
         }
@@ -245,11 +245,17 @@ def _effects(
     return tuple(out)
 
 
-def _interval(drawn: EffectDraws | None, key: str) -> tuple[float | None, float | None]:
-    """95 % interval of the draws where it is the one to use."""
+def _interval(drawn: EffectDraws | None, key: str, sd: float) -> tuple[float | None, float | None]:
+    """95 % interval of the draws where it is the one to use.
+
+    As far as the runs differ where they differ more than the draws do (`sd`, jackknife beside a form): draws
+    know no force that the equations lack.
+    """
     if drawn is None or key not in drawn.parameters or choice(drawn) != "draws":
         return None, None
-    return drawn.parameters[key].low95, drawn.parameters[key].high95
+    of = drawn.parameters[key]
+    wider = max(sd / of.sd, 1.0) if of.sd > 0 else 1.0
+    return of.mean - wider * (of.mean - of.low95), of.mean + wider * (of.high95 - of.mean)
 
 
 def _contract(name: str, values: dict[str, Value]) -> dict[str, Value]:

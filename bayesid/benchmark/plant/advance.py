@@ -31,23 +31,23 @@ def _force_at(t, sea, spacing, out):
 
 @njit(cache=True)
 def follow(servo, order, g, first):
-    """A new order reaches the gear: dead band, play and zero error."""
+    """A new order reaches the gear: dead band and play."""
     if first or abs(order - servo[4]) > g.band:
         servo[4] = order
-    wanted = servo[4] + g.offset
+    wanted = servo[4]
     servo[2] = wanted if first else min(max(servo[2], wanted - g.play), wanted + g.play)
 
 
 @njit(cache=True)
 def _angle(servo, span, now, tau, rate, stop, g, stuck):
-    """Rudder at its stops, `span` seconds after the state in `servo`."""
+    """Rudder `span` seconds after the state in `servo`: the gear at its stops, and off its zero."""
     if stuck:
         angle = servo[0]
     elif g.servo_w > 0.0:
         angle, _ = second_order(servo[0], servo[1], servo[2], g.servo_w, g.servo_z, rate, span)
     else:
         angle = servo_at(servo[0], servo[2], tau, rate, span)
-    return min(max(angle + g.hunt * math.sin(g.hunt_w * (now + span)), -stop), stop)
+    return min(max(angle + g.hunt * math.sin(g.hunt_w * (now + span)), -stop), stop) + g.offset
 
 
 @njit(cache=True)
@@ -64,7 +64,7 @@ def interval(x, servo, t0, t1, parts, changes, orders, plane, n, body, g, sea, s
     k1, k2, k3, k4 = np.zeros(N_STATES), np.zeros(N_STATES), np.zeros(N_STATES), np.zeros(N_STATES)
     y, work, force = np.zeros(N_STATES), np.zeros(WORK), np.zeros(5)
     rate = b.dr_rate if g.slow == 0.0 else 1.0 / (1.0 / b.dr_rate + g.slow)
-    wanted_plane = plane + g.s_offset
+    wanted_plane = plane
     t, given = t0, 0
     for part in range(parts):
         end = t0 + (t1 - t0) * (part + 1) / parts
@@ -82,11 +82,12 @@ def interval(x, servo, t0, t1, parts, changes, orders, plane, n, body, g, sea, s
             r0 = _angle(servo, 0.0, t, g.tau, rate, b.dr_max, g, stuck)
             r1 = _angle(servo, 0.5 * h, t, g.tau, rate, b.dr_max, g, stuck)
             r2 = _angle(servo, h, t, g.tau, rate, b.dr_max, g, stuck)
-            p0 = min(max(servo[3], -b.ds_max), b.ds_max)
+            p0 = min(max(servo[3], -b.ds_max), b.ds_max) + g.s_offset
             p1 = servo_at(servo[3], wanted_plane, 0.0, b.ds_rate, 0.5 * h)
             p2 = servo_at(servo[3], wanted_plane, 0.0, b.ds_rate, h)
             servo[3] = p2
-            p1, p2 = min(max(p1, -b.ds_max), b.ds_max), min(max(p2, -b.ds_max), b.ds_max)
+            p1 = min(max(p1, -b.ds_max), b.ds_max) + g.s_offset
+            p2 = min(max(p2, -b.ds_max), b.ds_max) + g.s_offset
             _force_at(t, sea, spacing, force)
             rates(t, x, r0, p0, n, body, g, force, k1, work)
             y[:] = x + 0.5 * h * k1
@@ -108,7 +109,7 @@ def interval(x, servo, t0, t1, parts, changes, orders, plane, n, body, g, sea, s
             t += h
         track[part, :N_STATES] = x
         track[part, N_STATES] = _angle(servo, 0.0, t, g.tau, rate, b.dr_max, g, False)
-        track[part, N_STATES + 1] = min(max(servo[3], -b.ds_max), b.ds_max)
+        track[part, N_STATES + 1] = min(max(servo[3], -b.ds_max), b.ds_max) + g.s_offset
 
 
 @njit(cache=True)

@@ -89,9 +89,10 @@ def execute_run(
         given[k] = orders(float(t[k]), x[:12]) if callable(orders) else orders[k]
         if k == 0:
             follow(servo, given[0, 0], gap, True)
-            servo[0], servo[3] = servo[2], given[0, 1] + gap["s_offset"]
+            servo[0], servo[3] = servo[2], given[0, 1]
             stops = number["dr_max"], number["ds_max"]
-            track[0] = np.append(x, np.clip((servo[0], servo[3]), np.negative(stops), stops))
+            fins = np.clip((servo[0], servo[3]), np.negative(stops), stops)
+            track[0] = np.append(x, fins + (gap["offset"], gap["s_offset"]))
         due.append((t[k] + late, given[k, 0]))
         now = [order for order in due if order[0] < t[k + 1] - 1e-9]
         due = due[len(now) :]

@@ -6,6 +6,7 @@ Takes a `DiagnosisProblem` and the refits of single effects. Gives `RefittedHypo
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 from bayesid.diagnosis.data.problem import DiagnosisProblem, first_fit
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains, nested, standing
@@ -28,6 +29,7 @@ from bayesid.diagnosis.threshold_table import (
     RIVALS_TRIED,
 )
 from bayesid.equations.model import Model
+from bayesid.estimation.filter_error.linearise import Trajectory
 from bayesid.estimation.parameters import GaussianPrior, effect_prior
 from bayesid.model.effects import Effect
 
@@ -88,7 +90,12 @@ def search_several(
         for name in current.effects:
             fewer = tuple(model.effects[n] for n in current.effects if n != name)
             known = [c for c in refits if set(c.effects) == {e.name for e in fewer}]
-            less += known or refit(problem, fewer, notify)
+            found = known or refit(problem, fewer, notify)
+            if explains(current) and not any(explains(c) for c in found):
+                # a smaller truth beside which the search went astray arrives from the larger one
+                start = _switched_off(problem, current, fewer)
+                found = refit_again(problem, fewer, start, FOLLOWING_FORCE_LEVEL, found, notify)
+            less += found
             refits += [c for c in less if c not in refits]
         smaller = max(less, key=lambda c: c.log_evidence, default=None)
         if smaller is None or smaller.log_evidence < current.log_evidence - DROP_EVIDENCE:
@@ -137,6 +144,20 @@ def _exchanged(
             break
         current = best
     return refits, current
+
+
+def _switched_off(
+    problem: DiagnosisProblem, larger: RefittedHypothesis, fewer: Sequence[Effect]
+) -> list[Trajectory]:
+    """Points of a refit with those of its effects off that are not among `fewer`."""
+    effects, out = problem.model.effects, []
+    for point in larger.fit.points:
+        par = point.par.copy()
+        for name in set(larger.effects) - {e.name for e in fewer}:
+            for p in effects[name].parameters:
+                par[problem.model.index[effects[name].key(p.name)]] = p.off
+        out.append(replace(point, par=par))
+    return out
 
 
 def _beside(

@@ -16,10 +16,10 @@ EFFECTS = (
                 "offset", "rad", 2 * _DEG, low=-20 * _DEG, high=20 * _DEG, about="added to the rudder angle"
             ),
         ),
-        stages=(InputStage("delta_r", 20, "x + offset", "x + offset"),),
+        stages=(InputStage("delta_r", 60, "x + offset", "x + offset"),),
         source="assumed: constant error of the rudder zero",
         magnitude="neutral rudder 0.5-2 degrees",
-        form="A constant, added before play, servo and stops.",
+        form="A constant, added behind play, servo and stops: the fin is askew on its stock.",
     ),
     Effect(
         name="actuator_lag",
@@ -124,10 +124,10 @@ EFFECTS = (
                 about="added to the stern-plane angle",
             ),
         ),
-        stages=(InputStage("delta_s", 20, "x + offset", "x + offset"),),
+        stages=(InputStage("delta_s", 60, "x + offset", "x + offset"),),
         dof=6,
         source="assumed: constant error of the plane zero",
         magnitude="0.5-2 degrees",
-        form="A constant, added before servo and stops.",
+        form="A constant, added behind servo and stops.",
     ),
 )

@@ -60,8 +60,8 @@ class EffectParameter:
 
 @dataclass(frozen=True)
 class InputStage:
-    """One link of an actuator chain; links run in rising `order` (dead time 10, offset 20, backlash 25, lag
-    30, then the vehicle's own rate limit 40 and clip 50)."""
+    """One link of an actuator chain; links run in rising `order` (dead time 10, backlash 25, lag 30,
+    the vehicle's own rate limit 40 and clip 50, offset 60)."""
 
     signal: str
     order: int

@@ -1,0 +1,1 @@
+"""Pages of the documentation that the package writes about itself, at build time."""
