@@ -143,7 +143,9 @@ def sample(
     facts = {"fit": found.fit.message, "likelihood": likelihood if composite else memory}
     posterior = replace(posterior, settings={**posterior.settings, **facts})
     with shown.stage("look"):
-        view = view_posterior(posterior, density, assumed, seed)
+        view = view_posterior(
+            posterior, density, assumed, seed, "--prior" if prior is not None else "vehicle file"
+        )
     return SampleResult(found, posterior, view, Path(out))
 
 

@@ -117,7 +117,11 @@ class PosteriorView:
 
 
 def view_posterior(
-    posterior: Posterior, density: TrialDensity, assumed: Collection[str] = (), seed: int = 0
+    posterior: Posterior,
+    density: TrialDensity,
+    assumed: Collection[str] = (),
+    seed: int = 0,
+    stated_by: str = "vehicle file",
 ) -> PosteriorView:
     """Gather what a posterior shows.
 
@@ -125,6 +129,7 @@ def view_posterior(
     ----------
     assumed : parameters whose prior was assumed because nothing states one
     seed : of the draws that are simulated
+    stated_by : who states the other priors
     """
     k = posterior.n_params
     problem = density.problem
@@ -139,19 +144,19 @@ def view_posterior(
     shift, share = prior_sensitivity(posterior.params, log_prior)
     apart = conflict(posterior.mean[:k], posterior.sd[:k], posterior.prior_mean[:k], posterior.prior_sd[:k])
     return PosteriorView(
-        stated_priors(density, assumed), found, np.array(density.z[:k]), apart, shift, share,
+        stated_priors(density, assumed, stated_by), found, np.array(density.z[:k]), apart, shift, share,
         _predicted(posterior, density, np.random.default_rng(seed)),
     )  # fmt: skip
 
 
-def stated_priors(density: TrialDensity, assumed: Collection[str]) -> tuple[StatedPrior, ...]:
+def stated_priors(density: TrialDensity, assumed: Collection[str], stated_by: str) -> tuple[StatedPrior, ...]:
     """Priors of parameters, noise and starts, in the words of their kinds."""
     unknowns, params = density.unknowns, density.problem.params
     joint = set() if params.joint is None else set(params.joint.names)
     found = []
     for p, centre, sd in zip(params.free, unknowns.prior_mean, unknowns.prior_sd, strict=False):
         kind = "joint normal" if p.name in joint else "uniform" if p.prior is None else p.prior.kind
-        source = "assumed" if p.name in assumed else "vehicle file or --prior"
+        source = "assumed, none is stated" if p.name in assumed else stated_by
         found.append(StatedPrior(p.name, kind, float(centre), float(sd), source))
     noise = density.noise_prior
     words = noise.kind.replace("_", " ")
