@@ -49,6 +49,7 @@ reports: whole study paper
 	$(BIN)/python -m studies.calibration.run --out $(OUT)/calibration $(FLAGS)
 	$(BIN)/python -m studies.coverage.run --out $(OUT)/coverage $(FLAGS)
 	$(BIN)/python -m studies.frames.run --out $(OUT)/frames $(FLAGS)
+	$(BIN)/python -m studies.excited_terms.run --out $(OUT)/excited_terms $(FLAGS)
 	$(BIN)/python -m studies.other_equations.run --out $(OUT)/other_equations $(FLAGS) --data "$(DATA)"
 
 whole:

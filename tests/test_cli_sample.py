@@ -35,6 +35,13 @@ def test_a_chain_cut_short_is_code_3_and_resumed_it_converges_around_the_truth(p
     assert run([*short, "--resume", "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert answer["converged"] and answer["rhat_max"] <= 1.01 and answer["steps_in_tau"] >= 50
+    group = next(g for g in answer["groups"] if set(g["names"]) == {"N_v", "N_r"})
+    best, worst = (group["combinations"][i] for i in (0, -1))
+    assert best["sd_over_prior"] < 0.25 * worst["sd_over_prior"]  # a turn knows them by their ratio
+    for one in (best, worst):  # the ridge bends: draws are a quarter wider than the Laplace approximation
+        assert one["sd_over_prior"] == pytest.approx(one["laplace"], rel=0.5)
+    page = (tmp_path / "report.md").read_text(encoding="utf-8")
+    assert page.index(best["name"]) < page.index("R-hat across ensembles") and "N_dr" in page
     posterior = load_posterior(tmp_path / "posterior.nc")
     assert posterior.names[:3] == ("N_v", "N_r", "N_dr") and posterior.names[3].startswith("sigma:")
     truth = posterior.prior_mean[:3]  # the vehicle flew as its file says

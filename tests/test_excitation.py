@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 import warnings
 from dataclasses import replace
 from pathlib import Path
@@ -10,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import bayesid
 from bayesid.analysis.excitation import LibraryColumn, exact_motion, excite, library
 from bayesid.analysis.excitation.columns import evaluate, rows, theta
+from bayesid.analysis.excitation.pysindy_witness import witness
 from bayesid.analysis.excitation.regression import excite_motions
-from bayesid.analysis.excitation.row_selection import ENGINE, select_axis
+from bayesid.analysis.excitation.row_selection import select_axis
 from bayesid.analysis.excitation.track_smoother import smooth_tracks, stated_or_rough
 from bayesid.cli.main import run as cli
 from bayesid.equations.model import build_model
@@ -233,16 +235,44 @@ def test_velocities_come_from_positions_and_heading_alone(submarine):
     assert np.std(wrong) < 0.2 * np.std(truth)
 
 
-def test_what_is_our_own_selection_is_not_called_pysindy():
-    """No text of a report or of the command line names PySINDy but to say that it is not the engine."""
-    root = Path(bayesid.__file__).parent
-    said = []
-    for part in ("report", "cli", "analysis/design", "diagnose", "predict"):
-        for file in sorted((root / part).rglob("*.py")):
-            said += [line.strip() for line in file.read_text().splitlines() if "indy" in line]
-    assert all("PySINDy is not its engine" in s or '"sindy_inclusion"' in s for s in said), said
-    assert "PySINDy is not its engine" in ENGINE
-    assert "pysindy" not in versions()
+def test_the_witness_is_pysindys_own_optimisers(submarine, monkeypatch):
+    """With PySINDy's forward regression made to propose nothing, only what the vehicle file says is tried."""
+    import pysindy
+
+    motions = exact(submarine, ["zigzag_20_port"], dt=0.4)
+    calls = []
+    fit = pysindy.FROLS.fit
+    monkeypatch.setattr(pysindy.FROLS, "fit", lambda self, x, y: (calls.append(1), fit(self, x, y))[1])
+    witness(submarine, motions, draws=2, form="strong")
+    assert len(calls) > 9
+    monkeypatch.setattr(pysindy.FROLS, "fit", lambda self, x, y: setattr(self, "history_", []))
+    assert all(g.inclusion == 0.0 for g in witness(submarine, motions, draws=2, form="strong"))
+    assert "pysindy" in versions()
+
+
+def test_pysindy_is_loaded_when_it_is_used_and_not_before():
+    code = "import bayesid, bayesid.api.excite, bayesid.cli.excite, sys; sys.exit('pysindy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_the_witness_finds_terms_of_rich_runs_and_groups_of_a_spiral(submarine):
+    """Known truth: the vehicle file. No term that is absent is found singly in either."""
+    runs, noise = executed(submarine, ["multisine", "zigzag_20_port", "prbs"], share=0.3)
+    motions, _ = smooth_tracks(submarine, runs, noise)
+    rich = {g.names[0]: g for g in witness(submarine, motions, draws=20) if len(g.names) == 1}
+    singly = {n for n, g in rich.items() if g.status == "found"}
+    assert {"X_drdr", "Y_dr", "Y_v"} <= singly
+    assert all(submarine.nominal[submarine.index[n]] != 0 for n in singly)
+    for name in ("X_drdr", "Y_dr", "Y_v"):  # others err by more: a spread knows nothing of a wrong selection
+        truth = submarine.nominal[submarine.index[name]]
+        assert abs(rich[name].value - truth) < 3.5 * max(rich[name].sd, 0.01 * abs(truth)), name
+    runs, noise = executed(submarine, ["spiral"], share=0.3)
+    motions, _ = smooth_tracks(submarine, runs, noise)
+    poor = witness(submarine, motions, draws=20)
+    found = [g for g in poor if g.status == "found"]
+    tied = ("X_vv", "X_vr", "X_rr", "Y_v", "Y_r", "Y_v|v|", "Y_v|r|", "N_v", "N_r", "N_r|r|", "N_|v|r")
+    assert not [g.names for g in found if len(g.names) == 1 and g.names[0] in tied]
+    assert all(len(g.names) > 1 or g.in_model for g in found)
 
 
 def test_records_of_older_studies_are_read():
@@ -301,6 +331,8 @@ def test_the_command_writes_report_and_json(tmp_path, capsys):
     assert cli(["excite", str(bundle), "--quick", "--out", str(tmp_path / "out")]) == 0
     assert "Y_dr" in capsys.readouterr().out
     record = json.loads((tmp_path / "out" / "excitation.json").read_text())
+    assert {"Y_dr", "N_dr"} <= {n for g in record["pysindy"] if g["status"] == "found" for n in g["names"]}
+    assert 0 <= record["fisher"]["Y_dr"]["share_of_runs"] <= 1
     assert record["runs"] == ["r1", "r2"] or len(record["runs"]) == 2
     assert {"found", "cannot tell"} & {t["status"] for t in record["axes"]["Y"]["terms"]}
     assert (tmp_path / "out" / "report.html").exists()

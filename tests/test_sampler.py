@@ -40,6 +40,17 @@ def test_every_move_offered_samples_the_standard_deviations_of_a_gaussian(mix):
     assert np.all(np.abs(found.sd / truth - 1) < 4.5 / np.sqrt(ess))
 
 
+def test_a_chain_that_cannot_pass_is_given_up_early_and_one_that_can_is_not():
+    density, laplace = correlated(6)
+    hopeless = SamplerOptions(first=60, max_steps=20_000, limits=ConvergenceLimits(n_tau=20_000.0))
+    notes = []
+    found = sample(density, laplace, hopeless, watch=lambda steps, note: notes.append(note))
+    assert not found.converged and found.steps < 1500
+    assert "cannot pass in the 20000 steps allowed" in found.convergence.reasons[0]
+    assert any("cannot pass" in note for note in notes)
+    assert sample(density, laplace, SHORT).converged
+
+
 def test_a_fit_many_widths_off_the_posterior_costs_warm_up_only():
     # a fit weighs channels by stated noise; where the sampled noise is another, the posterior lies elsewhere
     density, laplace = correlated(9)

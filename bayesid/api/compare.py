@@ -20,6 +20,7 @@ from bayesid.analysis.design.compare import (
 )
 from bayesid.analysis.design.criteria import flat_names
 from bayesid.analysis.design.regression_check import inclusion
+from bayesid.analysis.design.ridge_map import per_minute, ridge_map
 from bayesid.api.inputs import Names, VehicleLike
 from bayesid.api.planning import case_of, orders, subject_of
 from bayesid.api.result import Result, table
@@ -142,6 +143,8 @@ def compared(
     return Comparison(
         case, rich, {n: flat_names(case.knowledge, infos[n]) for n in executed}, actual, included, cross,
         ranks, refused, notes, seed, len(vehicles), len(trials),
+        per_minute({n: infos[n] for n in executed}),
+        ridge_map(case.knowledge, {n: infos[n] for n in executed}),
     )  # fmt: skip
 
 
@@ -169,6 +172,8 @@ class CompareResult(Result):
     def summary(self, verbose: bool = False) -> str:
         rows = words.richness_rows(self.found.case.knowledge, self.found.richness)
         return "\n".join([
+            words.headline(self.found),
+            "",
             *(f"note: {note}" for note in self.found.notes),
             table_text(words.RICHNESS_COLUMNS, rows, digits=3),
             *(f"left out: {name}: {why}" for name, why in self.found.refused.items()),

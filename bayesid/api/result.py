@@ -75,7 +75,8 @@ class Result:
         return drawn[name if name is not None else next(iter(drawn))]
 
     def _drawn(self) -> dict[str, Any]:
-        return {figure.name: figure.image for figure in figures_of(self.report().sections)}
+        report = self.report()
+        return {figure.name: figure.image for figure in figures_of((*report.first, *report.sections))}
 
     def __str__(self) -> str:
         return self.summary()

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from bayesid.analysis.identifiability.posterior_view import PosteriorView, view_posterior
 from bayesid.api.inputs import Names, TrialLike, VehicleLike, names_of, prepared, trial_of, vehicle_of
 from bayesid.api.result import Result, table
 from bayesid.equations.model import build_model
@@ -21,7 +22,17 @@ from bayesid.estimation.segments import fit_in_pieces
 from bayesid.estimation.trial_fit import TrialFit
 from bayesid.model.vehicles import ASSUMED_RELATIVE_SD
 from bayesid.progress import Progress
-from bayesid.report.sample import COLUMNS, noise_words, rows, sample_report, verdict, write_sample_report
+from bayesid.report import sample_first_screen as screen
+from bayesid.report.sample import (
+    COLUMNS,
+    PRIORS,
+    noise_words,
+    prior_rows,
+    rows,
+    sample_report,
+    verdict,
+    write_sample_report,
+)
 from bayesid.report.writer import Report
 from bayesid.report.writer.text import table_text
 from bayesid.threads import one_blas_thread
@@ -95,13 +106,15 @@ def sample(
     model = build_model(ship, 3 if ship.planar_only else chosen.dof)
     kept = set(names_of(fix) or ())
     params = coefficient_set(model, tuple(n for n in names_of(free) or model.coefficients if n not in kept))
+    stated = {p.name for p in params.free if p.prior is not None}
+    assumed = {p.name for p in params.free} - stated - set(params.joint.names if params.joint else ())
     params = with_prior(params, ASSUMED_RELATIVE_SD)
     options = SamplerOptions(
         ensembles=ensembles, walkers=walkers, max_steps=min(max_steps, QUICK_STEPS) if quick else max_steps,
         seed=seed, first=100 if quick else 200,
     )  # fmt: skip
     shown = progress or Progress(quiet=True)
-    shown.expect(2)
+    shown.expect(3)
     with shown.stage("fit") as stage:
         found = fit_in_pieces(
             chosen, pieces, ship, out, params=params, parts=None if composite else NoiseParts(),
@@ -117,8 +130,8 @@ def sample(
         choice, told = replace(choice, noise="fixed", memory="ignore"), {}
         honest = found.posterior.mean, found.posterior.covariance
     density = trial_density(problem, found.fit.z, choice, told, honest)
-    stated = dict(zip(density.channels, map(float, density.noise_prior.scale), strict=True))
-    if least := raised(stated, model.scales["L"], model.scales["U"]):
+    levels = dict(zip(density.channels, map(float, density.noise_prior.scale), strict=True))
+    if least := raised(levels, model.scales["L"], model.scales["U"]):
         shown.note(f"{raised_words(least)}; chains are slow where a channel has none")
         density = trial_density(problem, found.fit.z, choice, {**told, **least}, honest)
     with shown.stage("sample") as stage:
@@ -129,7 +142,11 @@ def sample(
     likelihood = "white noise" if found.posterior is None else found.posterior.parts.describe()
     facts = {"fit": found.fit.message, "likelihood": likelihood if composite else memory}
     posterior = replace(posterior, settings={**posterior.settings, **facts})
-    return SampleResult(found, posterior, Path(out))
+    with shown.stage("look"):
+        view = view_posterior(
+            posterior, density, assumed, seed, "--prior" if prior is not None else "vehicle file"
+        )
+    return SampleResult(found, posterior, view, Path(out))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -140,11 +157,13 @@ class SampleResult(Result):
     ----------
     found : the fit it starts from
     posterior : draws and what there is to trust or distrust them
+    view : priors, combinations fixed and open, influence of the prior, runs predicted before and after
     out : folder of the chain and of posterior.nc
     """
 
     found: TrialFit
     posterior: Posterior
+    view: PosteriorView
     out: Path
 
     def to_dataframe(self) -> pandas.DataFrame:
@@ -157,38 +176,50 @@ class SampleResult(Result):
         return arviz.from_netcdf(str(self.out / "posterior.nc"))
 
     def report(self) -> Report:
-        return sample_report(self.found, self.posterior)
+        return sample_report(self.found, self.posterior, self.view)
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
-        return write_sample_report(self.found, self.posterior, Path(folder))
+        return write_sample_report(self.found, self.posterior, self.view, Path(folder))
 
     def record(self) -> Mapping[str, Any]:
         return {
             "trial": self.found.trial.name,
             "vehicle": self.found.vehicle.name,
             **self.posterior.summary(),
+            **self.view.record(),
         }
 
     def summary(self, verbose: bool = False) -> str:
-        p, g = self.posterior, self.posterior.convergence
-        lines = [
+        p, g, view, vehicle = self.posterior, self.posterior.convergence, self.view, self.found.vehicle
+        failed = screen.failures(self.found, p, view, verdict(p), noise_words(self.found, p))
+        lines = [f"Check failed: {text.replace('`', '')}" for text in failed]
+        lines += [screen.headline(self.found, p, view), ""]
+        if view.ridges.groups:
+            rows_of = [
+                [", ".join(g.names), g.best.name, 100 * g.best.left, g.worst.name, 100 * g.worst.left]
+                for g in view.ridges.groups
+            ]
+            lines += [f"Combinations, {screen.UNIT}; left: sd over prior sd.", ""]
+            lines += [table_text(screen.TOGETHER, rows_of, 2), ""]
+        lines += [table_text(screen.COEFFICIENTS, screen.coefficient_rows(p, view, vehicle), 3), ""]
+        if verbose:
+            lines += [
+                table_text(COLUMNS, rows(p, vehicle)),
+                "",
+                table_text(PRIORS, prior_rows(view, vehicle)),
+                "",
+            ]
+        lines += [
             f"{self.found.trial.name}: {len(p.names)} unknowns, {p.draws.shape[0]} ensembles of "
-            f"{p.draws.shape[2]} walkers, {p.steps} steps after {p.discarded}, {p.seconds:.1f} s of CPU",
-            verdict(p),
+            f"{p.draws.shape[2]} walkers (emcee), {p.steps} steps after {p.discarded}, {p.seconds:.1f} s "
+            "of CPU",
             f"R-hat {g.rhat.max():.4f}, {g.n_tau:.0f} autocorrelation times of {g.tau.max():.0f} steps, "
             f"effective size {g.ess_bulk.min():.0f} (bulk) and {g.ess_tail.min():.0f} (tail), acceptance "
             f"{p.acceptance.min():.2f} .. {p.acceptance.max():.2f}",
         ]
+        if p.converged:
+            lines.append(verdict(p))
         if diverged := p.counts["diverged"]:
             lines.append(f"{diverged} of {p.counts['all']} simulations diverged and count as impossible.")
-        if self.found.posterior is not None:
-            lines += self.found.posterior.doubts()
-        if noisy := noise_words(self.found, p):
-            lines.append(noisy)
-        lines += [
-            "",
-            table_text(COLUMNS, rows(p, self.found.vehicle)),
-            "",
-            f"posterior: {self.out / 'posterior.nc'}",
-        ]
+        lines += ["", f"posterior: {self.out / 'posterior.nc'}"]
         return "\n".join(lines)

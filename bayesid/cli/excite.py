@@ -28,9 +28,10 @@ def excite(
     verbose: Verbose = False,
     quiet: Quiet = False,
 ) -> None:
-    """Which force terms the runs excite: a sparse regression that needs no fit.
+    """Which force terms the runs excite, by regressions that need no fit.
 
-    The regression is our own stepwise selection on the force table; PySINDy is not its engine.
+    PySINDy on the force table judges terms and groups of terms; beside it stand bayesid's own stepwise
+    selection and the Fisher information of the tracks.
 
     Reads the identify runs only. --out gets excitation.json and a report.
     """

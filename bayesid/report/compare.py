@@ -15,7 +15,9 @@ import numpy as np
 
 from bayesid.analysis.design import Crossing, Knowledge, Richness
 from bayesid.analysis.design.compare import PlanningCase
+from bayesid.analysis.design.ridge_map import RidgeMap
 from bayesid.analysis.excitation.row_selection import ENGINE
+from bayesid.diagnosis.plain_words import number
 from bayesid.report import manoeuvre_figures as figures
 from bayesid.report import writer
 from bayesid.report.manoeuvre_words import logger_words, note_blocks
@@ -35,6 +37,8 @@ class Comparison:
         not asked
     crossing : None if not asked
     ranks : words -> rank correlation
+    per_minute : (m, 3) nats per minute, least, mean, most of the vehicles drawn; rows as in `richness`
+    ridges : what every manoeuvre leaves of coefficients that stand in for each other
     """
 
     case: PlanningCase
@@ -49,6 +53,8 @@ class Comparison:
     seed: int
     draws: int
     refits: int
+    per_minute: Array
+    ridges: RidgeMap
 
 
 RICHNESS_COLUMNS = (
@@ -104,6 +110,23 @@ def comparison_record(found: Comparison) -> dict[str, Any]:
             "names": list(crossing.names), "predicted": crossing.predicted, "refits": crossing.actual,
             "prior": crossing.prior,
         },
+        "per_minute_nats": {
+            n: {"least": float(r[0]), "mean": float(r[1]), "most": float(r[2])}
+            for n, r in zip(found.richness.names, found.per_minute, strict=True)
+        },
+        "ridges": {
+            f: {
+                "coefficients": list(found.ridges.members[i]),
+                "manoeuvres": {
+                    n: {
+                        "best": found.ridges.best[i][k], "best_sd_left": float(found.ridges.fixed[i, k]),
+                        "worst": found.ridges.worst[i][k], "worst_sd_left": float(found.ridges.left[i, k]),
+                    }
+                    for k, n in enumerate(found.ridges.manoeuvres)
+                },
+            }
+            for i, f in enumerate(found.ridges.families)
+        },
         "rank_correlations": dict(found.ranks),
         "left_out": dict(found.refused),
     }  # fmt: skip
@@ -111,14 +134,7 @@ def comparison_record(found: Comparison) -> dict[str, Any]:
 
 def comparison_report(found: Comparison) -> Report:
     """The report of a comparison as plain data."""
-    best = found.richness.criteria[0]
     known = found.case.knowledge
-    lead = (
-        f"**{literal(best.name)} tells most about {literal(found.case.model.vehicle.name)}**: "
-        f"{best.gain:.1f} nats, {best.remaining:.0%} of the variance of {len(known.names)} "
-        "coefficients left, "
-        f"{best.identified:.0f} of their {len(known.names)} directions determined better than before."
-    )
     blocks: list[Block] = [
         Text(
             "Gain is the expected loss of uncertainty about all coefficients (Bayesian D), "
@@ -174,7 +190,71 @@ def comparison_report(found: Comparison) -> Report:
         sections.append(
             Section("Left out", [Table(["manoeuvre", "why"], [[k, v] for k, v in found.refused.items()])])
         )
-    return Report(f"Manoeuvres compared: {literal(found.case.model.vehicle.name)}", lead, sections)
+    title = f"Manoeuvres compared: {literal(found.case.model.vehicle.name)}"
+    return Report(title, literal(headline(found)), sections, (), first_blocks(found))
+
+
+def headline(found: Comparison) -> str:
+    """Which manoeuvre teaches most in its time, and which ridge it leaves open."""
+    best = found.richness.criteria[0]
+    quick = int(np.argmax(found.per_minute[:, 1]))
+    names = found.richness.names
+    words = (
+        f"The {best.name} teaches most: after its {number(best.duration / 60)} minutes the "
+        f"{len(found.case.knowledge.names)} coefficients keep {best.remaining:.0%} of their variance on "
+        "average."
+    )
+    if names[quick] != best.name:
+        words += f" Per minute the {names[quick]} teaches most."
+    table = found.ridges
+    if table.families:
+        k = table.manoeuvres.index(best.name)
+        i = int(np.argmax(table.left[:, k]))
+        j = int(np.argmin(table.left[i]))
+        words += (
+            f" It leaves {number(100 * table.left[i, k])} % of what was known along {table.worst[i][k]} "
+            f"({table.families[i]})"
+        )
+        words += (
+            f"; the {table.manoeuvres[j]} leaves {number(100 * table.left[i, j])} % there."
+            if j != k
+            else ", and no other manoeuvre compared leaves less there."
+        )
+    return words
+
+
+def first_blocks(found: Comparison) -> list[Block]:
+    """Two figures: what each manoeuvre teaches per minute, and which ridge it closes."""
+    order = np.argsort(-found.per_minute[:, 1])
+    bars = figures.per_minute([found.richness.names[i] for i in order], found.per_minute[order])
+    blocks: list[Block] = [
+        Figure(
+            "per_minute", bars,
+            "What a minute of each manoeuvre teaches about all coefficients [nats]; whiskers: least and "
+            "most of "
+            f"{found.draws} vehicles drawn from what is known. All shown keep the limits; those that do "
+            "not are "
+            "listed under Left out.",
+        )
+    ]  # fmt: skip
+    table = found.ridges
+    if table.families:
+        drawn = figures.ridge_map(
+            [f"{f}: {', '.join(m)}" for f, m in zip(table.families, table.members, strict=True)],
+            table.manoeuvres, table.fixed, table.left,
+        )  # fmt: skip
+        blocks.append(
+            Figure(
+                "ridges",
+                drawn,
+                "Percent of the prior sd that each manoeuvre leaves: upper half along the combination of "
+                "these "
+                "coefficients it knows best, lower half along the one it knows least. Dark: known; light: "
+                "open. A "
+                "dark upper and a light lower half: the manoeuvre knows a sum and not its parts.",
+            )
+        )  # fmt: skip
+    return blocks
 
 
 def _map(found: Comparison) -> list[Block]:

@@ -1,21 +1,23 @@
 """The report of an excitation: what was found, what cannot be told apart, what the vehicle file lacks.
 
-Takes an `Excitation` and its JSON record. Does not compute.
+Takes PySINDy's groups, an `Excitation` by stepwise selection and its JSON record. Does not compute.
 """
 
 from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from bayesid.analysis.excitation import Excitation, RowSelection
+from bayesid.analysis.excitation.pysindy_witness import TermGroup
 from bayesid.analysis.excitation.row_selection import ENGINE
 from bayesid.model.vehicles import Vehicle
 from bayesid.report import coefficient_cells, writer
 from bayesid.report import excite_figures as figures
+from bayesid.report import excite_first_screen as screen
 from bayesid.report.writer import Block, Figure, Report, Section, Table, Text, literal
 from bayesid.trials import Trial
 
@@ -24,11 +26,6 @@ TERM_COLUMNS = (
     "or else",
 )  # fmt: skip
 _MANY = 3
-_BEYOND = "Beyond the vehicle file, its own terms held within their prior, the regression takes up"
-_STAND_IN = (
-    "The +- is the spread of bootstrap draws and leaves out error of the model: an effect the columns lack, "
-    "or a sensor that errs, is shared out among them. `bayesid diagnose` puts them to the test."
-)
 
 
 def term_rows(
@@ -71,14 +68,7 @@ def finding(found: Excitation) -> list[str]:
         out.append(
             f"Outside the plane and so not excited at all: {len(found.out_of_plane)} rows of the force table."
         )
-    if found.candidates:
-        named = ", ".join(f"{w.name} = {w.value:.4g} +- {w.sd:.2g}" for w in found.candidates)
-        out.append(f"{_BEYOND} {named}. {_STAND_IN}")
-    if found.candidate_groups:
-        sets = "; ".join("{" + ", ".join(g) + "}" for g in found.candidate_groups)
-        out.append(f"It takes up one of each of these, without telling which: {sets}.")
-    if not (found.candidates or found.candidate_groups):
-        out.append(f"{_BEYOND} nothing.")
+    out += screen.beyond(found)
     return out
 
 
@@ -88,6 +78,8 @@ def write_excitation_report(
     folder: str | os.PathLike[str],
     record: Mapping[str, Any],
     vehicle: Vehicle | None = None,
+    groups: Sequence[TermGroup] = (),
+    fisher: Mapping[str, tuple[float, str]] | None = None,
 ) -> Path:
     """Write report.html, report.md, results.json and figures; returns the path of the HTML file."""
     results = {
@@ -101,21 +93,28 @@ def write_excitation_report(
         "seeds": [found.seed],
         "excitation": record,
     }
-    return writer.write(excitation_report(found, trial, vehicle), folder, results)
+    return writer.write(excitation_report(found, trial, vehicle, groups, fisher), folder, results)
 
 
-def excitation_report(found: Excitation, trial: Trial, vehicle: Vehicle | None = None) -> Report:
+def excitation_report(
+    found: Excitation,
+    trial: Trial,
+    vehicle: Vehicle | None = None,
+    groups: Sequence[TermGroup] = (),
+    fisher: Mapping[str, tuple[float, str]] | None = None,
+) -> Report:
     """The report as plain data."""
-    sentences = finding(found)
-    lead = "\n\n".join(sentences)  # names of the force table and our own words: no foreign text
+    # names of the force table and our own words: no foreign text
+    lead = "\n\n".join([screen.headline(groups), *screen.beyond(found)] if groups else finding(found))
     if trial.attribution:
         lead += f"\n\n{literal(trial.attribution)}"
     sections = [
-        Section("Every term on its own merits", _free(found, vehicle)),
+        Section("Every term by stepwise selection", _free(found, vehicle)),
         Section("Beyond the vehicle file", _beyond(found, vehicle)),
         Section("How this was done", [Text(_method(found))]),
     ]
-    return Report(f"Forces excited by {literal(trial.name)}", lead, sections)
+    title = f"Forces excited by {literal(trial.name)}"
+    return Report(title, lead, sections, (), screen.first_blocks(groups, found, fisher or {}, vehicle))
 
 
 def _free(found: Excitation, vehicle: Vehicle | None) -> list[Block]:
@@ -176,5 +175,5 @@ def _method(found: Excitation) -> str:
         "evaluated by the simulator's own kernel, and a few more; accelerations times inertia, the rigid "
         "body's and the vehicle file's added mass, are the target, because a balance with free inertia could "
         f"be scaled at will. Form: {found.form}; {found.draws} draws over stretches of six hull lengths "
-        f"travelled; seed {found.seed}. {ENGINE}"
+        f"travelled; seed {found.seed}. {screen.METHOD} {ENGINE}"
     )

@@ -55,6 +55,42 @@ def contraction_map(
 
 
 @styled
+def per_minute(names: Sequence[str], values: Array) -> Any:
+    """Bars of what a minute teaches, best on top, whiskers over vehicles; (m, 3) least, mean, most."""
+    figure, axes = subplots(height=max(1.6, 0.21 * len(names) + 0.8))
+    at = np.arange(len(names))[::-1]
+    apart = np.array([values[:, 1] - values[:, 0], values[:, 2] - values[:, 1]])
+    axes.barh(at, values[:, 1], color=COLOURS["sky"], height=0.7)
+    axes.errorbar(values[:, 1], at, xerr=apart, fmt="none", ecolor="black", elinewidth=0.9, capsize=2)
+    axes.set_yticks(at, names)
+    axes.set_xlim(left=0)
+    axes.set_xlabel("gain per minute of run [nats]")
+    return figure
+
+
+@styled
+def ridge_map(rows: Sequence[str], columns: Sequence[str], fixed: Array, left: Array) -> Any:
+    """Ridges down, manoeuvres across: percent left along the combination known best, below it known least."""
+    figure, axes = subplots(height=1.5 + 0.42 * len(rows))
+    halves = np.stack([fixed, left], axis=1).reshape(2 * len(rows), len(columns))
+    axes.imshow(
+        halves, vmin=0, vmax=1, cmap="cividis", aspect="auto",
+        extent=(-0.5, len(columns) - 0.5, len(rows) - 0.5, -0.5),
+    )  # fmt: skip
+    for i, line in enumerate(halves):
+        for j, share in enumerate(line):
+            text = f"{100 * share:.0f}" if share >= 0.1 else f"{100 * share:.2g}"
+            tone = "black" if share > 0.55 else "white"
+            axes.text(j, 0.5 * i - 0.25, text, ha="center", va="center", fontsize=6.5, color=tone)
+    for i in range(1, len(rows)):
+        axes.axhline(i - 0.5, color="white", linewidth=2.0)
+    axes.set_xticks(range(len(columns)), columns, rotation=60, ha="right", fontsize=7)
+    axes.set_yticks(range(len(rows)), [r.replace(": ", "\n") for r in rows], fontsize=7)
+    axes.grid(False)
+    return figure
+
+
+@styled
 def cross_map(
     panels: Mapping[str, Array], names: Sequence[str], label: str = "rms error over sensor noise"
 ) -> Any:

@@ -1,7 +1,7 @@
-"""The report of a sampled posterior: may it be believed, what it says, how it was made.
+"""The report of a sampled posterior: what the runs fix and leave open, may it be believed, how it was made.
 
-Takes a `TrialFit` and its `Posterior`. Does not sample. Below the convergence check no interval is given as
-final.
+Takes a `TrialFit`, its `Posterior` and `PosteriorView`. Does not sample. Below the convergence check no
+interval is given as final.
 """
 
 from __future__ import annotations
@@ -11,12 +11,14 @@ from typing import Any
 
 import numpy as np
 
+from bayesid.analysis.identifiability.posterior_view import PosteriorView
 from bayesid.estimation.sampling import Posterior
+from bayesid.estimation.sampling.chain_statistics import autocorrelation, ess_growth
 from bayesid.estimation.trial_fit import TrialFit
 from bayesid.model.vehicles import Vehicle
-from bayesid.report import coefficient_cells, writer
+from bayesid.report import coefficient_cells, posterior_figures, ridge_figures, sample_first_screen, writer
 from bayesid.report import sample_figures as figures
-from bayesid.report.writer import Figure, Report, Section, Table, Text, literal
+from bayesid.report.writer import Block, Figure, Report, Section, Table, Text, literal
 
 COLUMNS = (
     "unknown", *coefficient_cells.COLUMNS, "sd [%]", "5 % (SI)", "95 % (SI)", "sd / prior sd", "R-hat",
@@ -47,7 +49,7 @@ def rows(posterior: Posterior, vehicle: Vehicle) -> list[list[Any]]:
     return found
 
 
-def write_sample_report(found: TrialFit, posterior: Posterior, out: Path) -> Path:
+def write_sample_report(found: TrialFit, posterior: Posterior, view: PosteriorView, out: Path) -> Path:
     """Write report.html, report.md and results.json; gives the page."""
     results = {
         "inputs": {
@@ -55,29 +57,94 @@ def write_sample_report(found: TrialFit, posterior: Posterior, out: Path) -> Pat
             "vehicle": found.vehicle.name, "vehicle_digest": found.vehicle.digest,
         },
         **posterior.summary(),
+        **view.record(),
     }  # fmt: skip
-    return writer.write(sample_report(found, posterior), out, results)
+    return writer.write(sample_report(found, posterior, view), out, results)
 
 
-def sample_report(found: TrialFit, posterior: Posterior) -> Report:
+def sample_report(found: TrialFit, posterior: Posterior, view: PosteriorView) -> Report:
     """The report as plain data."""
     title = f"What {literal(found.trial.name)} says about {literal(found.vehicle.name)}"
-    sections = (_unknowns(posterior, found.vehicle), _chain(posterior), _model(found, posterior))
-    return Report(title, _lead(found, posterior), sections)
-
-
-def _lead(found: TrialFit, posterior: Posterior) -> str:
-    n = posterior.n_params
-    ratio = posterior.sd[:n] / posterior.prior_sd[:n]
-    fixed = int(np.sum(ratio < 0.1))
-    loose = int(np.sum(ratio > 0.9))
-    words = (
-        f"{verdict(posterior)} Of {n} parameters the data narrow {fixed} to less than a tenth of their prior "
-        f"and leave {loose} almost as they were."
+    screen = sample_first_screen
+    failed = screen.failures(found, posterior, view, verdict(posterior), noise_words(found, posterior))
+    sections = (
+        _priors(view, found.vehicle),
+        _together(view),
+        _predicted(view),
+        _unknowns(posterior, found.vehicle),
+        _chain(posterior),
+        _model(found, posterior),
     )
-    if not found.fit.converged:
-        words += f" The fit it starts from had not converged ({found.fit.message})."
-    return f"{words} {noise_words(found, posterior)}".rstrip()
+    lead = literal(screen.headline(found, posterior, view))
+    return Report(title, lead, sections, failed, screen.first_blocks(found, posterior, view))
+
+
+def prior_rows(view: PosteriorView, vehicle: Vehicle) -> list[list[Any]]:
+    """One row per prior: prime and SI centre, sd in percent of it, kind, source."""
+    rows = []
+    for p in view.priors:
+        prime, value, unit = coefficient_cells.cells(vehicle, p.name, p.centre)
+        sd = p.sd if np.isfinite(p.sd) else None
+        share = 100 * p.sd / abs(p.centre) if sd is not None and p.centre and np.isfinite(p.centre) else None
+        rows.append([p.name, p.kind if sd is not None else "flat", prime, value, unit, sd, share, p.source])
+    return rows
+
+
+PRIORS = ("unknown", "prior", "centre (prime)", "centre (SI)", "SI unit", "sd (SI)", "sd [%]", "from")
+
+
+def _priors(view: PosteriorView, vehicle: Vehicle) -> Section:
+    text = (
+        "What was taken as known before the runs. Everything on this page is said in these units: where a "
+        "prior is "
+        "too narrow, what is called open stays too narrow as well. A dash: flat, or no number."
+    )
+    return Section("Priors", (Text(text), Table(PRIORS, prior_rows(view, vehicle), digits=4)))
+
+
+def _together(view: PosteriorView) -> Section:
+    every = view.ridges.combinations
+    count = {s: sum(c.status == s for c in every) for s in ("fixed", "narrowed", "open")}
+    text = (
+        f"Eigenvectors of the posterior covariance, {sample_first_screen.UNIT}: {count['fixed']} fixed (at "
+        "most "
+        f"10 % of the prior sd left), {count['narrowed']} narrowed, {count['open']} open (71 % and more "
+        "left: "
+        "most of the variance is the prior's). Open ones are turned to few names each."
+    )
+    shown = every[:MOST_SHOWN]
+    drawn = ridge_figures.combinations(
+        [c.name for c in shown], [c.left for c in shown], [c.laplace for c in shown]
+    )
+    caption = (
+        "Share of the prior sd that is left along each combination, logarithmic. Plain bars: fixed; striped: "
+        "narrowed; crossed: open. Black marks: Laplace approximation, which should end where the bar does."
+    )
+    rows = [[c.name, c.status, 100 * c.left, 100 * c.laplace] for c in every]
+    table = Table(("combination", "", "left [%]", "Laplace [%]"), rows, digits=3)
+    return Section("All combinations", (Text(text), Figure("combinations", drawn, caption), table))
+
+
+def _predicted(view: PosteriorView) -> Section:
+    text = (
+        "Runs that were fitted, simulated from the fitted start with draws of the prior and of the "
+        "posterior, without "
+        "sensor noise. What is left open does not show here; in other manoeuvres it may."
+    )
+    blocks: list[Block] = [Text(text)]
+    for number, run in enumerate(view.runs, 1):
+        radius = {name: band.spread for name, band in run.bands.items()}
+        drawn = figures.predicted(run.name, run.t, run.readings, run.tracks, radius)
+        lost = run.bands["prior"].diverged
+        caption = (
+            f"{literal(run.name)}. Left: tracks of 30 draws of the prior (grey) and of the posterior "
+            "(blue), log as "
+            "dots. Right: radius around the median track that holds 90 % of the draws [m], logarithmic."
+        )
+        if lost:
+            caption += f" {lost} of 200 vehicles of the prior diverge and are left out."
+        blocks.append(Figure(f"predicted_{number}", drawn, caption))
+    return Section("Predicted before and after", blocks)
 
 
 def noise_words(found: TrialFit, posterior: Posterior) -> str:
@@ -136,6 +203,18 @@ def _unknowns(posterior: Posterior, vehicle: Vehicle) -> Section:
 def _chain(posterior: Posterior) -> Section:
     g, counts = posterior.convergence, posterior.counts
     worst = np.argsort(-g.tau)[:4]
+    slow = [posterior.names[i] for i in worst]
+    lags = max(10, int(4 * g.tau[worst[0]] / posterior.thin))
+    steps, sizes = ess_growth(posterior.draws[..., worst])
+    energy = -posterior.log_prob.reshape(posterior.draws.shape[0], -1)
+    health = figures.chain_health(
+        slow, autocorrelation(posterior.draws[..., worst], lags), posterior.thin,
+        posterior.thin * steps, sizes,
+        posterior.settings.get("sampler", {}).get("limits", {}).get("ess", 400.0), energy - energy.min(),
+    )  # fmt: skip
+    count = min(posterior.n_params, MOST_SHOWN)
+    ranked = posterior.draws[..., :count].reshape(posterior.draws.shape[0], -1, count)
+    ranked = ranked[:, :: max(1, ranked.shape[1] // 20_000)]
     drawn = figures.traces(
         [posterior.names[i] for i in worst], posterior.draws[..., worst].mean(axis=2),
         posterior.draws[..., worst].std(axis=2), posterior.thin,
@@ -159,9 +238,24 @@ def _chain(posterior: Posterior) -> Section:
     caption = (
         "The four slowest unknowns: mean and sd over the walkers of each ensemble; lines should not drift."
     )
-    return Section(
-        "The chain", (Text(text), Table(("", "found", "limit"), table), Figure("traces", drawn, caption))
+    told = (
+        "The four slowest unknowns. Left: autocorrelation, which should fall to 0 and stay there. Middle: "
+        "effective "
+        "draws as the chain grows; a straight line above the dotted limit is a chain that mixes, one that "
+        "bends "
+        "down is not. Right: energy (minus log density above its least) of every ensemble; the curves "
+        "should lie on "
+        "one another."
     )
+    flat = "Ranks of every ensemble's draws among all, by twentieths; a step far from 1 is one elsewhere."
+    return Section(
+        "The chain",
+        (
+            Text(text), Table(("", "found", "limit"), table), Figure("chain_health", health, told),
+            Figure("ranks", posterior_figures.ranks(posterior.names[:count], ranked), flat),
+            Figure("traces", drawn, caption),
+        ),
+    )  # fmt: skip
 
 
 def _model(found: TrialFit, posterior: Posterior) -> Section:

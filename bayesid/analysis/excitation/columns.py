@@ -149,6 +149,8 @@ class Rows:
     axes : axis letters of `target`
     theta : (m, k) regressor values; (m, k) `error` one sd of what sensor noise does to them
     target : (m, nv) wrench the columns must supply [N, N m]
+    moved : (s, m, k) change of the columns by one sd of each velocity and angle
+    rate : (m, nv) acceleration in each row [m/s^2, rad/s^2]
     weight : (m,) time each row stands for [s]
     block : (m,) number of the stretch of time a row lies in
     """
@@ -160,6 +162,8 @@ class Rows:
     target: Array
     weight: Array
     block: Array
+    moved: Array
+    rate: Array
 
 
 def rows(
@@ -190,37 +194,44 @@ def rows(
     parts, first = [], 0
     for motion in motions:
         values, rest, mass = theta(model, columns, motion.states, motion.actuators)
-        error = _error(model, columns, motion, values)
+        moved = _moved(model, columns, motion, values)
+        error = np.sqrt(np.sum(moved**2, axis=0))
+        rate = motion.rate
         if form == "strong":
             target = (motion.rate - rest) @ mass.T
             t, weight = motion.t, motion.gap
         else:
             average, slope, t = _bumps(motion, window * time)
             nv = motion.rate.shape[1]
-            target = (-slope @ motion.states[:, -nv:] - average @ rest) @ mass.T
+            rate = -slope @ motion.states[:, -nv:]
+            target = (rate - average @ rest) @ mass.T
             values = average @ values
             error = np.sqrt(average @ error**2) * np.sqrt(np.minimum(1.0, 1.0 / window))
+            moved = (average @ moved) * np.sqrt(np.minimum(1.0, 1.0 / window))
             weight = np.full(t.size, 0.25 * window * time)
         span = max(motion.t[-1] - motion.t[0], 1e-12)
         count = max(1, round(span / (block * time)))
         own = np.minimum((count * (t - motion.t[0]) / span).astype(int), count - 1)
-        parts.append((values, error, target, weight, own + first))
+        parts.append((values, error, target, weight, own + first, moved, rate))
         first += count
-    joined = [np.concatenate([p[i] for p in parts]) for i in range(5)]
+    joined = [np.concatenate([p[i] for p in parts], axis=1 if i == 5 else 0) for i in range(7)]
     axes = tuple(AXIS[v] for v in model.kernel.velocities)
     return Rows(tuple(columns), axes, *joined)
 
 
-def _error(model: Model, columns: Sequence[LibraryColumn], motion: Motion, values: Array) -> Array:
-    """First-order sd of every column from the sd of the states."""
-    total = np.zeros_like(values)
-    for i in range(motion.states.shape[1]):
-        if not motion.sd[:, i].any() or model.states[i] in ("x", "y", "z"):
+def _moved(model: Model, columns: Sequence[LibraryColumn], motion: Motion, values: Array) -> Array:
+    """(s, n, k) change of every column by one sd of each state the forces depend on."""
+    found = []
+    for i, name in enumerate(model.states):
+        if name in ("x", "y", "z"):
             continue
         moved = motion.states.copy()
         moved[:, i] += motion.sd[:, i]
-        total += (theta(model, columns, moved, motion.actuators)[0] - values) ** 2
-    return np.sqrt(total)
+        change = np.zeros_like(values)
+        if motion.sd[:, i].any():
+            change = theta(model, columns, moved, motion.actuators)[0] - values
+        found.append(change)
+    return np.array(found)
 
 
 def _bumps(motion: Motion, length: float) -> tuple[Array, Array, Array]:

@@ -24,7 +24,7 @@ Array = np.ndarray
 
 # What did the regression, for reports.
 ENGINE = (
-    "The sparse regression is bayesid's own stepwise selection on the force table; PySINDy is not its engine."
+    "Stepwise selection is bayesid's own: columns enter and leave by significance over a block bootstrap."
 )
 
 # Coefficient over standard error below which a column is dropped; half its square is what a column costs.
@@ -85,7 +85,7 @@ def _triangle(a: Array) -> Array:
     return np.asarray(np.linalg.qr(a, mode="r"))
 
 
-class _Roots:
+class Roots:
     """Square roots of the products per block, columns scaled to unit rms and the target behind them.
 
     Triangular factors instead of products keep sixteen digits of a residual, not eight.
@@ -196,11 +196,11 @@ def select_axis(
     known = {k: sd for k, sd in known.items() if sd > 0 and alive[k]}
     if prior is not None:
         target = target - theta @ np.array([c.nominal for c in columns])
-    roots = _Roots(scaled, target, data.weight, data.block)
+    roots = Roots(scaled, target, data.weight, data.block)
     recoveries = _collinear(roots.total(np.ones(roots.blocks)), columns, alive)
     keep = [k for k in range(len(columns)) if alive[k] and (k == recoveries[k] or k in known)]
     fixed = frozenset(known)
-    variance, inflation = _noise(roots, keep, (EXACT_RESIDUAL * rms) ** 2)
+    variance, inflation = block_noise(roots, keep, (EXACT_RESIDUAL * rms) ** 2)
     belief = np.zeros((len(known), len(columns) + 1))
     for i, (k, sd) in enumerate(known.items()):
         belief[i, k] = np.sqrt(variance) / sd
@@ -287,7 +287,7 @@ def _collinear(root: Array, columns: list[LibraryColumn], alive: Array) -> Array
     return out
 
 
-def _noise(roots: _Roots, keep: list[int], floor: float) -> tuple[float, float]:
+def block_noise(roots: Roots, keep: list[int], floor: float) -> tuple[float, float]:
     """Variance of a row with the whole library fitted, times how much more whole blocks scatter than rows."""
     root = roots.total(np.ones(roots.blocks))
     count = max(roots.rows - len(keep), 1)

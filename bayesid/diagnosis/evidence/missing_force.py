@@ -199,8 +199,9 @@ def _regress(
     for a, axis in enumerate(axes):
         weight = 1.0 / np.maximum(band[:, a], 1e-3 * np.median(band[:, a]) + 1e-300) ** 2
         data = Rows(
-            tuple(columns), axes, stacked, np.zeros_like(stacked), force, weight, np.concatenate(block)
-        )
+            tuple(columns), axes, stacked, np.zeros_like(stacked), force, weight, np.concatenate(block),
+            np.zeros((0, *stacked.shape)), np.zeros_like(force),
+        )  # fmt: skip
         fit = select_axis(data, axis, DRAWS, rng)
         selections += fit.selections
         explained[axis] = max(0.0, fit.explained)

@@ -74,7 +74,9 @@ def check_convergence(
     # neighbours within a third of the correlation time tell nothing new, but cost as much to rank
     sparse = draws[:, :: max(1, int(tau.max() / thin / 3))]
     rhat = np.array([_rhat(sparse[..., j]) for j in range(k)])
-    bulk, tail = (np.array([_ess(sparse[..., j], kind) for j in range(k)]) for kind in ("bulk", "tail"))
+    bulk, tail = (
+        np.array([effective_size(sparse[..., j], kind) for j in range(k)]) for kind in ("bulk", "tail")
+    )
     slowest = int(np.argmax(tau))
     length, change = _length(tau, before, n * thin)
     stuck = _stuck(draws)
@@ -160,7 +162,7 @@ def _rhat(one: Array) -> float:
     return float(arviz.rhat(chains)) if e > 1 else float(arviz.rhat(chains.reshape(2, -1)))
 
 
-def _ess(one: Array, kind: str) -> float:
+def effective_size(one: Array, kind: str) -> float:
     """Of (ensembles, steps, walkers): a chain is a walker."""
     import arviz
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +31,9 @@ from bayesid.estimation.sampling.store import Block, RandomState, Store
 Array = np.ndarray
 ADAPTATION_ROUNDS = 3  # the Gaussian of the third move is renewed after each of them, then never again
 START_TRIES = 40
+# A chain is given up where two estimates in a row ask for so many times the steps allowed. Correlation times
+# of short chains come out too short, so that more steps would ask for more.
+HOPELESS = 1.5
 SAME_DENSITY = 1e-6  # share by which a log density computed again may differ: batches round otherwise
 
 
@@ -80,7 +83,7 @@ def sample(
     resume: bool = False,
     watch: Callable[[int, str], None] | None = None,
 ) -> Posterior:
-    """Sample until the convergence check is passed or `max_steps` are done.
+    """Sample until the convergence check is passed, cannot be passed any more, or `max_steps` are done.
 
     Parameters
     ----------
@@ -102,7 +105,7 @@ def sample(
     store.begin({**identity, **made_with}, resume)
     crew = _Crew(density, laplace, options, store)
     crew.check()
-    number, judged = 0, 0
+    number, judged, hopeless = 0, 0, 0
     while True:
         if watch is not None and number <= ADAPTATION_ROUNDS:
             steps = options.round_steps(number) * options.thin
@@ -114,19 +117,28 @@ def sample(
         if last or (number >= ADAPTATION_ROUNDS + 1 and kept >= 1.15 * judged):
             judged, draws = kept, crew.draws(number)[0]
             enough, length, tau = long_enough(draws, options.thin, options.limits)
+            need = options.limits.n_tau * tau
+            hopeless = hopeless + 1 if need > HOPELESS * options.max_steps else 0
             if watch is not None:
                 words = f"{length:.0f} of {options.limits.n_tau:g} autocorrelation times of {tau:.0f} steps"
                 more = max(options.limits.n_tau / max(length, 1e-9) - 1, 0) * kept * options.thin
                 seconds = min(more, options.max_steps) / (1 - options.discard) * crew.pace
                 watch(0, words + (f", about {seconds:.0f} s left" if seconds > 1 else ""))
-            if enough or last:
+            if enough or last or hopeless > 1:
                 convergence = check_convergence(draws, density.unknowns.names, options.thin, options.limits)
+                if hopeless > 1 and not convergence.converged:
+                    given_up = (
+                        f"cannot pass in the {options.max_steps} steps allowed: {options.limits.n_tau:g} "
+                        f"autocorrelation times of {tau:.0f} steps are {need:.0f}, and the estimate grows "
+                        "with the chain; fix or tie coefficients, state a narrower prior, or raise the limit"
+                    )
+                    convergence = replace(convergence, reasons=(given_up, *convergence.reasons))
                 if watch is not None:
                     watch(
                         0,
                         "converged" if convergence.converged else f"not converged: {convergence.reasons[0]}",
                     )
-                if convergence.converged or last:
+                if convergence.converged or last or hopeless > 1:
                     break
         number += 1
     posterior = _posterior(crew, number, convergence, laplace)

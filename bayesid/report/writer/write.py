@@ -41,7 +41,7 @@ from bayesid.report.writer.markup import (
 )
 from bayesid.report.writer.picture import png_bytes
 
-PACKAGES = ("numpy", "scipy", "numba", "matplotlib", "emcee", "arviz", "pint", "h5py", "jinja2")
+PACKAGES = ("numpy", "scipy", "numba", "matplotlib", "emcee", "pysindy", "arviz", "pint", "h5py", "jinja2")
 
 
 def write(report: Report, folder: str | os.PathLike[str], results: Mapping[str, Any]) -> Path:

@@ -1,0 +1,1 @@
+"""Does PySINDy name the terms that act, and none that do not?"""
