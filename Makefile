@@ -51,6 +51,8 @@ reports: whole study paper
 	$(BIN)/python -m studies.frames.run --out $(OUT)/frames $(FLAGS)
 	$(BIN)/python -m studies.excited_terms.run --out $(OUT)/excited_terms $(FLAGS)
 	$(BIN)/python -m studies.other_equations.run --out $(OUT)/other_equations $(FLAGS) --data "$(DATA)"
+	$(BIN)/python -m studies.log_mistakes.run --out $(OUT)/log_mistakes $(FLAGS)
+	$(BIN)/python -m studies.sampling_rate.run --out $(OUT)/sampling_rate $(FLAGS)
 
 whole:
 	@test -z "$(QUICK)" || { echo "reports/ holds whole runs; leave QUICK out, or use 'make study QUICK=1'"; exit 1; }

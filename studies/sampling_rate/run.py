@@ -47,12 +47,12 @@ def main(
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("out/sampling_rate"))
-    parser.add_argument("--work", type=Path, help="default: OUT/work")
+    parser.add_argument("--work", type=Path, help="default: out/sampling_rate/work, or OUT/work where quick")
     parser.add_argument("--count", type=int, default=COUNT, help="campaigns")
     parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--quick", action="store_true", help="two campaigns at 2 and 1 Hz")
     given = parser.parse_args()
-    place = given.work or given.out / "work"
+    place = given.work or (given.out if given.quick else Path("out/sampling_rate")) / "work"
     lock_or_exit(given.out, "studies/sampling_rate/run.py")
     main(given.out, place, given.count, given.seed, given.jobs, given.quick)
