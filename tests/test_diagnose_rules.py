@@ -66,7 +66,8 @@ CASES = [
     ("model form", replace(FORM, covered=True, acts=NAMING_PROBABILITY - TINY), {
         "covered": (False, "unsure effect"),
         "acts": (NAMING_PROBABILITY + 0.0, "effect no larger than what a model form leaves")}),
-    ("model form", replace(PAIR, sure=0, of_motion=True), {"of_motion": (False, "several, none sure")}),
+    ("shapes of a model form", replace(PAIR, sure=0, of_motion=True), {
+        "of_motion": (False, "several, none sure"), "outside": (EVEN_ODDS + TINY, "unlisted cause")}),
     ("effect no larger than what a model form leaves", replace(FORM, covered=True, runs_refute=True), {
         "covered": (False, "refuted by the runs"), "form": (False, "refuted by the runs"),
         "acts": (NAMING_PROBABILITY - TINY, "model form"),
@@ -126,6 +127,7 @@ NAMES = Named(
 SAID = {
     "unlisted cause": ("outside", (), ()),
     "model form": ("model_form", (), ()),
+    "shapes of a model form": ("model_form", (), ()),
     "effect no larger than what a model form leaves": ("ambiguous", ("a", "b"), ()),
     "one sure beside a model form": ("effect", ("b",), ()),
     "coefficients moved": ("coefficients", (), ("c", "d")),

@@ -48,6 +48,9 @@ def check(
     problem = None if vehicle else _vehicle_problem(trial)
     found = run(trial, vehicle if problem is None else None, with_vehicle=problem is None)
     summary = {**trial_summary(trial), "vehicle_problem": problem, **found.record()}
+    if any("delta_r" in finding.channels for finding in found.check.findings):
+        # one mend for one mistake
+        summary["warnings"] = [w for w in summary["warnings"] if not w.startswith("rudder sign")]
     if out is not None:
         write_json(out / "trial_check.json", summary)
     if as_json:
@@ -103,7 +106,7 @@ def _print(summary: dict[str, Any], mistakes: Sequence[str], verbose: bool) -> N
         print_text(f"\n{summary['input_in_order']}")
     remarks = summary["warnings"] if verbose else grouped(summary["warnings"])
     if remarks:
-        print_text(f"\n{len(remarks)} remarks:")
+        print_text(f"\n{len(remarks)} remark{'s' if len(remarks) != 1 else ''}:")
         for remark in remarks:
             print_text(f"  - {remark}")
     if summary["vehicle_problem"]:

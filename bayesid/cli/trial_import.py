@@ -65,6 +65,8 @@ def import_logs(
     absent = [str(p) for p in sources if not p.exists()]
     if absent:
         raise ImportLogError(f"{absent[0]}: does not exist")
+    if (out / "trial.toml").exists():
+        raise ImportLogError(f"{out}: holds a trial already; choose another folder or delete it")
     if map_file is None:
         if (out / "map.toml").exists():
             raise ImportLogError(
@@ -128,7 +130,7 @@ def _say(proposal: Proposal, out: Path) -> None:
     for run in found.runs:
         kinds[run.manoeuvre or "not named"] = kinds.get(run.manoeuvre or "not named", 0) + 1
     print_text(
-        f"{len(found.runs)} runs: "
+        f"{len(found.runs)} run{'s' if len(found.runs) != 1 else ''}: "
         + ", ".join([k if n == 1 else f"{n} x {k}" for k, n in kinds.items()][:12])
         + (", ..." if len(kinds) > 12 else "")
     )

@@ -229,7 +229,11 @@ def _ambiguous(result: Result) -> str:
     if not chances:
         return "These runs cannot tell whether anything acts."
     alone = f", or nothing at all ({_share(result.probabilities.get('none', 0.0))})" if nothing else ""
-    if acting:
+    if "model_form" in result.set95:
+        alone = ", or only a force that depends on the motion and that the equations lack " + (
+            f"({_share(result.probabilities.get('model_form', 0.0))})"
+        )
+    if acting and len(chances) > 1:
         return f"Several things act together and these runs cannot tell which: {listed}{alone}."
     if len(chances) == 1:
         return f"These runs cannot tell whether it is {listed}{alone or ' or something else'}."

@@ -28,7 +28,7 @@ from bayesid.diagnosis.hypotheses.candidate import (
 )
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.cross_validation import cross_validate
-from bayesid.diagnosis.hypotheses.facts import like_a_form, simplest, undetectable
+from bayesid.diagnosis.hypotheses.facts import acts, like_a_form, simplest, undetectable
 from bayesid.diagnosis.hypotheses.location import location_of
 from bayesid.diagnosis.hypotheses.verdict import Verdict
 from bayesid.diagnosis.next_manoeuvre import Proposal
@@ -92,7 +92,7 @@ def result_of(
     every = ["none", *(e.name for e in model.causes), COEFFICIENT_ERROR, "outside"]
     probability = {n: float(c.probabilities.get(n, 0.0)) for n in every}
     acting = {n: float(min(c.inside.get(n, 0.0), 1.0)) for n in every}
-    if problem.form is not None:
+    if problem.form is not None or verdict.word == MODEL_FORM:
         # no effect beside a form that the runs need is not "nothing"
         probability |= {"none": 0.0, MODEL_FORM: probability["none"]}
         acting |= {"none": 0.0, MODEL_FORM: 1.0}  # every hypothesis has it
@@ -219,7 +219,7 @@ def _effects(
     named = verdict.effects
     if not named and verdict.word in ("ambiguous", "coefficients"):
         named = tuple(n for n in best.effects if n in model.effects and c.inside.get(n, 0.0) > 0.5)
-    out = []
+    families, out = {e.name: e.family for e in model.kernel.effects}, []
     for name in named:
         effect = model.effects.get(name)
         parameters = effect.parameters if effect is not None else ()
@@ -232,7 +232,7 @@ def _effects(
         out.append(
             Effect(
                 name,
-                float(min(1.0, c.inside.get(name, 0.0))),
+                float(min(1.0, acts(c, families, name))),
                 _contract(name, values),
                 {p.name: p.about for p in parameters if p.about},
                 effect.magnitude if effect is not None else "",

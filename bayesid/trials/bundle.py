@@ -79,6 +79,11 @@ def _load(raw: bytes, toml: Path, data: Path | None) -> Trial:
     except UnicodeDecodeError as error:
         raise TrialError(f"{toml}: is not UTF-8 text (byte {error.start})") from None
     except (tomllib.TOMLDecodeError, ValueError) as error:
+        if toml.suffix.lower() != ".toml":
+            raise TrialError(
+                f"{toml}: is no trial.toml; `bayesid trial import {toml.name} --out NEW` makes a bundle of a "
+                "log"
+            ) from None
         raise TrialError(f"{toml}: is not valid TOML: {error}") from None
     except RecursionError:
         raise TrialError(f"{toml}: is not valid TOML: nested too deeply") from None

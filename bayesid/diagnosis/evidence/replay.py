@@ -67,9 +67,11 @@ class Replay:
         return float(np.hypot(self.rms[model].get("x", np.nan), self.rms[model].get("y", np.nan)))
 
     def misfit(self, model: str, sigma: Mapping[str, float]) -> float:
-        """Mean squared error in noise variances; inf where the simulation diverges."""
-        ratios = [e / sigma[c] for c, e in self.rms[model].items() if c in sigma]
-        found = float(np.mean(np.square(ratios))) if ratios else 0.0
+        """Mean squared error in noise variances of the channels that were read; inf where the simulation
+        diverges.
+        """
+        ratios = [e / sigma[c] for c, e in self.rms[model].items() if c in sigma and not np.isnan(e)]
+        found = float(np.mean(np.square(ratios))) if ratios else np.inf
         return found if np.isfinite(found) else np.inf
 
 

@@ -39,7 +39,7 @@ class RefittedHypothesis:
     ----------
     effects : names, empty for none; "coefficient_error:N_r" for a widened coefficient
     log_evidence : Laplace, with ln 2 + ln Phi for one-sided parameters
-    fit : ColouredFit
+    fit : FilterErrorFit
     """
 
     effects: tuple[str, ...]

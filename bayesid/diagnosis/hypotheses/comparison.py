@@ -60,15 +60,15 @@ class HypothesisComparison:
 
     Attributes
     ----------
-    none : Candidate without effects
+    none : RefittedHypothesis without effects
     refits : refitted hypotheses, best first
     scores : screen of every effect
     evidence : name -> log evidence over none, for every catalogue name, "outside" and "coefficient_error"
     probabilities : name -> posterior probability, same names and "none"
     inside : name -> probability that it acts, alone or with others
-    bank : Bank the screen used
-    ambiguity : Ambiguity
-    where, where_after : Where before any effect and after the best one
+    bank : SensitivityBank the screen used
+    ambiguity : Isolability
+    where, where_after : Localisation before any effect and after the best one
     thresholds : Thresholds of this design
     carried, carried_beside : log evidence the model form is worth without an effect, and beside the best
     """

@@ -185,7 +185,7 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
             and n not in covered
             and (not shows or left < MINOR_SHARE * _part(candidates, best, n))
         ]
-        sure = tuple(n for n in kept if _acts(candidates, families, n) >= NAMING_PROBABILITY)
+        sure = tuple(n for n in kept if acts(candidates, families, n) >= NAMING_PROBABILITY)
     named = COEFFICIENT_ERROR if best.widens else best.effects[0] if best.effects else ""
     unlisted = free > limit.remainder and probability["outside"] > EVEN_ODDS
     # runs are set against each other where a name is at stake
@@ -207,12 +207,12 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
         effects=len(best.effects),
         widens=best.widens,
         explains=explains(best),
-        acts=_acts(candidates, families, named),
+        acts=acts(candidates, families, named),
         absorbed=absorbed.get(named, 0.0),
         idle=bool(off),
         sure=len(sure),
         form=problem.form is not None,
-        of_motion=not sure and any(_acts(candidates, families, n) >= NAMING_PROBABILITY for n in like),
+        of_motion=not sure and any(acts(candidates, families, n) >= NAMING_PROBABILITY for n in like),
         covered=bool(best.effects) and set(covered) == set(best.effects),
         others_covered=bool(sure) and set(best.effects) == {*sure, *covered},
         runs_refute=runs is not None and runs.refuted,
@@ -274,7 +274,7 @@ def _absorbed(problem: DiagnosisProblem, candidates: HypothesisComparison) -> di
     return {n: float(a) for n, a in zip(names, share, strict=True)}
 
 
-def _acts(candidates: HypothesisComparison, families: Mapping[str, str], name: str) -> float:
+def acts(candidates: HypothesisComparison, families: Mapping[str, str], name: str) -> float:
     """Probability that an effect of a name's family acts, alone or with others."""
     family = families.get(name, name)
     return sum(p for n, p in candidates.inside.items() if families.get(n, n) == family)

@@ -58,12 +58,19 @@ RULES: tuple[Rule, ...] = (
     ),
     Rule(
         "model form",
-        lambda f: f.of_motion
-        or (f.form
-        and (not f.gains or f.widens or f.none > EVEN_ODDS or (f.covered and f.acts < NAMING_PROBABILITY))),
+        lambda f: f.form
+        and (not f.gains or f.widens or f.none > EVEN_ODDS or (f.covered and f.acts < NAMING_PROBABILITY)),
         "model_form", "nothing", "nothing",
         "a force that depends on the motion and that the equations lack is needed, and beside it no effect "
         "gains more than what such a force may leave; a coefficient further off than stated may stand for it",
+        or_none=True,
+    ),
+    Rule(
+        "shapes of a model form",
+        lambda f: f.of_motion,
+        "model_form", "nothing", "nothing",
+        "several effects explain most together, and those that are sure depend on the motion alone: shapes "
+        "of a force that the equations lack",
         or_none=True,
     ),
     Rule(

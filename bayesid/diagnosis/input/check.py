@@ -51,7 +51,8 @@ def mended(trial: Trial, check: InputCheck) -> Trial:
         runs.append(run)
     noise = dict(trial.noise)
     for finding in check.findings:
-        if finding.correction is not None:
+        # noise is stated once for all runs
+        if finding.correction is not None and not finding.correction.runs:
             noise = {k: v * abs(finding.correction.scale.get(k, 1.0)) for k, v in noise.items()}
             noise = {finding.correction.rename.get(k, k): v for k, v in noise.items()}
     return replace(trial, runs=tuple(runs), noise=noise)

@@ -24,7 +24,7 @@ from bayesid.trials.mistakes.signs import SIGNS, sign_evidence
 from bayesid.trials.mistakes.table import MISTAKES, Mistake
 from bayesid.trials.trial import Floats, Run
 
-NAMED_AT = 0.95  # probability from which a mistake is named
+NAMED_AT = 0.95  # probability that the log is wrong from which the most probable mistake is named
 FOLLOWS = 0.3  # residual over size a corrected relation may keep: it has to hold, not only to hold better
 SAMPLES = 3000  # of a run that are read: blocks average over them
 SOME_RUNS = 5.0  # nats by which some runs must speak against the others
@@ -120,7 +120,7 @@ def check_input(
             break
         kept = [apply(one.correction, run) for run in kept]
         base = [base_of(run, travel, witness) for run in kept]
-    return InputCheck(tuple(found), _in_order(base), _unseen(first))
+    return InputCheck(tuple(found), _in_order(first), _unseen(first))
 
 
 def base_of(run: Run, travel: float | None = None, witness: Witness | None = None) -> Base:
@@ -192,7 +192,8 @@ def named(found: Sequence[Weighed], names: Sequence[str], less: float = 0.0) -> 
     sure = 1.0 - float(probability[0])
     if sure < NAMED_AT:
         return None
-    w, score, chosen, part = ready[int(np.argmax(probability[1:]))]
+    best = int(np.argmax(probability[1:]))
+    (w, score, chosen, part), own = ready[best], float(probability[1 + best])
     also = tuple(other.mistake.name for other, s, _, _ in ready if other is not w and s > score - ALSO)
     concerned = tuple(n for n, keep in zip(names, chosen, strict=True) if keep)
     correction = w.mistake.correction
@@ -200,7 +201,7 @@ def named(found: Sequence[Weighed], names: Sequence[str], less: float = 0.0) -> 
         correction = replace(correction, runs=concerned)
     before, after = w.level(chosen)
     return InputFinding(
-        w.mistake.name, w.mistake.says, w.mistake.channels, concerned, not part, sure, w.told_by(chosen),
+        w.mistake.name, w.mistake.says, w.mistake.channels, concerned, not part, own, w.told_by(chosen),
         before, after, correction, also,
     )  # fmt: skip
 
