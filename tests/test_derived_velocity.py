@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
 
-from bayesid.trials import Run, load_trial
+from bayesid.api.inputs import prepared
+from bayesid.trials import Run, Trial, load_trial
 from bayesid.trials.kinematics.derived_velocity import explained_share, velocity_from_track
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
@@ -99,3 +100,12 @@ def test_a_lever_arm_is_not_testable_there_and_a_latency_is():
     derived = replace(problem, velocity_from_track=True)
     assert not testable(derived, model.effects["position_lever_arm"])
     assert testable(derived, model.effects["velocity_latency"])
+
+
+def test_thinning_keeps_what_the_readings_told_before():
+    runs = (weave(1, "causal"), weave(2, "causal"))
+    trial = Trial("pond", Path("."), "remus100", 3, runs)
+    thinned = prepared(trial, resample=6 * (runs[0].t[1] - runs[0].t[0]))
+    assert velocity_from_track(thinned.identify) is not True  # its fast changes are gone
+    assert thinned.velocity_from_track is True and trial.velocity_from_track is None
+    assert thinned.digest == replace(thinned, velocity_from_track=None).digest

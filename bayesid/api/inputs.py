@@ -21,6 +21,7 @@ from bayesid.model.terms import canonical_name
 from bayesid.model.units import scale as unit_scale
 from bayesid.model.vehicles import Vehicle, load_vehicle, self_propulsion_speed, with_relative_prior
 from bayesid.trials import Trial, load_trial, thin
+from bayesid.trials.kinematics.derived_velocity import velocity_from_track
 
 Names: TypeAlias = "str | Iterable[str] | None"
 TrialLike: TypeAlias = "Trial | str | os.PathLike[str]"
@@ -104,7 +105,9 @@ def prepared(
             run = replace(run, role="identify" if run.name in names else "holdout")
         coarse = resample or (run.duration / most if most and run.n_samples > most else None)
         chosen.append(thin(run, coarse) if coarse else run)
-    return replace(trial, runs=tuple(chosen))
+    # thinned readings have lost the fast changes that tell
+    derived = velocity_from_track(trial.identify) if resample else trial.velocity_from_track
+    return replace(trial, runs=tuple(chosen), velocity_from_track=derived)
 
 
 def scale_of(model: Model, rpm: float | None = None, dt: float | None = None) -> Scale:

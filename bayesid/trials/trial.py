@@ -141,6 +141,8 @@ class Trial:
     measured_point : point whose position is logged, body axes, m
     rudder_positive : convention of the log; inside the program the rudder is always port-positive
     warnings : what the reader noticed, with file names
+    velocity_from_track : whether u and v are the logged track differentiated, where that is known from
+        readings that were thinned since; None: ask the readings
     digest : SHA-256 of runs, noise, environment, dof and measured point (not of the vehicle)
     """
 
@@ -155,6 +157,7 @@ class Trial:
     rudder_positive: str = "port"
     attribution: str = ""
     warnings: tuple[str, ...] = ()
+    velocity_from_track: bool | None = None
     digest: str = field(init=False)
 
     def __post_init__(self) -> None:

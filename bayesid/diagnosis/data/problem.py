@@ -150,7 +150,8 @@ def build_problem(
     if least:
         noise |= least
         warnings.append(raised_words(least))
-    derived = bool(velocity_from_track(trial.identify))
+    known = trial.velocity_from_track
+    derived = bool(velocity_from_track(trial.identify) if known is None else known)
     if derived:
         warnings.append(
             "u and v are the logged track differentiated and filtered (fast changes of both agree): both are "
