@@ -52,16 +52,16 @@ def test_causes_and_vehicles_come_round_and_seeds_differ():
     assert len({t.name for t in tasks}) == 12 and sum(not t.causes for t in tasks) == 3
 
 
-@pytest.mark.parametrize("rate_limit, says", [(0.2, True), (0.004, False), (np.inf, False)])
+@pytest.mark.parametrize("rate_limit, says", [(0.1, True), (0.004, False), (5.0, False), (np.inf, False)])
 def test_readings_further_apart_than_a_move_of_the_rudder_are_called_coarse(rate_limit, says):
     model = model_of("generic_sub")
     vehicle = replace(model.vehicle, rates={**model.vehicle.rates, "delta_r": rate_limit})
-    limited = SimpleNamespace(vehicle=vehicle, kernel=model.kernel)
+    limited = SimpleNamespace(vehicle=vehicle, kernel=model.kernel, scales=model.scales)
     logs = build_problem(model, planted_trial(model, seed=1)).logs
     steps = np.concatenate([np.abs(np.diff(log.plan.levels[:, 0])) for log in logs])
     move = np.median(steps[steps > 0.02]) / rate_limit
     interval = logs[0].plan.t[1] - logs[0].plan.t[0]
-    assert (interval > move > 0) == says
+    assert (interval > move > 0.1 * model.scales["L"] / model.scales["U"]) == says
     found = too_coarse(limited, logs)
     assert (found is not None) == says
     if says:

@@ -13,12 +13,14 @@ from bayesid.equations.model import Model
 from bayesid.estimation.run_data import RunData
 
 LEAST_MOVE = 0.02  # rad: smaller steps of the command say nothing about the time a rudder takes
+AT_ONCE = 0.1  # L/U: a rudder that is there sooner is there at once, for the hull
 
 
 def too_coarse(model: Model, logs: Sequence[RunData]) -> str | None:
     """That lag, delay, play and rate of the rudder rest on few readings, with both times; None where not.
 
-    A rudder takes the median step of its command over its rate; readings are their median distance apart.
+    A rudder takes the median step of its command over its rate; readings are their median distance apart. Of
+    one that the vehicle file lets move at once nothing is said.
     """
     rate = model.vehicle.rates.get("delta_r", np.inf)
     moves, apart = [], []
@@ -32,7 +34,7 @@ def too_coarse(model: Model, logs: Sequence[RunData]) -> str | None:
     if not moves or not apart:
         return None
     move, interval = float(np.median(moves)), float(np.median(apart))
-    if move <= 0.0 or interval <= move:
+    if move < AT_ONCE * model.scales["L"] / model.scales["U"] or interval <= move:
         return None
     return (
         f"readings are {interval:.3g} s apart and the rudder takes {move:.2g} s to where it is ordered: lag, "
