@@ -11,7 +11,8 @@ from bayesid.diagnosis.evidence.missing_force import MissingForce, MissingForceT
 from bayesid.diagnosis.final_values import gap_of
 from bayesid.diagnosis.hypotheses.thresholds import Thresholds
 from bayesid.diagnosis.next_manoeuvre import Proposal
-from bayesid.diagnosis.result import (
+from bayesid.diagnosis.result import Result
+from bayesid.diagnosis.result_parts import (
     Coefficient,
     Corner,
     Detectability,
@@ -25,7 +26,6 @@ from bayesid.diagnosis.result import (
     Outlier,
     Refit,
     Region,
-    Result,
     Screened,
     Value,
 )

@@ -11,7 +11,7 @@ from bayesid.diagnosis.answer import answer, failures
 from bayesid.diagnosis.evidence.effect_draws import warning
 from bayesid.diagnosis.evidence.replay import Replay
 from bayesid.diagnosis.plain_words import intervals, sentence
-from bayesid.diagnosis.result import Effect, Moved, Refit, RunError, Value
+from bayesid.diagnosis.result_parts import Effect, Moved, Refit, RunError, Value
 from bayesid.diagnosis.summary import summary
 from bayesid.model.effects import CATALOGUE
 from bayesid.report.diagnosis.report import diagnosis_report, write_diagnosis_report

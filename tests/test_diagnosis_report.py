@@ -149,7 +149,7 @@ def test_the_reason_for_an_interval_has_the_factor_on_the_environment():
 
 
 def test_what_the_equations_lack_is_said_on_the_first_screen_and_has_its_section():
-    from bayesid.diagnosis.result import FormRow, ModelFormPart
+    from bayesid.diagnosis.result_parts import FormRow, ModelFormPart
 
     part = ModelFormPart(
         294.0,

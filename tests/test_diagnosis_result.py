@@ -8,7 +8,8 @@ import jsonschema
 import pytest
 from diagnosis_results import RESULT, a_gap, a_horizon
 
-from bayesid.diagnosis.result import CONTRACT, Effect, Gap, Horizon, Location, Result, schema
+from bayesid.diagnosis.result import CONTRACT, Result, schema
+from bayesid.diagnosis.result_parts import Effect, Gap, Horizon, Location
 from bayesid.diagnosis.schema import About, described
 
 

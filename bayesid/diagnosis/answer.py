@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from bayesid.diagnosis.evidence.replay import EXPLAINED, GIVEN, RETUNED
 from bayesid.diagnosis.hypotheses.rules import NAMING
 from bayesid.diagnosis.plain_words import intervals, number, sentence
-from bayesid.diagnosis.result import Effect, Result, RunError
+from bayesid.diagnosis.result import Result
+from bayesid.diagnosis.result_parts import Effect, RunError
 from bayesid.diagnosis.threshold_table import DISAGREEMENT_P_VALUE
 
 MODELS = (GIVEN, RETUNED, EXPLAINED)

@@ -32,8 +32,8 @@ from bayesid.diagnosis.hypotheses.facts import acts, like_a_form, simplest, unde
 from bayesid.diagnosis.hypotheses.location import location_of
 from bayesid.diagnosis.hypotheses.verdict import Verdict
 from bayesid.diagnosis.next_manoeuvre import Proposal
-from bayesid.diagnosis.result import (
-    FORMAT,
+from bayesid.diagnosis.result import FORMAT, Result
+from bayesid.diagnosis.result_parts import (
     Coefficient,
     Corner,
     Detectability,
@@ -52,7 +52,6 @@ from bayesid.diagnosis.result import (
     Outlier,
     Refit,
     Region,
-    Result,
     RunError,
     Screened,
     Value,

@@ -15,7 +15,7 @@ import re
 from collections.abc import Callable
 from typing import NamedTuple
 
-from bayesid.diagnosis.result import Effect
+from bayesid.diagnosis.result_parts import Effect
 
 _PLACE = re.compile(r"\{([^{}:]+):([^{}:]+)(?::([^{}:]*):([^{}:]*))?\}")
 _DEGREE = 180 / math.pi

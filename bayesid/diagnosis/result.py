@@ -11,15 +11,29 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
-import numpy as np
-
 from bayesid.diagnosis.data.event import Event
 from bayesid.diagnosis.evidence.effect_draws import EffectDraws
 from bayesid.diagnosis.evidence.missing_force import MissingForce
-from bayesid.diagnosis.evidence.replay import Replay
 from bayesid.diagnosis.hypotheses.rules import Word
 from bayesid.diagnosis.hypotheses.thresholds import Thresholds
 from bayesid.diagnosis.next_manoeuvre import Proposal
+from bayesid.diagnosis.result_parts import (
+    Coefficient,
+    Detectability,
+    Diagnosed,
+    Drawings,
+    Effect,
+    Gap,
+    Location,
+    ModelFormPart,
+    Moved,
+    Noise,
+    Outlier,
+    Refit,
+    RunError,
+    Screened,
+    Share,
+)
 from bayesid.diagnosis.schema import About, described, plain
 
 FORMAT = 1
@@ -28,305 +42,6 @@ CONTRACT = (
     "format", "verdict", "effects", "probabilities", "set95", "ambiguity_groups", "where", "gap",
     "next_manoeuvre", "warnings",
 )  # fmt: skip
-Array = np.ndarray
-Share = Annotated[float, About(checks={"minimum": 0, "maximum": 1})]
-ByChannel = Mapping[str, Mapping[str, float | None]]
-
-
-@dataclass(frozen=True)
-class Diagnosed:
-    """What was diagnosed."""
-
-    name: str
-    digest: str
-    dof: int
-    channels: tuple[str, ...]
-    vehicle: str = ""
-    vehicle_digest: str = ""
-    attribution: str = ""
-
-
-@dataclass(frozen=True)
-class Value:
-    """Estimate and standard deviation (Laplace); the 95 % interval of the draws where that is to be used."""
-
-    value: float
-    sd: float
-    unit: str
-    low95: Annotated[
-        float | None,
-        About("Use low95 to high95, of the draws, where they are there; else value +- 1.96 sd."),
-    ] = None
-    high95: float | None = None
-
-
-@dataclass(frozen=True)
-class Effect:
-    """One effect the verdict stands on, its probability of acting and its sizes."""
-
-    name: str
-    probability: Annotated[float, About("That it acts, alone or with others.", {"minimum": 0, "maximum": 1})]
-    parameters: Mapping[str, Value]
-    meaning: Annotated[Mapping[str, str], About("Parameter -> what it stands for.")] = field(
-        default_factory=dict
-    )
-    usual_size: Annotated[str, About("How large it usually is, in words; empty if not stated.")] = ""
-    says: Annotated[
-        str, About("The effect as a sentence with places for sizes, `{parameter:unit}`; empty if not stated.")
-    ] = ""
-    instead: Annotated[
-        Mapping[str, float], About("Constants of the vehicle file that it changes, as given there [SI].")
-    ] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Detectability:
-    """Trace of an effect on these runs and the share of it that coefficients absorb."""
-
-    noncentrality_at_one_prior_sd: float
-    absorbed: float
-
-
-@dataclass(frozen=True)
-class Region:
-    """A stretch of time, run or regime, and what a free signal only there gains [nats]."""
-
-    name: str
-    evidence: float
-    kind: Annotated[str, About("manoeuvre, window or regime")] = ""
-    share: Annotated[float, About("Share of the samples.")] = 0.0
-
-
-@dataclass(frozen=True)
-class Location:
-    """Where the gap lies; evidence in nats, period in s."""
-
-    channel: Annotated[
-        str | None,
-        About(
-            "Most probable place, every hypothesis counted by its probability; need not be the place of most "
-            "evidence below. null where no free signal gains more than chance."
-        ),
-    ]
-    evidence: Annotated[
-        Mapping[str, float],
-        About(
-            "Gain in log evidence [nats] of a free signal let into each place alone, no effect in the model; "
-            "most first."
-        ),
-    ]
-    period: Annotated[
-        float | None, About("Seconds, where the free signal of most evidence is periodic; else null.")
-    ]
-    windows: Annotated[
-        tuple[Region, ...],
-        About(
-            "The same for the place of most evidence, the signal allowed only in one run or stretch of time."
-        ),
-    ]
-    regimes: Annotated[tuple[Region, ...], About("The same, allowed only in one regime of motion.")]
-    after: Annotated[Mapping[str, float], About("As evidence, with the best explanation in the model.")] = (
-        field(default_factory=dict)
-    )
-
-
-@dataclass(frozen=True)
-class Screened:
-    """Gain in log evidence of one effect of the catalogue along one path, coefficients free [nats]."""
-
-    name: str
-    gain: float
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """Estimate and standard deviation, SI."""
-
-    value: float
-    sd: float
-
-
-@dataclass(frozen=True)
-class Refit:
-    """One hypothesis refitted: gain in log evidence over no effect [nats], fit and parameters."""
-
-    effects: tuple[str, ...]
-    gain: float
-    chi2: Annotated[float, About("Mean squared residual in noise variances.")]
-    converged: bool
-    parameters: Mapping[str, Estimate]
-
-
-@dataclass(frozen=True)
-class Horizon:
-    """Held-out errors over one horizon; None where there is nothing to compare."""
-
-    horizon: str
-    seconds: float | None
-    excess: Mapping[str, float]
-    shrink: float | None
-    interval: tuple[float | None, ...]
-    worth_shrinking: bool
-    floor: float
-    rms: ByChannel
-    pieces: int
-    posterior_draws: int
-    channels: ByChannel
-
-
-@dataclass(frozen=True)
-class Gap:
-    """The longest horizon that shows a gap, and all of them."""
-
-    before_nominal: Annotated[
-        float | None,
-        About(
-            "Mean squared error on held-out runs above the floor, in noise variances, with the coefficients "
-            "as given."
-        ),
-    ]
-    before: Annotated[float | None, About("With re-tuned coefficients.")]
-    after: Annotated[
-        float | None,
-        About("With the best explanation, which may hold more effects than the verdict names."),
-    ]
-    floor: float | None
-    shrink: float | None
-    interval: tuple[float | None, ...] | None
-    horizons: tuple[Horizon, ...]
-    runs: Annotated[tuple[str, ...], About("The held-out runs.")] = ()
-
-
-@dataclass(frozen=True)
-class Outlier:
-    """A single reading left out."""
-
-    run: str
-    time: float
-    channel: str
-
-
-@dataclass(frozen=True)
-class Noise:
-    """Noise of the motion the diagnosis allowed for; units as in the format."""
-
-    source: str
-    force: tuple[float, ...]
-    force_tau: float
-    drift: float
-    drift_tau: float
-    depth: float | None
-    arms: tuple[float, ...]
-
-
-@dataclass(frozen=True)
-class Coefficient:
-    """Estimate and standard deviation in the units of the vehicle file."""
-
-    value: float
-    sd: float
-
-
-@dataclass(frozen=True)
-class Moved:
-    """A coefficient as given, re-tuned without an effect, with the best explanation; units of the file."""
-
-    given: float
-    prior_sd: Annotated[float, About("Stated uncertainty, one standard deviation.")]
-    retuned: float
-    explained: float
-
-
-@dataclass(frozen=True)
-class RunError:
-    """Open-loop replay of one run, root mean square errors after the first seconds of it.
-
-    Models are nominal (as given), recalibrated (coefficients only) and with effect (the best explanation).
-    """
-
-    run: str
-    manoeuvre: str
-    role: str
-    seconds: Annotated[float, About("Length of the run.")]
-    lead: Annotated[float, About("First seconds, read to begin on the track; errors count after them.")]
-    position: Annotated[
-        Mapping[str, float | None],
-        About("Model -> horizontal distance [m]; null where it diverges or none was logged."),
-    ]
-    rms: Annotated[ByChannel, About("Model -> channel -> error [SI].")]
-
-
-@dataclass(frozen=True)
-class FormRow:
-    """One row of a model form: its force over 1/2 rho L^2 U^2 (moments L^3) at a drift of 0.2, a yaw rate of
-    0.3 U/L and a rudder of 0.25 rad, and its standard deviation."""
-
-    name: str
-    axis: str
-    force: float
-    sd: float
-
-
-@dataclass(frozen=True)
-class ModelFormPart:
-    """A force that depends on the motion, that the symmetry of a hull allows, and that the equations lack."""
-
-    gain: Annotated[
-        float,
-        About("Log evidence that would be lost without it, beside the best explanation [nats]."),
-    ]
-    sizes: Annotated[
-        Mapping[str, float],
-        About("Axis -> standard deviation of each of its rows, in the unit of their force."),
-    ]
-    period: Annotated[
-        float | None, About("Period [s] of a resonance in it, as of a roll that a planar model leaves out.")
-    ]
-    looks_like: Annotated[
-        tuple[str, ...],
-        About("Declared effects that are part of it and differ from off by two standard deviations."),
-    ]
-    rows: Annotated[tuple[FormRow, ...], About("Rows that differ from zero by as much, clearest first.")]
-
-
-@dataclass(frozen=True, eq=False)
-class Force:
-    """Smoothed missing force in body axes, (n, axes) per run, and its standard deviation [N, N m]."""
-
-    axes: tuple[str, ...]
-    runs: tuple[str, ...]
-    times: tuple[Array, ...]
-    values: tuple[Array, ...]
-    sd: tuple[Array, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class Corner:
-    """(m, k) draws of the first unknowns, and of their Laplace approximation, in the units of `names`."""
-
-    names: tuple[str, ...]
-    draws: Array
-    laplace: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Drawings:
-    """Arrays figures are drawn from.
-
-    Attributes
-    ----------
-    force : None where nothing localises the gap
-    effects, margin : effects these runs would show, and (k, k) expected log-evidence margin [nats] of a truth
-        (row) over an explanation (column)
-    corner : None without draws
-    replays : every run beside its simulations, the one to show first
-    """
-
-    force: Force | None
-    effects: tuple[str, ...]
-    margin: Array
-    corner: Corner | None
-    replays: tuple[Replay, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

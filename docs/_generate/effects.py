@@ -16,7 +16,7 @@ from _generate.confusion import LEAST, SHOWN, VEHICLE, changed, constants, sizes
 from _generate.markdown import code, fenced, plain, table
 from bayesid.diagnosis.plain_words import sentence
 from bayesid.diagnosis.result import Effect as Found
-from bayesid.diagnosis.result import Value
+from bayesid.diagnosis.result_parts import Value
 from bayesid.model.effects import CATALOGUE, Effect, EffectParameter
 from bayesid.model.effects.describe import alternatives, equations
 

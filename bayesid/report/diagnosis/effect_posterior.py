@@ -6,7 +6,8 @@ Takes a `Result`. Gives report sections, none where nothing was drawn. Does not 
 from __future__ import annotations
 
 from bayesid.diagnosis.evidence.effect_draws import EffectDraws
-from bayesid.diagnosis.result import Corner, Result
+from bayesid.diagnosis.result import Result
+from bayesid.diagnosis.result_parts import Corner
 from bayesid.diagnosis.summary import unsigned_zeros
 from bayesid.errors import SampleError
 from bayesid.report import posterior_figures as figures

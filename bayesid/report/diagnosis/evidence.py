@@ -10,7 +10,8 @@ from typing import Any
 
 from bayesid.diagnosis.answer import Answer, error_rows, in_words
 from bayesid.diagnosis.plain_words import number, sentence
-from bayesid.diagnosis.result import Effect, Result
+from bayesid.diagnosis.result import Result
+from bayesid.diagnosis.result_parts import Effect
 from bayesid.diagnosis.summary import unsigned_zeros
 from bayesid.report import run_picture
 from bayesid.report.diagnosis.cause import where_blocks, which_blocks

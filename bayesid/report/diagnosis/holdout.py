@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from bayesid.diagnosis.hypotheses.rules import NAMING
-from bayesid.diagnosis.result import Horizon, Result
+from bayesid.diagnosis.result import Result
+from bayesid.diagnosis.result_parts import Horizon
 from bayesid.report.diagnosis import figures
 from bayesid.report.diagnosis.words import IN_DEGREES, in_words
 from bayesid.report.writer import Block, Figure, Table, Text, literal

@@ -6,7 +6,8 @@ Takes a `Result`. Does not compute.
 from __future__ import annotations
 
 from bayesid.diagnosis.answer import in_words
-from bayesid.diagnosis.result import ModelFormPart, Result
+from bayesid.diagnosis.result import Result
+from bayesid.diagnosis.result_parts import ModelFormPart
 from bayesid.report.writer import Block, Section, Table, Text, literal
 
 MOTION = "a drift of 0.2 U, a yaw rate of 0.3 U/L and a rudder of 0.25 rad"
