@@ -14,7 +14,7 @@ import pytest
 
 from bayesid.analysis.excitation import LibraryColumn, exact_motion, excite, library
 from bayesid.analysis.excitation.columns import evaluate, rows, theta
-from bayesid.analysis.excitation.pysindy_witness import witness
+from bayesid.analysis.excitation.pysindy_regression import pysindy_terms
 from bayesid.analysis.excitation.regression import excite_motions
 from bayesid.analysis.excitation.row_selection import select_axis
 from bayesid.analysis.excitation.track_smoother import smooth_tracks, stated_or_rough
@@ -235,7 +235,7 @@ def test_velocities_come_from_positions_and_heading_alone(submarine):
     assert np.std(wrong) < 0.2 * np.std(truth)
 
 
-def test_the_witness_is_pysindys_own_optimisers(submarine, monkeypatch):
+def test_the_regression_is_by_pysindys_own_optimisers(submarine, monkeypatch):
     """With PySINDy's forward regression made to propose nothing, only what the vehicle file says is tried."""
     import pysindy
 
@@ -243,10 +243,10 @@ def test_the_witness_is_pysindys_own_optimisers(submarine, monkeypatch):
     calls = []
     fit = pysindy.FROLS.fit
     monkeypatch.setattr(pysindy.FROLS, "fit", lambda self, x, y: (calls.append(1), fit(self, x, y))[1])
-    witness(submarine, motions, draws=2, form="strong")
+    pysindy_terms(submarine, motions, draws=2, form="strong")
     assert len(calls) > 9
     monkeypatch.setattr(pysindy.FROLS, "fit", lambda self, x, y: setattr(self, "history_", []))
-    assert all(g.inclusion == 0.0 for g in witness(submarine, motions, draws=2, form="strong"))
+    assert all(g.inclusion == 0.0 for g in pysindy_terms(submarine, motions, draws=2, form="strong"))
     assert "pysindy" in versions()
 
 
@@ -255,11 +255,11 @@ def test_pysindy_is_loaded_when_it_is_used_and_not_before():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
-def test_the_witness_finds_terms_of_rich_runs_and_groups_of_a_spiral(submarine):
+def test_pysindy_finds_terms_of_rich_runs_and_groups_of_a_spiral(submarine):
     """Known truth: the vehicle file. No term that is absent is found singly in either."""
     runs, noise = executed(submarine, ["multisine", "zigzag_20_port", "prbs"], share=0.3)
     motions, _ = smooth_tracks(submarine, runs, noise)
-    rich = {g.names[0]: g for g in witness(submarine, motions, draws=20) if len(g.names) == 1}
+    rich = {g.names[0]: g for g in pysindy_terms(submarine, motions, draws=20) if len(g.names) == 1}
     singly = {n for n, g in rich.items() if g.status == "found"}
     assert {"X_drdr", "Y_dr", "Y_v"} <= singly
     assert all(submarine.nominal[submarine.index[n]] != 0 for n in singly)
@@ -268,7 +268,7 @@ def test_the_witness_finds_terms_of_rich_runs_and_groups_of_a_spiral(submarine):
         assert abs(rich[name].value - truth) < 3.5 * max(rich[name].sd, 0.01 * abs(truth)), name
     runs, noise = executed(submarine, ["spiral"], share=0.3)
     motions, _ = smooth_tracks(submarine, runs, noise)
-    poor = witness(submarine, motions, draws=20)
+    poor = pysindy_terms(submarine, motions, draws=20)
     found = [g for g in poor if g.status == "found"]
     tied = ("X_vv", "X_vr", "X_rr", "Y_v", "Y_r", "Y_v|v|", "Y_v|r|", "N_v", "N_r", "N_r|r|", "N_|v|r")
     assert not [g.names for g in found if len(g.names) == 1 and g.names[0] in tied]

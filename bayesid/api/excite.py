@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bayesid.analysis.excitation import Excitation
-from bayesid.analysis.excitation.pysindy_witness import TermGroup, witness
+from bayesid.analysis.excitation.pysindy_regression import TermGroup, pysindy_terms
 from bayesid.analysis.excitation.regression import as_json, excite_motions
 from bayesid.analysis.excitation.track_smoother import smooth_tracks
 from bayesid.analysis.identifiability import coefficient_rows, information, with_assumed_priors
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     import pandas
 
 
-MOST_WITNESS = 60  # draws of PySINDy; more move no verdict
+MOST_PYSINDY_DRAWS = 60  # draws of PySINDy; more move no verdict
 
 
 @one_blas_thread
@@ -71,7 +71,9 @@ def excite(
     shown.note(f"smoothing {len(read.identify)} run(s)")
     motions, _ = smooth_tracks(model, read.identify, read.noise, drift)
     shown.note("PySINDy")
-    groups = witness(model, motions, draws=20 if quick else min(draws, MOST_WITNESS), seed=seed, form=form)
+    groups = pysindy_terms(
+        model, motions, draws=20 if quick else min(draws, MOST_PYSINDY_DRAWS), seed=seed, form=form
+    )
     found = excite_motions(
         model, motions, form=form, draws=min(draws, 20) if quick else draws, seed=seed, notify=shown.note
     )

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from bayesid.analysis.excitation import Excitation, RowSelection
-from bayesid.analysis.excitation.pysindy_witness import TermGroup
+from bayesid.analysis.excitation.pysindy_regression import TermGroup
 from bayesid.analysis.excitation.row_selection import ENGINE
 from bayesid.model.vehicles import Vehicle
 from bayesid.report import coefficient_cells, writer

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from bayesid.analysis.excitation import Excitation
-from bayesid.analysis.excitation.pysindy_witness import TermGroup
+from bayesid.analysis.excitation.pysindy_regression import TermGroup
 from bayesid.model.vehicles import Vehicle
 from bayesid.report import coefficient_cells
 from bayesid.report import excite_figures as figures

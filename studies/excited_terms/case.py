@@ -1,4 +1,4 @@
-"""One case: a vehicle whose coefficients are known here, executed, smoothed and judged by four witnesses.
+"""One case: a vehicle whose coefficients are known here, executed, smoothed and judged by four methods.
 
 Takes names of vehicle, manoeuvres and truth. Gives plain rows, one per column of the library. Does not count.
 """
@@ -14,7 +14,7 @@ import numpy as np
 
 from bayesid.analysis.excitation import library
 from bayesid.analysis.excitation.columns import rows
-from bayesid.analysis.excitation.pysindy_witness import witness
+from bayesid.analysis.excitation.pysindy_regression import pysindy_terms
 from bayesid.analysis.excitation.regression import excite_motions
 from bayesid.analysis.excitation.row_selection import Roots, block_noise
 from bayesid.analysis.excitation.sindy import ensemble
@@ -53,7 +53,7 @@ def executed_case(vehicle: str, names: tuple[str, ...], truth: str, seed: int, d
     runs = [virtual_run(model, par, orders[n], name=n, noise=noise, rng=rng) for n in names]
     motions, _ = smooth_tracks(model, runs, noise)
     begin = time.process_time()
-    groups = witness(model, motions, draws=draws, seed=seed)
+    groups = pysindy_terms(model, motions, draws=draws, seed=seed)
     middle = time.process_time()
     own = {w.name: w.status for w in excite_motions(model, motions, draws=draws, seed=seed).terms}
     end = time.process_time()

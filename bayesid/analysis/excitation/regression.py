@@ -52,7 +52,7 @@ class Excitation:
 
     @cached_property
     def terms(self) -> tuple[RowSelection, ...]:
-        """Witnesses of every column, nothing known of any."""
+        """What speaks for every column, nothing known of any."""
         return tuple(w for fit in self.axes for w in fit.selections)
 
     @cached_property

@@ -1,7 +1,7 @@
 """The force table as a PySINDy library, for those who want to go on with PySINDy, and its STLSQ on it.
 
 Takes a `Model` and a `Motion`. Gives an object PySINDy accepts, with named columns, and PySINDy's plain
-ensemble as a control: it resamples single rows, which are not independent here. `pysindy_witness` judges.
+ensemble as a control: it resamples single rows, which are not independent here. `pysindy_regression` judges.
 """
 
 from __future__ import annotations

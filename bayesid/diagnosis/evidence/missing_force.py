@@ -183,7 +183,7 @@ def _regress(
     where: Localisation,
     seed: int,
 ) -> tuple[list[RowSelection], dict[str, float]]:
-    """Witnesses of every column, and the share of the smoothed force explained per axis."""
+    """What speaks for every column, and the share of the smoothed force explained per axis."""
     model = problem.model
     axes = tuple(n[-1] for n in model.kernel.exogenous if n.startswith("force_"))
     time = BLOCK_LENGTHS * model.scales["L"] / model.scales["U"]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from bayesid.diagnosis.input.vehicle_witness import VehicleWitness
+from bayesid.diagnosis.input.vehicle_behaviour import VehicleBehaviour
 from bayesid.diagnosis.input.wrong_vehicle import wrong_vehicle
 from bayesid.equations.model import Model
 from bayesid.trials import Trial
@@ -15,7 +15,7 @@ from bayesid.trials.correction import apply
 from bayesid.trials.mistakes import InputCheck, check_input
 from bayesid.trials.noise_stated import seen_noise, stated_wrongly
 
-RUNS_COUNT_AS = 2.0  # independent witnesses, however many runs: they share one simulator's errors
+RUNS_COUNT_AS = 2.0  # independent observations, however many runs: they share one simulator's errors
 
 
 def check_trial(trial: Trial, model: Model | None = None) -> InputCheck:
@@ -23,7 +23,7 @@ def check_trial(trial: Trial, model: Model | None = None) -> InputCheck:
 
     Parameters
     ----------
-    model : with it the vehicle is a witness too
+    model : with it the behaviour of the vehicle counts too
     """
     runs = trial.identify
     if not runs:
@@ -32,8 +32,8 @@ def check_trial(trial: Trial, model: Model | None = None) -> InputCheck:
         found, size = check_input(runs), None
     else:
         size = model.scales["L"], model.scales["U"]
-        witness = VehicleWitness(model, min(1.0, RUNS_COUNT_AS / len(runs)))
-        found = check_input(runs, size[0] / size[1], witness)
+        behaviour = VehicleBehaviour(model, min(1.0, RUNS_COUNT_AS / len(runs)))
+        found = check_input(runs, size[0] / size[1], behaviour)
     right = mended(trial, found)
     if model is not None and (other := wrong_vehicle(model, right.identify)) is not None:
         found = replace(found, findings=(*found.findings, other))

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bayesid.diagnosis.input.vehicle_witness import fin_gains, speed_ratio
+from bayesid.diagnosis.input.vehicle_behaviour import fin_gains, speed_ratio
 from bayesid.equations.model import Model
 from bayesid.errors import BayesidError
 from bayesid.trials import Run

@@ -3,9 +3,9 @@
 Takes runs with x, y, psi, u, v. Gives the share of fast changes of u, v that a linear filter of the track's
 derivative explains. Does not: tell which filter, or look where the track is too quiet to tell.
 
-Where the derivative of the track has `LOUD` times the power of u, v, motion is at most 1 / `LOUD` of it, and
-the rest is noise of the position sensor. An instrument of its own shares the motion alone, so that at most
-1 / `LOUD` of u, v is explained there; a filtered derivative is explained whatever the filter and its lag.
+Where the derivative of the track has `STRONG` times the power of u, v, motion is at most 1 / `STRONG` of it,
+and the rest is noise of the position sensor. An instrument of its own shares the motion alone, so that at
+most 1 / `STRONG` of u, v is explained there; a filtered derivative is explained whatever the filter and its lag.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from scipy.signal import csd, welch
 
 from bayesid.trials.trial import Floats, Run
 
-LOUD = 10.0  # power of the track's derivative over that of u, v
+STRONG = 10.0  # power of the track's derivative over that of u, v
 SEGMENT = 64  # samples of a spectrum
 FEWEST = 12  # segments: chance explains one over their number
-BINS = 4  # frequencies at which the track is loud
+BINS = 4  # frequencies at which the track is strong
 # Explained share from which on, and up to which, it is told: in 33 runs of two tanker models whose velocities
 # are derived it is 0.51 to 0.77, in 53 campaigns with instruments of their own 0.05 to 0.24.
 DERIVED, APART = 0.45, 0.3
@@ -49,13 +49,13 @@ def explained_share(run: Run) -> float | None:
 
 def _share(track: np.ndarray, logged: np.ndarray) -> float | None:
     keys = {"nperseg": SEGMENT, "return_onesided": False}
-    _, loud = welch(track, **keys)
+    _, strong = welch(track, **keys)
     frequency, power = welch(logged, **keys)
     _, both = csd(track, logged, **keys)
-    at = (loud > LOUD * power) & (power > 0) & (np.abs(frequency) > 0)
+    at = (strong > STRONG * power) & (power > 0) & (np.abs(frequency) > 0)
     if at.sum() < BINS:
         return None
-    return float(np.sum(np.abs(both[at]) ** 2 / loud[at]) / np.sum(power[at]))
+    return float(np.sum(np.abs(both[at]) ** 2 / strong[at]) / np.sum(power[at]))
 
 
 def velocity_from_track(runs: Sequence[Run]) -> bool | None:

@@ -32,11 +32,15 @@ IMPLAUSIBLE = 12.0  # nats for a channel whose size no vehicle reaches
 NEVER = -1e4  # log odds of a correction that makes a channel implausible
 ALSO = 4.0  # nats within which another mistake is not told from the one named
 ANOTHER = 20.0  # nats another mistake must bring beside one: a mend is not exact, and leaves traces
-CONTENT, ASKED, RULED_OUT = -1.5, -6.0, 25.0  # nats: witness content, asked all the same, too late to ask
+CONTENT, ASKED, RULED_OUT = (
+    -1.5,
+    -6.0,
+    25.0,
+)  # nats: as expected, asked all the same, too late
 MOST = 3  # mistakes named beside one another
 
 
-class Witness(Protocol):
+class Behaviour(Protocol):
     """Somebody who knows more than kinematics: log likelihood of a run, and what channels matter."""
 
     @property
@@ -47,7 +51,7 @@ class Witness(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Base:
-    """A run as it is: relations, log evidence of signs, implausible channels, what a witness says."""
+    """A run as it is: relations, log evidence of signs, implausible channels, what the behaviour says."""
 
     run: Run
     held: Mapping[str, Held]
@@ -92,7 +96,7 @@ class Weighed:
 
 
 def check_input(
-    runs: Sequence[Run], travel: float | None = None, witness: Witness | None = None
+    runs: Sequence[Run], travel: float | None = None, behaviour: Behaviour | None = None
 ) -> InputCheck:
     """What kinematics finds wrong in the runs, one mistake at a time until nothing more is found.
 
@@ -100,18 +104,18 @@ def check_input(
     ----------
     travel : time in which the vehicle travels its length [s], where it is known: lever arms and latencies
         are measured by it
-    witness : asked about mistakes that kinematics leaves open
+    behaviour : asked about mistakes that kinematics leaves open
     """
     from bayesid.trials.mistakes.frozen import frozen
     from bayesid.trials.mistakes.sized import sized
 
     kept = [_thinned(run) for run in runs]
     found: list[InputFinding] = []
-    first = base = [base_of(run, travel, witness) for run in kept]
+    first = base = [base_of(run, travel, behaviour) for run in kept]
     for k in range(MOST):
         every = [*weighed(base, MISTAKES), *sized(base), *frozen(base)]
-        if witness is not None:
-            every = _witnessed(every, base, witness)
+        if behaviour is not None:
+            every = _with_behaviour(every, base, behaviour)
         one = named(every, [run.name for run in kept], ANOTHER * k)
         if one is None or one.name in {f.name for f in found}:
             break
@@ -119,20 +123,20 @@ def check_input(
         if one.correction is None:
             break
         kept = [apply(one.correction, run) for run in kept]
-        base = [base_of(run, travel, witness) for run in kept]
+        base = [base_of(run, travel, behaviour) for run in kept]
     return InputCheck(tuple(found), _in_order(first), _unseen(first))
 
 
-def base_of(run: Run, travel: float | None = None, witness: Witness | None = None) -> Base:
+def base_of(run: Run, travel: float | None = None, behaviour: Behaviour | None = None) -> Base:
     """A run weighed as it is."""
     held = {k: weigh(r) for k, r in relations(run, travel=travel).items()}
-    return Base(run, held, sign_evidence(run), implausible(run), travel, witness(run) if witness else {})
+    return Base(run, held, sign_evidence(run), implausible(run), travel, behaviour(run) if behaviour else {})
 
 
-def _witnessed(found: list[Weighed], base: Sequence[Base], witness: Witness) -> list[Weighed]:
-    """Hypotheses with what the witness says of the corrected runs, where kinematics does not rule them out.
+def _with_behaviour(found: list[Weighed], base: Sequence[Base], behaviour: Behaviour) -> list[Weighed]:
+    """Hypotheses with what the behaviour says of the corrected runs, where kinematics does not rule them out.
 
-    Where the witness is content with the log as it is and kinematics asks for nothing, it is not asked.
+    Where the behaviour agrees with the log as it is and kinematics asks for nothing, it is not asked.
     """
     scores = [w.mistake.log_prior + float(w.odds.sum()) for w in found]
     top = max([0.0, *scores])
@@ -143,7 +147,9 @@ def _witnessed(found: list[Weighed], base: Sequence[Base], witness: Witness) -> 
     for w, score in zip(found, scores, strict=True):
         correction = w.mistake.correction
         keys = [
-            k for k, needs in witness.needs.items() if correction is not None and correction.channels & needs
+            k
+            for k, needs in behaviour.needs.items()
+            if correction is not None and correction.channels & needs
         ]
         if correction is None or score < top - RULED_OUT or not keys:
             out.append(w)
@@ -151,7 +157,7 @@ def _witnessed(found: list[Weighed], base: Sequence[Base], witness: Witness) -> 
         odds, gain = w.odds.copy(), {k: v.copy() for k, v in w.gain.items()}
         for i, one in enumerate(base):
             if one.seen and correction.of(one.run):
-                said = witness(apply(correction, one.run))
+                said = behaviour(apply(correction, one.run))
                 for k in keys:
                     if k in said and k in one.seen:
                         key = f"vehicle's {k}"

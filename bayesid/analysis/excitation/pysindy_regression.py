@@ -1,4 +1,4 @@
-"""Which terms a set of runs needs, by PySINDy: a witness that knows no prior and fits no track.
+"""Which terms a set of runs needs, by PySINDy: a regression that knows no prior and fits no track.
 
 Takes runs' motions and a `Model`. Gives one `TermGroup` per term, or per group of terms that can stand in for
 one another. PySINDy's FROLS (forward regression by orthogonal least squares) proposes the models, its STLSQ
@@ -74,7 +74,7 @@ class TermGroup:
     share: float
 
 
-def witness(
+def pysindy_terms(
     model: Model,
     motions: Sequence[Motion],
     *,

@@ -27,7 +27,7 @@ TAIL = 2.0  # standard deviations from which on the log density falls linearly
 WRONG_SIDE = -12.0  # nats of a vehicle that turns away from where it is steered
 SURE_SIDE = 3.0  # standard deviations of a gain that is surely on one side
 PIECES, PIECE = 12, 4.0  # of a run; length of a piece in L/U
-# what a witness speaks on -> channels that matter to it
+# what the behaviour of the vehicle tells -> channels that matter to it
 NEEDS = {
     "speed": frozenset({"t", "u", "u_water", "x", "y", "n", "n_cmd"}),
     "turn": frozenset(
@@ -39,7 +39,7 @@ NEEDS = {
 
 
 @dataclass(frozen=True, eq=False)
-class VehicleWitness:
+class VehicleBehaviour:
     """Log likelihood of a run by a vehicle.
 
     Attributes
@@ -52,7 +52,7 @@ class VehicleWitness:
     needs: Mapping[str, frozenset[str]] = field(default_factory=lambda: dict(NEEDS))
 
     def __call__(self, run: Run) -> dict[str, float]:
-        """What is witnessed -> log likelihood [nats]."""
+        """What is told -> log likelihood [nats]."""
         out = {}
         with np.errstate(all="ignore"):
             speed = speed_ratio(self.model, run)
@@ -201,7 +201,7 @@ def _start(model: Model, run: Run, speed: Array, t0: float, travel: float) -> Ar
         if value is not None and name in place:
             out[place[name]] = value[which]
 
-    # the sway is left to the simulator, which is then a witness of its sign
+    # the sway is left to the simulator, which then tells its sign
     for name in ("psi", "phi", "theta", "r", "q", "p", "w", "z"):
         if name in run.data:
             put(name, _line(run.t, run.data[name], t0, travel))
