@@ -5,7 +5,7 @@ derivative explains. Does not: tell which filter, or look where the track is too
 
 Where the derivative of the track has `STRONG` times the power of u, v, motion is at most 1 / `STRONG` of it,
 and the rest is noise of the position sensor. An instrument of its own shares the motion alone, so that at
-most 1 / `STRONG` of u, v is explained there; a filtered derivative is explained whatever the filter and its lag.
+most 1 / `STRONG` of u, v is explained there; a filtered derivative is explained whatever the filter and lag.
 """
 
 from __future__ import annotations
