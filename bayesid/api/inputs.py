@@ -5,6 +5,7 @@ Takes paths, names or objects, as users have them. Does not compute.
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from collections.abc import Iterable, Mapping
@@ -28,7 +29,7 @@ TrialLike: TypeAlias = "Trial | str | os.PathLike[str]"
 VehicleLike: TypeAlias = "Vehicle | str | os.PathLike[str]"
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
 LARGEST_EFFECTS = 2**20  # bytes of a Python file of effects
-LARGEST_ANGLE = 0.61  # 35 deg: largest fin angle of a manoeuvre where the vehicle states no limit
+LARGEST_ANGLE = math.radians(35.0)  # largest fin angle of a manoeuvre where the vehicle states no limit
 
 
 def trial_of(trial: TrialLike, data: str | os.PathLike[str] | None = None) -> Trial:

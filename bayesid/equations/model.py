@@ -20,6 +20,7 @@ from bayesid.equations.runtime import Declared, Kernel, load_kernel
 from bayesid.errors import ModelError, VehicleError
 from bayesid.model.effects import Effect
 from bayesid.model.terms import TERMS
+from bayesid.model.terms.mmg import GEOMETRY
 from bayesid.model.vehicles import Vehicle, coef_si, prime_scale, self_propulsion_speed
 
 _UNLIMITED_RATE = 1e6
@@ -207,7 +208,7 @@ def kernel_spec(vehicle: Vehicle, dof: int) -> KernelSpec:
     eta = {t.name for t in TERMS if t.group == "eta"}
     return KernelSpec(
         dof=dof,
-        propulsion="kt" if vehicle.propulsion.model == "kt" else "quadratic",
+        propulsion=vehicle.propulsion.model if vehicle.propulsion.model in ("kt", "mmg") else "quadratic",
         sections=vehicle.crossflow.sections if vehicle.crossflow else 0,
         eta=any(name in eta for name in vehicle.coef),
     )
@@ -263,6 +264,8 @@ def _nominal(vehicle: Vehicle, kernel: Kernel) -> np.ndarray:
     if vehicle.propulsion.model == "kt":
         p = vehicle.propulsion.values
         values |= {"Kt0": p["Kt0"], "kt_a": p["a"], "kt_b": p["b"], "w_p": p["w"], "t_p": p["t"], "D": p["D"]}
+    if vehicle.propulsion.model == "mmg":
+        values |= {name: vehicle.propulsion.values[name] for name in GEOMETRY}
     if vehicle.crossflow:
         values["strip_Y"] = 0.5 * vehicle.rho * vehicle.crossflow.Cdy * vehicle.crossflow.height
         values["strip_Z"] = 0.5 * vehicle.rho * vehicle.crossflow.Cdz * vehicle.crossflow.width

@@ -30,6 +30,7 @@ from bayesid.model.vehicles.tables import (
     read_head,
     read_propulsion,
     read_sources,
+    ship_problems,
 )
 from bayesid.model.vehicles.vehicle import INERTIA, Vehicle
 
@@ -159,6 +160,7 @@ def read_vehicle(data: Mapping[str, Any], where: str, folder: Path | None) -> Ve
         "confidence": read_confidence(TomlTable(data.get("confidence", {}), "confidence", problems)),
         "sources": read_sources(TomlTable(data.get("sources", {}), "sources", problems), coef, dialect),
     }
+    problems += ship_problems(values["propulsion"].model, values["planar_only"], coef)
     for name in read_conversions(head):
         coef, prior = converted(CONVERSIONS[name], coef, prior)
     if not problems:

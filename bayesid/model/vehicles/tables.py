@@ -13,10 +13,11 @@ from typing import Any
 from bayesid.errors import VehicleError
 from bayesid.model.propulsion import MODELS, propulsion_problems, with_defaults
 from bayesid.model.terms import canonical_name, term
+from bayesid.model.terms.mmg import REQUIRED
 from bayesid.model.vehicles.fields import TomlTable, as_number, shown
 from bayesid.model.vehicles.vehicle import FINS, GRAVITY, INERTIA, Crossflow, Propulsion
 
-DIMENSIONS = ("L_oa", "diameter", "scale")
+DIMENSIONS = ("L_oa", "diameter", "scale", "prime_draught")
 FIN_KEYS = dict(zip(FINS, ("dr", "ds", "db"), strict=True))
 
 
@@ -103,6 +104,20 @@ def read_propulsion(table: TomlTable) -> Propulsion:
         if key in values or key not in table.data:  # an unreadable number is reported already
             table.problem(text)
     return Propulsion(model, with_defaults(model, values))
+
+
+def ship_problems(model: str, planar: bool, coef: Mapping[str, float]) -> list[str]:
+    """What keeps rows and numbers of a ship apart from their propulsion model, or that model from them."""
+    ours = [name for name in coef if term(name).group in ("mmg", "number")]
+    if model != "mmg":
+        return [f'[coef] {", ".join(ours)} need [propulsion] model = "mmg"'] if ours else []
+    missing = [name for name in REQUIRED if name not in coef]
+    found = [f"[coef] {', '.join(missing)} missing: the mmg model needs them"] if missing else []
+    return (
+        found
+        if planar
+        else [*found, "[vehicle] the mmg model holds in the horizontal plane: say planar_only"]
+    )
 
 
 def read_crossflow(table: TomlTable) -> Crossflow:
