@@ -67,6 +67,7 @@ def read(head="", tail="", folder=None):
 def test_built_in_sets_are_these():
     assert set(builtin_names()) == {
         "delphin2",
+        "esso_osaka_mmg",
         "generic_sub",
         "kvlcc2_mmg",
         "lauv",

@@ -61,6 +61,13 @@ FORCES = {
     ("rudder", "Y"): ("-(1 + a_H)*F_N*cos(delta_r)", "u*delta_r"),
     ("rudder", "N"): ("-(x_R + a_H*x_H)*L*F_N*cos(delta_r)", "u*delta_r"),
 }
+#: cross-flow drag over the length of the hull (Yoshimura and others 2009): how hard, and the speed across at
+#: x in force and in moment
+CROSS_FLOW = {
+    "pressure": "0.5*rho*height*C_D",
+    "Y": "v + x*r*(C_rY + 1 - abs(sgn(C_rY)))",
+    "N": "v + x*r*(C_rN + 1 - abs(sgn(C_rN)))",
+}
 #: speed [m/s] in v/U and r L/U: never below 2 % of the usual one, where the angles of the flow mean nothing
 SPEED = "sqrt(max(u*u + v*v, 4e-4*U_ref**2))"
 
@@ -91,6 +98,9 @@ NUMBERS = {
     "t_R": ("X", "deduction of the rudder's drag"),
     "a_H": ("Y", "side force of the hull by the rudder"),
     "x_H": ("N", "where that side force acts, over L"),
+    "C_D": ("Y", "cross-flow drag of a [crossflow] hull, beside its Cdy"),
+    "C_rY": ("Y", "share of the cross-flow by turning in its force, 1 where left out"),
+    "C_rN": ("N", "share of the cross-flow by turning in its moment, 1 where left out"),
 }
 #: numbers without which there is no ship
 REQUIRED = ("k_0", "w_P0", "epsilon", "f_alpha", "gamma_plus", "gamma_minus")
@@ -99,7 +109,7 @@ GEOMETRY = ("D_P", "H_R", "A_R", "x_R")
 
 def _acts_in(name: str) -> str:
     """Formula a number acts in, as tables print it."""
-    texts = [*DEFINITIONS.values(), *(text for text, _ in FORCES.values())]
+    texts = [*DEFINITIONS.values(), *(text for text, _ in FORCES.values()), *CROSS_FLOW.values()]
     return next(t for t in texts if any(getattr(n, "id", "") == name for n in ast.walk(ast.parse(t))))
 
 
@@ -112,6 +122,7 @@ HULL_ROWS = tuple(
 _OTHER_SOURCE = {
     **dict.fromkeys(("tau_P", "c_P"), "miyauchi2022"),
     **dict.fromkeys(("k_back", "Y_back", "N_back"), "miyauchi2022"),
+    **dict.fromkeys(("C_D", "C_rY", "C_rN"), "yoshimura2009"),
     "inverse_stall": "assumed: lift factor 1/(1 + s^2/3), s = sin(alpha)/sin(alpha_stall)",
 }
 NUMBER_ROWS = tuple(

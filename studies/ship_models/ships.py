@@ -1,0 +1,77 @@
+"""The two tankers by MMG as they were tested, with what is known of their coefficients, and their logs.
+
+Takes the data folder. Gives vehicles and trials. Does not fit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from bayesid.model.terms import term
+from bayesid.model.vehicles import CoefficientPrior, Vehicle, load_vehicle
+from bayesid.trials import Trial, load_trial
+from studies.real_logs import start_values
+from studies.real_logs.run import HERE as LOGS
+from studies.real_logs.run import with_wind
+
+# Relative sd of published numbers for another model of the hull, and of those whose value is near zero.
+HULL, NUMBER, SMALL = 0.2, 0.15, 1.0
+NEAR_ZERO = ("X_vv", "X_rr", "X_vr", "Y_r", "N_vvv,U", "N_rrr,U", "N_vrr,U")
+WIDER = {"Y_rrr,U": 5.0}
+# measured in open water or on the model itself: not fitted
+KNOWN = ("k_0", "k_1", "k_2", "k_back", "x_P", "f_alpha")
+INERTIA = ("X_udot", "Y_vdot", "N_rdot")
+
+
+def known_to(ship: Vehicle) -> Vehicle:
+    """The ship with priors by kind of coefficient."""
+    sd = {n: NUMBER if term(n).is_number else HULL for n in ship.coef}
+    sd |= {n: SMALL for n in NEAR_ZERO if n in sd} | {n: s for n, s in WIDER.items() if n in sd}
+    return replace(ship, prior=CoefficientPrior(sd))
+
+
+def free_of(ship: Vehicle) -> tuple[str, ...]:
+    """Coefficients a fit may move."""
+    return tuple(n for n in ship.coef if n not in (*INERTIA, *KNOWN))
+
+
+def kvlcc2(data: Path) -> Vehicle:
+    """The HSVA model with the published hull and rudder; propeller as measured in open water, wake and
+    resistance from the thrust of the approach."""
+    ship = load_vehicle("kvlcc2_mmg")
+    measured = start_values.kvlcc2(data)
+    logged = load_vehicle(LOGS / "kvlcc2_hsva" / "vehicle.toml")
+    k_0, k_1, k_2 = (float(k) for k in measured.kt)
+    own = {
+        "k_0": k_0,
+        "k_1": k_1,
+        "k_2": k_2,
+        "w_P0": float(measured.w),
+        "X_0,U": -float(measured.resistance),
+    }
+    values = ship.propulsion.values | {"D_P": measured.D, "rpm_ref": 613.8}
+    return known_to(
+        replace(
+            ship, name="KVLCC2, HSVA model, published MMG", mass=logged.mass, Izz=logged.Izz, r_G=logged.r_G,
+            r_B=logged.r_B, W=logged.W, B=logged.B, coef=ship.coef | own,
+            dimensions=ship.dimensions | {"prime_draught": measured.d},
+            propulsion=replace(ship.propulsion, values=values),
+        )
+    )  # fmt: skip
+
+
+def esso_osaka(data: Path) -> Vehicle:
+    """The pond model as published; nothing of it was measured on the way."""
+    return known_to(load_vehicle("esso_osaka_mmg"))
+
+
+def logs_of(name: str, data: Path) -> Trial:
+    """The runs of `studies/real_logs`, wind given wherever it was measured."""
+    trial = load_trial(LOGS / name, data)
+    files = {run.name: data / "wind_opened" / f"{run.name}.csv" for run in trial.runs}
+    runs = (with_wind(run, files[run.name]) if files[run.name].is_file() else run for run in trial.runs)
+    return replace(trial, runs=tuple(runs))
+
+
+SHIPS = {"kvlcc2_hsva": kvlcc2, "esso_osaka": esso_osaka}
