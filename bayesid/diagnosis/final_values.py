@@ -268,7 +268,7 @@ def _contract(name: str, values: dict[str, Value]) -> dict[str, Value]:
     return {
         "V_wind": Value(speed, spread, "m/s"),
         "from": Value(came, min(spread / max(speed, 1e-9), np.pi), "rad"),
-        "area_coefficients": values["area_coefficients"],
+        **{key: value for key, value in values.items() if not key.startswith("blowing")},
     }
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from bayesid.equations.derivatives import Graph, Node
 from bayesid.model.effects import Effect
 from bayesid.model.terms import TERMS, Term
-from bayesid.model.terms.mmg import GEOMETRY
+from bayesid.model.terms.mmg import AIR, GEOMETRY
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ def parameter_names(spec: KernelSpec, effects: tuple[Effect, ...]) -> list[str]:
     if spec.propulsion == "kt":
         names += KT
     if spec.propulsion == "mmg":
-        names += GEOMETRY
+        names += (*GEOMETRY, *AIR)
     if spec.eta:
         names.append("uc_per_rpm")
     if spec.sections:

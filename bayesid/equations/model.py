@@ -20,7 +20,7 @@ from bayesid.equations.runtime import Declared, Kernel, load_kernel
 from bayesid.errors import ModelError, VehicleError
 from bayesid.model.effects import Effect
 from bayesid.model.terms import TERMS
-from bayesid.model.terms.mmg import GEOMETRY
+from bayesid.model.terms.mmg import AIR, GEOMETRY
 from bayesid.model.vehicles import Vehicle, coef_si, prime_scale, self_propulsion_speed
 
 _UNLIMITED_RATE = 1e6
@@ -266,6 +266,7 @@ def _nominal(vehicle: Vehicle, kernel: Kernel) -> np.ndarray:
         values |= {"Kt0": p["Kt0"], "kt_a": p["a"], "kt_b": p["b"], "w_p": p["w"], "t_p": p["t"], "D": p["D"]}
     if vehicle.propulsion.model == "mmg":
         values |= {name: vehicle.propulsion.values[name] for name in GEOMETRY}
+        values |= {name: vehicle.dimensions.get(name, usual) for name, usual in AIR.items()}
     if vehicle.crossflow:
         values["strip_Y"] = 0.5 * vehicle.rho * vehicle.crossflow.Cdy * vehicle.crossflow.height
         values["strip_Z"] = 0.5 * vehicle.rho * vehicle.crossflow.Cdz * vehicle.crossflow.width

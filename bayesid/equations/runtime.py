@@ -23,7 +23,7 @@ from bayesid.equations.kernel_cache import stored
 from bayesid.equations.kernel_digest import cache_key
 from bayesid.equations.layout import KernelSpec
 from bayesid.equations.print_context import LANES
-from bayesid.model.effects import CATALOGUE, Effect
+from bayesid.model.effects import Effect, catalogue_of
 
 __all__ = ["LANES", "Functions", "Kernel", "load_kernel"]
 
@@ -87,7 +87,7 @@ def load_kernel(spec: KernelSpec, declared: tuple[Declared, ...] = ()) -> Kernel
     ModelError
         if an effect's equation cannot be read; names the effect
     """
-    catalogue = (*CATALOGUE, *(d.effect for d in declared))
+    catalogue = (*catalogue_of(spec.propulsion == "mmg"), *(d.effect for d in declared))
     module = _module(spec, catalogue)
     used = tuple(e for e in catalogue if e.acts_in(spec.dof))
     return Kernel(

@@ -24,7 +24,7 @@ from studies.real_logs.run import HERE as LOGS
 from studies.real_logs.run import SETTINGS, SINGLE_SCREW, WIND, begun
 from studies.ship_models.errors import errors
 from studies.ship_models.report import models_report
-from studies.ship_models.ships import INERTIA, SHIPS, free_of, logs_of
+from studies.ship_models.ships import INERTIA, SHIP_WIND, SHIPS, free_of, logs_of
 
 
 @dataclass(frozen=True)
@@ -56,20 +56,19 @@ def study(name: str, data: Path, out: Path, quick: bool, seed: int, progress: Pr
     logged = logs_of(name, data)
     trial = replace(logged, runs=tuple(thin(begun(run, setting.way), step) for run in logged.runs))
     inside = replace(trial, runs=tuple(r for r in trial.runs if not r.manoeuvre.startswith("random")))
-    extra = (*SINGLE_SCREW, WIND) if setting.wind else SINGLE_SCREW
     rows = load_vehicle(LOGS / name / "vehicle.toml")
     ship = SHIPS[name](data)
     sets: list[tuple[str, str, Vehicle, tuple[str, ...]]] = [
+        ("mmg", "MMG", ship, (*free_of(ship), *SINGLE_SCREW, *(SHIP_WIND if setting.wind else ()))),
         ("gertler_hagen", "Gertler-Hagen, cubic and race rows", rows,
-         tuple(n for n in rows.coef if n not in INERTIA)),
-        ("mmg", "MMG", ship, free_of(ship)),
+         (*(n for n in rows.coef if n not in INERTIA), *SINGLE_SCREW, *((WIND,) if setting.wind else ()))),
     ]  # fmt: skip
     options = FitOptions(seed=seed, profile=True, rounds=3 if quick else 12)
     told: dict[str, Any] = {"attribution": trial.attribution, "trial": trial.digest, "runs": {}, "sets": {}}
     for key, words, vehicle, free in sets:
         with progress.stage(f"{name}: {words}") as stage:
             found = fit_in_pieces(
-                inside, setting.piece, vehicle, out / "fits" / key, free=(*free, *extra), options=options,
+                inside, setting.piece, vehicle, out / "fits" / key, free=free, options=options,
                 watch=lambda done, cost, step, s=stage: s.step(info=f"cost {cost:.5g}"),
             )  # fmt: skip
         fit = found.fit

@@ -21,6 +21,8 @@ NEAR_ZERO = ("X_vv", "X_rr", "X_vr", "Y_r", "N_vvv,U", "N_rrr,U", "N_vrr,U")
 WIDER = {"Y_rrr,U": 5.0}
 # measured in open water or on the model itself: not fitted
 KNOWN = ("k_0", "k_1", "k_2", "k_back", "x_P", "f_alpha")
+# of the effect `wind` of a ship: measured wind as an input, and the shape of its coefficients
+SHIP_WIND = tuple(f"wind.{n}" for n in ("gain", "vane_zero", "side", "centre", "centre_moves"))
 INERTIA = ("X_udot", "Y_vdot", "N_rdot")
 
 

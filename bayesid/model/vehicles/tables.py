@@ -17,7 +17,7 @@ from bayesid.model.terms.mmg import REQUIRED
 from bayesid.model.vehicles.fields import TomlTable, as_number, shown
 from bayesid.model.vehicles.vehicle import FINS, GRAVITY, INERTIA, Crossflow, Propulsion
 
-DIMENSIONS = ("L_oa", "diameter", "scale", "prime_draught")
+DIMENSIONS = ("L_oa", "diameter", "scale", "prime_draught", "air_front", "air_side", "air_centroid")
 FIN_KEYS = dict(zip(FINS, ("dr", "ds", "db"), strict=True))
 
 
@@ -52,7 +52,9 @@ def read_head(head: TomlTable) -> dict[str, Any]:
     elif "B" not in head.data:
         head.problem("B [N] is missing; give it or say W_equals_B = true")
     values["dimensions"] = {
-        key: value for key in DIMENSIONS if (value := head.number(key, low=0.0, high=1e6)) is not None
+        key: value
+        for key in DIMENSIONS
+        if (value := head.number(key, low=-1.0 if key == "air_centroid" else 0.0, high=1e6)) is not None
     }
     return values
 
