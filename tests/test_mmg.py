@@ -56,6 +56,30 @@ def test_tracks_are_those_of_the_independent_plant(ship, orders):
         assert np.abs(at[:, k] - run.data[name]).max() < tolerance
 
 
+def test_circles_are_those_of_another_implementation_of_the_method(ship):
+    """shipmmg 0.0.11 with the wake of the paper (see test_other_equations_plants), centre of gravity midship,
+    35 degrees at once, 1.179 m/s: advance, transfer, tactical diameter over L, then steady u, v, r."""
+    b = ship.vehicle
+    still = replace(
+        b, r_G=(0.0, 0.0, 0.0), Izz=b.mass * (0.25 * b.L) ** 2, rates={**b.rates, "delta_r": np.inf}
+    )
+    model = build_model(still)
+    t = np.arange(0.0, 150.01, 0.05)
+    for side, numbers in {
+        -1: (2.7411043, 1.2037600, 2.8110835, 0.39694372, -0.13829315, 0.05798065),
+        +1: (2.7744290, 1.2150941, 2.8155235, 0.39776822, 0.14052321, -0.05982343),
+    }.items():
+        rpm = 60 * self_propulsion_rps(ship_numbers(7.0), 1.179)
+        orders = {"delta_r_cmd": np.full(t.size, side * np.radians(35)), "n_cmd": np.full(t.size, rpm)}
+        x0 = steady_start(model)
+        x0[list(model.states).index("u")] = 1.179
+        run = simulate(model, model.nominal, plan_run(model, t, orders), x0)
+        turned, across = np.abs(run["psi"]), np.abs(run["y"])
+        places = [np.interp(np.pi / 2, turned, run["x"]), np.interp(np.pi / 2, turned, across)]
+        found = [*np.divide([*places, np.interp(np.pi, turned, across)], 7), *(run[s][-1] for s in "uvr")]
+        assert found == pytest.approx(numbers, rel=5e-5)
+
+
 def test_the_mirrored_ship_runs_the_mirrored_track(ship):
     swap = {"C_2plus": "C_2minus", "gamma_plus": "gamma_minus"}
     values = {a: ship.vehicle.coef[b] for a, b in (swap | {b: a for a, b in swap.items()}).items()}
