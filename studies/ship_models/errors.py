@@ -13,12 +13,17 @@ from bayesid.estimation.trial_fit import RunOutcome
 from bayesid.trials import Run
 
 Array = np.ndarray
-STEADY = 0.4  # last share of a turn
 LEAST = np.radians(2.0)  # of rudder; smaller orders are no reversal
 
 
 def columns(run: RunOutcome, values: Array) -> dict[str, Array]:
     return {c: values[:, j] for j, c in enumerate(run.channels)}
+
+
+def filled(t: Array, values: Array) -> Array:
+    """A column with its missing samples interpolated."""
+    known = np.isfinite(values)
+    return values if known.all() or not known.any() else np.interp(t, t[known], values[known])
 
 
 def overshoots(t: Array, psi: Array, rudder: Array) -> Array:
@@ -39,17 +44,23 @@ def overshoots(t: Array, psi: Array, rudder: Array) -> Array:
     return np.array(out)
 
 
-def circle(t: Array, run: Mapping[str, Array]) -> tuple[float, float]:
-    """Diameter [m] and drift angle [rad] of the last part of a turn."""
-    last = t > t[0] + (1 - STEADY) * (t[-1] - t[0])
+def circle(t: Array, run: Mapping[str, Array], last: Array) -> tuple[float, float]:
+    """Diameter [m] and drift angle [rad] over the samples `last`."""
     rate = np.polyfit(t[last], run["psi"][last], 1)[0]
     u, v = run["u"][last], run["v"][last]
     return float(2 * np.mean(np.hypot(u, v)) / abs(rate)), float(abs(np.arctan2(-np.mean(v), np.mean(u))))
 
 
+def whole_turn(psi: Array) -> Array:
+    """Samples of the last whole turn of the log, over which wind and current cancel; none without one."""
+    left = np.abs(psi - psi[-1])
+    return np.flatnonzero(left <= 2 * np.pi) if left.max() > 2 * np.pi else np.array([], dtype=int)
+
+
 def errors(outcome: RunOutcome, run: Run, which: str) -> dict[str, float]:
     """Errors of a simulation (`which` is "nominal" or "fitted") in degrees, metres and per cent."""
-    log, sim = columns(outcome, outcome.readings), columns(outcome, getattr(outcome, which))
+    sim = columns(outcome, getattr(outcome, which))
+    log = {c: filled(outcome.t, v) for c, v in columns(outcome, outcome.readings).items()}
     deg = 180 / np.pi
     rms = {c: float(np.sqrt(np.nanmean((sim[c] - log[c]) ** 2))) for c in outcome.channels}
     found = {"psi": deg * rms["psi"], "r": deg * rms["r"], "position": float(np.hypot(rms["x"], rms["y"]))}
@@ -59,7 +70,9 @@ def errors(outcome: RunOutcome, run: Run, which: str) -> dict[str, float]:
         got = overshoots(outcome.t, sim["psi"], rudder)
         found["overshoot"] = deg * float(np.sqrt(np.mean((got - wanted) ** 2))) if wanted.size else np.nan
     elif outcome.manoeuvre.startswith("turn"):
-        (size, drift), (sim_size, sim_drift) = circle(outcome.t, log), circle(outcome.t, sim)
-        found["diameter"] = 100 * (sim_size / size - 1)
-        found["drift"] = deg * (sim_drift - drift)
+        last = whole_turn(log["psi"])
+        if last.size:
+            (size, drift), (sim_size, sim_drift) = (circle(outcome.t, one, last) for one in (log, sim))
+            found["diameter"] = 100 * (sim_size / size - 1)
+            found["drift"] = deg * (sim_drift - drift)
     return found

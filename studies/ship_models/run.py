@@ -63,7 +63,7 @@ def study(name: str, data: Path, out: Path, quick: bool, seed: int, progress: Pr
         ("gertler_hagen", "Gertler-Hagen, cubic and race rows", rows,
          (*(n for n in rows.coef if n not in INERTIA), *SINGLE_SCREW, *((WIND,) if setting.wind else ()))),
     ]  # fmt: skip
-    options = FitOptions(seed=seed, profile=True, rounds=3 if quick else 12)
+    options = FitOptions(seed=seed, profile=True, rounds=6 if quick else 12)
     told: dict[str, Any] = {"attribution": trial.attribution, "trial": trial.digest, "runs": {}, "sets": {}}
     for key, words, vehicle, free in sets:
         with progress.stage(f"{name}: {words}") as stage:
@@ -115,7 +115,7 @@ if __name__ == "__main__":
     )
     parser.add_argument("--data", type=Path, required=True, help="folder with kvlcc2_hsva and esso_osaka")
     parser.add_argument("--out", type=Path, default=Path("out/ship_models"))
-    parser.add_argument("--quick", action="store_true", help="half the samples, three rounds")
+    parser.add_argument("--quick", action="store_true", help="half the samples, six rounds")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", choices=tuple(SHIPS), default=None)
     given = parser.parse_args()
