@@ -37,6 +37,7 @@ $(STAMP): pyproject.toml constraints.txt
 study: $(STAMP)
 	$(BIN)/python -m studies.sim_to_real_gap.run --out $(OUT)/sim_to_real_gap $(FLAGS) $(if $(DATA),--data "$(DATA)")
 	$(if $(DATA),$(BIN)/python -m studies.real_logs.run --data "$(DATA)" --out $(OUT)/real_logs $(FLAGS))
+	$(if $(DATA),$(BIN)/python -m studies.ship_models.run --data "$(DATA)" --out $(OUT)/ship_models $(FLAGS))
 
 paper: $(STAMP)
 	$(BIN)/python -m studies.paper_cases.run --out $(OUT)/paper_cases $(FLAGS)

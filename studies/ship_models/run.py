@@ -73,8 +73,9 @@ def study(name: str, data: Path, out: Path, quick: bool, seed: int, progress: Pr
             )  # fmt: skip
         fit = found.fit
         told["sets"][key] = {
-            "words": words, "unknowns": fit.n_params, "status": fit.status, "values": fit.values,
-            "sd": dict(zip(fit.names, fit.sd.tolist(), strict=False)),
+            "words": words, "unknowns": len(free), "piece": setting.piece, "status": fit.status,
+            "values": fit.values,
+            "sd": dict(zip(fit.names[: len(free)], fit.sd.tolist(), strict=False)),
         }  # fmt: skip
         strange = replace(trial, runs=tuple(r for r in trial.runs if r.manoeuvre.startswith("random")))
         judged = (*found.runs, *outcomes(found.problem, strange, fit)) if strange.runs else found.runs
