@@ -161,3 +161,19 @@ def test_a_file_that_is_half_a_ship_is_refused(change, says):
     text = (BUILTIN_FOLDER / "kvlcc2_mmg.toml").read_text("utf-8").replace(*change)
     with pytest.raises(VehicleError, match=says):
         read_vehicle(tomllib.loads(text), "ship.toml", None)
+
+
+@pytest.mark.parametrize("name", ["kvlcc2_mmg", "esso_osaka_mmg"])
+def test_a_ship_stops_and_goes_astern_and_starts_from_rest(name):
+    """Crash stop with the rudder over, then ahead again from standstill: no simulation leaves its bounds."""
+    model = build_model(load_vehicle(name))
+    rpm = model.vehicle.rpm_ref
+    t = np.arange(0.0, 300.0, 0.5)
+    orders = {"delta_r_cmd": np.where(t < 150, 0.6, -0.6), "n_cmd": np.full(t.size, -rpm)}
+    run = simulate(model, model.nominal, plan_run(model, t, orders), steady_start(model))
+    assert run["u"][0] > 0 > run["u"][-1]
+    assert np.abs(run.states[:, 3:5]).max() < 1.5 * run["u"][0]
+    assert np.abs(run["r"]).max() < 2.0 * run["u"][0] / model.vehicle.L
+    ahead = {"delta_r_cmd": np.full(t.size, 0.6), "n_cmd": np.full(t.size, rpm)}
+    start = simulate(model, model.nominal, plan_run(model, t, ahead), 0.0 * steady_start(model))
+    assert start["u"][-1] > 0 > start["r"][-1]  # to port, as the rudder

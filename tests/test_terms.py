@@ -20,6 +20,7 @@ QUANTITY = {
     **{name: UNITS.Quantity(1.0, "1/s^2") for name in ("pdot", "qdot", "rdot")},
     **{name: UNITS.Quantity(1.0, "") for name in ("delta_r", "delta_s", "delta_b", "eta1")},
     "n": UNITS.Quantity(1.0, "rpm"),
+    "S": UNITS.Quantity(1.0, ""),
 }
 
 

@@ -42,7 +42,7 @@ from bayesid.equations.readings import add_readings
 from bayesid.errors import ModelError
 from bayesid.model.effects import Effect
 from bayesid.model.terms import TERMS, Term
-from bayesid.model.terms.mmg import DEFINITIONS, FORCES, PARTS, SPEED
+from bayesid.model.terms.mmg import DEFINITIONS, FORCES, PARTS, SENSE, SPEED
 
 __all__ = ["Dynamics", "KernelSpec", "build"]
 
@@ -149,7 +149,7 @@ def _reads(row: Term) -> frozenset[str]:
 
 def _slows(row: Term) -> bool:
     """Whether a row is drag straight ahead: X by surge alone."""
-    return row.axis == "X" and _reads(row) - {"abs"} in ({"u"}, {"U"})
+    return row.axis == "X" and _reads(row) - {"abs"} in ({"u"}, {"S", "U"})
 
 
 def _total(g: Graph, parts: Mapping[Term, Node], chosen: Callable[[Term], bool]) -> Node:
@@ -169,6 +169,7 @@ def _row_forces(dyn: Dynamics, at: _Symbols) -> dict[Term, Node]:
     ship = dyn.spec.propulsion == "mmg"
     if ship:
         names["U"] = g.parse(SPEED, {**at.const, **at.water})
+        names["S"] = g.parse(SENSE, names)
     parts = {
         row: g.mul(at.const[row.name], g.parse(row.regressor, names, side))
         for row in rows_of(dyn.spec)

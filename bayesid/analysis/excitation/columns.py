@@ -103,6 +103,7 @@ def evaluate(expression: str, model: Model, states: Array, actuators: Array) -> 
     names["Rw"] = np.sqrt(names["w"] ** 2 + cross * names["v"] ** 2)
     slowest = 4e-4 * model.scales["U"] ** 2
     names["U"] = np.sqrt(np.maximum(names["u"] ** 2 + names["v"] ** 2, slowest))
+    names["S"] = np.clip(10.0 * names["u"] / names["U"], -1.0, 1.0)
     used = {node.id for node in ast.walk(ast.parse(expression, mode="eval")) if isinstance(node, ast.Name)}
     unknown = used - names.keys() - FUNCTIONS.keys()
     if unknown:

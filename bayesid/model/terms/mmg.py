@@ -18,13 +18,14 @@ from bayesid.model.terms.row import Term
 _SOURCE = "yasukawa2015"
 
 HULL = {
-    "X": {"0,U": "U*U", "vvvv,U": "v*v*v*v/U/U"},
-    **{
-        axis: {
-            "v,U": "U*v", "r,U": "U*r", "vvv,U": "v*v*v/U", "vvr,U": "v*v*r/U", "vrr,U": "v*r*r/U",
-            "rrr,U": "r*r*r/U",
-        }
-        for axis in "YN"
+    "X": {"0,U": "S*U*U", "vvvv,U": "S*v*v*v*v/U/U"},
+    "Y": {
+        "v,U": "U*v", "r,U": "S*U*r", "vvv,U": "v*v*v/U", "vvr,U": "S*v*v*r/U", "vrr,U": "v*r*r/U",
+        "rrr,U": "S*r*r*r/U",
+    },
+    "N": {
+        "v,U": "S*U*v", "r,U": "U*r", "vvv,U": "S*v*v*v/U", "vvr,U": "v*v*r/U", "vrr,U": "S*v*r*r/U",
+        "rrr,U": "r*r*r/U",
     },
 }  # fmt: skip
 #: as published for slow ships: forces by |u| keep their sign astern
@@ -70,6 +71,9 @@ CROSS_FLOW = {
 }
 #: speed [m/s] in v/U and r L/U: never below 2 % of the usual one, where the angles of the flow mean nothing
 SPEED = "sqrt(max(u*u + v*v, 4e-4*U_ref**2))"
+#: S: 1 ahead and -1 astern, where the hull is taken as its own mirror image fore and aft, and between the two
+#: only for drift beyond 84 degrees
+SENSE = "min(max(10*u/U, -1), 1)"
 
 #: numbers without a unit: name -> (axis it acts on most, what it is). One that a file leaves out is 0, which
 #: means: not there.

@@ -22,6 +22,7 @@ SYMBOLS = {
     **dict.fromkeys(("delta_r", "delta_s", "delta_b", "eta1"), ((0, 0, 0), 0, 0)),
     "n": ((0, 0, 1), 0, 1),
     "U": ((1, -1, 0), 0, 1),
+    "S": ((0, 0, 0), 0, 0),
 }
 FUNCTIONS = ("abs", "sgn")
 _GREEK = ("epsilon", "kappa", "gamma", "tau")
