@@ -43,6 +43,9 @@ def compare(
     source: Trial | Vehicle | str | os.PathLike[str],
     vehicle: VehicleLike | None = None,
     *,
+    data: str | os.PathLike[str] | None = None,
+    resample: float | None = None,
+    pieces: float | None = None,
     dof: int | None = None,
     executed: Iterable[str] = (),
     also: Iterable[str] = (),
@@ -65,6 +68,7 @@ def compare(
     ----------
     source : a vehicle, or a trial whose identify runs count as executed
     vehicle : instead of the one the trial names
+    data, resample, pieces : of a trial, as in `bayesid.fit`
     executed : manoeuvres that count as executed already, of a vehicle
     also : manoeuvres compared with the library, e.g. "table:mine.csv"
     duration, dt : length of a run and time between readings [s]
@@ -81,10 +85,10 @@ def compare(
     TrialError, VehicleError, FitError, ManoeuvreError
         what cannot be read, set up or executed
     """
-    model, trial = subject_of(source, vehicle, dof, prior)
+    model, trial = subject_of(source, vehicle, dof, prior, data, resample)
     made = case_of(
         model, trial, executed=executed, fix=fix, noise=noise, dt=dt, duration=duration,
-        rudder=rudder, plane=plane,
+        rudder=rudder, plane=plane, pieces=pieces,
     )  # fmt: skip
     found = compared(
         made.case, made.notes, orders(model, also), 4 if quick else draws, 0 if quick else refits, seed,

@@ -42,6 +42,9 @@ def design(
     source: Trial | Vehicle | str | os.PathLike[str],
     vehicle: VehicleLike | None = None,
     *,
+    data: str | os.PathLike[str] | None = None,
+    resample: float | None = None,
+    pieces: float | None = None,
     dof: int | None = None,
     executed: Iterable[str] = (),
     gain: bool = False,
@@ -70,7 +73,8 @@ def design(
 
     Parameters
     ----------
-    source, vehicle, dof, executed, duration, rudder, plane, noise, dt, fix, prior : as in `bayesid.compare`
+    source, vehicle, data, resample, pieces, dof, executed : as in `bayesid.compare`
+    duration, rudder, plane, noise, dt, fix, prior : as in `bayesid.compare`
     gain : goal: most about all coefficients, open or not
     predict : goal: predict this manoeuvre better; `worst` its worst reading instead of the mean
     tell : goal: tell these causes of a gap apart, at `size` times their prior sd
@@ -93,10 +97,10 @@ def design(
     ]
     if len(goals) > 1:
         raise FitError(f"one goal at a time: gain, predict or tell; given are {' and '.join(goals)}")
-    model, trial = subject_of(source, vehicle, dof, prior)
+    model, trial = subject_of(source, vehicle, dof, prior, data, resample)
     made = case_of(
         model, trial, executed=executed, fix=fix, noise=noise, dt=dt, duration=duration,
-        rudder=rudder, rate=rate, rpm=rpm, box=box, depth=depth, plane=plane,
+        rudder=rudder, rate=rate, rpm=rpm, box=box, depth=depth, plane=plane, pieces=pieces,
     )  # fmt: skip
     case, notes = made.case, list(made.notes)
     between = _causes(case, model, trial, causes_to_tell, size, seed, notes) if causes_to_tell else None

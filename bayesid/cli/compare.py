@@ -7,13 +7,16 @@ from typing import Annotated
 import typer
 
 from bayesid.cli.choices import (
+    Data,
     Dof,
     Duration,
     Executed,
     Fix,
     Noise,
+    Pieces,
     Plane,
     Prior,
+    Resample,
     Rudder,
     Source,
     Step,
@@ -35,6 +38,9 @@ Refits = Annotated[
 def compare(
     source: Source,
     vehicle: Vehicle = None,
+    data: Data = None,
+    resample: Resample = None,
+    pieces: Pieces = None,
     dof: Dof = None,
     executed: Executed = None,
     also: Extra = None,
@@ -64,7 +70,8 @@ def compare(
     from bayesid.progress import Progress
 
     found = run(
-        source, vehicle, dof=dof, executed=executed or (), also=also or (), duration=duration, rudder=rudder,
+        source, vehicle, data=data, resample=resample, pieces=pieces, dof=dof,
+        executed=executed or (), also=also or (), duration=duration, rudder=rudder,
         plane=plane, noise=noise_of(noise), dt=dt, fix=fix, prior=prior, draws=draws, refits=refits,
         seed=seed, quick=quick, progress=Progress(quiet=as_json),
     )  # fmt: skip

@@ -8,15 +8,18 @@ import typer
 
 from bayesid.cli.choices import (
     Box,
+    Data,
     Depth,
     Dof,
     Duration,
     Executed,
     Fix,
     Noise,
+    Pieces,
     Plane,
     Prior,
     Rate,
+    Resample,
     Rudder,
     ShaftRange,
     Source,
@@ -42,6 +45,9 @@ Tries = Annotated[int, typer.Option("--tries", min=50, max=100_000, help="Manoeu
 def design(
     source: Source,
     vehicle: Vehicle = None,
+    data: Data = None,
+    resample: Resample = None,
+    pieces: Pieces = None,
     dof: Dof = None,
     executed: Executed = None,
     gain: Gain = False,
@@ -85,7 +91,8 @@ def design(
             "one goal at a time: --gain, --predict or --tell", param_hint="--" + goals[1]
         )
     found = run(
-        source, vehicle, dof=dof, executed=executed or (), gain=gain, predict=predict, worst=worst, tell=tell,
+        source, vehicle, data=data, resample=resample, pieces=pieces, dof=dof,
+        executed=executed or (), gain=gain, predict=predict, worst=worst, tell=tell,
         size=size, duration=duration, rudder=rudder, rate=rate, rpm=range_of(rpm, "--rpm"), box=box,
         depth=depth, plane=plane, noise=noise_of(noise), dt=dt, fix=fix, prior=prior, count=count,
         tries=tries, seed=seed, quick=quick, progress=Progress(quiet=as_json),
