@@ -24,6 +24,7 @@ from bayesid.manoeuvres import parse, write_table
 from bayesid.model.vehicles import Vehicle
 from bayesid.progress import Progress
 from bayesid.report import design as words
+from bayesid.report import design_first_screen as screen
 from bayesid.report.writer import Report
 from bayesid.report.writer.text import table_text
 from bayesid.simulation.virtual_trial import virtual_trial
@@ -180,7 +181,9 @@ class DesignResult(Result):
 
     def summary(self, verbose: bool = False) -> str:
         plan = self.plan
-        lines = [*(f"note: {note}" for note in self.notes), f"goal: {plan.goal}; {plan.unit}"]
+        lines = [f"Check failed: {text}" for text in screen.failures(plan)]
+        lines += [screen.headline(self.case, plan, TABLE), ""]
+        lines += [*(f"note: {note}" for note in self.notes), f"goal: {plan.goal}; {plan.unit}"]
         lines.append(table_text(words.CANDIDATE_COLUMNS, words.candidate_rows(plan), digits=3))
         if plan.randoms:
             shown = [c.shown for c in plan.randoms]

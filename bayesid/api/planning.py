@@ -19,6 +19,7 @@ from bayesid.estimation.segments import in_pieces
 from bayesid.manoeuvres import Manoeuvre, Scale, parse
 from bayesid.model.vehicles import Vehicle
 from bayesid.trials import Trial, load_trial
+from bayesid.trials.bundle import builtin_trials
 
 
 def subject_of(
@@ -53,6 +54,8 @@ def subject_of(
 def is_bundle(source: str | os.PathLike[str]) -> bool:
     """Whether a path names a trial rather than a vehicle."""
     path = Path(source)
+    if str(path) in builtin_trials() and not path.exists():
+        return True
     return (path / "trial.toml").is_file() or path.name == "trial.toml"
 
 
