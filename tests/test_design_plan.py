@@ -24,7 +24,8 @@ from bayesid.analysis.design import (
 )
 from bayesid.analysis.design.freeform import frame
 from bayesid.analysis.design.goals import InformationGoal, predict, shrink
-from bayesid.analysis.design.run_selection import rank
+from bayesid.analysis.design.information import RunInformation
+from bayesid.analysis.design.run_selection import best_sets, rank
 from bayesid.equations.model import build_model
 from bayesid.errors import FitError
 from bayesid.manoeuvres import read_table, write_table
@@ -146,3 +147,31 @@ def test_pitch_and_depth_bind_a_diving_vehicle() -> None:
     x[n : 2 * n] = 1.0
     execution = case.execution(shape.orders(x))
     assert set(bounds.violations(execution.track)) == {"depth", "pitch"}
+
+
+def test_the_best_pair_is_the_best_of_all_pairs_and_keeps_the_time() -> None:
+    rng = np.random.default_rng(1)
+    k, names = 3, "abcde"
+
+    def info(name: str) -> RunInformation:
+        a = rng.standard_normal((4, 2, k))
+        return RunInformation(name, 60.0 * (1 + names.index(name)), np.einsum("dni,dnj->dij", a, a))
+
+    candidates = {n: info(n) for n in names}
+    now = np.zeros((4, k, k))
+    single, pair, triple = best_sets(candidates, now)
+
+    def mean_gain(chosen) -> float:
+        total = np.eye(k) + sum(candidates[n].matrices for n in chosen)
+        return float(np.mean(0.5 * np.linalg.slogdet(total)[1]))
+
+    every = [(a, b) for i, a in enumerate(names) for b in names[i:]]
+    assert pair.adds[1] == pytest.approx(max(map(mean_gain, every)))
+    assert set(pair.names) == set(max(every, key=mean_gain))
+    assert single.adds[1] < pair.adds[1] < triple.adds[1]
+    assert triple.left < pair.left < single.left
+    short = best_sets(candidates, now, most=180.0)
+    assert [len(s.names) for s in short] == [1, 2, 3]
+    assert all(s.seconds <= 180.0 for s in short)
+    assert short[2].names == ("a", "a", "a")
+    assert best_sets(candidates, now, most=30.0) == ()

@@ -23,6 +23,7 @@ from bayesid.cli.choices import (
     Vehicle,
 )
 from bayesid.cli.options import Json, Out, Quick, Quiet, Seed, Verbose
+from bayesid.cli.quantity import quantity
 from bayesid.cli.terminal import OK
 
 Extra = Annotated[
@@ -33,6 +34,14 @@ Draws = Annotated[int, typer.Option("--draws", min=1, max=1000, help="Vehicles d
 Refits = Annotated[
     int, typer.Option("--refits", min=0, max=200, help="True vehicles simulated and refitted; 0: none.")
 ]
+
+Time = Annotated[
+    float | None,
+    typer.Option(
+        "--time", metavar="TIME", parser=quantity("s"),
+        help="Of the best run, pair and triple, all together [s]; default without limit.",
+    ),
+]  # fmt: skip
 
 
 def compare(
@@ -53,6 +62,7 @@ def compare(
     prior: Prior = None,
     draws: Draws = 8,
     refits: Refits = 3,
+    time: Time = None,
     out: Out = None,
     seed: Seed = 0,
     quick: Quick = False,
@@ -73,7 +83,7 @@ def compare(
         source, vehicle, data=data, resample=resample, pieces=pieces, dof=dof,
         executed=executed or (), also=also or (), duration=duration, rudder=rudder,
         plane=plane, noise=noise_of(noise), dt=dt, fix=fix, prior=prior, draws=draws, refits=refits,
-        seed=seed, quick=quick, progress=Progress(quiet=as_json),
+        time=time, seed=seed, quick=quick, progress=Progress(quiet=as_json),
     )  # fmt: skip
     answer(found, out, as_json, verbose)
     return OK
