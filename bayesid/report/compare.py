@@ -242,8 +242,8 @@ def headline(found: Comparison) -> str:
         i = int(np.argmax(table.left[:, k]))
         j = int(np.argmin(table.left[i]))
         words += (
-            f" The {best.name} leaves {number(100 * table.left[i, k])} % of what was known along {table.worst[i][k]} "
-            f"({table.families[i]})"
+            f" The {best.name} leaves {number(100 * table.left[i, k])} % of what was known along "
+            f"{table.worst[i][k]} ({table.families[i]})"
         )
         words += (
             f"; the {table.manoeuvres[j]} leaves {number(100 * table.left[i, j])} % there."
