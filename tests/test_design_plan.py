@@ -27,7 +27,7 @@ from bayesid.analysis.design.goals import InformationGoal, predict, shrink
 from bayesid.analysis.design.information import RunInformation
 from bayesid.analysis.design.run_selection import best_sets, rank
 from bayesid.equations.model import build_model
-from bayesid.errors import FitError
+from bayesid.errors import FitError, ManoeuvreError
 from bayesid.manoeuvres import read_table, write_table
 from bayesid.model.vehicles import load_vehicle
 
@@ -126,6 +126,20 @@ def test_table_of_a_design_executes_the_same_run(tmp_path: Path) -> None:
     back = read_table(write_table(orders, tmp_path / "next.csv"))
     one, two = (CASE.execution(m).track.states[-1] for m in (orders, back))
     assert one == pytest.approx(two, rel=1e-6)
+
+
+def test_held_orders_change_only_at_the_steps_of_the_autopilot() -> None:
+    bounds = replace(CASE.bounds, hold=10.0)
+    shape = frame(bounds, 19.0)
+    x = np.random.default_rng(6).uniform(-1, 1, shape.size)
+    held, free = shape.orders(x), frame(CASE.bounds, 19.0).orders(x)
+    for name, values in held.commands.items():
+        changed = held.t[1:][np.diff(values) != 0]
+        assert changed.size > 3
+        assert np.all(np.abs(changed - 10.0 * np.round(changed / 10.0)) <= bounds.dt)
+        assert np.ptp(values) > 0.5 * np.ptp(free.commands[name])
+    with pytest.raises(ManoeuvreError, match="fewer than ten"):
+        limits(MODEL, duration=400.0, hold=60.0)
 
 
 def test_goals_without_what_they_need_are_refused() -> None:

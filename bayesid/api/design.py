@@ -60,6 +60,7 @@ def design(
     box: float | None = None,
     depth: float | None = None,
     plane: float | None = None,
+    hold: float | None = None,
     noise: Mapping[str, float] | None = None,
     dt: float | None = None,
     fix: Names = None,
@@ -82,6 +83,8 @@ def design(
     rate : rudder rate [rad/s]
     rpm : lowest and highest shaft speed
     box, depth : longest side of the area swept and largest change of depth [m]
+    hold : orders of the designed manoeuvre change only every so many seconds, as an autopilot's table does;
+        it is searched and judged so
     count : manoeuvres of the library chosen and ordered
     tries : manoeuvres tried in the search
 
@@ -101,7 +104,7 @@ def design(
     model, trial = subject_of(source, vehicle, dof, prior, data, resample)
     made = case_of(
         model, trial, executed=executed, fix=fix, noise=noise, dt=dt, duration=duration,
-        rudder=rudder, rate=rate, rpm=rpm, box=box, depth=depth, plane=plane, pieces=pieces,
+        rudder=rudder, rate=rate, rpm=rpm, box=box, depth=depth, plane=plane, pieces=pieces, hold=hold,
     )  # fmt: skip
     case, notes = made.case, list(made.notes)
     between = _causes(case, model, trial, causes_to_tell, size, seed, notes) if causes_to_tell else None

@@ -75,6 +75,7 @@ def case_of(
     depth: float | None = None,
     plane: float | None = None,
     pieces: float | None = None,
+    hold: float | None = None,
 ) -> PlanningSetup:
     """The case that the choices describe; angles in radians.
 
@@ -85,7 +86,7 @@ def case_of(
     """
     bounds = limits(
         model, duration, rudder=rudder, rate=rate, plane=plane, rpm=rpm, box=math.inf if box is None else box,
-        depth=depth,
+        depth=depth, hold=hold or 0.0,
     )  # fmt: skip
     knowledge = known_of(model, fixed=names_of(fix) or [])
     sigma = dict(noise or {})

@@ -27,9 +27,17 @@ from bayesid.cli.choices import (
     Vehicle,
 )
 from bayesid.cli.options import Json, Out, Quick, Quiet, Seed, Verbose
+from bayesid.cli.quantity import quantity
 from bayesid.cli.terminal import OK
 
 Gain = Annotated[bool, typer.Option("--gain", help="Goal: most about all coefficients, open or not.")]
+Hold = Annotated[
+    float | None,
+    typer.Option(
+        "--hold", metavar="TIME", parser=quantity("s", low=1e-3),
+        help="Orders change only every so many seconds, as an autopilot's table does.",
+    ),
+]  # fmt: skip
 Predict = Annotated[
     str | None, typer.Option("--predict", metavar="MANOEUVRE", help="Goal: predict this one better.")
 ]
@@ -62,6 +70,7 @@ def design(
     box: Box = None,
     depth: Depth = None,
     plane: Plane = None,
+    hold: Hold = None,
     noise: Noise = None,
     dt: Step = None,
     fix: Fix = None,
@@ -94,7 +103,7 @@ def design(
         source, vehicle, data=data, resample=resample, pieces=pieces, dof=dof,
         executed=executed or (), gain=gain, predict=predict, worst=worst, tell=tell,
         size=size, duration=duration, rudder=rudder, rate=rate, rpm=range_of(rpm, "--rpm"), box=box,
-        depth=depth, plane=plane, noise=noise_of(noise), dt=dt, fix=fix, prior=prior, count=count,
+        depth=depth, plane=plane, hold=hold, noise=noise_of(noise), dt=dt, fix=fix, prior=prior, count=count,
         tries=tries, seed=seed, quick=quick, progress=Progress(quiet=as_json),
     )  # fmt: skip
     answer(found, out, as_json, verbose, {} if out is None else {"command table": out / TABLE})
