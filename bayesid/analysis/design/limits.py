@@ -122,9 +122,12 @@ def limits(
         problems.append(f"rpm from {lowest:g} to {highest:g} is no range")
     if problems:
         raise_all(ManoeuvreError, f"limits for {vehicle.name}", problems)
+    dt = length / speed / ORDERS_PER_LENGTH
+    if hold:
+        dt = hold / math.ceil(hold / dt)  # orders then change at whole steps
     return OrderLimits(
         seconds, chosen["rudder"], chosen["plane"], chosen["rate"], (lowest, highest), usual, box, deep,
-        pitch, length / speed / ORDERS_PER_LENGTH, hold,
+        pitch, dt, hold,
     )  # fmt: skip
 
 
