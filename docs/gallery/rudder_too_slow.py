@@ -3,6 +3,7 @@
 Usage: python rudder_too_slow.py PICTURE.png
 """
 
+import sys
 from dataclasses import replace
 
 import matplotlib
@@ -20,3 +21,4 @@ last = trial.runs[-1]
 trial = replace(trial, runs=(*trial.runs[:-1], replace(last, role="holdout")))
 found = bayesid.diagnose(trial, next_manoeuvre=False, keep_model=False)
 print(found.summary().splitlines()[1])
+found.plot().savefig(sys.argv[1], dpi=110)
