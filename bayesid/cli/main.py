@@ -27,6 +27,7 @@ from bayesid.cli.terminal import guarded
 from bayesid.cli.trial_import import import_logs
 from bayesid.cli.trial_measure import measure
 from bayesid.cli.vehicle_check import check
+from bayesid.cli.vehicle_new import new
 
 EPILOGUE = "Exit codes: 0 ok, 2 usage or bad input, 3 not converged."
 
@@ -58,7 +59,13 @@ def command() -> Any:
     app.command("design")(design)
     app.command("study")(study)
     groups = {
-        "vehicle": _group("Look at coefficient sets.", list=vehicle.listing, show=vehicle.show, check=check),
+        "vehicle": _group(
+            "Look at coefficient sets, check them, make new ones.",
+            list=vehicle.listing,
+            show=vehicle.show,
+            new=new,
+            check=check,
+        ),
         "effect": _group("Look up the unmodelled effects.", list=effect.listing, show=effect.show),
         "manoeuvre": _group("Look up the manoeuvres.", list=manoeuvre.listing),
         "trial": _group(
