@@ -137,7 +137,7 @@ def added_mass(hull: Hull, parts: Parts) -> None:
         parts.widen(
             f"{axis}_{rate}dot", CENTRE * hull.length * abs(parts.value(f"{axis}_{velocity}dot")), "centre"
         )
-        parts.add(f"{moment}_{rate}dot", -k_r * hull.integral(per_length * hull.x**2), 0.25, STRIP)
+        parts.add(f"{moment}_{rate}dot", -k_r * hull.integral(per_length * hull.x**2), 0.35, STRIP)
 
 
 def body_lift(hull: Hull, parts: Parts) -> None:
