@@ -21,6 +21,7 @@ from bayesid.cli.identify import identify
 from bayesid.cli.options import Verbose
 from bayesid.cli.predict import predict
 from bayesid.cli.sample import sample
+from bayesid.cli.schema import schema
 from bayesid.cli.simulate import simulate
 from bayesid.cli.study import study
 from bayesid.cli.terminal import guarded
@@ -58,6 +59,7 @@ def command() -> Any:
     app.command("compare")(compare)
     app.command("design")(design)
     app.command("study")(study)
+    app.command("schema")(schema)
     groups = {
         "vehicle": _group(
             "Look at coefficient sets, check them, make new ones.",

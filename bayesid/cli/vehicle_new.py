@@ -13,6 +13,8 @@ from bayesid.cli.options import Verbose
 if TYPE_CHECKING:
     from bayesid.model.vehicles.new import NewVehicle
 
+SCHEMA = "vehicle.schema.json"
+
 Target = Annotated[
     Path | None,
     typer.Argument(metavar="FILE", help="Vehicle file to write (.toml).", show_default=False),
@@ -73,10 +75,14 @@ def new(
     written with its source, [prior] with how far it may be off; what was assumed is said first. A
     coefficient is as good as the formulas are (docs: new vehicles); fits start from it.
     """
+    import json
+
     from bayesid.cli.output import print_text
     from bayesid.errors import VehicleError
+    from bayesid.files import write_atomic
     from bayesid.model.vehicles.new import commented_toml
     from bayesid.model.vehicles.new import template as template_text
+    from bayesid.model.vehicles.schema import vehicle_schema
 
     if template:
         print(template_text(), end="")
@@ -98,9 +104,10 @@ def new(
     if sum(bool(x) for x in (like, sheet, simulator)) > 1:
         raise VehicleError("give one of --like, --sheet and --simulator")
     made = _make(like, sheet, simulator, numbers, _fins(rudder, planes), name)
-    text = commented_toml(made)
     target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text(text, encoding="utf-8")
+    # beside the file, so that an editor finds it wherever the folder goes
+    write_atomic(target.with_name(SCHEMA), json.dumps(vehicle_schema(), indent=1) + "\n")
+    write_atomic(target, commented_toml(made, f"./{SCHEMA}"))
     _say(target, made, verbose)
     print_text(f"\nNext: bayesid vehicle check {target}")
     return 0
