@@ -23,6 +23,7 @@ from bayesid.cli.predict import predict
 from bayesid.cli.sample import sample
 from bayesid.cli.schema import schema
 from bayesid.cli.simulate import simulate
+from bayesid.cli.start import start
 from bayesid.cli.study import study
 from bayesid.cli.terminal import guarded
 from bayesid.cli.trial_import import import_logs
@@ -48,6 +49,7 @@ def command() -> Any:
         pretty_exceptions_enable=False,
     )
     app.callback()(_root)
+    app.command("start")(start)
     app.command("simulate")(simulate)
     app.command("fit")(fit)
     app.command("identify")(identify)
