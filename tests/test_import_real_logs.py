@@ -1,4 +1,5 @@
-"""Real ships' logs by `import` alone, against the bundles written by hand; the logs are not part of the project."""
+"""Real ships' logs by `import` alone, against the bundles written by hand; the logs are not part of the
+project."""
 
 from __future__ import annotations
 
