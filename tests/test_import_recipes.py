@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from bayesid.trials import load_trial
-from bayesid.trials.importing import apply_map, read_map, write_bundle
+from bayesid.trials.importing import apply_map, propose, read_map, write_bundle
 from tests.raw_logs import motion
 
 PAGE = (Path(__file__).parents[1] / "docs" / "importing.md").read_text("utf-8")
@@ -175,6 +175,19 @@ FILES = {
 
 def test_every_recipe_of_the_page_is_run():
     assert list(RECIPES) == list(FILES)
+
+
+def test_what_a_file_is_called_tells_what_its_value_is(tmp_path):
+    """Neptus exports servo and shaft as files of one structure with a column `value`, at the same time."""
+    found = propose(lauv(tmp_path)).map
+    assert found.channels["delta_r_cmd"].source == "rudder:value"
+    assert {found.channels[role].source for role in found.channels if role in ("n", "n_cmd")} == {"Rpm:value"}
+
+
+def test_fields_of_a_struct_are_known_by_their_own_names(tmp_path):
+    channels = propose(basin(tmp_path)).map.channels
+    assert channels["x"].source == "run.X"
+    assert channels["y"].source == "run.Y"
 
 
 @pytest.mark.filterwarnings(

@@ -31,6 +31,7 @@ from bayesid.trials.importing.unit_words import split_unit
 from bayesid.trials.trial import Run
 
 LOOK = 100_000  # samples per series a proposal looks at
+GENERIC = ("value", "data", "val")  # names that say nothing; that of the file is taken
 LARGE = 1_000_000  # samples beyond which a step is proposed
 _TEXT_WORLD = re.compile(r"\b(ned|enu|nwu)\b", re.IGNORECASE)
 
@@ -118,7 +119,8 @@ def _name(draft: Draft, recordings: list[Recording]) -> list[str]:
     for label, log in first.items():
         for channel in log.channels:
             good = np.isfinite(channel.values)
-            guess = guess_role(channel, label in own) if good.sum() > 3 else None
+            known = replace(channel, name=label) if channel.name.lower() in GENERIC else channel
+            guess = guess_role(known, label in own) if good.sum() > 3 else None
             if guess is None:
                 unused.append(_full(label, channel.name, len(first)))
                 continue
