@@ -7,13 +7,15 @@ from typing import Annotated
 
 import typer
 
+from bayesid.cli.options import Verbose
+
 Kind = Annotated[str, typer.Argument(metavar="trial|vehicle", help="Which file.", show_default=False)]
 Target = Annotated[
     Path | None, typer.Option("--out", "-o", help="File to write; default: the screen.", dir_okay=False)
 ]
 
 
-def schema(kind: Kind, out: Target = None) -> None:
+def schema(kind: Kind, out: Target = None, verbose: Verbose = False) -> None:
     """Print the JSON Schema of trial.toml or vehicle.toml.
 
     Files written by `trial import`, `vehicle new` and `start` name it in their first line (#:schema), so
