@@ -418,3 +418,12 @@ def test_what_a_vehicle_lacks_is_said_for_each_command():
     )
     assert any("N_dr is missing" in text for text in lacking(none)["diagnose"])
     assert any("rpm_ref" in text for text in lacking(none)["simulate"])
+
+
+def test_a_vehicle_that_cannot_be_is_not_written(tmp_path, capsys):
+    """Added mass of the wrong sign in a simulator's file leaves no mass matrix that can be accelerated."""
+    path = sdf(tmp_path, LINK.replace("0    16 0", "0 16 0").replace("0 16 0 0 0 0", "0 -40 0 0 0 0"))
+    out = tmp_path / "mine.toml"
+    assert bayesid(["vehicle", "new", str(out), "--simulator", str(path)]) == 2
+    assert "positive" in capsys.readouterr().err
+    assert not out.exists()

@@ -76,12 +76,14 @@ def new(
     coefficient is as good as the formulas are (docs: new vehicles); fits start from it.
     """
     import json
+    import tomllib
 
     from bayesid.cli.output import print_text
     from bayesid.errors import VehicleError
     from bayesid.files import write_atomic
     from bayesid.model.vehicles.new import commented_toml
     from bayesid.model.vehicles.new import template as template_text
+    from bayesid.model.vehicles.reading import read_vehicle
     from bayesid.model.vehicles.schema import vehicle_schema
 
     if template:
@@ -104,10 +106,12 @@ def new(
     if sum(bool(x) for x in (like, sheet, simulator)) > 1:
         raise VehicleError("give one of --like, --sheet and --simulator")
     made = _make(like, sheet, simulator, numbers, _fins(rudder, planes), name)
+    text = commented_toml(made, f"./{SCHEMA}")
+    read_vehicle(tomllib.loads(text), target.name, None)  # a simulator's numbers may describe no vehicle
     target.parent.mkdir(parents=True, exist_ok=True)
     # beside the file, so that an editor finds it wherever the folder goes
     write_atomic(target.with_name(SCHEMA), json.dumps(vehicle_schema(), indent=1) + "\n")
-    write_atomic(target, commented_toml(made, f"./{SCHEMA}"))
+    write_atomic(target, text)
     _say(target, made, verbose)
     print_text(f"\nNext: bayesid vehicle check {target}")
     return 0

@@ -36,8 +36,14 @@ def from_simulator(paths: Sequence[Path], also: Mapping[str, float] | None = Non
     VehicleError
         if no file is of such a simulator, or a number is missing; says which and how to give it
     """
-    also = dict(also or {})
     name = " and ".join(path.name for path in paths)
+    try:
+        return _read(paths, name, dict(also or {}))
+    except (ValueError, TypeError, IndexError, OverflowError, ZeroDivisionError) as error:
+        raise VehicleError(f"{name}: a number or matrix cannot be read: {error}") from None
+
+
+def _read(paths: Sequence[Path], name: str, also: dict[str, float]) -> NewVehicle:
     trees = [path for path in paths if path.suffix.lower() in (".json", ".toml", ".yaml", ".yml")]
     if trees:
         tree = {key: value for path in trees for key, value in _tree(path).items()}
@@ -50,10 +56,7 @@ def from_simulator(paths: Sequence[Path], also: Mapping[str, float] | None = Non
                 f"{name}: holds neither Ma (UUV simulator) nor diam (Python Vehicle Simulator); it has "
                 f"{', '.join(list(tree)[:12])}"
             )
-        try:
-            return build(_with(read_uuv_parameters(tree, name), also))
-        except (TypeError, ValueError) as error:
-            raise VehicleError(f"{name}: a number or matrix cannot be read: {error}") from None
+        return build(_with(read_uuv_parameters(tree, name), also))
     roots = [parse_xml(path) for path in paths]
     if any(root.tag == "scenario" or next(root.iter("base_link"), None) is not None for root in roots):
         entries = {**read_stonefish(roots[0], name), **also}
