@@ -33,7 +33,7 @@ _BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w])")
 _MARKER = re.compile(r"^<!-- generated: (\w+) -->$", re.MULTILINE)
 # pages whose commands take seconds; those of the others take minutes
-CHEAP = ("guide/own_log.md", "guide/manoeuvres.md", "developer/blind_checks.md")
+CHEAP = ("guide/own_log.md", "guide/new_vehicles.md", "guide/manoeuvres.md", "developer/blind_checks.md")
 COSTLY = ("guide/ten_minutes.md", "guide/diagnosis.md", "../README.md")
 
 
