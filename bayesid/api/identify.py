@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,14 +17,16 @@ from bayesid.api.result import Result, table
 from bayesid.equations.model import build_model
 from bayesid.estimation.likelihood.model_form import with_form
 from bayesid.estimation.likelihood.weighted_fit import weighed
-from bayesid.estimation.output_error import coefficient_set, load_fit, trial_problem
+from bayesid.estimation.output_error import FitProblem, coefficient_set, load_fit, trial_problem
 from bayesid.estimation.segments import in_pieces
 from bayesid.model.vehicles import ASSUMED_RELATIVE_SD, Vehicle
 from bayesid.progress import Progress
 from bayesid.report import identify as words
+from bayesid.report import identify_first_screen as screen
 from bayesid.report.writer import Report
 from bayesid.report.writer.text import table_text
 from bayesid.threads import one_blas_thread
+from bayesid.trials.noise import raised, raised_words
 
 if TYPE_CHECKING:
     import pandas
@@ -94,6 +96,8 @@ def identify(
             params.started_at([earlier.values.get(n, params[n].start) for n in params.names])
         )
         remarks.append("the earlier fit has a model form; its rows are free here too, under its prior")
+    problem, words_of_noise = _with_least_noise(problem)
+    remarks += words_of_noise
     told = earlier.uncertainty if earlier is not None else {}
     parts = told.get("parts", {})
     share = float(parts.get("share", parts.get("weight", 1.0)))
@@ -130,6 +134,25 @@ def identify(
         with shown.stage("turning circles and zig-zags", 2 * ZIGZAGS) as stage:
             behaviour = _behaviour(problem, found, seed, stage.step)
     return IdentifyResult(found, facts, behaviour, ship)
+
+
+def _with_least_noise(problem: FitProblem) -> tuple[FitProblem, list[str]]:
+    """The problem with no channel below the least noise a log can have, and what was raised, in words.
+
+    A simulated log without noise would fix every coefficient to rounding, also those nothing excites.
+    """
+    scales = problem.model.scales
+    levels = {c: float(s) for run in problem.runs for c, s in zip(run.channels, run.sigma, strict=True)}
+    least = raised(levels, scales["L"], scales["U"])
+    if not least:
+        return problem, []
+    runs = tuple(
+        run.with_sigma({
+            c: max(float(s), least.get(c, 0.0)) for c, s in zip(run.channels, run.sigma, strict=True)
+        })
+        for run in problem.runs
+    )  # fmt: skip
+    return replace(problem, runs=runs), [raised_words(least)]
 
 
 def _behaviour(problem: Any, found: Identifiability, seed: int, step: Any) -> tuple[Derived, Derived]:
@@ -176,20 +199,23 @@ class IdentifyResult(Result):
     def summary(self, verbose: bool = False) -> str:
         found, facts = self.found, self.facts
         lines = [
+            screen.headline(found, self.behaviour),
+            *(f"Check failed: {text}" for text in screen.failures(found)),
+            "",
             f"{facts['trial']}: {found.n_readings} readings, {len(found.names)} coefficients of "
             f"{facts['vehicle']}",
             words.sentence(found),
             *(f"note: {remark}" for remark in facts["remarks"]),
             "",
         ]
+        if self.behaviour is not None:
+            lines += [table_text(words.DERIVED_COLUMNS, words.derived_rows(*self.behaviour)), ""]
         chosen = range(len(words.COEFFICIENT_COLUMNS)) if verbose else (0, 1, 2, 4, 5, 6, 8)
         rows = [[row[i] for i in chosen] for row in words.coefficient_rows(found, self.vehicle)]
         lines.append(table_text([words.COEFFICIENT_COLUMNS[i] for i in chosen], rows, digits=3))
         if found.directions:
             lines += ["\nLeft open:", *self._open(verbose)]
-        if self.behaviour is not None:
-            lines.append("\nWhat matters anyway:")
-            lines.append(table_text(words.DERIVED_COLUMNS, words.derived_rows(*self.behaviour)))
+        lines += ["", "Next:", *(f"  {s.replace('`', '')}" for s in screen.next_steps(found, facts))]
         return "\n".join(lines)
 
     def _open(self, verbose: bool) -> list[str]:
