@@ -13,7 +13,8 @@ import numpy as np
 
 from bayesid.report.writer import Report, Section, Table, Text, literal
 
-SETS = {"published": "MMG as published", "mmg": "MMG fitted", "gertler_hagen": "Gertler-Hagen rows fitted"}
+SETS = {"published": "MMG as published", "mmg": "MMG fitted", "gertler_hagen": "Gertler-Hagen rows fitted",
+        "mmg_all": "MMG fitted to all quadrants"}  # fmt: skip
 TITLES = {"kvlcc2_hsva": "KVLCC2 (HSVA)", "esso_osaka": "Esso Osaka (pond)"}
 MEASURES = {
     "psi": "heading [deg]", "r": "yaw rate [deg/s]", "position": "position [m]",
@@ -21,6 +22,7 @@ MEASURES = {
 }  # fmt: skip
 #: what was asked of a fit: measure -> (mark, how runs are joined)
 MARKS = {"overshoot": 1.5, "diameter": 5.0, "drift": 2.0}
+SLOW = ("random", "berthing")
 NOTE = (
     "`MMG as published` has the numbers of Yasukawa and Yoshimura (2015) for KVLCC2, with propeller, wake "
     "and resistance of the tested model, and of Miyauchi and others (2022) for Esso Osaka; without wind. In "
@@ -46,11 +48,13 @@ def models_report(record: Mapping[str, Any]) -> Report:
     return Report("Two tankers by MMG and by Gertler-Hagen rows", lead, sections)
 
 
-def joined(ship: Mapping[str, Any], key: str, measure: str, piece: bool = False) -> tuple[float, int, int]:
+def joined(
+    ship: Mapping[str, Any], key: str, measure: str, piece: bool = False, slow: bool = False
+) -> tuple[float, int, int]:
     """Rms (marks) or median of a measure over held-out runs ahead, how many runs, and how many were lost."""
     rows = [
         row["errors"][key] for row in ship["runs"].values()
-        if row["piece"] == piece and not row["manoeuvre"].startswith("random") and key in row["errors"]
+        if row["piece"] == piece and bool(row["manoeuvre"].startswith(SLOW)) == slow and key in row["errors"]
     ]  # fmt: skip
     values = [row[measure] for row in rows if measure in row]
     finite = [v for v in values if v is not None and math.isfinite(v)]
@@ -81,17 +85,23 @@ def _lead(name: str, ship: Mapping[str, Any]) -> str:
 
 def _marks(ship: Mapping[str, Any]) -> list[Any]:
     blocks = []
-    for piece, words in ((False, "in one go"), (True, "in pieces, each from its own first readings")):
-        table: list[list[Any]] = []
-        for key, title in SETS.items():
-            row: list[Any] = [title]
-            for measure in MEASURES:
-                size, n, _ = joined(ship, key, measure, piece)
-                row.append(size if n else None)
-            table.append(row)
-        columns = ["equations", *(f"{m}{' rms' if k in MARKS else ''}" for k, m in MEASURES.items())]
-        blocks.append(Table(columns, table, f"Held-out zig-zags and turns {words}: medians of rms errors "
-                            "over runs; overshoot, diameter and drift as rms over runs.", 3))  # fmt: skip
+    ahead = "zig-zags and turns"
+    for slow, runs in ((False, ahead), (True, "random four-quadrant and berthing runs")):
+        for piece, words in ((False, "in one go"), (True, "in pieces, each from its own first readings")):
+            table: list[list[Any]] = []
+            for key, title in SETS.items():
+                found = [joined(ship, key, measure, piece, slow) for measure in MEASURES]
+                lost = found[0][2]
+                if found[0][1] or lost:
+                    table.append([title, *(size if n else None for size, n, _ in found), lost])
+            if table:
+                columns = [
+                    "equations",
+                    *(f"{m}{' rms' if k in MARKS else ''}" for k, m in MEASURES.items()),
+                    "lost",
+                ]
+                text = f"Held-out {runs} {words}: medians of rms errors over runs that were not lost."
+                blocks.append(Table(columns, table, text, 3))
     return blocks
 
 

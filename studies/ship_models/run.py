@@ -24,7 +24,7 @@ from studies.real_logs.run import HERE as LOGS
 from studies.real_logs.run import SETTINGS, SINGLE_SCREW, WIND, begun
 from studies.ship_models.errors import errors
 from studies.ship_models.report import models_report
-from studies.ship_models.ships import INERTIA, SHIP_WIND, SHIPS, free_of, logs_of
+from studies.ship_models.ships import INERTIA, SHIP_WIND, SHIPS, free_of, logs_of, of_all_quadrants, slow_logs
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ def main(data: Path, out: Path, quick: bool, seed: int, only: str | None) -> Non
 
 
 def study(name: str, data: Path, out: Path, quick: bool, seed: int, progress: Progress) -> dict[str, Any]:
-    """Fit both sets of equations to the same runs and judge them on the others."""
+    """Fit the sets of equations to the same runs and judge them on the others."""
     setting = SETTINGS[name]
     step = (2 if quick else 1) * setting.dt
     logged = logs_of(name, data)
@@ -65,24 +65,34 @@ def study(name: str, data: Path, out: Path, quick: bool, seed: int, progress: Pr
     ]  # fmt: skip
     options = FitOptions(seed=seed, profile=True, rounds=6 if quick else 12)
     told: dict[str, Any] = {"attribution": trial.attribution, "trial": trial.digest, "runs": {}, "sets": {}}
+    slow: tuple[Run, ...] = ()
+    if setting.wind:  # the pond has runs in all quadrants
+        slow = tuple(thin(run, step) for run in slow_logs(data).runs)
+        sets.append(("mmg_all", "MMG, all quadrants", *wide_set(ship)))
     for key, words, vehicle, free in sets:
+        fitted = replace(inside, runs=(*inside.runs, *slow)) if key == "mmg_all" else inside
         with progress.stage(f"{name}: {words}") as stage:
             found = fit_in_pieces(
-                inside, setting.piece, vehicle, out / "fits" / key, free=free, options=options,
+                fitted, setting.piece, vehicle, out / "fits" / key, free=free, options=options,
                 watch=lambda done, cost, step, s=stage: s.step(info=f"cost {cost:.5g}"),
             )  # fmt: skip
         fit = found.fit
         told["sets"][key] = {
             "words": words, "unknowns": len(free), "piece": setting.piece, "status": fit.status,
-            "values": fit.values,
-            "sd": dict(zip(fit.names[: len(free)], fit.sd.tolist(), strict=False)),
+            "values": fit.values, "sd": dict(zip(fit.names[: len(free)], fit.sd.tolist(), strict=False)),
         }  # fmt: skip
-        strange = replace(trial, runs=tuple(r for r in trial.runs if r.manoeuvre.startswith("random")))
-        judged = (*found.runs, *outcomes(found.problem, strange, fit)) if strange.runs else found.runs
-        collect(told["runs"], judged, trial, key, published=key == "mmg")
-        short = held_pieces(inside, setting.piece)
+        everything = replace(inside, runs=(*inside.runs, *slow))
+        held = replace(everything, runs=everything.holdout)
+        collect(told["runs"], outcomes(found.problem, held, fit), held, key, published=key == "mmg")
+        short = held_pieces(everything, setting.piece)
         collect(told["runs"], outcomes(found.problem, short, fit), short, key, key == "mmg", " piece")
     return told
+
+
+def wide_set(ship: Vehicle) -> tuple[Vehicle, tuple[str, ...]]:
+    """Ship and unknowns of the fit to all quadrants."""
+    wide, free = of_all_quadrants(ship)
+    return wide, (*free, *SINGLE_SCREW, *SHIP_WIND)
 
 
 def held_pieces(trial: Trial, seconds: float) -> Trial:

@@ -11,6 +11,7 @@ from pathlib import Path
 from bayesid.model.terms import term
 from bayesid.model.vehicles import CoefficientPrior, Vehicle, load_vehicle
 from bayesid.trials import Trial, load_trial
+from studies import blind_predictions
 from studies.real_logs import start_values
 from studies.real_logs.run import HERE as LOGS
 from studies.real_logs.run import with_wind
@@ -28,6 +29,7 @@ AT_ONE_RPM = (
 )
 # of the effect `wind` of a ship: measured wind as an input, and the shape of its coefficients
 SHIP_WIND = tuple(f"wind.{n}" for n in ("gain", "vane_zero", "side", "centre", "centre_moves"))
+BACK = ("Y_back", "N_back")
 INERTIA = ("X_udot", "Y_vdot", "N_rdot")
 
 
@@ -72,6 +74,19 @@ def kvlcc2(data: Path) -> Vehicle:
 def esso_osaka(data: Path) -> Vehicle:
     """The pond model as published; nothing of it was measured on the way."""
     return known_to(load_vehicle("esso_osaka_mmg"))
+
+
+def of_all_quadrants(ship: Vehicle) -> tuple[Vehicle, tuple[str, ...]]:
+    """The ship with what a propeller that turns astern pushes aside, and what a fit to all motions moves."""
+    coef = ship.coef | {"Y_back": -0.02, "N_back": 0.01}  # signs of a right-handed screw; sizes assumed
+    known = CoefficientPrior((ship.prior.relative_sd if ship.prior else {}) | dict.fromkeys(BACK, 3.0))
+    wide = replace(ship, coef=coef, prior=replace(known, relative_sd=known.relative_sd | {"k_back": 10.0}))
+    return wide, (*free_of(wide), "k_back")
+
+
+def slow_logs(data: Path) -> Trial:
+    """Random four-quadrant and berthing runs of the pond, every second one kept back."""
+    return load_trial(Path(blind_predictions.__file__).parent / "esso_osaka_more", data)
 
 
 def logs_of(name: str, data: Path) -> Trial:
