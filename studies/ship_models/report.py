@@ -80,7 +80,17 @@ def _lead(name: str, ship: Mapping[str, Any]) -> str:
         f"over {seconds:g} s {short[0]:.3g} degrees and {short[2]:.2g} m "
         f"(rows {short[1]:.3g} and {short[3]:.2g})"
     )
-    return f"**{TITLES[name]}, MMG fitted: {', '.join(words)}.**"
+    lead = f"**{TITLES[name]}, MMG fitted: {', '.join(words)}.**"
+    wide, runs, _ = joined(ship, "mmg_all", "psi", slow=True)
+    if runs:
+        place = joined(ship, "mmg_all", "position", slow=True)[0]
+        (_, _, lost), given = (joined(ship, k, "psi", slow=True) for k in ("gertler_hagen", "published"))
+        lead += (
+            f" Fitted to all quadrants, it follows {runs} held-out random and berthing runs, of up to 17 "
+            f"minutes, to {wide:.2g} degrees and {place:.2g} m (medians, in one go; published "
+            f"{given[0]:.2g} degrees; rows fitted ahead leave all bounds in {lost} of them)."
+        )
+    return lead
 
 
 def _marks(ship: Mapping[str, Any]) -> list[Any]:

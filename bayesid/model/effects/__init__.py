@@ -9,7 +9,7 @@ import importlib
 import pkgutil
 
 from bayesid.model.effects.declare import PORTS, Effect, EffectParameter, InputStage, State
-from bayesid.model.effects.ship_wind import SHIP_EFFECTS
+from bayesid.model.effects.of_ships import SHIP_EFFECTS
 
 __all__ = ["CATALOGUE", "PORTS", "Effect", "EffectParameter", "InputStage", "State", "catalogue_of"]
 

@@ -1,6 +1,11 @@
-"""Wind on a ship: coefficients over the direction of the relative wind, measured wind as an uncertain
-input."""
+"""Effects a ship by the MMG method has in a form of its own: wind, and a rudder that is stronger to one side.
 
+Wind: coefficients over the direction of the relative wind, measured wind as an uncertain input.
+"""
+
+from dataclasses import replace
+
+from bayesid.model.effects import rudder
 from bayesid.model.effects.declare import Effect, EffectParameter
 
 _RHO_AIR = 1.2
@@ -38,8 +43,19 @@ def _wind(axis: str) -> str:
     return f"{_air(axis, *blowing)} - ({_air(axis, '0', '0')})"
 
 
+# the force of a rudder behind a drifting hull has no sign of delta_r: it is stronger to the side it pushes to
+_ASYMMETRY = replace(
+    next(e for e in rudder.EFFECTS if e.name == "rudder_asymmetry"),
+    force={
+        "Y": "asymmetry*abs(rows('Y', 'delta_r'))",
+        "N": "-asymmetry*abs(rows('N', 'delta_r'))",
+    },
+    form="Force and moment of the rudder, more where it pushes the stern to starboard and less to port.",
+)
+
 #: in place of the effects of the same names in the catalogue
 SHIP_EFFECTS = (
+    _ASYMMETRY,
     Effect(
         name="wind",
         says="A wind of {V_wind:m/s} from {from:bearing} acts that the simulator leaves out.",
