@@ -24,8 +24,13 @@ FULL = ("x", "y", "z", "psi", "phi", "theta", "u", "v", "w", "p", "q", "r")
 POSE = ("x", "y", "z", "psi", "phi", "theta")
 
 
-def campaign(name: str, seed: int, rate: float = 10.0) -> Trial:
-    """A clean trial with white noise, `rate` readings per second of a vehicle of 2 m."""
+def campaign(name: str, seed: int, rate: float = 10.0, step: float = 0.05) -> Trial:
+    """A clean trial with white noise, `rate` readings per second of a vehicle of 2 m.
+
+    Parameters
+    ----------
+    step : time between samples and orders [L/U], before they are thinned to `rate`
+    """
     dof = VEHICLES[name]
     vehicle = with_relative_prior(load_vehicle(name), PRIOR_SD)
     model = build_model(vehicle, dof)
@@ -33,7 +38,7 @@ def campaign(name: str, seed: int, rate: float = 10.0) -> Trial:
     rpm = vehicle.rpm_ref or 0.0
     speed = self_propulsion_speed(vehicle, rpm)
     period = vehicle.L / speed
-    dt = round(max(0.1, 0.05 * period), 2)
+    dt = round(max(0.1, step * period), 2)
     prior = coefficient_prior(model)
     par = model.nominal.copy()
     par[prior.where] = np.maximum(
