@@ -67,7 +67,8 @@ def judge(
     """What is said of one log: word, mistakes named, verdict, its names, seconds of the search."""
     check = check_trial(trial, model)
     inputs = tuple(f.name for f in check.findings)
-    if set(inputs) & set(row.inputs):
+    alike = {name for f in check.findings for name in (f.name, *f.also)}
+    if alike & set(row.inputs):
         return "as a mistake of the log", (), "input", inputs, 0.0
     if inputs and (set(inputs) != {WRONG_VEHICLE} or not mistakes_that_clear(trial, model)):
         return "wrong name" if row is not NOTHING else "false alarm", (), "input", inputs, 0.0
