@@ -26,8 +26,8 @@ SIZES = {
     "moments about x = 0.05 L": 0.05, "moments about x = -0.03 L": -0.03,
     "centre of buoyancy 0.005 L forward": -0.005,
 }  # fmt: skip
-# what dropping or a rate by its first power only leaves unknown
-OPEN = ("no cross terms", "no cross terms but potential flow", "rates per degree")
+# what is dropped is not known again
+OPEN = ("no cross terms", "no cross terms but potential flow")
 
 
 def _model(vehicle: Vehicle, dof: int) -> Model:

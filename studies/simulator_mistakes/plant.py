@@ -5,6 +5,7 @@ Takes a `Vehicle`; gives the one with the mistake. Written out by hand, not by t
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -99,8 +100,13 @@ def _fins(factor: float) -> Change:
 
 
 def _rates(factor: float) -> Change:
-    linear = ("Y_r", "N_r", "Z_q", "M_q", "K_p")
-    return lambda v: _with(v, {k: x * factor if k in linear else x for k, x in v.coef.items()})
+    """Every row by its power of p, q and r, read off its name; angular accelerations stay."""
+
+    def power(name: str) -> int:
+        letters = re.sub(r"d[rsb]|[uvwpqr]dot|prop_|eta", "", name[2:])
+        return sum(letters.count(c) for c in "pqr")
+
+    return lambda v: _with(v, {k: x * factor ** power(k) for k, x in v.coef.items()})
 
 
 def _length(ratio: float) -> Change:

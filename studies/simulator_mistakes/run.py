@@ -30,12 +30,15 @@ from bayesid.report.writer import Report, Section, Table, Text
 from bayesid.trials import Trial
 from studies.log_mistakes.campaigns import PRIOR_SD, VEHICLES, campaign
 from studies.simulator_mistakes.plant import Planted, planted
+from studies.simulator_mistakes.public import SIGN_LOST, SIMULATORS
 
 SEEDS = (0, 1)
 STEP = 0.2  # L/U between readings and orders
 SET = 3  # names at most that count as a set
 BAR = 0.9
 NOTHING = Planted("nothing", lambda v: v, ())
+# in what made the log: no vehicle file can hold it, so that none of the mistakes is its name
+LOST = Planted("sign of v v lost in the log", lambda v: v, (), ("hull_asymmetry",))
 
 
 @dataclass(frozen=True)
@@ -44,8 +47,8 @@ class Outcome:
 
     Attributes
     ----------
-    word : "named", "in the set", "as an effect", "as a mistake of the log", "missed", "wrong name", "silent"
-        or "false alarm"
+    word : "named", "in the set", "as an effect", "as a mistake of the log", "missed", "wrong name", "silent",
+        "false alarm", or "not to be seen" where simulator and log agree within the stated uncertainty
     names : mistakes of the simulator that are named
     verdict, effects : the ordinary verdict, and mistakes of the log
     """
@@ -89,7 +92,7 @@ def judge(
     elif verdict.word in ("effect", "effect_with_remainder", "several") and set(effects) & set(row.effects):
         word = "as an effect"
     else:
-        word = "missed"
+        word = "not to be seen" if verdict.word == "none" else "missed"
     return word, names, verdict.word, effects, took
 
 
@@ -101,18 +104,18 @@ def study(out: Path, vehicles: tuple[str, ...], seeds: tuple[int, ...]) -> list[
         for name in vehicles:
             trial = campaign(name, k, step=STEP)
             right = with_relative_prior(load_vehicle(name), PRIOR_SD)
-            for row in (NOTHING, *planted()):
+            lost = campaign(name, k, step=STEP, acts=SIGN_LOST)
+            for row in (NOTHING, LOST, *planted()):
                 if (name, k, row.name) in done:
                     continue
                 wrong = row.change(right)
-                if wrong is None or (row is not NOTHING and wrong == right):
-                    continue
-                if VEHICLES[name] == 3 and wrong.coef == right.coef and row is not NOTHING:
+                same = VEHICLES[name] == 3 and wrong is not None and wrong.coef == right.coef
+                if wrong is None or (row not in (NOTHING, LOST) and (same or wrong == right)):
                     continue
                 begin = time.perf_counter()
                 try:
                     model = build_model(with_relative_prior(wrong, PRIOR_SD), VEHICLES[name])
-                    said = judge(trial, model, row)
+                    said = judge(lost if row is LOST else trial, model, row)
                 except BayesidError as error:
                     said = ("missed", (), f"refused: {error}"[:120], (), 0.0)
                 took = time.perf_counter() - begin
@@ -124,7 +127,9 @@ def study(out: Path, vehicles: tuple[str, ...], seeds: tuple[int, ...]) -> list[
 
 def report(found: list[Outcome]) -> Report:
     """The table of mistakes, and what was missed."""
-    real = [o for o in found if o.row != NOTHING.name]
+    planted_in = [o for o in found if o.row != NOTHING.name]
+    real = [o for o in planted_in if o.word != "not to be seen"]
+    faint = len(planted_in) - len(real)
     clean = [o for o in found if o.row == NOTHING.name]
     good = [o for o in real if o.word not in ("missed", "wrong name")]
     share = len(good) / max(1, len(real))
@@ -134,7 +139,8 @@ def report(found: list[Outcome]) -> Report:
     lead = (
         f"Of {len(real)} logs whose simulator has a mistake {len(good)} are told, {share:.0%} ({told}): the "
         f"bar of {BAR:.0%} is {'met' if share >= BAR else 'missed'}. {words['wrong name']} get a wrong name, "
-        f"{words['missed']} none. Of {len(clean)} logs of a right simulator {alarms} are called mistaken. "
+        f"{words['missed']} none; {faint} more are too small to be seen, simulator and log agree. Of "
+        f"{len(clean)} logs of a right simulator {alarms} are called mistaken. "
         f"The logs are of {', '.join(dict.fromkeys(o.vehicle for o in found))}."
     )
     vehicles = list(dict.fromkeys(o.vehicle for o in found))
@@ -167,9 +173,26 @@ def report(found: list[Outcome]) -> Report:
                     else Text("None.")
                 ],
             ),
+            Section(
+                "Public simulators", [Table(["simulator", "what it does", "source", "said"], _public(found))]
+            ),
             Section("Time", [Text(f"The search for mistakes takes {extra:.0f} of {whole:.0f} s.")]),
         ],
     )
+
+
+def _public(found: list[Outcome]) -> list[list[Any]]:
+    """What is said of a log with the right term, or made with the wrong one where no file can hold it."""
+    rows = []
+    for simulator, what, source, row in SIMULATORS:
+        said = [
+            f"{o.vehicle}: {o.word}"
+            + (f" ({', '.join(o.names)})" if o.names else f" ({' '.join((o.verdict, *o.effects[:3]))})")
+            for o in found
+            if o.row == row
+        ]
+        rows.append([simulator, what, source, "; ".join(dict.fromkeys(said))])
+    return rows
 
 
 def kept(folder: Path) -> list[Outcome]:
