@@ -48,8 +48,9 @@ def campaign(
     par[prior.where] = np.maximum(
         prior.mean + prior.sd * rng.standard_normal(prior.mean.size) * 0.5, prior.low
     )
-    for parameter in () if acts is None else acts.parameters:
-        par[model.index[acts.key(parameter.name)]] = parameter.sd
+    if acts is not None:
+        for parameter in acts.parameters:
+            par[model.index[acts.key(parameter.name)]] = parameter.sd
     scale = Scale(vehicle.L, speed, rpm, 0.35, 0.2, dof, dt)
     texts = {
         "zigzag10": "zigzag:10/10", "zigzag20": "zigzag:20/20", "turn15": "turn:15,side=starboard",
