@@ -1,7 +1,7 @@
 """Are mistakes of a simulator told from a cause: which planted ones are named, and what is named wrongly?
 
-Usage: python -m studies.simulator_mistakes.run [--out FOLDER] [--quick] [--vehicles A,B] [--seeds 0,1].
-Logs are made with the right numbers; the vehicle file gets one mistake at a time. The log goes through the
+Usage: python -m studies.simulator_mistakes.run [--out FOLDER] [--quick] [--vehicles A,B] [--seeds 0,1]
+[--render FOLDER]. Logs are made with the right numbers; the vehicle file gets one mistake at a time. The log goes through the
 check of the input, the comparison of all causes and the search for mistakes of the simulator, as in
 `bayesid diagnose`; held-out runs are not asked. Results are kept after every log: a second call goes on.
 """
@@ -48,7 +48,8 @@ class Outcome:
     Attributes
     ----------
     word : "named", "in the set", "as an effect", "as a mistake of the log", "missed", "wrong name", "silent",
-        "false alarm", or "not to be seen" where simulator and log agree within the stated uncertainty
+        "false alarm", "not to be seen" where both agree within the stated uncertainty, "diverges"
+        where a simulator with the mistake writes no log
     names : mistakes of the simulator that are named
     verdict, effects : the ordinary verdict, and mistakes of the log
     """
@@ -104,7 +105,6 @@ def study(out: Path, vehicles: tuple[str, ...], seeds: tuple[int, ...]) -> list[
         for name in vehicles:
             trial = campaign(name, k, step=STEP)
             right = with_relative_prior(load_vehicle(name), PRIOR_SD)
-            lost = campaign(name, k, step=STEP, acts=SIGN_LOST)
             for row in (NOTHING, LOST, *planted()):
                 if (name, k, row.name) in done:
                     continue
@@ -115,9 +115,10 @@ def study(out: Path, vehicles: tuple[str, ...], seeds: tuple[int, ...]) -> list[
                 begin = time.perf_counter()
                 try:
                     model = build_model(with_relative_prior(wrong, PRIOR_SD), VEHICLES[name])
-                    said = judge(lost if row is LOST else trial, model, row)
+                    log = campaign(name, k, step=STEP, acts=SIGN_LOST) if row is LOST else trial
+                    said = judge(log, model, row)
                 except BayesidError as error:
-                    said = ("missed", (), f"refused: {error}"[:120], (), 0.0)
+                    said = ("diverges" if row is LOST else "missed", (), f"refused: {error}"[:120], (), 0.0)
                 took = time.perf_counter() - begin
                 found.append(Outcome(name, k, row.name, *said[:4], took, said[4]))
                 print(f"{name} {k} {row.name}: {said} {took:.0f} s", flush=True)
@@ -128,8 +129,8 @@ def study(out: Path, vehicles: tuple[str, ...], seeds: tuple[int, ...]) -> list[
 def report(found: list[Outcome]) -> Report:
     """The table of mistakes, and what was missed."""
     planted_in = [o for o in found if o.row != NOTHING.name]
-    real = [o for o in planted_in if o.word != "not to be seen"]
-    faint = len(planted_in) - len(real)
+    real = [o for o in planted_in if o.word not in ("not to be seen", "diverges")]
+    faint = sum(o.word == "not to be seen" for o in planted_in)
     clean = [o for o in found if o.row == NOTHING.name]
     good = [o for o in real if o.word not in ("missed", "wrong name")]
     share = len(good) / max(1, len(real))
@@ -218,13 +219,14 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("out/simulator_mistakes"))
     parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--render", type=Path, metavar="FOLDER")
     parser.add_argument("--vehicles", default=",".join(VEHICLES))
     parser.add_argument("--seeds", default=",".join(map(str, SEEDS)))
     given = parser.parse_args()
     lock_or_exit(given.out, "study simulator_mistakes")
-    main(
-        given.out,
-        given.quick,
-        tuple(int(s) for s in given.seeds.split(",")),
-        tuple(given.vehicles.split(",")),
-    )
+    if given.render is not None:
+        outcomes = kept(given.render)
+        writer.write(report(outcomes), given.out, {"outcomes": [vars(o) for o in outcomes]})
+    else:
+        seeds = tuple(int(s) for s in given.seeds.split(","))
+        main(given.out, given.quick, seeds, tuple(given.vehicles.split(",")))
