@@ -1,9 +1,9 @@
 """Are mistakes of a simulator told from a cause: which planted ones are named, and what is named wrongly?
 
 Usage: python -m studies.simulator_mistakes.run [--out FOLDER] [--quick] [--vehicles A,B] [--seeds 0,1]
-[--render FOLDER]. Logs are made with the right numbers; the vehicle file gets one mistake at a time. The log goes through the
-check of the input, the comparison of all causes and the search for mistakes of the simulator, as in
-`bayesid diagnose`; held-out runs are not asked. Results are kept after every log: a second call goes on.
+[--render FOLDER]. Logs are made with the right numbers; the vehicle file gets one mistake at a time. The log
+goes through the check of the input, the comparison of causes and the search for mistakes of the simulator,
+as in `bayesid diagnose`; held-out runs are not asked. Results are kept: a second call goes on.
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ Notify = Callable[[str], None]
 # Mistakes judged anew after the screen, and how far one may lie behind no mistake, and behind the best
 # explanation without one [nats]: an environment measured with the wrong simulator hides what a mend is worth
 # (Munk moment left out of REMUS at 2.5 Hz: 2 nats of the screen, 242 with the environment measured anew).
-TRIED, LEAST_GAIN, MOST_BEHIND = 4, 0.0, 30.0
+TRIED, LEAST_GAIN, MOST_BEHIND = 3, 0.0, 30.0
 # A change that the log does not feel at all.
 UNFELT = 1e-6
 # Lead [nats] over every other explanation from which on a mistake is named.
