@@ -22,7 +22,7 @@ _GROUP = {
     "pose": "data", "velocity": "data", "command": "commands", "actuator": "measured_inputs",
     "propulsion": "propulsion", "environment": "exogenous",
 }  # fmt: skip
-_TEXT = {"heading_from": ("north", "east"), "velocity_axes": ("body", "earth")}
+TEXTS = {"heading_from": ("north", "east"), "velocity_axes": ("body", "earth")}
 
 
 @dataclass(frozen=True)
@@ -275,10 +275,10 @@ def _checked(key: str, given: Any, problems: list[str]) -> Any:
             problems.append(f'{place} must be a list of pairs, e.g. exchange = [["x", "y"]]')
             return None
         return tuple((a, b) for a, b in given) if all(name(v) for p in given for v in p) else None
-    if key in _TEXT:
-        if given in _TEXT[key]:
+    if key in TEXTS:
+        if given in TEXTS[key]:
             return given
-        problems.append(f"{place} is {str(given)[:40]!r}; one of {', '.join(_TEXT[key])}")
+        problems.append(f"{place} is {str(given)[:40]!r}; one of {', '.join(TEXTS[key])}")
         return None
     if key == "geographic":
         if isinstance(given, bool):
