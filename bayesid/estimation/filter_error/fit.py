@@ -19,7 +19,13 @@ import numpy as np
 from bayesid.equations.model import Model
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.evidence import GaussianPosterior, NormalEquations, posterior
-from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, first_trajectory
+from bayesid.estimation.filter_error.linearise import (
+    Linearisation,
+    Trajectory,
+    first_trajectory,
+    forces,
+    linearise,
+)
 from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit, mixing, smoothed
 from bayesid.estimation.filter_error.normal_equations import stacked_equations
 from bayesid.estimation.filter_error.shared_linearisations import fresh, linear
@@ -54,7 +60,9 @@ class FilterErrorFit:
     posterior : Posterior of z = (value - mean)/sd
     par : full parameter vector
     noise_model : environment used
-    points, paths : one per run
+    points : one per run, where the next pass would begin
+    model, logs, about : what was fitted, and where each run was linearised last
+    held : its linearisations; empty once released, as they are most of what a fit takes in memory
     equations : one per run, columns in units of the prior sd, residual relative to the prior mean
     standard : per run (n, q) standardised innovations
     iterations, converged : Gauss-Newton passes and whether the last step was below `CONVERGED_STEP`
@@ -69,7 +77,10 @@ class FilterErrorFit:
     par: Array
     noise_model: NoiseModel
     points: tuple[Trajectory, ...]
-    paths: tuple[Linearisation, ...]
+    model: Model
+    logs: tuple[RunData, ...]
+    about: tuple[Trajectory, ...]
+    held: tuple[Linearisation, ...]
     equations: tuple[NormalEquations, ...]
     standard: tuple[Array, ...]
     iterations: int
@@ -91,7 +102,21 @@ class FilterErrorFit:
     def chi2(self) -> float:
         """Mean squared standardised innovation."""
         total = sum(float((s**2).sum()) for s in self.standard)
-        return total / max(1, sum(int(p.log.valid.sum()) for p in self.paths))
+        return total / max(1, sum(int(log.valid.sum()) for log in self.logs))
+
+    @property
+    def paths(self) -> tuple[Linearisation, ...]:
+        """Every run linearised, as held or made anew: the same numbers."""
+        if self.held:
+            return self.held
+        inputs, where = forces(self.model), self.free.where
+        return tuple(
+            linearise(self.model, log, p, where, inputs) for log, p in zip(self.logs, self.about, strict=True)
+        )
+
+    def released(self) -> FilterErrorFit:
+        """The fit without its linearisations, which are made anew where they are asked for."""
+        return replace(self, held=())
 
 
 def fit(
@@ -181,6 +206,9 @@ def fit(
         points[0].par,
         now,
         tuple(points),
+        model,
+        tuple(logs),
+        tuple(p.point for p in paths),
         tuple(paths),
         tuple(equations),
         tuple(standardised),
