@@ -19,10 +19,10 @@ from typing import Any, Protocol
 
 from bayesid.benchmark.plant import Campaign, write_bundle
 from bayesid.benchmark.protocol.answers import load_answers
-from bayesid.benchmark.protocol.commitment import code_digest
 from bayesid.benchmark.protocol.detectability import Detectability, detectability
 from bayesid.benchmark.protocol.judgement import ScoredCase, judge
 from bayesid.benchmark.protocol.make_pack import SIZE_RANGE, SIZE_TO_START, write_answer
+from bayesid.code import code_digest
 from bayesid.diagnosis.run import Diagnosis, diagnose
 from bayesid.equations.model import build_model
 from bayesid.errors import BayesidError

@@ -15,7 +15,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from bayesid.benchmark.protocol.commitment import code_digest, digest_of_file, digest_of_folder, read_json
+from bayesid.benchmark.protocol.commitment import digest_of_file, digest_of_folder, read_json
+from bayesid.code import code_digest
 from bayesid.errors import BayesidError
 from bayesid.executor import HERE, Executor, add_executor, executor_from
 from bayesid.lock import lock_or_exit

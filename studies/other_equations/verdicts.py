@@ -12,7 +12,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from bayesid.benchmark.protocol.commitment import code_digest, digest_of_folder, read_json
+from bayesid.benchmark.protocol.commitment import digest_of_folder, read_json
+from bayesid.code import code_digest
 from bayesid.diagnosis.run import diagnose
 from bayesid.equations.model import build_model
 from bayesid.errors import BayesidError

@@ -18,14 +18,10 @@ import numpy as np
 
 from bayesid.equations.model import Model
 from bayesid.errors import ModelError
-from bayesid.estimation.filter_error.evidence import GaussianPosterior, NormalEquations, posterior
-from bayesid.estimation.filter_error.linearise import (
-    Linearisation,
-    Trajectory,
-    first_trajectory,
-    forces,
-    linearise,
-)
+from bayesid.estimation.filter_error.evidence import posterior
+from bayesid.estimation.filter_error.fit_journal import current_journal
+from bayesid.estimation.filter_error.fit_result import FilterErrorFit
+from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, first_trajectory
 from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit, mixing, smoothed
 from bayesid.estimation.filter_error.normal_equations import stacked_equations
 from bayesid.estimation.filter_error.shared_linearisations import fresh, linear
@@ -49,76 +45,6 @@ GIVE_UP_ITERATIONS = 6
 NEGLIGIBLE_FORCE = 3e-6
 
 
-@dataclass(frozen=True, eq=False)
-class FilterErrorFit:
-    """Converged (or not) filter-error fit.
-
-    Attributes
-    ----------
-    free : Free
-    values : (k,) estimates [SI]
-    posterior : Posterior of z = (value - mean)/sd
-    par : full parameter vector
-    noise_model : environment used
-    points : one per run, where the next pass would begin
-    model, logs, about : what was fitted, and where each run was linearised last
-    held : its linearisations; empty once released, as they are most of what a fit takes in memory
-    equations : one per run, columns in units of the prior sd, residual relative to the prior mean
-    standard : per run (n, q) standardised innovations
-    iterations, converged : Gauss-Newton passes and whether the last step was below `CONVERGED_STEP`
-    posterior sd
-    path_points, path_force_level, path_evidence : points of the most probable pass, its latent force over
-        1/2 rho L^2 U^2 and its log evidence: a path that follows the data even where the model cannot
-    """
-
-    free: GaussianPrior
-    values: Array
-    posterior: GaussianPosterior
-    par: Array
-    noise_model: NoiseModel
-    points: tuple[Trajectory, ...]
-    model: Model
-    logs: tuple[RunData, ...]
-    about: tuple[Trajectory, ...]
-    held: tuple[Linearisation, ...]
-    equations: tuple[NormalEquations, ...]
-    standard: tuple[Array, ...]
-    iterations: int
-    converged: bool
-    path_points: tuple[Trajectory, ...]
-    path_force_level: float
-    path_evidence: float
-
-    @property
-    def log_evidence(self) -> float:
-        return self.posterior.log_evidence
-
-    @property
-    def sd(self) -> Array:
-        """Posterior standard deviations [SI]."""
-        return np.sqrt(np.diag(self.posterior.covariance)) * self.free.sd
-
-    @property
-    def chi2(self) -> float:
-        """Mean squared standardised innovation."""
-        total = sum(float((s**2).sum()) for s in self.standard)
-        return total / max(1, sum(int(log.valid.sum()) for log in self.logs))
-
-    @property
-    def paths(self) -> tuple[Linearisation, ...]:
-        """Every run linearised, as held or made anew: the same numbers."""
-        if self.held:
-            return self.held
-        inputs, where = forces(self.model), self.free.where
-        return tuple(
-            linearise(self.model, log, p, where, inputs) for log, p in zip(self.logs, self.about, strict=True)
-        )
-
-    def released(self) -> FilterErrorFit:
-        """The fit without its linearisations, which are made anew where they are asked for."""
-        return replace(self, held=())
-
-
 def fit(
     model: Model,
     logs: Sequence[RunData],
@@ -140,10 +66,31 @@ def fit(
         pass until the real level is reached; 0 starts at the real level
     iterations : at most this many
     """
-    unit = force_unit(model)
     base = model.nominal.copy()
     base[free.where] = free.mean
     points = list(start) if start is not None else [first_trajectory(model, log, base) for log in logs]
+    journal = current_journal()
+    if journal is None:
+        return _fit(model, logs, free, noise_model, points, initial_noise_scale, iterations)
+    key = journal.key(model, logs, free, noise_model, points, initial_noise_scale, iterations)
+    found = journal.read(key, model, logs, free, noise_model)
+    if found is None:
+        found = _fit(model, logs, free, noise_model, points, initial_noise_scale, iterations)
+        journal.write(key, found)
+    return found
+
+
+def _fit(
+    model: Model,
+    logs: Sequence[RunData],
+    free: GaussianPrior,
+    noise_model: NoiseModel,
+    points: list[Trajectory],
+    initial_noise_scale: float,
+    iterations: int,
+) -> FilterErrorFit:
+    """The fit itself, from points."""
+    unit = force_unit(model)
     values = points[0].par[free.where].copy()
     best: _Best | None = None
     standardised: list[Array] = []
