@@ -146,7 +146,10 @@ def kinds(folder: Path) -> dict[str, tuple[tuple[bytes, ...], Callable[[bytes], 
         "noise": (TEXTS["noise"], partial(in_text, lambda t: noise_of([t]))),
         "quantity": (TEXTS["quantity"], partial(in_text, lambda t: number_of(t, "rad"))),
         "manoeuvre": (TEXTS["manoeuvre"], partial(in_text, lambda t: parse(t, scale))),
-        "map": ((MAP,), partial(in_file, "map.toml", read_map)),
+        "map": (
+            (MAP, *(MAP.replace(b"50.9", b"9" * n) for n in (400, 5000))),
+            partial(in_file, "map.toml", read_map),
+        ),
         "raw log": (
             (LOG, LOG.replace(b",", b".").replace(b";", b",")), partial(in_file, "raw.csv", read_log)
         ),

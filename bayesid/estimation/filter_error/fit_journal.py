@@ -13,10 +13,12 @@ import io
 import json
 import warnings
 import zipfile
+import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any
 
 import numpy as np
@@ -33,7 +35,11 @@ from bayesid.estimation.run_data import RunData
 from bayesid.files import write_atomic
 
 SUFFIX = ".fit.npz"
-_UNREADABLE = (OSError, ValueError, KeyError, TypeError, IndexError, EOFError, zipfile.BadZipFile)
+# numpy reads the header of an array as Python's own tokens
+_UNREADABLE = (
+    OSError, ValueError, KeyError, TypeError, IndexError, EOFError, ArithmeticError, SyntaxError, MemoryError,
+    NotImplementedError, RuntimeError, TokenError, zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
 
 
 class FitJournal:

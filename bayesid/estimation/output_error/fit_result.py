@@ -114,6 +114,9 @@ class Fit:
         return write_json(path, self)
 
 
+_UNREADABLE = (OSError, ValueError, KeyError, TypeError, AttributeError, ArithmeticError, RecursionError)
+
+
 def load_fit(path: str | os.PathLike[str]) -> Fit:
     """Read what `Fit.save` wrote.
 
@@ -125,7 +128,15 @@ def load_fit(path: str | os.PathLike[str]) -> Fit:
     target = Path(path)
     try:
         return _fit_of(json.loads(target.read_text(encoding="utf-8")))
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+    except (
+        OSError,
+        ValueError,
+        KeyError,
+        TypeError,
+        AttributeError,
+        ArithmeticError,
+        RecursionError,
+    ) as error:
         raise FitError(f"{target.name}: not a stored fit ({type(error).__name__}: {error})") from None
 
 
