@@ -24,9 +24,10 @@ from bayesid.analysis.design import (
 )
 from bayesid.analysis.design.freeform import frame
 from bayesid.analysis.design.goals import InformationGoal, predict, shrink
-from bayesid.analysis.design.run_selection import rank
+from bayesid.analysis.design.information import RunInformation
+from bayesid.analysis.design.run_selection import best_sets, rank
 from bayesid.equations.model import build_model
-from bayesid.errors import FitError
+from bayesid.errors import FitError, ManoeuvreError
 from bayesid.manoeuvres import read_table, write_table
 from bayesid.model.vehicles import load_vehicle
 
@@ -127,6 +128,20 @@ def test_table_of_a_design_executes_the_same_run(tmp_path: Path) -> None:
     assert one == pytest.approx(two, rel=1e-6)
 
 
+def test_held_orders_change_only_at_the_steps_of_the_autopilot() -> None:
+    bounds = limits(MODEL, duration=400.0, hold=10.0)
+    shape = frame(bounds, 19.0)
+    x = np.random.default_rng(6).uniform(-1, 1, shape.size)
+    held, free = shape.orders(x), frame(CASE.bounds, 19.0).orders(x)
+    for name, values in held.commands.items():
+        changed = held.t[1:][np.diff(values) != 0]
+        assert changed.size > 3
+        assert np.allclose(changed, 10.0 * np.round(changed / 10.0), atol=1e-9)
+        assert np.ptp(values) > 0.5 * np.ptp(free.commands[name])
+    with pytest.raises(ManoeuvreError, match="fewer than ten"):
+        limits(MODEL, duration=400.0, hold=60.0)
+
+
 def test_goals_without_what_they_need_are_refused() -> None:
     with pytest.raises(FitError, match="needs a wanted manoeuvre"):
         next_manoeuvre(CASE, "predict", np.random.default_rng(0))
@@ -146,3 +161,31 @@ def test_pitch_and_depth_bind_a_diving_vehicle() -> None:
     x[n : 2 * n] = 1.0
     execution = case.execution(shape.orders(x))
     assert set(bounds.violations(execution.track)) == {"depth", "pitch"}
+
+
+def test_the_best_pair_is_the_best_of_all_pairs_and_keeps_the_time() -> None:
+    rng = np.random.default_rng(1)
+    k, names = 3, "abcde"
+
+    def info(name: str) -> RunInformation:
+        a = rng.standard_normal((4, 2, k))
+        return RunInformation(name, 60.0 * (1 + names.index(name)), np.einsum("dni,dnj->dij", a, a))
+
+    candidates = {n: info(n) for n in names}
+    now = np.zeros((4, k, k))
+    single, pair, triple = best_sets(candidates, now)
+
+    def mean_gain(chosen) -> float:
+        total = np.eye(k) + sum(candidates[n].matrices for n in chosen)
+        return float(np.mean(0.5 * np.linalg.slogdet(total)[1]))
+
+    every = [(a, b) for i, a in enumerate(names) for b in names[i:]]
+    assert pair.adds[1] == pytest.approx(max(map(mean_gain, every)))
+    assert set(pair.names) == set(max(every, key=mean_gain))
+    assert single.adds[1] < pair.adds[1] < triple.adds[1]
+    assert triple.left < pair.left < single.left
+    short = best_sets(candidates, now, most=180.0)
+    assert [len(s.names) for s in short] == [1, 2, 3]
+    assert all(s.seconds <= 180.0 for s in short)
+    assert short[2].names == ("a", "a", "a")
+    assert best_sets(candidates, now, most=30.0) == ()

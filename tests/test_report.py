@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 from html.parser import HTMLParser
 
 import numpy as np
@@ -15,7 +16,7 @@ from bayesid.report.figure_style import COLOURS, styled, subplots
 from bayesid.report.writer import Figure, Report, Section, Table, Text, literal, write
 from bayesid.report.writer.blocks import cell_text
 from bayesid.report.writer.markup import to_html, to_markdown
-from bayesid.report.writer.picture import png_bytes, reduced
+from bayesid.report.writer.picture import png_bytes, png_width, reduced, svg_bytes
 
 NASTY = "<script>alert(1)</script> **bold** [link](https://example.org) `code` | # & \"x\" 'y'"
 ALLOWED_TAGS = {"p", "ul", "ol", "li", "pre", "code", "strong", "a"}
@@ -84,8 +85,33 @@ def test_no_control_character_of_a_name_reaches_a_report(tmp_path):
 def test_html_asks_no_other_file_or_server(tmp_path):
     html = write(_report("Trial"), tmp_path, {}).read_text()
     sources = [value for _, name, value in _Page(html).attributes if name in ("src", "href")]
-    assert sources and all(value.startswith(("data:image/png;base64,", "#")) for value in sources)
+    embedded = ("data:image/png;base64,", "data:image/svg+xml;base64,", "#")
+    assert sources and all(value.startswith(embedded) for value in sources)
     assert "url(" not in html and "@import" not in html
+
+
+def test_drawings_are_embedded_as_svg_that_asks_for_nothing_and_never_changes(tmp_path):
+    one, two = (svg_bytes(Figure("tracks", _figure(), "")) for _ in "ab")
+    assert one == two and one is not None
+    text = one.decode("utf-8")
+    assert "<script" not in text and "<metadata" not in text
+    asked = re.findall(r'(?:href|src)="([^"]*)"', text)
+    assert all(a.startswith("#") for a in asked)
+    write(_report("Trial"), tmp_path, {})
+    html = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "data:image/svg+xml;base64," in html
+
+
+def test_a_drawing_of_many_points_and_ready_bytes_stay_png(tmp_path):
+    figure, axes = subplots()
+    rng = np.random.default_rng(0)
+    axes.scatter(*rng.standard_normal((2, 20_000)))
+    assert svg_bytes(Figure("cloud", figure, "")) is None
+    assert svg_bytes(Figure("bytes", b"\x89PNG", "")) is None
+    html = write(Report("t", "l", [Section("s", [Figure("cloud", figure, "c")])]), tmp_path, {}).read_text()
+    assert "image/png" in html and "svg+xml" not in html
+    size = png_width((tmp_path / "figures" / "cloud.png").read_bytes())
+    assert f'width="{size}"' in html
 
 
 def test_a_long_heading_of_numbers_may_wrap(tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ from bayesid.analysis.design.compare import (
 from bayesid.analysis.design.criteria import flat_names
 from bayesid.analysis.design.regression_check import inclusion
 from bayesid.analysis.design.ridge_map import per_minute, ridge_map
+from bayesid.analysis.design.run_selection import best_sets
 from bayesid.api.inputs import Names, VehicleLike
 from bayesid.api.planning import case_of, orders, subject_of
 from bayesid.api.result import Result, table
@@ -43,6 +45,9 @@ def compare(
     source: Trial | Vehicle | str | os.PathLike[str],
     vehicle: VehicleLike | None = None,
     *,
+    data: str | os.PathLike[str] | None = None,
+    resample: float | None = None,
+    pieces: float | None = None,
     dof: int | None = None,
     executed: Iterable[str] = (),
     also: Iterable[str] = (),
@@ -55,6 +60,7 @@ def compare(
     prior: float | None = None,
     draws: int = 8,
     refits: int = 3,
+    time: float | None = None,
     seed: int = 0,
     quick: bool = False,
     progress: Progress | None = None,
@@ -65,6 +71,7 @@ def compare(
     ----------
     source : a vehicle, or a trial whose identify runs count as executed
     vehicle : instead of the one the trial names
+    data, resample, pieces : of a trial, as in `bayesid.fit`
     executed : manoeuvres that count as executed already, of a vehicle
     also : manoeuvres compared with the library, e.g. "table:mine.csv"
     duration, dt : length of a run and time between readings [s]
@@ -75,20 +82,21 @@ def compare(
         none
     draws : vehicles drawn from what is known
     refits : true vehicles simulated and refitted to check
+    time : of the best single run, pair and triple together [s]; by default without limit
 
     Raises
     ------
     TrialError, VehicleError, FitError, ManoeuvreError
         what cannot be read, set up or executed
     """
-    model, trial = subject_of(source, vehicle, dof, prior)
+    model, trial = subject_of(source, vehicle, dof, prior, data, resample)
     made = case_of(
         model, trial, executed=executed, fix=fix, noise=noise, dt=dt, duration=duration,
-        rudder=rudder, plane=plane,
+        rudder=rudder, plane=plane, pieces=pieces,
     )  # fmt: skip
     found = compared(
         made.case, made.notes, orders(model, also), 4 if quick else draws, 0 if quick else refits, seed,
-        progress or Progress(quiet=True),
+        progress or Progress(quiet=True), math.inf if time is None else time,
     )  # fmt: skip
     return CompareResult(found)
 
@@ -101,6 +109,7 @@ def compared(
     refits: int,
     seed: int,
     progress: Progress,
+    time: float = math.inf,
 ) -> Comparison:
     """The comparison of the library and of manoeuvres given."""
     rng = np.random.default_rng(seed)
@@ -145,6 +154,7 @@ def compared(
         ranks, refused, notes, seed, len(vehicles), len(trials),
         per_minute({n: infos[n] for n in executed}),
         ridge_map(case.knowledge, {n: infos[n] for n in executed}),
+        best_sets(infos, case.now(vehicles).matrices, time), time,
     )  # fmt: skip
 
 
@@ -175,6 +185,8 @@ class CompareResult(Result):
             words.headline(self.found),
             "",
             *(f"note: {note}" for note in self.found.notes),
+            table_text(words.SET_COLUMNS, words.set_rows(self.found.sets), digits=3),
+            "",
             table_text(words.RICHNESS_COLUMNS, rows, digits=3),
             *(f"left out: {name}: {why}" for name, why in self.found.refused.items()),
             *(f"rank correlation, {what}: {value:.2f}" for what, value in self.found.ranks.items()),

@@ -24,6 +24,7 @@ from bayesid.manoeuvres import parse, write_table
 from bayesid.model.vehicles import Vehicle
 from bayesid.progress import Progress
 from bayesid.report import design as words
+from bayesid.report import design_first_screen as screen
 from bayesid.report.writer import Report
 from bayesid.report.writer.text import table_text
 from bayesid.simulation.virtual_trial import virtual_trial
@@ -42,6 +43,9 @@ def design(
     source: Trial | Vehicle | str | os.PathLike[str],
     vehicle: VehicleLike | None = None,
     *,
+    data: str | os.PathLike[str] | None = None,
+    resample: float | None = None,
+    pieces: float | None = None,
     dof: int | None = None,
     executed: Iterable[str] = (),
     gain: bool = False,
@@ -56,6 +60,7 @@ def design(
     box: float | None = None,
     depth: float | None = None,
     plane: float | None = None,
+    hold: float | None = None,
     noise: Mapping[str, float] | None = None,
     dt: float | None = None,
     fix: Names = None,
@@ -70,13 +75,16 @@ def design(
 
     Parameters
     ----------
-    source, vehicle, dof, executed, duration, rudder, plane, noise, dt, fix, prior : as in `bayesid.compare`
+    source, vehicle, data, resample, pieces, dof, executed : as in `bayesid.compare`
+    duration, rudder, plane, noise, dt, fix, prior : as in `bayesid.compare`
     gain : goal: most about all coefficients, open or not
     predict : goal: predict this manoeuvre better; `worst` its worst reading instead of the mean
     tell : goal: tell these causes of a gap apart, at `size` times their prior sd
     rate : rudder rate [rad/s]
     rpm : lowest and highest shaft speed
     box, depth : longest side of the area swept and largest change of depth [m]
+    hold : orders of the designed manoeuvre change only every so many seconds, as an autopilot's table does;
+        it is searched and judged so
     count : manoeuvres of the library chosen and ordered
     tries : manoeuvres tried in the search
 
@@ -93,10 +101,10 @@ def design(
     ]
     if len(goals) > 1:
         raise FitError(f"one goal at a time: gain, predict or tell; given are {' and '.join(goals)}")
-    model, trial = subject_of(source, vehicle, dof, prior)
+    model, trial = subject_of(source, vehicle, dof, prior, data, resample)
     made = case_of(
         model, trial, executed=executed, fix=fix, noise=noise, dt=dt, duration=duration,
-        rudder=rudder, rate=rate, rpm=rpm, box=box, depth=depth, plane=plane,
+        rudder=rudder, rate=rate, rpm=rpm, box=box, depth=depth, plane=plane, pieces=pieces, hold=hold,
     )  # fmt: skip
     case, notes = made.case, list(made.notes)
     between = _causes(case, model, trial, causes_to_tell, size, seed, notes) if causes_to_tell else None
@@ -176,7 +184,9 @@ class DesignResult(Result):
 
     def summary(self, verbose: bool = False) -> str:
         plan = self.plan
-        lines = [*(f"note: {note}" for note in self.notes), f"goal: {plan.goal}; {plan.unit}"]
+        lines = [f"Check failed: {text}" for text in screen.failures(plan)]
+        lines += [screen.headline(self.case, plan, TABLE), ""]
+        lines += [*(f"note: {note}" for note in self.notes), f"goal: {plan.goal}; {plan.unit}"]
         lines.append(table_text(words.CANDIDATE_COLUMNS, words.candidate_rows(plan), digits=3))
         if plan.randoms:
             shown = [c.shown for c in plan.randoms]

@@ -22,6 +22,7 @@ from bayesid.estimation.segments import in_pieces
 from bayesid.model.vehicles import ASSUMED_RELATIVE_SD, Vehicle
 from bayesid.progress import Progress
 from bayesid.report import identify as words
+from bayesid.report import identify_first_screen as screen
 from bayesid.report.writer import Report
 from bayesid.report.writer.text import table_text
 from bayesid.threads import one_blas_thread
@@ -176,20 +177,23 @@ class IdentifyResult(Result):
     def summary(self, verbose: bool = False) -> str:
         found, facts = self.found, self.facts
         lines = [
+            screen.headline(found, self.behaviour),
+            *(f"Check failed: {text}" for text in screen.failures(found)),
+            "",
             f"{facts['trial']}: {found.n_readings} readings, {len(found.names)} coefficients of "
             f"{facts['vehicle']}",
             words.sentence(found),
             *(f"note: {remark}" for remark in facts["remarks"]),
             "",
         ]
+        if self.behaviour is not None:
+            lines += [table_text(words.DERIVED_COLUMNS, words.derived_rows(*self.behaviour)), ""]
         chosen = range(len(words.COEFFICIENT_COLUMNS)) if verbose else (0, 1, 2, 4, 5, 6, 8)
         rows = [[row[i] for i in chosen] for row in words.coefficient_rows(found, self.vehicle)]
         lines.append(table_text([words.COEFFICIENT_COLUMNS[i] for i in chosen], rows, digits=3))
         if found.directions:
             lines += ["\nLeft open:", *self._open(verbose)]
-        if self.behaviour is not None:
-            lines.append("\nWhat matters anyway:")
-            lines.append(table_text(words.DERIVED_COLUMNS, words.derived_rows(*self.behaviour)))
+        lines += ["", "Next:", *(f"  {s.replace('`', '')}" for s in screen.next_steps(found, facts))]
         return "\n".join(lines)
 
     def _open(self, verbose: bool) -> list[str]:

@@ -12,12 +12,14 @@ from pathlib import Path
 
 from bayesid.analysis.design import limits, usual_logging
 from bayesid.analysis.design.planning_case import PlanningSetup, known_of, trial_case, vehicle_case
-from bayesid.api.inputs import Names, VehicleLike, names_of, vehicle_of
+from bayesid.api.inputs import Names, VehicleLike, names_of, prepared, vehicle_of
 from bayesid.equations.model import Model, build_model
 from bayesid.errors import TrialError, VehicleError
+from bayesid.estimation.segments import in_pieces
 from bayesid.manoeuvres import Manoeuvre, Scale, parse
 from bayesid.model.vehicles import Vehicle
 from bayesid.trials import Trial, load_trial
+from bayesid.trials.bundle import builtin_trials
 
 
 def subject_of(
@@ -25,6 +27,8 @@ def subject_of(
     vehicle: VehicleLike | None,
     dof: int | None,
     prior: float | None,
+    data: str | os.PathLike[str] | None = None,
+    resample: float | None = None,
 ) -> tuple[Model, Trial | None]:
     """Model, and the trial if the source is one or names one.
 
@@ -34,7 +38,9 @@ def subject_of(
         a folder without trial.toml, or a trial without a vehicle
     """
     if not isinstance(source, Trial | Vehicle) and is_bundle(source):
-        source = load_trial(os.fspath(source))
+        source = load_trial(os.fspath(source), data=data)
+    if isinstance(source, Trial):
+        source = prepared(source, None, resample)
     if not isinstance(source, Trial):
         if not isinstance(source, Vehicle) and Path(source).is_dir():
             raise TrialError(f"{source}: a folder without trial.toml; give a trial bundle or a vehicle")
@@ -48,6 +54,8 @@ def subject_of(
 def is_bundle(source: str | os.PathLike[str]) -> bool:
     """Whether a path names a trial rather than a vehicle."""
     path = Path(source)
+    if str(path) in builtin_trials() and not path.exists():
+        return True
     return (path / "trial.toml").is_file() or path.name == "trial.toml"
 
 
@@ -66,6 +74,8 @@ def case_of(
     box: float | None = None,
     depth: float | None = None,
     plane: float | None = None,
+    pieces: float | None = None,
+    hold: float | None = None,
 ) -> PlanningSetup:
     """The case that the choices describe; angles in radians.
 
@@ -76,7 +86,7 @@ def case_of(
     """
     bounds = limits(
         model, duration, rudder=rudder, rate=rate, plane=plane, rpm=rpm, box=math.inf if box is None else box,
-        depth=depth,
+        depth=depth, hold=hold or 0.0,
     )  # fmt: skip
     knowledge = known_of(model, fixed=names_of(fix) or [])
     sigma = dict(noise or {})
@@ -88,7 +98,8 @@ def case_of(
         raise TrialError(
             "manoeuvres taken as executed go with a vehicle; of a trial its own identify runs count"
         )
-    return trial_case(model, trial, knowledge, bounds, sigma, dt)
+    cut = trial if pieces is None else in_pieces(trial, pieces)
+    return trial_case(model, cut, knowledge, bounds, sigma, dt)
 
 
 def orders(model: Model, texts: Iterable[str]) -> dict[str, Manoeuvre]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,12 +13,16 @@ from bayesid.analysis.identifiability.posterior_view import PosteriorView, view_
 from bayesid.api.inputs import Names, TrialLike, VehicleLike, names_of, prepared, trial_of, vehicle_of
 from bayesid.api.result import Result, table
 from bayesid.equations.model import build_model
+from bayesid.errors import SampleError
 from bayesid.estimation.likelihood import NoiseParts
 from bayesid.estimation.likelihood.weighted_fit import weighed
 from bayesid.estimation.output_error import coefficient_set
 from bayesid.estimation.sampling import Posterior, SamplerOptions, SamplingSettings, trial_density
 from bayesid.estimation.sampling import sample as draw
+from bayesid.estimation.sampling.arviz_groups import arviz_groups
+from bayesid.estimation.sampling.nuts import NutsOptions, sample_nuts_until
 from bayesid.estimation.sampling.priors import with_prior
+from bayesid.estimation.sampling.trial_gradient import GradientTrialDensity
 from bayesid.estimation.segments import fit_in_pieces
 from bayesid.estimation.trial_fit import TrialFit
 from bayesid.model.vehicles import ASSUMED_RELATIVE_SD
@@ -41,7 +46,7 @@ from bayesid.trials.noise import raised, raised_words
 if TYPE_CHECKING:
     import pandas
 
-QUICK_SAMPLES, QUICK_STEPS = 200, 600
+QUICK_SAMPLES, QUICK_STEPS, QUICK_DRAWS = 200, 600, 300
 # Share of the readings' information above which residuals count as white.
 FULL_WEIGHT = 0.9
 
@@ -63,6 +68,7 @@ def sample(
     initial: Literal["marginal", "sampled", "fixed"] = "marginal",
     memory: Literal["composite", "inflate", "ar1", "ignore"] = "composite",
     student: float | None = None,
+    sampler: Literal["emcee", "nuts"] = "emcee",
     ensembles: int = 4,
     walkers: int | None = None,
     max_steps: int = 20_000,
@@ -84,6 +90,8 @@ def sample(
         `bayesid.fit` finds, with noise fixed ("composite"; "inflate" where readings know 90 % and more); or
         they count for fewer readings, are an autoregression, or are taken as white
     student : degrees of freedom of Student-t noise, for outliers; not with marginal states
+    sampler : emcee's ensembles, or nutpie's No-U-Turn sampler along slopes (extra `nuts`), whose chain is
+        kept in memory until it is done
     ensembles, walkers : independent ensembles, and walkers of each (default from the unknowns)
     resume : go on with the chain in `out`; it then is the very chain an unbroken run would have given
 
@@ -97,6 +105,8 @@ def sample(
         what cannot be read or set up
     """
     composite = memory == "composite" and noise == "sampled" and student is None
+    if sampler == "nuts" and (resume or walkers is not None):
+        raise SampleError("the gradient sampler has no walkers and nothing to resume; leave both out")
     choice = SamplingSettings(
         noise=noise, initial=initial, memory="inflate" if memory == "composite" else memory, student=student
     )
@@ -135,10 +145,17 @@ def sample(
         shown.note(f"{raised_words(least)}; chains are slow where a channel has none")
         density = trial_density(problem, found.fit.z, choice, {**told, **least}, honest)
     with shown.stage("sample") as stage:
-        posterior = draw(
-            density, density.laplace, options, Path(out), resume=resume,
-            watch=lambda steps, note: stage.step(steps, info=note or None),
-        )  # fmt: skip
+        if sampler == "nuts":
+            posterior = sample_nuts_until(
+                GradientTrialDensity(density), density.laplace, options.max_steps,
+                NutsOptions(chains=ensembles, seed=seed, draws=QUICK_DRAWS if quick else 1000),
+                watch=lambda draws, note: stage.step(draws, info=note or None),
+            )  # fmt: skip
+        else:
+            posterior = draw(
+                density, density.laplace, options, Path(out), resume=resume,
+                watch=lambda steps, note: stage.step(steps, info=note or None),
+            )  # fmt: skip
     likelihood = "white noise" if found.posterior is None else found.posterior.parts.describe()
     facts = {"fit": found.fit.message, "likelihood": likelihood if composite else memory}
     posterior = replace(posterior, settings={**posterior.settings, **facts})
@@ -146,6 +163,7 @@ def sample(
         view = view_posterior(
             posterior, density, assumed, seed, "--prior" if prior is not None else "vehicle file"
         )
+        posterior.to_netcdf(Path(out) / "posterior.nc", arviz_groups(density, posterior, seed))
     return SampleResult(found, posterior, view, Path(out))
 
 
@@ -174,6 +192,26 @@ class SampleResult(Result):
         import arviz
 
         return arviz.from_netcdf(str(self.out / "posterior.nc"))
+
+    def leave_one_run_out(self) -> Any:
+        """ArviZ's PSIS leave-one-run-out: elpd, its error, and Pareto k per run (above .7: not valid there).
+
+        Raises
+        ------
+        SampleError
+            the likelihood is no sum over runs: noise integrated out, or adjusted to what `fit` finds
+        """
+        import arviz
+
+        data = self.to_xarray()
+        if "log_likelihood" not in getattr(data, "children", ()) and not hasattr(data, "log_likelihood"):
+            raise SampleError(
+                "no leave-one-run-out here: the likelihood is no sum over runs (noise integrated out, or "
+                'adjusted for residuals with memory); sample with memory="ignore" or "inflate"'
+            )
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of a large k, which the result carries
+            return arviz.loo(data, var_name="runs", pointwise=True, reff=1.0)
 
     def report(self) -> Report:
         return sample_report(self.found, self.posterior, self.view)
@@ -210,9 +248,8 @@ class SampleResult(Result):
                 "",
             ]
         lines += [
-            f"{self.found.trial.name}: {len(p.names)} unknowns, {p.draws.shape[0]} ensembles of "
-            f"{p.draws.shape[2]} walkers (emcee), {p.steps} steps after {p.discarded}, {p.seconds:.1f} s "
-            "of CPU",
+            f"{self.found.trial.name}: {len(p.names)} unknowns, {screen.chains(p)}, {p.steps} steps after "
+            f"{p.discarded}, {p.seconds:.1f} s of CPU",
             f"R-hat {g.rhat.max():.4f}, {g.n_tau:.0f} autocorrelation times of {g.tau.max():.0f} steps, "
             f"effective size {g.ess_bulk.min():.0f} (bulk) and {g.ess_tail.min():.0f} (tail), acceptance "
             f"{p.acceptance.min():.2f} .. {p.acceptance.max():.2f}",

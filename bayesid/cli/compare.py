@@ -7,19 +7,23 @@ from typing import Annotated
 import typer
 
 from bayesid.cli.choices import (
+    Data,
     Dof,
     Duration,
     Executed,
     Fix,
     Noise,
+    Pieces,
     Plane,
     Prior,
+    Resample,
     Rudder,
     Source,
     Step,
     Vehicle,
 )
 from bayesid.cli.options import Json, Out, Quick, Quiet, Seed, Verbose
+from bayesid.cli.quantity import quantity
 from bayesid.cli.terminal import OK
 
 Extra = Annotated[
@@ -31,10 +35,21 @@ Refits = Annotated[
     int, typer.Option("--refits", min=0, max=200, help="True vehicles simulated and refitted; 0: none.")
 ]
 
+Time = Annotated[
+    float | None,
+    typer.Option(
+        "--time", metavar="TIME", parser=quantity("s"),
+        help="Of the best run, pair and triple, all together [s]; default without limit.",
+    ),
+]  # fmt: skip
+
 
 def compare(
     source: Source,
     vehicle: Vehicle = None,
+    data: Data = None,
+    resample: Resample = None,
+    pieces: Pieces = None,
     dof: Dof = None,
     executed: Executed = None,
     also: Extra = None,
@@ -47,6 +62,7 @@ def compare(
     prior: Prior = None,
     draws: Draws = 8,
     refits: Refits = 3,
+    time: Time = None,
     out: Out = None,
     seed: Seed = 0,
     quick: Quick = False,
@@ -64,9 +80,10 @@ def compare(
     from bayesid.progress import Progress
 
     found = run(
-        source, vehicle, dof=dof, executed=executed or (), also=also or (), duration=duration, rudder=rudder,
+        source, vehicle, data=data, resample=resample, pieces=pieces, dof=dof,
+        executed=executed or (), also=also or (), duration=duration, rudder=rudder,
         plane=plane, noise=noise_of(noise), dt=dt, fix=fix, prior=prior, draws=draws, refits=refits,
-        seed=seed, quick=quick, progress=Progress(quiet=as_json),
+        time=time, seed=seed, quick=quick, progress=Progress(quiet=as_json),
     )  # fmt: skip
     answer(found, out, as_json, verbose)
     return OK

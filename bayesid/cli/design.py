@@ -8,15 +8,18 @@ import typer
 
 from bayesid.cli.choices import (
     Box,
+    Data,
     Depth,
     Dof,
     Duration,
     Executed,
     Fix,
     Noise,
+    Pieces,
     Plane,
     Prior,
     Rate,
+    Resample,
     Rudder,
     ShaftRange,
     Source,
@@ -24,9 +27,17 @@ from bayesid.cli.choices import (
     Vehicle,
 )
 from bayesid.cli.options import Json, Out, Quick, Quiet, Seed, Verbose
+from bayesid.cli.quantity import quantity
 from bayesid.cli.terminal import OK
 
 Gain = Annotated[bool, typer.Option("--gain", help="Goal: most about all coefficients, open or not.")]
+Hold = Annotated[
+    float | None,
+    typer.Option(
+        "--hold", metavar="TIME", parser=quantity("s", low=1e-3),
+        help="Orders change only every so many seconds, as an autopilot's table does.",
+    ),
+]  # fmt: skip
 Predict = Annotated[
     str | None, typer.Option("--predict", metavar="MANOEUVRE", help="Goal: predict this one better.")
 ]
@@ -42,6 +53,9 @@ Tries = Annotated[int, typer.Option("--tries", min=50, max=100_000, help="Manoeu
 def design(
     source: Source,
     vehicle: Vehicle = None,
+    data: Data = None,
+    resample: Resample = None,
+    pieces: Pieces = None,
     dof: Dof = None,
     executed: Executed = None,
     gain: Gain = False,
@@ -56,6 +70,7 @@ def design(
     box: Box = None,
     depth: Depth = None,
     plane: Plane = None,
+    hold: Hold = None,
     noise: Noise = None,
     dt: Step = None,
     fix: Fix = None,
@@ -85,9 +100,10 @@ def design(
             "one goal at a time: --gain, --predict or --tell", param_hint="--" + goals[1]
         )
     found = run(
-        source, vehicle, dof=dof, executed=executed or (), gain=gain, predict=predict, worst=worst, tell=tell,
+        source, vehicle, data=data, resample=resample, pieces=pieces, dof=dof,
+        executed=executed or (), gain=gain, predict=predict, worst=worst, tell=tell,
         size=size, duration=duration, rudder=rudder, rate=rate, rpm=range_of(rpm, "--rpm"), box=box,
-        depth=depth, plane=plane, noise=noise_of(noise), dt=dt, fix=fix, prior=prior, count=count,
+        depth=depth, plane=plane, hold=hold, noise=noise_of(noise), dt=dt, fix=fix, prior=prior, count=count,
         tries=tries, seed=seed, quick=quick, progress=Progress(quiet=as_json),
     )  # fmt: skip
     answer(found, out, as_json, verbose, {} if out is None else {"command table": out / TABLE})

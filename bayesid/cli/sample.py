@@ -31,11 +31,17 @@ Student = Annotated[
         "--student", metavar="DOF", min=1.0, help="Student-t noise, for outliers; not with marginal states."
     ),
 ]
-Ensembles = Annotated[int, typer.Option("--ensembles", min=4, max=64, help="Independent ensembles.")]
+Sampler = Annotated[
+    Literal["emcee", "nuts"],
+    typer.Option("--sampler", help="emcee's ensembles, or nutpie along slopes (extra nuts; no --resume)."),
+]
+Ensembles = Annotated[
+    int, typer.Option("--ensembles", min=4, max=64, help="Independent ensembles, or chains of nuts.")
+]
 Walkers = Annotated[
     int | None, typer.Option("--walkers", min=4, help="Per ensemble; default from the unknowns.")
 ]
-Steps = Annotated[int, typer.Option("--max-steps", min=10, help="Per ensemble at most.")]
+Steps = Annotated[int, typer.Option("--max-steps", min=10, help="Per ensemble or chain at most.")]
 Resume = Annotated[bool, typer.Option("--resume", help="Go on with the chain in --out.")]
 
 
@@ -54,6 +60,7 @@ def sample(
     initial: Initial = "marginal",
     memory: Memory = "composite",
     student: Student = None,
+    sampler: Sampler = "emcee",
     ensembles: Ensembles = 4,
     walkers: Walkers = None,
     steps: Steps = 20_000,
@@ -75,8 +82,8 @@ def sample(
 
     found = run(
         bundle, out, vehicle, data=data, free=free, fix=fix, runs=runs, resample=resample, pieces=pieces,
-        prior=prior, noise=noise, initial=initial, memory=memory, student=student, ensembles=ensembles,
-        walkers=walkers, max_steps=steps, resume=resume, seed=seed, quick=quick,
+        prior=prior, noise=noise, initial=initial, memory=memory, student=student, sampler=sampler,
+        ensembles=ensembles, walkers=walkers, max_steps=steps, resume=resume, seed=seed, quick=quick,
         progress=Progress(quiet=as_json),
     )  # fmt: skip
     answer(found, out, as_json, verbose)

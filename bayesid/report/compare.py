@@ -5,6 +5,7 @@ Takes results of `bayesid.analysis.design`. Does not compute them.
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ import numpy as np
 from bayesid.analysis.design import Crossing, Knowledge, Richness
 from bayesid.analysis.design.compare import PlanningCase
 from bayesid.analysis.design.ridge_map import RidgeMap
+from bayesid.analysis.design.run_selection import BestSet
 from bayesid.analysis.excitation.row_selection import ENGINE
 from bayesid.diagnosis.plain_words import number
 from bayesid.report import manoeuvre_figures as figures
@@ -39,6 +41,7 @@ class Comparison:
     ranks : words -> rank correlation
     per_minute : (m, 3) nats per minute, least, mean, most of the vehicles drawn; rows as in `richness`
     ridges : what every manoeuvre leaves of coefficients that stand in for each other
+    sets : best single run, pair and triple within `time` [s]
     """
 
     case: PlanningCase
@@ -55,6 +58,8 @@ class Comparison:
     refits: int
     per_minute: Array
     ridges: RidgeMap
+    sets: tuple[BestSet, ...] = ()
+    time: float = math.inf
 
 
 RICHNESS_COLUMNS = (
@@ -70,6 +75,17 @@ def richness_rows(known: Knowledge, found: Richness, best: int = 3) -> list[list
         seen = ", ".join(f"{known.names[i]} {c.contraction[i]:.0%}" for i in order if c.contraction[i] > 0.05)
         rows.append([c.name, c.gain, float(added), c.remaining, c.identified, c.condition_posterior, seen])
     return rows
+
+
+SET_COLUMNS = ("runs", "best set", "minutes", "adds [nats]", "least", "most", "variance left")
+
+
+def set_rows(sets: Sequence[BestSet]) -> list[list[Any]]:
+    """Rows of the table of the best single run, pair and triple."""
+    return [
+        [len(s.names), " + ".join(s.names), s.seconds / 60, s.adds[1], s.adds[0], s.adds[2], s.left]
+        for s in sets
+    ]
 
 
 def comparison_record(found: Comparison) -> dict[str, Any]:
@@ -127,6 +143,13 @@ def comparison_record(found: Comparison) -> dict[str, Any]:
             }
             for i, f in enumerate(found.ridges.families)
         },
+        "best_sets": [
+            {
+                "manoeuvres": list(s.names), "seconds": s.seconds, "adds_nats": list(s.adds),
+                "variance_left": s.left,
+            }
+            for s in found.sets
+        ],
         "rank_correlations": dict(found.ranks),
         "left_out": dict(found.refused),
     }  # fmt: skip
@@ -199,6 +222,7 @@ def headline(found: Comparison) -> str:
     best = found.richness.criteria[0]
     quick = int(np.argmax(found.per_minute[:, 1]))
     names = found.richness.names
+    several = [s for s in found.sets if len(s.names) > 1]
     words = (
         f"The {best.name} teaches most: after its {number(best.duration / 60)} minutes the "
         f"{len(found.case.knowledge.names)} coefficients keep {best.remaining:.0%} of their variance on "
@@ -206,14 +230,20 @@ def headline(found: Comparison) -> str:
     )
     if names[quick] != best.name:
         words += f" Per minute the {names[quick]} teaches most."
+    if several:
+        best_of = "; ".join(
+            f"best {'pair' if len(s.names) == 2 else 'triple'}: {', '.join(s.names)} ({s.left:.0%} left)"
+            for s in several
+        )
+        words += f" {best_of[0].upper()}{best_of[1:]}."
     table = found.ridges
     if table.families:
         k = table.manoeuvres.index(best.name)
         i = int(np.argmax(table.left[:, k]))
         j = int(np.argmin(table.left[i]))
         words += (
-            f" It leaves {number(100 * table.left[i, k])} % of what was known along {table.worst[i][k]} "
-            f"({table.families[i]})"
+            f" The {best.name} leaves {number(100 * table.left[i, k])} % of what was known along "
+            f"{table.worst[i][k]} ({table.families[i]})"
         )
         words += (
             f"; the {table.manoeuvres[j]} leaves {number(100 * table.left[i, j])} % there."
@@ -237,6 +267,15 @@ def first_blocks(found: Comparison) -> list[Block]:
             "listed under Left out.",
         )
     ]  # fmt: skip
+    if found.sets:
+        limit = f" within {found.time / 60:.3g} minutes" if math.isfinite(found.time) else ""
+        blocks.append(
+            Table(
+                SET_COLUMNS, set_rows(found.sets),
+                f"The single run, the pair and the triple of manoeuvres that teach most{limit}, on top of "
+                "the runs executed; least and most of the vehicles drawn. A manoeuvre may come twice.", 3,
+            )
+        )  # fmt: skip
     table = found.ridges
     if table.families:
         drawn = figures.ridge_map(

@@ -15,6 +15,7 @@ import numpy as np
 
 from bayesid.analysis.design import ManoeuvrePlan
 from bayesid.analysis.design.compare import PlanningCase
+from bayesid.report import design_first_screen as screen
 from bayesid.report import manoeuvre_figures as figures
 from bayesid.report import writer
 from bayesid.report.manoeuvre_words import logger_words, note_blocks
@@ -67,34 +68,15 @@ def candidate_rows(plan: ManoeuvrePlan) -> list[list[Any]]:
 
 def plan_report(case: PlanningCase, plan: ManoeuvrePlan, notes: Sequence[str], table: str) -> Report:
     """The report of a plan as plain data; `table` is the name of the command table beside it."""
-    best = plan.best
-    rivals = [c for c in plan.candidates if c.kind == "library"]
-    versus = f" The best manoeuvre of the library, {literal(rivals[0].name)}, reaches {rivals[0].shown:.3g}."
-    lead = (
-        f"**Fly "
-        f"{'the designed manoeuvre (`' + table + '`)' if best.kind == 'designed' else literal(best.name)} "
-        f"to {literal(plan.goal)}**: {literal(plan.unit)} {plan.before:.3g} before, "
-        f"{best.shown:.3g} expected "
-        f"after it.{versus if rivals and best.kind == 'designed' else ''}"
-    )
-    track = plan.execution.track
+    lead = f"**{literal(screen.headline(case, plan, table))}**"
     b = case.bounds
-    room = f"{np.ptp(track['x']):.0f} m north by {np.ptp(track['y']):.0f} m east"
     orders: list[Block] = [
         Text(
-            f"`{table}` is the command table: every row holds until the next; positive rudder "
-            "turns to port. It "
-            f"lasts {b.duration:.0f} s, keeps the rudder within {math.degrees(b.rudder):.3g} deg and "
-            f"{math.degrees(b.rate):.3g} deg/s, the shaft within {b.rpm[0]:.4g} to "
-            f"{b.rpm[1]:.4g} rpm, and takes "
-            f"the nominal vehicle over {room}. `bayesid simulate VEHICLE table:{table}` runs it."
+            f"`{table}` is the command table; positive rudder turns to port. It keeps the rudder within "
+            f"{math.degrees(b.rate):.3g} deg/s and the shaft within {b.rpm[0]:.4g} to {b.rpm[1]:.4g} rpm. "
+            f"Goal: {literal(plan.goal)}."
         ),
-        Figure(
-            "orders",
-            figures.orders(track.t, plan.execution.commands, {n: track[n] for n in "xyz" if n in track.names}),  # noqa: E501
-            "Orders and the track of the nominal vehicle.",
-        ),
-    ]  # fmt: skip
+    ]
     randoms = np.array([c.shown for c in plan.randoms])
     ranked: list[Block] = [
         Figure(
@@ -113,7 +95,7 @@ def plan_report(case: PlanningCase, plan: ManoeuvrePlan, notes: Sequence[str], t
         ),
         *note_blocks(notes),
     ]  # fmt: skip
-    sections = [Section("The designed manoeuvre", orders), Section("Against the others", ranked)]
+    sections = [Section("How the designed manoeuvre is run", orders), Section("Against the others", ranked)]
     if plan.choice is not None:
         steps = zip(plan.choice.names, plan.choice.values, strict=True)
         rows = [[k, name, value] for k, (name, value) in enumerate(steps, 1)]
@@ -151,7 +133,10 @@ def plan_report(case: PlanningCase, plan: ManoeuvrePlan, notes: Sequence[str], t
         sections.append(
             Section("Left out", [Table(["manoeuvre", "why"], [[k, v] for k, v in plan.refused.items()])])
         )
-    return Report(f"Next manoeuvre for {literal(case.model.vehicle.name)}", lead, sections)
+    return Report(
+        f"Next manoeuvre for {literal(case.model.vehicle.name)}", lead, sections, screen.failures(plan),
+        screen.first_blocks(case, plan, table),
+    )  # fmt: skip
 
 
 def write_plan(

@@ -17,6 +17,7 @@ from bayesid.analysis.identifiability.derived import UNITS
 from bayesid.model.vehicles import Vehicle
 from bayesid.report import coefficient_cells, writer
 from bayesid.report import identify_figures as figures
+from bayesid.report import identify_first_screen as screen
 from bayesid.report.writer import Block, Figure, Report, Section, Table, Text, literal
 
 MOST_PROFILES = 24
@@ -55,11 +56,14 @@ def identify_report(
     vehicle: Vehicle | None = None,
 ) -> Report:
     """The report as plain data."""
-    lead = f"**{sentence(found)}** {_agreement_words(found)}"
-    sections = [*identify_sections(found, vehicle=vehicle), _inputs(found, facts)]
+    lead = f"**{literal(screen.headline(found, behaviour))}** {sentence(found)}"
+    sections = [*identify_sections(found, vehicle=vehicle, drawn=True), _inputs(found, facts)]
     if behaviour is not None:
-        sections.insert(2, derived_section(*behaviour))
-    return Report(f"What {literal(facts['trial'])} can tell", lead, sections)
+        sections.insert(0, derived_section(*behaviour))
+    return Report(
+        f"What {literal(facts['trial'])} can tell", lead, sections, screen.failures(found),
+        screen.first_blocks(found, facts),
+    )  # fmt: skip
 
 
 def derived_section(prior: Derived, posterior: Derived) -> Section:
@@ -107,10 +111,13 @@ def derived_numbers(prior: Derived, posterior: Derived) -> dict[str, Any]:
 
 
 def identify_sections(
-    found: Identifiability, prefix: str = "", vehicle: Vehicle | None = None
+    found: Identifiability, prefix: str = "", vehicle: Vehicle | None = None, drawn: bool = False
 ) -> list[Section]:
-    """Coefficient table, open directions, spectrum and profiles; figure names start with `prefix`."""
-    sections = [_coefficients(found, prefix, vehicle), _open(found, prefix), _spectrum(found, prefix)]
+    """Coefficient table, open directions, spectrum and profiles; figure names start with `prefix`.
+
+    `drawn`: the figure of the coefficients stands elsewhere already.
+    """
+    sections = [_coefficients(found, prefix, vehicle, drawn), _open(found, prefix), _spectrum(found, prefix)]
     if found.profiles:
         sections.append(_profiles(found, prefix))
     return sections
@@ -175,7 +182,7 @@ def coefficient_rows(found: Identifiability, vehicle: Vehicle | None = None) -> 
     return rows
 
 
-def _coefficients(found: Identifiability, prefix: str, vehicle: Vehicle | None) -> Section:
+def _coefficients(found: Identifiability, prefix: str, vehicle: Vehicle | None, elsewhere: bool) -> Section:
     text = (
         "`index` is the share of the data in the posterior variance: raise the likelihood to a power of 1.01 "
         "and the variance falls by that share of 1 %; the prior's share is 1 minus it. `contraction` is how "
@@ -184,14 +191,10 @@ def _coefficients(found: Identifiability, prefix: str, vehicle: Vehicle | None) 
     )
     share, contraction = (np.array([getattr(e, k) for e in found.entries]) for k in ("index", "contraction"))
     drawn = figures.index(found.names, share, contraction, [e.verdict for e in found.entries])
-    return Section(
-        "Prior and data, coefficient by coefficient",
-        [
-            Text(text),
-            Figure(f"{prefix}index", drawn, "Share of the data in what is known of each coefficient."),
-            Table(COEFFICIENT_COLUMNS, coefficient_rows(found, vehicle), coefficient_cells.FORM, digits=3),
-        ],
-    )
+    picture = Figure(f"{prefix}index", drawn, "Share of the data in what is known of each coefficient.")
+    table = Table(COEFFICIENT_COLUMNS, coefficient_rows(found, vehicle), coefficient_cells.FORM, digits=3)
+    blocks: list[Block] = [Text(text), table] if elsewhere else [Text(text), picture, table]
+    return Section("Prior and data, coefficient by coefficient", blocks)
 
 
 def _open(found: Identifiability, prefix: str) -> Section:
@@ -210,7 +213,7 @@ def _open(found: Identifiability, prefix: str) -> Section:
     lenses = list(found.directions[0].agreement)
     views = [[i, *(f"{d.agreement[n]:.4f}" for n in lenses)] for i, d in enumerate(found.directions, 1)]
     blocks: list[Block] = [
-        Text(text),
+        Text(f"{text} {_agreement_words(found)}"),
         Table(DIRECTION_COLUMNS, direction_rows(found.directions)),
         Figure(f"{prefix}directions", drawn, "Open directions, relative changes: red up, blue down."),
         Table(["direction", *lenses], views, "|cos| with the space each lens calls open."),

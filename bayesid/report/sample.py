@@ -228,8 +228,8 @@ def _chain(posterior: Posterior) -> Section:
         ("walkers that hardly moved", len(g.stuck), "0"),
     ]
     text = (
-        f"{posterior.draws.shape[0]} ensembles of {posterior.draws.shape[2]} walkers, started wide about "
-        f"the fit; {posterior.discarded} steps of warm-up left out, {posterior.steps} kept; acceptance "
+        f"{sample_first_screen.chains(posterior)}, started wide about the fit; "
+        f"{posterior.discarded} steps of warm-up left out, {posterior.steps} kept; acceptance "
         f"{posterior.acceptance.min():.2f} to {posterior.acceptance.max():.2f}; {counts['all']} evaluations, "
         f"{counts['out of bounds']} out of bounds, {counts['diverged']} of vehicles that diverge; "
         f"{posterior.seconds:.1f} s of processor time, {posterior.ess_per_second:.0f} effective draws a "

@@ -34,6 +34,14 @@ UNIT = "each coefficient in units of its prior standard deviation"
 BENT = 1.5
 
 
+def chains(posterior: Posterior) -> str:
+    """How many chains of which sampler, in words."""
+    count, _, walkers, _ = posterior.draws.shape
+    if walkers == 1:
+        return f"{count} chains along slopes ({posterior.settings.get('sampler', 'NUTS')})"
+    return f"{count} ensembles of {walkers} walkers (emcee)"
+
+
 def shown_group(view: PosteriorView) -> Group | None:
     """The group that is drawn: a triple of v v, v r and r r with an open end, else the strongest ridge."""
     groups = view.ridges.groups

@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 from scipy.stats import spearmanr
 
+from bayesid.analysis.design.campaign_noise import CampaignNoise
 from bayesid.analysis.design.criteria import Criteria, criteria, gain, posterior
 from bayesid.analysis.design.goals import prediction_rows
 from bayesid.analysis.design.information import (
@@ -45,6 +46,7 @@ class PlanningCase:
 
     executed : runs already logged, as a fit reads them
     drawn_from : where vehicles are drawn from, the knowledge itself by default; the posterior of the runs
+    noise : of the runs executed, taken for that of the next; white as stated by default
     """
 
     model: Model
@@ -53,6 +55,7 @@ class PlanningCase:
     bounds: OrderLimits
     executed: tuple[RunData, ...] = ()
     drawn_from: Knowledge | None = None
+    noise: CampaignNoise | None = None
 
     def draws(self, rng: np.random.Generator, count: int) -> Array:
         """(<= count, n) vehicles as the knowledge allows, those that cannot turn left out."""
@@ -65,11 +68,11 @@ class PlanningCase:
         """Information of the runs flown."""
         if not self.executed:
             return nothing(self.knowledge, len(draws))
-        return executed_information(self.model, self.knowledge, draws, self.executed)
+        return executed_information(self.model, self.knowledge, draws, self.executed, noise=self.noise)
 
     def of(self, manoeuvre: Manoeuvre, draws: Array, name: str = "") -> RunInformation:
         """Information of a manoeuvre."""
-        return information(self.model, self.knowledge, draws, manoeuvre, self.logging, name)
+        return information(self.model, self.knowledge, draws, manoeuvre, self.logging, name, self.noise)
 
     def execution(self, manoeuvre: Manoeuvre, par: Array | None = None, name: str = "") -> PlannedRun:
         """The manoeuvre executed by one vehicle, the nominal one by default."""

@@ -56,6 +56,9 @@ class Frame:
             commands["n_cmd"] = np.where(t < self.approach, b.usual, levels[slot])
         else:
             commands["n_cmd"] = np.full(t.size, b.usual)
+        if b.hold > b.dt:
+            held = np.searchsorted(t, np.floor(t / b.hold + 1e-9) * b.hold - 1e-9)
+            commands = {name: values[held] for name, values in commands.items()}
         return OpenLoop("designed", t, commands)
 
     def _fin(self, t: Array, values: Array) -> Array:

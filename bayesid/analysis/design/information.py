@@ -1,7 +1,8 @@
 """What a run would tell about the coefficients: Fisher information, its initial state marginalised.
 
 Takes a `Model`, `Knowledge`, parameter vectors and runs, logged or only planned. Gives `RunInformation`: one
-matrix per drawn vehicle, in units of what is known. White noise, as stated; no reading is needed.
+matrix per drawn vehicle, in units of what is known. Noise is white as stated, or that of a campaign
+(`CampaignNoise`); no reading is needed.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bayesid.analysis.design.campaign_noise import CampaignNoise
 from bayesid.analysis.design.prior_knowledge import Knowledge
 from bayesid.equations.model import Model
 from bayesid.errors import FitError
@@ -192,20 +194,57 @@ def columns(model: Model, knowledge: Knowledge, par: Array, run: RunData) -> tup
 
 
 def run_information(model: Model, knowledge: Knowledge, par: Array, run: RunData) -> Array:
-    """(k, k) Fisher information of a run about xi at one vehicle, its start marginalised over the prior."""
+    """(k, k) Fisher information of a run about xi at one vehicle, its start marginalised over the prior.
+
+    Readings err independently, as stated.
+    """
+    _, a, b, q = _start_apart(model, knowledge, par, run)
+    seen = q[: len(b)].T @ a
+    matrix = a.T @ a - seen.T @ seen
+    return 0.5 * (matrix + matrix.T)
+
+
+def runs_information(
+    model: Model, knowledge: Knowledge, par: Array, runs: Sequence[RunData], noise: CampaignNoise | None
+) -> Array:
+    """(k, k) information of several runs or pieces at one vehicle, under the noise of a campaign."""
+    if noise is None:
+        return np.sum([run_information(model, knowledge, par, run) for run in runs], axis=0)
+    scores = []
+    for run in runs:
+        by_xi, a, b, q = _start_apart(model, knowledge, par, run)
+        seen = q[: len(b)].T @ a
+        free = (a - q[: len(b)] @ seen).reshape(by_xi.shape)
+        scores.append(noise.score(run.name, free, -q[len(b) :] @ seen, run.valid, run.channels, _step(run)))
+    matrix = noise.information(scores)
+    return 0.5 * (matrix + matrix.T)
+
+
+def _start_apart(
+    model: Model, knowledge: Knowledge, par: Array, run: RunData
+) -> tuple[Array, Array, Array, Array]:
+    """Slopes by xi, whole (n, c, k) and flat, by the start, flat, and a basis of what the start moves."""
     by_xi, by_start = columns(model, knowledge, par, run)
     a = by_xi.reshape(-1, by_xi.shape[2])
     b = by_start.reshape(-1, by_start.shape[2])
     # by QR, not by B'B: in an unstable vehicle the start is felt e^20 times and B'B has no inverse left
     size = np.maximum(np.linalg.norm(b, axis=0), 1.0)
-    q = np.linalg.qr(np.vstack([b / size, np.diag(1.0 / size)]))[0][: len(b)]
-    seen = q.T @ a
-    matrix = a.T @ a - seen.T @ seen
-    return 0.5 * (matrix + matrix.T)
+    return by_xi, a, b, np.linalg.qr(np.vstack([b / size, np.diag(1.0 / size)]))[0]
+
+
+def _step(run: RunData) -> float:
+    """Time between its samples [s]."""
+    return float(np.median(np.diff(run.plan.t)))
 
 
 def information(
-    model: Model, knowledge: Knowledge, draws: Array, manoeuvre: Manoeuvre, logging: Logging, name: str = ""
+    model: Model,
+    knowledge: Knowledge,
+    draws: Array,
+    manoeuvre: Manoeuvre,
+    logging: Logging,
+    name: str = "",
+    noise: CampaignNoise | None = None,
 ) -> RunInformation:
     """Information of a planned manoeuvre, executed by every vehicle drawn.
 
@@ -221,14 +260,22 @@ def information(
         runs = [run] * len(draws)
     else:
         runs = [planned(model, par, manoeuvre, logging, name).run for par in draws]
-    matrices = [run_information(model, knowledge, par, run) for par, run in zip(draws, runs, strict=True)]
+    if noise is not None:
+        runs = [noise.as_logged(run, _step(run)) for run in runs]
+    each = zip(draws, runs, strict=True)
+    matrices = [runs_information(model, knowledge, par, [run], noise) for par, run in each]
     return RunInformation(name or manoeuvre.name, float(manoeuvre.duration), np.array(matrices))
 
 
 def executed_information(
-    model: Model, knowledge: Knowledge, draws: Array, runs: Sequence[RunData], name: str = "flown"
+    model: Model,
+    knowledge: Knowledge,
+    draws: Array,
+    runs: Sequence[RunData],
+    name: str = "flown",
+    noise: CampaignNoise | None = None,
 ) -> RunInformation:
-    """Information of logged runs, with their own samples, noise and inputs; noise as stated, white."""
-    matrices = [sum(run_information(model, knowledge, par, run) for run in runs) for par in draws]
+    """Information of logged runs, with their own samples and inputs."""
+    matrices = [runs_information(model, knowledge, par, runs, noise) for par in draws]
     seconds = sum(float(run.plan.t[-1] - run.plan.t[0]) for run in runs)
     return RunInformation(name, seconds, np.array(matrices))

@@ -38,6 +38,7 @@ class OrderLimits:
     depth : largest change of depth either way [m]
     pitch : largest pitch angle [rad]
     dt : time between orders [s]
+    hold : orders change only every so many seconds, as in an autopilot's table; 0: at every `dt`
     """
 
     duration: float
@@ -50,6 +51,7 @@ class OrderLimits:
     depth: float
     pitch: float
     dt: float
+    hold: float = 0.0
 
     @property
     def bind(self) -> bool:
@@ -77,6 +79,7 @@ def limits(
     depth: float | None = None,
     plane: float | None = None,
     pitch: float = math.radians(20.0),
+    hold: float = 0.0,
 ) -> OrderLimits:
     """Limits of a vehicle, narrowed by what is given.
 
@@ -110,13 +113,21 @@ def limits(
                         ("box", box), ("depth", deep)):  # fmt: skip
         if not value > 0:
             problems.append(f"{name} of {value:g} must be positive")
+    if not 0.0 <= hold <= 0.1 * seconds:
+        problems.append(
+            f"orders held for {hold:g} s leave fewer than ten in {seconds:.4g} s; hold them for less, or "
+            "make the run longer"
+        )
     if not lowest <= highest:
         problems.append(f"rpm from {lowest:g} to {highest:g} is no range")
     if problems:
         raise_all(ManoeuvreError, f"limits for {vehicle.name}", problems)
+    dt = length / speed / ORDERS_PER_LENGTH
+    if hold:
+        dt = hold / math.ceil(hold / dt)  # orders then change at whole steps
     return OrderLimits(
         seconds, chosen["rudder"], chosen["plane"], chosen["rate"], (lowest, highest), usual, box, deep,
-        pitch, length / speed / ORDERS_PER_LENGTH,
+        pitch, dt, hold,
     )  # fmt: skip
 
 

@@ -11,18 +11,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bayesid.analysis.design.campaign_noise import CampaignNoise
 from bayesid.analysis.design.compare import PlanningCase
 from bayesid.analysis.design.information import Logging, usual_logging
 from bayesid.analysis.design.limits import OrderLimits
 from bayesid.analysis.design.prior_knowledge import ASSUMED_RELATIVE_SD, Knowledge, knowledge
-from bayesid.analysis.design.virtual_refit import refit
+from bayesid.analysis.design.virtual_refit import Refit, refit
 from bayesid.equations.model import Model
 from bayesid.errors import FitError, ModelError, TrialError
+from bayesid.estimation.likelihood.composite import root as root_of
+from bayesid.estimation.likelihood.posterior import composite_of, posterior_of_scores, scores_and_noise
 from bayesid.estimation.output_error import FitProblem, measured_base, output_error_run
+from bayesid.estimation.run_data import RunData
 from bayesid.manoeuvres import Manoeuvre
 from bayesid.trials import Trial
 
-MOST_MISFIT = 9.0  # mean squared residual over noise variance above which a refit's posterior means nothing
+Array = np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,8 +75,10 @@ def trial_case(
     bounds: OrderLimits,
     sigma: Mapping[str, float] | None = None,
     dt: float | None = None,
+    seed: int = 0,
 ) -> PlanningSetup:
-    """Case after the identify runs of a trial; vehicles come from their posterior where a refit succeeds.
+    """Case after the identify runs of a trial; vehicles come from their posterior where a refit succeeds
+    and the runs agree, and their noise is taken for that of the next.
 
     Raises
     ------
@@ -93,21 +99,79 @@ def trial_case(
     logged = {c: float(np.median(s)) for c, s in seen.items() if c in model.states}
     logging = Logging(logged, dt or step) if logged else usual_logging(model, sigma, dt)
     notes = list(_guessed(known))
-    drawn = None
+    drawn, found_noise = None, None
     try:
         problem = FitProblem(model, known.parameters(), runs, measured_base(model, trial))
-        found = refit(problem, known)
-        chi2 = 2.0 * found.cost / max(problem.n_readings, 1)
-        if found.converged and chi2 < MOST_MISFIT:
-            inner = np.linalg.cholesky(found.covariance) * np.sqrt(max(chi2, 1.0))
-            drawn = replace(known, mean=found.values, root=known.root @ inner)
-            notes.append(f"Vehicles are drawn from the posterior of the runs executed (misfit {chi2:.2f}).")
+        problem, found, missed = _fitted(problem, known)
+        runs = problem.runs
+        logging = replace(logging, sigma={c: s * missed.get(c, 1.0) for c, s in logging.sigma.items()})
+        if found.converged:
+            drawn, found_noise, said = _learned(problem, found, known, step, seed)
+            notes += said
         else:
-            why = f"the misfit is {chi2:.3g} times the noise" if found.converged else "it did not converge"
-            notes.append(f"Vehicles are drawn from what was known before: a refit was made, but {why}.")
+            notes.append("Vehicles are drawn from what was known before: a refit did not converge.")
     except ModelError as exc:
         notes.append(f"Vehicles are drawn from what was known before; no refit was possible ({exc}).")
-    return PlanningSetup(PlanningCase(model, known, logging, bounds, runs, drawn), tuple(notes))
+    return PlanningSetup(PlanningCase(model, known, logging, bounds, runs, drawn, found_noise), tuple(notes))
+
+
+def _fitted(problem: FitProblem, known: Knowledge) -> tuple[FitProblem, Refit, dict[str, float]]:
+    """The refit of the runs executed; where it does not converge, again with the noise of each channel
+    raised to what the model misses, as channel -> factor: of a real ship the model is the limit, not the
+    sensor, and exact readings make valleys no search leaves."""
+    found = refit(problem, known)
+    if found.converged:
+        return problem, found, {}
+    squares: dict[str, list[Array]] = {}
+    for run, simulated in zip(problem.runs, problem.readings(found.unknowns), strict=True):
+        resid = run.residuals(simulated.copy())
+        for j, channel in enumerate(run.channels):
+            squares.setdefault(channel, []).append(resid[run.valid[:, j], j] ** 2)
+    missed = {c: max(1.0, float(np.sqrt(np.mean(np.concatenate(s))))) for c, s in squares.items()}
+    weighed = tuple(
+        run.with_sigma({c: s * missed[c] for c, s in zip(run.channels, run.sigma, strict=True)})
+        for run in problem.runs
+    )
+    again = replace(problem, runs=weighed)
+    return again, refit(again, known, start=found.unknowns), missed
+
+
+def _learned(
+    problem: FitProblem, found: Refit, known: Knowledge, dt: float, seed: int
+) -> tuple[Knowledge | None, CampaignNoise | None, list[str]]:
+    """Posterior of the runs executed, where they agree, the noise of their residuals, and what to say."""
+    z, k = found.unknowns, len(known.names)
+    scores, residuals = scores_and_noise(problem, z)
+    posterior = posterior_of_scores(problem, z, scores, residuals.order, seed=seed)
+    parts = posterior.parts
+    noise = None
+    if not parts.white:
+        deviation = np.linalg.solve(known.root, np.diag(composite_of(problem, z, scores).spread))
+        channels = tuple(dict.fromkeys(c for run in problem.runs for c in run.channels))
+        noise = CampaignNoise(
+            parts, residuals, channels, _gaps(problem.runs), dt, deviation * problem.scale[:k]
+        )
+    share = "" if parts.white else f"; they tell {100 * parts.share:.2g} % of what white noise would"
+    said = [f"Noise of the runs executed: {parts.describe()}{share}."]
+    if not posterior.final:
+        why = posterior.doubts()[0].removeprefix("Not final: ")
+        return None, noise, [*said, f"Vehicles are drawn from what was known before: {why}"]
+    root = np.linalg.cholesky(found.covariance)
+    if not parts.white:
+        inner = np.linalg.solve(known.root, root_of(posterior.covariance))
+        root = np.linalg.cholesky(inner @ inner.T + 1e-12 * np.eye(k))
+    drawn = replace(known, mean=posterior.mean, root=known.root @ root)
+    return drawn, noise, [*said, "Vehicles are drawn from the posterior of the runs executed."]
+
+
+def _gaps(runs: Iterable[RunData]) -> dict[str, int]:
+    """Channel -> median samples between two of its readings."""
+    seen: dict[str, list[Array]] = {}
+    for run in runs:
+        for j, channel in enumerate(run.channels):
+            seen.setdefault(channel, []).append(np.diff(np.flatnonzero(run.valid[:, j])))
+    gaps = {c: np.concatenate(d) for c, d in seen.items()}
+    return {c: int(np.median(g)) if g.size else 1 for c, g in gaps.items()}
 
 
 def _guessed(known: Knowledge) -> tuple[str, ...]:

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations_with_replacement
 
 import numpy as np
 
+from bayesid.analysis.design.criteria import gain, posterior
 from bayesid.analysis.design.goals import Goal
 from bayesid.analysis.design.information import RunInformation
 
@@ -30,6 +32,56 @@ class Choice:
     values: tuple[float, ...]
     before: float
     exchanged: bool
+
+
+@dataclass(frozen=True)
+class BestSet:
+    """The set of so many runs that teaches most.
+
+    names : of the manoeuvres; one may come twice
+    seconds : all together
+    adds : information gained on top of the runs executed [nats]: least, mean and most of the vehicles drawn
+    left : mean share of what was known, as variance, that is left after them and the runs executed
+    """
+
+    names: tuple[str, ...]
+    seconds: float
+    adds: tuple[float, float, float]
+    left: float
+
+
+def best_sets(
+    candidates: Mapping[str, RunInformation],
+    now: Array,
+    most: float = np.inf,
+    sizes: Sequence[int] = (1, 2, 3),
+) -> tuple[BestSet, ...]:
+    """The best single run, pair and triple within a time; every set is tried.
+
+    Parameters
+    ----------
+    now : (d, k, k) information of the runs executed so far
+    most : time of a set [s]; sizes of which no set is that short are left out
+    """
+    found = []
+    before = gain(now)
+    for size in sizes:
+        best: tuple[float, tuple[str, ...], Array, float] | None = None
+        for names in combinations_with_replacement(candidates, size):
+            seconds = sum(candidates[n].duration for n in names)
+            if seconds > most:
+                continue
+            total = _sum(now, names, candidates)
+            gains = gain(total) - before
+            if best is None or np.mean(gains) > best[0]:
+                best = float(np.mean(gains)), names, total, seconds
+        if best is None:
+            continue
+        value, names, total, seconds = best
+        gains = gain(total) - before
+        left = float(np.mean(np.einsum("dii->di", posterior(total))))
+        found.append(BestSet(names, seconds, (float(np.min(gains)), value, float(np.max(gains))), left))
+    return tuple(found)
 
 
 def rank(candidates: Mapping[str, RunInformation], goal: Goal, now: Array) -> list[tuple[str, float]]:

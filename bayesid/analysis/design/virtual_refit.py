@@ -69,7 +69,9 @@ def problem_of(model: Model, knowledge: Knowledge, runs: Sequence[RunData]) -> F
     return FitProblem(model, knowledge.parameters(), tuple(runs), np.array(model.nominal))
 
 
-def refit(problem: FitProblem, knowledge: Knowledge, iterations: int = 40) -> Refit:
+def refit(
+    problem: FitProblem, knowledge: Knowledge, iterations: int = 40, start: Array | None = None
+) -> Refit:
     """Highest posterior and its curvature there.
 
     Levenberg-Marquardt, first with the noise raised towards the misfit: the prior then keeps the search out
@@ -81,7 +83,7 @@ def refit(problem: FitProblem, knowledge: Knowledge, iterations: int = 40) -> Re
     ModelError
         if the vehicle diverges at the start values
     """
-    z = np.array(problem.start, dtype=float)
+    z = np.array(problem.start if start is None else start, dtype=float)
     cost = problem.cost(z)
     if not np.isfinite(cost):
         raise ModelError("the simulated vehicle diverges at the start values; nothing can be refitted")

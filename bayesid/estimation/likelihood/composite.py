@@ -59,6 +59,26 @@ class RunScore:
         kept = values > FLAT * max(float(values[-1]), 1e-300)
         return unit[:, None] * vectors[:, kept] / np.sqrt(values[kept])
 
+    def joined(self, other: RunScore) -> RunScore:
+        """This piece of a run and another one of it."""
+        return RunScore(
+            self.name, self.information + other.information, self.covariance + other.covariance,
+            self.score + other.score,
+        )  # fmt: skip
+
+    def weighed(self, excess: float, deviation: Array) -> tuple[Array, Array, float]:
+        """Precision (k, k), score (k,) and log density at the estimate, where the score's covariance is
+        `excess` B + H D D' H with `deviation` D (k, k) the root of how the run's coefficients vary."""
+        h, g = self.seen.T @ self.information, self.seen.T @ self.score
+        if not g.size:
+            return np.zeros_like(self.information), np.zeros_like(self.score), 0.0
+        smeared = h @ deviation
+        c = excess * np.eye(g.size) + smeared @ smeared.T
+        factor = cho_factor(c, lower=True)
+        whole = cho_solve(factor, np.column_stack([h, g]))
+        logdet = 2.0 * float(np.log(np.diag(factor[0])).sum())
+        return h.T @ whole[:, :-1], h.T @ whole[:, -1], -0.5 * (logdet + float(g @ whole[:, -1]))
+
 
 class Law(NamedTuple):
     """Estimate of the parameters and its error, deviations from theta0 in units of scale.
@@ -101,15 +121,7 @@ class Composite:
 
     def weighed(self, run: RunScore, parts: NoiseParts) -> tuple[Array, Array, float]:
         """Precision (k, k) and score (k,) of one run under its noise, and its log density at the estimate."""
-        h, g = run.seen.T @ run.information, run.seen.T @ run.score
-        if not g.size:
-            return np.zeros_like(run.information), np.zeros_like(run.score), 0.0
-        smeared = h * self.spread
-        c = parts.excess * np.eye(g.size) + parts.run_spread**2 * smeared @ smeared.T
-        factor = cho_factor(c, lower=True)
-        whole = cho_solve(factor, np.column_stack([h, g]))
-        logdet = 2.0 * float(np.log(np.diag(factor[0])).sum())
-        return h.T @ whole[:, :-1], h.T @ whole[:, -1], -0.5 * (logdet + float(g @ whole[:, -1]))
+        return run.weighed(parts.excess, parts.run_spread * np.diag(self.spread))
 
     def data(self, parts: NoiseParts, runs: Iterable[RunScore] | None = None) -> tuple[Array, Array, float]:
         """Sum of `weighed` over some runs, by default all."""
@@ -201,12 +213,10 @@ def run_scores(
 
     Without memory the covariance of a score is its information, whatever the residuals are.
     """
-    found: dict[str, list[Array]] = {}
+    found: dict[str, RunScore] = {}
     for info, group in zip(infos, groups, strict=True):
         h = info.information
         b = h if noise.order == 0 else noise.of_score(info.columns, info.valid) + info.start.T @ info.start
-        if group in found:
-            found[group] = [x + y for x, y in zip(found[group], (h, b, info.score), strict=True)]
-        else:
-            found[group] = [h, b, info.score]
-    return tuple(RunScore(name, *values) for name, values in found.items())
+        one = RunScore(group, h, b, info.score)
+        found[group] = found[group].joined(one) if group in found else one
+    return tuple(found.values())

@@ -81,14 +81,17 @@ class MixedRateNoise:
         )
         return MixedRateNoise(tuple(scaled))
 
-    def of_score(self, columns: Array, valid: Array) -> Array:
-        """(k, k) covariance of sum over samples of columns^T e for (n, c, k) columns, 0 where not read."""
+    def of_score(self, columns: Array, valid: Array, step: float = 1.0) -> Array:
+        """(k, k) covariance of sum over samples of columns^T e for (n, c, k) columns, 0 where not read.
+
+        `step` is the distance of two samples over that of the samples the noise was found from.
+        """
         k = columns.shape[2]
         out = np.zeros((k, k))
         for g in self.groups:
             own = columns[g.rows(valid)][:, g.channels]
             if g.noise.order and own.size:
-                out += g.noise.of_score(own)
+                out += g.noise.of_score(own, step if g.every else 1.0)
             else:
                 flat = own.reshape(-1, k)
                 out += flat.T @ flat

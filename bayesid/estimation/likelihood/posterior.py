@@ -163,12 +163,24 @@ def coefficient_posterior(
         if the simulated vehicle diverges there
     """
     scores, noise = scores_and_noise(problem, z, white=parts is not None and parts.order == 0)
+    return posterior_of_scores(problem, z, scores, noise.order, parts, seed)
+
+
+def posterior_of_scores(
+    problem: FitProblem,
+    z: Array,
+    scores: tuple[RunScore, ...],
+    order: int,
+    parts: NoiseParts | None = None,
+    seed: int = 0,
+) -> CoefficientPosterior:
+    """The same from scores at z that are already there; `order` is that of their noise."""
     composite = composite_of(problem, z, scores)
     prior_sd = problem.params.prior_sd
     scale = problem.scale[: prior_sd.size]
     stated = [n in problem.model.vehicle.coef or "." in n for n in problem.params.names]
     given = parts is not None
-    chosen = parts if parts is not None else asked_for(composite, noise.order)
+    chosen = parts if parts is not None else asked_for(composite, order)
     check = halves(composite, chosen, prior_sd / scale, seed)
     if not given and check is not None and check.p < WIDEN_P:
         chosen, check = widened(composite, chosen, prior_sd / scale, seed)

@@ -53,10 +53,19 @@ class ResidualNoise:
                 out[h] += self.coefficients[i] @ out[h - 1 - i]
         return out
 
-    def of_score(self, columns: Array) -> Array:
-        """(k, k) covariance of sum over samples of columns^T e for (n, c, k) columns."""
+    def at_step(self, count: int, step: float) -> Array:
+        """(count, c, c) covariance at lags 0, step, 2 step, ..., between lags in a straight line."""
+        if step == 1.0:
+            return self.covariance(count)
+        lag = step * np.arange(count)
+        whole = np.floor(lag).astype(int)
+        known, part = self.covariance(int(whole[-1]) + 2), (lag - whole)[:, None, None]
+        return (1.0 - part) * known[whole] + part * known[whole + 1]
+
+    def of_score(self, columns: Array, step: float = 1.0) -> Array:
+        """(k, k) covariance of sum over samples of columns^T e for (n, c, k) columns, `step` lags apart."""
         n, c = columns.shape[:2]
-        lags = self.covariance(n)
+        lags = self.at_step(n, step)
         size = 1 << (2 * n - 1).bit_length()
         two_sided = np.zeros((size, c, c))
         two_sided[:n] = lags

@@ -103,6 +103,42 @@ def sample_nuts(
     )  # fmt: skip
 
 
+def sample_nuts_until(
+    density: GradientDensity,
+    laplace: Laplace,
+    most: int,
+    options: NutsOptions | None = None,
+    *,
+    threads: int = 2,
+    watch: Callable[[int, str], None] | None = None,
+) -> Posterior:
+    """Lengthen the chains by half, again and again, until the check passes or each has `most` draws.
+
+    Parameters
+    ----------
+    watch : called with draws per chain since the last call, and a note
+
+    Raises
+    ------
+    SampleError
+        as `sample_nuts`
+    """
+    options = options or NutsOptions()
+    options = replace(options, draws=min(options.draws, most))
+    if watch is not None:
+        watch(0, f"warm-up of {options.tune} and {options.draws} draws in each of {options.chains} chains")
+    found = sample_nuts(density, laplace, options, threads=threads)
+    while True:
+        done = found.draws.shape[1]
+        if watch is not None:
+            said = "converged" if found.converged else f"not yet: {found.convergence.reasons[0]}"
+            watch(0, f"{done} draws a chain, R-hat {found.convergence.rhat.max():.4f}, {said}")
+        if found.converged or done >= most:
+            return found
+        more = replace(options, draws=min(max(done // 2, 1), most - done))
+        found = continue_nuts(density, laplace, found, more)
+
+
 def continue_nuts(
     density: GradientDensity,
     laplace: Laplace,
@@ -202,9 +238,17 @@ def _posterior(
     )
     log_prob = np.stack([density.log_prob(chain) for chain in q])[:, :, None]
     return Posterior(
-        unknowns=density.unknowns, draws=draws, log_prob=log_prob, log_prior=np.full(log_prob.shape, np.nan),
+        unknowns=density.unknowns, draws=draws, log_prob=log_prob, log_prior=_log_prior(density, draws),
         convergence=convergence, thin=1, counts=counts, seconds=seconds, digest=density.digest, **rest,
     )  # fmt: skip
+
+
+def _log_prior(density: Density, draws: Array) -> Array:
+    """(chains, draws, 1) where the density tells it, else nan."""
+    told = getattr(density, "log_prior", None)
+    if told is None:
+        return np.full(draws.shape[:3], np.nan)
+    return np.asarray(told(draws.reshape(-1, draws.shape[3]))).reshape(draws.shape[:3])
 
 
 def _nutpie() -> tuple[Any, Callable[..., Any]]:

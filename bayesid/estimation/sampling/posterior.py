@@ -164,23 +164,26 @@ class Posterior:
         }  # fmt: skip
 
     # ---- storing ----
-    def to_netcdf(self, path: str | os.PathLike[str]) -> Path:
-        """Write for ArviZ: groups `posterior` and `sample_stats`; a chain is a walker.
+    def to_netcdf(self, path: str | os.PathLike[str], groups: Mapping[str, Any] | None = None) -> Path:
+        """Write for ArviZ: groups `posterior` and `sample_stats`, and `groups` (xarray datasets) beside them.
 
+        A chain is an ensemble. Its draws are the walkers of the first half of the steps, one after the other,
+        then those of the second half: so `arviz.rhat` compares what the convergence check compares, and
+        `arviz.ess` meets the memory of each walker. Coordinates `step` and `walker` say which is which.
         All else is in the attributes. The file is written whole or not at all.
         """
         import h5py  # noqa: F401  (the engine; named here so that a missing one is told before work is lost)
         import xarray
 
         e, n, w, _ = self.draws.shape
+        step, walker = _order(n, w)
         coords = {
-            "chain": np.arange(e * w),
-            "draw": np.arange(n),
-            "ensemble": ("chain", np.repeat(np.arange(e), w)),
-        }
+            "chain": np.arange(e), "draw": np.arange(n * w), "step": ("draw", step),
+            "walker": ("draw", walker),
+        }  # fmt: skip
 
         def laid(values: Array) -> Any:
-            return ("chain", "draw"), np.ascontiguousarray(np.swapaxes(values, 1, 2).reshape(e * w, n))
+            return ("chain", "draw"), np.ascontiguousarray(values[:, step, walker])
 
         rest = {
             "unknowns": asdict(self.unknowns), "convergence": asdict(self.convergence), "mode": self.mode,
@@ -189,21 +192,34 @@ class Posterior:
             "seed": self.seed, "digest": self.digest, "settings": dict(self.settings),
         }  # fmt: skip
         attributes = {"created_by": "bayesid", "bayesid": json_text(rest)}
-        draws = {_stored(name): laid(self.draws[..., i]) for i, name in enumerate(self.names)}
+        draws = {stored_name(name): laid(self.draws[..., i]) for i, name in enumerate(self.names)}
         stats = {"lp": laid(self.log_prob), "log_prior": laid(self.log_prior)}
+        written = {
+            "posterior": xarray.Dataset(draws, coords, attributes),
+            "sample_stats": xarray.Dataset(stats, coords, attributes),
+            **(groups or {}),
+        }
         target = Path(path)
         target.parent.mkdir(parents=True, exist_ok=True)
         temporary = target.with_name(f".{target.name}.part")
         try:
-            mode: Literal["w", "a"]
-            for group, variables, mode in (("posterior", draws, "w"), ("sample_stats", stats, "a")):
-                data = xarray.Dataset(variables, coords, attributes)
-                zipped = {name: {"zlib": True, "complevel": 1} for name in variables}
+            mode: Literal["w", "a"] = "w"
+            for group, data in written.items():
+                zipped = {name: {"zlib": True, "complevel": 1} for name in data.data_vars}
                 data.to_netcdf(temporary, mode=mode, group=group, engine="h5netcdf", encoding=zipped)
+                mode = "a"
             os.replace(temporary, target)
         finally:
             temporary.unlink(missing_ok=True)
         return target
+
+
+def _order(steps: int, walkers: int) -> tuple[Array, Array]:
+    """Step and walker of every draw of a chain as it is stored."""
+    halves = (np.arange(steps // 2), np.arange(steps // 2, steps))
+    step = np.concatenate([np.tile(half, walkers) for half in halves])
+    walker = np.concatenate([np.repeat(np.arange(walkers), half.size) for half in halves])
+    return step, walker
 
 
 def load_posterior(path: str | os.PathLike[str]) -> Posterior:
@@ -220,11 +236,11 @@ def load_posterior(path: str | os.PathLike[str]) -> Posterior:
     try:
         with xarray.open_dataset(target, group="posterior", engine="h5netcdf") as data:
             rest = json.loads(data.attrs["bayesid"])
-            ensembles = int(data["ensemble"].max()) + 1
+            order = data["step"].values, data["walker"].values
             names = rest["unknowns"]["names"]
-            draws = np.stack([_folded(data[_stored(n)].values, ensembles) for n in names], axis=-1)
+            draws = np.stack([_folded(data[stored_name(n)].values, *order) for n in names], axis=-1)
         with xarray.open_dataset(target, group="sample_stats", engine="h5netcdf") as data:
-            lp, prior = (_folded(data[n].values, ensembles) for n in ("lp", "log_prior"))
+            lp, prior = (_folded(data[n].values, *order) for n in ("lp", "log_prior"))
     except (OSError, KeyError, ValueError) as error:
         raise SampleError(f"{target.name}: not a posterior of bayesid ({type(error).__name__})") from None
     about, convergence = rest.pop("unknowns"), rest.pop("convergence")
@@ -243,13 +259,15 @@ def load_posterior(path: str | os.PathLike[str]) -> Posterior:
     return Posterior(unknowns, draws, lp, prior, ConvergenceCheck(**convergence), **rest)
 
 
-def _folded(values: Array, ensembles: int) -> Array:
-    chains, n = values.shape
-    return np.swapaxes(values.reshape(ensembles, chains // ensembles, n), 1, 2)
+def _folded(values: Array, step: Array, walker: Array) -> Array:
+    """(ensembles, steps, walkers) of (ensembles, draws) as stored."""
+    out = np.empty((len(values), int(step.max()) + 1, int(walker.max()) + 1))
+    out[:, step, walker] = values
+    return out
 
 
-def _stored(name: str) -> str:
-    """A slash would open a group in the file."""
+def stored_name(name: str) -> str:
+    """Name of a variable in the file, where a slash would open a group."""
     return name.replace("/", "∕")
 
 

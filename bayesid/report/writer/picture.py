@@ -1,4 +1,4 @@
-"""A figure as PNG: with a palette of 256 colours wherever the eye cannot tell.
+"""A figure as PNG, in 256 colours wherever the eye cannot tell, and as SVG where that is small.
 
 Takes a Figure. Gives bytes. Drawings of lines, texts and areas have a few colours and their blends at
 edges: a palette makes them a third of the size, which is what a report with twenty embedded figures weighs.
@@ -7,12 +7,15 @@ edges: a palette makes them a third of the size, which is what a report with twe
 from __future__ import annotations
 
 import io
+import re
 
 from bayesid.report.writer.blocks import Figure
 
 COLOURS = 256
 VISIBLE = 1.5  # rms change of a channel of 255; smooth areas of many colours begin to show bands above it
 MAX_PNG = 200_000  # bytes; above it the palette is taken even so
+MAX_SVG = 150_000  # bytes; a drawing of more points is embedded as PNG
+STAMPS = re.compile(rb"<metadata>.*?</metadata>", re.DOTALL)
 
 
 def png_bytes(figure: Figure) -> bytes:
@@ -25,6 +28,24 @@ def png_bytes(figure: Figure) -> bytes:
     buffer = io.BytesIO()
     figure.image.savefig(buffer, format="png", bbox_inches="tight", metadata={"Software": None})
     return reduced(buffer.getvalue())
+
+
+def svg_bytes(figure: Figure) -> bytes | None:
+    """The picture as SVG, the same bytes for the same figure; None for ready bytes and drawings too large."""
+    if not hasattr(figure.image, "savefig"):
+        return None
+    import matplotlib
+
+    buffer = io.BytesIO()
+    with matplotlib.rc_context({"svg.hashsalt": figure.name, "svg.fonttype": "path"}):
+        figure.image.savefig(buffer, format="svg", bbox_inches="tight", metadata={"Date": None})
+    data = STAMPS.sub(b"", buffer.getvalue())
+    return data if len(data) <= MAX_SVG else None
+
+
+def png_width(data: bytes) -> int:
+    """Width [pixels] of a PNG."""
+    return int.from_bytes(data[16:20], "big")
 
 
 def reduced(data: bytes) -> bytes:

@@ -15,7 +15,7 @@ from hashlib import sha256
 from html import escape
 from importlib import metadata, resources
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from bayesid import __version__
 from bayesid.files import write_atomic, write_json
@@ -39,9 +39,16 @@ from bayesid.report.writer.markup import (
     to_markdown,
     visible,
 )
-from bayesid.report.writer.picture import png_bytes
+from bayesid.report.writer.picture import png_bytes, png_width, svg_bytes
 
 PACKAGES = ("numpy", "scipy", "numba", "matplotlib", "emcee", "pysindy", "arviz", "pint", "h5py", "jinja2")
+
+
+class Picture(NamedTuple):
+    """A figure as it is embedded (SVG, unless that is large) and as it lies beside the report."""
+
+    svg: bytes | None
+    png: bytes
 
 
 def write(report: Report, folder: str | os.PathLike[str], results: Mapping[str, Any]) -> Path:
@@ -65,9 +72,11 @@ def write(report: Report, folder: str | os.PathLike[str], results: Mapping[str, 
     created = datetime.now(UTC).replace(microsecond=0).isoformat().replace("+00:00", "Z")
     record = {"title": report.title, "created": created, "versions": versions(), **results}
     write_json(base / "results.json", record)  # first: the numbers are safe even if drawing fails
-    images = {figure.name: png_bytes(figure) for figure in figures_of((*report.first, *report.sections))}
-    for name, data in images.items():
-        write_atomic(base / "figures" / f"{name}.png", data)
+    images = {}
+    for figure in figures_of((*report.first, *report.sections)):
+        data = png_bytes(figure)
+        write_atomic(base / "figures" / f"{figure.name}.png", data)
+        images[figure.name] = Picture(svg_bytes(figure), data)
     write_atomic(base / "report.md", visible(_markdown(report, record)))
     return write_atomic(base / "report.html", visible(_html(report, images, record)))
 
@@ -83,7 +92,7 @@ def versions() -> dict[str, str]:
     return found
 
 
-def _html(report: Report, images: Mapping[str, bytes], record: Mapping[str, Any]) -> str:
+def _html(report: Report, images: Mapping[str, Picture], record: Mapping[str, Any]) -> str:
     from jinja2 import Environment
     from markupsafe import Markup
 
@@ -113,14 +122,14 @@ def _html(report: Report, images: Mapping[str, bytes], record: Mapping[str, Any]
     )
 
 
-def _section_html(section: Section, level: int, anchor: str, images: Mapping[str, bytes]) -> str:
+def _section_html(section: Section, level: int, anchor: str, images: Mapping[str, Picture]) -> str:
     identity = f' id="{anchor}"' if anchor else ""
     parts = [f"<section{identity}>", f"<h{level}>{escape(section.title)}</h{level}>"]
     parts += [_block_html(block, level, images) for block in section.blocks]
     return "\n".join([*parts, "</section>"])
 
 
-def _block_html(block: Block, level: int, images: Mapping[str, bytes]) -> str:
+def _block_html(block: Block, level: int, images: Mapping[str, Picture]) -> str:
     if isinstance(block, Text):
         return to_html(block.body)
     if isinstance(block, Section):
@@ -153,9 +162,12 @@ def _holds_replay(blocks: Sequence[Block]) -> bool:
     return any(isinstance(b, Replay) or (isinstance(b, Section) and _holds_replay(b.blocks)) for b in blocks)
 
 
-def _image_html(figure: Figure, images: Mapping[str, bytes]) -> str:
-    source = f"data:image/png;base64,{b64encode(images[figure.name]).decode('ascii')}"
-    return f'<img src="{source}" alt="{escape(figure.alt or figure.caption or figure.name)}">'
+def _image_html(figure: Figure, images: Mapping[str, Picture]) -> str:
+    picture = images[figure.name]
+    kind, data = ("png", picture.png) if picture.svg is None else ("svg+xml", picture.svg)
+    source = f"data:image/{kind};base64,{b64encode(data).decode('ascii')}"
+    words = escape(figure.alt or figure.caption or figure.name)
+    return f'<img src="{source}" width="{png_width(picture.png)}" alt="{words}">'
 
 
 def _table_html(table: Table) -> str:
