@@ -18,6 +18,7 @@ from bayesid.diagnosis.run import Diagnosis
 from bayesid.diagnosis.run import diagnose as run
 from bayesid.diagnosis.simulator import mistakes_that_clear
 from bayesid.diagnosis.summary import summary
+from bayesid.estimation.filter_error.fit_journal import FitJournal, fits_kept
 from bayesid.files import write_json
 from bayesid.progress import Progress, RouteStep
 from bayesid.report.diagnosis.report import diagnosis_report, write_diagnosis_report
@@ -40,6 +41,8 @@ ROUTE = {
     "draws": RouteStep(("posterior",), 0.16),
     "model": RouteStep(("model for predictions",), 0.07),
 }
+# Folder of refits beside the results while a diagnosis is under way.
+JOURNAL = "refits"
 EFFECT_COLUMNS = ("effect", "probability", "parameter", "value", "sd", "unit")
 
 
@@ -59,6 +62,7 @@ def diagnose(
     seed: int = 0,
     trust_input: bool = False,
     progress: Progress | None = None,
+    journal: str | os.PathLike[str] | None = None,
 ) -> DiagnoseResult | InputResult:
     """Diagnose the gap between a simulator and a trial; held-out runs are read only after the verdict stands.
 
@@ -78,22 +82,29 @@ def diagnose(
     keep_model : also make the model that `bayesid.predict` draws from
     trust_input : take the log, and the noise it states, as they are
 
+    journal : folder that keeps every refit until `DiagnoseResult.save`: a diagnosis that is stopped goes on
+        from there, with the very same numbers
+
     Raises
     ------
     TrialError, VehicleError, ModelError
         what cannot be read, or nothing to identify from
     """
+    kept = None if journal is None else Path(journal) / JOURNAL
     logged = trial_of(trial, data)
     model = model_of(logged, vehicle, declared_effects(effects), exclude)
     shown = progress or Progress(quiet=True)
 
     def diagnosis(of: Trial, checked: InputCheck) -> DiagnoseResult:
         told = shown.route(_route(next_manoeuvre, draws, keep_model))
-        found = run(
-            of, model, seed=seed, notify=told, as_built=prior, plan_next=next_manoeuvre, draw=draws,
-            keep_model=keep_model, trust_noise=trust_input,
-        )  # fmt: skip
-        return DiagnoseResult(found, checked)
+        with fits_kept(kept) as fits:
+            found = run(
+                of, model, seed=seed, notify=told, as_built=prior, plan_next=next_manoeuvre, draw=draws,
+                keep_model=keep_model, trust_noise=trust_input,
+            )  # fmt: skip
+        if fits is not None and fits.used:
+            shown.note(f"{fits.used} refits of the diagnosis that was stopped before were kept and used")
+        return DiagnoseResult(found, checked, fits)
 
     def mistaken_simulator(checked: InputCheck) -> DiagnoseResult | None:
         """A log that looks like another vehicle's, where a mistake of the simulator explains it."""
@@ -131,6 +142,7 @@ class DiagnoseResult(Result):
 
     found: Diagnosis
     checked: InputCheck = field(default_factory=InputCheck)
+    journal: FitJournal | None = None
 
     @property
     def verdict(self) -> str:
@@ -168,7 +180,10 @@ class DiagnoseResult(Result):
             write_diagnosed(self.found.diagnosed, target)
         if self.found.posterior is not None:
             self.found.posterior.posterior.to_netcdf(target / "posterior.nc")
-        return write_diagnosis_report(self.found.result, target)
+        report = write_diagnosis_report(self.found.result, target)
+        if self.journal is not None:
+            self.journal.clear()
+        return report
 
     def summary(self, verbose: bool = False) -> str:
         line = in_order_line(self.checked)

@@ -22,6 +22,7 @@ from bayesid.diagnosis.exclusions import compare_without
 from bayesid.diagnosis.final_values import result_of
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.verdict import NAMING, Verdict, after_holdout, decide, simplest
+from bayesid.diagnosis.input.memory_needed import check_memory
 from bayesid.diagnosis.next_manoeuvre import Proposal, propose
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import SimulatorMistakeFound
@@ -92,8 +93,9 @@ def diagnose(
     Raises
     ------
     TrialError
-        if there is nothing to identify from
+        if there is nothing to identify from, or more memory is needed than there is
     """
+    check_memory(trial, model)
     weighed = trial if trust_noise else with_seen_noise(trial, (model.scales["L"], model.scales["U"]))
     compared = compare_without(model, weighed, notify, as_built, seed)
     problem, candidates = compared.problem, compared.candidates
