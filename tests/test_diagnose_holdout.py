@@ -7,7 +7,8 @@ import numpy as np
 from gap_trials import model_of, other_vehicle, planted_trial
 
 from bayesid.diagnosis.data.problem import build_problem, fit_with
-from bayesid.diagnosis.evidence.holdout import _pieces, validate_holdout
+from bayesid.diagnosis.evidence.holdout import validate_holdout
+from bayesid.diagnosis.evidence.holdout_prediction import pieces_of
 from bayesid.diagnosis.run import parameter_draws
 from bayesid.estimation.segments import held_since
 from bayesid.trials import window
@@ -156,7 +157,7 @@ def test_pieces_begin_where_the_orders_have_been_held():
     run = next(r for r in trial.runs if "zigzag" in r.name)
     run = replace(run, role="holdout")
     length = 0.15 * run.duration
-    pieces = _pieces(run, 0.5 * length, length)
+    pieces = pieces_of(run, 0.5 * length, length)
     held = held_since(run)
     assert len(pieces) > 2
     for piece, start in pieces[1:]:

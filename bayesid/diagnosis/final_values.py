@@ -17,7 +17,8 @@ from bayesid.diagnosis.data.model_form import resonates
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.evidence.effect_draws import EffectDraws, choice
 from bayesid.diagnosis.evidence.effect_posterior import EffectPosterior, numbers
-from bayesid.diagnosis.evidence.holdout import HoldoutValidation, MeasureComparison
+from bayesid.diagnosis.evidence.holdout import HoldoutValidation
+from bayesid.diagnosis.evidence.holdout_prediction import MeasureComparison
 from bayesid.diagnosis.evidence.missing_force import MissingForce
 from bayesid.diagnosis.evidence.replay import EXPLAINED, GIVEN, RETUNED, Replay, replay_trial
 from bayesid.diagnosis.hypotheses.candidate import (
@@ -351,6 +352,7 @@ def gap_of(holdout: HoldoutValidation) -> Gap:
             r.pieces,
             r.draws,
             _numbers(r.channels),
+            _number(r.expected),
         )
         for r in holdout.horizons
     )

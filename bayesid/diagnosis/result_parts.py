@@ -159,6 +159,10 @@ class Horizon:
     pieces: int
     posterior_draws: int
     channels: ByChannel
+    expected: Annotated[
+        float | None,
+        About("Error that 95 % of draws of the explanation and of its start stay below, as excess."),
+    ] = None
 
 
 @dataclass(frozen=True)
