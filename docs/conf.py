@@ -6,7 +6,9 @@ package as it is: such a part cannot go stale and is never written into the sour
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
 import sys
 from pathlib import Path
 
@@ -66,8 +68,20 @@ def spread_docstring(app, what, name, found, options, lines):
     lines[:] = spread(lines)
 
 
+def draw_gallery(app):
+    """Run the scripts of the gallery whose picture is older than they are; their pictures are not kept."""
+    folder = HERE / "gallery" / "made"
+    folder.mkdir(exist_ok=True)
+    environment = {**os.environ, "PYTHONPATH": str(HERE.parent)}
+    for script in sorted((HERE / "gallery").glob("*.py")):
+        picture = folder / f"{script.stem}.png"
+        if not picture.exists() or picture.stat().st_mtime < script.stat().st_mtime:
+            subprocess.run([sys.executable, str(script), str(picture)], check=True, env=environment)
+
+
 def setup(app):
     register(app)
+    app.connect("builder-inited", draw_gallery)
     app.connect("source-read", fill_generated)
     app.connect("autodoc-process-docstring", spread_docstring, priority=100)  # before napoleon
     return {"parallel_read_safe": True}

@@ -6,6 +6,7 @@ import json
 
 import pytest
 
+import bayesid
 from bayesid.cli.main import run
 
 
@@ -54,3 +55,12 @@ def test_a_fit_moves_the_point_looked_at(pond, tmp_path, capsys):
 def test_an_unknown_coefficient_is_refused_in_one_sentence(pond, capsys):
     assert run(["identify", str(pond), "--free", "N_nothing"]) == 2
     assert "N_nothing" in capsys.readouterr().err
+
+
+def test_channels_without_noise_do_not_fix_what_nothing_excites():
+    """A simulated log has no noise on u and v unless asked for: N_v was told to 1e-14 of its value."""
+    trial = bayesid.simulate("generic_sub", "turn:25", dt=2.0, noise={"x": 1.0, "y": 1.0, "psi": 0.005})
+    found = bayesid.identify(trial, free="N_v,N_r,N_dr", prior=0.2, profile=False)
+    assert any("no noise to speak of in u, v, r" in remark for remark in found.facts["remarks"])
+    sd = {e.name: e.sd / e.prior_sd for e in found.found.entries}
+    assert 1e-3 < sd["N_v"] < 1.0 and 1e-3 < sd["N_r"] < 1.0

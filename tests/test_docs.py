@@ -33,7 +33,7 @@ _BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w])")
 _MARKER = re.compile(r"^<!-- generated: (\w+) -->$", re.MULTILINE)
 # pages whose commands take seconds; those of the others take minutes
-CHEAP = ("guide/own_log.md", "guide/manoeuvres.md", "developer/blind_checks.md")
+CHEAP = ("guide/own_log.md", "guide/new_vehicles.md", "guide/manoeuvres.md", "developer/blind_checks.md")
 COSTLY = ("guide/ten_minutes.md", "guide/diagnosis.md", "../README.md")
 
 
@@ -192,3 +192,26 @@ def test_a_line_that_was_not_printed_is_found_out():
 def test_every_page_with_commands_is_run_by_a_test():
     with_code = {p.resolve() for p in WRITTEN if blocks(p, "bash") or blocks(p, "python")}
     assert with_code == {(DOCS / name).resolve() for name in (*CHEAP, *COSTLY)}
+
+
+@pytest.mark.parametrize("name", ["next_manoeuvre", "ridge_of_a_turn", "rudder_too_slow"])
+def test_a_script_of_the_gallery_draws_its_picture(name, tmp_path, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    picture = tmp_path / "picture.png"
+    done = subprocess.run(
+        [sys.executable, str(DOCS / "gallery" / f"{name}.py"), str(picture)], capture_output=True, text=True,
+        timeout=400, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    said = {
+        "next_manoeuvre": "most by one run: ", "ridge_of_a_turn": "one turn: N_v to ",
+        "rudder_too_slow": "The rudder follows its orders with a lag of 0.6",
+    }  # fmt: skip
+    assert done.stdout.startswith(said[name])
+
+
+def test_the_gallery_shows_every_script():
+    text = (DOCS / "gallery" / "index.md").read_text("utf-8")
+    scripts = sorted(p.stem for p in (DOCS / "gallery").glob("*.py"))
+    assert scripts == sorted(re.findall(r"literalinclude\} (\w+)\.py", text))

@@ -324,6 +324,42 @@ def test_what_is_doubtful_is_asked(tmp_path, change, words):
     assert any(words in text for text in asked), asked
 
 
+@pytest.mark.parametrize("at_a_step", [True, False])
+def test_an_order_that_cannot_be_read_is_asked_about_first_where_it_may_have_changed(tmp_path, at_a_step):
+    """Beside a cell in the middle of a held order, which hides nothing and is a remark."""
+    truth = motion(np.random.default_rng(7))
+    order = [f"{v:.3f}" for v in truth["delta_r_cmd"] / DEG]
+    step = int(np.flatnonzero(np.diff(truth["delta_r_cmd"]))[2])
+    order[step + 1 if at_a_step else 20] = "Err:502"
+    rows = zip(truth["t"], truth["x"], truth["y"], truth["psi"] / DEG, order, truth["n_cmd"], strict=True)
+    lines = [f"{t:.1f},{x:.3f},{y:.3f},{p:.3f},{o},{n}" for t, x, y, p, o, n in rows]
+    (tmp_path / "log.csv").write_text("t [s],North [m],East [m],Heading [deg],rudder order [deg],rpm_cmd\n"
+                                      + "\n".join(lines))  # fmt: skip
+    proposal = propose([tmp_path / "log.csv"])
+    asked = [text for text in proposal.map.questions if "1 cell is no number" in text]
+    if at_a_step:
+        assert asked == list(proposal.map.questions[:1])
+        assert f"at {truth['t'][step + 1]:.1f} s" in asked[0]
+    else:
+        assert not asked
+        assert any("1 cell is no number" in text for text in proposal.remarks)
+
+
+def test_what_never_moves_is_not_said_to_move(tmp_path):
+    truth = motion(np.random.default_rng(7))
+    columns = {
+        "t [s]": truth["t"], "North [m]": truth["x"], "East [m]": truth["y"],
+        "Heading [deg]": truth["psi"] / DEG, "rudder [deg]": truth["delta_r_cmd"] / DEG,
+        "propeller [rpm]": np.full(truth["t"].shape, 900.0),
+    }  # fmt: skip
+    remarks = propose([_table(tmp_path, truth, columns)]).remarks
+    assert any(
+        "'rudder [deg]' is read as delta_r_cmd, ordered: it moves in steps" in text for text in remarks
+    )
+    said = [text for text in remarks if "propeller" in text]
+    assert said and all("stays at 900" in text and "moves" not in text for text in said), said
+
+
 def test_runs_are_cut_by_their_commands():
     truth = motion(np.random.default_rng(8))
     pieces = cutting.cut(truth["t"], truth["delta_r_cmd"], truth["psi"], truth["u"])

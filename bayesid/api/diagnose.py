@@ -13,9 +13,10 @@ from bayesid.api.input_result import InputResult
 from bayesid.api.inputs import Names, TrialLike, VehicleLike, declared_effects, model_of, prepared, trial_of
 from bayesid.api.result import Result, table
 from bayesid.diagnosis.diagnosed_model import write_diagnosed
-from bayesid.diagnosis.input import check_trial, mended, not_enough
+from bayesid.diagnosis.input import WRONG_VEHICLE, check_trial, mended, not_enough
 from bayesid.diagnosis.run import Diagnosis
 from bayesid.diagnosis.run import diagnose as run
+from bayesid.diagnosis.simulator import mistakes_that_clear
 from bayesid.diagnosis.summary import summary
 from bayesid.estimation.filter_error.fit_journal import FitJournal, fits_kept
 from bayesid.files import write_json
@@ -105,13 +106,23 @@ def diagnose(
             shown.note(f"{fits.used} refits of the diagnosis that was stopped before were kept and used")
         return DiagnoseResult(found, checked, fits)
 
+    def mistaken_simulator(checked: InputCheck) -> DiagnoseResult | None:
+        """A log that looks like another vehicle's, where a mistake of the simulator explains it."""
+        if any(f.correction is None and f.name != WRONG_VEHICLE for f in checked.findings):
+            return None
+        right = prepared(mended(logged, checked), resample=resample)
+        if not_enough(right, model) or not mistakes_that_clear(right, model):
+            return None
+        found = diagnosis(right, checked)
+        return found if found.found.result.simulator else None
+
     if trust_input:
         return diagnosis(prepared(logged, resample=resample), InputCheck())
     shown.note("input: what the channels say of one another")
     checked = check_trial(logged, model)
     mend = all(finding.correction is not None for finding in checked.findings)
     if checked.findings and not mend:
-        return InputResult(logged.name, checked)
+        return mistaken_simulator(checked) or InputResult(logged.name, checked)
     trial = prepared(mended(logged, checked) if checked.findings else logged, resample=resample)
     if reasons := not_enough(trial, model):
         return InputResult(logged.name, checked, reasons)

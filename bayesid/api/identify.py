@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,7 @@ from bayesid.api.result import Result, table
 from bayesid.equations.model import build_model
 from bayesid.estimation.likelihood.model_form import with_form
 from bayesid.estimation.likelihood.weighted_fit import weighed
-from bayesid.estimation.output_error import coefficient_set, load_fit, trial_problem
+from bayesid.estimation.output_error import FitProblem, coefficient_set, load_fit, trial_problem
 from bayesid.estimation.segments import in_pieces
 from bayesid.model.vehicles import ASSUMED_RELATIVE_SD, Vehicle
 from bayesid.progress import Progress
@@ -26,6 +26,7 @@ from bayesid.report import identify_first_screen as screen
 from bayesid.report.writer import Report
 from bayesid.report.writer.text import table_text
 from bayesid.threads import one_blas_thread
+from bayesid.trials.noise import raised, raised_words
 
 if TYPE_CHECKING:
     import pandas
@@ -95,6 +96,8 @@ def identify(
             params.started_at([earlier.values.get(n, params[n].start) for n in params.names])
         )
         remarks.append("the earlier fit has a model form; its rows are free here too, under its prior")
+    problem, words_of_noise = _with_least_noise(problem)
+    remarks += words_of_noise
     told = earlier.uncertainty if earlier is not None else {}
     parts = told.get("parts", {})
     share = float(parts.get("share", parts.get("weight", 1.0)))
@@ -131,6 +134,25 @@ def identify(
         with shown.stage("turning circles and zig-zags", 2 * ZIGZAGS) as stage:
             behaviour = _behaviour(problem, found, seed, stage.step)
     return IdentifyResult(found, facts, behaviour, ship)
+
+
+def _with_least_noise(problem: FitProblem) -> tuple[FitProblem, list[str]]:
+    """The problem with no channel below the least noise a log can have, and what was raised, in words.
+
+    A simulated log without noise would fix every coefficient to rounding, also those nothing excites.
+    """
+    scales = problem.model.scales
+    levels = {c: float(s) for run in problem.runs for c, s in zip(run.channels, run.sigma, strict=True)}
+    least = raised(levels, scales["L"], scales["U"])
+    if not least:
+        return problem, []
+    runs = tuple(
+        run.with_sigma({
+            c: max(float(s), least.get(c, 0.0)) for c, s in zip(run.channels, run.sigma, strict=True)
+        })
+        for run in problem.runs
+    )  # fmt: skip
+    return replace(problem, runs=runs), [raised_words(least)]
 
 
 def _behaviour(problem: Any, found: Identifiability, seed: int, step: Any) -> tuple[Derived, Derived]:

@@ -21,12 +21,15 @@ from bayesid.cli.identify import identify
 from bayesid.cli.options import Verbose
 from bayesid.cli.predict import predict
 from bayesid.cli.sample import sample
+from bayesid.cli.schema import schema
 from bayesid.cli.simulate import simulate
+from bayesid.cli.start import start
 from bayesid.cli.study import study
 from bayesid.cli.terminal import guarded
 from bayesid.cli.trial_import import import_logs
 from bayesid.cli.trial_measure import measure
 from bayesid.cli.vehicle_check import check
+from bayesid.cli.vehicle_new import new
 
 EPILOGUE = "Exit codes: 0 ok, 2 usage or bad input, 3 not converged."
 
@@ -46,6 +49,7 @@ def command() -> Any:
         pretty_exceptions_enable=False,
     )
     app.callback()(_root)
+    app.command("start")(start)
     app.command("simulate")(simulate)
     app.command("fit")(fit)
     app.command("identify")(identify)
@@ -57,8 +61,15 @@ def command() -> Any:
     app.command("compare")(compare)
     app.command("design")(design)
     app.command("study")(study)
+    app.command("schema")(schema)
     groups = {
-        "vehicle": _group("Look at coefficient sets.", list=vehicle.listing, show=vehicle.show, check=check),
+        "vehicle": _group(
+            "Look at coefficient sets, check them, make new ones.",
+            list=vehicle.listing,
+            show=vehicle.show,
+            new=new,
+            check=check,
+        ),
         "effect": _group("Look up the unmodelled effects.", list=effect.listing, show=effect.show),
         "manoeuvre": _group("Look up the manoeuvres.", list=manoeuvre.listing),
         "trial": _group(

@@ -73,7 +73,8 @@ def import_logs(
                 f"{out / 'map.toml'} is there already; carry it out with --map {out / 'map.toml'}, or "
                 f"delete it for a new one"
             )
-        proposal = propose(sources, _vehicle(vehicle, out), out.name)
+        name = out.resolve().parent.name if out.name == "bayesid" else out.name  # what `bayesid start` makes
+        proposal = propose(sources, _vehicle(vehicle, out), name)
         out.mkdir(parents=True, exist_ok=True)
         map_file = out / "map.toml"
         map_file.write_text(map_text(proposal.map, proposal.remarks, proposal.unused), encoding="utf-8")
@@ -115,10 +116,11 @@ def _vehicle(vehicle: str | None, out: Path) -> str:
 def _say(proposal: Proposal, out: Path) -> None:
     from bayesid.cli.output import print_table, print_text
     from bayesid.report.import_figure import draw_runs
+    from bayesid.trials.importing.roles import ROLES
 
     found = proposal.map
     rows = [
-        [role, entry.source, entry.unit or "", entry.scale if entry.scale != 1 else None]
+        [role, entry.source, entry.unit or ROLES[role].unit, entry.scale if entry.scale != 1 else None]
         for role, entry in found.channels.items()
     ]
     print_table(["channel", "read from", "unit", "scale"], rows)

@@ -20,13 +20,15 @@ LARGEST = 35 * DEG  # where a vehicle states no limit
 
 
 def check(vehicle: VehicleName, out: Out = None, as_json: Json = False, verbose: Verbose = False) -> None:
-    """Check a vehicle: stability, how it turns and zig-zags, and what no real vehicle does."""
+    """Check a vehicle: stability, how it turns and zig-zags, what no real vehicle does, and what it lacks for
+    which command."""
     from bayesid.cli.output import print_json, print_table, print_text
     from bayesid.cli.run_measures import print_measures
     from bayesid.files import write_json
     from bayesid.model.vehicles import load_vehicle
     from bayesid.model.vehicles.check import check_vehicle
     from bayesid.model.vehicles.stability import stability
+    from bayesid.model.vehicles.sufficient import lacking
 
     found = load_vehicle(vehicle)
     findings = check_vehicle(found)
@@ -41,6 +43,7 @@ def check(vehicle: VehicleName, out: Out = None, as_json: Json = False, verbose:
             "eigenvalues, vertical [U/L]": [[value.real, value.imag] for value in straight.vertical],
         }
     result["behaviour"] = behaviour = _behaviour(found)
+    result["lacking"] = lacks = lacking(found)
     if out is not None:
         write_json(out / "vehicle_check.json", result)
     if as_json:
@@ -60,6 +63,21 @@ def check(vehicle: VehicleName, out: Out = None, as_json: Json = False, verbose:
                 print_text(f"  - {finding.text}")
     if not warnings:
         print_text("Nothing unphysical found.")
+    _print_lacking(lacks)
+
+
+def _print_lacking(lacks: dict[str, list[str]]) -> None:
+    from bayesid.cli.output import print_text
+
+    enough = [command for command, texts in lacks.items() if not texts]
+    if enough:
+        print_text(f"Nothing missing for: {', '.join(enough)}.")
+    by_text: dict[str, list[str]] = {}
+    for command, texts in lacks.items():
+        for text in texts:
+            by_text.setdefault(text, []).append(command)
+    for text, commands in by_text.items():
+        print_text(f"  - {', '.join(commands)}: {text}")
 
 
 def _behaviour(vehicle: Vehicle) -> list[dict[str, Any]]:

@@ -54,6 +54,7 @@ from bayesid.diagnosis.result_parts import (
     Region,
     RunError,
     Screened,
+    SimulatorMistakeFound,
     Value,
 )
 from bayesid.equations.model import Model
@@ -83,6 +84,7 @@ def result_of(
     seed: int,
     description: MissingForce | None = None,
     posterior: EffectPosterior | None = None,
+    simulator: tuple[SimulatorMistakeFound, ...] = (),
 ) -> Result:
     """Final values of a diagnosis."""
     from bayesid import __version__
@@ -163,6 +165,7 @@ def result_of(
         runs=tuple(_run_error(r) for r in replays),
         moved=_moved(model, problem, c.none, shown),
         runs_agree=_agreement(problem, c.none, best) if gains and not best.widens else None,
+        simulator=simulator,
         drawings=_drawings(model, c, posterior, seed, replays),
     )
 

@@ -225,6 +225,22 @@ class Moved:
 
 
 @dataclass(frozen=True)
+class SimulatorMistakeFound:
+    """A mistake of the simulator whose mend leaves no gap that asks for a cause."""
+
+    name: str
+    says: str
+    probability: Annotated[Share, About("Among the mistakes listed.")]
+    gain: Annotated[float, About("Log evidence of the mended simulator over the one given [nats].")]
+    lead: Annotated[float, About("The same over the best explanation without a mistake [nats].")]
+    size: Annotated[float, About("Size of the mistake where it has one, else 1.")]
+    numbers: Annotated[
+        Mapping[str, float], About("What the vehicle file would hold: coefficient (in its units) -> value.")
+    ]
+    given: Annotated[Mapping[str, float], About("The same as given.")]
+
+
+@dataclass(frozen=True)
 class RunError:
     """Open-loop replay of one run, root mean square errors after the first seconds of it.
 

@@ -18,17 +18,47 @@ from pathlib import PurePosixPath
 from typing import Any
 
 from bayesid.model.channels import channel, is_channel, nearest_hint
+from bayesid.model.file_keys import FileKey
 from bayesid.model.units import UnitError, scale
 from bayesid.trials.assemble import TIME_REPAIRS, Reading, split_header
 from bayesid.trials.correction import read_correction
 from bayesid.trials.trial import ROLES, Environment
 
 MAX_RUNS = 10_000
-_KEYS = (
-    "format", "name", "vehicle", "dof", "measured_point", "rudder_positive", "time_repair", "attribution",
-    "data_hint", "noise", "environment", "columns", "corrections", "runs",
-)  # fmt: skip
-_RUN_KEYS = ("file", "manoeuvre", "role", "notes", "window")
+#: keys of trial.toml; the reader and the JSON Schema (`schema`) take names, choices and defaults from here
+KEYS: dict[str, FileKey] = {
+    "format": FileKey("whole", "of the file", required=True, choices=(1,)),
+    "name": FileKey("text", "free text", default=""),
+    "vehicle": FileKey("text", "a file in the bundle, or the name of a built-in vehicle", default=""),
+    "dof": FileKey("whole", "default: 6 if the vertical plane is logged, else 3", choices=(3, 6)),
+    "measured_point": FileKey("numbers", "m, point whose position is logged, body axes", length=3),
+    "rudder_positive": FileKey(
+        "text", "side a positive rudder of the log turns to", choices=("port", "starboard"), default="port"
+    ),
+    "time_repair": FileKey(
+        "text", "sort: sort rows by time and merge those of equal time", choices=TIME_REPAIRS, default="none"
+    ),
+    "attribution": FileKey("text", "whose data these are; printed in reports", default=""),
+    "data_hint": FileKey("text", "where the logs are to be had, if not here", default=""),
+    "noise": FileKey("table", "one sigma of white sensor noise per channel, SI or channel[unit]"),
+    "environment": FileKey("table", "level of process noise, where it is known from elsewhere"),
+    "columns": FileKey("table", "channel or channel[unit] = column in the file"),
+    "corrections": FileKey("table", "what the numbers are where the header is wrong"),
+    "runs": FileKey("table", "one [[runs]] table per file or part of one", required=True),
+}
+#: keys of [environment]
+ENVIRONMENT: dict[str, FileKey] = {
+    "force_rms": FileKey("number", "disturbing force over rho/2 L^2 U^2, moments over L^3", low=0.0),
+    "nav_drift": FileKey("number", "m, slow drift of the position", low=0.0),
+}
+#: keys of [[runs]]
+RUN_KEYS: dict[str, FileKey] = {
+    "file": FileKey("text", "CSV file in the bundle", required=True),
+    "manoeuvre": FileKey("text", 'free text, e.g. "zigzag 10/10"', default=""),
+    "role": FileKey("text", "holdout: never read by a fit or a choice", choices=ROLES, default="identify"),
+    "notes": FileKey("text", "free text", default=""),
+    "window": FileKey("numbers", "[start, end] in seconds of the log", length=2),
+}
 
 
 @dataclass(frozen=True)
@@ -53,7 +83,7 @@ class Stated:
 
     def __post_init__(self) -> None:
         tree = self.tree
-        self._unknown(tree, _KEYS, "")
+        self._unknown(tree, tuple(KEYS), "")
         if tree.get("format") != 1 or isinstance(tree.get("format"), bool):
             self.problems.append(f"format is {_short(tree.get('format'))}; this program reads format = 1")
         self.name = self._text(tree, "name")[:500]
@@ -61,7 +91,7 @@ class Stated:
         self.attribution = self._text(tree, "attribution")
         self.data_hint = self._text(tree, "data_hint")
         self.dof = tree.get("dof")
-        if self.dof not in (None, 3, 6) or isinstance(self.dof, bool | float):
+        if self.dof not in (None, *KEYS["dof"].choices) or isinstance(self.dof, bool | float):
             self.problems.append(f"dof is {_short(self.dof)}; 3 or 6")
             self.dof = None
         self.measured_point = (0.0, 0.0, 0.0)
@@ -71,8 +101,7 @@ class Stated:
                 self.problems.append("measured_point must be three numbers [x, y, z] in metres, body axes")
             else:
                 self.measured_point = (point[0], point[1], point[2])
-        side = self._choice(tree, "rudder_positive", ("port", "starboard"), "port")
-        repair = self._choice(tree, "time_repair", TIME_REPAIRS, "none")
+        side, repair = self._choice("rudder_positive"), self._choice("time_repair")
         self.reading = Reading(self._columns(), side, repair)
         self.noise = self._noise()
         self.environment = self._environment()
@@ -96,8 +125,9 @@ class Stated:
             return default
         return value
 
-    def _choice(self, table: dict[str, Any], key: str, allowed: tuple[str, ...], default: str) -> str:
-        value = table.get(key, default)
+    def _choice(self, key: str) -> str:
+        allowed, default = KEYS[key].choices, str(KEYS[key].default)
+        value = self.tree.get(key, default)
         if value not in allowed:
             self.problems.append(f"{key} is {_short(value)}; one of {', '.join(allowed)}")
             return default
@@ -150,7 +180,7 @@ class Stated:
         if "environment" not in self.tree:
             return None
         table = self._table("environment")
-        known = ("force_rms", "nav_drift")
+        known = tuple(ENVIRONMENT)
         self._unknown(table, known, "[environment] ")
         values: dict[str, float | None] = dict.fromkeys(known)
         for key in known:
@@ -176,12 +206,12 @@ class Stated:
         entries = []
         for k, table in enumerate(tables, 1):
             place = f"run {k}: "
-            self._unknown(table, _RUN_KEYS, place)
+            self._unknown(table, tuple(RUN_KEYS), place)
             file = table.get("file")
             if not isinstance(file, str) or not file:
                 self.problems.append(f"{place}file = {_short(file)}; the name of a CSV file is needed")
                 continue
-            role = table.get("role", "identify")
+            role = table.get("role", RUN_KEYS["role"].default)
             if role not in ROLES:
                 near = difflib.get_close_matches(str(role)[:20], ROLES, n=1, cutoff=0.3)
                 hint = f"; did you mean {near[0]!r}?" if near else ""

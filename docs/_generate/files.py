@@ -9,7 +9,8 @@ from bayesid.diagnosis.result import schema
 from bayesid.model.channels import CHANNELS
 from bayesid.model.propulsion import MODELS
 from bayesid.model.vehicles import load_vehicle
-from bayesid.model.vehicles.reading import SECTIONS, VEHICLE_KEYS, builtin_names
+from bayesid.model.vehicles.reading import SECTIONS, builtin_names
+from bayesid.model.vehicles.tables import HEAD
 
 
 def channels() -> str:
@@ -48,7 +49,7 @@ def coefficients_read() -> str:
     """Sections and keys the reader of vehicle files knows."""
     return (
         f"Sections: {', '.join(code(f'[{s}]') for s in SECTIONS)}.\n\n"
-        f"Keys of `[vehicle]`: {', '.join(code(k) for k in VEHICLE_KEYS)}."
+        f"Keys of `[vehicle]`: {', '.join(code(k) for k in HEAD)}."
     )
 
 

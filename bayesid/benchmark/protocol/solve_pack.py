@@ -206,10 +206,12 @@ def _results(tasks: list[Any], executor: Executor, minutes: float | None) -> Ite
 def _solve_one(task: tuple[Path, Path, str, SolveSettings, dict[str, str]]) -> tuple[str, str]:
     """Verdict of one bundle, written to disk; (name, what it says)."""
     bundle, folder, digest, settings, now = task
+    from bayesid.diagnosis.input import check_trial, mended
     from bayesid.diagnosis.run import diagnose
     from bayesid.equations.model import build_model
     from bayesid.model.vehicles import load_vehicle
     from bayesid.report.diagnosis.report import write_diagnosis_report
+    from bayesid.report.input import check_record
     from bayesid.trials import load_trial
 
     folder.mkdir(parents=True, exist_ok=True)
@@ -220,8 +222,11 @@ def _solve_one(task: tuple[Path, Path, str, SolveSettings, dict[str, str]]) -> t
     try:
         trial = load_trial(bundle)
         model = build_model(load_vehicle(trial.vehicle_ref), trial.dof)
+        checked = check_trial(trial, model)
+        if any(finding.correction is not None for finding in checked.findings):
+            trial = mended(trial, checked)
         found = diagnose(trial, model, seed=settings.seed, plan_next=settings.plan_next)
-        record = found.result.record()
+        record = {**found.result.record(), "input": check_record(checked)}
         note |= {"cpu_seconds": time.process_time() - cpu, "wall_seconds": time.monotonic() - wall}
         verdict = write_json(folder / "diagnosis.json", record)
         note |= {"verdict": digest_of_file(verdict), "dof": trial.dof}

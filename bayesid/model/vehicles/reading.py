@@ -21,7 +21,7 @@ from bayesid.model.vehicles.fields import TomlTable, hint, shown
 from bayesid.model.vehicles.inertia import mass_problems
 from bayesid.model.vehicles.prior import read_prior
 from bayesid.model.vehicles.tables import (
-    DIMENSIONS,
+    HEAD,
     read_coefficients,
     read_confidence,
     read_control,
@@ -31,7 +31,7 @@ from bayesid.model.vehicles.tables import (
     read_propulsion,
     read_sources,
 )
-from bayesid.model.vehicles.vehicle import INERTIA, Vehicle
+from bayesid.model.vehicles.vehicle import Vehicle
 
 BUILTIN_FOLDER = Path(__file__).parent / "builtin"
 LARGEST_FILE = 1_000_000  # bytes
@@ -45,19 +45,6 @@ SECTIONS = (
     "validation",
     "confidence",
     "sources",
-)
-VEHICLE_KEYS = (
-    *(
-        "name",
-        "source",
-        "nondimensional",
-        "plain_abs",
-        "planar_only",
-        "convention",
-        "rudder_positive",
-        "dialect",
-    ),
-    *("rho", "L", *DIMENSIONS, "mass", *INERTIA, "r_G", "r_B", "W", "B", "W_equals_B", "U_ref"),
 )
 
 
@@ -136,7 +123,7 @@ def read_vehicle(data: Mapping[str, Any], where: str, folder: Path | None) -> Ve
         if key not in data:
             problems.append(f"section [{key}] is missing")
     head = TomlTable(data.get("vehicle", {}), "vehicle", problems)
-    head.only(VEHICLE_KEYS)
+    head.only(HEAD)
     dialect = head.text("dialect", choices=READ) or None
     coef = read_coefficients(TomlTable(data.get("coef", {}), "coef", problems), dialect)
     prior = None

@@ -11,47 +11,117 @@ from collections.abc import Mapping
 from typing import Any
 
 from bayesid.errors import VehicleError
+from bayesid.model.file_keys import FileKey
 from bayesid.model.propulsion import MODELS, propulsion_problems, with_defaults
 from bayesid.model.terms import canonical_name, term
-from bayesid.model.vehicles.fields import TomlTable, as_number, shown
+from bayesid.model.terms.dialects import READ
+from bayesid.model.vehicles.fields import LARGEST, TomlTable, as_number, shown
 from bayesid.model.vehicles.vehicle import FINS, GRAVITY, INERTIA, Crossflow, Propulsion
 
 DIMENSIONS = ("L_oa", "diameter", "scale")
 FIN_KEYS = dict(zip(FINS, ("dr", "ds", "db"), strict=True))
+#: keys of [vehicle]; the reader and the JSON Schema (`schema`) take ranges, choices and defaults from here
+HEAD: dict[str, FileKey] = {
+    "name": FileKey("text", "of the vehicle", default="unnamed"),
+    "source": FileKey("text", "where the numbers are from", default="not stated"),
+    "nondimensional": FileKey("flag", "true: prime coefficients, false: SI", required=True),
+    "plain_abs": FileKey("flag", "v|v| and w|w| instead of v sqrt(v^2 + w^2)", default=False),
+    "planar_only": FileKey("flag", "surge, sway and yaw only", default=False),
+    "convention": FileKey(
+        "text", "fossen: Munk and Coriolis parts of the added mass are not in [coef] and are added",
+        choices=("gertler-hagen", "fossen"), default="gertler-hagen",
+    ),
+    "rudder_positive": FileKey(
+        "text", "side to which a positive rudder turns", choices=("port", "starboard"), default="port"
+    ),
+    "dialect": FileKey("text", "how the coefficients are spelt where spelling leaves two", choices=READ),
+    "rho": FileKey("number", "kg/m3, density of the water", required=True, low=0.1, high=1e5),
+    "L": FileKey("number", "m, reference length of the prime system", required=True, low=1e-3, high=1e5),
+    **{
+        key: FileKey("number", text, low=0.0, high=1e6)
+        for key, text in zip(DIMENSIONS, ("m, length over all", "m, hull", "of the model"), strict=True)
+    },
+    "mass": FileKey("number", "kg, with the water inside", required=True, low=1e-6, high=1e12),
+    **{
+        key: FileKey("number", f"kg m2, about the origin{'; not if planar_only' * (key != 'Izz')}",
+                     required=key == "Izz", low=0.0, high=1e18)
+        for key in INERTIA[:3]
+    },
+    **{
+        key: FileKey("number", "kg m2, plus integral of the product", low=-1e18, high=1e18, default=0.0)
+        for key in INERTIA[3:]
+    },
+    "r_G": FileKey("numbers", "m, centre of gravity, body axes, z down", length=3),
+    "r_B": FileKey("numbers", "m, centre of buoyancy, body axes, z down", length=3),
+    "W": FileKey("number", "N, weight; default: mass times 9.81", low=0.0, high=1e14),
+    "B": FileKey("number", "N, buoyancy", low=0.0, high=1e14),
+    "W_equals_B": FileKey("flag", "trimmed to neutral; W and B have no effect then"),
+    "U_ref": FileKey("number", "m/s, of prime rows that are not quadratic in velocity", low=1e-6, high=1e4),
+}  # fmt: skip
+#: keys of [control]
+CONTROL: dict[str, FileKey] = {
+    **{f"{short}_max_deg": FileKey("number", f"deg, largest angle of {fin}", low=0.0, high=180.0)
+       for fin, short in FIN_KEYS.items()},
+    "rate_deg_s": FileKey("number", "deg/s, of all fins without their own", low=1e-6, high=1e9),
+    **{f"{short}_rate_deg_s": FileKey("number", f"deg/s, of {fin}", low=1e-6, high=1e9)
+       for fin, short in FIN_KEYS.items()},
+}  # fmt: skip
+#: keys of [crossflow]
+CROSSFLOW: dict[str, FileKey] = {
+    "Cdy": FileKey("number", "drag coefficient of the strips, sideways", required=True, low=0.0, high=1e5),
+    "Cdz": FileKey("number", "drag coefficient of the strips, up and down", required=True, low=0.0, high=1e5),
+    "height": FileKey("number", "m, of the strips", required=True, low=0.0, high=1e5),
+    "width": FileKey("number", "m, of the strips", required=True, low=0.0, high=1e5),
+    "sections": FileKey("whole", "stations of the integral", low=3, high=1001, default=21),
+}
+
+
+def _number(
+    table: TomlTable, keys: Mapping[str, FileKey], key: str, default: float | None = None
+) -> float | None:
+    """The number of a declared key, in its range."""
+    row = keys[key]
+    low = -LARGEST if row.low is None else row.low
+    high = LARGEST if row.high is None else row.high
+    return table.number(key, default, required=row.required, low=low, high=high)
 
 
 def read_head(head: TomlTable) -> dict[str, Any]:
     values: dict[str, Any] = {
-        "name": head.text("name", "unnamed"),
-        "source": head.text("source", "not stated"),
+        "name": head.text("name", HEAD["name"].default),
+        "source": head.text("source", HEAD["source"].default),
         "nondimensional": head.flag("nondimensional", False),
-        "plain_abs": head.flag("plain_abs", False),
-        "planar_only": head.flag("planar_only", False),
-        "U_ref": head.number("U_ref", low=1e-6, high=1e4),
+        "plain_abs": head.flag("plain_abs", HEAD["plain_abs"].default),
+        "planar_only": head.flag("planar_only", HEAD["planar_only"].default),
+        "U_ref": _number(head, HEAD, "U_ref"),
     }
     if "nondimensional" not in head.data:
         head.problem("nondimensional is missing: say true for prime coefficients, false for SI")
-    values["rho"] = head.number("rho", required=True, low=0.1, high=1e5)
-    values["L"] = head.number("L", required=True, low=1e-3, high=1e5)
-    values["mass"] = mass = head.number("mass", required=True, low=1e-6, high=1e12)
+    for key in ("rho", "L", "mass"):
+        values[key] = _number(head, HEAD, key)
+    mass = values["mass"]
     for key in INERTIA[:3]:
         in_plane = values["planar_only"] and key != "Izz"
         values[key] = head.number(
-            key, 0.0 if in_plane else None, required=not in_plane, low=0.0 if in_plane else 1e-12, high=1e18
+            key,
+            0.0 if in_plane else None,
+            required=not in_plane,
+            low=0.0 if in_plane else 1e-12,
+            high=HEAD[key].high or math.inf,
         )
     for key in INERTIA[3:]:
-        values[key] = head.number(key, 0.0, low=-1e18, high=1e18)
+        values[key] = _number(head, HEAD, key, HEAD[key].default)
     values["r_G"] = head.vector("r_G", (0.0, 0.0, 0.0))
     values["r_B"] = head.vector("r_B", (0.0, 0.0, 0.0))
     weight = (mass or 0.0) * GRAVITY
-    values["W"] = head.number("W", weight, low=0.0, high=1e14)
-    values["B"] = head.number("B", weight, low=0.0, high=1e14)
+    values["W"] = _number(head, HEAD, "W", weight)
+    values["B"] = _number(head, HEAD, "B", weight)
     if head.flag("W_equals_B", "B" not in head.data):
         values["W"] = values["B"] = weight
     elif "B" not in head.data:
         head.problem("B [N] is missing; give it or say W_equals_B = true")
     values["dimensions"] = {
-        key: value for key in DIMENSIONS if (value := head.number(key, low=0.0, high=1e6)) is not None
+        key: value for key in DIMENSIONS if (value := _number(head, HEAD, key)) is not None
     }
     return values
 
@@ -79,14 +149,12 @@ def read_coefficients(table: TomlTable, dialect: str | None) -> dict[str, float]
 
 def read_control(table: TomlTable) -> tuple[dict[str, float], dict[str, float]]:
     """Limits [rad] and rates [rad/s] of the fins; rate_deg_s holds for all fins without their own."""
-    limit_keys = {fin: f"{short}_max_deg" for fin, short in FIN_KEYS.items()}
-    rate_keys = {fin: f"{short}_rate_deg_s" for fin, short in FIN_KEYS.items()}
-    table.only((*limit_keys.values(), "rate_deg_s", *rate_keys.values()))
-    common = table.number("rate_deg_s", math.inf, low=1e-6, high=1e9)
+    table.only(CONTROL)
+    common = _number(table, CONTROL, "rate_deg_s", math.inf)
     limits, rates = {}, {}
-    for fin in FINS:
-        limit = table.number(limit_keys[fin], math.inf, low=0.0, high=180.0)
-        rate = table.number(rate_keys[fin], common, low=1e-6, high=1e9)
+    for fin, short in FIN_KEYS.items():
+        limit = _number(table, CONTROL, f"{short}_max_deg", math.inf)
+        rate = _number(table, CONTROL, f"{short}_rate_deg_s", common)
         limits[fin] = math.radians(limit if limit is not None else math.inf)
         rates[fin] = math.radians(rate if rate is not None else math.inf)
     return limits, rates
@@ -106,10 +174,9 @@ def read_propulsion(table: TomlTable) -> Propulsion:
 
 
 def read_crossflow(table: TomlTable) -> Crossflow:
-    keys = ("Cdy", "Cdz", "height", "width", "sections")
-    table.only(keys)
-    numbers = [table.number(key, required=True, low=0.0, high=1e5) for key in keys[:4]]
-    sections = table.data.get("sections", 21)
+    table.only(CROSSFLOW)
+    numbers = [_number(table, CROSSFLOW, key) for key in list(CROSSFLOW)[:4]]
+    sections = table.data.get("sections", CROSSFLOW["sections"].default)
     if not isinstance(sections, int) or isinstance(sections, bool) or not 3 <= sections <= 1001:
         table.problem(f"sections must be a whole number between 3 and 1001, not {shown(sections)}")
         sections = 21
@@ -144,10 +211,14 @@ def read_sources(table: TomlTable, coef: Mapping[str, float], dialect: str | Non
     return found
 
 
+def _choice(head: TomlTable, key: str) -> str:
+    return head.text(key, HEAD[key].default, choices=HEAD[key].choices)
+
+
 def read_conversions(head: TomlTable) -> list[str]:
     found = []
-    if head.text("convention", "gertler-hagen", choices=("gertler-hagen", "fossen")) == "fossen":
+    if _choice(head, "convention") == "fossen":
         found.append("fossen")
-    if head.text("rudder_positive", "port", choices=("port", "starboard")) == "starboard":
+    if _choice(head, "rudder_positive") == "starboard":
         found.append("starboard")
     return found

@@ -65,8 +65,16 @@ def write_vehicle(
         raise VehicleError(f"{target.name}: cannot be written ({error.strerror})") from None
 
 
-def vehicle_toml(vehicle: Vehicle, covariance_file: str | None) -> str:
-    """Text of the vehicle file; a covariance is in `covariance_file`, or within the text without one."""
+def vehicle_toml(
+    vehicle: Vehicle, covariance_file: str | None, comments: Mapping[tuple[str, str], str] | None = None
+) -> str:
+    """Text of the vehicle file.
+
+    Parameters
+    ----------
+    covariance_file : where a covariance is; None writes it within the text
+    comments : (section, key) -> comment behind the number; with it one prior sd stands on each line
+    """
     v = vehicle
     head: dict[str, Any] = {"name": v.name, "source": v.source, "nondimensional": v.nondimensional}
     head |= {"plain_abs": v.plain_abs, "planar_only": v.planar_only, "rho": v.rho, "L": v.L, **v.dimensions}
@@ -102,7 +110,15 @@ def vehicle_toml(vehicle: Vehicle, covariance_file: str | None) -> str:
     for name in ("sources", "confidence", "validation"):
         if content := getattr(v, name):
             tables[name] = content
-    return "format = 1\n" + "".join(_table(name, content) for name, content in tables.items())
+    if comments is not None and "relative_sd" in tables.get("prior", {}):
+        spread = tables["prior"]["relative_sd"]
+        tables["prior"] = {k: v for k, v in tables["prior"].items() if k != "relative_sd"}
+        tables["prior.relative_sd"] = spread
+    return "format = 1\n" + "".join(
+        _table(name, content, comments or {})
+        for name, content in tables.items()
+        if content or name != "prior"
+    )
 
 
 def identified(
@@ -181,8 +197,12 @@ def _degrees(radians: float) -> float:
     return next((value for value in near if math.radians(value) == radians), degrees)
 
 
-def _table(name: str, content: Mapping[str, Any]) -> str:
-    lines = [f"\n[{name}]"] + [f"{_key(key)} = {_value(value)}" for key, value in content.items()]
+def _table(name: str, content: Mapping[str, Any], comments: Mapping[tuple[str, str], str]) -> str:
+    head = comments.get(("prior", "relative_sd")) if name == "prior.relative_sd" else None
+    lines = [f"\n[{name}]" + (f"  # {head}" if head else "")]
+    for key, value in content.items():
+        comment = comments.get((name, key))
+        lines.append(f"{_key(key)} = {_value(value)}" + (f"  # {comment}" if comment else ""))
     return "\n".join(lines) + "\n"
 
 

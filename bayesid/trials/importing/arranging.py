@@ -22,13 +22,14 @@ def arrange(logs: dict[str, RawLog]) -> tuple[dict[str, str], list[tuple[str, ..
         structure.setdefault(next(alike, (log.format, series)), []).append(name)
     labels: dict[str, str] = {}
     taken: set[str] = set()
-    for files in structure.values():
-        label = _label(files, len(structure) == 1)
+    listed = [part for files in structure.values() for part in _apart(files, logs)]
+    for files in listed:
+        label = _label(files, len(listed) == 1)
         while label in taken:
             label += "_"
         taken.add(label)
         labels |= dict.fromkeys(files, label)
-    kinds = [sorted(files) for files in structure.values()]
+    kinds = [sorted(files) for files in listed]
     if len(kinds) == 1:
         return labels, [(f,) for f in kinds[0]], []
     if all(len(files) == 1 for files in kinds):
@@ -44,6 +45,27 @@ def arrange(logs: dict[str, RawLog]) -> tuple[dict[str, str], list[tuple[str, ..
         f"({', '.join(str(len(k)) for k in kinds)} of each "
         "structure); import one recording at a time"
     )
+
+
+def _apart(files: list[str], logs: dict[str, RawLog]) -> list[list[str]]:
+    """Files of one structure that run at the same time are different things (rudder.csv and shaft.csv, each
+    of time and value): one list per stem of their names."""
+    stems: dict[str, list[str]] = {}
+    for name in files:
+        stems.setdefault(re.sub(r"[\W\d_]+$", "", name.partition(".")[0]).lower(), []).append(name)
+    if len(stems) < 2 or len({len(its) for its in stems.values()}) != 1:
+        return [files]
+    spans = {}
+    for name in files:
+        log = logs[name]
+        ts = [c.t for c in log.channels if c.t.size]
+        if log.start is None or not ts:
+            return [files]
+        spans[name] = (log.start + min(t[0] for t in ts), log.start + max(t[-1] for t in ts))
+    first, second = (its[0] for its in list(stems.values())[:2])
+    (a, b), (c, d) = spans[first], spans[second]
+    shared = min(b, d) - max(a, c)
+    return list(stems.values()) if shared > 0.5 * max(b - a, d - c) > 0.0 else [files]
 
 
 def _told_by_time(groups: list[tuple[str, ...]], logs: dict[str, RawLog]) -> bool:

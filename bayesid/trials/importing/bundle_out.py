@@ -20,8 +20,10 @@ from bayesid.model.channels import CHANNELS, channel
 from bayesid.trials.importing.joining import Joined
 from bayesid.trials.importing.log_map import LogMap
 from bayesid.trials.importing.raw import ImportLogError
+from bayesid.trials.schema import trial_schema
 from bayesid.trials.write import toml_text
 
+SCHEMA = "trial.schema.json"  # beside trial.toml, for editors (#:schema as by Taplo)
 PART = 20_000  # rows turned into text at a time
 _ORDER = {row.name: k for k, row in enumerate(CHANNELS)}
 
@@ -59,6 +61,7 @@ def write_bundle(
     files = _file_names([joined.run.name for joined in runs])
     for joined, file in zip(runs, files, strict=True):
         _write_csv(joined, folder / file)
+    write_atomic(folder / SCHEMA, json.dumps(trial_schema(), indent=1) + "\n")
     write_atomic(target, _trial_toml(found, runs, files, vehicle))
     write_atomic(folder / "provenance.json", json.dumps(provenance(runs, files, origin), indent=1) + "\n")
     if map_file is not None and map_file.resolve() != (folder / "map.toml").resolve():
@@ -126,7 +129,11 @@ def _write_csv(joined: Joined, path: Path) -> None:
 
 
 def _trial_toml(found: LogMap, runs: Sequence[Joined], files: Sequence[str], vehicle: str) -> str:
-    lines = ["format = 1", f"name = {toml_text(found.name or files[0].removesuffix('.csv'))}"]
+    lines = [
+        f"#:schema ./{SCHEMA}",
+        "format = 1",
+        f"name = {toml_text(found.name or files[0].removesuffix('.csv'))}",
+    ]
     if vehicle:
         lines.append(f"vehicle = {toml_text(vehicle)}")
     if found.dof:

@@ -92,6 +92,8 @@ PATTERNS: tuple[tuple[str, str], ...] = (
 _OWN_HEADER = re.compile(r"([A-Za-z_]+)\[[^\[\]]+\]")
 _COMPILED = tuple((role, re.compile(rf"(?:{pattern})")) for role, pattern in PATTERNS)
 ABSOLUTE = frozenset({"latitude", "longitude", "north", "east", "heading", "v_north", "v_east", "course"})
+FIELD = 1.9  # score of the field of a struct
+_SENSOR = re.compile(r"acc|gyr|imu|mag|force|vel|rate|wind|curr|cmd|order")
 WITH_ORDER = ("delta_r", "delta_s", "delta_b", "n")
 
 
@@ -130,10 +132,11 @@ def guess_role(channel: RawChannel, own_format: bool = False) -> Guess | None:
     odd = bool(OTHER.search(words))
     kept = " ".join(OTHER.sub(" ", bare).split()) if odd else bare
     best: Guess | None = None
+    tails = _tails(kept) + _field_of_struct(channel)
     for role, pattern in _COMPILED:
-        for tail, score in _tails(kept):
+        for tail, score in tails:
             if pattern.fullmatch(tail) and _fits(role, channel):
-                if (len(tail) == 1 or tail in ("speed", "velocity")) and score < 2.0:
+                if (len(tail) == 1 or tail in ("speed", "velocity")) and score < FIELD:
                     continue
                 found = Guess(role, score - (0.9 if odd else 0.0), ordered if role in WITH_ORDER else None)
                 if ordered and role not in WITH_ORDER:
@@ -141,6 +144,15 @@ def guess_role(channel: RawChannel, own_format: bool = False) -> Guess | None:
                 if best is None or found.score > best.score:
                     best = found
     return best if best is not None and best.score > 0.2 else None
+
+
+def _field_of_struct(channel: RawChannel) -> list[tuple[str, float]]:
+    """The field of a struct such as run.X of a MAT file, where the struct is no sensor of something else."""
+    before, mark, last = channel.name.rpartition(".")
+    if not mark or not channel.place.startswith("column") or _SENSOR.search(before.lower()):
+        return []
+    words = plain(last)
+    return [] if OTHER.search(words) else [(MEASURED.sub(" ", ORDERED.sub(" ", words)).strip(), FIELD)]
 
 
 def _tails(words: str) -> list[tuple[str, float]]:

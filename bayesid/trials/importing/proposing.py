@@ -21,6 +21,7 @@ from bayesid.trials.importing.deciding import decide
 from bayesid.trials.importing.draft import Draft
 from bayesid.trials.importing.joining import one_clock
 from bayesid.trials.importing.log_map import ChannelMap, LogMap
+from bayesid.trials.importing.lost_cells import ask_lost_cells
 from bayesid.trials.importing.names import WITH_ORDER, guess_role, in_bundle_format
 from bayesid.trials.importing.raw import ImportLogError, RawChannel, RawLog, Request
 from bayesid.trials.importing.readers import read_log
@@ -30,6 +31,7 @@ from bayesid.trials.importing.unit_words import split_unit
 from bayesid.trials.trial import Run
 
 LOOK = 100_000  # samples per series a proposal looks at
+GENERIC = ("value", "data", "val")  # names that say nothing; that of the file is taken
 LARGE = 1_000_000  # samples beyond which a step is proposed
 _TEXT_WORLD = re.compile(r"\b(ned|enu|nwu)\b", re.IGNORECASE)
 
@@ -87,8 +89,7 @@ def propose(sources: Sequence[Path], vehicle: str = "", name: str = "") -> Propo
     for log in logs.values():
         for text in log.notices:
             draft.remark(f"{Path(log.path).name}: {text}")
-    for channel in (c for log in logs.values() for c in log.channels if c.lost):
-        draft.remark(f"{channel.place}: {channel.lost} cells are no numbers and are left out")
+    ask_lost_cells(draft)
     questions = tuple(text for _, text in sorted(draft.asked, key=lambda item: item[0]))
     if not any(role in _UPRIGHT for role in draft.map.channels) and not draft.has("qw"):
         draft.map = replace(draft.map, dof=3)
@@ -118,7 +119,8 @@ def _name(draft: Draft, recordings: list[Recording]) -> list[str]:
     for label, log in first.items():
         for channel in log.channels:
             good = np.isfinite(channel.values)
-            guess = guess_role(channel, label in own) if good.sum() > 3 else None
+            known = replace(channel, name=label) if channel.name.lower() in GENERIC else channel
+            guess = guess_role(known, label in own) if good.sum() > 3 else None
             if guess is None:
                 unused.append(_full(label, channel.name, len(first)))
                 continue
@@ -157,8 +159,7 @@ def _name(draft: Draft, recordings: list[Recording]) -> list[str]:
             pair = (_topic(channel.name).split(".")[0], _topic(rivals[0][2].name).split(".")[0])
             passed.setdefault(pair, []).append(role)
         if role.split("_cmd")[0] in WITH_ORDER and ordered is None and score < 3.0:
-            what = "ordered: it moves in steps" if role.endswith("_cmd") else "measured: it moves smoothly"
-            draft.remark(f"{channel.name!r} is read as {role}, {what}")
+            draft.remark(f"{channel.name!r} is read as {role}, {_how_it_moves(role, channel)}")
         if score < 1.0:
             draft.ask(4, f"{channel.name!r} is read as {role} by a part of its name; is it?")
     for (taken, other_topic), roles in passed.items():
@@ -191,6 +192,13 @@ def _name(draft: Draft, recordings: list[Recording]) -> list[str]:
             channels.pop(role)
     draft.map = replace(draft.map, channels=channels)
     return unused
+
+
+def _how_it_moves(role: str, channel: RawChannel) -> str:
+    good = channel.values[np.isfinite(channel.values)]
+    if not good.size or float(np.ptp(good)) == 0.0:
+        return f"ordered: it stays at {good[0]:.4g}" if good.size else "ordered: it holds nothing"
+    return "ordered: it moves in steps" if role.endswith("_cmd") else "measured: it moves smoothly"
 
 
 def _unit_in_name(name: str, role: str) -> str | None:

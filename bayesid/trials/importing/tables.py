@@ -13,7 +13,7 @@ import numpy as np
 
 from bayesid.trials.importing import clocks
 from bayesid.trials.importing.raw import ImportLogError, RawChannel, Request, SourceOptions, thin_rows
-from bayesid.trials.importing.unit_words import split_unit
+from bayesid.trials.importing.unit_words import plain_unit, split_unit
 
 _TIME = re.compile(
     r"(t|time|times|timestamp|time ?stamp|stamp|utc|date ?time|datetime|epoch|secs?|seconds|zeit|"
@@ -80,10 +80,12 @@ def choose_time(columns: Columns, options: SourceOptions, where: str) -> TimeCho
                 f"(columns: {_some(data)})"
             )
     first = data[names[0]]
-    unit = options.time_unit or columns.unit(names[-1])
+    unit, since = _since(options.time_unit or columns.unit(names[-1]))
     doubts: list[str] = []
     if options.clock:
         return TimeChoice(names, options.clock, unit or "s")
+    if since == "1970" and first.dtype.kind not in "MOUS":
+        return TimeChoice(names, "unix", unit or "s")
     if first.dtype.kind == "M":
         return TimeChoice(names, "date", "s")
     if first.dtype.kind in "OUS":
@@ -110,6 +112,15 @@ def choose_time(columns: Columns, options: SourceOptions, where: str) -> TimeCho
             f"time {names[0]!r} states no unit and is read as {unit}; say time_unit if it is another"
         )
     return TimeChoice(names, clock, unit, tuple(doubts))
+
+
+def _since(unit: str | None) -> tuple[str | None, str | None]:
+    """("s", "1970") of "seconds since 01/01/1970"; the unit as it is otherwise."""
+    found = re.fullmatch(r"\s*(\w+)\s+since\s+(.*)", unit or "")
+    if found is None:
+        return unit, None
+    year = re.search(r"\b(\d{4})\b", found[2])
+    return plain_unit(found[1]) or found[1], year[1] if year else None
 
 
 def _gps_likely(values: np.ndarray, unit: str) -> bool:

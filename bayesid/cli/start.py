@@ -1,0 +1,227 @@
+"""`bayesid start`: from a folder of logs to the first diagnosis; every step is a command it prints.
+
+Takes a folder. Computes nothing itself: each step calls the command it names.
+"""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from bayesid.cli.options import Quick, Verbose
+from bayesid.cli.terminal import BAD_INPUT, OK
+
+if TYPE_CHECKING:
+    from bayesid.trials.importing.finding import Found
+
+ASKED = 3  # exit code: a question is open
+STEPS = "steps.sh"
+HEAD = "#!/bin/sh -e\n# What `bayesid start` did. For other logs: change their names and --out."
+
+Folder = Annotated[
+    Path, typer.Argument(metavar="FOLDER", help="Folder with logs, or one log.", show_default=False)
+]
+Named = Annotated[
+    str | None,
+    typer.Option("--vehicle", help="Built-in name or vehicle file.", show_default=False),
+]
+Target = Annotated[
+    Path | None,
+    typer.Option("--out", "-o", file_okay=False, help="Folder for the results; default: FOLDER/bayesid."),
+]
+Never = Annotated[
+    bool,
+    typer.Option("--yes", "-y", help="Never wait for an answer: print the questions and stop (exit code 3)."),
+]
+
+
+def start(
+    folder: Folder,
+    vehicle: Named = None,
+    out: Target = None,
+    yes: Never = False,
+    quick: Quick = False,
+    verbose: Verbose = False,
+) -> int:
+    """Guide from raw logs to a first diagnosis: find, import, check, diagnose, report.
+
+    A vehicle is a built-in name (--vehicle), or a vehicle file, a data sheet (`bayesid vehicle new
+    --template`) or a simulator's file in the folder. It asks only what files cannot tell; without a
+    terminal, or with --yes, it prints the questions, names the file to edit and stops with exit code 3.
+    Given again, it goes on where it stopped. The commands are kept in OUT/steps.sh, to be given alone the
+    next time.
+    """
+    from bayesid.cli.output import print_text
+    from bayesid.errors import BayesidError
+    from bayesid.lock import lock
+    from bayesid.trials.importing.finding import look_into
+
+    if not folder.exists():
+        raise BayesidError(f"{folder}: does not exist")
+    if out is None:
+        out = (
+            folder / "bayesid"
+            if folder.is_dir()
+            else folder.with_name(f"{folder.name.partition('.')[0]}_bayesid")
+        )
+    found = look_into(folder, out)
+    bundle = out
+    if not (out / "trial.toml").exists() and found.bundle is not None:
+        bundle = found.bundle
+        print_text(f"{bundle} is a trial bundle already.")
+    elif not found.logs and not (out / "trial.toml").exists():
+        raise BayesidError(_nothing(folder, found))
+    out.mkdir(parents=True, exist_ok=True)
+    lock(out, "bayesid start")
+    steps = _Steps(out)
+    ask = sys.stdin.isatty() and sys.stdout.isatty() and not yes
+    named, code = _vehicle(vehicle, found, bundle, out, steps, ask)
+    if code:
+        return code
+    if not (bundle / "trial.toml").exists():
+        code = _import(found, named, out, steps, ask)
+        if code:
+            return code
+    return _judge(bundle, out, named, steps, quick, verbose)
+
+
+class _Steps:
+    """Prints each command before it is carried out and keeps it in steps.sh."""
+
+    def __init__(self, out: Path) -> None:
+        self.path = out / STEPS
+        self.lines = self.path.read_text(encoding="utf-8").splitlines()[2:] if self.path.exists() else []
+
+    def say(self, *words: object) -> None:
+        from bayesid.cli.output import print_text
+        from bayesid.files import write_atomic
+
+        line = shlex.join(["bayesid", *map(str, words)])
+        print_text(f"\n$ {line}")
+        if line not in self.lines:
+            self.lines.append(line)
+        write_atomic(self.path, "\n".join([HEAD, *self.lines]) + "\n")
+
+
+def _nothing(folder: Path, found: Found) -> str:
+    from bayesid.trials.importing.finding import LOGS
+
+    seen = "".join(f"\n  {path.name}: {why}" for path, why in found.skipped[:6])
+    return f"{folder}: holds no log that can be read ({', '.join(sorted(LOGS))}){seen}"
+
+
+def _vehicle(
+    given: str | None, found: Found, bundle: Path, out: Path, steps: _Steps, ask: bool
+) -> tuple[str | None, int]:
+    """(vehicle to use or None where the bundle names one, exit code)."""
+    from bayesid.cli.output import print_text
+    from bayesid.cli.vehicle_new import new
+    from bayesid.model.vehicles import builtin_names, load_vehicle
+
+    made = out / "vehicle.toml"
+    if given is None:
+        if (bundle / "trial.toml").exists() and _bundle_names_one(bundle):
+            return None, OK
+        if made.exists():
+            return str(made), OK
+        if found.vehicle is not None:
+            given = str(found.vehicle)
+        elif found.sheet is not None:
+            steps.say("vehicle", "new", made, "--sheet", found.sheet)
+            return (str(made), OK) if new(made, sheet=found.sheet) == OK else (None, BAD_INPUT)
+        elif found.simulator:
+            words = [word for path in found.simulator for word in ("--simulator", path)]
+            steps.say("vehicle", "new", made, *words)
+            return (str(made), OK) if new(made, simulator=list(found.simulator)) == OK else (None, BAD_INPUT)
+        elif found.map is None or not _map_names_one(found.map):
+            names = ", ".join(builtin_names())
+            if ask:
+                given = typer.prompt(f"Which vehicle? A built-in name ({names}) or a vehicle file").strip()
+            else:
+                sheet = (found.logs[0].parent if found.logs else out) / "sheet.toml"
+                print_text("Question: which vehicle is it? No file here says. Either")
+                print_text(f"  - a built-in one: give --vehicle NAME ({names}), or")
+                print_text(f"  - by a data sheet: bayesid vehicle new --template > {sheet}, and edit it, or")
+                print_text("  - put a vehicle file, or a simulator's sdf, urdf or scn, beside the logs;")
+                print_text("then give the same command again.")
+                return None, ASKED
+    if given is not None:
+        load_vehicle(given)
+    return given, OK
+
+
+def _bundle_names_one(bundle: Path) -> bool:
+    import tomllib
+
+    return bool(tomllib.loads((bundle / "trial.toml").read_text(encoding="utf-8-sig")).get("vehicle"))
+
+
+def _map_names_one(path: Path) -> bool:
+    from bayesid.trials.importing import read_map
+
+    return bool(read_map(path).vehicle)
+
+
+def _import(found: Found, vehicle: str | None, out: Path, steps: _Steps, ask: bool) -> int:
+    """Bundle in `out`; exit code."""
+    from bayesid.cli.output import print_text
+    from bayesid.cli.trial_import import import_logs
+    from bayesid.trials.importing import read_map
+
+    logs, own = list(found.logs), out / "map.toml"
+    for path, why in found.skipped:
+        print_text(f"{path.name} is left out: {why}")
+    given = own if own.exists() else found.map
+    if given is None:
+        words = ["--vehicle", vehicle] if vehicle else []
+        steps.say("trial", "import", *logs, "--out", out, *words)
+        code = import_logs(logs, out, None, vehicle)
+        if code == OK:
+            return OK
+        given = own
+    if questions := read_map(given).questions:
+        print_text(f"\n{len(questions)} questions are open in {given}:")
+        for k, text in enumerate(questions, 1):
+            print_text(f"  {k}. {text}")
+        if not ask or not _accepted(given, questions):
+            print_text(
+                f"\nEdit {given}, delete each question when it is answered, and give the same command again."
+            )
+            return ASKED
+    steps.say("trial", "import", *logs, "--map", given, "--out", out)
+    return import_logs(logs, out, given)
+
+
+def _accepted(path: Path, questions: tuple[str, ...]) -> bool:
+    """Whether the map holds as it stands, question by question; accepted ones leave the file."""
+    import re
+
+    from bayesid.files import write_atomic
+
+    for k, _ in enumerate(questions, 1):
+        if not typer.confirm(f"Question {k}: does the map hold as it stands?", default=False):
+            return False
+    text = path.read_text(encoding="utf-8")
+    write_atomic(path, re.sub(r"(?ms)^# Answer each by editing.*?\n|^questions = \[.*?^\]\n", "", text))
+    return True
+
+
+def _judge(bundle: Path, out: Path, vehicle: str | None, steps: _Steps, quick: bool, verbose: bool) -> int:
+    from bayesid.cli.diagnose import diagnose
+    from bayesid.cli.output import print_text
+    from bayesid.cli.trial import check
+
+    own = ["--vehicle", vehicle] if vehicle and not _bundle_names_one(bundle) else []
+    steps.say("trial", "check", bundle, *own)
+    code = check(bundle, vehicle=own[1] if own else None, verbose=verbose)
+    if code:
+        return code
+    gap = out / "gap"
+    steps.say("diagnose", bundle, "--out", gap, *own, *(["--quick"] if quick else []))
+    code = diagnose(bundle, out=gap, vehicle=own[1] if own else None, quick=quick, verbose=verbose)
+    print_text(f"\nReport: {gap / 'report.html'}. The commands are in {steps.path}, for the next logs.")
+    return code

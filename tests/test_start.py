@@ -1,0 +1,174 @@
+"""`bayesid start`: from a folder of raw logs to a diagnosis, asking only what files cannot tell."""
+
+from __future__ import annotations
+
+import importlib
+import json
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+import pytest
+
+from bayesid.cli.main import run as bayesid
+from bayesid.trials import load_trial
+from bayesid.trials.importing import read_map
+from bayesid.trials.importing.finding import look_into
+from tests.raw_logs import motion
+
+DEG = np.pi / 180.0
+LAT, LON = 41.18, -8.70
+
+
+def raw_log(path, truth, seed=1, **also):
+    """A recorder's CSV: UTC, latitude and longitude, degrees, knots, rudder positive to starboard."""
+    rng = np.random.default_rng(seed)
+    begin = datetime(2026, 6, 3, 9, 30, tzinfo=UTC)
+    rows = []
+    for k, t in enumerate(truth["t"]):
+        when = (begin + timedelta(seconds=float(t))).strftime("%Y-%m-%d %H:%M:%S.%f")[:-3]
+        north, east = truth["x"][k] + 0.2 * rng.normal(), truth["y"][k] + 0.2 * rng.normal()
+        cells = [
+            when,
+            f"{LAT + north / 111050.0:.7f}",
+            f"{LON + east / (111320.0 * np.cos(LAT * DEG)):.7f}",
+            f"{np.mod(truth['psi'][k] / DEG + 0.4 * rng.normal(), 360.0):.2f}",
+            f"{truth['r'][k] / DEG + 0.1 * rng.normal():.3f}",
+            f"{-truth['delta_r_cmd'][k] / DEG:.2f}",
+            f"{truth['n_cmd'][k]:.0f}",
+        ]
+        rows.append(",".join([*cells, *(str(v) for v in also.values())]))
+    head = "Timestamp UTC,GPS_Latitude,GPS_Longitude,Heading (deg),Yaw rate (deg/s),Rudder setpoint (deg)"
+    head += ",RPM cmd"
+    path.write_text(",".join([head, *also]) + "\n" + "\n".join(rows) + "\n")
+
+
+@pytest.fixture
+def dive(tmp_path):
+    folder = tmp_path / "dive"
+    folder.mkdir()
+    raw_log(folder / "log.csv", motion(np.random.default_rng(4), dt=0.4), **{"Battery (V)": 25.1})
+    (folder / "README.txt").write_text("Logs of 3 June.\nAsk Maria.\n")
+    return folder
+
+
+@pytest.fixture
+def diagnosed(monkeypatch):
+    """Bundles given to `diagnose`, which is not carried out."""
+    given = []
+    module = importlib.import_module("bayesid.cli.diagnose")
+    monkeypatch.setattr(
+        module, "diagnose", lambda bundle, **rest: given.append((bundle, rest["vehicle"])) or 0
+    )
+    return given
+
+
+def test_a_folder_is_searched_for_all_it_needs(dive, tmp_path):
+    (dive / "sheet.toml").write_text("length = 1\ndiameter = 0.1\nmass = 6\nspeed = 1\n")
+    (dive / "bayesid").mkdir()
+    (dive / "bayesid" / "run.csv").write_text("t,psi\n0,1\n1,2\n")
+    found = look_into(dive, dive / "bayesid")
+    assert [p.name for p in found.logs] == ["log.csv"]
+    assert [p.name for p, _ in found.skipped] == ["README.txt"]
+    assert found.sheet is not None
+    assert found.vehicle is None
+    assert found.bundle is None
+
+
+def test_without_a_vehicle_it_asks_and_stops(dive, capsys, diagnosed):
+    assert bayesid(["start", str(dive), "--yes"]) == 3
+    said = capsys.readouterr().out
+    assert "which vehicle" in said
+    assert "--template" in said
+    assert not diagnosed
+
+
+def test_it_goes_from_the_log_to_the_diagnosis_and_keeps_the_commands(dive, capsys, diagnosed):
+    assert bayesid(["start", str(dive), "--vehicle", "remus100", "--yes"]) == 0
+    out = dive / "bayesid"
+    assert diagnosed == [(out, None)]
+    steps = [line for line in (out / "steps.sh").read_text().splitlines() if not line.startswith("#")]
+    assert [line.split()[1] for line in steps] == ["trial", "trial", "diagnose"]
+    said = capsys.readouterr().out
+    assert all(f"$ {line}" in said for line in steps)
+    assert "README.txt is left out" in said
+    trial = load_trial(out)
+    assert trial.name == "dive"
+    assert trial.rudder_positive == "starboard"
+    assert bayesid(["start", str(dive), "--yes"]) == 0  # goes on where it stands: nothing is imported again
+    assert len(diagnosed) == 2
+    assert "trial import" not in capsys.readouterr().out
+
+
+def test_a_data_sheet_beside_the_logs_becomes_the_vehicle(dive, diagnosed):
+    (dive / "sheet.toml").write_text("length = 1.6\ndiameter = 0.19\nmass = 35\nspeed = 1.5\nrpm = 900\n")
+    assert bayesid(["start", str(dive), "--yes"]) == 0
+    assert "vehicle new" in (dive / "bayesid" / "steps.sh").read_text()
+    assert load_trial(dive / "bayesid").vehicle_ref == str(dive / "bayesid" / "vehicle.toml")
+
+
+def test_questions_of_the_map_stop_it_and_answers_let_it_go_on(tmp_path, capsys, diagnosed, monkeypatch):
+    truth = motion(np.random.default_rng(4), dt=0.4)
+    folder = tmp_path / "pond"
+    folder.mkdir()
+    columns = {
+        "t [s]": "t",
+        "x [m]": "x",
+        "y [m]": "y",
+        "yaw [deg]": "psi",
+        "rudder_cmd [deg]": "delta_r_cmd",
+    }
+    values = {k: truth[v] / (DEG if "deg" in k else 1.0) for k, v in columns.items()}
+    lines = [",".join(f"{v:.4f}" for v in row) for row in zip(*values.values(), strict=True)]
+    (folder / "log.csv").write_text(",".join(values) + "\n" + "\n".join(lines) + "\n")
+    order = ["start", str(folder), "--vehicle", "remus100"]
+    assert bayesid([*order, "--yes"]) == 3
+    path = folder / "bayesid" / "map.toml"
+    said = capsys.readouterr().out
+    assert "which axes?" in said
+    assert str(path) in said
+    assert bayesid([*order, "--yes"]) == 3  # still open
+    # at a terminal, what holds as it stands is taken
+    import sys
+
+    import typer
+
+    monkeypatch.setattr(sys.stdin, "isatty", lambda: True, raising=False)
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
+    asked = []
+    monkeypatch.setattr(typer, "confirm", lambda text, default: asked.append(text) or True)
+    assert bayesid(order) == 0
+    assert len(asked) >= 1
+    assert read_map(path).questions == ()
+    assert diagnosed
+
+
+@pytest.mark.parametrize(
+    ("files", "words"), [({}, "holds no log"), ({"a.csv": "a story\nof words\n"}, "no table of numbers")]
+)
+def test_a_folder_without_logs_is_one_sentence(tmp_path, capsys, files, words):
+    for name, text in files.items():
+        (tmp_path / name).write_text(text)
+    assert bayesid(["start", str(tmp_path), "--yes"]) == 2
+    assert words in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_a_newcomers_logs_give_the_planted_cause(tmp_path):
+    """Five CSV files in knots, UTC, latitude and longitude from a simulated LAUV whose rudder stands 1.72
+    degrees off; nothing but the vehicle's name is given."""
+    import pandas as pd
+
+    sim, folder = tmp_path / "sim", tmp_path / "dive"
+    folder.mkdir()
+    orders = ["straight", "zigzag:10/10", "zigzag:20/20", "turn:15", "turn:12,side=starboard"]
+    noise = ["x=0.3", "y=0.3", "psi=0.01", "u=0.02", "v=0.02", "r=0.003"]
+    words = ["--dt", "0.2", "--set", "rudder_offset.offset=0.03", "--seed", "3", "--out", str(sim)]
+    assert bayesid(["simulate", "lauv", *orders, *words, *(w for n in noise for w in ("--noise", n))]) == 0
+    for k, file in enumerate(sorted(sim.glob("*.csv"))):
+        d = pd.read_csv(file)
+        truth = {c.partition("[")[0]: d[c].to_numpy() for c in d}
+        raw_log(folder / f"run_{k}.csv", truth, seed=k)
+    assert bayesid(["start", str(folder), "--vehicle", "lauv", "--yes", "--quick"]) == 0
+    found = json.loads((folder / "bayesid" / "gap" / "diagnosis.json").read_text())
+    assert found["verdict"] == "effect"
+    assert [effect["name"] for effect in found["effects"]] == ["rudder_offset"]
