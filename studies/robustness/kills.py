@@ -24,7 +24,7 @@ SIGNALS = {"SIGKILL": -9, "SIGTERM": 143, "SIGINT": 130}
 LONGEST = 900.0  # s, of one command
 # Numbers that say when and how fast, not what.
 STAMPS = frozenset({"seconds", "shares", "clock", "cpu_seconds", "wall_seconds", "started", "sealed", "cost",
-                    "stamp", "made", "time", "seal"})  # fmt: skip
+                    "stamp", "made", "created", "time", "seal"})  # fmt: skip
 
 
 @dataclass
