@@ -8,7 +8,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from bayesid.api.inputs import Names, TrialLike, VehicleLike, names_of, prepared, trial_of, vehicle_of
+from bayesid.api.inputs import (
+    Names,
+    TrialLike,
+    VehicleLike,
+    names_of,
+    prepared,
+    trial_of,
+    vehicle_of,
+    with_believed_noise,
+)
 from bayesid.api.result import Result, table
 from bayesid.diagnosis.diagnosed_model import remove_fitted, write_diagnosed
 from bayesid.diagnosis.input import not_enough
@@ -105,6 +114,8 @@ def fit(
     chosen = prepared(logged, runs, resample, QUICK_SAMPLES if quick else None)
     if lacking := not_enough(chosen):
         raise TrialError(f"{logged.name}: {'; '.join(lacking)}")
+    if not estimate_noise:
+        chosen = with_believed_noise(chosen, ship)
     few = {"rounds": QUICK_ROUNDS} if quick else {}
     # profile None: the noise is estimated where the trial leaves that of a channel open
     options = FitOptions(seed=seed, starts=starts, profile=True if estimate_noise else None, **few)
