@@ -1,14 +1,19 @@
 """Many bundles: what they share is told from what changed, and a folder of bundles is not a bundle."""
 
+import json
 import math
+from dataclasses import replace
 
 import pytest
 from scipy.stats import chi2
 
+from bayesid.api import fleet
 from bayesid.api.fleet import bundles_of, diagnose_fleet
 from bayesid.cli.main import run
 from bayesid.diagnosis.fleet import shared_effects, shared_parameters
 from bayesid.errors import TrialError
+from bayesid.model.vehicles import load_vehicle
+from bayesid.model.vehicles.writing import vehicle_toml
 
 
 def record(vehicle, value=None, sd=0.1, acting=0.9):
@@ -58,3 +63,41 @@ def test_a_bundle_that_cannot_be_read_costs_no_other_one(tmp_path, capsys):
     said = capsys.readouterr().out
     assert "0 of 2 bundles diagnosed" in said and "day2: no verdict" in said
     assert (tmp_path / "out" / "report.html").exists()
+
+
+@pytest.mark.parametrize("changed", ["option", "bundle", "effects"])
+def test_a_verdict_is_kept_only_for_the_same_vehicle_and_effects(tmp_path, monkeypatch, changed):
+    """The paths stay, what the files hold changes."""
+    day = tmp_path / "all" / "day1"
+    assert run(["simulate", "remus100", "turn:10,duration=20", "--out", str(day)]) == 0
+    ship, effects = tmp_path / "ship.toml", tmp_path / "effects.py"
+    if changed == "bundle":
+        ship = day / "vehicle.toml"
+        header = (day / "trial.toml").read_text()
+        (day / "trial.toml").write_text(header.replace('"remus100"', '"vehicle.toml"'))
+    text = vehicle_toml(load_vehicle("remus100"), None)
+    ship.write_text(text)
+    effects.write_text("EFFECTS = ()")
+    done = []
+
+    class Found:
+        verdict = "none"
+
+        def save(self, folder):
+            folder.mkdir(parents=True, exist_ok=True)
+            (folder / "diagnosis.json").write_text(json.dumps(record("A")))
+
+    monkeypatch.setattr(fleet, "diagnose", lambda trial, **rest: done.append(trial.name) or Found())
+    options = {} if changed == "bundle" else {"vehicle": str(ship), "effects": str(effects)}
+
+    def again():
+        diagnose_fleet(tmp_path / "all", tmp_path / "out", **options)
+        return len(done)
+
+    assert [again(), again()] == [1, 1]
+    if changed == "effects":
+        effects.write_text("EFFECTS = (1,)")
+    else:
+        vehicle = load_vehicle("remus100")
+        ship.write_text(vehicle_toml(replace(vehicle, rho=1.001 * vehicle.rho), None))
+    assert [again(), again()] == [2, 2]
