@@ -100,7 +100,7 @@ def _one(target: Path, options: Mapping[str, Any], bundle: Path) -> tuple[str, s
 
 
 def _key(trial: Trial, options: Mapping[str, Any]) -> str:
-    """All that a diagnosis depends on; vehicle and effects by content, as a file may change under its name."""
+    """All that a diagnosis depends on, vehicle and effects by content: a file may change under its name."""
     rest = {n: v for n, v in options.items() if n not in ("vehicle", "effects")}
     vehicle = vehicle_of(options.get("vehicle"), trial).digest
     effects = options.get("effects")
