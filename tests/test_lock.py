@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -53,6 +54,16 @@ def test_the_lock_of_a_killed_command_is_taken_over_and_told(holder, tmp_path):
     assert not (tmp_path / LOCK).exists()
 
 
+@pytest.mark.parametrize("flock", [True, False])
+def test_a_killed_command_that_is_not_yet_reaped_holds_nothing(holder, tmp_path, monkeypatch, flock):
+    if not flock:
+        monkeypatch.setattr(locks, "_system_lock", lambda handle: None)
+    holder.send_signal(signal.SIGKILL)
+    os.waitid(os.P_PID, holder.pid, os.WEXITED | os.WNOWAIT)  # it is a zombie now
+    assert "taken over" in lock(tmp_path, "bayesid fit")
+    release_all()
+
+
 def test_a_lock_of_another_host_is_left_and_says_what_to_do(tmp_path):
     entry = {"pid": 1, "host": "elsewhere", "command": "bayesid fit", "since": "2026-01-01", "born": ""}
     (tmp_path / LOCK).write_text(json.dumps(entry))
@@ -65,6 +76,7 @@ def test_a_process_number_used_again_is_not_the_holder(tmp_path, monkeypatch):
     entry = {"pid": 1, "host": "here", "command": "bayesid fit", "since": "2026-01-01", "born": "before"}
     monkeypatch.setattr(locks.socket, "gethostname", lambda: "here")
     monkeypatch.setattr(locks, "_born", lambda pid: "after")
+    monkeypatch.setattr(locks, "_system_lock", lambda handle: None)  # a file system without its own
     (tmp_path / LOCK).write_text(json.dumps(entry))
     assert "taken over" in lock(tmp_path, "bayesid fit")
     release_all()
@@ -121,8 +133,7 @@ def test_start_locks_the_folder_it_is_given_and_the_default_one(tmp_path, holder
     logs = tmp_path.parent / "logs"
     (logs / "bayesid").mkdir(parents=True)
     (logs / "bayesid" / "trial.toml").write_text("")
-    entry = json.loads((tmp_path / LOCK).read_text())
-    (logs / "bayesid" / LOCK).write_text(json.dumps(entry))
+    (logs / "bayesid" / LOCK).hardlink_to(tmp_path / LOCK)
     assert run(["start", str(logs), "--yes"]) == 2
     assert f"process {holder.pid}" in capsys.readouterr().err
 
