@@ -14,6 +14,7 @@ from bayesid.diagnosis.fleet import shared_effects, shared_parameters
 from bayesid.errors import TrialError
 from bayesid.model.vehicles import load_vehicle
 from bayesid.model.vehicles.writing import vehicle_toml
+from bayesid.report.fleet import fleet_lead
 
 
 def record(vehicle, value=None, sd=0.1, acting=0.9):
@@ -37,6 +38,12 @@ def test_one_value_in_all_bundles_is_pooled_and_a_change_is_called_one():
     assert p.p == pytest.approx(chi2.sf(q, 2)) and not p.changed
     (p,) = shared_parameters({**same, "d4": record("A", 3.0)})
     assert p.changed and [name for name, _, _ in p.each] == ["d1", "d2", "d3", "d4"]
+
+
+def test_an_effect_of_ambiguous_verdicts_is_in_question_and_does_not_act():
+    records = {n: record("A", 1.0, acting=0.6) | {"verdict": "ambiguous"} for n in ("d1", "d2")}
+    lead = fleet_lead(records, {}, shared_effects(records), shared_parameters(records))
+    assert "in question in 2 of 2" in lead and "acts" not in lead
 
 
 def test_vehicles_are_not_mixed_and_one_bundle_shares_nothing():
