@@ -180,8 +180,9 @@ def test_weight_and_buoyancy_are_those_of_mass_and_displacement(tmp_path):
     path = tmp_path / "vehicle.toml"
     path.write_text(commented_toml(estimate(sheet_of({**SHEETS["remus100"], "displacement": 31.5}, "r"))))
     vehicle = load_vehicle(path)
-    assert vehicle.W == pytest.approx(30.48 * 9.81)
-    assert vehicle.B == pytest.approx(31.5 * 9.81)
+    weight, buoyancy = vehicle.W, vehicle.B
+    assert weight == pytest.approx(30.48 * 9.81)
+    assert buoyancy == pytest.approx(31.5 * 9.81)
     assert "no effect" not in path.read_text()
     alike = estimate(sheet_of({"length": 3.0, "diameter": 0.32, "mass": 180.0, "speed": 2.0}, "x")).vehicle
     assert alike.W == alike.B
