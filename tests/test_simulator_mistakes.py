@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from bayesid.diagnosis.event_search import verdict_with
 from bayesid.diagnosis.exclusions import compare_without
 from bayesid.diagnosis.hypotheses.verdict import decide
-from bayesid.diagnosis.simulator import find_mistakes
+from bayesid.diagnosis.simulator import find_mistakes, judge
 from bayesid.diagnosis.simulator.judge import shifted
 from bayesid.diagnosis.simulator.mending import mended_model, mended_prior, numbers_of
 from bayesid.diagnosis.simulator.table import MISTAKES, ROWS, Change
@@ -84,6 +86,35 @@ def test_a_mended_coefficient_keeps_its_relative_deviation() -> None:
     mean, sd = mended_prior(stated, NO_PARAMETERS, Change({"N_v": 3.0 * float(stated.mean[i])}))
     assert sd[i] / abs(mean[i]) == pytest.approx(PRIOR_SD)
     assert np.delete(mean, i) == pytest.approx(np.delete(stated.mean, i))
+
+
+@pytest.mark.parametrize(
+    ("left", "wanted"),
+    [
+        ((0.0, 0.0, 0.0), (0, 1)),  # the third lies too far behind
+        ((0.0, 50.0, 0.0), (0,)),
+        ((0.0, None, 0.0), (0,)),
+        ((50.0, 0.0, 0.0), ()),
+    ],
+)
+def test_an_alternative_that_leaves_a_gap_is_not_listed(monkeypatch, left, wanted) -> None:
+    """Evidence 100, 98 and 90 nats; what each mend leaves is given."""
+    model = _model(load_vehicle("remus100"), 3)
+    value = float(model.nominal[model.index["N_v"]])
+    changes = [Change({"N_v": value * factor}) for factor in (2.0, 3.0, 4.0)]
+    tried = [judge.Screened(m, 1.0, c, 50.0, 0.0) for m, c in zip(MISTAKES, changes, strict=False)]
+    evidence = dict(zip(map(id, tried), (100.0, 98.0, 90.0), strict=True))
+    rest = {id(c): v for c, v in zip(changes, left, strict=True)}
+    monkeypatch.setattr(judge, "_worth", lambda *_: tried)
+    monkeypatch.setattr(judge, "mended_evidence", lambda model, trial, s, as_built: evidence[id(s)])
+    monkeypatch.setattr(judge, "mended_model", lambda model, change: change)
+    monkeypatch.setattr(judge, "left_over", lambda change, *_: rest[id(change)])
+    none = SimpleNamespace(log_evidence=0.0)
+    comparison = SimpleNamespace(none=none, refits=[], thresholds=SimpleNamespace(named=3.0))
+    compared = SimpleNamespace(problem=SimpleNamespace(model=model), candidates=comparison)
+    found = find_mistakes(None, compared, SimpleNamespace(word="effect"))
+    assert [f.name for f in found] == [MISTAKES[k].name for k in wanted]
+    assert sum(f.probability for f in found) == pytest.approx(1.0 if wanted else 0.0)
 
 
 @pytest.mark.slow

@@ -85,11 +85,16 @@ def find_mistakes(
         return ()
     found.sort(key=lambda row: -row[0])
     notify("whether the mended simulator leaves a gap")
-    evidence, s = found[0]
-    left = left_over(mended_model(problem.model, s.change), trial, as_built, seed)
-    if left is None or left > max(comparison.thresholds.named, MINOR_SHARE * (evidence - best)):
+
+    def clears(evidence: float, s: Screened) -> bool:
+        left = left_over(mended_model(problem.model, s.change), trial, as_built, seed)
+        return left is not None and left <= max(comparison.thresholds.named, MINOR_SHARE * (evidence - best))
+
+    # none where the best leaves a gap: what lies behind it would be named for want of the right one
+    if not clears(*found[0]):
         return ()
-    listed = [row for row in found if row[0] > found[0][0] - ALIKE][:MOST_LISTED]
+    alike = [row for row in found[1:] if row[0] > found[0][0] - ALIKE][: MOST_LISTED - 1]
+    listed = [found[0], *(row for row in alike if clears(*row))]
     shares = softmax([evidence for evidence, _ in listed])
     return tuple(
         _finding(problem.model, s, float(p), evidence - comparison.none.log_evidence, evidence - best)
