@@ -145,6 +145,16 @@ def test_questions_of_the_map_stop_it_and_answers_let_it_go_on(tmp_path, capsys,
     assert diagnosed
 
 
+def test_a_damaged_vehicle_file_and_unused_columns_are_told(dive, capsys, diagnosed):
+    (dive / "vehicle.toml").write_text("[vehicle]\nname = \n")
+    assert bayesid(["start", str(dive), "--yes"]) == 3
+    said = capsys.readouterr().out
+    assert "vehicle.toml is left out: not valid TOML: Invalid value (at line 2" in said
+    assert bayesid(["start", str(dive), "--yes", "--vehicle", "remus100"]) == 0
+    granted = capsys.readouterr().out.partition("Taken for granted:")[2]
+    assert "not used: 'Battery (V)'" in granted
+
+
 def test_the_steps_can_be_run_again(dive, diagnosed):
     (dive / "sheet.toml").write_text("length = 1.6\ndiameter = 0.19\nmass = 35\nspeed = 1.5\nrpm = 900\n")
     assert bayesid(["start", str(dive), "--yes"]) == 0

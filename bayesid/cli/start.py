@@ -76,6 +76,8 @@ def start(
             else folder.with_name(f"{folder.name.partition('.')[0]}_bayesid")
         )
     found = look_into(folder, out)
+    for path, why in found.damaged:
+        print_text(f"{path} is left out: {why}")
     bundle = out
     if not (out / "trial.toml").exists() and found.bundle is not None:
         bundle = found.bundle

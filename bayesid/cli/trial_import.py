@@ -142,9 +142,13 @@ def _say(proposal: Proposal, out: Path) -> None:
             f"track and commands of each: {pictures[0]}"
             + (f" to {pictures[-1].name}" if pictures[1:] else "")
         )
+    remarks = list(proposal.remarks)
+    if proposal.unused:
+        more = f" and {len(proposal.unused) - 8} more" if proposal.unused[8:] else ""
+        remarks.insert(0, f"not used: {', '.join(map(repr, proposal.unused[:8]))}{more}")
     for head, texts in (
         ("Questions, most important first:", found.questions),
-        ("Taken for granted:", proposal.remarks),
+        ("Taken for granted:", remarks),
     ):
         if texts:
             print_text(f"\n{head}")

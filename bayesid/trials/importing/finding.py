@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from bayesid.files import UnreadableError, read_regular
 from bayesid.model.vehicles.new import KEYS
 from bayesid.trials.importing.raw import ImportLogError, SourceOptions
 from bayesid.trials.importing.readers import format_of
@@ -25,10 +26,11 @@ LARGEST_TOML = 1_000_000  # bytes
 
 @dataclass(frozen=True)
 class Found:
-    """skipped: (file, why it is no log)."""
+    """skipped: (file, why it is no log); damaged: (TOML file, why it cannot be read)."""
 
     logs: tuple[Path, ...]
     skipped: tuple[tuple[Path, str], ...]
+    damaged: tuple[tuple[Path, str], ...]
     bundle: Path | None
     map: Path | None
     vehicle: Path | None
@@ -52,14 +54,22 @@ def look_into(folder: Path, leave_out: Path | None = None) -> Found:
                 logs.append(path)
             else:
                 skipped.append((path, why))
-    trees = {path: tree for path in files if path.suffix == ".toml" and (tree := _toml(path))}
+    trees, damaged = {}, []
+    for path in files:
+        if path.suffix.lower() == ".toml":
+            tree = _toml(path)
+            if isinstance(tree, str):
+                damaged.append((path, tree))
+            elif tree:
+                trees[path] = tree
 
-    def first(*keys: str, without: str = "") -> Path | None:
-        return next((p for p, tree in trees.items() if set(keys) <= set(tree) and without not in tree), None)
+    def first(*keys: str) -> Path | None:
+        return next((p for p, tree in trees.items() if set(keys) <= set(tree)), None)
 
     return Found(
         tuple(logs),
         tuple(skipped),
+        tuple(damaged),
         next((p.parent for p in trees if p.name == "trial.toml"), None),
         first("channels", "sources"),
         first("vehicle", "coef"),
@@ -88,10 +98,11 @@ def _no_log(path: Path) -> str | None:
     return None
 
 
-def _toml(path: Path) -> dict[str, object]:
+def _toml(path: Path) -> dict[str, object] | str:
+    """What the file holds, or why it cannot be read."""
     try:
-        if path.stat().st_size > LARGEST_TOML:
-            return {}
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except (OSError, ValueError):
-        return {}
+        return tomllib.loads(read_regular(path, LARGEST_TOML).decode("utf-8-sig"))
+    except UnreadableError as error:
+        return str(error)
+    except (ValueError, RecursionError) as error:
+        return f"not valid TOML: {error}"

@@ -162,6 +162,7 @@ def _name(draft: Draft, recordings: list[Recording]) -> list[str]:
             draft.remark(f"{channel.name!r} is read as {role}, {_how_it_moves(role, channel)}")
         if score < 1.0:
             draft.ask(4, f"{channel.name!r} is read as {role} by a part of its name; is it?")
+    named = [entry.source for entry in channels.values()]
     for (taken, other_topic), roles in passed.items():
         draft.remark(f"{', '.join(roles)} are read from {taken}, not from {other_topic}")
     if channels.keys() >= {"latitude", "longitude"} and {"x", "y"} & set(channels):
@@ -171,7 +172,7 @@ def _name(draft: Draft, recordings: list[Recording]) -> list[str]:
     for pair in (("north", "east"), ("latitude", "longitude"), ("x", "y")):
         if len(set(pair) & set(channels)) == 1:
             lone = (set(pair) & set(channels)).pop()
-            unused.append(channels.pop(lone).source)
+            channels.pop(lone)
     if {"north", "east"} <= set(channels):
         for role in ("x", "y", "latitude", "longitude"):
             channels.pop(role, None)
@@ -191,7 +192,8 @@ def _name(draft: Draft, recordings: list[Recording]) -> list[str]:
         if role in channels and {"north", "x", "latitude"} & set(channels):
             channels.pop(role)
     draft.map = replace(draft.map, channels=channels)
-    return unused
+    read = {entry.source for entry in channels.values()}
+    return unused + [name for name in named if name not in read]
 
 
 def _how_it_moves(role: str, channel: RawChannel) -> str:
