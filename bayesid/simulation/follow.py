@@ -39,7 +39,7 @@ def follow(model: Model, par: Array, plan: TimePlan, full: bool | None = None) -
     if plan.short == 0.0:
         return plan
     chain = list(choose(model, par, full).act_columns)
-    own = check_parameters(model, plan, model.nominal)
+    own = check_parameters(model, plan, model.without_effects)
     if np.array_equal(check_parameters(model, plan, par)[chain], own[chain]):
         return plan
     fins = [a for a, name in enumerate(model.kernel.actuators) if name != "n" and name not in plan.measured]

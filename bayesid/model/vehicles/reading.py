@@ -27,6 +27,7 @@ from bayesid.model.vehicles.tables import (
     read_control,
     read_conversions,
     read_crossflow,
+    read_effects,
     read_head,
     read_propulsion,
     read_sources,
@@ -41,6 +42,7 @@ SECTIONS = (
     "propulsion",
     "crossflow",
     "coef",
+    "effects",
     "prior",
     "validation",
     "confidence",
@@ -135,7 +137,10 @@ def read_vehicle(data: Mapping[str, Any], where: str, folder: Path | None) -> Ve
         if odd:
             head.problem(f"U_ref [m/s] is missing: {', '.join(odd)} in prime form need a reference speed")
     limits, rates = read_control(TomlTable(data.get("control", {}), "control", problems))
+    effects, effects_sd = read_effects(TomlTable(data.get("effects", {}), "effects", problems))
     values |= {
+        "effects": effects,
+        "effects_sd": effects_sd,
         "limits": limits,
         "rates": rates,
         "propulsion": read_propulsion(TomlTable(data.get("propulsion", {}), "propulsion", problems)),

@@ -27,6 +27,24 @@ def vehicle_schema() -> dict[str, Any]:
         "coef": _by_coefficient({"type": "number"}, "Coefficients, prime or SI as [vehicle] says."),
         "prior": _prior(),
         "validation": {"description": "Measured behaviour, kept as it is.", "type": "object"},
+        "effects": {
+            "description": "Effects of the catalogue that are part of the vehicle: name -> parameters [SI].",
+            "type": "object",
+            "additionalProperties": {
+                "type": "object",
+                "additionalProperties": {
+                    "oneOf": [
+                        {"type": "number"},
+                        {
+                            "type": "object",
+                            "properties": {"value": {"type": "number"}, "sd": {"type": "number"}},
+                            "required": ["value"],
+                            "additionalProperties": False,
+                        },
+                    ]
+                },
+            },
+        },
         "confidence": {
             "description": "How sure: word -> names of coefficients.",
             "type": "object",

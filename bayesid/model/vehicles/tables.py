@@ -194,6 +194,26 @@ def read_confidence(table: TomlTable) -> dict[str, list[str]]:
     return found
 
 
+def read_effects(table: TomlTable) -> tuple[dict[str, float], dict[str, float]]:
+    """Values and standard deviations [SI] by "effect.parameter"; tables `[effects.NAME]` of numbers, a number
+    with its deviation as `{ value = 0.3, sd = 0.02 }`. Names are checked where the equations are known."""
+    values, spread = {}, {}
+    for name in table.data:
+        inside = TomlTable(table.data[name], f"effects.{name}", table.problems)
+        for parameter, entry in inside.data.items():
+            pair = TomlTable(
+                entry if isinstance(entry, dict) else {"value": entry},
+                f"effects.{name}.{parameter}", table.problems,
+            )  # fmt: skip
+            pair.only(("value", "sd"))
+            value, sd = pair.number("value", required=True), pair.number("sd", low=1e-30)
+            if value is not None:
+                values[f"{name}.{parameter}"] = value
+            if sd is not None:
+                spread[f"{name}.{parameter}"] = sd
+    return values, spread
+
+
 def read_sources(table: TomlTable, coef: Mapping[str, float], dialect: str | None) -> dict[str, str]:
     found: dict[str, str] = {}
     for key, text in table.data.items():

@@ -18,6 +18,7 @@ from bayesid.model.terms import Term, term
 
 GRAVITY = 9.81  # m/s^2, as in the reference behaviour of the built-in sets
 FINS = ("delta_r", "delta_s", "delta_b")
+_LATER = ("effects", "effects_sd")
 INERTIA = ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
 
 
@@ -80,6 +81,8 @@ class Vehicle:
     coef : canonical name -> value, prime system if `nondimensional`, SI otherwise
     limits, rates : fin -> largest angle [rad] and rate [rad/s]; inf where the file states none
     U_ref : reference speed [m/s], needed only by prime coefficients that are not quadratic in velocity
+    effects, effects_sd : effect parameter ("actuator_lag.tau") -> value, and one standard deviation [SI]:
+        effects of the catalogue, or of a user's file of effects, that are part of this vehicle
     validation, confidence, sources : what the file says about its own numbers, kept as it is
     """
 
@@ -112,6 +115,8 @@ class Vehicle:
     validation: dict[str, Any] = field(default_factory=dict)
     confidence: dict[str, list[str]] = field(default_factory=dict)
     sources: dict[str, str] = field(default_factory=dict)
+    effects: dict[str, float] = field(default_factory=dict)
+    effects_sd: dict[str, float] = field(default_factory=dict)
 
     @property
     def rpm_ref(self) -> float | None:
@@ -121,6 +126,9 @@ class Vehicle:
     def digest(self) -> str:
         """SHA-256 of every number and name, independent of comments, order and spelling in the file."""
         plain = asdict(self)
+        for key in _LATER:  # a vehicle without keeps the digest it had before there were any
+            if not plain[key]:
+                del plain[key]
         if self.prior is not None and self.prior.covariance is not None:
             plain["prior"]["covariance"] = self.prior.covariance.tolist()
         return hashlib.sha256(json.dumps(plain, sort_keys=True, default=str).encode()).hexdigest()
