@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from bayesid.equations.derivatives import Graph, Node
 from bayesid.model.effects import Effect
 from bayesid.model.terms import TERMS, Term
+from bayesid.model.thrusters import constants
 
 
 @dataclass(frozen=True)
@@ -21,12 +22,14 @@ class KernelSpec:
     propulsion : "quadratic" (the four X_prop rows) or "kt" (open-water thrust curve)
     sections : stations of the strip drag, 0 for none
     eta : whether the propeller-loading rows (group "eta") are present
+    thrusters : names of the thrusters beside rudder, planes and propeller
     """
 
     dof: int = 3
     propulsion: str = "quadratic"
     sections: int = 0
     eta: bool = False
+    thrusters: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -37,6 +40,7 @@ class KernelSpec:
             parts.append(f"strips{self.sections}")
         if self.eta:
             parts.append("eta")
+        parts += [f"thruster_{name}" for name in self.thrusters]
         return "_".join(parts)
 
 
@@ -115,6 +119,8 @@ def parameter_names(spec: KernelSpec, effects: tuple[Effect, ...]) -> list[str]:
         names += KT
     if spec.eta:
         names.append("uc_per_rpm")
+    for thruster in spec.thrusters:
+        names += constants(thruster)
     if spec.sections:
         names += ["strip_Y", "strip_Z"]
     names += [row.name for row in rows_of(spec)]

@@ -31,6 +31,7 @@ from bayesid.model.vehicles.tables import (
     read_head,
     read_propulsion,
     read_sources,
+    read_thrusters,
 )
 from bayesid.model.vehicles.vehicle import Vehicle
 
@@ -42,6 +43,7 @@ SECTIONS = (
     "propulsion",
     "crossflow",
     "coef",
+    "actuators",
     "effects",
     "prior",
     "validation",
@@ -139,6 +141,7 @@ def read_vehicle(data: Mapping[str, Any], where: str, folder: Path | None) -> Ve
     limits, rates = read_control(TomlTable(data.get("control", {}), "control", problems))
     effects, effects_sd = read_effects(TomlTable(data.get("effects", {}), "effects", problems))
     values |= {
+        "thrusters": read_thrusters(TomlTable(data.get("actuators", {}), "actuators", problems)),
         "effects": effects,
         "effects_sd": effects_sd,
         "limits": limits,

@@ -15,10 +15,11 @@ import numpy as np
 
 from bayesid.model.propulsion import propulsion_rows
 from bayesid.model.terms import Term, term
+from bayesid.model.thrusters import Thruster
 
 GRAVITY = 9.81  # m/s^2, as in the reference behaviour of the built-in sets
 FINS = ("delta_r", "delta_s", "delta_b")
-_LATER = ("effects", "effects_sd")
+_LATER = ("effects", "effects_sd", "thrusters")
 INERTIA = ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
 
 
@@ -83,6 +84,7 @@ class Vehicle:
     U_ref : reference speed [m/s], needed only by prime coefficients that are not quadratic in velocity
     effects, effects_sd : effect parameter ("actuator_lag.tau") -> value, and one standard deviation [SI]:
         effects of the catalogue, or of a user's file of effects, that are part of this vehicle
+    thrusters : beside rudder, planes and the propeller of `propulsion`
     validation, confidence, sources : what the file says about its own numbers, kept as it is
     """
 
@@ -117,6 +119,7 @@ class Vehicle:
     sources: dict[str, str] = field(default_factory=dict)
     effects: dict[str, float] = field(default_factory=dict)
     effects_sd: dict[str, float] = field(default_factory=dict)
+    thrusters: tuple[Thruster, ...] = ()
 
     @property
     def rpm_ref(self) -> float | None:
