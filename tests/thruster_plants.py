@@ -90,3 +90,84 @@ def boat_trial(seed=0, **planted):
         run, _, noise = boat_run(name, t, orders, rng, role=role, **planted)
         runs.append(run)
     return Trial("boat", Path("."), str(BOAT), 3, tuple(runs), noise=noise)
+
+
+ROV = Path(__file__).parent / "data" / "six_thruster_rov.toml"
+_S = np.sqrt(0.5)
+_AT = np.array(
+    [[0.15, 0.1, 0], [0.15, -0.1, 0], [-0.15, 0.1, 0], [-0.15, -0.1, 0], [0, 0.11, -0.05], [0, -0.11, -0.05]]
+)
+_ALONG = np.array([[_S, -_S, 0], [_S, _S, 0], [_S, _S, 0], [_S, -_S, 0], [0, 0, 1], [0, 0, 1]])
+
+
+def _skew(a):
+    return np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0]])
+
+
+def rov_rate(eta, nu, n, gain):
+    """Rates of pose (6,) and velocity (6,): Fossen's matrices, Coriolis from the mass matrix by blocks."""
+    centre = np.array([0.0, 0.0, 0.02])
+    body = np.block([
+        [11.5 * np.eye(3), -11.5 * _skew(centre)],
+        [11.5 * _skew(centre), np.diag([0.21, 0.24, 0.26])],
+    ])  # fmt: skip
+    mass = body + np.diag([5.5, 12.7, 14.6, 0.12, 0.12, 0.12])
+    impulse = mass @ nu
+    turning = np.concatenate([
+        np.cross(nu[3:], impulse[:3]),
+        np.cross(nu[3:], impulse[3:]) + np.cross(nu[:3], impulse[:3]),
+    ])  # fmt: skip
+    linear = np.array([4.0, 6.2, 5.2, 0.3, 0.0, 0.3])
+    square = np.array([18.2, 21.7, 37.0, 1.5, 1.5, 1.5])
+    phi, theta, psi = eta[3:]
+    (cf, sf), (ct, st), (cp, sp) = ((np.cos(a), np.sin(a)) for a in (phi, theta, psi))
+    down = np.array([-st, sf * ct, cf * ct])
+    weight = np.concatenate([np.zeros(3), np.cross(centre, 11.5 * 9.81 * down)])
+    force = (gain * 2.5e-6 * n * np.abs(n))[:, None] * _ALONG
+    tau = np.concatenate([force.sum(axis=0), np.cross(_AT, force).sum(axis=0)])
+    turn = np.array([
+        [cp * ct, cp * st * sf - sp * cf, sp * sf + cp * cf * st],
+        [sp * ct, cp * cf + sf * st * sp, st * sp * cf - cp * sf],
+        [-st, ct * sf, ct * cf],
+    ])  # fmt: skip
+    euler = np.array([[1, sf * st / ct, cf * st / ct], [0, cf, -sf], [0, sf / ct, cf / ct]])
+    nudot = np.linalg.solve(mass, tau + weight - turning - linear * nu - square * nu * np.abs(nu))
+    return np.concatenate([turn @ nu[:3], euler @ nu[3:], nudot])
+
+
+def rov_run(name, t, orders, rng, gain=(1, 1, 1, 1, 1, 1), role="identify"):
+    """A run from hover; orders (n, 6) [rpm] held from sample to sample."""
+    x, out, gain = np.zeros(12), [], np.array(gain, dtype=float)
+    for k, at in enumerate(t):
+        out.append(x.copy())
+        count = 0 if k + 1 == t.size else max(1, round((t[k + 1] - at) / FINE))
+        for _ in range(count):
+            h = (t[k + 1] - at) / count
+
+            def rate(x, n=orders[k]):
+                return rov_rate(x[:6], x[6:], n, gain)
+
+            k1 = rate(x)
+            k2 = rate(x + h / 2 * k1)
+            k3 = rate(x + h / 2 * k2)
+            x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + rate(x + h * k3))
+    names = ("x", "y", "z", "phi", "theta", "psi", "u", "v", "w", "p", "q", "r")
+    sigma = np.array([0.02, 0.02, 0.01, 0.005, 0.005, 0.01, 0.01, 0.01, 0.01, 0.005, 0.005, 0.005])
+    states = np.array(out)
+    read = states + sigma * rng.standard_normal(states.shape)
+    commands = {f"n_{i + 1}_cmd": orders[:, i].copy() for i in range(6)}
+    noise = dict(zip(names, sigma.tolist(), strict=True))
+    return Run(name, name, role, t, dict(zip(names, read.T, strict=True)), commands), states, noise
+
+
+def rov_trial(seed=0, **planted):
+    """Two runs of steps of every thruster from hover, and one held out."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0.0, 40.0, 0.25)
+    runs, noise = [], {}
+    for name, role in (("a", "identify"), ("b", "identify"), ("c", "holdout")):
+        levels = rng.uniform(-1200, 1200, (t.size // 20 + 1, 6))
+        orders = levels[np.arange(t.size) // 20]
+        run, _, noise = rov_run(name, t, orders, rng, role=role, **planted)
+        runs.append(run)
+    return Trial("rov", Path("."), str(ROV), 6, tuple(runs), noise=noise)
