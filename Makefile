@@ -2,6 +2,7 @@
 # make paper [QUICK=1] [SEED=n]                 the three cases of Furlong et al. (2003); like study it writes to out/
 # make reports DATA=folder                      these and the other studies into reports/, which git tracks (takes long)
 # make test | slow | lint | bench               each creates .venv and installs when it has to
+# make fuzz [S=600]                           mutated inputs of every kind for S seconds; make test tries a few
 # make docs                                     the documentation site into out/docs, offline; warnings are errors
 # make test-posterior PYTHON=python3.13 VENV=.venv313 EXTRAS=test   sampler and posterior on another Python
 PYTHON ?= python3
@@ -16,11 +17,11 @@ FLAGS  := $(if $(QUICK),--quick) $(if $(SEED),--seed $(SEED))
 POSTERIOR := tests/test_sampler.py tests/test_sampler_resume.py tests/test_sample_trial.py tests/test_cli_sample.py \
 	tests/test_diagnose_posterior.py tests/test_posterior_study.py tests/test_cli_diagnose.py
 
-.PHONY: help install study paper reports whole test test-posterior slow lint bench docs clean
+.PHONY: help install study paper reports whole test test-posterior slow fuzz lint bench docs clean
 .DEFAULT_GOAL := help
 
 help:
-	@sed -n '1,6s/^# //p' Makefile
+	@sed -n '1,7s/^# //p' Makefile
 
 install: $(STAMP)
 
@@ -37,6 +38,7 @@ $(STAMP): pyproject.toml constraints.txt
 study: $(STAMP)
 	$(BIN)/python -m studies.sim_to_real_gap.run --out $(OUT)/sim_to_real_gap $(FLAGS) $(if $(DATA),--data "$(DATA)")
 	$(if $(DATA),$(BIN)/python -m studies.real_logs.run --data "$(DATA)" --out $(OUT)/real_logs $(FLAGS))
+	$(if $(DATA),$(BIN)/python -m studies.ship_models.run --data "$(DATA)" --out $(OUT)/ship_models $(FLAGS))
 
 paper: $(STAMP)
 	$(BIN)/python -m studies.paper_cases.run --out $(OUT)/paper_cases $(FLAGS)
@@ -52,6 +54,7 @@ reports: whole study paper
 	$(BIN)/python -m studies.excited_terms.run --out $(OUT)/excited_terms $(FLAGS)
 	$(BIN)/python -m studies.other_equations.run --out $(OUT)/other_equations $(FLAGS) --data "$(DATA)"
 	$(BIN)/python -m studies.log_mistakes.run --out $(OUT)/log_mistakes $(FLAGS)
+	$(BIN)/python -m studies.simulator_mistakes.run --out $(OUT)/simulator_mistakes $(FLAGS)
 	$(BIN)/python -m studies.sampling_rate.run --out $(OUT)/sampling_rate $(FLAGS)
 
 whole:
@@ -66,6 +69,10 @@ test-posterior: $(STAMP)
 
 slow: $(STAMP)
 	$(BIN)/python -m pytest -q -m slow -n auto --maxprocesses 4 --dist worksteal
+
+S      ?= 600
+fuzz: $(STAMP)
+	$(BIN)/python tests/fuzz/fuzz_inputs.py --seconds $(S) $(if $(SEED),--seed $(SEED))
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

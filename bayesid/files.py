@@ -44,11 +44,18 @@ def write_atomic(path: str | os.PathLike[str], content: str | bytes) -> Path:
             os.fsync(stream.fileno())
         os.chmod(temporary, 0o666 & ~_umask())
         os.replace(temporary, target)
+    except OSError as error:  # a full disk tells no name
+        _removed(temporary)
+        raise OSError(error.errno, error.strerror, str(target)) from None
     except BaseException:
-        with suppress(OSError):
-            os.unlink(temporary)
+        _removed(temporary)
         raise
     return target
+
+
+def _removed(temporary: str) -> None:
+    with suppress(OSError):
+        os.unlink(temporary)
 
 
 class UnreadableError(Exception):

@@ -17,7 +17,7 @@ from bayesid.equations.layout import KernelSpec
 from bayesid.equations.model import kernel_spec
 from bayesid.equations.printing import statements
 from bayesid.equations.runtime import _functions
-from bayesid.model.effects import CATALOGUE
+from bayesid.model.effects import CATALOGUE, catalogue_of
 from bayesid.model.vehicles import builtin_names, load_vehicle
 
 ETA = (KernelSpec(3, eta=True), KernelSpec(6, eta=True))  # propeller-loading rows: in no built-in vehicle
@@ -29,7 +29,8 @@ EVERY = (*sorted(_SPECS, key=lambda s: s.name), *ETA)
 class Equations:
     """Wrench without acceleration, mass matrix, rates and readings at one point."""
 
-    def __init__(self, spec, prefix, effects=CATALOGUE):
+    def __init__(self, spec, prefix, effects=None):
+        effects = catalogue_of(spec.propulsion == "mmg") if effects is None else effects
         dyn = build(spec, effects, active=prefix == "full")
         g = dyn.graph
         self.states, self.parameters = tuple(dyn.states), tuple(dyn.parameters)

@@ -12,20 +12,21 @@ import numpy as np
 import pytest
 from plain_kernel import equations, uncompiled
 from reference_motion import make_rate, rotation
+from vehicle_sets import ROW_SETS
 
 from bayesid.benchmark.plant.body import build
 from bayesid.benchmark.plant.execute_run import execute_run, start_state
 from bayesid.benchmark.plant.motion import N_STATES, WORK, rates
 from bayesid.benchmark.plant.settings import settings
 from bayesid.equations.model import build_model
-from bayesid.model.vehicles import builtin_names, load_vehicle
+from bayesid.model.vehicles import load_vehicle
 from bayesid.simulation import gradient, plan_run, sensitivities, simulate, steady_start
 
 G = 9.81
 PLANAR = [0, 1, 5, 6, 7, 11]
 BOTH = [
     pytest.param(name, dof, id=f"{name}-{dof}dof")
-    for name in builtin_names()
+    for name in ROW_SETS
     for dof in ((3,) if load_vehicle(name).planar_only else (3, 6))
 ]
 
@@ -229,7 +230,7 @@ def test_slopes_by_the_acceleration_are_those_of_the_waters_way():
         assert by_par[free[0]] == pytest.approx(slope, rel=1e-9)
 
 
-@pytest.mark.parametrize("name", builtin_names())
+@pytest.mark.parametrize("name", ROW_SETS)
 def test_the_plant_goes_with_the_water(name):
     vehicle = load_vehicle(name)
     body = build(vehicle, vehicle.coef, 3, settings())

@@ -120,6 +120,27 @@ def test_a_pair_with_a_hidden_cause_is_counted_apart():
     assert (every.count, apart.count) == (2, 1)
 
 
+def test_rates_of_competitions_count_what_was_said_of_causes_and_of_none():
+    faint = replace(PLAIN, noncentrality=10.0)
+    told = [
+        (truth("effect", "wind"), said("effect", "wind", p=0.8)),
+        (truth("effect", "wind", shown=faint), said("none")),
+        (truth("two", "wind", "gyro_bias"), said("outside")),
+        (truth("outside", "vortex_shedding"), None),  # a diagnosis that failed detects nothing
+        (truth("none"), said("ambiguous")),
+        (truth("none"), said("none")),
+    ]
+    cases = [judge(a, v) for a, v in told]
+    found = {(q.name, q.about): q for q in score_quantities(cases)}
+    every, plain = (q for (name, _), q in found.items() if name == "detection rate")
+    assert (every.hits, every.count) == (2, 4) and plain.hits == 2 and plain.count == 3
+    (alarm,) = (q for (name, _), q in found.items() if name == "false-alarm rate")
+    assert (alarm.hits, alarm.count) == (1, 2)
+    mean, _ = (q for (name, _), q in found.items() if name == "mean probability of the true cause")
+    one = [c.p_right for c in cases if c.kind in ("effect", "outside")]
+    assert mean.count == 3 and mean.value == pytest.approx(sum(one) / 3) and one[0] == pytest.approx(0.8)
+
+
 def test_parameters_are_scored_in_stated_deviations_and_directions_wrap():
     answer = truth("effect", "wind", wind={"V_wind": 4.0, "from": 0.1})
     verdict = said("effect", "wind")

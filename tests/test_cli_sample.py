@@ -67,7 +67,7 @@ def test_runs_are_sampled_in_pieces_on_request(pond, tmp_path, capsys):
     assert "cut into 3 pieces" in page and "Noise comes out larger" not in page
 
 
-def test_noise_far_above_the_stated_is_told_as_error_of_the_model(pond, tmp_path, capsys):
+def test_noise_stated_a_tenth_of_what_readings_show_is_told_and_not_used(pond, tmp_path, capsys):
     stated = tmp_path / "stated"
     shutil.copytree(pond, stated)
     text = (stated / "trial.toml").read_text(encoding="utf-8")
@@ -75,5 +75,7 @@ def test_noise_far_above_the_stated_is_told_as_error_of_the_model(pond, tmp_path
     (stated / "trial.toml").write_text(text.replace("\ny = 1.0\n", "\ny = 0.1\n"), encoding="utf-8")
     line = ["sample", str(stated), "--out", str(tmp_path / "out"), *CHOICE, "--max-steps", "10"]
     assert run(line) == 3
-    assert "Noise comes out larger than stated (y " in capsys.readouterr().out
-    assert "bayesid diagnose" in (tmp_path / "out" / "report.md").read_text(encoding="utf-8")
+    said = capsys.readouterr().out
+    assert "Noise stated against noise seen" in said and "y 1/" in said
+    assert "Noise comes out larger" not in said
+    assert "noise seen" in (tmp_path / "out" / "report.md").read_text(encoding="utf-8")

@@ -8,7 +8,9 @@ from gap_trials import model_of, other_vehicle, planted_trial
 
 from bayesid.diagnosis.data.problem import build_problem, fit_with
 from bayesid.diagnosis.evidence.holdout import validate_holdout
+from bayesid.diagnosis.evidence.holdout_prediction import pieces_of
 from bayesid.diagnosis.run import parameter_draws
+from bayesid.estimation.segments import held_since
 from bayesid.trials import window
 
 
@@ -118,3 +120,48 @@ def test_a_run_of_few_readings_and_one_without_any_of_a_channel_are_no_obstacle(
     short = window(zigzag, 0.0, float(zigzag.t[4]))
     assert short.t.size < 9
     assert len(build_problem(model, replace(trial, runs=(short, silent))).logs) == 2
+
+
+def test_only_a_prediction_worse_than_it_expects_of_itself_refutes():
+    """Worse than re-tuned by luck of an unstable vehicle's start is no refutation; worse than expected is."""
+    _, _, shrink, _ = case(True)
+    row = shrink.horizons[-1]
+    bad = {**row.excess, "with effect": 2.0 * row.excess["recalibrated"]}
+    worse = replace(row, excess=bad, interval=(-2.0, -0.5))
+    assert row.significant and not row.refutes
+    assert replace(worse, expected=0.5 * bad["with effect"]).refutes
+    assert not replace(worse, expected=2.0 * bad["with effect"]).refutes
+    assert replace(worse, expected=float("nan")).refutes  # nothing to judge it by
+    assert not replace(worse, expected=0.0, interval=(-2.0, 0.1)).refutes
+
+
+def test_what_an_explanation_expects_grows_with_what_is_unknown():
+    model = model_of()
+    trial = planted_trial(model, {}, 1, samples=120, holdout=("turn",))
+    problem = build_problem(model, trial, as_built=0.005)
+    none = fit_with(problem, ())
+    models = {"nominal": model.nominal, "recalibrated": none.par, "with effect": none.par}
+    drawn = parameter_draws(none, np.random.default_rng(0))
+    point = np.repeat(none.par[None], len(drawn), axis=0)
+    noise_model = problem.environment.noise_model
+    start_alone, both, wider = (
+        validate_holdout(problem, trial, models, noise_model, 0, {"with effect": d}).horizons[-1].expected
+        for d in (point, drawn, point + 5.0 * (drawn - point))
+    )
+    assert 0.0 < start_alone < both < wider
+
+
+def test_pieces_begin_where_the_orders_have_been_held():
+    model = model_of()
+    trial = planted_trial(model, {}, 1, samples=240, holdout=("zigzag_20",))
+    run = next(r for r in trial.runs if "zigzag" in r.name)
+    run = replace(run, role="holdout")
+    length = 0.15 * run.duration
+    pieces = pieces_of(run, 0.5 * length, length)
+    held = held_since(run)
+    assert len(pieces) > 2
+    for piece, start in pieces[1:]:
+        at = int(np.searchsorted(run.t, start))
+        reach = (run.t >= start - 0.2 * 1.5 * length) & (run.t <= start)
+        assert held[at] >= held[reach].max() - 1e-9
+        assert piece.t[0] == start

@@ -106,3 +106,13 @@ def test_a_file_that_grows_while_it_is_read_stays_within_the_limit(tmp_path, mon
     with pytest.raises(files.UnreadableError, match="is larger than"):
         files.read_regular(path, 99)
     assert files.read_regular(path, 100) == b"x" * 100
+
+
+def test_a_full_disk_is_told_with_the_file_it_struck(tmp_path, monkeypatch):
+    def full(handle):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(OSError, match="No space left on device") as caught:
+        write_atomic(tmp_path / "fit.json", "{}")
+    assert caught.value.filename == str(tmp_path / "fit.json") and not list(tmp_path.iterdir())

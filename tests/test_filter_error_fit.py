@@ -10,6 +10,7 @@ from scipy.stats import multivariate_normal
 
 from bayesid.diagnosis.data.problem import build_problem, fit_with
 from bayesid.diagnosis.hypotheses import sensitivity_bank as banks
+from bayesid.diagnosis.hypotheses.candidate import weighted_hypothesis
 from bayesid.diagnosis.hypotheses.sensitivity_bank import build_bank, levels_between, screen
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error import noise_identification
@@ -201,3 +202,17 @@ def test_log_evidence_of_a_trial_is_that_of_its_readings_written_out():
     # control: without the drift it is another number
     calm = posterior(stacked_equations(model, [path], free, replace(noise_model, drift=0.0))[0]).log_evidence
     assert abs(calm - dense) > 1e-3
+
+
+def test_a_released_fit_linearises_again_to_the_same_numbers():
+    _, _, fitted = case(VEHICLES[0], 0)
+    light = fitted.released()
+    assert not light.held and light.chi2 == fitted.chi2
+    for kept, again in zip(fitted.paths, light.paths, strict=True):
+        for name in ("resid", "slope", "direct", "phi", "gamma", "psi", "defect"):
+            assert np.array_equal(getattr(kept, name), getattr(again, name)), name
+
+
+def test_refits_of_a_diagnosis_hold_no_linearisation():
+    problem, _, fitted = case(VEHICLES[0], 0)
+    assert not weighted_hypothesis(problem, ("ocean_current",), fitted).fit.held

@@ -10,7 +10,7 @@ import pytest
 
 from bayesid.errors import TrialError
 from bayesid.trials import Run, load_trial
-from bayesid.trials.correction import Correction, apply, read_correction
+from bayesid.trials.correction import Correction, apply, read_correction, without_effect
 from bayesid.trials.kinematics.evidence import Relation, weigh
 from bayesid.trials.kinematics.relations import relations
 from bayesid.trials.mistakes import MISTAKES, check_input
@@ -146,6 +146,10 @@ def test_every_mend_is_read_back_from_its_line_of_trial_toml(mistake, tmp_path):
     head = 'format = 1\nname = "n"\nvehicle = "remus100"\n'
     lines = "[corrections]\n" + "\n".join(mistake.correction.lines()) + "\n"
     (tmp_path / "trial.toml").write_text(head + lines + '[[runs]]\nfile = "r.csv"\nrole = "identify"\n')
+    if without_effect(mistake.correction, [run]):
+        with pytest.raises(TrialError, match="changes nothing: no run logs"):
+            load_trial(tmp_path)
+        return
     read = load_trial(tmp_path).runs[0]
     wanted = apply(mistake.correction, run)
     for name, values in {**wanted.data, **wanted.commands}.items():

@@ -9,9 +9,9 @@ from plain_kernel import EVERY, equations
 from reference_motion import rigid_body
 
 from bayesid.equations.layout import KernelSpec
-from bayesid.model.effects import CATALOGUE
+from bayesid.model.effects import CATALOGUE, catalogue_of
 
-OFF = {e.key(p.name): p.off for e in CATALOGUE for p in e.parameters}
+OFF = {e.key(p.name): p.off for e in (*CATALOGUE, *catalogue_of(ship=True)) for p in e.parameters}
 
 
 def random_point(kernel, rng, effects_on=True):

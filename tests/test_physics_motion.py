@@ -11,10 +11,11 @@ import pytest
 from plain_kernel import equations
 from reference_motion import make_rate, rotation
 from scipy.integrate import solve_ivp
+from vehicle_sets import ROW_SETS
 
 from bayesid.equations.layout import KernelSpec
 from bayesid.equations.model import build_model
-from bayesid.model.vehicles import builtin_names, load_vehicle
+from bayesid.model.vehicles import load_vehicle
 from bayesid.simulation import (
     gradient,
     gradient_batch,
@@ -27,7 +28,7 @@ from bayesid.simulation import (
 )
 from bayesid.simulation.follow import follow
 
-NAMES = builtin_names()
+NAMES = ROW_SETS
 PLANAR = [0, 1, 5, 6, 7, 11]
 BOTH = [
     pytest.param(name, dof, id=f"{name}-{dof}dof")

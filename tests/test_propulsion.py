@@ -21,6 +21,7 @@ VALUES = {
     "linear_thrust": {"T_max": 55.0, "rpm_max": 1200.0},
     "nps": {"Cd0": 0.004, "k": 0.0036},
     "kt": {"Kt0": 0.3, "a": 0.9, "b": 1.4, "w": 0.3, "t": 0.1, "D": 0.2},
+    "mmg": {"D_P": 0.2, "H_R": 0.3, "A_R": 0.05},
     "quadratic": {"X_prop_u|u|": -3.0, "X_prop_un": -0.01, "X_prop_n|n|": 1e-4, "X_prop_n": 0.02},
 }
 HALF = 0.5 * RHO * LENGTH**2

@@ -11,7 +11,7 @@ import time
 import pytest
 
 from bayesid.cli.stopping import TEXT
-from bayesid.workers import WorkerError, worker_pool
+from bayesid.executor import Executor, WorkerError
 
 SENTENCE = f"bayesid: {TEXT}\n"
 LOADING = """
@@ -39,17 +39,17 @@ study._studies = body
 main(["study"])
 """
 POOL = """
-import sys, time
+import sys, threading, time
 from bayesid.cli.entry import main
 
 def body():
-    from bayesid.workers import worker_pool
-    with worker_pool(2) as pool:
-        jobs = [pool.submit(time.sleep, 30) for _ in range(2)]
-        assert pool.submit(int).done() is False
-        time.sleep(float(sys.argv[1]))
-        print("ready", flush=True)
-        jobs[0].result()
+    from bayesid.executor import Executor
+    threading.Thread(target=tell, daemon=True).start()
+    list(Executor("processes", 2).in_order(time.sleep, [30, 30]))
+
+def tell():
+    time.sleep(0.3 + float(sys.argv[1]))
+    print("ready", flush=True)
 
 if __name__ == "__main__":
     import bayesid.cli.study as study
@@ -124,11 +124,12 @@ def test_workers_end_with_a_parent_that_is_killed(tmp_path):
     assert child.returncode == -signal.SIGKILL
 
 
-def test_a_killed_worker_is_one_error_in_words():
-    with (
-        pytest.raises(WorkerError, match="one of 2 worker processes was killed") as caught,
-        worker_pool(2) as pool,
-    ):
-        assert list(pool.map(abs, [-1, -2])) == [1, 2]
-        pool.submit(os.kill, pool.submit(os.getpid).result(), signal.SIGKILL).result()
+def test_a_task_that_ends_every_worker_is_one_error_in_words():
+    with pytest.raises(WorkerError, match="3 worker processes in turn were killed at task 2 of 2") as caught:
+        list(Executor("processes", 2).in_order(_kill_self, [None, signal.SIGKILL]))
     assert caught.value.exit_code == 1
+
+
+def _kill_self(number):
+    if number is not None:
+        os.kill(os.getpid(), number)

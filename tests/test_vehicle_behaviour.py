@@ -13,14 +13,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from plain_kernel import uncompiled
+from vehicle_sets import ROW_SETS
 
 from bayesid import manoeuvres, measures
 from bayesid.equations.model import build_model
-from bayesid.model.vehicles import builtin_names, load_vehicle
+from bayesid.model.vehicles import load_vehicle
 from bayesid.simulation import plan_run, run_manoeuvre, simulate, steady_start
 
 REFERENCE = json.loads((Path(__file__).parent / "data" / "reference_behaviour.json").read_text("utf-8"))
-EVERY = pytest.mark.parametrize("name", builtin_names())
+EVERY = pytest.mark.parametrize("name", ROW_SETS)
 DEG = math.pi / 180
 STEADY, TRANSIENT = 1e-3, 5e-3
 
@@ -94,7 +95,7 @@ def test_spiral(name):
     assert way < STEADY * spiral["path"]
 
 
-@pytest.mark.parametrize("name", [n for n in builtin_names() if "sixdof" in REFERENCE[n]])
+@pytest.mark.parametrize("name", [n for n in ROW_SETS if "sixdof" in REFERENCE[n]])
 def test_free_turn_in_six_degrees(name):
     """Planes fixed, for 30 L/U: list, trim and depth at the end; the kernel as plain Python."""
     ref = REFERENCE[name]

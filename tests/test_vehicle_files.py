@@ -124,7 +124,7 @@ def test_what_is_no_file_is_said_so(tmp_path):
 def test_a_misspelt_built_in_name_is_answered_with_the_nearest():
     with pytest.raises(VehicleError, match="did you mean remus100"):
         load_vehicle("remus_100")
-    with pytest.raises(VehicleError, match="generic_sub, lauv"):
+    with pytest.raises(VehicleError, match="generic_sub, kvlcc2_mmg"):
         load_vehicle("x")
 
 

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from vehicle_sets import ROW_SETS
 
 from bayesid.errors import VehicleError
 from bayesid.model.vehicles import (
     Propulsion,
-    builtin_names,
     check_vehicle,
     load_vehicle,
     self_propulsion_speed,
@@ -21,7 +21,7 @@ from bayesid.model.vehicles import (
 )
 
 REFERENCE = json.loads((Path(__file__).parent / "data" / "reference_stability.json").read_text("utf-8"))
-EVERY = pytest.mark.parametrize("name", builtin_names())
+EVERY = pytest.mark.parametrize("name", ROW_SETS)
 
 
 @EVERY

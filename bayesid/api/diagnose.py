@@ -13,10 +13,12 @@ from bayesid.api.input_result import InputResult
 from bayesid.api.inputs import Names, TrialLike, VehicleLike, declared_effects, model_of, prepared, trial_of
 from bayesid.api.result import Result, table
 from bayesid.diagnosis.diagnosed_model import write_diagnosed
-from bayesid.diagnosis.input import check_trial, mended, not_enough
+from bayesid.diagnosis.input import WRONG_VEHICLE, check_trial, mended, not_enough
 from bayesid.diagnosis.run import Diagnosis
 from bayesid.diagnosis.run import diagnose as run
+from bayesid.diagnosis.simulator import mistakes_that_clear
 from bayesid.diagnosis.summary import summary
+from bayesid.estimation.filter_error.fit_journal import FitJournal, fits_kept
 from bayesid.files import write_json
 from bayesid.progress import Progress, RouteStep
 from bayesid.report.diagnosis.report import diagnosis_report, write_diagnosis_report
@@ -39,6 +41,8 @@ ROUTE = {
     "draws": RouteStep(("posterior",), 0.16),
     "model": RouteStep(("model for predictions",), 0.07),
 }
+# Folder of refits beside the results while a diagnosis is under way.
+JOURNAL = "refits"
 EFFECT_COLUMNS = ("effect", "probability", "parameter", "value", "sd", "unit")
 
 
@@ -58,6 +62,7 @@ def diagnose(
     seed: int = 0,
     trust_input: bool = False,
     progress: Progress | None = None,
+    journal: str | os.PathLike[str] | None = None,
 ) -> DiagnoseResult | InputResult:
     """Diagnose the gap between a simulator and a trial; held-out runs are read only after the verdict stands.
 
@@ -77,22 +82,39 @@ def diagnose(
     keep_model : also make the model that `bayesid.predict` draws from
     trust_input : take the log, and the noise it states, as they are
 
+    journal : folder that keeps every refit until `DiagnoseResult.save`: a diagnosis that is stopped goes on
+        from there, with the very same numbers
+
     Raises
     ------
     TrialError, VehicleError, ModelError
         what cannot be read, or nothing to identify from
     """
+    kept = None if journal is None else Path(journal) / JOURNAL
     logged = trial_of(trial, data)
     model = model_of(logged, vehicle, declared_effects(effects), exclude)
     shown = progress or Progress(quiet=True)
 
     def diagnosis(of: Trial, checked: InputCheck) -> DiagnoseResult:
         told = shown.route(_route(next_manoeuvre, draws, keep_model))
-        found = run(
-            of, model, seed=seed, notify=told, as_built=prior, plan_next=next_manoeuvre, draw=draws,
-            keep_model=keep_model, trust_noise=trust_input,
-        )  # fmt: skip
-        return DiagnoseResult(found, checked)
+        with fits_kept(kept) as fits:
+            found = run(
+                of, model, seed=seed, notify=told, as_built=prior, plan_next=next_manoeuvre, draw=draws,
+                keep_model=keep_model, trust_noise=trust_input,
+            )  # fmt: skip
+        if fits is not None and fits.used:
+            shown.note(f"{fits.used} refits of the diagnosis that was stopped before were kept and used")
+        return DiagnoseResult(found, checked, fits)
+
+    def mistaken_simulator(checked: InputCheck) -> DiagnoseResult | None:
+        """A log that looks like another vehicle's, where a mistake of the simulator explains it."""
+        if any(f.correction is None and f.name != WRONG_VEHICLE for f in checked.findings):
+            return None
+        right = prepared(mended(logged, checked), resample=resample)
+        if not_enough(right, model) or not mistakes_that_clear(right, model):
+            return None
+        found = diagnosis(right, checked)
+        return found if found.found.result.simulator else None
 
     if trust_input:
         return diagnosis(prepared(logged, resample=resample), InputCheck())
@@ -100,7 +122,7 @@ def diagnose(
     checked = check_trial(logged, model)
     mend = all(finding.correction is not None for finding in checked.findings)
     if checked.findings and not mend:
-        return InputResult(logged.name, checked)
+        return mistaken_simulator(checked) or InputResult(logged.name, checked)
     trial = prepared(mended(logged, checked) if checked.findings else logged, resample=resample)
     if reasons := not_enough(trial, model):
         return InputResult(logged.name, checked, reasons)
@@ -120,6 +142,7 @@ class DiagnoseResult(Result):
 
     found: Diagnosis
     checked: InputCheck = field(default_factory=InputCheck)
+    journal: FitJournal | None = None
 
     @property
     def verdict(self) -> str:
@@ -157,7 +180,10 @@ class DiagnoseResult(Result):
             write_diagnosed(self.found.diagnosed, target)
         if self.found.posterior is not None:
             self.found.posterior.posterior.to_netcdf(target / "posterior.nc")
-        return write_diagnosis_report(self.found.result, target)
+        report = write_diagnosis_report(self.found.result, target)
+        if self.journal is not None:
+            self.journal.clear()
+        return report
 
     def summary(self, verbose: bool = False) -> str:
         line = in_order_line(self.checked)

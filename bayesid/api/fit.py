@@ -17,6 +17,7 @@ from bayesid.api.inputs import (
     prepared,
     trial_of,
     vehicle_of,
+    with_believed_noise,
 )
 from bayesid.api.result import Result, table
 from bayesid.diagnosis.diagnosed_model import remove_fitted, write_diagnosed
@@ -120,6 +121,8 @@ def fit(
     chosen = prepared(logged, runs, resample, QUICK_SAMPLES if quick else None)
     if lacking := not_enough(chosen):
         raise TrialError(f"{logged.name}: {'; '.join(lacking)}")
+    if not estimate_noise:
+        chosen = with_believed_noise(chosen, ship)
     few = {"rounds": QUICK_ROUNDS} if quick else {}
     # profile None: the noise is estimated where the trial leaves that of a channel open
     options = FitOptions(seed=seed, starts=starts, profile=True if estimate_noise else None, **few)

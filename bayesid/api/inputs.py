@@ -5,6 +5,7 @@ Takes paths, names or objects, as users have them. Does not compute.
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from collections.abc import Iterable, Mapping
@@ -22,13 +23,14 @@ from bayesid.model.units import scale as unit_scale
 from bayesid.model.vehicles import Vehicle, load_vehicle, self_propulsion_speed, with_relative_prior
 from bayesid.trials import Trial, load_trial, thin
 from bayesid.trials.kinematics.derived_velocity import velocity_from_track
+from bayesid.trials.noise_stated import with_seen_noise
 
 Names: TypeAlias = "str | Iterable[str] | None"
 TrialLike: TypeAlias = "Trial | str | os.PathLike[str]"
 VehicleLike: TypeAlias = "Vehicle | str | os.PathLike[str]"
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
 LARGEST_EFFECTS = 2**20  # bytes of a Python file of effects
-LARGEST_ANGLE = 0.61  # 35 deg: largest fin angle of a manoeuvre where the vehicle states no limit
+LARGEST_ANGLE = math.radians(35.0)  # largest fin angle of a manoeuvre where the vehicle states no limit
 
 
 def trial_of(trial: TrialLike, data: str | os.PathLike[str] | None = None) -> Trial:
@@ -108,6 +110,20 @@ def prepared(
     # thinned readings have lost the fast changes that tell
     derived = velocity_from_track(trial.identify) if resample else trial.velocity_from_track
     return replace(trial, runs=tuple(chosen), velocity_from_track=derived)
+
+
+def with_believed_noise(trial: Trial, vehicle: Vehicle) -> Trial:
+    """The trial with the noise its readings show where the stated one is not to be believed, and a warning.
+
+    A vehicle without a usual shaft speed keeps what is stated.
+    """
+    if vehicle.rpm_ref is None:
+        return trial
+    try:
+        speed = self_propulsion_speed(vehicle, vehicle.rpm_ref)
+    except VehicleError:
+        return trial
+    return with_seen_noise(trial, (vehicle.L, speed)) if speed > 0 else trial
 
 
 def scale_of(model: Model, rpm: float | None = None, dt: float | None = None) -> Scale:

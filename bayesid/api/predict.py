@@ -26,8 +26,9 @@ from bayesid.diagnosis.diagnosed_model import (
     read_diagnosed,
     write_diagnosed,
 )
+from bayesid.diagnosis.input import check_trial
 from bayesid.diagnosis.run import diagnose
-from bayesid.errors import BayesidError, ModelError
+from bayesid.errors import BayesidError, ModelError, TrialError
 from bayesid.files import write_atomic, write_json
 from bayesid.manoeuvres import parse
 from bayesid.measures import named_measures
@@ -145,6 +146,13 @@ def _model(
         return found
     progress.note("no model given: diagnosing first")
     model = model_of(trial, vehicle, extra)
+    if mistakes := check_trial(trial, model).findings:
+        first = mistakes[0]
+        mend = f"; in trial.toml: {' '.join(first.mend)}" if first.mend else ""
+        raise TrialError(
+            f"{trial.name}: {first.says} (probability {first.probability:.2f}){mend}. See "
+            "`bayesid diagnose`; with --model it is not asked"
+        )
     found = diagnosed_model_of(diagnose(trial, model, seed=seed, notify=progress.note, plan_next=False))
     if out is not None:
         write_diagnosed(found, out)

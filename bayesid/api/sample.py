@@ -10,7 +10,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from bayesid.analysis.identifiability.posterior_view import PosteriorView, view_posterior
-from bayesid.api.inputs import Names, TrialLike, VehicleLike, names_of, prepared, trial_of, vehicle_of
+from bayesid.api.inputs import (
+    Names,
+    TrialLike,
+    VehicleLike,
+    names_of,
+    prepared,
+    trial_of,
+    vehicle_of,
+    with_believed_noise,
+)
 from bayesid.api.result import Result, table
 from bayesid.equations.model import build_model
 from bayesid.errors import SampleError
@@ -112,7 +121,7 @@ def sample(
     )
     logged = trial_of(trial, data)
     ship = vehicle_of(vehicle, logged, prior)
-    chosen = prepared(logged, runs, resample, QUICK_SAMPLES if quick else None)
+    chosen = with_believed_noise(prepared(logged, runs, resample, QUICK_SAMPLES if quick else None), ship)
     model = build_model(ship, 3 if ship.planar_only else chosen.dof)
     kept = set(names_of(fix) or ())
     params = coefficient_set(model, tuple(n for n in names_of(free) or model.coefficients if n not in kept))

@@ -8,10 +8,9 @@ from typing import Annotated
 
 import typer
 
-from bayesid.cli.options import Json, OutFolder, Quick, Quiet, Seed, Verbose, claimed
+from bayesid.cli.options import ExecutorName, Json, OutFolder, Quick, Quiet, Seed, Verbose, Workers, claimed
 from bayesid.cli.terminal import NOT_CONVERGED, OK
 
-Jobs = Annotated[int, typer.Option("--jobs", "-j", min=1, help="Worker processes.")]
 Answers = Annotated[
     Path,
     typer.Option("--answers", help="Folder of the answers, apart from the pack.", callback=claimed),
@@ -32,7 +31,8 @@ def make(
     dof: Annotated[int | None, typer.Option(help="3 or 6.")] = None,
     sensors: Annotated[str | None, typer.Option(help="full, 'no velocity log' or 'pose only'.")] = None,
     sea: Annotated[str | None, typer.Option(help="still, calm, mid or rough.")] = None,
-    jobs: Jobs = 1,
+    executor: ExecutorName = None,
+    workers: Workers = None,
     verbose: Verbose = False,
     quiet: Quiet = False,
 ) -> int:
@@ -42,12 +42,13 @@ def make(
     the secret that campaigns and names are drawn from.
     """
     from bayesid.benchmark.protocol.make_pack import make_pack
+    from bayesid.executor import executor_of
 
     given = {"kind": kind, "effects": effect or None, "vehicle": vehicle, "dof": dof}
     given |= {"sensors": sensors, "sea": sea}
     factors = {key: value for key, value in given.items() if value is not None}
     seeds = None if seed is None else range(seed, seed + count)
-    path = make_pack(count, out, answers, factors, jobs=jobs, seeds=seeds)
+    path = make_pack(count, out, answers, factors, executor=executor_of(executor, workers), seeds=seeds)
     if seeds is not None:
         print("drawn from seeds: for development, no blind check")
     print(f"{count} bundles in {out}, commitments in {path.name}; answers in {answers}: keep them apart")
@@ -92,7 +93,8 @@ def solve(
         float | None,
         typer.Option("--minutes", min=0.0, help="Begin no bundle after this time; commit to the rest."),
     ] = None,
-    jobs: Jobs = 1,
+    executor: ExecutorName = None,
+    workers: Workers = None,
     seed: Seed = 0,
     quick: Quick = False,
     verbose: Verbose = False,
@@ -104,11 +106,12 @@ def solve(
     --quick leaves out the next manoeuvre and the reports.
     """
     from bayesid.benchmark.protocol.solve_pack import SolveSettings, solve_pack
+    from bayesid.executor import executor_of
 
     settings = SolveSettings(
         seed, plan_next=not quick, report=not quick, accept_faults=accept_faults, minutes=minutes
     )
-    commitment = solve_pack(pack, out, jobs, settings, names=tuple(only or ()))
+    commitment = solve_pack(pack, out, executor_of(executor, workers), settings, names=tuple(only or ()))
     if "seal" not in commitment:
         print(f"{len(commitment['verdicts'])} verdicts in {out}, not committed: only some were asked for")
         return OK
@@ -136,7 +139,8 @@ def score(
     commitments: Annotated[
         Path | None, typer.Option("--commitments", help="commitments.json as whoever made the pack kept it.")
     ] = None,
-    jobs: Jobs = 1,
+    executor: ExecutorName = None,
+    workers: Workers = None,
     as_json: Json = False,
     verbose: Verbose = False,
     quiet: Quiet = False,
@@ -150,10 +154,14 @@ def score(
     from bayesid.benchmark.protocol.report import blind_report, quantity_row, results
     from bayesid.benchmark.protocol.scorecard import score_pack
     from bayesid.cli.output import print_json, print_table, print_text
+    from bayesid.executor import executor_of
     from bayesid.report import writer
 
     cache = None if out is None else out / "detectability.json"
-    sheet = score_pack(answers, verdicts, uncommitted, cache, jobs, promised=digest, commitments=commitments)
+    sheet = score_pack(
+        answers, verdicts, uncommitted, cache, executor_of(executor, workers), promised=digest,
+        commitments=commitments,
+    )  # fmt: skip
     plain = results(sheet)
     if out is not None:
         writer.write(

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from bayesid.cli.choices import Bundle, Data, Effects, Exclude, Prior, Resample, Vehicle
-from bayesid.cli.options import Json, Out, Quick, Quiet, Seed, Verbose
+from bayesid.cli.options import ExecutorName, Json, Out, Quick, Quiet, Seed, Verbose, Workers
 from bayesid.cli.terminal import NOT_CONVERGED, OK
 
 TrustInput = Annotated[
@@ -28,6 +28,8 @@ def diagnose(
     trust: TrustInput = False,
     seed: Seed = 0,
     quick: Quick = False,
+    executor: ExecutorName = None,
+    workers: Workers = None,
     as_json: Json = False,
     verbose: Verbose = False,
     quiet: Quiet = False,
@@ -36,17 +38,36 @@ def diagnose(
 
     --out gets diagnosis.json, a report, posterior.nc where an effect is named (without --quick), and
     model.json for `bayesid predict`. Held-out runs are read only after the verdict stands. A log with a sign,
-    unit, axis or clock mistaken gets the verdict `input` and the line of trial.toml that mends it.
+    unit, axis or clock mistaken gets the verdict `input` and the line of trial.toml that mends it. A
+    diagnosis that is stopped goes on where it was when the same line is run again.
+
+    A folder of bundles gets a report for each below --out and one page over all; --workers and --executor
+    are for it.
     """
     from bayesid.api.diagnose import diagnose as run
+    from bayesid.api.fleet import bundles_of, diagnose_fleet
     from bayesid.cli.output import answer
+    from bayesid.executor import executor_of
     from bayesid.progress import Progress
 
+    several = bundles_of(bundle)
+    if several:
+        if out is None:
+            raise typer.BadParameter("a folder of bundles needs --out", param_hint="--out")
+        if data is not None:
+            raise typer.BadParameter("is for one bundle", param_hint="--data")
+        whole = diagnose_fleet(
+            bundle, out, executor=executor_of(executor, workers), progress=Progress(quiet=as_json),
+            vehicle=vehicle, prior=prior, effects=effects, exclude=exclude, resample=resample,
+            next_manoeuvre=not quick, draws=not quick, seed=seed, trust_input=trust,
+        )  # fmt: skip
+        answer(whole, out, as_json, verbose)
+        return NOT_CONVERGED if whole.failures else OK
     found = run(
         bundle, vehicle, data=data, prior=prior, effects=effects, exclude=exclude, resample=resample,
         next_manoeuvre=not quick,
         draws=out is not None and not quick, keep_model=out is not None, seed=seed,
-        trust_input=trust, progress=Progress(quiet=as_json),
+        trust_input=trust, progress=Progress(quiet=as_json), journal=out,
     )  # fmt: skip
     answer(found, out, as_json, verbose)
     return NOT_CONVERGED if found.verdict == "not_enough" else OK

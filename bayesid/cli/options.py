@@ -46,6 +46,19 @@ Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables
 Quiet = Annotated[
     bool, typer.Option("--quiet", "-q", help="Print the answer only, no progress.", callback=set_quiet)
 ]
+Workers = Annotated[
+    int | None,
+    typer.Option("--workers", "--jobs", "-j", min=1, help="Worker processes. Default: this process alone."),
+]
+ExecutorName = Annotated[
+    str | None,
+    typer.Option(
+        "--executor",
+        metavar="NAME",
+        help="Where tasks run: processes, dask (a cluster of this machine), or tcp://host:port of a Dask "
+        "scheduler. The numbers are the same.",
+    ),
+]
 Quick = Annotated[bool, typer.Option("--quick", help="A small version of the work, for a first look.")]
 Verbose = Annotated[
     bool, typer.Option("--verbose", "-v", help="Show details and tracebacks.", callback=set_verbose)

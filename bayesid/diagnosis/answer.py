@@ -14,6 +14,7 @@ from bayesid.diagnosis.hypotheses.rules import NAMING
 from bayesid.diagnosis.plain_words import intervals, number, sentence
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import Effect, RunError
+from bayesid.diagnosis.simulator_words import mistake_certainty, mistake_sentence, mistake_steps
 from bayesid.diagnosis.threshold_table import DISAGREEMENT_P_VALUE
 
 MODELS = (GIVEN, RETUNED, EXPLAINED)
@@ -78,7 +79,7 @@ def answer(result: Result) -> Answer:
     """The answer of a result."""
     shown = result.runs[0] if result.runs else None
     return Answer(
-        _headline(result),
+        mistake_sentence(result) + _headline(result),
         _outcome(result, shown) if shown is not None else "",
         failures(result),
         run_words(shown) if shown is not None else "",
@@ -86,8 +87,8 @@ def answer(result: Result) -> Answer:
         ("as given", "re-tuned", "explained"),
         explained_words(result),
         _moved(result),
-        _certainty(result),
-        _steps(result),
+        (*mistake_certainty(result), *_certainty(result)),
+        (*mistake_steps(result), *_steps(result)),
     )
 
 

@@ -183,10 +183,10 @@ def _with_remainder(problem: DiagnosisProblem, fitted: FilterErrorFit) -> tuple[
     """The fit under the disturbance its residuals call for, and its log evidence."""
     model = problem.model
     unit, time = force_unit(model), model.scales["L"] / model.scales["U"]
-    real = problem.environment.noise_model
+    real, paths = problem.environment.noise_model, fitted.paths
 
     def evidence(noise_model: NoiseModel) -> float:
-        equations = stacked_equations(model, fitted.paths, fitted.free, noise_model)
+        equations = stacked_equations(model, paths, fitted.free, noise_model)
         try:
             value = posterior(sum(equations[1:], equations[0])).log_evidence
         except ModelError:  # this disturbance is out of reach, others may not be

@@ -17,7 +17,8 @@ from bayesid.diagnosis.data.model_form import resonates
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.evidence.effect_draws import EffectDraws, choice
 from bayesid.diagnosis.evidence.effect_posterior import EffectPosterior, numbers
-from bayesid.diagnosis.evidence.holdout import HoldoutValidation, MeasureComparison
+from bayesid.diagnosis.evidence.holdout import HoldoutValidation
+from bayesid.diagnosis.evidence.holdout_prediction import MeasureComparison
 from bayesid.diagnosis.evidence.missing_force import MissingForce
 from bayesid.diagnosis.evidence.replay import EXPLAINED, GIVEN, RETUNED, Replay, replay_trial
 from bayesid.diagnosis.hypotheses.candidate import (
@@ -54,6 +55,7 @@ from bayesid.diagnosis.result_parts import (
     Region,
     RunError,
     Screened,
+    SimulatorMistakeFound,
     Value,
 )
 from bayesid.equations.model import Model
@@ -83,6 +85,7 @@ def result_of(
     seed: int,
     description: MissingForce | None = None,
     posterior: EffectPosterior | None = None,
+    simulator: tuple[SimulatorMistakeFound, ...] = (),
 ) -> Result:
     """Final values of a diagnosis."""
     from bayesid import __version__
@@ -163,6 +166,7 @@ def result_of(
         runs=tuple(_run_error(r) for r in replays),
         moved=_moved(model, problem, c.none, shown),
         runs_agree=_agreement(problem, c.none, best) if gains and not best.widens else None,
+        simulator=simulator,
         drawings=_drawings(model, c, posterior, seed, replays),
     )
 
@@ -268,7 +272,7 @@ def contract(name: str, values: dict[str, Value]) -> dict[str, Value]:
     return {
         "V_wind": Value(speed, spread, "m/s"),
         "from": Value(came, min(spread / max(speed, 1e-9), np.pi), "rad"),
-        "area_coefficients": values["area_coefficients"],
+        **{key: value for key, value in values.items() if not key.startswith("blowing")},
     }
 
 
@@ -348,6 +352,7 @@ def gap_of(holdout: HoldoutValidation) -> Gap:
             r.pieces,
             r.draws,
             _numbers(r.channels),
+            _number(r.expected),
         )
         for r in holdout.horizons
     )

@@ -33,6 +33,7 @@ from bayesid.diagnosis.result_parts import (
     RunError,
     Screened,
     Share,
+    SimulatorMistakeFound,
 )
 from bayesid.diagnosis.schema import About, described, plain
 
@@ -209,6 +210,14 @@ class Result:
             "it was not asked."
         ),
     ] = None
+    simulator: Annotated[
+        tuple[SimulatorMistakeFound, ...],
+        About(
+            "Mistakes of the simulator that close the gap, best first: with the numbers of the vehicle file "
+            "changed as they ask for, no cause is left to look for. Empty where no mistake does; the verdict "
+            "is that of the simulator as given."
+        ),
+    ] = ()
     drawings: Drawings | None = field(default=None, metadata={"drawn": True}, compare=False)
 
     def record(self) -> dict[str, Any]:

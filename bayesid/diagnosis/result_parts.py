@@ -159,6 +159,10 @@ class Horizon:
     pieces: int
     posterior_draws: int
     channels: ByChannel
+    expected: Annotated[
+        float | None,
+        About("Error that 95 % of draws of the explanation and of its start stay below, as excess."),
+    ] = None
 
 
 @dataclass(frozen=True)
@@ -222,6 +226,22 @@ class Moved:
     prior_sd: Annotated[float, About("Stated uncertainty, one standard deviation.")]
     retuned: float
     explained: float
+
+
+@dataclass(frozen=True)
+class SimulatorMistakeFound:
+    """A mistake of the simulator whose mend leaves no gap that asks for a cause."""
+
+    name: str
+    says: str
+    probability: Annotated[Share, About("Among the mistakes listed.")]
+    gain: Annotated[float, About("Log evidence of the mended simulator over the one given [nats].")]
+    lead: Annotated[float, About("The same over the best explanation without a mistake [nats].")]
+    size: Annotated[float, About("Size of the mistake where it has one, else 1.")]
+    numbers: Annotated[
+        Mapping[str, float], About("What the vehicle file would hold: coefficient (in its units) -> value.")
+    ]
+    given: Annotated[Mapping[str, float], About("The same as given.")]
 
 
 @dataclass(frozen=True)

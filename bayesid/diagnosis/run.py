@@ -22,8 +22,11 @@ from bayesid.diagnosis.exclusions import compare_without
 from bayesid.diagnosis.final_values import result_of
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.verdict import NAMING, Verdict, after_holdout, decide, simplest
+from bayesid.diagnosis.input.memory_needed import check_memory
 from bayesid.diagnosis.next_manoeuvre import Proposal, propose
 from bayesid.diagnosis.result import Result
+from bayesid.diagnosis.result_parts import SimulatorMistakeFound
+from bayesid.diagnosis.simulator import find_mistakes
 from bayesid.diagnosis.summary import summary
 from bayesid.equations.model import Model
 from bayesid.estimation.filter_error.fit import FilterErrorFit, fit
@@ -90,8 +93,9 @@ def diagnose(
     Raises
     ------
     TrialError
-        if there is nothing to identify from
+        if there is nothing to identify from, or more memory is needed than there is
     """
+    check_memory(trial, model)
     weighed = trial if trust_noise else with_seen_noise(trial, (model.scales["L"], model.scales["U"]))
     compared = compare_without(model, weighed, notify, as_built, seed)
     problem, candidates = compared.problem, compared.candidates
@@ -117,6 +121,13 @@ def diagnose(
         warnings,
     )
     verdict = after_holdout(verdict, holdout.worse)
+    no_mistake: tuple[SimulatorMistakeFound, ...] = ()
+    mistakes = attempt(
+        "mistakes of the simulator could not be looked for",
+        lambda: find_mistakes(weighed, compared, verdict, notify, as_built, seed),
+        no_mistake,
+        warnings,
+    )
     proposals: tuple[Proposal, ...] = ()
     if plan_next:
         notify("which manoeuvre to run next")
@@ -149,6 +160,7 @@ def diagnose(
         seed,
         description,
         posterior,
+        mistakes,
     )
     return Diagnosis(trial, model, problem, candidates, verdict, result, posterior, diagnosed)
 

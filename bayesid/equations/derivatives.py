@@ -55,6 +55,8 @@ class Graph(Nodes):
             return [(args[0], node)]
         if name == "tanh":
             return [(args[0], self.sub(self.one, self.mul(node, node)))]
+        if name == "atan":
+            return [(args[0], self.div(self.one, self.add(self.one, self.mul(args[0], args[0]))))]
         if name == "max":
             second = self.call("step", self.sub(args[1], args[0]))
             return [(args[0], self.sub(self.one, second)), (args[1], second)]

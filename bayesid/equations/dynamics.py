@@ -43,6 +43,7 @@ from bayesid.errors import ModelError
 from bayesid.model import thrusters
 from bayesid.model.effects import Effect
 from bayesid.model.terms import TERMS, Term
+from bayesid.model.terms.mmg import DEFINITIONS, FORCES, PARTS, SENSE, SPEED
 
 __all__ = ["Dynamics", "KernelSpec", "build"]
 
@@ -158,7 +159,7 @@ def _reads(row: Term) -> frozenset[str]:
 
 def _slows(row: Term) -> bool:
     """Whether a row is drag straight ahead: X by surge alone."""
-    return row.axis == "X" and _reads(row) - {"abs"} == {"u"}
+    return row.axis == "X" and _reads(row) - {"abs"} in ({"u"}, {"S", "U"})
 
 
 def _total(g: Graph, parts: Mapping[Term, Node], chosen: Callable[[Term], bool]) -> Node:
@@ -175,7 +176,24 @@ def _row_forces(dyn: Dynamics, at: _Symbols) -> dict[Term, Node]:
     side = cross_flow_side(g, dyn.spec, at.water, speeds)
     if dyn.spec.eta:
         names["eta1"] = g.parse(ETA, {**at.const, **names})
-    return {row: g.mul(at.const[row.name], g.parse(row.regressor, names, side)) for row in rows_of(dyn.spec)}
+    ship = dyn.spec.propulsion == "mmg"
+    if ship:
+        names["U"] = g.parse(SPEED, {**at.const, **at.water})
+        names["S"] = g.parse(SENSE, names)
+    parts = {
+        row: g.mul(at.const[row.name], g.parse(row.regressor, names, side))
+        for row in rows_of(dyn.spec)
+        if not row.is_number
+    }
+    return parts | (_propeller_and_rudder(g, {**at.const, **names}) if ship else {})
+
+
+def _propeller_and_rudder(g: Graph, names: Mapping[str, Node]) -> dict[Term, Node]:
+    """Forces of the MMG formulas, as parts that effects can ask for beside the rows."""
+    known = dict(names)
+    for name, formula in DEFINITIONS.items():
+        known[name] = g.parse(formula, known)
+    return {PARTS[key]: g.parse(formula, known) for key, (formula, _) in FORCES.items()}
 
 
 def _hull_wrench(dyn: Dynamics, at: _Symbols, parts: Mapping[Term, Node]) -> dict[str, Node]:

@@ -13,6 +13,7 @@ from bayesid.equations.formulas import CURRENT, ROUNDED_SIGN, SWING
 from bayesid.equations.layout import KernelSpec
 from bayesid.errors import ModelError
 from bayesid.model.effects import Effect
+from bayesid.model.terms.mmg import CROSS_FLOW
 
 Nodes = Mapping[str, Node]
 
@@ -91,6 +92,8 @@ def strip_drag(g: Graph, spec: KernelSpec, const: Nodes, water: Nodes) -> dict[s
     """Strip drag by a trapezoid of stations over the length (Healey & Lienard 1993 form)."""
     n = spec.sections
     out = dict.fromkeys(("Y", "Z", "M", "N"), g.zero)
+    if spec.propulsion == "mmg":
+        return _ship_cross_flow(g, n, const, water)
     for i in range(n):
         xi = -0.5 + i / (n - 1)
         weight = (0.5 if i in (0, n - 1) else 1.0) / (n - 1)
@@ -111,4 +114,20 @@ def strip_drag(g: Graph, spec: KernelSpec, const: Nodes, water: Nodes) -> dict[s
         out["N"] = g.sub(out["N"], g.mul(g.mul(step, x), side))
         out["Z"] = g.sub(out["Z"], g.mul(step, heave))
         out["M"] = g.add(out["M"], g.mul(g.mul(step, x), heave))
+    return out
+
+
+def _ship_cross_flow(g: Graph, n: int, const: Nodes, water: Nodes) -> dict[str, Node]:
+    """Cross-flow drag of a ship, whose turning counts differently in force and moment."""
+    out = {"Y": g.zero, "N": g.zero}
+    names = {**const, **water}
+    pressure = g.add(const["strip_Y"], g.parse(CROSS_FLOW["pressure"], names))
+    for i in range(n):
+        xi = -0.5 + i / (n - 1)
+        step = g.mul(g.const((0.5 if i in (0, n - 1) else 1.0) / (n - 1)), g.mul(const["L"], pressure))
+        place = g.mul(g.const(xi), const["L"])
+        for axis, arm in (("Y", g.one), ("N", place)):
+            across = g.parse(CROSS_FLOW[axis], {**names, "x": place})
+            push = g.mul(g.mul(step, arm), g.mul(across, g.call("abs", across)))
+            out[axis] = g.sub(out[axis], push)
     return out

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from bayesid.equations.derivatives import Graph, Node
 from bayesid.model.effects import Effect
 from bayesid.model.terms import TERMS, Term
+from bayesid.model.terms.mmg import AIR, GEOMETRY
 from bayesid.model.thrusters import constants
 
 
@@ -19,7 +20,8 @@ class KernelSpec:
     """What is compiled into one kernel module.
 
     dof : 3 or 6
-    propulsion : "quadratic" (the four X_prop rows) or "kt" (open-water thrust curve)
+    propulsion : "quadratic" (the four X_prop rows), "kt" (open-water thrust curve) or "mmg" (propeller and
+        rudder behind a ship, and rows over its speed)
     sections : stations of the strip drag, 0 for none
     eta : whether the propeller-loading rows (group "eta") are present
     thrusters : names of the thrusters beside rudder, planes and propeller
@@ -34,8 +36,8 @@ class KernelSpec:
     @property
     def name(self) -> str:
         parts = ["planar" if self.dof == 3 else "sixdof"]
-        if self.propulsion == "kt":
-            parts.append("kt")
+        if self.propulsion != "quadratic":
+            parts.append(self.propulsion)
         if self.sections:
             parts.append(f"strips{self.sections}")
         if self.eta:
@@ -101,6 +103,8 @@ def rows_of(spec: KernelSpec) -> list[Term]:
     for row in TERMS:
         if row.group == "eta" and not spec.eta:
             continue
+        if row.group in ("mmg", "number") and spec.propulsion != "mmg":
+            continue
         if spec.dof == 3 and (row.axis not in "XYN" or not row.planar):
             continue
         out.append(row)
@@ -117,6 +121,8 @@ def parameter_names(spec: KernelSpec, effects: tuple[Effect, ...]) -> list[str]:
         names += [f"inverse_rate_{FIN[fin]}", f"servo_lag_{FIN[fin]}", f"limit_{FIN[fin]}"]
     if spec.propulsion == "kt":
         names += KT
+    if spec.propulsion == "mmg":
+        names += (*GEOMETRY, *AIR)
     if spec.eta:
         names.append("uc_per_rpm")
     for thruster in spec.thrusters:

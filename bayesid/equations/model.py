@@ -21,6 +21,7 @@ from bayesid.errors import ModelError, VehicleError
 from bayesid.model.effects import CATALOGUE, Effect
 from bayesid.model.effects.thrusters import thruster_effects
 from bayesid.model.terms import TERMS
+from bayesid.model.terms.mmg import AIR, GEOMETRY
 from bayesid.model.vehicles import Vehicle, coef_si, prime_scale, self_propulsion_speed
 
 _UNLIMITED_RATE = 1e6
@@ -235,7 +236,7 @@ def kernel_spec(vehicle: Vehicle, dof: int) -> KernelSpec:
     eta = {t.name for t in TERMS if t.group == "eta"}
     return KernelSpec(
         dof=dof,
-        propulsion="kt" if vehicle.propulsion.model == "kt" else "quadratic",
+        propulsion=vehicle.propulsion.model if vehicle.propulsion.model in ("kt", "mmg") else "quadratic",
         sections=vehicle.crossflow.sections if vehicle.crossflow else 0,
         eta=any(name in eta for name in vehicle.coef),
         thrusters=tuple(t.name for t in vehicle.thrusters),
@@ -292,6 +293,9 @@ def _nominal(vehicle: Vehicle, kernel: Kernel) -> np.ndarray:
     if vehicle.propulsion.model == "kt":
         p = vehicle.propulsion.values
         values |= {"Kt0": p["Kt0"], "kt_a": p["a"], "kt_b": p["b"], "w_p": p["w"], "t_p": p["t"], "D": p["D"]}
+    if vehicle.propulsion.model == "mmg":
+        values |= {name: vehicle.propulsion.values[name] for name in GEOMETRY}
+        values |= {name: vehicle.dimensions.get(name, usual) for name, usual in AIR.items()}
     if vehicle.crossflow:
         values["strip_Y"] = 0.5 * vehicle.rho * vehicle.crossflow.Cdy * vehicle.crossflow.height
         values["strip_Z"] = 0.5 * vehicle.rho * vehicle.crossflow.Cdz * vehicle.crossflow.width

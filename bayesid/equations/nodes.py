@@ -24,6 +24,7 @@ _FUNCTIONS = {
     "cos": 1,
     "exp": 1,
     "tanh": 1,
+    "atan": 1,
     "step": 1,
     "min": 2,
     "max": 2,
@@ -38,6 +39,7 @@ _NUMERIC: dict[str, Callable[[float], float]] = {
     "cos": math.cos,
     "exp": math.exp,
     "tanh": math.tanh,
+    "atan": math.atan,
     "log": lambda x: math.log(max(x, 1e-300)),
 }
 
@@ -158,7 +160,7 @@ class Nodes:
             return a
         if name == "abs" and self._nodes[a][0] == "neg":
             return self.call("abs", self._nodes[a][1])
-        if name in ("sgn", "sin", "tanh") and self._nodes[a][0] == "neg":
+        if name in ("sgn", "sin", "tanh", "atan") and self._nodes[a][0] == "neg":
             return self.neg(self.call(name, self._nodes[a][1]))
         if name == "cos" and self._nodes[a][0] == "neg":
             return self.call("cos", self._nodes[a][1])

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import importlib.util
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from threading import Lock
@@ -23,7 +23,7 @@ from bayesid.equations.kernel_cache import stored
 from bayesid.equations.kernel_digest import cache_key
 from bayesid.equations.layout import KernelSpec
 from bayesid.equations.print_context import LANES
-from bayesid.model.effects import CATALOGUE, Effect
+from bayesid.model.effects import Effect, catalogue_of
 
 __all__ = ["LANES", "Functions", "Kernel", "load_kernel"]
 
@@ -69,6 +69,11 @@ class Kernel:
     bare: Functions
     full: Functions
     digest: str
+    declared: tuple[Declared, ...] = ()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Another process loads the kernel itself: the printed module is in the cache of its machine."""
+        return _restored, (self.spec, self.declared, tuple(e.name for e in self.effects))
 
 
 @lru_cache(maxsize=32)
@@ -87,7 +92,7 @@ def load_kernel(spec: KernelSpec, declared: tuple[Declared, ...] = ()) -> Kernel
     ModelError
         if an effect's equation cannot be read; names the effect
     """
-    catalogue = (*CATALOGUE, *(d.effect for d in declared))
+    catalogue = (*catalogue_of(spec.propulsion == "mmg"), *(d.effect for d in declared))
     module = _module(spec, catalogue)
     used = tuple(e for e in catalogue if e.acts_in(spec.dof))
     return Kernel(
@@ -101,7 +106,15 @@ def load_kernel(spec: KernelSpec, declared: tuple[Declared, ...] = ()) -> Kernel
         bare=_functions(module, "bare"),
         full=_functions(module, "full"),
         digest=module.EQUATIONS,
+        declared=declared,
     )
+
+
+def _restored(spec: KernelSpec, declared: tuple[Declared, ...], kept: tuple[str, ...]) -> Kernel:
+    kernel = load_kernel(spec, declared)
+    if len(kept) == len(kernel.effects):
+        return kernel
+    return replace(kernel, effects=tuple(e for e in kernel.effects if e.name in kept))
 
 
 @dataclass(frozen=True)

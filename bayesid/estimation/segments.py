@@ -42,12 +42,7 @@ def in_pieces(trial: Trial, seconds: float) -> Trial:
 
 def _settled(run: Run, edges: np.ndarray) -> np.ndarray:
     """Cuts moved to samples at which the orders nobody measured the answer of have been held longest."""
-    ordered = [v for c, v in run.commands.items() if c.removesuffix("_cmd") not in run.measured_inputs]
-    changed = np.zeros(run.t.size, dtype=bool)
-    for values in ordered:
-        changed[1:] |= values[1:] != values[:-1]
-    last = np.maximum.accumulate(np.where(changed, np.arange(run.t.size), 0))
-    held = run.t - run.t[last]
+    changed, held = _orders(run)
     reach, out = REACH * (edges[1] - edges[0]), np.array(edges)
     for i, edge in enumerate(edges[1:-1], start=1):
         near = np.flatnonzero(np.abs(run.t - edge) <= reach)
@@ -55,6 +50,21 @@ def _settled(run: Run, edges: np.ndarray) -> np.ndarray:
             best = near[held[near] >= held[near].max() - 1e-9]
             out[i] = run.t[best[np.argmin(np.abs(run.t[best] - edge))]]
     return out
+
+
+def held_since(run: Run) -> np.ndarray:
+    """(n,) time [s] since an order last changed whose answer nobody measured."""
+    return _orders(run)[1]
+
+
+def _orders(run: Run) -> tuple[np.ndarray, np.ndarray]:
+    """At which samples such an order changes, and the time since."""
+    ordered = [v for c, v in run.commands.items() if c.removesuffix("_cmd") not in run.measured_inputs]
+    changed = np.zeros(run.t.size, dtype=bool)
+    for values in ordered:
+        changed[1:] |= values[1:] != values[:-1]
+    last = np.maximum.accumulate(np.where(changed, np.arange(run.t.size), 0))
+    return changed, run.t - run.t[last]
 
 
 def fit_in_pieces(

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from bayesid.model.ship_forces import ship_forces
 from bayesid.model.terms import TERMS
 
 ROWS = tuple(row.name for row in TERMS if row.group == "propulsion")
@@ -34,7 +35,7 @@ class PropulsionParameter:
 
 @dataclass(frozen=True)
 class PropulsionModel:
-    """One way to state thrust; `rows` turns (values, rho, L) into X_prop_* [SI], None for `kt`.
+    """One way to state thrust; `rows` turns (values, rho, L) into X_prop_* [SI], None for `kt` and `mmg`.
 
     With `holds_drag` the hull's drag is part of the model, so a drag row in [coef] would count it twice.
     """
@@ -136,6 +137,20 @@ MODELS: dict[str, PropulsionModel] = {
             None,
         ),
         PropulsionModel(
+            "mmg",
+            "X = (1-t_P) rho D_P^2 (k_0 n|n| D_P^2 + k_1 u_P |n| D_P + k_2 u_P|u_P|), n in rev/s, "
+            "and the rudder in its race; numbers in [coef]",
+            {
+                "D_P": _positive("m"),
+                "H_R": _positive("m"),
+                "A_R": _positive("m^2"),
+                "x_R": PropulsionParameter("-", -1.0, 1.0, default=-0.5),
+                "rpm_ref": _RPM_REF,
+            },
+            "yasukawa2015",
+            None,
+        ),
+        PropulsionModel(
             "quadratic",
             "X = X_prop_u|u| u|u| + X_prop_un u n + X_prop_n|n| n|n| + X_prop_n n; SI, as a fit leaves it",
             {
@@ -172,7 +187,7 @@ def with_defaults(model: str, values: Mapping[str, float]) -> dict[str, float]:
 
 
 def propulsion_rows(model: str, values: Mapping[str, float], rho: float, length: float) -> dict[str, float]:
-    """SI values of all four X_prop_* rows (N per (m/s)^2, (m/s) rpm, rpm^2, rpm); all 0 for `kt`."""
+    """SI values of all four X_prop_* rows (N per (m/s)^2, (m/s) rpm, rpm^2, rpm); all 0 for `kt`, `mmg`."""
     rows = MODELS[model].rows
     return dict.fromkeys(ROWS, 0.0) | (rows(values, rho, length) if rows else {})
 
@@ -180,7 +195,10 @@ def propulsion_rows(model: str, values: Mapping[str, float], rho: float, length:
 def propulsion_force(
     model: str, values: Mapping[str, float], rho: float, length: float, u: ArrayLike, n: ArrayLike
 ) -> np.ndarray:
-    """Surge force [N] at speed u [m/s] through the water and shaft speed n [rpm]; u and n broadcast."""
+    """Surge force [N] at speed u [m/s] through the water and shaft speed n [rpm]; u and n broadcast.
+
+    For `mmg`, `values` hold the numbers of [coef] beside those of [propulsion].
+    """
     u, n = np.broadcast_arrays(np.asarray(u, dtype=float), np.asarray(n, dtype=float))
     if model == "kt":
         rps = n / 60.0
@@ -188,6 +206,9 @@ def propulsion_force(
         advance = np.maximum(0.0, u * (1.0 - values["w"]) / (turning * values["D"]))
         thrust_coefficient = values["Kt0"] * (1.0 - (advance / values["a"]) ** values["b"])
         return (1.0 - values["t"]) * rho * rps * np.abs(rps) * values["D"] ** 4 * thrust_coefficient
+    if model == "mmg":
+        usual = {"U_ref": 1.0, **values, "rho": rho, "L": length}
+        return ship_forces(usual, u, n=n)["propeller X"]
     c = propulsion_rows(model, values, rho, length)
     drag = c["X_prop_u|u|"] * u * np.abs(u) + c["X_prop_un"] * u * n
     return drag + c["X_prop_n|n|"] * n * np.abs(n) + c["X_prop_n"] * n

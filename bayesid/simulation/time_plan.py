@@ -57,6 +57,10 @@ class TimePlan:
     short: float = 0.0
     kept: dict[Any, Any] = field(default_factory=dict, init=False, repr=False)
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what was worked out for this process."""
+        return {**self.__dict__, "kept": {}}
+
 
 def plan_run(
     model: Model,

@@ -17,7 +17,7 @@ import numpy as np
 from bayesid.errors import TrialError, raise_all
 from bayesid.model.channels import channel
 from bayesid.trials.assemble import assemble
-from bayesid.trials.correction import apply
+from bayesid.trials.correction import apply, without_effect
 from bayesid.trials.health import check_run, check_runs
 from bayesid.trials.paths import safe_path
 from bayesid.trials.stated import RunEntry, Stated
@@ -124,6 +124,7 @@ def make_trial(
     TrialError                 once, with every problem
     """
     runs: list[Run] = []
+    logged: list[Run] = []
     problems = stated.problems
     warnings = stated.warnings
     for entry in entries:
@@ -133,6 +134,7 @@ def make_trial(
                 run = assemble(table, stated.reading, entry.name, entry.manoeuvre, entry.role, entry.notes)
                 if entry.window is not None:
                     run = window(run, *entry.window)
+                logged.append(run)
                 run = apply(stated.correction, run)
                 notices = check_run(run)
         except BadTableError as error:
@@ -144,6 +146,8 @@ def make_trial(
         run = replace(run, warnings=run.warnings + tuple(notices))
         warnings += [f"{entry.file}: {text}" for text in run.warnings]
         runs.append(run)
+    if len(logged) == len(entries):  # a run that cannot be read may log what is missed
+        problems += without_effect(stated.correction, logged)
     if problems:
         raise_all(TrialError, source, problems)
     if not any(run.role == "identify" for run in runs):

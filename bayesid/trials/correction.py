@@ -8,7 +8,7 @@ Does not: find out what is wrong (`bayesid.trials.mistakes`).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
@@ -131,6 +131,44 @@ def apply(correction: Correction, run: Run) -> Run:
         groups[_GROUP[channel(name).kind]][name] = values
     note = "corrected: " + "; ".join(correction.lines())
     return replace(run, t=t, provenance=run.provenance + (note,), **groups)
+
+
+def without_effect(correction: Correction, runs: Sequence[Run]) -> list[str]:
+    """Entries of a correction that change nothing, as no run logs any of their channels: a sentence each.
+
+    A mend names all channels that may be concerned, so one that is not logged beside others is no error.
+
+    Parameters
+    ----------
+    runs : as logged, before any correction
+    """
+    concerned = [run for run in runs if correction.of(run)]
+    logged = {k for run in concerned for g in run.GROUPS if g != "extra" for k in getattr(run, g)}
+    # entries after `rename` and `exchange` may speak of what these give
+    later = logged - set(correction.drop) | set(correction.rename.values())
+    asked: list[tuple[str, Iterable[str], set[str]]] = [
+        ("drop", correction.drop, logged),
+        ("skip_repeats", correction.skip_repeats, logged),
+        ("rename", correction.rename, logged),
+        ("exchange", (name for pair in correction.exchange for name in pair), later),
+        ("scale", correction.scale, later),
+        ("offset", correction.offset, later),
+        ("late", correction.late, later),
+        ("heading_from", ("psi",) if correction.heading_from == "east" else (), later),
+        ("velocity_axes", ("u", "v", "psi") if correction.velocity_axes == "earth" else (), later),
+        ("geographic", ("x", "y") if correction.geographic else (), later),
+    ]
+    there = ", ".join(sorted(logged)) or "no channel"
+    out = [
+        f"[corrections] {entry} changes nothing: no run logs {', '.join(named)}; they hold {there}"
+        for entry, names, have in asked
+        if (named := sorted(names)) and not have & set(named)
+    ]
+    unknown = [name for name in correction.runs if name not in {run.name for run in runs}]
+    if unknown:
+        known = ", ".join(run.name for run in runs)
+        return [f"[corrections] runs: there is no run {', '.join(unknown)}; there are {known}"]
+    return out
 
 
 def _without_repeats(values: Floats) -> Floats:

@@ -39,6 +39,7 @@ SLOWER, MOST = 4, 200.0  # stated over seen: beyond it the log is no sensor's
 SPREAD = 0.1  # sd of the logarithm, of the stated value and of the seen one each
 APART = 2.5  # standard deviations of their difference from which on the stated one is not believed
 REPEATED = 0.3  # share of readings equal to the one before: held or quantised
+SAID = "noise stated against noise seen"
 DEGREES = 0.15  # logarithm by which stated over seen may miss 57.3 where degrees were stated for radians
 
 
@@ -136,6 +137,11 @@ def with_seen_noise(trial: Trial, size: tuple[float, float]) -> Trial:
     return replace(trial, noise=believed(trial.noise, seen), warnings=(*trial.warnings, wrong))
 
 
+def noise_warning(trial: Trial) -> str | None:
+    """The sentence `with_seen_noise` has put into the warnings of a trial."""
+    return next((text for text in trial.warnings if text.startswith(SAID)), None)
+
+
 def _series(runs: Sequence[Run], name: str) -> list[tuple[Floats, Floats]]:
     """Times and values of a channel in every run that reads it."""
     out = []
@@ -225,8 +231,8 @@ def stated_wrongly(seen: Sequence[SeenNoise]) -> str | None:
     degrees = [one.name for one in wrong if _in_degrees(one)]
     hint = f" ({', '.join(degrees)} in degrees? [noise] is in rad and rad/s)" if degrees else ""
     return (
-        f"noise stated against noise seen in fast changes of the readings: {parts}{hint}; a diagnosis uses "
-        f"the seen one. In trial.toml: [noise] {lines}"
+        f"{SAID} in fast changes of the readings: {parts}{hint}; the seen one is used. In trial.toml: "
+        f"[noise] {lines}"
     )
 
 

@@ -10,6 +10,8 @@ from pathlib import Path, PurePosixPath
 
 from bayesid.trials.table import BadTableError
 
+LONGEST_NAME = 255  # bytes, of every common file system
+
 
 def safe_path(folder: Path, name: str) -> Path:
     """Resolved path of a file inside a folder.
@@ -19,7 +21,8 @@ def safe_path(folder: Path, name: str) -> Path:
     BadTableError              absolute path, a way out of the folder (also by a link), or a loop of links
     """
     parts = PurePosixPath(name.replace("\\", "/")).parts
-    if not name.strip() or "\0" in name or len(name) > 1000:
+    long = any(len(part.encode("utf-8", "replace")) > LONGEST_NAME for part in parts)
+    if not name.strip() or "\0" in name or len(name) > 1000 or long:
         raise BadTableError(["is not a file name"])
     if name.startswith(("/", "\\")) or ".." in parts or (len(name) > 1 and name[1] == ":"):
         raise BadTableError(["points outside the bundle; give a path relative to trial.toml"])

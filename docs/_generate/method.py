@@ -31,10 +31,14 @@ def terms() -> str:
                 _source(t.source) + ("" if t.group == "base" else f" ({t.group})"),
             ]
             for t in TERMS
-            if t.axis == axis
+            if t.axis == axis and not t.is_number
         ]  # fmt: skip
         if rows:
             out += [f"### {title}", table(("coefficient", "multiplies", "SI unit", "prime", "source"), rows)]
+    numbers = [
+        [code(t.name), plain(t.about), code(t.regressor), _source(t.source)] for t in TERMS if t.is_number
+    ]
+    out += ["### Numbers of a ship (MMG)", table(("number", "what it is", "acts in", "source"), numbers)]
     return "\n\n".join(out)
 
 

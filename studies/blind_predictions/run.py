@@ -3,7 +3,8 @@
 Usage: python -m studies.blind_predictions.run --data FOLDER [--out FOLDER] [--expect] [--quick] [--seed N].
 FOLDER holds `blind_predictions`, `kvlcc2_hsva` and `esso_osaka`. With --expect half of the known runs is held
 out and predicted as the blind ones will be, and the errors to expect are written; without it every known run
-is fitted and the blind ones are predicted. Fits that were interrupted go on.
+is fitted and the blind ones are predicted. Fits that were interrupted go on. `--equations mmg` makes a second
+set with ships by the MMG method; the first one, with rows of products of velocities, stays as it was sealed.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from bayesid.estimation.segments import fit_in_pieces
 from bayesid.estimation.trial_fit import TrialFit
 from bayesid.files import write_atomic, write_json
 from bayesid.lock import lock_or_exit
-from bayesid.model.vehicles import load_vehicle
+from bayesid.model.vehicles import Vehicle, load_vehicle
 from bayesid.prediction.fitted_model import predictive_model
 from bayesid.prediction.intervals import beside_readings, standard_errors
 from bayesid.prediction.prediction import Prediction, predict_run
@@ -31,6 +32,7 @@ from bayesid.trials import Run, Trial, load_trial, thin
 from studies.blind_predictions.expectation import expectation_text
 from studies.real_logs.run import HERE as LOGS
 from studies.real_logs.run import INERTIA, SETTINGS, SINGLE_SCREW, WIND, begun, plain, with_wind
+from studies.ship_models.ships import SHIP_WIND, SHIPS, free_of
 
 HERE = Path(__file__).parent
 DRAWS, CALIBRATION_DRAWS = 200, 40
@@ -45,6 +47,7 @@ class BlindSet:
     step : between predicted samples [s]
     from_rest : whether the runs begin at rest, so that known ones are taken from their first sample too
     extra : free parameters beside the coefficients of the vehicle file
+    equations : "rows" or "mmg"
     """
 
     logs: str
@@ -52,6 +55,7 @@ class BlindSet:
     step: float
     from_rest: bool
     extra: tuple[str, ...]
+    equations: str = "rows"
 
 
 REGIMES = {"ahead": ("zigzag", "turn", "circle"), "slow": ("berthing", "random")}
@@ -61,10 +65,21 @@ SETS = {
 }
 
 
-def main(data: Path, out: Path, expect: bool, quick: bool, seed: int) -> None:
+def main(
+    data: Path,
+    out: Path,
+    expect: bool,
+    quick: bool,
+    seed: int,
+    equations: str = "rows",
+    only: str | None = None,
+) -> None:
     """Expectation or predictions of every set that is there."""
     progress = Progress()
-    for name, blind in SETS.items():
+    for name, of_rows in SETS.items():
+        blind = replace(of_rows, equations=equations)
+        if only not in (None, name):
+            continue
         if not (data / blind.logs).is_dir() or not (data / "blind_predictions" / name).is_dir():
             progress.note(f"{name}: no such folder in {data.name}; left out")
             continue
@@ -97,7 +112,14 @@ def known_runs(blind: BlindSet, data: Path) -> Trial:
 
 
 def fitted(
-    blind: BlindSet, trial: Trial, regime: str, quick: bool, seed: int, out: Path, progress: Progress
+    blind: BlindSet,
+    trial: Trial,
+    regime: str,
+    data: Path,
+    quick: bool,
+    seed: int,
+    out: Path,
+    progress: Progress,
 ) -> TrialFit | None:
     """The ship fitted in pieces to the runs with role "identify" of one regime; None where there is none.
 
@@ -111,9 +133,7 @@ def fitted(
         return None
     way = setting.way if regime == "ahead" else None
     chosen = replace(trial, runs=tuple(thin(begun(run, way), step) for run in inside))
-    ship = load_vehicle(LOGS / blind.logs / "vehicle.toml")
-    ship = ship if regime == "ahead" else plain(ship)
-    free = (*(n for n in ship.coef if n not in INERTIA), *blind.extra)
+    ship, free = equations_of(blind, regime, data)
     options = FitOptions(seed=seed, profile=True, rounds=3 if quick else 12)
     with progress.stage(f"{trial.name}: fit to {' and '.join(REGIMES[regime])} runs") as stage:
         return fit_in_pieces(
@@ -122,8 +142,19 @@ def fitted(
         )  # fmt: skip
 
 
+def equations_of(blind: BlindSet, regime: str, data: Path) -> tuple[Vehicle, tuple[str, ...]]:
+    """The ship a fit starts from and what it may move; MMG holds in both regimes."""
+    if blind.equations == "mmg":
+        ship = SHIPS[blind.logs](data / blind.logs)
+        wind = SHIP_WIND if WIND in blind.extra else ()
+        return ship, (*free_of(ship), *SINGLE_SCREW, *wind)
+    ship = load_vehicle(LOGS / blind.logs / "vehicle.toml")
+    ship = ship if regime == "ahead" else plain(ship)
+    return ship, (*(n for n in ship.coef if n not in INERTIA), *blind.extra)
+
+
 def models(
-    blind: BlindSet, trial: Trial, quick: bool, seed: int, out: Path, progress: Progress
+    blind: BlindSet, trial: Trial, data: Path, quick: bool, seed: int, out: Path, progress: Progress
 ) -> tuple[dict[str, Any], dict[str, str]]:
     """A predicting model per kind of motion: coefficients of the fit, disturbance of the known runs of
     that kind; and why there is none of the other kinds.
@@ -134,7 +165,7 @@ def models(
     unfitted: dict[str, str] = {}
     for regime in REGIMES:
         try:
-            fits[regime] = fitted(blind, trial, regime, quick, seed, out / f"fit_{regime}", progress)
+            fits[regime] = fitted(blind, trial, regime, data, quick, seed, out / f"fit_{regime}", progress)
         except BayesidError as error:
             fits[regime], unfitted[regime] = None, f"the fit failed: {error}"
             progress.note(f"{trial.name}, {regime}: {unfitted[regime]}")
@@ -174,7 +205,7 @@ def expectation(
 ) -> None:
     """Errors of held-out known runs, predicted as the blind ones will be."""
     trial = known_runs(blind, data)
-    per_kind, missing = models(blind, trial, quick, seed, out / "expected", progress)
+    per_kind, missing = models(blind, trial, data, quick, seed, out / "expected", progress)
     rows = []
     held = [r for r in trial.runs if r.role == "holdout"]
     for run in progress.track(held[:2] if quick else held, f"{name}: held-out runs"):
@@ -185,7 +216,7 @@ def expectation(
             continue
         rows.append(errors_of(model[0], prepared(blind, run), blind.lead, 20 if quick else DRAWS, seed))
     record = {
-        "inputs": {"trial": trial.digest, "quick": quick, "lead": blind.lead},
+        "inputs": {"trial": trial.digest, "quick": quick, "lead": blind.lead, **_which(blind)},
         "seeds": [seed],
         "fit": {k: v[2].fit.uncertainty for k, v in per_kind.items()},
         "calibration": {k: v[1] for k, v in per_kind.items()},
@@ -219,7 +250,7 @@ def predictions(
     """Fit every known run, predict the blind ones, a CSV each."""
     trial = known_runs(blind, data)
     trial = replace(trial, runs=tuple(replace(run, role="identify") for run in trial.runs))
-    per_kind, missing = models(blind, trial, quick, seed, out / "fitted", progress)
+    per_kind, missing = models(blind, trial, data, quick, seed, out / "fitted", progress)
     told: dict[str, Any] = {}
     unseen = load_trial(HERE / name, data / "blind_predictions" / name)
     for run in progress.track(unseen.runs, f"{name}: predictions"):
@@ -248,6 +279,7 @@ def predictions(
             "fitted": {k: [r.name for r in v[2].trial.runs] for k, v in per_kind.items()},
             "trial": trial.digest, "blind": unseen.digest,
             "draws": 20 if quick else DRAWS, "lead": blind.lead, "quick": quick,
+            **_which(blind),
         },
         "seeds": [seed],
         "fit": {k: v[2].fit.uncertainty for k, v in per_kind.items()},
@@ -258,6 +290,11 @@ def predictions(
     }  # fmt: skip
     write_json(out / "predictions.json", record)
     progress.note(f"predictions: {out}")
+
+
+def _which(blind: BlindSet) -> dict[str, str]:
+    """What a record says of the equations; the first set says nothing, as when it was sealed."""
+    return {} if blind.equations == "rows" else {"equations": blind.equations}
 
 
 SHOWN: Mapping[str, str] = {"x": "m", "y": "m", "psi": "rad", "u": "m/s", "v": "m/s", "r": "rad/s"}
@@ -284,6 +321,8 @@ if __name__ == "__main__":
     parser.add_argument("--expect", action="store_true", help="errors to expect instead of predictions")
     parser.add_argument("--quick", action="store_true", help="few draws and runs")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--equations", choices=("rows", "mmg"), default="rows")
+    parser.add_argument("--only", choices=tuple(SETS), default=None)
     given = parser.parse_args()
     lock_or_exit(given.out, "studies/blind_predictions/run.py")
-    main(given.data, given.out, given.expect, given.quick, given.seed)
+    main(given.data, given.out, given.expect, given.quick, given.seed, given.equations, given.only)

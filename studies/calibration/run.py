@@ -24,6 +24,7 @@ from bayesid.estimation.run_data import RunData
 from bayesid.estimation.sampling import SamplerOptions, SamplingSettings, sample, trial_density
 from bayesid.estimation.sampling.priors import NoisePrior, draw_params
 from bayesid.estimation.sampling.rank_statistics import inside, rank_of
+from bayesid.executor import HERE, Executor, add_executor, executor_from
 from bayesid.lock import lock_or_exit
 from bayesid.model.params import ParameterSet, Prior
 from bayesid.model.vehicles import load_vehicle
@@ -105,7 +106,7 @@ def replicate(s: CalibrationSetting, current: bool, memory: str, seed: int) -> d
     }  # fmt: skip
 
 
-def main(out: Path, quick: bool, first_seed: int) -> dict[str, Any]:
+def main(out: Path, quick: bool, first_seed: int, executor: Executor = HERE) -> dict[str, Any]:
     """Run everything and write the report; returns the targets."""
     progress, s = Progress(), setting()
     records = {}
@@ -114,7 +115,7 @@ def main(out: Path, quick: bool, first_seed: int) -> dict[str, Any]:
         key = name.replace(",", "").replace(" ", "-")
         with progress.stage(name, len(seeds)) as stage:
             work = partial(replicate, s, current, memory)
-            records[name] = run_seeds(work, seeds, out / "seeds", key, 1, stage.step)
+            records[name] = run_seeds(work, seeds, out / "seeds", key, executor, stage.step)
     findings = judged(records, RANKS)
     inputs = {
         "vehicle": VEHICLE, "vehicle_digest": s.model.vehicle.digest, "unknown": UNKNOWN, "quick": quick,
@@ -132,6 +133,7 @@ if __name__ == "__main__":
     parser.add_argument("--out", type=Path, default=Path("out/calibration"))
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--seed", type=int, default=0)
+    add_executor(parser)
     given = parser.parse_args()
     lock_or_exit(given.out, "studies/calibration/run.py")
-    main(given.out, given.quick, given.seed)
+    main(given.out, given.quick, given.seed, executor=executor_from(given))

@@ -23,6 +23,7 @@ from bayesid.estimation.likelihood.weighted_fit import weighted_fit
 from bayesid.estimation.output_error import FitOptions
 from bayesid.estimation.output_error.simulated_recovery import run_seeds
 from bayesid.estimation.sampling.rank_statistics import rank_of
+from bayesid.executor import HERE, Executor, add_executor, executor_from
 from bayesid.lock import lock_or_exit
 from bayesid.progress import Progress
 from bayesid.report import writer
@@ -105,7 +106,9 @@ def replicate(s: Setting, real: Setting, condition: Condition, seed: int) -> dic
     }  # fmt: skip
 
 
-def main(out: Path, quick: bool, first_seed: int, replicates: int = REPLICATES) -> dict[str, Any]:
+def main(
+    out: Path, quick: bool, first_seed: int, replicates: int = REPLICATES, executor: Executor = HERE
+) -> dict[str, Any]:
     """Run everything and write the report; returns the targets."""
     progress, s = Progress(), setting()
     count = min(replicates, QUICK) if quick else replicates
@@ -116,7 +119,7 @@ def main(out: Path, quick: bool, first_seed: int, replicates: int = REPLICATES) 
         with progress.stage(name, number) as stage:
             work = partial(replicate, s, with_rows(s, condition.rows), condition)
             seeds = range(first_seed, first_seed + number)
-            records[name] = run_seeds(work, seeds, out / "seeds", key, 1, stage.step)
+            records[name] = run_seeds(work, seeds, out / "seeds", key, executor, stage.step)
     fresh: dict[str, list[dict[str, Any]]] = {}
     number = QUICK_PREDICTED if quick else PREDICTED
     for group in GROUPS:
@@ -124,7 +127,7 @@ def main(out: Path, quick: bool, first_seed: int, replicates: int = REPLICATES) 
         with progress.stage(f"fresh runs: {group}", number) as stage:
             seeds = range(first_seed, first_seed + number)
             work = partial(fresh_runs, s, CONDITIONS, group)
-            fresh[group] = run_seeds(work, seeds, out / "seeds", key, 1, stage.step)
+            fresh[group] = run_seeds(work, seeds, out / "seeds", key, executor, stage.step)
     findings = judged(records, RANKS, fresh)
     inputs = {
         "vehicle": VEHICLE, "vehicle_digest": s.model.vehicle.digest, "unknown": s.params.names,
@@ -144,6 +147,7 @@ if __name__ == "__main__":
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--replicates", type=int, default=REPLICATES)
+    add_executor(parser)
     given = parser.parse_args()
     lock_or_exit(given.out, "studies/coverage/run.py")
-    main(given.out, given.quick, given.seed, given.replicates)
+    main(given.out, given.quick, given.seed, given.replicates, executor=executor_from(given))

@@ -19,13 +19,14 @@ from typing import Any, Protocol
 
 from bayesid.benchmark.plant import Campaign, write_bundle
 from bayesid.benchmark.protocol.answers import load_answers
-from bayesid.benchmark.protocol.commitment import code_digest
 from bayesid.benchmark.protocol.detectability import Detectability, detectability
 from bayesid.benchmark.protocol.judgement import ScoredCase, judge
-from bayesid.benchmark.protocol.make_pack import SIZE_RANGE, SIZE_TO_START, in_processes, write_answer
+from bayesid.benchmark.protocol.make_pack import SIZE_RANGE, SIZE_TO_START, write_answer
+from bayesid.code import code_digest
 from bayesid.diagnosis.run import Diagnosis, diagnose
 from bayesid.equations.model import build_model
 from bayesid.errors import BayesidError
+from bayesid.executor import Executor
 from bayesid.files import write_json
 from bayesid.model.vehicles import load_vehicle
 from bayesid.progress import Progress
@@ -133,14 +134,14 @@ def kept(
     work: Callable[[Any], dict[str, Any]],
     tasks: Sequence[Any],
     folder: Path,
-    jobs: int,
+    executor: Executor,
     progress: Progress,
     title: str,
 ) -> list[dict[str, Any]]:
     """Results of all tasks in their order; those that are in the folder already are not computed again."""
     todo = [task for task in tasks if not _file(folder, task).exists()]
     with progress.stage(title, len(todo)) as stage:
-        for name in in_processes(partial(_keep, work, folder), todo, jobs):
+        for name in executor.in_order(partial(_keep, work, folder), todo):
             stage.step(info=name)
     return [json.loads(_file(folder, task).read_text("utf-8")) for task in tasks]
 

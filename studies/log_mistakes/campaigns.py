@@ -13,6 +13,7 @@ import numpy as np
 from bayesid.equations.model import build_model
 from bayesid.estimation.parameters import coefficient_prior
 from bayesid.manoeuvres import Scale, parse
+from bayesid.model.effects import Effect
 from bayesid.model.vehicles import load_vehicle, self_propulsion_speed, with_relative_prior
 from bayesid.simulation.virtual_trial import virtual_trial
 from bayesid.trials import Run, Trial
@@ -24,21 +25,32 @@ FULL = ("x", "y", "z", "psi", "phi", "theta", "u", "v", "w", "p", "q", "r")
 POSE = ("x", "y", "z", "psi", "phi", "theta")
 
 
-def campaign(name: str, seed: int, rate: float = 10.0) -> Trial:
-    """A clean trial with white noise, `rate` readings per second of a vehicle of 2 m."""
+def campaign(
+    name: str, seed: int, rate: float = 10.0, step: float = 0.05, acts: Effect | None = None
+) -> Trial:
+    """A clean trial with white noise, `rate` readings per second of a vehicle of 2 m.
+
+    Parameters
+    ----------
+    step : time between samples and orders [L/U], before they are thinned to `rate`
+    acts : a further effect, its sizes at their prior standard deviations
+    """
     dof = VEHICLES[name]
     vehicle = with_relative_prior(load_vehicle(name), PRIOR_SD)
-    model = build_model(vehicle, dof)
+    model = build_model(vehicle, dof, () if acts is None else (acts,))
     rng = np.random.default_rng(seed)
     rpm = vehicle.rpm_ref or 0.0
     speed = self_propulsion_speed(vehicle, rpm)
     period = vehicle.L / speed
-    dt = round(max(0.1, 0.05 * period), 2)
+    dt = round(max(0.1, step * period), 2)
     prior = coefficient_prior(model)
     par = model.nominal.copy()
     par[prior.where] = np.maximum(
         prior.mean + prior.sd * rng.standard_normal(prior.mean.size) * 0.5, prior.low
     )
+    if acts is not None:
+        for parameter in acts.parameters:
+            par[model.index[acts.key(parameter.name)]] = parameter.sd
     scale = Scale(vehicle.L, speed, rpm, 0.35, 0.2, dof, dt)
     texts = {
         "zigzag10": "zigzag:10/10", "zigzag20": "zigzag:20/20", "turn15": "turn:15,side=starboard",

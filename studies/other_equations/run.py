@@ -1,7 +1,9 @@
 """Are causes named and is nothing invented on vehicles whose equations are not bayesid's?
 
-Usage: python -m studies.other_equations.run --data FOLDER [--labels FILE] [--out FOLDER] [--jobs N]
-[--quick]. FOLDER holds bundles and labels.json, or a folder `practice_foreign` that does. Every verdict is
+Usage: python -m studies.other_equations.run --data FOLDER [--labels FILE] [--out FOLDER]
+[--workers N] [--executor NAME] [--quick].
+
+FOLDER holds bundles and labels.json, or a folder `practice_foreign` that does. Every verdict is
 kept in OUT/verdicts as it comes; the same line goes on after a stop and diagnoses again what other code
 decided.
 """
@@ -13,8 +15,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from bayesid.benchmark.protocol.commitment import code_digest, digest_of_file, digest_of_folder, read_json
+from bayesid.benchmark.protocol.commitment import digest_of_file, digest_of_folder, read_json
+from bayesid.code import code_digest
 from bayesid.errors import BayesidError
+from bayesid.executor import HERE, Executor, add_executor, executor_from
 from bayesid.lock import lock_or_exit
 from bayesid.progress import Progress
 from bayesid.report import writer
@@ -26,7 +30,12 @@ BASELINE = Path(__file__).with_name("baseline_3125193.json")
 
 
 def main(
-    out: Path, data: Path, labels: Path | None = None, jobs: int = 1, seed: int = 0, quick: bool = False
+    out: Path,
+    data: Path,
+    labels: Path | None = None,
+    executor: Executor = HERE,
+    seed: int = 0,
+    quick: bool = False,
 ) -> dict[str, Any]:
     """Diagnose, score, report.
 
@@ -44,7 +53,7 @@ def main(
     missing = [x["name"] for x in listed if not (folder / x["name"] / "trial.toml").exists()]
     if missing:
         raise BayesidError(f"{folder}: no bundle for the labels {', '.join(missing)}")
-    given = verdicts([folder / x["name"] for x in listed], out / "verdicts", seed, jobs, progress)
+    given = verdicts([folder / x["name"] for x in listed], out / "verdicts", seed, executor, progress)
     cases = [scored(x, None if given[x["name"]]["failure"] else given[x["name"]]) for x in listed]
     baseline = read_json(BASELINE, "the baseline")
     old = {n: v for n, v in baseline["verdicts"].items() if _same(folder / n, v["bundle"])}
@@ -90,9 +99,9 @@ if __name__ == "__main__":
     parser.add_argument("--out", type=Path, default=Path("out/other_equations"))
     parser.add_argument("--data", type=Path, required=True, help="folder of bundles, or of practice_foreign")
     parser.add_argument("--labels", type=Path, help="default: labels.json beside the bundles")
-    parser.add_argument("--jobs", type=int, default=1)
+    add_executor(parser)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--quick", action="store_true", help="one bundle of each kind")
     asked = parser.parse_args()
     lock_or_exit(asked.out, "studies/other_equations/run.py")
-    main(asked.out, asked.data, asked.labels, asked.jobs, asked.seed, asked.quick)
+    main(asked.out, asked.data, asked.labels, executor_from(asked), asked.seed, asked.quick)

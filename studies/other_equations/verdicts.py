@@ -12,11 +12,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from bayesid.benchmark.protocol.commitment import code_digest, digest_of_folder, read_json
-from bayesid.benchmark.protocol.make_pack import in_processes
+from bayesid.benchmark.protocol.commitment import digest_of_folder, read_json
+from bayesid.code import code_digest
 from bayesid.diagnosis.run import diagnose
 from bayesid.equations.model import build_model
 from bayesid.errors import BayesidError
+from bayesid.executor import Executor
 from bayesid.files import write_json
 from bayesid.model.vehicles import load_vehicle
 from bayesid.progress import Progress
@@ -26,7 +27,7 @@ KEYS = ("verdict", "set95", "probabilities")
 
 
 def verdicts(
-    bundles: Sequence[Path], folder: Path, seed: int, jobs: int, progress: Progress
+    bundles: Sequence[Path], folder: Path, seed: int, executor: Executor, progress: Progress
 ) -> dict[str, dict[str, Any]]:
     """Verdicts by name of the bundle, as `summary` has them, with `cpu_seconds` and `failure` ("" if none).
 
@@ -39,7 +40,7 @@ def verdicts(
     begun = time.monotonic()
     with progress.stage("diagnoses", len(todo)) as stage:
         work = partial(_keep, folder, code, seed)
-        for done, (name, word) in enumerate(in_processes(work, todo, jobs), start=1):
+        for done, (name, word) in enumerate(executor.in_order(work, todo), start=1):
             minutes = (time.monotonic() - begun) / done * (len(todo) - done) / 60.0
             stage.step(info=f"{name} {word}, about {minutes:.0f} min left")
     return {b.name: read_json(folder / f"{b.name}.json", "a kept verdict") for b in bundles}

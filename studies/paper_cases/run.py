@@ -25,6 +25,7 @@ from bayesid.estimation.output_error.simulated_recovery import (
     run_case,
     run_seeds,
 )
+from bayesid.executor import HERE, Executor, add_executor, executor_from
 from bayesid.lock import lock_or_exit
 from bayesid.manoeuvres import Manoeuvre, chirp, combined, spiral, zigzag
 from bayesid.model.terms import term
@@ -59,7 +60,7 @@ DRIFT = ("X_vv", "Y_v", "Y_v|v|", "N_v", "N_v|v|")  # a towing tank without a pl
 RUDDER = ("X_drdr", "Y_dr", "N_dr")  # the same tank, rig fixed; the paper does not say
 
 
-def main(out: Path, quick: bool, first_seed: int) -> dict[str, Any]:
+def main(out: Path, quick: bool, first_seed: int, executor: Executor = HERE) -> dict[str, Any]:
     """Run everything and write the report; returns the targets."""
     progress = Progress()
     model = build_model(load_vehicle(VEHICLE), 3)
@@ -75,7 +76,7 @@ def main(out: Path, quick: bool, first_seed: int) -> dict[str, Any]:
         fitted = [fine[n] for n in names], [coarse[n] for n in names]
         work = partial(watched, model, case, fitted, [fine[n] for n in others])
         with progress.stage(f"case {case.name}: {case.title}", len(chosen)) as stage:
-            return run_seeds(work, chosen, store, case.name, done=stage.step)
+            return run_seeds(work, chosen, store, case.name, executor=executor, done=stage.step)
 
     records = {
         n: run(c, seeds, ("spiral",), ("zig-zag", "rich") if n == "1" else ()) for n, c in cases.items()
@@ -95,7 +96,7 @@ def main(out: Path, quick: bool, first_seed: int) -> dict[str, Any]:
         work = partial(plain_search, model, cases[name], fine["spiral"])
         chosen = seeds[: 1 if quick else PLAIN_SEEDS]
         with progress.stage(f"case {name}, one plain SLSQP call", len(chosen)) as stage:
-            plain[name] = run_seeds(work, chosen, store, f"plain{name}", done=stage.step)
+            plain[name] = run_seeds(work, chosen, store, f"plain{name}", executor=executor, done=stage.step)
     with progress.stage("sensitivities and redundancies"):
         facts = facts_of(model, fine)
         facts["tracks"] = {
@@ -107,7 +108,7 @@ def main(out: Path, quick: bool, first_seed: int) -> dict[str, Any]:
         facts["predictions"] = prediction_table(model, records["1"], RPM, DT, more)
     if not quick:
         with progress.stage("six degrees of freedom", len(SIXDOF) * SIXDOF_SEEDS) as stage:
-            found, facts["sixdof"] = sixdof(seeds[:SIXDOF_SEEDS], store, stage.step)
+            found, facts["sixdof"] = sixdof(seeds[:SIXDOF_SEEDS], store, executor, stage.step)
             records |= found
     targets = paper_targets(records, facts)
     found_beside = statements(records, facts)
@@ -263,7 +264,9 @@ def tracks_of(model: Any, target: Target, record: dict[str, Any], case: Recovery
             "xy": {w: (s[:, 0], s[:, 1]) for w, s in shown.items()}}  # fmt: skip
 
 
-def sixdof(seeds: range, store: Path, step: Any) -> tuple[dict[str, list[dict[str, Any]]], dict[str, Any]]:
+def sixdof(
+    seeds: range, store: Path, executor: Executor, step: Any
+) -> tuple[dict[str, list[dict[str, Any]]], dict[str, Any]]:
     """Fits in all six equations: every velocity, rudder and plane coefficient of a set, from one meander."""
     records, facts = {}, {}
     for key, vehicle, rpm, duration, dt, rudder, plane in SIXDOF:
@@ -273,7 +276,7 @@ def sixdof(seeds: range, store: Path, step: Any) -> tuple[dict[str, list[dict[st
         target = make_target(model, "meander", meander, steady_start(model, rpm))
         case = RecoveryCase(key, vehicle, tuple(n for n in model.coefficients if not term(n).is_inertia))
         work = partial(run_case, model, case, targets=[target], coarse=[target])
-        records[key] = run_seeds(work, seeds, store, key, 1, step)
+        records[key] = run_seeds(work, seeds, store, key, executor, step)
         live = tuple(n for n in model.coefficients if model.nominal[model.index[n]] != 0.0)
         pose = ("x", "y", "z", "phi", "theta", "psi")
         found = spectrum(model, model.nominal, [(target.plan, target.x0)], live, pose, level=0.0)
@@ -290,6 +293,7 @@ if __name__ == "__main__":
     parser.add_argument("--out", type=Path, default=Path("out/paper_cases"))
     parser.add_argument("--quick", action="store_true", help="two seeds, no 6-DOF fit")
     parser.add_argument("--seed", type=int, default=0, help="first seed")
+    add_executor(parser, workers=2)
     given = parser.parse_args()
     lock_or_exit(given.out, "studies/paper_cases/run.py")
-    main(given.out, given.quick, given.seed)
+    main(given.out, given.quick, given.seed, executor=executor_from(given))

@@ -5,18 +5,17 @@ from __future__ import annotations
 import json
 import tempfile
 from collections.abc import Iterable
-from concurrent.futures import as_completed
 from pathlib import Path
 from typing import Any
 
 from bayesid.benchmark.plant import draw_campaign, write_bundle
 from bayesid.diagnosis.run import diagnose
 from bayesid.equations.model import build_model
+from bayesid.executor import Executor
 from bayesid.files import write_json
 from bayesid.model.vehicles import load_vehicle
 from bayesid.progress import Progress
 from bayesid.trials import load_trial
-from bayesid.workers import worker_pool
 
 # vehicle, planted effects, kind, sea
 CASES: tuple[tuple[str, tuple[str, ...], str, str], ...] = (
@@ -39,17 +38,18 @@ def planted(chosen: Iterable[int], store: Path, seed: int, progress: Progress) -
     """Rows of the chosen cases, in order; finished ones are read back."""
     chosen = list(chosen)
     found: dict[int, dict[str, Any]] = {i: kept for i in chosen if (kept := _kept(store, i, seed + i))}
-    with worker_pool(WORKERS) as pool:
-        jobs = {pool.submit(run, i, seed + i): i for i in chosen if i not in found}
-        for job in progress.track(as_completed(jobs), "campaigns", total=len(jobs)):
-            i = jobs[job]
-            found[i] = job.result()
-            write_json(_file(store, i, seed + i), found[i])
+    left = [(i, seed + i) for i in chosen if i not in found]
+    results = Executor("processes", WORKERS).as_they_come(run, left)
+    for k, result in progress.track(results, "campaigns", total=len(left)):
+        i, own = left[k]
+        found[i] = result
+        write_json(_file(store, i, own), result)
     return [found[i] for i in chosen]
 
 
-def run(i: int, seed: int) -> dict[str, Any]:
+def run(task: tuple[int, int]) -> dict[str, Any]:
     """One campaign; the diagnosis sees the bundle only."""
+    i, seed = task
     vehicle, effects, kind, sea = CASES[i]
     made = draw_campaign(
         seed, kind=kind, effects=effects or None, vehicle=vehicle, dof=3, sensors="full", sea=sea,

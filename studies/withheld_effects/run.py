@@ -1,7 +1,8 @@
 """Are effects named that nobody here knows? Committed campaigns of the plant, solved blind, scored, compared.
 
 Usage: python -m studies.withheld_effects.run [--out FOLDER] [--work FOLDER] [--count N] [--spatial N]
-[--seed S] [--jobs J] [--kinds two=48,none=24] [--quick]. `--kinds` fixes the classes and their order, else
+[--seed S] [--workers J] [--executor NAME]
+[--kinds two=48,none=24] [--quick]. `--kinds` fixes the classes and their order, else
 they are drawn. Packs, answers and verdicts go to the work folder; what is finished there is kept, so the
 same line goes on after a stop. Campaigns are drawn from a secret beside the answers; with --seed they are
 drawn from seeds that count up from there, which is for development, and the report says so.
@@ -23,11 +24,12 @@ from bayesid.benchmark.protocol.answers import load_answers
 from bayesid.benchmark.protocol.cause_families import family_of
 from bayesid.benchmark.protocol.commitment import PACK_COMMITMENTS_FILE, VERDICT_COMMITMENT_FILE
 from bayesid.benchmark.protocol.judgement import DETECTABLE_NONCENTRALITY
-from bayesid.benchmark.protocol.make_pack import in_processes, make_pack
+from bayesid.benchmark.protocol.make_pack import make_pack
 from bayesid.benchmark.protocol.report import blind_report, results
 from bayesid.benchmark.protocol.scorecard import Scorecard, score_pack
 from bayesid.benchmark.protocol.solve_pack import SolveSettings, solve_pack
 from bayesid.benchmark.protocol.verdicts import load_verdicts
+from bayesid.executor import Executor, add_executor, executor_from
 from bayesid.files import write_json
 from bayesid.lock import lock_or_exit
 from bayesid.progress import Progress
@@ -80,7 +82,7 @@ def main(
     count: int,
     spatial: int,
     seed: int | None,
-    jobs: int,
+    executor: Executor,
     accept: bool,
     minutes: float | None,
     kinds: tuple[str, ...] = (),
@@ -93,12 +95,12 @@ def main(
         seeds = [*range(seed, seed + count), *range(seed + APART, seed + APART + spatial)]
     if not (packs / PACK_COMMITMENTS_FILE).exists():
         notify = partial(mixture, planar=count, kinds=kinds)
-        make_pack(count + spatial, packs, answers, notify, "w", jobs, progress, seeds)
+        make_pack(count + spatial, packs, answers, notify, "w", executor, progress, seeds)
     if not (verdicts / VERDICT_COMMITMENT_FILE).exists():
         keep = SolveSettings(0, False, False, keep_baselines, accept_faults=accept, minutes=minutes)
-        solve_pack(packs, verdicts, jobs, keep, progress)
-    reached = oracles(packs, answers, verdicts, work / "oracle.json", jobs, progress)
-    sheet = score_pack(answers, verdicts, jobs=jobs, oracle=reached, progress=progress)
+        solve_pack(packs, verdicts, executor, keep, progress)
+    reached = oracles(packs, answers, verdicts, work / "oracle.json", executor, progress)
+    sheet = score_pack(answers, verdicts, executor=executor, oracle=reached, progress=progress)
     chosen = {n: json.loads((verdicts / n / CHOICES).read_text("utf-8")) for n in load_verdicts(verdicts)}
     title = "Withheld effects: committed campaigns, solved blind"
     document = blind_report(sheet, [baselines_section(sheet.cases, chosen, reached, family_of)], title)
@@ -109,7 +111,9 @@ def main(
     return sheet
 
 
-def oracles(packs: Path, answers: Path, verdicts: Path, kept: Path, jobs: int, progress: Progress) -> dict:
+def oracles(
+    packs: Path, answers: Path, verdicts: Path, kept: Path, executor: Executor, progress: Progress
+) -> dict:
     """Shrink of refits with the true effects, for every gap that is worth it."""
     found: dict[str, float | None] = json.loads(kept.read_text("utf-8")) if kept.exists() else {}
     known, verdicts_read = load_answers(answers), load_verdicts(verdicts)
@@ -124,7 +128,7 @@ def oracles(packs: Path, answers: Path, verdicts: Path, kept: Path, jobs: int, p
     ]
     tasks = [(known[n], packs / n, verdicts / n, verdicts_read[n]) for n in left]
     with progress.stage("oracles", len(tasks)) as stage:
-        for name, shrink in in_processes(oracle, tasks, jobs):
+        for name, shrink in executor.in_order(oracle, tasks):
             found[name] = shrink if math.isfinite(shrink) else None
             write_json(kept, found)
             stage.step(info=name)
@@ -138,7 +142,7 @@ if __name__ == "__main__":
     parser.add_argument("--count", type=int, default=COUNT, help="planar campaigns")
     parser.add_argument("--spatial", type=int, default=SPATIAL, help="campaigns in 6-DOF")
     parser.add_argument("--seed", type=int, help="for development: draw from seeds instead of a secret")
-    parser.add_argument("--jobs", type=int, default=2)
+    add_executor(parser, workers=2)
     parser.add_argument(
         "--kinds", type=counted, default=(), help="classes in this order, e.g. two=48,none=24"
     )
@@ -154,5 +158,5 @@ if __name__ == "__main__":
     place = given.work or (given.out / "work" if given.quick else Path("out/withheld_effects"))
     lock_or_exit(given.out, "studies/withheld_effects/run.py")
     lock_or_exit(place, "studies/withheld_effects/run.py")
-    main(given.out, place, planar, spatial, given.seed, given.jobs, given.accept_faults, given.minutes,
-         given.kinds)  # fmt: skip
+    main(given.out, place, planar, spatial, given.seed, executor_from(given), given.accept_faults,
+         given.minutes, given.kinds)  # fmt: skip

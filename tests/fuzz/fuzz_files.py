@@ -112,6 +112,7 @@ SEEDS = (
     b"c" + CSV.replace(b"psi[deg]", b"psi[furlong/fortnight]").replace(b"[m/s]", b"[fathom/s]"),
     b"t" + TOML + SPLIT + CSV,
     b"t" + TOML + SPLIT + CSV.replace(b"u[m/s]", b"Speed (kn)"),
+    b"t" + TOML.replace(b"remus100", b"9" * 300) + SPLIT + CSV,
     b"v" + VEHICLE,
 )
 ODD = (

@@ -72,7 +72,7 @@ def library(model: Model, extra: bool = True) -> tuple[LibraryColumn, ...]:
     """
     out = []
     for row in rows_of(model.kernel.spec):
-        if not row.is_inertia:
+        if not row.is_inertia and not row.is_number:
             value = float(model.nominal[model.index[row.name]])
             out.append(LibraryColumn(row.name, row.axis, row.regressor, value))
     if extra:
@@ -101,6 +101,9 @@ def evaluate(expression: str, model: Model, states: Array, actuators: Array) -> 
     cross = float(model.nominal[model.index["cross"]]) if "cross" in model.index else 0.0
     names["Rv"] = np.sqrt(names["v"] ** 2 + cross * names["w"] ** 2)
     names["Rw"] = np.sqrt(names["w"] ** 2 + cross * names["v"] ** 2)
+    slowest = 4e-4 * model.scales["U"] ** 2
+    names["U"] = np.sqrt(np.maximum(names["u"] ** 2 + names["v"] ** 2, slowest))
+    names["S"] = np.clip(10.0 * names["u"] / names["U"], -1.0, 1.0)
     used = {node.id for node in ast.walk(ast.parse(expression, mode="eval")) if isinstance(node, ast.Name)}
     unknown = used - names.keys() - FUNCTIONS.keys()
     if unknown:

@@ -18,6 +18,7 @@ from bayesid.estimation.output_error import FitProblem
 from bayesid.manoeuvres import turn, zigzag
 from bayesid.measures import turning_circle
 from bayesid.measures import zigzag as zigzag_measures
+from bayesid.model.ship_forces import rudder_slopes
 from bayesid.simulation import plan_run, run_manoeuvre, simulate_batch, steady_start
 
 Array = np.ndarray
@@ -84,8 +85,15 @@ def indices(model: Model, pars: Array, speed: float) -> dict[str, Array]:
         i = model.index.get(name)
         return np.zeros(len(pars)) if i is None else pars[:, i]
 
+    rudder: dict[str, Array] = {}
+    if model.kernel.spec.propulsion == "mmg":
+        values = {name: of(name) for name in model.kernel.parameters} | {"U_ref": speed}
+        rudder = rudder_slopes(values, speed, float(model.nominal[model.index["rpm_ref"]]))
+
     def slope(name: str) -> Array:
-        return of(name) + of(f"{name}0") / speed
+        axis, velocity = name.split("_")
+        over_speed = of(f"{name},U") + of(f"{axis}_|u|{velocity}") + rudder.get(axis + velocity, 0.0)
+        return of(name) + over_speed + of(f"{name}0") / speed
 
     lever = of("m") * of("x_G")
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -18,6 +18,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from bayesid.code import code_digest
 from bayesid.errors import BayesidError
 
 PACK_COMMITMENTS_FILE = "commitments.json"  # in a pack: fingerprints of the answers and of the bundles
@@ -116,18 +117,6 @@ def read_json(path: Path, what: str) -> Any:
         raise BlindError(f"{path.name}: {what} cannot be read: {error.strerror or error}") from None
     except ValueError as error:
         raise BlindError(f"{path.name}: {what} is no JSON: {error}") from None
-
-
-def code_digest() -> str:
-    """Fingerprint of the modules that decide a verdict: everything but making, judging, drawing, telling."""
-    root = Path(__file__).resolve().parents[2]
-    apart = {"benchmark", "cli", "report", "__pycache__"}
-    lines = []
-    for path in sorted(root.rglob("*.py")):
-        inside = path.relative_to(root)
-        if inside.parts[0] not in apart and "__pycache__" not in inside.parts:
-            lines.append(f"{digest_of_file(path)}  {inside.as_posix()}")
-    return digest_of("\n".join(lines).encode())[:16]
 
 
 def versions() -> dict[str, str]:

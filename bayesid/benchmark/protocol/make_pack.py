@@ -29,9 +29,9 @@ from bayesid.benchmark.protocol.commitment import (
 )
 from bayesid.benchmark.protocol.detectability import Detectability, detectability
 from bayesid.errors import BayesidError
+from bayesid.executor import HERE, Executor
 from bayesid.files import write_json
 from bayesid.progress import Progress
-from bayesid.workers import worker_pool
 
 # Sizes, in reference magnitudes, a cause may be brought to: a fiftieth is of no consequence, 1.5 is a lot.
 SIZE_RANGE, SIZE_TO_START = (0.02, 1.5), 0.2
@@ -44,7 +44,7 @@ def make_pack(
     answers: Path,
     factors: Mapping[str, Any] | Callable[[int, int], Mapping[str, Any]] | None = None,
     prefix: str = "p",
-    jobs: int = 1,
+    executor: Executor = HERE,
     progress: Progress | None = None,
     seeds: Sequence[int] | None = None,
 ) -> Path:
@@ -86,7 +86,7 @@ def make_pack(
     ]
     progress = progress or Progress()
     with progress.stage("bundles", len(tasks)) as stage:
-        for name in in_processes(_make_one, tasks, jobs):
+        for name in executor.in_order(_make_one, tasks):
             stage.step(info=name)
     return commit_pack(out, answers, names, SECRET_BITS if seeds is None else 0)
 
@@ -160,12 +160,3 @@ def redraw(answer: Mapping[str, Any]) -> tuple[Detectability, ...] | None:
         return detectability(campaign)
     except (BayesidError, TypeError, ValueError):
         return None
-
-
-def in_processes(work: Any, tasks: list[Any], jobs: int) -> Iterable[Any]:
-    """Results in the order of the tasks; in this process for one job."""
-    if jobs <= 1 or len(tasks) <= 1:
-        yield from map(work, tasks)
-        return
-    with worker_pool(min(jobs, len(tasks))) as pool:
-        yield from pool.map(work, tasks)

@@ -16,9 +16,10 @@ from bayesid.benchmark.protocol.answers import Answer, load_answers, with_shown
 from bayesid.benchmark.protocol.commitment import BlindError, digest_of
 from bayesid.benchmark.protocol.detectability import from_json
 from bayesid.benchmark.protocol.judgement import ScoredCase, judge
-from bayesid.benchmark.protocol.make_pack import in_processes, redraw
+from bayesid.benchmark.protocol.make_pack import redraw
 from bayesid.benchmark.protocol.scores import Bin, Quantity, calibration, score_quantities, shuffled, table
 from bayesid.benchmark.protocol.verdicts import caveats, check_commitments, load_verdicts
+from bayesid.executor import HERE, Executor
 from bayesid.files import write_json
 from bayesid.progress import Progress
 
@@ -63,7 +64,7 @@ def score_pack(
     verdicts: Path,
     uncommitted: bool = False,
     cache: Path | None = None,
-    jobs: int = 1,
+    executor: Executor = HERE,
     oracle: Mapping[str, float] | None = None,
     progress: Progress | None = None,
     promised: str = "",
@@ -96,7 +97,7 @@ def score_pack(
     )
     if not asked:
         raise BlindError(f"no bundle has both an answer in {answers} and a verdict in {verdicts}")
-    known = reweighted({n: known[n] for n in asked}, cache, jobs, progress or Progress())
+    known = reweighted({n: known[n] for n in asked}, cache, executor, progress or Progress())
     cost = (committed or {}).get("cost", {})
     cases = []
     for name in asked:
@@ -117,7 +118,7 @@ def score_pack(
 
 
 def reweighted(
-    answers: Mapping[str, Answer], cache: Path | None, jobs: int, progress: Progress
+    answers: Mapping[str, Answer], cache: Path | None, executor: Executor, progress: Progress
 ) -> dict[str, Answer]:
     """Answers with how plainly their causes show, computed from their seeds where they do not say it."""
     kept: dict[str, Any] = json.loads(cache.read_text("utf-8")) if cache and cache.exists() else {}
@@ -127,7 +128,7 @@ def reweighted(
     if fresh:
         sources = [dict(todo[n].source) for n in fresh]
         with progress.stage("detectability", len(fresh)) as stage:
-            for name, shown in zip(fresh, in_processes(redraw, sources, jobs), strict=True):
+            for name, shown in zip(fresh, executor.in_order(redraw, sources), strict=True):
                 kept[keys[name]] = [asdict(s) for s in shown] if shown is not None else None
                 stage.step(info=name)
                 if cache is not None:

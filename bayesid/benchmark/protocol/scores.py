@@ -164,7 +164,29 @@ def score_quantities(
               [c.worst_absorbed > CONFOUNDED_SHARE for c in named if c.word != "several"], at_most(0.0)),
         average("CPU per bundle [s]", "median", costs, at_most(CPU_MINUTES[dof]), np.median),
     ]  # fmt: skip
-    return out
+    return out + _of_competitions(cases)
+
+
+def _of_competitions(cases: Sequence[ScoredCase]) -> list[Quantity]:
+    """What competitions of fault diagnosis report of every entry (Kurtoglu et al. 2009), without bars.
+
+    A verdict that says that something is there is a detection; one that failed says nothing.
+    """
+    caused = [c for c in cases if c.kind != "none"]
+    plain = [c for c in caused if c.noncentrality >= DETECTABLE_NONCENTRALITY]
+    silent = ("none", "failed")
+    nulls = [c for c in cases if c.kind == "none"]
+    one = [c for c in caused if c.kind != "two"]
+    return [
+        share("detection rate", "something planted; any verdict but none",
+              [c.word not in silent for c in caused]),
+        share("detection rate", "the same, D >= 25", [c.word not in silent for c in plain]),
+        share("false-alarm rate", "nothing planted; any verdict but none",
+              [c.word not in silent for c in nulls]),
+        average("mean probability of the true cause", "one cause planted", [c.p_right for c in one]),
+        average("mean probability of the true cause", "the same, D >= 25",
+                [c.p_right for c in one if c.noncentrality >= DETECTABLE_NONCENTRALITY]),
+    ]  # fmt: skip
 
 
 def _shrinks(cases: Sequence[ScoredCase], oracle: Mapping[str, float]) -> list[Quantity]:

@@ -6,14 +6,11 @@ report, and seal.json. Refuses a pack in which an answer may be read. Does not k
 
 from __future__ import annotations
 
-import math
 import time
 import traceback
-from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, wait
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -29,9 +26,9 @@ from bayesid.benchmark.protocol.commitment import (
 )
 from bayesid.benchmark.protocol.leak_check import check_pack
 from bayesid.errors import BayesidError, raise_all
+from bayesid.executor import HERE, Executor
 from bayesid.files import write_json
 from bayesid.progress import Progress
-from bayesid.workers import worker_pool
 
 NOTE = "solved.json"
 SPATIAL_COST = 13.0  # a 6-DOF bundle takes about this many times a planar one: for the time left only
@@ -68,7 +65,7 @@ class SolveSettings:
 def solve_pack(
     pack: Path,
     out: Path,
-    jobs: int = 1,
+    executor: Executor = HERE,
     settings: SolveSettings | None = None,
     progress: Progress | None = None,
     names: tuple[str, ...] = (),
@@ -81,7 +78,7 @@ def solve_pack(
 
     Parameters
     ----------
-    jobs : worker processes
+    executor : where bundles are solved
     names : only these bundles; the verdicts are then not committed
 
     Returns
@@ -116,7 +113,7 @@ def solve_pack(
     started = datetime.now(UTC).isoformat(timespec="seconds")
     for bundle in todo:  # of a failed attempt: what is not tried again today counts as not solved
         (out / bundle.name / NOTE).unlink(missing_ok=True)
-    _run(todo, out, digests, jobs, settings, now, progress)
+    _run(todo, out, digests, executor, settings, now, progress)
     _check_faults(bundles, out, settings.accept_faults)
     if versions() != now:
         raise BlindError("the program was changed while it solved; not committed; solve into another folder")
@@ -173,7 +170,7 @@ def _done(folder: Path, digest: str) -> bool:
     return solved["bundle"] == digest and verdict.exists() and digest_of_file(verdict) == solved["verdict"]
 
 
-def _run(todo: list[Path], out: Path, digests: dict[str, str], jobs: int, settings: SolveSettings,
+def _run(todo: list[Path], out: Path, digests: dict[str, str], executor: Executor, settings: SolveSettings,
          now: dict[str, str], progress: Progress) -> None:  # fmt: skip
     weight = {b.name: SPATIAL_COST if _spatial(b) else 1.0 for b in todo}
     # the long ones first, so that the last worker does not sit on one alone
@@ -181,7 +178,7 @@ def _run(todo: list[Path], out: Path, digests: dict[str, str], jobs: int, settin
     tasks = [(b, out / b.name, digests[b.name], settings, now) for b in todo]
     left, begun = sum(weight.values()), time.monotonic()
     with progress.stage("bundles", len(tasks)) as stage:
-        for name, outcome in _results(tasks, jobs, settings.minutes):
+        for name, outcome in _results(tasks, executor, settings.minutes):
             left -= weight[name]
             share = sum(weight.values()) - left
             minutes = left * (time.monotonic() - begun) / share / 60.0
@@ -199,32 +196,22 @@ def _check_faults(bundles: list[Path], out: Path, accepted: bool) -> None:
         raise_all(BlindError, f"the program failed on {len(faults) - 1} bundles", faults)
 
 
-def _results(tasks: list[Any], jobs: int, minutes: float | None) -> Any:
+def _results(tasks: list[Any], executor: Executor, minutes: float | None) -> Iterator[tuple[str, str]]:
     """Names and words of verdicts as they come; none is begun after `minutes`."""
-    last = math.inf if minutes is None else time.monotonic() + 60.0 * minutes
-    if jobs <= 1:
-        for task in tasks:
-            if time.monotonic() >= last:
-                return
-            yield _solve_one(task)
-        return
-    left = iter(tasks)
-    with worker_pool(min(jobs, max(len(tasks), 1))) as pool:
-        running = {pool.submit(_solve_one, task) for task in islice(left, jobs) if time.monotonic() < last}
-        while running:
-            done, running = wait(running, return_when=FIRST_COMPLETED)
-            if time.monotonic() < last:
-                running |= {pool.submit(_solve_one, task) for task in islice(left, len(done))}
-            yield from (future.result() for future in done)
+    last = None if minutes is None else time.monotonic() + 60.0 * minutes
+    for _, result in executor.as_they_come(_solve_one, tasks, last):
+        yield result
 
 
 def _solve_one(task: tuple[Path, Path, str, SolveSettings, dict[str, str]]) -> tuple[str, str]:
     """Verdict of one bundle, written to disk; (name, what it says)."""
     bundle, folder, digest, settings, now = task
+    from bayesid.diagnosis.input import check_trial, mended
     from bayesid.diagnosis.run import diagnose
     from bayesid.equations.model import build_model
     from bayesid.model.vehicles import load_vehicle
     from bayesid.report.diagnosis.report import write_diagnosis_report
+    from bayesid.report.input import check_record
     from bayesid.trials import load_trial
 
     folder.mkdir(parents=True, exist_ok=True)
@@ -235,8 +222,11 @@ def _solve_one(task: tuple[Path, Path, str, SolveSettings, dict[str, str]]) -> t
     try:
         trial = load_trial(bundle)
         model = build_model(load_vehicle(trial.vehicle_ref), trial.dof)
+        checked = check_trial(trial, model)
+        if any(finding.correction is not None for finding in checked.findings):
+            trial = mended(trial, checked)
         found = diagnose(trial, model, seed=settings.seed, plan_next=settings.plan_next)
-        record = found.result.record()
+        record = {**found.result.record(), "input": check_record(checked)}
         note |= {"cpu_seconds": time.process_time() - cpu, "wall_seconds": time.monotonic() - wall}
         verdict = write_json(folder / "diagnosis.json", record)
         note |= {"verdict": digest_of_file(verdict), "dof": trial.dof}

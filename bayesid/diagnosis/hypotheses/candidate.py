@@ -89,14 +89,14 @@ def repeatable_bonus(problem: DiagnosisProblem, fitted: FilterErrorFit) -> float
     """
     if problem.environment.source == "stated" or not any(problem.environment.noise_model.force):
         return 0.0
-    logs = np.array(NOISE_SCALE_SHIFTS)
+    logs, paths = np.array(NOISE_SCALE_SHIFTS), fitted.paths
     weight = -0.5 * (logs / MANOEUVRE_NOISE_SPREAD) ** 2
     weight -= logsumexp(weight)
     values = []
     for shift in logs:
         equations = stacked_equations(
             problem.model,
-            fitted.paths,
+            paths,
             fitted.free,
             problem.environment.noise_model.scaled(float(np.exp(shift))),
         )
@@ -112,7 +112,8 @@ def weighted_hypothesis(
 ) -> RefittedHypothesis:
     """Candidate with its corrected evidence."""
     evidence = corrected_evidence(problem.model, fitted) + repeatable_bonus(problem, fitted)
-    return RefittedHypothesis(effects, evidence, fitted)
+    # some forty refits are kept to the end of a diagnosis; what they were linearised to is not
+    return RefittedHypothesis(effects, evidence, fitted.released())
 
 
 def away_from_straight(

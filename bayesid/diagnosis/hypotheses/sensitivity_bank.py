@@ -112,21 +112,20 @@ def build_bank(
         columns[effect.name] = EffectColumns(
             effect, tuple(np.array([first + j]) for j in range(len(SECANT_SIZES)))
         )
-    paths, extras = [], []
-    for log, point in zip(problem.logs, points, strict=True):
+    by_run: list[list[NormalEquations]] = []
+    for k, (log, point) in enumerate(zip(problem.logs, points, strict=True)):
+        # one run at a time: the columns of all effects are the largest thing a diagnosis makes
         path = linearise(model, log, point, free.where)
-        paths.append(path)
-        extras.append(secants(problem, path, kinked) if kinked else None)
-    equations = []
-    for noise_model in levels:
-        row = []
-        for k, (path, extra) in enumerate(zip(paths, extras, strict=True)):
+        extra = secants(problem, path, kinked) if kinked else None
+        by_run.append([])
+        for noise_model in levels:
             w = whitened(
                 model, path, free.mean - path.point.par[free.where], free.sd, noise_model, run=k, extra=extra
             )
-            row.append(normal_equations(w.resid, w.columns, w.logdet, w.used))
-        equations.append(tuple(row))
-    return SensitivityBank(tuple(equations), tuple(levels), len(base.names), columns)
+            by_run[-1].append(normal_equations(w.resid, w.columns, w.logdet, w.used))
+        del path, extra, w
+    equations = tuple(zip(*by_run, strict=True))
+    return SensitivityBank(equations, tuple(levels), len(base.names), columns)
 
 
 def secants(problem: DiagnosisProblem, path: Linearisation, effects: Sequence[Effect]) -> tuple[Array, Array]:

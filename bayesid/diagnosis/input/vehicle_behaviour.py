@@ -66,6 +66,10 @@ class VehicleBehaviour:
                 for name, gain in zip((key, "drift"), gains, strict=True):
                     if gain is not None and (name == key or fin == "delta_r"):
                         out[name] = self.weight * _gain_density(*gain)
+                turn, drift = gains
+                if fin == "delta_r" and turn is not None and drift is not None and _turned(*turn):
+                    # steered the other way round: how it drifts tells nothing of the sign of v
+                    out["drift"] = min(out["drift"], self.weight * WRONG_SIDE)
         return {k: v for k, v in out.items() if math.isfinite(v)}
 
 
@@ -74,9 +78,14 @@ def _log_density(z: float) -> float:
     return -0.5 * z * z if z < TAIL else -TAIL * z + 0.5 * TAIL * TAIL
 
 
+def _turned(gain: float, sd: float) -> bool:
+    """Whether a gain surely has the wrong sign."""
+    return gain < -SURE_SIDE * sd
+
+
 def _gain_density(gain: float, sd: float) -> float:
     """Log density of a gain that should be one, up to tens of percent."""
-    if gain < -SURE_SIDE * sd:
+    if _turned(gain, sd):
         return WRONG_SIDE + _log_density(math.log(-gain) / GAIN_SD)
     if gain < SURE_SIDE * sd:  # no turn to be seen: the gain is at most what its deviation allows
         return _log_density(min(0.0, math.log(max(SURE_SIDE * sd, 1e-6))) / GAIN_SD)

@@ -24,6 +24,7 @@ SURE_TURN = 0.25  # sd over gain
 FEWEST = 2  # runs
 # What is said of the probability: none of 58 campaigns was taken for another vehicle, so at most 5 % are.
 SURE = 0.95
+WRONG_VEHICLE = "wrong vehicle"
 
 
 def wrong_vehicle(model: Model, runs: Sequence[Run]) -> InputFinding | None:
@@ -45,7 +46,7 @@ def wrong_vehicle(model: Model, runs: Sequence[Run]) -> InputFinding | None:
         ("vehicle's turn",) if abs(turn) > BOTH_TURN else ()
     )
     return InputFinding(
-        "wrong vehicle", f"the vehicle {' and '.join(parts)} as the one stated: is it that one?", (),
+        WRONG_VEHICLE, f"the vehicle {' and '.join(parts)} as the one stated: is it that one?", (),
         tuple(run.name for run in runs), True, SURE, told, 0.0, 0.0, None,
     )  # fmt: skip
 

@@ -18,7 +18,9 @@ import numpy as np
 
 from bayesid.equations.model import Model
 from bayesid.errors import ModelError
-from bayesid.estimation.filter_error.evidence import GaussianPosterior, NormalEquations, posterior
+from bayesid.estimation.filter_error.evidence import posterior
+from bayesid.estimation.filter_error.fit_journal import current_journal
+from bayesid.estimation.filter_error.fit_result import FilterErrorFit
 from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, first_trajectory
 from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit, mixing, smoothed
 from bayesid.estimation.filter_error.normal_equations import stacked_equations
@@ -43,57 +45,6 @@ GIVE_UP_ITERATIONS = 6
 NEGLIGIBLE_FORCE = 3e-6
 
 
-@dataclass(frozen=True, eq=False)
-class FilterErrorFit:
-    """Converged (or not) filter-error fit.
-
-    Attributes
-    ----------
-    free : Free
-    values : (k,) estimates [SI]
-    posterior : Posterior of z = (value - mean)/sd
-    par : full parameter vector
-    noise_model : environment used
-    points, paths : one per run
-    equations : one per run, columns in units of the prior sd, residual relative to the prior mean
-    standard : per run (n, q) standardised innovations
-    iterations, converged : Gauss-Newton passes and whether the last step was below `CONVERGED_STEP`
-    posterior sd
-    path_points, path_force_level, path_evidence : points of the most probable pass, its latent force over
-        1/2 rho L^2 U^2 and its log evidence: a path that follows the data even where the model cannot
-    """
-
-    free: GaussianPrior
-    values: Array
-    posterior: GaussianPosterior
-    par: Array
-    noise_model: NoiseModel
-    points: tuple[Trajectory, ...]
-    paths: tuple[Linearisation, ...]
-    equations: tuple[NormalEquations, ...]
-    standard: tuple[Array, ...]
-    iterations: int
-    converged: bool
-    path_points: tuple[Trajectory, ...]
-    path_force_level: float
-    path_evidence: float
-
-    @property
-    def log_evidence(self) -> float:
-        return self.posterior.log_evidence
-
-    @property
-    def sd(self) -> Array:
-        """Posterior standard deviations [SI]."""
-        return np.sqrt(np.diag(self.posterior.covariance)) * self.free.sd
-
-    @property
-    def chi2(self) -> float:
-        """Mean squared standardised innovation."""
-        total = sum(float((s**2).sum()) for s in self.standard)
-        return total / max(1, sum(int(p.log.valid.sum()) for p in self.paths))
-
-
 def fit(
     model: Model,
     logs: Sequence[RunData],
@@ -115,10 +66,31 @@ def fit(
         pass until the real level is reached; 0 starts at the real level
     iterations : at most this many
     """
-    unit = force_unit(model)
     base = model.nominal.copy()
     base[free.where] = free.mean
     points = list(start) if start is not None else [first_trajectory(model, log, base) for log in logs]
+    journal = current_journal()
+    if journal is None:
+        return _fit(model, logs, free, noise_model, points, initial_noise_scale, iterations)
+    key = journal.key(model, logs, free, noise_model, points, initial_noise_scale, iterations)
+    found = journal.read(key, model, logs, free, noise_model)
+    if found is None:
+        found = _fit(model, logs, free, noise_model, points, initial_noise_scale, iterations)
+        journal.write(key, found)
+    return found
+
+
+def _fit(
+    model: Model,
+    logs: Sequence[RunData],
+    free: GaussianPrior,
+    noise_model: NoiseModel,
+    points: list[Trajectory],
+    initial_noise_scale: float,
+    iterations: int,
+) -> FilterErrorFit:
+    """The fit itself, from points."""
+    unit = force_unit(model)
     values = points[0].par[free.where].copy()
     best: _Best | None = None
     standardised: list[Array] = []
@@ -181,6 +153,9 @@ def fit(
         points[0].par,
         now,
         tuple(points),
+        model,
+        tuple(logs),
+        tuple(p.point for p in paths),
         tuple(paths),
         tuple(equations),
         tuple(standardised),

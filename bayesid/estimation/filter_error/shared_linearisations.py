@@ -1,8 +1,9 @@
 """Linearisations that many fits share: refits of one trial all begin at the same points.
 
-Takes points and free parameters. Gives paths and normal equations, those of an earlier fit where it stood at
-the very same points. Does not change a number: slopes by one parameter do not depend on which others are
-free.
+Takes points and free parameters. Gives paths and normal equations, the paths of an earlier fit where it stood
+at the very same points. Does not change a bit: slopes by one parameter do not depend on which others are
+free, and products are formed anew (those of wider matrices are summed in another order, by which a fit would
+depend on the fits made before it, and a diagnosis that was stopped would not end with the same numbers).
 
 While a fit lets its path settle its parameters do not move, so that a dozen refits pass through the same
 points. When points come up a second time they are linearised for the parameters of every effect at once,
@@ -39,7 +40,6 @@ class _Set:
     logs: tuple[RunData, ...]
     free: GaussianPrior
     paths: tuple[Linearisation, ...]
-    equations: tuple[NormalEquations, ...]
 
     def positions(self, free: GaussianPrior) -> np.ndarray | None:
         """Where the parameters of `parameters` stand; none if one is missing or has another prior mean."""
@@ -78,17 +78,18 @@ def linear(
             _remember(kept.seen, key, tuple(logs), MOST_SEEN)
             return fresh(model, logs, points, free, noise_model)
         whole = free + _others(model, free, points[0].par)
-        paths, equations = fresh(model, logs, points, whole, noise_model)
-        found = _Set(tuple(logs), whole, tuple(paths), tuple(equations))
-        if sum(p.psi.nbytes + p.direct.nbytes for p in paths) * MOST_SETS < MOST_BYTES:
-            _remember(kept.sets, key, found, MOST_SETS)
+        per_sample = 8 * len(whole.names) * (points[0].states.shape[1] + len(model.kernel.channels))
+        if sum(p.states.shape[0] for p in points) * per_sample * MOST_SETS > MOST_BYTES:
+            return fresh(model, logs, points, free, noise_model)
+        inputs = forces(model)
+        paths = [linearise(model, log, p, whole.where, inputs) for log, p in zip(logs, points, strict=True)]
+        found = _Set(tuple(logs), whole, tuple(paths))
+        _remember(kept.sets, key, found, MOST_SETS)
     at = found.positions(free) if _same(found.logs, logs) else None
     if at is None:
         return fresh(model, logs, points, free, noise_model)
-    ratio = free.sd / found.free.sd[at]
     paths = [replace(p, direct=_picked(p.direct, at), psi=_picked(p.psi, at)) for p in found.paths]
-    equations = [g.pick(at) for g in found.equations]
-    return paths, [replace(g, ss=g.ss * np.outer(ratio, ratio), se=g.se * ratio) for g in equations]
+    return paths, stacked_equations(model, paths, free, noise_model)
 
 
 def _picked(values: np.ndarray, at: np.ndarray) -> np.ndarray:

@@ -114,6 +114,9 @@ class Fit:
         return write_json(path, self)
 
 
+_UNREADABLE = (OSError, ValueError, KeyError, TypeError, AttributeError, ArithmeticError, RecursionError)
+
+
 def load_fit(path: str | os.PathLike[str]) -> Fit:
     """Read what `Fit.save` wrote.
 
@@ -124,12 +127,22 @@ def load_fit(path: str | os.PathLike[str]) -> Fit:
     """
     target = Path(path)
     try:
-        raw = json.loads(target.read_text(encoding="utf-8"))
-        known = {f.name: raw[f.name] for f in fields(Fit) if f.name in raw or f.name != "uncertainty"}
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        return _fit_of(json.loads(target.read_text(encoding="utf-8")))
+    except (
+        OSError,
+        ValueError,
+        KeyError,
+        TypeError,
+        AttributeError,
+        ArithmeticError,
+        RecursionError,
+    ) as error:
         raise FitError(f"{target.name}: not a stored fit ({type(error).__name__}: {error})") from None
-    arrays = ("z", "start", "low", "high", "scale", "sd", "prior_sd", "singular_values")
-    for name in arrays:
+
+
+def _fit_of(raw: dict[str, Any]) -> Fit:
+    known = {f.name: raw[f.name] for f in fields(Fit) if f.name in raw or f.name != "uncertainty"}
+    for name in ("z", "start", "low", "high", "scale", "sd", "prior_sd", "singular_values"):
         known[name] = _array(known[name])
     known["covariance"] = np.array([_array(row) for row in known["covariance"]])
     known["flat"] = tuple(Direction(**{**d, "vector": _array(d["vector"])}) for d in known["flat"])

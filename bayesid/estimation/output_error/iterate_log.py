@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -74,10 +75,17 @@ class IterateLog:
     def write(self, **line: Any) -> None:
         """Append one line; a reader never sees half of it followed by another."""
         if self._handle is not None:
-            self._handle.write(json.dumps({"digest": self._header["digest"], **line}) + "\n")
-            self._handle.flush()
+            try:
+                self._handle.write(json.dumps({"digest": self._header["digest"], **line}) + "\n")
+                self._handle.flush()
+            except OSError as error:
+                raise FitError(
+                    f"{self._path}: the fit's log cannot be written ({error.strerror}); make room and run "
+                    "the same command again: it goes on where it was"
+                ) from None
 
     def close(self) -> None:
         if self._handle is not None:
-            self._handle.close()
+            with suppress(OSError):  # what could not be written was told
+                self._handle.close()
             self._handle = None

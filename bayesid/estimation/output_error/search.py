@@ -168,7 +168,8 @@ def _search(
     note: Callable[[Iterate], None] | None = None,
 ) -> _Search:
     search = _Search(problem, number, z0)
-    if _restore(search, journal.found):
+    ended, begun = _restore(search, journal.found)
+    if ended:
         return search
     if not np.isfinite(search.cost):
         search.status, search.message = "diverged", "the simulated vehicle diverges at this start"
@@ -188,11 +189,21 @@ def _search(
 
     slow, damping = 0, DAMPING
     while search.rounds < options.rounds:
-        settled = not options.profile or _profile(search)
-        search.predicted, zero = predicted_gain(search.problem, search.z)
-        search.status, search.message = _judge(search, options, zero, slow)
-        if search.status != "budget" and settled:
-            break
+        if begun is None:
+            settled = not options.profile or _profile(search)
+            search.predicted, zero = predicted_gain(search.problem, search.z)
+            search.status, search.message = _judge(search, options, zero, slow)
+            if search.status != "budget" and settled:
+                break
+            # a fit that is stopped goes on from here: a round cut short would take other steps
+            journal.write(
+                kind="round", start=number, round=search.rounds, done=len(search.costs), cost=search.cost,
+                z=search.z.tolist(), sigma=_sigma(search.problem) if options.profile else None,
+                predicted=search.predicted, slow=slow, damping=damping,
+            )  # fmt: skip
+        else:
+            search.predicted, slow, damping = begun["predicted"], begun["slow"], begun["damping"]
+            begun = None
         done: Round = run_round(
             search.problem, search.z, options.iterations, 1e-9, search.predicted, damping, after, note
         )
@@ -227,12 +238,17 @@ def _check(problem: FitProblem, options: FitOptions, journal: IterateLog) -> Non
         for number, z0 in enumerate(start_points(problem, options)):
             search = _Search(problem, number, z0)
             _restore(search, journal.found)
-            told = [line["cost"] for line in journal.found if line["start"] == number][-1:]
-            found = search.problem.cost(search.z) if told else 0.0
-            slack = SAME_COST * (abs(told[0]) + 1e-3 * abs(search.cost_start)) if told else 0.0
-            if told and not abs(found - told[0]) <= slack < np.inf:
-                reason = f"start {number + 1} has cost {found:.6g}, its log says {told[0]:.6g}"
-                break
+            mine = [line for line in journal.found if line["start"] == number]
+            for line in (*mine[-1:], *[x for x in mine if x["kind"] == "round"][-1:]):
+                there = problem.with_sigma(line["sigma"]) if line.get("sigma") else problem
+                found, told = there.cost(np.array(line["z"], dtype=float)), line["cost"]
+                slack = SAME_COST * (abs(told) + 1e-3 * abs(search.cost_start))
+                if not abs(found - told) <= slack < np.inf:
+                    reason = f"start {number + 1} has cost {found:.6g}, its log says {told:.6g}"
+                    break
+            else:
+                continue
+            break
         else:
             return
     except (ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
@@ -244,26 +260,34 @@ def _check(problem: FitProblem, options: FitOptions, journal: IterateLog) -> Non
     )
 
 
-def _restore(search: _Search, found: list[dict[str, Any]]) -> bool:
-    """Take up what an earlier run left of this start; True if it had ended."""
-    mine = [line for line in found if line.get("start") == search.number]
-    for line in mine:
+def _restore(search: _Search, found: list[dict[str, Any]]) -> tuple[bool, dict[str, Any] | None]:
+    """Take up what an earlier run left of this start: whether it had ended, else the round it was in."""
+    begun = None
+    for line in (x for x in found if x.get("start") == search.number):
         if line["kind"] == "iterate":
             search.costs.append(line["cost"])
             search.steps.append(line["step"])
-            search.rounds = int(line["round"])
-        search.z = np.array(line["z"], dtype=float)
-        if line.get("sigma"):
-            search.problem = search.problem.with_sigma(line["sigma"])
-    if mine and mine[-1]["kind"] == "end":
-        end = mine[-1]
+            continue
+        begun = line
+        if line["kind"] == "round":  # iterates of a round cut short are found anew, and were told before
+            del search.costs[int(line["done"]) :], search.steps[int(line["done"]) :]
+    if begun is None:
+        del search.costs[:], search.steps[:]
+        return False, None
+    search.z = np.array(begun["z"], dtype=float)
+    if begun.get("sigma"):
+        search.problem = search.problem.with_sigma(begun["sigma"])
+    if begun["kind"] == "end":
+        end = begun
         search.status, search.message, search.rounds = end["status"], end["message"], end["rounds"]
         search.cost, search.cost_start = end["cost"], end["cost_start"]
         search.predicted = end["predicted"]
         search.clock = Clock(**end["clock"])
-        return True
-    search.cost = search.problem.cost(search.z)
-    return False
+        return True, None
+    done = int(begun["done"])
+    del search.costs[done:], search.steps[done:]
+    search.cost, search.rounds = begun["cost"], int(begun["round"])
+    return False, begun
 
 
 def _sigma(problem: FitProblem) -> dict[str, float]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -22,6 +21,7 @@ from bayesid.estimation.output_error.problem import FitProblem
 from bayesid.estimation.output_error.search import FitOptions, fit
 from bayesid.estimation.output_error.slsqp import Iterate
 from bayesid.estimation.output_error.trial_setup import unweighted
+from bayesid.executor import HERE, Executor
 from bayesid.files import to_plain, write_json
 from bayesid.manoeuvres import Manoeuvre
 from bayesid.model.params import Parameter, ParameterSet
@@ -181,7 +181,7 @@ def run_seeds(
     seeds: Iterable[int],
     folder: Path,
     name: str,
-    threads: int = 2,
+    executor: Executor = HERE,
     done: Callable[[], None] | None = None,
 ) -> list[dict[str, Any]]:
     """Records of all seeds, each stored as it is finished; stored ones are not run again.
@@ -189,7 +189,8 @@ def run_seeds(
     Parameters
     ----------
     folder, name : records go to `<folder>/<name>-<seed>.json`
-    done : called in this thread after every seed
+    executor : where they are computed; `work` and what it holds go to other processes then
+    done : called after every seed
     """
     found: dict[int, dict[str, Any]] = {}
     missing = []
@@ -201,12 +202,10 @@ def run_seeds(
                 done()
         except (OSError, ValueError):
             missing.append(seed)
-    with ThreadPoolExecutor(max(threads, 1)) as pool:
-        futures = {pool.submit(work, seed): seed for seed in missing}
-        for future in as_completed(futures):
-            seed = futures[future]
-            found[seed] = dict(to_plain(future.result()))
-            write_json(folder / f"{name}-{seed}.json", found[seed])
-            if done is not None:
-                done()
+    for k, record in executor.as_they_come(work, missing):
+        seed = missing[k]
+        found[seed] = dict(to_plain(record))
+        write_json(folder / f"{name}-{seed}.json", found[seed])
+        if done is not None:
+            done()
     return [found[seed] for seed in sorted(found)]

@@ -9,8 +9,9 @@ import importlib
 import pkgutil
 
 from bayesid.model.effects.declare import PORTS, Effect, EffectParameter, InputStage, State
+from bayesid.model.effects.of_ships import SHIP_EFFECTS
 
-__all__ = ["CATALOGUE", "PORTS", "Effect", "EffectParameter", "InputStage", "State"]
+__all__ = ["CATALOGUE", "PORTS", "Effect", "EffectParameter", "InputStage", "State", "catalogue_of"]
 
 
 def _collect() -> tuple[Effect, ...]:
@@ -24,3 +25,12 @@ def _collect() -> tuple[Effect, ...]:
 
 
 CATALOGUE: tuple[Effect, ...] = _collect()
+
+
+def catalogue_of(ship: bool) -> tuple[Effect, ...]:
+    """The catalogue of a vehicle; a ship by the MMG method has its own declarations of some effects.
+
+    The names stay: who asks for `wind` gets that of the vehicle.
+    """
+    own = {e.name: e for e in SHIP_EFFECTS} if ship else {}
+    return tuple(own.get(e.name, e) for e in CATALOGUE)

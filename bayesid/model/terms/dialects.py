@@ -68,7 +68,8 @@ def _unnamed_fin(key: _KEY) -> _KEY:
     return tuple(sorted("d?" if token in ("dr", "ds", "db") else token for token in key))
 
 
-_NAMED = tuple(row for row in TERMS if row.group != "propulsion")
+# rows over U and numbers have one spelling each
+_NAMED = tuple(row for row in TERMS if row.group in ("base", "eta"))
 _NAMES = {row.name for row in TERMS}
 _KEYS: dict[str, _KEY] = {row.name: _tokens(row.arguments) or () for row in _NAMED}
 

@@ -23,4 +23,9 @@ REFERENCES = {
     "several configurations of the DARPA SUBOFF model from captive-model experiments. DTRC/SHD-1298-08.",
     "fossen2021": "Fossen, T. I. (2021). Handbook of marine craft hydrodynamics and motion control, "
     "2nd edition. Wiley.",
+    "yoshimura2009": "Yoshimura, Y., Nakao, I. and Ishibashi, A. (2009). Unified mathematical model for "
+    "ocean and harbour manoeuvring. Proc. MARSIM 2009, 116-124.",
+    "miyauchi2022": "Miyauchi, Y., Maki, A., Umeda, N., Rachman, D. M. and Akimoto, Y. (2022). System "
+    "parameter exploration of ship maneuvering model for automatic docking/berthing using CMA-ES. J. Mar. "
+    "Sci. Technol. 27, 1065-1083. doi:10.1007/s00773-022-00889-3.",
 }

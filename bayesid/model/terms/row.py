@@ -21,22 +21,25 @@ SYMBOLS = {
     **dict.fromkeys(("pdot", "qdot", "rdot"), ((0, -2, 0), 2, 2)),
     **dict.fromkeys(("delta_r", "delta_s", "delta_b", "eta1"), ((0, 0, 0), 0, 0)),
     "n": ((0, 0, 1), 0, 1),
+    "U": ((1, -1, 0), 0, 1),
+    "S": ((0, 0, 0), 0, 0),
 }
 FUNCTIONS = ("abs", "sgn")
+_GREEK = ("epsilon", "kappa", "gamma", "tau")
 RATES = ("udot", "vdot", "wdot", "pdot", "qdot", "rdot")
 OUT_OF_PLANE = frozenset(("w", "p", "q", "wdot", "pdot", "qdot", "delta_s", "delta_b"))
 
 
 @dataclass(frozen=True)
 class Factor:
-    """One symbol of a regressor, bare (`wrap` is ""), or inside abs() or sgn()."""
+    """One symbol of a regressor, bare (`wrap` is ""), inside abs() or sgn(), or divided by ("/")."""
 
     symbol: str
     wrap: str = ""
 
     @property
     def degree(self) -> int:
-        return 0 if self.wrap == "sgn" else 1
+        return {"sgn": 0, "/": -1}.get(self.wrap, 1)
 
     @property
     def is_even(self) -> bool:
@@ -49,7 +52,8 @@ def factors(regressor: str) -> tuple[Factor, ...]:
     Raises
     ------
     ValueError
-        if the text is anything but a product of known symbols, bare or inside abs() and sgn()
+        if the text is anything but a product of known symbols, bare or inside abs() and sgn(),
+        over powers of the speed U
     """
 
     def walk(node: ast.expr, wrap: str) -> tuple[Factor, ...]:
@@ -57,6 +61,8 @@ def factors(regressor: str) -> tuple[Factor, ...]:
             return (Factor(node.id, wrap),)
         if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult):
             return walk(node.left, wrap) + walk(node.right, wrap)
+        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div) and ast.unparse(node.right) == "U":
+            return walk(node.left, wrap) + walk(node.right, "/")
         if (
             isinstance(node, ast.Call)
             and isinstance(node.func, ast.Name)
@@ -81,7 +87,9 @@ class Term:
     axis : X Y Z [N] or K M N [N m], body axes
     regressor : product in Python syntax, SI and radians (rpm for n), see `SYMBOLS`
     source : key of `references.REFERENCES`, or "assumed: <why>"
-    group : "base", "eta" (propeller-loading rows) or "propulsion" (always SI)
+    group : "base", "eta" (propeller-loading rows), "propulsion" (always SI), "mmg" (rows over the speed U) or
+        "number" (acts within the formulas of `mmg`, without a unit; its regressor is the formula)
+    about : what a number is
     """
 
     name: str
@@ -89,15 +97,23 @@ class Term:
     regressor: str
     source: str
     group: str = "base"
+    about: str = ""
 
     def __post_init__(self) -> None:
+        if self.is_number:
+            return
         if self.axis not in AXES or not self.name.startswith(f"{self.axis}_"):
             raise ValueError(f"term {self.name!r}: axis {self.axis!r} must be its first letter")
         factors(self.regressor)
 
+    @property
+    def is_number(self) -> bool:
+        """True for a number of the propeller or rudder formulas: the force is not proportional to it."""
+        return self.group == "number"
+
     @cached_property
     def factors(self) -> tuple[Factor, ...]:
-        return factors(self.regressor)
+        return () if self.is_number else factors(self.regressor)
 
     @property
     def arguments(self) -> str:
@@ -107,17 +123,23 @@ class Term:
     @cached_property
     def length_power(self) -> int:
         """k of 1/2 rho L^k: 2 for a force, 3 for a moment, plus what the regressor brings."""
+        if self.is_number:
+            return 0
         base = 2 if self.axis in FORCE_AXES else 3
         return base + sum(SYMBOLS[f.symbol][1] * f.degree for f in self.factors)
 
     @cached_property
     def velocity_power(self) -> int:
         """Degree in velocity: 2 in Gertler-Hagen rows, 1 in rows without u, 3 and 4 in ship rows."""
+        if self.is_number:
+            return 2
         return sum(SYMBOLS[f.symbol][2] * f.degree for f in self.factors)
 
     @cached_property
     def unit_powers(self) -> tuple[int, int, int, int]:
         """Exponents of (kg, m, s, rpm) in the SI coefficient: axis unit over regressor unit."""
+        if self.is_number:
+            return 0, 0, 0, 0
         metre, second, rpm = (1 if self.axis in FORCE_AXES else 2), -2, 0
         for factor in self.factors:
             dm, ds, dn = SYMBOLS[factor.symbol][0]
@@ -137,11 +159,21 @@ class Term:
             if power:
                 text = symbol if abs(power) == 1 else f"{symbol}^{abs(power)}"
                 (up if power > 0 else down).append(text)
-        return "/".join([" ".join(up), *down])
+        return "/".join([" ".join(up), *down]) if up else ""
 
     @cached_property
     def label(self) -> str:
         """Mathtext of the coefficient, e.g. r"$N_{|v|r}$"."""
+        if self.is_number:
+            letter, _, index = self.name.partition("_")
+            letter = (
+                rf"\{letter}" if letter in _GREEK else letter if len(letter) == 1 else rf"\mathrm{{{letter}}}"
+            )
+            return (
+                f"${letter}_{{{index.replace('plus', '+').replace('minus', '-')}}}$"
+                if index
+                else f"${letter}$"
+            )
         text = re.sub(r"([uvwpqr])dot", r"\\dot{\1}", self.arguments)
         text = re.sub(r"d([rsb])", r"\\delta_{\1}", text)
         text = text.replace(",eta", r",\eta").replace("prop_", r"\mathrm{prop},")

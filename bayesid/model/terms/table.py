@@ -6,11 +6,12 @@ Does not: hold values, rigid-body or hydrostatic terms (those follow from mass p
 Regressors use body velocity THROUGH THE WATER (u v w p q r) and its rate (udot ... rdot), delta_r,
 delta_s, delta_b [rad], n [rpm], eta1 = u_c/U - 1, and the cross-flow speeds Rv and Rw: sqrt(v^2 + w^2)
 in Gertler-Hagen sets, |v| and |w| in `plain_abs` sets. sgn(v) Rv |r| is (v/|v|) R |r| with 0 at v = 0; the
-kernels round its jump (`kernels.flow.SIDE`).
+kernels round its jump (`kernels.flow.SIDE`). Ship rows of the MMG method divide by the speed U (`mmg`).
 """
 
 from __future__ import annotations
 
+from bayesid.model.terms.mmg import HULL_ROWS, NUMBER_ROWS
 from bayesid.model.terms.row import Term
 
 
@@ -210,4 +211,4 @@ PROPULSION = (
 )
 
 #: every row; the order is the order of parameters everywhere, so new rows go to the end of their block
-TERMS: tuple[Term, ...] = (*GERTLER_HAGEN, *FURTHER, *SHIP, *ETA, *PROPULSION)
+TERMS: tuple[Term, ...] = (*GERTLER_HAGEN, *FURTHER, *SHIP, *ETA, *PROPULSION, *HULL_ROWS, *NUMBER_ROWS)

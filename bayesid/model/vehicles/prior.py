@@ -10,6 +10,7 @@ import zipfile
 import zlib
 from collections.abc import Callable, Collection
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any
 
 import numpy as np
@@ -146,7 +147,7 @@ def _arrays(path: Path) -> tuple[np.ndarray, np.ndarray]:
     try:
         with np.load(path, allow_pickle=False) as stored:
             return stored["names"], stored["covariance"]
-    except ValueError:  # objects, or a damaged array header
+    except (ValueError, SyntaxError, TokenError):  # objects, or a damaged array header, read as tokens
         raise OSError("not plain arrays") from None
 
 

@@ -32,6 +32,7 @@ from bayesid.model.vehicles.tables import (
     read_propulsion,
     read_sources,
     read_thrusters,
+    ship_problems,
 )
 from bayesid.model.vehicles.vehicle import Vehicle
 
@@ -154,6 +155,7 @@ def read_vehicle(data: Mapping[str, Any], where: str, folder: Path | None) -> Ve
         "confidence": read_confidence(TomlTable(data.get("confidence", {}), "confidence", problems)),
         "sources": read_sources(TomlTable(data.get("sources", {}), "sources", problems), coef, dialect),
     }
+    problems += ship_problems(values["propulsion"].model, values["planar_only"], coef)
     for name in read_conversions(head):
         coef, prior = converted(CONVERSIONS[name], coef, prior)
     if not problems:

@@ -74,7 +74,7 @@ def _by_coefficient(value: dict[str, Any], meaning: str) -> dict[str, Any]:
         "description": meaning,
         "type": "object",
         "properties": {
-            row.name: {**value, "description": f"{row.regressor} ({row.unit})"}
+            row.name: {**value, "description": row.about or f"{row.regressor} ({row.unit})"}
             for row in TERMS
             if row.group != "propulsion"
         },

@@ -6,12 +6,14 @@ Does not: simulate, or look at large motions; crossflow strips vanish to first o
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from bayesid.errors import VehicleError
 from bayesid.model.propulsion import propulsion_force
+from bayesid.model.ship_forces import rudder_slopes
 from bayesid.model.vehicles.inertia import added_mass, rigid_body_mass
 from bayesid.model.vehicles.vehicle import Vehicle, coef_si
 
@@ -45,10 +47,11 @@ def self_propulsion_speed(vehicle: Vehicle, rpm: float) -> float:
         if thrust and drag do not balance at any speed up to 1000 m/s
     """
     si, p = coef_si(vehicle), vehicle.propulsion
-    quadratic, linear = si.get("X_u|u|", 0.0) + si.get("X_uu", 0.0), si.get("X_u0", 0.0)
+    quadratic, linear = sum(si.get(name, 0.0) for name in ("X_u|u|", "X_uu", "X_0,U")), si.get("X_u0", 0.0)
+    values = {**p.values, **si} if p.model == "mmg" else p.values
 
     def surge(u: float) -> float:
-        thrust = propulsion_force(p.model, p.values, vehicle.rho, vehicle.L, u, rpm)
+        thrust = propulsion_force(p.model, values, vehicle.rho, vehicle.L, u, rpm)
         return float(thrust) + ahead(u) + (quadratic * u + linear) * u
 
     def ahead(u: float) -> float:
@@ -106,10 +109,13 @@ def stability(vehicle: Vehicle, U: float | None = None) -> Stability:
             f"{vehicle.name}: stability of a straight run needs a positive speed, not {speed:g}"
         )
     rows = coef_si(vehicle)
+    rudder = _rudder_slopes(vehicle, rows, speed)
 
     def slope(axis: str, velocity: str) -> float:
         """d force / d velocity at speed U, over U."""
-        return rows.get(f"{axis}_{velocity}", 0.0) + rows.get(f"{axis}_{velocity}0", 0.0) / speed
+        straight = (f"{axis}_{velocity}", f"{axis}_{velocity},U", f"{axis}_|u|{velocity}")
+        steady = sum(rows.get(name, 0.0) for name in straight) + rudder.get(axis + velocity, 0.0)
+        return steady + rows.get(f"{axis}_{velocity}0", 0.0) / speed
 
     mass, x_G, z_G = vehicle.mass, vehicle.r_G[0], vehicle.r_G[2]
     Y_v, Y_r, N_v, N_r = slope("Y", "v"), slope("Y", "r"), slope("N", "v"), slope("N", "r")
@@ -136,6 +142,14 @@ def stability(vehicle: Vehicle, U: float | None = None) -> Stability:
         horizontal=_ordered(horizontal),
         vertical=_ordered(vertical),
     )
+
+
+def _rudder_slopes(vehicle: Vehicle, si: Mapping[str, float], speed: float) -> dict[str, float]:
+    """d(rudder force)/d(v or r) over U of a ship whose rudder stands behind a propeller."""
+    if vehicle.propulsion.model != "mmg" or vehicle.rpm_ref is None:
+        return {}
+    values = {**vehicle.propulsion.values, **si, "rho": vehicle.rho, "L": vehicle.L, "U_ref": speed}
+    return {name: float(slope) for name, slope in rudder_slopes(values, speed, vehicle.rpm_ref).items()}
 
 
 def _index(arm: float, lever: float, damping: float, turning: float) -> float | None:

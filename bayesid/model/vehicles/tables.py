@@ -16,11 +16,22 @@ from bayesid.model.file_keys import FileKey
 from bayesid.model.propulsion import MODELS, propulsion_problems, with_defaults
 from bayesid.model.terms import canonical_name, term
 from bayesid.model.terms.dialects import READ
+from bayesid.model.terms.mmg import REQUIRED
 from bayesid.model.thrusters import Thruster
 from bayesid.model.vehicles.fields import LARGEST, TomlTable, as_number, hint, shown
 from bayesid.model.vehicles.vehicle import FINS, GRAVITY, INERTIA, Crossflow, Propulsion
 
-DIMENSIONS = ("L_oa", "diameter", "scale")
+#: plain sizes of a hull and what they are
+_SIZES = {
+    "L_oa": "m, length over all",
+    "diameter": "m, hull",
+    "scale": "of the model",
+    "prime_draught": "m, draught of primes over L d instead of L^2",
+    "air_front": "area exposed to wind from ahead over L^2, of a ship with the mmg model",
+    "air_side": "area exposed to wind abeam over L^2, of a ship with the mmg model",
+    "air_centroid": "centroid of that area before midship over L",
+}
+DIMENSIONS = tuple(_SIZES)
 FIN_KEYS = dict(zip(FINS, ("dr", "ds", "db"), strict=True))
 #: keys of [vehicle]; the reader and the JSON Schema (`schema`) take ranges, choices and defaults from here
 HEAD: dict[str, FileKey] = {
@@ -40,8 +51,8 @@ HEAD: dict[str, FileKey] = {
     "rho": FileKey("number", "kg/m3, density of the water", required=True, low=0.1, high=1e5),
     "L": FileKey("number", "m, reference length of the prime system", required=True, low=1e-3, high=1e5),
     **{
-        key: FileKey("number", text, low=0.0, high=1e6)
-        for key, text in zip(DIMENSIONS, ("m, length over all", "m, hull", "of the model"), strict=True)
+        key: FileKey("number", text, low=-1.0 if key == "air_centroid" else 0.0, high=1e6)
+        for key, text in _SIZES.items()
     },
     "mass": FileKey("number", "kg, with the water inside", required=True, low=1e-6, high=1e12),
     **{
@@ -173,6 +184,20 @@ def read_propulsion(table: TomlTable) -> Propulsion:
         if key in values or key not in table.data:  # an unreadable number is reported already
             table.problem(text)
     return Propulsion(model, with_defaults(model, values))
+
+
+def ship_problems(model: str, planar: bool, coef: Mapping[str, float]) -> list[str]:
+    """What keeps rows and numbers of a ship apart from their propulsion model, or that model from them."""
+    ours = [name for name in coef if term(name).group in ("mmg", "number")]
+    if model != "mmg":
+        return [f'[coef] {", ".join(ours)} need [propulsion] model = "mmg"'] if ours else []
+    missing = [name for name in REQUIRED if name not in coef]
+    found = [f"[coef] {', '.join(missing)} missing: the mmg model needs them"] if missing else []
+    return (
+        found
+        if planar
+        else [*found, "[vehicle] the mmg model holds in the horizontal plane: say planar_only"]
+    )
 
 
 def read_crossflow(table: TomlTable) -> Crossflow:

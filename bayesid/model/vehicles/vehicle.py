@@ -156,22 +156,28 @@ def with_relative_prior(vehicle: Vehicle, sd: float | None) -> Vehicle:
 def prime_scale(vehicle: Vehicle, row: Term | str) -> float:
     """SI value of a coefficient over its value in the file.
 
-    1/2 rho L^k for a prime set, with U_ref^(2 - degree) where the row is not quadratic in velocity; 1 for a
-    dimensional set and for propulsion rows, which are always SI.
+    1/2 rho L^k for a prime set, with U_ref^(2 - degree) where the row is not quadratic in velocity, and with
+    prime_draught/L where the file states its draught so; 1 for a dimensional set, for propulsion rows, which
+    are always SI, and for numbers.
     """
     row = term(row) if isinstance(row, str) else row
-    return prime_unit(vehicle, row) if vehicle.nondimensional and row.group != "propulsion" else 1.0
+    plain = row.group in ("propulsion", "number") or not vehicle.nondimensional
+    return 1.0 if plain else prime_unit(vehicle, row)
 
 
 def prime_unit(vehicle: Vehicle, row: Term | str) -> float:
     """SI value of a coefficient whose prime value is 1, whatever the units of the file.
 
-    nan for a propulsion row, which has no prime form, and for a row that needs a U_ref the vehicle lacks.
+    nan for a propulsion row, which has no prime form, and for a row that needs a U_ref the vehicle lacks;
+    1 for a number.
     """
     row = term(row) if isinstance(row, str) else row
     if row.group == "propulsion":
         return float("nan")
+    if row.is_number:
+        return 1.0
     scale = 0.5 * vehicle.rho * vehicle.L**row.length_power
+    scale *= vehicle.dimensions.get("prime_draught", vehicle.L) / vehicle.L
     if row.velocity_power == 2:
         return scale
     return scale * (vehicle.U_ref or float("nan")) ** (2 - row.velocity_power)

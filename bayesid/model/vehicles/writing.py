@@ -165,8 +165,9 @@ def identified(
     propulsion = vehicle.propulsion
     freed = {key: float(values[key]) for key, row in rows.items() if row.group == "propulsion"}
     if freed:
-        if propulsion.model == "kt":
-            raise VehicleError(f"{vehicle.name}: {', '.join(freed)} cannot be set beside the kt model")
+        if propulsion.model in ("kt", "mmg"):
+            stated = f"the {propulsion.model} model"
+            raise VehicleError(f"{vehicle.name}: {', '.join(freed)} cannot be set beside {stated}")
         fixed = propulsion_rows(propulsion.model, propulsion.values, vehicle.rho, vehicle.L)
         reference = {} if propulsion.rpm_ref is None else {"rpm_ref": propulsion.rpm_ref}
         propulsion = Propulsion("quadratic", {**fixed, **freed, **reference})

@@ -6,7 +6,7 @@ Does not: open logs. A map with questions left is refused by `joining`.
 from __future__ import annotations
 
 import difflib
-import math
+import sys
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -25,6 +25,7 @@ _KEYS = (
     "attribution", "measured_point", "sources", "channels", "noise", "environment", "runs",
 )  # fmt: skip
 _SOURCE_KEYS = ("files", "columns", "time", "clock", "time_unit", "start", "clock_offset", "world", "body")
+LARGEST = sys.float_info.max
 _CHANNEL_KEYS = ("from", "unit", "scale", "offset")
 _RUN_KEYS = ("name", "files", "window", "manoeuvre", "role", "notes")
 
@@ -94,7 +95,7 @@ def read_map(path: Path) -> LogMap:
         tree = tomllib.loads(read_regular(path, 2**22).decode("utf-8-sig"))
     except UnreadableError as error:
         raise ImportLogError(f"{path}: {error}") from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # of tomllib, of decoding, of an integer without end
         raise ImportLogError(f"{path}: is not valid TOML: {error}") from None
     return map_from(tree, str(path))
 
@@ -106,6 +107,11 @@ def map_from(tree: dict[str, Any], where: str) -> LogMap:
     if reader.problems:
         raise_all(ImportLogError, where, reader.problems)
     return found
+
+
+def _is_number(value: Any) -> bool:
+    """Whether it is a finite number that a float holds."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST
 
 
 class _Reader:
@@ -141,7 +147,7 @@ class _Reader:
         value = table.get(key, default)
         if value is default:
             return default
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        if not _is_number(value):
             self.problems.append(f"{place}{key} is {str(value)[:40]}; a number is needed")
             return default
         return float(value)
@@ -151,7 +157,7 @@ class _Reader:
             return None
         value = table[key]
         good = isinstance(value, list) and len(value) == count
-        if not good or any(isinstance(v, bool) or not isinstance(v, int | float) for v in value):
+        if not good or not all(_is_number(v) for v in value):
             self.problems.append(f"{place}{key} must be {count} numbers")
             return None
         return tuple(float(v) for v in value)

@@ -23,6 +23,7 @@ PROPULSION: dict[str, dict[str, tuple[int, int, int]]] = {
     "thrust": {"T_ref": (2, 2, 0), "Q_ref": (3, 2, 0)},
     "linear_thrust": {"T_max": (2, 2, 0), "rpm_max": (0, 0, 1)},
     "kt": {"D": (1, 0, 0)},
+    "mmg": {"D_P": (1, 0, 0), "H_R": (1, 0, 0), "A_R": (2, 0, 0)},
     "quadratic": {
         "X_prop_u|u|": (2, 0, 0),
         "X_prop_un": (2, 1, -1),
@@ -71,6 +72,9 @@ def scaled(
     for key, value in vehicle.coef.items():
         row = term(key)
         factor = 1.0
+        if row.is_number:
+            coef[key] = value
+            continue
         if not vehicle.nondimensional:
             factor = size**row.length_power * faster ** (2 - row.velocity_power)
         coef[key] = value * factor * in_file
@@ -103,7 +107,11 @@ def scaled(
         coef=coef,
         prior=prior,
         U_ref=None if vehicle.U_ref is None else vehicle.U_ref * faster,
-        dimensions={key: value * size for key, value in vehicle.dimensions.items() if key != "scale"},
+        dimensions={
+            key: value * (1.0 if key.startswith("air") else size)
+            for key, value in vehicle.dimensions.items()
+            if key != "scale"
+        },
         validation={},
         confidence={},
         sources={},

@@ -1,0 +1,155 @@
+"""Many bundles in one call: a diagnosis and a report for each, and one page over all."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bayesid.api.diagnose import diagnose
+from bayesid.api.input_result import InputResult
+from bayesid.api.result import Result, table
+from bayesid.code import loaded_code
+from bayesid.diagnosis.fleet import SharedEffect, SharedParameter, shared_effects, shared_parameters
+from bayesid.errors import BayesidError, TrialError
+from bayesid.executor import HERE, Executor
+from bayesid.files import write_json
+from bayesid.progress import Progress
+from bayesid.report import writer
+from bayesid.report.fleet import fleet_lead, fleet_report
+from bayesid.report.writer import Report
+from bayesid.trials import load_trial
+
+if TYPE_CHECKING:
+    import pandas
+
+NOTE = "done.json"
+
+
+def bundles_of(folder: str | os.PathLike[str]) -> list[Path]:
+    """Bundles in a folder that is none itself, by name."""
+    place = Path(folder)
+    if (place / "trial.toml").exists() or not place.is_dir():
+        return []
+    return sorted(p.parent for p in place.glob("*/trial.toml"))
+
+
+def diagnose_fleet(
+    folder: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    *,
+    executor: Executor = HERE,
+    progress: Progress | None = None,
+    **options: Any,
+) -> FleetResult:
+    """Diagnose every bundle of a folder.
+
+    Parameters
+    ----------
+    out : gets a folder per bundle, as `bayesid.diagnose` writes it; bundles done before with the same log,
+        options and program are kept
+    options : of `bayesid.diagnose`
+
+    Raises
+    ------
+    TrialError
+        no bundle in the folder
+    """
+    bundles = bundles_of(folder)
+    if not bundles:
+        raise TrialError(f"{folder}: no folder in it holds a trial.toml")
+    target, shown = Path(out), progress or Progress()
+    work = partial(_one, target, options)
+    with shown.stage("bundles", len(bundles)) as stage:
+        for name, word in executor.in_order(work, bundles):
+            stage.step(info=f"{name} {word}")
+    records, failures = {}, {}
+    for bundle in bundles:
+        note = json.loads((target / bundle.name / NOTE).read_text("utf-8"))
+        if note["failure"]:
+            failures[bundle.name] = note["failure"]
+        else:
+            records[bundle.name] = json.loads((target / bundle.name / "diagnosis.json").read_text("utf-8"))
+    return FleetResult(records, failures, tuple(shared_effects(records)), tuple(shared_parameters(records)))
+
+
+def _one(target: Path, options: Mapping[str, Any], bundle: Path) -> tuple[str, str]:
+    """One bundle, unless it is there; name and verdict."""
+    out, failure, word = target / bundle.name, "", "failed"
+    try:
+        trial = load_trial(bundle)
+        key = f"{trial.digest}|{loaded_code()}|{sorted(options.items())!r}"
+        if (kept := _kept(out, key)) is not None:
+            return bundle.name, f"{kept} (kept)"
+        found = diagnose(trial, journal=out, **options)
+        word = found.verdict
+        if isinstance(found, InputResult):
+            reasons = [f.says for f in found.checked.findings] or list(found.reasons)
+            failure = f"{word}: {'; '.join(reasons)}"
+        found.save(out)
+    except BayesidError as error:
+        key, failure = "", str(error)
+    write_json(out / NOTE, {"key": key, "verdict": word, "failure": failure})
+    return bundle.name, word
+
+
+def _kept(out: Path, key: str) -> str | None:
+    """Verdict that is there for a key."""
+    try:
+        note = json.loads((out / NOTE).read_text("utf-8"))
+        there = (out / "diagnosis.json").exists() and note["key"] == key
+        return str(note["verdict"]) if there else None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FleetResult(Result):
+    """Diagnoses of many bundles.
+
+    Attributes
+    ----------
+    records : name -> what its diagnosis.json holds
+    failures : name -> why it has no verdict
+    effects, parameters : what the bundles share
+    """
+
+    records: Mapping[str, Mapping[str, Any]]
+    failures: Mapping[str, str]
+    effects: tuple[SharedEffect, ...]
+    parameters: tuple[SharedParameter, ...]
+
+    def record(self) -> Mapping[str, Any]:
+        return {
+            "format": 1,
+            "verdicts": {n: r["verdict"] for n, r in self.records.items()},
+            "failures": dict(self.failures),
+            "effects": [asdict(e) for e in self.effects],
+            "parameters": [asdict(p) | {"changed": p.changed} for p in self.parameters],
+        }
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """One row per bundle."""
+        rows: list[list[Any]] = []
+        for name, r in self.records.items():
+            named = ", ".join(e["name"] for e in r["effects"])
+            rows.append([name, r["trial"]["vehicle"], r["verdict"], named])
+        return table(("bundle", "vehicle", "verdict", "effects"), rows)
+
+    def report(self) -> Report:
+        return fleet_report(self.records, self.failures, self.effects, self.parameters)
+
+    def save(self, folder: str | os.PathLike[str]) -> Path:
+        target = Path(folder)
+        write_json(target / "fleet.json", dict(self.record()))
+        return writer.write(self.report(), target, dict(self.record()))
+
+    def summary(self, verbose: bool = False) -> str:
+        lines = [f"{n}: {r['verdict'].replace('_', ' ')}" for n, r in self.records.items()]
+        lines += [f"{n}: no verdict: {why}" for n, why in self.failures.items()]
+        lead = fleet_lead(self.records, self.failures, self.effects, self.parameters).replace("*", "")
+        return "\n".join([lead, "", *lines])

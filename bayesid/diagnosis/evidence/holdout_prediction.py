@@ -1,0 +1,240 @@
+"""One prediction of a held-out run: a state fitted to a lead-in, an open-loop replay, its errors by channel.
+
+Takes fitted models and pieces of runs. Gives `Segment`s. A piece begins where the orders have been held; what
+the explanation expects of its own prediction comes from draws of its parameters and of the start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from bayesid.diagnosis.data.problem import DiagnosisProblem
+from bayesid.equations.model import Model
+from bayesid.errors import BayesidError
+from bayesid.estimation.filter_error.fit import fit
+from bayesid.estimation.filter_error.linearise import Trajectory, linearise, wrap
+from bayesid.estimation.filter_error.noise_model import NoiseModel, smoothed
+from bayesid.estimation.filter_error.read_run import filter_error_run
+from bayesid.estimation.parameters import NO_PARAMETERS
+from bayesid.estimation.run_data import Array, RunData
+from bayesid.estimation.segments import REACH, held_since
+from bayesid.measures import turning_circle, zigzag
+from bayesid.simulation import observe, simulate
+from bayesid.trials import Run, window
+
+MOST_SEGMENTS = 8
+FULL_HORIZON = "full replay"
+
+
+@dataclass(frozen=True)
+class MeasureComparison:
+    """One standard measure of a held-out run: as logged and as each model replays it [m, rad]."""
+
+    run: str
+    name: str
+    unit: str
+    logged: float
+    models: dict[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """One prediction: mean squared error in noise units per channel, after the lead-in.
+
+    Channels are those of the problem, nan where the piece does not read one. `drawn` holds the mean over
+    channels for posterior draws of a model, `measures` those of a full replay. `chance` (d,) is the error the
+    explanation itself expects of its prediction: how far draws of its parameters and of the start it was
+    given lie from it.
+    """
+
+    run: str
+    start: float
+    horizon: str
+    errors: dict[str, Array]
+    rms: dict[str, dict[str, float]]
+    floor: Array
+    drawn: dict[str, Array]
+    chance: Array
+    measures: tuple[MeasureComparison, ...] = ()
+
+
+def pieces_of(run: Run, lead: float, length: float) -> list[tuple[Run, float]]:
+    """Pieces of a run, begun where the orders have been held: a fin that lags is then where it is ordered."""
+    if not np.isfinite(length):
+        return [(run, float(run.t[0]))]
+    starts = np.arange(run.t[0], run.t[-1] - lead - length, lead + length)
+    if starts.size > MOST_SEGMENTS:
+        starts = starts[np.linspace(0, starts.size - 1, MOST_SEGMENTS).astype(int)]
+    held, last = held_since(run), run.t[-1] - lead - length
+    moved = []
+    for s in starts:
+        near = np.flatnonzero((run.t >= s) & (run.t <= min(s + REACH * (lead + length), last)))
+        best = s if s <= run.t[0] or not near.size else run.t[near[np.argmax(held[near])]]
+        moved.append(float(best))
+    return [(window(run, s, s + lead + length), s) for s in moved]
+
+
+def predicted(
+    problem: DiagnosisProblem,
+    run: Run,
+    noise: dict[str, float],
+    models: Mapping[str, Array],
+    noise_model: NoiseModel,
+    lead: float,
+    start: float,
+    horizon: str,
+    draws: Mapping[str, Array],
+    rng: np.random.Generator,
+) -> Segment | None:
+    model = problem.model
+    try:
+        log = filter_error_run(model, run, noise, problem.channels)
+    except BayesidError:
+        return None
+    t = log.plan.t - log.plan.t[0]
+    early = t <= lead
+    if early.sum() < 4 or (~early).sum() < 4:
+        return None
+    known = log.without(np.repeat(~early[:, None], len(log.channels), axis=1))
+    errors, rms, drawn, replays = {}, {}, {}, {}
+    floor, chance = np.ones(len(log.channels)), np.zeros(0)
+    for name, par in models.items():
+        try:
+            point = Trajectory(par, log.path, np.zeros((log.n - 1, len(noise_model.force))))
+            begun = fit(
+                model,
+                [known],
+                NO_PARAMETERS,
+                noise_model,
+                start=[point],
+                initial_noise_scale=0.0,
+                iterations=15,
+            )
+            x0 = begun.points[0].states[0, : len(model.states)]
+            obs = _replayed(model, par, log, x0)
+            if name == "with effect":
+                floor, begin_sd = _floor(model, known, begun.points[0], noise_model, ~early)
+                if name in draws:
+                    chance = _chance(model, draws[name], log, x0, begin_sd, obs, ~early, rng)
+        except BayesidError:
+            return None
+        replays[name] = obs
+        if name in draws:
+            drawn[name] = _drawn(model, draws[name], log, x0, ~early)
+        square = _squares(model, log, obs, ~early)
+        at = [problem.channels.index(c) for c in log.channels]
+        errors[name] = np.full(len(problem.channels), np.nan)
+        errors[name][at] = square
+        sigma = np.full(len(problem.channels), np.nan)
+        sigma[at] = log.sigma
+        rms[name] = dict(zip(problem.channels, np.sqrt(errors[name]) * sigma, strict=True))
+    if not np.isfinite(errors["with effect"]).any():
+        return None
+    whole = np.full(len(problem.channels), np.nan)
+    whole[at] = floor
+    measures = _measures(problem, run, log, replays) if horizon == FULL_HORIZON else ()
+    return Segment(run.name, start, horizon, errors, rms, whole, drawn, chance, measures)
+
+
+def _replayed(model: Model, par: Array, log: RunData, x0: Array) -> Array:
+    """(n, q) readings of a run begun at a state."""
+    track = simulate(model, par, log.plan, x0, full=True)
+    return observe(model, par, log.plan, track.states, full=True)[:, log.positions(model)]
+
+
+def _chance(
+    model: Model, pars: Array, log: RunData, x0: Array, begin_sd: Array, obs: Array, late: Array,
+    rng: np.random.Generator,
+) -> Array:  # fmt: skip
+    """(d,) mean squared distance, in noise units, of draws of parameters and start from the prediction."""
+    out = []
+    for par in pars:
+        begin = x0 + begin_sd * rng.standard_normal(x0.size)
+        try:
+            apart = wrap(model, log, _replayed(model, par, log, begin) - obs)[late]
+        except BayesidError:
+            continue
+        out.append(average(np.mean((apart / log.sigma) ** 2, axis=0)))
+    return np.array(out)
+
+
+def _squares(model: Model, log: RunData, obs: Array, late: Array) -> Array:
+    """(q,) mean squared error in noise units after the lead-in, gross readings left out; nan without any."""
+    resid = np.where(log.valid, wrap(model, log, log.readings - obs), np.nan)[late]
+    out = np.full(resid.shape[1], np.nan)
+    for j, sigma in enumerate(log.sigma):
+        miss = np.abs(resid[np.isfinite(resid[:, j]), j])
+        if miss.size:
+            out[j] = float(np.mean((miss[miss <= 50 * np.median(miss) + 20 * sigma] / sigma) ** 2))
+    return out
+
+
+def _drawn(model: Model, pars: Array, log: RunData, x0: Array, late: Array) -> Array:
+    """(d,) mean squared error of posterior draws over all channels; nan where a draw diverges."""
+    out = np.full(len(pars), np.nan)
+    for i, par in enumerate(pars):
+        try:
+            obs = _replayed(model, par, log, x0)
+        except BayesidError:
+            continue
+        out[i] = average(_squares(model, log, obs, late))
+    return out
+
+
+def _measures(
+    problem: DiagnosisProblem, run: Run, log: RunData, replays: Mapping[str, Array]
+) -> tuple[MeasureComparison, ...]:
+    """Tactical diameter, advance or overshoots of a run, by its logged orders; none where it has neither."""
+    rudder, names = run.input("delta_r"), list(problem.channels)
+    rudder = run.commands.get("delta_r_cmd", rudder)
+    if rudder is None or not {"x", "y", "psi"} <= set(names):
+        return ()
+    x, y, psi = (names.index(c) for c in ("x", "y", "psi"))
+    text = run.manoeuvre.lower()
+
+    def told(values: Array) -> dict[str, tuple[float, str]]:
+        if "turn" in text:
+            turn = turning_circle(run.t, values[:, x], values[:, y], values[:, psi], rudder)
+            return {"tactical diameter": (turn.tactical_diameter, "m"), "advance": (turn.advance, "m")}
+        zig = zigzag(run.t, values[:, psi], rudder, values[:, x], values[:, y])
+        return {f"overshoot {i + 1}": (v, "rad") for i, v in enumerate(zig.overshoots[:2])}
+
+    if "turn" not in text and "zig" not in text:
+        return ()
+    try:
+        logged = told(log.readings.copy())
+        replayed = {name: told(obs) for name, obs in replays.items()}
+    except (BayesidError, ValueError):
+        return ()
+    return tuple(
+        MeasureComparison(
+            run.name, what, unit, value, {n: r[what][0] for n, r in replayed.items() if what in r}
+        )
+        for what, (value, unit) in logged.items()
+        if np.isfinite(value)
+    )
+
+
+def _floor(
+    model: Model, known: RunData, point: Trajectory, noise_model: NoiseModel, late: Array
+) -> tuple[Array, Array]:
+    """Expected squared error in noise units of the best prediction: sensor noise, environment and initial
+    state; and the sd of that state.
+    """
+    path = linearise(model, known, point, NO_PARAMETERS.where)
+    sm = smoothed(model, path, np.zeros(0), noise_model)
+    nx = point.states.shape[1]
+    spread = np.einsum("iqx,ix->iq", path.slope**2, sm.variance[:, :nx])
+    names = known.channels
+    drift = np.array([noise_model.slow(n) ** 2 for n in names])
+    begin = np.sqrt(np.maximum(sm.variance[0, : len(model.states)], 0.0))
+    return 1.0 + np.mean((spread + drift)[late] / known.sigma**2, axis=0), begin
+
+
+def average(values: Array) -> float:
+    """Mean of what is there; nan where nothing is (a channel no held-out piece reads)."""
+    there = values[np.isfinite(values)]
+    return float(there.mean()) if there.size else float("nan")

@@ -1,0 +1,10 @@
+"""Mistakes of the simulator, read out of a comparison once the verdict stands.
+
+Takes a problem, its comparison and verdict. Gives the mistakes whose mend closes the gap. Does not change a
+verdict, a vehicle file, or the search of causes.
+"""
+
+from bayesid.diagnosis.simulator.judge import find_mistakes
+from bayesid.diagnosis.simulator.other_vehicle import mistakes_that_clear
+
+__all__ = ["find_mistakes", "mistakes_that_clear"]

@@ -1,0 +1,58 @@
+"""How much memory there is for this process.
+
+Gives bytes, or None where the system does not tell.
+"""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from pathlib import Path
+
+CGROUP = Path("/sys/fs/cgroup")
+UNLIMITED = 2**60
+
+
+def available_memory() -> int | None:
+    """Bytes this process may still take: free ones, and those its limits leave."""
+    found = [_free(), _of_group(), _of_limit()]
+    known = [x for x in found if x is not None]
+    return min(known) if known else None
+
+
+def taken_memory() -> int:
+    """Bytes this process holds; 0 where the system does not tell."""
+    with suppress(OSError, ValueError, IndexError, AttributeError):
+        return int(Path("/proc/self/statm").read_text("ascii").split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    return 0
+
+
+def _free() -> int | None:
+    with suppress(OSError, ValueError, IndexError):
+        for line in Path("/proc/meminfo").read_text("ascii").splitlines():
+            if line.startswith("MemAvailable:"):
+                return int(line.split()[1]) * 1024
+    with suppress(OSError, ValueError, AttributeError):
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    return None
+
+
+def _of_group() -> int | None:
+    """What a container leaves."""
+    with suppress(OSError, ValueError):
+        most = int((CGROUP / "memory.max").read_text("ascii"))
+        return most - int((CGROUP / "memory.current").read_text("ascii")) if most < UNLIMITED else None
+    return None
+
+
+def _of_limit() -> int | None:
+    """What `ulimit -v` leaves."""
+    with suppress(ImportError, OSError, ValueError, IndexError):
+        import resource
+
+        most = resource.getrlimit(resource.RLIMIT_AS)[0]
+        if most in (resource.RLIM_INFINITY, -1):
+            return None
+        taken = int(Path("/proc/self/statm").read_text("ascii").split()[0]) * os.sysconf("SC_PAGE_SIZE")
+        return max(most - taken, 0)
+    return None

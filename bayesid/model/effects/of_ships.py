@@ -1,0 +1,86 @@
+"""Effects a ship by the MMG method has in a form of its own: wind, and a rudder that is stronger to one side.
+
+Wind: coefficients over the direction of the relative wind, measured wind as an uncertain input.
+"""
+
+from dataclasses import replace
+
+from bayesid.model.effects import rudder
+from bayesid.model.effects.declare import Effect, EffectParameter
+
+_RHO_AIR = 1.2
+# Blendermann (1994), loaded tanker: drag abeam, drag from ahead and from astern over the front, cross-force,
+# and how far the centre of the side force moves forward per radian of wind before the beam
+_ABEAM, _AHEAD, _ASTERN, _CROSS, _MOVES = 0.70, 0.90, 0.55, 0.40, 0.18
+
+
+def _air(axis: str, north: str, east: str) -> str:
+    """Force of the air that blows to north and east [m/s] past a moving hull; (a, b) is its speed along and
+    across the ship."""
+    a = f"(({north})*cos(psi) + ({east})*sin(psi) - ug)"
+    b = f"(({east})*cos(psi) - ({north})*sin(psi) - vg)"
+    square = f"({a}*{a} + {b}*{b} + 1e-6)"
+    along = f"({_AHEAD} + {_ASTERN - _AHEAD}*step({a}))"
+    share = f"{along}*air_front/({_ABEAM}*air_side)"
+    down = f"(1 - {2 * _CROSS}*(1 - {share})*{a}*{a}*{b}*{b}/({square}*{square}))"
+    pressure = f"0.5*{_RHO_AIR}*L*L*sqrt{square}/{down}"
+    side = f"{pressure}*air_side*{_ABEAM}*(1 + side)*{b}"
+    if axis == "X":
+        return f"{pressure}*air_front*(1 + front)*{along}*{a}"
+    if axis == "Y":
+        return side
+    before = f"(-2*atan({a}/(abs({b}) + sqrt{square})))"  # rad of wind before the beam
+    return f"{side}*L*(air_centroid + centre + {_MOVES}*(1 + centre_moves)*{before})"
+
+
+def _wind(axis: str) -> str:
+    # a vane whose zero is off turns the measured vector
+    turned = (
+        "(cos(vane_zero)*wind_north - sin(vane_zero)*wind_east)",
+        "(sin(vane_zero)*wind_north + cos(vane_zero)*wind_east)",
+    )
+    blowing = [f"blowing_{d} + gain*{w}" for d, w in zip(("north", "east"), turned, strict=True)]
+    return f"{_air(axis, *blowing)} - ({_air(axis, '0', '0')})"
+
+
+# the force of a rudder behind a drifting hull has no sign of delta_r: it is stronger to the side it pushes to
+_ASYMMETRY = replace(
+    next(e for e in rudder.EFFECTS if e.name == "rudder_asymmetry"),
+    force={
+        "Y": "asymmetry*abs(rows('Y', 'delta_r'))",
+        "N": "-asymmetry*abs(rows('N', 'delta_r'))",
+    },
+    form="Force and moment of the rudder, more where it pushes the stern to starboard and less to port.",
+)
+
+#: in place of the effects of the same names in the catalogue
+SHIP_EFFECTS = (
+    _ASYMMETRY,
+    Effect(
+        name="wind",
+        says="A wind of {V_wind:m/s} from {from:bearing} acts that the simulator leaves out.",
+        family="earth_force",
+        port="force",
+        where=("X+Y+N", "X", "Y", "N", "Y+N", "current"),
+        parameters=(
+            EffectParameter("blowing_north", "m/s", 2.0, about="air to the north beyond the measured"),
+            EffectParameter("blowing_east", "m/s", 2.0, about="air to the east beyond the measured"),
+            EffectParameter(
+                "gain", "-", 1.0, one_sided=True,
+                about="speed at the hull over the measured one: anemometer, its height and its place",
+            ),
+            EffectParameter("vane_zero", "rad", 0.15, low=-1, high=1, about="zero of the vane, added to it"),
+            EffectParameter("side", "-", 0.3, low=-1, about="side force beyond that of the table, its share"),
+            EffectParameter("front", "-", 0.3, low=-1, about="drag beyond that of the table, its share"),
+            EffectParameter("centre", "-", 0.05, about="centre of the side force before that stated, over L"),
+            EffectParameter(
+                "centre_moves", "-", 0.4, low=-1, about="how far it moves with direction, beyond the table"
+            ),
+        ),
+        force={axis: _wind(axis) for axis in "XYN"},
+        source="Blendermann (1994), J. Wind Eng. Ind. Aerodyn. 51, 339-351, loaded tanker; less still air",
+        magnitude="first-order for surface models in the open",
+        form="Drag, side force and moment over the direction of the relative wind on the areas of the "
+        "vehicle file: wind from ahead pushes the bow, from astern the stern. Measured wind is not filtered.",
+    ),
+)  # fmt: skip

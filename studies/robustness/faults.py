@@ -1,0 +1,110 @@
+"""Faults of the machine: a full disk, an output that is none, no home, damaged caches and logs.
+
+Takes a bundle. Gives one row per fault: the command, its exit code, whether that was right, its last words.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from studies.robustness.kills import different
+
+BLOCKS = 8  # of 512 or 1024 bytes: no file may become longer, as on a full disk
+NUMBERS = ("fit.json",)
+
+
+def fault_rows(bundle: Path, work: Path) -> list[dict[str, Any]]:
+    """Every fault once."""
+    shutil.rmtree(work, ignore_errors=True)
+    work.mkdir(parents=True)
+    (work / "file").write_text("")
+    simulate = ("simulate", "remus100", "turn:10", "--dt", "1")
+    fit = ("fit", str(bundle), "--free", "N_dr,N_r,N_v", "--quick")
+    diagnose = ("diagnose", str(bundle), "--quick")
+    rows = []
+    for name, line in {"simulate": simulate, "fit": fit, "diagnose": diagnose}.items():
+        row = _row("disk full", name, {2}, _run((*line, "--out", str(work / f"full-{name}")), full=True))
+        rows.append(row)
+        for fault, place in {
+            "output below a file": work / "file" / "x",
+            "read-only output": Path("/proc/x"),
+        }.items():
+            rows.append(_row(fault, name, {2}, _run((*line, "--out", str(place)))))
+    bare = {k: v for k, v in os.environ.items() if k not in ("HOME", "XDG_CACHE_HOME", "BAYESID_CACHE")}
+    rows.append(_row("HOME not set", "simulate", {0}, _run((*simulate, "--out", str(work / "h")), bare)))
+    rows += _caches(simulate, work)
+    rows += _logs(fit, work)
+    return rows
+
+
+def _caches(simulate: Sequence[str], work: Path) -> list[dict[str, Any]]:
+    """Every file of the cache of kernels spoilt in one way, then the same command."""
+    cache = work / "cache"
+    env = {**os.environ, "BAYESID_CACHE": str(cache)}
+    cache.mkdir(mode=0o700)
+    good = work / "good"
+    _run((*simulate, "--out", str(good)), env)
+    ways: dict[str, Callable[[bytes], bytes]] = {
+        "empty": lambda b: b"", "cut": lambda b: b[: len(b) // 2], "other bytes": lambda b: b"\0" * len(b),
+    }  # fmt: skip
+    rows = []
+    for way, spoil in ways.items():
+        for suffix in (".nbi", ".nbc", ".pyc"):
+            for path in cache.rglob("*" + suffix):
+                path.write_bytes(spoil(path.read_bytes()))
+            out = work / f"cache-{way}-{suffix}".replace(" ", "-")
+            row = _row(
+                f"cache damaged: {suffix} {way}", "simulate", {0}, _run((*simulate, "--out", str(out)), env)
+            )
+            rows.append(row | _same(row, good, out, ["*.csv"]))
+    return rows
+
+
+def _logs(fit: Sequence[str], work: Path) -> list[dict[str, Any]]:
+    """The log of iterates of a fit spoilt, then the fit again."""
+    good = work / "fit"
+    _run((*fit, "--out", str(good)))
+    rows = []
+    for way, text in {"empty": b"", "no JSON": b"\xff{]\n", "other costs": None}.items():
+        out = work / f"log-{way}".replace(" ", "-")
+        out.mkdir()
+        kept = (good / "iterates.jsonl").read_bytes()
+        spoilt = kept.replace(b'"cost": ', b'"cost": 7') if text is None else text
+        (out / "iterates.jsonl").write_bytes(spoilt)
+        row = _row(f"iterates damaged: {way}", "fit", {0, 3}, _run((*fit, "--out", str(out))))
+        rows.append(row | _same(row, good, out, NUMBERS))
+    return rows
+
+
+def _same(row: dict[str, Any], good: Path, out: Path, files: Sequence[str]) -> dict[str, Any]:
+    apart = different(good, out, files)
+    return {"ok": row["ok"] and not apart, "words": "; ".join(apart) or row["words"]}
+
+
+def _run(arguments: Sequence[str], env: dict[str, str] | None = None, full: bool = False) -> tuple[int, str]:
+    line = [sys.executable, "-m", "bayesid", *arguments]
+    if full:
+        line = ["sh", "-c", f"trap '' XFSZ; ulimit -f {BLOCKS}; exec \"$@\"", "sh", *line]
+    found = subprocess.run(line, capture_output=True, text=True, env=env, timeout=900)
+    return found.returncode, found.stderr
+
+
+def _row(fault: str, command: str, codes: set[int], found: tuple[int, str]) -> dict[str, Any]:
+    code, err = found
+    said = [x for x in err.strip().splitlines() if x.strip()]
+    ok = code in codes and "Traceback" not in err and "unexpected" not in err
+    if codes == {2}:
+        ok = ok and bool(said)
+    return {
+        "fault": fault,
+        "command": command,
+        "code": code,
+        "ok": ok,
+        "words": said[-1][-300:] if said else "",
+    }

@@ -1,0 +1,83 @@
+"""What is lost when a command is killed, the disk is full, an input is damaged, or a log is long?
+
+Usage: python -m studies.robustness.run --data FOLDER [--out FOLDER] [--kills N] [--fuzz SECONDS]
+[--seed S] [--quick]. FOLDER holds the practice bundles (a016 is used). Every part is kept in OUT/parts as it
+ends.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from bayesid.code import code_digest
+from bayesid.files import write_json
+from bayesid.lock import lock_or_exit
+from bayesid.progress import Progress
+from bayesid.report import writer
+from studies.robustness.faults import fault_rows
+from studies.robustness.kills import kill_and_resume
+from studies.robustness.report import robustness_report
+from studies.robustness.sizes import size_rows
+
+BUNDLE = "a016"
+KILLS, FUZZ_SECONDS = 3, 420.0
+SIZES = [(1.0, 1.0), (3.0, 1.0), (10.0, 1.0)]  # h, Hz
+
+
+def main(out: Path, data: Path, kills: int, seconds: float, seed: int, quick: bool) -> dict[str, Any]:
+    """Kill, spoil, fuzz, measure, report."""
+    progress, place = Progress(), data if (data / BUNDLE).exists() else data / "practice"
+    bundle = str(place / BUNDLE)
+    parts: dict[str, Callable[[Path], Any]] = {
+        "kills": lambda work: [
+            *kill_and_resume("diagnose", ("-m", "bayesid", "diagnose", bundle, "--quick", "--out", "OUT"),
+                             ("diagnosis.json", "model.json"), work, kills, seed),
+            *kill_and_resume("fit", ("-m", "bayesid", "fit", bundle, "--out", "OUT"),
+                             ("fit.json", "model.json"), work, kills, seed + 1),
+            *kill_and_resume("sample", ("-m", "bayesid", "sample", bundle, "--free", "N_dr,N_r,N_v",
+                                        "--max-steps", "400", "--out", "OUT"),
+                             ("posterior.nc",), work, kills, seed + 2, ("--resume",)),
+        ],
+        "faults": lambda work: fault_rows(Path(bundle), work),
+        "fuzz": lambda work: _fuzz(seconds, seed),
+        "sizes": lambda work: size_rows(SIZES[:1] if quick else SIZES),
+    }  # fmt: skip
+    found: dict[str, Any] = {}
+    for name, work in parts.items():
+        path = out / "parts" / f"{name}.json"
+        if not path.exists():
+            progress.note(name)
+            with tempfile.TemporaryDirectory() as folder:
+                write_json(path, {"code": code_digest(), "rows": work(Path(folder))})
+        found[name] = json.loads(path.read_text("utf-8"))
+    inputs = {"bundle": BUNDLE, "kills": kills, "fuzz_seconds": seconds, "quick": quick}
+    results = {"inputs": inputs, "seeds": [seed], **found}
+    progress.note(f"report: {writer.write(robustness_report(found), out, results)}")
+    return results
+
+
+def _fuzz(seconds: float, seed: int) -> list[dict[str, Any]]:
+    sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "fuzz"))
+    from fuzz_inputs import fuzz  # type: ignore[import-not-found]
+
+    return [{"kind": kind, **vars(c), "escaped": c.escaped[:20]} for kind, c in fuzz(seconds, seed).items()]
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, default=Path("out/robustness"))
+    parser.add_argument("--data", type=Path, required=True, help="folder of the practice bundles")
+    parser.add_argument("--kills", type=int, default=KILLS, help="of each command by each signal")
+    parser.add_argument("--fuzz", type=float, default=FUZZ_SECONDS, help="seconds of mutated inputs")
+    parser.add_argument("--seed", type=int, default=7)
+    parser.add_argument("--quick", action="store_true", help="one kill each, 20 s of inputs, one size")
+    given = parser.parse_args()
+    lock_or_exit(given.out, "studies/robustness/run.py")
+    kills, seconds = (1, 20.0) if given.quick else (given.kills, given.fuzz)
+    main(given.out, given.data, kills, seconds, given.seed, given.quick)

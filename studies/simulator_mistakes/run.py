@@ -1,0 +1,232 @@
+"""Are mistakes of a simulator told from a cause: which planted ones are named, and what is named wrongly?
+
+Usage: python -m studies.simulator_mistakes.run [--out FOLDER] [--quick] [--vehicles A,B] [--seeds 0,1]
+[--render FOLDER]. Logs are made with the right numbers; the vehicle file gets one mistake at a time. The log
+goes through the check of the input, the comparison of causes and the search for mistakes of the simulator,
+as in `bayesid diagnose`; held-out runs are not asked. Results are kept: a second call goes on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from bayesid.diagnosis.event_search import verdict_with
+from bayesid.diagnosis.exclusions import compare_without
+from bayesid.diagnosis.hypotheses.verdict import decide
+from bayesid.diagnosis.input import WRONG_VEHICLE, check_trial
+from bayesid.diagnosis.simulator import find_mistakes, mistakes_that_clear
+from bayesid.equations.model import Model, build_model
+from bayesid.errors import BayesidError
+from bayesid.lock import lock_or_exit
+from bayesid.model.vehicles import load_vehicle, with_relative_prior
+from bayesid.report import writer
+from bayesid.report.writer import Report, Section, Table, Text
+from bayesid.trials import Trial
+from studies.log_mistakes.campaigns import PRIOR_SD, VEHICLES, campaign
+from studies.simulator_mistakes.plant import Planted, planted
+from studies.simulator_mistakes.public import SIGN_LOST, SIMULATORS
+
+SEEDS = (0, 1)
+STEP = 0.2  # L/U between readings and orders
+SET = 3  # names at most that count as a set
+BAR = 0.9
+NOTHING = Planted("nothing", lambda v: v, ())
+# in what made the log: no vehicle file can hold it, so that none of the mistakes is its name
+LOST = Planted("sign of v v lost in the log", lambda v: v, (), ("hull_asymmetry",))
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One log judged.
+
+    Attributes
+    ----------
+    word : "named", "in the set", "as an effect", "as a mistake of the log", "missed", "wrong name", "silent",
+        "false alarm", "not to be seen" where both agree within the stated uncertainty, "diverges"
+        where a simulator with the mistake writes no log
+    names : mistakes of the simulator that are named
+    verdict, effects : the ordinary verdict, and mistakes of the log
+    """
+
+    vehicle: str
+    seed: int
+    row: str
+    word: str
+    names: tuple[str, ...]
+    verdict: str
+    effects: tuple[str, ...]
+    seconds: float
+    extra: float
+
+
+def judge(
+    trial: Trial, model: Model, row: Planted
+) -> tuple[str, tuple[str, ...], str, tuple[str, ...], float]:
+    """What is said of one log: word, mistakes named, verdict, its names, seconds of the search."""
+    check = check_trial(trial, model)
+    inputs = tuple(f.name for f in check.findings)
+    alike = {name for f in check.findings for name in (f.name, *f.also)}
+    if alike & set(row.inputs):
+        return "as a mistake of the log", (), "input", inputs, 0.0
+    if inputs and (set(inputs) != {WRONG_VEHICLE} or not mistakes_that_clear(trial, model)):
+        return "wrong name" if row is not NOTHING else "false alarm", (), "input", inputs, 0.0
+    compared = compare_without(model, trial)
+    verdict = verdict_with(decide(compared.problem, compared.candidates), compared.problem.events)
+    begin = time.perf_counter()
+    names = tuple(f.name for f in find_mistakes(trial, compared, verdict))
+    took = time.perf_counter() - begin
+    effects = (*inputs, *verdict.effects)
+    if row is NOTHING:
+        return ("false alarm" if names else "silent"), names, verdict.word, effects, took
+    if names and names[0] in row.right:
+        word = "named"
+    elif set(names[:SET]) & set(row.right):
+        word = "in the set"
+    elif names:
+        word = "wrong name"
+    elif verdict.word in ("effect", "effect_with_remainder", "several") and set(effects) & set(row.effects):
+        word = "as an effect"
+    else:
+        word = "not to be seen" if verdict.word == "none" else "missed"
+    return word, names, verdict.word, effects, took
+
+
+def study(out: Path, vehicles: tuple[str, ...], seeds: tuple[int, ...]) -> list[Outcome]:
+    """Every mistake in every campaign; the report is written anew after every log."""
+    found = kept(out)
+    done = {(o.vehicle, o.seed, o.row) for o in found}
+    for k in seeds:
+        for name in vehicles:
+            trial = campaign(name, k, step=STEP)
+            right = with_relative_prior(load_vehicle(name), PRIOR_SD)
+            for row in (NOTHING, LOST, *planted()):
+                if (name, k, row.name) in done:
+                    continue
+                wrong = row.change(right)
+                same = VEHICLES[name] == 3 and wrong is not None and wrong.coef == right.coef
+                if wrong is None or (row not in (NOTHING, LOST) and (same or wrong == right)):
+                    continue
+                begin = time.perf_counter()
+                try:
+                    model = build_model(with_relative_prior(wrong, PRIOR_SD), VEHICLES[name])
+                    log = campaign(name, k, step=STEP, acts=SIGN_LOST) if row is LOST else trial
+                    said = judge(log, model, row)
+                except BayesidError as error:
+                    said = ("diverges" if row is LOST else "missed", (), f"refused: {error}"[:120], (), 0.0)
+                took = time.perf_counter() - begin
+                found.append(Outcome(name, k, row.name, *said[:4], took, said[4]))
+                print(f"{name} {k} {row.name}: {said} {took:.0f} s", flush=True)
+                writer.write(report(found), out, {"outcomes": [vars(o) for o in found]})
+    return found
+
+
+def report(found: list[Outcome]) -> Report:
+    """The table of mistakes, and what was missed."""
+    planted_in = [o for o in found if o.row != NOTHING.name]
+    real = [o for o in planted_in if o.word not in ("not to be seen", "diverges")]
+    faint = sum(o.word == "not to be seen" for o in planted_in)
+    clean = [o for o in found if o.row == NOTHING.name]
+    good = [o for o in real if o.word not in ("missed", "wrong name")]
+    share = len(good) / max(1, len(real))
+    words = Counter(o.word for o in real)
+    alarms = sum(o.word == "false alarm" for o in clean)
+    told = ", ".join(f"{words[w]} {w}" for w in words if w not in ("missed", "wrong name"))
+    lead = (
+        f"Of {len(real)} logs whose simulator has a mistake {len(good)} are told, {share:.0%} ({told}): the "
+        f"bar of {BAR:.0%} is {'met' if share >= BAR else 'missed'}. {words['wrong name']} get a wrong name, "
+        f"{words['missed']} none; {faint} more are too small to be seen, simulator and log agree. Of "
+        f"{len(clean)} logs of a right simulator {alarms} are called mistaken. "
+        f"The logs are of {', '.join(dict.fromkeys(o.vehicle for o in found))}."
+    )
+    vehicles = list(dict.fromkeys(o.vehicle for o in found))
+    rows: list[list[Any]] = []
+    for name in dict.fromkeys(o.row for o in found):
+        cells: list[Any] = [name]
+        for vehicle in vehicles:
+            of = [o for o in found if o.row == name and o.vehicle == vehicle]
+            cells.append(
+                ", ".join(f"{w} ({n})" if n > 1 else w for w, n in Counter(o.word for o in of).items())
+            )
+        cells.append("; ".join(dict.fromkeys(
+            f"{o.verdict} {', '.join(o.effects[:3])}".strip() for o in found if o.row == name
+        )))  # fmt: skip
+        rows.append(cells)
+    missed = [o for o in found if o.word in ("missed", "wrong name", "false alarm")]
+    table = [[o.vehicle, o.seed, o.row, ", ".join(o.names), o.verdict, ", ".join(o.effects)] for o in missed]
+    whole = sum(o.seconds for o in found)
+    extra = sum(o.extra for o in found)
+    return Report(
+        "Mistakes planted into vehicle files",
+        lead,
+        [
+            Section("By mistake", [Table(["mistake", *vehicles, "ordinary verdicts"], rows)]),
+            Section(
+                "Missed",
+                [
+                    Table(["vehicle", "seed", "mistake", "named", "verdict", "its names"], table)
+                    if table
+                    else Text("None.")
+                ],
+            ),
+            Section(
+                "Public simulators", [Table(["simulator", "what it does", "source", "said"], _public(found))]
+            ),
+            Section("Time", [Text(f"The search for mistakes takes {extra:.0f} of {whole:.0f} s.")]),
+        ],
+    )
+
+
+def _public(found: list[Outcome]) -> list[list[Any]]:
+    """What is said of a log with the right term, or made with the wrong one where no file can hold it."""
+    rows = []
+    for simulator, what, source, row in SIMULATORS:
+        said = [
+            f"{o.vehicle}: {o.word}"
+            + (f" ({', '.join(o.names)})" if o.names else f" ({' '.join((o.verdict, *o.effects[:3]))})")
+            for o in found
+            if o.row == row
+        ]
+        rows.append([simulator, what, source, "; ".join(dict.fromkeys(said))])
+    return rows
+
+
+def kept(folder: Path) -> list[Outcome]:
+    """Outcomes of an earlier call."""
+    file = folder / "results.json"
+    if not file.exists():
+        return []
+    rows = json.loads(file.read_text())["outcomes"]
+    return [Outcome(**{**r, "names": tuple(r["names"]), "effects": tuple(r["effects"])}) for r in rows]
+
+
+def main(
+    out: Path,
+    quick: bool = False,
+    seeds: tuple[int, ...] = SEEDS,
+    vehicles: tuple[str, ...] = tuple(VEHICLES),
+) -> None:
+    """Run the study and write its report."""
+    study(out, ("remus100",) if quick else vehicles, seeds[:1] if quick else seeds)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=Path("out/simulator_mistakes"))
+    parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--render", type=Path, metavar="FOLDER")
+    parser.add_argument("--vehicles", default=",".join(VEHICLES))
+    parser.add_argument("--seeds", default=",".join(map(str, SEEDS)))
+    given = parser.parse_args()
+    lock_or_exit(given.out, "study simulator_mistakes")
+    if given.render is not None:
+        outcomes = kept(given.render)
+        writer.write(report(outcomes), given.out, {"outcomes": [vars(o) for o in outcomes]})
+    else:
+        seeds = tuple(int(s) for s in given.seeds.split(","))
+        main(given.out, given.quick, seeds, tuple(given.vehicles.split(",")))

@@ -1,0 +1,51 @@
+"""A diagnosis that would not fit into the memory is refused in a sentence before it starts."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from gap_trials import model_of, planted_trial
+
+from bayesid import memory
+from bayesid.diagnosis.input import memory_needed as needed
+from bayesid.diagnosis.run import diagnose
+from bayesid.errors import TrialError
+
+
+def longer(trial, times):
+    runs = []
+    for run in trial.runs:
+        t = np.arange(run.t.size * times) * (run.t[1] - run.t[0])
+        runs.append(replace(
+            run, t=t, data={c: np.tile(v, times) for c, v in run.data.items()},
+            commands={c: np.tile(v, times) for c, v in run.commands.items()},
+        ))  # fmt: skip
+    return replace(trial, runs=tuple(runs))
+
+
+def test_what_is_needed_grows_with_the_samples_and_not_with_runs_held_out():
+    model, trial = model_of(), planted_trial(model_of())
+    one, ten = (needed.memory_needed(t, model) - needed.FIXED for t in (trial, longer(trial, 10)))
+    assert ten == pytest.approx(10 * one)
+    held = replace(trial, runs=(*trial.runs, *(replace(r, role="holdout") for r in trial.runs)))
+    assert needed.memory_needed(held, model) - needed.FIXED == pytest.approx(one)
+
+
+def test_too_little_memory_is_a_sentence_with_both_numbers_and_a_sampling_that_fits(monkeypatch):
+    model, trial = model_of(), longer(planted_trial(model_of()), 500)
+    monkeypatch.setattr(needed, "available_memory", lambda: int(0.9e9))
+    monkeypatch.setattr(needed, "taken_memory", lambda: int(0.3e9))
+    words = r"80000 samples need about \d+\.\d GB .* 1\.2 GB are there; read every"
+    with pytest.raises(TrialError, match=words):
+        diagnose(trial, model)
+    step = (needed.memory_needed(trial, model) - needed.FIXED) / (1.2e9 - needed.FIXED)
+    needed.check_memory(longer(planted_trial(model_of()), int(500 / step) - 1), model)
+
+
+def test_a_container_and_a_limit_of_the_shell_count(monkeypatch, tmp_path):
+    (tmp_path / "memory.max").write_text("1000000\n")
+    (tmp_path / "memory.current").write_text("400000\n")
+    monkeypatch.setattr(memory, "CGROUP", tmp_path)
+    assert memory.available_memory() == 600000
+    (tmp_path / "memory.max").write_text("max\n")
+    assert memory.available_memory() is None or memory.available_memory() > 10**6

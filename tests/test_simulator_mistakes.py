@@ -1,0 +1,99 @@
+"""Mends of the table undo mistakes written by hand; only a mend that leaves no cause to look for is named."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bayesid.diagnosis.event_search import verdict_with
+from bayesid.diagnosis.exclusions import compare_without
+from bayesid.diagnosis.hypotheses.verdict import decide
+from bayesid.diagnosis.simulator import find_mistakes
+from bayesid.diagnosis.simulator.judge import shifted
+from bayesid.diagnosis.simulator.mending import mended_model, mended_prior, numbers_of
+from bayesid.diagnosis.simulator.table import MISTAKES, ROWS, Change
+from bayesid.equations.model import Model, build_model
+from bayesid.estimation.filter_error.evidence import normal_equations, posterior
+from bayesid.estimation.parameters import NO_PARAMETERS, coefficient_prior
+from bayesid.model.vehicles import Vehicle, load_vehicle, with_relative_prior
+from studies.log_mistakes.campaigns import PRIOR_SD, VEHICLES, campaign
+from studies.simulator_mistakes.plant import planted
+
+BY_NAME = {m.name: m for m in MISTAKES}
+# sizes planted -> size of the mend
+SIZES = {
+    "another length (1.06)": 1.06, "another length (0.9)": 0.9, "all coefficients halved": 2.0,
+    "moments about x = 0.05 L": 0.05, "moments about x = -0.03 L": -0.03,
+    "centre of buoyancy 0.005 L forward": -0.005,
+}  # fmt: skip
+# what is dropped is not known again
+OPEN = ("no cross terms", "no cross terms but potential flow")
+
+
+def _model(vehicle: Vehicle, dof: int) -> Model:
+    return build_model(with_relative_prior(vehicle, PRIOR_SD), dof)
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+@pytest.mark.parametrize("row", planted(), ids=lambda row: row.name)
+def test_the_mend_undoes_a_mistake_written_by_hand(name: str, row) -> None:
+    right = load_vehicle(name)
+    wrong = row.change(right)
+    if wrong is None or wrong == right or row.name in OPEN:
+        pytest.skip("nothing to undo here, or of a size the file does not tell")
+    wanted, given = _model(right, 6), _model(wrong, 6)
+    change = BY_NAME[row.right[0]].mend(numbers_of(given), SIZES.get(row.name, 1.0))
+    assert change is not None
+    # the rows by hand are those of a hull with two planes of symmetry
+    rows = [
+        i
+        for n, i in wanted.index.items()
+        if n in change.values and (n not in ROWS or (ROWS[n].planar and n[0] in "XYN"))
+    ]
+    got = mended_model(given, change).nominal
+    scale = np.maximum(np.abs(wanted.nominal[rows]), np.abs(given.nominal[rows]))
+    assert np.all(np.abs(got[rows] - wanted.nominal[rows]) <= 1e-6 * np.maximum(scale, 1e-12))
+
+
+def test_no_mistake_changes_a_number_it_does_not_name() -> None:
+    model = _model(load_vehicle("remus100"), 6)
+    for mistake in MISTAKES:
+        change = mistake.mend(numbers_of(model), mistake.sizes[0])
+        if change is None:
+            continue
+        moved = np.flatnonzero(mended_model(model, change).nominal != model.nominal)
+        assert {model.kernel.parameters[i] for i in moved} <= set(change.values)
+
+
+def test_equations_of_another_prior_give_its_evidence() -> None:
+    rng = np.random.default_rng(3)
+    columns, resid = rng.standard_normal((40, 4)), rng.standard_normal(40)
+    delta, scale = rng.standard_normal(4), np.array([0.5, 2.0, 1.0, 0.0])
+    ours = posterior(shifted(normal_equations(resid, columns, 0.3, 40), delta, scale)).log_evidence
+    covariance = np.eye(40) + (columns * scale**2) @ columns.T
+    off = resid - columns @ delta
+    _, logdet = np.linalg.slogdet(covariance)
+    dense = -0.5 * (off @ np.linalg.solve(covariance, off) + logdet + 0.3 + 40 * np.log(2 * np.pi))
+    assert ours == pytest.approx(dense, rel=1e-12)
+
+
+def test_a_mended_coefficient_keeps_its_relative_deviation() -> None:
+    model = _model(load_vehicle("remus100"), 3)
+    stated = coefficient_prior(model)
+    i = stated.names.index("N_v")
+    mean, sd = mended_prior(stated, NO_PARAMETERS, Change({"N_v": 3.0 * float(stated.mean[i])}))
+    assert sd[i] / abs(mean[i]) == pytest.approx(PRIOR_SD)
+    assert np.delete(mean, i) == pytest.approx(np.delete(stated.mean, i))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["Munk moment missing", "nothing"])
+def test_a_missing_munk_moment_is_named_and_a_right_simulator_is_not(name: str) -> None:
+    right = load_vehicle("remus100")
+    trial = campaign("remus100", 5, step=0.2)
+    row = next((r for r in planted() if r.name == name), None)
+    model = _model(right if row is None else row.change(right), 3)
+    compared = compare_without(model, trial)
+    verdict = verdict_with(decide(compared.problem, compared.candidates), compared.problem.events)
+    found = [f.name for f in find_mistakes(trial, compared, verdict)]
+    assert found[:1] == ([] if row is None else [name])
