@@ -39,7 +39,7 @@ def chains(posterior: Posterior) -> str:
     """How many chains of which sampler, in words."""
     count, _, walkers, _ = posterior.draws.shape
     if walkers == 1:
-        return f"{count} chains along slopes ({posterior.settings.get('sampler', 'NUTS')})"
+        return f"{count} chains along slopes (nutpie's No-U-Turn sampler)"
     return f"{count} ensembles of {walkers} walkers (emcee)"
 
 
