@@ -156,8 +156,8 @@ def first_blocks(found: TrialFit, posterior: Posterior, view: PosteriorView) -> 
         blocks.append(Table(TOGETHER, rows, caption, digits=2))
     words = (
         "Prime values (SI below, under Unknowns). Left: posterior sd over prior sd. Conflict: distance from "
-        "the prior in the sd chance gives it; beyond 3 they disagree. Prior's share of the variance: 0 the runs "
-        "decide, 1 the prior."
+        "the prior in the sd chance gives it; beyond 3 they disagree. Prior's share of the variance: 0 the "
+        "runs decide, 1 the prior."
     )
     rows = [[row[i] for i in SHOWN] for row in coefficient_rows(posterior, view, found.vehicle)]
     blocks.append(Table([COEFFICIENTS[i] for i in SHOWN], rows, words, digits=3))
