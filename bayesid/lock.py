@@ -80,7 +80,7 @@ def lock(folder: str | os.PathLike[str], command: str) -> str | None:
         try:
             free = _system_lock(handle)
             before = _read(handle)
-            if not free or _lives(before):
+            if free is False or (before is not None and _may_live(before, proof=free is True)):
                 raise LockError(_busy(place, before))
             if not _same_file(handle, file):  # its holder removed it in between
                 os.close(handle)
@@ -121,16 +121,17 @@ def release_all() -> None:
         _held.popitem()[1].release()
 
 
-def _system_lock(handle: int) -> bool:
-    """Whether the system lends its own lock of the file; it falls with the process, however that ends."""
+def _system_lock(handle: int) -> bool | None:
+    """Whether the system lends its own lock of the file, which falls with the process, however that ends;
+    None where it has none."""
     if fcntl is None:
-        return True
+        return None
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
     except OSError:  # a file system without such locks
-        return True
+        return None
     return True
 
 
@@ -163,19 +164,30 @@ def _write(handle: int, command: str) -> None:
 
 def _born(pid: int) -> str:
     """Start of a process in ticks of the system, so that a number used again is not taken for its first."""
+    words = _status(pid)
+    return words[19] if len(words) > 19 else ""
+
+
+def _status(pid: int) -> list[str]:
+    """State, parent, ... of a process as the system tells them; empty where it does not."""
     try:
         status = Path(f"/proc/{pid}/stat").read_text(encoding="ascii", errors="replace")
-        return status.rsplit(")", 1)[1].split()[19]
+        return status.rsplit(")", 1)[1].split()
     except (OSError, IndexError):
-        return ""
+        return []
 
 
-def _lives(holder: dict[str, Any] | None) -> bool:
-    """Whether the holder may still be at work; one of another host cannot be asked."""
-    if holder is None:
-        return False
+def _may_live(holder: dict[str, Any], proof: bool) -> bool:
+    """Whether the holder may still be at work; one of another host cannot be asked.
+
+    Parameters
+    ----------
+    proof : the system lent its lock, which no process of this host holds then
+    """
     if holder["host"] != socket.gethostname():
         return True
+    if proof or _status(holder["pid"])[:1] == ["Z"]:  # ended, and its parent has not asked how
+        return False
     if os.name != "posix":
         return True
     try:

@@ -49,6 +49,13 @@ def test_a_fit_read_back_has_every_number_of_the_one_made(problem, first):
         assert np.array_equal(kept.states, anew.states) and np.array_equal(kept.force, anew.force)
 
 
+def test_a_fit_made_in_the_same_diagnosis_is_not_told_as_kept_from_a_stopped_one(problem, tmp_path):
+    with fits_kept(tmp_path) as journal:
+        first = fit_with(problem, (), iterations=1)
+        again = fit_with(problem, (), iterations=1)
+    assert journal.used == 0 and np.array_equal(first.values, again.values)
+
+
 @pytest.mark.parametrize("change", ["reading", "prior", "noise", "start"])
 def test_another_question_is_not_answered_by_it(problem, first, change):
     folder, _ = first

@@ -1,14 +1,20 @@
 """Many bundles: what they share is told from what changed, and a folder of bundles is not a bundle."""
 
+import json
 import math
+from dataclasses import replace
 
 import pytest
 from scipy.stats import chi2
 
+from bayesid.api import fleet
 from bayesid.api.fleet import bundles_of, diagnose_fleet
 from bayesid.cli.main import run
 from bayesid.diagnosis.fleet import shared_effects, shared_parameters
 from bayesid.errors import TrialError
+from bayesid.model.vehicles import load_vehicle
+from bayesid.model.vehicles.writing import vehicle_toml
+from bayesid.report.fleet import fleet_lead
 
 
 def record(vehicle, value=None, sd=0.1, acting=0.9):
@@ -32,6 +38,12 @@ def test_one_value_in_all_bundles_is_pooled_and_a_change_is_called_one():
     assert p.p == pytest.approx(chi2.sf(q, 2)) and not p.changed
     (p,) = shared_parameters({**same, "d4": record("A", 3.0)})
     assert p.changed and [name for name, _, _ in p.each] == ["d1", "d2", "d3", "d4"]
+
+
+def test_an_effect_of_ambiguous_verdicts_is_in_question_and_does_not_act():
+    records = {n: record("A", 1.0, acting=0.6) | {"verdict": "ambiguous"} for n in ("d1", "d2")}
+    lead = fleet_lead(records, {}, shared_effects(records), shared_parameters(records))
+    assert "in question in 2 of 2" in lead and "acts" not in lead
 
 
 def test_vehicles_are_not_mixed_and_one_bundle_shares_nothing():
@@ -58,3 +70,41 @@ def test_a_bundle_that_cannot_be_read_costs_no_other_one(tmp_path, capsys):
     said = capsys.readouterr().out
     assert "0 of 2 bundles diagnosed" in said and "day2: no verdict" in said
     assert (tmp_path / "out" / "report.html").exists()
+
+
+@pytest.mark.parametrize("changed", ["option", "bundle", "effects"])
+def test_a_verdict_is_kept_only_for_the_same_vehicle_and_effects(tmp_path, monkeypatch, changed):
+    """The paths stay, what the files hold changes."""
+    day = tmp_path / "all" / "day1"
+    assert run(["simulate", "remus100", "turn:10,duration=20", "--out", str(day)]) == 0
+    ship, effects = tmp_path / "ship.toml", tmp_path / "effects.py"
+    if changed == "bundle":
+        ship = day / "vehicle.toml"
+        header = (day / "trial.toml").read_text()
+        (day / "trial.toml").write_text(header.replace('"remus100"', '"vehicle.toml"'))
+    text = vehicle_toml(load_vehicle("remus100"), None)
+    ship.write_text(text)
+    effects.write_text("EFFECTS = ()")
+    done = []
+
+    class Found:
+        verdict = "none"
+
+        def save(self, folder):
+            folder.mkdir(parents=True, exist_ok=True)
+            (folder / "diagnosis.json").write_text(json.dumps(record("A")))
+
+    monkeypatch.setattr(fleet, "diagnose", lambda trial, **rest: done.append(trial.name) or Found())
+    options = {} if changed == "bundle" else {"vehicle": str(ship), "effects": str(effects)}
+
+    def again():
+        diagnose_fleet(tmp_path / "all", tmp_path / "out", **options)
+        return len(done)
+
+    assert [again(), again()] == [1, 1]
+    if changed == "effects":
+        effects.write_text("EFFECTS = (1,)")
+    else:
+        vehicle = load_vehicle("remus100")
+        ship.write_text(vehicle_toml(replace(vehicle, rho=1.001 * vehicle.rho), None))
+    assert [again(), again()] == [2, 2]

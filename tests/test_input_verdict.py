@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,12 +15,14 @@ from bayesid.api.diagnose import diagnose
 from bayesid.api.fit import fit
 from bayesid.api.input_result import InputResult
 from bayesid.api.simulate import simulate, simulate_model
-from bayesid.diagnosis.input import check_trial, mended, not_enough
+from bayesid.diagnosis.input import WRONG_VEHICLE, check_trial, mended, not_enough
 from bayesid.equations.model import build_model
 from bayesid.errors import TrialError
+from bayesid.estimation.filter_error.fit_journal import SUFFIX, current_journal
 from bayesid.model.vehicles import load_vehicle
 from bayesid.trials import Trial
 from bayesid.trials.correction import Correction, apply
+from bayesid.trials.mistakes import InputCheck, InputFinding
 
 NOISE = {"x": 0.03, "y": 0.03, "psi": 0.005, "r": 0.003, "u": 0.008, "v": 0.008}
 
@@ -55,6 +59,23 @@ def test_a_clean_log_is_in_order_with_and_without_a_vehicle(clean, model):
 def test_the_vehicle_tells_what_kinematics_leaves_open(clean, model, name, correction):
     found = check_trial(wrong(clean, correction), model).findings
     assert [f.name for f in found] == [name]
+
+
+def test_a_log_of_another_vehicle_leaves_no_refits(clean, tmp_path, monkeypatch):
+    """No mistake of the simulator explains it: the diagnosis that was tried is thrown away, and its fits."""
+    module = importlib.import_module("bayesid.api.diagnose")
+    finding = InputFinding(WRONG_VEHICLE, "another", (), (), True, 1.0, (), 1.0, 1.0, None)
+    monkeypatch.setattr(module, "check_trial", lambda trial, model: InputCheck((finding,)))
+    monkeypatch.setattr(module, "not_enough", lambda trial, model: ())
+    monkeypatch.setattr(module, "mistakes_that_clear", lambda trial, model: True)
+
+    def tried(*_, **__):
+        (current_journal().folder / f"a{SUFFIX}").write_bytes(b"")
+        return SimpleNamespace(result=SimpleNamespace(simulator=()))
+
+    monkeypatch.setattr(module, "run", tried)
+    assert module.diagnose(clean, journal=tmp_path).verdict == "input"
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_the_mended_log_is_the_clean_one_and_states_the_noise_of_it(clean, model):

@@ -47,5 +47,8 @@ def test_a_container_and_a_limit_of_the_shell_count(monkeypatch, tmp_path):
     (tmp_path / "memory.current").write_text("400000\n")
     monkeypatch.setattr(memory, "CGROUP", tmp_path)
     assert memory.available_memory() == 600000
+    # files read once fill the rest of a container and go when memory is wanted
+    (tmp_path / "memory.stat").write_text("anon 100000\ninactive_file 250000\nactive_file 50000\n")
+    assert memory.available_memory() == 850000
     (tmp_path / "memory.max").write_text("max\n")
     assert memory.available_memory() is None or memory.available_memory() > 10**6

@@ -176,6 +176,17 @@ def test_what_was_assumed_is_said_and_widens_the_prior():
     assert told.vehicle.prior.relative_sd["N_dr"] < bare.vehicle.prior.relative_sd["N_dr"]
 
 
+def test_weight_and_buoyancy_are_those_of_mass_and_displacement(tmp_path):
+    path = tmp_path / "vehicle.toml"
+    path.write_text(commented_toml(estimate(sheet_of({**SHEETS["remus100"], "displacement": 31.5}, "r"))))
+    vehicle = load_vehicle(path)
+    assert vehicle.W == pytest.approx(30.48 * 9.81)
+    assert vehicle.B == pytest.approx(31.5 * 9.81)
+    assert "no effect" not in path.read_text()
+    alike = estimate(sheet_of({"length": 3.0, "diameter": 0.32, "mass": 180.0, "speed": 2.0}, "x")).vehicle
+    assert alike.W == alike.B
+
+
 def test_the_template_is_a_data_sheet():
     sheet = sheet_of(tomllib.loads(template()), "template")
     assert estimate(sheet).vehicle.coef == estimate(sheet_of(SHEETS["remus100"], "r")).vehicle.coef

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import importlib
 import json
+import shlex
+import subprocess
+import sys
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
@@ -86,7 +89,8 @@ def test_it_goes_from_the_log_to_the_diagnosis_and_keeps_the_commands(dive, caps
     assert bayesid(["start", str(dive), "--vehicle", "remus100", "--yes"]) == 0
     out = dive / "bayesid"
     assert diagnosed == [(out, None)]
-    steps = [line for line in (out / "steps.sh").read_text().splitlines() if not line.startswith("#")]
+    lines = [line for line in (out / "steps.sh").read_text().splitlines() if not line.startswith("#")]
+    steps = [line.rpartition(" || ")[2] for line in lines]
     assert [line.split()[1] for line in steps] == ["trial", "trial", "diagnose"]
     said = capsys.readouterr().out
     assert all(f"$ {line}" in said for line in steps)
@@ -126,10 +130,9 @@ def test_questions_of_the_map_stop_it_and_answers_let_it_go_on(tmp_path, capsys,
     said = capsys.readouterr().out
     assert "which axes?" in said
     assert str(path) in said
+    assert "import" not in (folder / "bayesid" / "steps.sh").read_text()
     assert bayesid([*order, "--yes"]) == 3  # still open
     # at a terminal, what holds as it stands is taken
-    import sys
-
     import typer
 
     monkeypatch.setattr(sys.stdin, "isatty", lambda: True, raising=False)
@@ -140,6 +143,30 @@ def test_questions_of_the_map_stop_it_and_answers_let_it_go_on(tmp_path, capsys,
     assert len(asked) >= 1
     assert read_map(path).questions == ()
     assert diagnosed
+
+
+def test_the_steps_can_be_run_again(dive, diagnosed):
+    (dive / "sheet.toml").write_text("length = 1.6\ndiameter = 0.19\nmass = 35\nspeed = 1.5\nrpm = 900\n")
+    assert bayesid(["start", str(dive), "--yes"]) == 0
+    steps = (dive / "bayesid" / "steps.sh").read_text()
+    assert "vehicle new" in steps and "trial import" in steps
+    own = f'bayesid() {{ test "$1" = diagnose || {shlex.quote(sys.executable)} -m bayesid "$@"; }}\n'
+    again = subprocess.run(["sh", "-ec", own + steps], capture_output=True, text=True, check=False)
+    assert again.returncode == 0, again.stderr
+
+
+@pytest.mark.parametrize("name", ["trial.toml", "steps.sh"])
+@pytest.mark.parametrize("content", [b"vehicle = [", b"\xff\xfe\x00\x81"])
+def test_a_damaged_file_of_its_own_is_one_sentence(dive, capsys, diagnosed, name, content):
+    (dive / "bayesid").mkdir()
+    (dive / "bayesid" / name).write_bytes(content)
+    code = bayesid(["start", str(dive), "--vehicle", "remus100", "--yes"])
+    said = capsys.readouterr().err
+    if name == "steps.sh" and content.isascii():
+        assert code == 0  # text that a user may have written
+    else:
+        assert code == 2 and f"bayesid/{name}: " in said and "fault of bayesid" not in said
+        assert not diagnosed
 
 
 @pytest.mark.parametrize(

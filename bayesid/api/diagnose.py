@@ -114,7 +114,11 @@ def diagnose(
         if not_enough(right, model) or not mistakes_that_clear(right, model):
             return None
         found = diagnosis(right, checked)
-        return found if found.found.result.simulator else None
+        if found.found.result.simulator:
+            return found
+        if found.journal is not None:  # nobody saves it
+            found.journal.clear()
+        return None
 
     if trust_input:
         return diagnosis(prepared(logged, resample=resample), InputCheck())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from collections.abc import Mapping
@@ -12,17 +13,18 @@ from typing import TYPE_CHECKING, Any
 
 from bayesid.api.diagnose import diagnose
 from bayesid.api.input_result import InputResult
+from bayesid.api.inputs import LARGEST_EFFECTS, vehicle_of
 from bayesid.api.result import Result, table
 from bayesid.code import loaded_code
 from bayesid.diagnosis.fleet import SharedEffect, SharedParameter, shared_effects, shared_parameters
 from bayesid.errors import BayesidError, TrialError
 from bayesid.executor import HERE, Executor
-from bayesid.files import write_json
+from bayesid.files import UnreadableError, read_regular, write_json
 from bayesid.progress import Progress
 from bayesid.report import writer
 from bayesid.report.fleet import fleet_lead, fleet_report
 from bayesid.report.writer import Report
-from bayesid.trials import load_trial
+from bayesid.trials import Trial, load_trial
 
 if TYPE_CHECKING:
     import pandas
@@ -51,7 +53,7 @@ def diagnose_fleet(
     Parameters
     ----------
     out : gets a folder per bundle, as `bayesid.diagnose` writes it; bundles done before with the same log,
-        options and program are kept
+        vehicle, effects, options and program are kept
     options : of `bayesid.diagnose`
 
     Raises
@@ -82,7 +84,7 @@ def _one(target: Path, options: Mapping[str, Any], bundle: Path) -> tuple[str, s
     out, failure, word = target / bundle.name, "", "failed"
     try:
         trial = load_trial(bundle)
-        key = f"{trial.digest}|{loaded_code()}|{sorted(options.items())!r}"
+        key = _key(trial, options)
         if (kept := _kept(out, key)) is not None:
             return bundle.name, f"{kept} (kept)"
         found = diagnose(trial, journal=out, **options)
@@ -95,6 +97,18 @@ def _one(target: Path, options: Mapping[str, Any], bundle: Path) -> tuple[str, s
         key, failure = "", str(error)
     write_json(out / NOTE, {"key": key, "verdict": word, "failure": failure})
     return bundle.name, word
+
+
+def _key(trial: Trial, options: Mapping[str, Any]) -> str:
+    """All that a diagnosis depends on, vehicle and effects by content: a file may change under its name."""
+    rest = {n: v for n, v in options.items() if n not in ("vehicle", "effects")}
+    vehicle = vehicle_of(options.get("vehicle"), trial).digest
+    effects = options.get("effects")
+    try:
+        source = hashlib.sha256(read_regular(effects, LARGEST_EFFECTS)).hexdigest() if effects else ""
+    except UnreadableError:
+        source = ""  # `diagnose` says what is wrong with it
+    return f"{trial.digest}|{vehicle}|{source}|{loaded_code()}|{sorted(rest.items())!r}"
 
 
 def _kept(out: Path, key: str) -> str | None:

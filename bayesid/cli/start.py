@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import shlex
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bayesid.cli.options import Quick, Verbose
+from bayesid.cli.options import Quick, Verbose, claimed
 from bayesid.cli.terminal import BAD_INPUT, OK
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 ASKED = 3  # exit code: a question is open
 STEPS = "steps.sh"
-HEAD = "#!/bin/sh -e\n# What `bayesid start` did. For other logs: change their names and --out."
+HEAD = "#!/bin/sh -e\n# What `bayesid start` did. For others: change names of logs and of the folder."
 
 Folder = Annotated[
     Path, typer.Argument(metavar="FOLDER", help="Folder with logs, or one log.", show_default=False)
@@ -31,7 +32,13 @@ Named = Annotated[
 ]
 Target = Annotated[
     Path | None,
-    typer.Option("--out", "-o", file_okay=False, help="Folder for the results; default: FOLDER/bayesid."),
+    typer.Option(
+        "--out",
+        "-o",
+        file_okay=False,
+        help="Folder for the results; default: FOLDER/bayesid.",
+        callback=claimed,
+    ),
 ]
 Never = Annotated[
     bool,
@@ -40,6 +47,7 @@ Never = Annotated[
 
 
 def start(
+    context: typer.Context,
     folder: Folder,
     vehicle: Named = None,
     out: Target = None,
@@ -57,7 +65,6 @@ def start(
     """
     from bayesid.cli.output import print_text
     from bayesid.errors import BayesidError
-    from bayesid.lock import lock
     from bayesid.trials.importing.finding import look_into
 
     if not folder.exists():
@@ -76,7 +83,7 @@ def start(
     elif not found.logs and not (out / "trial.toml").exists():
         raise BayesidError(_nothing(folder, found))
     out.mkdir(parents=True, exist_ok=True)
-    lock(out, "bayesid start")
+    claimed(context, out)
     steps = _Steps(out)
     ask = sys.stdin.isatty() and sys.stdout.isatty() and not yes
     named, code = _vehicle(vehicle, found, bundle, out, steps, ask)
@@ -90,20 +97,47 @@ def start(
 
 
 class _Steps:
-    """Prints each command before it is carried out and keeps it in steps.sh."""
+    """Prints each command before it is carried out and keeps it in steps.sh, which can be run again."""
 
     def __init__(self, out: Path) -> None:
-        self.path = out / STEPS
-        self.lines = self.path.read_text(encoding="utf-8").splitlines()[2:] if self.path.exists() else []
+        from bayesid.errors import BayesidError
 
-    def say(self, *words: object) -> None:
+        self.path = out / STEPS
+        try:
+            text = self.path.read_text(encoding="utf-8") if self.path.exists() else ""
+        except ValueError:
+            raise BayesidError(
+                f"{self.path}: is not what `bayesid start` wrote; delete it, and give the command again"
+            ) from None
+        self.lines = text.splitlines()[2:]
+
+    def say(self, *words: object, unless: Path | None = None) -> str:
+        """The line kept; `unless`: what the command makes, and would not make a second time."""
         from bayesid.cli.output import print_text
-        from bayesid.files import write_atomic
 
         line = shlex.join(["bayesid", *map(str, words)])
         print_text(f"\n$ {line}")
+        if unless is not None:
+            line = f"{shlex.join(['test', '-e', str(unless)])} || {line}"
         if line not in self.lines:
             self.lines.append(line)
+        self._write()
+        return line
+
+    def made(self, call: Callable[[], int], made: Path, *words: object) -> int:
+        """Exit code of a command that makes a file; one that asked or failed is not kept."""
+        line, code = self.say(*words, unless=made), None
+        try:
+            code = call()
+        finally:
+            if code != OK:
+                self.lines.remove(line)
+                self._write()
+        return code
+
+    def _write(self) -> None:
+        from bayesid.files import write_atomic
+
         write_atomic(self.path, "\n".join([HEAD, *self.lines]) + "\n")
 
 
@@ -131,12 +165,16 @@ def _vehicle(
         if found.vehicle is not None:
             given = str(found.vehicle)
         elif found.sheet is not None:
-            steps.say("vehicle", "new", made, "--sheet", found.sheet)
-            return (str(made), OK) if new(made, sheet=found.sheet) == OK else (None, BAD_INPUT)
+            code = steps.made(
+                lambda: new(made, sheet=found.sheet), made, "vehicle", "new", made, "--sheet", found.sheet
+            )
+            return (str(made), OK) if code == OK else (None, BAD_INPUT)
         elif found.simulator:
             words = [word for path in found.simulator for word in ("--simulator", path)]
-            steps.say("vehicle", "new", made, *words)
-            return (str(made), OK) if new(made, simulator=list(found.simulator)) == OK else (None, BAD_INPUT)
+            code = steps.made(
+                lambda: new(made, simulator=list(found.simulator)), made, "vehicle", "new", made, *words
+            )
+            return (str(made), OK) if code == OK else (None, BAD_INPUT)
         elif found.map is None or not _map_names_one(found.map):
             names = ", ".join(builtin_names())
             if ask:
@@ -157,7 +195,15 @@ def _vehicle(
 def _bundle_names_one(bundle: Path) -> bool:
     import tomllib
 
-    return bool(tomllib.loads((bundle / "trial.toml").read_text(encoding="utf-8-sig")).get("vehicle"))
+    from bayesid.errors import TrialError
+
+    path = bundle / "trial.toml"
+    try:
+        return bool(tomllib.loads(path.read_text(encoding="utf-8-sig")).get("vehicle"))
+    except (ValueError, RecursionError) as error:
+        raise TrialError(
+            f"{path}: not valid TOML: {error}; mend it, or delete it to import the logs anew"
+        ) from None
 
 
 def _map_names_one(path: Path) -> bool:
@@ -172,15 +218,14 @@ def _import(found: Found, vehicle: str | None, out: Path, steps: _Steps, ask: bo
     from bayesid.cli.trial_import import import_logs
     from bayesid.trials.importing import read_map
 
-    logs, own = list(found.logs), out / "map.toml"
+    logs, own, bundle = list(found.logs), out / "map.toml", out / "trial.toml"
     for path, why in found.skipped:
         print_text(f"{path.name} is left out: {why}")
     given = own if own.exists() else found.map
     if given is None:
         words = ["--vehicle", vehicle] if vehicle else []
-        steps.say("trial", "import", *logs, "--out", out, *words)
-        code = import_logs(logs, out, None, vehicle)
-        if code == OK:
+        order = ["trial", "import", *logs, "--out", out, *words]
+        if steps.made(lambda: import_logs(logs, out, None, vehicle), bundle, *order) == OK:
             return OK
         given = own
     if questions := read_map(given).questions:
@@ -192,8 +237,8 @@ def _import(found: Found, vehicle: str | None, out: Path, steps: _Steps, ask: bo
                 f"\nEdit {given}, delete each question when it is answered, and give the same command again."
             )
             return ASKED
-    steps.say("trial", "import", *logs, "--map", given, "--out", out)
-    return import_logs(logs, out, given)
+    order = ["trial", "import", *logs, "--map", given, "--out", out]
+    return steps.made(lambda: import_logs(logs, out, given), bundle, *order)
 
 
 def _accepted(path: Path, questions: tuple[str, ...]) -> bool:

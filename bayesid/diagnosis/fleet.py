@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from scipy.stats import chi2
 
-NAMING = ("effect", "effect_with_remainder", "several")
+from bayesid.diagnosis.hypotheses.rules import NAMING
+
 # Probability below which estimates of several bundles are not of one value.
 CHANGED = 0.01
 # An effect is common where it acts, more probably than not, in more than this share of the bundles.

@@ -26,7 +26,7 @@ def fleet_report(
     if failures:
         rows = [[n, why] for n, why in sorted(failures.items())]
         sections.append(Section("Without a verdict", [Table(["bundle", "why"], rows, "Not diagnosed.")]))
-    sections.append(Section("What acts where", _effects(effects)))
+    sections.append(Section("What is in question where", _effects(effects)))
     sections.append(Section("The same, or changed", _parameters(parameters)))
     return Report("Diagnosis of many bundles", fleet_lead(records, failures, effects, parameters), sections)
 
@@ -43,7 +43,7 @@ def fleet_lead(
     text = f"**{len(records)} of {len(records) + len(failures)} bundles diagnosed**: {counted or 'none'}."
     common = [s for s in effects if s.acting > COMMON * s.bundles and s.acting > 1]
     text += "".join(
-        f" {_name(s.effect)} acts in {s.acting} of {s.bundles} bundles of "
+        f" {_name(s.effect)} is in question in {s.acting} of {s.bundles} bundles of "
         f"{literal(s.vehicle) if s.vehicle else 'all vehicles'}."
         for s in common[:3]
     )
@@ -78,7 +78,7 @@ def _effects(effects: Sequence[SharedEffect]) -> list[Any]:
         for s in effects
     ]
     about = "Bundles in which an effect acts more probably than not, and its mean probability over all."
-    return [Table(["vehicle", "effect", "acts in", "mean P", "bundles"], rows, about, digits=2)]
+    return [Table(["vehicle", "effect", "in question in", "mean P", "bundles"], rows, about, digits=2)]
 
 
 def _parameters(parameters: Sequence[SharedParameter]) -> list[Any]:

@@ -47,11 +47,12 @@ class FitJournal:
 
     Attributes
     ----------
-    used : how many fits were read back
+    used : how many fits that were there at its opening were read back
     """
 
     def __init__(self, folder: Path) -> None:
         self.folder, self.used, self._broken = folder, 0, False
+        self._before = {path.name for path in folder.glob("*" + SUFFIX)}
 
     def key(self, model: Model, logs: Sequence[RunData], *rest: Any) -> str:
         """Fingerprint of all that a fit depends on."""
@@ -75,7 +76,8 @@ class FitJournal:
                 found = _from_arrays({n: kept[n] for n in kept.files}, model, logs, free, noise_model)
         except _UNREADABLE:
             return None
-        self.used += 1
+        if path.name in self._before:
+            self.used += 1
         return found
 
     def write(self, key: str, fitted: FilterErrorFit) -> None:

@@ -114,9 +114,6 @@ class Fit:
         return write_json(path, self)
 
 
-_UNREADABLE = (OSError, ValueError, KeyError, TypeError, AttributeError, ArithmeticError, RecursionError)
-
-
 def load_fit(path: str | os.PathLike[str]) -> Fit:
     """Read what `Fit.save` wrote.
 

@@ -54,7 +54,7 @@ def estimate(sheet: Sheet) -> NewVehicle:
     coef = {row.name: float(f"{parts.value(row.name):.5g}") for row in TERMS if parts.of.get(row.name)}
     coef = {name: value for name, value in coef.items() if value != 0.0}
     propulsion, thrust_note = _propulsion(sheet, -coef["X_u|u|"])
-    mass = sheet.number("mass")
+    mass, displaced = sheet.number("mass"), sheet.number("displacement")
     inertia = _inertia(hull, mass)
     limit, plane = (math.radians(sheet.number(key)) for key in ("rudder_max_deg", "plane_max_deg"))
     rate = math.radians(sheet.values["rate_deg_s"] or math.inf) if sheet.values["rate_deg_s"] else math.inf
@@ -63,7 +63,7 @@ def estimate(sheet: Sheet) -> NewVehicle:
         source="estimated from a data sheet by `bayesid vehicle new`; formulas beside each coefficient",
         nondimensional=False, plain_abs=True, planar_only=False, rho=hull.rho, L=hull.length, mass=mass,
         Ixx=inertia[0], Iyy=inertia[1], Izz=inertia[2], Ixy=0.0, Ixz=0.0, Iyz=0.0,
-        r_G=(0.0, 0.0, sheet.number("BG")), r_B=(0.0, 0.0, 0.0), W=mass * GRAVITY, B=mass * GRAVITY,
+        r_G=(0.0, 0.0, sheet.number("BG")), r_B=(0.0, 0.0, 0.0), W=mass * GRAVITY, B=displaced * GRAVITY,
         limits={"delta_r": limit, "delta_s": plane, "delta_b": plane if "X_dbdb" in coef else math.inf},
         rates=dict.fromkeys(("delta_r", "delta_s", "delta_b"), rate),
         propulsion=propulsion, crossflow=None, coef=coef,
@@ -130,7 +130,9 @@ def _comments(parts: Parts, coef: dict[str, float], hull: Hull) -> dict[tuple[st
         ("vehicle", "r_G"): "m from the centre of buoyancy, which is the origin; z down",
         ("vehicle", "Ixx"): "kg m2, mass spread evenly over the hull; not known better than 20 %",
         ("vehicle", "L"): f"m; origin {hull.centre:.4g} m from the nose",
-        ("vehicle", "W_equals_B"): "trimmed; W and B have no effect then",
+        ("vehicle", "W"): "N, of the mass",
+        ("vehicle", "B"): "N, of the displacement",
+        ("vehicle", "W_equals_B"): "W and B hold as they stand; true: trimmed, both of the mass",
         ("propulsion", "Kt0"): "K_T = Kt0 (1 - J/a), from a pitch ratio as of the Wageningen B series",
         ("propulsion", "w"): "assumed",
         ("propulsion", "t"): "assumed",

@@ -112,7 +112,7 @@ def build(stated: Stated) -> NewVehicle:
         dimensions={"L_oa": stated.length, "diameter": _section(stated)},
     )  # fmt: skip
     comments = {
-        ("vehicle", "W_equals_B"): "trimmed",
+        ("vehicle", "B"): "N, trimmed: that of the mass",
         ("vehicle", "Ixx"): "kg m2 about the body origin",
         ("prior", "relative_sd"): "assumed: simulators carry numbers over from other vehicles, or tune them",
     }
