@@ -55,6 +55,7 @@ reports: whole study paper
 	$(BIN)/python -m studies.other_equations.run --out $(OUT)/other_equations $(FLAGS) --data "$(DATA)"
 	$(BIN)/python -m studies.log_mistakes.run --out $(OUT)/log_mistakes $(FLAGS)
 	$(BIN)/python -m studies.simulator_mistakes.run --out $(OUT)/simulator_mistakes $(FLAGS)
+	$(BIN)/python -m studies.robustness.run --out $(OUT)/robustness $(FLAGS) --data "$(DATA)"
 	$(BIN)/python -m studies.sampling_rate.run --out $(OUT)/sampling_rate $(FLAGS)
 
 whole:

@@ -126,6 +126,7 @@ def test_both_samplers_give_one_posterior(sampled, trial, tmp_path):
     )
     assert other.posterior.converged
     assert "along slopes" in other.summary()
+    assert other.save(tmp_path).exists()
     a, b = sampled.posterior, other.posterior
     error = a.sd * np.sqrt(1 / a.convergence.ess_bulk + 1 / b.convergence.ess_bulk)
     assert np.all(np.abs(a.mean - b.mean) < 4.5 * error)

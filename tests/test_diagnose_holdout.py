@@ -8,8 +8,11 @@ from gap_trials import model_of, other_vehicle, planted_trial
 
 from bayesid.diagnosis.data.problem import build_problem, fit_with
 from bayesid.diagnosis.evidence.holdout import validate_holdout
-from bayesid.diagnosis.evidence.holdout_prediction import pieces_of
+from bayesid.diagnosis.evidence.holdout_prediction import pieces_of, start_covariance
 from bayesid.diagnosis.run import parameter_draws
+from bayesid.estimation.filter_error.linearise import linearise
+from bayesid.estimation.filter_error.noise_model import smoothed
+from bayesid.estimation.parameters import NO_PARAMETERS
 from bayesid.estimation.segments import held_since
 from bayesid.trials import window
 
@@ -130,6 +133,8 @@ def test_only_a_prediction_worse_than_it_expects_of_itself_refutes():
     worse = replace(row, excess=bad, interval=(-2.0, -0.5))
     assert row.significant and not row.refutes
     assert replace(worse, expected=0.5 * bad["with effect"]).refutes
+    just = bad["with effect"] + row.floor
+    assert replace(worse, expected=just - 0.1).refutes and not replace(worse, expected=just + 0.1).refutes
     assert not replace(worse, expected=2.0 * bad["with effect"]).refutes
     assert replace(worse, expected=float("nan")).refutes  # nothing to judge it by
     assert not replace(worse, expected=0.0, interval=(-2.0, 0.1)).refutes
@@ -165,3 +170,19 @@ def test_pieces_begin_where_the_orders_have_been_held():
         reach = (run.t >= start - 0.2 * 1.5 * length) & (run.t <= start)
         assert held[at] >= held[reach].max() - 1e-9
         assert piece.t[0] == start
+
+
+def test_the_covariance_of_the_start_has_the_variances_of_the_smoother():
+    model = model_of()
+    trial = planted_trial(model, {}, 1, samples=120, holdout=("turn",))
+    problem = build_problem(model, trial, as_built=0.005)
+    noise_model = problem.environment.noise_model
+    log, point = problem.logs[0], fit_with(problem, ()).points[0]
+    path = linearise(model, log, point, NO_PARAMETERS.where)
+    found = start_covariance(model, path, noise_model)
+    variance = smoothed(model, path, np.zeros(0), noise_model).variance[0, : len(found)]
+    assert np.allclose(np.diag(found), variance, rtol=1e-6, atol=1e-12 * variance.max())
+    sd = np.sqrt(variance)
+    seen = sd > 0
+    correlation = found[np.ix_(seen, seen)] / np.outer(sd[seen], sd[seen])
+    assert np.abs(correlation - np.diag(np.diag(correlation))).max() > 0.1  # they are not independent

@@ -10,6 +10,7 @@ import studies.frames.run as frames
 from bayesid.benchmark.plant import VEHICLES, draw_campaign, execute_campaign
 from bayesid.benchmark.protocol.detectability import Detectability, detectability
 from bayesid.equations.model import build_model
+from bayesid.executor import HERE
 from bayesid.manoeuvres import ClosedLoop
 from bayesid.model.vehicles import load_vehicle
 from bayesid.progress import Progress
@@ -102,8 +103,8 @@ def doubled(task):
 def test_what_is_kept_is_not_computed_again(tmp_path):
     tasks = [Sum("one", 1.0), Sum("two", 2.0)]
     CALLS.clear()
-    first = diagnose_campaign.kept(doubled, tasks[:1], tmp_path, 1, QUIET, "sums")
-    both = diagnose_campaign.kept(doubled, tasks, tmp_path, 1, QUIET, "sums")
+    first = diagnose_campaign.kept(doubled, tasks[:1], tmp_path, HERE, QUIET, "sums")
+    both = diagnose_campaign.kept(doubled, tasks, tmp_path, HERE, QUIET, "sums")
     assert CALLS == ["one", "two"]
     assert [r["twice"] for r in both] == [2.0, 4.0] and first[0] == both[0]
     assert len(both[0]["code"]) == 16

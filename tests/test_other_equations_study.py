@@ -8,6 +8,7 @@ import pytest
 import studies.other_equations.run as study
 import studies.other_equations.verdicts as kept
 from bayesid.errors import BayesidError
+from bayesid.executor import HERE
 from bayesid.progress import Progress
 from studies.other_equations.report import other_equations_report
 from studies.other_equations.scoring import quantities, scored
@@ -156,16 +157,16 @@ def test_kept_verdicts_are_not_made_again_unless_bundle_code_or_seed_changed(tmp
 
     monkeypatch.setattr(kept, "load_trial", load)
     bundles = [bundle(tmp_path, "a"), bundle(tmp_path, "b")]
-    first = kept.verdicts(bundles[:1], tmp_path / "v", 0, 1, QUIET)
-    both = kept.verdicts(bundles, tmp_path / "v", 0, 1, QUIET)
+    first = kept.verdicts(bundles[:1], tmp_path / "v", 0, HERE, QUIET)
+    both = kept.verdicts(bundles, tmp_path / "v", 0, HERE, QUIET)
     assert asked == ["a", "b"] and both["a"] == first["a"] and both["a"]["failure"] == "no trial"
     (bundles[0] / "trial.toml").write_text("y")
-    kept.verdicts(bundles, tmp_path / "v", 0, 1, QUIET)
+    kept.verdicts(bundles, tmp_path / "v", 0, HERE, QUIET)
     assert asked == ["a", "b", "a"]
-    kept.verdicts(bundles, tmp_path / "v", 1, 1, QUIET)
+    kept.verdicts(bundles, tmp_path / "v", 1, HERE, QUIET)
     assert asked[3:] == ["a", "b"]
     monkeypatch.setattr(kept, "code_digest", lambda: "other")
-    kept.verdicts(bundles, tmp_path / "v", 1, 1, QUIET)
+    kept.verdicts(bundles, tmp_path / "v", 1, HERE, QUIET)
     assert asked[5:] == ["a", "b"]
 
 

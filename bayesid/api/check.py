@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from bayesid.api.inputs import TrialLike, VehicleLike, model_of, trial_of
-from bayesid.diagnosis.input import check_trial, not_enough
+from bayesid.diagnosis.input import check_trial, not_enough, unmoved_inputs
 from bayesid.report.input import check_record, finding_sentence, in_order_line
 from bayesid.trials.mistakes import InputCheck
 
@@ -19,10 +19,12 @@ class Checked:
     ----------
     check : mistakes, and what is in order
     lacking : why nothing could be told from the trial, one sentence each; empty where there is enough
+    still : inputs of the vehicle that are not in the log or never move, one sentence each
     """
 
     check: InputCheck
     lacking: tuple[str, ...] = ()
+    still: tuple[str, ...] = ()
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -35,6 +37,7 @@ class Checked:
             "input": check_record(self.check),
             "input_in_order": in_order_line(self.check),
             "not_enough": list(self.lacking),
+            "unmoved_inputs": list(self.still),
         }
 
 
@@ -49,4 +52,5 @@ def check(trial: TrialLike, vehicle: VehicleLike | None = None, *, with_vehicle:
     logged = trial_of(trial)
     named = bool(vehicle or logged.vehicle_ref) and with_vehicle
     model = model_of(logged, vehicle) if named else None
-    return Checked(check_trial(logged, model), not_enough(logged, model))
+    still = unmoved_inputs(logged, model.vehicle) if model is not None else ()
+    return Checked(check_trial(logged, model), not_enough(logged, model), still)

@@ -185,7 +185,7 @@ class CompareResult(Result):
             words.headline(self.found),
             "",
             *(f"note: {note}" for note in self.found.notes),
-            table_text(words.SET_COLUMNS, words.set_rows(self.found.sets), digits=3),
+            *words.set_lines(self.found),
             "",
             table_text(words.RICHNESS_COLUMNS, rows, digits=3),
             *(f"left out: {name}: {why}" for name, why in self.found.refused.items()),

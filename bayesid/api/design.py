@@ -184,8 +184,7 @@ class DesignResult(Result):
 
     def summary(self, verbose: bool = False) -> str:
         plan = self.plan
-        lines = [f"Check failed: {text}" for text in screen.failures(plan)]
-        lines += [screen.headline(self.case, plan, TABLE), ""]
+        lines = [screen.headline(self.case, plan, TABLE), *screen.cautions(plan), ""]
         lines += [*(f"note: {note}" for note in self.notes), f"goal: {plan.goal}; {plan.unit}"]
         lines.append(table_text(words.CANDIDATE_COLUMNS, words.candidate_rows(plan), digits=3))
         if plan.randoms:

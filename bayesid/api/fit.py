@@ -12,6 +12,7 @@ from bayesid.api.inputs import (
     Names,
     TrialLike,
     VehicleLike,
+    declared_effects,
     names_of,
     prepared,
     trial_of,
@@ -42,6 +43,7 @@ from bayesid.report.fit import (
     predictive_words,
     write_fit_report,
 )
+from bayesid.report.fit_effects import effect_words
 from bayesid.report.fit_first_screen import failures, headline, moved
 from bayesid.report.prediction_error import PREDICTION_COLUMNS, prediction_numbers, prediction_rows
 from bayesid.report.writer import Report
@@ -64,6 +66,8 @@ def fit(
     out: str | os.PathLike[str] | None = None,
     free: Names = None,
     fix: Names = None,
+    with_effects: Names = None,
+    effects: str | os.PathLike[str] | None = None,
     runs: Names = None,
     resample: float | None = None,
     pieces: float | None = None,
@@ -85,6 +89,9 @@ def fit(
     out : folder for every iterate as it is found, fit.json, vehicle.toml and, unless `quick`, model.json,
         which `bayesid.predict` reads; `FitResult.save` adds the report
     free, fix : coefficients to free (default: all of the vehicle file) or to keep, "N_v,N_r" or an iterable
+    with_effects : effects of the catalogue, or parameters of theirs, to free beside the coefficients, with
+        their declared priors: "wind,actuator_lag.tau". The vehicle found keeps them
+    effects : Python file whose EFFECTS are added to the catalogue; it is run
     runs : runs to fit; all others are held out. By default the roles of the trial
     resample : read every so many seconds only
     pieces : fit runs in pieces of this length [s], for unstable vehicles
@@ -124,6 +131,7 @@ def fit(
     with shown.stage("fit") as stage:
         found = fit_in_pieces(
             chosen, pieces, ship, out, free=names_of(free), fixed=kept, options=options, resume=resume,
+            effects=names_of(with_effects) or [], declared=declared_effects(effects),
             parts=NoiseParts() if residuals == "white" else None,
             watch=lambda done, cost, step: stage.step(info=f"cost {cost:.6g}, step {step:.1g}"),
         )  # fmt: skip
@@ -172,7 +180,9 @@ class FitResult(Result):
             bound = "on a bound" if name in result.at_bound else self._remark(i)
             relative = 100 * result.sd[i] / max(abs(result.z[i]), 1e-300)
             start = coefficient_cells.prime(vehicle, name, result.start[i])
-            rows.append([name, start, *coefficient_cells.cells(vehicle, name, result.z[i]), relative, bound])
+            cells = coefficient_cells.cells(vehicle, name, result.z[i])
+            cells[2] = cells[2] or self.found.model.parameter_unit(name)
+            rows.append([name, start, *cells, relative, bound])
         return rows
 
     def _remark(self, i: int) -> str:
@@ -216,6 +226,7 @@ class FitResult(Result):
         size = f"{len(found.problem.runs)} runs, {result.n_readings} readings, {result.n_params} unknowns"
         before, after = (noise_level(found.runs, "identify", key) for key in ("rms_nominal", "rms_fitted"))
         lines = [headline(found)]
+        lines += effect_words(found)
         if words := moved(found):
             lines.append(f"Moved most (with one sd): {words}.")
         lines += [f"CHECK FAILED: {text}" for text in failures(found, holdout_words(found.runs))]

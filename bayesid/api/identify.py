@@ -200,7 +200,7 @@ class IdentifyResult(Result):
         found, facts = self.found, self.facts
         lines = [
             screen.headline(found, self.behaviour),
-            *(f"Check failed: {text}" for text in screen.failures(found)),
+            *screen.cautions(found),
             "",
             f"{facts['trial']}: {found.n_readings} readings, {len(found.names)} coefficients of "
             f"{facts['vehicle']}",

@@ -128,6 +128,15 @@ Effects = Annotated[
     Path | None,
     typer.Option("--effects", help="Python file whose EFFECTS are added to the catalogue; it is run."),
 ]
+With = Annotated[
+    str | None,
+    typer.Option(
+        "--with",
+        metavar="EFFECTS",
+        help="Free these effects, or parameters of theirs, beside the coefficients, e.g. ocean_current,"
+        "actuator_lag.tau. `bayesid effect list` names them.",
+    ),
+]
 Exclude = Annotated[
     str | None,
     typer.Option(

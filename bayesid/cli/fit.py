@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from bayesid.cli.choices import Bundle, Data, Fix, Free, Pieces, Resample, Runs, Vehicle
+from bayesid.cli.choices import Bundle, Data, Effects, Fix, Free, Pieces, Resample, Runs, Vehicle, With
 from bayesid.cli.options import Json, Out, Quick, Quiet, Seed, Verbose
 from bayesid.cli.terminal import NOT_CONVERGED, OK
 
@@ -32,6 +32,8 @@ def fit(
     vehicle: Vehicle = None,
     free: Free = None,
     fix: Fix = None,
+    with_effects: With = None,
+    effects: Effects = None,
     runs: Runs = None,
     resample: Resample = None,
     pieces: Pieces = None,
@@ -54,7 +56,8 @@ def fit(
     from bayesid.progress import Progress
 
     found = run(
-        bundle, vehicle, data=data, out=out, free=free, fix=fix, runs=runs, resample=resample, pieces=pieces,
+        bundle, vehicle, data=data, out=out, free=free, fix=fix, with_effects=with_effects, effects=effects,
+        runs=runs, resample=resample, pieces=pieces,
         estimate_noise=estimate, residuals=residuals, starts=starts, resume=not fresh, seed=seed, quick=quick,
         progress=Progress(quiet=as_json),
     )  # fmt: skip

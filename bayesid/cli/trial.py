@@ -48,6 +48,7 @@ def check(
     problem = None if vehicle else _vehicle_problem(trial)
     found = run(trial, vehicle if problem is None else None, with_vehicle=problem is None)
     summary = {**trial_summary(trial), "vehicle_problem": problem, **found.record()}
+    summary["warnings"] = [*summary["warnings"], *found.still]
     if any("delta_r" in finding.channels for finding in found.check.findings):
         # one mend for one mistake
         summary["warnings"] = [w for w in summary["warnings"] if not w.startswith("rudder sign")]

@@ -22,6 +22,7 @@ MODELS = (GIVEN, RETUNED, EXPLAINED)
 WORSE = 1.1
 # Up to this factor two errors count as the same.
 SAME = 1.25
+LARGE_HEADING = 10.0  # degrees rms; a simulator that misses by more is not said to agree
 # Hypotheses from this probability on are named as what else it could be, the first few.
 WORTH_A_WORD, MOST_RIVALS = 0.01, 4
 MOST_MOVED = 6
@@ -205,6 +206,12 @@ def _none(result: Result) -> str:
         return (
             f"No effect is needed; the coefficients as given miss the {_kind(result.runs[0])} by "
             f"{miss(errors, 0)}: re-tuned they miss it by {miss(errors, 1)}."
+        )
+    heading = next((r.values[0] for r in errors if r.what == "heading"), 0.0)
+    if not heading <= LARGE_HEADING:
+        return (
+            f"No effect shows in these runs, yet the simulator misses the {_kind(result.runs[0])} by "
+            f"{miss(errors, 0)}, re-tuned by {miss(errors, 1)}: an unstable course, or too little to tell by."
         )
     return (
         f"No effect is needed: simulator and log agree to {miss(errors, 0)} on the {_kind(result.runs[0])}, "

@@ -236,7 +236,7 @@ def _effects(
             Effect(
                 name,
                 float(min(1.0, acts(c, families, name))),
-                _contract(name, values),
+                contract(name, values),
                 {p.name: p.about for p in parameters if p.about},
                 effect.magnitude if effect is not None else "",
                 effect.says if effect is not None else "",
@@ -261,7 +261,7 @@ def _interval(drawn: EffectDraws | None, key: str, sd: float) -> tuple[float | N
     return of.mean - wider * (of.mean - of.low95), of.mean + wider * (of.high95 - of.mean)
 
 
-def _contract(name: str, values: dict[str, Value]) -> dict[str, Value]:
+def contract(name: str, values: dict[str, Value]) -> dict[str, Value]:
     """Parameters under the names of the contract: wind as speed and direction."""
     if name != "wind" or "blowing_north" not in values:
         return values

@@ -161,7 +161,7 @@ class Horizon:
     channels: ByChannel
     expected: Annotated[
         float | None,
-        About("Error that 95 % of draws of the explanation and of its start stay below, as excess."),
+        About("Error, floor included, that 95 % of draws of the explanation and its start stay below."),
     ] = None
 
 

@@ -40,6 +40,7 @@ from bayesid.equations.layout import (
 )
 from bayesid.equations.readings import add_readings
 from bayesid.errors import ModelError
+from bayesid.model import thrusters
 from bayesid.model.effects import Effect
 from bayesid.model.terms import TERMS, Term
 from bayesid.model.terms.mmg import DEFINITIONS, FORCES, PARTS, SENSE, SPEED
@@ -91,6 +92,12 @@ def build(spec: KernelSpec, effects: tuple[Effect, ...], active: bool) -> Dynami
     if spec.dof == 6:
         torque = dyn.graph.parse(TORQUE, {**at.const, **at.inputs})
         wrench["K"] = dyn.graph.add(wrench["K"], torque)
+    for name in spec.thrusters:
+        push = dyn.graph.parse(thrusters.thrust(name), {**at.const, **at.water, **at.inputs})
+        for axis, arm in thrusters.wrench(name).items():
+            if axis in dyn.axes:
+                part = dyn.graph.mul(push, dyn.graph.parse(arm, at.const))
+                wrench[axis] = dyn.graph.add(wrench[axis], part)
     _add_effects(dyn, effects, at, parts, thrust, wrench)
     for axis in dyn.axes:
         dyn.wrench[axis] = dyn.graph.add(wrench[axis], at.inputs[f"force_{axis}"])
@@ -111,7 +118,10 @@ def _layout(spec: KernelSpec, effects: tuple[Effect, ...], active: tuple[Effect,
         states=[*base, *(s.name for e in active for s in e.states)],
         velocities=velocities,
         axes=[AXIS[s] for s in velocities],
-        actuators=["delta_r", "n"] if planar else ["delta_r", "delta_s", "delta_b", "n"],
+        actuators=[
+            *(["delta_r", "n"] if planar else ["delta_r", "delta_s", "delta_b", "n"]),
+            *(f"n_{name}" for name in spec.thrusters),
+        ],
         exogenous=["wind_north", "wind_east", *earth, *(f"force_{AXIS[s]}" for s in velocities)],
         parameters=parameter_names(spec, effects),
         channels=[*base, "u_water", "v_water", *([] if planar else ["w_water"])],

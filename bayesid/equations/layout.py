@@ -12,6 +12,7 @@ from bayesid.equations.derivatives import Graph, Node
 from bayesid.model.effects import Effect
 from bayesid.model.terms import TERMS, Term
 from bayesid.model.terms.mmg import AIR, GEOMETRY
+from bayesid.model.thrusters import constants
 
 
 @dataclass(frozen=True)
@@ -23,12 +24,14 @@ class KernelSpec:
         rudder behind a ship, and rows over its speed)
     sections : stations of the strip drag, 0 for none
     eta : whether the propeller-loading rows (group "eta") are present
+    thrusters : names of the thrusters beside rudder, planes and propeller
     """
 
     dof: int = 3
     propulsion: str = "quadratic"
     sections: int = 0
     eta: bool = False
+    thrusters: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -39,6 +42,7 @@ class KernelSpec:
             parts.append(f"strips{self.sections}")
         if self.eta:
             parts.append("eta")
+        parts += [f"thruster_{name}" for name in self.thrusters]
         return "_".join(parts)
 
 
@@ -121,6 +125,8 @@ def parameter_names(spec: KernelSpec, effects: tuple[Effect, ...]) -> list[str]:
         names += (*GEOMETRY, *AIR)
     if spec.eta:
         names.append("uc_per_rpm")
+    for thruster in spec.thrusters:
+        names += constants(thruster)
     if spec.sections:
         names += ["strip_Y", "strip_Z"]
     names += [row.name for row in rows_of(spec)]

@@ -18,7 +18,8 @@ import numpy as np
 from bayesid.equations.layout import KernelSpec
 from bayesid.equations.runtime import Declared, Kernel, load_kernel
 from bayesid.errors import ModelError, VehicleError
-from bayesid.model.effects import Effect
+from bayesid.model.effects import CATALOGUE, Effect
+from bayesid.model.effects.thrusters import thruster_effects
 from bayesid.model.terms import TERMS
 from bayesid.model.terms.mmg import AIR, GEOMETRY
 from bayesid.model.vehicles import Vehicle, coef_si, prime_scale, self_propulsion_speed
@@ -73,6 +74,14 @@ class Model:
     def effect_off(self) -> dict[int, float]:
         """Off value of every effect parameter by position."""
         return {self.index[e.key(p.name)]: p.off for e in self.kernel.effects for p in e.parameters}
+
+    @cached_property
+    def without_effects(self) -> np.ndarray:
+        """(n,) nominal parameters, effects that the vehicle file has on switched off."""
+        out = self.nominal.copy()
+        out[list(self.effect_off)] = list(self.effect_off.values())
+        out.setflags(write=False)
+        return out
 
     @cached_property
     def own_state_sd(self) -> dict[str, float]:
@@ -157,6 +166,8 @@ class Model:
                 return math.sqrt(prior.covariance[i, i]) * abs(self.file_scale(name))
             return abs(prior.relative_sd.get(name, math.nan) * self.nominal[self.index[name]])
         if "." in name:
+            if name in self.vehicle.effects_sd:
+                return self.vehicle.effects_sd[name]
             effect, parameter = name.split(".", 1)
             for p in self.effects[effect].parameters:
                 if p.name == parameter:
@@ -197,10 +208,27 @@ def build_model(vehicle: Vehicle, dof: int | None = None, declared: Iterable[Eff
         raise ModelError(f"dof = {dof}: choose 3 (surge, sway, yaw) or 6")
     if dof == 6 and vehicle.planar_only:
         raise ModelError(f"vehicle {vehicle.name!r} is planar only; ask for dof = 3")
+    declared = (*declared, *thruster_effects(t.name for t in vehicle.thrusters))
     kernel = load_kernel(kernel_spec(vehicle, dof), tuple(Declared(e) for e in declared))
+    _check_effects(vehicle, kernel, (*CATALOGUE, *declared))
     nominal = _nominal(vehicle, kernel)
     nominal.setflags(write=False)
     return Model(vehicle, dof, kernel, nominal)
+
+
+def _check_effects(vehicle: Vehicle, kernel: Kernel, known: Iterable[Effect]) -> None:
+    """Refuse effects of the vehicle file that nobody declares; what acts in 6-DOF only is no matter in 3."""
+    keys = {e.key(p.name) for e in known for p in e.parameters} | set(kernel.parameters)
+    problems = []
+    for name in vehicle.effects:
+        if name not in keys:
+            near = difflib.get_close_matches(name, keys, n=2, cutoff=0.5)
+            problems.append(f"{name}" + (f" (did you mean {', '.join(near)}?)" if near else ""))
+    if problems:
+        raise ModelError(
+            f"vehicle {vehicle.name!r}: nobody declares {', '.join(problems)} of [effects]; "
+            "`bayesid effect list` names those of the catalogue, --effects FILE adds others"
+        )
 
 
 def kernel_spec(vehicle: Vehicle, dof: int) -> KernelSpec:
@@ -211,6 +239,7 @@ def kernel_spec(vehicle: Vehicle, dof: int) -> KernelSpec:
         propulsion=vehicle.propulsion.model if vehicle.propulsion.model in ("kt", "mmg") else "quadratic",
         sections=vehicle.crossflow.sections if vehicle.crossflow else 0,
         eta=any(name in eta for name in vehicle.coef),
+        thrusters=tuple(t.name for t in vehicle.thrusters),
     )
 
 
@@ -270,7 +299,9 @@ def _nominal(vehicle: Vehicle, kernel: Kernel) -> np.ndarray:
     if vehicle.crossflow:
         values["strip_Y"] = 0.5 * vehicle.rho * vehicle.crossflow.Cdy * vehicle.crossflow.height
         values["strip_Z"] = 0.5 * vehicle.rho * vehicle.crossflow.Cdz * vehicle.crossflow.width
-    off = {e.key(p.name): p.off for e in kernel.effects for p in e.parameters}
+    for thruster in vehicle.thrusters:
+        values |= thruster.constants
+    off = {e.key(p.name): p.off for e in kernel.effects for p in e.parameters} | vehicle.effects
     out = np.array([values.get(n, off.get(n, coef.get(n, 0.0))) for n in kernel.parameters], dtype=float)
     if not np.all(np.isfinite(out)):
         bad = [n for n, v in zip(kernel.parameters, out, strict=True) if not math.isfinite(v)]

@@ -6,13 +6,14 @@ form in arrays.
 
 from __future__ import annotations
 
+import difflib
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bayesid.equations.model import Model, eval_scale
+from bayesid.equations.model import Model
 from bayesid.errors import FitError
 from bayesid.model.effects import Effect
 from bayesid.model.params import JointPrior, Parameter, ParameterSet, Prior
@@ -21,6 +22,7 @@ from bayesid.model.terms import TERMS, term
 Array = np.ndarray
 # Prior sd over |value| of a coefficient for which the vehicle file states none, where a prior is needed.
 DEFAULT_RELATIVE_SD = 0.1
+START_SD = 0.2  # prior standard deviations from its end at which a one-sided effect starts
 WIDE = 5.0  # half width of the default bounds in prior standard deviations, or in sizes of the coefficient
 
 
@@ -110,15 +112,52 @@ def _joint(model: Model, names: Sequence[str]) -> JointPrior | None:
 
 
 def effect_set(model: Model, effect: Effect) -> ParameterSet:
-    """Parameters of one effect as unknowns with the prior its declaration states."""
+    """Parameters of one effect as unknowns with the prior its declaration states.
+
+    One that the vehicle file has on starts there, known as well as the file says.
+    """
     entries = []
     for p in effect.parameters:
-        sd = p.sd * eval_scale(p.scale, model.scales)
+        key = effect.key(p.name)
+        sd, mean = model.prior_sd(key), model.vehicle.effects.get(key, p.mean)
         low = p.off if p.one_sided else -math.inf
-        entries.append(
-            Parameter(effect.key(p.name), p.mean, low=low, scale=sd, prior=Prior("normal", p.mean, sd))
-        )
+        entries.append(Parameter(key, mean, low=low, scale=sd, prior=Prior("normal", mean, sd)))
     return ParameterSet(tuple(entries))
+
+
+def with_effects(model: Model, params: ParameterSet, names: Iterable[str]) -> ParameterSet:
+    """The set with parameters of effects beside it, in the range in which they are those of the effect.
+
+    Parameters
+    ----------
+    names : effects ("wind"), or single parameters of theirs ("wind.blowing_north")
+
+    Raises
+    ------
+    FitError
+        a name the model does not have, with the nearest ones it has
+    """
+    chosen: dict[str, Parameter] = {}
+    for name in names:
+        effect = model.effects.get(name.partition(".")[0])
+        found = () if effect is None else effect_set(model, effect).entries
+        found = tuple(p for p in found if name in (p.name, p.name.partition(".")[0]))
+        if not found:
+            near = difflib.get_close_matches(name, model.effects, n=3, cutoff=0.5)
+            raise FitError(
+                f"no effect {name!r} in {model.dof}-DOF"
+                + (f"; did you mean {', '.join(near)}?" if near else "; `bayesid effect list` names them")
+            )
+        chosen |= {p.name: _inside(model, p) for p in found}
+    there = set(params.names)
+    return replace(params, entries=(*params.entries, *(p for n, p in chosen.items() if n not in there)))
+
+
+def _inside(model: Model, p: Parameter) -> Parameter:
+    """Bounds of the declaration; an amplitude with one side starts off its end, where it may lack a slope."""
+    low, high = model.effect_limits[model.index[p.name]]
+    start = p.start if p.start > low else low + START_SD * p.scale
+    return replace(p, start=min(start, 0.5 * (low + high)) if high < math.inf else start, low=low, high=high)
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ import numpy as np
 
 from bayesid.equations.model import Model, build_model
 from bayesid.errors import FitError, ModelError
+from bayesid.estimation.effect_gain import effect_gains
 from bayesid.estimation.likelihood import CoefficientPosterior, NoiseParts
 from bayesid.estimation.likelihood.predictive_check import kind_of
 from bayesid.estimation.likelihood.weighted_fit import weighted_fit
@@ -25,7 +26,8 @@ from bayesid.estimation.output_error.read_run import output_error_run
 from bayesid.estimation.output_error.residual_correlation import memory
 from bayesid.estimation.output_error.search import FitOptions
 from bayesid.estimation.output_error.trial_setup import measured_base, trial_problem
-from bayesid.estimation.parameters import coefficient_set
+from bayesid.estimation.parameters import coefficient_set, with_effects
+from bayesid.model.effects import Effect
 from bayesid.model.params import ParameterSet
 from bayesid.model.terms import TERMS
 from bayesid.model.vehicles import Vehicle, identified, load_vehicle, write_vehicle
@@ -65,7 +67,7 @@ class RunOutcome:
 
 @dataclass(frozen=True, eq=False)
 class TrialFit:
-    """A fit with what it was made from and what it predicts."""
+    """A fit with what it was made from and what it predicts; `gains` of effects as in `effect_gains`."""
 
     trial: Trial
     vehicle: Vehicle
@@ -75,6 +77,7 @@ class TrialFit:
     fit: Fit
     runs: tuple[RunOutcome, ...]
     posterior: CoefficientPosterior | None = None
+    gains: Mapping[str, float] = field(default_factory=dict)
 
 
 def fit_trial(
@@ -94,6 +97,8 @@ def fit_trial(
     threads: int = 2,
     watch: Callable[[int, float, float], None] | None = None,
     parts: NoiseParts | None = None,
+    effects: Iterable[str] = (),
+    declared: Iterable[Effect] = (),
 ) -> TrialFit:
     """Maximum-posterior fit of a trial's runs with role "identify".
 
@@ -106,6 +111,8 @@ def fit_trial(
     ties : name -> (free name, factor, offset)
     params : the unknowns themselves instead of free, fixed, ties, use_prior and relative_bounds
     channels : readings to compare, by default all
+    effects : effects, or parameters of theirs, to free beside the coefficients, with their declared priors
+    declared : effects beyond the catalogue
     parts : what the noise is made of; by default what the data ask for, `NoiseParts()` is white noise
     options : with `profile` None, a channel the trial states no noise for makes all of them be estimated
 
@@ -118,13 +125,14 @@ def fit_trial(
         if not trial.vehicle_ref:
             raise FitError(f"trial {trial.name!r} names no vehicle; pass one or name it in trial.toml")
         vehicle = load_vehicle(trial.vehicle_ref)
-    model = build_model(vehicle, 3 if vehicle.planar_only else trial.dof)
+    model = build_model(vehicle, 3 if vehicle.planar_only else trial.dof, declared)
     if params is None:
         kept = set(fixed)
         names = tuple(n for n in (free if free is not None else model.coefficients) if n not in kept)
         params = coefficient_set(
             model, names, relative_bounds=relative_bounds, use_prior=use_prior, ties=ties
         )
+    params = with_effects(model, params, effects)
     problem = trial_problem(model, trial, params, channels=channels, threads=threads)
     options = options or FitOptions()
     if options.profile is None:
@@ -135,8 +143,9 @@ def fit_trial(
     found = _identified(model, trial, result)
     if out is not None:
         write_vehicle(found, Path(out) / "vehicle.toml")
+    gains = effect_gains(problem, result.z, 1.0 if posterior is None else posterior.parts.weight)
     return TrialFit(
-        trial, vehicle, found, model, problem, result, outcomes(problem, trial, result), posterior
+        trial, vehicle, found, model, problem, result, outcomes(problem, trial, result), posterior, gains
     )
 
 
@@ -152,6 +161,11 @@ def _identified(model: Model, trial: Trial, result: Fit) -> Vehicle:
         whole = np.linalg.inv(covariance / np.outer(scale, scale)) + np.diag(inverse * scale**2)
         covariance = np.linalg.inv(whole) * np.outer(scale, scale)
     names = tuple(values)
+    on = {
+        n: (float(result.z[i]), float(result.sd[i]))
+        for i, n in enumerate(result.names[: result.n_params])
+        if model.index[n] in model.effect_off
+    }
     return identified(
         model.vehicle,
         values,
@@ -159,6 +173,7 @@ def _identified(model: Model, trial: Trial, result: Fit) -> Vehicle:
         name=f"{model.vehicle.name}, identified",
         names=names,
         covariance=covariance,
+        effects=on,
     )
 
 

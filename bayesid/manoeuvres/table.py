@@ -107,7 +107,7 @@ def _columns(header: list[str]) -> tuple[dict[str, tuple[int, float]], list[str]
             problems.append(f"column {name} appears twice; keep one")
             continue
         seen.add(name)
-        kind = "t" if name == "t" else "n" if command == "n_cmd" else "angle"
+        kind = "t" if name == "t" else "n" if command.startswith("n_") else "angle"
         unit = match[2]
         factor = UNITS[kind].get((unit or "").lower())
         if factor is None:

@@ -76,6 +76,10 @@ def _measured() -> tuple[Channel, ...]:
     return tuple(rows)
 
 
+#: names a thruster of a vehicle file may have
+THRUSTERS = ("port", "stbd", "bow", "stern", *map(str, range(1, 9)))
+
+
 def _inputs() -> tuple[Channel, ...]:
     rows = []
     fins = (("delta_r", "rudder"), ("delta_s", "stern plane"), ("delta_b", "bow plane"))
@@ -92,6 +96,8 @@ def _inputs() -> tuple[Channel, ...]:
                 )
             )
         rows.append(Channel("n" + suffix, "rpm", kind, f"{word} propeller speed"))
+        for name in THRUSTERS:
+            rows.append(Channel(f"n_{name}{suffix}", "rpm", kind, f"{word} speed of thruster {name}"))
     return tuple(rows)
 
 

@@ -24,6 +24,7 @@ from bayesid.report import manoeuvre_figures as figures
 from bayesid.report import writer
 from bayesid.report.manoeuvre_words import logger_words, note_blocks
 from bayesid.report.writer import Block, Figure, Report, Section, Table, Text, literal
+from bayesid.report.writer.text import table_text
 
 Array = np.ndarray
 
@@ -86,6 +87,14 @@ def set_rows(sets: Sequence[BestSet]) -> list[list[Any]]:
         [len(s.names), " + ".join(s.names), s.seconds / 60, s.adds[1], s.adds[0], s.adds[2], s.left]
         for s in sets
     ]
+
+
+def set_lines(found: Comparison) -> list[str]:
+    """The table of the best sets for a terminal, or why there is none."""
+    if found.sets:
+        return [table_text(SET_COLUMNS, set_rows(found.sets), digits=3)]
+    shortest = min(c.duration for c in found.richness.criteria)
+    return [f"No manoeuvre is as short as {found.time:.0f} s: the shortest takes {shortest:.0f} s (--time)."]
 
 
 def comparison_record(found: Comparison) -> dict[str, Any]:
@@ -219,14 +228,16 @@ def comparison_report(found: Comparison) -> Report:
 
 def headline(found: Comparison) -> str:
     """Which manoeuvre teaches most in its time, and which ridge it leaves open."""
-    best = found.richness.criteria[0]
+    single = next((s.names[0] for s in found.sets if len(s.names) == 1), found.richness.names[0])
+    best = next(c for c in found.richness.criteria if c.name == single)
+    left = next((s.left for s in found.sets if len(s.names) == 1), best.remaining)
     quick = int(np.argmax(found.per_minute[:, 1]))
     names = found.richness.names
     several = [s for s in found.sets if len(s.names) > 1]
+    after = " on top of the runs executed" if found.case.executed else ""
     words = (
-        f"The {best.name} teaches most: after its {number(best.duration / 60)} minutes the "
-        f"{len(found.case.knowledge.names)} coefficients keep {best.remaining:.0%} of their variance on "
-        "average."
+        f"The {best.name} teaches most{after}: after its {number(best.duration / 60)} minutes the "
+        f"{len(found.case.knowledge.names)} coefficients keep {left:.0%} of their variance on average."
     )
     if names[quick] != best.name:
         words += f" Per minute the {names[quick]} teaches most."

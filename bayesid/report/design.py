@@ -68,12 +68,16 @@ def candidate_rows(plan: ManoeuvrePlan) -> list[list[Any]]:
 
 def plan_report(case: PlanningCase, plan: ManoeuvrePlan, notes: Sequence[str], table: str) -> Report:
     """The report of a plan as plain data; `table` is the name of the command table beside it."""
-    lead = f"**{literal(screen.headline(case, plan, table))}**"
+    lead = " ".join(
+        [f"**{literal(screen.headline(case, plan, table))}**", *map(literal, screen.cautions(plan))]
+    )
     b = case.bounds
+    stated = "delta_r" in case.model.vehicle.rates
+    rate = f"The rudder moves at most {math.degrees(b.rate):.3g} deg/s. " if stated else ""
     orders: list[Block] = [
         Text(
-            f"`{table}` is the command table; positive rudder turns to port. It keeps the rudder within "
-            f"{math.degrees(b.rate):.3g} deg/s and the shaft within {b.rpm[0]:.4g} to {b.rpm[1]:.4g} rpm. "
+            f"`{table}` is the command table; positive rudder turns to port. {rate}The shaft stays within "
+            f"{b.rpm[0]:.4g} to {b.rpm[1]:.4g} rpm. "
             f"Goal: {literal(plan.goal)}."
         ),
     ]
@@ -134,8 +138,8 @@ def plan_report(case: PlanningCase, plan: ManoeuvrePlan, notes: Sequence[str], t
             Section("Left out", [Table(["manoeuvre", "why"], [[k, v] for k, v in plan.refused.items()])])
         )
     return Report(
-        f"Next manoeuvre for {literal(case.model.vehicle.name)}", lead, sections, screen.failures(plan),
-        screen.first_blocks(case, plan, table),
+        f"Next manoeuvre for {literal(case.model.vehicle.name)}", lead, sections,
+        first=screen.first_blocks(case, plan, table),
     )  # fmt: skip
 
 

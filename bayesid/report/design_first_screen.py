@@ -39,7 +39,7 @@ def headline(case: PlanningCase, plan: ManoeuvrePlan, table: str) -> str:
             f"{math.degrees(b.rudder):.3g} degrees, about {room}"
         )
     else:
-        what = f"Run the {best.name}, {b.duration:.0f} s"
+        what = f"Run the standard manoeuvre {best.name} of the library (a run of up to {b.duration:.0f} s)"
     return f"{what}. {worth(plan, best)}"
 
 
@@ -65,7 +65,7 @@ def _value(plan: ManoeuvrePlan, value: float) -> str:
     return number(value)
 
 
-def failures(plan: ManoeuvrePlan) -> list[str]:
+def cautions(plan: ManoeuvrePlan) -> list[str]:
     """Where the design does not deliver."""
     out = []
     if abs(plan.best.shown - plan.before) <= LITTLE * abs(plan.before):
@@ -93,12 +93,20 @@ def first_blocks(case: PlanningCase, plan: ManoeuvrePlan, table: str) -> list[Bl
     """Orders and track, and what next."""
     track = plan.execution.track
     drawn = figures.orders(track.t, plan.execution.commands, {n: track[n] for n in "xyz" if n in track.names})
-    steps = [
-        f"Load `{table}` into the autopilot, or steer by it: every row holds until the next.",
-        f"`bayesid simulate VEHICLE table:{table}` runs it with another vehicle first; look at the room it "
-        "takes if the coefficients are wrong.",
-        "After the trial add the log to the bundle and run `bayesid fit` and `bayesid design` again.",
-    ]
+    if chosen(plan).kind == "designed":
+        steps = [
+            f"Load `{table}` into the autopilot, or steer by it: every row holds until the next.",
+            f"`bayesid simulate VEHICLE table:{table}` runs it with another vehicle first; look at the room "
+            "it takes if the coefficients are wrong.",
+        ]
+    else:
+        steps = [
+            f"`bayesid manoeuvre list` says how the {chosen(plan).name} is run. `{table}` and the picture "
+            "are those of the designed manoeuvre, which is hardly better.",
+        ]
+    steps.append(
+        "After the trial add the log to the bundle and run `bayesid fit` and `bayesid design` again."
+    )
     return [
         Figure(
             "orders", drawn,

@@ -13,6 +13,7 @@ from bayesid.diagnosis.answer import ErrorRow, miss, name_of_run
 from bayesid.diagnosis.plain_words import number
 from bayesid.estimation.trial_fit import RunOutcome, TrialFit
 from bayesid.report import run_picture
+from bayesid.report.fit_effects import effect_words
 from bayesid.report.writer import Block, Figure, Row, Section, Table, Text, literal
 from bayesid.trials.noise_stated import noise_warning
 
@@ -77,7 +78,7 @@ def moved(found: TrialFit) -> str:
     fit, k = found.fit, found.fit.n_params
     rows = []
     for i, name in enumerate(fit.names[:k]):
-        if fit.start[i]:
+        if fit.start[i] and "." not in name:
             change = (fit.z[i] - fit.start[i]) / fit.start[i]
             sd = fit.sd[i] / abs(fit.start[i])
             spread = f" ± {100 * sd:.2g}" if math.isfinite(sd) and sd < 10 else " ± more than can be told"
@@ -129,6 +130,7 @@ def first_blocks(found: TrialFit, steps: list[str]) -> list[Block]:
             caption,
         )
     )
+    blocks += [Text(literal(words)) for words in effect_words(found)]
     if words := moved(found):
         blocks.append(Text(f"Moved most, with one standard deviation: {literal(words)}."))
     if steps:

@@ -56,13 +56,15 @@ def identify_report(
     vehicle: Vehicle | None = None,
 ) -> Report:
     """The report as plain data."""
-    lead = f"**{literal(screen.headline(found, behaviour))}** {sentence(found)}"
+    lead = " ".join(
+        [f"**{literal(screen.headline(found, behaviour))}**", *screen.cautions(found), sentence(found)]
+    )
     sections = [*identify_sections(found, vehicle=vehicle, drawn=True), _inputs(found, facts)]
     if behaviour is not None:
         sections.insert(0, derived_section(*behaviour))
     return Report(
-        f"What {literal(facts['trial'])} can tell", lead, sections, screen.failures(found),
-        screen.first_blocks(found, facts),
+        f"What {literal(facts['trial'])} can tell", lead, sections,
+        first=screen.first_blocks(found, facts),
     )  # fmt: skip
 
 

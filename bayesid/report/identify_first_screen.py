@@ -12,6 +12,7 @@ import numpy as np
 
 from bayesid.analysis.identifiability import Derived, Identifiability
 from bayesid.analysis.identifiability.derived import UNITS
+from bayesid.diagnosis.plain_words import number
 from bayesid.report import identify_figures as figures
 from bayesid.report.writer import Block, Figure, Section, Text, literal
 
@@ -21,35 +22,38 @@ KNOWN = "fixed by data"
 
 
 def headline(found: Identifiability, behaviour: tuple[Derived, Derived] | None) -> str:
-    """What is known of the vehicle, and of how many coefficients singly."""
+    """How narrow the runs make what the vehicle does, and how many coefficients they tell singly.
+
+    Widths only: the centre is that of the coefficients looked at, which nothing here has fitted.
+    """
     sure = [e.name for e in found.entries if e.verdict == KNOWN]
     k = len(found.names)
     singly = f"{len(sure)} of {k} coefficients singly" + (f" ({named(sure)})" if 0 < len(sure) < k else "")
-    told = [] if behaviour is None else [_known(name, *behaviour) for name in TOLD]
+    told = [] if behaviour is None else [_narrowed(name, *behaviour) for name in TOLD]
     told = [t for t in told if t]
     if told:
         joined = " and the ".join(told)
-        return f"The runs tell the {joined}; they tell {singly}."
-    return f"The runs tell {found.n_fixed} of {k} combinations of coefficients, and {singly}."
+        return f"A fit of these runs can tell the {joined}. It can tell {singly}."
+    return f"A fit of these runs can tell {found.n_fixed} of {k} combinations of coefficients, and {singly}."
 
 
-def _known(name: str, prior: Derived, posterior: Derived) -> str:
-    """A quantity with its 90 % interval, and the width of what was known before."""
+def _narrowed(name: str, prior: Derived, posterior: Derived) -> str:
+    """Half the width of a quantity's 90 % interval with the runs, and with the prior alone."""
     if name not in posterior.values:
         return ""
     (_, a, b), (middle, low, high) = prior.interval(name), posterior.interval(name)
     if not np.isfinite(middle):
         return ""
-    digits = max(0, -int(np.floor(np.log10(max(0.5 * (high - low), 1e-12)))))
-    spread = f"{middle:.{digits}f} ± {0.5 * (high - low):.{digits}f} {_unit(name)}".rstrip()
-    return f"{name} to {spread} (90 %; before them {a:.3g} to {b:.3g})"
+    return (
+        f"{name} to ± {number(0.5 * (high - low))} {_unit(name)} (the prior alone: ± {number(0.5 * (b - a))})"
+    )
 
 
 def _unit(name: str) -> str:
     return UNITS[name].replace("deg", "degrees")
 
 
-def failures(found: Identifiability) -> list[str]:
+def cautions(found: Identifiability) -> list[str]:
     """What must not be read off a coefficient table."""
     out = []
     names = [e.name for e in found.entries if e.verdict not in (KNOWN, "too small to matter")]

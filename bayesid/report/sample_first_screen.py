@@ -27,6 +27,7 @@ COEFFICIENTS = (
     "coefficient", "prior", "prior sd [%]", "fit", "posterior", "sd [%]", "SI", "SI unit", "left [%]",
     "conflict", "prior twice [sd]", "prior's share",
 )  # fmt: skip
+SHOWN = (0, 1, 2, 3, 4, 5, 8, 9, 11)  # columns that fit the width of a page
 TOGETHER = ("coefficients", "what the runs know best", "left [%]", "and least", "left [%] ")
 MOST_DRAWN, MOST_TOLD = 4, 2
 TRIPLE = "vv/vr/rr"
@@ -39,7 +40,7 @@ def chains(posterior: Posterior) -> str:
     """How many chains of which sampler, in words."""
     count, _, walkers, _ = posterior.draws.shape
     if walkers == 1:
-        return f"{count} chains along slopes ({posterior.settings.get('sampler', 'NUTS')})"
+        return f"{count} chains along slopes (nutpie's No-U-Turn sampler)"
     return f"{count} ensembles of {walkers} walkers (emcee)"
 
 
@@ -154,13 +155,12 @@ def first_blocks(found: TrialFit, posterior: Posterior, view: PosteriorView) -> 
         caption = f"Coefficients that stand in for each other; {UNIT}. Left: posterior sd over prior sd."
         blocks.append(Table(TOGETHER, rows, caption, digits=2))
     words = (
-        "Prime values. Left: posterior sd over prior sd. Conflict: distance from the prior in the sd chance "
-        "gives it (beyond 3 they disagree; a dash where nothing was learnt). Prior twice: how far the mean "
-        "moves, "
-        "in its sd, where the prior counts twice. Prior's share of the variance: 0 the runs decide, 1 the "
-        "prior."
+        "Prime values (SI below, under Unknowns). Left: posterior sd over prior sd. Conflict: distance from "
+        "the prior in the sd chance gives it; beyond 3 they disagree. Prior's share of the variance: 0 the "
+        "runs decide, 1 the prior."
     )
-    blocks.append(Table(COEFFICIENTS, coefficient_rows(posterior, view, found.vehicle), words, digits=3))
+    rows = [[row[i] for i in SHOWN] for row in coefficient_rows(posterior, view, found.vehicle)]
+    blocks.append(Table([COEFFICIENTS[i] for i in SHOWN], rows, words, digits=3))
     blocks.append(Section("What to do next", [Text("\n".join(f"- {s}" for s in steps(posterior, view)))]))
     return blocks
 

@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from bayesid.equations.layout import FIN
 from bayesid.equations.model import Model
 from bayesid.simulation.prepare import actuate, check_parameters, choose
 from bayesid.simulation.time_plan import MOVING_STEP_PER_LENGTH, STEP_PER_LENGTH, STILL, TimePlan
@@ -39,10 +40,10 @@ def follow(model: Model, par: Array, plan: TimePlan, full: bool | None = None) -
     if plan.short == 0.0:
         return plan
     chain = list(choose(model, par, full).act_columns)
-    own = check_parameters(model, plan, model.nominal)
+    own = check_parameters(model, plan, model.without_effects)
     if np.array_equal(check_parameters(model, plan, par)[chain], own[chain]):
         return plan
-    fins = [a for a, name in enumerate(model.kernel.actuators) if name != "n" and name not in plan.measured]
+    fins = [a for a, name in enumerate(model.kernel.actuators) if name in FIN and name not in plan.measured]
     least = _LOSS * (plan.short / MOVING_STEP_PER_LENGTH) ** 2
     if plan.kept.get("model") is not model:
         plan.kept.update(model=model, own={}, switches=_switches(plan, fins, least / plan.steps.max() ** 2))

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from bayesid.equations.layout import FIN
 from bayesid.equations.model import Model
 from bayesid.errors import ModelError
 
@@ -100,7 +101,7 @@ def plan_run(
             levels[:, a] = _filled(measured[name], name, t.size)
         elif f"{name}_cmd" in inputs:
             levels[:, a] = _filled(inputs[f"{name}_cmd"], f"{name}_cmd", t.size)
-            if name != "n" and max_step is None:
+            if name in FIN and max_step is None:
                 moving = np.maximum(moving, _moving(model, name, t, levels[:, a]))
     short, long = _longest(model, max_step)
     start, steps, record = _steps(t, moving, short, long)

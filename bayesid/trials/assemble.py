@@ -300,6 +300,6 @@ def _missing(values: Mapping[str, Floats], spare: Sequence[str], read: Mapping[s
         lacks(f"position {' and '.join(absent)} (and no velocity u, v to stand in for it)", *absent)
     if "psi" not in has and "r" not in has:
         lacks("heading psi (and no yaw rate r to stand in for it)", "psi")
-    if not {"delta_r", "delta_r_cmd"} & has:
-        lacks("rudder angle, delta_r_cmd or delta_r,", "delta_r_cmd")
+    if not {name for name in has if channel(name).kind in ("command", "actuator")} - {"n", "n_cmd"}:
+        lacks("what steers, n_port_cmd and the like, delta_r_cmd or delta_r,", "delta_r_cmd")
     return problems

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bayesid.model.channels import channel
+from bayesid.model.channels import ACTUATORS, channel
 from bayesid.trials.consistency import RudderCheck, check_rudder, check_track, check_yaw
 from bayesid.trials.trial import Floats, Run
 
@@ -92,7 +92,7 @@ def _missing(run: Run) -> list[str]:
     absent = [name for name in ("x", "y", "psi") if name not in run.data]
     if absent:
         notices.append(f"{', '.join(absent)} not logged; only the other channels can be compared")
-    if run.input("n") is None:
+    if all(run.input(name) is None for name in ACTUATORS if name == "n" or name.startswith("n_")):
         notices.append("neither n_cmd nor n is logged; the propeller speed is unknown")
     return notices
 
@@ -121,9 +121,7 @@ def _clipped(x: Floats) -> str:
 
 def _stuck(run: Run) -> list[str]:
     notices = []
-    inputs = [
-        values for name in ("delta_r", "delta_s", "delta_b", "n") if (values := run.input(name)) is not None
-    ]
+    inputs = [values for name in ACTUATORS if (values := run.input(name)) is not None]
     moving = sum((np.diff(values) != 0.0).astype(int) for values in run.data.values())
     for name, values in run.data.items():
         good = np.flatnonzero(np.isfinite(values))
@@ -154,7 +152,7 @@ def _stuck(run: Run) -> list[str]:
             notices.append(
                 f"{name} is stuck at {shown} from t = {run.t[k0]:.6g} to {run.t[k1]:.6g} s while others move"
             )
-    for name in ("delta_r", "delta_s", "delta_b", "n"):
+    for name in ACTUATORS:
         ordered, done = run.commands.get(f"{name}_cmd"), run.measured_inputs.get(name)
         if ordered is not None and done is not None and np.ptp(ordered) > 0.0 and np.ptp(done) == 0.0:
             notices.append(f"{name} (measured) never changes although {name}_cmd does; is it stuck?")

@@ -32,7 +32,10 @@ SIZES = [(1.0, 1.0), (3.0, 1.0), (10.0, 1.0)]  # h, Hz
 
 def main(out: Path, data: Path, kills: int, seconds: float, seed: int, quick: bool) -> dict[str, Any]:
     """Kill, spoil, fuzz, measure, report."""
-    progress, place = Progress(), data if (data / BUNDLE).exists() else data / "practice"
+    progress, places = Progress(), (data, data / "practice", data.parent / "practice")
+    place = next((p for p in places if (p / BUNDLE).exists()), None)
+    if place is None:
+        raise SystemExit(f"{data}: no bundle {BUNDLE} there, nor in a folder practice in it or beside it")
     bundle = str(place / BUNDLE)
     parts: dict[str, Callable[[Path], Any]] = {
         "kills": lambda work: [

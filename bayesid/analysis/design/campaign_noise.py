@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bayesid.errors import FitError
 from bayesid.estimation.likelihood import NoiseParts
 from bayesid.estimation.likelihood.composite import RunScore
 from bayesid.estimation.likelihood.mixed_rates import MixedRateNoise
@@ -66,14 +67,23 @@ class CampaignNoise:
         start : (i, k) the same of what was known of the start
         valid : (n, c) which readings there are
         dt : time between samples [s]
+
+        Raises
+        ------
+        FitError
+            a channel the campaign did not read, whose noise is not known
         """
+        if unknown := [c for c in channels if c not in self.channels]:
+            raise FitError(
+                f"the runs executed did not log {', '.join(unknown)}, so its noise is not known; they logged "
+                f"{', '.join(self.channels)}"
+            )
         k = columns.shape[2]
         placed = np.zeros((len(columns), len(self.channels), k))
         seen = np.zeros(placed.shape[:2], dtype=bool)
         for j, channel in enumerate(channels):
-            if channel in self.channels:
-                placed[:, self.channels.index(channel)] = columns[:, j]
-                seen[:, self.channels.index(channel)] = valid[:, j]
+            placed[:, self.channels.index(channel)] = columns[:, j]
+            seen[:, self.channels.index(channel)] = valid[:, j]
         flat = columns.reshape(-1, k)
         pull = start.T @ start
         h = flat.T @ flat + pull

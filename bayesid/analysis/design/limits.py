@@ -113,7 +113,7 @@ def limits(
                         ("box", box), ("depth", deep)):  # fmt: skip
         if not value > 0:
             problems.append(f"{name} of {value:g} must be positive")
-    if not 0.0 <= hold <= 0.1 * seconds:
+    if hold and not 0.0 < hold <= 0.1 * seconds:
         problems.append(
             f"orders held for {hold:g} s leave fewer than ten in {seconds:.4g} s; hold them for less, or "
             "make the run longer"

@@ -27,6 +27,7 @@ from bayesid.manoeuvres import Manoeuvre
 from bayesid.trials import Trial
 
 Array = np.ndarray
+RAISED = 1.05  # factor on a channel's noise from which it is said
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,15 +104,29 @@ def trial_case(
     try:
         problem = FitProblem(model, known.parameters(), runs, measured_base(model, trial))
         problem, found, missed = _fitted(problem, known)
-        runs = problem.runs
-        logging = replace(logging, sigma={c: s * missed.get(c, 1.0) for c, s in logging.sigma.items()})
         if found.converged:
+            runs = problem.runs
+            logging = replace(logging, sigma={c: s * missed.get(c, 1.0) for c, s in logging.sigma.items()})
+            if raised := {c: f for c, f in missed.items() if f > RAISED and c in logging.sigma}:
+                factors = ", ".join(f"{c} {f:.3g} times" for c, f in raised.items())
+                notes.append(f"Noise raised to what the model misses of these runs: {factors}.")
             drawn, found_noise, said = _learned(problem, found, known, step, seed)
             notes += said
+            if found_noise is not None and not set(logging.sigma) <= set(found_noise.channels):
+                found_noise = None
+                notes.append("The runs executed log other channels than the next will: its noise is white.")
         else:
-            notes.append("Vehicles are drawn from what was known before: a refit did not converge.")
+            notes.append(
+                "A refit of the runs executed did not converge: vehicles are drawn from what was known "
+                "before, and noise is white as stated. Where the vehicle is unstable on course, cut the runs "
+                "(--pieces)."
+            )
     except ModelError as exc:
-        notes.append(f"Vehicles are drawn from what was known before; no refit was possible ({exc}).")
+        notes.append(
+            f"No refit of the runs executed was possible ({exc}): vehicles are drawn from what was known "
+            "before, and noise is white as stated. Where the vehicle is unstable on course, cut the runs "
+            "(--pieces)."
+        )
     return PlanningSetup(PlanningCase(model, known, logging, bounds, runs, drawn, found_noise), tuple(notes))
 
 

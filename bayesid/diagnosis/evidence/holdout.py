@@ -47,7 +47,8 @@ class HorizonError:
     rms : model -> channel -> root mean square error [SI]
     channels : model -> channel -> excess
     pieces, draws : predictions scored, posterior draws of each model; what the interval rests on
-    expected : error with the effect that 95 % of its own draws stay below, as `excess`; nan without draws
+    expected : mean squared error in noise units, floor included, that the explanation expects of itself: the
+        floor, or what 95 % of its draws stay below; nan without draws
     """
 
     horizon: str
@@ -68,7 +69,7 @@ class HorizonError:
         """Whether the explanation predicts worse (90 % interval of the shrinkage below 0), and by more than
         it expects of itself: a vehicle unstable on course turns a start known to a hundredth of a degree a
         second into degrees, and then a prediction by the truth may be the worse one."""
-        unexpected = not self.excess["with effect"] <= self.expected
+        unexpected = not self.excess["with effect"] + self.floor <= self.expected
         return self.significant and self.interval[1] < 0 and unexpected
 
 
@@ -187,14 +188,15 @@ def _rung(
         channels,
         n,
         max((v.shape[1] for v in sampled.values()), default=0),
-        _expected(segments),
+        _expected(segments, floor),
     )
 
 
-def _expected(segments: Sequence[Segment]) -> float:
-    """Mean over the pieces of what 95 % of the draws stay below; nan without draws."""
-    bounds = [float(np.quantile(s.chance, 0.95)) for s in segments if s.chance.size]
-    return float(np.mean(bounds)) if bounds else float("nan")
+def _expected(segments: Sequence[Segment], floor: float) -> float:
+    """Floor, or what 95 % of the draws stay below on average over the pieces; nan without draws."""
+    if not all(s.chance.size for s in segments):
+        return float("nan")
+    return max(floor, float(np.quantile(np.mean([s.chance for s in segments], axis=0), 0.95)))
 
 
 def _stands_out(values: Array) -> bool:

@@ -7,7 +7,7 @@ the explanation expects of its own prediction comes from draws of its parameters
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,9 +15,10 @@ from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.equations.model import Model
 from bayesid.errors import BayesidError
 from bayesid.estimation.filter_error.fit import fit
-from bayesid.estimation.filter_error.linearise import Trajectory, linearise, wrap
+from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, linearise, wrap
 from bayesid.estimation.filter_error.noise_model import NoiseModel, smoothed
 from bayesid.estimation.filter_error.read_run import filter_error_run
+from bayesid.estimation.likelihood.composite import root
 from bayesid.estimation.parameters import NO_PARAMETERS
 from bayesid.estimation.run_data import Array, RunData
 from bayesid.estimation.segments import REACH, held_since
@@ -45,9 +46,9 @@ class Segment:
     """One prediction: mean squared error in noise units per channel, after the lead-in.
 
     Channels are those of the problem, nan where the piece does not read one. `drawn` holds the mean over
-    channels for posterior draws of a model, `measures` those of a full replay. `chance` (d,) is the error the
-    explanation itself expects of its prediction: how far draws of its parameters and of the start it was
-    given lie from it.
+    channels for posterior draws of a model, `measures` those of a full replay. `chance` (d,) is the error
+    that draws of the explanation's parameters, and of the start it was given, expect of its prediction; inf
+    where one diverges.
     """
 
     run: str
@@ -116,9 +117,13 @@ def predicted(
             x0 = begun.points[0].states[0, : len(model.states)]
             obs = _replayed(model, par, log, x0)
             if name == "with effect":
-                floor, begin_sd = _floor(model, known, begun.points[0], noise_model, ~early)
+                path = linearise(model, known, begun.points[0], NO_PARAMETERS.where)
+                floor = _floor(model, path, noise_model, ~early)
                 if name in draws:
-                    chance = _chance(model, draws[name], log, x0, begin_sd, obs, ~early, rng)
+                    spread = root(start_covariance(model, path, noise_model))
+                    moved = rng.standard_normal((len(draws[name]), len(spread))) @ spread.T
+                    begins = x0 + moved[:, : x0.size]
+                    chance = _chance(model, draws[name], log, begins, obs, ~early)
         except BayesidError:
             return None
         replays[name] = obs
@@ -145,20 +150,34 @@ def _replayed(model: Model, par: Array, log: RunData, x0: Array) -> Array:
     return observe(model, par, log.plan, track.states, full=True)[:, log.positions(model)]
 
 
-def _chance(
-    model: Model, pars: Array, log: RunData, x0: Array, begin_sd: Array, obs: Array, late: Array,
-    rng: np.random.Generator,
-) -> Array:  # fmt: skip
-    """(d,) mean squared distance, in noise units, of draws of parameters and start from the prediction."""
-    out = []
-    for par in pars:
-        begin = x0 + begin_sd * rng.standard_normal(x0.size)
+def _chance(model: Model, pars: Array, log: RunData, begins: Array, obs: Array, late: Array) -> Array:
+    """(d,) mean squared error, in noise units, of the prediction `obs` if a draw were the vehicle."""
+    out = np.full(len(pars), np.inf)
+    for i, (par, begin) in enumerate(zip(pars, begins, strict=True)):
         try:
             apart = wrap(model, log, _replayed(model, par, log, begin) - obs)[late]
         except BayesidError:
             continue
-        out.append(average(np.mean((apart / log.sigma) ** 2, axis=0)))
-    return np.array(out)
+        out[i] = 1.0 + average(np.mean((apart / log.sigma) ** 2, axis=0))
+    return out
+
+
+def start_covariance(model: Model, path: Linearisation, noise_model: NoiseModel) -> Array:
+    """(nx, nx) covariance of the first state given all readings, smoothed under the environment.
+
+    By the response to the prior: a prior mean moved by d moves the smoothed mean by P Q^-1 d, with P the
+    covariance wanted and Q the prior's.
+    """
+    sd = path.log.initial_sd
+    still = smoothed(model, path, np.zeros(0), noise_model, variances=False).mean[0, : sd.size]
+    out = np.empty((sd.size, sd.size))
+    for i in range(sd.size):
+        x0 = path.log.x0.copy()
+        x0[i] += sd[i]
+        moved = replace(path, log=replace(path.log, x0=x0))
+        mean = smoothed(model, moved, np.zeros(0), noise_model, variances=False).mean[0, : sd.size]
+        out[:, i] = (mean - still) * sd[i]
+    return 0.5 * (out + out.T)
 
 
 def _squares(model: Model, log: RunData, obs: Array, late: Array) -> Array:
@@ -218,20 +237,17 @@ def _measures(
     )
 
 
-def _floor(
-    model: Model, known: RunData, point: Trajectory, noise_model: NoiseModel, late: Array
-) -> tuple[Array, Array]:
+def _floor(model: Model, path: Linearisation, noise_model: NoiseModel, late: Array) -> Array:
     """Expected squared error in noise units of the best prediction: sensor noise, environment and initial
-    state; and the sd of that state.
+    state.
     """
-    path = linearise(model, known, point, NO_PARAMETERS.where)
+    known = path.log
     sm = smoothed(model, path, np.zeros(0), noise_model)
-    nx = point.states.shape[1]
+    nx = path.slope.shape[2]
     spread = np.einsum("iqx,ix->iq", path.slope**2, sm.variance[:, :nx])
     names = known.channels
     drift = np.array([noise_model.slow(n) ** 2 for n in names])
-    begin = np.sqrt(np.maximum(sm.variance[0, : len(model.states)], 0.0))
-    return 1.0 + np.mean((spread + drift)[late] / known.sigma**2, axis=0), begin
+    return 1.0 + np.mean((spread + drift)[late] / known.sigma**2, axis=0)
 
 
 def average(values: Array) -> float:

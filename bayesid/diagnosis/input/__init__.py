@@ -5,7 +5,7 @@ Does not: weigh effects, or change a file.
 """
 
 from bayesid.diagnosis.input.check import check_trial, mended
-from bayesid.diagnosis.input.enough import not_enough
+from bayesid.diagnosis.input.enough import not_enough, unmoved_inputs
 from bayesid.diagnosis.input.wrong_vehicle import WRONG_VEHICLE
 
-__all__ = ["WRONG_VEHICLE", "check_trial", "mended", "not_enough"]
+__all__ = ["WRONG_VEHICLE", "check_trial", "mended", "not_enough", "unmoved_inputs"]

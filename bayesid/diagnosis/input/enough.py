@@ -10,6 +10,9 @@ import math
 import numpy as np
 
 from bayesid.equations.model import Model
+from bayesid.model.channels import ACTUATORS
+from bayesid.model.propulsion import MODELS, propulsion_rows
+from bayesid.model.vehicles import Vehicle
 from bayesid.trials import Run, Trial
 
 FEWEST = 8  # readings of a run, fewer than its first state and a response have unknowns
@@ -46,6 +49,30 @@ def not_enough(trial: Trial, model: Model | None = None) -> tuple[str, ...]:
             "cannot be seen; run a zig-zag or a turning circle"
         )
     return tuple(out)
+
+
+def unmoved_inputs(trial: Trial, vehicle: Vehicle) -> tuple[str, ...]:
+    """One sentence per input the vehicle's forces depend on that no run has, or that moves in none.
+
+    Fins count whose rows are in the file, propeller and thrusters where they give thrust.
+    """
+    out = []
+    for name in _inputs(vehicle):
+        there = [run for run in trial.runs if run.input(name) is not None]
+        if not there:
+            out.append(f"{name} is an input of {vehicle.name} and in no run; it is taken as 0")
+        elif not any(_moves(run, name) for run in there):
+            out.append(f"{name} never moves in any run: what it does cannot be told")
+    return tuple(out)
+
+
+def _inputs(vehicle: Vehicle) -> list[str]:
+    fins = {"delta_r": "dr", "delta_s": "ds", "delta_b": "db"}
+    turning = [fin for fin, short in fins.items() if any(short in n.partition("_")[2] for n in vehicle.coef)]
+    rows = propulsion_rows(vehicle.propulsion.model, vehicle.propulsion.values, vehicle.rho, vehicle.L)
+    driven = MODELS[vehicle.propulsion.model].rows is None or any(v for k, v in rows.items() if "n" in k[7:])
+    planar = [f for f in turning if f == "delta_r" or not vehicle.planar_only]
+    return [*planar, *(["n"] if driven else []), *(t.signal for t in vehicle.thrusters)]
 
 
 def still_inputs(trial: Trial) -> tuple[str, ...]:
@@ -85,7 +112,7 @@ def _fastest(run: Run) -> float:
 
 def _steady(run: Run) -> bool:
     """Nothing ordered, course and speed kept."""
-    if any(_moves(run, name) for name in ("delta_r", "delta_s", "delta_b", "n")):
+    if any(_moves(run, name) for name in ACTUATORS):
         return False
     for name, least in (("psi", STEADY_COURSE), ("theta", STEADY_COURSE)):
         if name in run.data and float(np.nanmax(run.data[name]) - np.nanmin(run.data[name])) > least:
@@ -102,5 +129,5 @@ def _moves(run: Run, name: str) -> bool:
     values = run.input(name)
     if values is None:
         return False
-    least = LEAST_FIN if name != "n" else 0.01 * max(float(np.max(np.abs(values))), 1e-9)
+    least = LEAST_FIN if name.startswith("delta") else 0.01 * max(float(np.max(np.abs(values))), 1e-9)
     return float(np.ptp(values)) > least

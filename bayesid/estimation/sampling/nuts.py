@@ -95,11 +95,11 @@ def sample_nuts(
         return np.zeros(k)
 
     q, counts, seconds = _chains(density, laplace, options, begin, options.chains, options.seed, threads)
-    made_with = {n: v for n, v in asdict(options).items() if n not in ("limits", "seed")}
+    made_with = {"name": "nutpie NUTS"} | {n: v for n, v in asdict(options).items() if n != "seed"}
     return _posterior(
         density, options, q, counts, seconds, mode=density.natural(laplace.mode),
         mode_sd=_natural_sd(density, laplace), acceptance=np.full(options.chains, options.accept),
-        discarded=options.tune, seed=options.seed, settings={"sampler": "nutpie NUTS", **made_with},
+        discarded=options.tune, seed=options.seed, settings={"sampler": made_with},
     )  # fmt: skip
 
 

@@ -27,9 +27,11 @@ from bayesid.model.vehicles.tables import (
     read_control,
     read_conversions,
     read_crossflow,
+    read_effects,
     read_head,
     read_propulsion,
     read_sources,
+    read_thrusters,
     ship_problems,
 )
 from bayesid.model.vehicles.vehicle import Vehicle
@@ -42,6 +44,8 @@ SECTIONS = (
     "propulsion",
     "crossflow",
     "coef",
+    "actuators",
+    "effects",
     "prior",
     "validation",
     "confidence",
@@ -136,7 +140,11 @@ def read_vehicle(data: Mapping[str, Any], where: str, folder: Path | None) -> Ve
         if odd:
             head.problem(f"U_ref [m/s] is missing: {', '.join(odd)} in prime form need a reference speed")
     limits, rates = read_control(TomlTable(data.get("control", {}), "control", problems))
+    effects, effects_sd = read_effects(TomlTable(data.get("effects", {}), "effects", problems))
     values |= {
+        "thrusters": read_thrusters(TomlTable(data.get("actuators", {}), "actuators", problems)),
+        "effects": effects,
+        "effects_sd": effects_sd,
         "limits": limits,
         "rates": rates,
         "propulsion": read_propulsion(TomlTable(data.get("propulsion", {}), "propulsion", problems)),

@@ -11,6 +11,7 @@ from typing import Any
 from bayesid.model.file_keys import DIALECT, table_schema
 from bayesid.model.propulsion import MODELS
 from bayesid.model.terms import TERMS
+from bayesid.model.thrusters import KEYS, NAMES
 from bayesid.model.vehicles.reading import SECTIONS
 from bayesid.model.vehicles.tables import CONTROL, CROSSFLOW, HEAD
 
@@ -27,6 +28,30 @@ def vehicle_schema() -> dict[str, Any]:
         "coef": _by_coefficient({"type": "number"}, "Coefficients, prime or SI as [vehicle] says."),
         "prior": _prior(),
         "validation": {"description": "Measured behaviour, kept as it is.", "type": "object"},
+        "actuators": {
+            "description": "Thrusters by name; they read the columns n_NAME_cmd or n_NAME.",
+            "type": "object",
+            "properties": {name: table_schema(KEYS, "A thruster.") for name in NAMES},
+            "additionalProperties": False,
+        },
+        "effects": {
+            "description": "Effects of the catalogue that are part of the vehicle: name -> parameters [SI].",
+            "type": "object",
+            "additionalProperties": {
+                "type": "object",
+                "additionalProperties": {
+                    "oneOf": [
+                        {"type": "number"},
+                        {
+                            "type": "object",
+                            "properties": {"value": {"type": "number"}, "sd": {"type": "number"}},
+                            "required": ["value"],
+                            "additionalProperties": False,
+                        },
+                    ]
+                },
+            },
+        },
         "confidence": {
             "description": "How sure: word -> names of coefficients.",
             "type": "object",

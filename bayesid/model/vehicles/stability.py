@@ -52,7 +52,15 @@ def self_propulsion_speed(vehicle: Vehicle, rpm: float) -> float:
 
     def surge(u: float) -> float:
         thrust = propulsion_force(p.model, values, vehicle.rho, vehicle.L, u, rpm)
-        return float(thrust) + (quadratic * u + linear) * u
+        return float(thrust) + ahead(u) + (quadratic * u + linear) * u
+
+    def ahead(u: float) -> float:
+        """Of thrusters that push ahead, all at these revolutions."""
+        out = 0.0
+        for t in (t for t in vehicle.thrusters if t.direction[0] > 0.5):
+            m = min(max(rpm - t.dead_band, 0.0), t.limit)
+            out += t.direction[0] * (t.T_nn * m + t.T_un * t.direction[0] * u) * m
+        return out
 
     if not (rpm > 0.0 and surge(0.0) > 0.0):
         raise VehicleError(f"{vehicle.name}: no thrust ahead at {rpm:g} rpm; check [propulsion]")

@@ -11,12 +11,14 @@ from collections.abc import Mapping
 from typing import Any
 
 from bayesid.errors import VehicleError
+from bayesid.model import thrusters
 from bayesid.model.file_keys import FileKey
 from bayesid.model.propulsion import MODELS, propulsion_problems, with_defaults
 from bayesid.model.terms import canonical_name, term
 from bayesid.model.terms.dialects import READ
 from bayesid.model.terms.mmg import REQUIRED
-from bayesid.model.vehicles.fields import LARGEST, TomlTable, as_number, shown
+from bayesid.model.thrusters import Thruster
+from bayesid.model.vehicles.fields import LARGEST, TomlTable, as_number, hint, shown
 from bayesid.model.vehicles.vehicle import FINS, GRAVITY, INERTIA, Crossflow, Propulsion
 
 #: plain sizes of a hull and what they are
@@ -217,6 +219,54 @@ def read_confidence(table: TomlTable) -> dict[str, list[str]]:
         else:
             table.problem(f"{shown(key)} must be a list of coefficient names, not {shown(names)}")
     return found
+
+
+def read_thrusters(table: TomlTable) -> tuple[Thruster, ...]:
+    """Thrusters of [actuators.NAME], in the order of the file."""
+    out = []
+    for name in table.data:
+        if name not in thrusters.NAMES:
+            near = hint(name, thrusters.NAMES)
+            table.problem(f"{shown(name)} is no name of an actuator: {', '.join(thrusters.NAMES)}{near}")
+            continue
+        inside = TomlTable(table.data[name], f"actuators.{name}", table.problems)
+        inside.only(thrusters.KEYS)
+        for key in ("at", "direction"):
+            if key not in inside.data:
+                inside.problem(f"{key} is missing")
+        numbers = {
+            key: _number(inside, thrusters.KEYS, key, row.default)
+            for key, row in thrusters.KEYS.items()
+            if row.kind == "number"
+        }
+        at, along = inside.vector("at", (0.0, 0.0, 0.0)), inside.vector("direction", (1.0, 0.0, 0.0))
+        length = math.hypot(*along)
+        if length == 0.0:
+            inside.problem("direction must not be zero")
+            continue
+        along = (along[0] / length, along[1] / length, along[2] / length)
+        out.append(Thruster(name, at, along, **{key: value or 0.0 for key, value in numbers.items()}))
+    return tuple(out)
+
+
+def read_effects(table: TomlTable) -> tuple[dict[str, float], dict[str, float]]:
+    """Values and standard deviations [SI] by "effect.parameter"; tables `[effects.NAME]` of numbers, a number
+    with its deviation as `{ value = 0.3, sd = 0.02 }`. Names are checked where the equations are known."""
+    values, spread = {}, {}
+    for name in table.data:
+        inside = TomlTable(table.data[name], f"effects.{name}", table.problems)
+        for parameter, entry in inside.data.items():
+            pair = TomlTable(
+                entry if isinstance(entry, dict) else {"value": entry},
+                f"effects.{name}.{parameter}", table.problems,
+            )  # fmt: skip
+            pair.only(("value", "sd"))
+            value, sd = pair.number("value", required=True), pair.number("sd", low=1e-30)
+            if value is not None:
+                values[f"{name}.{parameter}"] = value
+            if sd is not None:
+                spread[f"{name}.{parameter}"] = sd
+    return values, spread
 
 
 def read_sources(table: TomlTable, coef: Mapping[str, float], dialect: str | None) -> dict[str, str]:

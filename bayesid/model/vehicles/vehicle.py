@@ -15,9 +15,11 @@ import numpy as np
 
 from bayesid.model.propulsion import propulsion_rows
 from bayesid.model.terms import Term, term
+from bayesid.model.thrusters import Thruster
 
 GRAVITY = 9.81  # m/s^2, as in the reference behaviour of the built-in sets
 FINS = ("delta_r", "delta_s", "delta_b")
+_LATER = ("effects", "effects_sd", "thrusters")
 INERTIA = ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
 
 
@@ -80,6 +82,9 @@ class Vehicle:
     coef : canonical name -> value, prime system if `nondimensional`, SI otherwise
     limits, rates : fin -> largest angle [rad] and rate [rad/s]; inf where the file states none
     U_ref : reference speed [m/s], needed only by prime coefficients that are not quadratic in velocity
+    effects, effects_sd : effect parameter ("actuator_lag.tau") -> value, and one standard deviation [SI]:
+        effects of the catalogue, or of a user's file of effects, that are part of this vehicle
+    thrusters : beside rudder, planes and the propeller of `propulsion`
     validation, confidence, sources : what the file says about its own numbers, kept as it is
     """
 
@@ -112,6 +117,9 @@ class Vehicle:
     validation: dict[str, Any] = field(default_factory=dict)
     confidence: dict[str, list[str]] = field(default_factory=dict)
     sources: dict[str, str] = field(default_factory=dict)
+    effects: dict[str, float] = field(default_factory=dict)
+    effects_sd: dict[str, float] = field(default_factory=dict)
+    thrusters: tuple[Thruster, ...] = ()
 
     @property
     def rpm_ref(self) -> float | None:
@@ -121,6 +129,9 @@ class Vehicle:
     def digest(self) -> str:
         """SHA-256 of every number and name, independent of comments, order and spelling in the file."""
         plain = asdict(self)
+        for key in _LATER:  # a vehicle without keeps the digest it had before there were any
+            if not plain[key]:
+                del plain[key]
         if self.prior is not None and self.prior.covariance is not None:
             plain["prior"]["covariance"] = self.prior.covariance.tolist()
         return hashlib.sha256(json.dumps(plain, sort_keys=True, default=str).encode()).hexdigest()

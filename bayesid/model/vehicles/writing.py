@@ -107,6 +107,16 @@ def vehicle_toml(
             table = {"names": list(v.prior.names), "matrix": v.prior.covariance.tolist()}
             prior["covariance"] = covariance_file or table
         tables["prior"] = prior
+    for t in v.thrusters:
+        keys = {key: value for key, value in vars(t).items() if key != "name"}
+        tables[f"actuators.{t.name}"] = keys
+    for key, value in v.effects.items():
+        effect, _, parameter = key.partition(".")
+        spread = {"sd": v.effects_sd[key]} if key in v.effects_sd else {}
+        tables[f"effects.{effect}"] = {
+            **tables.get(f"effects.{effect}", {}),
+            parameter: {"value": value, **spread} if spread else value,
+        }
     for name in ("sources", "confidence", "validation"):
         if content := getattr(v, name):
             tables[name] = content
@@ -129,6 +139,7 @@ def identified(
     name: str | None = None,
     names: Sequence[str] = (),
     covariance: np.ndarray | None = None,
+    effects: Mapping[str, tuple[float, float]] | None = None,
 ) -> Vehicle:
     """The vehicle with the coefficients a fit found, and their covariance as its prior.
 
@@ -137,6 +148,7 @@ def identified(
     values : canonical name -> SI value; X_prop_* rows turn the propulsion into the `quadratic` model
     source : where the values come from, kept for each of them
     names, covariance : (k,) names within `values` and their (k, k) covariance, SI; rows of [coef] only
+    effects : effect parameter -> value and standard deviation [SI], kept on beside those of the vehicle
 
     Raises
     ------
@@ -172,6 +184,8 @@ def identified(
         propulsion=propulsion,
         prior=prior,
         sources=vehicle.sources | {key: source for key in values if key in coef},
+        effects=vehicle.effects | {key: value for key, (value, _) in (effects or {}).items()},
+        effects_sd=vehicle.effects_sd | {key: sd for key, (_, sd) in (effects or {}).items()},
     )
 
 

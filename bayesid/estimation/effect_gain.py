@@ -1,0 +1,53 @@
+"""Whether an effect freed in a fit is there: what the runs lose without it, all else fitted again.
+
+Takes a `FitProblem` at its estimate. Gives nats per effect. Standard deviations cannot tell: the trace of a
+lag inside a rate limit goes with its square near zero, so that one sd at the estimate says nothing of zero.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bayesid.errors import ModelError
+from bayesid.estimation.output_error.problem import FitProblem
+
+STEPS, SAME = 6, 1e-3  # Gauss-Newton steps without the effect, and change of cost that counts as none
+
+
+def effect_gains(problem: FitProblem, z: np.ndarray, weight: float = 1.0) -> dict[str, float]:
+    """Effect -> gain [nats] of the estimate z over the best fit in which the effect is off.
+
+    Parameters
+    ----------
+    weight : of the readings, as their residuals ask for
+    """
+    off = problem.model.effect_off
+    freed = [n for n in problem.params.names if problem.model.index[n] in off]
+    best, out = problem.cost(z), {}
+    for effect in dict.fromkeys(n.partition(".")[0] for n in freed):
+        names = [n for n in freed if n.partition(".")[0] == effect]
+        params = problem.params
+        for name in names:
+            params = params.changed([name], role="fixed", start=off[problem.model.index[name]], prior=None)
+        kept = [i for i, n in enumerate(problem.names) if n not in names]
+        out[effect] = weight * max(_best_cost(problem.with_params(params), z[kept]) - best, 0.0)
+    return out
+
+
+def _best_cost(problem: FitProblem, z: np.ndarray) -> float:
+    """Cost after a few Gauss-Newton steps inside the bounds, never more than at z."""
+    cost = problem.cost(z)
+    for _ in range(STEPS):
+        try:
+            resid, jac = problem.compressed(z)
+        except ModelError:
+            break
+        step = np.linalg.lstsq(jac * problem.scale, resid, rcond=None)[0] * problem.scale
+        shares = (np.clip(z - share * step, problem.low, problem.high) for share in (1.0, 0.3, 0.1))
+        tried = next(((new, c) for new in shares if (c := problem.cost(new)) < cost), None)
+        if tried is None:
+            break
+        gained, (z, cost) = cost - tried[1], tried
+        if gained < SAME:
+            break
+    return cost

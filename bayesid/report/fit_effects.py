@@ -1,0 +1,79 @@
+"""Effects freed in a fit, as sentences in engineering units with their standard deviation.
+
+Takes a `TrialFit`. Gives text; words and units are those of the effects' declarations.
+"""
+
+from __future__ import annotations
+
+import math
+
+from scipy.stats import chi2
+
+from bayesid.diagnosis.final_values import contract
+from bayesid.diagnosis.plain_words import sentence
+from bayesid.diagnosis.result_parts import Effect, Value
+from bayesid.estimation.trial_fit import TrialFit
+
+_DEGREE = 180.0 / math.pi
+# unit inside -> unit shown and factor to it
+SHOWN = {"rad": ("deg", _DEGREE), "rad/s": ("deg/s", _DEGREE), "s/rad": ("s/deg", 1.0 / _DEGREE)}
+# Chance that an effect which is absent shows in a fit (likelihood ratio, chi-square of its amplitudes).
+FALSE_ALARM = 0.01
+
+
+def effect_words(found: TrialFit) -> list[str]:
+    """One text per effect freed: its sentence, and every parameter with one standard deviation."""
+    out = []
+    for effect in _effects(found):
+        sizes = ", ".join(parameter_words(found, f"{effect.name}.{p}") for p in _own(found, effect.name))
+        gain = found.gains.get(effect.name, math.inf)
+        amplitudes = sum(
+            found.model.effect_off[found.model.index[n]] == 0.0
+            for p in _own(found, effect.name)
+            if (n := f"{effect.name}.{p}")
+        )
+        off = gain < 0.5 * float(chi2.isf(FALSE_ALARM, max(amplitudes, 1)))
+        says = f"{effect.name} does not show in these runs" if off else sentence(effect).removesuffix(".")
+        out.append(f"{says} ({sizes}, one sd; {gain:.3g} nats).")
+    return out
+
+
+def parameter_words(found: TrialFit, name: str) -> str:
+    """ "tau 0.31 ± 0.02 s", in degrees where the program has radians."""
+    value, sd = _value(found, name)
+    unit, factor = SHOWN.get(found.model.parameter_unit(name) or "", (found.model.parameter_unit(name), 1.0))
+    behind = "" if unit in (None, "-") else f" {unit}"
+    return f"{name.partition('.')[2]} {factor * value:.3g} ± {factor * sd:.2g}{behind}"
+
+
+def freed(found: TrialFit) -> tuple[str, ...]:
+    """Effect parameters among the unknowns of the fit; rows of a model form are none of them."""
+    asked = (n for n in found.fit.names[: found.fit.n_params] if "." in n)
+    return tuple(n for n in asked if n in found.model.index and found.model.parameter_unit(n) is not None)
+
+
+def _own(found: TrialFit, effect: str) -> list[str]:
+    return [n.partition(".")[2] for n in freed(found) if n.startswith(f"{effect}.")]
+
+
+def _value(found: TrialFit, name: str) -> tuple[float, float]:
+    i = found.fit.names.index(name)
+    return float(found.fit.z[i]), float(found.fit.sd[i])
+
+
+def _effects(found: TrialFit) -> list[Effect]:
+    model, out = found.model, []
+    for name in dict.fromkeys(n.partition(".")[0] for n in freed(found)):
+        declared = model.effects[name]
+        values = {
+            p: Value(*_value(found, f"{name}.{p}"), str(model.parameter_unit(f"{name}.{p}")))
+            for p in _own(found, name)
+        }
+        known = {
+            p.name: Value(float(model.nominal[model.index[declared.key(p.name)]]), 0.0, p.unit)
+            for p in declared.parameters
+        }
+        instead = {n: float(model.nominal[model.index[n]]) for n in declared.adjust if n in model.index}
+        sizes = contract(name, known | values)
+        out.append(Effect(name, 1.0, sizes, says=declared.says, instead=instead))
+    return out

@@ -1,0 +1,103 @@
+"""Vehicles without a rudder: thrusters of the vehicle file against a plant told anew."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from thruster_plants import BOAT, boat_run, boat_trial
+
+from bayesid.diagnosis.input import unmoved_inputs
+from bayesid.equations.model import build_model
+from bayesid.errors import VehicleError
+from bayesid.estimation.likelihood import NoiseParts
+from bayesid.estimation.segments import fit_in_pieces
+from bayesid.estimation.trial_fit import fit_trial
+from bayesid.model.vehicles import load_vehicle, self_propulsion_speed, write_vehicle
+from bayesid.report.fit_effects import effect_words
+from bayesid.simulation import plan_run, simulate
+from bayesid.trials import load_trial, write_trial
+
+PORT, LAG = "thruster_port_gain.share", "thruster_port_lag.tau"
+
+
+@pytest.fixture(scope="module")
+def model():
+    return build_model(load_vehicle(BOAT))
+
+
+@pytest.mark.parametrize("planted", [{}, {"gain": (0.85, 1.0)}, {"current": (0.2, -0.1)}, {"lag": 0.8}])
+def test_the_boat_moves_as_the_plant_does(model, planted):
+    t = np.arange(0.0, 60.0, 0.5)
+    swing = np.where((t // 10) % 2 == 0, 1.0, -0.6)
+    orders = np.stack([900 * swing, 500 - 300 * swing], axis=1)
+    run, states, _ = boat_run("", t, orders, np.random.default_rng(0), **planted)
+    gain, current, lag = planted.get("gain", (1, 1)), planted.get("current", (0, 0)), planted.get("lag", 0)
+    par = model.with_values({
+        PORT: gain[0] - 1, "ocean_current.V_north": current[0], "ocean_current.V_east": current[1],
+        LAG: lag, "thruster_stbd_lag.tau": lag,
+    })  # fmt: skip
+    plan = plan_run(model, t, run.commands, max_step=0.02)
+    found = simulate(model, par, plan, states[0]).states[:, :6]
+    assert np.abs(found - states).max() < 1e-3
+    if planted:  # the control
+        bare = simulate(model, model.nominal, plan, states[0]).states[:, :6]
+        assert np.abs(bare - states).max() > 0.1
+
+
+def test_a_weak_port_thruster_is_found_from_the_log():
+    # in pieces: over whole runs the heading is radians off at the start, and the search ends elsewhere
+    found = fit_in_pieces(
+        boat_trial(1, gain=(0.88, 1.0)), 15.0, free=("N_r0", "X_u|u|"), effects=("thruster_port_gain",),
+        parts=NoiseParts(),
+    )  # fmt: skip
+    i = found.fit.names.index(PORT)
+    assert found.fit.success and abs(found.fit.z[i] + 0.12) < 3 * found.fit.sd[i] < 0.02
+    assert "Thruster port gives 12 % less thrust than stated" in effect_words(found)[0]
+    (held,) = [r for r in found.runs if r.role == "holdout"]
+    assert (held.rms_fitted / held.sigma).max() < 2.0 < (held.rms_nominal / held.sigma).max()
+
+
+def test_a_sound_boat_has_no_weak_thruster():
+    found = fit_trial(
+        boat_trial(2), free=("N_r0", "X_u|u|"), effects=("thruster_port_gain",), parts=NoiseParts()
+    )
+    i = found.fit.names.index(PORT)
+    assert abs(found.fit.z[i]) < 3 * found.fit.sd[i]
+    assert "does not show" in effect_words(found)[0]
+
+
+def test_thrusters_are_written_and_read_back(tmp_path):
+    vehicle = load_vehicle(BOAT)
+    again = load_vehicle(write_vehicle(vehicle, tmp_path / "again.toml"))
+    assert again.thrusters == vehicle.thrusters and again.digest == vehicle.digest
+    assert {t.signal for t in vehicle.thrusters} == {"n_port", "n_stbd"}
+
+
+def test_steady_speed_balances_both_thrusters():
+    u = self_propulsion_speed(load_vehicle(BOAT), 1000.0)
+    m = 940.0
+    assert 2 * (2e-5 * m * m - 2e-3 * u * m) == pytest.approx(15 * u + 12 * u * u)
+
+
+def test_mistakes_in_actuators_are_told_at_once(tmp_path):
+    path = tmp_path / "odd.toml"
+    text = BOAT.read_text().replace("[actuators.stbd]", "[actuators.starbord]")
+    path.write_text(text.replace("direction = [1.0, 0.0, 0.0]\nT_nn = 2e-5", 'T_nn = "much"', 1))
+    with pytest.raises(VehicleError) as error:
+        load_vehicle(path)
+    for part in ("starbord", "direction is missing", "T_nn must be a finite number"):
+        assert part in str(error.value)
+
+
+def test_a_bundle_of_thruster_logs_is_read_and_inputs_that_do_not_move_are_told(tmp_path):
+    trial = boat_trial(3)
+    again = load_trial(write_trial(trial, tmp_path / "bundle"))
+    for one, two in zip(trial.runs, again.runs, strict=True):
+        assert np.allclose(one.commands["n_port_cmd"], two.commands["n_port_cmd"])
+    vehicle = load_vehicle(BOAT)
+    assert unmoved_inputs(again, vehicle) == ()
+    still = [replace(r, commands={"n_port_cmd": np.full(r.t.size, 500.0)}) for r in again.runs]
+    told = " ".join(unmoved_inputs(replace(again, runs=tuple(still)), vehicle))
+    assert "n_port never moves" in told and "n_stbd is an input" in told and "delta_r" not in told
