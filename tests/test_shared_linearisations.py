@@ -1,14 +1,20 @@
 """Fits that begin at the same points share their linearisations without any change of a number."""
 
+import gc
+import weakref
 from dataclasses import replace
 
 import numpy as np
 from test_regressor_columns import MODEL, colours_of, path_of
 
+from bayesid.equations.model import build_model
 from bayesid.estimation.filter_error import shared_linearisations
 from bayesid.estimation.filter_error.linearise import forces, linearise
 from bayesid.estimation.filter_error.normal_equations import stacked_equations
 from bayesid.estimation.parameters import coefficient_prior, effect_prior
+from bayesid.model.vehicles import load_vehicle
+from bayesid.simulation import plan_run
+from bayesid.simulation.follow import follow
 
 COEFFICIENTS = coefficient_prior(MODEL)
 
@@ -65,3 +71,18 @@ def test_other_points_logs_environments_and_prior_means_are_not_taken_for_the_sa
         (logs, points, mean, noise_model),
     ):
         assert_is_its_own(shared_linearisations.linear(MODEL, *case), *case)
+
+
+def test_a_plan_does_not_keep_its_model_alive():
+    """Plans lie in what fits of a model share; that goes with the model, which 176 diagnoses in a row need."""
+    model = build_model(load_vehicle("remus100"), 3)
+    par = model.with_values({"actuator_lag.tau": 0.6})
+    t = np.arange(0.0, 20.0, 0.2)
+    commands = {"delta_r_cmd": np.where(t > 5.0, 0.2, 0.0), "n_cmd": np.full(t.size, model.vehicle.rpm_ref)}
+    plan = plan_run(model, t, commands)
+    assert follow(model, par, plan) is not plan
+    assert follow(model, par, plan) is follow(model, par, plan)
+    gone = weakref.ref(model)
+    del model
+    gc.collect()
+    assert gone() is None and plan.kept

@@ -8,6 +8,7 @@ that no derivative meets a step whose length depends on a parameter.
 from __future__ import annotations
 
 import math
+import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -45,8 +46,11 @@ def follow(model: Model, par: Array, plan: TimePlan, full: bool | None = None) -
         return plan
     fins = [a for a, name in enumerate(model.kernel.actuators) if name in FIN and name not in plan.measured]
     least = _LOSS * (plan.short / MOVING_STEP_PER_LENGTH) ** 2
-    if plan.kept.get("model") is not model:
-        plan.kept.update(model=model, own={}, switches=_switches(plan, fins, least / plan.steps.max() ** 2))
+    known = plan.kept.get("model")
+    if known is None or known() is not model:
+        # by a weak reference: a plan outlives its model in what fits share, which is dropped with the model
+        switches = _switches(plan, fins, least / plan.steps.max() ** 2)
+        plan.kept.update(model=weakref.ref(model), own={}, switches=switches)
     if full not in plan.kept["own"]:
         plan.kept["own"][full] = actuate(model, own, plan, full=full)[0]
     late = (actuate(model, par, plan, full=full)[0] - plan.kept["own"][full])[:, fins]
