@@ -74,7 +74,7 @@ def test_other_points_logs_environments_and_prior_means_are_not_taken_for_the_sa
 
 
 def test_a_plan_does_not_keep_its_model_alive():
-    """Plans lie in what fits of a model share; that goes with the model, which 176 diagnoses in a row need."""
+    """Plans lie in what fits of a model share; that goes with the model, or diagnoses in a row pile up."""
     model = build_model(load_vehicle("remus100"), 3)
     par = model.with_values({"actuator_lag.tau": 0.6})
     t = np.arange(0.0, 20.0, 0.2)
