@@ -301,5 +301,5 @@ def _missing(values: Mapping[str, Floats], spare: Sequence[str], read: Mapping[s
     if "psi" not in has and "r" not in has:
         lacks("heading psi (and no yaw rate r to stand in for it)", "psi")
     if not {name for name in has if channel(name).kind in ("command", "actuator")} - {"n", "n_cmd"}:
-        lacks("thrusters (n_port_cmd and the like), or a rudder angle, delta_r_cmd or delta_r,", "delta_r_cmd")
+        lacks("thrusters (n_port_cmd, ...), or a rudder angle, delta_r_cmd or delta_r,", "delta_r_cmd")
     return problems
