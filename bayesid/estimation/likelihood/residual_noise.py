@@ -48,9 +48,10 @@ class ResidualNoise:
         out = np.zeros((count, c, c))
         known = min(count, p + 1)
         out[:known] = self.lags[:known]
-        for h in range(p + 1, count):
-            for i in range(p):
-                out[h] += self.coefficients[i] @ out[h - 1 - i]
+        if p:
+            beside = np.hstack(list(self.coefficients))
+            for h in range(p + 1, count):
+                out[h] = beside @ out[h - p : h][::-1].reshape(p * c, c)
         return out
 
     def at_step(self, count: int, step: float) -> Array:
