@@ -118,7 +118,8 @@ def compared(
     manoeuvres = {**allowed, **also}
     progress.expect(refits + 2 if refits else 1)
     with progress.stage("information", len(manoeuvres)) as stage:
-        rich, infos = richness(case, manoeuvres, vehicles, lambda name: stage.step(info=name))
+        now = case.now(vehicles)
+        rich, infos = richness(case, manoeuvres, vehicles, lambda name: stage.step(info=name), now)
     refused |= {n: "not every vehicle drawn survives it" for n in manoeuvres if n not in infos}
     executed = {c.name: manoeuvres[c.name] for c in rich.criteria}
     cross = crossing(case, executed, {n: infos[n] for n in executed}, vehicles)
@@ -154,7 +155,7 @@ def compared(
         ranks, refused, notes, seed, len(vehicles), len(trials),
         per_minute({n: infos[n] for n in executed}),
         ridge_map(case.knowledge, {n: infos[n] for n in executed}),
-        best_sets(infos, case.now(vehicles).matrices, time), time,
+        best_sets(infos, now.matrices, time), time,
     )  # fmt: skip
 
 

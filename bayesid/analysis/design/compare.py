@@ -138,10 +138,17 @@ class Richness:
 
 
 def richness(
-    case: PlanningCase, manoeuvres: Mapping[str, Manoeuvre], draws: Array, watch: Watch = lambda name: None
+    case: PlanningCase,
+    manoeuvres: Mapping[str, Manoeuvre],
+    draws: Array,
+    watch: Watch = lambda name: None,
+    now: RunInformation | None = None,
 ) -> tuple[Richness, dict[str, RunInformation]]:
-    """Criteria of every manoeuvre; those a drawn vehicle cannot fly are left out."""
-    now = case.now(draws)
+    """Criteria of every manoeuvre; those a drawn vehicle cannot fly are left out.
+
+    `now` is the information of the runs executed, where the caller has it already.
+    """
+    now = case.now(draws) if now is None else now
     infos: dict[str, RunInformation] = {}
     for name, manoeuvre in manoeuvres.items():
         with suppress(ModelError):
