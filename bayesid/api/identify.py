@@ -215,7 +215,7 @@ class IdentifyResult(Result):
         lines.append(table_text([words.COEFFICIENT_COLUMNS[i] for i in chosen], rows, digits=3))
         if found.directions:
             lines += ["\nLeft open:", *self._open(verbose)]
-        lines += ["", "Next:", *(f"  {s.replace('`', '')}" for s in screen.next_steps(found, facts))]
+        lines += ["", "Next:", *(f"  {s.replace('`', '')}" for s in screen.next_steps(found))]
         return "\n".join(lines)
 
     def _open(self, verbose: bool) -> list[str]:

@@ -64,7 +64,7 @@ def identify_report(
         sections.insert(0, derived_section(*behaviour))
     return Report(
         f"What {literal(facts['trial'])} can tell", lead, sections,
-        first=screen.first_blocks(found, facts),
+        first=screen.first_blocks(found),
     )  # fmt: skip
 
 

@@ -5,9 +5,6 @@ Takes an `Identifiability` and derived quantities. Gives sentences and blocks. D
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
 from bayesid.analysis.identifiability import Derived, Identifiability
@@ -74,7 +71,7 @@ def named(names: list[str]) -> str:
     return f"{', '.join(names[:MOST_NAMED])} and {len(names) - MOST_NAMED} more"
 
 
-def next_steps(found: Identifiability, facts: Mapping[str, Any]) -> list[str]:
+def next_steps(found: Identifiability) -> list[str]:
     """What to do about what is open."""
     if not found.directions:
         return ["`bayesid fit` gives the coefficients with intervals that hold singly."]
@@ -92,7 +89,7 @@ def next_steps(found: Identifiability, facts: Mapping[str, Any]) -> list[str]:
     return steps
 
 
-def first_blocks(found: Identifiability, facts: Mapping[str, Any], prefix: str = "") -> list[Block]:
+def first_blocks(found: Identifiability) -> list[Block]:
     """The picture of coefficients, and what next."""
     share, contraction = (np.array([getattr(e, k) for e in found.entries]) for k in ("index", "contraction"))
     drawn = figures.index(found.names, share, contraction, [e.verdict for e in found.entries])
@@ -102,6 +99,6 @@ def first_blocks(found: Identifiability, facts: Mapping[str, Any], prefix: str =
         "known only through its partners' priors."
     )
     return [
-        Figure(f"{prefix}index", drawn, caption, alt="Share of the data per coefficient"),
-        Section("What to do next", [Text("\n".join(f"- {s}" for s in next_steps(found, facts)))]),
+        Figure("index", drawn, caption, alt="Share of the data per coefficient"),
+        Section("What to do next", [Text("\n".join(f"- {s}" for s in next_steps(found)))]),
     ]

@@ -76,7 +76,6 @@ def trial_case(
     bounds: OrderLimits,
     sigma: Mapping[str, float] | None = None,
     dt: float | None = None,
-    seed: int = 0,
 ) -> PlanningSetup:
     """Case after the identify runs of a trial; vehicles come from their posterior where a refit succeeds
     and the runs agree, and their noise is taken for that of the next.
@@ -110,7 +109,7 @@ def trial_case(
             if raised := {c: f for c, f in missed.items() if f > RAISED and c in logging.sigma}:
                 factors = ", ".join(f"{c} {f:.3g} times" for c, f in raised.items())
                 notes.append(f"Noise raised to what the model misses of these runs: {factors}.")
-            drawn, found_noise, said = _learned(problem, found, known, step, seed)
+            drawn, found_noise, said = _learned(problem, found, known, step)
             notes += said
             if found_noise is not None and not set(logging.sigma) <= set(found_noise.channels):
                 found_noise = None
@@ -152,12 +151,12 @@ def _fitted(problem: FitProblem, known: Knowledge) -> tuple[FitProblem, Refit, d
 
 
 def _learned(
-    problem: FitProblem, found: Refit, known: Knowledge, dt: float, seed: int
+    problem: FitProblem, found: Refit, known: Knowledge, dt: float
 ) -> tuple[Knowledge | None, CampaignNoise | None, list[str]]:
     """Posterior of the runs executed, where they agree, the noise of their residuals, and what to say."""
     z, k = found.unknowns, len(known.names)
     scores, residuals = scores_and_noise(problem, z)
-    posterior = posterior_of_scores(problem, z, scores, residuals.order, seed=seed)
+    posterior = posterior_of_scores(problem, z, scores, residuals.order)
     parts = posterior.parts
     noise = None
     if not parts.white:
