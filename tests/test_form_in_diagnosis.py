@@ -14,6 +14,7 @@ from bayesid.diagnosis.data.problem import build_problem, fit_with
 from bayesid.diagnosis.exclusions import compare_without
 from bayesid.diagnosis.hypotheses import candidate as candidates
 from bayesid.diagnosis.hypotheses.candidate import corrected_evidence, jackknife, weighted_hypothesis
+from bayesid.diagnosis.hypotheses.facts import like_a_form
 from bayesid.diagnosis.hypotheses.form_part import beyond, form_gain
 from bayesid.diagnosis.hypotheses.form_search import _Columns
 from bayesid.diagnosis.hypotheses.verdict import decide
@@ -158,8 +159,27 @@ def test_a_form_is_found_where_the_equations_lack_one_and_the_cause_beside_it_ke
     )
     found = compare_without(model, offset)
     verdict = decide(found.problem, found.candidates)
-    assert "rudder_offset" in verdict.effects
+    assert verdict.effects == ("rudder_offset",)
     assert form_gain(found.problem, found.candidates.best) > 20.0
+
+
+@pytest.mark.slow
+def test_a_shape_of_a_form_that_was_planted_beside_another_cause_is_named_with_it():
+    model = model_of("generic_sub")
+    planted = {"cubic_damping.Y_vvv": -2.2e6, "rudder_offset.offset": 0.06}
+    trial = planted_trial(model, other_vehicle(model, 5) | planted, 5, samples=160)
+    found = compare_without(model, trial)
+    assert found.problem.form is None and found.candidates.form_instead < -3.0
+    assert set(decide(found.problem, found.candidates).effects) == {"cubic_damping", "rudder_offset"}
+
+
+def test_beside_another_cause_a_shape_counts_for_any_force_of_the_motion_unless_that_loses_against_it():
+    effects = {"shape": Plain(as_form="also"), "cause": Plain(as_form="")}
+    both, alone = Plain(effects=("shape", "cause")), Plain(effects=("shape",))
+    model = Plain(effects=effects)
+    for instead, like in ((np.inf, ("shape",)), (30.0, ("shape",)), (-1.0, ("shape",)), (-9.0, ())):
+        assert like_a_form(Plain(form_instead=instead), both, model) == like
+        assert like_a_form(Plain(form_instead=instead), alone, model) == ()
 
 
 def rolling(frequency):

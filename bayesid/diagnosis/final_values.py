@@ -295,7 +295,7 @@ def _form(
     Without one, what of several effects may stand for one, where there is such.
     """
     form, model = problem.form, problem.model
-    own = like_a_form(best, model)
+    own = like_a_form(c, best, model)
     if form is None:
         gain = max(best.log_evidence - c.none.log_evidence, 0.0)
         return ModelFormPart(gain, {}, None, own, ()) if own else None

@@ -4,14 +4,15 @@ Takes a `DiagnosisProblem`. Gives `Compared`: the problem, with the form if it h
 Leaves out no reading (`exclusions`) and does not decide.
 
 A form is asked for beside the best single effect where it gains more there than any second effect would, and
-else beside the best of all, so that two effects that explain everything are not taken for one. It is tried
-once: hypotheses with a form cost as much as all others together.
+else beside the best of all, so that two effects that explain everything are not taken for one. An effect that
+is itself a shape of a form counts as an effect there: only what a form gains beyond it is the form's. It is
+tried once: hypotheses with a form cost as much as all others together.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -56,7 +57,7 @@ def compared(
     left = remainder(problem, leading) if leading.effects else single.where
     needed = needed_form(problem, leading, _period(left, single.thresholds.remainder))
     known = {leading.effects: left} if leading.effects else None
-    if needed is not None and needed.gain > _further(problem, single):
+    if needed is not None and needed.beyond > _further(problem, single) + FORM_EVIDENCE:
         found, unable = _with_form(problem, needed, leading, notify, seed)
         return found or Compared(problem, weigh(problem, single, notify, known), unable)
     candidates = weigh(problem, single, notify, known)
@@ -68,7 +69,7 @@ def compared(
     if needed is None:
         return Compared(problem, candidates)
     found, unable = _with_form(problem, needed, simplest(candidates), notify, seed)
-    return found or Compared(problem, candidates, unable)
+    return found or Compared(problem, replace(candidates, form_instead=needed.beyond), unable)
 
 
 def _with_form(
@@ -93,14 +94,13 @@ def _with_form(
 
 
 def _further(problem: DiagnosisProblem, single: SingleEffects) -> float:
-    """What one more effect would gain beside the best single one that is no part of a form [nats]."""
+    """What one more effect would gain beside the best single one [nats]."""
     leading = single.leading
     if leading.effects:
         scores = gains_beside(problem, leading, list(single.effects))
     else:
         scores = list(single.scores)
-    others = [s.gain for s in scores if not problem.model.effects[s.name].as_form]
-    return max(others, default=-np.inf)
+    return max((s.gain for s in scores), default=-np.inf)
 
 
 def _beside(candidates: HypothesisComparison) -> RefittedHypothesis:

@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from bayesid.diagnosis.data.problem import DiagnosisProblem, fit_with
 from bayesid.diagnosis.evidences import evidences
 from bayesid.diagnosis.hypotheses.candidate import (
@@ -71,6 +73,8 @@ class HypothesisComparison:
     where, where_after : Localisation before any effect and after the best one
     thresholds : Thresholds of this design
     carried, carried_beside : log evidence the model form is worth without an effect, and beside the best
+    form_instead : what a form would gain in place of those effects of the best that depend on the motion
+        alone, where the runs ask for either [nats]; infinite where they do not, or have a form
     """
 
     none: RefittedHypothesis
@@ -86,6 +90,7 @@ class HypothesisComparison:
     thresholds: Thresholds
     carried: float = 0.0
     carried_beside: float = 0.0
+    form_instead: float = np.inf
 
     @property
     def best(self) -> RefittedHypothesis:

@@ -171,7 +171,7 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
     off = () if best.widens else idle(best, problem)
     several = len(best.effects) > 1
     covered = () if best.widens else _covered(problem, candidates, best)
-    like = () if best.widens else like_a_form(best, problem.model)
+    like = () if best.widens else like_a_form(candidates, best, problem.model)
     covered = tuple(dict.fromkeys((*covered, *like)))
     sure: tuple[str, ...] = ()
     if several:
@@ -240,13 +240,14 @@ def undetectable(candidates: HypothesisComparison) -> tuple[str, ...]:
     )
 
 
-def like_a_form(best: RefittedHypothesis, model: Model) -> tuple[str, ...]:
+def like_a_form(candidates: HypothesisComparison, best: RefittedHypothesis, model: Model) -> tuple[str, ...]:
     """Of several effects, those that depend on the motion alone.
 
     One that explains everything by itself is a cause. Beside another it is what any simulator lacks of any
-    vehicle: a force that depends on the motion, of which it is one shape.
+    vehicle: a force that depends on the motion, of which it is one shape; unless the runs ask for such a
+    force and the shape is more probable than the general one by as much as a name asks for, even odds before.
     """
-    if len(best.effects) < 2:
+    if len(best.effects) < 2 or candidates.form_instead < np.log(1 / NAMING_PROBABILITY - 1):
         return ()
     return tuple(n for n in best.effects if model.effects[n].as_form)
 

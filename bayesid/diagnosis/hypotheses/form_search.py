@@ -37,10 +37,17 @@ LEAST_RUNS = 3
 
 @dataclass(frozen=True)
 class NeededForm:
-    """A form and what it gains beside the explanation it was asked for with [nats]."""
+    """A form, and what it gains beside the explanation it was asked for with.
+
+    Attributes
+    ----------
+    gain : over the explanation without what may be part of a form, which is asked for anew with it [nats]
+    beyond : over the whole explanation [nats]
+    """
 
     form: ModelForm
     gain: float
+    beyond: float
 
 
 def needed_form(
@@ -78,7 +85,7 @@ def _asked_for(problem: DiagnosisProblem, equations: _Columns) -> NeededForm | N
         return None
     if len(problem.logs) >= LEAST_RUNS and equations.left_out(form) <= equations.left_out(nothing):
         return None
-    return NeededForm(form, best - base)
+    return NeededForm(form, best - base, best - equations.explained())
 
 
 class _Columns:
@@ -91,9 +98,10 @@ class _Columns:
         free: GaussianPrior,
         largest: ModelForm,
         named: frozenset[str],
+        explanation: Sequence[str],
     ) -> None:
         self._problem, self._equations, self._free, self._largest = problem, equations, free, largest
-        self._named = named  # parameters of the explanation
+        self._named, self._explanation = named, explanation  # parameters of causes, and of all
         self.axes = tuple(largest.sizes)
         self.period = largest.period
 
@@ -120,10 +128,19 @@ class _Columns:
         # what may be part of a form is asked for anew with it: the refits decide between the two
         causes = [e for e in explanation if not e.as_form]
         named = frozenset(e.key(p.name) for e in causes for p in e.parameters)
-        return cls(problem, equations, free, largest, named)
+        whole = [e.key(p.name) for e in explanation for p in e.parameters if e.key(p.name) in free.names]
+        return cls(problem, equations, free, largest, named, whole)
 
     def evidence(self, form: ModelForm) -> float:
         return posterior(self._total(form)).log_evidence
+
+    def explained(self) -> float:
+        """Evidence of the whole explanation without a form."""
+        keep, scale = self._columns(ModelForm(dict.fromkeys(self.axes, 0.0)))
+        whole = np.array([self._free.names.index(n) for n in self._explanation], dtype=int)
+        keep = np.union1d(keep, whole)
+        total = sum(self._equations[1:], self._equations[0])
+        return posterior(scaled(total, scale).pick(keep)).log_evidence
 
     def left_out(self, form: ModelForm) -> float:
         keep, scale = self._columns(form)
