@@ -6,6 +6,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 from gap_trials import model_of, noise_of, other_vehicle, planted_trial
+from scipy.optimize import minimize
 from scipy.stats import multivariate_normal
 
 from bayesid.diagnosis.data.problem import build_problem, fit_with
@@ -14,8 +15,8 @@ from bayesid.diagnosis.hypotheses.candidate import weighted_hypothesis
 from bayesid.diagnosis.hypotheses.sensitivity_bank import build_bank, levels_between, screen
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error import noise_identification
-from bayesid.estimation.filter_error.evidence import posterior
-from bayesid.estimation.filter_error.fit import fit, stacked_equations
+from bayesid.estimation.filter_error.evidence import normal_equations, posterior
+from bayesid.estimation.filter_error.fit import _within, fit, stacked_equations
 from bayesid.estimation.filter_error.linearise import first_trajectory, linearise
 from bayesid.estimation.filter_error.noise_model import filter_settings
 from bayesid.estimation.filter_error.read_run import filter_error_run
@@ -216,3 +217,48 @@ def test_a_released_fit_linearises_again_to_the_same_numbers():
 def test_refits_of_a_diagnosis_hold_no_linearisation():
     problem, _, fitted = case(VEHICLES[0], 0)
     assert not weighted_hypothesis(problem, ("ocean_current",), fitted).fit.held
+
+
+def test_a_bound_holds_one_unknown_and_the_others_are_at_the_best_beside_it():
+    rng = np.random.default_rng(5)
+    a, b = rng.normal(size=(40, 6)), rng.normal(size=40)
+    total = normal_equations(b, a, 0.0, 40)
+    free = posterior(total).mean
+    assert _within(total, free, np.full(6, -np.inf)) is free
+    low = np.where(np.arange(6) < 2, free + 0.3, -np.inf)
+    found = _within(total, free, low)
+
+    def cost(z):
+        return np.sum((b - a @ z) ** 2) + z @ z
+
+    by_hand = minimize(cost, np.maximum(free, low), method="L-BFGS-B", bounds=[(x, None) for x in low]).x
+    assert found == pytest.approx(by_hand, abs=1e-5) and cost(found) < cost(np.maximum(free, low)) - 1e-3
+
+
+def test_a_latency_that_would_have_to_be_negative_gains_nothing_over_none():
+    """Positions stamped a sample early; the environment is measured, so its size is averaged over.
+
+    The forbidden size gained 47 nats here in a calm that the range had not been applied to.
+    """
+    model = model_of("remus100")
+    trial = planted_trial(model, other_vehicle(model, 3), 3, samples=160)
+    early = []
+    for run in trial.runs:
+        data = dict(run.data)
+        for c in ("x", "y"):
+            data[c] = np.append(data[c][1:], np.nan)
+        early.append(replace(run, data=data))
+    problem = build_problem(model, replace(trial, runs=tuple(early), environment=None))
+    assert problem.environment.source != "stated"
+    effect = model.effects["position_latency"]
+    none, late = (
+        weighted_hypothesis(problem, names, fit_with(problem, effects))
+        for names, effects in (((), ()), (("position_latency",), (effect,)))
+    )
+    assert none.fit.converged and late.fit.converged
+    i = late.fit.free.names.index("position_latency.delay")
+    assert late.fit.values[i] == 0.0
+    k = len(problem.coefficients.names)
+    gap = (late.fit.values[:k] - none.fit.values) / none.fit.sd
+    assert np.abs(gap).max() < 0.1  # held at zero, it is no effect
+    assert late.log_evidence - none.log_evidence < 0.0

@@ -57,8 +57,11 @@ def corrected_evidence(model: Model, fitted: FilterErrorFit) -> float:
 
     The mass of the posterior inside the range over that of the prior, each parameter on its own.
     """
-    every = np.arange(len(fitted.free.where))
-    return fitted.log_evidence + _log_mass(model, fitted, fitted.posterior, every)
+    return fitted.log_evidence + _log_mass(model, fitted, fitted.posterior, _every(fitted))
+
+
+def _every(fitted: FilterErrorFit) -> Array:
+    return np.arange(len(fitted.free.where))
 
 
 def _log_mass(model: Model, fitted: FilterErrorFit, found: GaussianPosterior, columns: Array) -> float:
@@ -101,10 +104,12 @@ def repeatable_bonus(problem: DiagnosisProblem, fitted: FilterErrorFit) -> float
             problem.environment.noise_model.scaled(float(np.exp(shift))),
         )
         try:
-            values.append(posterior(sum(equations[1:], equations[0])).log_evidence)
+            found = posterior(sum(equations[1:], equations[0]))
         except ModelError:
             return 0.0
-    return float(logsumexp(np.array(values) + weight) - fitted.log_evidence)
+        # the ranges hold at every size of the environment: what a forbidden size gains in a calm is no gain
+        values.append(found.log_evidence + _log_mass(problem.model, fitted, found, _every(fitted)))
+    return float(logsumexp(np.array(values) + weight) - corrected_evidence(problem.model, fitted))
 
 
 def weighted_hypothesis(

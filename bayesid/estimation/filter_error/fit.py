@@ -15,10 +15,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+from scipy.optimize import lsq_linear
 
 from bayesid.equations.model import Model
 from bayesid.errors import ModelError
-from bayesid.estimation.filter_error.evidence import posterior
+from bayesid.estimation.filter_error.evidence import NormalEquations, posterior
 from bayesid.estimation.filter_error.fit_journal import current_journal
 from bayesid.estimation.filter_error.fit_result import FilterErrorFit
 from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, first_trajectory
@@ -122,7 +124,7 @@ def _fit(
             continue
         same = best is not None and best.noise_model is noise_model and abs(merit - best.merit) < FLAT_CHANGE
         flat = flat + 1 if same else 0
-        step = post.mean - z
+        step = _within(total, post.mean, (free.low - free.mean) / free.sd) - z
         biggest = float(np.abs(step).max()) if step.size else 0.0
         share = min(1.0, MOST_STEP / biggest) if biggest > 0 else 1.0
         if k < WARM_ITERATIONS and initial_noise_scale > 0:
@@ -165,6 +167,15 @@ def _fit(
         path_points[2],
         path_points[0],
     )
+
+
+def _within(total: NormalEquations, mean: Array, low: Array) -> Array:
+    """Optimum of the quadratic above bounds; `mean` is the one without them."""
+    if np.all(mean >= low):
+        return mean
+    root = cholesky(total.ss + np.eye(mean.size))
+    found = lsq_linear(root, solve_triangular(root, total.se, trans="T"), (low, np.inf), method="bvls")
+    return np.asarray(found.x)
 
 
 def _moved(
