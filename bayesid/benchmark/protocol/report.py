@@ -83,7 +83,9 @@ def _lead(sheet: Any) -> str:
             "their answers."
         )
     text += "".join(f" **{sentence}**" for sentence in sheet.caveats)
-    if sheet.control.standing != "missed":
+    if not sheet.control.count:
+        text += " Verdicts exchanged between bundles, the control, were not scored: none has a single effect."
+    elif sheet.control.standing != "missed":
         text += " **The control did not fail**: with so few bundles these scores show nothing."
     return text
 
