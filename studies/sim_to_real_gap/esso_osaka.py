@@ -23,6 +23,7 @@ from bayesid.model.vehicles import Vehicle, identified, load_vehicle
 from bayesid.progress import Progress
 from bayesid.trials import Run, Trial, load_trial, thin
 from studies.real_logs.run import HERE, begun
+from studies.ship_models import ships
 from studies.sim_to_real_gap.kept_results import keep
 
 # Between readings [s], a fifth of the time the ship takes for its own length. The on-board filter makes
@@ -44,9 +45,14 @@ def pond_logs(data: Path, step: float = STEP) -> tuple[Trial, Vehicle]:
     logged = load_trial(HERE / "esso_osaka", data)
     ahead = [run for run in logged.runs if not run.manoeuvre.startswith("random")]
     ship = load_vehicle(HERE / "esso_osaka" / "vehicle.toml")
-    ship = replace(ship, rates={**ship.rates, "delta_r": IDEAL_RATE})
+    ship = ideal_servo(ship)
     runs = tuple(thin(begun(run, WAY), step) for run in ahead)
     return replace(logged, runs=runs, noise={**logged.noise, "psi": COMPASS_SD}), ship
+
+
+def ideal_servo(ship: Vehicle) -> Vehicle:
+    """The ship with a rudder that is where it is ordered."""
+    return replace(ship, rates={**ship.rates, "delta_r": IDEAL_RATE})
 
 
 def picked(
@@ -72,6 +78,7 @@ def esso_osaka(data: Path, store: Path, quick: bool, seed: int, progress: Progre
     """Every question as one diagnosis, and the withheld-effect checks for the wind of October."""
     trial, ship = pond_logs(data, 2 * STEP if quick else STEP)
     model = without_effects(build_model(ship, 3), NOT_HERE)
+    mmg = without_effects(build_model(ideal_servo(ships.esso_osaka(data)), 3), NOT_HERE)
     questions = [
         ("sensors", "positions, compass and gyro, September turns", picked(trial, "Sep", DERIVED)),
         (
@@ -93,6 +100,10 @@ def esso_osaka(data: Path, store: Path, quick: bool, seed: int, progress: Progre
                     f"esso-{key}-direct-{seed}",
                     partial(asked, logs, model, ASKED[key]),
                 )
+        if not quick:
+            with progress.stage(f"Esso Osaka: {words}, by MMG"):
+                record = keep(store, f"esso-{key}-mmg-{seed}", partial(diagnosed, logs, mmg, seed))
+                found[f"{key}_mmg"] = {"words": f"{words}, MMG as the simulator", "found": record}
     out = {
         "questions": found,
         "gyro": gyro_by_hand(data),

@@ -36,7 +36,7 @@ def kvlcc2_section(found: Mapping[str, Any]) -> Section:
         ]
         for s in sets
     ]
-    nominal = sets[-2]["nominal"]
+    nominal = next(s["nominal"] for s in sets if s["key"] == "race")
     blocks: list[Block] = [
         Text(
             "A tanker is no submarine: full, shallow, and unstable on course. How far do rows made for "
