@@ -53,10 +53,10 @@ def left_out_text(name: str, record: Mapping[str, Any]) -> str:
         "",
         "The known runs were left out of the fit in turn and predicted as the blind runs are: orders and "
         f"wind of the whole run, readings of its first {record['inputs']['lead']:g} s. The bands are those "
-        "of draws of the coefficients, each side times a factor by kind of motion, channel and time, with "
-        "which 95 % of the errors of left-out runs lie inside. `inside` is the share of the readings of each "
-        "left-out run in the band that the other runs of its kind make, mean over runs (target 90 to 98 %): "
-        "what the blind runs are expected to do.",
+        "of draws of the coefficients and the usual error of left-out runs together, times a factor by kind "
+        "of motion, channel and time, with which 95 % of the errors of left-out runs lie inside. `inside` is "
+        "the share of the readings of each left-out run in the band that the other runs of its kind make, "
+        "mean over runs (target 90 to 98 %): what the blind runs are expected to do.",
         "",
         "| kind of motion | fit | runs | channel | median rms error | largest | inside the 95 % band |",
         "|---|---|---|---|---|---|---|",

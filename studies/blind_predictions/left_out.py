@@ -122,7 +122,7 @@ def predicted(
         error = (run.data[name] - p.mean[:, j])[late]
         if name == "psi":
             error = error - 2 * np.pi * np.round(error / (2 * np.pi))
-        if name in one.ratio:
+        if name in one.error:
             rms[name] = float(np.sqrt(np.nanmean(error**2)))
     return one, {"run": run.name, "kind": what, "seconds": float(run.duration), "rms": rms}
 
@@ -145,7 +145,7 @@ def summary(seen: Mapping[str, Sequence[tuple[Misses, dict[str, Any]]]]) -> dict
         out[what] = {
             "regime": regime, "tried": tried, "runs": len(found), "level": level,
             "factors": factors(found, level),
-            "inside": {c: float(np.mean([r[c] for r in inside.values() if c in r])) for c in found[0].ratio}
+            "inside": {c: float(np.mean([r[c] for r in inside.values() if c in r])) for c in found[0].error}
             if inside else {},
         }  # fmt: skip
     return out

@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from bayesid.estimation.likelihood import NoiseParts
 from bayesid.estimation.output_error import FitOptions
 from bayesid.estimation.segments import fit_in_pieces
 from bayesid.estimation.trial_fit import TrialFit
@@ -17,7 +16,7 @@ from bayesid.progress import Progress
 from bayesid.trials import Run, Trial, load_trial, thin
 from studies.real_logs.run import HERE as LOGS
 from studies.real_logs.run import INERTIA, SETTINGS, SINGLE_SCREW, WIND, begun, plain, with_wind
-from studies.ship_models.ships import SHIP_WIND, SHIPS, free_of, of_all_quadrants
+from studies.ship_models.ships import SHARE, SHIP_WIND, SHIPS, free_of, of_all_quadrants
 
 HERE = Path(__file__).parent
 
@@ -46,17 +45,6 @@ REGIMES = {"ahead": ("zigzag", "turn", "circle"), "slow": ("berthing", "random")
 SETS = {
     "esso_osaka": BlindSet("esso_osaka", 15.0, 0.5, True, (*SINGLE_SCREW, WIND)),
     "kvlcc2_other_basin": BlindSet("kvlcc2_hsva", 6.0, 0.25, False, ()),
-}
-
-
-# Noise of the fits by MMG: memory, spread from run to run, and a power of the readings that is about the
-# share of information the memory leaves them. With the power that linear algebra calls best for left-out runs
-# (1), numbers of KVLCC2 went up to 19 prior sd away (place of the rudder in its drift -2.7 L), with 31 rows
-# beside them up to 23. Heading of left-out zig-zags with powers of 1, 0.1 and 0.01: 4.9, 8.9 and 3.1 degrees,
-# the last within 2 prior sd.
-WEIGHTS = {
-    "kvlcc2_hsva": NoiseParts(2, 1.0, 0.2, 0.01, 0.01),
-    "esso_osaka": NoiseParts(3, 2.0, 0.2, 0.03, 0.02),
 }
 
 
@@ -113,7 +101,7 @@ def fitted(
         return fit_in_pieces(
             chosen, setting.piece, ship, out, free=free, options=options,
             watch=lambda done, cost, step: stage.step(info=f"cost {cost:.5g}"),
-            parts=WEIGHTS.get(blind.logs) if mmg else None,
+            parts=SHARE[blind.logs] if mmg else None,
         )  # fmt: skip
 
 

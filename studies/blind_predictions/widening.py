@@ -1,17 +1,18 @@
 """How much wider bands must be so that runs the model has not read lie inside them.
 
-Takes predictions of left-out runs and their readings. Gives factors on the distance of either limit from the
-mean, by kind of motion, channel and time since the first readings. Does not predict.
+Takes predictions of left-out runs and their readings. Gives, by channel and time since the first readings,
+the usual error and a factor: either limit is the factor times its distance in the draws and the usual error
+together. Does not predict.
 
-Split conformal prediction with the predicted band as the score (Romano, Patterson and Candes 2019), runs as
-the exchangeable units: readings of one run share their error, so every run counts the same, and the level is
-raised until runs left out of the factors are covered.
+Conformal prediction with a normalised score (Lei and others 2018; without the usual error, draws that agree
+for no good reason make all bands wide), runs as the exchangeable units: readings of one run share their
+error, so every run counts the same, and the level is raised until runs left out of the factors are covered.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -28,18 +29,19 @@ SHORTEST = 5  # readings that tell a quantile
 
 @dataclass(frozen=True, eq=False)
 class Misses:
-    """One left-out run: channel -> (m,) time since its first readings [s], and (m,) error over the distance
-    of the limit on its side."""
+    """One left-out run: channel -> (m,) time since its first readings [s], size of the error, and distance of
+    the limit on its side."""
 
     run: str
     kind: str
     since: Mapping[str, Array]
-    ratio: Mapping[str, Array]
+    error: Mapping[str, Array]
+    limit: Mapping[str, Array]
 
 
 def misses(p: Prediction, run: Run, kind: str) -> Misses:
-    """Errors of a prediction in units of its own band, sensor noise included."""
-    times, ratios = {}, {}
+    """Errors of a prediction beside its own band, sensor noise included."""
+    times, sizes, limits = {}, {}, {}
     late = p.t - p.t[0] > p.lead
     low, high = sides(p)
     for j, name in enumerate(p.channels):
@@ -49,10 +51,10 @@ def misses(p: Prediction, run: Run, kind: str) -> Misses:
         seen = late & np.isfinite(error)
         if seen.sum() < SHORTEST:
             continue
-        limit = np.where(error > 0, high[:, j], low[:, j])
         times[name] = (p.t - p.t[0] - p.lead)[seen]
-        ratios[name] = np.abs(error[seen]) / limit[seen]
-    return Misses(run.name, kind, times, ratios)
+        sizes[name] = np.abs(error[seen])
+        limits[name] = np.where(error > 0, high[:, j], low[:, j])[seen]
+    return Misses(run.name, kind, times, sizes, limits)
 
 
 def sides(p: Prediction) -> tuple[Array, Array]:
@@ -62,27 +64,31 @@ def sides(p: Prediction) -> tuple[Array, Array]:
     return np.hypot(np.maximum(p.mean - low, 0.0), noise), np.hypot(np.maximum(high - p.mean, 0.0), noise)
 
 
-def factors(found: Sequence[Misses], level: float) -> dict[str, list[float]]:
-    """Channel -> factor per horizon: the quantile of all readings, every run with the same weight.
-
-    A horizon no run reaches has the factor of the one before.
+def factors(found: Sequence[Misses], level: float) -> dict[str, list[list[float]]]:
+    """Channel -> usual error and factor per horizon: the median and the quantile of all readings, every run
+    with the same weight. A horizon no run reaches has those of the one before.
     """
-    out: dict[str, list[float]] = {}
-    for name in dict.fromkeys(c for one in found for c in one.ratio):
-        last, row = 1.0, []
+    out: dict[str, list[list[float]]] = {}
+    for name in dict.fromkeys(c for one in found for c in one.error):
+        last, row = [0.0, 1.0], []
         for h in range(len(HORIZONS)):
-            parts = [_within(one, name, h) for one in found if name in one.ratio]
-            parts = [part for part in parts if part.size >= SHORTEST]
+            parts = [_within(one, name, h) for one in found if name in one.error]
+            parts = [(error, limit) for error, limit in parts if error.size >= SHORTEST]
             if parts:
-                last = max(_weighted_quantile(parts, min(level, 1.0)) * max(level, 1.0), 0.1)
+                usual = _weighted_quantile([error for error, _ in parts], 0.5)
+                most = _weighted_quantile(
+                    [error / (limit + usual) for error, limit in parts], min(level, 1.0)
+                )
+                last = [usual, max(most * max(level, 1.0), 0.1)]
             row.append(last)
         out[name] = row
     return out
 
 
-def _within(one: Misses, name: str, h: int) -> Array:
+def _within(one: Misses, name: str, h: int) -> tuple[Array, Array]:
     end = HORIZONS[h + 1] if h + 1 < len(HORIZONS) else np.inf
-    return one.ratio[name][(one.since[name] >= HORIZONS[h]) & (one.since[name] < end)]
+    inside = (one.since[name] >= HORIZONS[h]) & (one.since[name] < end)
+    return one.error[name][inside], one.limit[name][inside]
 
 
 def _weighted_quantile(parts: Sequence[Array], level: float) -> float:
@@ -93,17 +99,19 @@ def _weighted_quantile(parts: Sequence[Array], level: float) -> float:
     return float(values[order[min(int(np.searchsorted(share, level - 1e-9)), values.size - 1)]])
 
 
-def at(row: Sequence[float], since: Array) -> Array:
-    """Factor at times since the first readings [s]: linear between the middles of the horizons."""
+def widened_side(row: Sequence[Sequence[float]], since: Array, limit: Array) -> Array:
+    """Distance of a limit from the mean at times since the first readings [s]; usual error and factor change
+    evenly from the middle of one horizon to that of the next."""
     middles = [*(0.5 * (np.array(HORIZONS[:-1]) + np.array(HORIZONS[1:]))), HORIZONS[-1]]
-    return np.interp(since, middles, row)
+    usual, factor = (np.interp(since, middles, [pair[k] for pair in row]) for k in (0, 1))
+    return np.asarray(factor * (limit + usual))
 
 
-def covered(one: Misses, scale: Mapping[str, Sequence[float]]) -> dict[str, float]:
+def covered(one: Misses, scale: Mapping[str, Sequence[Sequence[float]]]) -> dict[str, float]:
     """Channel -> share of the readings of a run inside the widened band."""
     return {
-        name: float(np.mean(ratio <= at(scale[name], one.since[name])))
-        for name, ratio in one.ratio.items()
+        name: float(np.mean(error <= widened_side(scale[name], one.since[name], one.limit[name])))
+        for name, error in one.error.items()
         if name in scale
     }
 
@@ -124,17 +132,11 @@ def chosen_level(found: Sequence[Misses]) -> float:
     return LEVELS[-1]
 
 
-def widened(p: Prediction, scale: Mapping[str, Sequence[float]]) -> tuple[Array, Array]:
-    """(n, q) limits of a prediction, each side times its factor."""
+def widened(p: Prediction, scale: Mapping[str, Sequence[Sequence[float]]]) -> tuple[Array, Array]:
+    """(n, q) limits of a prediction, as left-out runs ask for."""
     since = np.maximum(p.t - p.t[0] - p.lead, 0.0)
     low, high = sides(p)
-    grow = np.ones_like(p.mean)
     for j, name in enumerate(p.channels):
         if name in scale:
-            grow[:, j] = at(scale[name], since)
-    return p.mean - grow * low, p.mean + grow * high
-
-
-def as_prediction(p: Prediction, centre: Array) -> Prediction:
-    """The prediction moved so that its mean is `centre` (n, q)."""
-    return replace(p, draws=p.draws + (centre - p.mean))
+            low[:, j], high[:, j] = (widened_side(scale[name], since, side[:, j]) for side in (low, high))
+    return p.mean - low, p.mean + high
