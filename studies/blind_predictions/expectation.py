@@ -75,7 +75,7 @@ def left_out_text(name: str, record: Mapping[str, Any]) -> str:
         lines += [
             "",
             "No circle of this ship is known here. The row `circle` is of the three zig-zags of 25 to 35 "
-            "degrees, predicted by fits to smaller angles; a steady turn goes further. In another basin all "
-            "are expected to do worse than stated.",
+            "degrees, predicted by fits to smaller angles; a steady turn goes further. Their errors in x "
+            "count for y too, and vice versa. In another basin all are expected to do worse than stated.",
         ]
     return "\n".join(lines) + "\n"

@@ -24,7 +24,14 @@ from bayesid.prediction.prediction import predict_run
 from bayesid.progress import Progress
 from bayesid.trials import Run, Trial
 from studies.blind_predictions.sets import REGIMES, BlindSet, fitted, kind, prepared
-from studies.blind_predictions.widening import Misses, chosen_level, factors, left_out_coverage, misses
+from studies.blind_predictions.widening import (
+    Misses,
+    chosen_level,
+    either_way,
+    factors,
+    left_out_coverage,
+    misses,
+)
 
 # Share of the covariance that is drawn, disturbance over 1/2 rho L^2 U^2 and its time [L/U]: they shape the
 # band over time and from channel to channel, its size is that of left-out runs.
@@ -102,6 +109,8 @@ def left_out(
                 if regime == "ahead" and what in REGIMES["slow"]:
                     continue
                 row = predicted(model, prepared(blind, run), what, blind.lead, seed)
+                if row is not None and fold == "beyond":
+                    row = either_way(row[0]), row[1]
                 if row is not None:
                     seen.setdefault(f"{what} {regime}", []).append(row)
     return {"kinds": summary(seen), "runs": {key: [row for _, row in rows] for key, rows in seen.items()}}

@@ -57,6 +57,18 @@ def misses(p: Prediction, run: Run, kind: str) -> Misses:
     return Misses(run.name, kind, times, sizes, limits)
 
 
+def either_way(one: Misses) -> Misses:
+    """A stand-in for a run that turns through all headings: errors in x count for y too, and vice versa."""
+    both = {
+        name: {"x": np.concatenate([part["x"], part["y"]]), "y": np.concatenate([part["x"], part["y"]])}
+        for name, part in (("since", one.since), ("error", one.error), ("limit", one.limit))
+    }
+    return Misses(
+        one.run, one.kind, {**one.since, **both["since"]}, {**one.error, **both["error"]},
+        {**one.limit, **both["limit"]},
+    )  # fmt: skip
+
+
 def sides(p: Prediction) -> tuple[Array, Array]:
     """(n, q) distances of the 95 % limits below and above the mean, white noise of the sensors added."""
     low, high = p.band(INTERVAL_LEVEL)
