@@ -5,6 +5,7 @@ Takes the runs to identify. Gives the candidates with their errors and the best 
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -75,11 +76,15 @@ def chosen(
 ) -> dict[str, Any]:
     """Record: candidate -> rms of every measure over left-out runs, and the key of the best.
 
-    The score is the mean of the measures that have a mark, each over its mark.
+    The score is the mean of the measures that have a mark, each over its mark. Candidates whose errors are
+    there already are not fitted again.
     """
     runs = [thin(run, 2 * SETTINGS[name].dt) for run in trial.identify]
-    table: dict[str, Any] = {}
+    kept = out / "choice.json"
+    table: dict[str, Any] = json.loads(kept.read_text()) if kept.is_file() else {}
     for candidate in candidates(name, ship):
+        if candidate.key in table:
+            continue
         found: list[dict[str, float]] = []
         for fold in range(FOLDS):
             held = {run.name for run in runs[fold::FOLDS]}
@@ -100,7 +105,7 @@ def chosen(
             )
             found += [errors(one, by_name[one.name], "fitted") for one in judged]
         table[candidate.key] = joined_errors(found)
-        write_json(out / "choice.json", table)
+        write_json(kept, table)
     best = min(table, key=lambda key: table[key]["score"])
     return {"tried": table, "best": best}
 

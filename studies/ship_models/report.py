@@ -42,8 +42,9 @@ def models_report(record: Mapping[str, Any]) -> Report:
         " Held-out runs are replayed with the logged rudder from their own first readings, in one go; "
         "nothing corrects the heading on the way, and an unstable ship doubles an error every few lengths."
     )
-    if record["inputs"]["quick"]:
-        lead += " Every second sample of the logs was used (`--quick`)."
+    thinned = [TITLES[name] for name, ship in record["ships"].items() if ship["quick"]]
+    if thinned:
+        lead += f" Every second sample of the logs was used (`--quick`): {', '.join(thinned)}."
     lead += "\n\n" + NOTE
     lead += "\n\n" + "\n\n".join(literal(ship["attribution"]) for ship in record["ships"].values())
     return Report("Two tankers by MMG and by Gertler-Hagen rows", lead, sections)

@@ -72,6 +72,7 @@ def study(name: str, data: Path, out: Path, quick: bool, seed: int, progress: Pr
     options = FitOptions(seed=seed, profile=True, rounds=6 if quick else 12)
     told: dict[str, Any] = {
         "attribution": trial.attribution, "trial": trial.digest, "runs": {}, "sets": {}, "choice": choice,
+        "quick": quick,
     }  # fmt: skip
     slow: tuple[Run, ...] = ()
     if setting.wind:  # the pond has runs in all quadrants
