@@ -22,6 +22,7 @@ from bayesid.model.vehicles import (
 from bayesid.model.vehicles.convention import complete_from_fossen, munk_and_coriolis, rudder_to_port
 from bayesid.model.vehicles.inertia import planar_part
 from bayesid.model.vehicles.reading import BUILTIN_FOLDER, read_vehicle
+from bayesid.model.vehicles.sufficient import has_rudder, lacking
 from bayesid.model.vehicles.writing import vehicle_toml
 
 EVERY = pytest.mark.parametrize("name", builtin_names())
@@ -67,12 +68,14 @@ def read(head="", tail="", folder=None):
 def test_built_in_sets_are_these():
     assert set(builtin_names()) == {
         "delphin2",
+        "differential_boat",
         "esso_osaka_mmg",
         "generic_sub",
         "kvlcc2_mmg",
         "lauv",
         "nps_auv2",
         "remus100",
+        "six_thruster_rov",
         "suboff_full",
     }
 
@@ -81,9 +84,23 @@ def test_built_in_sets_are_these():
 def test_built_in_values_are_those_of_the_file(name):
     data = tomllib.loads((BUILTIN_FOLDER / f"{name}.toml").read_text("utf-8"))
     vehicle = load_vehicle(name)
-    assert vehicle.coef == {key: float(value) for key, value in data["coef"].items()}
+    stated = {key: float(value) for key, value in data["coef"].items()}
+    derived = data["vehicle"].get("convention") == "fossen"  # Coriolis rows follow from the added mass
+    assert stated.items() <= vehicle.coef.items() and (derived or stated.keys() == vehicle.coef.keys())
     assert vehicle.W == vehicle.B == vehicle.mass * GRAVITY
-    assert np.degrees(vehicle.limits["delta_r"]) == pytest.approx(data["control"]["dr_max_deg"])
+    most = data.get("control", {}).get("dr_max_deg", np.inf)
+    assert np.degrees(vehicle.limits["delta_r"]) == pytest.approx(most)
+
+
+@pytest.mark.parametrize("name", ["differential_boat", "six_thruster_rov", "kvlcc2_mmg", "esso_osaka_mmg"])
+def test_vehicles_without_rows_of_a_rudder_are_not_told_to_have_one(name):
+    told = [text for texts in lacking(load_vehicle(name)).values() for text in texts]
+    assert not any("rudder does not turn" in text or "damps" in text for text in told)
+    assert has_rudder(load_vehicle(name)) == name.endswith("mmg")
+    finless = replace(
+        load_vehicle("lauv"), coef={k: v for k, v in load_vehicle("lauv").coef.items() if k != "N_dr"}
+    )
+    assert any("rudder does not turn" in text for text in lacking(finless)["fit"])  # control
 
 
 @EVERY

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from bayesid.model.vehicles.reading import BUILTIN_FOLDER
 from bayesid.trials import Run, Trial
 
-BOAT = Path(__file__).parent / "data" / "differential_boat.toml"
+BOAT = BUILTIN_FOLDER / "differential_boat.toml"
 FINE = 0.02  # s, step of the integrator
 
 
@@ -92,7 +93,7 @@ def boat_trial(seed=0, **planted):
     return Trial("boat", Path("."), str(BOAT), 3, tuple(runs), noise=noise)
 
 
-ROV = Path(__file__).parent / "data" / "six_thruster_rov.toml"
+ROV = BUILTIN_FOLDER / "six_thruster_rov.toml"
 _S = np.sqrt(0.5)
 _AT = np.array(
     [[0.15, 0.1, 0], [0.15, -0.1, 0], [-0.15, 0.1, 0], [-0.15, -0.1, 0], [0, 0.11, -0.05], [0, -0.11, -0.05]]

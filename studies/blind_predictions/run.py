@@ -4,65 +4,37 @@ Usage: python -m studies.blind_predictions.run --data FOLDER [--out FOLDER] [--e
 FOLDER holds `blind_predictions`, `kvlcc2_hsva` and `esso_osaka`. With --expect half of the known runs is held
 out and predicted as the blind ones will be, and the errors to expect are written; without it every known run
 is fitted and the blind ones are predicted. Fits that were interrupted go on. `--equations mmg` makes a second
-set with ships by the MMG method; the first one, with rows of products of velocities, stays as it was sealed.
+set, `<set>_mmg`, with ships by the MMG method and bands as wide as runs left out of the fit ask for; the
+first one, with rows of products of velocities, stays as it was sealed.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from bayesid.errors import BayesidError
-from bayesid.estimation.output_error import FitOptions
-from bayesid.estimation.segments import fit_in_pieces
 from bayesid.estimation.trial_fit import TrialFit
 from bayesid.files import write_atomic, write_json
 from bayesid.lock import lock_or_exit
-from bayesid.model.vehicles import Vehicle, load_vehicle
 from bayesid.prediction.fitted_model import predictive_model
 from bayesid.prediction.intervals import beside_readings, standard_errors
 from bayesid.prediction.prediction import Prediction, predict_run
 from bayesid.progress import Progress
 from bayesid.trials import Run, Trial, load_trial, thin
-from studies.blind_predictions.expectation import expectation_text
-from studies.real_logs.run import HERE as LOGS
-from studies.real_logs.run import INERTIA, SETTINGS, SINGLE_SCREW, WIND, begun, plain, with_wind
-from studies.ship_models.ships import SHIP_WIND, SHIPS, free_of
+from studies.blind_predictions.expectation import expectation_text, left_out_text
+from studies.blind_predictions.left_out import drawing_model, left_out
+from studies.blind_predictions.sets import HERE, REGIMES, SETS, BlindSet, fitted, kind, known_runs, prepared
+from studies.blind_predictions.widening import widened
 
-HERE = Path(__file__).parent
+Array = np.ndarray
 DRAWS, CALIBRATION_DRAWS = 200, 40
-
-
-@dataclass(frozen=True)
-class BlindSet:
-    """One folder of runs to be predicted.
-
-    logs : the known logs of the same ship
-    lead : first seconds of a run that hold readings [s]
-    step : between predicted samples [s]
-    from_rest : whether the runs begin at rest, so that known ones are taken from their first sample too
-    extra : free parameters beside the coefficients of the vehicle file
-    equations : "rows" or "mmg"
-    """
-
-    logs: str
-    lead: float
-    step: float
-    from_rest: bool
-    extra: tuple[str, ...]
-    equations: str = "rows"
-
-
-REGIMES = {"ahead": ("zigzag", "turn", "circle"), "slow": ("berthing", "random")}
-SETS = {
-    "esso_osaka": BlindSet("esso_osaka", 15.0, 0.5, True, (*SINGLE_SCREW, WIND)),
-    "kvlcc2_other_basin": BlindSet("kvlcc2_hsva", 6.0, 0.25, False, ()),
-}
 
 
 def main(
@@ -83,93 +55,56 @@ def main(
         if not (data / blind.logs).is_dir() or not (data / "blind_predictions" / name).is_dir():
             progress.note(f"{name}: no such folder in {data.name}; left out")
             continue
-        if expect:
-            expectation(name, blind, data, out / name, quick, seed, progress)
-        else:
-            predictions(name, blind, data, out / name, quick, seed, progress)
+        folder = out / (name if equations == "rows" else f"{name}_{equations}")
+        make = (expectation if equations == "rows" else left_out_errors) if expect else predictions
+        make(name, blind, data, folder, quick, seed, progress)
 
 
-def kind(name: str) -> str:
-    """Kind of motion of a run, from its name."""
-    head = name.split("_")[0].lower()
-    return {"z": "zigzag", "turn": "turn", "circle": "circle"}.get(head, head)
+def left_out_errors(
+    name: str, blind: BlindSet, data: Path, out: Path, quick: bool, seed: int, progress: Progress
+) -> None:
+    """Errors of runs left out of the fit and the bands they ask for, which `predictions` takes from there."""
+    trial = known_runs(blind, data)
+    found = left_out(blind, trial, data, quick, seed, out / "left_out", progress)
+    inputs = {"trial": trial.digest, "quick": quick, "lead": blind.lead, **_which(blind)}
+    record = {"inputs": inputs, "seeds": [seed], **found, "attribution": trial.attribution}
+    write_json(out / "expected.json", record)
+    write_atomic(out / "EXPECTATION.md", left_out_text(name, record))
+    progress.note(f"expectation: {out / 'EXPECTATION.md'}")
 
 
-def known_runs(blind: BlindSet, data: Path) -> Trial:
-    """The known logs, wind given wherever it was measured; berthing runs, which the bundle leaves out, as
-    well.
-    """
-    trial = load_trial(LOGS / blind.logs, data / blind.logs)
-    if (HERE / f"{blind.logs}_more").is_dir():
-        more = load_trial(HERE / f"{blind.logs}_more", data / blind.logs)
-        trial = replace(trial, runs=(*(r for r in trial.runs if kind(r.name) != "random"), *more.runs))
-    opened = data / blind.logs / "wind_opened"
-    runs = [
-        with_wind(run, opened / f"{run.name}.csv") if (opened / f"{run.name}.csv").is_file() else run
-        for run in trial.runs
-    ]
-    return replace(trial, runs=tuple(runs))
-
-
-def fitted(
+def models(
     blind: BlindSet,
     trial: Trial,
-    regime: str,
     data: Path,
     quick: bool,
     seed: int,
     out: Path,
     progress: Progress,
-) -> TrialFit | None:
-    """The ship fitted in pieces to the runs with role "identify" of one regime; None where there is none.
-
-    At low speed and astern, cubic rows, which hold at one speed, run away: there products of velocities
-    serve.
-    """
-    setting = SETTINGS[blind.logs]
-    step = setting.dt * (2 if quick else 1)
-    inside = [r for r in trial.runs if kind(r.name) in REGIMES[regime] and r.role == "identify"]
-    if not inside:
-        return None
-    way = setting.way if regime == "ahead" else None
-    chosen = replace(trial, runs=tuple(thin(begun(run, way), step) for run in inside))
-    ship, free = equations_of(blind, regime, data)
-    options = FitOptions(seed=seed, profile=True, rounds=3 if quick else 12)
-    with progress.stage(f"{trial.name}: fit to {' and '.join(REGIMES[regime])} runs") as stage:
-        return fit_in_pieces(
-            chosen, setting.piece, ship, out, free=free, options=options,
-            watch=lambda done, cost, step: stage.step(info=f"cost {cost:.5g}"),
-        )  # fmt: skip
-
-
-def equations_of(blind: BlindSet, regime: str, data: Path) -> tuple[Vehicle, tuple[str, ...]]:
-    """The ship a fit starts from and what it may move; MMG holds in both regimes."""
-    if blind.equations == "mmg":
-        ship = SHIPS[blind.logs](data / blind.logs)
-        wind = SHIP_WIND if WIND in blind.extra else ()
-        return ship, (*free_of(ship), *SINGLE_SCREW, *wind)
-    ship = load_vehicle(LOGS / blind.logs / "vehicle.toml")
-    ship = ship if regime == "ahead" else plain(ship)
-    return ship, (*(n for n in ship.coef if n not in INERTIA), *blind.extra)
-
-
-def models(
-    blind: BlindSet, trial: Trial, data: Path, quick: bool, seed: int, out: Path, progress: Progress
+    chosen: Mapping[str, Any] | None = None,
 ) -> tuple[dict[str, Any], dict[str, str]]:
     """A predicting model per kind of motion: coefficients of the fit, disturbance of the known runs of
-    that kind; and why there is none of the other kinds.
+    that kind; and why there is none of the other kinds. With what left-out runs chose per kind, its fit
+    without a disturbance of the kind.
     """
     ready: dict[str, Any] = {}
     missing: dict[str, str] = {}
     fits: dict[str, TrialFit | None] = {}
     unfitted: dict[str, str] = {}
-    for regime in REGIMES:
+    wanted = REGIMES if chosen is None else dict.fromkeys(row["regime"] for row in chosen.values())
+    for regime in wanted:
         try:
             fits[regime] = fitted(blind, trial, regime, data, quick, seed, out / f"fit_{regime}", progress)
         except BayesidError as error:
             fits[regime], unfitted[regime] = None, f"the fit failed: {error}"
             progress.note(f"{trial.name}, {regime}: {unfitted[regime]}")
-    for name in dict.fromkeys(kind(r.name) for r in trial.runs):
+    for name, row in (chosen or {}).items():
+        found = fits[row["regime"]]
+        if found is None or found.posterior is None:
+            missing[name] = unfitted.get(row["regime"], "the fit has no posterior")
+        else:
+            ready[name] = (drawing_model(found), None, found)
+    for name in dict.fromkeys(kind(r.name) for r in trial.runs if chosen is None):
         regime = next(regime for regime, kinds in REGIMES.items() if name in kinds)
         found = fits[regime]
         runs = [prepared(blind, r) for r in trial.runs if kind(r.name) == name and r.role == "identify"]
@@ -193,11 +128,6 @@ def no_model(name: str, missing: Mapping[str, str]) -> str:
     """Why a run of this kind of motion cannot be predicted."""
     told = missing.get(name) or "; ".join(f"{n}: {why}" for n, why in missing.items())
     return f"no model could be made ({told or 'there are no known runs'})"
-
-
-def prepared(blind: BlindSet, run: Run) -> Run:
-    """A known run as a blind one is given: from its first sample, at the step of the predictions."""
-    return thin(run if blind.from_rest else begun(run, SETTINGS[blind.logs].way), max(blind.step, 0.5))
 
 
 def expectation(
@@ -250,11 +180,12 @@ def predictions(
     """Fit every known run, predict the blind ones, a CSV each."""
     trial = known_runs(blind, data)
     trial = replace(trial, runs=tuple(replace(run, role="identify") for run in trial.runs))
-    per_kind, missing = models(blind, trial, data, quick, seed, out / "fitted", progress)
+    chosen = None if blind.equations == "rows" else expected_kinds(out / "expected.json")
+    per_kind, missing = models(blind, trial, data, quick, seed, out / "fitted", progress, chosen)
     told: dict[str, Any] = {}
     unseen = load_trial(HERE / name, data / "blind_predictions" / name)
     for run in progress.track(unseen.runs, f"{name}: predictions"):
-        wanted = {"circle": "turn"}.get(kind(run.name), kind(run.name))
+        wanted = kind(run.name) if kind(run.name) in per_kind else known_as(kind(run.name))
         known = next((n for n in (wanted, "zigzag", *per_kind) if n in per_kind), None)
         target = out / f"{run.name}.csv"
         if known is None:
@@ -268,8 +199,8 @@ def predictions(
         except BayesidError as error:
             told[run.name] = {"disturbance": known, "failed": str(error)}
             continue
-        write_atomic(target, csv_text(p))
-        low, high = p.band()
+        low, high = p.band() if chosen is None else widened(p, chosen[known]["factors"])
+        write_atomic(target, csv_text(p, low, high))
         told[run.name] = {
             "disturbance": known, "lost": p.lost, "seconds": float(run.duration),
             "widest": {c: float((high - low)[:, j].max()) for j, c in enumerate(p.channels)},
@@ -284,12 +215,30 @@ def predictions(
         "seeds": [seed],
         "fit": {k: v[2].fit.uncertainty for k, v in per_kind.items()},
         "coefficients": {k: v[2].fit.values for k, v in per_kind.items()},
-        "calibration": {k: v[1] for k, v in per_kind.items()},
+        "calibration": {k: v[1] for k, v in per_kind.items() if v[1] is not None},
         "predictions": told,
         "attribution": trial.attribution,
     }  # fmt: skip
     write_json(out / "predictions.json", record)
     progress.note(f"predictions: {out}")
+
+
+def known_as(name: str) -> str:
+    """Kind of known runs a kind without any is predicted as."""
+    return {"circle": "turn"}.get(name, name)
+
+
+def expected_kinds(file: Path) -> Mapping[str, Any]:
+    """Kind -> fit and factors, as left-out runs chose them.
+
+    Raises
+    ------
+    SystemExit
+        if nobody said what to expect
+    """
+    if not file.is_file():
+        raise SystemExit(f"{file}: not there; run with --expect first, it says how wide the bands are")
+    return dict(json.loads(file.read_text())["kinds"])
 
 
 def _which(blind: BlindSet) -> dict[str, str]:
@@ -300,9 +249,8 @@ def _which(blind: BlindSet) -> dict[str, str]:
 SHOWN: Mapping[str, str] = {"x": "m", "y": "m", "psi": "rad", "u": "m/s", "v": "m/s", "r": "rad/s"}
 
 
-def csv_text(p: Prediction) -> str:
+def csv_text(p: Prediction, low: Array, high: Array) -> str:
     """`t[s]`, and mean, 2.5 % and 97.5 % of every channel."""
-    low, high = p.band()
     names, columns = ["t[s]"], [p.t]
     for j, c in enumerate(p.channels):
         for ending, values in (("", p.mean), ("_lo", low), ("_hi", high)):

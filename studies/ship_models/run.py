@@ -2,7 +2,8 @@
 
 Usage: python -m studies.ship_models.run --data FOLDER [--out FOLDER] [--quick] [--seed N] [--only NAME].
 FOLDER holds `kvlcc2_hsva` and `esso_osaka` (see studies/real_logs/run.py). Runs to identify and held-out runs
-are those of that study. An interrupted fit goes on where it was.
+are those of that study; what the fit by MMG moves is chosen by runs left out among those to identify. An
+interrupted fit goes on where it was.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from bayesid.estimation.likelihood import NoiseParts
 from bayesid.estimation.output_error import FitOptions
 from bayesid.estimation.segments import fit_in_pieces, in_pieces
 from bayesid.estimation.trial_fit import RunOutcome, TrialFit, outcomes
@@ -22,9 +24,10 @@ from bayesid.report import writer
 from bayesid.trials import Run, Trial, thin
 from studies.real_logs.run import HERE as LOGS
 from studies.real_logs.run import SETTINGS, SINGLE_SCREW, WIND, begun
+from studies.ship_models.choice import candidates, chosen
 from studies.ship_models.errors import errors
 from studies.ship_models.report import models_report
-from studies.ship_models.ships import INERTIA, SHIP_WIND, SHIPS, free_of, logs_of, of_all_quadrants, slow_logs
+from studies.ship_models.ships import INERTIA, SHIP_WIND, SHIPS, logs_of, of_all_quadrants, slow_logs
 
 
 @dataclass(frozen=True)
@@ -58,23 +61,29 @@ def study(name: str, data: Path, out: Path, quick: bool, seed: int, progress: Pr
     inside = replace(trial, runs=tuple(r for r in trial.runs if not r.manoeuvre.startswith("random")))
     rows = load_vehicle(LOGS / name / "vehicle.toml")
     ship = SHIPS[name](data)
-    sets: list[tuple[str, str, Vehicle, tuple[str, ...]]] = [
-        ("mmg", "MMG", ship, (*free_of(ship), *SINGLE_SCREW, *(SHIP_WIND if setting.wind else ()))),
+    choice = chosen(name, inside, ship, out, seed, progress)
+    best = next(c for c in candidates(name, ship) if c.key == choice["best"])
+    sets: list[tuple[str, str, Vehicle, tuple[str, ...], NoiseParts | None]] = [
+        ("mmg", "MMG", ship, best.free, best.parts),
         ("gertler_hagen", "Gertler-Hagen, cubic and race rows", rows,
-         (*(n for n in rows.coef if n not in INERTIA), *SINGLE_SCREW, *((WIND,) if setting.wind else ()))),
+         (*(n for n in rows.coef if n not in INERTIA), *SINGLE_SCREW, *((WIND,) if setting.wind else ())),
+         None),
     ]  # fmt: skip
     options = FitOptions(seed=seed, profile=True, rounds=6 if quick else 12)
-    told: dict[str, Any] = {"attribution": trial.attribution, "trial": trial.digest, "runs": {}, "sets": {}}
+    told: dict[str, Any] = {
+        "attribution": trial.attribution, "trial": trial.digest, "runs": {}, "sets": {}, "choice": choice,
+        "quick": quick,
+    }  # fmt: skip
     slow: tuple[Run, ...] = ()
     if setting.wind:  # the pond has runs in all quadrants
         slow = tuple(thin(run, step) for run in slow_logs(data).runs)
-        sets.append(("mmg_all", "MMG, all quadrants", *wide_set(ship)))
-    for key, words, vehicle, free in sets:
+        sets.append(("mmg_all", "MMG, all quadrants", *wide_set(ship), best.parts))
+    for key, words, vehicle, free, parts in sets:
         fitted = replace(inside, runs=(*inside.runs, *slow)) if key == "mmg_all" else inside
         with progress.stage(f"{name}: {words}") as stage:
             found = fit_in_pieces(
                 fitted, setting.piece, vehicle, out / "fits" / key, free=free, options=options,
-                watch=lambda done, cost, step, s=stage: s.step(info=f"cost {cost:.5g}"),
+                parts=parts, watch=lambda done, cost, step, s=stage: s.step(info=f"cost {cost:.5g}"),
             )  # fmt: skip
         fit = found.fit
         told["sets"][key] = {

@@ -19,7 +19,7 @@ from bayesid.estimation.likelihood.checks import (
     prior_conflict,
     prior_sensitivity,
 )
-from bayesid.estimation.likelihood.composite import Composite, RunScore, root, run_scores
+from bayesid.estimation.likelihood.composite import Composite, RunScore, inverse, root, run_scores
 from bayesid.estimation.likelihood.mixed_rates import MixedRateNoise, mixed_rate_noise
 from bayesid.estimation.likelihood.parts import NoiseParts
 from bayesid.estimation.likelihood.residual_noise import MOST_ORDER
@@ -61,6 +61,9 @@ class CoefficientPosterior:
     conflict : (k,) z of each posterior mean against its prior; nan without one, and for rows of a model form
     sensitivity : (k,) change of each mean, in its sd, where the prior counts twice
     low, high : (k,) bounds [SI]
+    kept_prior : (k, k) covariance about the estimate of one that gives every reading the weight its noise
+        leaves it, beside the prior [SI]: never wider than the prior, which `covariance`, the error of the
+        estimate that was made, can be where residuals have memory
     """
 
     names: tuple[str, ...]
@@ -76,6 +79,7 @@ class CoefficientPosterior:
     sensitivity: Array
     low: Array
     high: Array
+    kept_prior: Array
 
     @property
     def sd(self) -> Array:
@@ -201,6 +205,7 @@ def posterior_of_scores(
         sensitivity=prior_sensitivity(composite, chosen, found),
         low=problem.params.vector("low"),
         high=problem.params.vector("high"),
+        kept_prior=inverse(composite.data(chosen)[0] + composite.prior_precision) * np.outer(scale, scale),
     )
 
 

@@ -135,8 +135,8 @@ def _without_form(
     result, posterior = first, _posterior(problem, first.z, parts, options.seed)
     weight = 1.0
     for number in range(1, ROUNDS + 1):
-        if posterior is None or not first.converged:
-            break
+        if posterior is None or not (first.converged or parts is not None):
+            break  # a weight that was given needs no estimate to be worked out at
         if abs(np.log(posterior.parts.weight / weight)) < SAME_WEIGHT:
             break
         weight = posterior.parts.weight

@@ -35,14 +35,17 @@ def lacking(vehicle: Vehicle) -> dict[str, list[str]]:
         if vehicle.rpm_ref is not None:
             say(str(error).partition(": ")[2], *COMMANDS)
     for axis, moment, fin, plane in (("Y", "N", "dr", "rudder"), ("Z", "M", "ds", "stern plane")):
-        if plane == "stern plane" and vehicle.planar_only:
+        if (plane == "stern plane" and vehicle.planar_only) or not _has_rows(vehicle, fin):
             continue
         if not coef.get(f"{moment}_{fin}"):
             what = f"{moment}_{fin} is missing: the {plane} does not turn the vehicle"
             say(what, *(COMMANDS if plane == "rudder" else ("simulate", "design")))
         elif not coef.get(f"{axis}_{fin}"):
             say(f"{axis}_{fin} is missing: the {plane} gives a moment and no force", "simulate")
-    sway = ("Y_v", "Y_v0", "Y_v|v|"), ("N_r", "N_r0", "N_r|r|", "N_|v|r")
+    sway = (
+        ("Y_v", "Y_v0", "Y_v|v|", "Y_v,U", "Y_|u|v"),
+        ("N_r", "N_r0", "N_r|r|", "N_|v|r", "N_r,U", "N_|u|r"),
+    )
     for rows, word in zip(sway, ("sway", "yaw"), strict=True):
         if not any(coef.get(row) for row in rows) and vehicle.crossflow is None:
             say(f"none of {', '.join(rows)}: nothing damps {word}", "simulate", "fit", "diagnose")
@@ -55,6 +58,8 @@ def lacking(vehicle: Vehicle) -> dict[str, list[str]]:
             f"{100 * ASSUMED_RELATIVE_SD:.0f} % is assumed (--prior, or relative_sd in [prior])"
         )
         say(what, "fit", "diagnose", "design")
+    if not has_rudder(vehicle):
+        return found
     if not math.isfinite(vehicle.limits.get("delta_r", math.inf)):
         say(
             "no largest rudder angle: give dr_max_deg in [control], else 35 deg is taken",
@@ -63,3 +68,16 @@ def lacking(vehicle: Vehicle) -> dict[str, list[str]]:
     if not math.isfinite(vehicle.rates.get("delta_r", math.inf)):
         say("no rudder rate: give rate_deg_s in [control], else the rudder jumps", "simulate", "diagnose")
     return found
+
+
+def has_rudder(vehicle: Vehicle) -> bool:
+    """Whether a rudder turns it; one steered by thrusters has none unless its file gives rows of one."""
+    return not vehicle.thrusters or any(name.endswith("dr") for name in vehicle.coef)
+
+
+def _has_rows(vehicle: Vehicle, fin: str) -> bool:
+    """Whether the file should hold rows of a fin: a rudder in a race has numbers, thrusters need none."""
+    mmg = vehicle.propulsion is not None and vehicle.propulsion.model == "mmg"
+    return not (mmg and fin == "dr") and (
+        not vehicle.thrusters or any(name.endswith(fin) for name in vehicle.coef)
+    )
