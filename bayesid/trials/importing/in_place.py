@@ -77,6 +77,8 @@ def _beyond(found: LogMap, sources: Sequence[Path]) -> list[str]:
         options = source.options
         if options.clock not in ("relative", "unix") or len(options.time) != 1:
             out.append(f"the clock of {label} is {options.clock or 'not a column of seconds'}")
+        elif options.spread:
+            out.append(f"rows of one stamp in {label} are spread")
         elif options.offset or options.columns:
             out.append(f"{label} has no header" if options.columns else f"{label} has a clock_offset")
     files = [run.files[0] for run in found.runs]
