@@ -1,9 +1,9 @@
 """Are conventions of two published ship logs found where they are read wrongly on purpose?
 
-Usage: python -m studies.log_mistakes.real_logs --data FOLDER [--out FILE]. The logs are kept elsewhere. Esso
-Osaka counts the rudder positive to starboard and logs orders; the raw files of KVLCC2 hold velocities north and
-east beside those along and across. Each is read as somebody would who had not read that, and judged as
-`bayesid diagnose` does before it looks for a gap. One line per log is written as it is judged.
+Usage: python -m studies.log_mistakes.real_logs --data FOLDER [--out FILE]. The logs are kept elsewhere.
+Esso Osaka counts the rudder positive to starboard and logs orders; the raw files of KVLCC2 hold velocities
+north and east beside those along and across. Each is read as somebody would who had not read that, and judged
+as `bayesid diagnose` does before it looks for a gap. One line per log is written as it is judged.
 """
 
 from __future__ import annotations
@@ -19,15 +19,11 @@ from bayesid.trials import load_trial
 from studies.log_mistakes.plant import logged, planted
 
 LOGS = Path(__file__).parents[1] / "real_logs"
+NOTHING = "nothing"
+SHARED = (NOTHING, "sign of delta_r", "sign of v", "x and y exchanged")
 ROWS = {
-    "esso_osaka": (
-        "nothing",
-        "sign of delta_r",
-        "order logged as measured",
-        "sign of v",
-        "x and y exchanged",
-    ),
-    "kvlcc2_hsva": ("nothing", "sign of delta_r", "earth-fixed velocities", "sign of v", "x and y exchanged"),
+    "esso_osaka": (*SHARED, "order logged as measured"),
+    "kvlcc2_hsva": (*SHARED, "earth-fixed velocities"),
 }
 
 
@@ -44,11 +40,11 @@ def study(data: Path, out: Path) -> None:
         for row in rows:
             if (name, row) in known:
                 continue
-            read = trial if row == "nothing" else logged(trial, mistakes[row], 0)
+            read = trial if row == NOTHING else logged(trial, mistakes[row], 0)
             found = check_trial(read, model).findings
+            right = not found if row == NOTHING else bool(found) and found[0].name in mistakes[row].right
             said = {
-                "log": name, "mistake": row, "named": [f.name for f in found],
-                "right": not found if row == "nothing" else bool(found) and found[0].name in mistakes[row].right,
+                "log": name, "mistake": row, "named": [f.name for f in found], "right": right,
                 "also": list(found[0].also) if found else [], "mend": list(found[0].mend) if found else [],
             }  # fmt: skip
             with out.open("a", encoding="utf-8") as file:
