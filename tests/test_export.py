@@ -66,7 +66,7 @@ def test_the_command_writes_the_ensemble_and_refuses_a_folder_without_a_model(fo
     assert run(["export", str(folder), "--draws", "3", "--out", str(tmp_path / "e")]) == 0
     assert "3 vehicles of equal weight, effects rudder_offset" in capsys.readouterr().out
     assert sorted(p.name for p in (tmp_path / "e").iterdir()) == [
-        "ensemble.json", "vehicle_1.toml", "vehicle_2.toml", "vehicle_3.toml",
+        "ensemble.json", "vehicle.schema.json", "vehicle_1.toml", "vehicle_2.toml", "vehicle_3.toml",
     ]  # fmt: skip
     assert run(["export", str(tmp_path), "--out", str(tmp_path / "f")]) == 2
     assert "bayesid fit" in capsys.readouterr().err

@@ -164,6 +164,27 @@ def test_files_written_name_their_schema_and_fit_it(tmp_path, capsys):
     assert bayesid(["schema", "map"]) == 2
 
 
+@pytest.mark.parametrize(
+    "path", [*sorted(BUILTIN_FOLDER.glob("*.toml")), *sorted(BUILTIN.glob("*/*.toml"))], ids=lambda p: p.stem
+)
+def test_files_of_the_package_name_the_schema_of_today(path):
+    """If not: bayesid schema trial -o bayesid/trials/builtin/trial.schema.json, and vehicle likewise."""
+    first = path.read_text(encoding="utf-8").splitlines()[0]
+    named = json.loads((path.parent / first.removeprefix("#:schema ")).read_text(encoding="utf-8"))
+    assert named == (trial_schema() if path.name == "trial.toml" else vehicle_schema())
+
+
+def test_commands_that_write_a_trial_or_a_vehicle_name_the_schema(tmp_path):
+    pond, fit = tmp_path / "pond", tmp_path / "fit"
+    assert bayesid(["simulate", "remus100", "zigzag:10/10", "--dt", "1", "--out", str(pond)]) == 0
+    assert bayesid(["fit", str(pond), "--free", "N_dr", "--out", str(fit)]) == 0
+    assert bayesid(["export", str(fit), "--draws", "2", "--out", str(tmp_path / "drawn")]) == 0
+    for path in (pond / "trial.toml", fit / "vehicle.toml", tmp_path / "drawn" / "vehicle_1.toml"):
+        first = path.read_text(encoding="utf-8").splitlines()[0]
+        schema = json.loads((path.parent / first.removeprefix("#:schema ")).read_text(encoding="utf-8"))
+        assert valid(schema, tree_of(path))
+
+
 def test_a_bundle_that_is_refused_by_its_reader_is_refused_with_a_sentence(tmp_path):
     (tmp_path / "trial.toml").write_text('#:schema ./trial.schema.json\nformat = 1\nruns = "r1.csv"\n')
     assert not valid(trial_schema(), tree_of(tmp_path / "trial.toml"))

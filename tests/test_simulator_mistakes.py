@@ -106,7 +106,9 @@ def test_an_alternative_that_leaves_a_gap_is_not_listed(monkeypatch, left, wante
     evidence = dict(zip(map(id, tried), (100.0, 98.0, 90.0), strict=True))
     rest = {id(c): v for c, v in zip(changes, left, strict=True)}
     monkeypatch.setattr(judge, "_worth", lambda *_: tried)
-    monkeypatch.setattr(judge, "mended_evidence", lambda model, trial, s, as_built: evidence[id(s)])
+    fitted = {"N_v": 7.0 * value}
+    said = {key: judge.Mended(nats, fitted) for key, nats in evidence.items()}
+    monkeypatch.setattr(judge, "mended_evidence", lambda model, trial, s, as_built: said[id(s)])
     monkeypatch.setattr(judge, "mended_model", lambda model, change: change)
     monkeypatch.setattr(judge, "left_over", lambda change, *_: rest[id(change)])
     none = SimpleNamespace(log_evidence=0.0)
@@ -115,6 +117,9 @@ def test_an_alternative_that_leaves_a_gap_is_not_listed(monkeypatch, left, wante
     found = find_mistakes(None, compared, SimpleNamespace(word="effect"))
     assert [f.name for f in found] == [MISTAKES[k].name for k in wanted]
     assert sum(f.probability for f in found) == pytest.approx(1.0 if wanted else 0.0)
+    # a mend that leaves rows free is told with the numbers the log gives them
+    for f in found:
+        assert f.numbers["N_v"] == pytest.approx(7.0 * f.given["N_v"])
 
 
 @pytest.mark.slow

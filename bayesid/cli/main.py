@@ -26,7 +26,7 @@ from bayesid.cli.simulate import simulate
 from bayesid.cli.start import start
 from bayesid.cli.study import study
 from bayesid.cli.terminal import guarded
-from bayesid.cli.trial_import import import_logs
+from bayesid.cli.trial_import import import_logs, init
 from bayesid.cli.trial_measure import measure
 from bayesid.cli.vehicle_check import check
 from bayesid.cli.vehicle_new import new
@@ -75,6 +75,7 @@ def command() -> Any:
         "trial": _group(
             "Bring logs in and look at them before they are used.",
             **{"import": import_logs},
+            init=init,
             check=trial.check,
             measure=measure,
         ),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bayesid.cli.options import OutFolder, Verbose
+from bayesid.cli.options import OutFolder, Verbose, claimed
 
 if TYPE_CHECKING:
     from bayesid.trials.importing import LogMap, Proposal
@@ -45,52 +45,123 @@ def import_logs(
     """Turn raw logs into a trial bundle: units, axes, clocks and names by a map, which it proposes itself.
 
     Without --map it guesses one from names, units and kinematics and writes it to BUNDLE/map.toml, with a
-    picture
-    of the runs it would cut. Nothing doubtful is taken silently: with an open question it stops with exit
-    code 3;
-    answer in the map, delete the question, and give the command again with --map BUNDLE/map.toml. Without a
-    question the bundle is written at once.
+    picture of the runs it would cut. Nothing doubtful is taken silently: with an open question it stops with
+    exit code 3; answer in the map, delete the question, and give the command again with --map
+    BUNDLE/map.toml. Without a question the bundle is written at once.
     """
     from bayesid.cli.output import print_text
-    from bayesid.trials.importing import (
-        ImportLogError,
-        apply_map,
-        check_bundle,
-        map_text,
-        propose,
-        read_map,
-        write_bundle,
-    )
+    from bayesid.trials.importing import apply_map, write_bundle
+
+    found, map_file = _map(sources, out, map_file, vehicle, ("import", f" --out {out}"))
+    if found is None:
+        return ASKED
+    runs, origin = apply_map(found, sources)
+    write_bundle(found, runs, origin, out, map_file)
+    print_text(f"\n{len(runs)} runs written to {out} (provenance.json says where each channel is from).")
+    _what_it_is_like(found, out, verbose)
+    return 0
+
+
+def init(
+    context: typer.Context,
+    sources: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="TABLE...", help="Text tables of one folder, or the folder.", show_default=False
+        ),
+    ],
+    map_file: MapFile = None,
+    vehicle: Named = None,
+    verbose: Verbose = False,
+) -> int:
+    """Write a trial.toml beside plain tables, a run each, so that they are read where they lie.
+
+    The proposal is that of `trial import`, with the same questions and the same exit code 3; nothing is
+    copied. The file is written only if reading the tables by it gives what an import would, number for
+    number; where trial.toml cannot say it (latitude and longitude, dates, several files joined on time,
+    several runs in a file), the import is named that can.
+    """
+    from bayesid.cli.output import print_text
+    from bayesid.files import write_atomic
+    from bayesid.trials.importing import ImportLogError
+    from bayesid.trials.importing.finding import look_into
+    from bayesid.trials.importing.in_place import text_in_place
+    from bayesid.trials.schema import write_schema
+
+    if len(sources) == 1 and sources[0].is_dir():
+        folder = sources[0]
+        sources = [p for p in look_into(folder).logs if p.parent == folder]
+        if not sources:
+            raise ImportLogError(f"{folder}: holds no table that can be read")
+    folder = sources[0].parent
+    claimed(context, folder)
+    found, map_file = _map(sources, folder, map_file, vehicle, ("init", ""))
+    if found is None:
+        return ASKED
+    try:
+        text = text_in_place(found, sources)
+    except ImportLogError as error:
+        listed = " ".join(str(p) for p in sources)
+        raise ImportLogError(
+            f"{error}\nBy an import it can: bayesid trial import {listed} --map {map_file} "
+            f"--out {folder / 'bundle'}"
+        ) from None
+    write_atomic(folder / "trial.toml", write_schema(folder) + text)
+    print_text(f"\n{folder / 'trial.toml'} reads {len(sources)} tables where they lie.")
+    _what_it_is_like(found, folder, verbose)
+    return 0
+
+
+def _map(
+    sources: list[Path], out: Path, map_file: Path | None, vehicle: str | None, command: tuple[str, str]
+) -> tuple[LogMap | None, Path]:
+    """(the map given or proposed, None while it asks; its file).
+
+    Parameters
+    ----------
+    command : name and end of the line to give once the questions are answered
+    """
+    from bayesid.cli.output import print_text
+    from bayesid.trials.importing import ImportLogError, map_text, propose, read_map
 
     absent = [str(p) for p in sources if not p.exists()]
     if absent:
         raise ImportLogError(f"{absent[0]}: does not exist")
     if (out / "trial.toml").exists():
         raise ImportLogError(f"{out}: holds a trial already; choose another folder or delete it")
-    if map_file is None:
-        if (out / "map.toml").exists():
-            raise ImportLogError(
-                f"{out / 'map.toml'} is there already; carry it out with --map {out / 'map.toml'}, or "
-                f"delete it for a new one"
-            )
-        name = out.resolve().parent.name if out.name == "bayesid" else out.name  # what `bayesid start` makes
-        proposal = propose(sources, _vehicle(vehicle, out), name)
-        out.mkdir(parents=True, exist_ok=True)
-        map_file = out / "map.toml"
-        map_file.write_text(map_text(proposal.map, proposal.remarks, proposal.unused), encoding="utf-8")
-        _say(proposal, out)
-        if proposal.map.questions:
-            listed = " ".join(str(p) for p in sources)
-            print_text(f"\nEdit {map_file}, delete each question when it is answered, then:")
-            print_text(f"bayesid trial import {listed} --map {map_file} --out {out}")
-            return ASKED
-        found: LogMap = proposal.map
-    else:
-        found = read_map(map_file)
-    runs, origin = apply_map(found, sources)
-    write_bundle(found, runs, origin, out, map_file)
-    warnings = check_bundle(out)
-    print_text(f"\n{len(runs)} runs written to {out} (provenance.json says where each channel is from).")
+    if map_file is not None:
+        return read_map(map_file), map_file
+    map_file = out / "map.toml"
+    if map_file.exists():
+        raise ImportLogError(
+            f"{map_file} is there already; carry it out with --map {map_file}, or delete it for a new one"
+        )
+    whole = out.resolve()
+    name = whole.parent.name if out.name == "bayesid" else whole.name  # what `bayesid start` makes
+    proposal = propose(sources, _vehicle(vehicle, out), name)
+    out.mkdir(parents=True, exist_ok=True)
+    map_file.write_text(map_text(proposal.map, proposal.remarks, proposal.unused), encoding="utf-8")
+    _say(proposal, out)
+    if not proposal.map.questions:
+        return proposal.map, map_file
+    listed = " ".join(str(p) for p in sources)
+    print_text(f"\nEdit {map_file}, delete each question when it is answered, then:")
+    print_text(f"bayesid trial {command[0]} {listed} --map {map_file}{command[1]}")
+    return None, map_file
+
+
+def _what_it_is_like(found: LogMap, out: Path, verbose: bool) -> None:
+    from bayesid.api.check import check
+    from bayesid.cli.output import print_text
+    from bayesid.trials.importing import check_bundle
+
+    trial = check_bundle(out)
+    mistakes = check(trial, with_vehicle=False).sentences
+    if mistakes:
+        print_text(f"{len(mistakes)} {'mistake' if len(mistakes) == 1 else 'mistakes'} in the log:")
+        for text in mistakes:
+            print_text(f"  - {text}")
+    warnings = trial.warnings
     shown = warnings if verbose else warnings[:6]
     for text in shown:
         print_text(f"  - {text}")
@@ -98,18 +169,17 @@ def import_logs(
         print_text(f"  and {len(warnings) - len(shown)} more: bayesid trial check {out}")
     nexts = "diagnose" if found.vehicle else "trial check"
     print_text(f"Next: bayesid {nexts} {out}" + (f" --out {out / 'gap'}" if found.vehicle else ""))
-    return 0
 
 
 def _vehicle(vehicle: str | None, out: Path) -> str:
     """The vehicle as the map names it; a file is copied beside the map."""
     if vehicle is None or not Path(vehicle).is_file():
         return vehicle or ""
-    import shutil
+    from bayesid.trials.write import copy_vehicle
 
     out.mkdir(parents=True, exist_ok=True)
     if not (out / "vehicle.toml").exists():
-        shutil.copyfile(vehicle, out / "vehicle.toml")
+        copy_vehicle(Path(vehicle), out)
     return "vehicle.toml"
 
 

@@ -13,7 +13,6 @@ from bayesid.cli.options import Verbose
 if TYPE_CHECKING:
     from bayesid.model.vehicles.new import NewVehicle
 
-SCHEMA = "vehicle.schema.json"
 
 Target = Annotated[
     Path | None,
@@ -75,7 +74,6 @@ def new(
     written with its source, [prior] with how far it may be off; what was assumed is said first. A
     coefficient is as good as the formulas are (docs: new vehicles); fits start from it.
     """
-    import json
     import tomllib
 
     from bayesid.cli.output import print_text
@@ -84,7 +82,7 @@ def new(
     from bayesid.model.vehicles.new import commented_toml
     from bayesid.model.vehicles.new import template as template_text
     from bayesid.model.vehicles.reading import read_vehicle
-    from bayesid.model.vehicles.schema import vehicle_schema
+    from bayesid.model.vehicles.schema import write_schema
 
     if template:
         print(template_text(), end="")
@@ -106,12 +104,10 @@ def new(
     if sum(bool(x) for x in (like, sheet, simulator)) > 1:
         raise VehicleError("give one of --like, --sheet and --simulator")
     made = _make(like, sheet, simulator, numbers, _fins(rudder, planes), name)
-    text = commented_toml(made, f"./{SCHEMA}")
+    text = commented_toml(made)
     read_vehicle(tomllib.loads(text), target.name, None)  # a simulator's numbers may describe no vehicle
     target.parent.mkdir(parents=True, exist_ok=True)
-    # beside the file, so that an editor finds it wherever the folder goes
-    write_atomic(target.with_name(SCHEMA), json.dumps(vehicle_schema(), indent=1) + "\n")
-    write_atomic(target, text)
+    write_atomic(target, write_schema(target.parent) + text)
     _say(target, made, verbose)
     print_text(f"\nNext: bayesid vehicle check {target}")
     return 0

@@ -14,12 +14,14 @@ import numpy as np
 
 from bayesid.model.channels import Channel, channel, is_channel
 from bayesid.model.units import UnitError, scale
-from bayesid.trials.equal_times import merge_equal_times
+from bayesid.trials.equal_times import merge_equal_times, spread_equal_times
 from bayesid.trials.table import BadTableError, CsvTable, summed
 from bayesid.trials.trial import Floats, Run
 
 ABSURD = 1e12  # no channel reaches this; larger numbers are sentinels or garbage
-TIME_REPAIRS = ("none", "sort")
+TIME_REPAIRS = ("none", "sort", "spread")
+SET_BACK = 3  # rows in a row behind one before them: a clock that was set, not a row that came late
+ROUNDED = 0.2  # share of rows that repeat a time, from which the stamps are taken for rounded
 _HEADER = re.compile(r"([^\[\]()]*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))?")
 
 
@@ -183,6 +185,9 @@ def _in_order(
         return values, extra
     if repair == "sort":
         return _sorted(values, extra, problems, notices)
+    if repair == "spread" and (step >= 0).all():
+        notices.append(f"rows of one time spread until the next: {int((step == 0).sum())} were equal")
+        return {**values, "t": spread_equal_times(t)}, extra
     ways = [
         (
             int(rows[k + 1]),
@@ -191,11 +196,33 @@ def _in_order(
         for k in np.flatnonzero(step <= 0)
     ]
     problems += summed(ways, "time that does not increase")
+    problems += _how_time_fails(t)
     problems.append(
         'clean the log, or say time_repair = "sort" in trial.toml to sort it; rows of equal time are then '
         "merged where they do not contradict each other, and dropped where they do"
     )
     return values, extra
+
+
+def _how_time_fails(t: Floats) -> list[str]:
+    """What repeated times or a step back look like, and the repair that is right for them."""
+    step = np.diff(t)
+    if (step >= 0).all() and float(np.mean(step == 0)) > ROUNDED:
+        usual = float(np.median(step[step > 0])) if (step > 0).any() else 0.0
+        each = 1.0 / (1.0 - float(np.mean(step == 0)))
+        return [
+            f"about {each:.1f} rows have one time, {usual:.3g} s apart: the stamps are rounded; log them "
+            'with more digits, or say time_repair = "spread" in trial.toml, right within that'
+        ]
+    behind = np.concatenate(([0], (t < np.maximum.accumulate(t)).astype(int), [0]))
+    first, last = np.flatnonzero(np.diff(behind) == 1), np.flatnonzero(np.diff(behind) == -1)
+    if first.size and int(np.max(last - first)) >= SET_BACK:
+        k = int(first[np.argmax(last - first)])
+        return [
+            f"the clock is set back by {t[k - 1] - t[k]:.3g} s after {t[k - 1]:.6g} s and runs on from "
+            "there: make two files of it; sorting would mix what was before and after"
+        ]
+    return []
 
 
 def _sorted(

@@ -82,11 +82,11 @@ class Correction:
         """Whether the run is concerned."""
         return not self.runs or run.name in self.runs
 
-    def lines(self) -> tuple[str, ...]:
+    def lines(self, digits: int = 6) -> tuple[str, ...]:
         """The table of trial.toml without its header."""
         off = Correction()
         return tuple(
-            f"{item.name} = {_toml(getattr(self, item.name))}"
+            f"{item.name} = {_toml(getattr(self, item.name), digits)}"
             for item in fields(self)
             if getattr(self, item.name) != getattr(off, item.name)
         )
@@ -210,14 +210,14 @@ def _earlier(t: Floats, values: Floats, delay: float, kind: str) -> Floats:
     return out
 
 
-def _toml(value: Any) -> str:
+def _toml(value: Any, digits: int = 6) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{k} = {_toml(v)}" for k, v in value.items()) + " }"
+        return "{ " + ", ".join(f"{k} = {_toml(v, digits)}" for k, v in value.items()) + " }"
     if isinstance(value, tuple):
-        return "[" + ", ".join(_toml(v) for v in value) + "]"
-    return f'"{value}"' if isinstance(value, str) else f"{value:.6g}"
+        return "[" + ", ".join(_toml(v, digits) for v in value) + "]"
+    return f'"{value}"' if isinstance(value, str) else f"{value:.{digits}g}"
 
 
 def read_correction(table: Any, problems: list[str]) -> Correction:

@@ -34,6 +34,31 @@ class Merged(Generic[Name]):
     lost: dict[Name, int]
 
 
+def spread_equal_times(t: Floats) -> Floats:
+    """Rows of one stamp spread evenly until the next stamp, as of a clock that was rounded down.
+
+    Parameters
+    ----------
+    t : (n,) times; a step back is left as it is, and the last rows are as far apart as those before them
+    """
+    if t.size < 2:
+        return t
+    first = np.flatnonzero(np.concatenate(([True], np.diff(t) != 0)))
+    count = np.diff(np.append(first, t.size))
+    length = np.empty(first.size)
+    length[:-1] = np.maximum(np.diff(t[first]), 0.0)
+    length[-1] = 0.0
+    if first.size > 1 and count[-1] > 1:
+        usual = length[:-1] / count[:-1]
+        length[-1] = count[-1] * float(np.median(usual[usual > 0])) if (usual > 0).any() else 0.0
+    rank = np.arange(t.size) - np.repeat(first, count)
+    # a gap is no place for rows: none is farther from the one before than twice the usual step
+    each = length / count
+    usual_step = float(np.median(np.repeat(each, count)))
+    each = np.where(each > 2.0 * usual_step, usual_step, each)
+    return np.asarray(t + rank * np.repeat(each, count), dtype=np.float64)
+
+
 def merge_equal_times(t: Floats, columns: Mapping[Name, Floats], judged: Set[Name]) -> Merged[Name]:
     """One row per time.
 

@@ -6,14 +6,20 @@ finds.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import fields
+from functools import cache
+from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
 
+from bayesid.files import write_atomic
 from bayesid.model.channels import CHANNELS
 from bayesid.model.file_keys import DIALECT, table_schema
 from bayesid.trials.correction import TEXTS, Correction
 from bayesid.trials.stated import ENVIRONMENT, KEYS, MAX_RUNS, RUN_KEYS
+
+FILE = "trial.schema.json"  # beside trial.toml, so that an editor finds it wherever the folder goes
 
 
 def trial_schema() -> dict[str, Any]:
@@ -35,6 +41,18 @@ def trial_schema() -> dict[str, Any]:
         **schema,
         "required": [name for name, key in KEYS.items() if key.required],
     }
+
+
+@cache
+def text() -> str:
+    """The schema as it is written."""
+    return json.dumps(trial_schema(), indent=1, ensure_ascii=False) + "\n"
+
+
+def write_schema(folder: Path) -> str:
+    """First line of a trial.toml in a folder that now holds the schema (`#:schema` as by Taplo)."""
+    write_atomic(folder / FILE, text())
+    return f"#:schema ./{FILE}\n"
 
 
 def _by_channel(names: list[str], value: dict[str, Any]) -> dict[str, Any]:

@@ -36,7 +36,10 @@ KEYS: dict[str, FileKey] = {
         "text", "side a positive rudder of the log turns to", choices=("port", "starboard"), default="port"
     ),
     "time_repair": FileKey(
-        "text", "sort: sort rows by time and merge those of equal time", choices=TIME_REPAIRS, default="none"
+        "text",
+        "sort: sort rows by time, merge those of equal time; spread: spread rows of one time until the next",
+        choices=TIME_REPAIRS,
+        default="none",
     ),
     "attribution": FileKey("text", "whose data these are; printed in reports", default=""),
     "data_hint": FileKey("text", "where the logs are to be had, if not here", default=""),

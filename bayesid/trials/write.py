@@ -16,14 +16,19 @@ import numpy as np
 from bayesid.errors import TrialError
 from bayesid.model.channels import CHANNELS, channel, is_channel
 from bayesid.trials.paths import safe_path
+from bayesid.trials.schema import write_schema
 from bayesid.trials.table import BadTableError
 from bayesid.trials.trial import Floats, Run, Trial
 
 _ORDER = {row.name: k for k, row in enumerate(CHANNELS)}
 
 
-def write_trial(trial: Trial, folder: str | Path, overwrite: bool = False) -> Path:
+def write_trial(trial: Trial, folder: str | Path, overwrite: bool = False, schema: bool = True) -> Path:
     """Write a bundle; a vehicle file the trial refers to is copied into it.
+
+    Parameters
+    ----------
+    schema : write trial.schema.json beside and name it in the first line, for editors
 
     Returns
     -------
@@ -41,18 +46,19 @@ def write_trial(trial: Trial, folder: str | Path, overwrite: bool = False) -> Pa
         folder.mkdir(parents=True, exist_ok=True)
         vehicle = trial.vehicle_ref
         if vehicle and Path(vehicle).is_file():
-            _copy_vehicle(Path(vehicle), folder)
+            copy_vehicle(Path(vehicle), folder)
             vehicle = "vehicle.toml"
         files = _file_names(trial.runs)
         for run, file in zip(trial.runs, files, strict=True):
             (folder / file).write_text(run_csv(run), encoding="utf-8", newline="\n")
-        target.write_text(_toml(trial, vehicle, files), encoding="utf-8", newline="\n")
+        head = write_schema(folder) if schema else ""
+        target.write_text(head + _toml(trial, vehicle, files), encoding="utf-8", newline="\n")
     except OSError as error:
         raise TrialError(f"{folder}: cannot be written: {error.strerror}") from None
     return target
 
 
-def _copy_vehicle(vehicle: Path, folder: Path) -> None:
+def copy_vehicle(vehicle: Path, folder: Path) -> None:
     """The vehicle file and, where its prior names one, the covariance file beside it."""
     files = {vehicle: folder / "vehicle.toml"}
     try:

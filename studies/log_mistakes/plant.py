@@ -117,6 +117,19 @@ def _frozen(name: str) -> Change:
     return change
 
 
+def _froze(*names: str) -> Change:
+    """Columns that repeat what they held a third into the run, until two thirds."""
+
+    def change(run: Run, rng: np.random.Generator) -> Run:
+        at = slice(run.n_samples // 3, 2 * run.n_samples // 3)
+        data = {k: run.data[k].copy() for k in names}
+        for values in data.values():
+            values[at] = values[at.start]
+        return replace(run, data={**run.data, **data})
+
+    return change
+
+
 def _jump(run: Run, rng: np.random.Generator) -> Run:
     middle = run.t >= run.t[0] + 0.55 * run.duration
     speed = float(np.hypot(np.ptp(run.data["x"]), np.ptp(run.data["y"])))
@@ -174,6 +187,10 @@ def planted(travel: float = 0.9) -> tuple[Planted, ...]:
         Planted("dead r", _frozen("r"), ("dead r",), ("r", "psi")),
         Planted("dead psi", _frozen("psi"), ("dead psi",), ("psi", "r")),
         Planted("dead u", _frozen("u"), ("dead u",), ("u", "x")),
+        Planted("frozen x, y for a third", _froze("x", "y"), ("frozen x", "frozen y"), ("x", "y")),
+        Planted("frozen psi for a third", _froze("psi"), ("frozen psi",), ("psi",)),
+        Planted("frozen r for a third", _froze("r"), ("frozen r",), ("r",)),
+        Planted("frozen u for a third", _froze("u"), ("frozen u",), ("u",)),
         Planted("dead rudder", _frozen("delta_r_cmd"), ("dead delta_r",)),
     ]
     # a log all mirrored is, without roll and depth, the one with the rudder's sign turned, and so is its mend

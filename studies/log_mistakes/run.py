@@ -1,6 +1,7 @@
 """Are mistakes of a log told from a gap: which planted ones are named, and what is named wrongly?
 
-Usage: python -m studies.log_mistakes.run [--out FOLDER] [--quick] [--seed N]. Clean campaigns of
+Usage: python -m studies.log_mistakes.run [--out FOLDER] [--quick] [--seed N] [--vehicles A,B] [--seeds 0,1].
+Results are kept after every campaign, and a second call goes on. Clean campaigns of
 built-in vehicles get one mistake at a time, at 10 Hz and at 1 Hz, with all channels and with pose alone.
 Mistakes are judged as `bayesid diagnose` does before it looks for a gap; no gap is diagnosed here, as a mend
 that gives the clean log back gives its verdict back. --render FOLDER writes the report anew from the
@@ -13,11 +14,13 @@ import argparse
 import json
 import time
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.stats import binomtest
 
 from bayesid.diagnosis.input import check_trial, mended
 from bayesid.equations.model import Model, build_model
@@ -31,14 +34,14 @@ from studies.log_mistakes.campaigns import FULL, POSE, PRIOR_SD, VEHICLES, campa
 from studies.log_mistakes.plant import Planted, controls, logged, planted
 
 CLEAN = 20  # fresh clean campaigns per vehicle
-SEEDS, QUICK_SEEDS = (0, 1), (0,)
-ONE_SEED = ("nps_auv2",)  # 6-DOF: a check takes several times as long
+SEEDS, QUICK_SEEDS = (0, 1, 2), (0,)
 RATES = (10.0, 1.0)
 SETS = {"all channels": FULL, "pose alone": POSE}
 RESTORED = 1e-6  # of a channel's size: the mended log is the clean one
 BAR = 0.95  # share of planted mistakes that must be named right or stand in the set
 # The hard rows, counted like every other: a clock by 2 % is as well a scale of two instruments, an order at
 # one reading a second as well a fast servo
+FRESH = "nothing, fresh"  # campaigns of other seeds, for false alarms alone
 FAINT = ("clock 2 % fast", "clock 5 % fast", "order logged as measured")
 
 
@@ -94,20 +97,25 @@ def _restored(clean: Trial, now: Trial, check: InputCheck) -> bool | None:
     return True
 
 
-def study(out: Path, quick: bool, seed: int) -> list[Outcome]:
-    """Every mistake in every campaign; the report is written anew after every vehicle."""
-    vehicles = ("remus100",) if quick else tuple(VEHICLES)
-    found: list[Outcome] = []
+def study(
+    out: Path, quick: bool, seed: int, vehicles: Sequence[str] = tuple(VEHICLES), seeds: Sequence[int] = SEEDS
+) -> list[Outcome]:
+    """Every mistake in every campaign; results are kept after each of them, and a second call goes on."""
+    if quick:
+        vehicles, seeds = ("remus100",), QUICK_SEEDS
+    found = kept(out) if not quick and (out / "results.json").exists() else []
+    done = {(o.vehicle, o.seed, o.rate, o.channels, o.row) for o in found}
     for name in vehicles:
         model = build_model(with_relative_prior(load_vehicle(name), PRIOR_SD), VEHICLES[name])
         travel = model.scales["L"] / model.scales["U"]
-        for k in QUICK_SEEDS if quick or name in ONE_SEED else SEEDS:
+        for k in seeds:
             for rate in (10.0,) if quick else RATES:
                 whole = campaign(name, seed + k, rate)
                 for words, channels in SETS.items():
                     trial = with_channels(whole, channels)
                     for row in (*controls(travel), *planted(travel)):
-                        if not _possible(row, trial, model):
+                        known = (name, seed + k, rate, words, row.name) in done
+                        if known or not _possible(row, trial, model):
                             continue
                         begin = time.perf_counter()
                         word, names, restored = judge(trial, row, model, seed + k)
@@ -116,15 +124,20 @@ def study(out: Path, quick: bool, seed: int) -> list[Outcome]:
                             Outcome(name, seed + k, rate, words, row.name, word, names, restored, took)
                         )
                     print(f"{name}, seed {seed + k}, {rate:g} Hz, {words}: {_counts(found)}", flush=True)
+                    _keep(found, out)
         for k in range(CLEAN if not quick else 0):
+            if (name, k, RATES[k % 2], "all channels", FRESH) in done:
+                continue
             clean = campaign(name, 1000 + seed + k, RATES[k % 2])
             names = tuple(f.name for f in check_trial(clean, model).findings)
             word = "false alarm" if names else "silent"
-            found.append(
-                Outcome(name, k, RATES[k % 2], "all channels", "nothing, fresh", word, names, None, 0.0)
-            )
-        writer.write(report(found), out, {"outcomes": [vars(o) for o in found]})
+            found.append(Outcome(name, k, RATES[k % 2], "all channels", FRESH, word, names, None, 0.0))
+        _keep(found, out)
     return found
+
+
+def _keep(found: list[Outcome], out: Path) -> None:
+    writer.write(report(found), out, {"outcomes": [vars(o) for o in found]})
 
 
 def _possible(row: Planted, trial: Trial, model: Model) -> bool:
@@ -150,15 +163,18 @@ def report(found: list[Outcome]) -> Report:
     faint = [o for o in real if o.row in FAINT]
     told = sum(o.word in ("named", "in the set") for o in faint)
     whole = sum(bool(o.restored) for o in back)
+    clean = [o for o in quiet if o.row in ("nothing", FRESH)]
     there = list(dict.fromkeys(o.vehicle for o in found))
     absent = [name for name in VEHICLES if name not in there]
     lead = (
         f"Of {len(real)} logs with a planted mistake {len(good)} are named right or in a set, {share:.1%} "
         f"({len(first)} named, {len(good) - len(first)} in a set): the bar of {BAR:.0%} is "
-        f"{'met' if share >= BAR else 'missed'}. The logs are of {', '.join(there)}"
+        f"{'met' if share >= BAR else 'missed'} ({_interval(len(good), len(real))}). The logs are of "
+        f"{', '.join(there)}"
         f"{', none of ' + ', '.join(absent) if absent else ''}. {wrong} get another name. Of {len(quiet)} "
         "logs without a mistake, or with an effect of the catalogue alone, "
-        f"{len(alarms)} are called mistaken. "
+        f"{len(alarms)} are called mistaken ({_interval(len(alarms), len(quiet))}), of the "
+        f"{len(clean)} clean ones {sum(o.word == 'false alarm' for o in clean)}. "
         f"In {whole} of {len(back)} the mended log is the clean one reading for "
         "reading, so that its gap is the clean one's. A clock that is 2 or 5 % fast and an "
         f"order logged as a measured angle are the hard rows ({told} of {len(faint)}): at "
@@ -204,15 +220,29 @@ def report(found: list[Outcome]) -> Report:
     )
 
 
+def _interval(count: int, total: int) -> str:
+    """95 % interval of a share (Wilson)."""
+    if not total:
+        return "none"
+    low, high = binomtest(count, total).proportion_ci(method="wilson")
+    return f"95 %: {low:.1%} to {high:.1%}"
+
+
 def kept(folder: Path) -> list[Outcome]:
     """Outcomes of an earlier study."""
     rows = json.loads((folder / "results.json").read_text())["outcomes"]
     return [Outcome(**{**row, "names": tuple(row["names"])}) for row in rows]
 
 
-def main(out: Path, quick: bool = False, seed: int = 0) -> None:
+def main(
+    out: Path,
+    quick: bool = False,
+    seed: int = 0,
+    vehicles: Sequence[str] = tuple(VEHICLES),
+    seeds: Sequence[int] = SEEDS,
+) -> None:
     """Run the study and write its report."""
-    study(out, quick, seed)
+    study(out, quick, seed, vehicles, seeds)
 
 
 if __name__ == "__main__":
@@ -220,11 +250,13 @@ if __name__ == "__main__":
     parser.add_argument("--out", type=Path, default=Path("out/log_mistakes"))
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--vehicles", type=lambda text: text.split(","), default=tuple(VEHICLES))
+    parser.add_argument("--seeds", type=lambda text: [int(k) for k in text.split(",")], default=SEEDS)
     parser.add_argument("--render", type=Path, metavar="FOLDER")
     given = parser.parse_args()
     lock_or_exit(given.out, "study log_mistakes")
     if given.render is None:
-        main(given.out, given.quick, given.seed)
+        main(given.out, given.quick, given.seed, given.vehicles, given.seeds)
     else:
         outcomes = kept(given.render)
         writer.write(report(outcomes), given.out, {"outcomes": [vars(o) for o in outcomes]})

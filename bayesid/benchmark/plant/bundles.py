@@ -47,7 +47,7 @@ def write_bundle(campaign: Campaign, folder: str | Path, name: str | None = None
     c = campaign
     prior = CoefficientPrior(dict.fromkeys(c.vehicle.coef, c.prior_sd))
     nominal = replace(c.vehicle, prior=prior, validation={}, confidence={}, sources={})
-    write_vehicle(nominal, folder / "vehicle.toml")
+    write_vehicle(nominal, folder / "vehicle.toml", schema=False)
     for run in execution.runs:
         (folder / f"{run.plan.name}.csv").write_text(run_csv(run), encoding="utf-8", newline="\n")
     (folder / "trial.toml").write_text(_trial_toml(c, name), encoding="utf-8", newline="\n")

@@ -23,8 +23,11 @@ from bayesid.benchmark.protocol.commitment import (
 )
 from bayesid.errors import raise_all
 from bayesid.model.channels import is_channel
+from bayesid.model.vehicles import schema as vehicle_schema
+from bayesid.trials import schema as trial_schema
 
 READABLE_SUFFIXES = {".toml", ".csv"}
+SCHEMAS = {trial_schema.FILE: trial_schema.text, vehicle_schema.FILE: vehicle_schema.text}
 # Keys by which makers of packs write down what they planted, and names no log or vehicle file has use for.
 TELLING_KEYS = ("coefficient_draw", "coefficients_off", '"label"', '"effects"', '"planted"', "evidence_class")
 TELLING_WORDS = tuple(n for n in CATALOGUE_NAMES if "_" in n) + (
@@ -95,6 +98,8 @@ def _leaks(pack: Path, content: Any) -> list[str]:
             out.append(f"{name}: is a link out of the pack; put the file itself there")
         elif digest_of_file(path) in committed:
             out.append(f"{name}: is a committed answer; take it out of the pack unread")
+        elif _schema(path):
+            continue
         elif path.suffix.lower() not in READABLE_SUFFIXES:
             out.append(f"{name}: may hold an answer; a pack holds .toml and .csv files only")
         else:
@@ -147,7 +152,7 @@ def _needless(pack: Path, bundles: dict[str, Path]) -> list[str]:
             if extra:
                 out.append(f"{file.relative_to(pack).as_posix()}: {extra}; a diagnosis reads no such column")
     for path in sorted(pack.rglob("*")):
-        if path.is_file() and path not in needed:
+        if path.is_file() and path not in needed and not _schema(path):
             out.append(f"{path.relative_to(pack).as_posix()}: belongs to no bundle; take it out of the pack")
     return out
 
@@ -165,6 +170,15 @@ def _columns(file: Path, named: set[str]) -> str:
     names = [text.split("[")[0].strip() for text in header if text.strip() not in named]
     strange = [n for n in names if n != "t" and not is_channel(n)]
     return f"holds {', '.join(map(repr, strange))}" if strange else ""
+
+
+def _schema(path: Path) -> bool:
+    """Whether it is the JSON Schema of this version, word for word; commands write it beside their files."""
+    text = SCHEMAS.get(path.name)
+    try:
+        return text is not None and path.read_text(encoding="utf-8") == text()
+    except (OSError, ValueError):
+        return False
 
 
 def _telling(path: Path) -> str:

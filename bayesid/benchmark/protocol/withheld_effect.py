@@ -67,8 +67,9 @@ def withhold(
     # other columns, notes, history and sources may speak of what is gone, and a fit reads none of them
     runs = tuple(replace(run, extra={}, notes="", provenance=()) for run in found.trial.runs)
     vehicle = replace(found.vehicle, sources={}, confidence={}, validation={})
-    write_vehicle(vehicle, out / name / "vehicle.toml", inside=True)
-    write_trial(replace(found.trial, runs=runs, vehicle_ref=str(out / name / "vehicle.toml")), out / name)
+    write_vehicle(vehicle, out / name / "vehicle.toml", inside=True, schema=False)
+    bare = replace(found.trial, runs=runs, vehicle_ref=str(out / name / "vehicle.toml"))
+    write_trial(bare, out / name, schema=False)  # a pack holds what a diagnosis reads and no more
     write_answer(answers / f"{name}.json", _answer(found, name, what))
     commit_pack(out, answers, [p.parent.name for p in out.glob("*/trial.toml")])
     return found

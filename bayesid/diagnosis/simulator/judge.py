@@ -7,8 +7,8 @@ cause. Does not change the verdict or touch the search of causes.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.special import logsumexp, softmax
@@ -47,13 +47,23 @@ MOST_LISTED = 3
 
 @dataclass(frozen=True, eq=False)
 class Screened:
-    """A mistake at its best size: gain of the linear screen, and what its other sizes take from it [nats]."""
+    """A mistake at its best size: gain of the linear screen, what its other sizes take from it [nats], and
+    the rows it leaves free as the log has them, once it was judged anew."""
 
     mistake: SimulatorMistake
     size: float
     change: Change
     gain: float
     share: float
+    fitted: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Mended:
+    """Log evidence of a mended simulator, and what the log makes of the rows the mend leaves free [SI]."""
+
+    log_evidence: float
+    fitted: Mapping[str, float]
 
 
 def find_mistakes(
@@ -78,9 +88,9 @@ def find_mistakes(
     found = []
     for s in _worth(compared, best):
         notify(f"the simulator mended: {s.mistake.name}")
-        evidence = mended_evidence(problem.model, trial, s, as_built)
-        if evidence is not None and evidence > best + LEAD:
-            found.append((evidence, s))
+        mended = mended_evidence(problem.model, trial, s, as_built)
+        if mended is not None and mended.log_evidence > best + LEAD:
+            found.append((mended.log_evidence, replace(s, fitted=mended.fitted)))
     if not found:
         return ()
     found.sort(key=lambda row: -row[0])
@@ -175,15 +185,18 @@ def _log_evidence(g: NormalEquations) -> float:
         return -np.inf
 
 
-def mended_evidence(model: Model, trial: Trial, s: Screened, as_built: float | None) -> float | None:
-    """Log evidence of the mended simulator without any effect, its environment measured anew; None where it
-    does not follow the log."""
+def mended_evidence(model: Model, trial: Trial, s: Screened, as_built: float | None) -> Mended | None:
+    """The mended simulator without any effect, its environment measured anew; None where it does not follow
+    the log."""
     try:
         problem = build_problem(mended_model(model, s.change), trial, as_built=as_built)
         found = weighted_hypothesis(problem, (), fit_with(problem, ()))
     except BayesidError:
         return None
-    return found.log_evidence + s.share if explains(found) else None
+    if not explains(found):
+        return None
+    values = dict(zip(found.fit.free.names, found.fit.values, strict=True))
+    return Mended(found.log_evidence + s.share, {n: float(values[n]) for n in s.change.sd if n in values})
 
 
 def left_over(model: Model, trial: Trial, as_built: float | None, seed: int) -> float | None:
@@ -203,7 +216,9 @@ def left_over(model: Model, trial: Trial, as_built: float | None, seed: int) -> 
 
 
 def _finding(model: Model, s: Screened, share: float, gain: float, lead: float) -> SimulatorMistakeFound:
-    changed = {n: v for n, v in s.change.values.items() if v != model.nominal[model.index[n]]}
+    # a mend may only say which rows are free: then the numbers are those the log gives them
+    told = {**s.change.values, **s.fitted}
+    changed = {n: v for n, v in told.items() if v != model.nominal[model.index[n]]}
     return SimulatorMistakeFound(
         s.mistake.name,
         s.mistake.says.format(size=s.size),

@@ -6,8 +6,12 @@ matrix, a prime row without U_ref) only the reader finds.
 
 from __future__ import annotations
 
+import json
+from functools import cache
+from pathlib import Path
 from typing import Any
 
+from bayesid.files import write_atomic
 from bayesid.model.file_keys import DIALECT, table_schema
 from bayesid.model.propulsion import MODELS
 from bayesid.model.terms import TERMS
@@ -15,6 +19,7 @@ from bayesid.model.thrusters import KEYS, NAMES
 from bayesid.model.vehicles.reading import SECTIONS
 from bayesid.model.vehicles.tables import CONTROL, CROSSFLOW, HEAD
 
+FILE = "vehicle.schema.json"
 _OTHER_SPELLING = r"^(param)?[XYZKMNxyzkmn].+$"
 
 
@@ -67,6 +72,18 @@ def vehicle_schema() -> dict[str, Any]:
         "required": ["vehicle", "propulsion", "coef"],
         "additionalProperties": False,
     }
+
+
+@cache
+def text() -> str:
+    """The schema as it is written."""
+    return json.dumps(vehicle_schema(), indent=1, ensure_ascii=False) + "\n"
+
+
+def write_schema(folder: Path) -> str:
+    """First line of a vehicle file in a folder that now holds the schema (`#:schema` as by Taplo)."""
+    write_atomic(folder / FILE, text())
+    return f"#:schema ./{FILE}\n"
 
 
 def _by_coefficient(value: dict[str, Any], meaning: str) -> dict[str, Any]:

@@ -21,6 +21,7 @@ from bayesid.errors import VehicleError
 from bayesid.files import write_atomic
 from bayesid.model.propulsion import propulsion_rows
 from bayesid.model.terms import TERMS, term
+from bayesid.model.vehicles.schema import write_schema
 from bayesid.model.vehicles.tables import FIN_KEYS
 from bayesid.model.vehicles.vehicle import FINS, INERTIA, CoefficientPrior, Propulsion, Vehicle, prime_scale
 
@@ -33,6 +34,7 @@ def write_vehicle(
     path: str | os.PathLike[str],
     covariance: tuple[Sequence[str], np.ndarray] | None = None,
     inside: bool = False,
+    schema: bool = True,
 ) -> Path:
     """Write a vehicle file; a covariance goes into `<stem>.covariance.npz` beside it.
 
@@ -43,6 +45,7 @@ def write_vehicle(
     covariance : names (k,) of coefficients and their (k, k) covariance in the units of the file; replaces
         what the vehicle's prior says of them. `identified` takes SI values instead
     inside : write the covariance as a table of the file instead, readable as text
+    schema : write vehicle.schema.json beside and name it in the first line, for editors
 
     Raises
     ------
@@ -60,7 +63,8 @@ def write_vehicle(
             buffer = io.BytesIO()
             np.savez(buffer, names=np.array(prior.names), covariance=prior.covariance)
             write_atomic(target.with_name(beside), buffer.getvalue())
-        return write_atomic(target, vehicle_toml(vehicle, None if inside else beside))
+        head = write_schema(target.parent) if schema else ""
+        return write_atomic(target, head + vehicle_toml(vehicle, None if inside else beside))
     except OSError as error:
         raise VehicleError(f"{target.name}: cannot be written ({error.strerror})") from None
 

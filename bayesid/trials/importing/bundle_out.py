@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -17,13 +17,14 @@ import numpy as np
 from bayesid.errors import TrialError
 from bayesid.files import write_atomic
 from bayesid.model.channels import CHANNELS, channel
+from bayesid.trials.correction import Correction
 from bayesid.trials.importing.joining import Joined
 from bayesid.trials.importing.log_map import LogMap
 from bayesid.trials.importing.raw import ImportLogError
-from bayesid.trials.schema import trial_schema
-from bayesid.trials.write import toml_text
+from bayesid.trials.schema import write_schema
+from bayesid.trials.trial import Trial
+from bayesid.trials.write import copy_vehicle, toml_text
 
-SCHEMA = "trial.schema.json"  # beside trial.toml, for editors (#:schema as by Taplo)
 PART = 20_000  # rows turned into text at a time
 _ORDER = {row.name: k for k, row in enumerate(CHANNELS)}
 
@@ -55,14 +56,12 @@ def write_bundle(
         beside = (map_file.parent if map_file else Path()) / vehicle
         if not beside.is_file():
             raise ImportLogError(f"vehicle {vehicle!r} of the map does not exist beside it")
-        if not (folder / "vehicle.toml").exists() or not beside.samefile(folder / "vehicle.toml"):
-            shutil.copyfile(beside, folder / "vehicle.toml")
+        copy_vehicle(beside, folder)
         vehicle = "vehicle.toml"
     files = _file_names([joined.run.name for joined in runs])
     for joined, file in zip(runs, files, strict=True):
         _write_csv(joined, folder / file)
-    write_atomic(folder / SCHEMA, json.dumps(trial_schema(), indent=1) + "\n")
-    write_atomic(target, _trial_toml(found, runs, files, vehicle))
+    write_atomic(target, write_schema(folder) + trial_toml(found, runs, files, vehicle))
     write_atomic(folder / "provenance.json", json.dumps(provenance(runs, files, origin), indent=1) + "\n")
     if map_file is not None and map_file.resolve() != (folder / "map.toml").resolve():
         shutil.copyfile(map_file, folder / "map.toml")
@@ -128,9 +127,22 @@ def _write_csv(joined: Joined, path: Path) -> None:
             file.writelines(",".join(row) + "\n" for row in zip(*cells, strict=True))
 
 
-def _trial_toml(found: LogMap, runs: Sequence[Joined], files: Sequence[str], vehicle: str) -> str:
+def trial_toml(
+    found: LogMap,
+    runs: Sequence[Joined],
+    files: Sequence[str],
+    vehicle: str,
+    columns: Mapping[str, str] | None = None,
+    correction: Correction | None = None,
+) -> str:
+    """Text of a trial.toml.
+
+    Parameters
+    ----------
+    columns : channel[unit] -> column, where the files are the raw ones; runs then keep their windows
+    correction : what is done to their numbers
+    """
     lines = [
-        f"#:schema ./{SCHEMA}",
         "format = 1",
         f"name = {toml_text(found.name or files[0].removesuffix('.csv'))}",
     ]
@@ -143,24 +155,31 @@ def _trial_toml(found: LogMap, runs: Sequence[Joined], files: Sequence[str], veh
         lines.append(f"measured_point = {list(found.measured_point)}")
     if found.attribution:
         lines.append(f"attribution = {toml_text(found.attribution)}")
+    if columns:
+        lines += ["", "[columns]", *(f"{toml_text(k)} = {toml_text(v)}" for k, v in columns.items())]
+    if correction is not None and correction.lines():
+        lines += ["", "[corrections]", *correction.lines(digits=15)]
     for key, table in (("noise", found.noise), ("environment", found.environment)):
         if table:
             lines += ["", f"[{key}]", *(f"{toml_text(k)} = {v!r}" for k, v in table.items())]
     for joined, file in zip(runs, files, strict=True):
         run = joined.run
         window = "" if run.window is None else f", {run.window[0]:g} to {run.window[1]:g} s"
-        notes = "; ".join(
-            text for text in (run.notes, f"imported from {', '.join(run.files)}{window}") if text
-        )
+        made = "" if columns else f"imported from {', '.join(run.files)}{window}"
+        notes = "; ".join(text for text in (run.notes, made) if text)
         lines += [
             "", "[[runs]]", f"file = {toml_text(file)}", f"manoeuvre = {toml_text(run.manoeuvre)}",
-            f'role = "{run.role}"', f"notes = {toml_text(notes)}",
+            f'role = "{run.role}"',
         ]  # fmt: skip
+        if columns and run.window is not None:
+            lines.append(f"window = [{run.window[0]!r}, {run.window[1]!r}]")
+        if notes:
+            lines.append(f"notes = {toml_text(notes)}")
     return "\n".join(lines) + "\n"
 
 
-def check_bundle(folder: Path) -> list[str]:
-    """What the reader of bundles says of it, most important first.
+def check_bundle(folder: Path) -> Trial:
+    """The bundle as its reader reads it.
 
     Raises
     ------
@@ -169,6 +188,6 @@ def check_bundle(folder: Path) -> list[str]:
     from bayesid.trials.bundle import load_trial
 
     try:
-        return list(load_trial(folder).warnings)
+        return load_trial(folder)
     except TrialError as error:
         raise TrialError(f"{error}\nChange the map and give the command again.") from None

@@ -24,7 +24,18 @@ _KEYS = (
     "format", "name", "questions", "vehicle", "dof", "world", "body", "rudder_positive", "origin", "step",
     "attribution", "measured_point", "sources", "channels", "noise", "environment", "runs",
 )  # fmt: skip
-_SOURCE_KEYS = ("files", "columns", "time", "clock", "time_unit", "start", "clock_offset", "world", "body")
+_SOURCE_KEYS = (
+    "files",
+    "columns",
+    "time",
+    "clock",
+    "time_unit",
+    "start",
+    "clock_offset",
+    "spread",
+    "world",
+    "body",
+)
 LARGEST = sys.float_info.max
 _CHANNEL_KEYS = ("from", "unit", "scale", "offset")
 _RUN_KEYS = ("name", "files", "window", "manoeuvre", "role", "notes")
@@ -143,6 +154,12 @@ class _Reader:
             return default
         return value
 
+    def yes(self, table: Mapping[str, Any], key: str, place: str) -> bool:
+        value = table.get(key, False)
+        if not isinstance(value, bool):
+            self.problems.append(f"{place}{key} must be true or false")
+        return value is True
+
     def number(self, table: Mapping[str, Any], key: str, place: str, default: Any) -> Any:
         value = table.get(key, default)
         if value is default:
@@ -234,6 +251,7 @@ class _Reader:
             time_unit=self.choice(table, "time_unit", tuple(UNIT_SECONDS), place, None),
             start=start,
             offset=self.number(table, "clock_offset", place, 0.0),
+            spread=self.yes(table, "spread", place),
         )
         return SourceMap(
             files,

@@ -74,6 +74,8 @@ def map_text(found: LogMap, remarks: Sequence[str] = (), unused: Sequence[str] =
                 lines.append(f'{key} = "{value}"')
         if options.start is not None:
             lines.append(f'start = "{datetime.fromtimestamp(options.start, UTC).isoformat()}"')
+        if options.spread:
+            lines.append("spread = true  # rows of one stamp are spread evenly until the next")
         lines.append(f"clock_offset = {options.offset!r}  # s, added to its time")
     lines += ["", "[channels]  # what = { from = series, unit = its unit, scale and offset if any }"]
     width = max((len(_entry(role, entry)) for role, entry in found.channels.items()), default=0)

@@ -108,11 +108,10 @@ class Guess:
 
 
 def in_bundle_format(names: Iterable[str]) -> bool:
-    """True if a table is written as the CSV files of a bundle: `t[s]` and three or more of bayesid's own
-    headers."""
+    """True if a table is written as the CSV files of a bundle, position and heading too."""
     heads = [_OWN_HEADER.fullmatch(name) for name in names]
     own = {found[1] for found in heads if found is not None and is_channel(found[1])}
-    return len(own) >= 4 and bool(own & {"psi", "r"}) and bool(own & {"delta_r", "delta_r_cmd"})
+    return own >= {"x", "y", "psi"} and bool(own & {"delta_r", "delta_r_cmd"})
 
 
 def guess_role(channel: RawChannel, own_format: bool = False) -> Guess | None:

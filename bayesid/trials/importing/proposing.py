@@ -27,6 +27,8 @@ from bayesid.trials.importing.raw import ImportLogError, RawChannel, RawLog, Req
 from bayesid.trials.importing.readers import read_log
 from bayesid.trials.importing.roles import QUATERNION, ROLES
 from bayesid.trials.importing.run_list import list_runs
+from bayesid.trials.importing.stamps import ask_stamps
+from bayesid.trials.importing.standing_still import ask_standing_still
 from bayesid.trials.importing.unit_words import split_unit
 from bayesid.trials.trial import Run
 
@@ -78,6 +80,8 @@ def propose(sources: Sequence[Path], vehicle: str = "", name: str = "") -> Propo
     _declared_axes(draft, logs)
     if draft.map.channels:
         decide(draft)
+        ask_standing_still(draft)
+        ask_stamps(draft)
         _ask_time(draft, logs)
     runs, looks = list_runs(draft, groups)
     step = _step(logs)

@@ -29,6 +29,7 @@ class SourceOptions:
     time_unit : unit of the stamps
     start : UTC of stamp zero, seconds since 1970, where the file has relative time only
     offset : added to every stamp of this source, s
+    spread : rows of one stamp are spread evenly until the next
     """
 
     columns: tuple[str, ...] = ()
@@ -37,6 +38,7 @@ class SourceOptions:
     time_unit: str | None = None
     start: float | None = None
     offset: float = 0.0
+    spread: bool = False
 
 
 @dataclass(frozen=True)

@@ -29,10 +29,9 @@ class NewVehicle:
     references: tuple[str, ...] = ()
 
 
-def commented_toml(new: NewVehicle, schema: str | None = None) -> str:
+def commented_toml(new: NewVehicle) -> str:
     """Vehicle file as text; `load_vehicle` reads it back to the same digest."""
-    head = [f"#:schema {schema}"] if schema else []
-    head += [
+    head = [
         "# Made by `bayesid vehicle new`. Every number may be edited; [prior] says how far each may be off."
     ]
     for note in new.notes:

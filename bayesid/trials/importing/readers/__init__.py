@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from bayesid.trials.equal_times import spread_equal_times
 from bayesid.trials.importing.raw import ImportLogError, RawLog, Request, SourceOptions
 
 # format -> (module, function, what else to install or "")
@@ -104,6 +105,8 @@ def read_log(path: Path, options: SourceOptions | None = None, request: Request 
     if not log.channels:
         raise ImportLogError(f"{path}: holds no series of numbers")
     start = log.start if log.start is not None else options.start
+    if options.spread:
+        log = replace(log, channels=tuple(replace(c, t=spread_equal_times(c.t)) for c in log.channels))
     return replace(log, start=start, digest=log.digest or digest_of(path))
 
 

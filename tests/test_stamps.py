@@ -1,0 +1,132 @@
+"""Stamps that are rounded, set back, out of order, with gaps or jitter: told by import and bundle."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bayesid.cli.main import run as bayesid
+from bayesid.errors import TrialError
+from bayesid.trials import load_trial
+from bayesid.trials.equal_times import spread_equal_times
+from bayesid.trials.importing import propose
+from tests.raw_logs import motion
+
+DEG = np.pi / 180.0
+
+
+def log(folder, change, bundle=False):
+    """A log of which `change` makes the stamps and the rows in order of writing; its truth."""
+    truth = motion(np.random.default_rng(7))
+    rng = np.random.default_rng(1)
+    t, rows = change(truth["t"].copy(), rng)
+    columns = {
+        "t[s]": t, "x[m]" if bundle else "north [m]": truth["x"][rows],
+        "y[m]" if bundle else "east [m]": truth["y"][rows],
+        "psi[deg]" if bundle else "heading [deg]": truth["psi"][rows] / DEG,
+        "r[deg/s]": truth["r"][rows] / DEG, "u[m/s]": truth["u"][rows], "v[m/s]": truth["v"][rows],
+        "delta_r_cmd[deg]": truth["delta_r_cmd"][rows] / DEG, "n_cmd[rpm]": truth["n_cmd"][rows],
+    }  # fmt: skip
+    folder.mkdir(exist_ok=True)
+    lines = [",".join(columns)] + [
+        ",".join(f"{v:.9g}" for v in row) for row in zip(*columns.values(), strict=True)
+    ]
+    (folder / "log.csv").write_text("\n".join(lines) + "\n")
+    return truth
+
+
+def rounded(t, rng):
+    return np.floor(t + 1e-6), np.arange(t.size)
+
+
+def set_back(t, rng):
+    return np.where(t > 200.0, t - 7.3, t), np.arange(t.size)
+
+
+def swapped(t, rng):
+    rows = np.arange(t.size)
+    rows[[1000, 1001]] = rows[[1001, 1000]]
+    return t[rows], rows
+
+
+def gap(t, rng):
+    """Thirty seconds lost in which a zig-zag went on: the rudder is another after it."""
+    rows = np.flatnonzero((t < 75.0) | (t > 105.0))
+    return t[rows], rows
+
+
+def jitter(t, rng):
+    return t + 0.04 * rng.uniform(-1.0, 1.0, t.size), np.arange(t.size)
+
+
+def dropped(t, rng):
+    rows = np.flatnonzero(rng.random(t.size) > 0.15)
+    return t[rows], rows
+
+
+WORDS = {
+    rounded: ("stamps of log.csv are rounded: about 10.0 rows", "the stamps are rounded"),
+    set_back: ("set back by 7.2", "set back by 7.2"),
+    swapped: ("1 row is out of order", "time goes back"),
+    gap: ("gap of 30.", "gap of 30."),
+    jitter: ("the time between rows varies", "the time between samples varies"),
+}
+
+
+@pytest.mark.parametrize("change", WORDS, ids=lambda c: c.__name__)
+def test_the_import_tells_it(tmp_path, change):
+    log(tmp_path / "raw", change)
+    proposal = propose([tmp_path / "raw" / "log.csv"])
+    said = [*proposal.map.questions, *proposal.remarks]
+    assert any(WORDS[change][0] in text for text in said), said
+    if change in (rounded, set_back, gap):
+        assert any(WORDS[change][0] in text for text in proposal.map.questions)
+
+
+@pytest.mark.parametrize("change", WORDS, ids=lambda c: c.__name__)
+def test_a_bundle_tells_it(tmp_path, change):
+    log(tmp_path, change, bundle=True)
+    (tmp_path / "trial.toml").write_text('format = 1\n[[runs]]\nfile = "log.csv"\n')
+    try:
+        said = load_trial(tmp_path).warnings
+    except TrialError as error:
+        said = [str(error)]
+    assert any(WORDS[change][1] in text for text in said), said
+
+
+@pytest.mark.parametrize("change", [lambda t, rng: (t, np.arange(t.size)), dropped])
+def test_stamps_in_order_and_rows_left_out_are_no_jitter(tmp_path, change):
+    log(tmp_path / "raw", change)
+    proposal = propose([tmp_path / "raw" / "log.csv"])
+    words = [words for pair in WORDS.values() for words in pair]
+    assert not [
+        text for text in (*proposal.map.questions, *proposal.remarks) if any(w in text for w in words)
+    ]
+
+
+def test_rounded_stamps_are_spread_by_the_map_and_by_the_bundle(tmp_path):
+    """Rounded down to seconds at 10 Hz: spread they are the true ones to a millisecond; read as they stand
+    nine of ten readings would be lost."""
+    truth = log(tmp_path / "raw", rounded)
+    path, out = tmp_path / "raw" / "log.csv", tmp_path / "bundle"
+    assert bayesid(["trial", "import", str(path), "--out", str(out)]) == 3
+    text = (out / "map.toml").read_text()
+    assert "spread = true" in text
+    asked = text[text.index("questions = [") : text.index("]\n", text.index("questions = [")) + 2]
+    text = text.replace(asked, "")
+    (out / "map.toml").write_text(text[: text.index("[[runs]]")])
+    assert bayesid(["trial", "import", str(path), "--map", str(out / "map.toml"), "--out", str(out)]) == 0
+    run = load_trial(out).runs[0]
+    assert run.n_samples == truth["t"].size
+    np.testing.assert_allclose(run.t, truth["t"], atol=1e-3)
+    log(tmp_path, rounded, bundle=True)
+    (tmp_path / "trial.toml").write_text('format = 1\ntime_repair = "spread"\n[[runs]]\nfile = "log.csv"\n')
+    np.testing.assert_allclose(load_trial(tmp_path).runs[0].t, truth["t"], atol=1e-3)
+
+
+def test_rows_are_not_spread_into_a_gap():
+    t = np.repeat([0.0, 1.0, 2.0, 30.0, 31.0], 5)
+    found = spread_equal_times(t)
+    np.testing.assert_allclose(found[10:15], 2.0 + 0.2 * np.arange(5))
+    np.testing.assert_allclose(found[20:], 31.0 + 0.2 * np.arange(5))
+    assert (np.diff(found) > 0).all()

@@ -1,0 +1,136 @@
+"""`bayesid trial init`: tables read where they lie are what an import of them is, or nothing is written."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bayesid.cli.main import run as bayesid
+from bayesid.trials import load_trial
+from tests.raw_logs import motion
+
+DEG = np.pi / 180.0
+
+
+def tables(folder, columns_of, count=2):
+    """One run of 60 s per file, from different motions."""
+    folder.mkdir()
+    for k in range(count):
+        truth = motion(np.random.default_rng(k + 1))
+        columns = columns_of({name: values[600:1400] for name, values in truth.items()})
+        lines = [",".join(columns)] + [
+            ",".join(f"{v:.9g}" for v in row) for row in zip(*columns.values(), strict=True)
+        ]
+        (folder / f"run{k + 1}.csv").write_text("\n".join(lines) + "\n")
+    return folder
+
+
+def mirrored(truth):
+    """East-north-up, forward-left-up, knots, a rudder from its potentiometer, times from 12 s on."""
+    return {
+        "time (s)": truth["t"] + 12.0, "east_ish": truth["y"], "north_ish": truth["x"],
+        "yaw": np.pi / 2 - truth["psi"], "wz": -truth["r"] / DEG, "vx": truth["u"] / 0.514444,
+        "vy": -truth["v"] / 0.514444, "pot": 512.0 - 8.0 * truth["delta_r_cmd"] / DEG,
+        "shaft": truth["n_cmd"],
+    }  # fmt: skip
+
+
+MAP = """format = 1
+vehicle = "remus100"
+world = "enu"
+body = "flu"
+rudder_positive = "starboard"
+[sources.log]
+files = ["run1.csv", "run2.csv"]
+time = "time (s)"
+clock = "relative"
+[channels]
+x = { from = "east_ish", unit = "m" }
+y = { from = "north_ish", unit = "m" }
+psi = { from = "yaw", unit = "rad", offset = 0.01 }
+r = { from = "wz", unit = "deg/s" }
+u = { from = "vx", unit = "kn" }
+v = { from = "vy", unit = "kn" }
+delta_r_cmd = { from = "pot", unit = "deg", scale = 0.125, offset = -64.0 }
+n_cmd = { from = "shaft", unit = "rpm" }
+"""
+
+
+def test_tables_read_in_place_are_what_an_import_makes_of_them(tmp_path):
+    folder = tables(tmp_path / "dive", mirrored)
+    (tmp_path / "map.toml").write_text(MAP)
+    given = ["--map", str(tmp_path / "map.toml")]
+    logs = [str(folder / f"run{k}.csv") for k in (1, 2)]
+    assert bayesid(["trial", "import", *logs, *given, "--out", str(tmp_path / "bundle")]) == 0
+    assert bayesid(["trial", "init", str(folder), *given]) == 0
+    here, there = load_trial(folder), load_trial(tmp_path / "bundle")
+    assert here.vehicle_ref == there.vehicle_ref == "remus100"
+    assert len(here.runs) == len(there.runs) == 2
+    for mine, its in zip(here.runs, there.runs, strict=True):
+        assert set(mine.data) == set(its.data) == {"x", "y", "psi", "r", "u", "v"}
+        np.testing.assert_allclose(mine.t - mine.t[0], its.t - its.t[0], atol=1e-6)
+        for name in its.data:
+            off = mine.data[name] - its.data[name]
+            np.testing.assert_allclose(np.sin(off) if name == "psi" else off, 0.0, atol=1e-8, err_msg=name)
+        for name in its.commands:
+            np.testing.assert_allclose(mine.commands[name], its.commands[name], atol=1e-8)
+    truth = motion(np.random.default_rng(1))
+    np.testing.assert_allclose(
+        here.runs[0].commands["delta_r_cmd"], truth["delta_r_cmd"][600:1400], atol=1e-6
+    )
+    np.testing.assert_allclose(here.runs[0].data["v"], truth["v"][600:1400], atol=1e-6)
+
+
+def test_it_asks_what_the_import_asks(tmp_path, capsys):
+    def plain(truth):
+        return {"t [s]": truth["t"], "x [m]": truth["x"], "y [m]": truth["y"], "yaw [rad]": truth["psi"],
+                "rudder_cmd [deg]": truth["delta_r_cmd"] / DEG, "rpm": truth["n_cmd"]}  # fmt: skip
+
+    folder = tables(tmp_path / "dive", plain)
+    assert bayesid(["trial", "init", str(folder)]) == 3
+    mine = capsys.readouterr().out
+    logs = [str(folder / f"run{k}.csv") for k in (1, 2)]
+    assert bayesid(["trial", "import", *logs, "--out", str(tmp_path / "bundle")]) == 3
+    its = capsys.readouterr().out
+
+    def asked(text):
+        return text[text.index("Questions") : text.index("Taken for granted")]
+
+    assert asked(mine) == asked(its)
+    assert "which axes?" in asked(mine)
+    assert not (folder / "trial.toml").exists()
+
+
+@pytest.mark.parametrize(
+    ("columns_of", "words"),
+    [
+        (
+            lambda truth: {
+                "t [s]": truth["t"], "lat": 59.0 + truth["x"] / 111_000.0,
+                "lon": 10.0 + truth["y"] / 57_000.0, "heading [deg]": np.mod(truth["psi"] / DEG, 360.0),
+                "rudder_cmd [deg]": truth["delta_r_cmd"] / DEG, "rpm": truth["n_cmd"],
+            },
+            "local metres",
+        ),
+        (
+            lambda truth: {
+                "t [s]": truth["t"], "north [m]": truth["x"], "east [m]": truth["y"],
+                "heading [deg]": np.mod(truth["psi"] / DEG, 360.0),
+                "rudder_cmd [deg]": truth["delta_r_cmd"] / DEG, "rpm": truth["n_cmd"],
+                "v_north [m/s]": np.gradient(truth["x"], 0.1), "v_east [m/s]": np.gradient(truth["y"], 0.1),
+            },
+            "turned by the heading",
+        ),
+    ],
+)  # fmt: skip
+def test_what_a_trial_file_cannot_say_is_left_to_the_import_and_nothing_is_written(
+    tmp_path, capsys, columns_of, words
+):
+    folder = tables(tmp_path / "dive", columns_of)
+    assert bayesid(["trial", "init", str(folder)]) == 2
+    said = capsys.readouterr().err
+    assert words in said
+    line = next(row for row in said.splitlines() if "bayesid trial import" in row)
+    assert not (folder / "trial.toml").exists()
+    assert bayesid(line[line.index("bayesid ") :].split()[1:]) == 0  # the line it prints does it
+    assert load_trial(folder / "bundle").runs
