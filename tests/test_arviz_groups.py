@@ -12,9 +12,10 @@ import bayesid
 from bayesid.api.planning import reference_scale
 from bayesid.equations.model import build_model
 from bayesid.errors import SampleError
-from bayesid.estimation.sampling import load_posterior
+from bayesid.estimation.sampling import SamplingSettings, load_posterior, trial_density
 from bayesid.estimation.sampling.arviz_groups import log_likelihood_of_runs
 from bayesid.estimation.sampling.posterior import stored_name
+from bayesid.estimation.sampling.predictive_noise import sensor_noise
 from bayesid.manoeuvres import parse
 from bayesid.model.vehicles import load_vehicle
 from bayesid.simulation.virtual_trial import virtual_trial
@@ -86,9 +87,48 @@ def test_the_file_has_every_group_and_readings_lie_within_what_is_predicted(samp
     assert float(group(data, "constant_data")["estimate"][0]) == sampled.view.estimate[0]
 
 
-def test_log_likelihoods_of_runs_add_up_to_that_of_all(sampled, trial):
-    from bayesid.estimation.sampling import SamplingSettings, trial_density
+def test_every_variable_has_its_unit(sampled):
+    data = sampled.to_xarray()
+    for name in ("posterior", "prior", "observed_data", "posterior_predictive", "prior_predictive",
+                 "log_likelihood", "constant_data", "sample_stats"):  # fmt: skip
+        found = group(data, name)
+        assert all(v.attrs.get("units") for v in found.data_vars.values()), name
+        assert all(found[c].attrs["units"] == "s" for c in found.coords if c.startswith("t_"))
+    posterior = group(data, "posterior")
+    assert posterior["N_v"].attrs["units"] == "kg"  # N m over m^2/s^2
+    assert posterior["N_dr"].attrs["units"] == "kg"
+    assert posterior[stored_name("sigma:x")].attrs["units"] == "m"
 
+
+def noise_of(trial, sampled, settings, point):
+    """(4000, n) predictive noise of psi of the first run at one value of level and correlation."""
+    density = trial_density(sampled.found.problem, sampled.found.fit.z, settings, trial.noise)
+    v = np.tile(density.natural(density.laplace.mode), (4000, 1))
+    for i, name in enumerate(density.unknowns.names):
+        v[:, i] = point.get(name, v[0, i])
+    run, row = density.problem.runs[0], density.data[0]
+    return sensor_noise(density, v, run, run.channels.index("psi"), row, np.random.default_rng(0))
+
+
+def test_noise_that_remembers_is_predicted_with_its_memory(sampled, trial):
+    """First-order autoregression: correlation phi^k at k readings, the level of every reading unchanged."""
+    noise = noise_of(trial, sampled, SamplingSettings(memory="ar1"), {"phi:psi": 0.8, "sigma:psi": 0.01})
+    far = np.corrcoef(noise[:, 30], noise[:, 33])[0, 1]
+    assert far == pytest.approx(0.8**3, abs=4 * (1 - 0.8**6) / np.sqrt(4000))
+    assert noise.std(axis=0) == pytest.approx(0.01, rel=0.06)  # sd of an sd of 4000: 1.1 %
+    white = noise_of(trial, sampled, SamplingSettings(memory="ignore"), {"sigma:psi": 0.01})
+    assert abs(np.corrcoef(white[:, 30], white[:, 33])[0, 1]) < 4 / np.sqrt(4000)
+
+
+def test_outliers_are_predicted_where_the_noise_has_them(sampled, trial):
+    """Student-t of 4 degrees of freedom exceeds 5 levels in 0.75 % of the readings, a normal never here."""
+    settings = SamplingSettings(memory="ignore", student=4.0, initial="fixed")
+    noise = noise_of(trial, sampled, settings, {"sigma:psi": 0.01})
+    share = np.mean(np.abs(noise) > 0.05)
+    assert share == pytest.approx(0.00749, rel=0.1)  # 2 (1 - F_4(5)); 200 000 readings: sd 3 %
+
+
+def test_log_likelihoods_of_runs_add_up_to_that_of_all(sampled, trial):
     v = sampled.posterior.subset(20, np.random.default_rng(0))
     for initial in ("marginal", "sampled", "fixed"):
         density = trial_density(

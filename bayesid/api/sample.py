@@ -28,7 +28,7 @@ from bayesid.estimation.likelihood.weighted_fit import weighed
 from bayesid.estimation.output_error import coefficient_set
 from bayesid.estimation.sampling import Posterior, SamplerOptions, SamplingSettings, trial_density
 from bayesid.estimation.sampling import sample as draw
-from bayesid.estimation.sampling.arviz_groups import arviz_groups
+from bayesid.estimation.sampling.arviz_groups import arviz_groups, variable_units
 from bayesid.estimation.sampling.nuts import NutsOptions, sample_nuts_until
 from bayesid.estimation.sampling.priors import with_prior
 from bayesid.estimation.sampling.trial_gradient import GradientTrialDensity
@@ -172,7 +172,9 @@ def sample(
         view = view_posterior(
             posterior, density, assumed, seed, "--prior" if prior is not None else "vehicle file"
         )
-        posterior.to_netcdf(Path(out) / "posterior.nc", arviz_groups(density, posterior, seed))
+        posterior.to_netcdf(
+            Path(out) / "posterior.nc", arviz_groups(density, posterior, seed), variable_units(density)
+        )
     return SampleResult(found, posterior, view, Path(out))
 
 

@@ -1,4 +1,4 @@
-"""Figures of a calibration: distributions of ranks about the diagonal, and coverage with its bars.
+"""Figures of a calibration: coverage with its bars, and distributions of ranks about the uniform one.
 
 Takes plain arrays. Does not compute results.
 """
@@ -25,48 +25,62 @@ def label(name: str) -> str:
 
 
 @styled
-def rank_distributions(
-    at: Array, low: Array, high: Array, shares: Array, names: Sequence[str], count: int
-) -> Any:
-    """Distribution of ranks minus the uniform one, one line per unknown, and the band for all together.
+def rank_panels(panels: Mapping[str, tuple[Array, Array, Array, Array, Sequence[str]]]) -> Any:
+    """Distribution of ranks minus the uniform one, a panel per condition, a line per unknown.
 
     Parameters
     ----------
-    at, low, high : (m,) ranks and band; shares : (k, m); count : largest rank
+    panels : condition -> (m,) ranks, (m,) low and (m,) high of the band, (k, m) shares, k names
     """
-    figure, axes = subplots(height=3.4)
-    uniform = (at + 1) / (count + 1)
-    axes.fill_between(at / count, low - uniform, high - uniform, color="#DDDDDD", step="mid", linewidth=0,
-                      label="95 % band, all unknowns at once")  # fmt: skip
-    outside = ~np.all((shares >= low) & (shares <= high), axis=1)
-    for row, name, out in zip(shares, names, outside, strict=True):
-        colour, width = (COLOURS["orange"], 1.6) if out else (COLOURS["blue"], 0.8)
-        axes.plot(
-            at / count, row - uniform, color=colour, linewidth=width, label=label(name) if out else None
+    rows = (len(panels) + 1) // 2
+    figure, axes = subplots(rows, 2, height=1.75 * rows + 0.3, sharex=True, sharey=True, squeeze=False)
+    for panel in axes.flat[len(panels) :]:
+        panel.set_visible(False)
+    for panel, (title, (at, low, high, shares, names)) in zip(axes.flat, panels.items(), strict=False):
+        uniform, count = (at + 1) / at.size, at.size - 1
+        panel.fill_between(
+            at / count, low - uniform, high - uniform, color="#DDDDDD", step="mid", linewidth=0
         )
-    axes.axhline(0.0, color="black", linewidth=0.6)
-    axes.set_xlabel("rank of the truth among the draws, of its largest")
-    axes.set_ylabel("share below, minus uniform")
-    axes.legend(loc="upper right")
+        outside = ~np.all((shares >= low) & (shares <= high), axis=1)
+        for row, name, out in zip(shares, names, outside, strict=True):
+            colour, width = (COLOURS["orange"], 1.5) if out else (COLOURS["blue"], 0.7)
+            panel.plot(
+                at / count, row - uniform, color=colour, linewidth=width, label=label(name) if out else None
+            )
+        panel.axhline(0.0, color="black", linewidth=0.6)
+        panel.set_title(title, fontsize=8)
+        if outside.any():
+            panel.legend(loc="upper right", fontsize=6, ncols=2)
+    for panel in axes[-1]:
+        panel.set_xlabel("rank of the truth, of its largest")
+    for panel in axes[:, 0]:
+        panel.set_ylabel("share below - uniform")
     return figure
 
 
 @styled
-def coverages(rows: Mapping[str, Mapping[str, tuple[float, float]]], levels: Mapping[str, float]) -> Any:
-    """Pooled coverage of each case with two standard errors, beside the nominal level.
+def coverages(
+    rows: Mapping[str, Mapping[str, tuple[float, float, float]]],
+    levels: Mapping[str, float],
+    controls: Sequence[str] = (),
+) -> Any:
+    """Pooled coverage of each condition with its interval, beside the nominal level; controls hollow.
 
     Parameters
     ----------
-    rows : case -> interval -> (share, standard error); levels : interval -> nominal share
+    rows : condition -> interval -> (share, low, high); levels : interval -> nominal share
     """
-    figure, axes = subplots(height=0.55 * len(rows) + 1.3)
-    for i, (word, level) in enumerate(levels.items()):
-        colour = list(COLOURS.values())[i]
+    figure, axes = subplots(height=0.34 * len(rows) + 1.2)
+    looks = zip(levels.items(), (COLOURS["blue"], COLOURS["orange"]), ("s", "o"), strict=False)
+    for i, ((word, level), colour, marker) in enumerate(looks):
         axes.axvline(level, color=colour, linewidth=1.0, linestyle="--")
-        for j, found in enumerate(rows.values()):
-            share, error = found[word]
-            axes.errorbar(share, j + 0.12 * (i - 0.5), xerr=2 * error, fmt="o", color=colour,
-                          label=word if j == 0 else None)  # fmt: skip
+        for j, (name, found) in enumerate(rows.items()):
+            share, low, high = found[word]
+            axes.errorbar(
+                share, j + 0.12 * (2 * i - 1), xerr=[[share - low], [high - share]], fmt=marker, color=colour,
+                markerfacecolor="white" if name in controls else colour,
+                label=f"{word} intervals" if j == 0 else None,
+            )  # fmt: skip
     axes.set_yticks(range(len(rows)), list(rows))
     axes.set_ylim(len(rows) - 0.5, -0.5)
     axes.set_xlim(0, 1)

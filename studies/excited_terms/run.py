@@ -1,55 +1,75 @@
 """Does PySINDy name the terms that act, and none that do not?
 
-Usage: python -m studies.excited_terms.run [--out FOLDER] [--draws N] [--seed S] [--quick]. Three vehicles,
-five sets of manoeuvres, three kinds of truth. Beside it bayesid's own stepwise selection, Fisher information
-of the tracks, and as a control that must fail PySINDy's plain ensemble over single rows and single terms.
+Usage: python -m studies.excited_terms.run [--out FOLDER] [--draws N] [--seed S] [--quick] [--workers N]. Five
+vehicles, twelve manoeuvres and three of them together, five kinds of truth. Beside it bayesid's own stepwise
+selection, Fisher information of balance and tracks, and controls that must fail: PySINDy's plain ensemble
+over single rows, labels permuted, a force of white noise. Cases are kept in FOLDER/cases and not run again.
 """
 
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from bayesid.estimation.output_error.simulated_recovery import run_seeds
+from bayesid.executor import HERE, Executor, add_executor, executor_from
 from bayesid.lock import lock_or_exit
 from bayesid.progress import Progress
 from bayesid.report import writer
-from studies.excited_terms.case import executed_case
-from studies.excited_terms.report import counted, excited_terms_report
+from studies.excited_terms.case import TRUTHS, executed_case
+from studies.excited_terms.counting import counted
+from studies.excited_terms.report import excited_terms_report
 
-VEHICLES = ("generic_sub", "remus100", "nps_auv2")
-SETS = (("spiral",), ("zigzag_10_port",), ("prbs",), ("multisine",), ("multisine", "zigzag_10_port", "prbs"))
-TRUTHS = ("as_built", "fewer", "cubic")
+VEHICLES = ("generic_sub", "remus100", "nps_auv2", "delphin2", "lauv")
+MANOEUVRES = (
+    "straight", "turn_starboard", "spiral", "pullout_port", "zigzag_10_port", "zigzag_modified", "meander",
+    "speedsteps", "chirp", "multisine", "prbs", "random",
+)  # fmt: skip
+TOGETHER = ("multisine", "zigzag_10_port", "prbs")
+SETS = (*((m,) for m in MANOEUVRES), TOGETHER)
+TASKS = tuple((v, names, truth) for v in VEHICLES for names in SETS for truth in TRUTHS)
+QUICK = tuple((v, names, truth) for v in VEHICLES[:1] for names in (("spiral",), ("zigzag_10_port",))
+              for truth in TRUTHS)  # fmt: skip
 
 
-def main(out: Path, draws: int, seed: int, quick: bool) -> dict[str, Any]:
+def work(tasks: Any, draws: int, seed: int, number: int) -> dict[str, Any]:
+    """One case by its number."""
+    vehicle, names, truth = tasks[number]
+    return executed_case(vehicle, names, truth, seed + number, draws)
+
+
+def main(out: Path, draws: int, seed: int, quick: bool, executor: Executor = HERE) -> dict[str, Any]:
     """Judge every case, count, report."""
     progress = Progress()
-    vehicles, sets = (VEHICLES[:1], SETS[:2]) if quick else (VEHICLES, SETS)
-    cases = []
-    tasks = [(v, names, truth) for v in vehicles for names in sets for truth in TRUTHS]
+    tasks = QUICK if quick else TASKS
     with progress.stage("cases", len(tasks)) as stage:
-        for number, (vehicle, names, truth) in enumerate(tasks):
-            cases.append(executed_case(vehicle, names, truth, seed + number, draws))
-            stage.step(info=f"{vehicle} {names[0]} {truth}")
-    numbers = counted(cases)
+        name = f"{'quick' if quick else 'full'}-{draws}-{seed}"
+        cases = run_seeds(
+            partial(work, tasks, draws, seed), range(len(tasks)), out / "cases", name, executor, stage.step
+        )
+    numbers = counted(cases, seed)
     results = {
         "inputs": {"draws": draws, "quick": quick},
         "seeds": [seed],
         "counts": numbers,
-        "cases": shortened(cases),
+        "cases": [shortened(c) for c in cases],
     }
-    progress.note(f"report: {writer.write(excited_terms_report(cases, numbers), out, results)}")
+    progress.note(f"report: {writer.write(excited_terms_report(cases, numbers, quick), out, results)}")
     return results
 
 
-def shortened(cases: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Cases as kept: terms that act, and those PySINDy finds or cannot tell; the others are counted only."""
-
-    def kept(row: dict[str, Any]) -> bool:
-        return bool(row["acts"] or row["pysindy"] in ("found", "cannot tell"))
-
-    return [{**c, "terms": [r for r in c["terms"] if kept(r)]} for c in cases]
+def shortened(case: dict[str, Any]) -> dict[str, Any]:
+    """A case as kept: per verdict the terms that act; of the absent ones those found singly."""
+    verdicts: dict[str, list[str]] = {}
+    for row in case["terms"]:
+        if row["acts"]:
+            verdicts.setdefault(row["pysindy"], []).append(row["name"])
+        elif row["pysindy"] == "found" and len(row["group"]) == 1:
+            verdicts.setdefault("found, absent", []).append(row["name"])
+    kept = {k: case[k] for k in ("vehicle", "runs", "truth", "seed", "vehicles_drawn")}
+    return {**kept, "acting": verdicts}
 
 
 if __name__ == "__main__":
@@ -57,7 +77,8 @@ if __name__ == "__main__":
     parser.add_argument("--out", type=Path, default=Path("out/excited_terms"))
     parser.add_argument("--draws", type=int, default=20)
     parser.add_argument("--seed", type=int, default=100)
-    parser.add_argument("--quick", action="store_true", help="one vehicle, two sets of manoeuvres")
+    parser.add_argument("--quick", action="store_true", help="one vehicle, two manoeuvres")
+    add_executor(parser)
     given = parser.parse_args()
     lock_or_exit(given.out, "studies/excited_terms/run.py")
-    main(given.out, given.draws, given.seed, given.quick)
+    main(given.out, given.draws, given.seed, given.quick, executor_from(given))

@@ -20,6 +20,7 @@ import numpy as np
 
 from bayesid.analysis.excitation.columns import AXIS, LibraryColumn, Rows, library, rows
 from bayesid.analysis.excitation.motion import Motion
+from bayesid.analysis.excitation.power import NEIGHBOURS, noticed, white_reach
 from bayesid.analysis.excitation.row_selection import (
     COLUMN_PENALTY,
     EXACT_RESIDUAL,
@@ -44,7 +45,8 @@ MOST_TERMS = 10  # of one axis; the largest vehicle file has eight
 ADDED_MASS_SD = 0.1  # relative, where the vehicle file states none
 MOST_MODELS = 8  # of which terms are exchanged, best first
 MOST_JOINED = 4  # rounds in which substitutes join a group
-NEIGHBOURS = 4  # rows of the weak form that share a window
+# A term nobody states is not needed only if this share of the axis' force would have been noticed of it.
+NOTICED = 0.25
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,8 @@ class TermGroup:
     axis : X Y Z K M N
     names : one, or a group of near-parallel columns
     in_model : those the vehicle file has
-    status : "found" (some member is needed), "cannot tell", "not needed" or "not excited"
+    status : "found" (some member is needed), "cannot tell", "not needed" (and it would have been noticed) or
+        "not excited"
     inclusion : share of draws that keep a member
     margin : log likelihood, less the price of terms, by which the best model without any member loses
     value, sd : of a single term [SI]; nan for a group
@@ -90,8 +93,13 @@ def pysindy_terms(
     ModelError
         a motion shorter than a window of the weak form
     """
-    rng = np.random.default_rng(seed)
     data = rows(model, motions, library(model) if columns is None else columns, form)
+    return terms_of_rows(model, data, draws=draws, seed=seed)
+
+
+def terms_of_rows(model: Model, data: Rows, *, draws: int = 40, seed: int = 0) -> tuple[TermGroup, ...]:
+    """As `pysindy_terms`, from rows of the balance at hand."""
+    rng = np.random.default_rng(seed)
     inertia = _inertia(model)
     found: list[TermGroup] = []
     for axis in (AXIS[v] for v in model.kernel.velocities):
@@ -147,6 +155,7 @@ def _axis(
     offered = _without_twins(theta, columns, alive)
     roots = Roots(theta / unit, target, data.weight, data.block)
     variance, _ = block_noise(roots, offered, (EXACT_RESIDUAL * rms) ** 2)
+    variance *= white_reach(theta / unit, data.weight, data.block, offered, rng)
     root = roots.total(np.ones(roots.blocks))
     own = [k for k in offered if columns[k].in_model]
     pool = {tuple(propose(root, variance, offered)), tuple(own), tuple(_pruned(root, variance, own))}
@@ -168,6 +177,9 @@ def _axis(
             values[i, picked] = np.linalg.lstsq(some[:, picked], some[:, -1], rcond=None)[0]
     out = []
     models = [(_worth(root, variance, list(m)), list(m)) for m in sorted(pool)]
+    best = min(models)[1]
+    nominal = np.abs([c.nominal for c in columns]) * size
+    asked = np.where(nominal > 0, np.minimum(nominal, NOTICED * rms), NOTICED * rms)
     for group, margin in _substitutes(root, variance, offered, models, kept, parallel_groups(theta, alive)):
         inclusion = float(kept[:, group].any(axis=1).mean())
         value = sd = float("nan")
@@ -179,7 +191,7 @@ def _axis(
         status: Status = "cannot tell"
         if inclusion >= INCLUDED and margin >= MARGIN and sure:
             status = "found"
-        elif inclusion <= SELDOM and margin < MARGIN:
+        elif inclusion <= SELDOM and margin < MARGIN and noticed(root, variance, best, group, asked):
             status = "not needed"
         force = np.nanmedian(np.abs(np.nansum(values[:, group], axis=1))) if kept[:, group].any() else 0.0
         names = tuple(columns[k].name for k in group)

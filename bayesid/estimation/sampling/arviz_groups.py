@@ -11,11 +11,16 @@ from typing import Any
 
 import numpy as np
 
+from bayesid.errors import BayesidError
 from bayesid.estimation.output_error import readings_batch
 from bayesid.estimation.sampling.posterior import Posterior, stored_name
+from bayesid.estimation.sampling.predictive_noise import sensor_noise, start_moves
 from bayesid.estimation.sampling.trial_posterior import TrialDensity, width
+from bayesid.model.channels import channel as channel_of
+from bayesid.model.terms import TERMS, term
 
 Array = np.ndarray
+TERM_NAMES = frozenset(t.name for t in TERMS)
 CHAINS = 4
 LIKELIHOOD_DRAWS, PREDICTIVE_DRAWS = 250, 50  # per chain
 MOST_INSTANTS = 200  # of a run in the predictive groups
@@ -28,15 +33,18 @@ RUNS_APART = (
 def arviz_groups(density: TrialDensity, posterior: Posterior, seed: int = 0) -> dict[str, Any]:
     """Datasets by group, in SI units, of draws taken at random.
 
-    `prior` and `log_likelihood` have 4 x 250 draws, the predictive groups 4 x 50, with sensor noise and the
-    uncertain start of every run, at up to 200 instants of it. `log_likelihood` is left out where the
-    likelihood is no sum over runs: noise integrated out, or adjusted to what `fit` finds.
+    `prior` and `log_likelihood` have 4 x 250 draws, the predictive groups 4 x 50, with sensor noise as the
+    density has it and the uncertain start of every run, at up to 200 instants of it. Every variable has
+    `units`. `log_likelihood` is left out where the likelihood is no sum over runs: noise integrated out, or
+    adjusted to what `fit` finds.
     """
     rng = np.random.default_rng(seed)
     drawn = density.prior_draws(CHAINS * LIKELIHOOD_DRAWS, rng)
     few = CHAINS * PREDICTIVE_DRAWS
     found = {
-        "prior": _dataset({n: drawn[:, i] for i, n in enumerate(posterior.names)}, LIKELIHOOD_DRAWS),
+        "prior": _dataset(
+            {n: drawn[:, i] for i, n in enumerate(posterior.names)}, LIKELIHOOD_DRAWS, variable_units(density)
+        ),
         "observed_data": _observed(density),
         "constant_data": _constant(density, posterior),
         "posterior_predictive": _predicted(density, posterior.subset(few, rng), rng, False),
@@ -73,14 +81,42 @@ def _likelihood(density: TrialDensity, v: Array) -> Any:
     values = log_likelihood_of_runs(density, v).reshape(CHAINS, -1, len(density.problem.runs))
     names = [r.name for r in density.problem.runs]
     coords = {"chain": np.arange(CHAINS), "draw": np.arange(values.shape[1]), "run": names}
-    return xarray.Dataset({"runs": (("chain", "draw", "run"), values)}, coords, {"description": RUNS_APART})
+    laid = {"runs": (("chain", "draw", "run"), values, {"units": "1", "long_name": "natural logarithm"})}
+    return xarray.Dataset(laid, coords, {"description": RUNS_APART})
 
 
-def _dataset(values: dict[str, Array], draws: int) -> Any:
+def variable_units(density: TrialDensity) -> dict[str, str]:
+    """Unit of every unknown, in SI with radians and rpm: "kg/m", "m" of `sigma:x`, "1" of a pure number."""
+    out = {}
+    for name in density.unknowns.names:
+        known, own = density.problem.model, name.rpartition(":")[2]
+        if name.startswith("phi:"):
+            unit = "1"
+        elif name.startswith("sigma:"):
+            unit = channel_of(own).unit
+        elif name.endswith("(0)"):
+            unit = _state_unit(own.removesuffix("(0)"))
+        else:
+            unit = known.parameter_unit(name) or (term(name).unit if name in TERM_NAMES else "1")
+        out[name] = unit or "1"
+    return out
+
+
+def _state_unit(name: str) -> str:
+    try:
+        return str(channel_of(name).unit)
+    except BayesidError:  # a state of an effect
+        return "1"
+
+
+def _dataset(values: dict[str, Array], draws: int, units: dict[str, str]) -> Any:
     import xarray
 
     coords = {"chain": np.arange(CHAINS), "draw": np.arange(draws)}
-    laid = {stored_name(n): (("chain", "draw"), x.reshape(CHAINS, draws)) for n, x in values.items()}
+    laid = {
+        stored_name(n): (("chain", "draw"), x.reshape(CHAINS, draws), {"units": units[n]})
+        for n, x in values.items()
+    }
     return xarray.Dataset(laid, coords)
 
 
@@ -99,10 +135,12 @@ def _observed(density: TrialDensity) -> Any:
     coords: dict[str, Any] = {}
     for i, run in enumerate(density.problem.runs):
         at = _instants(run)
-        coords[f"t_{i}"] = run.plan.t[at]
+        coords[f"t_{i}"] = (f"t_{i}", run.plan.t[at], {"units": "s"})
         for j, channel in enumerate(run.channels):
-            variables[stored_name(f"{run.name}:{channel}")] = ((f"t_{i}",), run.readings[at, j])
-    return xarray.Dataset(variables, coords, {"units": "SI; t in s"})
+            variables[stored_name(f"{run.name}:{channel}")] = (
+                (f"t_{i}",), run.readings[at, j], {"units": channel_of(channel).unit},
+            )  # fmt: skip
+    return xarray.Dataset(variables, coords)
 
 
 def _constant(density: TrialDensity, posterior: Posterior) -> Any:
@@ -115,9 +153,10 @@ def _constant(density: TrialDensity, posterior: Posterior) -> Any:
     known = {
         "reading": list(sigma), "parameter": list(posterior.names[: posterior.n_params]),
     }  # fmt: skip
+    mixed = {"units": "SI, by name"}
     variables = {
-        "stated_sigma": (("reading",), np.array(list(sigma.values()))),
-        "estimate": (("parameter",), density.z[: posterior.n_params]),
+        "stated_sigma": (("reading",), np.array(list(sigma.values())), mixed),
+        "estimate": (("parameter",), density.z[: posterior.n_params], mixed),
     }
     about = {
         "vehicle": vehicle.name, "model": density.problem.model.digest, "density": density.digest,
@@ -140,41 +179,18 @@ def _predicted(density: TrialDensity, v: Array, rng: np.random.Generator, prior:
     first = density.k
     for i, (run, row, values) in enumerate(zip(density.problem.runs, density.data, simulated, strict=True)):
         at = _instants(run)
-        coords[f"t_{i}"] = run.plan.t[at]
-        levels = [density._level(v, run, c) for c in run.channels]
+        coords[f"t_{i}"] = (f"t_{i}", run.plan.t[at], {"units": "s"})
         offset = density.problem.start[first : first + len(run.initial)]
         offset = offset - density.z[first : first + len(run.initial)]
         first += len(run.initial)
-        moved = _start_moves(run, row, values, levels, offset, rng, prior)
+        moved = start_moves(density, v, run, row, values, offset, rng, prior)
         for j, channel in enumerate(run.channels):
             read = values[j][:, at]
             if moved is not None:
                 read = read + moved @ row[j].slopes[at].T
-            read = read + levels[j][:, None] * rng.standard_normal(read.shape)
+            read = read + sensor_noise(density, v, run, j, row, rng)[:, at]
             variables[stored_name(f"{run.name}:{channel}")] = (
                 ("chain", "draw", f"t_{i}"), read.reshape(CHAINS, -1, at.size).astype(np.float32),
+                {"units": channel_of(channel).unit},
             )  # fmt: skip
-    return xarray.Dataset(variables, coords, {"units": "SI; t in s"})
-
-
-def _start_moves(
-    run: Any, row: Any, values: list[Array], levels: list[Array], offset: Array,
-    rng: np.random.Generator, prior: bool,
-) -> Array | None:  # fmt: skip
-    """(b, m) draws of the change of an integrated initial state about the estimate; None without one."""
-    m = row[0].slopes.shape[1]
-    if not m:
-        return None
-    count = len(values[0])
-    if prior:
-        return np.asarray(offset + rng.standard_normal((count, m)) * run.initial_sd)
-    precision = np.diag(1.0 / run.initial_sd**2)
-    right = np.repeat((-precision @ offset)[None], count, axis=0)
-    bent = np.repeat(precision[None], count, axis=0)
-    for channel, simulated, level in zip(row, values, levels, strict=True):
-        weight = 1.0 / (level**2 * channel.tau)
-        right = right + weight[:, None] * (channel.residuals(simulated.copy()) @ channel.slopes)
-        bent = bent + weight[:, None, None] * channel.gram
-    root = np.linalg.cholesky(np.linalg.inv(bent))
-    best = -np.linalg.solve(bent, right[:, :, None])[:, :, 0]
-    return np.asarray(best + np.einsum("bij,bj->bi", root, rng.standard_normal((count, m))))
+    return xarray.Dataset(variables, coords)

@@ -164,13 +164,17 @@ class Posterior:
         }  # fmt: skip
 
     # ---- storing ----
-    def to_netcdf(self, path: str | os.PathLike[str], groups: Mapping[str, Any] | None = None) -> Path:
+    def to_netcdf(
+        self, path: str | os.PathLike[str], groups: Mapping[str, Any] | None = None,
+        units: Mapping[str, str] | None = None,
+    ) -> Path:  # fmt: skip
         """Write for ArviZ: groups `posterior` and `sample_stats`, and `groups` (xarray datasets) beside them.
 
         A chain is an ensemble. Its draws are the walkers of the first half of the steps, one after the other,
         then those of the second half: so `arviz.rhat` compares what the convergence check compares, and
         `arviz.ess` meets the memory of each walker. Coordinates `step` and `walker` say which is which.
-        All else is in the attributes. The file is written whole or not at all.
+        All else is in the attributes. The file is written whole or not at all. `units`: name -> unit of every
+        unknown, as attribute `units` of its variable.
         """
         import h5py  # noqa: F401  (the engine; named here so that a missing one is told before work is lost)
         import xarray
@@ -192,8 +196,12 @@ class Posterior:
             "seed": self.seed, "digest": self.digest, "settings": dict(self.settings),
         }  # fmt: skip
         attributes = {"created_by": "bayesid", "bayesid": json_text(rest)}
-        draws = {stored_name(name): laid(self.draws[..., i]) for i, name in enumerate(self.names)}
-        stats = {"lp": laid(self.log_prob), "log_prior": laid(self.log_prior)}
+        draws = {
+            stored_name(name): (*laid(self.draws[..., i]), {"units": units[name]} if units else {})
+            for i, name in enumerate(self.names)
+        }
+        pure = {"units": "1"}
+        stats = {"lp": (*laid(self.log_prob), pure), "log_prior": (*laid(self.log_prior), pure)}
         written = {
             "posterior": xarray.Dataset(draws, coords, attributes),
             "sample_stats": xarray.Dataset(stats, coords, attributes),
