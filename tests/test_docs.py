@@ -194,7 +194,12 @@ def test_every_page_with_commands_is_run_by_a_test():
     assert with_code == {(DOCS / name).resolve() for name in (*CHEAP, *COSTLY)}
 
 
-@pytest.mark.parametrize("name", ["next_manoeuvre", "ridge_of_a_turn", "rudder_too_slow"])
+@pytest.mark.parametrize("name", [
+    "ridge_of_a_turn",
+    # `make docs` runs all of them, and ends where one fails
+    pytest.param("next_manoeuvre", marks=pytest.mark.slow),
+    pytest.param("rudder_too_slow", marks=pytest.mark.slow),
+])  # fmt: skip
 def test_a_script_of_the_gallery_draws_its_picture(name, tmp_path, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
     picture = tmp_path / "picture.png"

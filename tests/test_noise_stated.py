@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from dataclasses import replace
 
 import numpy as np
@@ -96,14 +97,49 @@ def test_the_trial_keeps_a_right_statement_to_the_last_digit(model):
     assert with_seen_noise(trial, (model.scales["L"], model.scales["U"])) is trial
 
 
-@pytest.mark.parametrize("factor", [0.33, 3.0])
-def test_a_clean_trial_has_no_gap_however_its_noise_is_stated(model, factor):
-    found = diagnose_trial(remus(factor), model, plan_next=False)
+@pytest.fixture(scope="module")
+def told_too_little():
+    """A clean trial whose noise is stated three times too small, diagnosed as the command does it."""
+    vehicle = with_relative_prior(load_vehicle("remus100"), 0.05)
+    return diagnose(remus(0.33), vehicle, next_manoeuvre=False, keep_model=False)
+
+
+def test_a_clean_trial_has_no_gap_although_its_noise_is_stated_too_small(told_too_little):
+    assert told_too_little.verdict == "none"
+    assert any("[noise]" in text for text in told_too_little.record()["warnings"])
+
+
+def test_diagnose_remarks_on_it_under_input(told_too_little):
+    assert len(told_too_little.record()["input"]["remarks"]) == 1
+
+
+@pytest.mark.slow
+def test_a_clean_trial_has_no_gap_although_its_noise_is_stated_too_large(model):
+    found = diagnose_trial(remus(3.0), model, plan_next=False)
     assert found.result.verdict == "none"
     assert any("[noise]" in text for text in found.result.warnings)
 
 
-def test_trusting_the_input_keeps_the_noise_as_stated(model):
+class Reached(Exception):
+    """The trial has been weighed; what follows is not asked for."""
+
+
+@pytest.mark.parametrize(("trust", "share"), [(True, 0.33), (False, 1.0)])
+def test_trusting_the_input_keeps_the_noise_as_stated(model, monkeypatch, trust, share):
+    weighed = []
+
+    def compared(_, trial, *__):
+        weighed.append(trial)
+        raise Reached
+
+    monkeypatch.setattr(importlib.import_module("bayesid.diagnosis.run"), "compare_without", compared)
+    with pytest.raises(Reached):
+        diagnose_trial(remus(0.33), model, plan_next=False, trust_noise=trust)
+    assert weighed[0].noise["x"] == pytest.approx(share * 0.05, rel=1e-9 if trust else 0.15)
+
+
+@pytest.mark.slow
+def test_noise_trusted_though_too_small_is_taken_for_a_gap(model):
     found = diagnose_trial(remus(0.33), model, plan_next=False, trust_noise=True)
     assert found.problem.logs[0].sigma[0] == pytest.approx(0.33 * 0.05)
     assert found.result.verdict != "none"  # what the noise is taken for without the seen one
@@ -112,8 +148,3 @@ def test_trusting_the_input_keeps_the_noise_as_stated(model):
 def test_trial_check_names_it_with_its_mend():
     told = [text for text in trial_summary(remus(0.1))["warnings"] if "[noise]" in text]
     assert len(told) == 1 and "x 1/" in told[0] and "psi = 0.00" in told[0]
-
-
-def test_diagnose_remarks_on_it_under_input():
-    found = diagnose(remus(0.4), with_relative_prior(load_vehicle("remus100"), 0.05), next_manoeuvre=False)
-    assert len(found.record()["input"]["remarks"]) == 1
