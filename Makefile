@@ -53,6 +53,7 @@ reports: whole study paper
 	$(BIN)/python -m studies.frames.run --out $(OUT)/frames $(FLAGS)
 	$(BIN)/python -m studies.excited_terms.run --out $(OUT)/excited_terms $(FLAGS)
 	$(BIN)/python -m studies.other_equations.run --out $(OUT)/other_equations $(FLAGS) --data "$(DATA)"
+	$(BIN)/python -m studies.wind_from_motion.run --out $(OUT)/wind_from_motion $(FLAGS) --data "$(DATA)"
 	$(BIN)/python -m studies.log_mistakes.run --out $(OUT)/log_mistakes $(FLAGS)
 	$(BIN)/python -m studies.simulator_mistakes.run --out $(OUT)/simulator_mistakes $(FLAGS)
 	$(BIN)/python -m studies.robustness.run --out $(OUT)/robustness $(FLAGS) --data "$(DATA)"

@@ -394,6 +394,15 @@ def test_errors_are_standard_normal_over_their_posterior_whatever_the_weight():
             assert kstest(column, "norm").pvalue > 1e-3
 
 
+def test_the_covariance_that_keeps_the_prior_is_never_above_it_and_white_noise_has_one_answer():
+    composite, _ = linear_runs(np.random.default_rng(5), prior_sd=0.1)
+    loud = NoiseParts(excess=400.0, weight=1.0)
+    assert np.sqrt(np.diag(composite.law(loud).covariance)).max() > 2 * 0.1  # control: forgets the prior
+    assert np.linalg.eigvalsh(composite.prior_kept(loud)).max() < 0.1**2
+    white = composite.as_white()
+    assert white.prior_kept(NoiseParts()) == pytest.approx(white.law(NoiseParts()).covariance, rel=1e-6)
+
+
 def test_a_weight_that_predicts_best_does_not_pass_for_information():
     # the prior is far off, so left-out runs ask for all the weight; the readings still know a quarter
     composite, _ = linear_runs(np.random.default_rng(15), count=12, noise=2.0, truth=[30.0] * 4)

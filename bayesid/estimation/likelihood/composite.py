@@ -144,6 +144,13 @@ class Composite:
         noise = spread @ spread.T  # products of roots: no variance comes out negative by rounding
         return Law(gain @ (w * g + self.prior_score), noise + pull @ pull.T, w * gain @ h, noise)
 
+    def prior_kept(self, parts: NoiseParts) -> Array:
+        """(k, k) covariance where every reading has the weight its noise leaves it: never above the prior's.
+
+        `law` is the error of an estimate made with another weight, which forgets what the prior knew.
+        """
+        return inverse(self.data(parts)[0] + self.prior_precision)
+
     def left_out_costs(self, weight: float) -> Array:
         """(n,) cost of every run at the estimate the others give with the readings to this power, over that
         at theta0.

@@ -19,7 +19,7 @@ from bayesid.estimation.likelihood.checks import (
     prior_conflict,
     prior_sensitivity,
 )
-from bayesid.estimation.likelihood.composite import Composite, RunScore, inverse, root, run_scores
+from bayesid.estimation.likelihood.composite import Composite, RunScore, root, run_scores
 from bayesid.estimation.likelihood.mixed_rates import MixedRateNoise, mixed_rate_noise
 from bayesid.estimation.likelihood.parts import NoiseParts
 from bayesid.estimation.likelihood.residual_noise import MOST_ORDER
@@ -205,7 +205,7 @@ def posterior_of_scores(
         sensitivity=prior_sensitivity(composite, chosen, found),
         low=problem.params.vector("low"),
         high=problem.params.vector("high"),
-        kept_prior=inverse(composite.data(chosen)[0] + composite.prior_precision) * np.outer(scale, scale),
+        kept_prior=composite.prior_kept(chosen) * np.outer(scale, scale),
     )
 
 

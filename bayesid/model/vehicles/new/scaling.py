@@ -10,6 +10,7 @@ from dataclasses import replace
 
 from bayesid.errors import VehicleError
 from bayesid.model.terms import term
+from bayesid.model.thrusters import Thruster
 from bayesid.model.vehicles.convention import munk_and_coriolis
 from bayesid.model.vehicles.new.new_vehicle import NewVehicle
 from bayesid.model.vehicles.stability import usual_speed
@@ -103,6 +104,7 @@ def scaled(
         B=vehicle.B * new_mass / vehicle.mass,
         rates={fin: rate * faster / size for fin, rate in vehicle.rates.items()},
         propulsion=_propulsion(vehicle.propulsion, size, faster, rpm, dense),
+        thrusters=tuple(_thruster(one, size, rpm, dense) for one in vehicle.thrusters),
         crossflow=crossflow,
         coef=coef,
         prior=prior,
@@ -156,6 +158,15 @@ def _prior(vehicle: Vehicle, coef: dict[str, float], heavier: float) -> Coeffici
     return CoefficientPrior(
         {key: float(f"{math.hypot(known.get(key, 0.0), extra):.2g}") for key in coef if coef[key]}
     )
+
+
+def _thruster(one: Thruster, size: float, rpm: float, dense: float) -> Thruster:
+    """A similar thruster at the same advance ratio: thrust by rho n^2 D^4 and rho u n D^3."""
+    x, y, z = one.at
+    return replace(
+        one, at=(x * size, y * size, z * size), T_nn=one.T_nn * dense * size**4,
+        T_un=one.T_un * dense * size**3, dead_band=one.dead_band * rpm, limit=one.limit * rpm,
+    )  # fmt: skip
 
 
 def _propulsion(old: Propulsion, size: float, faster: float, rpm: float, dense: float) -> Propulsion:

@@ -1,0 +1,78 @@
+"""Wind told by the motion of a ship: signs, closed forms, a planted wind, a calm."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bayesid.api.simulate import simulate_model
+from bayesid.equations.model import build_model
+from bayesid.model.vehicles import CoefficientPrior, load_vehicle
+from bayesid.simulation import plan_trial_run
+from bayesid.trials import Run, Trial
+from studies.wind_from_motion.estimate import MotionWind, unread, wind_of
+from studies.wind_from_motion.report import scores
+from studies.wind_from_motion.run import row
+
+T = np.arange(0.0, 20.0, 1.0)
+
+
+def calm_run():
+    channels = {c: np.zeros(T.size) for c in ("x", "y", "psi", "u", "v", "r")}
+    commands = {"delta_r_cmd": np.zeros(T.size), "n_cmd": np.full(T.size, 600.0)}
+    return Run("r", "zigzag", "holdout", T, channels, commands)
+
+
+def given(run, mean):
+    """The run with a steady wind as an anemometer logs it; `mean` [m/s] is where the air goes."""
+    come = np.full(run.t.size, np.arctan2(-mean[1], -mean[0]) % (2 * np.pi))
+    return replace(run, exogenous={"wind_speed": np.full(run.t.size, np.hypot(*mean)), "wind_from": come})
+
+
+def test_a_wind_given_blows_where_the_simulation_lets_it_blow():
+    model = build_model(load_vehicle("esso_osaka_mmg"))
+    plan = plan_trial_run(model, given(calm_run(), (-1.5, 0.5)))
+    held = dict(zip(model.kernel.exogenous, plan.exogenous.T, strict=False))
+    assert held["wind_north"][3] == pytest.approx(-1.5) and held["wind_east"][3] == pytest.approx(0.5)
+    assert not unread(given(calm_run(), (1.0, 0.0))).exogenous
+
+
+def test_direction_sd_is_that_of_the_component_across():
+    wind = MotionWind("r", np.array([2.0, 0.0]), np.diag([9.0, 0.04]), "converged")
+    assert wind.direction_sd == pytest.approx(0.1)
+    assert wind.evidence == pytest.approx(4.0 / 9.0)
+    none = MotionWind("r", np.array([1e-3, 0.0]), np.eye(2), "converged")
+    assert none.direction_sd == pytest.approx(np.pi / np.sqrt(3.0))
+
+
+def test_direction_errors_go_the_short_way_round():
+    run = given(calm_run(), (-1.0, 0.05))
+    told = row(run, MotionWind("r", np.array([-1.0, -0.05]), 0.01 * np.eye(2), "converged").record())
+    assert np.degrees(told["direction_error"]) == pytest.approx(2 * np.degrees(np.arctan(0.05)), abs=1e-6)
+    (only,) = [scores([told | {"measured": [-1.2, 0.06]}])]
+    assert only["named"] == 100.0 and only["windy"] == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("air", [(1.2, -0.9), (0.0, 0.0)])
+def test_a_planted_wind_is_found_and_a_calm_is_not_named(air):
+    ship = load_vehicle("esso_osaka_mmg")
+    ship = replace(ship, prior=CoefficientPrior(dict.fromkeys(ship.coef, 0.05)))
+    model = build_model(ship)
+    par = model.nominal.copy()
+    for name, value in zip(("wind.blowing_north", "wind.blowing_east"), air, strict=True):
+        par[model.index[name]] = value
+    windy = replace(model, nominal=par)
+    logged = simulate_model(windy, ship, ("zigzag:20/20",), None, 600.0, None, None, 0).runs[0]
+    rng = np.random.default_rng(1)
+    noise = {"x": 0.005, "y": 0.005, "psi": 0.002, "u": 0.004, "v": 0.004, "r": 0.001}
+    data = {c: v + noise[c] * rng.standard_normal(v.size) for c, v in logged.data.items() if c in noise}
+    run = replace(logged, data=data)
+    trial = Trial("planted", Path(), "esso_osaka_mmg", 3, (run,), noise=noise)
+    wind = wind_of(trial, run, ship, ("N_v", "N_|u|r", "Y_|u|v"), 0)
+    off = np.abs(wind.mean - air) / np.sqrt(np.diag(wind.covariance))
+    assert off.max() < 3.0
+    assert (wind.evidence > 9.21) == any(air)
