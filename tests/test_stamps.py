@@ -130,3 +130,24 @@ def test_rows_are_not_spread_into_a_gap():
     np.testing.assert_allclose(found[10:15], 2.0 + 0.2 * np.arange(5))
     np.testing.assert_allclose(found[20:], 31.0 + 0.2 * np.arange(5))
     assert (np.diff(found) > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("date", "asks"), [("%d.%m.%Y", False), ("%d/%m/%Y", True), ("%m/%d/%Y", False), ("%Y-%m-%d", False)]
+)
+def test_day_and_month_exchanged_between_two_files_are_asked_about(tmp_path, date, asks):
+    """10 June 2024 written in four ways, beside Unix time; with points the day is first everywhere."""
+    from datetime import UTC, datetime
+
+    truth = motion(np.random.default_rng(7))
+    at = [datetime.fromtimestamp(1718000000.0 + t, UTC) for t in truth["t"][::5]]
+    rows = zip(at, truth["x"][::5], truth["y"][::5], strict=True)
+    lines = [f"{t.strftime(f'{date} %H:%M:%S.%f')},{x:.4f},{y:.4f}" for t, x, y in rows]
+    (tmp_path / "gps.csv").write_text("UTC,north [m],east [m]\n" + "\n".join(lines) + "\n")
+    rows = zip(truth["t"], truth["psi"] / DEG, truth["r"] / DEG, truth["delta_r_cmd"] / DEG, strict=True)
+    lines = [f"{1718000000.0 + t:.2f},{p:.4f},{r:.4f},{d:.3f},900" for t, p, r, d in rows]
+    head = "unix [s],heading [deg],yaw_rate [deg/s],rudder_cmd [deg],rpm_cmd\n"
+    (tmp_path / "ins.csv").write_text(head + "\n".join(lines) + "\n")
+    asked = propose([tmp_path / "gps.csv", tmp_path / "ins.csv"]).map.questions
+    assert any("do not overlap in time" in text for text in asked) == asks
+    assert asks or not asked

@@ -16,7 +16,7 @@ from bayesid.trials.consistency import RudderCheck, check_rudder, check_track, c
 from bayesid.trials.trial import Floats, Run
 
 _DEG = math.pi / 180.0
-JITTER = 0.5  # of the usual step, between the 5th and 95th per cent of steps
+JITTER = 0.5  # of the usual step, between the 15th and 85th per cent of steps
 WHOLE, MOSTLY = 0.1, 0.9  # steps so near a multiple of the usual one are readings left out
 _LIMITS = {"phi": 1.6, "theta": 1.6, "p": 6.0, "q": 3.0, "r": 3.0, "u": 30.0, "v": 15.0, "w": 15.0}
 # track length over integrated velocity -> the mislabelling that gives it
@@ -75,13 +75,13 @@ def _sampling(run: Run) -> list[str]:
         word = "gap" if gaps.size == 1 else "gaps, the longest"
         text = f"{gaps.size} {word} of {step[worst]:.3g} s after t = {run.t[worst]:.6g} s"
         notices.append(f"{text} (usual step {usual:.3g} s)")
-    low, high = np.percentile(step, (5, 95))
+    low, high = np.percentile(step, (15, 85))
     ratio = step / usual
     multiples = float(np.mean(np.abs(ratio - np.maximum(1.0, np.round(ratio))) < WHOLE)) > MOSTLY
     joined = any(np.isnan(values).any() for values in run.data.values())  # channels of several rates
     if high - low > JITTER * usual and not (multiples or joined) and step.size > 50:
         notices.append(
-            f"the time between samples varies, 5 % below {low:.2g} s and 5 % above {high:.2g} s (usually "
+            f"the time between samples varies, 15 % below {low:.2g} s and 15 % above {high:.2g} s (usually "
             f"{usual:.2g} s); stamps of writing are late by as much"
         )
     if run.n_samples < 20:

@@ -42,14 +42,15 @@ def study(data: Path, out: Path) -> None:
                 continue
             read = trial if row == NOTHING else logged(trial, mistakes[row], 0)
             found = check_trial(read, model).findings
+            names = [f.name for f in found]
             right = not found if row == NOTHING else bool(found) and found[0].name in mistakes[row].right
             said = {
-                "log": name, "mistake": row, "named": [f.name for f in found], "right": right,
+                "log": name, "mistake": row, "named": names, "right": right,
                 "also": list(found[0].also) if found else [], "mend": list(found[0].mend) if found else [],
             }  # fmt: skip
             with out.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(said) + "\n")
-            print(f"{name}, {row}: {', '.join(said['named']) or 'nothing'}", flush=True)
+            print(f"{name}, {row}: {', '.join(names) or 'nothing'}", flush=True)
 
 
 if __name__ == "__main__":

@@ -6,6 +6,8 @@ Asks in a `Draft`; a clock is never changed here.
 from __future__ import annotations
 
 from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
 
 import numpy as np
 
@@ -13,6 +15,33 @@ from bayesid.trials.importing.agreement import lag_of, response_shift, speed_fit
 from bayesid.trials.importing.converting import Recording, convert, resolve
 from bayesid.trials.importing.draft import Draft
 from bayesid.trials.importing.log_map import LogMap
+
+
+def ask_apart(draft: Draft) -> bool:
+    """Files of one recording whose times do not overlap; True where it asks."""
+    for recording in draft.recordings:
+        spans = {}
+        for label, log in recording.logs.items():
+            ts = [c.t for c in log.channels if c.t.size]
+            if recording.start is not None and ts:
+                zero = recording.start + recording.shift[label]
+                spans[label] = zero + min(float(t[0]) for t in ts), zero + max(float(t[-1]) for t in ts)
+        if len(spans) < 2:
+            continue
+        late, early = max(spans, key=lambda k: spans[k][0]), min(spans, key=lambda k: spans[k][1])
+        if spans[late][0] > spans[early][1]:
+            told = [f"{Path(recording.logs[k].path).name} ({_when(spans[k][0])})" for k in (early, late)]
+            draft.ask(
+                0,
+                f"{told[0]} and {told[1]} do not overlap in time: is one clock local time, or are day and "
+                "month exchanged? set clock_offset in [sources.*], or give ISO dates",
+            )
+            return True
+    return False
+
+
+def _when(utc: float) -> str:
+    return f"{datetime.fromtimestamp(utc, UTC):%d %B %Y %H:%M:%S}"
 
 
 def check_clocks(draft: Draft) -> None:

@@ -27,6 +27,7 @@ LEAPS = (
     (1435708800, 17.0),
     (1483228800, 18.0),
 )
+_DOTTED = r"\s*\d{1,2}\.\d{1,2}\.\d{2,4}"  # 10.06.2024: no country puts the month first with points
 _NUMERIC_DATE = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}")
 _TIME_OF_DAY = re.compile(r"\s*\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?\s*")
 
@@ -133,14 +134,15 @@ def is_time_of_day(texts: list[str]) -> bool:
 
 
 def parse_dates(texts: np.ndarray) -> np.ndarray:
-    """datetime64[ns] of texts, UTC; NaT where a text is no date. Day first where a first number exceeds
-    12."""
+    """datetime64[ns] of texts, UTC; NaT where a text is no date. Day first where a first number exceeds 12,
+    and where points stand between the numbers."""
     import pandas
 
     series = pandas.Series(texts).astype(str).str.strip().str.replace(",", ".", regex=False)
     iso = bool(re.match(r"\d{4}", series.iloc[0])) if len(series) else True
     head = series.str.extract(r"^(\d{1,2})[-/.](\d{1,2})[-/.]\d{2,4}")
-    day_first = not iso and bool((head[0].astype(float) > 12).any())
+    dotted = bool(re.match(_DOTTED, series.iloc[0])) if len(series) else False
+    day_first = not iso and (dotted or bool((head[0].astype(float) > 12).any()))
     parsed = pandas.to_datetime(
         series, errors="coerce", utc=True, format="ISO8601" if iso else "mixed", dayfirst=day_first
     )
@@ -153,7 +155,7 @@ def ambiguous_day(texts: np.ndarray) -> bool:
     """True if day and month cannot be told apart (both up to 12, and differing) in dates such as
     03/04/2024."""
     for text in texts[:1]:
-        found = re.match(r"\s*(\d{1,2})[-/.](\d{1,2})[-/.]\d{2,4}", str(text))
+        found = re.match(r"\s*(\d{1,2})[-/](\d{1,2})[-/]\d{2,4}", str(text))
         return bool(found) and int(found[1]) <= 12 and int(found[2]) <= 12 and found[1] != found[2]  # type: ignore[index]
     return False
 

@@ -16,6 +16,7 @@ from bayesid.errors import BayesidError
 from bayesid.model.units import UnitError, scale
 from bayesid.trials.importing.agreement import common_run, rudder_t
 from bayesid.trials.importing.arranging import arrange, sources_of
+from bayesid.trials.importing.clock_agreement import ask_apart
 from bayesid.trials.importing.converting import Recording
 from bayesid.trials.importing.deciding import decide
 from bayesid.trials.importing.draft import Draft
@@ -78,7 +79,9 @@ def propose(sources: Sequence[Path], vehicle: str = "", name: str = "") -> Propo
     _drop_constant(draft)
     _needs(draft, recordings, unused)
     _declared_axes(draft, logs)
-    if draft.map.channels:
+    if ask_apart(draft):
+        pass  # nothing that kinematics says of such a recording is about the channels
+    elif draft.map.channels:
         decide(draft)
         ask_standing_still(draft)
         ask_stamps(draft)

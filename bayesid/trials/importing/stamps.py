@@ -28,7 +28,7 @@ class Stamps:
     equal : share of rows that repeat the stamp before; late : rows behind an earlier one, singly
     set_back : (time before [s], step back [s]) of every place from which on the clock runs behind
     gaps : (start [s], length [s]); usual : median step that is not zero [s]
-    uneven : 5th and 95th per cent of the steps [s] where they jitter, else None
+    uneven : 15th and 85th per cent of the steps [s] where they jitter, else None
     """
 
     equal: float
@@ -53,7 +53,7 @@ def look_at(t: Floats) -> Stamps | None:
     late = int(sum(b - a for a, b in zip(first, last, strict=True) if b - a < SET_BACK))
     inner = step[step > 0]
     wide = np.flatnonzero(step > max(GAP * usual, SHORTEST))
-    low, high = (float(q) for q in np.percentile(inner, (5, 95))) if inner.size else (0.0, 0.0)
+    low, high = (float(q) for q in np.percentile(inner, (15, 85))) if inner.size else (0.0, 0.0)
     ratio = inner / usual if usual > 0 else np.ones(1)
     regular = float(np.mean(np.abs(ratio - np.maximum(1.0, np.round(ratio))) < WHOLE)) > MOSTLY
     return Stamps(
@@ -107,7 +107,7 @@ def _say(draft: Draft, label: str, log: RawLog, found: Stamps) -> None:
     if found.uneven is not None and found.equal <= ROUNDED:
         low, high = found.uneven
         draft.remark(
-            f"{name}: the time between rows varies, 5 % below {low:.2g} s and 5 % above {high:.2g} s "
+            f"{name}: the time between rows varies, 15 % below {low:.2g} s and 15 % above {high:.2g} s "
             f"(usually {found.usual:.2g} s); stamps of writing are late by as much"
         )
 

@@ -17,7 +17,7 @@ from bayesid.trials.importing.unit_words import plain_unit, split_unit
 
 _TIME = re.compile(
     r"(t|time|times|timestamp|time ?stamp|stamp|utc|date ?time|datetime|epoch|secs?|seconds|zeit|"
-    r"elapsed( ?time)?|sim ?time|gps ?time|unix ?time|"
+    r"elapsed( ?time)?|sim ?time|gps ?time|unix( ?time| ?stamp| ?timestamp)?|"
     r"log ?time|uhrzeit|temps|utc ?time|time ?utc|index time|tow|time of week|"
     r"posix ?time|clock|ros ?time|time ?us|time ?ms|time ?ns|time ?boot|t ?(abs|rel))"
 )
