@@ -41,7 +41,7 @@ GRID = (-2.0, -1.0, 1.0, 2.0)
 
 def manoeuvres(name: str) -> dict[str, Manoeuvre]:
     """Runs of a set."""
-    circle = {"turn": turn(20 * DEG, RPM, duration=400.0, dt=DT)}
+    circle = {"turn": turn(20 * DEG, RPM, approach=10.0, duration=400.0, dt=DT)}
     if name == "steady turn":
         return circle
     if name == "spiral":
@@ -55,7 +55,7 @@ def prior_of(model: Model, prior_sd: float) -> ParameterSet:
     """Normal about the vehicle file's values: `prior_sd` for the three, `OTHERS_SD` for the others."""
     wide = 8 * max(prior_sd, OTHERS_SD)
     entries = coefficient_set(model, (*TRIPLE, *OTHERS), relative_bounds=wide, use_prior=False)
-    spread = {n: prior_sd for n in TRIPLE} | {n: OTHERS_SD for n in OTHERS}
+    spread = dict.fromkeys(TRIPLE, prior_sd) | dict.fromkeys(OTHERS, OTHERS_SD)
     return ParameterSet(
         tuple(replace(p, prior=Prior("normal", p.start, spread[p.name] * p.scale)) for p in entries)
     )
@@ -102,7 +102,8 @@ def asked(name: str, prior_sd: float, seed: int, sampled: bool) -> dict[str, Any
         },
     }
     record: dict[str, Any] = {
-        "set": name, "prior": prior_sd, "seed": seed, "vehicles_drawn": drawn, "fit_converged": found.converged,
+        "set": name, "prior": prior_sd, "seed": seed, "vehicles_drawn": drawn,
+        "fit_converged": found.converged,
         "names": names, "said": said,
     }  # fmt: skip
     if sampled:
