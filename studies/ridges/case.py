@@ -41,7 +41,7 @@ GRID = (-2.0, -1.0, 1.0, 2.0)
 
 def manoeuvres(name: str) -> dict[str, Manoeuvre]:
     """Runs of a set."""
-    circle = {"turn": turn(20 * DEG, RPM, approach=10.0, duration=400.0, dt=DT)}
+    circle: dict[str, Manoeuvre] = {"turn": turn(20 * DEG, RPM, approach=10.0, duration=400.0, dt=DT)}
     if name == "steady turn":
         return circle
     if name == "spiral":
