@@ -27,7 +27,8 @@ def case(seed, rng, shrink=1.0):
     curve = {"left": [1.1, 0.01, 1.0], "data_share": [0.0, 1.0, 0.0]}
     return {
         "set": "steady turn", "prior": 0.5, "seed": seed, "vehicles_drawn": 1, "truth": truth.tolist(),
-        "z": z.tolist(), "combinations": said["combinations"], "said": {"Laplace": said, "profile": curve},
+        "z": z.tolist(), "combinations": said["combinations"], "draws": rng.standard_normal((50, 3)).tolist(),
+        "said": {"Laplace": said, "emcee": {**said, "converged": True}, "profile": curve},
         "cpu_seconds": 1.0,
     }  # fmt: skip
 

@@ -28,7 +28,9 @@ def counted(cases: Sequence[Case]) -> dict[str, Any]:
     ratios: dict[str, list[float]] = {}
     for case in cases:
         said = case["said"]
-        first = said.get("emcee", said["Laplace"])
+        if "emcee" not in said:
+            continue
+        first = said["emcee"]
         for who, what in said.items():
             if what is not first:
                 pairs = list(zip(what["left"], first["left"], strict=True))
