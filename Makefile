@@ -48,6 +48,7 @@ reports: OUT := reports
 reports: whole study paper
 	$(BIN)/python -m studies.manoeuvre_richness.run --out $(OUT)/manoeuvre_richness $(FLAGS) --data "$(DATA)"
 	$(BIN)/python -m studies.posterior.run --out $(OUT)/posterior $(FLAGS) --data "$(DATA)"
+	$(BIN)/python -m studies.ridges.run --out $(OUT)/ridges $(FLAGS)
 	$(BIN)/python -m studies.calibration.run --out $(OUT)/calibration $(FLAGS)
 	$(BIN)/python -m studies.coverage.run --out $(OUT)/coverage $(FLAGS)
 	$(BIN)/python -m studies.frames.run --out $(OUT)/frames $(FLAGS)

@@ -5,6 +5,9 @@ import pytest
 from scipy.stats import binom
 
 from bayesid.estimation.sampling.rank_statistics import bands, coverage, distribution, inside, rank_of
+from studies.calibration.judging import judged
+from studies.calibration.replicate import Condition
+from studies.calibration.report import calibration_report
 
 
 def replicates(count, shift=0.0, width=1.0, unknowns=5, seed=0):
@@ -51,3 +54,44 @@ def test_a_rank_counts_draws_below_the_truth():
     assert rank_of(draws, np.array([-1.0]), 99) == 0
     assert rank_of(draws, np.array([1000.0]), 99) == 99
     assert inside(draws, np.array([50.0]), 0.5) and not inside(draws, np.array([99.0]), 0.5)
+
+
+def records(count, width=1.0, converged=True, seed=0):
+    """Replicates of a conjugate toy as the study keeps them; posteriors `width` times too wide."""
+    rng = np.random.default_rng(seed)
+    out = []
+    for k in range(count):
+        centre = rng.standard_normal(4)
+        truth = centre + rng.standard_normal(4)
+        draws = centre + width * rng.standard_normal((400, 4))
+        out.append(
+            {
+                "vehicle": "ab"[k % 2], "names": ["N_v", "N_r", "Y_v", "sigma:x"],
+                "rank": rank_of(draws, truth, 99),
+                "inside50": inside(draws, truth, 0.5), "inside90": inside(draws, truth, 0.9), "tau": 5.0,
+                "sd_over_prior": np.ones(4), "converged": converged or k % 2 == 0, "cpu_seconds": 1.0,
+                "vehicles_drawn": 1,
+            }
+        )  # fmt: skip
+    return out
+
+
+def test_conditions_are_met_missed_or_controls_that_fail():
+    told = {
+        "right": records(150, seed=1), "narrow": records(150, 0.5), "control: narrow": records(150, 0.5),
+        "control: right": records(150, seed=1),
+    }  # fmt: skip
+    found = judged(told, {n: Condition(control=n.startswith("control")) for n in told})["conditions"]
+    assert [c["standing"] for c in found.values()] == ["met", "missed", "fails", "does not fail"]
+    inputs = {"quick": False, "vehicles": ["a", "b"], "prior_sd": 0.05}
+    report = calibration_report(told, {"conditions": found}, inputs)
+    assert "narrow" in report.lead and len(report.failures) == 2
+
+
+def test_replicates_that_did_not_converge_count_and_are_told():
+    told = {"right": records(40, converged=False)}
+    found = judged(told, {"right": Condition()})["conditions"]
+    assert found["right"]["replicates"] == 40 and found["right"]["90 %"]["replicates"] == 40
+    assert found["right"]["90 %, converged"]["replicates"] == 20
+    inputs = {"quick": False, "vehicles": ["a", "b"], "prior_sd": 0.05}
+    assert any("20 of 40" in f for f in calibration_report(told, {"conditions": found}, inputs).failures)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from bayesid.errors import VehicleError
 from bayesid.model.terms import term
 from bayesid.report.figure_style import COLOURS, styled, subplots
 
@@ -20,7 +21,7 @@ def label(name: str) -> str:
     """Coefficient in mathematical type, anything else as it is."""
     try:
         return term(name).label
-    except KeyError:
+    except VehicleError:
         return name
 
 

@@ -45,6 +45,9 @@ def excited_terms_report(
         f"({_round(missed['low'])} to {_round(missed['high'])} %). {numbers['cases']} cases, "
         f"{numbers['terms']} terms."
     )
+    designed = numbers.get("designed", numbers["cases"])
+    if numbers["cases"] < designed:
+        lead += f" These cases were taken at random from {designed}; the others were not run."
     if quick:
         lead += " A quick run of few cases: it decides nothing."
     first = [

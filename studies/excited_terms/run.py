@@ -9,6 +9,7 @@ over single rows, labels permuted, a force of white noise. Cases are kept in FOL
 from __future__ import annotations
 
 import argparse
+import random
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,7 @@ MANOEUVRES = (
     "straight", "turn_starboard", "spiral", "pullout_port", "zigzag_10_port", "zigzag_modified", "meander",
     "speedsteps", "chirp", "multisine", "prbs", "random",
 )  # fmt: skip
+ORDER = 1  # seed of the order in which cases are judged
 TOGETHER = ("multisine", "zigzag_10_port", "prbs")
 SETS = (*((m,) for m in MANOEUVRES), TOGETHER)
 TASKS = tuple((v, names, truth) for v in VEHICLES for names in SETS for truth in TRUTHS)
@@ -40,18 +42,23 @@ def work(tasks: Any, draws: int, seed: int, number: int) -> dict[str, Any]:
     return executed_case(vehicle, names, truth, seed + number, draws)
 
 
-def main(out: Path, draws: int, seed: int, quick: bool, executor: Executor = HERE) -> dict[str, Any]:
-    """Judge every case, count, report."""
+def main(
+    out: Path, draws: int, seed: int, quick: bool, executor: Executor = HERE, most: int | None = None
+) -> dict[str, Any]:
+    """Judge every case, or `most` of them in random order, count, report."""
     progress = Progress()
     tasks = QUICK if quick else TASKS
-    with progress.stage("cases", len(tasks)) as stage:
+    order = list(range(len(tasks)))
+    random.Random(ORDER).shuffle(order)
+    chosen = order[:most]
+    with progress.stage("cases", len(chosen)) as stage:
         name = f"{'quick' if quick else 'full'}-{draws}-{seed}"
         cases = run_seeds(
-            partial(work, tasks, draws, seed), range(len(tasks)), out / "cases", name, executor, stage.step
+            partial(work, tasks, draws, seed), chosen, out / "cases", name, executor, stage.step
         )
-    numbers = counted(cases, seed)
+    numbers = {**counted(cases, seed), "designed": len(tasks)}
     results = {
-        "inputs": {"draws": draws, "quick": quick},
+        "inputs": {"draws": draws, "quick": quick, "most": most},
         "seeds": [seed],
         "counts": numbers,
         "cases": [shortened(c) for c in cases],
@@ -77,8 +84,9 @@ if __name__ == "__main__":
     parser.add_argument("--out", type=Path, default=Path("out/excited_terms"))
     parser.add_argument("--draws", type=int, default=20)
     parser.add_argument("--seed", type=int, default=100)
+    parser.add_argument("--most", type=int, help="so many cases only, at random")
     parser.add_argument("--quick", action="store_true", help="one vehicle, two manoeuvres")
     add_executor(parser)
     given = parser.parse_args()
     lock_or_exit(given.out, "studies/excited_terms/run.py")
-    main(given.out, given.draws, given.seed, given.quick, executor_from(given))
+    main(given.out, given.draws, given.seed, given.quick, executor_from(given), given.most)
