@@ -302,6 +302,7 @@ def test_a_report_that_fails_does_not_cost_its_verdict(world, monkeypatch):
 
 def test_packs_and_commitments_of_the_old_kind_are_scored_and_say_so(world):
     assert score(world).caveats == ()
+    (world / "answers" / PACK_COMMITMENTS_FILE).unlink()  # they kept no copy
     path = world / "out" / VERDICT_COMMITMENT_FILE
     commitment = json.loads(path.read_text())
     commitment["pack"]["commitments"]["format"] = 1
@@ -334,6 +335,7 @@ def test_a_pack_cannot_be_rebuilt_from_what_it_shows(tmp_path, monkeypatch):
 
 
 def test_a_score_says_that_a_pack_was_drawn_from_seeds(world):
+    (world / "answers" / PACK_COMMITMENTS_FILE).unlink()
     path = world / "out" / VERDICT_COMMITMENT_FILE
     commitment = json.loads(path.read_text())
     commitments = commitment["pack"]["commitments"] | {"secret_bits": 0}
@@ -381,7 +383,8 @@ def test_verdicts_of_another_bundle_of_the_same_name_are_not_taken_over(world):
 
 
 def test_a_bundle_that_cannot_be_read_is_committed_as_unanswered_and_scored_as_a_miss(world):
-    (world / "pack" / PACK_COMMITMENTS_FILE).unlink()
+    for part in ("pack", "answers"):
+        (world / part / PACK_COMMITMENTS_FILE).unlink()
     (world / "pack" / "pond" / "trial.toml").write_text("format = 1\n")
     commitment = solve_pack(world / "pack", world / "new", progress=QUIET)
     assert commitment["verdicts"] == {} and "pond" in commitment["failures"]

@@ -104,6 +104,25 @@ def test_a_stop_at_work_is_one_sentence_and_the_code_of_the_signal(number):
     assert (child.returncode, err) == (128 + number, SENTENCE)
 
 
+SWALLOWED = WORK.replace(
+    "    time.sleep(30)\n",
+    """    try:
+        time.sleep(30)
+    except KeyboardInterrupt:
+        raise ValueError("Invalid bounding box") from None
+""",
+)
+
+
+@SIGNALS
+def test_a_stop_that_a_library_turns_into_its_own_error_is_still_a_stop(number):
+    """As matplotlib does with one within its drawing."""
+    child, _ = started(["-c", SWALLOWED])
+    child.send_signal(number)
+    _, err = child.communicate(timeout=20)
+    assert (child.returncode, err) == (128 + number, SENTENCE)
+
+
 @pytest.mark.parametrize("wait", [0.0, 2.0], ids=["workers starting", "workers at work"])
 @SIGNALS
 def test_a_stop_of_the_whole_group_is_told_by_the_parent_alone_and_leaves_no_worker(number, wait, tmp_path):

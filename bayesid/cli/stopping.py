@@ -34,6 +34,11 @@ def code() -> int:
     return 128 + (_asked or signal.SIGINT)
 
 
+def asked() -> bool:
+    """Whether an end was asked for: whatever goes wrong after it, a library made of the stop."""
+    return _asked is not None
+
+
 def leave(status: int) -> NoReturn:
     """End the process; after a stop at once, so that threads and workers at work are not waited for."""
     for number in (signal.SIGINT, signal.SIGTERM):

@@ -70,6 +70,8 @@ def guarded(command: Callable[[], Any], args: Sequence[str] | None = None) -> in
 
 
 def _refuse(message: str, code: int, hint: bool = False) -> int:
+    if stopping.asked():
+        message, code, hint = stopping.TEXT, stopping.code(), False
     if _verbose:
         traceback.print_exc()
     elif hint:

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from studies.robustness.kills import different
+from studies.robustness.same_files import different
 
 BLOCKS = 8  # of 512 or 1024 bytes: no file may become longer, as on a full disk
 NUMBERS = ("fit.json",)

@@ -1,8 +1,10 @@
 """Commands that are killed on their way, and what they give once they are run again.
 
-Takes a command line and the files it writes. Gives one `Killed` per signal: how many were sent, how many of
-the finished results were byte for byte those of the unbroken command, and every word that was wrong. The
-time of each signal is drawn from a seed.
+Takes a command line and the files it writes. Gives one `Killed` per fault: how many met the command at work,
+how many of the finished results were those of the unbroken command byte for byte, and every word that was
+wrong. Every command is a fork of this process in a process group of its own, with libraries loaded: a fault
+strikes work, not imports (these have tests of their own), after a share of the processor time of the unbroken
+command that is drawn from a seed.
 """
 
 from __future__ import annotations
@@ -10,21 +12,51 @@ from __future__ import annotations
 import json
 import os
 import random
+import runpy
 import shutil
 import signal
-import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-SIGNALS = {"SIGKILL": -9, "SIGTERM": 143, "SIGINT": 130}
-LONGEST = 900.0  # s, of one command
-# Numbers that say when and how fast, not what.
-STAMPS = frozenset({"seconds", "shares", "clock", "cpu_seconds", "wall_seconds", "started", "sealed", "cost",
-                    "stamp", "made", "created", "time", "seal"})  # fmt: skip
+from studies.robustness.same_files import different
+
+# Fault -> signal and the exit code that is right; the last one strikes a worker, which the command survives.
+FAULTS = {
+    "SIGKILL": (signal.SIGKILL, -9), "SIGTERM": (signal.SIGTERM, 143), "SIGINT": (signal.SIGINT, 130),
+    "worker killed": (signal.SIGKILL, 0),
+}  # fmt: skip
+SIGNALS = ("SIGKILL", "SIGTERM", "SIGINT")
+WORKER = "worker killed"
+FINE = (0, 3)
+LONGEST = 1800.0  # s, of one command
+LOOK = 0.01  # s between two looks at a command
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command that is to be killed.
+
+    Attributes
+    ----------
+    module, arguments : of `python -m`, with OUT for the folder of the results
+    files : patterns of the files that are compared
+    again : added when it is run once more, e.g. --resume
+    faults : names of `FAULTS`
+    times : how often each strikes in a whole study
+    """
+
+    name: str
+    module: str
+    arguments: tuple[str, ...]
+    files: tuple[str, ...]
+    again: tuple[str, ...] = ()
+    faults: tuple[str, ...] = SIGNALS
+    times: int = 10
 
 
 @dataclass
@@ -33,7 +65,7 @@ class Killed:
 
     Attributes
     ----------
-    sent : signals that met the command at work
+    sent : faults that met the command at work
     finished, same : commands run to their end afterwards, and those that gave the files of the unbroken one
     wrong : what was not as it should be
     """
@@ -46,106 +78,161 @@ class Killed:
     wrong: list[str] = field(default_factory=list)
 
 
-def kill_and_resume(
-    name: str, arguments: Sequence[str], files: Sequence[str], work: Path, count: int, seed: int,
-    again: Sequence[str] = (),
-) -> list[Killed]:  # fmt: skip
-    """Kill a command `count` times by each signal at random times, finish it, compare its files.
-
-    Parameters
-    ----------
-    arguments : of `python`, with OUT for the folder of the results
-    again : added when it is run once more, e.g. --resume
-    """
+def kill_and_resume(command: Command, work: Path, count: int, seed: int) -> list[Killed]:
+    """Strike a command `count` times by each of its faults at random times, finish it, compare its files."""
     rng = random.Random(seed)
-    whole = work / name / "whole"
-    shutil.rmtree(work / name, ignore_errors=True)
-    begun = time.monotonic()
-    code, _, err = _run(arguments, whole)
-    took = time.monotonic() - begun
-    if code not in (0, 3):
-        return [Killed(name, "unbroken", 0, 1, 0, [f"exit code {code}: {err[-300:]}"])]
+    place = work / command.name.replace(" ", "-")
+    shutil.rmtree(place, ignore_errors=True)
+    whole = place / "whole"
+    ended = _run(command, whole)
+    if ended.code not in FINE:
+        return [Killed(command.name, "unbroken", 0, 1, 0, [f"exit code {ended.code}: {ended.words}"])]
+    return [_struck(command, fault, place, ended.used, count, rng) for fault in command.faults]
+
+
+def _struck(command: Command, fault: str, place: Path, used: float, count: int, rng: random.Random) -> Killed:
+    row = Killed(command.name, fault)
+    for k in range(count):
+        folder = place / f"{fault}{k}".replace(" ", "-")
+        ended = _run(command, folder, fault, rng.uniform(0.0, 0.98) * used)
+        if ended.met:
+            row.sent += 1
+            row.wrong += _wrong_end(fault, ended)
+            if ended.code not in FINE:
+                ended = _run(command, folder, again=command.again)
+        if ended.code not in FINE:
+            row.wrong.append(f"exit code {ended.code}: {ended.words}")
+        row.finished += 1
+        apart = different(place / "whole", folder, command.files)
+        row.same += not apart
+        row.wrong += apart
+        shutil.rmtree(folder, ignore_errors=True)
+    return row
+
+
+def _wrong_end(fault: str, ended: _Ended) -> list[str]:
+    """What is wrong about the exit code and the last words of a command that was struck."""
+    right = FAULTS[fault][1]
     out = []
-    for word, expected in SIGNALS.items():
-        row = Killed(name, word)
-        for k in range(count):
-            folder = work / name / f"{word}{k}"
-            code, met, err = _run(arguments, folder, getattr(signal, word), rng.uniform(0.1, 0.95) * took)
-            if met:
-                row.sent += 1
-                if code != expected:
-                    row.wrong.append(f"exit code {code}")
-                if "Traceback" in err or (word != "SIGKILL" and len(err.strip().splitlines()) == 0):
-                    row.wrong.append(err[-300:])
-                last, _, err = _run([*arguments, *again], folder)
-                if last not in (0, 3):
-                    row.wrong.append(f"run again: exit code {last}: {err[-300:]}")
-            row.finished += 1
-            apart = different(whole, folder, files)
-            row.same += not apart
-            row.wrong += apart
-            shutil.rmtree(folder, ignore_errors=True)
-        out.append(row)
+    if ended.code != right and not (right == 0 and ended.code in FINE):
+        out.append(f"exit code {ended.code} after {fault}: {ended.words}")
+    if "Traceback" in ended.words:
+        out.append(ended.words)
+    if right > 0 and "stopped before it was done" not in ended.words:
+        out.append(f"{fault}: no sentence, but {ended.words!r}")
     return out
 
 
-def different(one: Path, other: Path, files: Sequence[str]) -> list[str]:
-    """Names of files, of patterns, that differ by more than stamps."""
-    out = []
-    for pattern in files:
-        names = sorted(p.relative_to(one) for p in one.glob(pattern))
-        if not names:
-            out.append(f"{pattern}: not written")
-        out += [f"{n}: differs" for n in names if _content(one / n) != _content(other / n)]
-    return out
+@dataclass(frozen=True)
+class _Ended:
+    """How a command ended: exit code, whether the fault met it, processor seconds, its words."""
 
-
-def _content(path: Path) -> Any:
-    if not path.exists():
-        return None
-    if path.suffix == ".json":
-        return _bare(json.loads(path.read_text(encoding="utf-8")))
-    if path.suffix in (".npz", ".nc", ".h5"):
-        return _arrays(path)
-    return path.read_bytes()
-
-
-def _bare(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {k: _bare(v) for k, v in value.items() if k not in STAMPS}
-    return [_bare(v) for v in value] if isinstance(value, list) else value
-
-
-def _arrays(path: Path) -> dict[str, bytes]:
-    import h5py
-    import numpy as np
-
-    if path.suffix == ".npz":
-        with np.load(path) as kept:
-            return {n: kept[n].tobytes() for n in kept.files}
-    found: dict[str, bytes] = {}
-    with h5py.File(path) as file:
-        file.visititems(lambda n, d: found.update({n: d[()].tobytes()}) if hasattr(d, "dtype") else None)
-    return found
+    code: int
+    met: bool
+    used: float
+    words: str
 
 
 def _run(
-    arguments: Sequence[str], out: Path, number: int | None = None, after: float = 0.0
-) -> tuple[int, bool, str]:
-    """Exit code, whether the signal met it at work, and what it said on stderr."""
-    line = [sys.executable, *(str(out) if a == "OUT" else a for a in arguments)]
-    child = subprocess.Popen(
-        line, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True,
-        env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
-    )  # fmt: skip
-    met = False
+    command: Command, out: Path, fault: str | None = None, after: float = 0.0, again: Sequence[str] = ()
+) -> _Ended:
+    """The command in a fork, struck once its group has used `after` seconds of processor time."""
+    with tempfile.TemporaryFile("w+") as said:
+        child = os.fork()
+        if child == 0:
+            _become(command, [*command.arguments, *again], out, said.fileno())
+        met, used, until = False, 0.0, time.monotonic() + LONGEST
+        while True:
+            ended, status = os.waitpid(child, os.WNOHANG)
+            if ended:
+                break
+            used = max(used, _used(child))
+            if fault is not None and not met and used >= after:
+                met = _strike(child, fault)
+            if time.monotonic() > until:
+                os.killpg(child, signal.SIGKILL)
+                until += LONGEST
+            time.sleep(LOOK)
+        said.seek(0)
+        return _Ended(os.waitstatus_to_exitcode(status), met, used, said.read()[-500:])
+
+
+def _become(command: Command, arguments: Sequence[str], out: Path, said: int) -> None:
+    """The rest of this fork's life."""
+    code = 1
     try:
-        _, err = child.communicate(timeout=after if number is not None else LONGEST)
-    except subprocess.TimeoutExpired:
-        if number is None:
-            child.kill()
-            return -9, False, f"no end within {LONGEST:g} s"
-        met = True
-        os.killpg(child.pid, number)
-        _, err = child.communicate(timeout=60)
-    return child.returncode, met, err
+        os.setpgid(0, 0)
+        nothing = os.open(os.devnull, os.O_RDWR)
+        for stream, to in ((0, nothing), (1, nothing), (2, said)):
+            os.dup2(to, stream)
+        sys.stdout, sys.stderr = os.fdopen(1, "w", closefd=False), os.fdopen(2, "w", closefd=False)
+        code = _main(command, arguments, out)
+    except BaseException:
+        import traceback
+
+        traceback.print_exc()
+    finally:
+        sys.stderr.flush()
+        os._exit(code)
+
+
+def _main(command: Command, arguments: Sequence[str], out: Path) -> int:
+    """`python -m` of the command in this process; its exit code."""
+    sys.argv = [command.module, *(a.replace("OUT", str(out)) for a in arguments)]
+    try:
+        runpy.run_module(command.module, run_name="__main__", alter_sys=True)
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else int(end.code is not None)
+    return 0
+
+
+def _strike(child: int, fault: str) -> bool:
+    number = FAULTS[fault][0]
+    if fault != WORKER:
+        os.killpg(child, number)
+        return True
+    workers = [pid for pid in _group(child) if pid != child and "spawn_main" in _line(pid)]
+    if not workers:  # none yet, or none any more
+        return False
+    os.kill(random.choice(workers), number)
+    return True
+
+
+def _group(leader: int) -> list[int]:
+    """Processes of a process group."""
+    found = []
+    for entry in Path("/proc").iterdir():
+        words = _status(int(entry.name)) if entry.name.isdigit() else []
+        if len(words) > 2 and int(words[2]) == leader:
+            found.append(int(entry.name))
+    return found
+
+
+def _used(leader: int) -> float:
+    """Processor seconds of a group: those of its processes and of their ended children."""
+    ticks = 0
+    for pid in _group(leader):
+        words = _status(pid)
+        if len(words) > 14:
+            ticks += sum(int(w) for w in words[11:15])
+    return ticks / os.sysconf("SC_CLK_TCK")
+
+
+def _line(pid: int) -> str:
+    try:
+        return Path(f"/proc/{pid}/cmdline").read_bytes().decode(errors="replace")
+    except OSError:
+        return ""
+
+
+def _status(pid: int) -> list[str]:
+    """State, parent, group, session, ... of a process."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text("ascii", errors="replace").rsplit(")", 1)[1].split()
+    except (OSError, IndexError):
+        return []
+
+
+def rows_of(found: Sequence[Killed]) -> list[dict[str, Any]]:
+    """Plain rows for a report, the same words once."""
+    return [json.loads(json.dumps(vars(row) | {"wrong": sorted(set(row.wrong))[:5]})) for row in found]

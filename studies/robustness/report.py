@@ -11,10 +11,10 @@ from typing import Any
 from bayesid.report.writer import Report, Section, Table, Text
 
 DONE = (
-    "Each command runs once unbroken. Then it is started again in an empty folder, gets a signal (the whole "
-    "process group) after a random share of that time, and the same line is run again. Its files are "
-    "compared byte for byte, but for times. Mutations are those of tests/fuzz; a warning counts as an "
-    "escape. Memory is the peak of the process."
+    "Each command runs once unbroken, on a bundle of two runs of 50 samples. Then it is started again in an "
+    "empty folder, gets a signal (the whole process group) after a random share of that processor time, and "
+    "the same line is run again. Its files are compared byte for byte, but for times. Mutations are those of "
+    "tests/fuzz; a warning counts as an escape. Memory is the peak of the process."
 )
 
 

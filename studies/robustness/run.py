@@ -20,13 +20,14 @@ from bayesid.files import write_json
 from bayesid.lock import lock_or_exit
 from bayesid.progress import Progress
 from bayesid.report import writer
+from studies.robustness.commands import commands
 from studies.robustness.faults import fault_rows
-from studies.robustness.kills import kill_and_resume
+from studies.robustness.kills import kill_and_resume, rows_of
 from studies.robustness.report import robustness_report
 from studies.robustness.sizes import size_rows
 
 BUNDLE = "a016"
-KILLS, FUZZ_SECONDS = 3, 420.0
+KILLS, FUZZ_SECONDS = 12, 420.0
 SIZES = [(1.0, 1.0), (3.0, 1.0), (10.0, 1.0)]  # h, Hz
 
 
@@ -38,15 +39,7 @@ def main(out: Path, data: Path, kills: int, seconds: float, seed: int, quick: bo
         raise SystemExit(f"{data}: no bundle {BUNDLE} there, nor in a folder practice in it or beside it")
     bundle = str(place / BUNDLE)
     parts: dict[str, Callable[[Path], Any]] = {
-        "kills": lambda work: [
-            *kill_and_resume("diagnose", ("-m", "bayesid", "diagnose", bundle, "--quick", "--out", "OUT"),
-                             ("diagnosis.json", "model.json"), work, kills, seed),
-            *kill_and_resume("fit", ("-m", "bayesid", "fit", bundle, "--out", "OUT"),
-                             ("fit.json", "model.json"), work, kills, seed + 1),
-            *kill_and_resume("sample", ("-m", "bayesid", "sample", bundle, "--free", "N_dr,N_r,N_v",
-                                        "--max-steps", "400", "--out", "OUT"),
-                             ("posterior.nc",), work, kills, seed + 2, ("--resume",)),
-        ],
+        "kills": lambda work: _kills(work, out / "parts" / "kills", kills, seed, progress),
         "faults": lambda work: fault_rows(Path(bundle), work),
         "fuzz": lambda work: _fuzz(seconds, seed),
         "sizes": lambda work: size_rows(SIZES[:1] if quick else SIZES),
@@ -65,6 +58,19 @@ def main(out: Path, data: Path, kills: int, seconds: float, seed: int, quick: bo
     return results
 
 
+def _kills(work: Path, kept: Path, count: int, seed: int, progress: Progress) -> list[dict[str, Any]]:
+    """Every command killed `count` times by each fault; rows of a command are kept as they come."""
+    rows = []
+    for k, command in enumerate(commands(work / "bundles")):
+        path = kept / f"{command.name.replace(' ', '-').replace(',', '')}.json"
+        if not path.exists():
+            progress.note(f"kills of {command.name}")
+            found = kill_and_resume(command, work, min(command.times, count), seed + k)
+            write_json(path, {"code": code_digest(), "rows": rows_of(found)})
+        rows += json.loads(path.read_text("utf-8"))["rows"]
+    return rows
+
+
 def _fuzz(seconds: float, seed: int) -> list[dict[str, Any]]:
     sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "fuzz"))
     from fuzz_inputs import fuzz  # type: ignore[import-not-found]
@@ -76,7 +82,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("out/robustness"))
     parser.add_argument("--data", type=Path, required=True, help="folder of the practice bundles")
-    parser.add_argument("--kills", type=int, default=KILLS, help="of each command by each signal")
+    parser.add_argument("--kills", type=int, default=KILLS, help="of each command by each fault at most")
     parser.add_argument("--fuzz", type=float, default=FUZZ_SECONDS, help="seconds of mutated inputs")
     parser.add_argument("--seed", type=int, default=7)
     parser.add_argument("--quick", action="store_true", help="one kill each, 20 s of inputs, one size")

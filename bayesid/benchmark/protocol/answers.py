@@ -12,7 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from bayesid.benchmark.protocol.cause_families import family_of
-from bayesid.benchmark.protocol.commitment import BlindError, digest_of_file, read_json
+from bayesid.benchmark.protocol.commitment import (
+    PACK_COMMITMENTS_FILE,
+    BlindError,
+    digest_of_file,
+    read_json,
+)
 from bayesid.benchmark.protocol.detectability import Detectability, from_json
 
 KINDS = ("none", "effect", "two", "variant", "outside")
@@ -84,7 +89,8 @@ def load_answers(path: Path) -> dict[str, Answer]:
         found = [answer_of_label(label, path) for label in labels]
         _once([a.name for a in found], path)
         return {a.name: a for a in found}
-    plain = {file.stem: _from_plant(file) for file in sorted(path.glob("*.json"))}
+    files = [file for file in sorted(path.glob("*.json")) if file.name != PACK_COMMITMENTS_FILE]
+    plain = {file.stem: _from_plant(file) for file in files}
     if not plain:
         raise BlindError(f"{path}: no <bundle>.json in this folder; give the folder `blind make` wrote")
     return plain

@@ -6,6 +6,7 @@ Takes the folder of a pack. Raises one error that lists everything wrong. Does n
 from __future__ import annotations
 
 import csv
+import re
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -23,8 +24,12 @@ from bayesid.benchmark.protocol.commitment import (
 )
 from bayesid.errors import raise_all
 from bayesid.model.channels import is_channel
+<<<<<<< HEAD
 from bayesid.model.vehicles import schema as vehicle_schema
 from bayesid.trials import schema as trial_schema
+=======
+from bayesid.trials.stated import KEYS, RUN_KEYS
+>>>>>>> load
 
 READABLE_SUFFIXES = {".toml", ".csv"}
 SCHEMAS = {trial_schema.FILE: trial_schema.text, vehicle_schema.FILE: vehicle_schema.text}
@@ -142,6 +147,9 @@ def _needless(pack: Path, bundles: dict[str, Path]) -> list[str]:
     out: list[str] = []
     for folder in bundles.values():
         content = _toml(folder / "trial.toml")
+        strange = ", ".join(map(repr, _keys(content)))
+        if strange:
+            out.append(f"{folder.name}/trial.toml: holds {strange}; a diagnosis reads no such key")
         runs = [r.get("file") for r in content.get("runs", ()) if isinstance(r, dict)]
         files = [folder / name for name in runs if isinstance(name, str)]
         needed |= {folder / "trial.toml", folder / "vehicle.toml", *files}
@@ -152,9 +160,31 @@ def _needless(pack: Path, bundles: dict[str, Path]) -> list[str]:
             if extra:
                 out.append(f"{file.relative_to(pack).as_posix()}: {extra}; a diagnosis reads no such column")
     for path in sorted(pack.rglob("*")):
+<<<<<<< HEAD
         if path.is_file() and path not in needed and not _schema(path):
             out.append(f"{path.relative_to(pack).as_posix()}: belongs to no bundle; take it out of the pack")
+=======
+        name = path.relative_to(pack).as_posix()
+        if path.is_file() and path not in needed:
+            out.append(f"{name}: belongs to no bundle; take it out of the pack")
+        elif path.suffix == ".toml" and _has_comment(path):
+            out.append(f"{name}: holds comments")
+>>>>>>> load
     return out
+
+
+def _keys(content: dict[str, Any]) -> list[str]:
+    """Keys of trial.toml that a diagnosis does not read."""
+    runs = [run for run in content.get("runs", ()) if isinstance(run, dict)]
+    return [k for k in content if k not in KEYS] + [k for run in runs for k in run if k not in RUN_KEYS]
+
+
+def _has_comment(file: Path) -> bool:
+    """Whether a line of a TOML file is a comment, or ends in one outside quotes."""
+    for line in file.read_text(encoding="utf-8-sig", errors="replace").splitlines():
+        if "#" in re.sub(r'"(?:[^"\\]|\\.)*"|\'[^\']*\'', "", line):
+            return True
+    return False
 
 
 def _columns(file: Path, named: set[str]) -> str:

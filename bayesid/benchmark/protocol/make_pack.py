@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
@@ -108,7 +110,18 @@ def commit_pack(out: Path, answers: Path, names: Iterable[str], secret_bits: int
         for name in sorted(names)
     }
     made = datetime.now(UTC).isoformat(timespec="seconds")
-    return write_json(path, {"format": FORMAT, "made": made, **secrets_given, "bundles": bundles})
+    commitments = {"format": FORMAT, "made": made, **secrets_given, "bundles": bundles}
+    write_json(answers / PACK_COMMITMENTS_FILE, commitments)  # for whoever scores
+    write_json(path, commitments)
+    _one_time(out)
+    return path
+
+
+def _one_time(pack: Path) -> None:
+    """All files of a pack as old as each other: making a bundle with a cause takes longer."""
+    now = time.time_ns() // 10**9 * 10**9
+    for place in (*pack.rglob("*"), pack):
+        os.utime(place, ns=(now, now))
 
 
 def _make_one(task: tuple[int, str, Path, Path, dict[str, Any]]) -> str:

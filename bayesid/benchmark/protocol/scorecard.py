@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from bayesid.benchmark.protocol.answers import Answer, load_answers, with_shown
-from bayesid.benchmark.protocol.commitment import BlindError, digest_of
+from bayesid.benchmark.protocol.commitment import PACK_COMMITMENTS_FILE, BlindError, digest_of
 from bayesid.benchmark.protocol.detectability import from_json
 from bayesid.benchmark.protocol.judgement import ScoredCase, judge
 from bayesid.benchmark.protocol.make_pack import redraw
@@ -78,7 +78,8 @@ def score_pack(
     uncommitted : take verdicts without a commitment, whichever there are, and say so
     cache : file that keeps detectabilities which answers do not state, so that they are computed once
     oracle : bundle -> shrink of a refit with the true effects
-    promised, commitments : see `check_commitments`
+    promised, commitments : see `check_commitments`; commitments kept with the answers are taken where none
+        are given
 
     Raises
     ------
@@ -89,6 +90,9 @@ def score_pack(
         raise BlindError(
             "verdicts without a commitment cannot be checked against one; leave --uncommitted out"
         )
+    kept = answers / PACK_COMMITMENTS_FILE
+    if commitments is None and kept.is_file():
+        commitments = kept
     committed = None if uncommitted else check_commitments(verdicts, known, promised, commitments)
     found = load_verdicts(verdicts)
     unsolved = set(committed.get("unsolved", ())) if committed else set()
