@@ -24,12 +24,9 @@ from bayesid.benchmark.protocol.commitment import (
 )
 from bayesid.errors import raise_all
 from bayesid.model.channels import is_channel
-<<<<<<< HEAD
 from bayesid.model.vehicles import schema as vehicle_schema
 from bayesid.trials import schema as trial_schema
-=======
 from bayesid.trials.stated import KEYS, RUN_KEYS
->>>>>>> load
 
 READABLE_SUFFIXES = {".toml", ".csv"}
 SCHEMAS = {trial_schema.FILE: trial_schema.text, vehicle_schema.FILE: vehicle_schema.text}
@@ -160,16 +157,11 @@ def _needless(pack: Path, bundles: dict[str, Path]) -> list[str]:
             if extra:
                 out.append(f"{file.relative_to(pack).as_posix()}: {extra}; a diagnosis reads no such column")
     for path in sorted(pack.rglob("*")):
-<<<<<<< HEAD
-        if path.is_file() and path not in needed and not _schema(path):
-            out.append(f"{path.relative_to(pack).as_posix()}: belongs to no bundle; take it out of the pack")
-=======
         name = path.relative_to(pack).as_posix()
-        if path.is_file() and path not in needed:
+        if path.is_file() and path not in needed and not _schema(path):
             out.append(f"{name}: belongs to no bundle; take it out of the pack")
         elif path.suffix == ".toml" and _has_comment(path):
             out.append(f"{name}: holds comments")
->>>>>>> load
     return out
 
 
@@ -180,9 +172,11 @@ def _keys(content: dict[str, Any]) -> list[str]:
 
 
 def _has_comment(file: Path) -> bool:
-    """Whether a line of a TOML file is a comment, or ends in one outside quotes."""
+    """Whether a line of a TOML file is a comment, or ends in one outside quotes; a line naming this version's
+    schema is none."""
+    named = {f"#:schema ./{name}" for name in SCHEMAS}
     for line in file.read_text(encoding="utf-8-sig", errors="replace").splitlines():
-        if "#" in re.sub(r'"(?:[^"\\]|\\.)*"|\'[^\']*\'', "", line):
+        if line.strip() not in named and "#" in re.sub(r'"(?:[^"\\]|\\.)*"|\'[^\']*\'', "", line):
             return True
     return False
 
