@@ -295,8 +295,8 @@ class PredictResult(Result):
     def _doubts(self) -> list[str]:
         """Shaft speed that is not logged, runs of which nothing is predicted, channels outside the bands."""
         out = []
-        if (held := shaft_speed_note(self.trial)) is not None:
-            out.append(f"{held[0].upper()}{held[1:]}.")
+        if (note := shaft_speed_note(self.trial)) is not None:
+            out.append(f"{note[0].upper()}{note[1:]}.")
         rows = self.numbers["predictions"]
         lost = [row["name"] for row in rows if row["widest_band"].get("psi", 0.0) > FULL_TURN]
         if lost:
