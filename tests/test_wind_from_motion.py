@@ -76,3 +76,15 @@ def test_a_planted_wind_is_found_and_a_calm_is_not_named(air):
     off = np.abs(wind.mean - air) / np.sqrt(np.diag(wind.covariance))
     assert off.max() < 3.0
     assert (wind.evidence > 9.21) == any(air)
+
+
+def test_sds_too_small_name_no_wind_that_scaled_sds_do_not():
+    """Errors of four sd beside a chi-square of 32: scaled by four it is 2, below the 1 % of 9.21."""
+    run = given(calm_run(), (4.0, 0.0))
+    covariance = np.diag([2.0, 2.0])
+    far = row(run, MotionWind("r", np.array([8.0, 0.0]), covariance, "converged").record())
+    told = scores([far | {"z": [4.0, -4.0]}])
+    assert told["rms_z"] == pytest.approx(4.0)
+    assert told["named"] == 100.0 and told["named_scaled"] == 0.0
+    careful = scores([far | {"z": [0.1, -0.1]}])  # sds too large are not made smaller
+    assert careful["named_scaled"] == 100.0
