@@ -68,10 +68,11 @@ def wind_report(record: Mapping[str, Any]) -> Report:
         f"{s['named']:.0f} % with sds as stated (mark {MARK_NAMED:g}: {named}); "
         f"{s['direction_covered']:.0f} % of directions and, of all {s['runs']} runs, {s['covered']:.0f} % of "
         f"components within 1.96 sd (mark 95: {covered}; rms of error over sd {s['rms_z']:.2g}).** "
-        f"Components are {s['speed']:.2g} m/s rms off; the speed found is {s['ratio']:.2g} times the measured "
-        "one (median), and that factor, of anemometer and areas, is in the components. The wind column of a run "
-        f"is looked at when all winds are there. {ships} A wind is named where two components at zero have a "
-        "probability below 1 %; without an anemometer the factor of the sds is not known, so names by sds as "
+        f"Components are {s['speed']:.2g} m/s rms off; the speed found is {s['ratio']:.2g} times the "
+        "measured one (median), and that factor, of anemometer and areas, is in the components. The wind "
+        f"column of a run is looked at when all winds are there. {ships} A wind is named where two "
+        "components at zero have a probability below 1 %; without an anemometer the factor of the sds is not "
+        "known, so names by sds as "
         "stated are not to be trusted. Zig-zags and turns begin where the ship has way on."
     )
     if record["inputs"]["quick"]:
