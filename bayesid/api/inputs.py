@@ -14,13 +14,14 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from bayesid.equations.model import Model, build_model, without_effects
-from bayesid.errors import ModelError, TrialError, VehicleError
+from bayesid.errors import ManoeuvreError, ModelError, TrialError, VehicleError
 from bayesid.files import UnreadableError, read_regular
-from bayesid.manoeuvres import Scale
+from bayesid.manoeuvres import Manoeuvre, OpenLoop, Scale, parse, with_rows_every
 from bayesid.model.effects import Effect
 from bayesid.model.terms import canonical_name
 from bayesid.model.units import scale as unit_scale
 from bayesid.model.vehicles import Vehicle, load_vehicle, self_propulsion_speed, with_relative_prior
+from bayesid.model.vehicles.sufficient import has_rudder
 from bayesid.trials import Trial, load_trial, thin
 from bayesid.trials.kinematics.derived_velocity import velocity_from_track
 from bayesid.trials.noise_stated import with_seen_noise
@@ -142,6 +143,29 @@ def scale_of(model: Model, rpm: float | None = None, dt: float | None = None) ->
     rudder, plane = (min(limits.get(fin, LARGEST_ANGLE), LARGEST_ANGLE) for fin in ("delta_r", "delta_s"))
     speed = self_propulsion_speed(vehicle, shaft)
     return Scale(vehicle.L, speed, shaft, rudder, plane, model.dof, dt or 0.0)
+
+
+def ordered(
+    model: Model, texts: Iterable[str], scale: Scale, dt: float | None = None
+) -> dict[str, Manoeuvre]:
+    """Manoeuvres given as text, by that text; a table has rows every dt [s] too, where that is given.
+
+    Raises
+    ------
+    ManoeuvreError
+        what cannot be read, and a standard manoeuvre for a vehicle without a rudder
+    """
+    found: dict[str, Manoeuvre] = {}
+    for text in texts:
+        order, table = parse(text, scale), text.partition(":")[0].strip() == "table"
+        if not table and not has_rudder(model.vehicle):
+            names = ", ".join(f"{t.signal}_cmd[rpm]" for t in model.vehicle.thrusters)
+            raise ManoeuvreError(
+                f"{text}: {model.vehicle.name} has no rudder; order its thrusters by a table "
+                f"(table:FILE.csv with columns t[s], {names})"
+            )
+        found[text] = with_rows_every(order, dt) if table and dt and isinstance(order, OpenLoop) else order
+    return found
 
 
 def parameter_values(model: Model, changes: Mapping[str, float | str] | None) -> dict[str, float]:

@@ -12,11 +12,11 @@ from pathlib import Path
 
 from bayesid.analysis.design import limits, usual_logging
 from bayesid.analysis.design.planning_case import PlanningSetup, known_of, trial_case, vehicle_case
-from bayesid.api.inputs import Names, VehicleLike, names_of, prepared, vehicle_of
+from bayesid.api.inputs import Names, VehicleLike, names_of, ordered, prepared, vehicle_of
 from bayesid.equations.model import Model, build_model
 from bayesid.errors import TrialError, VehicleError
 from bayesid.estimation.segments import in_pieces
-from bayesid.manoeuvres import Manoeuvre, Scale, parse
+from bayesid.manoeuvres import Manoeuvre, Scale
 from bayesid.model.vehicles import Vehicle
 from bayesid.simulation import with_shaft_speed
 from bayesid.trials import Trial, load_trial
@@ -106,7 +106,7 @@ def case_of(
 
 def orders(model: Model, texts: Iterable[str]) -> dict[str, Manoeuvre]:
     """Manoeuvres given as text, by that text."""
-    return {text: parse(text, reference_scale(model)) for text in texts}
+    return ordered(model, texts, reference_scale(model))
 
 
 def reference_scale(model: Model) -> Scale:

@@ -15,6 +15,7 @@ from bayesid.api.inputs import (
     VehicleLike,
     declared_effects,
     model_of,
+    ordered,
     scale_of,
     trial_of,
     vehicle_of,
@@ -30,7 +31,6 @@ from bayesid.diagnosis.input import check_trial
 from bayesid.diagnosis.run import diagnose
 from bayesid.errors import BayesidError, ModelError, TrialError
 from bayesid.files import write_atomic, write_json
-from bayesid.manoeuvres import parse
 from bayesid.measures import named_measures
 from bayesid.prediction.intervals import as_given, beside_readings, measure_bands, prediction_csv
 from bayesid.prediction.prediction import Prediction, predict_manoeuvre, predict_run
@@ -99,7 +99,7 @@ def predict(
     wanted = [what] if isinstance(what, str) else list(what or [run.name for run in logged.runs])
     s = found.model.scales
     scale = scale_of(found.model, rpm, dt if dt is not None else s["L"] / s["U"] / 40)
-    orders = {text: parse(text, scale) for text in wanted if _run(logged, text) is None}
+    orders = ordered(found.model, (text for text in wanted if _run(logged, text) is None), scale, dt)
     predictions, rows = [], []
     for text in shown.track(wanted, "predictions"):
         run = _run(logged, text)

@@ -9,9 +9,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from bayesid.api.inputs import VehicleLike, parameter_values, scale_of, vehicle_of
+from bayesid.api.inputs import VehicleLike, ordered, parameter_values, scale_of, vehicle_of
 from bayesid.equations.model import Model, build_model
-from bayesid.manoeuvres import parse
 from bayesid.simulation.virtual_trial import virtual_trial
 from bayesid.trials import Trial
 
@@ -33,7 +32,8 @@ def simulate(
     vehicle : built-in name, vehicle file or `Vehicle`
     manoeuvres : texts such as "zigzag:10/10", "turn:20,side=starboard", "prbs:seed=3", "table:commands.csv"
     dof : 3 (horizontal plane) or 6
-    dt : step of commands and log [s]; by default the manoeuvre's own
+    dt : step of commands and log [s]; by default the manoeuvre's own. A table's commands are held between
+        its rows, which stay in the log
     rpm : shaft speed; by default the vehicle's usual one
     change : coefficient (units of the vehicle file) or effect parameter (SI, or text with a unit) -> value
     noise : channel -> one sigma of white noise [SI]
@@ -65,7 +65,8 @@ def simulate_model(
     """`simulate` with a model that is built already."""
     par = model.with_values(parameter_values(model, change), units="file")
     scale = scale_of(model, rpm, dt)
-    orders = {_run_name(text, k): parse(text, scale) for k, text in enumerate(manoeuvres, 1)}
+    parsed = ordered(model, manoeuvres, scale, dt)
+    orders = {_run_name(text, k): parsed[text] for k, text in enumerate(manoeuvres, 1)}
     texts = dict(zip(orders, (text.replace(":", " ", 1) for text in manoeuvres), strict=True))
     named = model.vehicle.name if not isinstance(vehicle, str | os.PathLike) else os.fspath(vehicle)
     return virtual_trial(

@@ -23,6 +23,7 @@ from bayesid.model.effects.thrusters import thruster_effects
 from bayesid.model.terms import TERMS
 from bayesid.model.terms.mmg import AIR, GEOMETRY
 from bayesid.model.vehicles import Vehicle, coef_si, prime_scale, self_propulsion_speed
+from bayesid.model.vehicles.sufficient import missing_actuators
 
 _UNLIMITED_RATE = 1e6
 _UNLIMITED_ANGLE = 10.0
@@ -213,6 +214,9 @@ def build_model(vehicle: Vehicle, dof: int | None = None, declared: Iterable[Eff
     _check_effects(vehicle, kernel, (*CATALOGUE, *declared))
     nominal = _nominal(vehicle, kernel)
     nominal.setflags(write=False)
+    without = missing_actuators(vehicle)
+    idle = {e.name for e in CATALOGUE if e.needs in without}
+    kernel = replace(kernel, effects=tuple(e for e in kernel.effects if e.name not in idle))
     return Model(vehicle, dof, kernel, nominal)
 
 

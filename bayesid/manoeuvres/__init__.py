@@ -31,7 +31,7 @@ from bayesid.manoeuvres.standard import (
     vertical_zigzag,
     zigzag,
 )
-from bayesid.manoeuvres.table import read_table, write_table
+from bayesid.manoeuvres.table import read_table, with_rows_every, write_table
 
 __all__ = [
     "COMMANDS",
@@ -65,6 +65,7 @@ __all__ = [
     "straight",
     "turn",
     "vertical_zigzag",
+    "with_rows_every",
     "write_table",
     "zigzag",
 ]

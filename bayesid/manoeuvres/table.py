@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,7 @@ UNITS = {
 }
 HEADER = re.compile(r"^\s*([A-Za-z_]\w*)\s*(?:\[\s*([^\]]*?)\s*\])?\s*$")
 MAX_SHOWN = 8
+MOST_ROWS = 5_000_000
 MAX_BYTES = 64 * 2**20  # a command every 10 ms for three hours takes a third of it
 
 
@@ -150,6 +152,21 @@ def _numbers(rows: list[tuple[int, list[str]]], name: str, index: int) -> tuple[
             value = last if name != "t" and k else value
         out[k] = last = value
     return out, problems
+
+
+def with_rows_every(manoeuvre: OpenLoop, dt: float) -> OpenLoop:
+    """The commands with rows every dt [s] too, at which they are held; their own rows stay."""
+    if not (math.isfinite(dt) and dt > 0.0):
+        raise ManoeuvreError(f"dt = {dt:g} s: a step is a positive number")
+    own = manoeuvre.t
+    count = manoeuvre.duration / dt
+    if count > MOST_ROWS:
+        raise ManoeuvreError(f"dt = {dt:g} s: {count:.3g} rows of {manoeuvre.name}; take a longer step")
+    t = own[0] + dt * np.arange(math.floor(count + 1e-9) + 1)
+    near = own[np.clip(np.searchsorted(own, t - 1e-6 * dt), 0, own.size - 1)]
+    t = np.union1d(np.where(np.abs(near - t) < 1e-6 * dt, near, t), own)
+    row = np.searchsorted(own, t, side="right") - 1
+    return replace(manoeuvre, t=t, commands={name: v[row] for name, v in manoeuvre.commands.items()})
 
 
 def write_table(manoeuvre: OpenLoop, path: str | Path, angle_unit: str = "deg") -> Path:

@@ -10,18 +10,11 @@ from dataclasses import replace
 import numpy as np
 
 from bayesid.manoeuvres import Manoeuvre, OpenLoop
-from bayesid.model.propulsion import MODELS, propulsion_rows
 from bayesid.model.vehicles import Vehicle
+from bayesid.model.vehicles.sufficient import has_propeller
 from bayesid.trials import Trial
 
 SAID = "no run logs the shaft speed"
-
-
-def has_propeller(vehicle: Vehicle) -> bool:
-    """Whether any force of the vehicle file depends on the shaft speed n."""
-    p = vehicle.propulsion
-    rows = propulsion_rows(p.model, p.values, vehicle.rho, vehicle.L)
-    return MODELS[p.model].rows is None or any(v for k, v in rows.items() if "n" in k[7:])
 
 
 def with_shaft_speed(trial: Trial, vehicle: Vehicle) -> Trial:

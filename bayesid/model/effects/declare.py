@@ -27,6 +27,7 @@ as 0. At a tie min() and max() have the slope of their first argument.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
@@ -122,6 +123,21 @@ class Effect:
     def acts_in(self, dof: int) -> bool:
         """Whether a model of 3 or 6 degrees of freedom can have it."""
         return self.dof <= dof and not (self.planar and dof > 3)
+
+    @property
+    def needs(self) -> str:
+        """Actuator without which nothing comes of it: "delta_r", "delta_s", "n" or of a thruster; else ""."""
+        moved = {stage.signal for stage in self.stages} | {
+            f"delta_{name[-1]}" for name in self.adjust if name.startswith(("servo_lag_", "inverse_rate_"))
+        }
+        if len(moved) == 1 and not self.force:
+            return moved.pop()
+        for name, pattern in (
+            ("delta_r", r"\bdelta_r\b"), ("delta_s", r"\bdelta_s\b"), ("n", r"\bn\b|\bthrust\(\)"),
+        ):  # fmt: skip
+            if self.force and all(re.search(pattern, text) for text in self.force.values()):
+                return name
+        return ""
 
     def key(self, parameter: str) -> str:
         """Name of one parameter in a model's parameter layout."""

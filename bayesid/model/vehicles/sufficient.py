@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 
 from bayesid.errors import VehicleError
+from bayesid.model.propulsion import MODELS, propulsion_rows
 from bayesid.model.vehicles.stability import usual_speed
 from bayesid.model.vehicles.vehicle import ASSUMED_RELATIVE_SD, Vehicle
 
@@ -73,6 +74,21 @@ def lacking(vehicle: Vehicle) -> dict[str, list[str]]:
 def has_rudder(vehicle: Vehicle) -> bool:
     """Whether a rudder turns it; one steered by thrusters has none unless its file gives rows of one."""
     return not vehicle.thrusters or any(name.endswith("dr") for name in vehicle.coef)
+
+
+def has_propeller(vehicle: Vehicle) -> bool:
+    """Whether any force of the file depends on the shaft speed n; thrusters have their own."""
+    p = vehicle.propulsion
+    rows = propulsion_rows(p.model, p.values, vehicle.rho, vehicle.L)
+    return MODELS[p.model].rows is None or any(v for k, v in rows.items() if "n" in k[7:])
+
+
+def missing_actuators(vehicle: Vehicle) -> set[str]:
+    """Of "delta_r", "delta_s", "n", what a vehicle steered by thrusters does not have."""
+    if not vehicle.thrusters:
+        return set()
+    there = {"delta_r": has_rudder(vehicle), "delta_s": _has_rows(vehicle, "ds"), "n": has_propeller(vehicle)}
+    return {name for name, has in there.items() if not has}
 
 
 def _has_rows(vehicle: Vehicle, fin: str) -> bool:
