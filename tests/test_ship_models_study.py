@@ -13,6 +13,7 @@ from bayesid.trials import Run, Trial
 from studies.ship_models import choice
 from studies.ship_models.choice import Candidate, chosen, joined_errors
 from studies.ship_models.errors import circle, filled, lost, overshoots, whole_turn
+from studies.ship_models.report import choice_words
 
 
 def test_overshoots_are_what_the_heading_gains_after_each_reversal():
@@ -79,3 +80,10 @@ def test_a_failed_fold_is_infinite_and_a_kept_row_serves_its_own_inputs_only(mon
     errors_of(1)
     assert calls == [0, 0, 1, 1]
     assert json.loads((tmp_path / "choice.json").read_text())["one"]["inputs"]["seed"] == 1
+
+
+def test_the_report_says_which_candidate_other_measures_would_choose():
+    one, two = ({"psi": p, "position": 1.0, "overshoot": o} for p, o in ((7.2, 2.7), (4.3, 3.3)))
+    words = choice_words({"tried": {"one": one, "two": two}, "best": "one"})
+    assert "by overshoot alone" in words and "By heading another would win: two (4.3 instead of 7.2" in words
+    assert "By position" not in words

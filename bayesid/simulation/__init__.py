@@ -14,7 +14,6 @@ from bayesid.simulation.interval_maps import Maps, Readings, inertia_ratio, inte
 from bayesid.simulation.prepare import actuate, with_own_states
 from bayesid.simulation.sensors import observe, observe_sensitivity
 from bayesid.simulation.shaft_speed import (
-    has_propeller,
     shaft_speed_note,
     shaft_speed_words,
     with_shaft_speed,
@@ -34,7 +33,6 @@ __all__ = [
     "run_manoeuvre",
     "gradient",
     "gradient_batch",
-    "has_propeller",
     "inertia_ratio",
     "interval_maps",
     "observe",

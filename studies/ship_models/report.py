@@ -150,5 +150,22 @@ def _fits(ship: Mapping[str, Any]) -> list[Any]:
             f"runs in one go. Taken: {ship['choice']['best']}. Score: mean of measures over their marks; a "
             "run that is lost counts as infinite."
         )
+        text += " " + choice_words(ship["choice"])
         blocks.append(Table(["moved", *(MEASURES[m] for m in measures), "score"], tried, text, 3))
     return blocks
+
+
+def choice_words(choice: Mapping[str, Any]) -> str:
+    """What the choice rests on, and what the measures without a mark would have chosen."""
+    tried, best = choice["tried"], choice["best"]
+    by = [MEASURES[m].partition(" [")[0] for m in MARKS if m in tried[best]]
+    words = f"The choice is by {' and '.join(by)}{' alone' if len(by) == 1 else ''}."
+    for measure in ("psi", "position"):
+        other = min(tried, key=lambda key: tried[key].get(measure, math.inf))
+        if other != best:
+            what, _, unit = MEASURES[measure].partition(" ")
+            words += (
+                f" By {what} another would win: {other} ({tried[other][measure]:.2g} instead of "
+                f"{tried[best][measure]:.2g} {unit.strip('[]')})."
+            )
+    return words

@@ -33,8 +33,7 @@ SHIP_WIND = tuple(f"wind.{n}" for n in ("gain", "vane_zero", "side", "centre", "
 # Noise of the fits by MMG: memory, spread from run to run, and a power of the readings that is about the
 # share of information the memory leaves them. With the power that linear algebra calls best for left-out runs
 # (1), numbers of KVLCC2 went up to 19 prior sd away (place of the rudder in its drift -2.7 L), with 31 rows
-# beside them up to 23. Heading of left-out zig-zags with powers of 1, 0.1 and 0.01: 4.9, 8.9 and 3.1 degrees,
-# the last within 2 prior sd.
+# beside them up to 23. What each gives on runs left out: the table of `choice` in the report.
 SHARE = {
     "kvlcc2_hsva": NoiseParts(2, 1.0, 0.2, 0.01, 0.01),
     "esso_osaka": NoiseParts(3, 2.0, 0.2, 0.03, 0.02),

@@ -12,7 +12,8 @@ import numpy as np
 from bayesid.equations.model import Model
 from bayesid.model.channels import ACTUATORS
 from bayesid.model.vehicles import Vehicle
-from bayesid.simulation import has_propeller, shaft_speed_words
+from bayesid.model.vehicles.sufficient import has_propeller
+from bayesid.simulation import shaft_speed_words
 from bayesid.trials import Run, Trial
 
 FEWEST = 8  # readings of a run, fewer than its first state and a response have unknowns
