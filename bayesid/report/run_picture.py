@@ -32,6 +32,16 @@ class Series:
     style: dict[str, Any]
     values: Array
 
+    @property
+    def ends(self) -> bool:
+        """Whether the run is simulated to its end."""
+        return bool(np.isfinite(self.values[-1]).any())
+
+    @property
+    def legend(self) -> str:
+        """Label; says so where the simulation diverges, without which a line would be missing."""
+        return self.label if self.ends else f"{self.label}: diverges"
+
 
 @dataclass(frozen=True, eq=False)
 class RunPicture:
@@ -59,6 +69,17 @@ class RunPicture:
     def column(self, name: str) -> int | None:
         return self.channels.index(name) if name in self.channels else None
 
+    @property
+    def last(self) -> Series:
+        """The last series that does not diverge, of which panels take their scale."""
+        drawn = [s for s in self.series if s.ends] or [s for s in self.series if np.isfinite(s.values).any()]
+        return (drawn or self.series)[-1]
+
+    @property
+    def band(self) -> Array | None:
+        """`half` where the series it belongs to is there to be drawn."""
+        return self.half if self.series[-1].ends else None
+
     def logged(self, *names: str) -> bool:
         """Whether readings of these channels are there."""
         columns = [self.column(n) for n in names]
@@ -82,7 +103,7 @@ def track(p: RunPicture) -> Any:
     if p.draws is not None:
         for one in p.draws[:MOST_TRACKS]:
             axes.plot(one[keep, y], one[keep, x], color=COLOURS["sky"], alpha=0.35, linewidth=0.7, zorder=0)
-    seen = p.readings[keep] if p.logged("x", "y") else p.series[-1].values[keep]
+    seen = p.readings[keep] if p.logged("x", "y") else p.last.values[keep]
     low, high = np.nanmin(seen, axis=0), np.nanmax(seen, axis=0)
     room = 0.6 * max(high[x] - low[x], high[y] - low[y], 1e-6)
     if p.logged("x", "y"):
@@ -95,7 +116,7 @@ def track(p: RunPicture) -> Any:
         )  # fmt: skip
         out = np.flatnonzero(~inside)
         end = out[0] if out.size else len(z)
-        axes.plot(z[:end, y], z[:end, x], label=s.label, **s.style)
+        axes.plot(z[:end, y], z[:end, x], label=s.legend, **s.style)
     axes.plot(seen[:1, y], seen[:1, x], "o", color=MEASURED, markersize=6, fillstyle="none")
     track_axes(axes)
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, handlelength=2.6)
@@ -109,7 +130,7 @@ def _channels(p: RunPicture) -> Any:
     for j, axes in enumerate(grid[:, 0]):
         axes.plot(t[keep], p.readings[keep, j], ".", color=MEASURED, markersize=2.6, label="log")
         for s in p.series:
-            axes.plot(t[keep], s.values[keep, j], label=s.label, **s.style)
+            axes.plot(t[keep], s.values[keep, j], label=s.legend, **s.style)
         axes.set_ylabel(f"{p.channels[j]} [SI]")
     grid[0, 0].legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
     grid[-1, 0].set_xlabel("time [s]")
@@ -143,11 +164,11 @@ def over_time(p: RunPicture) -> Any:
 def _value(axes: Any, p: RunPicture, keep: Array, t: Array, name: str, factor: float, label: str) -> None:
     j = p.column(name)
     assert j is not None
-    shown = factor * (p.readings[keep, j] if p.logged(name) else p.series[-1].values[keep, j])
+    shown = factor * (p.readings[keep, j] if p.logged(name) else p.last.values[keep, j])
     if p.logged(name):
         axes.plot(t[keep], shown, ".", color=MEASURED, markersize=4.0, zorder=1)
-    elif p.half is not None:
-        band = factor * p.half[keep, j]
+    elif p.band is not None:
+        band = factor * p.band[keep, j]
         axes.fill_between(t[keep], shown - band, shown + band, color=COLOURS["sky"], alpha=0.35, linewidth=0)
     for s in p.series:
         axes.plot(t[keep], factor * s.values[keep, j], **s.style)
@@ -175,7 +196,7 @@ def _heading_error(axes: Any, p: RunPicture, keep: Array, t: Array) -> None:
     def miss(values: Array) -> Array:
         return np.degrees((values[keep, j] - p.readings[keep, j] + np.pi) % (2 * np.pi) - np.pi)
 
-    band = None if p.half is None else np.degrees(p.half[keep, j])
+    band = None if p.band is None else np.degrees(p.band[keep, j])
     reach = _misses(axes, p, t[keep], [miss(s.values) for s in p.series], band)
     if band is not None:
         axes.fill_between(t[keep], -band, band, color=COLOURS["sky"], alpha=0.35, linewidth=0)
@@ -186,7 +207,7 @@ def _heading_error(axes: Any, p: RunPicture, keep: Array, t: Array) -> None:
 def _distance(axes: Any, p: RunPicture, keep: Array, t: Array) -> None:
     at = [p.channels.index("x"), p.channels.index("y")]
     miss = [np.hypot(*((s.values - p.readings)[keep][:, at].T)) for s in p.series]
-    band = None if p.half is None else PLANE95 * np.sqrt(np.mean(p.half[keep][:, at] ** 2, axis=1))
+    band = None if p.band is None else PLANE95 * np.sqrt(np.mean(p.band[keep][:, at] ** 2, axis=1))
     reach = _misses(axes, p, t[keep], miss, band)
     if band is not None:
         axes.fill_between(t[keep], 0.0, band, color=COLOURS["sky"], alpha=0.35, linewidth=0)
@@ -198,8 +219,9 @@ def _misses(axes: Any, p: RunPicture, t: Array, miss: list[Array], band: Array |
     """Draw running means and the dots of the last series; gives the reach, its own and of what is near it."""
     for s, values in zip(p.series, miss, strict=True):
         axes.plot(t, _smooth(values), **s.style)
-    axes.plot(t, miss[-1], ".", color=FITTED, markersize=1.5, alpha=0.35, zorder=1)
-    own = max(_largest(miss[-1]), 0.0 if band is None else _largest(band), 0.1)
+    of_last = miss[p.series.index(p.last)]
+    axes.plot(t, of_last, ".", color=p.last.style["color"], markersize=1.5, alpha=0.35, zorder=1)
+    own = max(_largest(of_last), 0.0 if band is None else _largest(band), 0.1)
     return 1.25 * max([own, *(x for x in map(_largest, miss) if x < NEAR * own)])
 
 

@@ -55,9 +55,13 @@ def picture_blocks(result: Result, a: Answer) -> list[Block]:
     if result.drawings is None or not result.drawings.replays:
         return []
     shown = picture_of(result.drawings.replays[0], a)
+    band = "Blue: where 95 % of the dots should lie. " if shown.band is not None else ""
+    for s in shown.series:
+        if not s.ends:
+            band += f"The simulation {literal(s.label)} diverges: its line ends early or is missing. "
     caption = (
         "Left: track, begun at the ring. Right: heading, and below it how far each simulation is from the "
-        "log (lines: running means; dots: the explained model's). Blue: where 95 % of its dots should lie; a "
+        f"log (lines: running means; dots: {literal(shown.last.label)}). {band}A "
         "line that leaves its panel misses by more. Grey: first seconds, read to begin on the track."
     )
     where = literal(a.where)

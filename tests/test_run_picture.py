@@ -1,0 +1,52 @@
+"""The picture of a run: panels are scaled by simulations that exist, and one that diverges is said to."""
+
+from __future__ import annotations
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+from bayesid.report import run_picture
+from bayesid.report.run_picture import BEST, BETWEEN, GIVEN, RunPicture, Series
+
+T = np.linspace(0.0, 100.0, 201)
+LOG = np.stack([T, np.zeros(T.size), 0.1 * np.sin(T / 20)], axis=1)
+
+
+def picture(last: np.ndarray, half: np.ndarray | None = None) -> RunPicture:
+    given, tuned = LOG + [30.0, 0.0, np.radians(20.0)], LOG + [8.0, 0.0, np.radians(5.0)]
+    series = (Series("as given", GIVEN, given), Series("re-tuned", BETWEEN, tuned))
+    return RunPicture(T, ("x", "y", "psi"), LOG, (*series, Series("explained", BEST, last)), half=half)
+
+
+@pytest.mark.parametrize("until", [0, 120])
+def test_panels_hold_the_simulations_that_are_there_where_the_last_one_diverges(until):
+    lost = LOG + 1e4 * (T / 100.0)[:, None]
+    lost[until:] = np.nan
+    shown = picture(lost, half=np.full(LOG.shape, 1e6))
+    assert shown.last.label == "re-tuned" and shown.band is None
+    figure = run_picture.over_time(shown)
+    _, heading, distance = figure.axes
+    assert 5.0 < heading.get_ylim()[1] < 30.0 and 8.0 < distance.get_ylim()[1] < 50.0
+    labels = [text.get_text() for text in run_picture.track(shown).axes[0].get_legend().get_texts()]
+    assert labels == ["log", "as given", "re-tuned", "explained: diverges"]
+    plt.close("all")
+
+
+def test_the_last_simulation_gives_the_scale_where_it_is_there():
+    shown = picture(LOG + [1.0, 0.0, np.radians(0.5)], half=np.full(LOG.shape, 0.01))
+    assert shown.last.label == "explained" and shown.band is not None
+    _, heading, distance = run_picture.over_time(shown).axes
+    assert heading.get_ylim()[1] < 2.0 and distance.get_ylim()[1] < 2.0
+    labels = [text.get_text() for text in run_picture.track(shown).axes[0].get_legend().get_texts()]
+    assert labels[-1] == "explained"
+    plt.close("all")
+
+
+def test_a_run_in_which_everything_diverges_is_drawn():
+    nothing = np.full(LOG.shape, np.nan)
+    series = tuple(Series(s, BEST, nothing) for s in ("as given", "explained"))
+    shown = RunPicture(T, ("x", "y", "psi"), LOG, series)
+    for draw in (run_picture.over_time, run_picture.track):
+        assert np.isfinite(draw(shown).axes[-1].get_ylim()).all()
+    plt.close("all")
