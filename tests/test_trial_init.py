@@ -7,6 +7,8 @@ import pytest
 
 from bayesid.cli.main import run as bayesid
 from bayesid.trials import load_trial
+from bayesid.trials.importing.in_place import _differs
+from bayesid.trials.trial import Run
 from tests.raw_logs import motion
 
 DEG = np.pi / 180.0
@@ -134,3 +136,46 @@ def test_what_a_trial_file_cannot_say_is_left_to_the_import_and_nothing_is_writt
     assert not (folder / "trial.toml").exists()
     assert bayesid(line[line.index("bayesid ") :].split()[1:]) == 0  # the line it prints does it
     assert load_trial(folder / "bundle").runs
+
+
+def bundle_headers(truth):
+    names = {"t[s]": "t", "x[m]": "x", "y[m]": "y", "psi[rad]": "psi", "u[m/s]": "u",
+             "delta_r_cmd[rad]": "delta_r_cmd", "n_cmd[rpm]": "n_cmd"}  # fmt: skip
+    return {head: truth[name] for head, name in names.items()}
+
+
+BARE_MAP = """format = 1
+[sources.log]
+files = ["run1.csv", "run2.csv"]
+time = "t[s]"
+clock = "relative"
+[channels]
+x = { from = "x[m]", unit = "m" }
+y = { from = "y[m]", unit = "m" }
+psi = { from = "psi[rad]", unit = "rad" }
+delta_r_cmd = { from = "delta_r_cmd[rad]", unit = "rad" }
+n_cmd = { from = "n_cmd[rpm]", unit = "rpm" }
+"""
+
+
+@pytest.mark.parametrize("struck", [True, False])
+def test_a_column_struck_from_the_map_is_not_read_in_place_by_its_header(tmp_path, capsys, struck):
+    folder = tables(tmp_path / "dive", bundle_headers)
+    more = "" if struck else 'u = { from = "u[m/s]", unit = "m/s" }\n'
+    (tmp_path / "map.toml").write_text(BARE_MAP + more)
+    code = bayesid(["trial", "init", str(folder), "--map", str(tmp_path / "map.toml")])
+    said = capsys.readouterr().err
+    assert code == (2 if struck else 0), said
+    assert (folder / "trial.toml").exists() is not struck
+    assert ("header of u is" in said) is struck
+
+
+def test_cells_an_import_leaves_empty_are_compared(tmp_path):
+    t = np.arange(30.0)
+
+    def run(y):
+        return Run("a", "", "identify", t, {"y": y})
+
+    holes = np.where(t == 7.0, np.nan, t)
+    assert _differs(run(t), run(holes)) == ["y"] == _differs(run(holes), run(t))
+    assert _differs(run(holes), run(holes)) == []
