@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
+
 import numpy as np
 import pytest
 
@@ -128,13 +130,13 @@ def test_it_asks_what_the_import_asks(tmp_path, capsys):
 def test_what_a_trial_file_cannot_say_is_left_to_the_import_and_nothing_is_written(
     tmp_path, capsys, columns_of, words
 ):
-    folder = tables(tmp_path / "dive", columns_of)
+    folder = tables(tmp_path / "sea trial", columns_of)
     assert bayesid(["trial", "init", str(folder)]) == 2
     said = capsys.readouterr().err
     assert words in said
     line = next(row for row in said.splitlines() if "bayesid trial import" in row)
     assert not (folder / "trial.toml").exists()
-    assert bayesid(line[line.index("bayesid ") :].split()[1:]) == 0  # the line it prints does it
+    assert bayesid(shlex.split(line[line.index("bayesid ") :])[1:]) == 0  # the line it prints does it
     assert load_trial(folder / "bundle").runs
 
 
