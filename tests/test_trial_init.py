@@ -132,8 +132,11 @@ def test_what_a_trial_file_cannot_say_is_left_to_the_import_and_nothing_is_writt
 ):
     folder = tables(tmp_path / "sea trial", columns_of)
     assert bayesid(["trial", "init", str(folder)]) == 2
-    said = capsys.readouterr().err
+    shown = capsys.readouterr()
+    said = shown.err
     assert words in said
+    rows = [row.split() for row in shown.out.splitlines()]
+    assert any(row[:3] == ["latitude", "lat", "deg"] for row in rows) is (words == "local metres")
     line = next(row for row in said.splitlines() if "bayesid trial import" in row)
     assert not (folder / "trial.toml").exists()
     assert bayesid(shlex.split(line[line.index("bayesid ") :])[1:]) == 0  # the line it prints does it

@@ -191,7 +191,7 @@ def _say(proposal: Proposal, out: Path) -> None:
 
     found = proposal.map
     rows = [
-        [role, entry.source, entry.unit or ROLES[role].unit, entry.scale if entry.scale != 1 else None]
+        [role, entry.source, entry.unit or ROLES[role].bare, entry.scale if entry.scale != 1 else None]
         for role, entry in found.channels.items()
     ]
     print_table(["channel", "read from", "unit", "scale"], rows)
