@@ -25,7 +25,7 @@ from bayesid.trials.importing import (
     write_bundle,
 )
 from bayesid.trials.importing.joining import join
-from bayesid.trials.importing.unit_words import split_unit
+from bayesid.trials.importing.unit_words import positive_side, split_unit
 from tests.raw_logs import draw, motion
 
 DEG = np.pi / 180.0
@@ -103,12 +103,43 @@ def test_a_stamp_of_nanoseconds_keeps_its_digits():
         ("psi[deg]", "psi", "deg"), ("Heading (°)", "Heading", "deg"), ("yaw_rate_deg_s", "yaw_rate",
             "deg/s"),
         ("speed_kn", "speed", "kn"), ("delta_s", "delta_s", None), ("time_ms", "time", "ms"),
+        ("Helm (deg, stbd +)", "Helm", "deg"), ("Rudder [deg port+]", "Rudder", "deg"),
         ("vel, m/s", "vel", "m/s"), ("torque [kNm]", "torque", "kNm"), ("u_mps", "u", "m/s"), ("rpm",
             "rpm", None),
     ],
 )  # fmt: skip
 def test_a_header_gives_its_unit_however_it_is_written(header, name, unit):
     assert split_unit(header) == (name, unit)
+
+
+@pytest.mark.parametrize(
+    ("header", "side"),
+    [
+        ("Helm (deg, stbd +)", "starboard"), ("Rudder [deg, port +]", "port"), ("rudder (+ to starboard)",
+            "starboard"),
+        ("Rudder (deg, port -, stbd +)", "starboard"), ("rudder (stbd negative)", "port"),
+        ("rudder port +/- (deg)", None), ("rudder_port (deg)", None), ("port +, stbd +", None),
+    ],
+)  # fmt: skip
+def test_a_header_tells_its_positive_side(header, side):
+    assert positive_side(header) == side
+
+
+@pytest.mark.parametrize("side", ["stbd", "port"])
+def test_the_side_a_header_says_is_held_against_the_turns(tmp_path, side):
+    truth = motion(np.random.default_rng(7))
+    columns = {
+        "t [s]": truth["t"], "north [m]": truth["x"], "east [m]": truth["y"],
+        "heading [deg]": truth["psi"] / DEG, f'"Helm (deg, {side} +)"': -truth["delta_r_cmd"] / DEG,
+        "rpm": truth["n_cmd"],
+    }  # fmt: skip
+    found = propose([_table(tmp_path, truth, columns)]).map
+    assert (found.channels["delta_r_cmd"].unit, found.rudder_positive) == ("deg", "starboard")
+    assert any("says that positive is port" in text for text in found.questions) is (side == "port")
+    straight = {name: values[:500] for name, values in columns.items()}
+    still = propose([_table(tmp_path, truth, straight, "straight.csv")]).map
+    assert still.rudder_positive == {"stbd": "starboard", "port": "port"}[side]
+    assert not any(text.startswith("rudder_positive") for text in still.questions)
 
 
 def test_joined_series_keep_their_own_times_and_a_command_holds_into_a_window():
