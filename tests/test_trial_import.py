@@ -25,6 +25,8 @@ from bayesid.trials.importing import (
     write_bundle,
 )
 from bayesid.trials.importing.joining import join
+from bayesid.trials.importing.names import guess_role
+from bayesid.trials.importing.raw import RawChannel
 from bayesid.trials.importing.unit_words import positive_side, split_unit
 from tests.raw_logs import draw, motion
 
@@ -123,6 +125,20 @@ def test_a_header_gives_its_unit_however_it_is_written(header, name, unit):
 )  # fmt: skip
 def test_a_header_tells_its_positive_side(header, side):
     assert positive_side(header) == side
+
+
+@pytest.mark.parametrize(
+    ("header", "role"),
+    [
+        ("Eng rpm", "n"), ("engine_rpm", "n"), ("Engine RPM [rpm]", "n"), ("Motordrehzahl", "n"),
+        ("Nord (m)", "north"), ("Ost (m)", "east"), ("Hochwert [m]", "north"), ("V Nord (m/s)", "v_north"),
+        ("Engine", None), ("Engine temp", None), ("engine_hours", None), ("gearbox_oil_rpm", None),
+    ],
+)  # fmt: skip
+def test_a_header_gives_its_role(header, role):
+    values = np.arange(5.0)
+    guess = guess_role(RawChannel(header, values, values, split_unit(header)[1]))
+    assert (None if guess is None else guess.role) == role
 
 
 @pytest.mark.parametrize("side", ["stbd", "port"])
