@@ -499,3 +499,15 @@ def test_the_noise_of_a_channel_at_half_the_rate_of_the_rows_is_that_of_its_read
     dense, sparse = (_noise_from_data((SimpleNamespace(data={"x": v}),), ["x"]) for v in (readings, rows))
     assert sparse == dense
     assert sparse["x"] == pytest.approx(0.2, rel=0.2)
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "words"), [("remus_100", "did you mean remus100"), ("mine.toml", "no such vehicle file")]
+)
+def test_a_vehicle_that_is_not_there_is_refused_before_anything_is_written(tmp_path, capsys, vehicle, words):
+    truth = motion(np.random.default_rng(7))
+    log = _table(tmp_path, truth, {"t [s]": truth["t"], "north [m]": truth["x"], "east [m]": truth["y"]})
+    given = ["--out", str(tmp_path / "bundle"), "--vehicle", vehicle]
+    assert bayesid(["trial", "import", str(log), *given]) == 2
+    assert words in capsys.readouterr().err
+    assert not (tmp_path / "bundle").exists()

@@ -173,10 +173,20 @@ def _what_it_is_like(found: LogMap, out: Path, verbose: bool) -> None:
 
 
 def _vehicle(vehicle: str | None, out: Path) -> str:
-    """The vehicle as the map names it; a file is copied beside the map."""
-    if vehicle is None or not Path(vehicle).is_file():
-        return vehicle or ""
+    """The vehicle as the map names it; a file is copied beside the map.
+
+    Raises
+    ------
+    VehicleError               there is none of that name, or the file cannot be read
+    """
+    if vehicle is None:
+        return ""
+    from bayesid.model.vehicles import builtin_names, load_vehicle
     from bayesid.trials.write import copy_vehicle
+
+    load_vehicle(vehicle)
+    if vehicle in builtin_names():
+        return vehicle
 
     out.mkdir(parents=True, exist_ok=True)
     if not (out / "vehicle.toml").exists():
