@@ -7,6 +7,7 @@ axis or a slow sensor that is held for one that froze.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -36,15 +37,20 @@ class _Stretch:
 
 def ask_standing_still(draft: Draft) -> None:
     """A question per column, about its longest stretch; a remark where that is brief, as a held fix is."""
+    looks: dict[int, Run | None] = {}  # a recording is converted once, and only where a column stands
     for role in ("latitude", "longitude", "north", "east", "x", "y", "heading", "psi"):
         if not draft.has(role):
             continue
         worst: tuple[float, float, str] | None = None
-        for recording in draft.recordings[:12]:
+        for k, recording in enumerate(draft.recordings):
             for one in _stretches(draft, role, recording):
-                words = _motion(draft, role, recording, one)
+                if k not in looks:
+                    looks[k] = common_run(draft.map, recording)
+                words = _motion(draft, role, looks[k], one)
                 if words and (worst is None or one.end - one.start > worst[0]):
-                    when = f"from {one.start:.1f} to {one.end:.1f} s while {words}"
+                    log = recording.logs[resolve(draft.map, role)[0]]
+                    place = f"in {Path(log.path).name} " if draft.recordings[1:] else ""
+                    when = f"{place}from {one.start:.1f} to {one.end:.1f} s while {words}"
                     worst = one.end - one.start, one.share, when
         if worst is None:
             continue
@@ -84,9 +90,8 @@ def _stretches(draft: Draft, role: str, recording: Recording) -> list[_Stretch]:
     ]
 
 
-def _motion(draft: Draft, role: str, recording: Recording, one: _Stretch) -> str:
+def _motion(draft: Draft, role: str, look: Run | None, one: _Stretch) -> str:
     """What shows that the column should have moved, in words; empty where nothing does."""
-    look = common_run(draft.map, recording)
     if look is None:
         return ""
     inside = (look.t >= one.start) & (look.t <= one.end)
