@@ -65,6 +65,24 @@ def test_a_column_that_stands_still_while_the_vehicle_moves_is_asked_about(
     assert all(f"from {start:.1f} to" in text for text in said)
 
 
+def test_every_file_is_looked_at_and_the_question_names_it(tmp_path):
+    """A freeze in the last of 14 files of a minute each."""
+    asked(tmp_path, lambda columns: None)
+    head, *rows = (tmp_path / "log.csv").read_text().splitlines()
+    lat = head.split(",").index("lat [deg]")
+    files = []
+    for k in range(14):
+        cut = [row.split(",") for row in rows[1000:1800]]
+        if k == 13:
+            for row in cut[200:600]:
+                row[lat] = cut[200][lat]
+        files.append(tmp_path / f"run{k + 1}.csv")
+        files[-1].write_text("\n".join([head, *(",".join(row) for row in cut)]) + "\n")
+    said = [q for q in propose(files).map.questions if "stands still" in q]
+    assert len(said) == 1
+    assert "in run14.csv from " in said[0]
+
+
 def slow(columns):
     for name in ("lat [deg]", "lon [deg]", "heading [deg]"):
         columns[name] = columns[name][np.arange(columns[name].size) // 20 * 20]  # a fix every 2 s, held

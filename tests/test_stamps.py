@@ -151,3 +151,15 @@ def test_day_and_month_exchanged_between_two_files_are_asked_about(tmp_path, dat
     asked = propose([tmp_path / "gps.csv", tmp_path / "ins.csv"]).map.questions
     assert any("do not overlap in time" in text for text in asked) == asks
     assert asks or not asked
+
+
+@pytest.mark.parametrize("start", [100.0, 100.1, 100.6, 100.9])
+def test_a_log_that_begins_between_two_stamps_is_spread_from_where_it_begins(start):
+    """10 Hz, rounded down to seconds, ended between two stamps too."""
+    true = start + 0.1 * np.arange(87)
+    np.testing.assert_allclose(spread_equal_times(np.floor(true + 1e-6)), true, atol=1e-6)
+
+
+def test_first_rows_before_a_gap_are_not_counted_back_from_behind_it():
+    true = np.concatenate((100.0 + 0.1 * np.arange(10), 140.0 + 0.1 * np.arange(40)))
+    np.testing.assert_allclose(spread_equal_times(np.floor(true + 1e-6)), true, atol=1e-6)

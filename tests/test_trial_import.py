@@ -25,7 +25,9 @@ from bayesid.trials.importing import (
     write_bundle,
 )
 from bayesid.trials.importing.joining import join
-from bayesid.trials.importing.unit_words import split_unit
+from bayesid.trials.importing.names import guess_role
+from bayesid.trials.importing.raw import RawChannel
+from bayesid.trials.importing.unit_words import positive_side, split_unit
 from tests.raw_logs import draw, motion
 
 DEG = np.pi / 180.0
@@ -103,12 +105,57 @@ def test_a_stamp_of_nanoseconds_keeps_its_digits():
         ("psi[deg]", "psi", "deg"), ("Heading (°)", "Heading", "deg"), ("yaw_rate_deg_s", "yaw_rate",
             "deg/s"),
         ("speed_kn", "speed", "kn"), ("delta_s", "delta_s", None), ("time_ms", "time", "ms"),
+        ("Helm (deg, stbd +)", "Helm", "deg"), ("Rudder [deg port+]", "Rudder", "deg"),
         ("vel, m/s", "vel", "m/s"), ("torque [kNm]", "torque", "kNm"), ("u_mps", "u", "m/s"), ("rpm",
             "rpm", None),
     ],
 )  # fmt: skip
 def test_a_header_gives_its_unit_however_it_is_written(header, name, unit):
     assert split_unit(header) == (name, unit)
+
+
+@pytest.mark.parametrize(
+    ("header", "side"),
+    [
+        ("Helm (deg, stbd +)", "starboard"), ("Rudder [deg, port +]", "port"), ("rudder (+ to starboard)",
+            "starboard"),
+        ("Rudder (deg, port -, stbd +)", "starboard"), ("rudder (stbd negative)", "port"),
+        ("rudder port +/- (deg)", None), ("rudder_port (deg)", None), ("port +, stbd +", None),
+    ],
+)  # fmt: skip
+def test_a_header_tells_its_positive_side(header, side):
+    assert positive_side(header) == side
+
+
+@pytest.mark.parametrize(
+    ("header", "role"),
+    [
+        ("Eng rpm", "n"), ("engine_rpm", "n"), ("Engine RPM [rpm]", "n"), ("Motordrehzahl", "n"),
+        ("Nord (m)", "north"), ("Ost (m)", "east"), ("Hochwert [m]", "north"), ("V Nord (m/s)", "v_north"),
+        ("Engine", None), ("Engine temp", None), ("engine_hours", None), ("gearbox_oil_rpm", None),
+    ],
+)  # fmt: skip
+def test_a_header_gives_its_role(header, role):
+    values = np.arange(5.0)
+    guess = guess_role(RawChannel(header, values, values, split_unit(header)[1]))
+    assert (None if guess is None else guess.role) == role
+
+
+@pytest.mark.parametrize("side", ["stbd", "port"])
+def test_the_side_a_header_says_is_held_against_the_turns(tmp_path, side):
+    truth = motion(np.random.default_rng(7))
+    columns = {
+        "t [s]": truth["t"], "north [m]": truth["x"], "east [m]": truth["y"],
+        "heading [deg]": truth["psi"] / DEG, f'"Helm (deg, {side} +)"': -truth["delta_r_cmd"] / DEG,
+        "rpm": truth["n_cmd"],
+    }  # fmt: skip
+    found = propose([_table(tmp_path, truth, columns)]).map
+    assert (found.channels["delta_r_cmd"].unit, found.rudder_positive) == ("deg", "starboard")
+    assert any("says that positive is port" in text for text in found.questions) is (side == "port")
+    straight = {name: values[:500] for name, values in columns.items()}
+    still = propose([_table(tmp_path, truth, straight, "straight.csv")]).map
+    assert still.rudder_positive == {"stbd": "starboard", "port": "port"}[side]
+    assert not any(text.startswith("rudder_positive") for text in still.questions)
 
 
 def test_joined_series_keep_their_own_times_and_a_command_holds_into_a_window():
@@ -452,3 +499,15 @@ def test_the_noise_of_a_channel_at_half_the_rate_of_the_rows_is_that_of_its_read
     dense, sparse = (_noise_from_data((SimpleNamespace(data={"x": v}),), ["x"]) for v in (readings, rows))
     assert sparse == dense
     assert sparse["x"] == pytest.approx(0.2, rel=0.2)
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "words"), [("remus_100", "did you mean remus100"), ("mine.toml", "no such vehicle file")]
+)
+def test_a_vehicle_that_is_not_there_is_refused_before_anything_is_written(tmp_path, capsys, vehicle, words):
+    truth = motion(np.random.default_rng(7))
+    log = _table(tmp_path, truth, {"t [s]": truth["t"], "north [m]": truth["x"], "east [m]": truth["y"]})
+    given = ["--out", str(tmp_path / "bundle"), "--vehicle", vehicle]
+    assert bayesid(["trial", "import", str(log), *given]) == 2
+    assert words in capsys.readouterr().err
+    assert not (tmp_path / "bundle").exists()

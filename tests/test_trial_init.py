@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import shlex
+
 import numpy as np
 import pytest
 
 from bayesid.cli.main import run as bayesid
 from bayesid.trials import load_trial
+from bayesid.trials.importing.in_place import _differs
+from bayesid.trials.trial import Run
 from tests.raw_logs import motion
 
 DEG = np.pi / 180.0
@@ -126,11 +130,57 @@ def test_it_asks_what_the_import_asks(tmp_path, capsys):
 def test_what_a_trial_file_cannot_say_is_left_to_the_import_and_nothing_is_written(
     tmp_path, capsys, columns_of, words
 ):
-    folder = tables(tmp_path / "dive", columns_of)
+    folder = tables(tmp_path / "sea trial", columns_of)
     assert bayesid(["trial", "init", str(folder)]) == 2
-    said = capsys.readouterr().err
+    shown = capsys.readouterr()
+    said = shown.err
     assert words in said
+    rows = [row.split() for row in shown.out.splitlines()]
+    assert any(row[:3] == ["latitude", "lat", "deg"] for row in rows) is (words == "local metres")
     line = next(row for row in said.splitlines() if "bayesid trial import" in row)
     assert not (folder / "trial.toml").exists()
-    assert bayesid(line[line.index("bayesid ") :].split()[1:]) == 0  # the line it prints does it
+    assert bayesid(shlex.split(line[line.index("bayesid ") :])[1:]) == 0  # the line it prints does it
     assert load_trial(folder / "bundle").runs
+
+
+def bundle_headers(truth):
+    names = {"t[s]": "t", "x[m]": "x", "y[m]": "y", "psi[rad]": "psi", "u[m/s]": "u",
+             "delta_r_cmd[rad]": "delta_r_cmd", "n_cmd[rpm]": "n_cmd"}  # fmt: skip
+    return {head: truth[name] for head, name in names.items()}
+
+
+BARE_MAP = """format = 1
+[sources.log]
+files = ["run1.csv", "run2.csv"]
+time = "t[s]"
+clock = "relative"
+[channels]
+x = { from = "x[m]", unit = "m" }
+y = { from = "y[m]", unit = "m" }
+psi = { from = "psi[rad]", unit = "rad" }
+delta_r_cmd = { from = "delta_r_cmd[rad]", unit = "rad" }
+n_cmd = { from = "n_cmd[rpm]", unit = "rpm" }
+"""
+
+
+@pytest.mark.parametrize("struck", [True, False])
+def test_a_column_struck_from_the_map_is_not_read_in_place_by_its_header(tmp_path, capsys, struck):
+    folder = tables(tmp_path / "dive", bundle_headers)
+    more = "" if struck else 'u = { from = "u[m/s]", unit = "m/s" }\n'
+    (tmp_path / "map.toml").write_text(BARE_MAP + more)
+    code = bayesid(["trial", "init", str(folder), "--map", str(tmp_path / "map.toml")])
+    said = capsys.readouterr().err
+    assert code == (2 if struck else 0), said
+    assert (folder / "trial.toml").exists() is not struck
+    assert ("header of u is" in said) is struck
+
+
+def test_cells_an_import_leaves_empty_are_compared(tmp_path):
+    t = np.arange(30.0)
+
+    def run(y):
+        return Run("a", "", "identify", t, {"y": y})
+
+    holes = np.where(t == 7.0, np.nan, t)
+    assert _differs(run(t), run(holes)) == ["y"] == _differs(run(holes), run(t))
+    assert _differs(run(holes), run(holes)) == []

@@ -6,6 +6,7 @@ JSON printed has the digits that mean something; files written beside it keep al
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,6 +25,11 @@ BESIDE_SD = ("value", "mean", "sd", "low95", "high95")
 def print_text(text: str = "") -> None:
     """One line or paragraph of the answer."""
     print(printable(text))
+
+
+def command(*words: object) -> str:
+    """A command of bayesid as a shell takes it: paths with spaces are quoted."""
+    return shlex.join(["bayesid", *map(str, words)])
 
 
 def print_json(data: Any) -> None:

@@ -115,9 +115,9 @@ class _Steps:
 
     def say(self, *words: object, unless: Path | None = None) -> str:
         """The line kept; `unless`: what the command makes, and would not make a second time."""
-        from bayesid.cli.output import print_text
+        from bayesid.cli.output import command, print_text
 
-        line = shlex.join(["bayesid", *map(str, words)])
+        line = command(*words)
         print_text(f"\n$ {line}")
         if unless is not None:
             line = f"{shlex.join(['test', '-e', str(unless)])} || {line}"
@@ -154,7 +154,7 @@ def _vehicle(
     given: str | None, found: Found, bundle: Path, out: Path, steps: _Steps, ask: bool
 ) -> tuple[str | None, int]:
     """(vehicle to use or None where the bundle names one, exit code)."""
-    from bayesid.cli.output import print_text
+    from bayesid.cli.output import command, print_text
     from bayesid.cli.vehicle_new import new
     from bayesid.model.vehicles import builtin_names, load_vehicle
 
@@ -183,9 +183,10 @@ def _vehicle(
                 given = typer.prompt(f"Which vehicle? A built-in name ({names}) or a vehicle file").strip()
             else:
                 sheet = (found.logs[0].parent if found.logs else out) / "sheet.toml"
+                made_by = f"{command('vehicle', 'new', '--template')} > {shlex.quote(str(sheet))}"
                 print_text("Question: which vehicle is it? No file here says. Either")
                 print_text(f"  - a built-in one: give --vehicle NAME ({names}), or")
-                print_text(f"  - by a data sheet: bayesid vehicle new --template > {sheet}, and edit it, or")
+                print_text(f"  - by a data sheet: {made_by}, and edit it, or")
                 print_text("  - put a vehicle file, or a simulator's sdf, urdf or scn, beside the logs;")
                 print_text("then give the same command again.")
                 return None, ASKED

@@ -52,7 +52,7 @@ def import_logs(
     from bayesid.cli.output import print_text
     from bayesid.trials.importing import apply_map, write_bundle
 
-    found, map_file = _map(sources, out, map_file, vehicle, ("import", f" --out {out}"))
+    found, map_file = _map(sources, out, map_file, vehicle, "import", ("--out", out))
     if found is None:
         return ASKED
     runs, origin = apply_map(found, sources)
@@ -81,7 +81,7 @@ def init(
     number; where trial.toml cannot say it (latitude and longitude, dates, several files joined on time,
     several runs in a file), the import is named that can.
     """
-    from bayesid.cli.output import print_text
+    from bayesid.cli.output import command, print_text
     from bayesid.files import write_atomic
     from bayesid.trials.importing import ImportLogError
     from bayesid.trials.importing.finding import look_into
@@ -95,17 +95,14 @@ def init(
             raise ImportLogError(f"{folder}: holds no table that can be read")
     folder = sources[0].parent
     claimed(context, folder)
-    found, map_file = _map(sources, folder, map_file, vehicle, ("init", ""))
+    found, map_file = _map(sources, folder, map_file, vehicle, "init")
     if found is None:
         return ASKED
     try:
         text = text_in_place(found, sources)
     except ImportLogError as error:
-        listed = " ".join(str(p) for p in sources)
-        raise ImportLogError(
-            f"{error}\nBy an import it can: bayesid trial import {listed} --map {map_file} "
-            f"--out {folder / 'bundle'}"
-        ) from None
+        line = command("trial", "import", *sources, "--map", map_file, "--out", folder / "bundle")
+        raise ImportLogError(f"{error}\nBy an import it can: {line}") from None
     write_atomic(folder / "trial.toml", write_schema(folder) + text)
     print_text(f"\n{folder / 'trial.toml'} reads {len(sources)} tables where they lie.")
     _what_it_is_like(found, folder, verbose)
@@ -113,15 +110,20 @@ def init(
 
 
 def _map(
-    sources: list[Path], out: Path, map_file: Path | None, vehicle: str | None, command: tuple[str, str]
+    sources: list[Path],
+    out: Path,
+    map_file: Path | None,
+    vehicle: str | None,
+    verb: str,
+    more: tuple[object, ...] = (),
 ) -> tuple[LogMap | None, Path]:
     """(the map given or proposed, None while it asks; its file).
 
     Parameters
     ----------
-    command : name and end of the line to give once the questions are answered
+    verb, more : name and last words of the command to give once the questions are answered
     """
-    from bayesid.cli.output import print_text
+    from bayesid.cli.output import command, print_text
     from bayesid.trials.importing import ImportLogError, map_text, propose, read_map
 
     absent = [str(p) for p in sources if not p.exists()]
@@ -144,15 +146,14 @@ def _map(
     _say(proposal, out)
     if not proposal.map.questions:
         return proposal.map, map_file
-    listed = " ".join(str(p) for p in sources)
     print_text(f"\nEdit {map_file}, delete each question when it is answered, then:")
-    print_text(f"bayesid trial {command[0]} {listed} --map {map_file}{command[1]}")
+    print_text(command("trial", verb, *sources, "--map", map_file, *more))
     return None, map_file
 
 
 def _what_it_is_like(found: LogMap, out: Path, verbose: bool) -> None:
     from bayesid.api.check import check
-    from bayesid.cli.output import print_text
+    from bayesid.cli.output import command, print_text
     from bayesid.trials.importing import check_bundle
 
     trial = check_bundle(out)
@@ -166,16 +167,26 @@ def _what_it_is_like(found: LogMap, out: Path, verbose: bool) -> None:
     for text in shown:
         print_text(f"  - {text}")
     if len(warnings) > len(shown):
-        print_text(f"  and {len(warnings) - len(shown)} more: bayesid trial check {out}")
-    nexts = "diagnose" if found.vehicle else "trial check"
-    print_text(f"Next: bayesid {nexts} {out}" + (f" --out {out / 'gap'}" if found.vehicle else ""))
+        print_text(f"  and {len(warnings) - len(shown)} more: {command('trial', 'check', out)}")
+    nexts = ("diagnose", out, "--out", out / "gap") if found.vehicle else ("trial", "check", out)
+    print_text(f"Next: {command(*nexts)}")
 
 
 def _vehicle(vehicle: str | None, out: Path) -> str:
-    """The vehicle as the map names it; a file is copied beside the map."""
-    if vehicle is None or not Path(vehicle).is_file():
-        return vehicle or ""
+    """The vehicle as the map names it; a file is copied beside the map.
+
+    Raises
+    ------
+    VehicleError               there is none of that name, or the file cannot be read
+    """
+    if vehicle is None:
+        return ""
+    from bayesid.model.vehicles import builtin_names, load_vehicle
     from bayesid.trials.write import copy_vehicle
+
+    load_vehicle(vehicle)
+    if vehicle in builtin_names():
+        return vehicle
 
     out.mkdir(parents=True, exist_ok=True)
     if not (out / "vehicle.toml").exists():
@@ -190,7 +201,7 @@ def _say(proposal: Proposal, out: Path) -> None:
 
     found = proposal.map
     rows = [
-        [role, entry.source, entry.unit or ROLES[role].unit, entry.scale if entry.scale != 1 else None]
+        [role, entry.source, entry.unit or ROLES[role].bare, entry.scale if entry.scale != 1 else None]
         for role, entry in found.channels.items()
     ]
     print_table(["channel", "read from", "unit", "scale"], rows)

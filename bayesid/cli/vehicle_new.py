@@ -76,7 +76,7 @@ def new(
     """
     import tomllib
 
-    from bayesid.cli.output import print_text
+    from bayesid.cli.output import command, print_text
     from bayesid.errors import VehicleError
     from bayesid.files import write_atomic
     from bayesid.model.vehicles.new import commented_toml
@@ -109,7 +109,7 @@ def new(
     target.parent.mkdir(parents=True, exist_ok=True)
     write_atomic(target, write_schema(target.parent) + text)
     _say(target, made, verbose)
-    print_text(f"\nNext: bayesid vehicle check {target}")
+    print_text(f"\nNext: {command('vehicle', 'check', target)}")
     return 0
 
 

@@ -7,6 +7,7 @@ Does not: read the vehicle file, or anything outside the two folders.
 from __future__ import annotations
 
 import os
+import shlex
 import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -81,8 +82,8 @@ def _load(raw: bytes, toml: Path, data: Path | None) -> Trial:
     except (tomllib.TOMLDecodeError, ValueError) as error:
         if toml.suffix.lower() != ".toml":
             raise TrialError(
-                f"{toml}: is no trial.toml; `bayesid trial import {toml.name} --out NEW` makes a bundle of a "
-                "log"
+                f"{toml}: is no trial.toml; `bayesid trial import {shlex.quote(str(toml))} --out NEW` makes "
+                "a bundle of a log"
             ) from None
         raise TrialError(f"{toml}: is not valid TOML: {error}") from None
     except RecursionError:

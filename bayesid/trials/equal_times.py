@@ -37,26 +37,31 @@ class Merged(Generic[Name]):
 def spread_equal_times(t: Floats) -> Floats:
     """Rows of one stamp spread evenly until the next stamp, as of a clock that was rounded down.
 
+    A log may begin and end between two stamps: its first rows are counted back from the next stamp at the
+    usual step, its last ones forward at it.
+
     Parameters
     ----------
-    t : (n,) times; a step back is left as it is, and the last rows are as far apart as those before them
+    t : (n,) times; a step back is left as it is
     """
     if t.size < 2:
         return t
     first = np.flatnonzero(np.concatenate(([True], np.diff(t) != 0)))
+    if first.size < 2:
+        return t
     count = np.diff(np.append(first, t.size))
-    length = np.empty(first.size)
-    length[:-1] = np.maximum(np.diff(t[first]), 0.0)
-    length[-1] = 0.0
-    if first.size > 1 and count[-1] > 1:
-        usual = length[:-1] / count[:-1]
-        length[-1] = count[-1] * float(np.median(usual[usual > 0])) if (usual > 0).any() else 0.0
-    rank = np.arange(t.size) - np.repeat(first, count)
+    length = np.maximum(np.diff(t[first]), 0.0)
+    each = length / count[:-1]
+    whole = slice(1, None) if first.size > 2 else slice(None)
+    usual = float(np.median(np.repeat(each[whole], count[:-1][whole])))
     # a gap is no place for rows: none is farther from the one before than twice the usual step
-    each = length / count
-    usual_step = float(np.median(np.repeat(each, count)))
-    each = np.where(each > 2.0 * usual_step, usual_step, each)
-    return np.asarray(t + rank * np.repeat(each, count), dtype=np.float64)
+    each = np.append(np.where(each > 2.0 * usual, usual, each), usual)
+    late = min(float(length[0]), float(np.median(length[whole]))) - count[0] * usual
+    rank = np.arange(t.size) - np.repeat(first, count)
+    out = t + rank * np.repeat(each, count)
+    if late > 0.0:
+        out[: count[0]] = t[0] + late + usual * rank[: count[0]]
+    return np.asarray(out, dtype=np.float64)
 
 
 def merge_equal_times(t: Floats, columns: Mapping[Name, Floats], judged: Set[Name]) -> Merged[Name]:

@@ -18,6 +18,7 @@ from bayesid.trials.importing.clock_agreement import check_clocks
 from bayesid.trials.importing.draft import Draft
 from bayesid.trials.importing.log_map import LogMap
 from bayesid.trials.importing.roles import WORLD_WORDS
+from bayesid.trials.importing.unit_words import positive_side
 
 _DEG = math.pi / 180.0
 CLEAR = 0.35  # a hypothesis must leave less than this share of the next one's misfit
@@ -381,7 +382,13 @@ def _rudder(draft: Draft) -> None:
         return
     values = [t for t in (rudder_t(draft.map, r) for r in draft.recordings[:12]) if t is not None]
     pooled = sum(values) / math.sqrt(len(values)) if values else 0.0
-    if abs(pooled) < 5.0:
+    said = {positive_side(draft.column(role)) for role in both} - {None}
+    side = said.pop() if len(said) == 1 else None
+    turned = "starboard" if pooled > 0 else "port"
+    if abs(pooled) < 5.0 and side is not None:
+        draft.map = replace(draft.map, rudder_positive=side)
+        draft.remark(f"positive rudder turns to {side}, as the name {draft.column(both[0])} says")
+    elif abs(pooled) < 5.0:
         draft.ask(
             1,
             f"rudder_positive: the turns do not tell (t = {pooled:.1f}) whether positive "
@@ -389,8 +396,14 @@ def _rudder(draft: Draft) -> None:
             "to starboard; port is set",
         )
     else:
-        draft.map = replace(draft.map, rudder_positive="starboard" if pooled > 0 else "port")
-        if draft.handed:
+        draft.map = replace(draft.map, rudder_positive=turned)
+        if side not in (None, turned):
+            draft.ask(
+                0,
+                f"rudder_positive: {draft.column(both[0])} says that positive is {side}, and the vehicle "
+                f"turns to {turned} by positive values (t = {abs(pooled):.0f}); {turned} is set",
+            )
+        elif draft.handed:
             draft.remark(f"positive rudder turns to {draft.map.rudder_positive} (t = {abs(pooled):.0f})")
 
 

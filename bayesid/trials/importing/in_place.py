@@ -7,6 +7,7 @@ number for number. Does not: copy or convert logs; what trial.toml cannot say is
 from __future__ import annotations
 
 import tempfile
+import tomllib
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +17,7 @@ import numpy as np
 from bayesid.errors import TrialError, raise_all
 from bayesid.model.channels import channel
 from bayesid.model.units import scale
-from bayesid.trials.bundle import load_trial
+from bayesid.trials.bundle import load_trial, make_trial
 from bayesid.trials.correction import Correction
 from bayesid.trials.importing.axes import body_of
 from bayesid.trials.importing.bundle_out import trial_toml
@@ -25,7 +26,9 @@ from bayesid.trials.importing.joining import Joined, apply_map, open_recording
 from bayesid.trials.importing.log_map import LogMap
 from bayesid.trials.importing.raw import ImportLogError, RawLog
 from bayesid.trials.importing.roles import ROLES
-from bayesid.trials.trial import Run
+from bayesid.trials.stated import RunEntry, Stated
+from bayesid.trials.table import CsvTable
+from bayesid.trials.trial import Floats, Run, Trial
 
 _DIRECT = {"heading": "psi", "north": "x", "east": "y", "depth": "z", "speed_through_water": "u_water"}
 _TURNED = {  # what a role of these axes is in north-east-down, and its sign
@@ -98,8 +101,6 @@ def _stated(found: LogMap, log: RawLog) -> tuple[dict[str, str], Correction]:
     for role, entry in found.channels.items():
         name = resolve(found, role)[1]
         target, sign = _TURNED[world].get(role, (_DIRECT.get(role, role), 1.0))
-        if role in _DIRECT:
-            target, sign = _DIRECT[role], 1.0
         sign *= float(body_of(role, np.ones(1), body)[0])
         unit = entry.unit or log.by_name[name].unit or ROLES[role].bare
         columns[f"{target}[{unit}]"] = name
@@ -139,33 +140,55 @@ def _prove(text: str, found: LogMap, wanted: Sequence[Joined], folder: Path) -> 
     with tempfile.TemporaryDirectory() as place:
         (Path(place) / "trial.toml").write_text(text, encoding="utf-8")
         try:
-            trial = load_trial(place, folder)
+            trial, its = load_trial(place, folder), _imported(found, wanted, Path(place))
         except TrialError as error:
             problems = str(error).splitlines()[1:] or [str(error)]
             raise_all(ImportLogError, "cannot be read in place", [p.strip(" -") for p in problems[:6]])
-    pairs = zip(trial.runs, wanted, strict=True)
-    off = [name for run, joined in pairs for name in _differs(found, run, joined)]
-    if off:
-        listed = ", ".join(dict.fromkeys(off))
-        raise_all(
-            ImportLogError, "cannot be read in place", [f"{listed} would not be what the import makes of it"]
+    pairs = list(zip(trial.runs, its.runs, strict=True))
+    more = dict.fromkeys(name for here, there in pairs for name in set(_read(here)) - set(_read(there)))
+    off = dict.fromkeys(name for here, there in pairs for name in _differs(here, there))
+    problems = []
+    if more:
+        problems.append(
+            f"the header of {', '.join(sorted(more))} is one of a bundle: it would be read, though the map "
+            "does not name it; name it in [channels], or rename the column"
         )
+    if off:
+        problems.append(f"{', '.join(off)} would not be what the import makes of it")
+    if problems:
+        raise_all(ImportLogError, "cannot be read in place", problems)
 
 
-def _differs(found: LogMap, run: Run, joined: Joined) -> list[str]:
-    if run.t.size != joined.t.size or not np.allclose(run.t - run.t[0], joined.t - joined.t[0], atol=2e-6):
+def _imported(found: LogMap, wanted: Sequence[Joined], place: Path) -> Trial:
+    """The bundle an import would write, as its reader would read it."""
+    files = [f"{k}.csv" for k in range(len(wanted))]
+    stated = Stated(tomllib.loads(trial_toml(found, wanted, files, "")))
+
+    def table_of(entry: RunEntry) -> CsvTable:
+        joined = wanted[files.index(entry.file)]
+        heads = ("t[s]", *(f"{name}[{channel(name).unit}]" for name in joined.data))
+        rows = np.arange(2, joined.t.size + 2)
+        return CsvTable(heads, np.column_stack([joined.t, *joined.data.values()]), rows)
+
+    return make_trial(stated, stated.runs, table_of, place, "", "import")
+
+
+def _read(run: Run) -> dict[str, Floats]:
+    return {k: v for group in run.GROUPS if group != "extra" for k, v in getattr(run, group).items()}
+
+
+def _differs(here: Run, there: Run) -> list[str]:
+    """Channels of the import that are not the same in place."""
+    if here.t.size != there.t.size or not np.allclose(here.t - here.t[0], there.t - there.t[0], atol=2e-6):
         return ["the time"]
-    have = {k: v for group in run.GROUPS if group != "extra" for k, v in getattr(run, group).items()}
-    starboard = found.rudder_positive == "starboard"
-    out = []
-    for name, values in joined.data.items():
-        row, good = channel(name), np.isfinite(values)
-        if name not in have:
+    have, out = _read(here), []
+    for name, values in _read(there).items():
+        good = np.isfinite(values)
+        if name not in have or not np.array_equal(np.isfinite(have[name]), good):
             out.append(name)
             continue
-        off = ((-1.0 if row.rudder and starboard else 1.0) * have[name] - values)[good]
-        off = np.sin(0.5 * off) if row.circular else off
-        size = float(np.nanmax(np.abs(values), initial=1.0))
-        if not np.isfinite(off).all() or float(np.max(np.abs(off), initial=0.0)) > SAME * size:
+        off = (have[name] - values)[good]
+        off = np.sin(0.5 * off) if channel(name).circular else off
+        if float(np.max(np.abs(off), initial=0.0)) > SAME * float(np.max(np.abs(values[good]), initial=1.0)):
             out.append(name)
     return out

@@ -38,12 +38,14 @@ PATTERNS: tuple[tuple[str, str], ...] = (
     ("course", r"cog|course|course over ground|track angle|gps course"),
     ("speed_over_ground", r"sog|speed over ground|ground speed|gps speed|gps sog"),
     ("speed_through_water", r"stw|speed through water|water speed|log speed|speed log"),
-    ("v_north", r"v n|vn|vel n|vel north|velocity north|north vel(ocity)?|v north|speed north|ve?l? ?ned ?x"),
-    ("v_east", r"v e|ve|vel e|vel east|velocity east|east vel(ocity)?|v east|speed east"),
+    ("v_north", r"v n|vn|vel n|vel north|velocity north|north vel(ocity)?|v nor(th|d)|speed north|"
+                r"ve?l? ?ned ?x"),
+    ("v_east", r"v e|ve|vel e|vel east|velocity east|east vel(ocity)?|v (ea|o)st|speed east"),
     ("v_down", r"v d|vd|vel d|vel down|velocity down|down vel(ocity)?|v down"),
     ("north", r"north|northing|pos n|n pos|pos north|north pos(ition)?|position north|x north|"
-              r"utm n(orthing)?|y utm"),
-    ("east", r"east|easting|pos e|e pos|pos east|east pos(ition)?|position east|y east|utm e(asting)?|x utm"),
+              r"utm n(orthing)?|y utm|nord(wert)?|pos nord|hochwert"),
+    ("east", r"east|easting|pos e|e pos|pos east|east pos(ition)?|position east|y east|utm e(asting)?|x utm|"
+             r"ost(wert)?|pos ost|rechtswert"),
     ("qw", r"qw|q w|quat w|quaternion w|orientation w|q0|q 0"),
     ("qx", r"qx|q x|quat x|quaternion x|orientation x|q1|q 1"),
     ("qy", r"qy|q y|quat y|quaternion y|orientation y|q2|q 2"),
@@ -81,7 +83,8 @@ PATTERNS: tuple[tuple[str, str], ...] = (
     ("delta_b", r"bow ?plane|bow ?planes|delta b|bow plane angle|sail ?plane"),
     ("n", r"n|rpm|rps|n prop|prop(eller)?|prop(eller)? (rpm|rps|speed|rev|revs|revolutions)|shaft|"
           r"shaft (rpm|speed|rev)|revs|"
-          r"screw|screw speed|motor (rpm|speed)|engine (rpm|speed)|thruster (rpm|speed)|drehzahl|main rpm|"
+          r"screw|screw speed|motor (rpm|speed)|(main )?eng(ine)? (rpm|speed|revs?)|thruster (rpm|speed)|"
+          r"(motor|wellen|propeller)?drehzahl|main rpm|"
           r"rotation rate|"
           r"propeller rate|prop rate|shaft rate"),
     ("thrust", r"thrust|prop(eller)? thrust|schub"),
@@ -132,6 +135,8 @@ def guess_role(channel: RawChannel, own_format: bool = False) -> Guess | None:
     kept = " ".join(OTHER.sub(" ", bare).split()) if odd else bare
     best: Guess | None = None
     tails = _tails(kept) + _field_of_struct(channel)
+    if channel.unit in ("rpm", "rps"):  # engine_rpm is split into a name and a unit
+        tails.append((f"{kept} {channel.unit}", 2.0))
     for role, pattern in _COMPILED:
         for tail, score in tails:
             if pattern.fullmatch(tail) and _fits(role, channel):

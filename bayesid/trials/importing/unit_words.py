@@ -48,6 +48,12 @@ _SAME = {
 }  # fmt: skip
 _UNIT = {word: unit for unit, words in _SAME.items() for word in words}
 _BRACKET = re.compile(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\)|<([^<>]*)>|\{([^{}]*)\})\s*")
+_WORD = r"stbd|stb|starboard|port"
+_SIDE = re.compile(
+    rf"\b(?P<side>{_WORD})\b\s*(?:is\s+|=\s*)?(?P<sign>[+−-]|pos\b|positive\b|neg\b|negative\b)(?!\s*/)"
+    rf"|(?P<mark>[+−-]|\bpos|\bpositive|\bneg|\bnegative)\s*(?:=|to|is)?\s*(?P<other>{_WORD})\b",
+    re.IGNORECASE,
+)
 _SUFFIX = {
     "deg", "rad", "mps", "kn", "kts", "knots", "rpm", "rps", "dps", "ms", "us", "ns", "sec", "degs", "m", "s",
     "ft", "cm", "mm", "rads", "radps", "degps", "kmh", "pwm", "pct", "percent",
@@ -71,7 +77,21 @@ def plain_unit(text: str | None) -> str | None:
         return None
     if word in ("kN", "kNm", "kN*m", "Nm", "NM", "N"):  # case matters: kN is a force, kn a speed
         return word
-    return _UNIT.get(word.lower(), word)
+    known = _UNIT.get(word.lower())
+    if known is None:  # deg, stbd +
+        bare = _SIDE.sub(" ", word).partition(",")[0].partition(";")[0]
+        known = _UNIT.get(" ".join(bare.lower().split()))
+    return known if known is not None else word
+
+
+def positive_side(header: str) -> str | None:
+    """The side a header says positive is, as in `Helm (deg, stbd +)`; None where it says none or both."""
+    sides = set()
+    for found in _SIDE.finditer(header):
+        port = (found["side"] or found["other"])[0].lower() == "p"
+        turned = (found["sign"] or found["mark"]).lower()[0] in "-−n"
+        sides.add("port" if port != turned else "starboard")
+    return sides.pop() if len(sides) == 1 else None
 
 
 def is_unit(text: str) -> bool:
