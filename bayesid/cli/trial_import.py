@@ -58,6 +58,11 @@ def import_logs(
     runs, origin = apply_map(found, sources)
     write_bundle(found, runs, origin, out, map_file)
     print_text(f"\n{len(runs)} runs written to {out} (provenance.json says where each channel is from).")
+    notices = list(dict.fromkeys(text for joined in runs for text in joined.notices))
+    for text in notices[:6]:
+        print_text(f"  - {text}")
+    if notices[6:]:
+        print_text(f"  and {len(notices) - 6} more in provenance.json")
     _what_it_is_like(found, out, verbose)
     return 0
 
