@@ -527,3 +527,10 @@ def test_a_speed_over_ground_that_nothing_is_made_of_is_said(tmp_path, capsys):
         given = ["--map", str(tmp_path / "map.toml"), "--out", str(tmp_path / f"bundle{k}")]
         assert bayesid(["trial", "import", str(log), *given]) == 0
         assert ("speed_over_ground ('SOG [m/s]') is not used" in capsys.readouterr().out) is bool(more)
+
+
+def test_a_folder_of_tables_names_the_command_that_takes_it(tmp_path, capsys):
+    truth = motion(np.random.default_rng(7))
+    _table(tmp_path, truth, {"t [s]": truth["t"]})
+    assert bayesid(["trial", "import", str(tmp_path), "--out", str(tmp_path / "bundle")]) == 2
+    assert f"bayesid start {tmp_path}" in capsys.readouterr().err
