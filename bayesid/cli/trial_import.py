@@ -30,6 +30,14 @@ MapFile = Annotated[
         dir_okay=False,
     ),
 ]
+OwnMap = Annotated[
+    Path | None,
+    typer.Option(
+        "--map",
+        help="What the columns are (TOML). Without it one is proposed as map.toml beside the tables.",
+        dir_okay=False,
+    ),
+]
 Named = Annotated[
     str | None, typer.Option("--vehicle", help="Built-in name or vehicle file, for a proposed map.")
 ]
@@ -75,7 +83,7 @@ def init(
             metavar="TABLE...", help="Text tables of one folder, or the folder.", show_default=False
         ),
     ],
-    map_file: MapFile = None,
+    map_file: OwnMap = None,
     vehicle: Named = None,
     verbose: Verbose = False,
 ) -> int:
@@ -126,10 +134,12 @@ def _map(
 
     Parameters
     ----------
-    verb, more : name and last words of the command to give once the questions are answered
+    verb, more : name and last words of the command to give once the questions are answered; where that is
+        `init` and trial.toml cannot say it, the import is named instead, before the questions
     """
     from bayesid.cli.output import command, print_text
     from bayesid.trials.importing import ImportLogError, map_text, propose, read_map
+    from bayesid.trials.importing.in_place import needs_import
 
     absent = [str(p) for p in sources if not p.exists()]
     if absent:
@@ -148,6 +158,10 @@ def _map(
     proposal = propose(sources, _vehicle(vehicle, out), name)
     out.mkdir(parents=True, exist_ok=True)
     map_file.write_text(map_text(proposal.map, proposal.remarks, proposal.unused), encoding="utf-8")
+    reasons = needs_import(proposal.map, sources) if verb == "init" and proposal.map.questions else []
+    if reasons:
+        print_text(f"These tables cannot be read in place, they need an import: {'; '.join(reasons)}.\n")
+        verb, more = "import", ("--out", out / "bundle")
     _say(proposal, out)
     if not proposal.map.questions:
         return proposal.map, map_file
