@@ -477,7 +477,7 @@ def test_the_command_asks_first_and_imports_the_answered_map(tmp_path, capsys):
         ("[sources.log]\nfiles = 'log.csv'\n[channels]\npsi = 'jaw'", "has no series 'jaw'"),
         ("[sources.log]\nfiles = 'other.csv'\n[channels]\npsi = 'yaw'", "matches no"),
         ("wordl = 'ned'\n[sources.log]\nfiles = 'log.csv'", "did you mean 'world'"),
-        ("questions = ['which?']\n[sources.log]\nfiles = 'log.csv'", "questions of the map are open"),
+        ("questions = ['which?']\n[sources.log]\nfiles = 'log.csv'", "1 question of the map is open"),
         ("[sources.log]\nfiles = 'log.csv'\n[[runs]]\nfiles = ['no.csv']", "none of the runs"),
     ],
 )

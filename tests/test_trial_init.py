@@ -189,7 +189,8 @@ def test_cells_an_import_leaves_empty_are_compared(tmp_path):
 def test_what_needs_an_import_is_said_before_its_questions(tmp_path, capsys):
     def plain(truth):
         return {"t [s]": truth["t"], "lat": 59.0 + truth["x"] / 111_000.0,
-                "lon": 10.0 + truth["y"] / 57_000.0, "heading [deg]": np.mod(truth["psi"] / DEG, 360.0), "rpm": truth["n_cmd"]}  # fmt: skip
+                "lon": 10.0 + truth["y"] / 57_000.0, "rpm": truth["n_cmd"],
+                "heading [deg]": np.mod(truth["psi"] / DEG, 360.0)}  # fmt: skip
 
     folder = tables(tmp_path / "dive", plain)
     assert bayesid(["trial", "init", str(folder)]) == 3

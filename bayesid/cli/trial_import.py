@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from bayesid.cli.options import OutFolder, Verbose, claimed
+from bayesid.words import counted
 
 if TYPE_CHECKING:
     from bayesid.trials.importing import LogMap, Proposal
@@ -65,7 +66,9 @@ def import_logs(
         return ASKED
     runs, origin = apply_map(found, sources)
     write_bundle(found, runs, origin, out, map_file)
-    print_text(f"\n{len(runs)} runs written to {out} (provenance.json says where each channel is from).")
+    print_text(
+        f"\n{counted(len(runs), 'run')} written to {out} (provenance.json says where each channel is from)."
+    )
     notices = list(dict.fromkeys(text for joined in runs for text in joined.notices))
     for text in notices[:6]:
         print_text(f"  - {text}")
@@ -117,7 +120,8 @@ def init(
         line = command("trial", "import", *sources, "--map", map_file, "--out", folder / "bundle")
         raise ImportLogError(f"{error}\nBy an import it can: {line}") from None
     write_atomic(folder / "trial.toml", write_schema(folder) + text)
-    print_text(f"\n{folder / 'trial.toml'} reads {len(sources)} tables where they lie.")
+    place = "it lies" if len(sources) == 1 else "they lie"
+    print_text(f"\n{folder / 'trial.toml'} reads {counted(len(sources), 'table')} where {place}.")
     _what_it_is_like(found, folder, verbose)
     return 0
 
@@ -178,7 +182,7 @@ def _what_it_is_like(found: LogMap, out: Path, verbose: bool) -> None:
     trial = check_bundle(out)
     mistakes = check(trial, with_vehicle=False).sentences
     if mistakes:
-        print_text(f"{len(mistakes)} {'mistake' if len(mistakes) == 1 else 'mistakes'} in the log:")
+        print_text(f"{counted(len(mistakes), 'mistake')} in the log:")
         for text in mistakes:
             print_text(f"  - {text}")
     warnings = trial.warnings
@@ -232,7 +236,7 @@ def _say(proposal: Proposal, out: Path) -> None:
     for run in found.runs:
         kinds[run.manoeuvre or "not named"] = kinds.get(run.manoeuvre or "not named", 0) + 1
     print_text(
-        f"{len(found.runs)} run{'s' if len(found.runs) != 1 else ''}: "
+        f"{counted(len(found.runs), 'run')}: "
         + ", ".join([k if n == 1 else f"{n} x {k}" for k, n in kinds.items()][:12])
         + (", ..." if len(kinds) > 12 else "")
     )
