@@ -60,7 +60,7 @@ def test_a_misspelt_vehicle_is_exit_code_2_with_a_suggestion(capsys):
 def test_trial_check_says_what_a_bundle_holds(bundle, tmp_path, capsys):
     assert run(["trial", "check", str(bundle), "--out", str(tmp_path / "out")]) == 0
     out = capsys.readouterr().out
-    assert "1 runs, 3 degrees of freedom, vehicle remus100" in out and "straight" in out
+    assert "1 run, 3 degrees of freedom, vehicle remus100" in out and "straight" in out
     stored = json.loads((tmp_path / "out" / "trial_check.json").read_text())
     assert stored["runs"][0]["samples"] == 61 and stored["vehicle_problem"] is None
     assert run(["trial", "check", str(bundle), "--json"]) == 0

@@ -19,7 +19,7 @@ from bayesid.model.vehicles.tables import HEAD
 from bayesid.trials import load_trial
 from bayesid.trials.bundle import BUILTIN
 from bayesid.trials.correction import Correction
-from bayesid.trials.schema import trial_schema
+from bayesid.trials.schema import FILE, trial_schema, write_schema
 from bayesid.trials.stated import Stated
 
 jsonschema = pytest.importorskip("jsonschema")
@@ -190,3 +190,15 @@ def test_a_bundle_that_is_refused_by_its_reader_is_refused_with_a_sentence(tmp_p
     assert not valid(trial_schema(), tree_of(tmp_path / "trial.toml"))
     with pytest.raises(TrialError, match="runs"):
         load_trial(tmp_path)
+
+
+def test_a_schema_that_is_there_is_not_written_again_and_another_is(tmp_path):
+    path = tmp_path / FILE
+    assert write_schema(tmp_path) == f"#:schema ./{FILE}\n"
+    first = path.stat().st_ino  # writing replaces the file
+    write_schema(tmp_path)
+    assert path.stat().st_ino == first
+    right = path.read_text(encoding="utf-8")
+    path.write_text("{}", encoding="utf-8")
+    write_schema(tmp_path)
+    assert path.read_text(encoding="utf-8") == right

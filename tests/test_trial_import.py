@@ -477,7 +477,7 @@ def test_the_command_asks_first_and_imports_the_answered_map(tmp_path, capsys):
         ("[sources.log]\nfiles = 'log.csv'\n[channels]\npsi = 'jaw'", "has no series 'jaw'"),
         ("[sources.log]\nfiles = 'other.csv'\n[channels]\npsi = 'yaw'", "matches no"),
         ("wordl = 'ned'\n[sources.log]\nfiles = 'log.csv'", "did you mean 'world'"),
-        ("questions = ['which?']\n[sources.log]\nfiles = 'log.csv'", "questions of the map are open"),
+        ("questions = ['which?']\n[sources.log]\nfiles = 'log.csv'", "1 question of the map is open"),
         ("[sources.log]\nfiles = 'log.csv'\n[[runs]]\nfiles = ['no.csv']", "none of the runs"),
     ],
 )
@@ -511,3 +511,26 @@ def test_a_vehicle_that_is_not_there_is_refused_before_anything_is_written(tmp_p
     assert bayesid(["trial", "import", str(log), *given]) == 2
     assert words in capsys.readouterr().err
     assert not (tmp_path / "bundle").exists()
+
+
+def test_a_speed_over_ground_that_nothing_is_made_of_is_said(tmp_path, capsys):
+    truth = motion(np.random.default_rng(7))
+    columns = {
+        "t [s]": truth["t"], "x [m]": truth["x"], "y [m]": truth["y"], "psi [rad]": truth["psi"],
+        "SOG [m/s]": truth["u"], "rudder [rad]": truth["delta_r_cmd"],
+    }  # fmt: skip
+    log = _table(tmp_path, truth, columns)
+    head = 'format = 1\n[sources.log]\nfiles = "log.csv"\n[channels]\nx = "x [m]"\ny = "y [m]"\n'
+    rudder = 'psi = "psi [rad]"\ndelta_r_cmd = "rudder [rad]"\n'
+    for k, more in enumerate(("", 'speed_over_ground = "SOG [m/s]"\n')):
+        (tmp_path / "map.toml").write_text(head + rudder + more)
+        given = ["--map", str(tmp_path / "map.toml"), "--out", str(tmp_path / f"bundle{k}")]
+        assert bayesid(["trial", "import", str(log), *given]) == 0
+        assert ("speed_over_ground ('SOG [m/s]') is not used" in capsys.readouterr().out) is bool(more)
+
+
+def test_a_folder_of_tables_names_the_command_that_takes_it(tmp_path, capsys):
+    truth = motion(np.random.default_rng(7))
+    _table(tmp_path, truth, {"t [s]": truth["t"]})
+    assert bayesid(["trial", "import", str(tmp_path), "--out", str(tmp_path / "bundle")]) == 2
+    assert f"bayesid start {tmp_path}" in capsys.readouterr().err

@@ -184,3 +184,19 @@ def test_cells_an_import_leaves_empty_are_compared(tmp_path):
     holes = np.where(t == 7.0, np.nan, t)
     assert _differs(run(t), run(holes)) == ["y"] == _differs(run(holes), run(t))
     assert _differs(run(holes), run(holes)) == []
+
+
+def test_what_needs_an_import_is_said_before_its_questions(tmp_path, capsys):
+    def plain(truth):
+        return {"t [s]": truth["t"], "lat": 59.0 + truth["x"] / 111_000.0,
+                "lon": 10.0 + truth["y"] / 57_000.0, "rpm": truth["n_cmd"],
+                "heading [deg]": np.mod(truth["psi"] / DEG, 360.0)}  # fmt: skip
+
+    folder = tables(tmp_path / "dive", plain)
+    assert bayesid(["trial", "init", str(folder)]) == 3
+    said = capsys.readouterr().out
+    assert said.index("local metres") < said.index("no rudder found")
+    words = shlex.split(said.splitlines()[-1])
+    assert words[:3] == ["bayesid", "trial", "import"] and words[-2:] == ["--out", str(folder / "bundle")]
+    assert bayesid(["trial", "init", "--help"]) == 0
+    assert "BUNDLE" not in capsys.readouterr().out

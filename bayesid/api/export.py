@@ -19,6 +19,7 @@ from bayesid.model.terms import TERMS
 from bayesid.model.vehicles import identified, write_vehicle
 from bayesid.progress import Progress
 from bayesid.report.writer import Report
+from bayesid.words import counted
 
 if TYPE_CHECKING:
     import pandas
@@ -141,7 +142,8 @@ class ExportResult(Result):
         members = self.numbers["members"]
         acting = sorted({name.split(".")[0] for m in members for name in m["effects"]})
         with_effects = f", effects {', '.join(acting)}" if acting else ", no effects"
-        return f"{len(members)} vehicles of equal weight{with_effects}; {ENSEMBLE} says what goes with each"
+        vehicles = counted(len(members), "vehicle")
+        return f"{vehicles} of equal weight{with_effects}; {ENSEMBLE} says what goes with each"
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
         return self.out / ENSEMBLE

@@ -50,6 +50,7 @@ from bayesid.report.writer import Report
 from bayesid.report.writer.text import table_text
 from bayesid.simulation import with_shaft_speed
 from bayesid.threads import one_blas_thread
+from bayesid.words import counted
 
 if TYPE_CHECKING:
     import pandas
@@ -224,7 +225,10 @@ class FitResult(Result):
 
     def summary(self, verbose: bool = False) -> str:
         found, result = self.found, self.found.fit
-        size = f"{len(found.problem.runs)} runs, {result.n_readings} readings, {result.n_params} unknowns"
+        size = (
+            f"{counted(len(found.problem.runs), 'run')}, {result.n_readings} readings, "
+            f"{counted(result.n_params, 'unknown')}"
+        )
         before, after = (noise_level(found.runs, "identify", key) for key in ("rms_nominal", "rms_fitted"))
         lines = [headline(found)]
         lines += effect_words(found)

@@ -15,6 +15,7 @@ import typer
 
 from bayesid.cli.options import Quick, Verbose, claimed
 from bayesid.cli.terminal import BAD_INPUT, OK
+from bayesid.words import counted
 
 if TYPE_CHECKING:
     from bayesid.trials.importing.finding import Found
@@ -232,7 +233,7 @@ def _import(found: Found, vehicle: str | None, out: Path, steps: _Steps, ask: bo
             return OK
         given = own
     if questions := read_map(given).questions:
-        print_text(f"\n{len(questions)} questions are open in {given}:")
+        print_text(f"\n{counted(len(questions), 'question is', 'questions are')} open in {given}:")
         for k, text in enumerate(questions, 1):
             print_text(f"  {k}. {text}")
         if not ask or not _accepted(given, questions):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from bayesid.cli.choices import Bundle, Data, Vehicle
 from bayesid.cli.options import Json, Out, Verbose
+from bayesid.words import counted
 
 if TYPE_CHECKING:
     from bayesid.trials import Trial
@@ -80,13 +81,13 @@ def _print(summary: dict[str, Any], mistakes: Sequence[str], verbose: bool) -> N
     from bayesid.report.input import grouped
 
     vehicle = Path(summary["vehicle"]).name or "not stated"
-    size = f"{len(summary['runs'])} runs, {summary['dof']} degrees of freedom"
+    size = f"{counted(len(summary['runs']), 'run')}, {summary['dof']} degrees of freedom"
     print_text(f"{summary['name']}: {size}, vehicle {vehicle}")
     if summary["attribution"]:
         print_text(summary["attribution"])
     print_text()
     if mistakes:
-        print_text(f"{len(mistakes)} {'mistake' if len(mistakes) == 1 else 'mistakes'} in the log:")
+        print_text(f"{counted(len(mistakes), 'mistake')} in the log:")
         for sentence in mistakes:
             print_text(f"  - {sentence}")
         print_text()
@@ -107,7 +108,7 @@ def _print(summary: dict[str, Any], mistakes: Sequence[str], verbose: bool) -> N
         print_text(f"\n{summary['input_in_order']}")
     remarks = summary["warnings"] if verbose else grouped(summary["warnings"])
     if remarks:
-        print_text(f"\n{len(remarks)} remark{'s' if len(remarks) != 1 else ''}:")
+        print_text(f"\n{counted(len(remarks), 'remark')}:")
         for remark in remarks:
             print_text(f"  - {remark}")
     if summary["vehicle_problem"]:
@@ -133,4 +134,4 @@ def _run_row(run: dict[str, Any]) -> list[Any]:
 
 
 def _span(limits: list[float] | None) -> str | None:
-    return None if limits is None else f"{limits[0]:.3g} to {limits[1]:.3g}"
+    return None if limits is None else f"{limits[0] + 0.0:.3g} to {limits[1] + 0.0:.3g}"  # no -0

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from bayesid.cli.options import OutFolder, Verbose, claimed
+from bayesid.words import counted
 
 if TYPE_CHECKING:
     from bayesid.trials.importing import LogMap, Proposal
@@ -27,6 +28,14 @@ MapFile = Annotated[
     typer.Option(
         "--map",
         help="What the series are (TOML). Without it one is proposed as BUNDLE/map.toml.",
+        dir_okay=False,
+    ),
+]
+OwnMap = Annotated[
+    Path | None,
+    typer.Option(
+        "--map",
+        help="What the columns are (TOML). Without it one is proposed as map.toml beside the tables.",
         dir_okay=False,
     ),
 ]
@@ -57,7 +66,14 @@ def import_logs(
         return ASKED
     runs, origin = apply_map(found, sources)
     write_bundle(found, runs, origin, out, map_file)
-    print_text(f"\n{len(runs)} runs written to {out} (provenance.json says where each channel is from).")
+    print_text(
+        f"\n{counted(len(runs), 'run')} written to {out} (provenance.json says where each channel is from)."
+    )
+    notices = list(dict.fromkeys(text for joined in runs for text in joined.notices))
+    for text in notices[:6]:
+        print_text(f"  - {text}")
+    if notices[6:]:
+        print_text(f"  and {len(notices) - 6} more in provenance.json")
     _what_it_is_like(found, out, verbose)
     return 0
 
@@ -70,7 +86,7 @@ def init(
             metavar="TABLE...", help="Text tables of one folder, or the folder.", show_default=False
         ),
     ],
-    map_file: MapFile = None,
+    map_file: OwnMap = None,
     vehicle: Named = None,
     verbose: Verbose = False,
 ) -> int:
@@ -104,7 +120,8 @@ def init(
         line = command("trial", "import", *sources, "--map", map_file, "--out", folder / "bundle")
         raise ImportLogError(f"{error}\nBy an import it can: {line}") from None
     write_atomic(folder / "trial.toml", write_schema(folder) + text)
-    print_text(f"\n{folder / 'trial.toml'} reads {len(sources)} tables where they lie.")
+    place = "it lies" if len(sources) == 1 else "they lie"
+    print_text(f"\n{folder / 'trial.toml'} reads {counted(len(sources), 'table')} where {place}.")
     _what_it_is_like(found, folder, verbose)
     return 0
 
@@ -121,10 +138,12 @@ def _map(
 
     Parameters
     ----------
-    verb, more : name and last words of the command to give once the questions are answered
+    verb, more : name and last words of the command to give once the questions are answered; where that is
+        `init` and trial.toml cannot say it, the import is named instead, before the questions
     """
     from bayesid.cli.output import command, print_text
     from bayesid.trials.importing import ImportLogError, map_text, propose, read_map
+    from bayesid.trials.importing.in_place import needs_import
 
     absent = [str(p) for p in sources if not p.exists()]
     if absent:
@@ -143,6 +162,10 @@ def _map(
     proposal = propose(sources, _vehicle(vehicle, out), name)
     out.mkdir(parents=True, exist_ok=True)
     map_file.write_text(map_text(proposal.map, proposal.remarks, proposal.unused), encoding="utf-8")
+    reasons = needs_import(proposal.map, sources) if verb == "init" and proposal.map.questions else []
+    if reasons:
+        print_text(f"These tables cannot be read in place, they need an import: {'; '.join(reasons)}.\n")
+        verb, more = "import", ("--out", out / "bundle")
     _say(proposal, out)
     if not proposal.map.questions:
         return proposal.map, map_file
@@ -159,7 +182,7 @@ def _what_it_is_like(found: LogMap, out: Path, verbose: bool) -> None:
     trial = check_bundle(out)
     mistakes = check(trial, with_vehicle=False).sentences
     if mistakes:
-        print_text(f"{len(mistakes)} {'mistake' if len(mistakes) == 1 else 'mistakes'} in the log:")
+        print_text(f"{counted(len(mistakes), 'mistake')} in the log:")
         for text in mistakes:
             print_text(f"  - {text}")
     warnings = trial.warnings
@@ -213,7 +236,7 @@ def _say(proposal: Proposal, out: Path) -> None:
     for run in found.runs:
         kinds[run.manoeuvre or "not named"] = kinds.get(run.manoeuvre or "not named", 0) + 1
     print_text(
-        f"{len(found.runs)} run{'s' if len(found.runs) != 1 else ''}: "
+        f"{counted(len(found.runs), 'run')}: "
         + ", ".join([k if n == 1 else f"{n} x {k}" for k, n in kinds.items()][:12])
         + (", ..." if len(kinds) > 12 else "")
     )

@@ -5,9 +5,13 @@ Takes: nothing. Gives `FileKey` and its schema. Does not: read files.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
+
+from bayesid.files import write_atomic
 
 Kind = Literal["text", "flag", "number", "whole", "numbers", "texts", "table"]
 _TYPES = {"text": "string", "flag": "boolean", "number": "number", "whole": "integer", "table": "object",
@@ -67,3 +71,20 @@ def table_schema(
         "required": [name for name, key in keys.items() if key.required],
         "additionalProperties": False,
     }
+
+
+def schema_text(schema: Mapping[str, Any]) -> str:
+    """A schema as it is written."""
+    return json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
+
+
+def write_beside(path: Path, text: str) -> str:
+    """First line of a file whose schema now lies beside it (`#:schema` as by Taplo); one that is there
+    already is not written again."""
+    try:
+        there = path.is_file() and path.read_text(encoding="utf-8") == text
+    except (OSError, ValueError):
+        there = False
+    if not there:
+        write_atomic(path, text)
+    return f"#:schema ./{path.name}\n"

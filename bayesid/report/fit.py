@@ -22,6 +22,7 @@ from bayesid.report import coefficient_cells, writer
 from bayesid.report import fit_figures as figures
 from bayesid.report import fit_first_screen as first_screen
 from bayesid.report.writer import Block, Figure, Report, Section, Table, Text, literal
+from bayesid.words import counted
 
 MISFIT = 3.0  # residuals of so many times the noise are not noise
 HOLDOUT_GROWTH = 1.1  # of the rms heading error, from which a held-out run counts as predicted worse
@@ -93,8 +94,8 @@ def _verdict_words(found: TrialFit) -> str:
     end = "The search converged" if found.fit.converged else "The search did not converge"
     return (
         f"{found.fit.n_params} coefficients of {literal(found.vehicle.name)} from "
-        f"{len(found.trial.identify)} runs; residuals of the fitted runs fall from {before} to {after} times "
-        f"the noise. {end}."
+        f"{counted(len(found.trial.identify), 'run')}; residuals of the fitted runs fall from {before} to "
+        f"{after} times the noise. {end}."
     )
 
 
@@ -370,7 +371,7 @@ def _search(fit: Fit) -> Section:
 def _inputs(found: TrialFit) -> Section:
     sources = sorted({term(n).source for n in found.fit.names[: found.fit.n_params] if n in _LABELS})
     lines = [
-        f"- Trial: {literal(found.trial.name)}, {len(found.trial.runs)} runs, digest "
+        f"- Trial: {literal(found.trial.name)}, {counted(len(found.trial.runs), 'run')}, digest "
         f"`{found.trial.digest[:16]}`",
         f"- Vehicle: {literal(found.vehicle.name)}, digest `{found.vehicle.digest[:16]}`",
         f"- Readings compared: {found.fit.n_readings}",

@@ -17,6 +17,7 @@ from bayesid.report.fit_effects import effect_words
 from bayesid.report.writer import Block, Figure, Row, Section, Table, Text, literal
 from bayesid.simulation import shaft_speed_note
 from bayesid.trials.noise_stated import noise_warning
+from bayesid.words import counted
 
 LABELS = ("as given", "as found")
 MOST_MOVED = 4
@@ -95,8 +96,13 @@ def failures(found: TrialFit, others: list[str]) -> list[str]:
     if left:
         some = "; ".join(f"`{n}`" for n in left[:2])
         more = f" and {len(left) - 2} more" if len(left) > 2 else ""
+<<<<<<< HEAD
         out.append(f"These runs do not determine {len(left)} combinations: {some}{more}.")
     for wrong in filter(None, (shaft_speed_note(found.trial), noise_warning(found.trial))):
+=======
+        out.append(f"These runs do not determine {counted(len(left), 'combination')}: {some}{more}.")
+    if wrong := noise_warning(found.trial):
+>>>>>>> imp
         out.append(f"{wrong[0].upper()}{wrong[1:]}.")
     return out + others
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from bayesid.model.channels import Channel, channel, is_channel
 from bayesid.model.units import UnitError, scale
-from bayesid.trials.equal_times import merge_equal_times, spread_equal_times
+from bayesid.trials.equal_times import merge_equal_times, rows_behind, spread_equal_times
 from bayesid.trials.table import BadTableError, CsvTable, summed
 from bayesid.trials.trial import Floats, Run
 
@@ -214,8 +214,7 @@ def _how_time_fails(t: Floats) -> list[str]:
             f"about {each:.1f} rows have one time, {usual:.3g} s apart: the stamps are rounded; log them "
             'with more digits, or say time_repair = "spread" in trial.toml, right within that'
         ]
-    behind = np.concatenate(([0], (t < np.maximum.accumulate(t)).astype(int), [0]))
-    first, last = np.flatnonzero(np.diff(behind) == 1), np.flatnonzero(np.diff(behind) == -1)
+    first, last = rows_behind(t)
     if first.size and int(np.max(last - first)) >= SET_BACK:
         k = int(first[np.argmax(last - first)])
         return [

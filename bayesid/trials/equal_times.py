@@ -64,6 +64,12 @@ def spread_equal_times(t: Floats) -> Floats:
     return np.asarray(out, dtype=np.float64)
 
 
+def rows_behind(t: Floats) -> tuple[np.ndarray, np.ndarray]:
+    """(first row, row after the last) of each stretch of rows that lie before an earlier row."""
+    behind = np.concatenate(([0], (t < np.maximum.accumulate(t)).astype(int), [0]))
+    return np.flatnonzero(np.diff(behind) == 1), np.flatnonzero(np.diff(behind) == -1)
+
+
 def merge_equal_times(t: Floats, columns: Mapping[Name, Floats], judged: Set[Name]) -> Merged[Name]:
     """One row per time.
 

@@ -65,6 +65,18 @@ def rudder_notice(found: Sequence[RudderCheck]) -> list[str]:
     return []
 
 
+def uneven_steps(step: Floats) -> tuple[float, float] | None:
+    """15th and 85th per cent of steps of time above zero where they jitter, s; None where they are even or
+    multiples of the usual one."""
+    if step.size <= 50:
+        return None
+    usual = float(np.median(step))
+    low, high = (float(q) for q in np.percentile(step, (15, 85)))
+    ratio = step / usual
+    multiples = float(np.mean(np.abs(ratio - np.maximum(1.0, np.round(ratio))) < WHOLE)) > MOSTLY
+    return (low, high) if high - low > JITTER * usual and not multiples else None
+
+
 def _sampling(run: Run) -> list[str]:
     notices = []
     step = np.diff(run.t)
@@ -75,11 +87,10 @@ def _sampling(run: Run) -> list[str]:
         word = "gap" if gaps.size == 1 else "gaps, the longest"
         text = f"{gaps.size} {word} of {step[worst]:.3g} s after t = {run.t[worst]:.6g} s"
         notices.append(f"{text} (usual step {usual:.3g} s)")
-    low, high = np.percentile(step, (15, 85))
-    ratio = step / usual
-    multiples = float(np.mean(np.abs(ratio - np.maximum(1.0, np.round(ratio))) < WHOLE)) > MOSTLY
+    uneven = uneven_steps(step)
     joined = any(np.isnan(values).any() for values in run.data.values())  # channels of several rates
-    if high - low > JITTER * usual and not (multiples or joined) and step.size > 50:
+    if uneven is not None and not joined:
+        low, high = uneven
         notices.append(
             f"the time between samples varies, 15 % below {low:.2g} s and 15 % above {high:.2g} s (usually "
             f"{usual:.2g} s); stamps of writing are late by as much"

@@ -6,16 +6,14 @@ finds.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import fields
 from functools import cache
 from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
 
-from bayesid.files import write_atomic
 from bayesid.model.channels import CHANNELS
-from bayesid.model.file_keys import DIALECT, table_schema
+from bayesid.model.file_keys import DIALECT, schema_text, table_schema, write_beside
 from bayesid.trials.correction import TEXTS, Correction
 from bayesid.trials.stated import ENVIRONMENT, KEYS, MAX_RUNS, RUN_KEYS
 
@@ -46,13 +44,12 @@ def trial_schema() -> dict[str, Any]:
 @cache
 def text() -> str:
     """The schema as it is written."""
-    return json.dumps(trial_schema(), indent=1, ensure_ascii=False) + "\n"
+    return schema_text(trial_schema())
 
 
 def write_schema(folder: Path) -> str:
     """First line of a trial.toml in a folder that now holds the schema (`#:schema` as by Taplo)."""
-    write_atomic(folder / FILE, text())
-    return f"#:schema ./{FILE}\n"
+    return write_beside(folder / FILE, text())
 
 
 def _by_channel(names: list[str], value: dict[str, Any]) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from bayesid.trials.consistency import check_rudder, check_track, check_yaw
 from bayesid.trials.noise import rough_noise, spikes
 from bayesid.trials.noise_stated import seen_noise, stated_wrongly
 from bayesid.trials.trial import Floats, Run, Trial, channels_of
+from bayesid.words import counted
 
 _DEG = math.pi / 180.0
 
@@ -66,7 +67,8 @@ def trial_summary(trial: Trial) -> dict[str, Any]:
             worst = max(counts, key=lambda run: counts[run])
             first = next(row["spikes"][name][0] for row in runs if row["name"] == worst)
             warnings.append(
-                f"{name}: {sum(counts.values())} lone outliers in {len(counts)} of {len(runs)} runs, "
+                f"{name}: {counted(sum(counts.values()), 'lone outlier')} in {len(counts)} of "
+                f"{counted(len(runs), 'run')}, "
                 f"most in {worst} ({counts[worst]}, the first at t = {first:.6g} s)"
             )
     return {

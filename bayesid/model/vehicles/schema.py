@@ -6,13 +6,11 @@ matrix, a prime row without U_ref) only the reader finds.
 
 from __future__ import annotations
 
-import json
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from bayesid.files import write_atomic
-from bayesid.model.file_keys import DIALECT, table_schema
+from bayesid.model.file_keys import DIALECT, schema_text, table_schema, write_beside
 from bayesid.model.propulsion import MODELS
 from bayesid.model.terms import TERMS
 from bayesid.model.thrusters import KEYS, NAMES
@@ -77,13 +75,12 @@ def vehicle_schema() -> dict[str, Any]:
 @cache
 def text() -> str:
     """The schema as it is written."""
-    return json.dumps(vehicle_schema(), indent=1, ensure_ascii=False) + "\n"
+    return schema_text(vehicle_schema())
 
 
 def write_schema(folder: Path) -> str:
     """First line of a vehicle file in a folder that now holds the schema (`#:schema` as by Taplo)."""
-    write_atomic(folder / FILE, text())
-    return f"#:schema ./{FILE}\n"
+    return write_beside(folder / FILE, text())
 
 
 def _by_coefficient(value: dict[str, Any], meaning: str) -> dict[str, Any]:

@@ -138,9 +138,21 @@ def convert(
         said = "" if body(role) == "frd" or axes.body_of(role, np.ones(1), "flu")[0] > 0 else "flu to frd"
         give(role, (one[0], axes.body_of(role, one[1], body(role))), said, role)
     _velocity(raw, out, give)
+    used = {one for its in notes.values() for one in its.series}
+    for role, why in _UNUSED.items():
+        if role in raw and not used & set(origins[role].series):
+            text = f"{role} ({resolve(found, role)[1]!r}) is not used: {why}"
+            if text not in recording.notices:
+                recording.notices.append(text)
     return out, notes, origin
 
 
+_OVER_GROUND = "u and v are made of speed over ground and course only with a heading, without u and position"
+_NORTH_EAST = "u and v are made of v_north and v_east only with a heading and without u"
+_UNUSED = {
+    "speed_over_ground": _OVER_GROUND, "course": _OVER_GROUND, "v_north": _NORTH_EAST, "v_east": _NORTH_EAST,
+    "speed_through_water": "u_water is named too",
+}  # fmt: skip
 _OWN = frozenset(name for name, row in ROLES.items() if row.bare and name not in (
     "latitude", "longitude", "height", "depth", "north", "east", "heading", "v_north", "v_east", "v_down",
     "speed_over_ground", "course", "speed_through_water",

@@ -52,7 +52,7 @@ def text_in_place(found: LogMap, sources: Sequence[Path]) -> str:
     ------
     ImportLogError             with everything trial.toml cannot say
     """
-    problems = _beyond(found, sources)
+    problems = needs_import(found, sources)
     if problems:
         raise_all(ImportLogError, "cannot be read in place", problems)
     runs, _ = apply_map(found, sources)
@@ -67,8 +67,8 @@ def text_in_place(found: LogMap, sources: Sequence[Path]) -> str:
     return trial_toml(found, shifted, files, vehicle, columns, correction)
 
 
-def _beyond(found: LogMap, sources: Sequence[Path]) -> list[str]:
-    """What makes an import necessary, one sentence each."""
+def needs_import(found: LogMap, sources: Sequence[Path]) -> list[str]:
+    """What a trial.toml cannot say, so that it takes an import, one sentence each."""
     out = [words for role, words in _NEEDS_IMPORT.items() if role in found.channels]
     if len({path.resolve().parent for path in sources}) > 1:
         out.append("the files lie in several folders")

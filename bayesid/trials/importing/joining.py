@@ -20,6 +20,7 @@ from bayesid.trials.importing.log_map import LogMap, RunMap
 from bayesid.trials.importing.raw import ImportLogError, RawLog, Request
 from bayesid.trials.importing.readers import read_log
 from bayesid.trials.trial import Floats
+from bayesid.words import counted
 
 SAME_TIME = 1e-6  # s; stamps closer than this are one row
 
@@ -192,9 +193,9 @@ def apply_map(
     if found.questions:
         listed = "".join(f"\n  {k}. {q}" for k, q in enumerate(found.questions, 1))
         raise ImportLogError(
-            f"{len(found.questions)} questions of the map are open; edit the map, delete each from "
-            f"`questions` when it "
-            f"is answered, and give the command again:{listed}"
+            f"{counted(len(found.questions), 'question of the map is', 'questions of the map are')} open; "
+            f"edit the map, delete each from `questions` when it is answered, and give the command "
+            f"again:{listed}"
         )
     paths = {p.name: p for p in sources}
     out = []

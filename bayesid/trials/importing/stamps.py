@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from bayesid.trials.assemble import ROUNDED, SET_BACK
-from bayesid.trials.health import JITTER, MOSTLY, WHOLE
+from bayesid.trials.equal_times import rows_behind
+from bayesid.trials.health import uneven_steps
 from bayesid.trials.importing.agreement import held
 from bayesid.trials.importing.converting import Recording, convert, resolve
 from bayesid.trials.importing.draft import Draft
@@ -47,22 +48,17 @@ def look_at(t: Floats) -> Stamps | None:
     step = np.diff(t)
     usual = float(np.median(step[step > 0])) if (step > 0).any() else 0.0
     top = np.maximum.accumulate(t)
-    behind = np.concatenate(([0], (t < top).astype(int), [0]))
-    first, last = np.flatnonzero(np.diff(behind) == 1), np.flatnonzero(np.diff(behind) == -1)
+    first, last = rows_behind(t)
     long = [(a, b) for a, b in zip(first, last, strict=True) if b - a >= SET_BACK]
     late = int(sum(b - a for a, b in zip(first, last, strict=True) if b - a < SET_BACK))
-    inner = step[step > 0]
     wide = np.flatnonzero(step > max(GAP * usual, SHORTEST))
-    low, high = (float(q) for q in np.percentile(inner, (15, 85))) if inner.size else (0.0, 0.0)
-    ratio = inner / usual if usual > 0 else np.ones(1)
-    regular = float(np.mean(np.abs(ratio - np.maximum(1.0, np.round(ratio))) < WHOLE)) > MOSTLY
     return Stamps(
         float(np.mean(step == 0.0)),
         late,
         tuple((float(t[a - 1]), float(top[a] - t[a])) for a, _ in long),
         tuple((float(t[k]), float(step[k])) for k in wide),
         usual,
-        (low, high) if high - low > JITTER * usual and not regular and inner.size > 50 else None,
+        uneven_steps(step[step > 0]),
     )
 
 

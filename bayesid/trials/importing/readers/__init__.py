@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import hashlib
 import importlib
+import shlex
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -44,7 +45,8 @@ def format_of(path: Path) -> str:
         if (path / "metadata.yaml").is_file():
             return "rosbag"
         raise ImportLogError(
-            f"{path}: is a folder without metadata.yaml, so not a ROS 2 bag; name its files instead"
+            f"{path}: is a folder, and no ROS 2 bag (it has no metadata.yaml); name the files in it, or give "
+            f"the whole to: bayesid start {shlex.quote(str(path))}"
         )
     try:
         with open(path, "rb") as file:
