@@ -96,13 +96,8 @@ def failures(found: TrialFit, others: list[str]) -> list[str]:
     if left:
         some = "; ".join(f"`{n}`" for n in left[:2])
         more = f" and {len(left) - 2} more" if len(left) > 2 else ""
-<<<<<<< HEAD
-        out.append(f"These runs do not determine {len(left)} combinations: {some}{more}.")
-    for wrong in filter(None, (shaft_speed_note(found.trial), noise_warning(found.trial))):
-=======
         out.append(f"These runs do not determine {counted(len(left), 'combination')}: {some}{more}.")
-    if wrong := noise_warning(found.trial):
->>>>>>> imp
+    for wrong in filter(None, (shaft_speed_note(found.trial), noise_warning(found.trial))):
         out.append(f"{wrong[0].upper()}{wrong[1:]}.")
     return out + others
 
