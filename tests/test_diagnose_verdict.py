@@ -59,6 +59,7 @@ def judged(
             thresholds=SimpleNamespace(named=3.0, remainder=19.0, conflict=3.0),
             carried=0.0,
             carried_beside=0.0,
+            form_instead=np.inf,
         ),
     )  # fmt: skip
 
@@ -229,5 +230,6 @@ def test_a_function_of_the_motion_is_a_cause_alone_and_part_of_a_form_beside_oth
         )}
     )  # fmt: skip
     names = facts.like_a_form
-    assert names(pair[0], shaped.model) == ("b",) and names(pair[2], shaped.model) == ()
-    assert names(pair[0], PROBLEM.model) == ()
+    weighed = SimpleNamespace(form_instead=np.inf)
+    assert names(weighed, pair[0], shaped.model) == ("b",) and names(weighed, pair[2], shaped.model) == ()
+    assert names(weighed, pair[0], PROBLEM.model) == ()

@@ -34,6 +34,8 @@ def random_point(kernel, rng, effects_on=True):
             par[i] = named[name]
         elif name in OFF:
             par[i] = OFF[name] + (rng.uniform(0.1, 0.4) if effects_on else 0.0)
+        elif name.startswith("thruster_") and name.endswith(("_limit", "_dead_band", "_reverse")):
+            par[i] = abs(par[i])  # as the reader of a vehicle file has them
     x = rng.uniform(0.2, 0.9, len(kernel.states)) * rng.choice([-1.0, 1.0], len(kernel.states))
     act = rng.uniform(0.1, 0.5, len(kernel.actuators)) * rng.choice([-1.0, 1.0], len(kernel.actuators))
     act[-1] = 2.0

@@ -1,9 +1,18 @@
 """Errors of the study of ship models, on motions in closed form."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from studies.ship_models.errors import circle, filled, overshoots, whole_turn
+from bayesid.errors import FitError
+from bayesid.model.vehicles import load_vehicle
+from bayesid.progress import Progress
+from bayesid.trials import Run, Trial
+from studies.ship_models import choice
+from studies.ship_models.choice import Candidate, chosen, joined_errors
+from studies.ship_models.errors import circle, filled, lost, overshoots, whole_turn
 
 
 def test_overshoots_are_what_the_heading_gains_after_each_reversal():
@@ -28,3 +37,45 @@ def test_a_circle_has_its_diameter_and_drift_and_its_last_turn_is_whole():
 def test_missing_samples_are_interpolated():
     values = np.array([0.0, np.nan, 2.0])
     assert filled(np.arange(3.0), values) == pytest.approx([0.0, 1.0, 2.0])
+
+
+def test_a_lost_run_loses_the_candidate_and_a_run_without_a_measure_does_not():
+    row = {"psi": 3.0, "r": 0.1, "position": 2.0}
+    zigzag, turn = row | {"overshoot": 1.5}, row | {"diameter": 5.0, "drift": -2.0}
+    assert joined_errors([zigzag, turn])["score"] == pytest.approx(1.0)
+    gone = dict.fromkeys(zigzag, np.nan)
+    out = joined_errors([zigzag, zigzag, gone, turn])
+    assert out["overshoot"] == np.inf and out["score"] == np.inf and out["lost"] == 1
+    assert out["psi"] == 3.0 and out["drift"] == pytest.approx(2.0)  # a median over one lost of four
+
+
+def zigzag(name: str) -> Run:
+    t = np.arange(0.0, 81.0)
+    psi = np.radians(10.0) * np.abs((t / 20.0) % 2 - 1)
+    rudder = np.where(((t + 6.0) / 20.0) % 2 < 1, 0.2, -0.2)
+    return Run(name, "zigzag 10/10", "identify", t, {"psi": psi}, measured_inputs={"delta_r": rudder})
+
+
+def test_a_failed_fold_is_infinite_and_a_kept_row_serves_its_own_inputs_only(monkeypatch, tmp_path: Path):
+    """Fits that raise: every run counts as lost, and another seed is computed anew."""
+    calls = []
+
+    def fails(*_, **given):
+        calls.append(given["options"].seed)
+        raise FitError("no")
+
+    monkeypatch.setattr(choice, "fit_in_pieces", fails)
+    monkeypatch.setattr(choice, "candidates", lambda *_: (Candidate("one", ("Y_v",), None),))
+    trial = Trial("pond", tmp_path, "kvlcc2_mmg", 3, (zigzag("a"), zigzag("b"), zigzag("c")))
+    ship = load_vehicle("kvlcc2_mmg")
+
+    def errors_of(seed):
+        return chosen("kvlcc2_hsva", trial, ship, tmp_path, seed, Progress(quiet=True))["tried"]["one"]
+
+    found = errors_of(0)
+    assert found["score"] == np.inf and found["runs"] == found["lost"] == 3
+    assert set(lost(zigzag("a"))) == {"psi", "r", "position", "overshoot"}
+    assert errors_of(0) == found and calls == [0, 0]  # two folds, then kept
+    errors_of(1)
+    assert calls == [0, 0, 1, 1]
+    assert json.loads((tmp_path / "choice.json").read_text())["one"]["inputs"]["seed"] == 1

@@ -11,11 +11,13 @@ import pytest
 from bayesid.api.simulate import simulate_model
 from bayesid.equations.model import build_model
 from bayesid.model.vehicles import CoefficientPrior, load_vehicle
+from bayesid.progress import Progress
 from bayesid.simulation import plan_trial_run
 from bayesid.trials import Run, Trial
+from studies.wind_from_motion import run as study
 from studies.wind_from_motion.estimate import MotionWind, unread, wind_of
-from studies.wind_from_motion.report import scores
-from studies.wind_from_motion.run import row
+from studies.wind_from_motion.report import NO_SHIP, scores, wind_report
+from studies.wind_from_motion.run import row, winds
 
 T = np.arange(0.0, 20.0, 1.0)
 
@@ -76,3 +78,43 @@ def test_a_planted_wind_is_found_and_a_calm_is_not_named(air):
     off = np.abs(wind.mean - air) / np.sqrt(np.diag(wind.covariance))
     assert off.max() < 3.0
     assert (wind.evidence > 9.21) == any(air)
+
+
+def test_sds_too_small_name_no_wind_that_scaled_sds_do_not():
+    """Errors of four sd beside a chi-square of 32: scaled by four it is 2, below the 1 % of 9.21."""
+    run = given(calm_run(), (4.0, 0.0))
+    covariance = np.diag([2.0, 2.0])
+    far = row(run, MotionWind("r", np.array([8.0, 0.0]), covariance, "converged").record())
+    told = scores([far | {"z": [4.0, -4.0]}])
+    assert told["rms_z"] == pytest.approx(4.0)
+    assert told["named"] == 100.0 and told["named_scaled"] == 0.0
+    careful = scores([far | {"z": [0.1, -0.1]}])  # sds too large are not made smaller
+    assert careful["named_scaled"] == 100.0
+
+
+def test_a_kept_wind_serves_its_own_inputs_and_a_run_without_a_ship_is_marked(monkeypatch, tmp_path):
+    """Another seed, and another ship, are found anew; without a fitted ship the published one is not used."""
+    calls = []
+
+    def counted(trial, run, ship, free, seed):
+        calls.append((ship.name, seed))
+        return MotionWind(run.name, np.array([2.0, 0.0]), np.eye(2), "converged")
+
+    monkeypatch.setattr(study, "wind_of", counted)
+    log, ship = given(calm_run(), (2.0, 0.1)), load_vehicle("esso_osaka_mmg")
+    trial = Trial("pond", tmp_path, "", 3, (log,))
+
+    def ask(ship, seed):
+        return winds(trial, [log], lambda run: ship, ("Y_v",), seed, tmp_path, Progress(quiet=True), "x")["r"]
+
+    assert ask(ship, 0) == ask(ship, 0) and len(calls) == 1
+    ask(ship, 1)
+    ask(replace(ship, coef=ship.coef | {"Y_r": 2 * ship.coef["Y_r"]}), 1)
+    assert len(calls) == 3
+    assert ask(None, 1) == {"failed": NO_SHIP}
+    rows = {"published ship": [row(log, ask(ship, 1))]}
+    record = {"inputs": {"quick": True}, "attribution": "none", "passes": rows}
+    assert "fitted to the other half" not in wind_report(record).lead
+    gone = [row(log, ask(ship, 1)), row(log, ask(None, 1))]
+    told = wind_report(record | {"inputs": {"quick": False}, "passes": rows | {"fitted ship": gone}}).lead
+    assert "For 1 runs no ship could be fitted" in told

@@ -24,6 +24,7 @@ from bayesid.progress import Progress, RouteStep
 from bayesid.report.diagnosis.report import diagnosis_report, write_diagnosis_report
 from bayesid.report.input import check_record, in_order_line
 from bayesid.report.writer import Report
+from bayesid.simulation import with_shaft_speed
 from bayesid.threads import one_blas_thread
 from bayesid.trials import Trial
 from bayesid.trials.mistakes import InputCheck
@@ -95,6 +96,9 @@ def diagnose(
     model = model_of(logged, vehicle, declared_effects(effects), exclude)
     shown = progress or Progress(quiet=True)
 
+    def ready(of: Trial) -> Trial:
+        return with_shaft_speed(prepared(of, resample=resample), model.vehicle)
+
     def diagnosis(of: Trial, checked: InputCheck) -> DiagnoseResult:
         told = shown.route(_route(next_manoeuvre, draws, keep_model))
         with fits_kept(kept) as fits:
@@ -110,7 +114,7 @@ def diagnose(
         """A log that looks like another vehicle's, where a mistake of the simulator explains it."""
         if any(f.correction is None and f.name != WRONG_VEHICLE for f in checked.findings):
             return None
-        right = prepared(mended(logged, checked), resample=resample)
+        right = ready(mended(logged, checked))
         if not_enough(right, model) or not mistakes_that_clear(right, model):
             return None
         found = diagnosis(right, checked)
@@ -121,13 +125,13 @@ def diagnose(
         return None
 
     if trust_input:
-        return diagnosis(prepared(logged, resample=resample), InputCheck())
+        return diagnosis(ready(logged), InputCheck())
     shown.note("input: what the channels say of one another")
     checked = check_trial(logged, model)
     mend = all(finding.correction is not None for finding in checked.findings)
     if checked.findings and not mend:
         return mistaken_simulator(checked) or InputResult(logged.name, checked)
-    trial = prepared(mended(logged, checked) if checked.findings else logged, resample=resample)
+    trial = ready(mended(logged, checked) if checked.findings else logged)
     if reasons := not_enough(trial, model):
         return InputResult(logged.name, checked, reasons)
     result = diagnosis(trial, checked)

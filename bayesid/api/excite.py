@@ -26,6 +26,7 @@ from bayesid.report import excite_first_screen as screen
 from bayesid.report.excite import TERM_COLUMNS, excitation_report, term_rows, write_excitation_report
 from bayesid.report.writer import Report
 from bayesid.report.writer.text import table_text
+from bayesid.simulation import with_shaft_speed
 from bayesid.threads import one_blas_thread
 from bayesid.trials import Trial
 
@@ -64,6 +65,7 @@ def excite(
     """
     read = trial_of(trial, data)
     model = build_model(vehicle_of(vehicle, read), read.dof)
+    read = with_shaft_speed(read, model.vehicle)
     drift = (read.environment.nav_drift or 0.0) if read.environment else 0.0
     if not read.identify:
         raise ModelError("no run to read; excitation needs at least one")

@@ -48,6 +48,7 @@ from bayesid.report.fit_first_screen import failures, headline, moved
 from bayesid.report.prediction_error import PREDICTION_COLUMNS, prediction_numbers, prediction_rows
 from bayesid.report.writer import Report
 from bayesid.report.writer.text import table_text
+from bayesid.simulation import with_shaft_speed
 from bayesid.threads import one_blas_thread
 from bayesid.words import counted
 
@@ -119,7 +120,7 @@ def fit(
         raise FitError(
             f"{ship.name} has no coefficient {', '.join(unknown)} to keep; it has {', '.join(ship.coef)}"
         )
-    chosen = prepared(logged, runs, resample, QUICK_SAMPLES if quick else None)
+    chosen = with_shaft_speed(prepared(logged, runs, resample, QUICK_SAMPLES if quick else None), ship)
     if lacking := not_enough(chosen):
         raise TrialError(f"{logged.name}: {'; '.join(lacking)}")
     if not estimate_noise:

@@ -25,6 +25,7 @@ from bayesid.report import identify as words
 from bayesid.report import identify_first_screen as screen
 from bayesid.report.writer import Report
 from bayesid.report.writer.text import table_text
+from bayesid.simulation import shaft_speed_note, with_shaft_speed
 from bayesid.threads import one_blas_thread
 from bayesid.trials.noise import raised, raised_words
 
@@ -73,7 +74,7 @@ def identify(
     """
     logged = trial_of(trial, data)
     ship = vehicle_of(vehicle, logged, prior)
-    chosen = prepared(logged, runs, resample, QUICK_SAMPLES if quick else None)
+    chosen = with_shaft_speed(prepared(logged, runs, resample, QUICK_SAMPLES if quick else None), ship)
     chosen = in_pieces(chosen, pieces) if pieces else chosen
     model = build_model(ship, 3 if ship.planar_only else chosen.dof)
     file = Path(fitted) if fitted is not None else None
@@ -96,6 +97,8 @@ def identify(
             params.started_at([earlier.values.get(n, params[n].start) for n in params.names])
         )
         remarks.append("the earlier fit has a model form; its rows are free here too, under its prior")
+    if (held := shaft_speed_note(chosen)) is not None:
+        remarks.append(held)
     problem, words_of_noise = _with_least_noise(problem)
     remarks += words_of_noise
     told = earlier.uncertainty if earlier is not None else {}

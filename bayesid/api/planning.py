@@ -18,6 +18,7 @@ from bayesid.errors import TrialError, VehicleError
 from bayesid.estimation.segments import in_pieces
 from bayesid.manoeuvres import Manoeuvre, Scale, parse
 from bayesid.model.vehicles import Vehicle
+from bayesid.simulation import with_shaft_speed
 from bayesid.trials import Trial, load_trial
 from bayesid.trials.bundle import builtin_trials
 
@@ -48,7 +49,8 @@ def subject_of(
             vehicle_of(vehicle if vehicle is not None else source, None, prior), dof or 3
         ), None
     trial, ship = source, vehicle_of(vehicle, source, prior)
-    return build_model(ship, dof or (3 if ship.planar_only else trial.dof)), trial
+    model = build_model(ship, dof or (3 if ship.planar_only else trial.dof))
+    return model, with_shaft_speed(trial, ship)
 
 
 def is_bundle(source: str | os.PathLike[str]) -> bool:

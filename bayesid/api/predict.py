@@ -39,6 +39,7 @@ from bayesid.report import predict_first_screen as first_screen
 from bayesid.report.prediction_figures import bands
 from bayesid.report.writer import Figure, Report, Section, Table, literal
 from bayesid.report.writer.text import table_text
+from bayesid.simulation import shaft_speed_note, with_shaft_speed
 from bayesid.threads import one_blas_thread
 from bayesid.trials import Run, Trial
 
@@ -94,6 +95,7 @@ def predict(
     logged = trial_of(trial, data)
     shown = progress or Progress(quiet=True)
     found = _model(logged, model, out, vehicle, effects, seed, shown)
+    logged = with_shaft_speed(logged, found.model.vehicle)
     wanted = [what] if isinstance(what, str) else list(what or [run.name for run in logged.runs])
     s = found.model.scales
     scale = scale_of(found.model, rpm, dt if dt is not None else s["L"] / s["U"] / 40)
@@ -153,7 +155,11 @@ def _model(
             f"{trial.name}: {first.says} (probability {first.probability:.2f}){mend}. See "
             "`bayesid diagnose`; with --model it is not asked"
         )
-    found = diagnosed_model_of(diagnose(trial, model, seed=seed, notify=progress.note, plan_next=False))
+    found = diagnosed_model_of(
+        diagnose(
+            with_shaft_speed(trial, model.vehicle), model, seed=seed, notify=progress.note, plan_next=False
+        )
+    )
     if out is not None:
         write_diagnosed(found, out)
     return found
@@ -287,8 +293,10 @@ class PredictResult(Result):
         return f"model: {', '.join(f'{name} ({share:.0%})' for name, share in shares.items())}"
 
     def _doubts(self) -> list[str]:
-        """Runs of which nothing is predicted, and channels whose readings lie outside the bands."""
+        """Shaft speed that is not logged, runs of which nothing is predicted, channels outside the bands."""
         out = []
+        if (note := shaft_speed_note(self.trial)) is not None:
+            out.append(f"{note[0].upper()}{note[1:]}.")
         rows = self.numbers["predictions"]
         lost = [row["name"] for row in rows if row["widest_band"].get("psi", 0.0) > FULL_TURN]
         if lost:

@@ -49,6 +49,7 @@ from bayesid.report.sample import (
 )
 from bayesid.report.writer import Report
 from bayesid.report.writer.text import table_text
+from bayesid.simulation import with_shaft_speed
 from bayesid.threads import one_blas_thread
 from bayesid.trials.noise import raised, raised_words
 
@@ -121,7 +122,8 @@ def sample(
     )
     logged = trial_of(trial, data)
     ship = vehicle_of(vehicle, logged, prior)
-    chosen = with_believed_noise(prepared(logged, runs, resample, QUICK_SAMPLES if quick else None), ship)
+    chosen = with_shaft_speed(prepared(logged, runs, resample, QUICK_SAMPLES if quick else None), ship)
+    chosen = with_believed_noise(chosen, ship)
     model = build_model(ship, 3 if ship.planar_only else chosen.dof)
     kept = set(names_of(fix) or ())
     params = coefficient_set(model, tuple(n for n in names_of(free) or model.coefficients if n not in kept))

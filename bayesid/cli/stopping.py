@@ -14,7 +14,10 @@ from contextlib import suppress
 from types import FrameType
 from typing import NoReturn
 
-TEXT = "stopped before it was done; --out holds what had been written until then, if anything"
+TEXT = (
+    "stopped before it was done; --out holds what had been written until then, if anything: the same command "
+    "goes on from there (sample with --resume)"
+)
 TIDY = 2.0  # s at most for giving back what other processes share
 _asked: int | None = None
 

@@ -3,10 +3,10 @@
 Takes a `DiagnosisProblem`. Gives `Compared`: the problem, with the form if it has one, and its hypotheses.
 Leaves out no reading (`exclusions`) and does not decide.
 
-A form is asked for beside the best single effect where it gains more there than any second effect would, and
-else beside the best of all, so that two effects that explain everything are not taken for one. An effect that
-is itself a shape of a form counts as an effect there: only what a form gains beyond it is the form's. It is
-tried once: hypotheses with a form cost as much as all others together.
+A form is asked for beside the best single effect where it gains 20 nats more there than any second effect
+would, and else beside the best of all, so that two effects that explain everything are not taken for one. An
+effect that is itself a shape of a form counts as an effect there: only what a form gains beyond it is the
+form's. It is tried once: hypotheses with a form cost as much as all others together.
 """
 
 from __future__ import annotations
@@ -57,19 +57,25 @@ def compared(
     left = remainder(problem, leading) if leading.effects else single.where
     needed = needed_form(problem, leading, _period(left, single.thresholds.remainder))
     known = {leading.effects: left} if leading.effects else None
-    if needed is not None and needed.beyond > _further(problem, single) + FORM_EVIDENCE:
+    asked = needed is not None and needed.beyond > _further(problem, single) + FORM_EVIDENCE
+    unable = None
+    if needed is not None and asked:
         found, unable = _with_form(problem, needed, leading, notify, seed)
-        return found or Compared(problem, weigh(problem, single, notify, known), unable)
+        if found is not None:
+            return found
     candidates = weigh(problem, single, notify, known)
     beside = _beside(candidates)
-    if beside.effects == leading.effects and needed is None:
-        return Compared(problem, candidates)
+    if beside.effects == leading.effects and (asked or needed is None):
+        return Compared(problem, candidates, unable)
     left = candidates.where_after or candidates.where
     needed = needed_form(problem, beside, _period(left, candidates.thresholds.remainder))
     if needed is None:
-        return Compared(problem, candidates)
-    found, unable = _with_form(problem, needed, simplest(candidates), notify, seed)
-    return found or Compared(problem, replace(candidates, form_instead=needed.beyond), unable)
+        return Compared(problem, candidates, unable)
+    if not asked:
+        found, unable = _with_form(problem, needed, simplest(candidates), notify, seed)
+        if found is not None:
+            return found
+    return Compared(problem, replace(candidates, form_instead=needed.beyond), unable)
 
 
 def _with_form(

@@ -7,7 +7,7 @@ its orders and its lead-in only; the rest of its readings is what the prediction
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -30,6 +30,7 @@ from bayesid.simulation import (
     run_manoeuvre,
     simulate,
 )
+from bayesid.simulation.shaft_speed import ordered_with_shaft_speed
 from bayesid.trials import Run, window
 
 LEAD_LENGTHS = 6.0  # L/U
@@ -227,9 +228,7 @@ def predict_manoeuvre(
     channels = tuple(c for c in model.kernel.channels if not c.endswith("_water"))
     picked = [model.kernel.channels.index(c) for c in channels]
     rpm = _first_rpm(model, manoeuvre)
-    if isinstance(manoeuvre, OpenLoop) and "n_cmd" not in manoeuvre.commands:
-        held = np.full(manoeuvre.t.shape, rpm)
-        manoeuvre = replace(manoeuvre, commands={**manoeuvre.commands, "n_cmd": held})
+    manoeuvre = ordered_with_shaft_speed(manoeuvre, rpm)
     kept: list[Array] = []
     rudders: list[Array] = []
     first: Mapping[str, Array] = {}

@@ -15,6 +15,7 @@ from bayesid.estimation.trial_fit import RunOutcome, TrialFit
 from bayesid.report import run_picture
 from bayesid.report.fit_effects import effect_words
 from bayesid.report.writer import Block, Figure, Row, Section, Table, Text, literal
+from bayesid.simulation import shaft_speed_note
 from bayesid.trials.noise_stated import noise_warning
 from bayesid.words import counted
 
@@ -96,7 +97,7 @@ def failures(found: TrialFit, others: list[str]) -> list[str]:
         some = "; ".join(f"`{n}`" for n in left[:2])
         more = f" and {len(left) - 2} more" if len(left) > 2 else ""
         out.append(f"These runs do not determine {counted(len(left), 'combination')}: {some}{more}.")
-    if wrong := noise_warning(found.trial):
+    for wrong in filter(None, (shaft_speed_note(found.trial), noise_warning(found.trial))):
         out.append(f"{wrong[0].upper()}{wrong[1:]}.")
     return out + others
 

@@ -21,6 +21,7 @@ from bayesid.estimation.trial_fit import TrialFit
 from bayesid.model.vehicles import Vehicle
 from bayesid.report import coefficient_cells, ridge_figures
 from bayesid.report.writer import Block, Figure, Row, Section, Table, Text, literal
+from bayesid.simulation import shaft_speed_note
 from bayesid.trials.noise_stated import noise_warning
 
 COEFFICIENTS = (
@@ -120,7 +121,7 @@ def failures(
             f"{BENT:g} "
             f"times along {literal('; '.join(bent[:3]))}. The draws are to be used, not the sd of the fit."
         )
-    if wrong := noise_warning(found.trial):
+    for wrong in filter(None, (shaft_speed_note(found.trial), noise_warning(found.trial))):
         out.append(f"{wrong[0].upper()}{wrong[1:]}.")
     return [*out, noisy] if noisy else out
 

@@ -13,6 +13,12 @@ from bayesid.simulation.closed_loop import run_manoeuvre, steady_start
 from bayesid.simulation.interval_maps import Maps, Readings, inertia_ratio, interval_maps, readings_on
 from bayesid.simulation.prepare import actuate, with_own_states
 from bayesid.simulation.sensors import observe, observe_sensitivity
+from bayesid.simulation.shaft_speed import (
+    has_propeller,
+    shaft_speed_note,
+    shaft_speed_words,
+    with_shaft_speed,
+)
 from bayesid.simulation.single import Sensitivity, Track, gradient, sensitivities, simulate
 from bayesid.simulation.time_plan import STEP_PER_LENGTH, TimePlan, plan_run, plan_trial_run
 
@@ -28,6 +34,7 @@ __all__ = [
     "run_manoeuvre",
     "gradient",
     "gradient_batch",
+    "has_propeller",
     "inertia_ratio",
     "interval_maps",
     "observe",
@@ -37,8 +44,11 @@ __all__ = [
     "rates_on",
     "readings_on",
     "sensitivities",
+    "shaft_speed_note",
+    "shaft_speed_words",
     "simulate",
     "simulate_batch",
     "steady_start",
     "with_own_states",
+    "with_shaft_speed",
 ]

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +18,7 @@ from bayesid.errors import ModelError
 from bayesid.manoeuvres import Manoeuvre, OpenLoop
 from bayesid.simulation.closed_loop import run_manoeuvre, steady_start
 from bayesid.simulation.sensors import observe
+from bayesid.simulation.shaft_speed import ordered_with_shaft_speed
 from bayesid.simulation.time_plan import plan_run
 from bayesid.trials import Run, Trial
 
@@ -51,7 +51,7 @@ def virtual_run(
         a noise channel the model does not give, a negative sigma, noise without a generator, or a vehicle
         that diverges
     """
-    manoeuvre = _with_shaft_speed(model, manoeuvre)
+    manoeuvre = ordered_with_shaft_speed(manoeuvre, model.vehicle.rpm_ref or 0.0)
     names = [channel for channel in model.kernel.channels if not channel.endswith("_water")]
     noise = dict(noise or {})
     unknown = [channel for channel in noise if channel not in names]
@@ -102,14 +102,6 @@ def virtual_trial(
         runs.append(run)
     stated = {channel: sigma for channel, sigma in (noise or {}).items() if sigma > 0}
     return Trial(title, Path("."), vehicle_ref, model.dof, tuple(runs), noise=stated)
-
-
-def _with_shaft_speed(model: Model, manoeuvre: Manoeuvre) -> Manoeuvre:
-    """A table may order fins only; the vehicle then keeps its usual shaft speed instead of stopping."""
-    if isinstance(manoeuvre, OpenLoop) and "n_cmd" not in manoeuvre.commands:
-        usual = np.full(manoeuvre.t.shape, model.vehicle.rpm_ref or 0.0)
-        return replace(manoeuvre, commands={**manoeuvre.commands, "n_cmd": usual})
-    return manoeuvre
 
 
 def _first_shaft_speed(manoeuvre: Manoeuvre) -> float | None:

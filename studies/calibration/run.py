@@ -24,13 +24,14 @@ from studies.calibration.report import calibration_report
 VEHICLES = ("generic_sub", "remus100", "nps_auv2")
 THREE = ("steps", "turn", "doublets")
 SAMPLED, INFLATED = ({"memory": m} for m in ("ar1", "inflate"))
+STUDENT = {"memory": "ignore", "student": 4.0, "initial": "fixed"}
 # condition -> what it is and how many replicates, a third of them per vehicle
 CONDITIONS: dict[str, tuple[Condition, int]] = {
     "one run": (Condition(), 48),
     "three runs": (Condition(runs=THREE), 48),
     "four pieces": (Condition(pieces=4), 48),
     "Student-t noise": (
-        Condition(noise="student", start_known=True, settings={"memory": "ignore", "student": 4.0}), 48,
+        Condition(noise="student", start_known=True, settings=STUDENT), 48,
     ),
     "coloured noise, memory sampled": (Condition(noise="coloured", settings=SAMPLED), 24),
     "coloured noise, memory counted": (Condition(noise="coloured", settings=INFLATED), 48),

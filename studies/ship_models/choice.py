@@ -23,7 +23,7 @@ from bayesid.model.vehicles import Vehicle
 from bayesid.progress import Progress
 from bayesid.trials import Trial, thin
 from studies.real_logs.run import SETTINGS, SINGLE_SCREW
-from studies.ship_models.errors import errors
+from studies.ship_models.errors import errors, lost
 from studies.ship_models.report import MARKS
 from studies.ship_models.ships import AT_ONE_RPM, INERTIA, KNOWN, SHARE, SHIP_WIND, free_of
 
@@ -77,46 +77,63 @@ def chosen(
     """Record: candidate -> rms of every measure over left-out runs, and the key of the best.
 
     The score is the mean of the measures that have a mark, each over its mark. Candidates whose errors are
-    there already are not fitted again.
+    there already for the same runs, ship, unknowns, noise and seed are not fitted again.
     """
-    runs = [thin(run, 2 * SETTINGS[name].dt) for run in trial.identify]
+    runs = tuple(thin(run, 2 * SETTINGS[name].dt) for run in trial.identify)
     kept = out / "choice.json"
     table: dict[str, Any] = json.loads(kept.read_text()) if kept.is_file() else {}
+    tried: dict[str, dict[str, float]] = {}
     for candidate in candidates(name, ship):
-        if candidate.key in table:
-            continue
-        found: list[dict[str, float]] = []
-        for fold in range(FOLDS):
-            held = {run.name for run in runs[fold::FOLDS]}
-            roles = tuple(replace(r, role="holdout" if r.name in held else "identify") for r in runs)
-            with progress.stage(f"{name}: {candidate.key}, fold {fold + 1}") as stage:
-                try:
-                    fit = fit_in_pieces(
-                        replace(trial, runs=roles), SETTINGS[name].piece, ship, None, free=candidate.free,
-                        parts=candidate.parts, options=FitOptions(seed=seed, profile=True, rounds=ROUNDS),
-                        watch=lambda done, cost, step, s=stage: s.step(info=f"cost {cost:.5g}"),
-                    )  # fmt: skip
-                except BayesidError as error:
-                    progress.note(f"{candidate.key}: {error}")
-                    continue
-            by_name = {run.name: run for run in roles}
-            judged = outcomes(
-                fit.problem, replace(trial, runs=tuple(r for r in roles if r.name in held)), fit.fit
-            )
-            found += [errors(one, by_name[one.name], "fitted") for one in judged]
-        table[candidate.key] = joined_errors(found)
-        write_json(kept, table)
-    best = min(table, key=lambda key: table[key]["score"])
-    return {"tried": table, "best": best}
+        inputs = {
+            "trial": replace(trial, runs=runs).digest, "ship": ship.digest, "seed": seed, "rounds": ROUNDS,
+            "folds": FOLDS, "piece": SETTINGS[name].piece, "free": list(candidate.free),
+            "parts": repr(candidate.parts),
+        }  # fmt: skip
+        row = table.get(candidate.key, {})
+        if row.get("inputs") != inputs:
+            found = _left_out(name, candidate, replace(trial, runs=runs), ship, seed, progress)
+            row = table[candidate.key] = {"inputs": inputs, "errors": joined_errors(found)}
+            write_json(kept, table)
+        tried[candidate.key] = {measure: float(value) for measure, value in row["errors"].items()}
+    return {"tried": tried, "best": min(tried, key=lambda key: tried[key]["score"])}
+
+
+def _left_out(
+    name: str, candidate: Candidate, trial: Trial, ship: Vehicle, seed: int, progress: Progress
+) -> list[dict[str, float]]:
+    """Errors of every run by the fit to the other fold; of a fit that fails its runs are lost."""
+    found: list[dict[str, float]] = []
+    for fold in range(FOLDS):
+        held = {run.name for run in trial.runs[fold::FOLDS]}
+        roles = tuple(replace(r, role="holdout" if r.name in held else "identify") for r in trial.runs)
+        by_name = {run.name: run for run in roles if run.name in held}
+        with progress.stage(f"{name}: {candidate.key}, fold {fold + 1}") as stage:
+            try:
+                fit = fit_in_pieces(
+                    replace(trial, runs=roles), SETTINGS[name].piece, ship, None, free=candidate.free,
+                    parts=candidate.parts, options=FitOptions(seed=seed, profile=True, rounds=ROUNDS),
+                    watch=lambda done, cost, step, s=stage: s.step(info=f"cost {cost:.5g}"),
+                )  # fmt: skip
+            except BayesidError as error:
+                progress.note(f"{candidate.key}: {error}")
+                found += [lost(run) for run in by_name.values()]
+                continue
+        judged = outcomes(fit.problem, replace(trial, runs=tuple(by_name.values())), fit.fit)
+        found += [errors(one, by_name[one.name], "fitted") for one in judged]
+    return found
 
 
 def joined_errors(found: list[dict[str, float]]) -> dict[str, float]:
-    """Rms of each measure over runs and the score; a lost run counts as infinite."""
+    """Rms of each measure over the runs that have it (median of those without a mark), score, count of runs.
+
+    A run whose simulation is lost, NaN, counts as infinite.
+    """
     out: dict[str, float] = {}
     for measure in ("psi", "r", "position", *MARKS):
-        values = [one[measure] for one in found if measure in one and not np.isnan(one[measure])]
-        if values:
-            join = np.sqrt(np.mean(np.square(values))) if measure in MARKS else np.median(values)
-            out[measure] = float(join)
+        values = np.array([one[measure] for one in found if measure in one])
+        if values.size:
+            values = np.where(np.isnan(values), np.inf, values)
+            out[measure] = float(np.sqrt(np.mean(values**2)) if measure in MARKS else np.median(values))
+    gone = sum(not np.isfinite(one["psi"]) for one in found)
     marks = [out[m] / mark for m, mark in MARKS.items() if m in out]
-    return out | {"score": float(np.mean(marks)) if marks else float("inf"), "runs": len(found)}
+    return out | {"score": float(np.mean(marks)) if marks else np.inf, "runs": len(found), "lost": gone}

@@ -68,7 +68,8 @@ def errors(outcome: RunOutcome, run: Run, which: str) -> dict[str, float]:
         rudder = np.asarray(run.measured_inputs.get("delta_r", run.commands.get("delta_r_cmd")))
         wanted = overshoots(outcome.t, log["psi"], rudder)
         got = overshoots(outcome.t, sim["psi"], rudder)
-        found["overshoot"] = deg * float(np.sqrt(np.mean((got - wanted) ** 2))) if wanted.size else np.nan
+        if wanted.size:
+            found["overshoot"] = deg * float(np.sqrt(np.mean((got - wanted) ** 2)))
     elif outcome.manoeuvre.startswith("turn"):
         last = whole_turn(log["psi"])
         if last.size:
@@ -76,3 +77,15 @@ def errors(outcome: RunOutcome, run: Run, which: str) -> dict[str, float]:
             found["diameter"] = 100 * (sim_size / size - 1)
             found["drift"] = deg * (sim_drift - drift)
     return found
+
+
+def lost(run: Run) -> dict[str, float]:
+    """Infinity for every measure the log of a run has, as of a fit that failed."""
+    psi = filled(run.t, run.data["psi"])
+    found = ["psi", "r", "position"]
+    if run.manoeuvre.startswith("zigzag"):
+        rudder = np.asarray(run.measured_inputs.get("delta_r", run.commands.get("delta_r_cmd")))
+        found += ["overshoot"] if overshoots(run.t, psi, rudder).size else []
+    elif run.manoeuvre.startswith("turn"):
+        found += ["diameter", "drift"] if whole_turn(psi).size else []
+    return dict.fromkeys(found, np.inf)

@@ -147,7 +147,8 @@ def _fits(ship: Mapping[str, Any]) -> list[Any]:
         ]
         text = (
             "What a fit by MMG moves, tried on runs left out among those to identify, in two folds, whole "
-            f"runs in one go. Taken: {ship['choice']['best']}. Score: mean of measures over their marks."
+            f"runs in one go. Taken: {ship['choice']['best']}. Score: mean of measures over their marks; a "
+            "run that is lost counts as infinite."
         )
         blocks.append(Table(["moved", *(MEASURES[m] for m in measures), "score"], tried, text, 3))
     return blocks

@@ -28,8 +28,8 @@ from studies.blind_predictions.left_out import folds
 from studies.blind_predictions.sets import REGIMES, SETS, fitted, kind, known_runs
 from studies.real_logs.run import SETTINGS, SINGLE_SCREW, begun
 from studies.ship_models.ships import SHIPS, of_all_quadrants
-from studies.wind_from_motion.estimate import MotionWind, informed, wind_of
-from studies.wind_from_motion.report import wind_report
+from studies.wind_from_motion.estimate import MotionWind, informed, unread, wind_of
+from studies.wind_from_motion.report import NO_SHIP, scores, wind_report
 
 SHIP = "esso_osaka"
 STEP = 2.0  # s between readings
@@ -49,35 +49,32 @@ def main(data: Path, out: Path, quick: bool, seed: int) -> None:
         runs = [r for k in dict.fromkeys(kind(r.name) for r in runs) for r in runs if kind(r.name) == k][:4]
     ship, free = of_all_quadrants(SHIPS[SHIP](data / SHIP))
     ship, unknowns = with_screw(ship), (*free, *SINGLE_SCREW)
-    first = winds(
-        trial, runs, lambda run: ship, unknowns, seed, out / "published", progress, "published ship"
-    )
-    ships: dict[str, Vehicle] = {}
+    passes = {
+        "published ship": winds(
+            trial, runs, lambda run: ship, unknowns, seed, out / "published", progress, "published ship"
+        )
+    }
     if not quick:
+        ships: dict[str, Vehicle] = {}
         blind = replace(SETS[SHIP], equations="mmg")
         for fold, names in folds(blind, trial).items():
             roles = tuple(replace(r, role="holdout" if r.name in names else "identify") for r in trial.runs)
-            found = fitted(
-                blind, replace(trial, runs=roles), "slow", data, False, seed, out / fold / "slow", progress
-            )
+            half = replace(trial, runs=roles)
+            try:
+                found = fitted(blind, half, "slow", data, False, seed, out / fold / "slow", progress)
+            except BayesidError as error:
+                progress.note(f"{fold}: {error}")
+                continue
             if found is not None:
                 ships |= dict.fromkeys(names, informed(found, ship))
-    second = winds(
-        trial,
-        runs,
-        lambda run: ships.get(run.name, ship),
-        unknowns,
-        seed,
-        out / "fitted",
-        progress,
-        "fitted ship",
-    )
+        passes["fitted ship"] = winds(
+            trial, runs, lambda run: ships.get(run.name), unknowns, seed, out / "fitted", progress,
+            "fitted ship",
+        )  # fmt: skip
+    told = {words: [row(run, found[run.name]) for run in runs] for words, found in passes.items()}
     record = {
         "inputs": {"trial": trial.digest, "quick": quick, "step": STEP}, "seeds": [seed],
-        "passes": {
-            words: [row(run, found[run.name]) for run in runs]
-            for words, found in (("published ship", first), ("fitted ship", second))
-        },
+        "scores": {words: scores(rows) for words, rows in told.items()}, "passes": told,
         "attribution": trial.attribution,
     }  # fmt: skip
     progress.note(f"report: {writer.write(wind_report(record), out, record)}")
@@ -97,20 +94,32 @@ def with_screw(ship: Vehicle) -> Vehicle:
 
 
 def winds(
-    trial: Trial, runs: Sequence[Run], ship_of: Callable[[Run], Vehicle], free: Sequence[str], seed: int,
-    folder: Path, progress: Progress, words: str,
+    trial: Trial, runs: Sequence[Run], ship_of: Callable[[Run], Vehicle | None], free: Sequence[str],
+    seed: int, folder: Path, progress: Progress, words: str,
 ) -> dict[str, Any]:  # fmt: skip
-    """Run -> wind by its motion, as `MotionWind.record`, or why there is none."""
+    """Run -> wind by its motion, as `MotionWind.record`, or why there is none.
+
+    A kept wind serves the run, ship, unknowns and seed it was found with; else it is found anew.
+    """
     out: dict[str, Any] = {}
     for run in progress.track(runs, f"winds, {words}"):
-        file = folder / f"{run.name}.json"
-        if not file.is_file():
+        file, ship = folder / f"{run.name}.json", ship_of(run)
+        if ship is None:
+            out[run.name] = {"failed": NO_SHIP}
+            continue
+        inputs = {
+            "trial": replace(trial, runs=(unread(run),)).digest, "ship": ship.digest, "free": list(free),
+            "seed": seed,
+        }  # fmt: skip
+        kept = json.loads(file.read_text()) if file.is_file() else {}
+        if kept.get("inputs") != inputs:
             try:
-                found: dict[str, Any] = wind_of(trial, run, ship_of(run), free, seed).record()
+                found: dict[str, Any] = wind_of(trial, run, ship, free, seed).record()
             except BayesidError as error:
                 found = {"failed": str(error)}
-            write_json(file, found)
-        out[run.name] = json.loads(file.read_text())
+            write_json(file, {"inputs": inputs, "wind": found})
+            kept = json.loads(file.read_text())
+        out[run.name] = kept["wind"]
     return out
 
 
@@ -135,7 +144,7 @@ if __name__ == "__main__":
     )
     parser.add_argument("--data", type=Path, required=True, help="folder with esso_osaka")
     parser.add_argument("--out", type=Path, default=Path("out/wind_from_motion"))
-    parser.add_argument("--quick", action="store_true", help="four runs, published ship")
+    parser.add_argument("--quick", action="store_true", help="four runs of a kind, published ship")
     parser.add_argument("--seed", type=int, default=0)
     chosen = parser.parse_args()
     lock_or_exit(chosen.out, "studies/wind_from_motion/run.py")

@@ -11,8 +11,8 @@ import numpy as np
 
 from bayesid.equations.model import Model
 from bayesid.model.channels import ACTUATORS
-from bayesid.model.propulsion import MODELS, propulsion_rows
 from bayesid.model.vehicles import Vehicle
+from bayesid.simulation import has_propeller, shaft_speed_words
 from bayesid.trials import Run, Trial
 
 FEWEST = 8  # readings of a run, fewer than its first state and a response have unknowns
@@ -60,7 +60,8 @@ def unmoved_inputs(trial: Trial, vehicle: Vehicle) -> tuple[str, ...]:
     for name in _inputs(vehicle):
         there = [run for run in trial.runs if run.input(name) is not None]
         if not there:
-            out.append(f"{name} is an input of {vehicle.name} and in no run; it is taken as 0")
+            taken = "and in no run; it is taken as 0" if name != "n" else f"and {shaft_speed_words(vehicle)}"
+            out.append(f"{name} is an input of {vehicle.name} {taken}")
         elif not any(_moves(run, name) for run in there):
             out.append(f"{name} never moves in any run: what it does cannot be told")
     return tuple(out)
@@ -69,10 +70,8 @@ def unmoved_inputs(trial: Trial, vehicle: Vehicle) -> tuple[str, ...]:
 def _inputs(vehicle: Vehicle) -> list[str]:
     fins = {"delta_r": "dr", "delta_s": "ds", "delta_b": "db"}
     turning = [fin for fin, short in fins.items() if any(short in n.partition("_")[2] for n in vehicle.coef)]
-    rows = propulsion_rows(vehicle.propulsion.model, vehicle.propulsion.values, vehicle.rho, vehicle.L)
-    driven = MODELS[vehicle.propulsion.model].rows is None or any(v for k, v in rows.items() if "n" in k[7:])
     planar = [f for f in turning if f == "delta_r" or not vehicle.planar_only]
-    return [*planar, *(["n"] if driven else []), *(t.signal for t in vehicle.thrusters)]
+    return [*planar, *(["n"] if has_propeller(vehicle) else []), *(t.signal for t in vehicle.thrusters)]
 
 
 def still_inputs(trial: Trial) -> tuple[str, ...]:

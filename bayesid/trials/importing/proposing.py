@@ -306,7 +306,8 @@ def _needs(draft: Draft, recordings: list[Recording], unused: list[str]) -> None
         )
     if not (draft.has("n") or draft.has("n_cmd")):
         draft.remark(
-            "no propeller speed found (n_cmd or n); a model with a propeller curve then takes its usual one"
+            "no propeller speed found (n_cmd or n); a vehicle with a propeller is then held at the "
+            "rpm_ref of its file"
         )
 
 

@@ -23,6 +23,7 @@ LEAST, SHORTEST = 8, 2.0  # readings and seconds of a stretch
 HELD = 10.0  # times the usual time between two values of the column
 AWAY = 0.3  # share of the way made meanwhile that leads along the axis of the column
 STEPS = 20.0  # way made meanwhile, in usual steps of the column
+BRIEF = 0.02  # share of the recording below which a held reading is remarked upon, not asked about
 TURNED = 0.35  # rad turned meanwhile that show a vehicle in motion, or a heading that stands
 
 
@@ -31,15 +32,16 @@ class _Stretch:
     start: float
     end: float
     usual: float  # step of the column outside
+    share: float  # of the recording
 
 
 def ask_standing_still(draft: Draft) -> None:
-    """A question per column, about its longest stretch."""
+    """A question per column, about its longest stretch; a remark where that is brief, as a held fix is."""
     looks: dict[int, Run | None] = {}  # a recording is converted once, and only where a column stands
     for role in ("latitude", "longitude", "north", "east", "x", "y", "heading", "psi"):
         if not draft.has(role):
             continue
-        worst: tuple[float, str] | None = None
+        worst: tuple[float, float, str] | None = None
         for k, recording in enumerate(draft.recordings):
             for one in _stretches(draft, role, recording):
                 if k not in looks:
@@ -48,13 +50,18 @@ def ask_standing_still(draft: Draft) -> None:
                 if words and (worst is None or one.end - one.start > worst[0]):
                     log = recording.logs[resolve(draft.map, role)[0]]
                     place = f"in {Path(log.path).name} " if draft.recordings[1:] else ""
-                    said = f"{place}from {one.start:.1f} to {one.end:.1f} s while {words}"
-                    worst = one.end - one.start, said
-        if worst is not None:
+                    when = f"{place}from {one.start:.1f} to {one.end:.1f} s while {words}"
+                    worst = one.end - one.start, one.share, when
+        if worst is None:
+            continue
+        said = f"{draft.column(role)} ({role}) stands still {worst[2]}"
+        if worst[1] < BRIEF:
+            draft.remark(said)
+        else:
             draft.ask(
                 0,
-                f"{draft.column(role)} ({role}) stands still {worst[1]}: cut that time out by `window`, "
-                "leave the column out, or delete this question to keep it",
+                f"{said}: cut that time out by `window`, leave the column out, or delete this question to "
+                "keep it",
             )
 
 
@@ -76,8 +83,10 @@ def _stretches(draft: Draft, role: str, recording: Recording) -> list[_Stretch]:
     usual_time = float(np.median(lasts[:-1])) if lasts.size > 1 else 0.0
     usual_step = float(np.median(step)) if step.size else 0.0
     long = (last - first >= LEAST) & (t[last] - t[first] >= max(SHORTEST, HELD * usual_time))
+    whole = float(t[-1] - t[0])
     return [
-        _Stretch(float(t[a]), float(t[b]), usual_step) for a, b in zip(first[long], last[long], strict=True)
+        _Stretch(float(t[a]), float(t[b]), usual_step, float(t[b] - t[a]) / whole)
+        for a, b in zip(first[long], last[long], strict=True)
     ]
 
 
