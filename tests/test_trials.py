@@ -603,7 +603,7 @@ def test_every_bundle_at_hand_loads_and_its_noise_is_as_stated(kind):
         for name, row in summary["noise"].items():
             if name != "r":  # rates of small vehicles change faster than their logs are sampled
                 assert 0.85 < row["ratio"] < 1.25, (folder.name, name)
-        assert not [text for text in summary["warnings"] if "missing" not in text and "outliers" not in text]
+        assert not [text for text in summary["warnings"] if "missing" not in text and "outlier" not in text]
 
 
 @pytest.mark.skipif(not (SHARED / "data").is_dir(), reason="the logs are not part of the project")
