@@ -85,13 +85,14 @@ def _log_inside(low: float, high: float, mean: float, sd: float) -> float:
     return float(upper + np.log1p(-np.exp(min(lower - upper, -1e-15))))
 
 
-def repeatable_bonus(problem: DiagnosisProblem, fitted: FilterErrorFit) -> float:
-    """Gain in log evidence when a measured environment may differ between runs by its own repeatability.
+def repeatable_evidence(problem: DiagnosisProblem, fitted: FilterErrorFit) -> float:
+    """Corrected log evidence where a measured environment may differ between runs by its own repeatability.
 
-    Averaged over a log-normal factor on all amplitudes; 0 where the environment was stated.
+    Averaged over a log-normal factor on all amplitudes; as it is where the environment was stated.
     """
+    alone = corrected_evidence(problem.model, fitted)
     if problem.environment.source == "stated" or not any(problem.environment.noise_model.force):
-        return 0.0
+        return alone
     logs, paths = np.array(NOISE_SCALE_SHIFTS), fitted.paths
     weight = -0.5 * (logs / MANOEUVRE_NOISE_SPREAD) ** 2
     weight -= logsumexp(weight)
@@ -106,19 +107,18 @@ def repeatable_bonus(problem: DiagnosisProblem, fitted: FilterErrorFit) -> float
         try:
             found = posterior(sum(equations[1:], equations[0]))
         except ModelError:
-            return 0.0
+            return alone
         # the ranges hold at every size of the environment: what a forbidden size gains in a calm is no gain
         values.append(found.log_evidence + _log_mass(problem.model, fitted, found, _every(fitted)))
-    return float(logsumexp(np.array(values) + weight) - corrected_evidence(problem.model, fitted))
+    return float(logsumexp(np.array(values) + weight))
 
 
 def weighted_hypothesis(
     problem: DiagnosisProblem, effects: tuple[str, ...], fitted: FilterErrorFit
 ) -> RefittedHypothesis:
     """Candidate with its corrected evidence."""
-    evidence = corrected_evidence(problem.model, fitted) + repeatable_bonus(problem, fitted)
     # some forty refits are kept to the end of a diagnosis; what they were linearised to is not
-    return RefittedHypothesis(effects, evidence, fitted.released())
+    return RefittedHypothesis(effects, repeatable_evidence(problem, fitted), fitted.released())
 
 
 def away_from_straight(
