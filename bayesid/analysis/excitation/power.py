@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bayesid.analysis.excitation.row_selection import COLUMN_PENALTY, EXACT_RESIDUAL, MARGIN
+from bayesid.analysis.excitation.row_selection import COLUMN_PENALTY, EXACT_RESIDUAL, MARGIN, block_scatter
 
 Array = np.ndarray
 NEIGHBOURS = 4  # rows of the weak form that share a window
@@ -37,9 +37,8 @@ def white_reach(
     variance = np.maximum((left**2).sum(axis=0) / count, EXACT_RESIDUAL**2 * np.mean(force**2))
     numbers = np.unique(block)
     scores = np.stack([x[block == n].T @ left[block == n] for n in numbers])
-    free = max(1.0 - len(offered) / numbers.size, 0.2)
-    inflation = ((scores**2).sum(axis=0) / size[:, None]).mean(axis=0) / variance / free
-    gain = ((x.T @ force) ** 2 / size[:, None]).max(axis=0) / (2 * variance * np.maximum(inflation, 1.0))
+    inflation = np.maximum(block_scatter(scores, size, variance), 1.0)
+    gain = ((x.T @ force) ** 2 / size[:, None]).max(axis=0) / (2 * variance * inflation)
     return max(float(np.quantile(gain, 1 - FALSE_ALARM)) / COLUMN_PENALTY, 1.0)
 
 

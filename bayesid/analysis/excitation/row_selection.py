@@ -297,10 +297,21 @@ def block_noise(roots: Roots, keep: list[int], floor: float) -> tuple[float, flo
     variance = max(_misfit(root, keep) / count, floor)
     parts = roots.parts[:, :, keep]
     scores = np.einsum("bri,br->bi", parts, roots.parts[:, :, -1] - parts @ value)
-    free = max(1.0 - len(keep) / max(roots.blocks, 1), 0.2)
-    size = (root[:, keep] ** 2).sum(axis=0)
-    inflation = max(float(np.mean((scores**2).sum(axis=0) / size) / variance / free), 1.0)
+    inflation = max(float(block_scatter(scores, (root[:, keep] ** 2).sum(axis=0), variance)), 1.0)
     return variance * inflation, inflation
+
+
+def block_scatter(scores: Array, size: Array, variance: Array | float) -> Array:
+    """How much more whole blocks scatter than rows, mean over the columns.
+
+    Parameters
+    ----------
+    scores : (b, k) or (b, k, m) products of columns and residuals per block, of one force or of m
+    size : (k,) columns squared
+    variance : of a row, one or (m,)
+    """
+    free = max(1.0 - len(size) / max(len(scores), 1), 0.2)
+    return np.asarray(((scores**2).sum(axis=0).T / size).T.mean(axis=0) / variance / free)
 
 
 def _worth(root: Array, variance: float, some: list[int]) -> float:
