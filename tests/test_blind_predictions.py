@@ -61,3 +61,13 @@ def test_runs_without_a_model_get_a_row_with_the_reason(ship, tmp_path, monkeypa
     told = json.loads((tmp_path / "predictions.json").read_text())["predictions"]
     assert "no model could be made" in told["turn_9"]["failed"] and reason in told["turn_9"]["failed"]
     assert not (tmp_path / "turn_9.csv").exists()
+
+
+def test_bands_of_other_logs_are_not_taken(tmp_path):
+    file, inputs = tmp_path / "expected.json", {"trial": "ab", "quick": False}
+    with pytest.raises(SystemExit, match="run with --expect first"):
+        study.expected_kinds(file, inputs)
+    file.write_text('{"inputs": {"trial": "ab", "quick": false, "lead": 6.0}, "kinds": {"turn": 2.0}}')
+    assert study.expected_kinds(file, inputs) == {"turn": 2.0}
+    with pytest.raises(SystemExit, match="another trial and quick"):
+        study.expected_kinds(file, {"trial": "cd", "quick": True})

@@ -179,8 +179,9 @@ def predictions(
 ) -> None:
     """Fit every known run, predict the blind ones, a CSV each."""
     trial = known_runs(blind, data)
+    inputs = {"trial": trial.digest, "quick": quick, "lead": blind.lead, **_which(blind)}
+    chosen = None if blind.equations == "rows" else expected_kinds(out / "expected.json", inputs)
     trial = replace(trial, runs=tuple(replace(run, role="identify") for run in trial.runs))
-    chosen = None if blind.equations == "rows" else expected_kinds(out / "expected.json")
     per_kind, missing = models(blind, trial, data, quick, seed, out / "fitted", progress, chosen)
     told: dict[str, Any] = {}
     unseen = load_trial(HERE / name, data / "blind_predictions" / name)
@@ -228,17 +229,20 @@ def known_as(name: str) -> str:
     return {"circle": "turn"}.get(name, name)
 
 
-def expected_kinds(file: Path) -> Mapping[str, Any]:
-    """Kind -> fit and factors, as left-out runs chose them.
+def expected_kinds(file: Path, inputs: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Kind -> fit and factors, as left-out runs of the same logs chose them.
 
     Raises
     ------
     SystemExit
-        if nobody said what to expect
+        if nobody said what to expect, or of other logs or with another --quick
     """
     if not file.is_file():
         raise SystemExit(f"{file}: not there; run with --expect first, it says how wide the bands are")
-    return dict(json.loads(file.read_text())["kinds"])
+    record = json.loads(file.read_text(encoding="utf-8"))
+    if other := [key for key, value in inputs.items() if record["inputs"].get(key) != value]:
+        raise SystemExit(f"{file}: made with another {' and '.join(other)}; run with --expect anew")
+    return dict(record["kinds"])
 
 
 def _which(blind: BlindSet) -> dict[str, str]:
