@@ -29,7 +29,7 @@ def finding_sentence(finding: InputFinding) -> str:
     """One sentence: what is wrong, where, what tells it, how sure, and the line that mends it."""
     where = "" if finding.all_runs else f" in {_list(finding.runs)}"
     told = _list([TOLD.get(k, k) for k in finding.told_by[:2]])
-    also = f"; these runs do not tell it from: {', '.join(finding.also)}" if finding.also else ""
+    also = f"; these runs do not tell it from: {'; '.join(finding.also)}" if finding.also else ""
     mend = "; ".join(finding.mend[1:])
     lost = "; the column has to be logged anew" if finding.channels else "; state the right vehicle"
     mend = f"; [corrections] {mend}" if mend else lost
@@ -134,7 +134,7 @@ def input_report(
             if f.mend:
                 blocks.append(Text("To mend it, in trial.toml:\n\n```\n" + "\n".join(f.mend) + "\n```"))
             if f.also:
-                blocks.append(Text(f"These runs do not tell it from: {literal(', '.join(f.also))}."))
+                blocks.append(Text(f"These runs do not tell it from: {literal('; '.join(f.also))}."))
     if line := in_order_line(check):
         blocks.append(Text(_upper(line) + "."))
     sections = [Section("The input", blocks)]
