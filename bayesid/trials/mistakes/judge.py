@@ -200,7 +200,9 @@ def named(found: Sequence[Weighed], names: Sequence[str], less: float = 0.0) -> 
         return None
     best = int(np.argmax(probability[1:]))
     (w, score, chosen, part), own = ready[best], float(probability[1 + best])
-    also = tuple(other.mistake.name for other, s, _, _ in ready if other is not w and s > score - ALSO)
+    near = [k for k, (other, s, *_) in enumerate(ready) if other is not w and s > score - ALSO]
+    also = tuple(ready[k][0].mistake.name for k in near)
+    together = own + float(probability[1:][near].sum()) if near else 0.0
     concerned = tuple(n for n, keep in zip(names, chosen, strict=True) if keep)
     correction = w.mistake.correction
     if correction is not None and part:
@@ -208,7 +210,7 @@ def named(found: Sequence[Weighed], names: Sequence[str], less: float = 0.0) -> 
     before, after = w.level(chosen)
     return InputFinding(
         w.mistake.name, w.mistake.says, w.mistake.channels, concerned, not part, own, w.told_by(chosen),
-        before, after, correction, also,
+        before, after, correction, also, together,
     )  # fmt: skip
 
 
