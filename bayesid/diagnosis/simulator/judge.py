@@ -86,7 +86,7 @@ def find_mistakes(
         return ()
     best = max([comparison.none, *comparison.refits], key=lambda c: c.log_evidence).log_evidence
     found = []
-    for s in _worth(compared, best):
+    for s in _worth(compared):
         notify(f"the simulator mended: {s.mistake.name}")
         mended = mended_evidence(problem.model, trial, s, as_built)
         if mended is not None and mended.log_evidence > best + LEAD:
@@ -112,9 +112,12 @@ def find_mistakes(
     )
 
 
-def _worth(compared: Compared, best: float) -> list[Screened]:
-    """Mistakes to be judged anew."""
-    gain = best - compared.candidates.none.log_evidence
+def _worth(compared: Compared) -> list[Screened]:
+    """Mistakes to be judged anew: those not far behind the best cause. A wider prior is no cause: it holds
+    every mistake of the rows, and a screen that is linear about it stays behind it."""
+    none = compared.candidates.none
+    causes = [none, *(c for c in compared.candidates.refits if not c.widens)]
+    gain = max(c.log_evidence for c in causes) - none.log_evidence
     least = LEAST_GAIN if compared.problem.form is not None else max(LEAST_GAIN, gain - MOST_BEHIND)
     return [s for s in screened(compared) if s.gain + s.share > least][:TRIED]
 
