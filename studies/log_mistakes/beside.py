@@ -20,6 +20,7 @@ from bayesid.equations.model import Model, build_model
 from bayesid.model.effects import CATALOGUE
 from bayesid.model.vehicles import load_vehicle, with_relative_prior
 from bayesid.trials import Trial
+from bayesid.trials.noise_stated import with_seen_noise
 from studies.log_mistakes.campaigns import PRIOR_SD, VEHICLES, campaign
 from studies.log_mistakes.plant import logged, planted
 
@@ -38,7 +39,7 @@ CASES = (
 
 def verdict_of(trial: Trial, model: Model) -> tuple[str, list[str]]:
     """Verdict on the gap, and the effects it names."""
-    compared = compare_without(model, trial)
+    compared = compare_without(model, with_seen_noise(trial, (model.scales["L"], model.scales["U"])))
     verdict = verdict_with(decide(compared.problem, compared.candidates), compared.problem.events)
     return verdict.word, list(verdict.effects) or list(verdict.set95)
 

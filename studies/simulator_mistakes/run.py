@@ -144,8 +144,8 @@ def report(found: list[Outcome]) -> Report:
     lead = (
         f"Of {len(real)} logs whose simulator has a mistake {len(good)} are told, {share:.0%} ({told}): the "
         f"bar of {BAR:.0%} is {'met' if share >= BAR else 'missed'}. {words['wrong name']} get a wrong name, "
-        f"{words['missed']} none; {faint} more are too small to be seen, simulator and log agree. A mistake of "
-        f"what made the log, which no vehicle file can hold, is no name to give: {said or 'not planted'}. Of "
+        f"{words['missed']} none; {faint} more are too small to be seen, simulator and log agree. Mistakes "
+        f"in what made the log, which no vehicle file can hold, have no name: {said or 'none planted'}. Of "
         f"{len(clean)} logs of a right simulator {alarms} are called mistaken. "
         f"The logs are of {', '.join(dict.fromkeys(o.vehicle for o in found))}."
     )
