@@ -234,7 +234,7 @@ def report(found: list[Outcome]) -> Report:
                 "Right, by mistake",
                 [
                     Text(
-                        "Vehicles and seeds together; effects must stay silent. Empty where the channel is "
+                        f"Vehicles and seeds together{_design(found)}; effects must stay silent. Empty where the channel is "
                         "not logged, or the mistake does not touch what is: with pose alone a fast clock "
                         "has nothing to be told by but speed at the revolutions, known to 20 %."
                     ),
@@ -258,6 +258,14 @@ def report(found: list[Outcome]) -> Report:
             ),
         ],
     )
+
+
+def _design(found: list[Outcome]) -> str:
+    """How many of the pairs of rate and channels a campaign has, where it is not all."""
+    pairs = {(o.vehicle, o.seed, o.rate, o.channels) for o in found if o.row != FRESH}
+    each = len(pairs) / max(1, len({pair[:2] for pair in pairs}))
+    every = len(RATES) * len(SETS)
+    return "" if each == every else f", {each:g} of {every} pairs of rate and channels per campaign in turn"
 
 
 def _interval(count: int, total: int) -> str:
