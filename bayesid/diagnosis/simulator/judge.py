@@ -34,8 +34,9 @@ from bayesid.trials import Trial
 Notify = Callable[[str], None]
 # Mistakes judged anew after the screen, and how far one may lie behind no mistake, and behind the best
 # explanation without one [nats]: an environment measured with the wrong simulator hides what a mend is worth
-# (Munk moment left out of REMUS at 2.5 Hz: 2 nats of the screen, 242 with the environment measured anew).
-TRIED, LEAST_GAIN, MOST_BEHIND = 3, 0.0, 30.0
+# (Munk moment left out of REMUS at 2.5 Hz: 2 nats of the screen, 242 with the environment measured anew), the
+# more so the larger the gap (all coefficients halved: 212 of the screen, 308 of the best cause, 920 anew).
+TRIED, LEAST_GAIN, MOST_BEHIND, SHARE_BEHIND = 3, 0.0, 30.0, 0.5
 # A change that the log does not feel at all.
 UNFELT = 1e-6
 # Lead [nats] over every other explanation from which on a mistake is named.
@@ -118,7 +119,8 @@ def _worth(compared: Compared) -> list[Screened]:
     none = compared.candidates.none
     causes = [none, *(c for c in compared.candidates.refits if not c.widens)]
     gain = max(c.log_evidence for c in causes) - none.log_evidence
-    least = LEAST_GAIN if compared.problem.form is not None else max(LEAST_GAIN, gain - MOST_BEHIND)
+    behind = max(MOST_BEHIND, SHARE_BEHIND * gain)
+    least = LEAST_GAIN if compared.problem.form is not None else max(LEAST_GAIN, gain - behind)
     return [s for s in screened(compared) if s.gain + s.share > least][:TRIED]
 
 
