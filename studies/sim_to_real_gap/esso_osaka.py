@@ -1,7 +1,8 @@
 """Esso Osaka in an open pond: orders instead of a measured rudder, late velocities, wind nobody tells of.
 
 Questions with a known answer first: is the delay of the causally filtered velocities found (0.4 to 0.6 s by
-their makers; by the track alone 0.6 to 0.9 s, in earth axes), and the wind of runs whose anemometer is hidden? Then those without: what does the unmeasured servo do, why
+their makers; by the track alone 0.6 to 0.9 s, in earth axes), and the wind of runs whose anemometer is
+hidden? Then those without: what does the unmeasured servo do, why
 does the ship turn faster to one side?
 """
 

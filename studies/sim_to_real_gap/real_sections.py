@@ -226,15 +226,16 @@ def _delays(rows: Sequence[Sequence[Any]]) -> list[Block]:
     """Delay of u, v behind the track, run by run, in the axes of the ship and in those of the earth."""
     body, earth = np.array([row[1:3] for row in rows]), np.array([row[3:5] for row in rows])
     better = int(np.sum(earth[:, 1] < body[:, 1]))
+    late = f"{earth[:, 0].min():.1f} to {earth[:, 0].max():.1f} s old (median {np.median(earth[:, 0]):.1f})"
+    apart = f"{1e3 * np.median(earth[:, 1]):.1f} mm/s against {1e3 * np.median(body[:, 1]):.1f}"
     return [
         Text(
             "The makers of the data say that the filter lags by 0.4 to 0.6 s. By hand, from track and "
-            "heading without any model: velocities over ground "
-            f"{earth[:, 0].min():.1f} to {earth[:, 0].max():.1f} s old (median {np.median(earth[:, 0]):.1f}), "
-            f"turned by the heading of the moment, fit u and v better than late ones in the axes of the ship "
+            f"heading without any model: velocities over ground {late}, turned by the heading of the moment, "
+            "fit u and v better than late ones in the axes of the ship "
             f"({body[:, 0].min():.1f} to {body[:, 0].max():.1f} s) in {better} of {len(rows)} runs: the "
-            f"filter works in earth axes. Median difference {1e3 * np.median(earth[:, 1]):.1f} mm/s against "
-            f"{1e3 * np.median(body[:, 1]):.1f}; in a steady turn a delay in the axes of the ship does nothing."
+            f"filter works in earth axes. Median difference {apart}; in a steady turn a delay in the axes of "
+            "the ship does nothing."
         )
     ]
 
