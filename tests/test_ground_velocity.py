@@ -53,7 +53,7 @@ def test_readings_are_the_tracks_velocity_of_a_while_ago_in_the_axes_of_now():
 
 
 def test_it_is_told_from_a_delay_in_the_axes_of_the_vehicle():
-    """In a steady turn u and v are constant: a delay in body axes does nothing there, one in earth axes does."""
+    """In a steady turn u and v are constant: a delay in body axes is not seen, one in earth axes is."""
     model = model_of()
     sigma, trial, delay = noise_of(model), planted_trial(model), 0.3 * model.scales["L"] / model.scales["U"]
     rng = np.random.default_rng(3)

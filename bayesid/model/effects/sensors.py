@@ -204,8 +204,8 @@ EFFECTS = (
             "v": "v*cos(delay*r) - u*sin(delay*r)",
         },
         sensor_delay={"delay": ("u", "v")},
-        source="kinematics: a filter of the velocity in earth axes (GNSS, differentiated track), turned by the "
-        "heading of the moment",
+        source="kinematics: a filter of the velocity in earth axes (GNSS, differentiated track), turned by "
+        "the heading of the moment",
         magnitude="0.2-1 s",
         form="A pure delay in earth axes; the heading turns at the rate of the moment read, to first order "
         "in the delay.",
