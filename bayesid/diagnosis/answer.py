@@ -138,11 +138,32 @@ def error_rows(run: RunError) -> tuple[ErrorRow, ...]:
 
 def explained_words(result: Result) -> str:
     """What the third model is: with what is named, or with the best explanation, which may be another."""
+    return " ".join([_explained(result), *_as_stated(result)])
+
+
+def retuned(result: Result) -> bool:
+    """Whether the third model has the coefficients re-tuned."""
+    return result.retuning is None or result.retuning.kept
+
+
+def _as_stated(result: Result) -> list[str]:
+    """That the third model has the coefficients as given, and why; nothing where they are re-tuned."""
+    if result.retuning is None or retuned(result):
+        return []
+    gain, error = result.retuning.gain or 0.0, result.retuning.error or 0.0
+    low, times, high = (math.exp(x - gain) for x in (-error, 0.0, error))
+    return [
+        "Its coefficients are as given: that re-tuned ones predict runs left out better is not sure "
+        f"(errors {times:.2g} times as large, one standard error {low:.2g} to {high:.2g})."
+    ]
+
+
+def _explained(result: Result) -> str:
     used = explanation(result)
     if result.verdict == "model_form" and not used:
         return "Re-tuned and explained are one: with the force that the equations lack, no cause beside it."
     if not used:
-        return "Explained: as re-tuned, no effect is in it."
+        return f"Explained: {'as re-tuned' if retuned(result) else 'as given'}, no effect is in it."
     words = " + ".join(in_words(n) for n in used)
     if result.verdict == "model_form":
         return f"Explained: with {words}, which may stand for the force that the equations lack."
@@ -438,7 +459,10 @@ def _steps(result: Result) -> tuple[str, ...]:
     if result.verdict in NAMING:
         for e in result.effects:
             if e.parameters:
-                values = " ".join(f"--set {e.name}.{n}={p.value:.3g}" for n, p in e.parameters.items())
+                sizes = {f"{e.name}.{n}": p.value for n, p in e.parameters.items()}
+                if result.retuning is not None:
+                    sizes = {k: result.retuning.sizes.get(k, v) for k, v in sizes.items()}
+                values = " ".join(f"--set {k}={v:.3g}" for k, v in sizes.items())
                 out.append(f"Look for {in_words(e.name)} on the vehicle, or simulate with it: `{values}`.")
     elif (
         result.verdict in ("none", "coefficients")

@@ -111,13 +111,33 @@ def replay_trial(
     return replace(first, sd=sd), *(r for r, *_ in others)
 
 
+def misses(problem: DiagnosisProblem, log: RunData, par: Array) -> dict[str, float]:
+    """Channel -> rms error of one run replayed from its first readings [SI]; inf where the simulation
+    diverges, empty where the run is too short to be replayed.
+    """
+    late, known, _ = _after_lead(problem, log)
+    if not known.valid.any() or not log.valid[late].any():
+        return {}
+    try:
+        x0 = _begun(problem, known, par, problem.environment.noise_model).states[0]
+        obs = _simulated(problem, log, par, x0[: len(problem.model.states)])
+    except BayesidError:
+        return dict.fromkeys(log.channels, np.inf)
+    return _rms(problem, log, obs, late)
+
+
+def _after_lead(problem: DiagnosisProblem, log: RunData) -> tuple[Array, RunData, float]:
+    """Which samples come after the first readings, the log without them, and how long those last [s]."""
+    t, s = log.plan.t - log.plan.t[0], problem.model.scales
+    lead = min(LEAD_LENGTHS * s["L"] / s["U"], MOST_LEAD * float(t[-1]))
+    late = t > lead
+    return late, log.without(np.repeat(late[:, None], len(log.channels), axis=1)), lead
+
+
 def _replay(
     problem: DiagnosisProblem, run: Run, log: RunData, models: Mapping[str, FilterErrorFit | None]
 ) -> tuple[Replay, RunData, dict[str, Array], Trajectory] | None:
-    model, t = problem.model, log.plan.t - log.plan.t[0]
-    lead = min(LEAD_LENGTHS * model.scales["L"] / model.scales["U"], MOST_LEAD * float(t[-1]))
-    late = t > lead
-    known = log.without(np.repeat(late[:, None], len(log.channels), axis=1))
+    model, (late, known, lead) = problem.model, _after_lead(problem, log)
     if not known.valid.any() or not log.valid[late].any():
         return None
     noise_model = problem.environment.noise_model
@@ -202,6 +222,8 @@ def _deviation(
 def _draws(fitted: FilterErrorFit, rng: np.random.Generator) -> Array:
     """(draws, n_par) parameter vectors of a fit's Gaussian posterior within its bounds."""
     free = fitted.free
+    if not free.names:
+        return np.repeat(fitted.par[None], BAND_DRAWS, axis=0)
     covariance = fitted.posterior.covariance * np.outer(free.sd, free.sd)
     deviations = rng.multivariate_normal(
         np.zeros(len(free.names)), fitted.posterior.covariance, size=BAND_DRAWS, method="eigh"
