@@ -15,9 +15,10 @@ from scipy.ndimage import median_filter
 from scipy.stats import gamma
 
 from bayesid.equations.model import Model
-from bayesid.estimation.filter_error.evidence import NormalEquations, normal_equations, without
+from bayesid.estimation.filter_error.evidence import NormalEquations, without
 from bayesid.estimation.filter_error.linearise import Linearisation, forces
-from bayesid.estimation.filter_error.noise_model import LatentInputs, NoiseModel, force_unit, whitened
+from bayesid.estimation.filter_error.noise_model import LatentInputs, NoiseModel, force_unit
+from bayesid.estimation.filter_error.normal_equations import run_equations
 from bayesid.estimation.parameters import GaussianPrior
 from bayesid.estimation.run_data import Array
 
@@ -124,8 +125,6 @@ def stack_without(
         if frequencies:
             parts = [periodic_columns(path, f, names, size) for f in frequencies]
             extra = (np.concatenate([p[0] for p in parts], 2), np.concatenate([p[1] for p in parts], 2))
-        step = free.mean - path.point.par[free.where]
-        w = whitened(model, path, step, free.sd, noise_model, latent, k, extra)
-        g = normal_equations(w.resid, w.columns, w.logdet, w.used)
+        g = run_equations(model, path, free, noise_model, latent, k, extra)
         out.append(without(g, len(free.names)))
     return out
