@@ -5,8 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from gap_trials import model_of, noise_of
 
-from bayesid.trials import Channels, Run, Trial
+from bayesid.estimation.filter_error.fit import fit
+from bayesid.estimation.filter_error.noise_identification import no_process_noise
+from bayesid.estimation.filter_error.read_run import filter_error_run
+from bayesid.estimation.parameters import coefficient_prior
+from bayesid.simulation import plan_run, simulate, steady_start
+from bayesid.trials import Channels, Run, Trial, thin
 from bayesid.trials.averaging import MOST_BEND, averaged
 
 L_U = 20.0  # s
@@ -87,3 +93,40 @@ def test_a_channel_slower_than_the_rows_keeps_its_own_readings_and_noise():
     np.testing.assert_allclose(run.t[good], kept, atol=1e-9)
     np.testing.assert_array_equal(run.data["u"][good], 2.0 - 0.001 * kept)
     assert out.noise["u"] == NOISE["u"]
+
+
+def test_a_fit_to_averages_finds_what_a_fit_to_all_readings_finds():
+    # a vehicle with another yaw damping and rudder, read every 0.01 L/U
+    model = model_of("remus100")
+    s, rng = model.scales, np.random.default_rng(5)
+    unit = s["L"] / s["U"]
+    n = 2000
+    t = 0.01 * unit * np.arange(n)
+    commands = {
+        "n_cmd": np.full(n, model.vehicle.rpm_ref),
+        "delta_r_cmd": 0.2 * np.sign(np.sin(0.6 * t / unit)),
+    }
+    true = model.with_values({k: 1.1 * model.nominal[model.index[k]] for k in ("N_r", "N_dr")})
+    states = simulate(model, true, plan_run(model, t, commands), steady_start(model), full=True).states
+    noise = {c: 3.0 * v for c, v in noise_of(model).items()}
+    at = {c: model.kernel.full.states.index(c) for c in noise}
+    data = {c: states[:, at[c]] + sd * rng.standard_normal(n) for c, sd in noise.items()}
+    trial = trial_of([Run("zz", "zigzag", "identify", t, data, commands)], noise)
+    few = averaged(trial, unit, 400)
+    assert np.isfinite(few.runs[0].data["psi"]).sum() == pytest.approx(n / 5, abs=2)
+    free = coefficient_prior(model)
+    found = []
+    for one in (trial, few):
+        log = filter_error_run(model, one.runs[0], one.noise, tuple(noise))
+        found.append(fit(model, [log], free, no_process_noise(model), initial_noise_scale=0.0))
+    whole, part = found
+    assert whole.converged and part.converged
+    # an average loses only what motion does within it and the last readings of a run
+    assert np.abs((part.values - whole.values) / whole.sd).max() < 0.3
+    np.testing.assert_allclose(part.sd, whole.sd, rtol=0.05)
+    # control: single readings every fifth know less
+    lone = thin(trial.runs[0], 0.05 * unit)
+    log = filter_error_run(model, lone, trial.noise, tuple(noise))
+    alone = fit(model, [log], free, no_process_noise(model), initial_noise_scale=0.0)
+    tightest = np.argmin(whole.sd / free.sd)
+    assert alone.sd[tightest] > 1.2 * whole.sd[tightest]
