@@ -18,7 +18,7 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -78,8 +78,17 @@ class Killed:
     wrong: list[str] = field(default_factory=list)
 
 
-def kill_and_resume(command: Command, work: Path, count: int, seed: int) -> list[Killed]:
-    """Strike a command `count` times by each of its faults at random times, finish it, compare its files."""
+def kill_and_resume(
+    command: Command,
+    work: Path,
+    count: int,
+    seed: int,
+    keep: Callable[[list[Killed]], None] = lambda rows: None,
+) -> list[Killed]:
+    """Strike a command `count` times by each of its faults at random times, finish it, compare its files.
+
+    keep : called with all rows so far after every strike, so that a study that is stopped loses one
+    """
     rng = random.Random(seed)
     place = work / command.name.replace(" ", "-")
     shutil.rmtree(place, ignore_errors=True)
@@ -87,27 +96,30 @@ def kill_and_resume(command: Command, work: Path, count: int, seed: int) -> list
     ended = _run(command, whole)
     if ended.code not in FINE:
         return [Killed(command.name, "unbroken", 0, 1, 0, [f"exit code {ended.code}: {ended.words}"])]
-    return [_struck(command, fault, place, ended.used, count, rng) for fault in command.faults]
-
-
-def _struck(command: Command, fault: str, place: Path, used: float, count: int, rng: random.Random) -> Killed:
-    row = Killed(command.name, fault)
+    rows = [Killed(command.name, fault) for fault in command.faults]
     for k in range(count):
-        folder = place / f"{fault}{k}".replace(" ", "-")
-        ended = _run(command, folder, fault, rng.uniform(0.0, 0.98) * used)
-        if ended.met:
-            row.sent += 1
-            row.wrong += _wrong_end(fault, ended)
-            if ended.code not in FINE:
-                ended = _run(command, folder, again=command.again)
+        for row in rows:
+            _strike_once(command, row, place, rng.uniform(0.0, 0.98) * ended.used, k)
+            keep(rows)
+    return rows
+
+
+def _strike_once(command: Command, row: Killed, place: Path, after: float, k: int) -> None:
+    """Strike once, finish, compare, count."""
+    folder = place / f"{row.fault}{k}".replace(" ", "-")
+    ended = _run(command, folder, row.fault, after)
+    if ended.met:
+        row.sent += 1
+        row.wrong += _wrong_end(row.fault, ended)
         if ended.code not in FINE:
-            row.wrong.append(f"exit code {ended.code}: {ended.words}")
-        row.finished += 1
-        apart = different(place / "whole", folder, command.files)
-        row.same += not apart
-        row.wrong += apart
-        shutil.rmtree(folder, ignore_errors=True)
-    return row
+            ended = _run(command, folder, again=command.again)
+    if ended.code not in FINE:
+        row.wrong.append(f"exit code {ended.code}: {ended.words}")
+    row.finished += 1
+    apart = different(place / "whole", folder, command.files)
+    row.same += not apart
+    row.wrong += apart
+    shutil.rmtree(folder, ignore_errors=True)
 
 
 def _wrong_end(fault: str, ended: _Ended) -> list[str]:
