@@ -152,7 +152,8 @@ def _replay_html(block: Replay) -> str:
     data = json.dumps(block.data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
     caption = f"<figcaption>{inline_html(block.caption)}</figcaption>" if block.caption else ""
     return (
-        f'<figure class="replay"><script type="application/json">{data}</script><canvas></canvas>'
+        f'<figure class="replay"><script type="application/json">{data}</script>'
+        '<canvas class="track"></canvas><canvas class="traces"></canvas>'
         '<div><button type="button">Play</button><input type="range" min="0" value="0" aria-label="time">'
         f"</div><output></output>{caption}</figure>"
     )
