@@ -14,7 +14,14 @@ import numpy as np
 from bayesid.equations.model import Model
 from bayesid.errors import ModelError
 from bayesid.simulation.follow import follow
-from bayesid.simulation.prepare import actuate, check_parameters, choose, inverse_mass, mass_matrices
+from bayesid.simulation.prepare import (
+    LARGEST_STATE,
+    actuate,
+    check_parameters,
+    choose,
+    inverse_mass,
+    mass_matrices,
+)
 from bayesid.simulation.sensors import read_channels
 from bayesid.simulation.time_plan import TimePlan
 
@@ -59,7 +66,7 @@ def interval_maps(
     Raises
     ------
     ModelError
-        if an interval ends outside the finite numbers; names the time
+        if an interval ends beyond all bounds (`LARGEST_STATE`); names the time
     """
     par = check_parameters(model, plan, par)
     plan = follow(model, par, plan, full)
@@ -82,7 +89,7 @@ def interval_maps(
         np.empty((0, nx)), np.empty((0, nx, n)),
     )  # fmt: skip
     ends, maps = ends[1:], maps[1:]
-    good = np.isfinite(ends).all(axis=1)
+    good = (np.abs(ends) <= LARGEST_STATE).all(axis=1)  # false for nan
     if not good.all():
         raise ModelError(f"the vehicle diverges between samples at t = {plan.t[int(np.argmin(good))]:.6g} s")
     return Maps(
@@ -127,6 +134,8 @@ class Readings:
     by_parameter: Array
 
 
+# maps of a path that diverges are finite but huge; what overflows here is refused with the products of it
+@np.errstate(over="ignore", invalid="ignore")
 def readings_on(
     model: Model, par: Array, plan: TimePlan, states: Array, maps: Maps, free: Array, full: bool = True
 ) -> Readings:
