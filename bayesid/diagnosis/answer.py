@@ -371,6 +371,10 @@ def _proof(result: Result) -> str:
     better = sum(not worse(error_rows(run)) for run in held)
     if not explanation(result):
         return f"Held-out runs: {len(held)}, read only after the verdict stood."
+    if len(held) == 1:
+        return "The held-out run, read after the verdict stood, is predicted " + (
+            "no worse than as given." if better else "worse than as given."
+        )
     return f"Of {len(held)} held-out runs, read after the verdict stood, {better} are predicted no worse."
 
 

@@ -25,6 +25,7 @@ _SAME = {
         "deg", "°", "degree", "degrees", "degs", "º", "degrees_north", "degree_north", "degrees_east",
         "degree_east",
         "degrees_true", "degt", "grad°",
+        "deg true", "degrees true", "deg t", "° true", "°t", "° t",
     ),
     "rad": ("rad", "radian", "radians", "rads"),
     "m/s": ("m/s", "mps", "ms-1", "m s-1", "m.s-1", "m s^-1", "m*s-1", "m s**-1", "metre/second",
