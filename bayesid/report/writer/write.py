@@ -202,7 +202,7 @@ def _table_html(table: Table) -> str:
         texts = (escape(cell_text(value, table.digits)) for value in row)
         cells = "".join(f"<td{c}>{text}</td>" for c, text in zip(classes, texts, strict=True))
         rows.append(f"<tr>{cells}</tr>")
-    caption = f"<caption>{inline_html(table.caption)}</caption>" if table.caption else ""
+    caption = f"<caption><span>{inline_html(table.caption)}</span></caption>" if table.caption else ""
     return (
         f'<div class="table"><table>{caption}<thead><tr>{head}</tr></thead>'
         f"<tbody>{''.join(rows)}</tbody></table></div>"
