@@ -14,7 +14,7 @@ from bayesid.report.writer.blocks import Figure
 COLOURS = 256
 VISIBLE = 1.5  # rms change of a channel of 255; smooth areas of many colours begin to show bands above it
 MAX_PNG = 200_000  # bytes; above it the palette is taken even so
-MAX_SVG = 150_000  # bytes; a drawing of more points is embedded as PNG
+MAX_SVG = 95_000  # bytes; a drawing of more points is embedded as PNG
 STAMPS = re.compile(rb"<metadata>.*?</metadata>", re.DOTALL)
 
 
