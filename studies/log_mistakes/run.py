@@ -236,8 +236,7 @@ def report(found: list[Outcome]) -> Report:
                     Text(
                         f"Vehicles and seeds together{_design(found)}; effects must stay silent. Empty "
                         "where the channel is not logged, or the mistake does not touch what is: with pose "
-                        "alone a fast clock has nothing to be told by but speed at the revolutions, "
-                        "known to 20 %."
+                        "alone a fast clock is told by nothing but speed at the revolutions, known to 20 %."
                     ),
                     Table(heads, rows),
                 ],
