@@ -17,8 +17,8 @@ from bayesid.trials import Trial
 FIXED = 600e6
 # A model form about doubles the free parameters.
 FORM = 2
-# Linearisations alive at once in a fit; slopes, their stack and what is whitened of it; paths that the fits of
-# all hypotheses keep, as measured (20 kB a sample in all).
+# Linearisations alive at once in a fit; slopes, their stack and what is whitened of it; paths that the fits
+# of all hypotheses keep, as measured (20 kB a sample in all).
 ALIVE, COPIES, PATHS = 2, 3, 240
 NUMBER = 8  # bytes
 FINER = 1.1  # steps in which a sampling that fits is sought
