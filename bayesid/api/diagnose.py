@@ -21,6 +21,7 @@ from bayesid.api.inputs import (
     trial_of,
 )
 from bayesid.api.result import Result, table
+from bayesid.diagnosis.answer import answer
 from bayesid.diagnosis.diagnosed_model import write_diagnosed
 from bayesid.diagnosis.input import WRONG_VEHICLE, check_trial, mended, not_enough
 from bayesid.diagnosis.run import Diagnosis
@@ -173,6 +174,11 @@ class DiagnoseResult(Result):
     def effects(self) -> tuple[str, ...]:
         """Names of the effects the verdict stands on; of an ambiguous one those in question."""
         return tuple(effect.name for effect in self.found.result.effects)
+
+    @property
+    def headline(self) -> str:
+        """The answer in a sentence or two."""
+        return answer(self.found.result).headline
 
     @cached_property
     def _record(self) -> dict[str, Any]:

@@ -14,7 +14,14 @@ import numpy as np
 from bayesid.equations.model import Model
 from bayesid.errors import ModelError
 from bayesid.simulation.follow import follow
-from bayesid.simulation.prepare import actuate, check_parameters, choose, inverse_mass, mass_matrices
+from bayesid.simulation.prepare import (
+    LARGEST_STATE,
+    actuate,
+    check_parameters,
+    choose,
+    inverse_mass,
+    mass_matrices,
+)
 from bayesid.simulation.sensors import read_channels
 from bayesid.simulation.time_plan import TimePlan
 
@@ -62,7 +69,7 @@ def interval_maps(
     Raises
     ------
     ModelError
-        if an interval ends outside the finite numbers; names the time
+        if an interval ends beyond all bounds (`LARGEST_STATE`); names the time
     """
     par = check_parameters(model, plan, par)
     plan = follow(model, par, plan, full)
@@ -90,7 +97,7 @@ def interval_maps(
         maps, np.empty((0, nx)), np.empty((0, nx, n)),
     )  # fmt: skip
     ends, maps = ends[1:], maps[1:]
-    good = np.isfinite(ends).all(axis=1)
+    good = (np.abs(ends) <= LARGEST_STATE).all(axis=1)  # false for nan
     if not good.all():
         at = plan.t[first + int(np.argmin(good))]
         raise ModelError(f"the vehicle diverges between samples at t = {at:.6g} s")
@@ -146,6 +153,8 @@ def part_of(plan: TimePlan, first: int, last: int) -> TimePlan:
     )  # fmt: skip
 
 
+# maps of a path that diverges are finite but huge; what overflows here is refused with the products of it
+@np.errstate(over="ignore", invalid="ignore")
 def readings_on(
     model: Model,
     par: Array,
