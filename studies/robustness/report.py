@@ -10,6 +10,7 @@ from typing import Any
 
 from bayesid.report.writer import Report, Section, Table, Text
 
+USUAL = "three zig-zags"
 DONE = (
     "Each command runs once unbroken, on a bundle of two runs of 50 samples. Then it is started again in an "
     "empty folder, gets a signal (the whole process group) after a random share of that processor time, and "
@@ -64,7 +65,12 @@ def _fuzz(rows: list[dict[str, Any]]) -> Table:
 
 def _sizes(rows: list[dict[str, Any]]) -> Table:
     cells = [
-        [r["command"], r["hours"], r["rate"], r["code"], r["cpu"], r["mb"], r["words"] or None] for r in rows
+        [
+            r.get("log", USUAL),
+            *(r[k] for k in ("command", "hours", "rate", "code", "cpu", "mb")),
+            r["words"] or None,
+        ]
+        for r in rows
     ]
-    columns = ["command", "hours", "Hz", "exit code", "CPU [s]", "peak [MB]", "refused with"]
-    return Table(columns, cells, "Three zig-zags of a planar vehicle of that length together.", digits=4)
+    columns = ["log", "command", "hours", "Hz", "exit code", "CPU [s]", "peak [MB]", "last words"]
+    return Table(columns, cells, "Planar vehicles; hours are those of all runs together.", digits=4)

@@ -1,7 +1,7 @@
 """How much memory a diagnosis takes, told before it begins.
 
 Takes a trial and a model. Gives bytes, and a sentence where there is less. An upper estimate: measured peaks
-of zig-zags of a planar vehicle at 1 Hz lie at 0.5 to 0.9 of it (docs/guide/many_machines.md).
+of zig-zags of a planar vehicle at 1 Hz lie at 0.6 to 0.7 of it (docs/guide/many_machines.md).
 """
 
 from __future__ import annotations
@@ -17,8 +17,9 @@ from bayesid.trials import Trial
 FIXED = 600e6
 # A model form about doubles the free parameters.
 FORM = 2
-# Linearisations alive at once in a fit; slopes, their stack and what is whitened of it; paths of fits kept.
-ALIVE, COPIES, PATHS = 2, 3, 25
+# Linearisations alive at once in a fit; slopes, their stack and what is whitened of it; paths that the fits
+# of all hypotheses keep, as measured (20 kB a sample in all).
+ALIVE, COPIES, PATHS = 2, 3, 240
 NUMBER = 8  # bytes
 FINER = 1.1  # steps in which a sampling that fits is sought
 
