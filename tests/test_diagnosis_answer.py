@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from diagnosis_results import RESULT, a_result, draws
 
-from bayesid.diagnosis.answer import answer, failures
+from bayesid.diagnosis.answer import answer, failures, in_words
 from bayesid.diagnosis.evidence.effect_draws import warning
 from bayesid.diagnosis.evidence.replay import Replay
 from bayesid.diagnosis.plain_words import intervals, sentence
@@ -87,7 +87,7 @@ def test_three_errors_are_always_told_in_metres_and_degrees():
 def test_none_with_a_large_error_says_that_re_tuning_closes_it():
     runs = (a_run(position=(76.0, 1.3, 1.3), heading=(0.5, 0.006, 0.006)),)
     said = answer(a_result("none", (), (), 0.0, runs=runs)).headline
-    assert "No effect is needed" in said and "76 m" in said and "re-tuned they miss it by 1.3 m" in said
+    assert "No effect is needed" in said and "76 m" in said and "re-tuned, by 1.3 m" in said
     close = (a_run(position=(1.4, 1.3, 1.3), heading=(0.006, 0.006, 0.006)),)
     assert "agree to 1.4 m" in answer(a_result("none", (), (), 0.0, runs=close)).headline
 
@@ -112,6 +112,27 @@ def test_runs_that_disagree_a_fit_that_stopped_and_absurd_coefficients_stand_in_
 def test_a_run_that_diverges_has_words_and_no_number():
     said = summary(replace(RESULT, runs=(a_run(position=(None, 30.0, 1.3), heading=(None, 0.3, 0.005)),)))
     assert "diverges" in said and "nan" not in said and "inf" not in said
+
+
+@pytest.mark.parametrize("gone", [(0,), (1,), (2,), (0, 1), (0, 2), (1, 2), (0, 1, 2)])
+@pytest.mark.parametrize("word", ["effect", "none", "coefficients"])
+def test_models_that_diverge_are_said_to_and_no_error_is_made_up(gone, word):
+    def without(values):
+        return tuple(None if k in gone else x for k, x in enumerate(values))
+
+    run = a_run(position=without((76.0, 30.0, 1.3)), heading=without((0.5, 0.3, 0.005)))
+    found = answer(a_result(word, runs=(run,)))
+    said = " ".join((found.headline, found.outcome, *found.failures))
+    used = (0, 1, 2) if word == "effect" else (0, 1)
+    assert said.count("diverge") >= (1 if set(gone) & set(used) else 0)
+    assert "nan" not in said and "by (rms)" not in said and " of ." not in said and "to  on" not in said
+
+
+def test_coefficients_freed_all_at_once_are_told_without_private_words():
+    assert in_words("coefficient_error:every coefficient x10").startswith(
+        "coefficients ten times further off"
+    )
+    assert in_words("coefficient_error:N_r") == "coefficient error of N_r"
 
 
 def test_the_picture_is_on_the_first_screen_and_small(tmp_path):

@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import block_diag
 
 from bayesid.estimation.filter_error.kalman import whiten
-from bayesid.estimation.filter_error.smoother import smooth
+from bayesid.estimation.filter_error.smoother import smooth, smooth_filtered
 
 # Both sides are exact in exact arithmetic; what is left is the rounding of a 12-step recursion.
 CLOSE = 1e-8
@@ -185,3 +185,17 @@ def test_an_unstable_hull_does_not_spoil_long_runs():
         k = (0, 3)[j]
         expected = (resid[i, j] - mean[i, k]) / np.sqrt(sigma2[j] + var[i, k])
         assert abs(alone[i, j] - expected) < 1e-6
+
+
+def test_a_run_smoothed_in_blocks_gives_the_very_same_numbers():
+    run = Run(7)
+    found = []
+    for most in (run.n, 5, 1):
+        m = run.nx + run.nf + run.nd
+        out = [np.empty((run.n, k)) for k in (m, m, run.q, run.q, m)]
+        data = [a[..., 0].copy() for a in (run.columns, run.drive, run.first)]
+        smooth_filtered(*data, *run.settings(), *out, most)
+        found.append(out)
+    for other in found[1:]:
+        for one, two in zip(found[0], other, strict=True):
+            np.testing.assert_array_equal(one, two)

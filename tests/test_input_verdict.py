@@ -142,6 +142,20 @@ def test_check_gives_one_sentence_per_mistake(clean):
     assert 'exchange = [["x", "y"]]' in found.sentences[0]
 
 
+def test_a_remark_that_the_mend_accounts_for_is_not_repeated(clean):
+    turned = wrong(clean, Correction(scale={"psi": -1.0}))
+    assert any("turns against r" in text for text in check(turned).same)
+    assert check(clean).same == frozenset()
+
+
+def test_mistakes_that_are_not_told_apart_have_a_common_probability(clean):
+    turned = wrong(clean, Correction(scale={"psi": -1.0}))
+    pose = [replace(run, data={k: run.data[k] for k in ("x", "y", "psi")}) for run in turned.runs]
+    turned = replace(turned, runs=tuple(pose))
+    found = check_trial(turned).findings[0]
+    assert found.also and found.probability < found.together <= 1.0 + 1e-12
+
+
 @pytest.mark.parametrize("other", ["nps_auv2", "delphin2"])
 def test_a_log_of_another_vehicle_is_told_and_its_own_is_not(clean, model, other):
     stranger = build_model(load_vehicle(other), 3)

@@ -25,7 +25,8 @@ from bayesid.simulation import (
 VEHICLES = ("remus100", "generic_sub")
 # Central differences: truncation h^2 and cancellation 1e-16/h leave 1e-6 of a column, kinks some more.
 CLOSE = 3e-6
-LATE = ("position_latency.delay", "velocity_latency.delay")
+DELAYS = ("position_latency.delay", "velocity_latency.delay")
+LATE = (*DELAYS, "ground_velocity_latency.delay")
 # A command that comes to lie in another step leaves a kink; `test_sensitivities` moves it within one step.
 KINKED = ("actuator_dead_time.delay",)
 BLANK = ("wind.area_coefficients",)  # no wind was measured: a column of rounding
@@ -190,7 +191,7 @@ def late(name, share):
     t = 0.05 * s["L"] / s["U"] * np.arange(60)
     plan = plan_run(model, t, {"n_cmd": inputs["n_cmd"], "delta_r_cmd": np.full(60, 0.1)})
     par = base.copy()
-    par[model.positions(LATE)] = share * s["L"] / s["U"]
+    par[model.positions(DELAYS)] = share * s["L"] / s["U"]
     names, free = free_of(model)
     whole = sensitivities(model, par, plan, steady_start(model), free, full=True, rates=True)
     expected_values, expected = observe_sensitivity(model, par, plan, whole, free)

@@ -51,3 +51,14 @@ def test_files_that_differ_by_more_than_times_are_told(tmp_path):
     assert different(tmp_path / "a", tmp_path / "b", ("fit.json",)) == []
     assert different(tmp_path / "a", tmp_path / "c", ("fit.json",)) == ["fit.json: differs"]
     assert different(tmp_path / "a", tmp_path / "b", ("*.nc",)) == ["*.nc: not written"]
+
+
+def test_texts_of_an_array_are_compared_as_texts(tmp_path):
+    import h5py
+
+    for place, words in (("a", ["one", "two"]), ("b", ["one", "two"]), ("c", ["one", "six"])):
+        (tmp_path / place).mkdir()
+        with h5py.File(tmp_path / place / "posterior.nc", "w") as file:
+            file.create_dataset("parameter", data=words, dtype=h5py.string_dtype())
+    assert different(tmp_path / "a", tmp_path / "b", ("*.nc",)) == []
+    assert different(tmp_path / "a", tmp_path / "c", ("*.nc",)) == ["posterior.nc: differs"]

@@ -7,10 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from bayesid.errors import TrialError
 from bayesid.trials import Run, load_trial
 from bayesid.trials.correction import Correction, apply, read_correction, without_effect
+from bayesid.trials.health import check_runs
+from bayesid.trials.kinematics.blocks import Blocks
 from bayesid.trials.kinematics.evidence import Relation, weigh
 from bayesid.trials.kinematics.relations import relations
 from bayesid.trials.mistakes import MISTAKES, check_input
@@ -199,6 +202,12 @@ def test_a_column_frozen_for_seconds_is_named_and_its_repeats_left_out(name):
     assert check_input([mended, runs[1]]).findings == ()
 
 
+def test_a_track_frozen_beside_a_heading_alone_is_named():
+    runs = [stuck(stuck(weave(k), "x", 300, 60), "y", 300, 60) for k in (1, 2)]
+    pose = [replace(run, data={k: run.data[k] for k in ("x", "y", "psi")}) for run in runs]
+    assert {f.name for f in check_input(pose).findings} == {"frozen x", "frozen y"}
+
+
 def test_a_held_a_saturated_and_a_resting_column_are_not_frozen():
     slow = weave(1)
     held = replace(slow, data={**slow.data, "psi": np.repeat(slow.data["psi"][::10], 10)})
@@ -218,3 +227,78 @@ def test_skip_repeats_is_read_from_the_file():
     assert read.lines() == ('skip_repeats = ["psi"]',)
     read_correction({"skip_repeats": ["heading!"]}, problems)
     assert len(problems) == 1
+
+
+def test_integrals_are_those_of_a_cubic_spline_and_beat_the_trapezoid_rule():
+    t = np.arange(0.0, 60.0, 1.0)
+    rate = 2 * math.pi / 8.0  # eight readings a swing
+    signal = np.sin(rate * t)
+    blocks = Blocks(t, np.ones(t.size, bool), np.ones(t.size, bool), 12, 2)
+    spline = CubicSpline(t, signal, bc_type=((1, _end(signal[:3])), (1, -_end(signal[:-4:-1]))))
+    got = blocks.integral(signal)
+    between = [(t[a], t[b]) for a, b in zip(blocks.first, blocks.last, strict=True)]
+    np.testing.assert_allclose(got, [spline.integrate(a, b) for a, b in between], atol=1e-12)
+    exact = np.array([(math.cos(rate * a) - math.cos(rate * b)) / rate for a, b in between])
+    by_lines = [np.trapezoid(signal[a : b + 1]) for a, b in zip(blocks.first, blocks.last, strict=True)]
+    inner = slice(1, -1)
+    assert np.abs(got - exact)[inner].max() < 0.1 * np.abs(by_lines - exact)[inner].max()
+
+
+def _end(first: np.ndarray) -> float:
+    """Slope of a parabola through three readings one second apart, at the first."""
+    return float(-1.5 * first[0] + 2.0 * first[1] - 0.5 * first[2])
+
+
+@pytest.mark.parametrize("percent", [0.0, 10.0])
+def test_a_clock_that_is_fast_is_named_at_eight_readings_a_swing(percent):
+    wrong = [apply(Correction(time_scale=1 + percent / 100), every(weave(k, n=6000), 20)) for k in (1, 2)]
+    found = check_input(wrong).findings
+    assert [f.name for f in found] == (["clock"] if percent else [])
+    for f in found:
+        assert f.correction.time_scale == pytest.approx(1 / (1 + percent / 100), abs=0.01)
+
+
+def every(run: Run, stride: int) -> Run:
+    groups = {g: {k: v[::stride] for k, v in getattr(run, g).items()} for g in run.GROUPS}
+    return replace(run, t=run.t[::stride], **groups)
+
+
+def steered(run: Run, rate: float | None) -> Run:
+    """The rudder in the log as measured: its order, or an angle that follows it at a rate [rad/s]."""
+    order = run.commands["delta_r_cmd"]
+    angle = order.copy()
+    if rate is not None:
+        for k, step in enumerate(np.diff(run.t)):
+            angle[k + 1] = angle[k] + np.clip(order[k] - angle[k], -rate * step, rate * step)
+    rest = {k: v for k, v in run.commands.items() if k != "delta_r_cmd"}
+    return replace(run, commands=rest, measured_inputs={"delta_r": angle})
+
+
+@pytest.mark.parametrize(
+    ("stride", "logged", "stated", "named"),
+    [
+        (1, None, math.inf, True),  # 230 degrees a second: no fin
+        (10, None, math.radians(3.0), True),  # 23 degrees a second where the fin does 3
+        (10, math.radians(10.0), math.radians(10.0), False),
+        (10, None, math.inf, False),  # no rate stated: a fast fin does that
+        (50, None, math.radians(6.0), False),  # 4.6 degrees a second, orders in step with the readings
+    ],
+)
+def test_an_order_read_as_measured_is_told_by_the_rate_of_the_fin(stride, logged, stated, named):
+    runs = [steered(every(weave(k, n=3000), stride), logged) for k in (1, 2)]
+    found = check_input(runs, fin_rates={"delta_r": stated}).findings
+    assert [f.name for f in found] == (["delta_r: order read as measured"] if named else [])
+
+
+def test_a_turn_with_the_rudder_amidships_is_remarked_on_where_all_runs_have_it():
+    def run(rate: float, opening: int = 150) -> Run:
+        one = weave(3)
+        rudder = one.commands["delta_r_cmd"].copy()
+        rudder[:opening] = 0.0
+        psi = one.data["psi"] + rate * one.t - np.where(np.arange(one.t.size) < opening, one.data["psi"], 0.0)
+        return replace(one, data={**one.data, "psi": psi}, commands={"delta_r_cmd": rudder})
+
+    said = check_runs([run(0.02), run(0.03)])
+    assert "turns to starboard by 1.4 degrees a second in 2 of 2 runs" in " ".join(said)
+    for runs in ([run(0.02)], [run(0.02), run(-0.02)], [run(0.02), run(0.0)], [run(0.02, 5), run(0.02, 5)]):
+        assert not any("amidships" in text for text in check_runs(runs))

@@ -1,5 +1,6 @@
 """A diagnosis that would not fit into the memory is refused in a sentence before it starts."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -31,15 +32,26 @@ def test_what_is_needed_grows_with_the_samples_and_not_with_runs_held_out():
     assert needed.memory_needed(held, model) - needed.FIXED == pytest.approx(one)
 
 
+def test_slopes_of_a_long_run_do_not_count_per_sample():
+    model, trial = model_of(), planted_trial(model_of())
+    samples = sum(run.t.size for run in trial.identify)
+    short = (needed.memory_needed(trial, model) - needed.FIXED) / samples
+    far, farther = (needed.memory_needed(longer(trial, k), model) for k in (1000, 2000))
+    # 9 states, 12 inputs, at most 8 channels: maps by state and input, and paths, but nothing per parameter
+    assert (farther - far) / (1000 * samples) < min(8e3, 0.25 * short)
+
+
 def test_too_little_memory_is_a_sentence_with_both_numbers_and_a_sampling_that_fits(monkeypatch):
-    model, trial = model_of(), longer(planted_trial(model_of()), 500)
+    model, trial = model_of(), longer(planted_trial(model_of()), 2000)
     monkeypatch.setattr(needed, "available_memory", lambda: int(0.9e9))
     monkeypatch.setattr(needed, "taken_memory", lambda: int(0.3e9))
-    words = r"80000 samples need about \d+\.\d GB .* 1\.2 GB are there; read every"
-    with pytest.raises(TrialError, match=words):
+    words = r"320000 samples need about \d+\.\d GB .* 1\.2 GB are there; read every (\S+) s"
+    with pytest.raises(TrialError, match=words) as told:
         diagnose(trial, model)
-    step = (needed.memory_needed(trial, model) - needed.FIXED) / (1.2e9 - needed.FIXED)
-    needed.check_memory(longer(planted_trial(model_of()), int(500 / step) - 1), model)
+    step = float(re.search(words, str(told.value))[1]) / (trial.runs[0].t[1] - trial.runs[0].t[0])
+    needed.check_memory(longer(planted_trial(model_of()), int(2000 / step) - 1), model)
+    with pytest.raises(TrialError, match="GB are there"):
+        needed.check_memory(longer(planted_trial(model_of()), int(1.3 * 2000 / step)), model)
 
 
 def test_a_container_and_a_limit_of_the_shell_count(monkeypatch, tmp_path):

@@ -10,7 +10,7 @@ import studies.other_equations.verdicts as kept
 from bayesid.errors import BayesidError
 from bayesid.executor import HERE
 from bayesid.progress import Progress
-from studies.other_equations.report import other_equations_report
+from studies.other_equations.report import failures, other_equations_report
 from studies.other_equations.scoring import quantities, scored
 
 QUIET = Progress(quiet=True)
@@ -133,9 +133,11 @@ def test_the_report_leads_with_the_counts_and_shows_the_earlier_commit_beside(tm
     cases, before = ([scored(x, v[x["name"]]) for x in labels] for v in (new, old))
     document = other_equations_report(cases, new, before, old, "abc1234", False)
     assert (
-        "2 of 2 verdicts keep the rule" in document.lead and "Of 1 names given 0 are wrong" in document.lead
+        "2 of 2 verdicts keep the rule" in document.lead and "of 1 names given 0 are wrong" in document.lead
     )
-    assert "Commit abc1234 on 2 of these bundles: 0 of 2" in document.lead
+    now, then = document.lead.split("Commit abc1234 on 2 of these bundles: ")
+    assert "0 raised a false alarm" in now and "1 raised a false alarm" in then and "0 of 2 verdicts" in then
+    assert document.failures == () and failures(before) != []
     (table,) = document.sections[1].blocks
     assert table.rows[0][3] == "effect: ocean current 0.97" and table.rows[0][-1].startswith("no")
     study.writer.write(document, tmp_path, {"inputs": {}, "seeds": []})

@@ -16,7 +16,15 @@ SERIES = {
     "y": [0.0, 1.0],
     "psi": None,
 }
-DATA = {"t": [0.0, 1.0], "series": [SERIES], "orders": []}
+FORCE = {
+    "label": "as given",
+    "colour": "#777",
+    "dash": [],
+    "X": [1.0, None],
+    "Y": [0.0, 1.0],
+    "N": [0.0, 0.0],
+}
+DATA = {"t": [0.0, 1.0], "series": [SERIES], "orders": [], "forces": [FORCE]}
 
 
 def page(tmp_path, *first):

@@ -225,6 +225,7 @@ def test_derivatives_hold_where_effects_are_off():
         "actuator_dead_time",
         "position_latency",
         "velocity_latency",
+        "ground_velocity_latency",
     )  # one-sided: below
     names = [n for n in names if not n.startswith(skipped)]
     assert misjudged(model, model.nominal, plan, x0, names) == {}
@@ -238,6 +239,7 @@ def test_derivatives_hold_where_effects_are_off():
         "actuator_rate_limit.inverse_rate_excess",
         "position_latency.delay",
         "velocity_latency.delay",
+        "ground_velocity_latency.delay",
     ],
 )
 def test_one_sided_effects_have_the_slope_of_their_own_side(name):

@@ -83,6 +83,24 @@ def test_the_import_tells_it(tmp_path, change):
         assert any(WORDS[change][0] in text for text in proposal.map.questions)
 
 
+def pauses(t, rng):
+    """Two stretches of one file with ten minutes between them."""
+    return np.where(t < 100.0, t, t + 600.0), np.arange(t.size)
+
+
+def test_a_pause_between_runs_cuts_them_and_is_no_question(tmp_path):
+    """Control: the log without the pause has a run across that place."""
+    windows = {}
+    for change in (pauses, lambda t, rng: (t, np.arange(t.size))):
+        log(tmp_path / "raw", change)
+        proposal = propose([tmp_path / "raw" / "log.csv"])
+        windows[change is pauses] = [run.window for run in proposal.map.runs]
+        assert not any("gap" in text for text in proposal.map.questions)
+        assert any("pauses after 100 s for 600 s" in r for r in proposal.remarks) is (change is pauses)
+    assert all(b <= 100.0 or a >= 700.0 for a, b in windows[True]) and len(windows[True]) > 1
+    assert any(w is None or w[0] < 100.0 < w[1] for w in windows[False])
+
+
 @pytest.mark.parametrize("change", WORDS, ids=lambda c: c.__name__)
 def test_a_bundle_tells_it(tmp_path, change):
     log(tmp_path, change, bundle=True)

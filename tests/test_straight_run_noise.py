@@ -7,6 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from bayesid.equations.model import build_model
+from bayesid.estimation.filter_error import periodic_disturbance
 from bayesid.estimation.filter_error.evidence import NormalEquations, posterior, without
 from bayesid.estimation.filter_error.linearise import Trajectory, latent_inputs, linearise, with_forces
 from bayesid.estimation.filter_error.noise_identification import identify_noise
@@ -147,3 +148,15 @@ def test_a_held_rudder_is_no_straight_run_and_what_logs_no_course_is_none_either
         data = {c: states[:, MODEL.states.index(c)] for c in channels}
         log = filter_error_run(MODEL, Run("a", "run", "identify", t, data, commands), noise, channels)
         assert log.straight == straight_there
+
+
+def test_frequencies_taken_a_few_at_a_time_give_the_same_spectrum(monkeypatch):
+    log = straight("weather", 1)
+    path = linearise(
+        MODEL, log, Trajectory(MODEL.nominal, log.path, np.zeros((log.n - 1, 3))), np.zeros(0, int)
+    )
+    innovations = [np.random.default_rng(0).standard_normal(log.readings.shape)]
+    whole = spectrum(MODEL, [path], innovations)[1]
+    assert whole.size > 16
+    monkeypatch.setattr(periodic_disturbance, "MOST_TURNS", 7 * log.n)
+    np.testing.assert_allclose(spectrum(MODEL, [path], innovations)[1], whole, rtol=1e-12)

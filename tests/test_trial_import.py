@@ -105,6 +105,7 @@ def test_a_stamp_of_nanoseconds_keeps_its_digits():
         ("psi[deg]", "psi", "deg"), ("Heading (°)", "Heading", "deg"), ("yaw_rate_deg_s", "yaw_rate",
             "deg/s"),
         ("speed_kn", "speed", "kn"), ("delta_s", "delta_s", None), ("time_ms", "time", "ms"),
+        ("HDG (deg true)", "HDG", "deg"), ("Ruder soll [° Bb+]", "Ruder soll", "deg"),
         ("Helm (deg, stbd +)", "Helm", "deg"), ("Rudder [deg port+]", "Rudder", "deg"),
         ("vel, m/s", "vel", "m/s"), ("torque [kNm]", "torque", "kNm"), ("u_mps", "u", "m/s"), ("rpm",
             "rpm", None),
@@ -120,6 +121,7 @@ def test_a_header_gives_its_unit_however_it_is_written(header, name, unit):
         ("Helm (deg, stbd +)", "starboard"), ("Rudder [deg, port +]", "port"), ("rudder (+ to starboard)",
             "starboard"),
         ("Rudder (deg, port -, stbd +)", "starboard"), ("rudder (stbd negative)", "port"),
+        ("Ruder soll [° Bb+]", "port"), ("Ruder [°, Stb +]", "starboard"), ("barre (deg, babord +)", "port"),
         ("rudder port +/- (deg)", None), ("rudder_port (deg)", None), ("port +, stbd +", None),
     ],
 )  # fmt: skip
@@ -132,6 +134,8 @@ def test_a_header_tells_its_positive_side(header, side):
     [
         ("Eng rpm", "n"), ("engine_rpm", "n"), ("Engine RPM [rpm]", "n"), ("Motordrehzahl", "n"),
         ("Nord (m)", "north"), ("Ost (m)", "east"), ("Hochwert [m]", "north"), ("V Nord (m/s)", "v_north"),
+        ("HDG (deg true)", "heading"), ("Speed thru water (kn)", "speed_through_water"),
+        ("FdW [kn]", "speed_through_water"), ("Fahrt über Grund [kn]", "speed_over_ground"),
         ("Engine", None), ("Engine temp", None), ("engine_hours", None), ("gearbox_oil_rpm", None),
     ],
 )  # fmt: skip

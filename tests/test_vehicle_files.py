@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from bayesid.errors import VehicleError
 from bayesid.model.vehicles import builtin_names, check_vehicle, coef_si, load_vehicle
 from bayesid.model.vehicles.reading import BUILTIN_FOLDER, LARGEST_FILE
-from bayesid.model.vehicles.writing import vehicle_toml
+from bayesid.model.vehicles.writing import vehicle_toml, write_vehicle
 
 TEXT = {name: (BUILTIN_FOLDER / f"{name}.toml").read_text("utf-8") for name in builtin_names()}
 REMUS = TEXT["remus100"]
@@ -274,3 +274,9 @@ def judge(path):
         assert len(vehicle.digest) == 64
         assert vehicle_toml(vehicle, "c.npz")
         check_vehicle(vehicle)
+
+
+def test_a_vehicle_file_that_cannot_be_written_is_told_with_its_folder(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(VehicleError, match=r"file/new\.toml: cannot be written"):
+        write_vehicle(load_vehicle("remus100"), tmp_path / "file" / "new.toml")

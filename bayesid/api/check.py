@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from bayesid.api.inputs import TrialLike, VehicleLike, model_of, trial_of
-from bayesid.diagnosis.input import check_trial, not_enough, unmoved_inputs
+from bayesid.diagnosis.input import check_trial, mended, not_enough, unmoved_inputs
 from bayesid.report.input import check_record, finding_sentence, in_order_line
+from bayesid.trials import Run, Trial
+from bayesid.trials.health import check_run, check_runs
 from bayesid.trials.mistakes import InputCheck
 
 
@@ -20,16 +25,23 @@ class Checked:
     check : mistakes, and what is in order
     lacking : why nothing could be told from the trial, one sentence each; empty where there is enough
     still : inputs of the vehicle that are not in the log or never move, one sentence each
+    same : what the reader noticed that is one of these mistakes again: the mended log has it no more
     """
 
     check: InputCheck
     lacking: tuple[str, ...] = ()
     still: tuple[str, ...] = ()
+    same: frozenset[str] = frozenset()
+
+    @property
+    def mistakes(self) -> tuple[str, ...]:
+        """One sentence per mistake, the surest first."""
+        return tuple(finding_sentence(f) for f in self.check.findings)
 
     @property
     def sentences(self) -> tuple[str, ...]:
         """One sentence per mistake, the surest first, then what is lacking."""
-        return (*(finding_sentence(f) for f in self.check.findings), *self.lacking)
+        return (*self.mistakes, *self.lacking)
 
     def record(self) -> dict[str, Any]:
         """Plain data."""
@@ -53,4 +65,20 @@ def check(trial: TrialLike, vehicle: VehicleLike | None = None, *, with_vehicle:
     named = bool(vehicle or logged.vehicle_ref) and with_vehicle
     model = model_of(logged, vehicle) if named else None
     still = unmoved_inputs(logged, model.vehicle) if model is not None else ()
-    return Checked(check_trial(logged, model), not_enough(logged, model), still)
+    found = check_trial(logged, model)
+    return Checked(found, not_enough(logged, model), still, _same(logged, found))
+
+
+def _same(logged: Trial, found: InputCheck) -> frozenset[str]:
+    if not found.findings:
+        return frozenset()
+    with np.errstate(all="ignore"):
+        before, after = ({*_notices(runs)} for runs in (logged.runs, mended(logged, found).runs))
+    return frozenset(before - after)
+
+
+def _notices(runs: Sequence[Run]) -> Iterator[str]:
+    """As the reader of a bundle says them, without the file."""
+    for run in runs:
+        yield from check_run(run)
+    yield from check_runs(runs)

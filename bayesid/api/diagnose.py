@@ -10,8 +10,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bayesid.api.input_result import InputResult
-from bayesid.api.inputs import Names, TrialLike, VehicleLike, declared_effects, model_of, prepared, trial_of
+from bayesid.api.inputs import (
+    Names,
+    TrialLike,
+    VehicleLike,
+    condensed,
+    declared_effects,
+    model_of,
+    prepared,
+    trial_of,
+)
 from bayesid.api.result import Result, table
+from bayesid.diagnosis.answer import answer
 from bayesid.diagnosis.diagnosed_model import write_diagnosed
 from bayesid.diagnosis.input import WRONG_VEHICLE, check_trial, mended, not_enough
 from bayesid.diagnosis.run import Diagnosis
@@ -44,6 +54,8 @@ ROUTE = {
 }
 # Folder of refits beside the results while a diagnosis is under way.
 JOURNAL = "refits"
+# Samples to identify above which dense readings are averaged: 2 GB and half an hour for a planar vehicle.
+MOST_SAMPLES = 30_000
 EFFECT_COLUMNS = ("effect", "probability", "parameter", "value", "sd", "unit")
 
 
@@ -97,7 +109,8 @@ def diagnose(
     shown = progress or Progress(quiet=True)
 
     def ready(of: Trial) -> Trial:
-        return with_shaft_speed(prepared(of, resample=resample), model.vehicle)
+        chosen = with_shaft_speed(prepared(of, resample=resample), model.vehicle)
+        return chosen if resample else condensed(chosen, model.vehicle, MOST_SAMPLES, trust_input)
 
     def diagnosis(of: Trial, checked: InputCheck) -> DiagnoseResult:
         told = shown.route(_route(next_manoeuvre, draws, keep_model))
@@ -161,6 +174,11 @@ class DiagnoseResult(Result):
     def effects(self) -> tuple[str, ...]:
         """Names of the effects the verdict stands on; of an ambiguous one those in question."""
         return tuple(effect.name for effect in self.found.result.effects)
+
+    @property
+    def headline(self) -> str:
+        """The answer in a sentence or two."""
+        return answer(self.found.result).headline
 
     @cached_property
     def _record(self) -> dict[str, Any]:

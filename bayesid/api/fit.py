@@ -12,6 +12,7 @@ from bayesid.api.inputs import (
     Names,
     TrialLike,
     VehicleLike,
+    condensed,
     declared_effects,
     names_of,
     prepared,
@@ -56,6 +57,8 @@ if TYPE_CHECKING:
     import pandas
 
 QUICK_SAMPLES, QUICK_ROUNDS = 300, 6
+# Samples to identify above which dense readings are averaged.
+MOST_SAMPLES = 100_000
 COLUMNS = ("coefficient", "start (prime)", *coefficient_cells.COLUMNS, "sd [%]", "remark")
 
 
@@ -125,6 +128,8 @@ def fit(
         raise TrialError(f"{logged.name}: {'; '.join(lacking)}")
     if not estimate_noise:
         chosen = with_believed_noise(chosen, ship)
+    if not resample:
+        chosen = condensed(chosen, ship, MOST_SAMPLES, trust_noise=True)
     few = {"rounds": QUICK_ROUNDS} if quick else {}
     # profile None: the noise is estimated where the trial leaves that of a channel open
     options = FitOptions(seed=seed, starts=starts, profile=True if estimate_noise else None, **few)

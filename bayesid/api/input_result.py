@@ -18,6 +18,8 @@ from bayesid.trials.mistakes import InputCheck
 if TYPE_CHECKING:
     import pandas
 
+    from bayesid.api.diagnose import DiagnoseResult
+
 COLUMNS = ("what", "channels", "runs", "probability", "mend")
 
 
@@ -36,7 +38,7 @@ class InputResult(Result):
     trial: str
     checked: InputCheck
     reasons: tuple[str, ...] = ()
-    after: Result | None = None
+    after: DiagnoseResult | None = None
 
     @property
     def verdict(self) -> str:
@@ -68,7 +70,8 @@ class InputResult(Result):
 
     def report(self) -> Report:
         after = None if self.after is None else self.after.report()
-        words = after_words(None if self.after is None else self.after.record())
+        words = "" if self.after is None else self.after.headline.rstrip(".")
+        words = after_words(None if self.after is None else self.after.record(), words)
         return input_report(self.trial, self.checked, self.reasons, after, words)
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
@@ -81,7 +84,8 @@ class InputResult(Result):
 
     def summary(self, verbose: bool = False) -> str:
         after = None if self.after is None else self.after.record()
-        text = input_summary(self.checked, self.reasons, after, self.verdict)
+        headline = "" if self.after is None else self.after.headline
+        text = input_summary(self.checked, self.reasons, after, self.verdict, headline)
         if verbose and self.after is not None:
             text += "\n\nThe mended log:\n" + self.after.summary(verbose)
         return text

@@ -23,6 +23,7 @@ from bayesid.model.units import scale as unit_scale
 from bayesid.model.vehicles import Vehicle, load_vehicle, self_propulsion_speed, with_relative_prior
 from bayesid.model.vehicles.sufficient import has_rudder
 from bayesid.trials import Trial, load_trial, thin
+from bayesid.trials.averaging import averaged
 from bayesid.trials.kinematics.derived_velocity import velocity_from_track
 from bayesid.trials.noise_stated import with_seen_noise
 
@@ -118,13 +119,32 @@ def with_believed_noise(trial: Trial, vehicle: Vehicle) -> Trial:
 
     A vehicle without a usual shaft speed keeps what is stated.
     """
-    if vehicle.rpm_ref is None:
+    speed = _usual_speed(vehicle)
+    return with_seen_noise(trial, (vehicle.L, speed)) if speed is not None else trial
+
+
+def condensed(trial: Trial, vehicle: Vehicle, most: int, trust_noise: bool = False) -> Trial:
+    """The trial with dense readings averaged where its runs to identify hold more than `most` samples.
+
+    Noise is compared with fast changes of the readings as logged, unless it is to be trusted. A vehicle
+    without a usual speed keeps its readings.
+    """
+    speed = _usual_speed(vehicle)
+    if speed is None or sum(run.n_samples for run in trial.identify) <= most:
         return trial
+    believed = trial if trust_noise else with_seen_noise(trial, (vehicle.L, speed))
+    return averaged(believed, vehicle.L / speed, most)
+
+
+def _usual_speed(vehicle: Vehicle) -> float | None:
+    """Speed at the usual revolutions [m/s]; None where that is not known."""
+    if vehicle.rpm_ref is None:
+        return None
     try:
         speed = self_propulsion_speed(vehicle, vehicle.rpm_ref)
     except VehicleError:
-        return trial
-    return with_seen_noise(trial, (vehicle.L, speed)) if speed > 0 else trial
+        return None
+    return speed if speed > 0 else None
 
 
 def scale_of(model: Model, rpm: float | None = None, dt: float | None = None) -> Scale:

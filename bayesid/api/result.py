@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import html
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bayesid.errors import BayesidError
-from bayesid.report.writer import Report
+from bayesid.report.writer import FORMATS, Report, write_figures
 from bayesid.report.writer.blocks import figures_of
 
 if TYPE_CHECKING:
@@ -46,6 +46,23 @@ class Result:
         Path                   of report.html
         """
         raise NotImplementedError
+
+    def save_figures(self, folder: str | os.PathLike[str], formats: Sequence[str]) -> list[Path]:
+        """Write the figures of the report below `figures/` of a folder.
+
+        Parameters
+        ----------
+        formats : of "png", "pdf", "svg"
+
+        Raises
+        ------
+        BayesidError
+            another format
+        """
+        other = [f for f in formats if f not in FORMATS]
+        if other:
+            raise BayesidError(f"no figure is written as {', '.join(other)}; there are {', '.join(FORMATS)}")
+        return write_figures(self.report(), folder, formats)
 
     def figures(self) -> tuple[str, ...]:
         """Names of the figures `plot` can draw, in the order of the report."""

@@ -22,7 +22,7 @@ from bayesid.cli.choices import (
     Step,
     Vehicle,
 )
-from bayesid.cli.options import Json, Out, Quick, Quiet, Seed, Verbose
+from bayesid.cli.options import Figures, Json, Out, Quick, Quiet, Seed, Verbose, figure_formats
 from bayesid.cli.quantity import quantity
 from bayesid.cli.terminal import OK
 
@@ -66,6 +66,7 @@ def compare(
     out: Out = None,
     seed: Seed = 0,
     quick: Quick = False,
+    figures: Figures = None,
     as_json: Json = False,
     verbose: Verbose = False,
     quiet: Quiet = False,
@@ -79,11 +80,12 @@ def compare(
     from bayesid.cli.quantity import noise_of
     from bayesid.progress import Progress
 
+    formats = figure_formats(figures, out)
     found = run(
         source, vehicle, data=data, resample=resample, pieces=pieces, dof=dof,
         executed=executed or (), also=also or (), duration=duration, rudder=rudder,
         plane=plane, noise=noise_of(noise), dt=dt, fix=fix, prior=prior, draws=draws, refits=refits,
         time=time, seed=seed, quick=quick, progress=Progress(quiet=as_json),
     )  # fmt: skip
-    answer(found, out, as_json, verbose)
+    answer(found, out, as_json, verbose, figures=formats)
     return OK

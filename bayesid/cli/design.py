@@ -26,7 +26,7 @@ from bayesid.cli.choices import (
     Step,
     Vehicle,
 )
-from bayesid.cli.options import Json, Out, Quick, Quiet, Seed, Verbose
+from bayesid.cli.options import Figures, Json, Out, Quick, Quiet, Seed, Verbose, figure_formats
 from bayesid.cli.quantity import quantity
 from bayesid.cli.terminal import OK
 
@@ -80,6 +80,7 @@ def design(
     out: Out = None,
     seed: Seed = 0,
     quick: Quick = False,
+    figures: Figures = None,
     as_json: Json = False,
     verbose: Verbose = False,
     quiet: Quiet = False,
@@ -94,6 +95,7 @@ def design(
     from bayesid.cli.quantity import noise_of, range_of
     from bayesid.progress import Progress
 
+    formats = figure_formats(figures, out)
     goals = [name for name, given in (("gain", gain), ("predict", predict), ("tell", tell)) if given]
     if len(goals) > 1:
         raise typer.BadParameter(
@@ -106,7 +108,9 @@ def design(
         depth=depth, plane=plane, hold=hold, noise=noise_of(noise), dt=dt, fix=fix, prior=prior, count=count,
         tries=tries, seed=seed, quick=quick, progress=Progress(quiet=as_json),
     )  # fmt: skip
-    answer(found, out, as_json, verbose, {} if out is None else {"command table": out / TABLE})
+    answer(
+        found, out, as_json, verbose, {} if out is None else {"command table": out / TABLE}, figures=formats
+    )
     if out is None and not as_json:
         print_text("\nGive --out FOLDER for the command table and the report.")
     return OK

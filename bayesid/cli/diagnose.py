@@ -7,7 +7,18 @@ from typing import Annotated
 import typer
 
 from bayesid.cli.choices import Bundle, Data, Effects, Exclude, Prior, Resample, Vehicle
-from bayesid.cli.options import ExecutorName, Json, Out, Quick, Quiet, Seed, Verbose, Workers
+from bayesid.cli.options import (
+    ExecutorName,
+    Figures,
+    Json,
+    Out,
+    Quick,
+    Quiet,
+    Seed,
+    Verbose,
+    Workers,
+    figure_formats,
+)
 from bayesid.cli.terminal import NOT_CONVERGED, OK
 
 TrustInput = Annotated[
@@ -30,6 +41,7 @@ def diagnose(
     quick: Quick = False,
     executor: ExecutorName = None,
     workers: Workers = None,
+    figures: Figures = None,
     as_json: Json = False,
     verbose: Verbose = False,
     quiet: Quiet = False,
@@ -50,12 +62,15 @@ def diagnose(
     from bayesid.executor import executor_of
     from bayesid.progress import Progress
 
+    formats = figure_formats(figures, out)
     several = bundles_of(bundle)
     if several:
         if out is None:
             raise typer.BadParameter("a folder of bundles needs --out", param_hint="--out")
         if data is not None:
             raise typer.BadParameter("is for one bundle", param_hint="--data")
+        if formats:
+            raise typer.BadParameter("is for one bundle", param_hint="--figures")
         whole = diagnose_fleet(
             bundle, out, executor=executor_of(executor, workers), progress=Progress(quiet=as_json),
             vehicle=vehicle, prior=prior, effects=effects, exclude=exclude, resample=resample,
@@ -69,5 +84,5 @@ def diagnose(
         draws=out is not None and not quick, keep_model=out is not None, seed=seed,
         trust_input=trust, progress=Progress(quiet=as_json), journal=out,
     )  # fmt: skip
-    answer(found, out, as_json, verbose)
+    answer(found, out, as_json, verbose, figures=formats)
     return NOT_CONVERGED if found.verdict == "not_enough" else OK

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from bayesid.cli.choices import Bundle, Data, Vehicle
-from bayesid.cli.options import Json, Out, Quick, Quiet, Seed, Verbose
+from bayesid.cli.options import Figures, Json, Out, Quick, Quiet, Seed, Verbose, figure_formats
 
 Form = Annotated[
     str, typer.Option("--form", help="weak (averages, no accelerations) or strong (smoothed accelerations).")
@@ -24,6 +24,7 @@ def excite(
     draws: Draws = 100,
     seed: Seed = 0,
     quick: Quick = False,
+    figures: Figures = None,
     as_json: Json = False,
     verbose: Verbose = False,
     quiet: Quiet = False,
@@ -39,8 +40,9 @@ def excite(
     from bayesid.cli.output import answer
     from bayesid.progress import Progress
 
+    formats = figure_formats(figures, out)
     found = run(
         bundle, vehicle, data=data, form=form, draws=draws, seed=seed, quick=quick,
         progress=Progress(quiet=as_json),
     )  # fmt: skip
-    answer(found, out, as_json, verbose)
+    answer(found, out, as_json, verbose, figures=formats)

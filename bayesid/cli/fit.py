@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import typer
 
 from bayesid.cli.choices import Bundle, Data, Effects, Fix, Free, Pieces, Resample, Runs, Vehicle, With
-from bayesid.cli.options import Json, Out, Quick, Quiet, Seed, Verbose
+from bayesid.cli.options import Figures, Json, Out, Quick, Quiet, Seed, Verbose, figure_formats
 from bayesid.cli.terminal import NOT_CONVERGED, OK
 
 Estimate = Annotated[
@@ -43,6 +43,7 @@ def fit(
     fresh: Fresh = False,
     seed: Seed = 0,
     quick: Quick = False,
+    figures: Figures = None,
     as_json: Json = False,
     verbose: Verbose = False,
     quiet: Quiet = False,
@@ -55,6 +56,7 @@ def fit(
     from bayesid.cli.output import answer
     from bayesid.progress import Progress
 
+    formats = figure_formats(figures, out)
     found = run(
         bundle, vehicle, data=data, out=out, free=free, fix=fix, with_effects=with_effects, effects=effects,
         runs=runs, resample=resample, pieces=pieces,
@@ -62,5 +64,7 @@ def fit(
         progress=Progress(quiet=as_json),
     )  # fmt: skip
     files = {} if out is None else {"identified vehicle": out / "vehicle.toml"}
-    answer(found, out, as_json, verbose, files, extra={"out": None if out is None else out.name})
+    answer(
+        found, out, as_json, verbose, files, extra={"out": None if out is None else out.name}, figures=formats
+    )
     return OK if found.success else NOT_CONVERGED

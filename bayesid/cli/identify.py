@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from bayesid.cli.choices import Bundle, Data, Fix, Free, Pieces, Prior, Resample, Runs, Vehicle
-from bayesid.cli.options import Json, Out, Quick, Quiet, Seed, Verbose
+from bayesid.cli.options import Figures, Json, Out, Quick, Quiet, Seed, Verbose, figure_formats
 from bayesid.cli.terminal import OK
 
 FitFolder = Annotated[
@@ -36,6 +36,7 @@ def identify(
     profile: Profile = True,
     seed: Seed = 0,
     quick: Quick = False,
+    figures: Figures = None,
     as_json: Json = False,
     verbose: Verbose = False,
     quiet: Quiet = False,
@@ -49,9 +50,10 @@ def identify(
     from bayesid.cli.output import answer
     from bayesid.progress import Progress
 
+    formats = figure_formats(figures, out)
     found = run(
         bundle, vehicle, data=data, out=out, free=free, fix=fix, runs=runs, resample=resample, pieces=pieces,
         fitted=fit, prior=prior, profile=profile, seed=seed, quick=quick, progress=Progress(quiet=as_json),
     )  # fmt: skip
-    answer(found, out, as_json, verbose)
+    answer(found, out, as_json, verbose, figures=formats)
     return OK

@@ -41,6 +41,33 @@ OutFolder = Annotated[
         "--out", "-o", file_okay=False, help="Folder for the results; made if missing.", callback=claimed
     ),
 ]
+
+
+FIGURE_FORMATS = ("png", "pdf", "svg")
+Figures = Annotated[
+    str | None,
+    typer.Option(
+        "--figures",
+        metavar="FORMATS",
+        help="Write the figures of the report as pdf or svg too, e.g. pdf or pdf,svg; png is always there.",
+    ),
+]
+
+
+def figure_formats(figures: str | None, out: Path | None) -> tuple[str, ...]:
+    """Formats asked for, checked before any work."""
+    if figures is None:
+        return ()
+    named = tuple(dict.fromkeys(part.strip().lower() for part in figures.split(",") if part.strip()))
+    if not named or set(named) - set(FIGURE_FORMATS):
+        raise typer.BadParameter(
+            f"{figures!r}: give {', '.join(FIGURE_FORMATS)}, several by commas", param_hint="--figures"
+        )
+    if out is None:
+        raise typer.BadParameter("needs --out", param_hint="--figures")
+    return named
+
+
 Seed = Annotated[int, typer.Option("--seed", min=0, max=2**32 - 1, help="Seed of every random number.")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 Quiet = Annotated[

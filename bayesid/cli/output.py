@@ -76,6 +76,7 @@ def answer(
     verbose: bool,
     files: Mapping[str, Path] | None = None,
     extra: Mapping[str, Any] | None = None,
+    figures: Sequence[str] | None = None,
 ) -> None:
     """Print a result, then save it where a folder is given: should drawing fail, the answer is on the screen.
 
@@ -83,12 +84,15 @@ def answer(
     ----------
     files : what else lies in the folder, in words
     extra : added to the JSON
+    figures : formats in which the figures are written beside the report
     """
     if as_json:
         print_json({**found.record(), **(extra or {})})
     else:
         print_text(found.summary(verbose))
     report = found.save(out) if out is not None else None
+    if out is not None and figures:
+        found.save_figures(out, figures)
     if report is not None and not as_json:
         print_text()
         for words, path in {**(files or {}), "report": report}.items():

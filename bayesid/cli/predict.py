@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from bayesid.cli.choices import Bundle, Data, Effects, Shaft, Step, Vehicle
-from bayesid.cli.options import Json, Out, Quiet, Seed, Verbose
+from bayesid.cli.options import Figures, Json, Out, Quiet, Seed, Verbose, figure_formats
 from bayesid.cli.quantity import quantity
 from bayesid.cli.terminal import OK
 
@@ -65,6 +65,7 @@ def predict(
     lead: Lead = None,
     sensor_noise: Noisy = False,
     seed: Seed = 0,
+    figures: Figures = None,
     as_json: Json = False,
     verbose: Verbose = False,
     quiet: Quiet = False,
@@ -78,10 +79,18 @@ def predict(
     from bayesid.cli.output import answer
     from bayesid.progress import Progress
 
+    formats = figure_formats(figures, out)
     found = run(
         bundle, what, model=model, data=data, out=out, vehicle=vehicle, effects=effects, draws=draws,
         speed=speed, rpm=rpm, dt=dt, lead=lead, sensor_noise=sensor_noise, seed=seed,
         progress=Progress(quiet=as_json),
     )  # fmt: skip
-    answer(found, out, as_json, verbose, {} if out is None else {"predictions": out / "predictions.json"})
+    answer(
+        found,
+        out,
+        as_json,
+        verbose,
+        {} if out is None else {"predictions": out / "predictions.json"},
+        figures=formats,
+    )
     return OK

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import typer
 
 from bayesid.cli.choices import Bundle, Data, Fix, Free, Pieces, Prior, Resample, Runs, Vehicle
-from bayesid.cli.options import Json, OutFolder, Quick, Quiet, Seed, Verbose
+from bayesid.cli.options import Figures, Json, OutFolder, Quick, Quiet, Seed, Verbose, figure_formats
 from bayesid.cli.terminal import NOT_CONVERGED, OK
 
 NoiseScale = Annotated[
@@ -67,6 +67,7 @@ def sample(
     resume: Resume = False,
     seed: Seed = 0,
     quick: Quick = False,
+    figures: Figures = None,
     as_json: Json = False,
     verbose: Verbose = False,
     quiet: Quiet = False,
@@ -80,11 +81,12 @@ def sample(
     from bayesid.cli.output import answer
     from bayesid.progress import Progress
 
+    formats = figure_formats(figures, out)
     found = run(
         bundle, out, vehicle, data=data, free=free, fix=fix, runs=runs, resample=resample, pieces=pieces,
         prior=prior, noise=noise, initial=initial, memory=memory, student=student, sampler=sampler,
         ensembles=ensembles, walkers=walkers, max_steps=steps, resume=resume, seed=seed, quick=quick,
         progress=Progress(quiet=as_json),
     )  # fmt: skip
-    answer(found, out, as_json, verbose)
+    answer(found, out, as_json, verbose, figures=formats)
     return OK if found.posterior.converged else NOT_CONVERGED

@@ -50,15 +50,15 @@ def check(
     found = run(trial, vehicle if problem is None else None, with_vehicle=problem is None)
     summary = {**trial_summary(trial), "vehicle_problem": problem, **found.record()}
     summary["warnings"] = [*summary["warnings"], *found.still]
-    if any("delta_r" in finding.channels for finding in found.check.findings):
-        # one mend for one mistake
-        summary["warnings"] = [w for w in summary["warnings"] if not w.startswith("rudder sign")]
+    # one mend for one mistake
+    summary["warnings"] = [w for w in summary["warnings"] if w.partition(".csv: ")[2] not in found.same]
+    summary["warnings"] = [w for w in summary["warnings"] if w not in found.same]
     if out is not None:
         write_json(out / "trial_check.json", summary)
     if as_json:
         print_json(summary)
     else:
-        _print(summary, found.sentences, verbose)
+        _print(summary, found.mistakes, found.lacking, verbose)
     return 0 if problem is None else 2
 
 
@@ -76,7 +76,15 @@ def _vehicle_problem(trial: Trial) -> str | None:
     return None
 
 
-def _print(summary: dict[str, Any], mistakes: Sequence[str], verbose: bool) -> None:
+def _print_list(sentences: Sequence[str]) -> None:
+    from bayesid.cli.output import print_text
+
+    for sentence in sentences:
+        print_text(f"  - {sentence}")
+    print_text()
+
+
+def _print(summary: dict[str, Any], mistakes: Sequence[str], lacking: Sequence[str], verbose: bool) -> None:
     from bayesid.cli.output import print_table, print_text
     from bayesid.report.input import grouped
 
@@ -88,9 +96,10 @@ def _print(summary: dict[str, Any], mistakes: Sequence[str], verbose: bool) -> N
     print_text()
     if mistakes:
         print_text(f"{counted(len(mistakes), 'mistake')} in the log:")
-        for sentence in mistakes:
-            print_text(f"  - {sentence}")
-        print_text()
+        _print_list(mistakes)
+    if lacking:
+        print_text("Not enough to say anything:")
+        _print_list(lacking)
     print_table(RUN_COLUMNS, [_run_row(run) for run in summary["runs"]], digits=3)
     print_text()
     print_table(
@@ -113,7 +122,7 @@ def _print(summary: dict[str, Any], mistakes: Sequence[str], verbose: bool) -> N
             print_text(f"  - {remark}")
     if summary["vehicle_problem"]:
         print_text(f"\nThe vehicle cannot be used:\n{summary['vehicle_problem']}")
-    elif not summary["warnings"] and not mistakes:
+    elif not (summary["warnings"] or mistakes or lacking):
         print_text("\nNothing odd found.")
 
 

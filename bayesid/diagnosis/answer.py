@@ -6,28 +6,35 @@ Takes a `Result`. Gives a frozen `Answer`, of which terminal and report are view
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
-from bayesid.diagnosis.evidence.replay import EXPLAINED, GIVEN, RETUNED
 from bayesid.diagnosis.hypotheses.rules import NAMING
-from bayesid.diagnosis.plain_words import intervals, number, sentence
+from bayesid.diagnosis.hypotheses.sensitivity_bank import EVERY
+from bayesid.diagnosis.plain_words import intervals, sentence
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import Effect, RunError
+from bayesid.diagnosis.run_errors import (
+    ErrorRow,
+    closes,
+    error_rows,
+    kind_of_run,
+    miss,
+    missed,
+    missed_too,
+    run_words,
+    worse,
+)
 from bayesid.diagnosis.simulator_words import mistake_certainty, mistake_sentence, mistake_steps
 from bayesid.diagnosis.threshold_table import DISAGREEMENT_P_VALUE
 
-MODELS = (GIVEN, RETUNED, EXPLAINED)
-# An explanation that misses a held-out run by so much more than the model as given has failed.
-WORSE = 1.1
-# Up to this factor two errors count as the same.
-SAME = 1.25
+RMS = " (rms)"
 LARGE_HEADING = 10.0  # degrees rms; a simulator that misses by more is not said to agree
 # Hypotheses from this probability on are named as what else it could be, the first few.
 WORTH_A_WORD, MOST_RIVALS = 0.01, 4
 MOST_MOVED = 6
 # Verdicts that stand on no effect: what is shown as explained has none, though one may gain by chance.
 NEEDS_NONE = ("none", "model_form")
+TIMES = {3.0: "three", 10.0: "ten"}
 FAR_OFF = 10.0  # stated uncertainties from which a coefficient of the explanation is not to be believed
 PLACES = {
     "X": "the force ahead", "Y": "the side force", "N": "the turning moment", "Z": "the vertical force",
@@ -36,15 +43,6 @@ PLACES = {
     "rpm": "the propeller's revolutions", "psi": "the heading reading", "r": "the yaw-rate reading",
     "u,v": "the velocity reading", "x,y": "the position reading",
 }  # fmt: skip
-
-
-@dataclass(frozen=True)
-class ErrorRow:
-    """One kind of error of one run, a number per model; nan where there is none."""
-
-    what: str
-    unit: str
-    values: tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -96,73 +94,45 @@ def answer(result: Result) -> Answer:
 def in_words(name: str) -> str:
     """Name of an effect, or of a coefficient that may be wrong (`coefficient_error:N_r`), as prose has it."""
     kind, _, coefficient = name.partition(":")
+    if coefficient in EVERY:
+        return f"coefficients {TIMES[EVERY[coefficient]]} times further off than the vehicle file says"
     return kind.replace("_", " ") + (f" of {coefficient}" if coefficient else "")
-
-
-def run_words(run: RunError) -> str:
-    """A run as people call it."""
-    return name_of_run(run.run, run.manoeuvre, run.role)
-
-
-def name_of_run(name: str, manoeuvre: str, role: str) -> str:
-    """Manoeuvre and name of a run, and whether it was held out."""
-    kind = manoeuvre.split(",")[0].strip() or f"run {name}"
-    held = "held-out " if role == "holdout" else ""
-    return f"{held}{kind} ({name})" if name not in kind else f"{held}{kind}"
-
-
-def _kind(run: RunError) -> str:
-    return run.manoeuvre.split(",")[0].strip() or f"run {run.run}"
-
-
-def error_rows(run: RunError) -> tuple[ErrorRow, ...]:
-    """Position and heading of a run, depth where it was logged; what was not logged is left out."""
-
-    def of(table: Mapping[str, Mapping[str, float | None]], channel: str, scale: float) -> tuple[float, ...]:
-        return tuple(_scaled(table[m].get(channel), scale) for m in MODELS)
-
-    logged = {c for m in MODELS for c in run.rms[m]}
-    rows = []
-    if {"x", "y"} <= logged:
-        rows.append(("position", "m", tuple(_scaled(run.position.get(m), 1.0) for m in MODELS)))
-    if "psi" in logged:
-        rows.append(("heading", "degrees", of(run.rms, "psi", 180 / math.pi)))
-    if "z" in logged:
-        rows.append(("depth", "m", of(run.rms, "z", 1.0)))
-    if not rows:
-        for channel, unit, scale in (("r", "degrees a second", 180 / math.pi), ("u", "m/s", 1.0)):
-            if channel in logged:
-                rows.append((channel, unit, of(run.rms, channel, scale)))
-    return tuple(ErrorRow(what, unit, v) for what, unit, v in rows)
 
 
 def explained_words(result: Result) -> str:
     """What the third model is: with what is named, or with the best explanation, which may be another."""
+    return " ".join([_explained(result), *_as_stated(result)])
+
+
+def retuned(result: Result) -> bool:
+    """Whether the third model has the coefficients re-tuned."""
+    return result.retuning is None or result.retuning.kept
+
+
+def _as_stated(result: Result) -> list[str]:
+    """That the third model has the coefficients as given, and why; nothing where they are re-tuned."""
+    if result.retuning is None or retuned(result):
+        return []
+    gain, error = result.retuning.gain or 0.0, result.retuning.error or 0.0
+    low, times, high = (math.exp(x - gain) for x in (-error, 0.0, error))
+    return [
+        "Its coefficients are as given: that re-tuned ones predict runs left out better is not sure "
+        f"(errors {times:.2g} times as large, one standard error {low:.2g} to {high:.2g})."
+    ]
+
+
+def _explained(result: Result) -> str:
     used = explanation(result)
     if result.verdict == "model_form" and not used:
         return "Re-tuned and explained are one: with the force that the equations lack, no cause beside it."
     if not used:
-        return "Explained: as re-tuned, no effect is in it."
+        return f"Explained: {'as re-tuned' if retuned(result) else 'as given'}, no effect is in it."
     words = " + ".join(in_words(n) for n in used)
     if result.verdict == "model_form":
         return f"Explained: with {words}, which may stand for the force that the equations lack."
     if result.verdict in NAMING and set(used) == {e.name for e in result.effects}:
         return f"Explained: with {words}."
     return f"Explained: with {words}, the best explanation."
-
-
-def miss(rows: tuple[ErrorRow, ...], model: int) -> str:
-    """Errors of one model in a phrase: "76 m and 29 degrees"."""
-    said = [
-        f"{number(r.values[model])} {r.unit}" + ("" if r.what in ("position", "heading") else f" of {r.what}")
-        for r in rows
-        if math.isfinite(r.values[model])
-    ]
-    return " and ".join(said) if said else "more than can be simulated"
-
-
-def _scaled(value: float | None, scale: float) -> float:
-    return math.nan if value is None else value * scale
 
 
 def _share(p: float) -> str:
@@ -202,27 +172,21 @@ def _none(result: Result) -> str:
     errors = error_rows(result.runs[0]) if result.runs else ()
     if not errors:
         return "No effect is needed: simulator and log agree within the stated uncertainty."
-    if _closes(errors, 0, 1):
+    if closes(errors, 0, 1):
         return (
-            f"No effect is needed; the coefficients as given miss the {_kind(result.runs[0])} by "
-            f"{miss(errors, 0)}: re-tuned they miss it by {miss(errors, 1)}."
+            f"No effect is needed, but other coefficients: as given, the {kind_of_run(result.runs[0])} "
+            f"{missed(errors, 0)}; re-tuned, {missed_too(errors, 1, 0)}."
         )
     heading = next((r.values[0] for r in errors if r.what == "heading"), 0.0)
     if not heading <= LARGE_HEADING:
         return (
-            f"No effect shows in these runs, yet the simulator misses the {_kind(result.runs[0])} by "
-            f"{miss(errors, 0)}, re-tuned by {miss(errors, 1)}: an unstable course, or too little to tell by."
+            f"No effect shows in these runs, yet as given the {kind_of_run(result.runs[0])} "
+            f"{missed(errors, 0)}; re-tuned, {missed_too(errors, 1, 0)}. The course is unstable, or there "
+            "is too little to tell by."
         )
     return (
-        f"No effect is needed: simulator and log agree to {miss(errors, 0)} on the {_kind(result.runs[0])}, "
-        "the worst of the runs."
-    )
-
-
-def _closes(errors: tuple[ErrorRow, ...], before: int, after: int) -> bool:
-    """Whether any error falls by more than what counts as the same, or becomes a number at all."""
-    return any(
-        math.isfinite(r.values[after]) and not r.values[before] <= SAME * r.values[after] for r in errors
+        f"No effect is needed: simulator and log agree to {miss(errors, 0)} on the "
+        f"{kind_of_run(result.runs[0])}, the worst of the runs."
     )
 
 
@@ -273,19 +237,25 @@ def _outcome(result: Result, run: RunError) -> str:
     if result.verdict == "none":
         return f"Both are rms errors of the {verb} {run_words(run)}."
     if not explanation(result):
-        return f"The {verb} {run_words(run)} misses the log by {given} (rms); re-tuned, by {tuned}."
+        return (
+            f"As given, the {verb} {run_words(run)} {missed(errors, 0, RMS)}; re-tuned, "
+            f"{missed_too(errors, 1, 0)}."
+        )
     what = (
         "With it" if len(explanation(result)) == 1 and result.verdict in NAMING
         else "With them" if result.verdict in NAMING and len(explanation(result)) == len(result.effects)
         else f"With {' + '.join(in_words(n) for n in explanation(result))}"
     )  # fmt: skip
-    if not _closes(errors, 0, 2):
+    if not closes(errors, 0, 2):
         return (
-            f"{what}, the {verb} {run_words(run)} misses the log by {now} (rms), no less than as given, "
-            f"{given}; re-tuned, by {tuned}."
+            f"{what}, the {verb} {run_words(run)} {missed(errors, 2, RMS)}, which is no gain: as given, "
+            f"{missed_too(errors, 0, 2)}; re-tuned, {missed_too(errors, 1, 0)}."
         )
-    said = f"{what}, the {verb} {run_words(run)} is within {now} of the log (rms) instead of {given}"
-    if _closes(errors, 1, 2) or _closes(errors, 2, 1):
+    before = f" instead of {given}" if given else "; as given, it diverges"
+    said = f"{what}, the {verb} {run_words(run)} is within {now} of the log{RMS}{before}"
+    if not tuned:
+        return f"{said}; with coefficients re-tuned alone, it diverges."
+    if closes(errors, 1, 2) or closes(errors, 2, 1):
         return f"{said}; re-tuning coefficients alone gives {tuned}."
     far = _moved(result)[:1]
     return f"{said}; re-tuning coefficients alone does as well" + (
@@ -297,13 +267,14 @@ def failures(result: Result) -> tuple[str, ...]:
     """Checks that failed; each one sentence."""
     out = []
     if explanation(result):
-        worse = [run for run in result.runs if run.role == "holdout" and _worse(error_rows(run))]
+        failed = [run for run in result.runs if run.role == "holdout" and worse(error_rows(run))]
         held = sum(run.role == "holdout" for run in result.runs)
-        if worse:
-            rows = error_rows(worse[0])
+        if failed:
+            rows = error_rows(failed[0])
             out.append(
-                f"The explanation predicts {len(worse)} of {held} held-out runs worse than the simulator as "
-                f"given ({worse[0].run}: {miss(rows, 2)}, as given {miss(rows, 0)}): do not rely on it."
+                f"The explanation predicts {len(failed)} of {held} held-out runs worse than the simulator as "
+                f"given (with it, {failed[0].run} {missed(rows, 2)}; as given, {missed_too(rows, 0, 2)}): do "
+                "not rely on it."
             )
         if result.runs_agree is not None and result.runs_agree < DISAGREEMENT_P_VALUE:
             out.append(
@@ -335,14 +306,6 @@ def far_off(result: Result) -> str:
 def explanation(result: Result) -> tuple[str, ...]:
     """Effects of the third model that is shown: none where the verdict needs none."""
     return () if result.verdict in NEEDS_NONE else result.explanation
-
-
-def _worse(rows: tuple[ErrorRow, ...]) -> bool:
-    """Whether position (else the first error there is) is missed by more than as given."""
-    if not rows:
-        return False
-    given, now = rows[0].values[0], rows[0].values[-1]
-    return math.isfinite(given) and not now <= WORSE * given
 
 
 def _moved(result: Result) -> tuple[str, ...]:
@@ -427,9 +390,13 @@ def _proof(result: Result) -> str:
     held = [run for run in result.runs if run.role == "holdout"]
     if not held:
         return "No run was held out, so the errors are of runs that were read; give one the role `holdout`."
-    better = sum(not _worse(error_rows(run)) for run in held)
+    better = sum(not worse(error_rows(run)) for run in held)
     if not explanation(result):
         return f"Held-out runs: {len(held)}, read only after the verdict stood."
+    if len(held) == 1:
+        return "The held-out run, read after the verdict stood, is predicted " + (
+            "no worse than as given." if better else "worse than as given."
+        )
     return f"Of {len(held)} held-out runs, read after the verdict stood, {better} are predicted no worse."
 
 
@@ -438,12 +405,15 @@ def _steps(result: Result) -> tuple[str, ...]:
     if result.verdict in NAMING:
         for e in result.effects:
             if e.parameters:
-                values = " ".join(f"--set {e.name}.{n}={p.value:.3g}" for n, p in e.parameters.items())
+                sizes = {f"{e.name}.{n}": p.value for n, p in e.parameters.items()}
+                if result.retuning is not None:
+                    sizes = {k: result.retuning.sizes.get(k, v) for k, v in sizes.items()}
+                values = " ".join(f"--set {k}={v:.3g}" for k, v in sizes.items())
                 out.append(f"Look for {in_words(e.name)} on the vehicle, or simulate with it: `{values}`.")
     elif (
         result.verdict in ("none", "coefficients")
         and result.runs
-        and _closes(error_rows(result.runs[0]), 0, 1)
+        and closes(error_rows(result.runs[0]), 0, 1)
     ):
         out.append("Re-tune: `bayesid fit BUNDLE --out FOLDER` writes the vehicle file.")
     if result.next_manoeuvre:

@@ -18,8 +18,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from bayesid.diagnosis.data.problem import DiagnosisProblem
+from bayesid.diagnosis.evidence.explained_model import as_stated
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.verdict import NAMING, Verdict, simplest
@@ -29,6 +31,7 @@ from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.evidence import NOT_LINEARISABLE, posterior
 from bayesid.estimation.filter_error.fit import FilterErrorFit, fit, stacked_equations
 from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit
+from bayesid.estimation.parameters import GaussianPrior
 from bayesid.estimation.truncated_normal import within_bounds
 from bayesid.files import UnreadableError, read_regular, write_json
 from bayesid.model.effects import Effect
@@ -113,9 +116,18 @@ class DiagnosedModel:
 
 
 def diagnosed_model(
-    problem: DiagnosisProblem, candidates: HypothesisComparison, verdict: Verdict, trial: str
+    problem: DiagnosisProblem,
+    candidates: HypothesisComparison,
+    verdict: Verdict,
+    trial: str,
+    retuned: bool = True,
 ) -> DiagnosedModel:
-    """The diagnosed model behind a verdict; `trial` is the digest of what was diagnosed.
+    """The diagnosed model behind a verdict.
+
+    Parameters
+    ----------
+    trial : digest of what was diagnosed
+    retuned : whether coefficients are re-tuned; else they are as stated, as well known as stated
 
     Raises
     ------
@@ -127,6 +139,8 @@ def diagnosed_model(
     fits, weights = [], []
     for c in chosen:
         fitted, evidence = _with_remainder(problem, c.fit)
+        if not retuned and (stated := as_stated(problem, c)) is not None:
+            fitted, _ = _with_remainder(problem, stated)
         prior = each ** len(c.effects) if c.effects else PRIOR_NONE
         fits.append(fitted)
         weights.append(evidence + c.log_evidence - c.fit.log_evidence + np.log(prior))
@@ -136,14 +150,17 @@ def diagnosed_model(
     share = np.where(share >= LEAST_WEIGHT * share.sum(), share, 0.0)
     share /= share.sum()
     hypotheses = tuple(
-        _hypothesis(c.effects, float(w), f) for c, w, f in zip(chosen, share, fits, strict=True) if w > 0
+        _hypothesis(c.effects, float(w), f, problem.stated)
+        for c, w, f in zip(chosen, share, fits, strict=True)
+        if w > 0
     )
     return DiagnosedModel(problem.model, hypotheses, _noise(problem), verdict.word, trial)
 
 
 def diagnosed_model_of(d: Diagnosis) -> DiagnosedModel:
     """The diagnosed model of a diagnosis: the one it holds, else made now."""
-    return d.diagnosed or diagnosed_model(d.problem, d.candidates, d.verdict, d.trial.digest)
+    retuned = d.result.retuning is None or d.result.retuning.kept
+    return d.diagnosed or diagnosed_model(d.problem, d.candidates, d.verdict, d.trial.digest, retuned)
 
 
 def fitted_model(
@@ -151,7 +168,9 @@ def fitted_model(
 ) -> DiagnosedModel:
     """The model of one fit, chosen by hand; its residuals' disturbance included."""
     again, _ = _with_remainder(problem, fitted)
-    return DiagnosedModel(problem.model, (_hypothesis(effects, 1.0, again),), _noise(problem), "fit", trial)
+    return DiagnosedModel(
+        problem.model, (_hypothesis(effects, 1.0, again, problem.stated),), _noise(problem), "fit", trial
+    )
 
 
 def _noise(problem: DiagnosisProblem) -> dict[str, float]:
@@ -171,12 +190,17 @@ def _chosen(c: HypothesisComparison, verdict: Verdict) -> list[RefittedHypothesi
     return [*best, *exact] if named and able else [simplest(c)] if named else [c.none, *best]
 
 
-def _hypothesis(effects: tuple[str, ...], weight: float, f: FilterErrorFit) -> WeightedHypothesis:
+def _hypothesis(
+    effects: tuple[str, ...], weight: float, f: FilterErrorFit, stated: GaussianPrior
+) -> WeightedHypothesis:
+    """What a fit says; coefficients it does not free are known as well as stated."""
     covariance = f.posterior.covariance * np.outer(f.free.sd, f.free.sd)
-    high = np.full(len(f.free.names), np.inf)
-    return WeightedHypothesis(
-        effects, weight, f.free.names, f.values, covariance, f.free.low, high, f.noise_model
-    )
+    free, values = f.free, f.values
+    if not set(stated.names) & set(free.names):
+        free, values = stated + free, np.concatenate([stated.mean, values])
+        covariance = block_diag(np.diag(stated.sd**2), covariance)
+    high = np.full(len(free.names), np.inf)
+    return WeightedHypothesis(effects, weight, free.names, values, covariance, free.low, high, f.noise_model)
 
 
 def _with_remainder(problem: DiagnosisProblem, fitted: FilterErrorFit) -> tuple[FilterErrorFit, float]:

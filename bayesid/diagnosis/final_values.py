@@ -11,12 +11,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from bayesid.diagnosis.answer import NEEDS_NONE
 from bayesid.diagnosis.attempt import attempt
 from bayesid.diagnosis.data.model_form import resonates
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.evidence.effect_draws import EffectDraws, choice
 from bayesid.diagnosis.evidence.effect_posterior import EffectPosterior, numbers
+from bayesid.diagnosis.evidence.explained_model import ExplainedModel
 from bayesid.diagnosis.evidence.holdout import HoldoutValidation
 from bayesid.diagnosis.evidence.holdout_prediction import MeasureComparison
 from bayesid.diagnosis.evidence.missing_force import MissingForce
@@ -53,6 +53,7 @@ from bayesid.diagnosis.result_parts import (
     Outlier,
     Refit,
     Region,
+    Retuning,
     RunError,
     Screened,
     SimulatorMistakeFound,
@@ -79,6 +80,7 @@ def result_of(
     problem: DiagnosisProblem,
     candidates: HypothesisComparison,
     verdict: Verdict,
+    explained: ExplainedModel,
     holdout: HoldoutValidation,
     proposals: tuple[Proposal, ...],
     warnings: tuple[str, ...],
@@ -101,15 +103,13 @@ def result_of(
     apart = c.ambiguity
     gains = best.log_evidence > c.none.log_evidence
     drawn = numbers(posterior) if posterior is not None else None
-    # a verdict that needs no effect is shown without one, though one may gain by chance
-    shown = best if gains and verdict.word not in NEEDS_NONE else c.none
     told, nothing = list(warnings), tuple[Replay, ...]()
     replays = attempt(
         "the runs could not be replayed for the picture",
         lambda: replay_trial(
             problem,
             trial,
-            {GIVEN: None, RETUNED: c.none.fit, EXPLAINED: shown.fit},
+            {GIVEN: None, RETUNED: c.none.fit, EXPLAINED: explained.fit},
             seed,
         ),
         nothing,
@@ -158,13 +158,21 @@ def result_of(
         environment=_noise(problem),
         coefficients={
             n: Coefficient(float(x / model.file_scale(n)), float(s / abs(model.file_scale(n))))
-            for n, x, s in zip(problem.stated.names, best.fit.values, best.fit.sd, strict=False)
+            for n, x, s in zip(
+                problem.stated.names,
+                explained.fit.par[problem.stated.where],
+                best.fit.sd if explained.retuned else problem.stated.sd,
+                strict=False,
+            )
         },
+        retuning=Retuning(
+            explained.retuned, _number(explained.gain), _number(explained.error), _sizes(model, explained)
+        ),
         model_form=_form(problem, c, best),
         next_manoeuvre=proposals,
         warnings=tuple(told),
         runs=tuple(_run_error(r) for r in replays),
-        moved=_moved(model, problem, c.none, shown),
+        moved=_moved(model, problem, c.none, explained),
         runs_agree=_agreement(problem, c.none, best) if gains and not best.widens else None,
         simulator=simulator,
         drawings=_drawings(model, c, posterior, seed, replays),
@@ -183,8 +191,19 @@ def _run_error(r: Replay) -> RunError:
     )
 
 
+def _sizes(model: Model, explained: ExplainedModel) -> dict[str, float]:
+    """Parameters of the effects in the model that stands for the explanation."""
+    keys = [
+        model.effects[n].key(p.name)
+        for n in explained.effects
+        if n in model.effects
+        for p in model.effects[n].parameters
+    ]
+    return {k: float(explained.fit.par[model.index[k]]) for k in keys}
+
+
 def _moved(
-    model: Model, problem: DiagnosisProblem, none: RefittedHypothesis, best: RefittedHypothesis
+    model: Model, problem: DiagnosisProblem, none: RefittedHypothesis, explained: ExplainedModel
 ) -> dict[str, Moved]:
     """Coefficients of the vehicle file as given, re-tuned and explained, in its units."""
     stated, out = problem.stated, {}
@@ -194,7 +213,7 @@ def _moved(
             float(stated.mean[i] / scale),
             float(stated.sd[i] / abs(scale)),
             float(none.fit.values[i] / scale),
-            float(best.fit.values[i] / scale),
+            float(explained.fit.par[stated.where[i]] / scale),
         )
     return out
 

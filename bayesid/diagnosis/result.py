@@ -30,6 +30,7 @@ from bayesid.diagnosis.result_parts import (
     Noise,
     Outlier,
     Refit,
+    Retuning,
     RunError,
     Screened,
     Share,
@@ -203,6 +204,9 @@ class Result:
     moved: Annotated[
         Mapping[str, Moved], About("How far each coefficient of the vehicle file moves, in its units.")
     ] = field(default_factory=dict)
+    retuning: Annotated[
+        Retuning | None, About("Whether the explanation is shown, and predicts, with coefficients re-tuned.")
+    ] = None
     runs_agree: Annotated[
         float | None,
         About(

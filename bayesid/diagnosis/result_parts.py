@@ -229,6 +229,28 @@ class Moved:
 
 
 @dataclass(frozen=True)
+class Retuning:
+    """Whether the model of the explanation has the coefficients re-tuned or as the vehicle file states them.
+
+    Stated ones stay unless re-tuning predicts runs left out in turn better by more than a standard error.
+    """
+
+    kept: Annotated[bool, About("Whether the coefficients of the explanation are re-tuned.")]
+    gain: Annotated[
+        float | None,
+        About(
+            "Mean logarithm, over identify runs left out in turn and channels, of the rms error with "
+            "coefficients as stated over that with them re-tuned; null where it was not asked."
+        ),
+    ]
+    error: Annotated[float | None, About("Its standard error over runs.")]
+    sizes: Annotated[
+        Mapping[str, float],
+        About("Parameters of the effects in that model, as `effect.parameter` (SI)."),
+    ]
+
+
+@dataclass(frozen=True)
 class SimulatorMistakeFound:
     """A mistake of the simulator whose mend leaves no gap that asks for a cause."""
 

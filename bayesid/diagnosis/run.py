@@ -10,16 +10,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bayesid.diagnosis.answer import NEEDS_NONE
 from bayesid.diagnosis.attempt import attempt
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.diagnosed_model import DiagnosedModel, diagnosed_model
 from bayesid.diagnosis.event_search import verdict_with
 from bayesid.diagnosis.evidence.effect_draws import warning
 from bayesid.diagnosis.evidence.effect_posterior import EffectPosterior, numbers, sample_effect
+from bayesid.diagnosis.evidence.explained_model import ExplainedModel, explained_model
 from bayesid.diagnosis.evidence.holdout import HoldoutValidation, validate_holdout
 from bayesid.diagnosis.evidence.missing_force import describe_missing_force
 from bayesid.diagnosis.exclusions import compare_without
 from bayesid.diagnosis.final_values import result_of
+from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.verdict import NAMING, Verdict, after_holdout, decide, simplest
 from bayesid.diagnosis.input.memory_needed import check_memory
@@ -113,10 +116,13 @@ def diagnose(
             None,
             warnings,
         )
+    notify("whether the explanation predicts better with coefficients re-tuned")
+    best, none = simplest(candidates), candidates.none
+    explained = _explained(problem, best if best.log_evidence > none.log_evidence else none, warnings)
     notify("held-out runs: how far the gap shrinks")
     holdout = attempt(
         "held-out runs could not be predicted",
-        lambda: _holdout_validation(problem, trial, candidates, seed),
+        lambda: _holdout_validation(problem, trial, candidates, explained, seed),
         HoldoutValidation((), ()),
         warnings,
     )
@@ -144,16 +150,20 @@ def diagnose(
         notify("model for predictions")
         diagnosed = attempt(
             "the diagnosed model for `bayesid predict` could not be made",
-            lambda: diagnosed_model(problem, candidates, verdict, trial.digest),
+            lambda: diagnosed_model(problem, candidates, verdict, trial.digest, explained.retuned),
             None,
             warnings,
         )
+    if verdict.word in NEEDS_NONE and explained.effects:
+        # a verdict that needs no effect is shown without one, though one may gain by chance
+        explained = _explained(problem, none, warnings)
     result = result_of(
         trial,
         model,
         problem,
         candidates,
         verdict,
+        explained,
         holdout,
         proposals,
         tuple(warnings),
@@ -193,8 +203,22 @@ def _drawn(
     return found
 
 
+def _explained(problem: DiagnosisProblem, refit: RefittedHypothesis, warnings: list[str]) -> ExplainedModel:
+    """The model of a refitted hypothesis; re-tuned where that could not be asked."""
+    return attempt(
+        "whether the explanation predicts better with coefficients re-tuned could not be asked",
+        lambda: explained_model(problem, refit),
+        ExplainedModel(refit.effects, refit.fit),
+        warnings,
+    )
+
+
 def _holdout_validation(
-    problem: DiagnosisProblem, trial: Trial, candidates: HypothesisComparison, seed: int
+    problem: DiagnosisProblem,
+    trial: Trial,
+    candidates: HypothesisComparison,
+    explained: ExplainedModel,
+    seed: int,
 ) -> HoldoutValidation:
     if not trial.holdout:
         return HoldoutValidation((), ())
@@ -207,10 +231,9 @@ def _holdout_validation(
         )
         models["recalibrated, white"] = white.par
         draws["recalibrated, white"] = parameter_draws(white, rng)
-    best = simplest(candidates)
-    gain = best.log_evidence - candidates.none.log_evidence
-    models["with effect"] = best.fit.par if gain > 0 else candidates.none.fit.par
-    draws["with effect"] = parameter_draws(best.fit, rng) if gain > 0 else draws["recalibrated"]
+    models["with effect"] = explained.fit.par
+    same = explained.fit is candidates.none.fit
+    draws["with effect"] = draws["recalibrated"] if same else parameter_draws(explained.fit, rng)
     return validate_holdout(problem, trial, models, problem.environment.noise_model, seed, draws)
 
 

@@ -74,6 +74,22 @@ def standard_errors(p: Prediction, run: Run) -> dict[str, Array]:
     return {name: error[seen] / sd[seen, j] for j, name, error, seen in _errors(p, run)}
 
 
+def log_density(p: Prediction, run: Run) -> float:
+    """Mean over channels of the log density of a reading after the lead-in, each in its SI unit, as normal
+    with the mean and sd predicted, sensor noise included.
+    """
+    sd = np.hypot(p.draws.std(axis=0, ddof=1), np.nan_to_num(p.noise))
+    return float(
+        np.mean(
+            [
+                -np.mean(np.log(sd[seen, j]) + 0.5 * (error[seen] / sd[seen, j]) ** 2)
+                for j, _, error, seen in _errors(p, run)
+            ]
+        )
+        - 0.5 * math.log(2 * math.pi)
+    )
+
+
 def _errors(p: Prediction, run: Run) -> Iterator[tuple[int, str, Array, Array]]:
     """Per channel read: position, name, (n,) reading minus mean by the shortest way round, which count."""
     late = p.t - p.t[0] > p.lead

@@ -251,7 +251,7 @@ def calibration_words(calibration: Calibration) -> str:
     """How well the fitted runs are predicted, in a sentence."""
     inside = ", ".join(f"{c} {100 * share:.0f} %" for c, share in calibration.inside.items())
     return (
-        "Predicted from their first readings, the fitted runs lie inside the 95 % band for this share of the "
+        "Each predicted from the others, the fitted runs lie inside the 95 % band for this share of the "
         f"time: {inside}."
     )
 

@@ -9,8 +9,8 @@ import math
 
 import numpy as np
 
-from bayesid.diagnosis.answer import ErrorRow, miss, name_of_run
 from bayesid.diagnosis.plain_words import number
+from bayesid.diagnosis.run_errors import ErrorRow, miss, missed, missed_too, name_of_run
 from bayesid.estimation.trial_fit import RunOutcome, TrialFit
 from bayesid.report import run_picture
 from bayesid.report.fit_effects import effect_words
@@ -64,14 +64,19 @@ def headline(found: TrialFit) -> str:
     better = any(
         math.isfinite(r.values[1]) and not r.values[0] <= SAME * r.values[1] for r in rows
     ) and not any(math.isfinite(r.values[0]) and not r.values[1] <= SAME * r.values[0] for r in rows[:1])
+    if better and not miss(rows, 0):
+        return (
+            f"With the coefficients found, the {verb} {name} is within {miss(rows, 1)} of the log (rms); as "
+            "given, the simulation diverges."
+        )
     if better:
         return (
             f"With the coefficients found, the {verb} {name} is within {miss(rows, 1)} of the log (rms) "
             f"instead of {miss(rows, 0)}."
         )
     return (
-        f"With the coefficients found, the {verb} {name} misses the log by {miss(rows, 1)} (rms), no less "
-        f"than as given, {miss(rows, 0)}."
+        f"With the coefficients found, the {verb} {name} {missed(rows, 1, ' (rms)')}, which is no gain: as "
+        f"given, {missed_too(rows, 0, 1)}."
     )
 
 

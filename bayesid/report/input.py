@@ -30,13 +30,16 @@ def finding_sentence(finding: InputFinding) -> str:
     where = "" if finding.all_runs else f" in {_list(finding.runs)}"
     told = _list([TOLD.get(k, k) for k in finding.told_by[:2]])
     also = f"; these runs do not tell it from: {'; '.join(finding.also)}" if finding.also else ""
+    sure = _probability(finding.probability)
+    if finding.also:
+        sure += f", {_probability(finding.together)} that it is one of those not told from it"
     mend = "; ".join(finding.mend[1:])
     lost = "; the column has to be logged anew" if finding.channels else "; state the right vehicle"
     mend = f"; [corrections] {mend}" if mend else lost
     fit = ""
     if finding.before > 0 and finding.after < finding.before:
         fit = f", unexplained {finding.before:.2g} before and {finding.after:.2g} after"
-    return f"{finding.says}{where} (probability {_probability(finding.probability)}; {told}{fit}){mend}{also}"
+    return f"{finding.says}{where} (probability {sure}; {told}{fit}){mend}{also}"
 
 
 def in_order_line(check: InputCheck) -> str:
@@ -69,7 +72,7 @@ def check_record(check: InputCheck) -> dict[str, Any]:
                 "name": f.name, "what": f.says, "channels": list(f.channels), "runs": list(f.runs),
                 "all_runs": f.all_runs, "probability": f.probability, "told_by": list(f.told_by),
                 "unexplained": {"before": f.before, "after": f.after}, "mend": list(f.mend),
-                "not_told_from": list(f.also),
+                "not_told_from": list(f.also), "together": f.together if f.also else f.probability,
             }
             for f in check.findings
         ],
@@ -80,7 +83,11 @@ def check_record(check: InputCheck) -> dict[str, Any]:
 
 
 def input_summary(
-    check: InputCheck, reasons: Sequence[str], after: Mapping[str, Any] | None, verdict: str
+    check: InputCheck,
+    reasons: Sequence[str],
+    after: Mapping[str, Any] | None,
+    verdict: str,
+    headline: str = "",
 ) -> str:
     """What the terminal prints for a verdict on the input.
 
@@ -88,6 +95,7 @@ def input_summary(
     ----------
     reasons : why there is not enough to say anything
     after : record of the diagnosis of the mended log; None where there was none
+    headline : its answer in words
     """
     out = [f"verdict: {verdict}"]
     out += [f"  {_upper(finding_sentence(f))}" for f in check.findings]
@@ -95,13 +103,13 @@ def input_summary(
     if line := in_order_line(check):
         out.append(line)
     if check.findings:
-        out.append(after_words(after))
+        out.append(after_words(after, headline))
         out.append("--trust-input diagnoses the log as it is")
     return "\n".join(out)
 
 
-def after_words(after: Mapping[str, Any] | None) -> str:
-    """What the gap looks like once the mend is applied in memory."""
+def after_words(after: Mapping[str, Any] | None, headline: str = "") -> str:
+    """What the gap looks like once the mend is applied in memory; `headline` is its answer in words."""
     if after is None:
         return "the log cannot be mended in memory, so nothing is said of a gap"
     verdict = after["verdict"]
@@ -109,6 +117,8 @@ def after_words(after: Mapping[str, Any] | None) -> str:
         return "with that mended, no gap is left"
     if verdict == "model_form":
         return "with that mended, no cause is left beyond a force that the equations lack"
+    if headline:
+        return f"with that mended: {headline}"
     names = ", ".join(effect["name"] for effect in after.get("effects", ()))
     return f"with that mended, the verdict on the gap is {verdict}" + (f": {names}" if names else "")
 

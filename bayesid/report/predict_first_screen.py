@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from bayesid.diagnosis.answer import name_of_run
 from bayesid.diagnosis.plain_words import number
+from bayesid.diagnosis.run_errors import name_of_run
 from bayesid.prediction.prediction import Prediction
 from bayesid.report import run_picture
 from bayesid.report.writer import Block, Figure, Row, Table, literal

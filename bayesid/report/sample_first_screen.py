@@ -14,8 +14,8 @@ import numpy as np
 
 from bayesid.analysis.identifiability.posterior_ridges import FIXED, OPEN, Combination, Group
 from bayesid.analysis.identifiability.posterior_view import PosteriorView
-from bayesid.diagnosis.answer import name_of_run
 from bayesid.diagnosis.plain_words import number
+from bayesid.diagnosis.run_errors import name_of_run
 from bayesid.estimation.likelihood.posterior import CONFLICT
 from bayesid.estimation.sampling import Posterior
 from bayesid.estimation.trial_fit import TrialFit

@@ -10,7 +10,14 @@ actuator positions held at their mean over each step, commands held between thei
 from bayesid.simulation.accelerations import rates_on
 from bayesid.simulation.batch import THREADED_FROM, gradient_batch, simulate_batch
 from bayesid.simulation.closed_loop import run_manoeuvre, steady_start
-from bayesid.simulation.interval_maps import Maps, Readings, inertia_ratio, interval_maps, readings_on
+from bayesid.simulation.interval_maps import (
+    Maps,
+    Readings,
+    inertia_ratio,
+    interval_maps,
+    part_of,
+    readings_on,
+)
 from bayesid.simulation.prepare import actuate, with_own_states
 from bayesid.simulation.sensors import observe, observe_sensitivity
 from bayesid.simulation.shaft_speed import (
@@ -37,6 +44,7 @@ __all__ = [
     "interval_maps",
     "observe",
     "observe_sensitivity",
+    "part_of",
     "plan_run",
     "plan_trial_run",
     "rates_on",

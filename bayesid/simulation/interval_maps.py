@@ -7,14 +7,21 @@ equations. Gives arrays a Kalman filter can use. Does not filter.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from bayesid.equations.model import Model
 from bayesid.errors import ModelError
 from bayesid.simulation.follow import follow
-from bayesid.simulation.prepare import actuate, check_parameters, choose, inverse_mass, mass_matrices
+from bayesid.simulation.prepare import (
+    LARGEST_STATE,
+    actuate,
+    check_parameters,
+    choose,
+    inverse_mass,
+    mass_matrices,
+)
 from bayesid.simulation.sensors import read_channels
 from bayesid.simulation.time_plan import TimePlan
 
@@ -47,6 +54,7 @@ def interval_maps(
     inputs: Sequence[str],
     free: Array,
     full: bool = True,
+    part: tuple[int, int] | None = None,
 ) -> Maps:
     """Maps of every sample interval started on the path.
 
@@ -55,11 +63,13 @@ def interval_maps(
     states : (n, nx) states at the samples, all of the kernel's (`model.kernel.full.states` or `bare`)
     inputs : names among the kernel's actuators and exogenous inputs
     free : (p,) positions of parameters
+    part : first and last sample, the intervals between which are wanted; default all. Inputs are those of the
+        whole run
 
     Raises
     ------
     ModelError
-        if an interval ends outside the finite numbers; names the time
+        if an interval ends beyond all bounds (`LARGEST_STATE`); names the time
     """
     par = check_parameters(model, plan, par)
     plan = follow(model, par, plan, full)
@@ -72,19 +82,25 @@ def interval_maps(
     columns = np.array([column.get(int(p), -1) for p in fun.entries[:, 1]], dtype=np.int64)
     act_columns = np.array([column.get(p, -1) for p in fun.act_columns], dtype=np.int64)
     # slopes of the actuators' chain cost twice the chain, with every delayed switch cut out of its step
-    act, dact = actuate(model, par, plan, slopes=bool((act_columns >= 0).any()), full=full)
-    size, n = plan.record.size, nx + n_in + n_free
-    path = np.array(states, dtype=float, order="C")
-    ends, maps = np.empty((size, nx)), np.empty((size, nx, n))
+    slopes = bool((act_columns >= 0).any())
+    act, dact = actuate(model, par, plan, slopes=slopes, full=full)
+    n = nx + n_in + n_free
+    first, last = part or (0, plan.record.size - 1)
+    record = plan.record[first : last + 1]
+    steps = slice(record[0], record[-1]) if part else slice(None)
+    path = np.array(states[first : last + 1], dtype=float, order="C")
+    ends, maps = np.empty((record.size, nx)), np.empty((record.size, nx, n))
     fun.variational(
-        par, inverse_mass(model, fun, par[None])[0], path[0], np.eye(nx, n), plan.times, plan.steps, act,
-        dact, plan.exogenous, plan.record, fun.entries, columns, act_columns, input_columns, path, ends, maps,
-        np.empty((0, nx)), np.empty((0, nx, n)),
+        par, inverse_mass(model, fun, par[None])[0], path[0], np.eye(nx, n), plan.times[steps],
+        plan.steps[steps], act[steps], dact[steps] if slopes else dact, plan.exogenous[steps],
+        record - record[0] if part else record, fun.entries, columns, act_columns, input_columns, path, ends,
+        maps, np.empty((0, nx)), np.empty((0, nx, n)),
     )  # fmt: skip
     ends, maps = ends[1:], maps[1:]
-    good = np.isfinite(ends).all(axis=1)
+    good = (np.abs(ends) <= LARGEST_STATE).all(axis=1)  # false for nan
     if not good.all():
-        raise ModelError(f"the vehicle diverges between samples at t = {plan.t[int(np.argmin(good))]:.6g} s")
+        at = plan.t[first + int(np.argmin(good))]
+        raise ModelError(f"the vehicle diverges between samples at t = {at:.6g} s")
     return Maps(
         ends,
         np.ascontiguousarray(maps[:, :, :nx]),
@@ -127,18 +143,37 @@ class Readings:
     by_parameter: Array
 
 
+def part_of(plan: TimePlan, first: int, last: int) -> TimePlan:
+    """Samples `first` to `last` of a plan, as `readings_on` needs it; at its end inputs are those before."""
+    record = plan.record[first : last + 1]
+    steps = slice(record[0], record[-1])
+    return replace(
+        plan, t=plan.t[first : last + 1], times=plan.times[steps], steps=plan.steps[steps],
+        record=record - record[0], command=plan.command[steps], exogenous=plan.exogenous[steps],
+    )  # fmt: skip
+
+
+# maps of a path that diverges are finite but huge; what overflows here is refused with the products of it
+@np.errstate(over="ignore", invalid="ignore")
 def readings_on(
-    model: Model, par: Array, plan: TimePlan, states: Array, maps: Maps, free: Array, full: bool = True
+    model: Model,
+    par: Array,
+    plan: TimePlan,
+    states: Array,
+    maps: Maps,
+    free: Array,
+    full: bool = True,
+    since: float | None = None,
 ) -> Readings:
     """Readings of every channel on a path, with slopes by the state at the sample and by the free parameters.
 
     A sensor delay T reads x(t) - T dx/dt to second order, the rate taken from the interval maps, so that its
-    slopes need the state at one sample only.
+    slopes need the state at one sample only. `since` is when the run began, of a part of one.
     """
     par = np.array(par, dtype=float, order="C")
     fun = choose(model, par, full)
     column = {int(p): c for c, p in enumerate(free)}
-    values, by_state, sparse = read_channels(fun, par, plan, states, True)
+    values, by_state, sparse = read_channels(fun, par, plan, states, True, since)
     by_parameter = np.zeros((plan.t.size, values.shape[1], len(free)))
     entries = [(e, int(c), column[int(p)]) for e, (c, p) in enumerate(fun.sensor_entries) if int(p) in column]
     for e, c, k in entries:
@@ -160,7 +195,7 @@ def readings_on(
         wanted = [column[i] for i in fun.delays[channel] if i in column]
         acceleration = np.einsum("ixy,iy->ix", turn, rate)
         late, late_slope, late_sparse = read_channels(
-            fun, par, plan, states - delay * rate + 0.5 * delay**2 * acceleration, True
+            fun, par, plan, states - delay * rate + 0.5 * delay**2 * acceleration, True, since
         )
         values[:, channel] = late[:, channel]
         back = np.eye(states.shape[1]) - delay * turn + 0.5 * delay**2 * turn @ turn

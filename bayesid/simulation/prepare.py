@@ -5,7 +5,6 @@ Takes a `Model`, parameters in SI and a `TimePlan`. Shared by the single, batch 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -19,6 +18,7 @@ from bayesid.simulation.time_plan import TimePlan
 Array = np.ndarray
 
 NO_TRACE, NO_LANE_TRACE = np.empty((0, 4, 1)), np.empty(0)
+LARGEST_STATE = 1e30  # m, rad, m/s: no vehicle gets there, and its square is still a number
 _FIN = {"delta_r": "r", "delta_s": "s", "delta_b": "b"}
 
 
@@ -242,12 +242,12 @@ def _between(knots: Array, levels: Array, s: Array) -> tuple[Array, Array]:
 
 
 def require_finite(t: Array, states: Array, names: tuple[str, ...]) -> None:
-    """Raise `ModelError` with the time a state leaves the finite numbers."""
-    good = np.isfinite(states).all(axis=1)
+    """Raise `ModelError` with the time a state leaves the numbers a vehicle can have (`LARGEST_STATE`)."""
+    good = (np.abs(states) <= LARGEST_STATE).all(axis=1)  # false for nan
     if not good.all():
         i = int(np.argmin(good))
-        bad = [n for n, v in zip(names, states[i], strict=True) if not math.isfinite(v)]
+        bad = [n for n, v in zip(names, states[i], strict=True) if not abs(v) <= LARGEST_STATE]
         raise ModelError(
-            f"the simulated vehicle diverges: {', '.join(bad)} not finite from t = {t[i]:.6g} s; "
+            f"the simulated vehicle diverges: {', '.join(bad)} beyond all bounds from t = {t[i]:.6g} s; "
             "check signs of damping coefficients or narrow the bounds"
         )

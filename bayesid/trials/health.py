@@ -18,6 +18,8 @@ from bayesid.trials.trial import Floats, Run
 _DEG = math.pi / 180.0
 JITTER = 0.5  # of the usual step, between the 15th and 85th per cent of steps
 WHOLE, MOSTLY = 0.1, 0.9  # steps so near a multiple of the usual one are readings left out
+# A turn with the rudder amidships: largest angle, fewest headings, least turn, sd of its rate
+AMIDSHIPS, FEWEST_HEADINGS, LEAST_TURN, TURNS = 0.5 * _DEG, 10, 2.0 * _DEG, 5.0
 _LIMITS = {"phi": 1.6, "theta": 1.6, "p": 6.0, "q": 3.0, "r": 3.0, "u": 30.0, "v": 15.0, "w": 15.0}
 # track length over integrated velocity -> the mislabelling that gives it
 _SCALES = {
@@ -46,9 +48,49 @@ def check_run(run: Run) -> list[str]:
 
 
 def check_runs(runs: Sequence[Run]) -> list[str]:
-    """Warnings that need all runs: the sign of the rudder."""
+    """Warnings that need all runs: the sign of the rudder, a turn with the rudder amidships."""
     found = [check for check in map(check_rudder, runs) if check is not None]
-    return rudder_notice(found)
+    return rudder_notice(found) + _amidships(runs)
+
+
+def _amidships(runs: Sequence[Run]) -> list[str]:
+    """A warning if all runs turn to one side before their first order."""
+    rates = [rate for rate in map(turn_before_order, runs) if rate is not None]
+    turning = [(rate, sd) for rate, sd in rates if abs(rate) > TURNS * sd]
+    if len(turning) < 2 or len(turning) < len(rates) or len({rate > 0 for rate, _ in turning}) > 1:
+        return []
+    rate = float(np.median([rate for rate, _ in turning]))
+    return [
+        f"with the rudder amidships the vehicle turns to {'starboard' if rate > 0 else 'port'} by "
+        f"{abs(rate) / _DEG:.2g} degrees a second in {len(turning)} of {len(rates)} runs before the first "
+        "order; no coefficient of a symmetric hull does that: look for an offset of the rudder, wind, a side "
+        "force of the propeller"
+    ]
+
+
+def turn_before_order(run: Run) -> tuple[float, float] | None:
+    """Rate of the heading and its sd [rad/s] in the later half of the time before the rudder first moves.
+
+    None where there is no such time, or too few headings to tell a rate; the sd is of a straight line, at
+    least as large as a change of `LEAST_TURN` over that half needs."""
+    rudder, psi = run.input("delta_r"), run.data.get("psi")
+    if (
+        rudder is None
+        or psi is None
+        or np.abs(rudder[0]) > AMIDSHIPS
+        or not np.any(np.abs(rudder) > AMIDSHIPS)
+    ):
+        return None
+    last = int(np.argmax(np.abs(rudder) > AMIDSHIPS))
+    at = np.arange(last // 2, last)
+    at = at[np.isfinite(psi[at])]
+    if at.size < FEWEST_HEADINGS:
+        return None
+    t = run.t[at] - run.t[at].mean()
+    rate = float(t @ psi[at] / (t @ t))
+    left = psi[at] - psi[at].mean() - rate * t
+    sd = math.sqrt(float(left @ left) / (at.size - 2) / float(t @ t))
+    return rate, max(sd, LEAST_TURN / TURNS / float(np.ptp(t)))
 
 
 def rudder_notice(found: Sequence[RudderCheck]) -> list[str]:

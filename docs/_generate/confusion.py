@@ -22,6 +22,7 @@ from bayesid.estimation.parameters import effect_prior
 from bayesid.manoeuvres import parse
 from bayesid.model.effects import Effect
 from bayesid.model.vehicles import load_vehicle
+from bayesid.simulation import observe, plan_run, simulate, steady_start
 from bayesid.simulation.virtual_trial import virtual_run
 from bayesid.trials.trial import Environment
 
@@ -30,6 +31,7 @@ RUNS = ("straight", "zigzag:10/10", "turn:12", "prbs")
 NOISE = {"x": 0.2, "y": 0.2, "psi": 0.005, "u": 0.01, "v": 0.01, "r": 0.002}
 CALM = 1e-5  # disturbing force over 1/2 rho L^2 U^2
 SHOWN = "zigzag:10/10"
+PLANE, DEPTH = np.radians(3.0), 2.0  # of the doublet: amplitude [rad], depth at its beginning [m]
 LEAST = 10.0  # noncentrality below which an effect is called not to show
 
 
@@ -46,6 +48,12 @@ class Trace:
 def model() -> Model:
     """The vehicle of all examples, in the horizontal plane."""
     return build_model(load_vehicle(VEHICLE), 3)
+
+
+@cache
+def deep_model() -> Model:
+    """The same vehicle in six degrees of freedom."""
+    return build_model(load_vehicle(VEHICLE), 6)
 
 
 @cache
@@ -76,6 +84,27 @@ def changed(effect: Effect | None) -> tuple[np.ndarray, dict[str, np.ndarray]] |
     except BayesidError:
         return None
     return run.t, run.data
+
+
+def changed_in_depth(effect: Effect | None) -> tuple[np.ndarray, dict[str, np.ndarray]] | None:
+    """The same for one doublet of the stern planes, begun at `DEPTH`."""
+    found = deep_model()
+    par = found.nominal.copy()
+    if effect is not None:
+        prior = effect_prior(found, effect)
+        par[prior.where] = np.maximum(par[prior.where], prior.mean) + prior.sd
+    t = np.arange(0.0, 20.01, 0.1)
+    planes = np.where(t < 4, 0.0, np.where(t < 7, 1.0, np.where(t < 10, -1.0, 0.0))) * PLANE
+    rpm = np.full(t.size, found.vehicle.rpm_ref)
+    plan = plan_run(found, t, {"delta_r_cmd": 0.0 * t, "delta_s_cmd": planes, "n_cmd": rpm})
+    start = steady_start(found)
+    start[found.states.index("z")] = DEPTH
+    try:
+        states = simulate(found, par, plan, start, full=True).states
+    except BayesidError:
+        return None
+    readings = observe(found, par, plan, states, full=True)
+    return t, {c: readings[:, k] for k, c in enumerate(found.kernel.channels)}
 
 
 def sizes(effect: Effect) -> dict[str, tuple[float, str]]:

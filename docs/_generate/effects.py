@@ -12,7 +12,7 @@ import numpy as np
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-from _generate.confusion import LEAST, SHOWN, VEHICLE, changed, constants, sizes, traces
+from _generate.confusion import LEAST, SHOWN, VEHICLE, changed, changed_in_depth, constants, sizes, traces
 from _generate.markdown import code, fenced, plain, table
 from bayesid.diagnosis.plain_words import sentence
 from bayesid.diagnosis.result import Effect as Found
@@ -26,6 +26,16 @@ PORTS = {
 }  # fmt: skip
 _PLACE = re.compile(r"\{([^{}:]+):([^{}:]+)(?::[^{}]*)?\}")
 ORDER = ("input", "flow", "force", "sensor")
+_DEG = 180 / math.pi
+# channels whose change a picture may show, the most telling first: label, factor, a clear change [SI]
+PLANAR = (
+    ("psi", "heading [deg]", _DEG, 0.005), ("r", "yaw rate [deg/s]", _DEG, 0.001),
+    ("u", "speed ahead [m/s]", 1.0, 0.01), ("v", "speed abeam [m/s]", 1.0, 0.01),
+    ("x", "north [m]", 1.0, 0.05),
+)  # fmt: skip
+VERTICAL = (
+    ("theta", "pitch [deg]", _DEG, 0.02), ("phi", "roll [deg]", _DEG, 0.005), ("z", "depth [m]", 1.0, 0.01),
+)  # fmt: skip
 WORTH_A_WORD = 0.5  # share absorbed by coefficients
 
 
@@ -128,27 +138,31 @@ def _confused(effect: Effect) -> str:
 
 
 def _picture(effect: Effect) -> str | None:
-    """Inline SVG of what one prior sd does to a zig-zag; None where a planar model cannot have it."""
-    if not effect.acts_in(3) or effect.as_form == "only":
-        return None
-    with_it, without = changed(effect), changed(None)
+    """Inline SVG of what one prior sd does; None where the vehicle diverges with it."""
+    planar = effect.acts_in(3)
+    run = changed if planar else changed_in_depth
+    with_it, without = run(effect), run(None)
     if with_it is None or without is None:
         return None
     (t, now), (_, then) = with_it, without
-    turn = np.degrees(np.unwrap(now["psi"]) - np.unwrap(then["psi"]))
+    channel, label, factor = _told_by(now, then, PLANAR if planar else VERTICAL)
     fig, (left, right) = plt.subplots(1, 2, figsize=(6.0, 1.5), layout="constrained")
-    left.plot(then["y"], then["x"], color="0.6", lw=2.2)
-    left.plot(now["y"], now["x"], color="#0072b2", lw=1.2)
-    left.set(xlabel="east [m]", ylabel="north [m]")
+    across, up = ("y", "x") if planar else (None, "z")
+    for run_of, colour, width in ((then, "0.6", 2.2), (now, "#0072b2", 1.2)):
+        left.plot(t if across is None else run_of[across], run_of[up], color=colour, lw=width)
+    if planar:
+        left.set(xlabel="east [m]", ylabel="north [m]")
+    else:
+        left.set(xlabel="time [s]", ylabel="depth [m]")
+        left.invert_yaxis()
+    change = factor * _apart(now[channel], then[channel], channel)
     right.axhline(0.0, color="0.6", lw=1)
-    right.plot(t, turn, color="#0072b2", lw=1.2)
-    right.set(xlabel="time [s]", ylabel="heading [deg]")
+    right.plot(t, change, color="#0072b2", lw=1.2)
+    right.set(xlabel="time [s]", ylabel=label)
     for axes in (left, right):
         axes.tick_params(labelsize=7)
         axes.xaxis.label.set_size(7)
         axes.yaxis.label.set_size(7)
-    if np.abs(turn).max() < 0.01:
-        right.set_ylim(-1, 1)
     held = io.StringIO()
     with plt.rc_context({"svg.hashsalt": effect.name, "svg.fonttype": "none"}):
         fig.savefig(held, format="svg", metadata={"Date": None}, transparent=False)
@@ -157,9 +171,28 @@ def _picture(effect: Effect) -> str | None:
     svg = re.sub(r"\n\s*\n", "\n", svg[svg.index("<svg") :])
     # ids are local to a picture in a file, but not in a page
     svg = re.sub(r'(id="|url\(#|href="#)', rf"\g<1>{anchor(effect.name)}-", svg)
-    return (
-        f'<figure class="signature" role="img" aria-label="{effect.name} on a zig-zag">{svg}'
-        f"<figcaption>{SHOWN.replace(':', ' ')} of {VEHICLE} without (grey) and with "
-        f"{effect.name.replace('_', ' ')} at one prior sd (blue): track, and change of the heading."
-        "</figcaption></figure>"
+    words, kind = (
+        label.partition(" [")[0],
+        SHOWN.replace(":", " ") if planar else "doublet of the stern planes",
     )
+    return (
+        f'<figure class="signature" role="img" aria-label="{effect.name} on a {kind}">{svg}'
+        f"<figcaption>{kind[:1].upper()}{kind[1:]} of {VEHICLE} without (grey) and with "
+        f"{effect.name.replace('_', ' ')} at one prior sd (blue): {'track' if planar else 'depth'}, and "
+        f"change of the {words}.</figcaption></figure>"
+    )
+
+
+def _apart(now: np.ndarray, then: np.ndarray, channel: str) -> np.ndarray:
+    """Change of a channel; of an angle on the shorter side."""
+    gap = now - then
+    return (gap + np.pi) % (2 * np.pi) - np.pi if channel in ("psi", "phi", "theta") else gap
+
+
+def _told_by(
+    now: dict[str, np.ndarray], then: dict[str, np.ndarray], shown: tuple[tuple[str, str, float, float], ...]
+) -> tuple[str, str, float]:
+    """The first channel that changes clearly, else the one that changes most; label and factor of it."""
+    most = {c: float(np.abs(_apart(now[c], then[c], c)).max()) / clear for c, _, _, clear in shown}
+    best = next((c for c in most if most[c] > 1.0), max(most, key=lambda c: most[c]))
+    return next((c, label, factor) for c, label, factor, _ in shown if c == best)

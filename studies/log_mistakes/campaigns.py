@@ -13,7 +13,7 @@ import numpy as np
 from bayesid.equations.model import build_model
 from bayesid.estimation.parameters import coefficient_prior
 from bayesid.manoeuvres import Scale, parse
-from bayesid.model.effects import Effect
+from bayesid.model.effects import CATALOGUE, Effect
 from bayesid.model.vehicles import load_vehicle, self_propulsion_speed, with_relative_prior
 from bayesid.simulation.virtual_trial import virtual_trial
 from bayesid.trials import Run, Trial
@@ -33,11 +33,11 @@ def campaign(
     Parameters
     ----------
     step : time between samples and orders [L/U], before they are thinned to `rate`
-    acts : a further effect, its sizes at their prior standard deviations
+    acts : an effect, of the catalogue or a further one, its sizes at their prior standard deviations
     """
     dof = VEHICLES[name]
     vehicle = with_relative_prior(load_vehicle(name), PRIOR_SD)
-    model = build_model(vehicle, dof, () if acts is None else (acts,))
+    model = build_model(vehicle, dof, () if acts is None or acts in CATALOGUE else (acts,))
     rng = np.random.default_rng(seed)
     rpm = vehicle.rpm_ref or 0.0
     speed = self_propulsion_speed(vehicle, rpm)

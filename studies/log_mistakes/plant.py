@@ -16,6 +16,7 @@ from bayesid.trials import Run, Trial
 from bayesid.trials.correction import EARTH_RADIUS, Correction, apply
 from bayesid.trials.mistakes import MISTAKES
 
+FAST_FIN = math.radians(60.0)  # per second, of small vehicles
 Change = Callable[[Run, np.random.Generator], Run]
 
 
@@ -200,8 +201,28 @@ def planted(travel: float = 0.9) -> tuple[Planted, ...]:
     )
 
 
-def controls(travel: float = 0.9) -> tuple[Planted, ...]:
-    """What the catalogue of effects holds, at its usual size: none of these is a mistake of the log."""
+def _measured(rate: float) -> Change:
+    """The angle of the rudder as it follows its order at a rate [rad/s], in the place of the order."""
+
+    def change(run: Run, rng: np.random.Generator) -> Run:
+        commands = dict(run.commands)
+        order = commands.pop("delta_r_cmd")
+        angle = order.copy()
+        for k, step in enumerate(np.diff(run.t)):
+            angle[k + 1] = angle[k] + np.clip(order[k] - angle[k], -rate * step, rate * step)
+        return replace(run, commands=commands, measured_inputs={**run.measured_inputs, "delta_r": angle})
+
+    return change
+
+
+def controls(travel: float = 0.9, fin_rate: float = math.inf) -> tuple[Planted, ...]:
+    """What the catalogue of effects holds, at its usual size, and a right log of a measured rudder: none of
+    these is a mistake of the log.
+
+    Parameters
+    ----------
+    fin_rate : of the rudder [rad/s]; at most `FAST_FIN` is taken
+    """
 
     def scaled(**factors: float) -> Change:
         return _with(Correction(scale=factors))
@@ -224,6 +245,7 @@ def controls(travel: float = 0.9) -> tuple[Planted, ...]:
     kind = {"right": (), "kind": "effect"}
     return (
         Planted("nothing", lambda run, rng: run, **kind),  # type: ignore[arg-type]
+        Planted("rudder measured", _measured(min(fin_rate, FAST_FIN)), **kind),  # type: ignore[arg-type]
         Planted("heading bias 5 deg", _angle(-5.0), needs=("psi",), **kind),  # type: ignore[arg-type]
         Planted("compass deviation 3 deg", compass, needs=("psi",), **kind),  # type: ignore[arg-type]
         Planted("gyro scale 5 %", scaled(r=1.05), needs=("r",), **kind),  # type: ignore[arg-type]

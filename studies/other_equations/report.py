@@ -36,27 +36,52 @@ def other_equations_report(
         Section("How it was scored", (Text(_rules()), Text(_cost(given)))),
     )
     return Report("Vehicles made of other equations: are causes named and nothing invented?",
-                  lead(cases, before, commit, quick), sections)  # fmt: skip
+                  lead(cases, before, commit, quick), sections, failures(cases))  # fmt: skip
 
 
 def lead(cases: Cases, before: Cases, commit: str, quick: bool) -> str:
-    """Counts of bars and of bundles, now and before, every bar that is not met."""
+    """What was found and what was invented, then bars and the same bundles before."""
     rows = quantities(cases)
     count = Counter(q.standing for q in rows)
     words = ", ".join(f"{count[s]} {s}" for s in STANDINGS)
-    text = (
-        f"**Bars: {words}.** {_sentence(cases)} "
-        + " ".join(f"{s.capitalize()}: {_listed(rows, s)}." for s in STANDINGS[1:] if count[s])
-    )  # fmt: skip
+    text = f"**{_found(cases)}** {_sentence(cases)} Bars: {words}."
+    if count["undecided"]:
+        text += f" Undecided: {_listed(rows, 'undecided')}."
     if before:
         same = [c for c in cases if c.name in {b.name for b in before}]
         now = f"; this code on the same: {sum(c.right for c in same)}" if len(same) < len(cases) else ""
-        text += f"\n\nCommit {commit} on {len(before)} of these bundles: {_sentence(before)}{now}"
+        text += (
+            f"\n\nCommit {commit} on {len(before)} of these bundles: {_found(before)} {_sentence(before)}"
+            f"{now}"
+        )
     return text + (" A quick run of a few bundles: it decides nothing." if quick else "")
 
 
-def _sentence(cases: Cases) -> str:
+def failures(cases: Cases) -> list[str]:
+    """Every bar that is missed."""
+    return [
+        f"{q.name[:1].upper()}{q.name[1:]}: {q.hits} of {q.count} ({q.about})."
+        for q in quantities(cases)
+        if q.standing == "missed"
+    ]
+
+
+def _found(cases: Cases) -> str:
+    """Causes found, names invented and false alarms in one sentence."""
+    large, none = ([c for c in cases if c.regime == regime] for regime in ("large", "none"))
     names, wrong = sum(len(c.named) for c in cases), sum(len(c.wrong) for c in cases)
+    parts = [
+        f"of {len(large)} causes that stand clear of the error of the equations "
+        f"{sum(c.right for c in large)} were found" if large else "",
+        f"of {names} names given {wrong} are wrong" if names else "no cause was named",
+        f"of {len(none)} trials without a cause {sum(not c.right for c in none)} raised a false alarm"
+        if none else "",
+    ]  # fmt: skip
+    text = "; ".join(part for part in parts if part)
+    return f"{text[:1].upper()}{text[1:]}."
+
+
+def _sentence(cases: Cases) -> str:
     parts = [
         f"{sum(c.right for c in some)} of {len(some)} {words}"
         for regime, words in (
@@ -68,10 +93,7 @@ def _sentence(cases: Cases) -> str:
         )
         if (some := [c for c in cases if c.regime == regime])
     ]
-    return (
-        f"{sum(c.right for c in cases)} of {len(cases)} verdicts keep the rule: {'; '.join(parts)}. Of "
-        f"{names} names given {wrong} are wrong."
-    )
+    return f"{sum(c.right for c in cases)} of {len(cases)} verdicts keep the rule: {'; '.join(parts)}."
 
 
 def _listed(rows: Sequence[Quantity], standing: str) -> str:

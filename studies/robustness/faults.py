@@ -1,4 +1,4 @@
-"""Faults of the machine: a full disk, an output that is none, no home, damaged caches and logs.
+"""Faults of the machine: a full disk, an output that is none or goes, no home, clocks, damaged files.
 
 Takes a bundle. Gives one row per fault: the command, its exit code, whether that was right, its last words.
 """
@@ -9,6 +9,7 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,18 @@ from studies.robustness.same_files import different
 
 BLOCKS = 8  # of 512 or 1024 bytes: no file may become longer, as on a full disk
 NUMBERS = ("fit.json",)
+LOOK, LONGEST = 0.02, 900.0  # s
+# The wall clock goes back by an hour with every tenth look, and once by a day.
+CLOCK = """
+import itertools, runpy, sys, time
+true, looks = time.time, itertools.count()
+time.time = lambda: true() - (3600.0 if next(looks) % 10 else 90000.0)
+sys.argv = ["bayesid", *sys.argv[1:]]
+runpy.run_module("bayesid", run_name="__main__", alter_sys=True)
+"""
+SPOIL: dict[str, Callable[[bytes], bytes]] = {
+    "empty": lambda b: b"", "cut": lambda b: b[: len(b) // 2], "other bytes": lambda b: b"\0" * len(b),
+}  # fmt: skip
 
 
 def fault_rows(bundle: Path, work: Path) -> list[dict[str, Any]]:
@@ -29,8 +42,10 @@ def fault_rows(bundle: Path, work: Path) -> list[dict[str, Any]]:
     diagnose = ("diagnose", str(bundle), "--quick")
     rows = []
     for name, line in {"simulate": simulate, "fit": fit, "diagnose": diagnose}.items():
-        row = _row("disk full", name, {2}, _run((*line, "--out", str(work / f"full-{name}")), full=True))
-        rows.append(row)
+        full = work / f"full-{name}"
+        row = _row("disk full", name, {2}, _run((*line, "--out", str(full)), full=True))
+        # a disk that is full is found by its path
+        rows.append(row | {"ok": row["ok"] and str(full) in row["words"]})
         for fault, place in {
             "output below a file": work / "file" / "x",
             "read-only output": Path("/proc/x"),
@@ -40,7 +55,71 @@ def fault_rows(bundle: Path, work: Path) -> list[dict[str, Any]]:
     rows.append(_row("HOME not set", "simulate", {0}, _run((*simulate, "--out", str(work / "h")), bare)))
     rows += _caches(simulate, work)
     rows += _logs(fit, work)
+    sample = ("sample", *fit[1:-1], "--max-steps", "100", "--memory", "ignore")
+    kept = {
+        "fit": (fit, NUMBERS, "iterates.jsonl", ()),
+        "diagnose": (diagnose, ("diagnosis.json",), "refits/*.npz", ()),
+        "sample, emcee": (sample, ("posterior.nc",), "chain/*.h5", ("--resume",)),
+    }  # fmt: skip
+    for name, (line, files, at_work, again) in kept.items():
+        rows += _while_at_work(name, line, files, at_work, again, work)
     return rows
+
+
+def _while_at_work(
+    name: str,
+    line: Sequence[str],
+    files: Sequence[str],
+    at_work: str,
+    again: Sequence[str],
+    work: Path,
+) -> list[dict[str, Any]]:
+    """A clock set back, the output gone, and what a killed command leaves damaged before it goes on.
+
+    at_work : pattern of what it writes on its way
+    """
+    place = name.replace(", ", "-")
+    good = work / f"good-{place}"
+    _run((*line, "--out", str(good)))
+    out = work / f"clock-{place}"
+    found = subprocess.run(
+        [sys.executable, "-c", CLOCK, *line, "--out", str(out)],
+        capture_output=True,
+        text=True,
+        timeout=LONGEST,
+    )
+    row = _row("clock set back", name, {0, 3}, (found.returncode, found.stderr))
+    rows = [row | _same(row, good, out, files)]
+    out = work / f"gone-{place}"
+    code, words = _struck(line, out, at_work, lambda child: shutil.rmtree(out))
+    row = _row("output removed on the way", name, {0, 2, 3}, (code, words))
+    rows.append(row | (_same(row, good, out, files) if code != 2 else {}))
+    for way, spoil in SPOIL.items():
+        out = work / f"spoilt-{place}-{way}".replace(" ", "-")
+        _struck(line, out, at_work, lambda child: child.kill())
+        for path in out.glob(at_work):
+            path.write_bytes(spoil(path.read_bytes()))
+        row = _row(f"killed, {at_work} {way}", name, {0, 2, 3}, _run((*line, "--out", str(out), *again)))
+        rows.append(row | (_same(row, good, out, files) if row["code"] != 2 else {}))
+    return rows
+
+
+def _struck(
+    line: Sequence[str], out: Path, at_work: str, strike: Callable[[subprocess.Popen[str]], None]
+) -> tuple[int, str]:
+    """A command struck once it has written two of its files, or three lines of its one file."""
+    child = subprocess.Popen(
+        [sys.executable, "-m", "bayesid", *line, "--out", str(out)],
+        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    while child.poll() is None:
+        written = list(out.glob(at_work))
+        if len(written) > 1 or (len(written) == 1 and written[0].read_bytes().count(b"\n") > 2):
+            strike(child)
+            break
+        time.sleep(LOOK)
+    words = child.communicate(timeout=LONGEST)[1]
+    return child.returncode, words
 
 
 def _caches(simulate: Sequence[str], work: Path) -> list[dict[str, Any]]:
@@ -50,11 +129,8 @@ def _caches(simulate: Sequence[str], work: Path) -> list[dict[str, Any]]:
     cache.mkdir(mode=0o700)
     good = work / "good"
     _run((*simulate, "--out", str(good)), env)
-    ways: dict[str, Callable[[bytes], bytes]] = {
-        "empty": lambda b: b"", "cut": lambda b: b[: len(b) // 2], "other bytes": lambda b: b"\0" * len(b),
-    }  # fmt: skip
     rows = []
-    for way, spoil in ways.items():
+    for way, spoil in SPOIL.items():
         for suffix in (".nbi", ".nbc", ".pyc"):
             for path in cache.rglob("*" + suffix):
                 path.write_bytes(spoil(path.read_bytes()))

@@ -9,6 +9,7 @@ command that is drawn from a seed.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import random
@@ -18,7 +19,7 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -34,7 +35,7 @@ SIGNALS = ("SIGKILL", "SIGTERM", "SIGINT")
 WORKER = "worker killed"
 FINE = (0, 3)
 LONGEST = 1800.0  # s, of one command
-LOOK = 0.01  # s between two looks at a command
+LOOK = 0.05  # s between two looks at a command
 
 
 @dataclass(frozen=True)
@@ -78,8 +79,17 @@ class Killed:
     wrong: list[str] = field(default_factory=list)
 
 
-def kill_and_resume(command: Command, work: Path, count: int, seed: int) -> list[Killed]:
-    """Strike a command `count` times by each of its faults at random times, finish it, compare its files."""
+def kill_and_resume(
+    command: Command,
+    work: Path,
+    count: int,
+    seed: int,
+    keep: Callable[[list[Killed]], None] = lambda rows: None,
+) -> list[Killed]:
+    """Strike a command `count` times by each of its faults at random times, finish it, compare its files.
+
+    keep : called with all rows so far after every strike, so that a study that is stopped loses one
+    """
     rng = random.Random(seed)
     place = work / command.name.replace(" ", "-")
     shutil.rmtree(place, ignore_errors=True)
@@ -87,27 +97,30 @@ def kill_and_resume(command: Command, work: Path, count: int, seed: int) -> list
     ended = _run(command, whole)
     if ended.code not in FINE:
         return [Killed(command.name, "unbroken", 0, 1, 0, [f"exit code {ended.code}: {ended.words}"])]
-    return [_struck(command, fault, place, ended.used, count, rng) for fault in command.faults]
-
-
-def _struck(command: Command, fault: str, place: Path, used: float, count: int, rng: random.Random) -> Killed:
-    row = Killed(command.name, fault)
+    rows = [Killed(command.name, fault) for fault in command.faults]
     for k in range(count):
-        folder = place / f"{fault}{k}".replace(" ", "-")
-        ended = _run(command, folder, fault, rng.uniform(0.0, 0.98) * used)
-        if ended.met:
-            row.sent += 1
-            row.wrong += _wrong_end(fault, ended)
-            if ended.code not in FINE:
-                ended = _run(command, folder, again=command.again)
+        for row in rows:
+            _strike_once(command, row, place, rng.uniform(0.0, 0.98) * ended.used, k)
+            keep(rows)
+    return rows
+
+
+def _strike_once(command: Command, row: Killed, place: Path, after: float, k: int) -> None:
+    """Strike once, finish, compare, count."""
+    folder = place / f"{row.fault}{k}".replace(" ", "-")
+    ended = _run(command, folder, row.fault, after)
+    if ended.met:
+        row.sent += 1
+        row.wrong += _wrong_end(row.fault, ended)
         if ended.code not in FINE:
-            row.wrong.append(f"exit code {ended.code}: {ended.words}")
-        row.finished += 1
-        apart = different(place / "whole", folder, command.files)
-        row.same += not apart
-        row.wrong += apart
-        shutil.rmtree(folder, ignore_errors=True)
-    return row
+            ended = _run(command, folder, again=command.again)
+    if ended.code not in FINE:
+        row.wrong.append(f"exit code {ended.code}: {ended.words}")
+    row.finished += 1
+    apart = different(place / "whole", folder, command.files)
+    row.same += not apart
+    row.wrong += apart
+    shutil.rmtree(folder, ignore_errors=True)
 
 
 def _wrong_end(fault: str, ended: _Ended) -> list[str]:
@@ -143,11 +156,11 @@ def _run(
             _become(command, [*command.arguments, *again], out, said.fileno())
         met, used, until = False, 0.0, time.monotonic() + LONGEST
         while True:
-            ended, status = os.waitpid(child, os.WNOHANG)
+            ended, status, spent = os.wait4(child, os.WNOHANG)
             if ended:
+                used = spent.ru_utime + spent.ru_stime
                 break
-            used = max(used, _used(child))
-            if fault is not None and not met and used >= after:
+            if fault is not None and not met and _used(child) >= after:
                 met = _strike(child, fault)
             if time.monotonic() > until:
                 os.killpg(child, signal.SIGKILL)
@@ -199,12 +212,13 @@ def _strike(child: int, fault: str) -> bool:
 
 
 def _group(leader: int) -> list[int]:
-    """Processes of a process group."""
-    found = []
-    for entry in Path("/proc").iterdir():
-        words = _status(int(entry.name)) if entry.name.isdigit() else []
-        if len(words) > 2 and int(words[2]) == leader:
-            found.append(int(entry.name))
+    """A process and all that it started; to look through all of /proc cost as much as the command."""
+    found, waiting = [], [leader]
+    while waiting:
+        found.append(waiting.pop())
+        for task in Path(f"/proc/{found[-1]}/task").glob("*/children"):
+            with contextlib.suppress(OSError):
+                waiting += [int(pid) for pid in task.read_text("ascii").split()]
     return found
 
 

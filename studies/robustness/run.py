@@ -2,7 +2,7 @@
 
 Usage: python -m studies.robustness.run --data FOLDER [--out FOLDER] [--kills N] [--fuzz SECONDS]
 [--seed S] [--quick]. FOLDER holds the practice bundles (a016 is used). Every part is kept in OUT/parts as it
-ends.
+ends; kills and inputs of several seeds add up there.
 """
 
 from __future__ import annotations
@@ -28,7 +28,12 @@ from studies.robustness.sizes import size_rows
 
 BUNDLE = "a016"
 KILLS, FUZZ_SECONDS = 12, 420.0
-SIZES = [(1.0, 1.0), (3.0, 1.0), (10.0, 1.0)]  # h, Hz
+SIZES = [(1.0, 1.0), (3.0, 1.0), (10.0, 1.0), (10.0, 10.0)]  # h, Hz
+# Keys by which rows of several files (seeds, machines, days) are one, and what of them is added up.
+SUMS = {
+    "kills": (("command", "fault"), ("sent", "finished", "same", "wrong")),
+    "fuzz": (("kind",), ("tried", "refused", "hung", "escaped")),
+}
 
 
 def main(out: Path, data: Path, kills: int, seconds: float, seed: int, quick: bool) -> dict[str, Any]:
@@ -44,31 +49,42 @@ def main(out: Path, data: Path, kills: int, seconds: float, seed: int, quick: bo
         "fuzz": lambda work: _fuzz(seconds, seed),
         "sizes": lambda work: size_rows(SIZES[:1] if quick else SIZES),
     }  # fmt: skip
-    found: dict[str, Any] = {}
     for name, work in parts.items():
-        path = out / "parts" / f"{name}.json"
-        if not path.exists():
+        kept = out / "parts" / name
+        if name == "kills" or not list(kept.glob("*.json")):
             progress.note(name)
             with tempfile.TemporaryDirectory() as folder:
-                write_json(path, {"code": code_digest(), "rows": work(Path(folder))})
-        found[name] = json.loads(path.read_text("utf-8"))
+                rows = work(Path(folder))
+            if name != "kills":
+                write_json(kept / f"seed{seed}.json", {"code": code_digest(), "rows": rows})
+    found = {name: _read(out / "parts" / name, SUMS.get(name)) for name in parts}
     inputs = {"bundle": BUNDLE, "kills": kills, "fuzz_seconds": seconds, "quick": quick}
     results = {"inputs": inputs, "seeds": [seed], **found}
     progress.note(f"report: {writer.write(robustness_report(found), out, results)}")
     return results
 
 
-def _kills(work: Path, kept: Path, count: int, seed: int, progress: Progress) -> list[dict[str, Any]]:
-    """Every command killed `count` times by each fault; rows of a command are kept as they come."""
-    rows = []
+def _kills(work: Path, kept: Path, count: int, seed: int, progress: Progress) -> None:
+    """Every command killed `count` times by each fault; those of a command are kept as they come."""
     for k, command in enumerate(commands(work / "bundles")):
-        path = kept / f"{command.name.replace(' ', '-').replace(',', '')}.json"
+        path = kept / f"seed{seed}-{command.name.replace(' ', '-').replace(',', '')}.json"
         if not path.exists():
             progress.note(f"kills of {command.name}")
             found = kill_and_resume(command, work, min(command.times, count), seed + k)
             write_json(path, {"code": code_digest(), "rows": rows_of(found)})
-        rows += json.loads(path.read_text("utf-8"))["rows"]
-    return rows
+
+
+def _read(folder: Path, sums: tuple[tuple[str, ...], tuple[str, ...]] | None) -> dict[str, Any]:
+    """Rows of all files of a part, those of the same keys added up, and the codes they were made with."""
+    files = [json.loads(path.read_text("utf-8")) for path in sorted(folder.glob("*.json"))]
+    rows: list[dict[str, Any]] = []
+    for row in [row for file in files for row in file["rows"]]:
+        same = None if sums is None else next((r for r in rows if all(r[k] == row[k] for k in sums[0])), None)
+        if sums is None or same is None:
+            rows.append(dict(row))
+        else:
+            same.update({k: same[k] + row[k] for k in sums[1]})
+    return {"code": ", ".join(sorted({file["code"] for file in files})), "rows": rows}
 
 
 def _fuzz(seconds: float, seed: int) -> list[dict[str, Any]]:

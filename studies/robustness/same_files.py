@@ -50,6 +50,13 @@ def _arrays(path: Path) -> dict[str, bytes]:
         with np.load(path) as kept:
             return {n: kept[n].tobytes() for n in kept.files}
     found: dict[str, bytes] = {}
+
+    def take(name: str, kept: Any) -> None:
+        if hasattr(kept, "dtype"):
+            values = kept[()]
+            # of texts an array holds addresses
+            found[name] = repr(values.tolist()).encode() if values.dtype == object else values.tobytes()
+
     with h5py.File(path) as file:
-        file.visititems(lambda n, d: found.update({n: d[()].tobytes()}) if hasattr(d, "dtype") else None)
+        file.visititems(take)
     return found

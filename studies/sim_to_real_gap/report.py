@@ -24,16 +24,16 @@ def gap_report(parts: Mapping[str, Any]) -> Report:
     followed = "one in full" + (", measured ones whose cause nobody planted," if measured else "")
     many = f"{len(rows)} gaps" if len(rows) != 1 else "one gap"
     lead = (
-        "A simulator and a log disagree. This study follows such gaps to their cause: "
-        f"{followed} and {many} planted by an independent plant. **{_score(judged)}** The "
+        f"**{_score(judged)}** A simulator and a log disagree; this study follows such gaps to their cause: "
+        f"{followed} and {many} planted by an independent plant. The "
         "plant shares no code with the diagnosed model; the diagnosis saw orders, noisy readings and the "
         "nominal vehicle, and read held-out runs after its verdict."
     )
+    failures = []
     if real := parts.get("worse"):
-        count = sum(real)
-        lead += (
-            f" **On real ships {count} of {len(real)} explanations predict the heading of held-out runs "
-            "worse than the simulator as given**, over the longest horizon: there, do not rely on them."
+        failures.append(
+            f"On real ships {sum(real)} of {len(real)} explanations predict the heading of held-out runs "
+            "worse than the simulator as given, over the longest horizon: there, do not rely on them."
         )
     sections = [
         example_section(parts["example"]),
@@ -41,7 +41,7 @@ def gap_report(parts: Mapping[str, Any]) -> Report:
         *([delphin2_section(parts["delphin2"])] if "delphin2" in parts else []),
         *parts.get("more", ()),
     ]
-    return Report("From a gap to its cause", lead, sections)
+    return Report("From a gap to its cause", lead, sections, failures)
 
 
 def _score(judged: Sequence[str]) -> str:

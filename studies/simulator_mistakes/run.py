@@ -49,7 +49,8 @@ class Outcome:
     ----------
     word : "named", "in the set", "as an effect", "as a mistake of the log", "missed", "wrong name", "silent",
         "false alarm", "not to be seen" where both agree within the stated uncertainty, "diverges"
-        where a simulator with the mistake writes no log
+        where a simulator with the mistake writes no log, "in no file" where the mistake is in what made the
+        log and gets no name
     names : mistakes of the simulator that are named
     verdict, effects : the ordinary verdict, and mistakes of the log
     """
@@ -94,6 +95,8 @@ def judge(
         word = "as an effect"
     else:
         word = "not to be seen" if verdict.word == "none" else "missed"
+    if row is LOST and word == "missed":
+        word = "in no file"
     return word, names, verdict.word, effects, took
 
 
@@ -129,8 +132,9 @@ def study(out: Path, vehicles: tuple[str, ...], seeds: tuple[int, ...]) -> list[
 def report(found: list[Outcome]) -> Report:
     """The table of mistakes, and what was missed."""
     planted_in = [o for o in found if o.row != NOTHING.name]
-    real = [o for o in planted_in if o.word not in ("not to be seen", "diverges")]
+    real = [o for o in planted_in if o.word not in ("not to be seen", "diverges", "in no file")]
     faint = sum(o.word == "not to be seen" for o in planted_in)
+    said = ", ".join(f"{o.vehicle} {o.seed} {o.verdict}" for o in found if o.word == "in no file")
     clean = [o for o in found if o.row == NOTHING.name]
     good = [o for o in real if o.word not in ("missed", "wrong name")]
     share = len(good) / max(1, len(real))
@@ -140,7 +144,8 @@ def report(found: list[Outcome]) -> Report:
     lead = (
         f"Of {len(real)} logs whose simulator has a mistake {len(good)} are told, {share:.0%} ({told}): the "
         f"bar of {BAR:.0%} is {'met' if share >= BAR else 'missed'}. {words['wrong name']} get a wrong name, "
-        f"{words['missed']} none; {faint} more are too small to be seen, simulator and log agree. Of "
+        f"{words['missed']} none; {faint} more are too small to be seen, simulator and log agree. Mistakes "
+        f"in what made the log, which no vehicle file can hold, have no name: {said or 'none planted'}. Of "
         f"{len(clean)} logs of a right simulator {alarms} are called mistaken. "
         f"The logs are of {', '.join(dict.fromkeys(o.vehicle for o in found))}."
     )

@@ -48,7 +48,7 @@ def blind_report(sheet: Any, extra: Sequence[Section] = (), title: str = "Blind 
         Section("Every miss, and why", _gallery(sheet.cases)),
         Section("Commitments and versions", _commitments_and_versions(sheet)),
     ]
-    return Report(title, _lead(sheet), sections)
+    return Report(title, _lead(sheet), sections, failures(sheet.quantities))
 
 
 def results(sheet: Any) -> dict[str, Any]:
@@ -72,8 +72,8 @@ def _lead(sheet: Any) -> str:
     nulls = [c for c in cases if c.kind == "none"]
     alarms = sum(c.word != "none" for c in nulls)
     text = (
-        f"**{counted}.** {wrong} of {len(named)} verdicts that name an effect name a wrong one; {alarms} of "
-        f"{len(nulls)} bundles without any effect raised an alarm."
+        f"**{wrong} of {len(named)} verdicts that name an effect name a wrong one; {alarms} of {len(nulls)} "
+        f"bundles without any effect raised an alarm.** {counted}."
     )
     if sheet.committed is None:
         text += " These verdicts are **not committed**: a development score, no blind check."
@@ -88,6 +88,17 @@ def _lead(sheet: Any) -> str:
     elif sheet.control.standing != "missed":
         text += " **The control did not fail**: with so few bundles these scores show nothing."
     return text
+
+
+def failures(quantities: Mapping[int, Sequence[Any]]) -> list[str]:
+    """Every bar that is missed, by degrees of freedom."""
+    return [
+        f"{q.name[:1].upper()}{q.name[1:]}: {f'{q.hits} of {q.count}' if q.hits >= 0 else f'{q.value:.3g}'}, "
+        f"bar {bar_text(q)} ({q.about}; {dof} degrees of freedom)."
+        for dof, rows in quantities.items()
+        for q in rows
+        if q.standing == "missed"
+    ]
 
 
 def _counted(dof: int, rows: Sequence[Any], cases: Sequence[Any]) -> str:

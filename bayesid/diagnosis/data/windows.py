@@ -13,9 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bayesid.equations.model import Model
-from bayesid.estimation.filter_error.evidence import normal_equations, posterior
+from bayesid.estimation.filter_error.evidence import posterior
 from bayesid.estimation.filter_error.linearise import Linearisation
-from bayesid.estimation.filter_error.noise_model import LatentInputs, NoiseModel, whitened
+from bayesid.estimation.filter_error.noise_model import LatentInputs, NoiseModel
+from bayesid.estimation.filter_error.normal_equations import run_equations
+from bayesid.estimation.filter_error.parameter_slopes import HeldSlopes
 from bayesid.estimation.parameters import GaussianPrior
 from bayesid.estimation.run_data import Array, RunData
 
@@ -83,8 +85,7 @@ def window_equations(
     latent: LatentInputs | None = None,
 ):
     """Whitened products of one path, its parameters at the prior mean of `free`."""
-    w = whitened(model, path, free.mean - path.point.par[free.where], free.sd, noise_model, latent)
-    return normal_equations(w.resid, w.columns, w.logdet, w.used)
+    return run_equations(model, path, free, noise_model, latent)
 
 
 def cut(path: Linearisation, first: int, last: int) -> Linearisation:
@@ -94,16 +95,16 @@ def cut(path: Linearisation, first: int, last: int) -> Linearisation:
     """
     s, steps = slice(first, last), slice(first, last - 1)
     p = path.point
+    direct, psi = path.by_parameter.part(first, last)
     return replace(
         path,
         log=replace(cut_log(path.log, first, last), x0=p.states[first]),
         point=replace(p, states=p.states[s], force=p.force[steps]),
         resid=path.resid[s],
         slope=path.slope[s],
-        direct=path.direct[s],
+        by_parameter=HeldSlopes(direct, psi[: last - 1 - first]),
         phi=path.phi[steps],
         gamma=path.gamma[steps],
-        psi=path.psi[steps],
         defect=path.defect[steps],
     )
 

@@ -196,7 +196,10 @@ def _expected(segments: Sequence[Segment], floor: float) -> float:
     """Floor, or what 95 % of the draws stay below on average over the pieces; nan without draws."""
     if not all(s.chance.size for s in segments):
         return float("nan")
-    return max(floor, float(np.quantile(np.mean([s.chance for s in segments], axis=0), 0.95)))
+    mean = np.sort(np.mean([s.chance for s in segments], axis=0))
+    if not np.isfinite(mean[int(np.ceil(0.95 * (mean.size - 1)))]):
+        return float("inf")  # more draws diverge than are left out
+    return max(floor, float(np.quantile(mean, 0.95)))
 
 
 def _stands_out(values: Array) -> bool:

@@ -10,11 +10,14 @@ the start and of the explained model's parameters.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
+from numpy.linalg import LinAlgError
 
 from bayesid.diagnosis.data.problem import DiagnosisProblem
+from bayesid.diagnosis.evidence.residual_force import residual_force
 from bayesid.errors import BayesidError
 from bayesid.estimation.filter_error.fit import FilterErrorFit, fit
 from bayesid.estimation.filter_error.linearise import Trajectory, linearise, wrap
@@ -30,6 +33,7 @@ GIVEN, RETUNED, EXPLAINED = "nominal", "recalibrated", "with effect"
 # First part read to begin on the track: six ship lengths of travel, at most this share of a run.
 LEAD_LENGTHS, MOST_LEAD = 6.0, 0.25
 BAND_DRAWS = 16
+MOST_FORCES = 5  # runs that get a residual force: the one to show, and held-out ones
 GROSS = 50.0  # times the median miss, from which a reading is not an error of a model
 
 
@@ -48,6 +52,8 @@ class Replay:
     rms : model -> channel -> root mean square error after the lead-in [SI], nan without readings
     sd : (n, q) deviation of a reading from the explained model that is to be expected; None where not asked
     commands : name -> (n,) orders [SI]
+    force : as given and explained -> (n, 3) force X, Y [N] and moment N [N m] that would lead the model along
+        the log; empty where not asked or where the model cannot be led along it
     """
 
     run: str
@@ -61,6 +67,7 @@ class Replay:
     rms: Mapping[str, Mapping[str, float]]
     sd: Array | None
     commands: Mapping[str, Array]
+    force: Mapping[str, Array] = field(default_factory=dict)
 
     def position_error(self, model: str) -> float:
         """Root mean square distance in the horizontal plane [m]; nan where no position was logged."""
@@ -81,7 +88,7 @@ def replay_trial(
     """All runs that can be replayed; the first is the one to show.
 
     That is the held-out run which the model as given misses most, in noise units, else the identify run. It
-    alone has a deviation.
+    alone has a deviation; it and the held-out runs have the force that each model lacks.
 
     Parameters
     ----------
@@ -89,7 +96,7 @@ def replay_trial(
     """
     noise = {c: float(s) for log in problem.logs for c, s in zip(log.channels, log.sigma, strict=True)}
     read = {log.name: log for log in problem.logs}
-    found: list[tuple[Replay, RunData, dict[str, Array], Trajectory]] = []
+    found: list[_Replayed] = []
     for run in trial.runs:
         try:
             log = read.get(run.name) or filter_error_run(problem.model, run, noise, problem.channels)
@@ -100,24 +107,73 @@ def replay_trial(
             found.append(replayed)
     if not found:
         return ()
-    held = any(r.role == "holdout" for r, *_ in found)
+    held = any(f.replay.role == "holdout" for f in found)
 
-    def rank(item: tuple[Replay, RunData, dict[str, Array], Trajectory]) -> tuple[bool, float]:
-        return held and item[0].role != "holdout", -item[0].misfit(GIVEN, noise)
+    def rank(f: _Replayed) -> tuple[bool, float]:
+        return held and f.replay.role != "holdout", -f.replay.misfit(GIVEN, noise)
 
-    (first, log, starts, point), *others = sorted(found, key=rank)
-    explained = models.get(EXPLAINED)
-    sd = _deviation(problem, log, first, explained, starts.get(EXPLAINED), point, seed)
-    return replace(first, sd=sd), *(r for r, *_ in others)
+    found.sort(key=rank)
+    first, explained = found[0], models.get(EXPLAINED)
+    sd = _deviation(
+        problem, first.known, first.replay, explained, first.starts.get(EXPLAINED), first.point, seed
+    )
+    asked = [first, *(f for f in found[1:] if f.replay.role == "holdout")][:MOST_FORCES]
+    forces = {f.replay.run: _forces(problem, f.log, models) for f in asked}
+    replays = [replace(f.replay, force=forces.get(f.replay.run, {})) for f in found]
+    return replace(replays[0], sd=sd), *replays[1:]
+
+
+class _Replayed(NamedTuple):
+    """A replay with what it was made of: the run, its lead-in, starts of the models, path of the lead-in."""
+
+    replay: Replay
+    log: RunData
+    known: RunData
+    starts: dict[str, Array]
+    point: Trajectory
+
+
+def _forces(
+    problem: DiagnosisProblem, log: RunData, models: Mapping[str, FilterErrorFit | None]
+) -> dict[str, Array]:
+    """What the first and the last model lack along a run; one that cannot be led along it is left out."""
+    out = {}
+    for name in (m for m in (GIVEN, EXPLAINED) if m in models):
+        fitted = models[name]
+        try:
+            out[name] = residual_force(problem, log, problem.model.nominal if fitted is None else fitted.par)
+        except (BayesidError, LinAlgError):
+            continue
+    return out
+
+
+def misses(problem: DiagnosisProblem, log: RunData, par: Array) -> dict[str, float]:
+    """Channel -> rms error of one run replayed from its first readings [SI]; inf where the simulation
+    diverges, empty where the run is too short to be replayed.
+    """
+    late, known, _ = _after_lead(problem, log)
+    if not known.valid.any() or not log.valid[late].any():
+        return {}
+    try:
+        x0 = _begun(problem, known, par, problem.environment.noise_model).states[0]
+        obs = _simulated(problem, log, par, x0[: len(problem.model.states)])
+    except BayesidError:
+        return dict.fromkeys(log.channels, np.inf)
+    return _rms(problem, log, obs, late)
+
+
+def _after_lead(problem: DiagnosisProblem, log: RunData) -> tuple[Array, RunData, float]:
+    """Which samples come after the first readings, the log without them, and how long those last [s]."""
+    t, s = log.plan.t - log.plan.t[0], problem.model.scales
+    lead = min(LEAD_LENGTHS * s["L"] / s["U"], MOST_LEAD * float(t[-1]))
+    late = t > lead
+    return late, log.without(np.repeat(late[:, None], len(log.channels), axis=1)), lead
 
 
 def _replay(
     problem: DiagnosisProblem, run: Run, log: RunData, models: Mapping[str, FilterErrorFit | None]
-) -> tuple[Replay, RunData, dict[str, Array], Trajectory] | None:
-    model, t = problem.model, log.plan.t - log.plan.t[0]
-    lead = min(LEAD_LENGTHS * model.scales["L"] / model.scales["U"], MOST_LEAD * float(t[-1]))
-    late = t > lead
-    known = log.without(np.repeat(late[:, None], len(log.channels), axis=1))
+) -> _Replayed | None:
+    model, (late, known, lead) = problem.model, _after_lead(problem, log)
     if not known.valid.any() or not log.valid[late].any():
         return None
     noise_model = problem.environment.noise_model
@@ -140,7 +196,7 @@ def _replay(
         run.name, run.manoeuvre, run.role, log.plan.t, float(lead), log.channels,
         np.where(log.valid, log.readings, np.nan), simulated, rms, None, commands,
     )  # fmt: skip
-    return replayed, known, starts, point
+    return _Replayed(replayed, log, known, starts, point)
 
 
 def _begun(problem: DiagnosisProblem, known: RunData, par: Array, noise_model: NoiseModel) -> Trajectory:
@@ -202,6 +258,8 @@ def _deviation(
 def _draws(fitted: FilterErrorFit, rng: np.random.Generator) -> Array:
     """(draws, n_par) parameter vectors of a fit's Gaussian posterior within its bounds."""
     free = fitted.free
+    if not free.names:
+        return np.repeat(fitted.par[None], BAND_DRAWS, axis=0)
     covariance = fitted.posterior.covariance * np.outer(free.sd, free.sd)
     deviations = rng.multivariate_normal(
         np.zeros(len(free.names)), fitted.posterior.covariance, size=BAND_DRAWS, method="eigh"

@@ -22,9 +22,9 @@ from bayesid.diagnosis.hypotheses.form_part import scaled
 from bayesid.diagnosis.hypotheses.sensitivity_bank import levels_between
 from bayesid.diagnosis.threshold_table import ADD_EVIDENCE, FORM_EVIDENCE
 from bayesid.errors import ModelError
-from bayesid.estimation.filter_error.evidence import NormalEquations, normal_equations, posterior
+from bayesid.estimation.filter_error.evidence import NormalEquations, posterior
 from bayesid.estimation.filter_error.linearise import linearise
-from bayesid.estimation.filter_error.noise_model import whitened
+from bayesid.estimation.filter_error.normal_equations import run_equations
 from bayesid.estimation.parameters import GaussianPrior, effect_prior
 
 Array = np.ndarray
@@ -123,8 +123,7 @@ class _Columns:
         equations = []
         for k, (log, point) in enumerate(zip(problem.logs, points, strict=True)):
             path = linearise(model, log, point, free.where)
-            w = whitened(model, path, free.mean - point.par[free.where], free.sd, noise_model, run=k)
-            equations.append(normal_equations(w.resid, w.columns, w.logdet, w.used))
+            equations.append(run_equations(model, path, free, noise_model, run=k))
         # what may be part of a form is asked for anew with it: the refits decide between the two
         causes = [e for e in explanation if not e.as_form]
         named = frozenset(e.key(p.name) for e in causes for p in e.parameters)

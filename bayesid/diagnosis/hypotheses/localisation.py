@@ -15,15 +15,15 @@ import numpy as np
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.hypotheses.periodic_signal import periodic_signals
 from bayesid.equations.model import Model
-from bayesid.estimation.filter_error.evidence import normal_equations, posterior
+from bayesid.estimation.filter_error.evidence import posterior
 from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, linearise
 from bayesid.estimation.filter_error.noise_model import (
     LatentInputs,
     NoiseModel,
     force_unit,
     smoothed,
-    whitened,
 )
+from bayesid.estimation.filter_error.normal_equations import run_equations
 from bayesid.estimation.parameters import GaussianPrior
 from bayesid.estimation.run_data import Array
 
@@ -146,10 +146,7 @@ def _evidence(
 ) -> float:
     total = None
     for k, path in enumerate(paths):
-        w = whitened(
-            problem.model, path, free.mean - path.point.par[free.where], free.sd, noise_model, latent, k
-        )
-        g = normal_equations(w.resid, w.columns, w.logdet, w.used)
+        g = run_equations(problem.model, path, free, noise_model, latent, k)
         total = g if total is None else total + g
     assert total is not None
     return posterior(total).log_evidence
@@ -301,10 +298,7 @@ def _force(
     latent = LatentInputs(inputs, (), tuple(best.amplitude * size[n] for n in inputs), best.tau)
     total, equations = None, []
     for k, path in enumerate(paths):
-        w = whitened(
-            problem.model, path, free.mean - path.point.par[free.where], free.sd, noise_model, latent, k
-        )
-        equations.append(normal_equations(w.resid, w.columns, w.logdet, w.used))
+        equations.append(run_equations(problem.model, path, free, noise_model, latent, k))
         total = equations[-1] if total is None else total + equations[-1]
     assert total is not None
     values = free.mean + free.sd * posterior(total).mean

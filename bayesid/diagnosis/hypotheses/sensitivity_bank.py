@@ -13,9 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bayesid.diagnosis.data.problem import DiagnosisProblem
-from bayesid.estimation.filter_error.evidence import NormalEquations, normal_equations, posterior
+from bayesid.estimation.filter_error.evidence import NormalEquations, posterior
 from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, linearise, wrap
-from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit, whitened
+from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit
+from bayesid.estimation.filter_error.normal_equations import run_equations
 from bayesid.estimation.parameters import GaussianPrior, effect_prior
 from bayesid.estimation.run_data import Array
 from bayesid.model.effects import Effect
@@ -119,11 +120,8 @@ def build_bank(
         extra = secants(problem, path, kinked) if kinked else None
         by_run.append([])
         for noise_model in levels:
-            w = whitened(
-                model, path, free.mean - path.point.par[free.where], free.sd, noise_model, run=k, extra=extra
-            )
-            by_run[-1].append(normal_equations(w.resid, w.columns, w.logdet, w.used))
-        del path, extra, w
+            by_run[-1].append(run_equations(model, path, free, noise_model, run=k, extra=extra))
+        del path, extra
     equations = tuple(zip(*by_run, strict=True))
     return SensitivityBank(equations, tuple(levels), len(base.names), columns)
 

@@ -33,7 +33,7 @@ def check_trial(trial: Trial, model: Model | None = None) -> InputCheck:
     else:
         size = model.scales["L"], model.scales["U"]
         behaviour = VehicleBehaviour(model, min(1.0, RUNS_COUNT_AS / len(runs)))
-        found = check_input(runs, size[0] / size[1], behaviour)
+        found = check_input(runs, size[0] / size[1], behaviour, model.vehicle.rates)
     right = mended(trial, found)
     if model is not None and (other := wrong_vehicle(model, right.identify)) is not None:
         found = replace(found, findings=(*found.findings, other))

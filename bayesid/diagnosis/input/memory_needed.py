@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from bayesid.equations.model import Model
 from bayesid.errors import TrialError
+from bayesid.estimation.filter_error.parameter_slopes import BLOCK, MOST_BYTES
+from bayesid.estimation.filter_error.smoother import BLOCK as SMOOTHED_AT_ONCE
 from bayesid.memory import available_memory, taken_memory
 from bayesid.trials import Trial
 
@@ -15,25 +17,37 @@ from bayesid.trials import Trial
 FIXED = 600e6
 # A model form about doubles the free parameters.
 FORM = 2
-# Linearisations alive at once in a fit, and covariances a smoother keeps.
-ALIVE, COVARIANCES = 2, 5
+# Linearisations alive at once in a fit; slopes, their stack and what is whitened of it; paths of fits kept.
+ALIVE, COPIES, PATHS = 2, 3, 25
 NUMBER = 8  # bytes
+FINER = 1.1  # steps in which a sampling that fits is sought
 
 
-def memory_needed(trial: Trial, model: Model) -> float:
-    """Bytes a diagnosis takes at most, about."""
-    sizes = [run.t.size for run in trial.identify]
+def memory_needed(trial: Trial, model: Model, every: float = 1.0) -> float:
+    """Bytes a diagnosis takes at most, about, were one of `every` samples read."""
+    sizes = [run.t.size / every for run in trial.identify]
     if not sizes:
         return FIXED
-    nx, every = len(model.kernel.full.states), len(model.kernel.channels)
+    nx, channels = len(model.kernel.full.states), len(model.kernel.channels)
     used = len({c for run in trial.identify for c in run.data} & set(model.kernel.channels))
-    # per sample and column: maps, slopes of all channels and of those read, the filter's copy and its answer
-    column = 2 * nx + every + 3 * used
+    latent = len(model.kernel.exogenous) + len(model.kernel.actuators)
+
+    def slopes(samples: float, parameters: int) -> float:
+        column = NUMBER * (nx + channels) * parameters
+        held = column * samples
+        return COPIES * (held if held <= MOST_BYTES else column * min(samples, BLOCK))
+
     coefficients = FORM * len(model.coefficients)
     effects = sum(len(e.parameters) for e in model.causes if e.acts_in(model.dof))
     state = nx + len([n for n in model.kernel.exogenous if n.startswith("force_")]) + 3
-    in_fit = ALIVE * coefficients * column + COVARIANCES * state**2
-    return FIXED + NUMBER * (sum(sizes) * in_fit + max(sizes) * (coefficients + effects) * column)
+    maps = ALIVE * nx * (nx + latent + used) + PATHS * nx
+    smoother = min(max(sizes), SMOOTHED_AT_ONCE) * state**2
+    return (
+        FIXED
+        + ALIVE * sum(slopes(n, coefficients) for n in sizes)
+        + max(slopes(n, coefficients + effects) for n in sizes)
+        + NUMBER * (sum(sizes) * maps + smoother)
+    )
 
 
 def check_memory(trial: Trial, model: Model) -> None:
@@ -49,11 +63,14 @@ def check_memory(trial: Trial, model: Model) -> None:
     if free is None or needed <= there:
         return
     samples = sum(run.t.size for run in trial.identify)
-    if there <= FIXED:
+    every = 1.0
+    while every < samples and memory_needed(trial, model, every) > there:
+        every *= FINER
+    if every >= samples:
         advice = "free some, or use another machine"
     else:
         step = max(float(run.t[-1] - run.t[0]) / max(run.t.size - 1, 1) for run in trial.identify)
-        fewer = step * (needed - FIXED) / (there - FIXED)
+        fewer = step * every
         advice = (
             f"read every {fewer:.2g} s only (--resample {fewer:.2g}), give shorter windows of the runs, or "
             "use another machine"

@@ -33,7 +33,7 @@ NEEDS = {
     "turn": frozenset(
         {"t", "u", "v", "r", "psi", "x", "y", "n", "n_cmd", "delta_r", "delta_r_cmd", "u_water"}
     ),
-    "drift": frozenset({"v", "v_water", "r", "psi", "delta_r", "delta_r_cmd"}),
+    "drift": frozenset({"u", "u_water", "v", "v_water", "r", "psi", "delta_r", "delta_r_cmd"}),
     "pitch": frozenset({"t", "u", "w", "q", "theta", "delta_s", "delta_s_cmd", "x", "y"}),
 }
 

@@ -86,7 +86,7 @@ def find_mistakes(
         return ()
     best = max([comparison.none, *comparison.refits], key=lambda c: c.log_evidence).log_evidence
     found = []
-    for s in _worth(compared, best):
+    for s in _worth(compared):
         notify(f"the simulator mended: {s.mistake.name}")
         mended = mended_evidence(problem.model, trial, s, as_built)
         if mended is not None and mended.log_evidence > best + LEAD:
@@ -112,9 +112,12 @@ def find_mistakes(
     )
 
 
-def _worth(compared: Compared, best: float) -> list[Screened]:
-    """Mistakes to be judged anew."""
-    gain = best - compared.candidates.none.log_evidence
+def _worth(compared: Compared) -> list[Screened]:
+    """Mistakes to be judged anew: those not far behind the best cause. A wider prior is no cause: it holds
+    every mistake of the rows, and a screen that is linear about it stays behind it."""
+    none = compared.candidates.none
+    causes = [none, *(c for c in compared.candidates.refits if not c.widens)]
+    gain = max(c.log_evidence for c in causes) - none.log_evidence
     least = LEAST_GAIN if compared.problem.form is not None else max(LEAST_GAIN, gain - MOST_BEHIND)
     return [s for s in screened(compared) if s.gain + s.share > least][:TRIED]
 
@@ -156,14 +159,23 @@ def screened(compared: Compared) -> list[Screened]:
 
 
 def _equations(compared: Compared, extra: GaussianPrior) -> list[NormalEquations]:
-    """Equations of the stated coefficients, within the prior of the file, and of what is beside them."""
-    problem, none = compared.problem, compared.candidates.none
-    fine = explains(none)
-    points = list(none.fit.points) if fine else list(problem.path)
-    levels = levels_between(problem, 0.0 if fine else problem.path_level)
+    """Equations of the stated coefficients, within the prior of the file, and of what is beside them.
+
+    They are linear about the refit within the prior, and about those with a wider one: a simulator that is
+    wrong by a factor of two in every row is no small step from the right one, a refit that may go there is.
+    """
+    problem, candidates = compared.problem, compared.candidates
     plain = replace(problem, coefficients=problem.stated, form=None, vehicle=None)
-    bank = build_bank(plain, points, levels, (), extra if extra.names else None)
-    return [bank.total(i) for i in range(len(levels))]
+    about = [c.fit.points for c in (candidates.none, *candidates.refits) if explains(c)
+             and (c.widens or c is candidates.none)]  # fmt: skip
+    starts = [(list(points), levels_between(problem, 0.0)) for points in about]
+    if not explains(candidates.none):
+        starts.insert(0, (list(problem.path), levels_between(problem, problem.path_level)))
+    out = []
+    for points, levels in starts:
+        bank = build_bank(plain, points, levels, (), extra if extra.names else None)
+        out += [bank.total(i) for i in range(len(levels))]
+    return out
 
 
 def shifted(g: NormalEquations, delta: Array, scale: Array) -> NormalEquations:

@@ -62,8 +62,12 @@ class NormalEquations:
 
 
 def normal_equations(resid: Array, columns: Array, logdet: float, used: int) -> NormalEquations:
-    """Products of whitened residual and columns."""
-    return NormalEquations(columns.T @ columns, columns.T @ resid, float(resid @ resid), logdet, used)
+    """Products of whitened residual and columns.
+
+    Along a path that diverges they overflow; `posterior` refuses what is not finite.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        return NormalEquations(columns.T @ columns, columns.T @ resid, float(resid @ resid), logdet, used)
 
 
 @dataclass(frozen=True, eq=False)

@@ -210,8 +210,10 @@ def _moved(
 def _joined(paths: Sequence[Linearisation], points: Sequence[Trajectory]) -> bool:
     """Whether the last pass moved no state by more than a fraction of what the sensors see."""
     for path, point in zip(paths, points, strict=True):
-        moved = np.einsum("iqx,ix->iq", path.slope, point.states - path.point.states)
-        if np.sqrt(np.mean((moved / path.log.sigma) ** 2)) > LEAST_READING_CHANGE:
+        with np.errstate(over="ignore", invalid="ignore"):  # a step that diverges is no small one
+            moved = np.einsum("iqx,ix->iq", path.slope, point.states - path.point.states)
+            change = np.sqrt(np.mean((moved / path.log.sigma) ** 2))
+        if not change <= LEAST_READING_CHANGE:
             return False
     return True
 

@@ -57,10 +57,37 @@ def whiten(
     -------
     log determinant of the residual's covariance, number of readings used
     """
+    joint = opening(first, start, variance_f, variance_d)
+    return whiten_on(
+        joint, columns, drive, valid, slope, variance, phi, gamma, decay_f, variance_f, drift, decay_d,
+        variance_d, out,
+    )  # fmt: skip
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def whiten_on(
+    joint: np.ndarray,
+    columns: np.ndarray,
+    drive: np.ndarray,
+    valid: np.ndarray,
+    slope: np.ndarray,
+    variance: np.ndarray,
+    phi: np.ndarray,
+    gamma: np.ndarray,
+    decay_f: np.ndarray,
+    variance_f: np.ndarray,
+    drift: np.ndarray,
+    decay_d: np.ndarray,
+    variance_d: np.ndarray,
+    out: np.ndarray,
+) -> tuple[float, int]:
+    """`whiten` of the next samples of a run: `joint` is as the samples before left it, and is carried on.
+
+    There is one interval less than samples at the end of a run, and as many before.
+    """
     n, q, c = columns.shape
     nx, nf = phi.shape[1], gamma.shape[2]
     m = nx + nf + drift.shape[1]
-    joint = opening(first, start, variance_f, variance_d)
     lines, gains, part, change = np.empty((q, c + m)), np.empty((q, m)), np.empty(q), np.empty((m, c + m))
     index, weight = np.empty(m, dtype=np.int64), np.empty(m)
     step, moved = np.empty((nx, nx + nf)), np.empty((nx, c + m))
@@ -75,7 +102,7 @@ def whiten(
         for j in range(q):
             for k in range(c):
                 out[i * q + j, k] = lines[j, k]
-        if i < n - 1:
+        if i < drive.shape[0]:
             carry(
                 joint, c, i, drive, phi, gamma, decay_f, variance_f, decay_d, variance_d, step, moved, mixed,
                 spread,

@@ -24,6 +24,12 @@ from functools import lru_cache
 import numpy as np
 
 from bayesid.equations.model import Model
+from bayesid.estimation.filter_error.parameter_slopes import (
+    MOST_BYTES,
+    HeldSlopes,
+    ParameterSlopes,
+    RemadeSlopes,
+)
 from bayesid.estimation.filter_error.read_run import ANGLES
 from bayesid.estimation.run_data import Array, RunData
 from bayesid.simulation import TimePlan, inertia_ratio, interval_maps, readings_on
@@ -76,23 +82,37 @@ class Linearisation:
     ----------
     resid : (n, q) reading minus model on the path, angles wrapped
     slope : (n, q, nx) of the readings by the state
-    direct : (n, q, p) of the readings by the free parameters at fixed state
-    phi, gamma, psi : (n-1, nx, ..) maps by state, latent inputs (`inputs`) and free parameters
+    by_parameter : of readings and interval ends by the free parameters; `direct` and `psi` are all of them
+    phi, gamma : (n-1, nx, ..) maps by state and latent inputs (`inputs`)
     defect : (n-1, nx) end of each interval minus the next state of the path
-    aside : Aside, where `direct` and `psi` were taken: the path itself where no filter has run
+    aside : Aside, where slopes by parameters were taken: the path itself where no filter has run
     """
 
     log: RunData
     point: Trajectory
     resid: Array
     slope: Array
-    direct: Array
+    by_parameter: ParameterSlopes
     phi: Array
     gamma: Array
-    psi: Array
     defect: Array
     inputs: tuple[str, ...]
     aside: PerturbedTrajectories
+
+    @property
+    def held(self) -> bool:
+        """Whether slopes by the free parameters are there, and not made anew block by block."""
+        return isinstance(self.by_parameter, HeldSlopes)
+
+    @property
+    def direct(self) -> Array:
+        """(n, q, p) of the readings by the free parameters at fixed state."""
+        return self.by_parameter.part(0, self.log.n)[0]
+
+    @property
+    def psi(self) -> Array:
+        """(n-1, nx, p) of the interval ends by the free parameters."""
+        return self.by_parameter.part(0, self.log.n)[1]
 
 
 def latent_inputs(model: Model) -> tuple[str, ...]:
@@ -128,8 +148,11 @@ def linearise(
         if an interval leaves the finite numbers
     """
     beside = len(free) > 0 and (log.straight or point.before is not None)
-    here = free[:0] if beside else free
-    ratio, ratio_slope = _inertia(model, point.par.tobytes(), here.astype(np.int64).tobytes())
+    wide = len(model.kernel.channels) + point.states.shape[1]
+    long = 8 * log.n * wide * len(free) > MOST_BYTES
+    here = free[:0] if beside or long else free
+    slopes_at = free[:0] if beside else free
+    ratio, ratio_slope = _inertia(model, point.par.tobytes(), slopes_at.astype(np.int64).tobytes())
     plan = with_forces(model, log.plan, point.force @ ratio.T)
     inputs = latent_inputs(model) if inputs is None else inputs
     maps = interval_maps(model, point.par, plan, point.states, inputs, here)
@@ -146,10 +169,18 @@ def linearise(
     aside = PerturbedTrajectories(plan, point.states, maps.ends, readings.values[:, picked])
     if beside:
         where, states = _beside(model, log, point)
-        other = interval_maps(model, point.par, where, states, (), free)
-        seen = readings_on(model, point.par, where, states, other, free)
+        other = interval_maps(model, point.par, where, states, (), free[:0] if long else free)
+        seen = readings_on(model, point.par, where, states, other, free[:0] if long else free)
         psi, direct = other.psi, seen.by_parameter
         aside = PerturbedTrajectories(where, states, other.ends, seen.values[:, picked])
+    by_parameter: ParameterSlopes
+    if long:
+        moved = () if beside or not point.force.any() else forces(model)
+        by_parameter = RemadeSlopes(
+            model, point.par, aside.plan, aside.states, free, picked, moved, point.force, ratio_slope
+        )
+    else:
+        by_parameter = HeldSlopes(direct[:, picked], psi)
     resid = wrap(model, log, log.readings - readings.values[:, picked])
     defect = maps.ends - point.states[1:]
     return Linearisation(
@@ -157,10 +188,9 @@ def linearise(
         point,
         resid,
         np.ascontiguousarray(readings.by_state[:, picked]),
-        direct[:, picked],
+        by_parameter,
         maps.phi,
         maps.gamma,
-        psi,
         defect,
         inputs,
         aside,

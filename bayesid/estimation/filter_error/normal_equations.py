@@ -1,25 +1,83 @@
 """Whitened products of the columns of free parameters, run by run.
 
 Takes paths. Knows neither the fit nor which parameter is a coefficient and which belongs to an effect.
+
+A run whose slopes are held is whitened as a whole. Those of a long run are made, whitened and multiplied
+block by block: memory does not grow with its length, products are summed in another order (last digits).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from bayesid.equations.model import Model
 from bayesid.estimation.filter_error.evidence import NormalEquations, normal_equations
+from bayesid.estimation.filter_error.kalman import whiten_on
+from bayesid.estimation.filter_error.kalman_step import opening
 from bayesid.estimation.filter_error.linearise import Linearisation
-from bayesid.estimation.filter_error.noise_model import NoiseModel, whitened
+from bayesid.estimation.filter_error.noise_model import (
+    LatentInputs,
+    NoiseModel,
+    active_inputs,
+    filter_settings,
+    whitened,
+)
+from bayesid.estimation.filter_error.parameter_slopes import blocks
+from bayesid.estimation.filter_error.regressor_columns import known
 from bayesid.estimation.parameters import GaussianPrior
+from bayesid.estimation.run_data import Array
 
 
 def stacked_equations(
     model: Model, paths: Sequence[Linearisation], free: GaussianPrior, noise_model: NoiseModel
 ) -> list[NormalEquations]:
     """Whitened normal matrix of every run, residual relative to the prior mean, columns per prior sd."""
-    out = []
-    for k, path in enumerate(paths):
-        w = whitened(model, path, free.mean - path.point.par[free.where], free.sd, noise_model, run=k)
-        out.append(normal_equations(w.resid, w.columns, w.logdet, w.used))
-    return out
+    return [run_equations(model, path, free, noise_model, run=k) for k, path in enumerate(paths)]
+
+
+def run_equations(
+    model: Model,
+    path: Linearisation,
+    free: GaussianPrior,
+    noise_model: NoiseModel,
+    latent: LatentInputs | None = None,
+    run: int = 0,
+    extra: tuple[Array, Array] | None = None,
+) -> NormalEquations:
+    """The same of one run.
+
+    Parameters
+    ----------
+    latent, run, extra : as in `whitened`
+    """
+    step = free.mean - path.point.par[free.where]
+    if path.held:
+        w = whitened(model, path, step, free.sd, noise_model, latent, run, extra)
+        return normal_equations(w.resid, w.columns, w.logdet, w.used)
+    f, _ = active_inputs(filter_settings(model, path, noise_model, latent, run))
+    resid, drive, first = known(path, step)
+    (n, q), nx, p = resid.shape, first.size, free.sd.size
+    c = 1 + p + (extra[0].shape[2] if extra is not None else 0)
+    firsts = np.zeros((nx, c))
+    firsts[:, 0] = first
+    joint = opening(firsts, f.start, f.variance_f, f.variance_d)
+    products, logdet, used = np.zeros((c, c)), 0.0, 0
+    for a, b in blocks(n):
+        direct, psi = path.by_parameter.part(a, b)
+        columns, drives = np.empty((b - a, q, c)), np.empty((psi.shape[0], nx, c))
+        columns[:, :, 0], drives[:, :, 0] = resid[a:b], drive[a:b]
+        np.multiply(direct, free.sd, out=columns[:, :, 1 : 1 + p])
+        np.multiply(psi, -free.sd, out=drives[:, :, 1 : 1 + p])
+        if extra is not None:
+            columns[:, :, 1 + p :] = extra[0][a:b]
+            np.negative(extra[1][a:b], out=drives[:, :, 1 + p :])
+        out = np.empty(((b - a) * q, c))
+        more, count = whiten_on(
+            joint, columns, drives, path.log.valid[a:b], path.slope[a:b], f.variance, path.phi[a:b],
+            f.gamma[a:b], f.decay_f[a:b], f.variance_f, f.drift, f.decay_d[a:b], f.variance_d, out,
+        )  # fmt: skip
+        products += out.T @ out
+        logdet, used = logdet + more, used + count
+    return NormalEquations(products[1:, 1:], products[1:, 0], float(products[0, 0]), logdet, used)

@@ -15,9 +15,10 @@ from scipy.ndimage import median_filter
 from scipy.stats import gamma
 
 from bayesid.equations.model import Model
-from bayesid.estimation.filter_error.evidence import NormalEquations, normal_equations, without
+from bayesid.estimation.filter_error.evidence import NormalEquations, without
 from bayesid.estimation.filter_error.linearise import Linearisation, forces
-from bayesid.estimation.filter_error.noise_model import LatentInputs, NoiseModel, force_unit, whitened
+from bayesid.estimation.filter_error.noise_model import LatentInputs, NoiseModel, force_unit
+from bayesid.estimation.filter_error.normal_equations import run_equations
 from bayesid.estimation.parameters import GaussianPrior
 from bayesid.estimation.run_data import Array
 
@@ -28,6 +29,8 @@ LOWEST_FREQUENCY, HIGHEST_FREQUENCY = 0.9, 6.0
 FALSE_ALARM, MOST_FREQUENCIES = 1e-3, 2
 # Frequencies per independent one, and independent ones over which the level of the noise is taken.
 OVERSAMPLING, LEVEL_NEIGHBOURS = 4, 12
+# Frequencies times samples held at once, 16 bytes each.
+MOST_TURNS = 2_000_000
 # Prior sd of a periodic force over 1/2 rho L^2 U^2.
 PERIODIC_FORCE_SD = 1e-3
 
@@ -76,19 +79,28 @@ def spectrum(
         return np.zeros(0), np.zeros(0), 0
     total, count = np.zeros(grid.size), 0
     for path, z in zip(paths, standard, strict=True):
-        turn = np.exp(-1j * np.outer(grid, path.log.plan.t))
-        for j in range(z.shape[1]):
-            good = path.log.valid[:, j]
-            if good.sum() < 20:
-                continue
-            x = np.where(good, z[:, j] - z[good, j].mean(), 0.0)
-            raw = np.abs(turn @ x) ** 2 / float(x @ x)
+        valid = path.log.valid
+        seen = [j for j in range(z.shape[1]) if valid[:, j].sum() >= 20]
+        series = [np.where(valid[:, j], z[:, j] - z[valid[:, j], j].mean(), 0.0) for j in seen]
+        for x, power in zip(series, _powers(grid, path.log.plan.t, series), strict=True):
+            raw = power / float(x @ x)
             near = median_filter(raw, OVERSAMPLING * LEVEL_NEIGHBOURS, mode="nearest") / np.log(2.0)
             total += raw / np.maximum(near, 1.0)
             count += 1
     if not count:
         return np.zeros(0), np.zeros(0), 0
     return grid, total, count
+
+
+def _powers(grid: Array, t: Array, series: Sequence[Array]) -> Array:
+    """(k, f) squared sizes of the Fourier sums of series at uneven times, some frequencies at once."""
+    out = np.empty((len(series), grid.size))
+    at_once = max(1, MOST_TURNS // t.size)
+    for first in range(0, grid.size, at_once):
+        turn = np.exp(-1j * np.outer(grid[first : first + at_once], t))
+        for k, x in enumerate(series):
+            out[k, first : first + at_once] = np.abs(turn @ x) ** 2
+    return out
 
 
 def periodic_columns(
@@ -124,8 +136,6 @@ def stack_without(
         if frequencies:
             parts = [periodic_columns(path, f, names, size) for f in frequencies]
             extra = (np.concatenate([p[0] for p in parts], 2), np.concatenate([p[1] for p in parts], 2))
-        step = free.mean - path.point.par[free.where]
-        w = whitened(model, path, step, free.sd, noise_model, latent, k, extra)
-        g = normal_equations(w.resid, w.columns, w.logdet, w.used)
+        g = run_equations(model, path, free, noise_model, latent, k, extra)
         out.append(without(g, len(free.names)))
     return out

@@ -13,6 +13,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from bayesid.estimation.filter_error.linearise import Linearisation
+from bayesid.estimation.filter_error.parameter_slopes import blocks
 from bayesid.estimation.run_data import Array
 
 # Bytes of stacks kept: those of all runs of a usual trial, some MB each.
@@ -58,9 +59,15 @@ def known(path: Linearisation, step: Array) -> tuple[Array, Array, Array]:
     """
     force = path.point.force
     resid, drive = path.resid, path.defect
-    if step.any():
+    if step.any() and path.held:
         resid = resid - path.direct @ step
         drive = drive + path.psi @ step
+    elif step.any():
+        resid, drive = resid.copy(), drive.copy()
+        for a, b in blocks(path.log.n):
+            direct, psi = path.by_parameter.part(a, b)
+            resid[a:b] -= direct @ step
+            drive[a:b] += psi @ step
     if force.any():
         drive = drive - np.matmul(path.gamma[:, :, : force.shape[1]], force[:, :, None])[:, :, 0]
     return resid, drive, path.log.x0 - path.point.states[0]

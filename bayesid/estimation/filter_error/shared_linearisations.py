@@ -26,6 +26,7 @@ from bayesid.estimation.filter_error.evidence import NormalEquations
 from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, forces, linearise
 from bayesid.estimation.filter_error.noise_model import NoiseModel
 from bayesid.estimation.filter_error.normal_equations import stacked_equations
+from bayesid.estimation.filter_error.parameter_slopes import HeldSlopes
 from bayesid.estimation.parameters import GaussianPrior, effect_prior
 from bayesid.estimation.run_data import RunData
 
@@ -83,12 +84,16 @@ def linear(
             return fresh(model, logs, points, free, noise_model)
         inputs = forces(model)
         paths = [linearise(model, log, p, whole.where, inputs) for log, p in zip(logs, points, strict=True)]
+        if not all(p.held for p in paths):
+            return fresh(model, logs, points, free, noise_model)
         found = _Set(tuple(logs), whole, tuple(paths))
         _remember(kept.sets, key, found, MOST_SETS)
     at = found.positions(free) if _same(found.logs, logs) else None
     if at is None:
         return fresh(model, logs, points, free, noise_model)
-    paths = [replace(p, direct=_picked(p.direct, at), psi=_picked(p.psi, at)) for p in found.paths]
+    paths = [
+        replace(p, by_parameter=HeldSlopes(_picked(p.direct, at), _picked(p.psi, at))) for p in found.paths
+    ]
     return paths, stacked_equations(model, paths, free, noise_model)
 
 

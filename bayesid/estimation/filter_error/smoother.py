@@ -11,6 +11,9 @@ from numba import njit
 
 from bayesid.estimation.filter_error.kalman_step import carry, opening, take
 
+# Samples whose covariances are held at once: 10 MB for a planar vehicle.
+BLOCK = 4096
+
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _transition(
@@ -60,6 +63,7 @@ def smooth_filtered(
     standard: np.ndarray,
     alone: np.ndarray,
     filtered: np.ndarray,
+    most: int = BLOCK,
 ) -> None:
     """Smoothed deviation of one run (Bryson-Frazier form, no inverse of a covariance).
 
@@ -72,6 +76,7 @@ def smooth_filtered(
     alone : (n, q) the same of each reading given all others, earlier and later (de Jong and Penzer 1998); an
         empty one is left, and without either no second moment is carried backward
     filtered : (n, nx + nf + nd) filled with means given the readings up to each sample
+    most : samples whose covariances are held at once; a longer run is filtered twice, to the same numbers
     """
     n, q = resid.shape
     nx, nf, nd = phi.shape[1], gamma.shape[2], drift.shape[1]
@@ -83,30 +88,83 @@ def smooth_filtered(
     index, weight = np.empty(m, dtype=np.int64), np.empty(m)
     step, moved = np.empty((nx, nx + nf)), np.empty((nx, 1 + m))
     mixed, spread = np.empty((nx, nx + nf)), np.empty((nx, nx))
-    covariance = np.empty((n, m, m))
-    gains, parts = np.empty((n, q, m)), np.empty((n, q))
-    for i in range(n):
-        for a in range(m):
-            mean_out[i, a] = joint[a, 0]
-            for b in range(m):
-                covariance[i, a, b] = joint[a, 1 + b]
-        take(joint, 1, i, columns, valid, slope, drift, variance, lines, gain, part, change, index, weight)
-        for j in range(q):
-            standard[i, j] = lines[j, 0]
-            parts[i, j] = part[j]
+    size = min(n, most)
+    blocks = (n + size - 1) // size
+    covariance, gains, parts = np.empty((size, m, m)), np.empty((size, q, m)), np.empty((size, q))
+    opened = np.empty((blocks, m, 1 + m))
+    # forward once to where every block begins, then block by block from the last one; the last of the first
+    # pass is the first of the second
+    block, forth = 0, True
+    lam, big = np.zeros(m), np.zeros((m, m))
+    while block >= 0:
+        begin, end = block * size, min(n, (block + 1) * size)
+        if forth:
+            opened[block] = joint
+        else:
+            joint[:] = opened[block]
+        for i in range(begin, end):
             for a in range(m):
-                gains[i, j, a] = gain[j, a]
-        for a in range(m):
-            filtered[i, a] = joint[a, 0]
-        if i < n - 1:
-            carry(
-                joint, 1, i, drives, phi, gamma, decay_f, variance_f, decay_d, variance_d, step, moved, mixed,
-                spread,
-            )  # fmt: skip
+                mean_out[i, a] = joint[a, 0]
+                for b in range(m):
+                    covariance[i - begin, a, b] = joint[a, 1 + b]
+            take(
+                joint, 1, i, columns, valid, slope, drift, variance, lines, gain, part, change, index, weight
+            )
+            for j in range(q):
+                standard[i, j] = lines[j, 0]
+                parts[i - begin, j] = part[j]
+                for a in range(m):
+                    gains[i - begin, j, a] = gain[j, a]
+            for a in range(m):
+                filtered[i, a] = joint[a, 0]
+            if i < n - 1:
+                carry(
+                    joint, 1, i, drives, phi, gamma, decay_f, variance_f, decay_d, variance_d, step, moved,
+                    mixed, spread,
+                )  # fmt: skip
+        if forth and block < blocks - 1:
+            block += 1
+            continue
+        forth = False
+        _backward(
+            begin, end, valid, slope, phi, gamma, decay_f, decay_d, drift, mean_out, var_out, standard, alone,
+            covariance, gains, parts, lam, big,
+        )  # fmt: skip
+        block -= 1
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _backward(
+    begin: int,
+    end: int,
+    valid: np.ndarray,
+    slope: np.ndarray,
+    phi: np.ndarray,
+    gamma: np.ndarray,
+    decay_f: np.ndarray,
+    decay_d: np.ndarray,
+    drift: np.ndarray,
+    mean_out: np.ndarray,
+    var_out: np.ndarray,
+    standard: np.ndarray,
+    alone: np.ndarray,
+    covariance: np.ndarray,
+    gains: np.ndarray,
+    parts: np.ndarray,
+    lam: np.ndarray,
+    big: np.ndarray,
+) -> None:
+    """Smooth samples `begin` to `end` - 1, the last first; `covariance`, `gains` and `parts` are theirs.
+
+    lam, big : (m,) and (m, m) adjoint mean and second moment after sample `end` - 1, left before `begin`
+    """
+    n, q = valid.shape
+    nx, nf, nd = phi.shape[1], gamma.shape[2], drift.shape[1]
+    m = nx + nf + nd
     second = alone.size > 0 or var_out.size > 0
-    lam, line, bk, h = np.zeros(m), np.empty(m), np.empty(m), np.empty(m)
-    big, work, full, left = np.zeros((m, m)), np.empty((m, m)), np.zeros((m, m)), np.empty((m, m))
-    for i in range(n - 1, -1, -1):
+    line, bk, h = np.empty(m), np.empty(m), np.empty(m)
+    work, full, left = np.empty((m, m)), np.zeros((m, m)), np.empty((m, m))
+    for i in range(end - 1, begin - 1, -1):
         if i < n - 1:
             _transition(full, i, phi, gamma, decay_f, decay_d)
             for a in range(m):
@@ -134,18 +192,18 @@ def smooth_filtered(
                 h[nx + nf + a] = drift[j, a]
             pull = standard[i, j]
             for a in range(m):
-                pull += gains[i, j, a] * lam[a]
-            pull *= parts[i, j]
+                pull += gains[i - begin, j, a] * lam[a]
+            pull *= parts[i - begin, j]
             if second:
                 for a in range(m):
                     bk[a] = 0.0
                 for a in range(m):
-                    k = gains[i, j, a] * parts[i, j]
+                    k = gains[i - begin, j, a] * parts[i - begin, j]
                     for b in range(m):
                         bk[b] += big[a, b] * k
-                more = parts[i, j] ** 2
+                more = parts[i - begin, j] ** 2
                 for a in range(m):
-                    more += gains[i, j, a] * parts[i, j] * bk[a]
+                    more += gains[i - begin, j, a] * parts[i - begin, j] * bk[a]
                 if alone.size > 0:
                     alone[i, j] = pull / np.sqrt(more)
                 for a in range(m):
@@ -155,13 +213,13 @@ def smooth_filtered(
                 lam[a] -= h[a] * pull
         for b in range(m):
             for a in range(m):
-                mean_out[i, a] -= covariance[i, b, a] * lam[b]
+                mean_out[i, a] -= covariance[i - begin, b, a] * lam[b]
         if var_out.size > 0:
-            np.dot(covariance[i], big, left)
+            np.dot(covariance[i - begin], big, left)
             for a in range(m):
-                total = covariance[i, a, a]
+                total = covariance[i - begin, a, a]
                 for b in range(m):
-                    total -= left[a, b] * covariance[i, b, a]
+                    total -= left[a, b] * covariance[i - begin, b, a]
                 var_out[i, a] = total
 
 

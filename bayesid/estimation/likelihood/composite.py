@@ -18,7 +18,7 @@ piece.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -144,12 +144,18 @@ class Composite:
         noise = spread @ spread.T  # products of roots: no variance comes out negative by rounding
         return Law(gain @ (w * g + self.prior_score), noise + pull @ pull.T, w * gain @ h, noise)
 
-    def prior_kept(self, parts: NoiseParts) -> Array:
+    def without_each(self, parts: NoiseParts) -> Iterator[tuple[RunScore, Law, Array]]:
+        """Every run of several, with the estimate that the others give and their `prior_kept`."""
+        for run in self.runs if len(self.runs) > 1 else ():
+            others = tuple(r for r in self.runs if r is not run)
+            yield run, self.law(parts, others), self.prior_kept(parts, others)
+
+    def prior_kept(self, parts: NoiseParts, runs: Iterable[RunScore] | None = None) -> Array:
         """(k, k) covariance where every reading has the weight its noise leaves it: never above the prior's.
 
         `law` is the error of an estimate made with another weight, which forgets what the prior knew.
         """
-        return inverse(self.data(parts)[0] + self.prior_precision)
+        return inverse(self.data(parts, runs)[0] + self.prior_precision)
 
     def left_out_costs(self, weight: float) -> Array:
         """(n,) cost of every run at the estimate the others give with the readings to this power, over that

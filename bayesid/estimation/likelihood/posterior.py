@@ -6,9 +6,9 @@ Takes a `FitProblem` and its estimate. Gives a frozen `CoefficientPosterior`. Do
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -43,6 +43,14 @@ UNSURE = 1.1
 PIECE = re.compile(r" \d+/\d+$")
 
 
+class OtherRuns(NamedTuple):
+    """What all runs but one say: mean (k,), covariance and `kept_prior` (k, k) [SI]."""
+
+    mean: Array
+    covariance: Array
+    kept_prior: Array
+
+
 @dataclass(frozen=True, eq=False)
 class CoefficientPosterior:
     """Posterior of the free parameters.
@@ -64,6 +72,7 @@ class CoefficientPosterior:
     kept_prior : (k, k) covariance about the estimate of one that gives every reading the weight its noise
         leaves it, beside the prior [SI]: never wider than the prior, which `covariance`, the error of the
         estimate that was made, can be where residuals have memory
+    left_out : run -> what the other runs say, to first order about the estimate; empty with a single run
     """
 
     names: tuple[str, ...]
@@ -80,6 +89,16 @@ class CoefficientPosterior:
     low: Array
     high: Array
     kept_prior: Array
+    left_out: Mapping[str, OtherRuns] = field(default_factory=dict)
+
+    def without(self, run: str) -> CoefficientPosterior:
+        """What the other runs say; the posterior itself for a run it does not rest on."""
+        return replace(self, **self.left_out[run]._asdict()) if run in self.left_out else self
+
+    def no_wider_than_prior(self) -> CoefficientPosterior:
+        """The same with `kept_prior` for its covariance."""
+        kept = {n: o._replace(covariance=o.kept_prior) for n, o in self.left_out.items()}
+        return replace(self, covariance=self.kept_prior, left_out=kept)
 
     @property
     def sd(self) -> Array:
@@ -190,12 +209,12 @@ def posterior_of_scores(
         chosen, check = widened(composite, chosen, prior_sd / scale, seed)
     found = composite.law(chosen)
     white = composite.as_white().law(NoiseParts())
-    k = scale.size
+    k, unit = scale.size, np.outer(scale, scale)
     return CoefficientPosterior(
         names=problem.params.names,
         estimate=np.array(z[:k]),
         mean=z[:k] + scale * found.mean,
-        covariance=found.covariance * np.outer(scale, scale),
+        covariance=found.covariance * unit,
         prior_sd=prior_sd,
         parts=chosen,
         white_sd=scale * np.sqrt(np.diag(white.covariance)),
@@ -205,7 +224,11 @@ def posterior_of_scores(
         sensitivity=prior_sensitivity(composite, chosen, found),
         low=problem.params.vector("low"),
         high=problem.params.vector("high"),
-        kept_prior=composite.prior_kept(chosen) * np.outer(scale, scale),
+        kept_prior=composite.prior_kept(chosen) * unit,
+        left_out={
+            run.name: OtherRuns(z[:k] + scale * law.mean, law.covariance * unit, kept * unit)
+            for run, law, kept in composite.without_each(chosen)
+        },
     )
 
 

@@ -128,7 +128,7 @@ class Store:
                 write_atomic(path, _bytes(block, self._digest))
             except OSError as error:
                 raise SampleError(
-                    f"{path.name} cannot be written ({error.strerror or error}); the chain up to round "
+                    f"{path} cannot be written ({error.strerror or error}); the chain up to round "
                     f"{number} is safe: make room and resume"
                 ) from None
         self._kept[number] = block

@@ -182,6 +182,35 @@ EFFECTS = (
         form="A pure delay of all axes.",
     ),
     Effect(
+        name="ground_velocity_latency",
+        says="The velocity over ground is {delay:s} old when it is turned into the axes of the vehicle.",
+        family="velocity_latency",
+        port="sensor",
+        where=("u,v",),
+        parameters=(
+            EffectParameter(
+                "delay",
+                "s",
+                0.3,
+                "L/U",
+                one_sided=True,
+                low=0,
+                high=20,
+                about="age, when logged, of the velocity over ground that the present heading turns",
+            ),
+        ),
+        sensor={
+            "u": "u*cos(delay*r) + v*sin(delay*r)",
+            "v": "v*cos(delay*r) - u*sin(delay*r)",
+        },
+        sensor_delay={"delay": ("u", "v")},
+        source="kinematics: a filter of the velocity in earth axes (GNSS, differentiated track), turned by "
+        "the heading of the moment",
+        magnitude="0.2-1 s",
+        form="A pure delay in earth axes; the heading turns at the rate of the moment read, to first order "
+        "in the delay.",
+    ),
+    Effect(
         name="depth_bias",
         says="The depth sensor reads {bias:m:too deep:too shallow}.",
         family="depth_bias",

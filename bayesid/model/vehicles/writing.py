@@ -66,7 +66,7 @@ def write_vehicle(
         head = write_schema(target.parent) if schema else ""
         return write_atomic(target, head + vehicle_toml(vehicle, None if inside else beside))
     except OSError as error:
-        raise VehicleError(f"{target.name}: cannot be written ({error.strerror})") from None
+        raise VehicleError(f"{target}: cannot be written ({error.strerror})") from None
 
 
 def vehicle_toml(

@@ -8,14 +8,15 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from bayesid.diagnosis.answer import Answer, error_rows, in_words
+from bayesid.diagnosis.answer import Answer, in_words
 from bayesid.diagnosis.plain_words import number, sentence
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import Effect
+from bayesid.diagnosis.run_errors import error_rows
 from bayesid.diagnosis.summary import unsigned_zeros
 from bayesid.report import run_picture
 from bayesid.report.diagnosis.cause import where_blocks, which_blocks
-from bayesid.report.diagnosis.first_screen import picture_of
+from bayesid.report.diagnosis.first_screen import picture_of, played_blocks
 from bayesid.report.diagnosis.holdout import holdout_blocks, measures_table
 from bayesid.report.diagnosis.limits import margin_table
 from bayesid.report.writer import Block, Figure, Row, Section, Table, Text, literal
@@ -55,6 +56,8 @@ def runs_blocks(result: Result, a: Answer) -> list[Block]:
                 where,
             )
         )
+        if replay.role == "holdout":
+            blocks += played_blocks(replay, a, where)
     return blocks
 
 

@@ -82,10 +82,20 @@ def replay_blocks(result: Result, a: Answer) -> list[Block]:
     """The run of the picture, to be played; nothing without a track."""
     if result.drawings is None or not result.drawings.replays:
         return []
-    r = result.drawings.replays[0]
+    return played_blocks(result.drawings.replays[0], a, f"The {literal(a.where)}")
+
+
+def played_blocks(r: evidence.Replay, a: Answer, what: str) -> list[Block]:
+    """A run to be played; nothing without a track."""
     if not {"x", "y"} <= set(r.channels):
         return []
-    return [Replay(played(r, picture_of(r, a)), f"The {literal(a.where)}, to be played.")]
+    caption = f"{what}, to be played; click below the track to go to a time."
+    if r.force:
+        caption += (
+            " Arrows on the log are the force that would lead a simulation along it, arcs the turning "
+            "moment: an explanation that holds leaves them short."
+        )
+    return [Replay(played(r, picture_of(r, a)), caption)]
 
 
 def played(r: evidence.Replay, drawn: run_picture.RunPicture) -> dict[str, Any]:
@@ -109,7 +119,20 @@ def played(r: evidence.Replay, drawn: run_picture.RunPicture) -> dict[str, Any]:
         for n, label, unit, scale in ORDERS
         if n in r.commands and np.isfinite(r.commands[n]).all()
     ]
-    return {"t": values(r.t - r.t[0], 1), "series": shown, "orders": orders}
+    styles = {GIVEN: drawn.series[0], EXPLAINED: drawn.series[-1]}
+    forces = [
+        {
+            "label": styles[m].label, "colour": styles[m].style["color"],
+            "dash": [6, 3] if m == GIVEN else [],
+            **{axis: [_significant(float(x)) for x in f[keep, k]] for k, axis in enumerate("XYN")},
+        }
+        for m, f in r.force.items()
+    ]  # fmt: skip
+    return {"t": values(r.t - r.t[0], 1), "series": shown, "orders": orders, "forces": forces}
+
+
+def _significant(x: float) -> float | None:
+    return float(f"{x:.3g}") if math.isfinite(x) else None
 
 
 def picture_of(r: evidence.Replay, a: Answer) -> run_picture.RunPicture:

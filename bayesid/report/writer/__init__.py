@@ -7,6 +7,9 @@ from __future__ import annotations
 
 from bayesid.report.writer.blocks import Block, Figure, Replay, Report, Row, Section, Table, Text
 from bayesid.report.writer.markup import literal
-from bayesid.report.writer.write import write
+from bayesid.report.writer.write import FORMATS, write, write_figures
 
-__all__ = ["Block", "Figure", "Replay", "Report", "Row", "Section", "Table", "Text", "literal", "write"]
+__all__ = [
+    "FORMATS", "Block", "Figure", "Replay", "Report", "Row", "Section", "Table", "Text", "literal", "write",
+    "write_figures",
+]  # fmt: skip

@@ -76,8 +76,9 @@ class Row:
 class Replay:
     """A run that can be played in the HTML report; Markdown and print leave it out.
 
-    `data` is plain: t, series of label, colour, dash, x, y, psi (first the log; None where nothing is), and
-    orders of label, unit, values; all of one length.
+    `data` is plain: t, series of label, colour, dash, x, y, psi (first the log; None where nothing is),
+    orders of label, unit, values, and forces of label, colour, dash, X, Y [N], N [N m] in body axes, drawn as
+    arrows on the log; all of one length.
     """
 
     data: Mapping[str, Any]

@@ -1,4 +1,4 @@
-"""A figure as PNG, in 256 colours wherever the eye cannot tell, and as SVG where that is small.
+"""A figure as PNG, in 256 colours wherever the eye cannot tell, as SVG where that is small, and as PDF.
 
 Takes a Figure. Gives bytes. Drawings of lines, texts and areas have a few colours and their blends at
 edges: a palette makes them a third of the size, which is what a report with twenty embedded figures weighs.
@@ -14,7 +14,7 @@ from bayesid.report.writer.blocks import Figure
 COLOURS = 256
 VISIBLE = 1.5  # rms change of a channel of 255; smooth areas of many colours begin to show bands above it
 MAX_PNG = 200_000  # bytes; above it the palette is taken even so
-MAX_SVG = 150_000  # bytes; a drawing of more points is embedded as PNG
+MAX_SVG = 95_000  # bytes; a drawing of more points is embedded as PNG
 STAMPS = re.compile(rb"<metadata>.*?</metadata>", re.DOTALL)
 
 
@@ -30,8 +30,8 @@ def png_bytes(figure: Figure) -> bytes:
     return reduced(buffer.getvalue())
 
 
-def svg_bytes(figure: Figure) -> bytes | None:
-    """The picture as SVG, the same bytes for the same figure; None for ready bytes and drawings too large."""
+def svg_bytes(figure: Figure, most: float = MAX_SVG) -> bytes | None:
+    """The picture as SVG, the same bytes for the same figure; None for ready bytes and those above `most`."""
     if not hasattr(figure.image, "savefig"):
         return None
     import matplotlib
@@ -40,7 +40,19 @@ def svg_bytes(figure: Figure) -> bytes | None:
     with matplotlib.rc_context({"svg.hashsalt": figure.name, "svg.fonttype": "path"}):
         figure.image.savefig(buffer, format="svg", bbox_inches="tight", metadata={"Date": None})
     data = STAMPS.sub(b"", buffer.getvalue())
-    return data if len(data) <= MAX_SVG else None
+    return data if len(data) <= most else None
+
+
+def pdf_bytes(figure: Figure) -> bytes | None:
+    """The picture as PDF, text as text, the same bytes for the same figure; None for ready bytes."""
+    if not hasattr(figure.image, "savefig"):
+        return None
+    import matplotlib
+
+    buffer = io.BytesIO()
+    with matplotlib.rc_context({"pdf.fonttype": 42}):
+        figure.image.savefig(buffer, format="pdf", bbox_inches="tight", metadata={"CreationDate": None})
+    return buffer.getvalue()
 
 
 def png_width(data: bytes) -> int:

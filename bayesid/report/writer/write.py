@@ -6,11 +6,13 @@ Takes a Report and the results behind it. Every file is replaced as a whole; not
 from __future__ import annotations
 
 import json
+import math
 import os
 import platform
 from base64 import b64encode
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
+from functools import partial
 from hashlib import sha256
 from html import escape
 from importlib import metadata, resources
@@ -39,7 +41,7 @@ from bayesid.report.writer.markup import (
     to_markdown,
     visible,
 )
-from bayesid.report.writer.picture import png_bytes, png_width, svg_bytes
+from bayesid.report.writer.picture import pdf_bytes, png_bytes, png_width, svg_bytes
 
 PACKAGES = ("numpy", "scipy", "numba", "matplotlib", "emcee", "pysindy", "arviz", "pint", "h5py", "jinja2")
 
@@ -79,6 +81,27 @@ def write(report: Report, folder: str | os.PathLike[str], results: Mapping[str, 
         images[figure.name] = Picture(svg_bytes(figure), data)
     write_atomic(base / "report.md", visible(_markdown(report, record)))
     return write_atomic(base / "report.html", visible(_html(report, images, record)))
+
+
+FORMATS: Mapping[str, Callable[[Figure], bytes | None]] = {
+    "png": png_bytes,
+    "pdf": pdf_bytes,
+    "svg": partial(svg_bytes, most=math.inf),
+}
+
+
+def write_figures(report: Report, folder: str | os.PathLike[str], formats: Sequence[str]) -> list[Path]:
+    """Write every figure of a report below `figures/` in each of the formats (`FORMATS`).
+
+    Pictures that came as ready PNG bytes have no other format and are left out there.
+    """
+    paths = []
+    for figure in figures_of((*report.first, *report.sections)):
+        for name in formats:
+            data = FORMATS[name](figure)
+            if data is not None:
+                paths.append(write_atomic(Path(folder) / "figures" / f"{figure.name}.{name}", data))
+    return paths
 
 
 def versions() -> dict[str, str]:
@@ -152,7 +175,8 @@ def _replay_html(block: Replay) -> str:
     data = json.dumps(block.data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
     caption = f"<figcaption>{inline_html(block.caption)}</figcaption>" if block.caption else ""
     return (
-        f'<figure class="replay"><script type="application/json">{data}</script><canvas></canvas>'
+        f'<figure class="replay"><script type="application/json">{data}</script>'
+        '<canvas class="track"></canvas><canvas class="traces"></canvas>'
         '<div><button type="button">Play</button><input type="range" min="0" value="0" aria-label="time">'
         f"</div><output></output>{caption}</figure>"
     )
@@ -178,7 +202,7 @@ def _table_html(table: Table) -> str:
         texts = (escape(cell_text(value, table.digits)) for value in row)
         cells = "".join(f"<td{c}>{text}</td>" for c, text in zip(classes, texts, strict=True))
         rows.append(f"<tr>{cells}</tr>")
-    caption = f"<caption>{inline_html(table.caption)}</caption>" if table.caption else ""
+    caption = f"<caption><span>{inline_html(table.caption)}</span></caption>" if table.caption else ""
     return (
         f'<div class="table"><table>{caption}<thead><tr>{head}</tr></thead>'
         f"<tbody>{''.join(rows)}</tbody></table></div>"

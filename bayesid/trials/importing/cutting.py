@@ -15,6 +15,8 @@ _DEG = np.pi / 180.0
 NEUTRAL = 1.5 * _DEG  # rudder within this of its middle is amidships
 LEAD = 5.0  # s of steady motion kept before the first order
 SHORTEST = 20.0  # s; shorter pieces are no run
+# Seconds, and times the usual step, without any row, after which a log goes on as another run.
+BETWEEN_RUNS, BETWEEN_STEPS = 60.0, 10.0
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,7 @@ class Piece:
 
 
 def cut(t: Floats, rudder: Floats, psi: Floats | None, speed: Floats | None) -> list[Piece]:
-    """Pieces in order of time.
+    """Pieces in order of time; none reaches over a gap between runs.
 
     Parameters
     ----------
@@ -37,6 +39,13 @@ def cut(t: Floats, rudder: Floats, psi: Floats | None, speed: Floats | None) -> 
     psi : (n,) rad, continuous, or None
     speed : (n,) m/s or None
     """
+    sections = np.split(np.arange(t.size), np.flatnonzero(between_runs(t)) + 1)
+    if len(sections) > 1:
+        return [
+            piece
+            for s in sections
+            for piece in cut(t[s], rudder[s], *(None if v is None else v[s] for v in (psi, speed)))
+        ]
     if t.size < 10:
         return []
     away = np.abs(rudder - _middle(rudder)) > max(NEUTRAL, 0.1 * float(np.max(np.abs(rudder))))
@@ -65,6 +74,13 @@ def cut(t: Floats, rudder: Floats, psi: Floats | None, speed: Floats | None) -> 
         if end - start >= SHORTEST:
             pieces.append(Piece(start, end, kind, words))
     return _tidy(pieces)
+
+
+def between_runs(t: Floats) -> np.ndarray:
+    """(n-1,) True where so long nothing is logged that another run follows."""
+    step = np.diff(t)
+    usual = float(np.median(step[step > 0])) if (step > 0).any() else 0.0
+    return np.asarray(step >= max(BETWEEN_RUNS, BETWEEN_STEPS * usual))
 
 
 def classify(t: Floats, rudder: Floats, psi: Floats | None) -> tuple[str, str]:

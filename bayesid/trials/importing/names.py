@@ -36,8 +36,10 @@ PATTERNS: tuple[tuple[str, str], ...] = (
     ("heading", r"heading|hdg|head|compass|true heading|heading true|gyro heading|kurs|kompass|"
                 r"compass heading|cap|hdt|gyrocompass"),
     ("course", r"cog|course|course over ground|track angle|gps course"),
-    ("speed_over_ground", r"sog|speed over ground|ground speed|gps speed|gps sog"),
-    ("speed_through_water", r"stw|speed through water|water speed|log speed|speed log"),
+    ("speed_over_ground", r"sog|speed over (the )?ground|speed ov(er)? grd|ground speed|gps speed|gps sog|"
+                          r"fü ?g|fahrt über grund"),
+    ("speed_through_water", r"stw|speed (through|thru) (the )?water|water speed|log speed|speed log|"
+                            r"fd ?w|fahrt durchs wasser"),
     ("v_north", r"v n|vn|vel n|vel north|velocity north|north vel(ocity)?|v nor(th|d)|speed north|"
                 r"ve?l? ?ned ?x"),
     ("v_east", r"v e|ve|vel e|vel east|velocity east|east vel(ocity)?|v (ea|o)st|speed east"),

@@ -12,7 +12,7 @@ import numpy as np
 
 from bayesid.trials.importing.agreement import common_run
 from bayesid.trials.importing.converting import convert
-from bayesid.trials.importing.cutting import Piece, cut
+from bayesid.trials.importing.cutting import Piece, between_runs, cut
 from bayesid.trials.importing.draft import Draft
 from bayesid.trials.importing.log_map import RunMap
 from bayesid.trials.trial import Run
@@ -36,8 +36,8 @@ def list_runs(draft: Draft, groups: list[tuple[str, ...]]) -> tuple[list[RunMap]
         series, _, _ = convert(draft.map, recording)
         zero = min(float(t[0]) for t, _ in series.values() if t.size)
         moving = [p for p in pieces if p.kind != "rest"]
-        whole = len(moving) <= 1 and len(pieces) <= 2
-        if whole or (len(groups) > 3 and look.duration < SHORT_LOG):
+        whole = (len(moving) <= 1 and len(pieces) <= 2) or (len(groups) > 3 and look.duration < SHORT_LOG)
+        if whole and not (moving and between_runs(look.t).any()):
             words = next((p.words for p in sorted(moving, key=lambda p: -_rank(p))), "")
             runs.append(RunMap(_fresh(stem, used), files, None, words))
             continue

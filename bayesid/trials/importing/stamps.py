@@ -15,6 +15,7 @@ from bayesid.trials.equal_times import rows_behind
 from bayesid.trials.health import uneven_steps
 from bayesid.trials.importing.agreement import held
 from bayesid.trials.importing.converting import Recording, convert, resolve
+from bayesid.trials.importing.cutting import BETWEEN_RUNS, BETWEEN_STEPS
 from bayesid.trials.importing.draft import Draft
 from bayesid.trials.importing.raw import RawLog
 from bayesid.trials.trial import Floats
@@ -109,11 +110,19 @@ def _say(draft: Draft, label: str, log: RawLog, found: Stamps) -> None:
 
 
 def _ask_gaps(draft: Draft, recording: Recording, label: str, log: RawLog, found: Stamps) -> None:
-    if not found.gaps:
-        return
     name = Path(log.path).name
-    at, length = max(found.gaps, key=lambda item: item[1])
-    count = f"{len(found.gaps)} gaps, the longest" if len(found.gaps) > 1 else "a gap"
+    alone = len(recording.logs) == 1 and (draft.has("delta_r") or draft.has("delta_r_cmd"))
+    between = max(BETWEEN_RUNS, BETWEEN_STEPS * found.usual)
+    apart = [g for g in found.gaps if alone and g[1] >= between]  # runs are cut there
+    if apart:
+        times = f"{len(apart)} times" if len(apart) > 1 else f"after {apart[0][0]:.0f} s"
+        seconds = f"{min(g[1] for g in apart):.0f} s or more" if len(apart) > 1 else f"{apart[0][1]:.0f} s"
+        draft.remark(f"{name} pauses {times} for {seconds}: another run begins after each pause")
+    gaps = [g for g in found.gaps if g not in apart]
+    if not gaps:
+        return
+    at, length = max(gaps, key=lambda item: item[1])
+    count = f"{len(gaps)} gaps, the longest" if len(gaps) > 1 else "a gap"
     words = f"{name} has {count} of {length:.3g} s after {at:.1f} s"
     role = next((r for r in ("delta_r_cmd", "delta_r") if draft.has(r)), None)
     series = convert(draft.map, recording)[0] if role is not None else {}

@@ -25,6 +25,7 @@ _SAME = {
         "deg", "°", "degree", "degrees", "degs", "º", "degrees_north", "degree_north", "degrees_east",
         "degree_east",
         "degrees_true", "degt", "grad°",
+        "deg true", "degrees true", "deg t", "° true", "°t", "° t",
     ),
     "rad": ("rad", "radian", "radians", "rads"),
     "m/s": ("m/s", "mps", "ms-1", "m s-1", "m.s-1", "m s^-1", "m*s-1", "m s**-1", "metre/second",
@@ -48,7 +49,7 @@ _SAME = {
 }  # fmt: skip
 _UNIT = {word: unit for unit, words in _SAME.items() for word in words}
 _BRACKET = re.compile(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\)|<([^<>]*)>|\{([^{}]*)\})\s*")
-_WORD = r"stbd|stb|starboard|port"
+_WORD = r"stbd|stb|starboard|steuerbord|tribord|port|bb|backbord|babord"
 _SIDE = re.compile(
     rf"\b(?P<side>{_WORD})\b\s*(?:is\s+|=\s*)?(?P<sign>[+−-]|pos\b|positive\b|neg\b|negative\b)(?!\s*/)"
     rf"|(?P<mark>[+−-]|\bpos|\bpositive|\bneg|\bnegative)\s*(?:=|to|is)?\s*(?P<other>{_WORD})\b",
@@ -88,7 +89,7 @@ def positive_side(header: str) -> str | None:
     """The side a header says positive is, as in `Helm (deg, stbd +)`; None where it says none or both."""
     sides = set()
     for found in _SIDE.finditer(header):
-        port = (found["side"] or found["other"])[0].lower() == "p"
+        port = (found["side"] or found["other"])[0].lower() in "pb"
         turned = (found["sign"] or found["mark"]).lower()[0] in "-−n"
         sides.add("port" if port != turned else "starboard")
     return sides.pop() if len(sides) == 1 else None

@@ -7,6 +7,7 @@ interpolated across their empty cells, the blocks begin and end where the compar
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg.lapack import dgtsv, zgtsv
 
 from bayesid.trials.trial import Floats
 
@@ -64,9 +65,31 @@ class Blocks:
         self.span = t[self.last] - t[self.first]
 
     def integral(self, values: np.ndarray) -> np.ndarray:
-        """Trapezoidal integral over each block."""
-        running = np.concatenate(([0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * self.step)))
+        """Integral over each block, of a cubic spline through the readings.
+
+        The trapezoid rule falls short by a twelfth of (step times frequency) squared: 5 % of a rate that
+        swings once in eight readings, which a scale of the instrument, or the clock, would be blamed for.
+        """
+        slope = self._slopes(values)
+        part = 0.5 * (values[1:] + values[:-1]) * self.step + (slope[:-1] - slope[1:]) * self.step**2 / 12.0
+        running = np.concatenate(([0.0], np.cumsum(part)))
         return running[self.last] - running[self.first]
+
+    def _slopes(self, values: np.ndarray) -> np.ndarray:
+        """Slopes of the cubic spline at its knots; at either end that of a parabola."""
+        h = self.step
+        if h.size < 3:
+            return np.gradient(values, self.t, edge_order=1)
+        chord = np.diff(values) / h
+        slope = np.empty(values.shape, dtype=chord.dtype)
+        slope[0] = chord[0] - h[0] * (chord[1] - chord[0]) / (h[0] + h[1])
+        slope[-1] = chord[-1] + h[-1] * (chord[-1] - chord[-2]) / (h[-1] + h[-2])
+        right = 3.0 * (h[1:] * chord[:-1] + h[:-1] * chord[1:])
+        right[0] -= h[1] * slope[0]
+        right[-1] -= h[-2] * slope[-1]
+        solve = zgtsv if np.iscomplexobj(right) else dgtsv
+        *_, slope[1:-1], _ = solve(h[2:], 2.0 * (h[:-1] + h[1:]), h[:-2], right)
+        return slope
 
     def change(self, values: np.ndarray) -> np.ndarray:
         """Last value less the first of each block."""

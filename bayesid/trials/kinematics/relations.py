@@ -23,6 +23,7 @@ READINGS = 2  # in a block
 # Prior standard deviations: of gain and angle, of latency in L/U, of lever arms in L, of a rate over rate, of
 # drifts over speed
 SCALE, ANGLE, DEVIATION, LATENCY, LEVER, RATE_BIAS, DRIFT, CURRENT = 0.1, 0.1, 0.06, 0.6, 0.5, 0.03, 0.02, 0.3
+PATH = 0.3  # angle of attack over pitch
 SIDEWAYS = 0.3  # drift angle, or sway over surge, at a rate of one over the time of turning
 LENGTHS = 5.0  # lengths travelled in the time of turning, where no length is known
 
@@ -30,7 +31,7 @@ NEEDS = {
     "track": ("x", "y", "psi", "u", "v", "w", "phi", "theta", "u_water", "v_water", "t"),
     "course": ("x", "y", "psi", "t"),
     "yaw": ("psi", "r", "q", "phi", "theta", "t"),
-    "depth": ("z", "u", "v", "w", "phi", "theta", "u_water", "v_water", "w_water", "t"),
+    "depth": ("z", "x", "y", "u", "v", "w", "phi", "theta", "u_water", "v_water", "w_water", "t"),
     "pitch": ("theta", "q", "r", "phi", "t"),
     "roll": ("phi", "p", "q", "r", "theta", "t"),
 }  # fmt: skip
@@ -220,7 +221,7 @@ def _depth(s: Joined, logged: Mapping[str, float]) -> Relation | None:
     water = not s.has("u") and s.has("u_water")
     u, v, w = ("u_water", "v_water", "w_water") if water else ("u", "v", "w")
     if not s.has("z", "theta", u):
-        return None
+        return _path_angle(s, logged)
     names = ["z", "theta", u] + [k for k in (v, w, "phi") if s.has(k)]
     blocks = Blocks(s.t, s.read("z"), s.known(*names), BLOCKS, READINGS)
     if blocks.span.size < FEWEST:
@@ -242,6 +243,26 @@ def _depth(s: Joined, logged: Mapping[str, float]) -> Relation | None:
         "drift": (CURRENT if water else DRIFT) * speed,
         "lever": LEVER * speed * travel,
     }  # fmt: skip
+    size = float(np.sqrt(np.mean(sunk**2)))
+    return Relation(
+        "depth", sunk - reckoned, columns, sd, size, sunk.size * math.log(abs(logged.get("z", 1.0)))
+    )
+
+
+def _path_angle(s: Joined, logged: Mapping[str, float]) -> Relation | None:
+    """Depth against track and pitch, where no velocity is logged: the path is about as steep as the hull."""
+    if not s.has("z", "theta", "x", "y"):
+        return None
+    blocks = Blocks(s.t, s.read("z", "x", "y"), s.known("z", "theta", "x", "y"), BLOCKS, READINGS)
+    if blocks.span.size < FEWEST:
+        return None
+    slope = np.tan(s["theta"])
+    advance = np.abs(blocks.change(s["x"]) + 1j * blocks.change(s["y"]))
+    sunk, reckoned = blocks.change(s["z"]), -advance * blocks.mean(slope)
+    speed = float(np.sqrt(np.mean((advance / blocks.span) ** 2)))
+    period = turning_time(blocks.change(s["theta"]) / blocks.span, float(s.t[-1] - s.t[0]))
+    columns = {"scale": reckoned, "trim": advance, "lever": blocks.change(slope)}
+    sd = {"scale": PATH, "trim": 0.05, "lever": LEVER * speed * s.travel_time(period)}
     size = float(np.sqrt(np.mean(sunk**2)))
     return Relation(
         "depth", sunk - reckoned, columns, sd, size, sunk.size * math.log(abs(logged.get("z", 1.0)))

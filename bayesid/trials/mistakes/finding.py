@@ -23,6 +23,7 @@ class InputFinding:
     before, after : residual of the relation that tells most, over the size of what it explains
     correction : what mends it; None where there is no mend but to log it anew
     also : names of mistakes these runs cannot tell from it
+    together : probability that it is this or one of `also`; 0 where there is none
     """
 
     name: str
@@ -36,6 +37,7 @@ class InputFinding:
     after: float
     correction: Correction | None
     also: tuple[str, ...] = ()
+    together: float = 0.0
 
     @property
     def mend(self) -> tuple[str, ...]:

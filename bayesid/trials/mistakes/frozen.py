@@ -89,7 +89,7 @@ def _others_move(run: Run, name: str, first: int, last: int) -> bool:
         part = part[np.isfinite(part)]
         if other != name and part.size > LEAST // 2:
             shares.append(float(np.mean(np.diff(part) != 0.0)))
-    return bool(shares) and float(np.median(shares)) > OTHERS
+    return bool(shares) and float(np.median(shares)) >= OTHERS
 
 
 def _repeated(run: Run, name: str) -> float:

@@ -32,11 +32,7 @@ IMPLAUSIBLE = 12.0  # nats for a channel whose size no vehicle reaches
 NEVER = -1e4  # log odds of a correction that makes a channel implausible
 ALSO = 4.0  # nats within which another mistake is not told from the one named
 ANOTHER = 20.0  # nats another mistake must bring beside one: a mend is not exact, and leaves traces
-CONTENT, ASKED, RULED_OUT = (
-    -1.5,
-    -6.0,
-    25.0,
-)  # nats: as expected, asked all the same, too late
+RULED_OUT = 25.0  # nats behind the best, from which on the behaviour is not asked
 MOST = 3  # mistakes named beside one another
 
 
@@ -96,7 +92,10 @@ class Weighed:
 
 
 def check_input(
-    runs: Sequence[Run], travel: float | None = None, behaviour: Behaviour | None = None
+    runs: Sequence[Run],
+    travel: float | None = None,
+    behaviour: Behaviour | None = None,
+    fin_rates: Mapping[str, float] | None = None,
 ) -> InputCheck:
     """What kinematics finds wrong in the runs, one mistake at a time until nothing more is found.
 
@@ -105,15 +104,17 @@ def check_input(
     travel : time in which the vehicle travels its length [s], where it is known: lever arms and latencies
         are measured by it
     behaviour : asked about mistakes that kinematics leaves open
+    fin_rates : fin -> largest rate [rad/s], inf where it is not known
     """
     from bayesid.trials.mistakes.frozen import frozen
+    from bayesid.trials.mistakes.orders import ordered
     from bayesid.trials.mistakes.sized import sized
 
     kept = [_thinned(run) for run in runs]
     found: list[InputFinding] = []
     first = base = [base_of(run, travel, behaviour) for run in kept]
     for k in range(MOST):
-        every = [*weighed(base, MISTAKES), *sized(base), *frozen(base)]
+        every = [*weighed(base, MISTAKES), *sized(base), *ordered(base, fin_rates), *frozen(base)]
         if behaviour is not None:
             every = _with_behaviour(every, base, behaviour)
         one = named(every, [run.name for run in kept], ANOTHER * k)
@@ -136,13 +137,11 @@ def base_of(run: Run, travel: float | None = None, behaviour: Behaviour | None =
 def _with_behaviour(found: list[Weighed], base: Sequence[Base], behaviour: Behaviour) -> list[Weighed]:
     """Hypotheses with what the behaviour says of the corrected runs, where kinematics does not rule them out.
 
-    Where the behaviour agrees with the log as it is and kinematics asks for nothing, it is not asked.
+    No log density is above that of a log as expected, so that what a mend can win is what the log as it is
+    has lost: a mistake for which that is too little is not asked about.
     """
     scores = [w.mistake.log_prior + float(w.odds.sum()) for w in found]
     top = max([0.0, *scores])
-    content = min((sum(one.seen.values()) for one in base), default=0.0) > CONTENT
-    if content and max(scores, default=0.0) < ASKED:
-        return found
     out = []
     for w, score in zip(found, scores, strict=True):
         correction = w.mistake.correction
@@ -151,7 +150,8 @@ def _with_behaviour(found: list[Weighed], base: Sequence[Base], behaviour: Behav
             for k, needs in behaviour.needs.items()
             if correction is not None and correction.channels & needs
         ]
-        if correction is None or score < top - RULED_OUT or not keys:
+        lost = -sum(one.seen[k] for one in base for k in keys if k in one.seen)
+        if correction is None or score < top - RULED_OUT or not keys or score + lost < -ALSO:
             out.append(w)
             continue
         odds, gain = w.odds.copy(), {k: v.copy() for k, v in w.gain.items()}
@@ -200,7 +200,9 @@ def named(found: Sequence[Weighed], names: Sequence[str], less: float = 0.0) -> 
         return None
     best = int(np.argmax(probability[1:]))
     (w, score, chosen, part), own = ready[best], float(probability[1 + best])
-    also = tuple(other.mistake.name for other, s, _, _ in ready if other is not w and s > score - ALSO)
+    near = [k for k, (other, s, *_) in enumerate(ready) if other is not w and s > score - ALSO]
+    also = tuple(ready[k][0].mistake.name for k in near)
+    together = own + float(probability[1:][near].sum()) if near else 0.0
     concerned = tuple(n for n, keep in zip(names, chosen, strict=True) if keep)
     correction = w.mistake.correction
     if correction is not None and part:
@@ -208,7 +210,7 @@ def named(found: Sequence[Weighed], names: Sequence[str], less: float = 0.0) -> 
     before, after = w.level(chosen)
     return InputFinding(
         w.mistake.name, w.mistake.says, w.mistake.channels, concerned, not part, own, w.told_by(chosen),
-        before, after, correction, also,
+        before, after, correction, also, together,
     )  # fmt: skip
 
 

@@ -17,7 +17,6 @@ from bayesid.trials.correction import Correction, apply
 from bayesid.trials.kinematics.evidence import weigh
 from bayesid.trials.kinematics.relations import NEEDS, relations
 from bayesid.trials.mistakes.judge import FOLLOWS, SOME_RUNS, Base, Weighed, weigh_one
-from bayesid.trials.mistakes.plausible import implausible
 from bayesid.trials.mistakes.table import COMMON, RARE, USUAL, Mistake
 from bayesid.trials.trial import Floats, Run
 from bayesid.trials.window import window
@@ -26,23 +25,21 @@ LARGEST_BIAS = math.radians(30.0)  # of heading_bias in the catalogue: what is l
 # Clock: scales of instruments are nought but for one log in twenty, then of the catalogue's usual size
 CLOCK_PRIOR, NO_SCALE, FAINT, USUAL_SCALE, LARGE_SCALE = COMMON, 0.95, 0.003, 0.025, 0.1
 LARGEST_CLOCK, LEAST_CLOCK = 0.35, 0.01
+CLOCKED, UNCLEAR = ("track", "yaw", "depth", "pitch", "roll"), 0.2
 CLOCK_FLOOR = 0.001  # to which scales are known at best
 # Delays tried, in L/U; shorter ones are the catalogue's latency
 DELAYS = (4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0)
 LATE = {"u, v": ("u", "v", "w"), "psi": ("psi",), "r": ("r",), "x, y": ("x", "y")}
-UNDISTURBED = 0.1  # residual over size: delays of several lengths leave more
-BETTER = 0.7  # residual after over before: a delay that is there is worth more than noise
+BETTER = 0.8  # residual after over before: a delay that is there is worth more than noise
 LONGEST_SHARE = 0.2  # of a run
 DEAD_TURN = 0.3  # rad turned while a rate or heading stands still
-# An order stands exactly still most of the time and jumps by more than an angle faster than fins move
-JUMP_ANGLE, JUMP_RATE, STANDS = math.radians(3.0), math.radians(60.0), 0.8
 JUMP = 20.0  # a step over the median one, from which on it is looked at
 SURE = 30.0  # nats of a column that never changes while another says it must
 
 
 def sized(base: Sequence[Base]) -> list[Weighed]:
     """Hypotheses of all kinds with a size, weighed."""
-    found = [_north(base), _clock(base), *_dead(base), *_ordered(base), *_late(base), *_jumps(base)]
+    found = [_north(base), _clock(base), *_dead(base), *_late(base), *_jumps(base)]
     return [one for one in found if one is not None]
 
 
@@ -74,32 +71,32 @@ def _north(base: Sequence[Base]) -> Weighed | None:
 
 
 def _clock(base: Sequence[Base]) -> Weighed | None:
-    """Track and heading ask for one and the same factor on the time."""
-    odds = np.zeros(len(base))
-    pairs = [(*one.held["track"].estimate["scale"], *one.held["yaw"].estimate["scale"])
-             for one in base if {"track", "yaw"} <= set(one.held)
-             and max(one.held["track"].level, one.held["yaw"].level) < 0.2]  # fmt: skip
-    if not pairs:
+    """Every relation that integrates a rate over time asks for one and the same factor on the time."""
+    pooled = {}
+    for key in CLOCKED:
+        held = [one.held[key] for one in base if key in one.held and one.held[key].level < UNCLEAR]
+        if held:
+            pooled[key] = _pooled(*np.array([h.estimate["scale"] for h in held]).T)
+    if not {"track", "yaw"} <= set(pooled):
         return None
-    a, sa, b, sb = (np.array(x) for x in zip(*pairs, strict=True))
-    track, yaw = _pooled(a, sa), _pooled(b, sb)
-    both = (track[0] / track[1] ** 2 + yaw[0] / yaw[1] ** 2) / (1 / track[1] ** 2 + 1 / yaw[1] ** 2)
+    value, sd = np.array(list(pooled.values())).T
+    precision = float(np.sum(sd**-2))
+    both = float(np.sum(value / sd**2)) / precision
     if not LEAST_CLOCK < abs(both) < LARGEST_CLOCK:
         return None
-    apart = track[1] ** 2 + yaw[1] ** 2
-    same = -0.5 * (track[0] - yaw[0]) ** 2 / apart - 0.5 * math.log(2 * math.pi * apart)
-    same -= math.log(2 * LARGEST_CLOCK)
-    nats = same - _by_itself(*track) - _by_itself(*yaw)
-    odds[:] = nats / len(base)
+    # an error of a clock is as likely in every decade and of either sign, an instrument's scale is its own
+    each = -0.5 * ((value - both) / sd) ** 2 - np.log(sd * math.sqrt(2 * math.pi))
+    nats = float(each.sum()) + 0.5 * math.log(2 * math.pi / precision)
+    nats -= math.log(2.0 * abs(both) * math.log(LARGEST_CLOCK / LEAST_CLOCK))
+    nats -= sum(_by_itself(float(v), float(s)) for v, s in zip(value, sd, strict=True))
+    odds = np.full(len(base), nats / len(base))
     scale = 1.0 + both
     word = "fast" if scale < 1 else "slow"
     says = f"the clock is {abs(1 / scale - 1):.1%} {word}"
     correction = Correction(time_scale=scale)
     levels = {"track": np.array([[one.held["track"].level] * 2 if "track" in one.held else [np.nan] * 2
                                  for one in base])}  # fmt: skip
-    return Weighed(
-        Mistake("clock", says, correction, CLOCK_PRIOR), odds, {"track": odds, "yaw": odds}, levels
-    )
+    return Weighed(Mistake("clock", says, correction, CLOCK_PRIOR), odds, dict.fromkeys(pooled, odds), levels)
 
 
 def _pooled(values: Floats, sd: Floats) -> tuple[float, float]:
@@ -141,40 +138,6 @@ def _dead(base: Sequence[Base]) -> list[Weighed | None]:
         mistake = Mistake(f"dead {name}", says, correction, COMMON, (name,))
         out.append(Weighed(mistake, odds, {"size": odds}))
     return out
-
-
-def _ordered(base: Sequence[Base]) -> list[Weighed | None]:
-    """Angles logged as measured that stand still and jump as only orders do."""
-    out: list[Weighed | None] = []
-    for name in ("delta_r", "delta_s", "delta_b"):
-        logged = [
-            one.run
-            for one in base
-            if name in one.run.measured_inputs and f"{name}_cmd" not in one.run.commands
-        ]
-        steps = np.array([name in one.run.measured_inputs and _is_order(one.run, name) for one in base])
-        moves = [run for run in logged if float(np.ptp(run.measured_inputs[name])) > JUMP_ANGLE]
-        if not moves or steps.sum() < 0.5 * len(moves):
-            continue
-        odds = np.where(steps, SURE, 0.0)
-        says = f"{name} jumps faster than any fin moves and then stands still: an order, not a measured angle"
-        mistake = Mistake(
-            f"{name}: order read as measured", says, Correction(rename={name: f"{name}_cmd"}), USUAL
-        )
-        out.append(Weighed(mistake, odds, {"size": odds}))
-    return out
-
-
-def _is_order(run: Run, name: str) -> bool:
-    change = np.abs(np.diff(run.measured_inputs[name]))
-    moves = change > JUMP_ANGLE
-    if name in implausible(run):
-        return False  # another unit first
-    return (
-        bool(moves.any())
-        and float(np.mean(change == 0.0)) > STANDS
-        and bool(np.median(change[moves] / np.diff(run.t)[moves]) > JUMP_RATE)
-    )
 
 
 def _values(run: Run, name: str) -> Floats | None:
@@ -254,8 +217,7 @@ def _late_group(base: Sequence[Base], word: str, names: tuple[str, ...]) -> Weig
     touched = [k for k, needs in NEEDS.items() if k in ("track", "yaw") and set(names) & set(needs)]
     unit = _travel_time(base)
     logged = [bool(set(names) & set(one.run.data)) and any(k in one.held for k in touched) for one in base]
-    worst = max((one.held[k].level for one in base for k in touched if k in one.held), default=0.0)
-    if unit is None or not any(logged) or worst < UNDISTURBED:
+    if unit is None or not any(logged):
         return None
     # whole steps: between two readings interpolation would take noise off, which speaks for any delay
     step = max(float(np.median(np.diff(one.run.t))) for one in base)
@@ -381,7 +343,9 @@ def _largest(t: Floats, step: np.ndarray) -> tuple[float, complex] | None:
 
 def _travel_time(base: Sequence[Base]) -> float | None:
     """Time to travel a length [s]: of the vehicle, or a fifth of the time of turning; None where unknown."""
-    found = []
+    found = [one.travel for one in base if one.travel is not None]
+    if found:
+        return float(found[0])
     for one in base:
         psi = one.run.data.get("psi")
         rate = one.run.data.get("r")

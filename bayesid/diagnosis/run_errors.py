@@ -1,0 +1,108 @@
+"""Errors of a run three ways (as given, re-tuned, explained) in metres and degrees, and as ends of sentences.
+
+Takes a `RunError`. Gives `ErrorRow`s and phrases. Does not compute or judge.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from bayesid.diagnosis.evidence.replay import EXPLAINED, GIVEN, RETUNED
+from bayesid.diagnosis.plain_words import number
+from bayesid.diagnosis.result_parts import RunError
+
+MODELS = (GIVEN, RETUNED, EXPLAINED)
+# An explanation that misses a held-out run by so much more than the model as given has failed.
+WORSE = 1.1
+# Up to this factor two errors count as the same.
+SAME = 1.25
+
+
+@dataclass(frozen=True)
+class ErrorRow:
+    """One kind of error of one run, a number per model; nan where there is none."""
+
+    what: str
+    unit: str
+    values: tuple[float, ...]
+
+
+def run_words(run: RunError) -> str:
+    """A run as people call it."""
+    return name_of_run(run.run, run.manoeuvre, run.role)
+
+
+def name_of_run(name: str, manoeuvre: str, role: str) -> str:
+    """Manoeuvre and name of a run, and whether it was held out."""
+    kind = manoeuvre.split(",")[0].strip() or f"run {name}"
+    held = "held-out " if role == "holdout" else ""
+    return f"{held}{kind} ({name})" if name not in kind else f"{held}{kind}"
+
+
+def kind_of_run(run: RunError) -> str:
+    """Manoeuvre of a run, else its name."""
+    return run.manoeuvre.split(",")[0].strip() or f"run {run.run}"
+
+
+def error_rows(run: RunError) -> tuple[ErrorRow, ...]:
+    """Position and heading of a run, depth where it was logged; what was not logged is left out."""
+
+    def of(table: Mapping[str, Mapping[str, float | None]], channel: str, scale: float) -> tuple[float, ...]:
+        return tuple(_scaled(table[m].get(channel), scale) for m in MODELS)
+
+    logged = {c for m in MODELS for c in run.rms[m]}
+    rows = []
+    if {"x", "y"} <= logged:
+        rows.append(("position", "m", tuple(_scaled(run.position.get(m), 1.0) for m in MODELS)))
+    if "psi" in logged:
+        rows.append(("heading", "degrees", of(run.rms, "psi", 180 / math.pi)))
+    if "z" in logged:
+        rows.append(("depth", "m", of(run.rms, "z", 1.0)))
+    if not rows:
+        for channel, unit, scale in (("r", "degrees a second", 180 / math.pi), ("u", "m/s", 1.0)):
+            if channel in logged:
+                rows.append((channel, unit, of(run.rms, channel, scale)))
+    return tuple(ErrorRow(what, unit, v) for what, unit, v in rows)
+
+
+def miss(rows: tuple[ErrorRow, ...], model: int) -> str:
+    """Errors of one model in a phrase: "76 m and 29 degrees"."""
+    said = [
+        f"{number(r.values[model])} {r.unit}" + ("" if r.what in ("position", "heading") else f" of {r.what}")
+        for r in rows
+        if math.isfinite(r.values[model])
+    ]
+    return " and ".join(said)
+
+
+def missed(rows: tuple[ErrorRow, ...], model: int, kind: str = "") -> str:
+    """Errors of one model as the end of a sentence on its simulation; one that leaves the run says so."""
+    return f"misses the log by {said}{kind}" if (said := miss(rows, model)) else "diverges"
+
+
+def missed_too(rows: tuple[ErrorRow, ...], model: int, first: int) -> str:
+    """The same after the sentence on the model `first`."""
+    if not miss(rows, model):
+        return "it diverges" + ("" if miss(rows, first) else " too")
+    return f"by {miss(rows, model)}" if miss(rows, first) else f"it {missed(rows, model)}"
+
+
+def closes(errors: tuple[ErrorRow, ...], before: int, after: int) -> bool:
+    """Whether any error falls by more than what counts as the same, or becomes a number at all."""
+    return any(
+        math.isfinite(r.values[after]) and not r.values[before] <= SAME * r.values[after] for r in errors
+    )
+
+
+def worse(rows: tuple[ErrorRow, ...]) -> bool:
+    """Whether position (else the first error there is) is missed by more than as given."""
+    if not rows:
+        return False
+    given, now = rows[0].values[0], rows[0].values[-1]
+    return math.isfinite(given) and not now <= WORSE * given
+
+
+def _scaled(value: float | None, scale: float) -> float:
+    return math.nan if value is None else value * scale

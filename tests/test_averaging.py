@@ -1,0 +1,132 @@
+"""Dense readings of long logs are averaged without moving what they say."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from gap_trials import model_of, noise_of
+
+from bayesid.estimation.filter_error.fit import fit
+from bayesid.estimation.filter_error.noise_identification import no_process_noise
+from bayesid.estimation.filter_error.read_run import filter_error_run
+from bayesid.estimation.parameters import coefficient_prior
+from bayesid.simulation import plan_run, simulate, steady_start
+from bayesid.trials import Channels, Run, Trial, thin
+from bayesid.trials.averaging import MOST_BEND, averaged
+
+L_U = 20.0  # s
+NOISE = {"psi": 0.01, "u": 0.05}
+
+
+def trial_of(runs, noise=NOISE):
+    return Trial("dense", Path("."), "", 3, tuple(runs), noise)
+
+
+def run_of(t, psi, u, command, name="r1", role="identify"):
+    return Run(name, "", role, t, Channels(psi=psi, u=u), {"delta_r_cmd": command})
+
+
+def straight(n=4000, spacing=0.1, jitter=0.0, seed=0):
+    rng = np.random.default_rng(seed)
+    t = 5.0 + spacing * (np.arange(n) + jitter * rng.uniform(-0.4, 0.4, n))
+    return run_of(t, 0.3 + 0.002 * t, 2.0 - 0.001 * t, np.where(t < 151.23, 0.0, 0.2))
+
+
+def test_motion_without_bend_is_kept_exactly_whatever_the_stamps():
+    for jitter in (0.0, 1.0):
+        run = averaged(trial_of([straight(jitter=jitter)]), L_U, 500).runs[0]
+        good = np.isfinite(run.data["psi"])
+        assert good.sum() == pytest.approx(400, abs=5)
+        np.testing.assert_allclose(run.data["psi"][good], 0.3 + 0.002 * run.t[good], atol=1e-12)
+        np.testing.assert_allclose(run.data["u"][good], 2.0 - 0.001 * run.t[good], atol=1e-12)
+
+
+def test_a_command_switches_when_it_did():
+    was = straight()
+    run = averaged(trial_of([was]), L_U, 500).runs[0]
+    switched = was.t[np.argmax(was.commands["delta_r_cmd"] > 0)]
+    assert run.t[np.argmax(run.commands["delta_r_cmd"] > 0)] == pytest.approx(switched, abs=1e-9)
+
+
+def test_the_noise_stated_of_an_average_is_the_one_it_has():
+    was, rng = straight(), np.random.default_rng(3)
+    noisy = replace(was, data={c: v + NOISE[c] * rng.standard_normal(v.size) for c, v in was.data.items()})
+    out = averaged(trial_of([noisy]), L_U, 500)
+    run = out.runs[0]
+    z = (run.data["psi"] - 0.3 - 0.002 * run.t) / out.noise["psi"]
+    z = z[np.isfinite(z)]
+    assert out.noise["psi"] == pytest.approx(NOISE["psi"] / np.sqrt(10))
+    # 400 unit normals: the mean square is within 4 sd of 1
+    assert np.mean(z**2) == pytest.approx(1.0, abs=4 * np.sqrt(2 / z.size))
+
+
+def test_blocks_are_halved_until_what_the_motion_bends_is_small_beside_the_noise():
+    t = 0.1 * np.arange(8000)
+    swing = 0.5 * np.sin(2 * np.pi * t / 25.0)
+    trial = trial_of([run_of(t, swing, np.full(t.size, 2.0), np.zeros(t.size))], {"psi": 0.004, "u": 0.05})
+    out = averaged(trial, L_U, 500).runs[0]
+    good = np.isfinite(out.data["psi"])
+    width = float(np.median(np.diff(out.t[good])))
+    assert 0.15 < width < 0.9  # shorter than the 1.0 s of a calm run
+    error = out.data["psi"][good] - 0.5 * np.sin(2 * np.pi * out.t[good] / 25.0)
+    assert np.sqrt(np.mean(error**2)) < 0.1 * MOST_BEND * 0.004 / np.sqrt(width / 0.1)
+
+
+def test_short_logs_sparse_ones_and_unlike_rates_stay_as_they_are():
+    trial = trial_of([straight(400)])
+    assert averaged(trial, L_U, 500) is trial
+    sparse = trial_of([straight(4000, spacing=1.0)])
+    assert averaged(sparse, L_U, 500) is sparse
+    unlike = trial_of([straight(), replace(straight(4000, spacing=0.2), name="r2")])
+    assert averaged(unlike, L_U, 500) is unlike
+
+
+def test_a_channel_slower_than_the_rows_keeps_its_own_readings_and_noise():
+    was = straight()
+    slow = np.where(np.arange(4000) % 25 == 7, was.data["u"], np.nan)
+    out = averaged(trial_of([replace(was, data={"psi": was.data["psi"], "u": slow})]), L_U, 500)
+    run = out.runs[0]
+    good = np.isfinite(run.data["u"])
+    kept = was.t[np.isfinite(slow)]
+    kept = kept[(kept >= run.t[0]) & (kept <= run.t[-1])]
+    np.testing.assert_allclose(run.t[good], kept, atol=1e-9)
+    np.testing.assert_array_equal(run.data["u"][good], 2.0 - 0.001 * kept)
+    assert out.noise["u"] == NOISE["u"]
+
+
+def test_a_fit_to_averages_finds_what_a_fit_to_all_readings_finds():
+    # a vehicle with another yaw damping and rudder, read every 0.01 L/U
+    model = model_of("remus100")
+    s, rng = model.scales, np.random.default_rng(5)
+    unit = s["L"] / s["U"]
+    n = 2000
+    t = 0.01 * unit * np.arange(n)
+    commands = {
+        "n_cmd": np.full(n, model.vehicle.rpm_ref),
+        "delta_r_cmd": 0.2 * np.sign(np.sin(0.6 * t / unit)),
+    }
+    true = model.with_values({k: 1.1 * model.nominal[model.index[k]] for k in ("N_r", "N_dr")})
+    states = simulate(model, true, plan_run(model, t, commands), steady_start(model), full=True).states
+    noise = {c: 3.0 * v for c, v in noise_of(model).items()}
+    at = {c: model.kernel.full.states.index(c) for c in noise}
+    data = {c: states[:, at[c]] + sd * rng.standard_normal(n) for c, sd in noise.items()}
+    trial = trial_of([Run("zz", "zigzag", "identify", t, data, commands)], noise)
+    few = averaged(trial, unit, 400)
+    assert np.isfinite(few.runs[0].data["psi"]).sum() == pytest.approx(n / 5, abs=2)
+    free = coefficient_prior(model)
+    found = []
+    for one in (trial, few):
+        log = filter_error_run(model, one.runs[0], one.noise, tuple(noise))
+        found.append(fit(model, [log], free, no_process_noise(model), initial_noise_scale=0.0))
+    whole, part = found
+    assert whole.converged and part.converged
+    # an average loses only what motion does within it and the last readings of a run
+    assert np.abs((part.values - whole.values) / whole.sd).max() < 0.3
+    np.testing.assert_allclose(part.sd, whole.sd, rtol=0.05)
+    # control: single readings every fifth know less
+    lone = thin(trial.runs[0], 0.05 * unit)
+    log = filter_error_run(model, lone, trial.noise, tuple(noise))
+    alone = fit(model, [log], free, no_process_noise(model), initial_noise_scale=0.0)
+    tightest = np.argmin(whole.sd / free.sd)
+    assert alone.sd[tightest] > 1.2 * whole.sd[tightest]

@@ -1,0 +1,74 @@
+"""Coefficients of an explanation stay as stated unless re-tuning predicts runs left out better."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from gap_trials import model_of, other_vehicle, planted_trial
+
+from bayesid.diagnosis.data.problem import build_problem, fit_with
+from bayesid.diagnosis.diagnosed_model import diagnosed_model_of
+from bayesid.diagnosis.evidence.explained_model import as_stated, explained_model
+from bayesid.diagnosis.evidence.replay import misses
+from bayesid.diagnosis.hypotheses.candidate import weighted_hypothesis
+from bayesid.diagnosis.run import diagnose
+
+LAG = "actuator_lag"
+
+
+@lru_cache
+def refitted(seed, other):
+    """Problem of a vehicle with a lagging rudder, its coefficients as stated or others, and its refit."""
+    model = model_of()
+    values = {f"{LAG}.tau": 0.5 * model.scales["L"] / model.scales["U"]}
+    values |= other_vehicle(model, seed) if other else {}
+    problem = build_problem(model, planted_trial(model, values, seed))
+    return problem, weighted_hypothesis(problem, (LAG,), fit_with(problem, (model.effects[LAG],)))
+
+
+def test_coefficients_that_are_wrong_are_re_tuned():
+    for seed in range(2):
+        problem, refit = refitted(seed, True)
+        found = explained_model(problem, refit)
+        assert found.retuned and found.fit is refit.fit
+        assert found.gain > 2.0 * found.error > 0.0
+
+
+def test_coefficients_that_re_tuning_makes_worse_stay_as_stated():
+    """Re-tuned to the runs of another vehicle: they fit those, not these."""
+    problem, _ = refitted(0, False)
+    _, strange = refitted(1, True)
+    found = explained_model(problem, strange)
+    assert not found.retuned and found.gain < 0.0
+    assert found.fit.free.names == (f"{LAG}.tau",)
+    where = problem.coefficients.where
+    assert np.array_equal(found.fit.par[where], problem.model.nominal[where])
+
+
+def test_the_size_with_coefficients_as_stated_is_that_of_the_truth_where_they_are_true():
+    problem, refit = refitted(0, False)
+    fitted = as_stated(problem, refit)
+    truth = 0.5 * problem.model.scales["L"] / problem.model.scales["U"]
+    assert abs(fitted.values[0] - truth) < 4.0 * fitted.sd[0]
+    assert fitted.sd[0] < refit.fit.sd[-1]
+
+
+def test_a_replay_misses_by_the_noise_with_the_truth_and_by_more_without():
+    problem, refit = refitted(0, False)
+    log = problem.logs[0]
+    right, wrong = misses(problem, log, refit.fit.par), misses(problem, log, problem.model.nominal)
+    assert right["psi"] < 3.0 * log.sigma[log.channels.index("psi")]
+    assert wrong["psi"] > 2.0 * right["psi"]
+
+
+def test_what_predicts_has_the_coefficients_of_the_explanation():
+    model = model_of()
+    trial = planted_trial(model, {f"{LAG}.tau": 0.5 * model.scales["L"] / model.scales["U"]}, 4)
+    found = diagnose(trial, model, plan_next=False)
+    first = diagnosed_model_of(found).hypotheses[0]
+    at = [first.names.index(n) for n in found.problem.stated.names]
+    same = np.allclose(first.mean[at], found.problem.stated.mean, rtol=1e-12)
+    assert same is not found.result.retuning.kept
+    moved = max(abs(m.explained - m.given) / m.prior_sd for m in found.result.moved.values())
+    assert (moved < 1e-9) is not found.result.retuning.kept
