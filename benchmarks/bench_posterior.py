@@ -1,7 +1,7 @@
 """How many effective draws per second, beside emcee with a likelihood by scipy's `solve_ivp`?
 
 Case 2 of the paper: 14 unknowns, one 10-minute spiral read every second, noise and initial state known.
-Both samplers see the same posterior in the same whitened coordinates, start from the same Laplace
+All samplers see the same posterior in the same whitened coordinates, start from the same Laplace
 approximation and run four ensembles of 64 walkers. The baseline is emcee as it comes (stretch move, one
 walker at a time) on `solve_ivp` (RK45, 1e-6) with only the rows that are not zero and one continuous rudder
 ramp: nothing to restart.
@@ -13,6 +13,7 @@ are measured here; the ratio is of both. Prints Markdown rows.
 
 from __future__ import annotations
 
+import importlib.util
 import math
 import sys
 import time
@@ -29,6 +30,7 @@ from bayesid.equations.model import build_model
 from bayesid.estimation.output_error import coefficient_set, fit, trial_problem
 from bayesid.estimation.sampling import (
     ConvergenceLimits,
+    Posterior,
     SamplerOptions,
     SamplingSettings,
     TrialDensity,
@@ -49,6 +51,10 @@ DEG = math.pi / 180
 NOISE = {"x": 1.0, "y": 1.0, "psi": 0.5 * DEG}
 PRIOR_SD = 0.25 / math.sqrt(3)  # of the paper's bounds of 25 %, as a normal prior
 BASELINE_STEPS, EVALUATIONS = 2500, 8
+
+
+# the baseline runs all its steps: it neither passes nor is given up as too slow
+NEVER = ConvergenceLimits(n_tau=1.0, ess=math.inf)
 
 
 def case2() -> TrialDensity:
@@ -113,14 +119,23 @@ class ByScipy:
         return float(-0.5 * np.sum(resid**2) - 0.5 * np.sum(self.density.problem.prior(z)[0] ** 2))
 
 
+def by_slopes(density: TrialDensity) -> Posterior | None:
+    """The same posterior by NUTS; None without nutpie."""
+    if importlib.util.find_spec("nutpie") is None:
+        return None
+    from bayesid.estimation.sampling.nuts import NutsOptions, sample_nuts
+    from bayesid.estimation.sampling.trial_gradient import GradientTrialDensity
+
+    few = NutsOptions(tune=200, draws=500, accept=0.9, seed=1)
+    return sample_nuts(GradientTrialDensity(density), density.laplace, few)
+
+
 def main() -> None:
     print(machine())
     density = case2()
     laplace = density.laplace
     ours = sample(density, laplace, SamplerOptions(seed=1))
-    plain = SamplerOptions(
-        seed=1, weights={"stretch": 1.0}, max_steps=BASELINE_STEPS, limits=ConvergenceLimits(n_tau=math.inf)
-    )
+    plain = SamplerOptions(seed=1, weights={"stretch": 1.0}, max_steps=BASELINE_STEPS, limits=NEVER)
     stretch = sample(density, laplace, plain)
     per_call = float(stretch.convergence.ess_bulk.min()) / stretch.counts["all"]
     row("sampler, likelihood", "state", "tau [steps]", "evaluations", "ms each", "least ESS", "ESS / CPU s")
@@ -129,6 +144,11 @@ def main() -> None:
     row("bayesid", passed, f"{ours.convergence.tau.max():.0f}", ours.counts["all"],
         f"{1e3 * ours.seconds / ours.counts['all']:.3f}", f"{ours.convergence.ess_bulk.min():.0f}",
         f"{ours.ess_per_second:.0f}")  # fmt: skip
+    slopes = by_slopes(density)
+    if slopes is not None:
+        row("bayesid, NUTS", "passed" if slopes.converged else "not passed",
+            f"{slopes.convergence.tau.max():.0f}", "", "", f"{slopes.convergence.ess_bulk.min():.0f}",
+            f"{slopes.ess_per_second:.0f}")  # fmt: skip
     points = ours.subset(EVALUATIONS, np.random.default_rng(0))
     mine = density.log_prob(points)
     for words, rate in (("Python", right_side), ("numba", _compiled)):
@@ -144,6 +164,9 @@ def main() -> None:
             "", f"{per_call / seconds:.3f}")  # fmt: skip
         row(f"ratio of ESS per CPU second, bayesid / emcee with solve_ivp ({words})", "", "", "", "", "",
             f"{ours.ess_per_second * seconds / per_call:.0f}")  # fmt: skip
+        if slopes is not None:
+            row(f"the same of NUTS ({words})", "", "", "", "", "",
+                f"{slopes.ess_per_second * seconds / per_call:.0f}")  # fmt: skip
     moves = ours.convergence.ess_bulk.min() / ours.counts["all"] / per_call
     row("of that, by the moves: ESS per evaluation", "", "", "", "", "", f"{moves:.1f}")
     track = simulate(density.problem.model, density.problem.split(points[0])[0], density.problem.runs[0].plan,

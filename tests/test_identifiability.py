@@ -10,11 +10,13 @@ import pytest
 
 from bayesid.analysis.identifiability import as_if_read, identify, information, scalings, with_assumed_priors
 from bayesid.analysis.identifiability import profile as profile_module
+from bayesid.analysis.identifiability.equal_accelerations import equal_accelerations
 from bayesid.analysis.identifiability.open_directions import family_of
 from bayesid.equations.model import build_model
 from bayesid.estimation.output_error import coefficient_set, trial_problem
 from bayesid.manoeuvres import spiral, straight, zigzag
 from bayesid.model.vehicles import load_vehicle
+from bayesid.simulation.accelerations import rates_on
 from bayesid.simulation.virtual_trial import virtual_trial
 
 DEG = math.pi / 180
@@ -145,7 +147,7 @@ def test_a_killed_profile_goes_on_where_it_was(confounded, tmp_path, monkeypatch
     real = profile_module._refit
 
     def dying(*args):
-        if len(calls) == 5:
+        if len(calls) == 9:  # of twelve
             raise KeyboardInterrupt
         calls.append(args)
         return real(*args)
@@ -193,3 +195,52 @@ def test_families_follow_the_regressors():
     assert family_of("N_vdot") == "accelerations"
     assert family_of("N_|r|dr") == "rudder"
     assert {family_of(n) for n in ("X_udot", "X_uu", "Z_w", "ocean_current.V_north")} == {""}
+
+
+def test_the_profile_likelihood_is_flat_where_only_the_prior_resists(confounded):
+    found = identify(confounded, profile=("X_uu", "N_dr"))
+    flat, known = found.profiles
+    assert flat.data_interval() == (-math.inf, math.inf)
+    assert flat.interval() == pytest.approx((-1.645, 1.645), abs=0.1)  # the prior ends the ridge
+    # N_dr is read off a zig-zag: without priors its interval is hardly wider
+    low, high = known.data_interval()
+    assert found.entry("N_dr").index > 0.9 and -2.2 < low < -1.5 and 1.5 < high < 2.2
+
+
+@pytest.mark.parametrize(
+    "vehicle, said",
+    [
+        ("remus100", {"yaw equation added to the sway equation", "scale of the yaw equation"}),
+        (
+            "generic_sub",
+            set(),
+        ),  # weight, buoyancy and thrust are in every equation that has rows for the rest
+    ],
+)
+def test_in_six_degrees_of_freedom_structural_directions_leave_every_acceleration_as_it_is(vehicle, said):
+    six = build_model(load_vehicle(vehicle), 6)
+    rpm, unit = six.vehicle.rpm_ref, six.scales["L"] / six.scales["U"]
+    noise = dict.fromkeys(six.states, 0.01)
+    run = straight(rpm, 2 * unit, 0.25 * unit)
+    trial = virtual_trial(
+        six, six.nominal, {"run": run}, title="t", vehicle_ref=vehicle, noise=noise,
+        rng=np.random.default_rng(1),
+    )  # fmt: skip
+    problem = trial_problem(six, trial, coefficient_set(six, six.coefficients), threads=1)
+    found = equal_accelerations(problem, problem.start)
+    assert {words for words, _ in found} == said
+    rng = np.random.default_rng(3)
+    states = rng.uniform(-0.3, 0.3, (50, len(six.states)))
+    fins = rng.uniform(-0.3, 0.3, (50, len(six.kernel.actuators)))
+    nobody = np.zeros(0, dtype=np.int64)
+    before = rates_on(six, six.nominal, states, fins, nobody)[0]
+    where = six.positions(problem.params.names)
+    for _, tangent in found:
+        for step in (0.02, 0.5):  # finite, too: the largest relative change of any coefficient
+            far = step / np.max(np.abs(tangent / six.nominal[where]))
+            moved, wrong = np.array(six.nominal), np.array(six.nominal)
+            moved[where] += far * tangent
+            assert rates_on(six, moved, states, fins, nobody)[0] == pytest.approx(before, rel=1e-7, abs=1e-9)
+            largest = int(np.argmax(np.abs(tangent / six.nominal[where])))
+            wrong[where[largest]] += far * tangent[largest]  # the control: one of them alone
+            assert np.abs(rates_on(six, wrong, states, fins, nobody)[0] - before).max() > 1e-6

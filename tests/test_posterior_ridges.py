@@ -8,6 +8,7 @@ import pytest
 from bayesid.analysis.identifiability.posterior_ridges import ridges
 from bayesid.analysis.identifiability.prior_influence import conflict, prior_sensitivity
 from bayesid.estimation.sampling.chain_statistics import autocorrelation, ess_growth
+from bayesid.report.sample_first_screen import group_words
 
 NAMES = ("X_vv", "X_vr", "X_rr", "N_dr")
 PRIOR_SD = np.array([2.0, 0.5, 30.0, 1.0])
@@ -103,3 +104,15 @@ def test_autocorrelation_of_an_autoregression_is_its_power():
     steps, sizes = ess_growth(x)
     share = sizes[:, 0] / (steps * 4 * 32)
     assert share[2:] == pytest.approx(np.full(share.size - 2, 0.2 / 1.8), rel=0.15)  # (1 - phi) / (1 + phi)
+
+
+def test_the_first_sentence_says_which_of_the_triple_is_known_by_itself():
+    tight = np.array([0.0, 1.0, 0.0, 0.0])  # X_vr is read alone
+    draws, _ = posterior_of([tight, [0, 0, 0, 1.0]], 0.01)
+    found = ridges(NAMES, draws, np.diag(PRIOR_SD**2))
+    group = next(g for g in found.groups if set(g.names) == set(NAMES[:3]))
+    said = group_words(group, dict(zip(found.names, found.left.tolist(), strict=True)))
+    assert (
+        "Singly, X_vr is known (1 % of the prior left), X_vv and X_rr are not known (100 %, 100 %)." in said
+    )
+    assert "Singly" not in group_words(group)

@@ -55,7 +55,7 @@ def test_a_corner_plot_labels_every_unknown_and_every_set():
     sets = {n: 1 + 0.1 * rng.standard_normal((500, 3)) for n in ("one", "two")}
     figure = figures.corner(("X_vv", "X_vr", "X_rr"), sets, np.ones(3))
     assert [axes.get_xlabel() for axes in figure.axes[-3:]] == ["$X_{vv}$", "$X_{vr}$", "$X_{rr}$"]
-    assert [text.get_text() for text in figure.texts] == list(sets)
+    assert [text.get_text() for text in figure.texts] == ["one (solid)", "two (dashed)"]
 
 
 @pytest.mark.slow

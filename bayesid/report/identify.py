@@ -217,7 +217,12 @@ def _open(found: Identifiability, prefix: str) -> Section:
     blocks: list[Block] = [
         Text(f"{text} {_agreement_words(found)}"),
         Table(DIRECTION_COLUMNS, direction_rows(found.directions)),
-        Figure(f"{prefix}directions", drawn, "Open directions, relative changes: red up, blue down."),
+        Figure(
+            f"{prefix}directions",
+            drawn,
+            "Open directions, one per row: coefficients with a sign change together along it, + up, − down, "
+            "the darker the more, and the runs do not notice.",
+        ),
         Table(["direction", *lenses], views, "|cos| with the space each lens calls open."),
     ]
     return Section("What the data leave open", blocks)
@@ -237,25 +242,38 @@ def _profiles(found: Identifiability, prefix: str) -> Section:
         "Each coefficient was held 1 and 2 posterior standard deviations off, all others fitted again "
         f"({sum(p.offsets.size for p in found.profiles)} refits, "
         f"{sum(p.evaluations for p in found.profiles)} Jacobians). Grey: what a normal posterior does. "
-        "Shaded: the part of the rise that is misfit of the data; the rest is the prior's. `data share` is "
-        "the index again, without any linearisation; `90 %` is the interval in posterior standard "
-        "deviations, -1.64 to 1.64 if normal."
+        "Shaded: the part of the rise that is misfit of the data; the rest is the prior's. Triangles: the "
+        "profile likelihood, for which the others were fitted with no prior at all; at zero the data alone "
+        "do not object to any value. `data share` is the index again, without any linearisation; the 90 % "
+        "intervals, with the prior and of the data alone, are in posterior standard deviations, -1.64 to "
+        "1.64 if normal; `none` is a side on which nothing resists."
     )
-    shown = [(p.name, p.offsets, p.rise, p.data_rise) for p in found.profiles[:MOST_PROFILES]]
+    shown = [(p.name, p.offsets, p.rise, p.data_rise, p.likelihood) for p in found.profiles[:MOST_PROFILES]]
     rows = []
     for p in found.profiles:
         low, high = p.interval()
         rows.append(
-            [p.name, f"{found.entry(p.name).index:.3f}", f"{p.data_share:.3f}", f"{low:.2f} to {high:.2f}"]
+            [
+                p.name,
+                f"{found.entry(p.name).index:.3f}",
+                f"{p.data_share:.3f}",
+                f"{low:.2f} to {high:.2f}",
+                " to ".join(_end(x) for x in p.data_interval()),
+            ]
         )
     return Section(
         "Profile likelihood",
         [
             Text(text),
             Figure(f"{prefix}profiles", figures.profiles(shown), "Profiles."),
-            Table(["coefficient", "index", "data share", "90 %"], rows),
+            Table(["coefficient", "index", "data share", "90 %", "90 % of the data alone"], rows),
         ],
     )
+
+
+def _end(x: float) -> str:
+    """An end of an interval in posterior sd."""
+    return f"{x:.2f}" if np.isfinite(x) else "none" if np.isinf(x) else "–"
 
 
 def _inputs(found: Identifiability, facts: Mapping[str, Any]) -> Section:
@@ -290,7 +308,8 @@ def numbers(found: Identifiability) -> dict[str, Any]:
         "profiles": {
             p.name: {
                 "offsets": p.offsets, "rise": p.rise, "data_rise": p.data_rise, "data_share": p.data_share,
-                "interval90": p.interval(),
+                "interval90": p.interval(), "likelihood_rise": p.likelihood,
+                "likelihood_interval90": p.data_interval(),
             }
             for p in found.profiles
         },

@@ -21,6 +21,8 @@ VERDICTS = {
     "at a bound": COLOURS["purple"],
     "prior only": COLOURS["grey"],
 }
+HATCHES = {"traded off": "///", "too small to matter": "xx", "at a bound": "\\\\"}  # told apart in grey
+SIGNED = 0.1  # share of a direction from which its sign is written
 FLOOR = 1e-9  # of the largest singular value; what is below is drawn there
 _ROWS = {t.name for t in TERMS}
 
@@ -57,7 +59,10 @@ def index(names: Sequence[str], share: Array, contraction: Array, verdicts: Sequ
     for verdict, colour in VERDICTS.items():
         chosen = np.array([v == verdict for v in verdicts])
         if chosen.any():
-            axes.bar(place[chosen], np.maximum(share[chosen], 0.006), 0.7, color=colour, label=verdict)
+            axes.bar(
+                place[chosen], np.maximum(share[chosen], 0.006), 0.7, color=colour, label=verdict,
+                hatch=HATCHES.get(verdict), edgecolor="white", linewidth=0,
+            )  # fmt: skip
     axes.plot(place, contraction, "_", color="black", markersize=9, label="contraction")
     axes.set_xticks(place, [label(n) for n in names], rotation=60, ha="right", rotation_mode="anchor")
     axes.set_xlim(-0.6, len(names) - 0.4)
@@ -80,6 +85,9 @@ def directions(names: Sequence[str], vectors: Array, kinds: Sequence[str]) -> An
     count = len(kinds)
     figure, axes = subplots(height=0.22 * count + 1.1)
     axes.imshow(vectors, cmap="RdBu_r", vmin=-1, vmax=1, aspect="auto")
+    for i, j in np.argwhere(np.abs(vectors) >= SIGNED):  # red and blue are one grey in print
+        ink = "white" if abs(vectors[i, j]) > 0.6 else "black"
+        axes.text(j, i, "+" if vectors[i, j] > 0 else "−", ha="center", va="center", color=ink, fontsize=9)
     ticks = [label(n) for n in names]
     axes.set_xticks(np.arange(len(names)), ticks, rotation=60, ha="right", rotation_mode="anchor")
     axes.set_yticks(np.arange(count), [f"{i}. {kind}" for i, kind in enumerate(kinds, 1)])
@@ -89,12 +97,13 @@ def directions(names: Sequence[str], vectors: Array, kinds: Sequence[str]) -> An
 
 
 @styled
-def profiles(curves: Sequence[tuple[str, Array, Array, Array]]) -> Any:
+def profiles(curves: Sequence[tuple[str, Array, Array, Array, Array]]) -> Any:
     """Profiles of several coefficients.
 
     Parameters
     ----------
-    curves : name, offsets [posterior sd], rise of half chi-square, the data's part of it
+    curves : name, offsets [posterior sd], rise of half chi-square, the data's part of it, the rise where
+        no parameter has a prior (nan where not asked)
     """
     columns = min(6, len(curves))
     rows = -(-len(curves) // columns)
@@ -102,7 +111,7 @@ def profiles(curves: Sequence[tuple[str, Array, Array, Array]]) -> Any:
     fine = np.linspace(-2.2, 2.2, 60)
     for axes in grid.flat[len(curves) :]:
         axes.remove()
-    for axes, (name, offsets, rise, data_rise) in zip(grid.flat, curves, strict=False):
+    for axes, (name, offsets, rise, data_rise, alone) in zip(grid.flat, curves, strict=False):
         x = np.concatenate([offsets, [0.0]])
         order = np.argsort(x)
         axes.plot(fine, 0.5 * fine**2, color=COLOURS["grey"], linewidth=0.7)
@@ -110,8 +119,9 @@ def profiles(curves: Sequence[tuple[str, Array, Array, Array]]) -> Any:
         axes.fill_between(
             x[order], np.append(data_rise, 0.0)[order], color=COLOURS["sky"], alpha=0.6, linewidth=0
         )
+        axes.plot(offsets, np.minimum(alone, 2.9), "^", color="black", markersize=4, markerfacecolor="white")
         axes.set_title(label(name), fontsize=9)
-        axes.set_ylim(0, 3)
+        axes.set_ylim(-0.1, 3)
     figure.supxlabel("held so many posterior sd away", fontsize=9)
     figure.supylabel("rise of half chi-square", fontsize=9)
     return figure

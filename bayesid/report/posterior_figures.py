@@ -19,6 +19,8 @@ from bayesid.report.identify_figures import label
 
 Array = np.ndarray
 ORDER = tuple(COLOURS[c] for c in ("blue", "orange", "green", "grey", "purple", "sky", "amber"))
+LINES, MARKS = ("-", "--", ":", "-.") * 2, "osD^vPX"  # told apart in grey
+LINE_WORDS = ("solid", "dashed", "dotted", "dash-dotted")
 MOST_DRAWS = 4000  # per set in a corner plot
 
 
@@ -52,12 +54,13 @@ def corner(
         figure = Canvas(figsize=(size * k, size * k))
     FigureCanvasAgg(figure)
     figure.subplots(k, k)
-    for (_, draws), colour in zip(sets.items(), ORDER, strict=False):
+    for (_, draws), colour, line in zip(sets.items(), ORDER, LINES, strict=False):
         picked = draws[:: max(1, len(draws) // MOST_DRAWS)]
         package.corner(
             picked, fig=figure, bins=30, range=reach, labels=[label(n) for n in names], color=colour,
             levels=(0.5, 0.9), smooth=1.0, plot_datapoints=False, plot_density=False, fill_contours=False,
-            hist_kwargs={"density": True}, truths=None if truth is None else list(truth),
+            hist_kwargs={"density": True, "linestyle": line}, contour_kwargs={"linestyles": line},
+            truths=None if truth is None else list(truth),
             truth_color="black", label_kwargs={"fontsize": 9}, labelpad=0.0,
         )  # fmt: skip
     edge = 0.45 / k + 0.02
@@ -76,7 +79,7 @@ def corner(
         figure.text(
             0.98,
             0.98 - 0.14 / (size * k) * number,
-            name,
+            f"{name} ({LINE_WORDS[number % len(LINE_WORDS)]})",
             color=ORDER[number % len(ORDER)],
             ha="right",
             va="top",
@@ -121,9 +124,9 @@ def widths(found: Mapping[str, tuple[Array, Array | None]]) -> Any:
     found : label -> sd from draws (k,), and the same of Laplace or None
     """
     figure, axes = subplots(height=3.0)
-    for (name, (drawn, laplace)), colour in zip(found.items(), ORDER, strict=False):
+    for (name, (drawn, laplace)), colour, mark in zip(found.items(), ORDER, MARKS, strict=False):
         count = np.arange(1, drawn.size + 1)
-        axes.semilogy(count, drawn, "o", color=colour, label=name, markersize=3.5)
+        axes.semilogy(count, drawn, mark, color=colour, label=name, markersize=3.5)
         if laplace is not None:
             axes.semilogy(count, laplace, "-", color=colour, linewidth=0.8)
     axes.axhline(1.0, color="black", linewidth=0.8)
@@ -166,8 +169,8 @@ def spread(t: Mapping[str, Array], found: Mapping[str, Mapping[str, Array]]) -> 
     """
     figure, grid = subplots(1, len(found), height=2.6, squeeze=False, sharey=True)
     for axes, (run, lines) in zip(grid[0], found.items(), strict=True):
-        for (name, radius), colour in zip(lines.items(), ORDER, strict=False):
-            axes.semilogy(t[run][1:], np.maximum(radius[1:], 1e-4), color=colour, label=name)
+        for (name, radius), colour, line in zip(lines.items(), ORDER, LINES, strict=False):
+            axes.semilogy(t[run][1:], np.maximum(radius[1:], 1e-4), line, color=colour, label=name)
         axes.set_title(run)
         axes.set_xlabel("time [s]")
     grid[0, 0].set_ylabel("90 % radius [m]")

@@ -7,11 +7,12 @@ not sample or simulate.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from bayesid.analysis.identifiability.posterior_ridges import Combination, Group
+from bayesid.analysis.identifiability.posterior_ridges import FIXED, OPEN, Combination, Group
 from bayesid.analysis.identifiability.posterior_view import PosteriorView
 from bayesid.diagnosis.plain_words import number
 from bayesid.diagnosis.run_errors import name_of_run
@@ -71,17 +72,25 @@ def headline(found: TrialFit, posterior: Posterior, view: PosteriorView) -> str:
             "those "
             f"allowed before it within {number(before)} m."
         )
-    parts += [group_words(g) for g in told_groups(view)]
+    single = dict(zip(view.ridges.names, map(float, view.ridges.left), strict=True))
+    parts += [group_words(g, single) for g in told_groups(view)]
     if not told_groups(view):
         loose = [c.name for c in view.ridges.combinations if c.status == "open"]
         parts.append(
             f"The runs leave open {', '.join(loose)}." if loose else "The runs leave no combination open."
         )
+        triples = [g for g in view.ridges.groups if g.family.startswith(TRIPLE)]
+        parts += [_singly(g, single).strip() for g in triples[:MOST_TOLD]]
     return " ".join(parts)
 
 
-def group_words(g: Group) -> str:
-    """ "Of X_vv, X_vr and X_rr the runs fix 0.71 X_vr - 0.70 X_vv to 0.1 % of the prior; ..."."""
+def group_words(g: Group, single: Mapping[str, float] | None = None) -> str:
+    """ "Of X_vv, X_vr and X_rr the runs fix 0.71 X_vr - 0.70 X_vv to 0.1 % of the prior; ...".
+
+    Parameters
+    ----------
+    single : coefficient -> posterior over prior sd by itself; told too where given
+    """
     best = g.best
     verb = {"fixed": "fix", "narrowed": "know", "open": "hardly know"}[best.status]
     others = [c for c in g.combinations[1:] if c.status == "open"] or [g.worst]
@@ -89,8 +98,23 @@ def group_words(g: Group) -> str:
     return (
         f"Of {_listed(g.names)} the runs {verb} {_plain(best)} to {_percent(best.left)} of the prior; "
         "across it "
-        f"{rest} is left."
+        f"{rest} is left.{_singly(g, single) if single else ''}"
     )
+
+
+def _singly(g: Group, single: Mapping[str, float]) -> str:
+    """ " Singly, X_vr is narrowed (12 % of its prior left), X_vv and X_rr are not known (97 %, 99 %)."."""
+    kinds: dict[str, list[str]] = {"known": [], "narrowed": [], "not known": []}
+    for name in g.names:
+        left = single[name]
+        kinds["known" if left <= FIXED else "not known" if left >= OPEN else "narrowed"].append(name)
+    parts: list[str] = []
+    for kind, names in kinds.items():
+        if names:
+            shares = ", ".join(_percent(single[n]) for n in names)
+            unit = " of the prior left" if not parts else ""
+            parts.append(f"{_listed(names)} {'is' if len(names) == 1 else 'are'} {kind} ({shares}{unit})")
+    return f" Singly, {', '.join(parts)}."
 
 
 def failures(

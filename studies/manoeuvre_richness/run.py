@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -32,16 +32,13 @@ from bayesid.analysis.design.freeform import frame, random_design
 from bayesid.analysis.design.goals import shrink
 from bayesid.analysis.design.information import planned, run_information
 from bayesid.analysis.design.limits import library_within
-from bayesid.analysis.design.logged_runs import cross_logs, level
 from bayesid.analysis.design.paired_comparison import paired_outcomes
 from bayesid.analysis.design.planning_case import known_of
 from bayesid.analysis.design.posterior_check import sampled
 from bayesid.api.compare import compared
 from bayesid.diagnosis.data.problem import build_problem
 from bayesid.equations.model import build_model
-from bayesid.estimation.output_error import measured_base, output_error_run
 from bayesid.estimation.parameters import effect_prior
-from bayesid.estimation.segments import in_pieces
 from bayesid.files import write_json
 from bayesid.lock import lock_or_exit
 from bayesid.manoeuvres import OpenLoop, on_grid
@@ -52,9 +49,11 @@ from bayesid.report import writer
 from bayesid.report.compare import comparison_record
 from bayesid.report.design import plan_record
 from bayesid.simulation.virtual_trial import virtual_trial
-from bayesid.trials import Environment, load_trial, thin
+from bayesid.trials import Environment
+from studies.manoeuvre_richness.independent_plant import PlantVehicles
+from studies.manoeuvre_richness.real_runs import real
 from studies.manoeuvre_richness.report import richness_report
-from studies.real_logs.run import HERE, INERTIA, SETTINGS, begun
+from studies.real_logs.run import INERTIA, SETTINGS
 
 VEHICLES = ("generic_sub", "remus100", "nps_auv2")
 BEFORE, WANTED = "zigzag_10", "turn"  # executed already; to be predicted
@@ -79,7 +78,7 @@ FULL = Size(12, 4, 20, SearchEffort(4, 12, 1200, 20), 4000)
 QUICK = Size(3, 1, 5, SearchEffort(2, 3, 50, 2), 0)
 
 
-def main(data: Path | None, out: Path, quick: bool, seed: int) -> Path:
+def main(data: Path | None, out: Path, quick: bool, seed: int, names: Sequence[str] = VEHICLES) -> Path:
     """All parts, then the report."""
     size, progress = QUICK if quick else FULL, Progress()
     key = {"quick": quick, "seed": seed}
@@ -88,7 +87,7 @@ def main(data: Path | None, out: Path, quick: bool, seed: int) -> Path:
         return kept(out / "parts" / f"{name}.json", key, work)
 
     vehicles = {}
-    for name in VEHICLES[:1] if quick else VEHICLES:
+    for name in names[:1] if quick else names:
         case = case_of(name)
         record = {"comparison": part(f"{name}_compare", partial(library_part, case, size, seed, progress))}
         record |= part(f"{name}_design", partial(design_part, case, size, seed, progress))
@@ -101,7 +100,7 @@ def main(data: Path | None, out: Path, quick: bool, seed: int) -> Path:
     logs = {}
     for name in () if quick else SETTINGS:
         if data is not None and (data / name).is_dir():
-            logs[name] = part(name, partial(real, name, data / name, progress))
+            logs[name] = part(name, partial(real, name, data / name, progress, seed))
     plain = {n: {k: v for k, v in r.items() if k != "orders"} for n, r in vehicles.items()}
     results = {"seeds": [seed], "vehicles": plain, "six_dof": deep, "tell": discrimination, "logs": logs}
     page = writer.write(richness_report(vehicles, deep, discrimination, logs, quick), out, results)
@@ -134,7 +133,8 @@ def library_part(case: PlanningCase, size: Size, seed: int, progress: Progress) 
 
 
 def design_part(case: PlanningCase, size: Size, seed: int, progress: Progress) -> dict[str, Any]:
-    """Designs for two goals after a zig-zag, and the paired test of both against all rivals."""
+    """Designs for two goals after a zig-zag, and the paired test of both against all rivals, executed by the
+    independent plant."""
     library = library_within(case.model, case.bounds)
     before, wanted = {BEFORE: library[BEFORE]}, library[WANTED]
     after = replace(case, executed=(case.execution(library[BEFORE], name=BEFORE).run,))
@@ -153,8 +153,9 @@ def design_part(case: PlanningCase, size: Size, seed: int, progress: Progress) -
     truths = case.draws(rng, size.pairs)
     with progress.stage("paired test", len(truths) * (len(rivals) + 1)) as stage:
         test = paired_outcomes(
-            case, before, rivals, open_ones, wanted, truths, seed, stage.step, varied=lambda s: randoms[s]
-        )
+            case, before, rivals, open_ones, wanted, truths, seed, stage.step,
+            varied=lambda s: randoms[s], vehicles=PlantVehicles(case),
+        )  # fmt: skip
     return {
         "plans": {g: plan_record(after, p, seed, ()) for g, p in plans.items()},
         "orders": {g: orders_of(p) for g, p in plans.items()},
@@ -258,32 +259,6 @@ def vertical(name: str, progress: Progress) -> dict[str, Any]:
     return {"names": [known.names[i] for i in where], "rows": rows}
 
 
-def real(name: str, data: Path, progress: Progress) -> dict[str, Any]:
-    """Richness and cross prediction of the logs of a ship; runs of reversed propeller are left out."""
-    setting = SETTINGS[name]
-    logged = load_trial(HERE / name, data)
-    runs = [r for r in logged.runs if not r.manoeuvre.startswith("random")]
-    trial = replace(logged, runs=tuple(thin(begun(r, setting.way), setting.dt) for r in runs))
-    ship = load_vehicle(HERE / name / "vehicle.toml")
-    model = build_model(ship, 3)
-    known = known_of(model, fixed=[n for n in INERTIA if n in model.coefficients])
-    pieces: dict[str, Any] = {}
-    for k, run in enumerate(trial.runs):
-        cut = in_pieces(replace(trial, runs=(replace(run, role="identify"),)), setting.piece)
-        pieces[f"{run.manoeuvre} ({k + 1})"] = [
-            output_error_run(model, r, trial.noise, measured_point=trial.measured_point) for r in cut.runs
-        ]
-    base = measured_base(model, trial)
-    with progress.stage(f"{name}: fit of each run alone", len(pieces)) as stage:
-        weights = level(model, known, base, pieces)
-        table = cross_logs(model, known, base, pieces, weights, lambda _: stage.step())
-    return {
-        "title": trial.name, "attribution": trial.attribution, "rms": weights.rms, "table": table,
-        "excess": table.excess, "others": table.others(table.excess), "converged": weights.fit.converged,
-        "predicted_others": table.others(table.predicted),
-    }  # fmt: skip
-
-
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -292,6 +267,7 @@ if __name__ == "__main__":
     parser.add_argument("--out", type=Path, default=Path("out/manoeuvre_richness"))
     parser.add_argument("--quick", action="store_true", help="one vehicle, few draws, no chains, no logs")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--vehicles", nargs="+", choices=VEHICLES, default=VEHICLES, help="not all of them")
     given = parser.parse_args()
     lock_or_exit(given.out, "studies/manoeuvre_richness/run.py")
-    main(given.data, given.out, given.quick, given.seed)
+    main(given.data, given.out, given.quick, given.seed, given.vehicles)

@@ -25,6 +25,23 @@ from studies.manoeuvre_richness.summaries import (
 )
 
 Array = np.ndarray
+MAP_CAPTION = (
+    "Manoeuvres down, richest first, coefficients across. Contraction is the share of the prior sd that "
+    "is gone: "
+    "dark columns no manoeuvre tells. The two upper panels should look alike; the lowest asks another "
+    "question "
+    "(is the row needed?) and need not."
+)
+CROSS_CAPTION = (
+    "Identify on the row, predict the column; the scale is logarithmic, dark is a large error. A dark "
+    "row teaches "
+    "little of the others, a dark column is hard to foretell."
+)
+LOGS_CAPTION = (
+    "One point per run: the more it tells (right), the lower it should stand (error over the other runs; "
+    "1 is that "
+    "of the fit of all)."
+)
 
 
 def vehicle_blocks(name: str, v: Mapping[str, Any]) -> list[Block]:
@@ -45,10 +62,10 @@ def vehicle_blocks(name: str, v: Mapping[str, Any]) -> list[Block]:
     blocks: list[Block] = [
         Table(["manoeuvre", "gain [nats]", "variance left", "directions", "condition"], rows,
               f"All of {v['comparison']['duration_s']:.0f} s, richest first; {len(names)} coefficients.", 3),
-        Figure(f"map_{name}", _map(panels, manoeuvres, names), "Manoeuvres down, coefficients across."),
+        Figure(f"map_{name}", _map(panels, manoeuvres, names), MAP_CAPTION),
         Table(["measures", "rank correlation"], list(v["comparison"]["rank_correlations"].items()),
               "Spearman.", 2),
-        Figure(f"cross_{name}", _table(tables, crossed), "Identify on the row, predict the column."),
+        Figure(f"cross_{name}", _table(tables, crossed), CROSS_CAPTION),
     ]  # fmt: skip
     for goal, plan in v["plans"].items():
         orders = {k: np.array(x) for k, x in v["orders"][goal].items()}
@@ -195,15 +212,47 @@ def logs_blocks(key: str, v: Mapping[str, Any]) -> list[Block]:
         ),
         Table(["identified on", "gain [nats]", "error over the others", "expected"], rows,
               "Richest first.", 3),
+        *_promised(v),
         Figure(
             f"logs_{key}", figures.against({key: (gains, others)}, "information gain [nats]",
-            "error over the joint fit's", 1.0, False), "One point per run.",
+            "error over the joint fit's", 1.0, False), LOGS_CAPTION,
         ),
         Figure(f"cross_{key}", _table({"each run alone": excess}, names, "error over the joint fit's"),
-               "Identify on the row, predict the column."),
+               CROSS_CAPTION),
     ]  # fmt: skip
     if len(kinds) > 1:
         blocks.append(
             Table(["identified on", *kinds], grouped, "Geometric means by kind of run, columns predicted.", 3)
         )
     return blocks
+
+
+def _promised(v: Mapping[str, Any]) -> list[Block]:
+    """Rank correlations as measured, as right posteriors would give them, and the ceiling of the errors."""
+    rows = []
+    for words, told in v["likelihoods"].items():
+        for by, rank in told["ranks"].items():
+            theory, interval = told["theory"][by], rank["interval"]
+            rows.append([
+                words, by, rank["made"], f"{interval[0]:.2f} to {interval[1]:.2f}", theory[1],
+                f"{theory[0]:.2f} to {theory[2]:.2f}",
+            ])  # fmt: skip
+    times = ", ".join(f"{w} {t['expected_over_made']:.1f}" for w, t in v["likelihoods"].items())
+    half = v["halves"]["halves"]
+    text = (
+        "Why the rank correlation is what it is. The errors of a run are well measured: ranked by one half "
+        f"of the other runs and by the other half they agree to {half[1]:.2f} ({half[0]:.2f} to "
+        f"{half[2]:.2f}), so that a perfect predictor of them would reach {v['halves']['ceiling']:.2f}. But "
+        "every run is fitted once, and how far one fit falls from the joint one is a draw, which no measure "
+        "of information foresees. `promised` draws it: coefficients of each run from its posterior about "
+        "the joint fit, 2000 times, their errors over the other runs, and the rank correlation that then "
+        "comes out. These runs differ less in what they tell than one fit scatters: little is "
+        "promised, and what is measured is not less than that. `composite` is the likelihood of `bayesid "
+        f"fit` ({literal(v['noise'])}): readings tell {100 * v['share']:.2g} % of what white noise would. "
+        f"Expected errors are larger than those made (times, median: {times})."
+    )
+    return [
+        Text(text),
+        Table(["noise", "ranked by", "measured", "90 %", "promised", "90 % "], rows,
+              "Spearman with the error over the other runs; runs drawn again for the interval.", 2),
+    ]  # fmt: skip

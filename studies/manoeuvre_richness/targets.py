@@ -99,6 +99,13 @@ def vehicle_targets(
             f"{rho:.2f} (from expected errors {foretold:.2f})",
             rho > 0.5,
         ])  # fmt: skip
+        for words, told in v["likelihoods"].items():
+            found, theory = told["ranks"]["gain"]["made"], told["theory"]["gain"]
+            rows.append([
+                f"{name} logs, {words}: no less than 95 % of what right posteriors would give",
+                f"{found:.2f}; theory {theory[1]:.2f} ({theory[0]:.2f} to {theory[2]:.2f})",
+                found >= theory[0],
+            ])  # fmt: skip
     return rows
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from bayesid.estimation.sampling.compare_samplers import agreement
 from bayesid.report.identify import derived_numbers, numbers
 from studies.posterior.sampled_case import Sampled, Tracks, in_prior_units
+from studies.posterior.truths_counts import counted
 
 
 def posterior_results(
@@ -22,7 +23,9 @@ def posterior_results(
     every = {**cases, **logs}
     tracks: Mapping[str, Tracks] = facts["tracks"]
     return {
-        "inputs": {k: v for k, v in facts.items() if k not in ("tracks", "accelerations", "collapse")},
+        "inputs": {
+            k: v for k, v in facts.items() if k not in ("tracks", "accelerations", "collapse", "truths")
+        },
         "seeds": [seed],
         "rhat_max": max(
             float(np.nanmax(p.convergence.rhat)) for c in every.values() for p in c.posteriors.values()
@@ -33,6 +36,7 @@ def posterior_results(
         "agreement": {key: _agreement_numbers(c) for key, c in cases.items() if len(c.posteriors) > 1},
         "identifiability": {key: numbers(c.seen) for key, c in every.items()},
         "derived": {key: derived_numbers(*c.behaviour) for key, c in every.items()},
+        "truths": counted(facts["truths"]),
         "collapse": facts["collapse"],
         "accelerations": facts["accelerations"],
         "predictions": {

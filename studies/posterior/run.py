@@ -26,36 +26,32 @@ from bayesid.analysis.identifiability import (
 )
 from bayesid.equations.model import Model, build_model
 from bayesid.errors import SampleError
-from bayesid.estimation.output_error import FitOptions, FitProblem, coefficient_set, fit, trial_problem
+from bayesid.estimation.output_error import FitOptions, FitProblem, fit
 from bayesid.estimation.sampling import Posterior, SamplerOptions, load_posterior, sample
 from bayesid.estimation.sampling.nuts import NutsOptions, continue_nuts, sample_nuts
+from bayesid.estimation.sampling.priors import draw_params
 from bayesid.estimation.sampling.trial_gradient import GradientTrialDensity
 from bayesid.estimation.sampling.trial_posterior import TrialDensity
 from bayesid.estimation.sampling.trial_setup import trial_density
 from bayesid.estimation.segments import fit_in_pieces
 from bayesid.lock import lock_or_exit
-from bayesid.manoeuvres import Manoeuvre, chirp, spiral, zigzag
+from bayesid.manoeuvres import Manoeuvre
 from bayesid.model.vehicles import load_vehicle
 from bayesid.progress import Progress
 from bayesid.report import writer
 from bayesid.simulation import plan_run, run_manoeuvre, simulate, steady_start
-from bayesid.simulation.virtual_trial import virtual_trial
 from bayesid.trials import load_trial, thin
+from studies.posterior.problem import KNOWN, NOISE, PRIOR, RPM, VEHICLE, manoeuvres, posed, prior_of
 from studies.posterior.report import posterior_report
 from studies.posterior.results import posterior_results
 from studies.posterior.sampled_case import Sampled, Tracks
+from studies.posterior.truths import every
 from studies.real_logs import run as real_logs
 
-VEHICLE, RPM, DT = "generic_sub", 90.0, 1.0
-DEG = math.pi / 180
-NOISE = {"x": 1.0, "y": 1.0, "psi": 0.5 * DEG}  # the paper reads positions and angles
-PRIOR = 0.1  # relative sd of every coefficient: the size of the paper's starting errors
-# the paper's Case 2: what a towing tank without a planar motion mechanism gives is known
-KNOWN = ("X_vv", "Y_v", "Y_v|v|", "N_v", "N_v|v|", "X_drdr", "Y_dr", "N_dr")
 ACCELERATION = ("X_udot", "Y_vdot", "Y_rdot", "N_vdot", "N_rdot")
-SHORT = 300.0  # s, zig-zag and rich run
 DRAWS, ZIGZAGS = 400, 60
 MORE, MOST_DRAWS = 200, 1500  # per chain of NUTS; a convergence check still shut then is reported so
+TRUTHS, SAMPLED_TRUTHS = 50, 8  # drawn from the prior; the first of them sampled
 LOGS = {"hsva": "kvlcc2_hsva", "esso": "esso_osaka"}
 FAR = 50.0  # bounds of real ships, in sizes of a coefficient: their estimates go far, and a bound is a wall
 
@@ -67,33 +63,42 @@ def main(
     seed: int,
     by_laplace: tuple[str, ...] = (),
     most: int = MOST_DRAWS,
+    truths: int = TRUTHS,
+    sampled_truths: int = SAMPLED_TRUTHS,
 ) -> dict[str, Any]:
     """Sample every case, look at it through all lenses, write the report."""
     progress = Progress()
     model = build_model(load_vehicle(VEHICLE), 3)
     executed = manoeuvres(quick)
     all22, known14 = model.coefficients, tuple(n for n in model.coefficients if n not in KNOWN)
-    plans: list[tuple[str, str, tuple[str, ...], tuple[str, ...], float, tuple[str, ...]]] = [
-        ("spiral14", "spiral, 14 unknown", ("spiral",), known14, 1.0, ("emcee", "NUTS")),
-        ("spiral22", "spiral, 22 unknown", ("spiral",), all22, 1.0, ("NUTS",)),
-        ("fine14", "spiral, 14 unknown, 0.1 m", ("spiral",), known14, 0.1, ("NUTS",)),
-        ("finejoint14", "three runs, 14 unknown, 0.1 m", tuple(executed), known14, 0.1, ("NUTS",)),
-        ("joint22", "three runs, 22 unknown", tuple(executed), all22, 1.0, ("NUTS",)),
+    both = ("emcee", "NUTS")
+    plans: list[tuple[str, str, tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = [
+        ("spiral14", "spiral, 14 unknown", ("spiral",), known14, both),
+        ("spiral22", "spiral, 22 unknown", ("spiral",), all22, both),
+        ("joint22", "three runs, 22 unknown", tuple(executed), all22, ("NUTS",)),
     ]
     if quick:
-        plans = [("spiral14", "short spiral, 14 unknown", ("spiral",), known14, 1.0, ("NUTS",))]
+        plans = [("spiral14", "short spiral, 14 unknown", ("spiral",), known14, ("NUTS",))]
     if importlib.util.find_spec("nutpie") is None:
         progress.note("nutpie is missing (pip install 'bayesid[nuts]'): the ensembles alone")
         plans = [(*plan[:-1], ("emcee",)) for plan in plans]
     cases = {}
-    for key, words, runs, names, share, samplers in plans:
-        problem = posterior_problem(model, {n: executed[n] for n in runs}, names, share, seed)
-        cases[key] = sampled(key, words, problem, None, samplers, out, quick, seed, progress, most)
+    whole = prior_of(model, all22)
+    truth = draw_params(whole, 1, np.random.default_rng([1812, seed]))[0]
+    for key, words, runs, names, samplers in plans:
+        params = prior_of(model, names)
+        values = truth[[all22.index(n) for n in names]]
+        chosen = {n: executed[n] for n in runs}
+        case = posed(model, chosen, params, np.random.default_rng(seed), truth=values)
+        cases[key] = sampled(
+            key, words, case.problem, None, samplers, out, quick, seed, progress, most, case.truth
+        )
     logs = {} if data is None or quick else real(data, plans[-1][-1], by_laplace, out, seed, progress, most)
     with progress.stage("runs not flown"):
-        alike = {k: c for k, c in cases.items() if "fine" not in k}  # one noise
-        tracks = {n: tracks_of(model, n, m, alike, seed) for n, m in executed.items()}
+        tracks = {n: tracks_of(model, n, m, cases, seed) for n, m in executed.items()}
         facts: dict[str, Any] = {"accelerations": accelerations(cases), "tracks": tracks}
+    few = (2, 1) if quick else (truths, sampled_truths)
+    facts["truths"] = every(out, *few, seed, progress, quick=quick)
     facts["collapse"] = {} if quick else collapse(model, executed, {22: all22, 14: known14}, seed)
     facts |= {
         "by_laplace": [k for k in logs if k in by_laplace],
@@ -108,32 +113,9 @@ def main(
     return results
 
 
-def manoeuvres(quick: bool) -> dict[str, Manoeuvre]:
-    """The paper's spiral, a zig-zag, and a rich run: swept rudder and steps of the shaft speed."""
-    end = 200.0 if quick else 600.0
-    return {
-        "spiral": spiral(RPM, end=end, dt=DT),
-        "zig-zag": zigzag(20 * DEG, 20 * DEG, RPM, approach=10.0, duration=SHORT, dt=DT),
-        "rich": chirp(25 * DEG, 1 / 150, 1 / 20, RPM, SHORT, DT, (1.0, 0.7, 1.1, 0.8)),
-    }
-
-
-def posterior_problem(
-    model: Model, executed: dict[str, Manoeuvre], names: tuple[str, ...], share: float, seed: int
-) -> FitProblem:
-    """Readings of the true vehicle with `share` of the noise, every one of `names` known before to 10 %."""
-    rng = np.random.default_rng(seed)
-    noise = {c: share * s for c, s in NOISE.items()}
-    trial = virtual_trial(
-        model, model.nominal, executed, title="twin", vehicle_ref=VEHICLE, noise=noise, rng=rng
-    )
-    problem = trial_problem(model, trial, coefficient_set(model, names), channels=tuple(NOISE), threads=1)
-    return with_assumed_priors(problem, PRIOR)
-
-
 def sampled(
     key: str, words: str, problem: FitProblem, z: np.ndarray | None, samplers: tuple[str, ...], out: Path,
-    quick: bool, seed: int, progress: Progress, most: int = MOST_DRAWS,
+    quick: bool, seed: int, progress: Progress, most: int = MOST_DRAWS, truth: np.ndarray | None = None,
 ) -> Sampled:  # fmt: skip
     """Fit (unless done), sample with every sampler, and look through the three lenses with the draws."""
     if z is None:
@@ -171,7 +153,7 @@ def sampled(
         derived(problem.model, full_vectors(problem, d), zigzags=0 if quick else ZIGZAGS)
         for d in (density.prior_draws(DRAWS, rng)[:, :k], draws[some])
     )
-    return Sampled(key, words, problem, z, found, draws, seen, (pair[0], pair[1]))
+    return Sampled(key, words, problem, z, found, draws, seen, (pair[0], pair[1]), truth)
 
 
 def by_slopes(
@@ -210,11 +192,12 @@ def weighed(density: TrialDensity, posterior: Posterior | None) -> FitProblem:
 def tracks_of(model: Model, name: str, manoeuvre: Manoeuvre, cases: dict[str, Sampled], seed: int) -> Tracks:
     """Bands of one run, orders as the true vehicle's, by the prior and by every posterior."""
     x0 = steady_start(model, RPM)
-    track, orders = run_manoeuvre(model, model.nominal, manoeuvre, x0)
-    plan = plan_run(model, track.t, orders)
-    truth = simulate(model, model.nominal, plan, x0).states
-    rng = np.random.default_rng(seed)
     widest = cases.get("spiral22", next(iter(cases.values())))
+    true = widest.vehicle
+    track, orders = run_manoeuvre(model, true, manoeuvre, x0)
+    plan = plan_run(model, track.t, orders)
+    truth = simulate(model, true, plan, x0).states
+    rng = np.random.default_rng(seed)
     density = trial_density(widest.problem, widest.z)
     k = len(widest.problem.params.names)
     bands = {
@@ -223,6 +206,8 @@ def tracks_of(model: Model, name: str, manoeuvre: Manoeuvre, cases: dict[str, Sa
         )
     }
     for case in cases.values():
+        if not np.allclose(case.vehicle, true):  # another truth: what is known there is exact
+            continue
         draws = case.draws[rng.choice(len(case.draws), DRAWS, replace=False)]
         bands[case.words] = predict(model, full_vectors(case.problem, draws), plan, x0)
     return Tracks(name, truth, bands)
@@ -257,9 +242,15 @@ def collapse(
     """What one and three runs leave along the spiral's open directions, at the true vehicle, by noise."""
     found = {}
     for count, names in sets.items():
+        at = np.array(model.nominal[model.positions(names)])
         for share in (1.0, 0.3, 0.1):
             one, three = (
-                identify(posterior_problem(model, runs, names, share, seed), profile=False)
+                identify(
+                    posed(
+                        model, runs, prior_of(model, names), np.random.default_rng(seed), share, at
+                    ).problem,
+                    profile=False,
+                )
                 for runs in ({"spiral": executed["spiral"]}, executed)
             )
             rows = []
@@ -331,10 +322,15 @@ if __name__ == "__main__":
     parser.add_argument("--out", type=Path, default=Path("out/posterior"))
     parser.add_argument("--quick", action="store_true", help="one short spiral, one sampler")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--truths", type=int, default=TRUTHS, help="drawn from each prior")
+    parser.add_argument("--sampled", type=int, default=SAMPLED_TRUTHS, help="of them sampled on a spiral")
     parser.add_argument("--laplace", nargs="*", choices=LOGS, default=(), help="real logs without a chain")
     parser.add_argument(
         "--draws", type=int, default=MOST_DRAWS, help="lengthen chains that fall short up to so many draws"
     )
     given = parser.parse_args()
     lock_or_exit(given.out, "studies/posterior/run.py")
-    main(given.out, given.data, given.quick, given.seed, tuple(given.laplace), given.draws)
+    main(
+        given.out, given.data, given.quick, given.seed, tuple(given.laplace), given.draws, given.truths,
+        given.sampled,
+    )  # fmt: skip

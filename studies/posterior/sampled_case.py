@@ -24,6 +24,7 @@ class Sampled:
     posteriors : by sampler; empty where the case was looked at by its Laplace approximation only
     draws : (m, k) of the parameters [SI], of the first posterior or of Laplace
     behaviour : derived quantities of prior and posterior
+    truth : (k,) [SI] of a twin; None for a real log
     """
 
     key: str
@@ -34,10 +35,18 @@ class Sampled:
     draws: Array
     seen: Identifiability
     behaviour: tuple[Derived, Derived]
+    truth: Array | None = None
+
+    @property
+    def vehicle(self) -> Array:
+        """(n,) all parameters of the true vehicle of a twin [SI]."""
+        model = self.problem.model
+        values = self.nominal if self.truth is None else self.truth
+        return self.problem.params.place(np.array(model.nominal), model.index, values)
 
     @property
     def nominal(self) -> Array:
-        """(k,) values of the vehicle file; the truth of a twin."""
+        """(k,) values of the vehicle file, the centre of a twin's prior."""
         return np.asarray(self.problem.model.nominal[self.problem.model.positions(self.seen.names)])
 
 

@@ -127,7 +127,7 @@ def planned(model: Model, par: Array, manoeuvre: Manoeuvre, logging: Logging, na
     """
     manoeuvre, x0 = _begun(model, manoeuvre)
     track, commands = run_manoeuvre(model, par, manoeuvre, x0)
-    run = _laid_out(model, track.t, commands, x0, logging, name)
+    run = laid_out(model, track.t, commands, x0, logging, name)
     return PlannedRun(name or manoeuvre.name, track, commands, run)
 
 
@@ -142,7 +142,7 @@ def _begun(model: Model, manoeuvre: Manoeuvre) -> tuple[Manoeuvre, Array]:
     return manoeuvre, steady_start(model, float(manoeuvre.commands["n_cmd"][0]))
 
 
-def _laid_out(
+def laid_out(
     model: Model, t: Array, commands: Mapping[str, Array], x0: Array, logging: Logging, name: str
 ) -> RunData:
     """Samples, channels and noise of a planned run; the readings are not known yet."""
@@ -256,7 +256,7 @@ def information(
     if isinstance(manoeuvre, OpenLoop):
         begun, x0 = _begun(model, manoeuvre)
         assert isinstance(begun, OpenLoop)
-        run = _laid_out(model, begun.t, begun.commands, x0, logging, name)
+        run = laid_out(model, begun.t, begun.commands, x0, logging, name)
         runs = [run] * len(draws)
     else:
         runs = [planned(model, par, manoeuvre, logging, name).run for par in draws]

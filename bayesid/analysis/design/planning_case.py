@@ -20,7 +20,12 @@ from bayesid.analysis.design.virtual_refit import Refit, refit
 from bayesid.equations.model import Model
 from bayesid.errors import FitError, ModelError, TrialError
 from bayesid.estimation.likelihood.composite import root as root_of
-from bayesid.estimation.likelihood.posterior import composite_of, posterior_of_scores, scores_and_noise
+from bayesid.estimation.likelihood.posterior import (
+    CoefficientPosterior,
+    composite_of,
+    posterior_of_scores,
+    scores_and_noise,
+)
 from bayesid.estimation.output_error import FitProblem, measured_base, output_error_run
 from bayesid.estimation.run_data import RunData
 from bayesid.manoeuvres import Manoeuvre
@@ -150,21 +155,36 @@ def _fitted(problem: FitProblem, known: Knowledge) -> tuple[FitProblem, Refit, d
     return again, refit(again, known, start=found.unknowns), missed
 
 
+def campaign_noise(
+    problem: FitProblem, z: Array, known: Knowledge, dt: float
+) -> tuple[CoefficientPosterior, CampaignNoise | None]:
+    """Composite posterior of a campaign at its best point, and the noise of its residuals; None where white.
+
+    Parameters
+    ----------
+    z : (n,) unknowns of the best point, initial states included
+    dt : time between samples [s]
+    """
+    k = len(known.names)
+    scores, residuals = scores_and_noise(problem, z)
+    posterior = posterior_of_scores(problem, z, scores, residuals.order)
+    if posterior.parts.white:
+        return posterior, None
+    deviation = np.linalg.solve(known.root, np.diag(composite_of(problem, z, scores).spread))
+    channels = tuple(dict.fromkeys(c for run in problem.runs for c in run.channels))
+    scale = problem.scale[:k]
+    return posterior, CampaignNoise(
+        posterior.parts, residuals, channels, _gaps(problem.runs), dt, deviation * scale
+    )
+
+
 def _learned(
     problem: FitProblem, found: Refit, known: Knowledge, dt: float
 ) -> tuple[Knowledge | None, CampaignNoise | None, list[str]]:
     """Posterior of the runs executed, where they agree, the noise of their residuals, and what to say."""
-    z, k = found.unknowns, len(known.names)
-    scores, residuals = scores_and_noise(problem, z)
-    posterior = posterior_of_scores(problem, z, scores, residuals.order)
+    k = len(known.names)
+    posterior, noise = campaign_noise(problem, found.unknowns, known, dt)
     parts = posterior.parts
-    noise = None
-    if not parts.white:
-        deviation = np.linalg.solve(known.root, np.diag(composite_of(problem, z, scores).spread))
-        channels = tuple(dict.fromkeys(c for run in problem.runs for c in run.channels))
-        noise = CampaignNoise(
-            parts, residuals, channels, _gaps(problem.runs), dt, deviation * problem.scale[:k]
-        )
     share = "" if parts.white else f"; they tell {100 * parts.share:.2g} % of what white noise would"
     said = [f"Noise of the runs executed: {parts.describe()}{share}."]
     if not posterior.final:

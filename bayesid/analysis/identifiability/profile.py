@@ -1,7 +1,8 @@
 """Profile likelihood: hold one parameter away from the best point, fit all others again, see what objects.
 
 Takes a `FitProblem` and `Information`. A bounded number of small refits, each written as it is done. Reports
-how much of the resistance came from data and how much from the prior. Does not search for a best point.
+how much of the resistance came from data and how much from the prior, and, refitted without any prior, the
+profile likelihood itself. Does not search for a best point.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +20,14 @@ from bayesid.analysis.identifiability.information import Information
 from bayesid.errors import FitError, ModelError
 from bayesid.estimation.output_error import FitProblem
 from bayesid.files import read_lines, write_atomic
+from bayesid.model.params import ParameterSet
 
 Array = np.ndarray
 OFFSETS = (-2.0, -1.0, 1.0, 2.0)  # in posterior sds
 ITERATIONS = 12
 LEAST_COST_STEP = 1e-4  # a refit is done when a step would lower the cost by less than this
 NORMAL_95 = 1.6449
+FLAT = 1e-3  # rise up to which nothing resists; a normal profile has 2 at two posterior sd
 SAME_COST = 1e-6  # share by which a cost computed again may differ: other processors round otherwise
 
 
@@ -38,6 +41,7 @@ class Profile:
     rise : (m,) rise of the cost (half of chi-square, prior included); 0.5, 2 for a normal posterior
     data_rise : (m,) the part of it that is misfit of the data
     moved : (m, k) change of all parameters [prior sd]
+    likelihood : (m,) rise where no parameter has a prior: the profile likelihood; nan where not asked
     evaluations : Jacobians computed
     """
 
@@ -46,6 +50,7 @@ class Profile:
     rise: Array
     data_rise: Array
     moved: Array
+    likelihood: Array
     evaluations: int
 
     @property
@@ -67,7 +72,14 @@ class Profile:
 
         Linear in the square root of the rise, extended beyond the outer points.
         """
-        offsets, root = self.offsets, np.sqrt(np.maximum(2 * self.rise, 0.0))
+        return self._interval(self.rise)
+
+    def data_interval(self) -> tuple[float, float]:
+        """The same of the profile likelihood, no prior asked; inf on a side where nothing resists."""
+        return self._interval(np.where(self.likelihood < FLAT, 0.0, self.likelihood))
+
+    def _interval(self, rise: Array) -> tuple[float, float]:
+        offsets, root = self.offsets, np.sqrt(np.maximum(2 * rise, 0.0))
         ends = []
         for side in (-1.0, 1.0):
             picked = (side * offsets > 0) & np.isfinite(root)
@@ -90,8 +102,9 @@ def profiles(
     offsets: Sequence[float] = OFFSETS,
     log: Path | str | None = None,
     step: Callable[[], None] | None = None,
+    likelihood: bool = True,
 ) -> tuple[Profile, ...]:
-    """Profiles of some parameters, `len(offsets)` refits each.
+    """Profiles of some parameters, `len(offsets)` refits each, and two more for the profile likelihood.
 
     Parameters
     ----------
@@ -99,7 +112,8 @@ def profiles(
         unknowns)
     log : JSON lines, one per refit; refits found there are not done again where their cost, computed again,
         is the one they tell
-    step : called after every refit
+    step : called after every offset
+    likelihood : whether the outermost offsets are refitted without any prior too
 
     Raises
     ------
@@ -108,6 +122,9 @@ def profiles(
     """
     store = _Store(log, f"{problem.digest} {np.asarray(offsets).tolist()} {z.tolist()}")
     start = problem.cost(z)
+    free = problem.with_params(without_priors(problem.params))
+    free_start = free.cost(z)
+    free_store = _Store(log, f"{free.digest} no prior {np.asarray(offsets).tolist()} {z.tolist()}")
     found = []
     for name in names or info.names:
         lines = []
@@ -119,21 +136,45 @@ def profiles(
             lines.append(line)
             if step is not None:
                 step()
+        bare = np.full(len(lines), np.nan)
+        for i, offset in enumerate(offsets if likelihood else ()):
+            if abs(offset) < max(abs(o) for o in offsets):
+                continue
+            alone = free_store.get(name, offset)
+            if alone is None or not _holds(free, free_start, alone):
+                # from where the prior left the others: they have farther to go
+                alone = _refit(
+                    free, info, z, info.names.index(name), offset, free_start, np.array(lines[i]["z"])
+                )
+                free_store.put(name, offset, alone)
+            bare[i] = max(float(alone["rise"]), 0.0)
+            lines[i] = {**lines[i], "evaluations": lines[i]["evaluations"] + alone["evaluations"]}
         rise, data_rise, moved = (
             np.array([ln[key] for ln in lines], dtype=float) for key in ("rise", "data_rise", "moved")
         )
         count = sum(int(ln["evaluations"]) for ln in lines)
-        found.append(Profile(name, np.array(offsets, dtype=float), rise, data_rise, moved, count))
+        found.append(Profile(name, np.array(offsets, dtype=float), rise, data_rise, moved, bare, count))
     return tuple(found)
 
 
+def without_priors(params: ParameterSet) -> ParameterSet:
+    """The same parameters with nothing known before but their bounds."""
+    return ParameterSet(tuple(replace(p, prior=None) for p in params.entries))
+
+
 def _refit(
-    problem: FitProblem, info: Information, z: Array, fixed: int, offset: float, start: float
+    problem: FitProblem,
+    info: Information,
+    z: Array,
+    fixed: int,
+    offset: float,
+    start: float,
+    begin: Array | None = None,
 ) -> dict[str, Any]:
     """Levenberg-Marquardt over all unknowns but one.
 
-    From the best point with that one moved, so that the way the others take owes nothing to the covariance;
-    only where the vehicle diverges there, from where the local quadratic has its lowest point.
+    From the best point with that one moved (or from `begin`), so that the way the others take owes nothing to
+    the covariance; only where the vehicle diverges there, from where the local quadratic is lowest.
     """
     k = len(info.names)
     column = info.covariance[:, fixed]
@@ -141,7 +182,8 @@ def _refit(
     size[:k] = info.unit
     low, high = problem.low, problem.high
     others = np.arange(z.size) != fixed
-    here = z.copy()
+    here = z.copy() if begin is None else begin.copy()
+    here[fixed] = z[fixed]
     here[fixed] += offset * np.sqrt(column[fixed]) * info.unit[fixed]
     here = np.clip(here, low, high)
     cost, damping, evaluations = problem.cost(here), 1e-6, 0

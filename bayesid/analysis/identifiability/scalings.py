@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bayesid.analysis.identifiability.equal_accelerations import equal_accelerations
 from bayesid.equations.model import Model
 from bayesid.errors import ModelError
 from bayesid.estimation.output_error import FitProblem
@@ -23,6 +24,7 @@ WORDS = {
     "N": "scale of the yaw equation",
     "Y in N": "sway equation added to the yaw equation (one-sided turns)",
 }
+NEW = 1e-3  # of its length: what a direction must have beside those known already
 ROUNDING = 1e-9  # of a column: what is left of a combination that vanishes
 
 
@@ -46,8 +48,26 @@ def scalings(problem: FitProblem, z: Array) -> tuple[Scaling, ...]:
 
     Returns
     -------
-    single equations first, then mixtures; empty for models in six degrees of freedom
+    single equations first, then mixtures; then what is not known in closed form (in six degrees of freedom
+    all of it) and found as combinations that change no acceleration
     """
+    closed = _in_closed_form(problem, z)
+    size = np.array([p.scale for p in problem.params.free])
+    known = np.array([s.tangent / size for s in closed]).reshape(len(closed), len(size))
+    out = list(closed)
+    for words, tangent in equal_accelerations(problem, z):
+        left = tangent / size
+        if len(known):
+            basis = np.linalg.qr(known.T)[0]
+            left = left - basis @ (basis.T @ left)
+        if np.linalg.norm(left) > NEW * np.linalg.norm(tangent / size):
+            out.append(Scaling(words, tangent))
+            known = np.vstack([known, tangent / size])
+    return tuple(out)
+
+
+def _in_closed_form(problem: FitProblem, z: Array) -> tuple[Scaling, ...]:
+    """Those of planar models; in six degrees of freedom at most the one of one-sided turns, a candidate."""
     model, par = problem.model, problem.split(z)[0]
     names, columns = [], []
     for key in WORDS:
