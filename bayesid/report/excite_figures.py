@@ -20,6 +20,7 @@ MEANING = {
     "not needed": COLOURS["grey"],
     "not excited": "#CCCCCC",
 }
+HATCH = {"cannot tell": "//", "not needed": "..."}  # for prints in grey
 
 
 @styled
@@ -27,7 +28,11 @@ def inclusion(names: Sequence[str], values: Sequence[float], statuses: Sequence[
     """Bars of inclusion frequency, first term on top, one colour per status."""
     figure, axes = subplots(height=max(1.6, 0.21 * len(names) + 0.9))
     where = np.arange(len(names))[::-1]
-    axes.barh(where, values, color=[MEANING[s] for s in statuses], height=0.7)
+    hatches = [HATCH.get(s, "") for s in statuses]
+    axes.barh(
+        where, values, color=[MEANING[s] for s in statuses], height=0.7, hatch=hatches, edgecolor="white",
+        linewidth=0.0,
+    )  # fmt: skip
     for y, value, status in zip(where, values, statuses, strict=True):
         if status == "not excited":
             axes.text(value + 0.01, y, "not excited", va="center", fontsize=7, color=COLOURS["grey"])
@@ -37,7 +42,9 @@ def inclusion(names: Sequence[str], values: Sequence[float], statuses: Sequence[
     axes.set_xlabel("share of bootstrap draws that keep the term")
     present = [s for s in MEANING if s in statuses]
     axes.legend(
-        handles=[Patch(color=MEANING[s], label=s) for s in present],
+        handles=[
+            Patch(facecolor=MEANING[s], edgecolor="white", hatch=HATCH.get(s, ""), label=s) for s in present
+        ],
         loc="lower left",
         bbox_to_anchor=(0.0, 1.0),
         ncols=len(present),

@@ -22,6 +22,8 @@ LABELS = {
     "delta_s_cmd": ("stern planes [deg]", 180 / math.pi),
     "n_cmd": ("shaft speed [rpm]", 1.0),
 }
+# Range of a map of errors: a run that tells nothing, which everything predicts, would take all colours.
+MOST_DECADES = 4.0
 
 
 def compact(figure: Any, colours: int = 64) -> bytes:
@@ -98,6 +100,7 @@ def cross_map(
     figure, axes = subplots(1, len(panels), height=1.6 + 0.19 * len(names), squeeze=False, sharey=True)
     finite = np.concatenate([v[np.isfinite(v) & (v > 0)] for v in panels.values()])
     low, high = np.log10(np.quantile(finite, [0.02, 0.98]))
+    low = max(low, high - MOST_DECADES)
     image: Any = None
     for ax, (title, values) in zip(axes[0], panels.items(), strict=True):
         ax.set_facecolor("#DDDDDD")
@@ -154,12 +157,12 @@ def candidates(names: Sequence[str], values: Array, designed: str, xlabel: str, 
     """Bars of all candidates, best on top, with the range of random designs as a band."""
     figure, ax = subplots(height=max(2.0, 0.21 * len(names) + 0.9))
     where = np.arange(len(names))[::-1]
-    noise_model = [COLOURS["orange"] if n == designed else COLOURS["blue"] for n in names]
-    ax.barh(where, values, color=noise_model, height=0.7)
+    colours = [COLOURS["orange"] if n == designed else COLOURS["blue"] for n in names]
+    ax.barh(where, values, color=colours, height=0.7)
     ax.set_yticks(where, names)
     if randoms.size:
         ax.axvspan(randoms.min(), randoms.max(), color=COLOURS["grey"], alpha=0.25, label="random designs")
-        ax.legend(loc="lower right")
+        figure.legend(loc="outside right upper")
     positive = values[np.isfinite(values) & (values > 0)]
     if positive.size == values.size and positive.max() > 30 * positive.min():
         ax.set_xscale("log")
