@@ -123,10 +123,11 @@ def _as_stated(result: Result) -> list[str]:
 
 def _explained(result: Result) -> str:
     used = explanation(result)
-    if result.verdict == "model_form" and not used:
+    if result.verdict == "model_form" and not used and retuned(result):
         return "Re-tuned and explained are one: with the force that the equations lack, no cause beside it."
     if not used:
-        return f"Explained: {'as re-tuned' if retuned(result) else 'as given'}, no effect is in it."
+        without = " nor the force that the equations lack" if result.verdict == "model_form" else ""
+        return f"Explained: {'as re-tuned' if retuned(result) else 'as given'}, no effect{without} is in it."
     words = " + ".join(in_words(n) for n in used)
     if result.verdict == "model_form":
         return f"Explained: with {words}, which may stand for the force that the equations lack."
