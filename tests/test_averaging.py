@@ -50,7 +50,7 @@ def test_a_command_switches_when_it_did():
 
 
 def test_a_log_whose_order_changes_with_every_sample_is_left_as_it_is():
-    """An autopilot's: every change keeps its sample, so that averages would leave more samples than there were."""
+    """An autopilot's: every change keeps its sample, and averages would leave more samples than before."""
     was = straight()
     order = 0.1 * np.sin(was.t) + 0.01 * np.random.default_rng(0).standard_normal(was.t.size)
     trial = trial_of([replace(was, commands={"delta_r_cmd": order})])
