@@ -252,8 +252,8 @@ def calibration_words(calibration: Calibration) -> str:
     inside = ", ".join(f"{c} {100 * share:.0f} %" for c, share in calibration.inside.items())
     if not calibration.apart:
         return (
-            "Predicted by the fit that read it, the run lies inside the 95 % band for this share of the time: "
-            f"{inside}. One run alone says nothing of the next: fit several."
+            "Predicted by the fit that read it, the run lies inside the 95 % band for this share of the "
+            f"time: {inside}. One run alone says nothing of the next: fit several."
         )
     return (
         "Each predicted from the others, the fitted runs lie inside the 95 % band for this share of the "
