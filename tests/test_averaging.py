@@ -49,6 +49,15 @@ def test_a_command_switches_when_it_did():
     assert run.t[np.argmax(run.commands["delta_r_cmd"] > 0)] == pytest.approx(switched, abs=1e-9)
 
 
+def test_a_log_whose_order_changes_with_every_sample_is_left_as_it_is():
+    """An autopilot's: every change keeps its sample, and averages would leave more samples than before."""
+    was = straight()
+    order = 0.1 * np.sin(was.t) + 0.01 * np.random.default_rng(0).standard_normal(was.t.size)
+    trial = trial_of([replace(was, commands={"delta_r_cmd": order})])
+    assert averaged(trial, L_U, 500) is trial
+    assert averaged(trial_of([was]), L_U, 500).runs[0].n_samples < 0.2 * was.n_samples
+
+
 def test_the_noise_stated_of_an_average_is_the_one_it_has():
     was, rng = straight(), np.random.default_rng(3)
     noisy = replace(was, data={c: v + NOISE[c] * rng.standard_normal(v.size) for c, v in was.data.items()})

@@ -27,7 +27,7 @@ from bayesid.model.vehicles import coef_si, load_vehicle
 from bayesid.prediction.fitted_model import CHANCE_SPREAD, predictive_model, size_spread
 from bayesid.prediction.intervals import standard_errors
 from bayesid.prediction.prediction import predict_run
-from bayesid.report.fit import fit_report
+from bayesid.report.fit import calibration_words, fit_report
 from studies.coverage.campaigns import Condition, campaign, drawn_truth, problem_of, setting, with_rows
 from studies.coverage.run import CONDITIONS, RANKS, replicate
 
@@ -671,6 +671,16 @@ def predicted(seed, fresh=3):
 def test_bands_of_the_predictive_model_hold_fresh_runs():
     shares = [predicted(seed) for seed in range(8)]
     assert 0.90 <= np.mean(shares) <= 0.98
+
+
+@pytest.mark.parametrize("several", [False, True])
+def test_runs_are_said_to_be_predicted_from_the_others_only_where_there_are_others(several):
+    s, _, trial = campaign_of(Condition(), 0)
+    one = replace(trial, runs=trial.runs[: 2 if several else 1])
+    found = fit_trial(one, s.model.vehicle, params=s.params, threads=1)
+    told = predictive_model(found, draws=20)[1]
+    assert told.apart is several
+    assert ("from the others" in calibration_words(told)) is several
 
 
 @pytest.mark.slow

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from diagnosis_results import RESULT, a_result, draws
 
-from bayesid.diagnosis.answer import answer, failures, in_words
+from bayesid.diagnosis.answer import answer, explained_words, failures, in_words
 from bayesid.diagnosis.evidence.effect_draws import warning
 from bayesid.diagnosis.evidence.replay import Replay
 from bayesid.diagnosis.plain_words import intervals, sentence
-from bayesid.diagnosis.result_parts import Effect, Moved, Refit, RunError, Value
+from bayesid.diagnosis.result_parts import Effect, Moved, Refit, Retuning, RunError, Value
 from bayesid.diagnosis.summary import summary
 from bayesid.model.effects import CATALOGUE
 from bayesid.report.diagnosis.report import diagnosis_report, write_diagnosis_report
@@ -165,3 +165,27 @@ def test_an_interval_of_draws_is_as_wide_as_the_runs_differ():
     assert (low - of.mean) == pytest.approx(3 * (of.low95 - of.mean))
     assert (high - of.mean) == pytest.approx(3 * (of.high95 - of.mean))
     assert _interval(None, key, of.sd) == (None, None) == _interval(drawn, "none", of.sd)
+
+
+def test_a_model_with_coefficients_as_given_is_not_called_one_with_the_re_tuned():
+    """As given it has not the force that the equations lack either; re-tuned it has."""
+    form = replace(RESULT, verdict="model_form", explanation=())
+    for kept in (True, False):
+        said = explained_words(replace(form, retuning=Retuning(kept, -0.1, 0.2, {})))
+        assert ("are one" in said) is kept
+        assert ("as given" in said) is not kept
+
+
+def test_a_sensor_that_errs_is_judged_by_its_own_readings():
+    """A gyro moves no track: what falls is the error of the yaw rate, and only then is it said."""
+    run = a_run(position=(0.44, 0.5, 0.44), heading=(0.005, 0.005, 0.005))
+    shown = replace(RESULT, explanation=("gyro_scale",), effects=(an_effect("gyro_scale", scale=(0.02, 0.001)),))
+
+    def outcome(after):
+        rates = dict(zip(run.rms, (0.01, 0.009, after), strict=True))
+        rms = {m: {**run.rms[m], "r": rates[m]} for m in run.rms}
+        return answer(replace(shown, runs=(replace(run, rms=rms),))).outcome
+
+    assert "0.11 degrees a second instead of 0.57" in outcome(0.002)
+    assert "no gain" not in outcome(0.002)
+    assert "no gain" in outcome(0.0095)

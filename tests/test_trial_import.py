@@ -106,6 +106,8 @@ def test_a_stamp_of_nanoseconds_keeps_its_digits():
             "deg/s"),
         ("speed_kn", "speed", "kn"), ("delta_s", "delta_s", None), ("time_ms", "time", "ms"),
         ("HDG (deg true)", "HDG", "deg"), ("Ruder soll [° Bb+]", "Ruder soll", "deg"),
+        ("Kurs [Grad]", "Kurs", "deg"), ("Drehrate [Grad/s]", "Drehrate", "deg/s"),
+        ("Kurs [grader]", "Kurs", "deg"), ("Fart [knop]", "Fart", "kn"),
         ("Helm (deg, stbd +)", "Helm", "deg"), ("Rudder [deg port+]", "Rudder", "deg"),
         ("vel, m/s", "vel", "m/s"), ("torque [kNm]", "torque", "kNm"), ("u_mps", "u", "m/s"), ("rpm",
             "rpm", None),
@@ -136,6 +138,7 @@ def test_a_header_tells_its_positive_side(header, side):
         ("Nord (m)", "north"), ("Ost (m)", "east"), ("Hochwert [m]", "north"), ("V Nord (m/s)", "v_north"),
         ("HDG (deg true)", "heading"), ("Speed thru water (kn)", "speed_through_water"),
         ("FdW [kn]", "speed_through_water"), ("Fahrt über Grund [kn]", "speed_over_ground"),
+        ("Fahrt [kn]", "u"), ("Øst [m]", "east"), ("Svingrate [grader/s]", "r"), ("Turtall [o/min]", "n"),
         ("Engine", None), ("Engine temp", None), ("engine_hours", None), ("gearbox_oil_rpm", None),
     ],
 )  # fmt: skip
@@ -143,6 +146,28 @@ def test_a_header_gives_its_role(header, role):
     values = np.arange(5.0)
     guess = guess_role(RawChannel(header, values, values, split_unit(header)[1]))
     assert (None if guess is None else guess.role) == role
+
+
+def test_a_norwegian_log_with_dates_under_a_name_nobody_knows_is_read(tmp_path):
+    """Decimal commas, Latin-1, heading wrapped: by the values a column of dates is the time."""
+    truth = motion(np.random.default_rng(7))
+    head = "Klokkeslett;Nord [m];Øst [m];Kurs [grader];Rorvinkel ordre [grader];Turtall [o/min]"
+    start, rows = np.datetime64("2026-05-03T09:12:00.000"), [head]
+    for t, x, y, psi, rudder, n in zip(
+        *(truth[c] for c in ("t", "x", "y", "psi", "delta_r_cmd", "n_cmd")), strict=True
+    ):
+        when = (start + np.timedelta64(round(1000 * t), "ms")).astype(object)
+        numbers = (x, y, psi / DEG % 360.0, rudder / DEG, n)
+        rows.append(
+            f"{when:%d.%m.%Y %H:%M:%S},{when.microsecond // 1000:03d};"
+            + ";".join(f"{v:.3f}".replace(".", ",") for v in numbers)
+        )
+    log = tmp_path / "dykk.csv"
+    log.write_text("\n".join(rows) + "\n", encoding="latin-1")
+    found = propose([log]).map
+    assert set(found.channels) >= {"north", "east", "heading", "delta_r_cmd", "n_cmd"}
+    assert found.channels["heading"].unit == "deg"
+    assert not found.questions
 
 
 @pytest.mark.parametrize("side", ["stbd", "port"])

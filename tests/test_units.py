@@ -51,6 +51,8 @@ def test_uncommon_unit_is_read_through_pint():
         ("furlong*furlong", "m", "another dimension"),
         ("degC", "m", "another dimension"),
         ("dge", "rad", "did you mean [deg]"),
+        ("Grad", "rad", "written [deg]"),  # to pint a giga-radian
+        ("Grad/s", "rad/s", "written [deg]"),
         ("9**9**9**9**9", "m", "not known"),
         ("__import__('os')", "m", "not known"),
         ("", "m", "not known"),

@@ -18,6 +18,7 @@ from bayesid.diagnosis.run_errors import (
     closes,
     error_rows,
     kind_of_run,
+    mended_reading,
     miss,
     missed,
     missed_too,
@@ -123,10 +124,11 @@ def _as_stated(result: Result) -> list[str]:
 
 def _explained(result: Result) -> str:
     used = explanation(result)
-    if result.verdict == "model_form" and not used:
+    if result.verdict == "model_form" and not used and retuned(result):
         return "Re-tuned and explained are one: with the force that the equations lack, no cause beside it."
     if not used:
-        return f"Explained: {'as re-tuned' if retuned(result) else 'as given'}, no effect is in it."
+        without = " nor the force that the equations lack" if result.verdict == "model_form" else ""
+        return f"Explained: {'as re-tuned' if retuned(result) else 'as given'}, no effect{without} is in it."
     words = " + ".join(in_words(n) for n in used)
     if result.verdict == "model_form":
         return f"Explained: with {words}, which may stand for the force that the equations lack."
@@ -246,6 +248,12 @@ def _outcome(result: Result, run: RunError) -> str:
         else "With them" if result.verdict in NAMING and len(explanation(result)) == len(result.effects)
         else f"With {' + '.join(in_words(n) for n in explanation(result))}"
     )  # fmt: skip
+    if not closes(errors, 0, 2) and (mended := mended_reading(run)):
+        return (
+            f"{what}, {mended} on the {verb} {run_words(run)}. Track and heading stay: it "
+            f"{missed(errors, 2, RMS)}; as given, {missed_too(errors, 0, 2)}; re-tuned, "
+            f"{missed_too(errors, 1, 0)}."
+        )
     if not closes(errors, 0, 2):
         return (
             f"{what}, the {verb} {run_words(run)} {missed(errors, 2, RMS)}, which is no gain: as given, "
@@ -409,7 +417,10 @@ def _steps(result: Result) -> tuple[str, ...]:
                 if result.retuning is not None:
                     sizes = {k: result.retuning.sizes.get(k, v) for k, v in sizes.items()}
                 values = " ".join(f"--set {k}={v:.3g}" for k, v in sizes.items())
-                out.append(f"Look for {in_words(e.name)} on the vehicle, or simulate with it: `{values}`.")
+                given = "" if retuned(result) else ", coefficients as given"
+                out.append(
+                    f"Look for {in_words(e.name)} on the vehicle, or simulate with it{given}: `{values}`."
+                )
     elif (
         result.verdict in ("none", "coefficients")
         and result.runs

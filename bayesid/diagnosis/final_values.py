@@ -161,7 +161,7 @@ def result_of(
             for n, x, s in zip(
                 problem.stated.names,
                 explained.fit.par[problem.stated.where],
-                best.fit.sd if explained.retuned else problem.stated.sd,
+                explained.fit.sd if explained.retuned else problem.stated.sd,
                 strict=False,
             )
         },

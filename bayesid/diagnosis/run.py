@@ -145,6 +145,9 @@ def diagnose(
             warnings,
         )
     posterior = _drawn(problem, candidates, verdict, seed, notify, warnings) if draw else None
+    if verdict.word in NEEDS_NONE and explained.effects:
+        # a verdict that needs no effect is shown without one, though one may gain by chance
+        explained = _explained(problem, none, warnings)
     diagnosed = None
     if keep_model:
         notify("model for predictions")
@@ -154,9 +157,6 @@ def diagnose(
             None,
             warnings,
         )
-    if verdict.word in NEEDS_NONE and explained.effects:
-        # a verdict that needs no effect is shown without one, though one may gain by chance
-        explained = _explained(problem, none, warnings)
     result = result_of(
         trial,
         model,

@@ -18,6 +18,7 @@ MODELS = (GIVEN, RETUNED, EXPLAINED)
 WORSE = 1.1
 # Up to this factor two errors count as the same.
 SAME = 1.25
+DEG = 180 / math.pi
 
 
 @dataclass(frozen=True)
@@ -102,6 +103,32 @@ def worse(rows: tuple[ErrorRow, ...]) -> bool:
         return False
     given, now = rows[0].values[0], rows[0].values[-1]
     return math.isfinite(given) and not now <= WORSE * given
+
+
+READINGS = {
+    "u": ("readings of the speed ahead", "m/s", 1.0), "v": ("readings of the sway", "m/s", 1.0),
+    "w": ("readings of the heave", "m/s", 1.0), "p": ("readings of the roll rate", "degrees a second", DEG),
+    "q": ("readings of the pitch rate", "degrees a second", DEG),
+    "r": ("readings of the yaw rate", "degrees a second", DEG),
+    "phi": ("readings of the roll", "degrees", DEG), "theta": ("readings of the pitch", "degrees", DEG),
+}  # fmt: skip
+
+
+def mended_reading(run: RunError) -> str:
+    """The readings whose error falls most by the explanation, in a phrase; empty where none falls by more
+    than what counts as the same. A sensor that errs moves neither track nor heading.
+    """
+    falls = {}
+    for channel in READINGS:
+        before, after = (run.rms.get(m, {}).get(channel) for m in (GIVEN, EXPLAINED))
+        if before is not None and after is not None and before > SAME * after > 0:
+            falls[channel] = before / after
+    if not falls:
+        return ""
+    channel = max(falls, key=lambda c: falls[c])
+    what, unit, scale = READINGS[channel]
+    before, after = (float(run.rms[m][channel] or 0.0) * scale for m in (GIVEN, EXPLAINED))
+    return f"{what} are missed by {number(after)} {unit} instead of {number(before)}"
 
 
 def _scaled(value: float | None, scale: float) -> float:

@@ -63,6 +63,7 @@ _QUANTITY = {
 # evaluate a tower of exponents
 _ATOM = r"[A-Za-zµμΩ°]+(?:(?:\^|\*\*)-?[1-9])?"
 _PLAIN_UNIT = re.compile(rf"(?:1\s*/\s*)?{_ATOM}(?:\s*[*/·]\s*{_ATOM}|\s+{_ATOM})*")
+_HUGE_ANGLE = re.compile(r"(?:G|giga)rad\b")
 
 
 @lru_cache(maxsize=1)
@@ -85,6 +86,8 @@ def _factor(unit: str, inside: str) -> float | str:
     near = difflib.get_close_matches(unit[:20], table, n=1, cutoff=0.5)
     hint = f"; did you mean [{near[0]}]?" if near else ""
     unknown = f"unit [{unit[:40]}] is not known ({wanted}{hint})"
+    if _HUGE_ANGLE.match(unit):
+        return f"[{unit[:40]}] would be a billion radians; degrees, Grad in German, are written [deg]"
     if len(unit) > 40 or not _PLAIN_UNIT.fullmatch(unit):
         return unknown
     try:

@@ -71,6 +71,7 @@ class Calibration:
     inside : channel -> share of readings inside the 95 % band
     run_spread : sd of the logarithm of the disturbance's size from run to run
     keeps_prior : whether coefficients are drawn no wider than their prior
+    apart : whether each run was predicted from the others; not where one run alone was fitted
     """
 
     level: dict[str, float]
@@ -79,6 +80,7 @@ class Calibration:
     inside: dict[str, float]
     run_spread: float = 0.0
     keeps_prior: bool = False
+    apart: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +158,8 @@ def _calibrated(
         ratio = {c: {h: ratio_of(np.concatenate(z)) for h, z in parts.items()} for c, parts in errors.items()}
         inside = {c: float(np.mean(np.abs(pooled(parts)) < 1.96)) for c, parts in errors.items()}
         sizes = dict(zip(axes, map(float, level), strict=True))
-        now = Calibration(sizes, tau, ratio, inside, size_spread(errors))
+        apart = all(run.name in posterior.left_out for run in runs)
+        now = Calibration(sizes, tau, ratio, inside, size_spread(errors), apart=apart)
         tried.append(_Tried(len(runs) - len(density), float(np.mean(density)), posterior, level, now))
         worst = max(r for parts in ratio.values() for r in parts.values())
         say(

@@ -250,6 +250,11 @@ def _predictive_table(fit: Fit) -> list[Block]:
 def calibration_words(calibration: Calibration) -> str:
     """How well the fitted runs are predicted, in a sentence."""
     inside = ", ".join(f"{c} {100 * share:.0f} %" for c, share in calibration.inside.items())
+    if not calibration.apart:
+        return (
+            "Predicted by the fit that read it, the run lies inside the 95 % band for this share of the "
+            f"time: {inside}. One run alone says nothing of the next: fit several."
+        )
     return (
         "Each predicted from the others, the fitted runs lie inside the 95 % band for this share of the "
         f"time: {inside}."

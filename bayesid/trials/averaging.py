@@ -23,6 +23,7 @@ from bayesid.trials.trial import Floats, Run, Trial
 LONGEST_BLOCK = 0.05  # L/U
 MOST_BEND = 0.3  # what a bend adds to an average, rms, over its noise, before it is taken off
 AWAY = 2  # blocks
+WORTH = 0.75  # most samples left, of those there were: every change of an order keeps one
 FULL = 0.75  # share of the usual readings a block must hold
 SAME_RATE = 0.2  # relative difference of the readings per block between runs that share a noise
 
@@ -37,9 +38,9 @@ def averaged(trial: Trial, time_scale: float, most: int) -> Trial:
 
     Returns
     -------
-    Trial; the same one where it is short enough, where readings are too far apart to average, where runs are
-    logged at different rates (one noise holds for all), or where noise is not stated (averages would be
-    weighed by what fast changes of theirs show)
+    Trial; the same one where it is short enough, where readings are too far apart to average, where orders
+    change so often that no fewer samples are left, where runs are logged at different rates (one noise holds
+    for all), or where noise is not stated (averages would be weighed by what fast changes of theirs show)
     """
     runs = trial.identify
     samples = sum(run.n_samples for run in runs)
@@ -52,6 +53,8 @@ def averaged(trial: Trial, time_scale: float, most: int) -> Trial:
         if done is None:
             return trial
         out, bend = done
+        if sum(run.n_samples for run in out.identify) > WORTH * samples:
+            return trial
         if bend <= MOST_BEND:
             words = (
                 f"{samples} readings {spacing:.3g} s apart are averaged over {count * spacing:.3g} s "

@@ -14,8 +14,8 @@ import numpy as np
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.equations.model import Model
 from bayesid.errors import BayesidError
-from bayesid.estimation.filter_error.fit import fit
-from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, linearise, wrap
+from bayesid.estimation.filter_error.followed import followed
+from bayesid.estimation.filter_error.linearise import Linearisation, linearise, wrap
 from bayesid.estimation.filter_error.noise_model import NoiseModel, smoothed
 from bayesid.estimation.filter_error.read_run import filter_error_run
 from bayesid.estimation.likelihood.composite import root
@@ -104,16 +104,7 @@ def predicted(
     floor, chance = np.ones(len(log.channels)), np.zeros(0)
     for name, par in models.items():
         try:
-            point = Trajectory(par, log.path, np.zeros((log.n - 1, len(noise_model.force))))
-            begun = fit(
-                model,
-                [known],
-                NO_PARAMETERS,
-                noise_model,
-                start=[point],
-                initial_noise_scale=0.0,
-                iterations=15,
-            )
+            begun = followed(model, known, par, noise_model, iterations=15)
             x0 = begun.points[0].states[0, : len(model.states)]
             obs = _replayed(model, par, log, x0)
             if name == "with effect":

@@ -19,7 +19,8 @@ from numpy.linalg import LinAlgError
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.evidence.residual_force import residual_force
 from bayesid.errors import BayesidError
-from bayesid.estimation.filter_error.fit import FilterErrorFit, fit
+from bayesid.estimation.filter_error.fit import FilterErrorFit
+from bayesid.estimation.filter_error.followed import followed
 from bayesid.estimation.filter_error.linearise import Trajectory, linearise, wrap
 from bayesid.estimation.filter_error.noise_model import NoiseModel, smoothed
 from bayesid.estimation.filter_error.read_run import filter_error_run
@@ -201,11 +202,7 @@ def _replay(
 
 def _begun(problem: DiagnosisProblem, known: RunData, par: Array, noise_model: NoiseModel) -> Trajectory:
     """Path of a model over a run of which only the lead-in has readings."""
-    first = Trajectory(par, known.path, np.zeros((known.n - 1, len(noise_model.force))))
-    return fit(
-        problem.model, [known], NO_PARAMETERS, noise_model, start=[first], initial_noise_scale=0.0,
-        iterations=15,
-    ).points[0]  # fmt: skip
+    return followed(problem.model, known, par, noise_model, iterations=15).points[0]
 
 
 def _simulated(problem: DiagnosisProblem, log: RunData, par: Array, x0: Array) -> Array:

@@ -18,7 +18,7 @@ from bayesid.trials.importing.tables import plain
 ORDERED = re.compile(
     r"\b(cmd|command|commanded|order|ordered|set|setpoint|set point|sp|demand|demanded|desired|des|target|"
     r"ref|reference|"
-    r"soll|req|requested|input|order|goal)\b"
+    r"soll|ordre|req|requested|input|order|goal)\b"
 )
 MEASURED = re.compile(
     r"\b(act|actual|meas|measured|fb|feedback|ist|encoder|state|response|reported|sensor)\b"
@@ -47,7 +47,7 @@ PATTERNS: tuple[tuple[str, str], ...] = (
     ("north", r"north|northing|pos n|n pos|pos north|north pos(ition)?|position north|x north|"
               r"utm n(orthing)?|y utm|nord(wert)?|pos nord|hochwert"),
     ("east", r"east|easting|pos e|e pos|pos east|east pos(ition)?|position east|y east|utm e(asting)?|x utm|"
-             r"ost(wert)?|pos ost|rechtswert"),
+             r"(o|ø|ö)st(wert)?|pos ost|rechtswert"),
     ("qw", r"qw|q w|quat w|quaternion w|orientation w|q0|q 0"),
     ("qx", r"qx|q x|quat x|quaternion x|orientation x|q1|q 1"),
     ("qy", r"qy|q y|quat y|quaternion y|orientation y|q2|q 2"),
@@ -62,13 +62,14 @@ PATTERNS: tuple[tuple[str, str], ...] = (
     ("psi", r"yaw|psi|ψ|yaw angle|psi hat|orientation|gier(winkel)?"),
     ("r", r"r|yaw rate|yawrate|rot|rate of turn|turn rate|gyro z|gz|wz|omega z|angular vel(ocity)? z|"
           r"yaw ?speed|psi dot|"
-          r"r angvelo|heading rate|gyr z|yaw velocity|w z|ang vel z|drehrate"),
+          r"r angvelo|heading rate|gyr z|yaw velocity|w z|ang vel z|drehrate|svingrate"),
     ("p", r"p|roll rate|rollrate|gyro x|gx|wx|omega x|angular vel(ocity)? x|roll ?speed|gyr x|w x|ang vel x"),
     ("q", r"q|pitch rate|pitchrate|gyro y|gy|wy|omega y|angular vel(ocity)? y|pitch ?speed|gyr y|w y|"
           r"ang vel y"),
     ("u_water", r"u water|vx water|dvl water x|surge water"),
     ("v_water", r"v water|vy water|dvl water y|sway water"),
     ("u", r"u|surge|vx|vel x|u velo|surge vel(ocity)?|surge speed|vx body|body vx|u body|forward speed|"
+          r"fahrt|fart|"
           r"dvl x|dvl vx|bt x|"
           r"linear x|velocity x|forward vel(ocity)?|u ground|v x|speed|velocity|geschwindigkeit|"
           r"long(itudinal)? speed"),
@@ -78,7 +79,8 @@ PATTERNS: tuple[tuple[str, str], ...] = (
     ("w", r"w|heave|vz|vel z|heave vel(ocity)?|vz body|w body|dvl z|dvl vz|velocity z|v z"),
     ("delta_r", r"rudder|rud|helm|ruder|ruderlage|delta r|deltar|delta|δ|delta rudder|rudder angle|dr|"
                 r"steer|steering|tiller|"
-                r"steering angle|vertical fin|fin vertical|rudder pos(ition)?|rudderangle|barre"),
+                r"steering angle|vertical fin|fin vertical|rudder pos(ition)?|rudderangle|barre|"
+                r"ror(vinkel)?"),
     ("delta_s", r"stern ?plane|stern ?planes|elevator|delta s|delta e|stern|horizontal fin|fin horizontal|"
                 r"hydroplane|"
                 r"stern plane angle|stern ?plane pos(ition)?|elevator angle"),
@@ -86,7 +88,7 @@ PATTERNS: tuple[tuple[str, str], ...] = (
     ("n", r"n|rpm|rps|n prop|prop(eller)?|prop(eller)? (rpm|rps|speed|rev|revs|revolutions)|shaft|"
           r"shaft (rpm|speed|rev)|revs|"
           r"screw|screw speed|motor (rpm|speed)|(main )?eng(ine)? (rpm|speed|revs?)|thruster (rpm|speed)|"
-          r"(motor|wellen|propeller)?drehzahl|main rpm|"
+          r"(motor|wellen|propeller)?drehzahl|turtall|main rpm|"
           r"rotation rate|"
           r"propeller rate|prop rate|shaft rate"),
     ("thrust", r"thrust|prop(eller)? thrust|schub"),

@@ -56,7 +56,7 @@ def plain(name: str) -> str:
     again, twice = split_unit(head)
     head = again if twice is not None and twice == unit else head  # latitude_deg (deg)
     head = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", head)
-    return " ".join(re.findall(r"[a-zäöüß]+|\d+|[δψφθ]", head.lower()))
+    return " ".join(re.findall(r"[a-zäöüßåæø]+|\d+|[δψφθ]", head.lower()))
 
 
 def choose_time(columns: Columns, options: SourceOptions, where: str) -> TimeChoice:
@@ -153,12 +153,20 @@ def _find_time(columns: Columns) -> tuple[str, ...]:
     for name in [*named, *dates]:
         if data[name].dtype.kind == "M" or name in texts or _rises(data[name]):
             return (name,)
+    # whatever its name in whatever language, a column of nothing but dates or times of day is when
+    when = [n for n in texts if _all_times([str(v) for v in data[n][:50]])]
+    if len(when) == 1:
+        return (when[0],)
     first = next((n for n in data if n not in texts), None)
     if first is not None and _rises(data[first]) and np.size(data[first]) > 2:
         steps = np.diff(data[first].astype(float))
         if np.nanmax(steps) < 1.5 * np.nanmin(steps) + 1e-9 and words[first] in ("", "column 1", "x", "0"):
             return (first,)
     return ()
+
+
+def _all_times(texts: list[str]) -> bool:
+    return clocks.is_date_text(texts) or clocks.is_time_of_day(texts)
 
 
 def _rises(values: np.ndarray) -> bool:
