@@ -179,7 +179,9 @@ def test_a_model_with_coefficients_as_given_is_not_called_one_with_the_re_tuned(
 def test_a_sensor_that_errs_is_judged_by_its_own_readings():
     """A gyro moves no track: what falls is the error of the yaw rate, and only then is it said."""
     run = a_run(position=(0.44, 0.5, 0.44), heading=(0.005, 0.005, 0.005))
-    shown = replace(RESULT, explanation=("gyro_scale",), effects=(an_effect("gyro_scale", scale=(0.02, 0.001)),))
+    shown = replace(
+        RESULT, explanation=("gyro_scale",), effects=(an_effect("gyro_scale", scale=(0.02, 0.001)),)
+    )
 
     def outcome(after):
         rates = dict(zip(run.rms, (0.01, 0.009, after), strict=True))
