@@ -16,7 +16,8 @@ from bayesid.equations.model import Model
 from bayesid.estimation.run_data import Array
 from bayesid.simulation import TimePlan, interval_maps, part_of, readings_on
 
-MOST_BYTES = 16_000_000  # of a run's slopes that are held
+# of a run's slopes that are held; made anew for every sum they double the time of a diagnosis
+MOST_BYTES = 48_000_000
 BLOCK = 2048  # samples made at a time
 BESIDE = 2  # samples on either side that a late sensor's rates are taken from
 
