@@ -12,10 +12,11 @@ import numpy as np
 
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.hypotheses.localisation import SIGNAL_AMPLITUDES, SIGNAL_TAUS
-from bayesid.estimation.filter_error.evidence import normal_equations, posterior
+from bayesid.estimation.filter_error.evidence import posterior
 from bayesid.estimation.filter_error.fit import fit
 from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, forces, linearise
-from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit, mixing, smoothed, whitened
+from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit, mixing, smoothed
+from bayesid.estimation.filter_error.normal_equations import run_equations
 from bayesid.estimation.parameters import NO_PARAMETERS
 from bayesid.estimation.run_data import Array, RunData
 
@@ -65,5 +66,4 @@ def _louder(problem: DiagnosisProblem) -> list[NoiseModel]:
 
 
 def _evidence(problem: DiagnosisProblem, path: Linearisation, noise: NoiseModel) -> float:
-    w = whitened(problem.model, path, np.zeros(0), np.zeros(0), noise)
-    return posterior(normal_equations(w.resid, w.columns, w.logdet, w.used)).log_evidence
+    return posterior(run_equations(problem.model, path, NO_PARAMETERS, noise)).log_evidence
