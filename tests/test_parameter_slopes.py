@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from gap_trials import model_of, noise_of
 
-from bayesid.estimation.filter_error import linearise as linearising
 from bayesid.estimation.filter_error import parameter_slopes
 from bayesid.estimation.filter_error.linearise import Trajectory, linearise
 from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit, smoothed
@@ -50,7 +49,7 @@ def case(late=0.0, straight=False, filtered=False):
 
 def both(monkeypatch, log, point, free):
     whole = linearise(MODEL, log, point, free.where)
-    monkeypatch.setattr(linearising, "MOST_BYTES", 0)
+    monkeypatch.setattr(parameter_slopes, "MOST_BYTES", 0)
     monkeypatch.setattr(parameter_slopes, "BLOCK", 7)
     parts = linearise(MODEL, log, point, free.where)
     assert whole.held and not parts.held
@@ -71,6 +70,17 @@ def test_slopes_made_block_by_block_are_those_of_the_whole_run(monkeypatch, kind
             assert one.shape == two.shape
             # rates at the samples are sums over the same few intervals; einsum may take them in another order
             np.testing.assert_allclose(one, two, rtol=1e-12, atol=1e-15 * np.abs(one).max(initial=0.0))
+
+
+def test_the_rudders_chain_is_gone_through_once_for_all_blocks(monkeypatch):
+    log, point, free = case()
+    _, parts = both(monkeypatch, log, point, free)
+    made = []
+    chain_of = parameter_slopes.chain_of
+    monkeypatch.setattr(parameter_slopes, "chain_of", lambda *a: made.append(1) or chain_of(*a))
+    for first, last in parameter_slopes.blocks(SAMPLES):
+        parts.by_parameter.part(first, last)
+    assert len(list(parameter_slopes.blocks(SAMPLES))) > 3 and len(made) == 1
 
 
 def test_products_and_smoothed_states_are_those_of_the_whole_run(monkeypatch):

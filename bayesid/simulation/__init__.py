@@ -11,8 +11,10 @@ from bayesid.simulation.accelerations import rates_on
 from bayesid.simulation.batch import THREADED_FROM, gradient_batch, simulate_batch
 from bayesid.simulation.closed_loop import run_manoeuvre, steady_start
 from bayesid.simulation.interval_maps import (
+    Chain,
     Maps,
     Readings,
+    chain_of,
     inertia_ratio,
     interval_maps,
     part_of,
@@ -41,6 +43,8 @@ __all__ = [
     "gradient",
     "gradient_batch",
     "inertia_ratio",
+    "Chain",
+    "chain_of",
     "interval_maps",
     "observe",
     "observe_sensitivity",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -46,6 +47,29 @@ class Maps:
     psi: Array
 
 
+class Chain(NamedTuple):
+    """Actuators of a run: the plan they follow, their positions at every step and the slopes of those."""
+
+    plan: TimePlan
+    act: Array
+    dact: Array
+
+
+def chain_of(model: Model, par: Array, plan: TimePlan, free: Array, full: bool = True) -> Chain:
+    """What the actuators of a run do with the orders.
+
+    Parameters
+    ----------
+    free : (p,) positions of parameters; slopes are made where one of them moves an actuator
+    """
+    par = check_parameters(model, plan, par)
+    plan = follow(model, par, plan, full)
+    wanted = {int(p) for p in free}
+    # slopes of the actuators' chain cost twice the chain, with every delayed switch cut out of its step
+    slopes = any(p in wanted for p in choose(model, par, full).act_columns)
+    return Chain(plan, *actuate(model, par, plan, slopes=slopes, full=full))
+
+
 def interval_maps(
     model: Model,
     par: Array,
@@ -55,6 +79,7 @@ def interval_maps(
     free: Array,
     full: bool = True,
     part: tuple[int, int] | None = None,
+    chain: Chain | None = None,
 ) -> Maps:
     """Maps of every sample interval started on the path.
 
@@ -65,14 +90,15 @@ def interval_maps(
     free : (p,) positions of parameters
     part : first and last sample, the intervals between which are wanted; default all. Inputs are those of the
         whole run
+    chain : `chain_of` the same run and parameters, where many parts of it are wanted
 
     Raises
     ------
     ModelError
         if an interval ends beyond all bounds (`LARGEST_STATE`); names the time
     """
+    plan, act, dact = chain or chain_of(model, par, plan, free, full)
     par = check_parameters(model, plan, par)
-    plan = follow(model, par, plan, full)
     fun = choose(model, par, full)
     nx, n_in, n_free = len(fun.states), len(inputs), len(free)
     position = {name: nx + i for i, name in enumerate(inputs)}
@@ -81,9 +107,7 @@ def interval_maps(
     column = {int(p): nx + n_in + c for c, p in enumerate(free)}
     columns = np.array([column.get(int(p), -1) for p in fun.entries[:, 1]], dtype=np.int64)
     act_columns = np.array([column.get(p, -1) for p in fun.act_columns], dtype=np.int64)
-    # slopes of the actuators' chain cost twice the chain, with every delayed switch cut out of its step
     slopes = bool((act_columns >= 0).any())
-    act, dact = actuate(model, par, plan, slopes=slopes, full=full)
     n = nx + n_in + n_free
     first, last = part or (0, plan.record.size - 1)
     record = plan.record[first : last + 1]

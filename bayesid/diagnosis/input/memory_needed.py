@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from bayesid.equations.model import Model
 from bayesid.errors import TrialError
-from bayesid.estimation.filter_error.parameter_slopes import BLOCK, MOST_BYTES
+from bayesid.estimation.filter_error.parameter_slopes import NUMBER, samples_held
 from bayesid.estimation.filter_error.smoother import BLOCK as SMOOTHED_AT_ONCE
 from bayesid.memory import available_memory, taken_memory
 from bayesid.trials import Trial
@@ -20,7 +20,6 @@ FORM = 2
 # Linearisations alive at once in a fit; slopes, their stack and what is whitened of it; paths that the fits
 # of all hypotheses keep, as measured (20 kB a sample in all).
 ALIVE, COPIES, PATHS = 2, 3, 240
-NUMBER = 8  # bytes
 FINER = 1.1  # steps in which a sampling that fits is sought
 
 
@@ -34,9 +33,8 @@ def memory_needed(trial: Trial, model: Model, every: float = 1.0) -> float:
     latent = len(model.kernel.exogenous) + len(model.kernel.actuators)
 
     def slopes(samples: float, parameters: int) -> float:
-        column = NUMBER * (nx + channels) * parameters
-        held = column * samples
-        return COPIES * (held if held <= MOST_BYTES else column * min(samples, BLOCK))
+        width = nx + channels
+        return COPIES * NUMBER * width * parameters * samples_held(samples, width, parameters)
 
     coefficients = FORM * len(model.coefficients)
     effects = sum(len(e.parameters) for e in model.causes if e.acts_in(model.dof))

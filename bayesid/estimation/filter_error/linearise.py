@@ -25,10 +25,10 @@ import numpy as np
 
 from bayesid.equations.model import Model
 from bayesid.estimation.filter_error.parameter_slopes import (
-    MOST_BYTES,
     HeldSlopes,
     ParameterSlopes,
     RemadeSlopes,
+    samples_held,
 )
 from bayesid.estimation.filter_error.read_run import ANGLES
 from bayesid.estimation.run_data import Array, RunData
@@ -149,7 +149,7 @@ def linearise(
     """
     beside = len(free) > 0 and (log.straight or point.before is not None)
     wide = len(model.kernel.channels) + point.states.shape[1]
-    long = 8 * log.n * wide * len(free) > MOST_BYTES
+    long = samples_held(log.n, wide, len(free)) < log.n
     here = free[:0] if beside or long else free
     slopes_at = free[:0] if beside else free
     ratio, ratio_slope = _inertia(model, point.par.tobytes(), slopes_at.astype(np.int64).tobytes())

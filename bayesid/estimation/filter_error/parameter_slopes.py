@@ -8,18 +8,31 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 
 from bayesid.equations.model import Model
 from bayesid.estimation.run_data import Array
-from bayesid.simulation import TimePlan, interval_maps, part_of, readings_on
+from bayesid.simulation import Chain, TimePlan, chain_of, interval_maps, part_of, readings_on
 
 # of a run's slopes that are held; made anew for every sum they double the time of a diagnosis
 MOST_BYTES = 48_000_000
+NUMBER = 8  # bytes
 BLOCK = 2048  # samples made at a time
 BESIDE = 2  # samples on either side that a late sensor's rates are taken from
+
+
+def samples_held(samples: float, width: int, parameters: int) -> float:
+    """Samples of a run whose slopes are in memory at once: all of them, or a block's.
+
+    Parameters
+    ----------
+    width : states and channels
+    """
+    whole = NUMBER * samples * width * parameters <= MOST_BYTES
+    return samples if whole else min(samples, BLOCK)
 
 
 class ParameterSlopes(Protocol):
@@ -64,13 +77,19 @@ class RemadeSlopes:
     force: Array
     ratio_slope: Array
 
+    @cached_property
+    def _chain(self) -> Chain:
+        """Of the whole run, once: for every block it would cost the square of the length."""
+        return chain_of(self.model, self.par, self.plan, self.free)
+
     def part(self, first: int, last: int) -> tuple[Array, Array]:
         n = self.plan.t.size
         begin, end = max(0, first - BESIDE), min(n - 1, last - 1 + BESIDE)
         states = self.states[begin : end + 1]
         maps = interval_maps(
-            self.model, self.par, self.plan, self.states, self.inputs, self.free, part=(begin, end)
-        )
+            self.model, self.par, self.plan, self.states, self.inputs, self.free, part=(begin, end),
+            chain=self._chain,
+        )  # fmt: skip
         psi = maps.psi
         heavy = np.flatnonzero(self.ratio_slope.any(axis=(1, 2)))
         if self.inputs and heavy.size:

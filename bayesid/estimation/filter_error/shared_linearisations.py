@@ -26,7 +26,7 @@ from bayesid.estimation.filter_error.evidence import NormalEquations
 from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, forces, linearise
 from bayesid.estimation.filter_error.noise_model import NoiseModel
 from bayesid.estimation.filter_error.normal_equations import stacked_equations
-from bayesid.estimation.filter_error.parameter_slopes import HeldSlopes
+from bayesid.estimation.filter_error.parameter_slopes import NUMBER, HeldSlopes, samples_held
 from bayesid.estimation.parameters import GaussianPrior, effect_prior
 from bayesid.estimation.run_data import RunData
 
@@ -79,13 +79,13 @@ def linear(
             _remember(kept.seen, key, tuple(logs), MOST_SEEN)
             return fresh(model, logs, points, free, noise_model)
         whole = free + _others(model, free, points[0].par)
-        per_sample = 8 * len(whole.names) * (points[0].states.shape[1] + len(model.kernel.channels))
-        if sum(p.states.shape[0] for p in points) * per_sample * MOST_SETS > MOST_BYTES:
+        width = points[0].states.shape[1] + len(model.kernel.channels)
+        long = any(samples_held(log.n, width, len(whole.names)) < log.n for log in logs)
+        size = NUMBER * len(whole.names) * width * sum(log.n for log in logs)
+        if long or size * MOST_SETS > MOST_BYTES:
             return fresh(model, logs, points, free, noise_model)
         inputs = forces(model)
         paths = [linearise(model, log, p, whole.where, inputs) for log, p in zip(logs, points, strict=True)]
-        if not all(p.held for p in paths):
-            return fresh(model, logs, points, free, noise_model)
         found = _Set(tuple(logs), whole, tuple(paths))
         _remember(kept.sets, key, found, MOST_SETS)
     at = found.positions(free) if _same(found.logs, logs) else None
