@@ -15,12 +15,11 @@ import numpy as np
 
 from bayesid.equations.model import Model
 from bayesid.errors import ModelError
-from bayesid.estimation.filter_error.fit import fit
-from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, linearise
+from bayesid.estimation.filter_error.followed import followed
+from bayesid.estimation.filter_error.linearise import Linearisation, linearise
 from bayesid.estimation.filter_error.noise_model import Filter, NoiseModel, filter_settings
 from bayesid.estimation.filter_error.regressor_columns import known
 from bayesid.estimation.filter_error.smoother import smooth
-from bayesid.estimation.parameters import NO_PARAMETERS
 from bayesid.estimation.run_data import Array, RunData
 from bayesid.simulation import plan_run, simulate_batch
 
@@ -60,11 +59,7 @@ def initial_states(
     ModelError
         if the lead-in cannot be followed
     """
-    n_force = len(noise_model.force)
-    start = [Trajectory(mean, log.path, np.zeros((log.n - 1, n_force)))]
-    settled = fit(
-        model, [log], NO_PARAMETERS, noise_model, start=start, initial_noise_scale=0.0, iterations=8
-    )
+    settled = followed(model, log, mean, noise_model, iterations=8)
     path = linearise(model, log, settled.points[0], free)
     f = filter_settings(model, path, noise_model)
     out = []
