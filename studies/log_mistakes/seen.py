@@ -13,20 +13,17 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.special import logsumexp
 
 from bayesid.equations.model import Model
 from bayesid.trials import Run, Trial
 from bayesid.trials.kinematics.relations import BLOCKS, READINGS, relations
 from bayesid.trials.mistakes.judge import NAMED_AT
+from bayesid.trials.mistakes.orders import RATE_SD
+from bayesid.trials.mistakes.sized import LARGEST_CLOCK, LEAST_CLOCK, scale_by_itself
 from bayesid.trials.mistakes.table import COMMON, USUAL
 from studies.log_mistakes.plant import FAST_FIN
 
 NAMED = math.log(NAMED_AT / (1.0 - NAMED_AT))  # nats
-# Instruments: one in twenty has a scale, of a few per cent; the others are right to a third of a per cent
-SCALED, RIGHT, USUAL_SCALE, LARGE_SCALE = 0.05, 0.003, 0.025, 0.1
-RATE_KNOWN = 0.4  # one sd of the logarithm of a fin's rate over the one stated
-SMALLEST, LARGEST = 0.01, 0.35  # error of a clock, as likely in every decade
 
 
 def can_be_seen(name: str, clean: Trial, model: Model) -> bool:
@@ -49,18 +46,12 @@ def clock_log_odds(clean: Trial, model: Model, scale: float) -> float:
         return -math.inf
     sd = 1.0 / np.sqrt(np.array(list(information.values())))
     alike = float(np.sum(_normal(np.zeros(sd.size), sd))) + 0.5 * math.log(2 * math.pi / np.sum(sd**-2))
-    alike -= math.log(2.0 * abs(scale) * math.log(LARGEST / SMALLEST))
-    return COMMON + alike - sum(_instrument(scale, float(s)) for s in sd)
+    alike -= math.log(2.0 * abs(scale) * math.log(LARGEST_CLOCK / LEAST_CLOCK))
+    return COMMON + alike - sum(scale_by_itself(scale, float(s)) for s in sd)
 
 
 def _normal(x: np.ndarray, sd: np.ndarray) -> np.ndarray:
     return -0.5 * (x / sd) ** 2 - np.log(sd * math.sqrt(2 * math.pi))
-
-
-def _instrument(scale: float, sd: float) -> float:
-    shares = np.array([1.0 - SCALED, 0.7 * SCALED, 0.3 * SCALED])
-    wide = np.hypot([RIGHT, USUAL_SCALE, LARGE_SCALE], sd)
-    return float(logsumexp(np.log(shares) + _normal(np.full(3, scale), wide)))
 
 
 def scale_sd(run: Run, noise: Mapping[str, float], travel: float) -> dict[str, float]:
@@ -102,5 +93,5 @@ def faster_than_the_fin(clean: Trial, model: Model) -> bool:
         if jump.any():
             jumps.append(jump[jump > 0])
     fast = np.mean([np.median(one) > FAST_FIN for one in jumps]) >= 0.5
-    least = model.vehicle.rates["delta_r"] * math.exp(RATE_KNOWN * math.sqrt(2.0 * (NAMED - USUAL)))
+    least = model.vehicle.rates["delta_r"] * math.exp(RATE_SD * math.sqrt(2.0 * (NAMED - USUAL)))
     return bool(fast) or max(float(one.max()) for one in jumps) > least

@@ -88,7 +88,7 @@ def _clock(base: Sequence[Base]) -> Weighed | None:
     each = -0.5 * ((value - both) / sd) ** 2 - np.log(sd * math.sqrt(2 * math.pi))
     nats = float(each.sum()) + 0.5 * math.log(2 * math.pi / precision)
     nats -= math.log(2.0 * abs(both) * math.log(LARGEST_CLOCK / LEAST_CLOCK))
-    nats -= sum(_by_itself(float(v), float(s)) for v, s in zip(value, sd, strict=True))
+    nats -= sum(scale_by_itself(float(v), float(s)) for v, s in zip(value, sd, strict=True))
     odds = np.full(len(base), nats / len(base))
     scale = 1.0 + both
     word = "fast" if scale < 1 else "slow"
@@ -107,7 +107,7 @@ def _pooled(values: Floats, sd: Floats) -> tuple[float, float]:
     return mean, math.sqrt(max(1.0, chi2) / float(weight.sum()) + CLOCK_FLOOR**2)
 
 
-def _by_itself(value: float, sd: float) -> float:
+def scale_by_itself(value: float, sd: float) -> float:
     """Log density of the scale of one instrument."""
     parts = ((NO_SCALE, FAINT), (0.7 * (1 - NO_SCALE), USUAL_SCALE), (0.3 * (1 - NO_SCALE), LARGE_SCALE))
     density = sum(
