@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from bayesid.diagnosis.evidence.replay import EXPLAINED, GIVEN, RETUNED
 from bayesid.diagnosis.plain_words import number
 from bayesid.diagnosis.result_parts import RunError
+from bayesid.model.channels import channel
 
 MODELS = (GIVEN, RETUNED, EXPLAINED)
 # An explanation that misses a held-out run by so much more than the model as given has failed.
@@ -105,13 +106,8 @@ def worse(rows: tuple[ErrorRow, ...]) -> bool:
     return math.isfinite(given) and not now <= WORSE * given
 
 
-READINGS = {
-    "u": ("readings of the speed ahead", "m/s", 1.0), "v": ("readings of the sway", "m/s", 1.0),
-    "w": ("readings of the heave", "m/s", 1.0), "p": ("readings of the roll rate", "degrees a second", DEG),
-    "q": ("readings of the pitch rate", "degrees a second", DEG),
-    "r": ("readings of the yaw rate", "degrees a second", DEG),
-    "phi": ("readings of the roll", "degrees", DEG), "theta": ("readings of the pitch", "degrees", DEG),
-}  # fmt: skip
+READ = ("u", "v", "w", "p", "q", "r", "phi", "theta")
+SHOWN = {"rad": ("degrees", DEG), "rad/s": ("degrees a second", DEG)}
 
 
 def mended_reading(run: RunError) -> str:
@@ -119,16 +115,16 @@ def mended_reading(run: RunError) -> str:
     than what counts as the same. A sensor that errs moves neither track nor heading.
     """
     falls = {}
-    for channel in READINGS:
-        before, after = (run.rms.get(m, {}).get(channel) for m in (GIVEN, EXPLAINED))
+    for name in READ:
+        before, after = (run.rms.get(m, {}).get(name) for m in (GIVEN, EXPLAINED))
         if before is not None and after is not None and before > SAME * after > 0:
-            falls[channel] = before / after
+            falls[name] = before / after
     if not falls:
         return ""
-    channel = max(falls, key=lambda c: falls[c])
-    what, unit, scale = READINGS[channel]
-    before, after = (float(run.rms[m][channel] or 0.0) * scale for m in (GIVEN, EXPLAINED))
-    return f"{what} are missed by {number(after)} {unit} instead of {number(before)}"
+    most = channel(max(falls, key=lambda c: falls[c]))
+    unit, scale = SHOWN.get(most.unit, (most.unit, 1.0))
+    before, after = (float(run.rms[m][most.name] or 0.0) * scale for m in (GIVEN, EXPLAINED))
+    return f"readings of the {most.meaning} are missed by {number(after)} {unit} instead of {number(before)}"
 
 
 def _scaled(value: float | None, scale: float) -> float:

@@ -78,7 +78,8 @@ def explained_model(problem: DiagnosisProblem, refit: RefittedHypothesis) -> Exp
 def as_stated(problem: DiagnosisProblem, refit: RefittedHypothesis) -> FilterErrorFit | None:
     """The parameters of the effects with the coefficients as stated; None where that fit does not arrive.
 
-    It starts along the path and from the sizes of the refit: from off a lag does not arrive.
+    As stated there is no model form either: what re-tuning is compared with is the simulator the user has. It
+    starts along the path and from the sizes of the refit: from off a lag does not arrive.
     """
     free, par = NO_PARAMETERS, problem.model.nominal.copy()
     for name in () if refit.widens else refit.effects:
