@@ -14,7 +14,7 @@ FAMILY = {
     "wind": "force", "push": "force", "lag": "timing", "dead": "timing", "scale": "scale", "bias": "sensor",
     "drag": "drag",
 }  # fmt: skip
-EFFECTS = {n: Plain(name=n, family=f) for n, f in FAMILY.items()}
+EFFECTS = {n: Plain(name=n, family=f, smooth=True) for n, f in FAMILY.items()}
 PROBLEM = Plain(model=Plain(effects=EFFECTS))
 
 
@@ -59,7 +59,7 @@ class World:
         )  # fmt: skip
         return Plain(effects=tuple(effects), log_evidence=self.evidence.get(k, 0.0), fit=fit)
 
-    def _refit(self, problem, effects, notify):
+    def _refit(self, problem, effects, notify, sizes=None):
         self.asked.append(key(*names(effects)))
         return [] if self.asked[-1] in self.none else [self.candidate(*names(effects))]
 

@@ -9,12 +9,15 @@ from gap_trials import model_of, orders, other_vehicle, planted_trial
 
 from bayesid.diagnosis.data.problem import build_problem, fit_with
 from bayesid.diagnosis.hypotheses import sensitivity_bank as banks
+from bayesid.diagnosis.hypotheses.candidate import parameter_table
 from bayesid.diagnosis.hypotheses.comparison import compare
 from bayesid.diagnosis.hypotheses.facts import undetectable
 from bayesid.diagnosis.hypotheses.probabilities import credible_set
+from bayesid.diagnosis.hypotheses.refit import refit, refit_screened, sizes_of
 from bayesid.diagnosis.hypotheses.verdict import decide
 from bayesid.errors import TrialError
 from bayesid.simulation import plan_run, simulate, steady_start
+from bayesid.trials.trial import Environment
 
 CATALOGUE_WORDS = ("effect", "effect_with_remainder", "several")
 
@@ -294,3 +297,24 @@ def test_the_orders_of_the_test_trials_keep_the_vehicle_in_hand():
         for run in planted_trial(model).runs:
             assert np.ptp(run.data["u"]) < model.scales["U"]
         assert set(orders(model)) == {"zigzag", "turn"}
+
+
+def test_a_rudder_late_by_longer_than_it_moves_is_found_in_a_loud_environment():
+    """From off, and under as much process noise, a search ends on the nearest hill, 150 nats below."""
+    model = model_of()
+    time, key = model.scales["L"] / model.scales["U"], "actuator_dead_time.delay"
+    trial = planted_trial(model, other_vehicle(model, 3) | {key: 1.3 * time}, 3)
+    problem = build_problem(model, replace(trial, environment=Environment(force_rms=6e-4, nav_drift=0.0)))
+    effect = model.effects["actuator_dead_time"]
+    bank = banks.build_bank(
+        problem, problem.path, banks.levels_between(problem, problem.path_level), [effect]
+    )
+    (near,) = refit(problem, (effect,), lambda text: None)
+    (found,) = refit_screened(problem, bank, banks.screen(bank)[0], lambda text: None)
+    value, sd = parameter_table(found.fit, problem)[key]
+    assert found.log_evidence > near.log_evidence + 100.0
+    assert abs(value - 1.3 * time) < 3.0 * sd < 0.1 * time
+    # and beside another effect it begins where it was found
+    pair = (effect, model.effects["gyro_scale"])
+    (both,) = refit(problem, pair, lambda text: None, sizes_of(problem, [found]))
+    assert parameter_table(both.fit, problem)[key][0] == pytest.approx(value, abs=3.0 * sd)

@@ -5,8 +5,9 @@ Takes a trial and a vehicle. Gives a frozen `DiagnosisProblem`. Held-out runs ar
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -38,6 +39,8 @@ Notify = Callable[[str], None]
 STRAIGHT_NOISE_SPREAD = 0.2
 # Passes in which states that hang on nothing but a known motion arrive.
 SETTLING_ITERATIONS = 3
+# Where an effect without a slope when off begins, in prior standard deviations.
+USUAL_START = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,16 +270,23 @@ def _removed_words(model: Model, apart: RemovedForces) -> str:
 
 
 def first_fit(
-    problem: DiagnosisProblem, effects: Sequence[Effect], points: Sequence[Trajectory]
+    problem: DiagnosisProblem,
+    effects: Sequence[Effect],
+    points: Sequence[Trajectory],
+    sizes: Mapping[str, float] = MappingProxyType({}),
 ) -> list[Trajectory]:
-    """Points with some effects at their start: off, or half a prior sd away where they have no slope when
-    off."""
+    """Points with some effects at their start: off, or some way from it where they have no slope when off.
+
+    Parameters
+    ----------
+    sizes : effect -> how far, in prior sd; half of one where not given
+    """
     par = points[0].par.copy()
     for effect in effects:
         prior = effect_prior(problem.model, effect)
         par[prior.where] = [p.mean for p in effect.parameters]
         if not effect.smooth:
-            par[prior.where] += 0.5 * prior.sd
+            par[prior.where] += sizes.get(effect.name, USUAL_START) * prior.sd
     return [replace(point, par=par) for point in points]
 
 
@@ -286,10 +296,15 @@ def fit_with(
     start: Sequence[Trajectory] | None = None,
     iterations: int = 25,
     initial_noise_scale: float = 0.03,
+    sizes: Mapping[str, float] = MappingProxyType({}),
 ) -> FilterErrorFit:
     """Filter-error fit of coefficients and of some effects' parameters.
 
     One that runs out of passes with residuals about as small as the noise is on its way and goes on once.
+
+    Parameters
+    ----------
+    sizes : where effects begin without `start` (`first_fit`)
     """
     free = problem.coefficients
     for effect in effects:
@@ -297,7 +312,7 @@ def fit_with(
     if start is None:
         start = list(problem.path)
         if effects:
-            start = first_fit(problem, effects, start)
+            start = first_fit(problem, effects, start, sizes)
         initial_noise_scale = max(problem.path_level, 1e-5)
     noise_model = problem.environment.noise_model
     out = fit(

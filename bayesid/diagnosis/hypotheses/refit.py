@@ -5,12 +5,13 @@ Takes a `DiagnosisProblem` and scores. Gives `RefittedHypothesis`s.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 
-from bayesid.diagnosis.data.problem import DiagnosisProblem, fit_with
+from bayesid.diagnosis.data.problem import USUAL_START, DiagnosisProblem, fit_with
 from bayesid.diagnosis.hypotheses.candidate import (
     COEFFICIENT_ERROR,
     RefittedHypothesis,
@@ -18,7 +19,12 @@ from bayesid.diagnosis.hypotheses.candidate import (
     weighted_hypothesis,
 )
 from bayesid.diagnosis.hypotheses.localisation import Localisation, locate
-from bayesid.diagnosis.hypotheses.sensitivity_bank import EVERY, ScreenScore, SensitivityBank
+from bayesid.diagnosis.hypotheses.sensitivity_bank import (
+    EVERY,
+    SECANT_SIZES,
+    ScreenScore,
+    SensitivityBank,
+)
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.evidence import posterior
 from bayesid.estimation.filter_error.fit import fit
@@ -46,12 +52,22 @@ def likely_coefficients(wide: dict[str, float], scores: Sequence[ScreenScore]) -
     return [n for n in ranked[:2] if wide[n] > max(2.0, 0.05 * scores[0].gain)]
 
 
-def refit(problem: DiagnosisProblem, effects: tuple[Effect, ...], notify: Notify) -> list[RefittedHypothesis]:
-    """Candidate of some effects; none where the model cannot follow the data with them at all."""
+def refit(
+    problem: DiagnosisProblem,
+    effects: tuple[Effect, ...],
+    notify: Notify,
+    sizes: Mapping[str, float] = MappingProxyType({}),
+) -> list[RefittedHypothesis]:
+    """Candidate of some effects; none where the model cannot follow the data with them at all.
+
+    Parameters
+    ----------
+    sizes : where effects without a slope when off begin, in prior sd (`sizes_of`)
+    """
     names = tuple(e.name for e in effects)
     notify("refit with " + " + ".join(names))
     try:
-        return [weighted_hypothesis(problem, names, fit_with(problem, effects))]
+        return [weighted_hypothesis(problem, names, fit_with(problem, effects, sizes=sizes))]
     except ModelError as exc:
         notify(f"given up: {exc}")
         return []
@@ -63,11 +79,12 @@ def refit_screened(
     """Candidate of one screened effect.
 
     One without a slope when off gets a second start, from the screen's own estimate, where the first does not
-    explain the data.
+    explain the data or the screen's best size is far from it.
     """
     effect = problem.model.effects[score.name]
     out = refit(problem, (effect,), notify)
-    if effect.smooth or any(explains(c) for c in out):
+    near = SECANT_SIZES[score.variant] <= 2.0 * USUAL_START
+    if effect.smooth or (near and any(explains(c) for c in out)):
         return out
     return refit_again(
         problem,
@@ -77,6 +94,22 @@ def refit_screened(
         out,
         notify,
     )
+
+
+def sizes_of(problem: DiagnosisProblem, candidates: Iterable[RefittedHypothesis]) -> dict[str, float]:
+    """Effect without a slope when off -> its size in prior sd in the first candidate that has it.
+
+    Of one without a slope a search from off finds the nearest hill: a rudder late by longer than it moves
+    came out as late by nothing beside another effect.
+    """
+    out: dict[str, float] = {}
+    for c in candidates:
+        for name in c.effects:
+            effect = problem.model.effects.get(name)
+            if effect is not None and not effect.smooth and name not in out:
+                at = c.fit.free.names.index(effect.key(effect.parameters[0].name))
+                out[name] = float((c.fit.values[at] - c.fit.free.mean[at]) / c.fit.free.sd[at])
+    return out
 
 
 def refit_again(

@@ -11,8 +11,15 @@ from dataclasses import replace
 from bayesid.diagnosis.data.problem import DiagnosisProblem, first_fit
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains, nested, standing
 from bayesid.diagnosis.hypotheses.localisation import Localisation
-from bayesid.diagnosis.hypotheses.refit import FOLLOWING_FORCE_LEVEL, refit, refit_again, remainder
+from bayesid.diagnosis.hypotheses.refit import (
+    FOLLOWING_FORCE_LEVEL,
+    refit,
+    refit_again,
+    remainder,
+    sizes_of,
+)
 from bayesid.diagnosis.hypotheses.sensitivity_bank import (
+    SECANT_SIZES,
     Isolability,
     ScreenScore,
     build_bank,
@@ -67,7 +74,7 @@ def search_several(
         if not ranked:
             break
         tried = [
-            c for s in ranked for c in _beside(problem, refits, (*chosen, model.effects[s.name]), notify)
+            c for s in ranked for c in _beside(problem, refits, (*chosen, model.effects[s.name]), notify, s)
         ]
         if not tried:
             break
@@ -90,7 +97,7 @@ def search_several(
         for name in current.effects:
             fewer = tuple(model.effects[n] for n in current.effects if n != name)
             known = [c for c in refits if set(c.effects) == {e.name for e in fewer}]
-            found = known or refit(problem, fewer, notify)
+            found = known or refit(problem, fewer, notify, sizes_of(problem, [current]))
             if explains(current) and not any(explains(c) for c in found):
                 # a smaller truth beside which the search went astray arrives from the larger one
                 start = _switched_off(problem, current, fewer)
@@ -165,11 +172,19 @@ def _beside(
     refits: Sequence[RefittedHypothesis],
     effects: tuple[Effect, ...],
     notify: Notify,
+    score: ScreenScore | None = None,
 ) -> list[RefittedHypothesis]:
     """Candidate of several effects; a second start from a part that explains the data where the first does
-    not."""
-    out = refit(problem, effects, notify)
+    not.
+
+    Effects without a slope when off begin at the size they have alone, or else in the best set that has them;
+    one that was only screened, where its screen points.
+    """
     names = {e.name for e in effects}
+    sizes = sizes_of(problem, sorted(refits, key=lambda c: (len(c.effects), -c.log_evidence)))
+    if score is not None and not problem.model.effects[score.name].smooth:
+        sizes.setdefault(score.name, SECANT_SIZES[score.variant])
+    out = refit(problem, effects, notify, sizes)
     part = [c for c in refits if set(c.effects) < names and explains(c)]
     if not part or any(explains(c) for c in out):
         return out

@@ -22,8 +22,9 @@ from bayesid.estimation.run_data import Array
 from bayesid.model.effects import Effect
 from bayesid.simulation import interval_maps, readings_on
 
-# Secant sizes, in prior standard deviations, of effects without a slope when off.
-SECANT_SIZES = (0.15, 0.8)
+# Secant sizes, in prior standard deviations, of effects without a slope when off, or with one that says
+# nothing of large sizes: a rudder that is late by longer than it moves.
+SECANT_SIZES = (0.15, 0.8, 2.0, 3.0)
 # A prior that is too narrow as a whole: how many times its standard deviations.
 EVERY = {"every coefficient x3": 3.0, "every coefficient x10": 10.0}
 

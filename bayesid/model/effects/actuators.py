@@ -53,6 +53,7 @@ EFFECTS = (
         stages=(InputStage("delta_r", 10, delay="delay"),),
         source="pure delay of a held command; the step a switch falls in gets its time-weighted mean",
         magnitude="0.05-0.5 s, or a clock offset of either sign",
+        smooth=False,
         form="Rudder only; the same for all commands.",
     ),
     Effect(
