@@ -101,7 +101,7 @@ class World:
         self._kept("several", (first.effects, [r.effects for r in refits]), None)
         return [*refits, *self.joint], self.left | left
 
-    def _probabilities(self, evidence, refits, none, where, excess, left, places):
+    def _probabilities(self, evidence, refits, none, where, excess, left, places, error):
         self._kept("weights", (excess, left, places), None)
         return Plain(shared={"none": 1.0}, inside={"none": 1.0})
 

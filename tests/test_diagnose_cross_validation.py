@@ -5,10 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy import stats
+from scipy.stats import norm
 
 from bayesid.diagnosis.hypotheses.cross_validation import CrossValidation, disagreement, left_out
 from bayesid.diagnosis.hypotheses.localisation import Localisation, LocatedSignal
-from bayesid.diagnosis.hypotheses.probabilities import Remainder, credible_set, probabilities
+from bayesid.diagnosis.hypotheses.probabilities import FormError, Remainder, credible_set, probabilities
 from bayesid.estimation.filter_error.evidence import normal_equations
 
 COEF, OWN, RUNS, READINGS = 3, 2, 5, 40
@@ -241,3 +242,38 @@ def test_what_mends_an_effect_where_it_acts_may_be_another_form_of_it():
     crowded = same | {f"other {i}": ("N", "Y") for i in range(9)}
     assert second(200.0, same) < second(200.0, crowded)  # one of ten things its other form may look like
     assert second(1e6, crowded) > 0.98
+
+
+def test_a_lag_as_large_as_what_a_form_leaves_is_worth_odds_of_twenty_and_never_more_than_itself():
+    error = FormError(40.0)
+    assert error.lag(40.0) == pytest.approx(np.log(20.0), abs=0.01)
+    for lag in (0.0, 0.1, 3.0, 40.0, 400.0, 1e5):
+        assert 0.0 <= error.lag(lag) <= lag
+        assert FormError().lag(lag) == lag
+    # the odds are those of a normal error turning the order
+    chance = norm.sf(15.0, scale=40.0 / 1.96)
+    assert error.lag(15.0) == pytest.approx(-np.log(2.0 * chance), rel=1e-6)
+
+
+def test_causes_closer_than_the_error_of_the_equations_stand_together_and_no_cause_stays_where_it_is():
+    none, where = candidate(0.0), SimpleNamespace(base=0.0)
+    evidence = {"a": 95.0, "b": 80.0, "c": 5.0, "coefficient_error": -np.inf, "outside": 0.0}
+    firm = probabilities(evidence, (), none, where).shared
+    loose = probabilities(evidence, (), none, where, error=FormError(48.0)).shared
+    assert firm["b"] < 1e-5 and 0.1 < loose["b"] < loose["a"]
+    assert loose["c"] < 2e-3 * loose["a"]  # what explains nothing is no rival
+    assert loose["none"] < 1e-30  # that there is a cause is not in doubt
+
+
+def test_what_kinematics_tells_keeps_its_own_evidence_beside_an_unsure_form():
+    none, where = candidate(0.0), SimpleNamespace(base=0.0)
+    evidence = {"gyro": 40.0, "lag": 100.0, "rate": 90.0, "coefficient_error": 0.0, "outside": 0.0}
+    refits = [candidate(v, *names) for names, v in {
+        ("gyro", "lag"): 140.0, ("gyro", "rate"): 130.0, ("lag", "rate"): 112.0}.items()]  # fmt: skip
+
+    def inside(sure):
+        return probabilities(evidence, refits, none, where, error=FormError(60.0, frozenset(sure))).inside
+
+    told, unsure = inside({"gyro"}), inside(())
+    assert told["gyro"] > 0.95 > unsure["gyro"]
+    assert 0.1 < told["rate"] < told["lag"] < 0.9

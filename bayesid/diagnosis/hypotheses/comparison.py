@@ -22,8 +22,9 @@ from bayesid.diagnosis.hypotheses.candidate import (
 )
 from bayesid.diagnosis.hypotheses.cross_validation import cross_validate
 from bayesid.diagnosis.hypotheses.form_part import beyond, form_gain
+from bayesid.diagnosis.hypotheses.kinematic import kinematic_effects
 from bayesid.diagnosis.hypotheses.localisation import Localisation, locate, tried
-from bayesid.diagnosis.hypotheses.probabilities import Remainder, probabilities
+from bayesid.diagnosis.hypotheses.probabilities import FormError, Remainder, probabilities
 from bayesid.diagnosis.hypotheses.refit import (
     likely_coefficients,
     refit_screened,
@@ -46,6 +47,7 @@ from bayesid.diagnosis.hypotheses.sensitivity_bank import (
 from bayesid.diagnosis.hypotheses.thresholds import Thresholds, thresholds
 from bayesid.diagnosis.threshold_table import (
     ADD_EVIDENCE,
+    FORM_LEAVES,
     LINEARISATION_SCATTER,
     NOT_FOLLOWING_CHI2,
     REMAINDER_EVIDENCE,
@@ -224,7 +226,8 @@ def weigh(
         )
         left_by = Remainder(rest, shows, share, where.kept(after))
     places = {e.name: e.where for e in single.effects}
-    weights = probabilities(evidence, refits, none, where, excess, left_by, places)
+    error = FormError(FORM_LEAVES * beside, kinematic_effects(problem, refits) if beside > 0 else frozenset())
+    weights = probabilities(evidence, refits, none, where, excess, left_by, places, error)
     return HypothesisComparison(
         none,
         tuple(refits),

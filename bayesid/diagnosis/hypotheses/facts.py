@@ -23,6 +23,7 @@ from bayesid.diagnosis.hypotheses.candidate import (
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.cross_validation import CrossValidation, cross_validate
 from bayesid.diagnosis.hypotheses.form_part import beyond, form_gain
+from bayesid.diagnosis.hypotheses.kinematic import is_kinematic
 from bayesid.diagnosis.hypotheses.localisation import SENSORS
 from bayesid.diagnosis.hypotheses.probabilities import credible_set
 from bayesid.diagnosis.threshold_table import (
@@ -38,7 +39,6 @@ from bayesid.diagnosis.threshold_table import (
     UNDETECTABLE_NONCENTRALITY,
 )
 from bayesid.equations.model import Model
-from bayesid.model.effects import Effect
 
 
 @dataclass(frozen=True)
@@ -160,6 +160,9 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
     before = candidates.where.places[0]
     faint = undetectable(candidates)
     set95 = credible_set(probability, silent=faint)
+    # of several at once each is listed that acts more probably than not, whatever its share of their mass
+    likely = (n for n, p in candidates.inside.items() if p > EVEN_ODDS and n not in faint and n not in set95)
+    set95 = (*set95, *sorted(likely, key=lambda n: -candidates.inside[n]))
     absorbed = _absorbed(problem, candidates)
     families = {e.name: e.family for e in problem.model.kernel.effects}
     gain = best.log_evidence - none.log_evidence
@@ -310,18 +313,5 @@ def _covered(
     return tuple(
         n
         for n in best.effects
-        if part[n] < share[n] * form and not _kinematic(problem, problem.model.effects[n], table)
+        if part[n] < share[n] * form and not is_kinematic(problem, problem.model.effects[n], table)
     )
-
-
-def _kinematic(problem: DiagnosisProblem, effect: Effect, table: Mapping[str, tuple[float, float]]) -> bool:
-    """Whether readings tell an effect of a sensor without any force: d psi/dt against r, the velocity over
-    ground against u, v turned by psi. Not where roll, which a planar model leaves out, gives the same.
-    """
-    channels, planar = set(problem.channels), problem.model.dof == 3
-    rolls = (p.roll_from < table[effect.key(p.name)][0] < p.off for p in effect.parameters)
-    seen = set(effect.sensor) | {c for group in effect.sensor_delay.values() for c in group}
-    if effect.port != "sensor" or "z" in seen or (planar and any(rolls)):
-        return False
-    whole = {"x", "y", "psi", "u", "v"} <= channels
-    return {"psi", "r"} <= channels if seen == {"r"} else whole
