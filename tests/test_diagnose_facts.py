@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from bayesid.diagnosis.hypotheses import facts
+from bayesid.diagnosis.hypotheses.probabilities import FormError
 from bayesid.diagnosis.hypotheses.verdict import decide
 
 FILE = Path(__file__).parent / "data" / "verdicts.json"
@@ -39,7 +40,7 @@ def world(w):
         where_after=None if w["after"] is None else place(w["after"]),
         ambiguity=SimpleNamespace(names=tuple(FAMILY), absorbed=w["absorbed"], detect=w["detect"]),
         thresholds=SimpleNamespace(named=3.0, remainder=19.0, conflict=w["conflict"]),
-        carried=0.0, carried_beside=0.0, form_instead=np.inf,
+        carried=0.0, carried_beside=0.0, form_instead=np.inf, error=FormError(),
     )  # fmt: skip
     problem = SimpleNamespace(
         model=SimpleNamespace(kernel=SimpleNamespace(effects=EFFECTS), effects={e.name: e for e in EFFECTS}),

@@ -12,6 +12,7 @@ from bayesid.diagnosis.event_search import verdict_with
 from bayesid.diagnosis.hypotheses import candidate as candidates
 from bayesid.diagnosis.hypotheses import facts, verdict
 from bayesid.diagnosis.hypotheses.location import location_of, locations
+from bayesid.diagnosis.hypotheses.probabilities import FormError
 
 FAMILY = {"a": "one", "b": "two", "c": "three", "d": "one"}
 EFFECTS = tuple(SimpleNamespace(name=n, family=f, where=("N",), as_form="") for n, f in FAMILY.items())
@@ -60,6 +61,7 @@ def judged(
             carried=0.0,
             carried_beside=0.0,
             form_instead=np.inf,
+            error=FormError(),
         ),
     )  # fmt: skip
 

@@ -88,7 +88,7 @@ def _with_form(
         candidates = compare(wider, notify, seed)
     except BayesidError as error:
         return None, f"the hypotheses could not be compared with a model form ({error})"
-    after = simplest(candidates)
+    after = candidates.best
     # an effect that may itself be part of a form need not be beaten, only equalled
     rival = any(problem.model.effects[n].as_form for n in before.effects if not before.widens)
     least = before.log_evidence + (0.0 if rival else float(FORM_EVIDENCE))

@@ -24,7 +24,7 @@ from bayesid.diagnosis.hypotheses.cross_validation import cross_validate
 from bayesid.diagnosis.hypotheses.form_part import beyond, form_gain
 from bayesid.diagnosis.hypotheses.kinematic import kinematic_effects
 from bayesid.diagnosis.hypotheses.localisation import Localisation, locate, tried
-from bayesid.diagnosis.hypotheses.probabilities import FormError, Remainder, probabilities
+from bayesid.diagnosis.hypotheses.probabilities import NO_ERROR, FormError, Remainder, probabilities
 from bayesid.diagnosis.hypotheses.refit import (
     likely_coefficients,
     refit_screened,
@@ -77,6 +77,7 @@ class HypothesisComparison:
     carried, carried_beside : log evidence the model form is worth without an effect, and beside the best
     form_instead : what a form would gain in place of those effects of the best that depend on the motion
         alone, where the runs ask for either [nats]; infinite where they do not, or have a form
+    error : how far evidence between causes holds where the equations lack a form
     """
 
     none: RefittedHypothesis
@@ -93,6 +94,7 @@ class HypothesisComparison:
     carried: float = 0.0
     carried_beside: float = 0.0
     form_instead: float = np.inf
+    error: FormError = NO_ERROR
 
     @property
     def best(self) -> RefittedHypothesis:
@@ -242,6 +244,7 @@ def weigh(
         limits,
         carried,
         beside,
+        error=error,
     )
 
 

@@ -25,7 +25,7 @@ from bayesid.diagnosis.hypotheses.cross_validation import CrossValidation, cross
 from bayesid.diagnosis.hypotheses.form_part import beyond, form_gain
 from bayesid.diagnosis.hypotheses.kinematic import is_kinematic
 from bayesid.diagnosis.hypotheses.localisation import SENSORS
-from bayesid.diagnosis.hypotheses.probabilities import credible_set
+from bayesid.diagnosis.hypotheses.probabilities import credible_set, told
 from bayesid.diagnosis.threshold_table import (
     CONFOUNDED_SHARE,
     EVEN_ODDS,
@@ -256,16 +256,21 @@ def like_a_form(candidates: HypothesisComparison, best: RefittedHypothesis, mode
 
 
 def simplest(candidates: HypothesisComparison) -> RefittedHypothesis:
-    """Best explanation; several effects only where they are worth it over the best single one."""
+    """Best explanation; several effects only where they are worth it over the best single one, as far as the
+    error of the equations lets evidence tell.
+    """
     best = candidates.best
     alone = [c for c in candidates.refits if len(c.effects) == 1]
-    if (
-        len(best.effects) > 1
-        and alone
-        and best.log_evidence < alone[0].log_evidence + candidates.thresholds.named
-    ):
-        return alone[0]
-    return best
+    if len(best.effects) < 2 or not alone:
+        return best
+    gain: dict[tuple[str, ...], float] = {}
+    for c in candidates.refits:
+        key = tuple(sorted(c.effects))
+        gain[key] = max(gain.get(key, -np.inf), c.log_evidence)
+    worth = told(gain, candidates.error)
+    single = max(alone, key=lambda c: worth[c.effects])
+    lag = worth[tuple(sorted(best.effects))] - worth[single.effects]
+    return single if lag < candidates.thresholds.named else best
 
 
 def _absorbed(problem: DiagnosisProblem, candidates: HypothesisComparison) -> dict[str, float]:

@@ -84,6 +84,9 @@ class FormError:
         return min(distance, -float(log_ndtr(-TWO_SIDED_95 * distance / self.leaves)) - float(np.log(2.0)))
 
 
+NO_ERROR = FormError()
+
+
 @dataclass(frozen=True)
 class Row:
     """One way in which the data may have come about.
@@ -147,7 +150,7 @@ def probabilities(
     excess: float = 1.0,
     left: Remainder | None = None,
     places: Mapping[str, Collection[str]] | None = None,
-    error: FormError = FormError(),
+    error: FormError = NO_ERROR,
 ) -> HypothesisProbabilities:
     """Posterior probability of none, every catalogue name, coefficient_error and outside.
 
@@ -175,7 +178,7 @@ def comparable(
     where: Localisation,
     excess: float,
     left: Remainder,
-    error: FormError = FormError(),
+    error: FormError = NO_ERROR,
 ) -> Gains:
     """Log evidence of every hypothesis over none, singles and refitted sets, on one scale."""
     gain: dict[tuple[str, ...], float] = {(n,): v for n, v in evidence.items() if n != "outside"}
