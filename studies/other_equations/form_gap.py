@@ -18,6 +18,7 @@ from bayesid.benchmark.other_equations import Campaign, Executed, replayed
 from bayesid.benchmark.other_equations.bundles import write_bundle
 from bayesid.benchmark.other_equations.evidence import fitted_start, piece_seconds
 from bayesid.equations.model import Model, build_model
+from bayesid.errors import ModelError
 from bayesid.estimation.output_error import FitProblem, measured_base, output_error_run
 from bayesid.estimation.segments import in_pieces
 from bayesid.model.params import ParameterSet
@@ -65,7 +66,10 @@ def _misfit(model: Model, trial: Trial, run: Run, sigma: dict[str, float]) -> Ar
     sd, start, last = np.asarray(data.sigma), np.array(alone.start), [np.empty(0)]
 
     def simulated(change: Array) -> Array:
-        last[0] = data.residuals(alone.readings(start + change)[0])
+        try:
+            last[0] = data.residuals(alone.readings(start + change)[0])
+        except ModelError:  # a step too far: the search halves it
+            return np.full(data.readings.shape, np.inf)
         return np.asarray(last[0])
 
     at = fitted_start(simulated, np.zeros(data.readings.shape), np.array(alone.scale))

@@ -266,7 +266,7 @@ def simplest(candidates: HypothesisComparison) -> RefittedHypothesis:
     gain: dict[tuple[str, ...], float] = {}
     for c in candidates.refits:
         key = tuple(sorted(c.effects))
-        gain[key] = max(gain.get(key, -np.inf), c.log_evidence)
+        gain[key] = max(gain.get(key, -np.inf), c.log_evidence - candidates.none.log_evidence)
     worth = told(gain, candidates.error)
     single = max(alone, key=lambda c: worth[c.effects])
     lag = worth[tuple(sorted(best.effects))] - worth[single.effects]

@@ -208,9 +208,11 @@ def comparable(
 
 
 def told(gain: Mapping[tuple[str, ...], float], error: FormError) -> dict[tuple[str, ...], float]:
-    """Gains of which what a cause lags behind the best is worth only what the error of the equations leaves.
+    """Gains over no effect; what a cause lags behind the best is worth only what the error of the equations
+    leaves of it.
 
-    What kinematics tells keeps its own part, and so does a set without any other cause.
+    What kinematics tells keeps its own part, and so does a set without any other cause. A set that explains
+    no more than the form may leave is no rival: it stays as far behind as it is.
     """
     out, own = dict(gain), {}
     for key, value in gain.items():
@@ -220,8 +222,9 @@ def told(gain: Mapping[tuple[str, ...], float], error: FormError) -> dict[tuple[
             own[key] = value - alone
     if not own:
         return out
-    top = max(gain[k] - v for k, v in own.items())
-    return out | {k: v + top - error.lag(top - (gain[k] - v)) for k, v in own.items()}
+    rest = {k: gain[k] - v for k, v in own.items()}
+    top = max(rest.values())
+    return out | {k: own[k] + top - error.lag(top - v) for k, v in rest.items() if v > error.leaves}
 
 
 def rows(
