@@ -100,7 +100,7 @@ FORM_EVIDENCE = Limit(
 FORM_LEAVES = Limit(
     "FORM_LEAVES", 0.5, "1",
     "Share of the log evidence a model form is worth that what it leaves may still be worth: an effect that "
-    "gains less is not told from it.",
+    "gains less is not told from it, and a lag of one cause behind another is worth odds of 20 to 1 there.",
     "Labelled trials of six vehicles with other equations: effects that were not there gained up to 0.42 of "
     "it.",
 )  # fmt: skip
