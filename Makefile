@@ -17,6 +17,9 @@ FLAGS  := $(if $(QUICK),--quick) $(if $(SEED),--seed $(SEED))
 POSTERIOR := tests/test_sampler.py tests/test_sampler_resume.py tests/test_sample_trial.py tests/test_cli_sample.py \
 	tests/test_diagnose_posterior.py tests/test_posterior_study.py tests/test_cli_diagnose.py
 
+# rewritten asserts are kept between runs: making them anew takes each worker seven seconds
+test test-posterior slow: export PYTHONDONTWRITEBYTECODE =
+
 .PHONY: help install study paper reports whole test test-posterior slow fuzz lint bench docs clean
 .DEFAULT_GOAL := help
 

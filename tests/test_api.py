@@ -26,6 +26,12 @@ def sailed() -> Trial:
     )
 
 
+@pytest.fixture(scope="module")
+def diagnosed():
+    """The bundled example, diagnosed once."""
+    return diagnose(load_trial("example"), next_manoeuvre=False)
+
+
 def frames_of(trial: Trial, factor: float = 1.0) -> dict[str, pandas.DataFrame]:
     """Tables as a user would have them: degrees, starboard-positive rudder, own names."""
     deg = 180 / np.pi
@@ -117,9 +123,8 @@ def test_identify_says_what_two_zigzags_leave_open(sailed):
     assert len(found.to_dataframe()) == len(found.found.names)
 
 
-def test_a_diagnosis_names_the_effect_planted_in_the_example():
-    trial = load_trial("example")
-    assert diagnose(trial, next_manoeuvre=False).effects
+def test_a_diagnosis_names_the_effect_planted_in_the_example(diagnosed):
+    assert diagnosed.effects
 
 
 def test_two_goals_of_a_design_are_refused():
@@ -127,9 +132,8 @@ def test_two_goals_of_a_design_are_refused():
         design("generic_sub", gain=True, predict="turn:20")
 
 
-def test_a_name_that_was_not_predicted_is_refused(sailed, tmp_path):
-    found = diagnose(load_trial("example"), next_manoeuvre=False)
-    found.save(tmp_path)
+def test_a_name_that_was_not_predicted_is_refused(diagnosed, tmp_path):
+    diagnosed.save(tmp_path)
     p = predict("example", ["turn:10"], model=tmp_path, draws=20, dt=1.0)
     assert "turn:10" in p.summary()
     low, high = p["turn:10"].band()

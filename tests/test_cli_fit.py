@@ -89,7 +89,7 @@ def test_fewer_readings_find_the_same_coefficients(pond, capsys):
 
 def test_a_killed_fit_goes_on_from_its_iterates(pond, tmp_path, capsys):
     def fitted(folder):
-        run(["fit", str(pond), *RUNS, "--free", "N_r,N_dr", "--out", str(folder), "--json"])
+        run(["fit", str(pond), *RUNS, "--free", "N_r,N_dr", "--out", str(folder), "--quick", "--json"])
         return json.loads(capsys.readouterr().out)["estimates_SI"]["N_dr"]["value"]
 
     whole = fitted(tmp_path / "whole")

@@ -57,7 +57,18 @@ def test_settings_that_exclude_each_other_are_told_before_any_work(pond, tmp_pat
 
 
 def test_runs_are_sampled_in_pieces_on_request(pond, tmp_path, capsys):
-    line = ["sample", str(pond), "--out", str(tmp_path), *CHOICE, "--pieces", "100", "--max-steps", "10"]
+    line = [
+        "sample",
+        str(pond),
+        "--out",
+        str(tmp_path),
+        *CHOICE,
+        "--pieces",
+        "100",
+        "--max-steps",
+        "10",
+        "--quick",
+    ]
     assert run(line) == 3
     assert "Not converged" in capsys.readouterr().out
     found = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
@@ -73,7 +84,7 @@ def test_noise_stated_a_tenth_of_what_readings_show_is_told_and_not_used(pond, t
     text = (stated / "trial.toml").read_text(encoding="utf-8")
     assert "\ny = 1.0\n" in text
     (stated / "trial.toml").write_text(text.replace("\ny = 1.0\n", "\ny = 0.1\n"), encoding="utf-8")
-    line = ["sample", str(stated), "--out", str(tmp_path / "out"), *CHOICE, "--max-steps", "10"]
+    line = ["sample", str(stated), "--out", str(tmp_path / "out"), *CHOICE, "--max-steps", "10", "--quick"]
     assert run(line) == 3
     said = capsys.readouterr().out
     assert "Noise stated against noise seen" in said and "y 1/" in said

@@ -76,6 +76,7 @@ def test_bayesid_sample_gives_the_interval_of_the_fit_it_starts_from(condition, 
     assert np.all(np.abs(drawn.mean - fit.mean) < fit.sd * (4.5 / np.sqrt(ess) + 0.1))
 
 
+@pytest.mark.slow  # its density and its gradient are held to the same interval below and above, without draws
 def test_nuts_draws_the_interval_of_the_fit_too():
     pytest.importorskip("nutpie")
     density, fit = adjusted(SPREAD)

@@ -142,7 +142,7 @@ def test_a_position_error_keeps_its_own_time_on_a_large_vehicle():
 
 def test_a_depth_only_the_manoeuvres_log_is_measured_there():
     """Straight runs without depth say nothing about its error; a run with depth then adds an unknown."""
-    log = straight(0.3, 0.0)[0]
+    log = straight(0.3, 0.0, samples=100)[0]
     z = log.channels.index("z")
     kept = [j for j in range(len(log.channels)) if j != z]
     blind = replace(

@@ -30,7 +30,7 @@ from bayesid.manoeuvres import Scale, parse
 from bayesid.measures import named_measures as measure
 from bayesid.model.vehicles import self_propulsion_speed
 from bayesid.prediction.initial_state import balanced_speed, coloured_noise, initial_states
-from bayesid.prediction.intervals import beside_readings, measure_bands, prediction_csv
+from bayesid.prediction.intervals import beside_readings, measure_bands, prediction_csv, stated_spread
 from bayesid.prediction.prediction import predict_manoeuvre, predict_run
 from bayesid.simulation import observe, plan_run, simulate, steady_start
 from bayesid.trials import Run, window, write_trial
@@ -280,6 +280,19 @@ def test_bands_that_do_not_hold_the_readings_are_called_too_narrow(share, narrow
     found = predict(trial, model=tmp_path, draws=40)
     assert ("The bands are too narrow" in found.summary()) == narrow
     assert any("The bands are too narrow" in text for text in found.report().failures) == narrow
+    # every coefficient of MODEL is stated to 5 %
+    assert found.numbers["coefficients_as_given"] == pytest.approx((0.05 * share, 0.05 * share))
+    assert f"stated standard deviation ({5 * share:.2g} %)" in found.summary()
+
+
+def test_one_coefficient_moved_by_a_fit_is_not_called_as_given():
+    found = found_with()
+    assert stated_spread(found) is not None
+    moved = replace(
+        found.hypotheses[0], mean=found.hypotheses[0].mean * np.linspace(1.0, 1.01, len(MODEL.coefficients))
+    )
+    assert stated_spread(replace(found, hypotheses=(moved,))) is None
+    assert stated_spread(replace(found, hypotheses=(*found.hypotheses, moved))) is None
 
 
 def test_a_band_wider_than_a_full_turn_is_called_no_prediction(tmp_path):

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from matplotlib.figure import Figure as MplFigure
 
 from bayesid.report.figure_style import COLOURS, styled, subplots
 from bayesid.report.writer import Figure, Report, Section, Table, Text, literal, write
@@ -163,7 +164,7 @@ def test_results_hold_title_versions_and_a_time_in_utc(tmp_path):
 
 
 def test_numbers_are_stored_even_if_a_figure_cannot_be_drawn(tmp_path):
-    class Broken:
+    class Broken(MplFigure):
         def savefig(self, *args, **kwargs):
             raise RuntimeError("font missing")
 

@@ -186,17 +186,22 @@ def test_every_planar_parameter_has_its_exact_derivative(name):
 
 
 @pytest.mark.parametrize(
-    ("name", "dof", "eta"),
-    [("delphin2", 3, False), ("nps_auv2", 3, False), ("generic_sub", 6, False), ("generic_sub", 3, True)],
+    ("name", "dof", "eta", "samples"),
+    [
+        ("delphin2", 3, False, 3),
+        ("nps_auv2", 3, False, 3),
+        ("generic_sub", 6, False, 2),
+        ("generic_sub", 3, True, 3),
+    ],
     ids=["thrust curve", "strips", "six degrees", "propeller loading"],
 )
-def test_every_parameter_of_every_kernel_has_its_exact_derivative(name, dof, eta):
-    """The text of the kernels run as plain Python over three samples; compiled runs are slow tests.
+def test_every_parameter_of_every_kernel_has_its_exact_derivative(name, dof, eta, samples):
+    """The text of the kernels run as plain Python over two or three samples; compiled runs are slow tests.
 
     Of the large kernels only the parameters that `generic_sub` does not have in the plane, which has them
     compiled above.
     """
-    model, par, plan, x0 = case(name, dof, samples=3, eta=eta)
+    model, par, plan, x0 = case(name, dof, samples=samples, eta=eta)
     above = set(case("generic_sub")[0].kernel.parameters)
     wanted = [n for n in smooth_parameters(model) if n not in above]
     assert misjudged(uncompiled(model), par, plan, x0, wanted) == {}

@@ -32,7 +32,13 @@ from bayesid.diagnosis.run import diagnose
 from bayesid.errors import BayesidError, ModelError, TrialError
 from bayesid.files import write_atomic, write_json
 from bayesid.measures import named_measures
-from bayesid.prediction.intervals import as_given, beside_readings, measure_bands, prediction_csv
+from bayesid.prediction.intervals import (
+    as_given,
+    beside_readings,
+    measure_bands,
+    prediction_csv,
+    stated_spread,
+)
 from bayesid.prediction.prediction import Prediction, predict_manoeuvre, predict_run
 from bayesid.progress import Progress
 from bayesid.report import predict_first_screen as first_screen
@@ -124,7 +130,8 @@ def predict(
     record = {
         "trial": logged.name, "digest": logged.digest, "model": found.model.digest, "verdict": found.verdict,
         "hypotheses": [{"effects": h.effects, "weight": h.weight} for h in found.hypotheses],
-        "seed": seed, "draws": draws, "band": LEVEL, "sensor_noise": sensor_noise, "predictions": rows,
+        "coefficients_as_given": stated_spread(found), "seed": seed, "draws": draws, "band": LEVEL,
+        "sensor_noise": sensor_noise, "predictions": rows,
     }  # fmt: skip
     if out is not None:
         write_json(Path(out) / "predictions.json", record)
@@ -290,7 +297,8 @@ class PredictResult(Result):
         for h in self.numbers["hypotheses"]:
             name = " + ".join(h["effects"]) or "no effect"
             shares[name] = shares.get(name, 0.0) + h["weight"]
-        return f"model: {', '.join(f'{name} ({share:.0%})' for name, share in shares.items())}"
+        words = f"model: {', '.join(f'{name} ({share:.0%})' for name, share in shares.items())}"
+        return words + first_screen.as_given_words(self.numbers["coefficients_as_given"])
 
     def _doubts(self) -> list[str]:
         """Shaft speed that is not logged, runs of which nothing is predicted, channels outside the bands."""

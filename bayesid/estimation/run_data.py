@@ -72,8 +72,8 @@ class RunData:
 
     @cached_property
     def valid(self) -> Array:
-        """(n, c) which readings count."""
-        return np.isfinite(self.readings)
+        """(n, c) which readings count, row by row: in another order every filter is compiled again."""
+        return np.ascontiguousarray(np.isfinite(self.readings))
 
     @property
     def circular(self) -> Array:

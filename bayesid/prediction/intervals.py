@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from bayesid.diagnosis.diagnosed_model import DiagnosedModel
 from bayesid.model.channels import channel
 from bayesid.prediction.prediction import INTERVAL_LEVEL, Prediction
 from bayesid.trials import Run
@@ -164,3 +165,17 @@ def thinned(p: Prediction, every: int) -> Prediction:
         given=None if p.given is None else p.given[pick],
         given_orders=None if p.given_orders is None else p.given_orders[pick],
     )
+
+
+def stated_spread(found: DiagnosedModel) -> tuple[float, float] | None:
+    """Least and largest sd of the coefficients over their value where all are as given; None where fitted."""
+    model, shares = found.model, []
+    known = set(model.coefficients)
+    for h in found.hypotheses:
+        at = [i for i, name in enumerate(h.names) if name in known]
+        given = model.nominal[model.positions([h.names[i] for i in at])]
+        if not at or not np.allclose(h.mean[at], given, rtol=1e-9, atol=0.0):
+            return None
+        sd = np.sqrt(np.diag(h.covariance)[at])
+        shares += [float(s / abs(x)) for s, x in zip(sd, given, strict=True) if x and s]
+    return (min(shares), max(shares)) if shares else None

@@ -88,6 +88,20 @@ def headline(trial: Trial, predictions: Sequence[Prediction], rows: Sequence[Num
     return f"{name} is predicted with a 95 % band."
 
 
+def as_given_words(spread: tuple[float, float] | None) -> str:
+    """That no coefficient was fitted, and how well they are taken to be known; empty where they were.
+
+    `spread` is their least and largest stated standard deviation over their value.
+    """
+    if spread is None:
+        return ""
+    low, high = (f"{100 * s:.2g}" for s in spread)
+    return (
+        "; its coefficients are as given, not fitted: the bands come from their stated standard deviation "
+        f"({low if low == high else f'{low} to {high}'} %)"
+    )
+
+
 def first_blocks(trial: Trial, predictions: Sequence[Prediction], rows: Sequence[Numbers]) -> list[Block]:
     """Errors of every run, or measures, and the picture of one."""
     blocks: list[Block] = []

@@ -15,7 +15,7 @@ from bayesid.equations.model import Model
 from bayesid.estimation.filter_error.kalman import whiten
 from bayesid.estimation.filter_error.linearise import Linearisation
 from bayesid.estimation.filter_error.regressor_columns import known, regressor_columns
-from bayesid.estimation.filter_error.smoother import smooth_filtered
+from bayesid.estimation.filter_error.smoother import BLOCK, smooth_filtered
 from bayesid.estimation.run_data import Array
 
 
@@ -312,6 +312,7 @@ def smoothed(
         standard,
         alone,
         filtered,
+        BLOCK,
     )
     if not kept.all():
         at = np.flatnonzero(np.concatenate([np.ones(first.size, dtype=bool), kept]))

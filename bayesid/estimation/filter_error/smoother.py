@@ -63,7 +63,7 @@ def smooth_filtered(
     standard: np.ndarray,
     alone: np.ndarray,
     filtered: np.ndarray,
-    most: int = BLOCK,
+    most: int,
 ) -> None:
     """Smoothed deviation of one run (Bryson-Frazier form, no inverse of a covariance).
 
@@ -76,7 +76,8 @@ def smooth_filtered(
     alone : (n, q) the same of each reading given all others, earlier and later (de Jong and Penzer 1998); an
         empty one is left, and without either no second moment is carried backward
     filtered : (n, nx + nf + nd) filled with means given the readings up to each sample
-    most : samples whose covariances are held at once; a longer run is filtered twice, to the same numbers
+    most : samples whose covariances are held at once, e.g. BLOCK; a longer run is filtered twice, to the same
+        numbers
     """
     n, q = resid.shape
     nx, nf, nd = phi.shape[1], gamma.shape[2], drift.shape[1]
@@ -223,7 +224,6 @@ def _backward(
                 var_out[i, a] = total
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
 def smooth(
     resid: np.ndarray,
     drive: np.ndarray,
@@ -247,5 +247,5 @@ def smooth(
     """`smooth_filtered` where the filtered means are of no use."""
     smooth_filtered(
         resid, drive, first, valid, slope, variance, phi, gamma, decay_f, variance_f, drift, decay_d,
-        variance_d, start, mean_out, var_out, standard, alone, np.empty_like(mean_out),
+        variance_d, start, mean_out, var_out, standard, alone, np.empty_like(mean_out), BLOCK,
     )  # fmt: skip

@@ -8,6 +8,9 @@ from __future__ import annotations
 
 import io
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
 
 from bayesid.report.writer.blocks import Figure
 
@@ -18,19 +21,44 @@ MAX_SVG = 95_000  # bytes; a drawing of more points is embedded as PNG
 STAMPS = re.compile(rb"<metadata>.*?</metadata>", re.DOTALL)
 
 
-def png_bytes(figure: Figure) -> bytes:
+def png_and_svg(figure: Figure) -> tuple[bytes, bytes | None]:
+    """`png_bytes` and `svg_bytes` of one layout, whose making costs as much as a drawing."""
+    if not hasattr(figure.image, "savefig"):
+        return png_bytes(figure), svg_bytes(figure)
+    with laid_out(figure.image) as box:
+        return png_bytes(figure, box), svg_bytes(figure, box=box)
+
+
+@contextmanager
+def laid_out(image: Any) -> Iterator[Any]:
+    """The layout of a matplotlib figure made and kept; gives the box [inches] around what is drawn."""
+    import matplotlib
+
+    engine = image.get_layout_engine()
+    image.draw_without_rendering()
+    box = image.get_tightbbox().padded(matplotlib.rcParams["savefig.pad_inches"])
+    with matplotlib.rc_context({"figure.autolayout": False, "figure.constrained_layout.use": False}):
+        image.set_layout_engine(None)  # "none" would leave a placeholder, for which matplotlib draws twice
+    try:
+        yield box
+    finally:
+        if engine is not None:
+            image.set_layout_engine(engine)
+
+
+def png_bytes(figure: Figure, box: Any = "tight") -> bytes:
     """The picture as PNG without date or tool name: an unchanged figure gives unchanged bytes.
 
-    Bytes that came as they are stay as they are.
+    Bytes that came as they are stay as they are. `box` [inches] is what is kept of the paper.
     """
     if not hasattr(figure.image, "savefig"):
         return bytes(figure.image)
     buffer = io.BytesIO()
-    figure.image.savefig(buffer, format="png", bbox_inches="tight", metadata={"Software": None})
+    figure.image.savefig(buffer, format="png", bbox_inches=box, metadata={"Software": None})
     return reduced(buffer.getvalue())
 
 
-def svg_bytes(figure: Figure, most: float = MAX_SVG) -> bytes | None:
+def svg_bytes(figure: Figure, most: float = MAX_SVG, box: Any = "tight") -> bytes | None:
     """The picture as SVG, the same bytes for the same figure; None for ready bytes and those above `most`."""
     if not hasattr(figure.image, "savefig"):
         return None
@@ -38,7 +66,7 @@ def svg_bytes(figure: Figure, most: float = MAX_SVG) -> bytes | None:
 
     buffer = io.BytesIO()
     with matplotlib.rc_context({"svg.hashsalt": figure.name, "svg.fonttype": "path"}):
-        figure.image.savefig(buffer, format="svg", bbox_inches="tight", metadata={"Date": None})
+        figure.image.savefig(buffer, format="svg", bbox_inches=box, metadata={"Date": None})
     data = STAMPS.sub(b"", buffer.getvalue())
     return data if len(data) <= most else None
 

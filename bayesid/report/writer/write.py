@@ -41,7 +41,7 @@ from bayesid.report.writer.markup import (
     to_markdown,
     visible,
 )
-from bayesid.report.writer.picture import pdf_bytes, png_bytes, png_width, svg_bytes
+from bayesid.report.writer.picture import pdf_bytes, png_and_svg, png_bytes, png_width, svg_bytes
 
 PACKAGES = ("numpy", "scipy", "numba", "matplotlib", "emcee", "pysindy", "arviz", "pint", "h5py", "jinja2")
 
@@ -76,9 +76,9 @@ def write(report: Report, folder: str | os.PathLike[str], results: Mapping[str, 
     write_json(base / "results.json", record)  # first: the numbers are safe even if drawing fails
     images = {}
     for figure in figures_of((*report.first, *report.sections)):
-        data = png_bytes(figure)
-        write_atomic(base / "figures" / f"{figure.name}.png", data)
-        images[figure.name] = Picture(svg_bytes(figure), data)
+        png, svg = png_and_svg(figure)
+        write_atomic(base / "figures" / f"{figure.name}.png", png)
+        images[figure.name] = Picture(svg, png)
     write_atomic(base / "report.md", visible(_markdown(report, record)))
     return write_atomic(base / "report.html", visible(_html(report, images, record)))
 
