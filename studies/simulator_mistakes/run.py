@@ -1,9 +1,10 @@
 """Are mistakes of a simulator told from a cause: which planted ones are named, and what is named wrongly?
 
 Usage: python -m studies.simulator_mistakes.run [--out FOLDER] [--quick] [--vehicles A,B] [--seeds 0,21]
-[--every] [--render FOLDER]. Without --every a vehicle has each mistake at one of the seeds, in turn. Logs are made with the right numbers; the vehicle file gets one mistake at a time. The log
-goes through the check of the input, the comparison of causes and the search for mistakes of the simulator,
-as in `bayesid diagnose`; held-out runs are not asked. Results are kept: a second call goes on.
+[--every] [--render FOLDER]. Without --every a vehicle has each mistake at one of the seeds, in turn. Logs are
+made with the right numbers; the vehicle file gets one mistake at a time. The log goes through the check of
+the input, the comparison of causes and the search for mistakes of the simulator, as in `bayesid diagnose`;
+held-out runs are not asked. Results are kept: a second call goes on.
 """
 
 from __future__ import annotations
@@ -107,9 +108,7 @@ def in_turn(vehicle: str, seed: int, row: int) -> bool:
     return SEEDS[(row + list(VEHICLES).index(vehicle)) % len(SEEDS)] == seed
 
 
-def study(
-    out: Path, vehicles: tuple[str, ...], seeds: tuple[int, ...], every: bool = True
-) -> list[Outcome]:
+def study(out: Path, vehicles: tuple[str, ...], seeds: tuple[int, ...], every: bool = True) -> list[Outcome]:
     """Every mistake in every campaign; the report is written anew after every log.
 
     Parameters
