@@ -100,22 +100,23 @@ def test_an_alternative_that_leaves_a_gap_is_not_listed(monkeypatch, left, wante
     changes = [Change({"N_v": value * factor}) for factor in (2.0, 3.0, 4.0)]
     tried = [judge.Screened(m, 1.0, c, 50.0, 0.0) for m, c in zip(MISTAKES, changes, strict=False)]
     evidence = dict(zip(map(id, tried), (100.0, 98.0, 90.0), strict=True))
-    rest = {id(c): v for c, v in zip(changes, left, strict=True)}
+    fitted = [factor * value for factor in (6.0, 7.0, 8.0)]
+    rest = dict(zip(fitted, left, strict=True))
     monkeypatch.setattr(judge, "_worth", lambda *_: tried)
-    fitted = {"N_v": 7.0 * value}
-    said = {key: judge.Mended(nats, fitted) for key, nats in evidence.items()}
+    numbers = dict(zip(map(id, tried), fitted, strict=True))
+    said = {key: judge.Mended(nats, {"N_v": numbers[key]}) for key, nats in evidence.items()}
     monkeypatch.setattr(judge, "mended_evidence", lambda model, trial, s, as_built: said[id(s)])
     monkeypatch.setattr(judge, "mended_model", lambda model, change: change)
-    monkeypatch.setattr(judge, "left_over", lambda change, *_: rest[id(change)])
+    # what is left is asked of the numbers the log gives to rows that a mend leaves free
+    monkeypatch.setattr(judge, "left_over", lambda change, *_: rest[change.values["N_v"]])
     none = SimpleNamespace(log_evidence=0.0)
     comparison = SimpleNamespace(none=none, refits=[], thresholds=SimpleNamespace(named=3.0))
     compared = SimpleNamespace(problem=SimpleNamespace(model=model), candidates=comparison)
     found = find_mistakes(None, compared, SimpleNamespace(word="effect"))
     assert [f.name for f in found] == [MISTAKES[k].name for k in wanted]
     assert sum(f.probability for f in found) == pytest.approx(1.0 if wanted else 0.0)
-    # a mend that leaves rows free is told with the numbers the log gives them
-    for f in found:
-        assert f.numbers["N_v"] == pytest.approx(7.0 * f.given["N_v"])
+    for k, f in zip(wanted, found, strict=True):  # and told with them
+        assert f.numbers["N_v"] * model.file_scale("N_v") == pytest.approx(fitted[k])
 
 
 @pytest.mark.slow

@@ -17,7 +17,7 @@ from bayesid.diagnosis.data.problem import build_problem, fit_with
 from bayesid.diagnosis.event_search import verdict_with
 from bayesid.diagnosis.exclusions import compare_without
 from bayesid.diagnosis.form_stage import Compared
-from bayesid.diagnosis.hypotheses.candidate import explains, weighted_hypothesis
+from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains, weighted_hypothesis
 from bayesid.diagnosis.hypotheses.sensitivity_bank import build_bank, levels_between
 from bayesid.diagnosis.hypotheses.verdict import Verdict, decide
 from bayesid.diagnosis.result_parts import SimulatorMistakeFound
@@ -98,7 +98,7 @@ def find_mistakes(
     notify("whether the mended simulator leaves a gap")
 
     def clears(evidence: float, s: Screened) -> bool:
-        left = left_over(mended_model(problem.model, s.change), trial, as_built, seed)
+        left = left_over(mended_model(problem.model, s.change.about(s.fitted)), trial, as_built, seed)
         return left is not None and left <= max(comparison.thresholds.named, MINOR_SHARE * (evidence - best))
 
     # none where the best leaves a gap: what lies behind it would be named for want of the right one
@@ -205,12 +205,24 @@ def mended_evidence(model: Model, trial: Trial, s: Screened, as_built: float | N
     try:
         problem = build_problem(mended_model(model, s.change), trial, as_built=as_built)
         found = weighted_hypothesis(problem, (), fit_with(problem, ()))
+        if not explains(found):
+            return None
+        fitted = _free_rows(found, s)
+        if fitted:
+            # an environment measured where the free rows are not yet found is the wrong simulator's
+            about = build_problem(mended_model(model, s.change.about(fitted)), trial, as_built=as_built)
+            problem = replace(problem, environment=about.environment)
+            again = weighted_hypothesis(problem, (), fit_with(problem, (), start=found.fit.points))
+            if explains(again) and again.log_evidence > found.log_evidence:
+                found, fitted = again, _free_rows(again, s)
     except BayesidError:
         return None
-    if not explains(found):
-        return None
+    return Mended(found.log_evidence + s.share, fitted)
+
+
+def _free_rows(found: RefittedHypothesis, s: Screened) -> dict[str, float]:
     values = dict(zip(found.fit.free.names, found.fit.values, strict=True))
-    return Mended(found.log_evidence + s.share, {n: float(values[n]) for n in s.change.sd if n in values})
+    return {n: float(values[n]) for n in s.change.sd if n in values}
 
 
 def left_over(model: Model, trial: Trial, as_built: float | None, seed: int) -> float | None:
