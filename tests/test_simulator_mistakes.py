@@ -11,7 +11,7 @@ from bayesid.diagnosis.event_search import verdict_with
 from bayesid.diagnosis.exclusions import compare_without
 from bayesid.diagnosis.hypotheses.verdict import decide
 from bayesid.diagnosis.simulator import find_mistakes, judge
-from bayesid.diagnosis.simulator.judge import shifted
+from bayesid.diagnosis.simulator.judge import Left, shifted
 from bayesid.diagnosis.simulator.mending import mended_model, mended_prior, numbers_of
 from bayesid.diagnosis.simulator.table import MISTAKES, Change
 from bayesid.equations.model import Model, build_model
@@ -21,6 +21,7 @@ from bayesid.model.vehicles import Vehicle, load_vehicle, with_relative_prior
 from studies.log_mistakes.campaigns import PRIOR_SD, VEHICLES, campaign
 from studies.simulator_mistakes.plant import planted
 
+NOTHING = Left()
 BY_NAME = {m.name: m for m in MISTAKES}
 # sizes planted -> size of the mend
 SIZES = {
@@ -87,14 +88,16 @@ def test_a_mended_coefficient_keeps_its_relative_deviation() -> None:
 @pytest.mark.parametrize(
     ("left", "wanted"),
     [
-        ((0.0, 0.0, 0.0), (0, 1)),  # the third lies too far behind
-        ((0.0, 50.0, 0.0), (0,)),
-        ((0.0, None, 0.0), (0,)),
-        ((50.0, 0.0, 0.0), ()),
+        ((NOTHING, NOTHING, NOTHING), (0, 1)),  # the third lies too far behind
+        ((NOTHING, Left(50.0), NOTHING), (0,)),
+        ((NOTHING, None, NOTHING), (0,)),
+        ((NOTHING, Left(50.0, ("rudder_offset",)), NOTHING), (0,)),  # not alike: it needs a cause besides
+        ((Left(50.0), NOTHING, NOTHING), ()),
+        ((Left(50.0, ("rudder_offset",)), NOTHING, NOTHING), (0,)),
     ],
 )
 def test_an_alternative_that_leaves_a_gap_is_not_listed(monkeypatch, left, wanted) -> None:
-    """Evidence 100, 98 and 90 nats; what each mend leaves is given."""
+    """Evidence 100, 98 and 90 nats; what each mend leaves is given. A cause that is named is no gap."""
     model = _model(load_vehicle("remus100"), 3)
     value = float(model.nominal[model.index["N_v"]])
     changes = [Change({"N_v": value * factor}) for factor in (2.0, 3.0, 4.0)]
@@ -105,15 +108,16 @@ def test_an_alternative_that_leaves_a_gap_is_not_listed(monkeypatch, left, wante
     monkeypatch.setattr(judge, "_worth", lambda *_: tried)
     numbers = dict(zip(map(id, tried), fitted, strict=True))
     said = {key: judge.Mended(nats, {"N_v": numbers[key]}) for key, nats in evidence.items()}
-    monkeypatch.setattr(judge, "mended_evidence", lambda model, trial, s, as_built: said[id(s)])
+    monkeypatch.setattr(judge, "mended_evidence", lambda model, trial, s, *_: said[id(s)])
     monkeypatch.setattr(judge, "mended_model", lambda model, change: change)
     # what is left is asked of the numbers the log gives to rows that a mend leaves free
     monkeypatch.setattr(judge, "left_over", lambda change, *_: rest[change.values["N_v"]])
-    none = SimpleNamespace(log_evidence=0.0)
+    none = SimpleNamespace(log_evidence=0.0, widens=False, effects=())
     comparison = SimpleNamespace(none=none, refits=[], thresholds=SimpleNamespace(named=3.0))
     compared = SimpleNamespace(problem=SimpleNamespace(model=model), candidates=comparison)
     found = find_mistakes(None, compared, SimpleNamespace(word="effect"))
     assert [f.name for f in found] == [MISTAKES[k].name for k in wanted]
+    assert all(f.beside == left[0].effects for f in found)
     assert sum(f.probability for f in found) == pytest.approx(1.0 if wanted else 0.0)
     for k, f in zip(wanted, found, strict=True):  # and told with them
         assert f.numbers["N_v"] * model.file_scale("N_v") == pytest.approx(fitted[k])

@@ -2,7 +2,8 @@
 
 Usage: python -m studies.simulator_mistakes.beside [--out FILE]. Logs are made with the right numbers and one
 effect of the catalogue at its usual size; the vehicle file gets a mistake. They are judged as `bayesid
-diagnose` does, held-out runs left out. One line per log is written as it is judged; a second call goes on.
+diagnose` does, held-out runs left out, and once more with the right vehicle file. One line per log is written
+as it is judged; a second call goes on.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from studies.log_mistakes.campaigns import PRIOR_SD, VEHICLES, campaign
 from studies.simulator_mistakes.plant import Planted, planted
 
 STEP, SEED = 0.2, 60
+NOTHING = Planted("nothing", lambda vehicle: vehicle, ())
 # chosen before any was judged: what acts in the log, what the simulator has wrong, the vehicle
 CASES = (
     ("ocean_current", "sign of the fins", "remus100"),
@@ -42,26 +44,32 @@ CASES = (
 
 
 def judge(trial: Trial, model: Model, row: Planted, effect: str) -> dict[str, Any]:
-    """What is said of one log."""
+    """What is said of one log.
+
+    Effects count as named by the verdict or, with the mistake mended, beside it.
+    """
     check = check_trial(trial, model)
     inputs = [f.name for f in check.findings]
     alike = {name for f in check.findings for name in (f.name, *f.also)}
-    said: dict[str, Any] = {"input": inputs, "verdict": "input", "effects": [], "mistakes": []}
-    if WRONG_VEHICLE not in inputs or mistakes_that_clear(mended(trial, check), model):
-        right = mended(trial, check)
+    said: dict[str, Any] = {"input": inputs, "verdict": "input", "effects": [], "mistakes": [], "beside": []}
+    right = mended(trial, check)
+    if WRONG_VEHICLE not in inputs or mistakes_that_clear(right, model):
         compared = compare_without(model, right)
         verdict = verdict_with(decide(compared.problem, compared.candidates), compared.problem.events)
         found = find_mistakes(right, compared, verdict)
-        named = verdict.effects if verdict.word in NAMING else ()
-        said |= {"verdict": verdict.word, "effects": list(named), "mistakes": [f.name for f in found]}
+        said["verdict"] = verdict.word
+        said["effects"] = list(verdict.effects) if verdict.word in NAMING else []
+        said["mistakes"] = [f.name for f in found]
+        said["beside"] = list(found[0].beside) if found else []
         if verdict.word == "ambiguous":
             said["set"] = list(verdict.effects)
     of_log = bool(alike & set(row.inputs))
-    others = set(inputs) - {WRONG_VEHICLE} - (alike if of_log else set())
     told = of_log or bool(set(said["mistakes"][:1]) & set(row.right))
-    wrong = [*others, *(n for n in said["mistakes"][:1] if n not in row.right)]
-    wrong += [n for n in said["effects"] if n not in (effect, *row.effects)]
-    return {**said, "told": told, "effect_named": effect in said["effects"], "wrong_names": wrong}
+    named = {*said["effects"], *said["beside"]}
+    wrong = sorted(named - {effect, *row.effects})
+    wrong += [n for n in said["mistakes"][:1] if n not in row.right]
+    wrong += [n for n in inputs if n != WRONG_VEHICLE and not of_log]
+    return {**said, "told": told, "effect_named": effect in named, "wrong_names": wrong}
 
 
 def study(out: Path) -> list[dict[str, Any]]:
@@ -75,11 +83,14 @@ def study(out: Path) -> list[dict[str, Any]]:
             continue
         begin = time.process_time()
         trial = campaign(vehicle, SEED + k, step=STEP, acts=effects[effect])
-        wrong = rows[mistake].change(with_relative_prior(load_vehicle(vehicle), PRIOR_SD))
+        right = with_relative_prior(load_vehicle(vehicle), PRIOR_SD)
+        wrong = rows[mistake].change(right)
         assert wrong is not None
         model = build_model(with_relative_prior(wrong, PRIOR_SD), VEHICLES[vehicle])
         said: dict[str, Any] = {"vehicle": vehicle, "seed": SEED + k, "effect": effect, "mistake": mistake}
         said |= judge(trial, model, rows[mistake], effect)
+        bare = judge(trial, build_model(right, VEHICLES[vehicle]), NOTHING, effect)
+        said["right_simulator"] = {k: bare[k] for k in ("verdict", "effects", "mistakes", "wrong_names")}
         said["seconds"] = round(time.process_time() - begin, 1)
         found.append(said)
         with out.open("a", encoding="utf-8") as file:
