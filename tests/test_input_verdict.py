@@ -24,6 +24,7 @@ from bayesid.trials import Trial
 from bayesid.trials.correction import Correction, apply
 from bayesid.trials.mistakes import InputCheck, InputFinding
 
+DIVE = {"z": 0.05, "w": 0.008, "theta": 0.005, "q": 0.002}
 NOISE = {"x": 0.03, "y": 0.03, "psi": 0.005, "r": 0.003, "u": 0.008, "v": 0.008}
 
 
@@ -60,6 +61,19 @@ def test_a_clean_log_is_in_order_with_and_without_a_vehicle(clean, model):
 def test_the_vehicle_tells_what_kinematics_leaves_open(clean, model, name, correction):
     found = check_trial(wrong(clean, correction), model).findings
     assert [f.name for f in found] == [name]
+
+
+@pytest.mark.parametrize(("factor", "names"), [(1.0, []), (-1.0, ["sign of w"])])
+def test_the_heave_of_a_pitching_turn_tells_its_sign(factor, names):
+    """Heave of 1 % of the speed: track and depth do not feel its sign, but the hull slides outwards.
+
+    One run does not turn: there the noise of r is no mistake of r, though roll holds better without r.
+    """
+    dive = simulate("nps_auv2", "combined:10/8", "vzigzag:10/5", dof=6, noise=NOISE | DIVE, seed=3)
+    model = build_model(load_vehicle("nps_auv2"), 6)
+    assert [
+        f.name for f in check_trial(wrong(dive, Correction(scale={"w": factor})), model).findings
+    ] == names
 
 
 def test_a_log_of_another_vehicle_leaves_no_refits(clean, tmp_path, monkeypatch):

@@ -11,9 +11,9 @@ from bayesid.diagnosis.event_search import verdict_with
 from bayesid.diagnosis.exclusions import compare_without
 from bayesid.diagnosis.hypotheses.verdict import decide
 from bayesid.diagnosis.simulator import find_mistakes, judge
-from bayesid.diagnosis.simulator.judge import shifted
+from bayesid.diagnosis.simulator.judge import Left, shifted
 from bayesid.diagnosis.simulator.mending import mended_model, mended_prior, numbers_of
-from bayesid.diagnosis.simulator.table import MISTAKES, ROWS, Change
+from bayesid.diagnosis.simulator.table import MISTAKES, Change
 from bayesid.equations.model import Model, build_model
 from bayesid.estimation.filter_error.evidence import normal_equations, posterior
 from bayesid.estimation.parameters import NO_PARAMETERS, coefficient_prior
@@ -21,6 +21,7 @@ from bayesid.model.vehicles import Vehicle, load_vehicle, with_relative_prior
 from studies.log_mistakes.campaigns import PRIOR_SD, VEHICLES, campaign
 from studies.simulator_mistakes.plant import planted
 
+NOTHING = Left()
 BY_NAME = {m.name: m for m in MISTAKES}
 # sizes planted -> size of the mend
 SIZES = {
@@ -46,12 +47,8 @@ def test_the_mend_undoes_a_mistake_written_by_hand(name: str, row) -> None:
     wanted, given = _model(right, 6), _model(wrong, 6)
     change = BY_NAME[row.right[0]].mend(numbers_of(given), SIZES.get(row.name, 1.0))
     assert change is not None
-    # the rows by hand are those of a hull with two planes of symmetry
-    rows = [
-        i
-        for n, i in wanted.index.items()
-        if n in change.values and (n not in ROWS or (ROWS[n].planar and n[0] in "XYN"))
-    ]
+    # U_ref is no number of the file: it follows from the drag
+    rows = [i for n, i in wanted.index.items() if n != "U_ref"]
     got = mended_model(given, change).nominal
     scale = np.maximum(np.abs(wanted.nominal[rows]), np.abs(given.nominal[rows]))
     assert np.all(np.abs(got[rows] - wanted.nominal[rows]) <= 1e-6 * np.maximum(scale, 1e-12))
@@ -91,35 +88,39 @@ def test_a_mended_coefficient_keeps_its_relative_deviation() -> None:
 @pytest.mark.parametrize(
     ("left", "wanted"),
     [
-        ((0.0, 0.0, 0.0), (0, 1)),  # the third lies too far behind
-        ((0.0, 50.0, 0.0), (0,)),
-        ((0.0, None, 0.0), (0,)),
-        ((50.0, 0.0, 0.0), ()),
+        ((NOTHING, NOTHING, NOTHING), (0, 1)),  # the third lies too far behind
+        ((NOTHING, Left(50.0), NOTHING), (0,)),
+        ((NOTHING, None, NOTHING), (0,)),
+        ((NOTHING, Left(50.0, ("rudder_offset",)), NOTHING), (0,)),  # not alike: it needs a cause besides
+        ((Left(50.0), NOTHING, NOTHING), ()),
+        ((Left(50.0, ("rudder_offset",)), NOTHING, NOTHING), (0,)),
     ],
 )
 def test_an_alternative_that_leaves_a_gap_is_not_listed(monkeypatch, left, wanted) -> None:
-    """Evidence 100, 98 and 90 nats; what each mend leaves is given."""
+    """Evidence 100, 98 and 90 nats; what each mend leaves is given. A cause that is named is no gap."""
     model = _model(load_vehicle("remus100"), 3)
     value = float(model.nominal[model.index["N_v"]])
     changes = [Change({"N_v": value * factor}) for factor in (2.0, 3.0, 4.0)]
     tried = [judge.Screened(m, 1.0, c, 50.0, 0.0) for m, c in zip(MISTAKES, changes, strict=False)]
     evidence = dict(zip(map(id, tried), (100.0, 98.0, 90.0), strict=True))
-    rest = {id(c): v for c, v in zip(changes, left, strict=True)}
+    fitted = [factor * value for factor in (6.0, 7.0, 8.0)]
+    rest = dict(zip(fitted, left, strict=True))
     monkeypatch.setattr(judge, "_worth", lambda *_: tried)
-    fitted = {"N_v": 7.0 * value}
-    said = {key: judge.Mended(nats, fitted) for key, nats in evidence.items()}
-    monkeypatch.setattr(judge, "mended_evidence", lambda model, trial, s, as_built: said[id(s)])
+    numbers = dict(zip(map(id, tried), fitted, strict=True))
+    said = {key: judge.Mended(nats, {"N_v": numbers[key]}) for key, nats in evidence.items()}
+    monkeypatch.setattr(judge, "mended_evidence", lambda model, trial, s, *_: said[id(s)])
     monkeypatch.setattr(judge, "mended_model", lambda model, change: change)
-    monkeypatch.setattr(judge, "left_over", lambda change, *_: rest[id(change)])
-    none = SimpleNamespace(log_evidence=0.0)
+    # what is left is asked of the numbers the log gives to rows that a mend leaves free
+    monkeypatch.setattr(judge, "left_over", lambda change, *_: rest[change.values["N_v"]])
+    none = SimpleNamespace(log_evidence=0.0, widens=False, effects=())
     comparison = SimpleNamespace(none=none, refits=[], thresholds=SimpleNamespace(named=3.0))
     compared = SimpleNamespace(problem=SimpleNamespace(model=model), candidates=comparison)
     found = find_mistakes(None, compared, SimpleNamespace(word="effect"))
     assert [f.name for f in found] == [MISTAKES[k].name for k in wanted]
+    assert all(f.beside == left[0].effects for f in found)
     assert sum(f.probability for f in found) == pytest.approx(1.0 if wanted else 0.0)
-    # a mend that leaves rows free is told with the numbers the log gives them
-    for f in found:
-        assert f.numbers["N_v"] == pytest.approx(7.0 * f.given["N_v"])
+    for k, f in zip(wanted, found, strict=True):  # and told with them
+        assert f.numbers["N_v"] * model.file_scale("N_v") == pytest.approx(fitted[k])
 
 
 @pytest.mark.slow

@@ -252,7 +252,7 @@ class Retuning:
 
 @dataclass(frozen=True)
 class SimulatorMistakeFound:
-    """A mistake of the simulator whose mend leaves no gap that asks for a cause."""
+    """A mistake of the simulator whose mend leaves no gap that asks for a cause, or one with named causes."""
 
     name: str
     says: str
@@ -264,6 +264,9 @@ class SimulatorMistakeFound:
         Mapping[str, float], About("What the vehicle file would hold: coefficient (in its units) -> value.")
     ]
     given: Annotated[Mapping[str, float], About("The same as given.")]
+    beside: Annotated[
+        tuple[str, ...], About("Effects that the mended simulator still needs; empty where nothing is left.")
+    ] = ()
 
 
 @dataclass(frozen=True)

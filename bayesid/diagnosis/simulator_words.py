@@ -18,17 +18,28 @@ def mistake_sentence(result: Result) -> str:
     first, *others = result.simulator
     alike = f" Or {' or '.join(m.says for m in others)}." if others else ""
     share = f" (probability {first.probability:.2f} among these)" if others else ""
-    return f"A mistake of the simulator closes the gap: {first.says}{share}.{alike} As given: "
+    beside = f", beside {_effects(first)}," if first.beside else ""
+    return f"A mistake of the simulator{beside} closes the gap: {first.says}{share}.{alike} As given: "
 
 
 def mistake_certainty(result: Result) -> tuple[str, ...]:
     """How much better the mended simulator is than what explains the gap otherwise."""
     return tuple(
-        f"With the simulator mended ({m.name}) no cause is left to look for; log evidence {m.gain:+.0f} over "
+        f"With the simulator mended ({m.name}) {_left(m)}; log evidence {m.gain:+.0f} over "
         f"the simulator as given, {m.lead:+.0f} over the best explanation without a mistake. Or what made "
         "the log has the opposite mistake."
         for m in result.simulator[:1]
     )
+
+
+def _left(m: SimulatorMistakeFound) -> str:
+    if not m.beside:
+        return "no cause is left to look for"
+    return f"what is left has a cause that is named, {_effects(m)}"
+
+
+def _effects(m: SimulatorMistakeFound) -> str:
+    return " and ".join(name.replace("_", " ") for name in m.beside)
 
 
 def mistake_steps(result: Result) -> tuple[str, ...]:

@@ -8,8 +8,14 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import combinations_with_replacement
 
+import numpy as np
+
+from bayesid.model.terms import TERMS
 from bayesid.model.vehicles import Vehicle
+
+KNOWN = {term.name for term in TERMS}
 
 Change = Callable[[Vehicle], Vehicle | None]
 
@@ -53,26 +59,37 @@ def _munk(times: float) -> Change:
 
 
 def _coriolis(times: float) -> Change:
-    """Kirchhoff's rows of a hull with two planes of symmetry, so many times more."""
+    """-C_A(nu) nu of the symmetric half of the added mass, so many times more, read off numerically.
+
+    The share of a product of two velocities is what both bring beyond each alone.
+    """
 
     def change(v: Vehicle) -> Vehicle:
-        c = dict(v.coef)
-        a = {n: v.coef.get(n, 0.0) for n in ("X_udot", "Y_vdot", "Z_wdot", "K_pdot", "M_qdot", "N_rdot")}
-        yr = 0.5 * (v.coef.get("Y_rdot", 0.0) + v.coef.get("N_vdot", 0.0))
-        zq = 0.5 * (v.coef.get("Z_qdot", 0.0) + v.coef.get("M_wdot", 0.0))
-        yp = 0.5 * (v.coef.get("Y_pdot", 0.0) + v.coef.get("K_vdot", 0.0))
-        rows = {
-            "X_wq": a["Z_wdot"], "X_qq": zq, "X_vr": -a["Y_vdot"], "X_rr": -yr, "X_rp": -yp,
-            "Y_r": a["X_udot"], "Y_wp": -a["Z_wdot"], "Y_pq": -zq,
-            "Z_q": -a["X_udot"], "Z_vp": a["Y_vdot"], "Z_rp": yr, "Z_pp": yp,
-            "M_w": a["X_udot"] - a["Z_wdot"], "M_vp": -yr, "M_rp": a["K_pdot"] - a["N_rdot"], "M_q": -zq,
-            "N_v": a["Y_vdot"] - a["X_udot"], "N_wp": zq, "N_pq": a["M_qdot"] - a["K_pdot"], "N_r": yr,
-        }  # fmt: skip
-        for name, value in rows.items():
-            c[name] = c.get(name, 0.0) + times * value
+        mass = np.array([[-v.coef.get(f"{axis}_{dot}dot", 0.0) for dot in "uvwpqr"] for axis in "XYZKMN"])
+        mass = 0.5 * (mass + mass.T)
+
+        def force(nu: np.ndarray) -> np.ndarray:
+            momentum = mass @ nu
+            turned = np.cross(nu[3:], momentum[:3])
+            return -np.concatenate((turned, np.cross(nu[:3], momentum[:3]) + np.cross(nu[3:], momentum[3:])))
+
+        c, unit = dict(v.coef), np.eye(6)
+        for i, j in combinations_with_replacement(range(6), 2):
+            both = force(unit[i] + unit[j]) - force(unit[i]) - force(unit[j])
+            for axis, value in zip("XYZKMN", 0.5 * both if i == j else both, strict=True):
+                if abs(value) > 1e-12 * np.abs(mass).max():
+                    name = _row(axis, "uvwpqr"[i], "uvwpqr"[j])
+                    c[name] = c.get(name, 0.0) + times * value
         return _with(v, c)
 
     return change
+
+
+def _row(axis: str, one: str, other: str) -> str:
+    """Name of the coefficient of a product; u is left out of it."""
+    if "u" in (one, other):
+        return f"{axis}_{one}{other}".replace("u", "", 1)
+    return next(n for n in (f"{axis}_{one}{other}", f"{axis}_{other}{one}") if n in KNOWN)
 
 
 def _times(ending: str, factor: float) -> Change:

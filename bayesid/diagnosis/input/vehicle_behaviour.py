@@ -1,4 +1,4 @@
-"""What a vehicle says of a log: speed at its revolutions, and how much it turns for its rudder.
+"""What a vehicle says of a log: speed at its revolutions, how much it turns for its fins, how it slides then.
 
 Takes a model and a run. Gives log likelihoods under wide densities: a simulator that is to be judged may be
 wrong by tens of percent, not by a sign or a unit.
@@ -35,7 +35,12 @@ NEEDS = {
     ),
     "drift": frozenset({"u", "u_water", "v", "v_water", "r", "psi", "delta_r", "delta_r_cmd"}),
     "pitch": frozenset({"t", "u", "w", "q", "theta", "delta_s", "delta_s_cmd", "x", "y"}),
+    "heave": frozenset({"u", "u_water", "w", "w_water", "q", "theta", "delta_s", "delta_s_cmd"}),
 }
+# fin -> the angle it turns, what is told of turn and slide; angle -> its rate, the slide that goes with it,
+# and that slide over rate and length as a turn begins: a hull slides outwards
+FINS = {"delta_r": ("psi", "turn", "drift"), "delta_s": ("theta", "pitch", "heave")}
+SLIDE = {"psi": ("r", "v", -0.3), "theta": ("q", "w", 0.3)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,18 +63,17 @@ class VehicleBehaviour:
             speed = speed_ratio(self.model, run)
             if speed is not None:
                 out["speed"] = self.weight * _log_density(math.log(speed) / SPEED_SD)
-            for key, fin, angle in (("turn", "delta_r", "psi"), ("pitch", "delta_s", "theta")):
+            for fin, (angle, turn, slide) in FINS.items():
                 try:
                     gains = fin_gains(self.model, run, fin, angle)
                 except BayesidError:
                     continue
-                for name, gain in zip((key, "drift"), gains, strict=True):
-                    if gain is not None and (name == key or fin == "delta_r"):
+                for name, gain in zip((turn, slide), gains, strict=True):
+                    if gain is not None:
                         out[name] = self.weight * _gain_density(*gain)
-                turn, drift = gains
-                if fin == "delta_r" and turn is not None and drift is not None and _turned(*turn):
-                    # steered the other way round: how it drifts tells nothing of the sign of v
-                    out["drift"] = min(out["drift"], self.weight * WRONG_SIDE)
+                if gains[0] is not None and gains[1] is not None and _turned(*gains[0]):
+                    # steered the other way round: how it slides tells nothing of the sign of v or w
+                    out[slide] = min(out[slide], self.weight * WRONG_SIDE)
         return {k: v for k, v in out.items() if math.isfinite(v)}
 
 
@@ -115,7 +119,8 @@ Gain = tuple[float, float] | None
 
 
 def fin_gains(model: Model, run: Run, fin: str, angle: str) -> tuple[Gain, Gain]:
-    """Turn a fin gives over the turn it gives in the simulator, and sway over simulated sway, over pieces.
+    """Turn a fin gives over the turn it gives in the simulator, and sway (heave) over the simulated one, over
+    pieces.
 
     Returns
     -------
@@ -154,29 +159,29 @@ def _slope(logged: Array, simulated: Array) -> Gain:
 def _piece(
     model: Model, run: Run, speed: Array, fin: str, angle: str, t0: float, length: float, travel: float
 ) -> tuple[float, float, float, float] | None:
-    """Turn beyond what a free start gives and last sway, each logged and simulated; None where not read."""
+    """Turn beyond what a free start gives and last sway or heave, logged and simulated; None if not read."""
     inside = (run.t >= t0) & (run.t <= t0 + length)
     if inside.sum() < 3:
         return None
     t = run.t[inside]
     turned = _ends(run.t, run.data[angle], t[0], t[-1], travel)
-    start = _start(model, run, speed, t[0], travel)
+    start = _start(model, run, speed, angle, t[0], travel)
     if turned is None or start is None:
         return None
     groups = [{k: v[inside] for k, v in group.items()} for group in (run.commands, run.measured_inputs)]
     names = (f"{fin}_cmd", fin)
     free = [{k: np.zeros(v.shape) if k in names else v for k, v in group.items()} for group in groups]
-    j = model.states.index(angle)
-    ends, sway = [], []
+    j, slide = model.states.index(angle), SLIDE[angle][1]
+    ends, last = [], []
     for commands, measured in (groups, free):
         states = simulate(model, model.nominal, plan_run(model, t, commands, measured), start).states
         ends.append(states[-1, j] - states[0, j])
-        sway.append(states[-1, model.states.index("v")])
+        last.append(states[-1, model.states.index(slide)])
     if not np.isfinite(ends).all():
         return None
-    side = next((run.data[k] for k in ("v", "v_water") if k in run.data), None)
+    side = next((run.data[k] for k in (slide, f"{slide}_water") if k in run.data), None)
     slid = None if side is None else _line(run.t, side, t[-1], travel)
-    return turned - ends[1], ends[0] - ends[1], math.nan if slid is None else slid[0], sway[0]
+    return turned - ends[1], ends[0] - ends[1], math.nan if slid is None else slid[0], last[0]
 
 
 def _ends(t: Array, values: Array, first: float, last: float, around: float) -> float | None:
@@ -201,8 +206,8 @@ def _line(t: Array, values: Array, at: float, around: float) -> tuple[float, flo
     return float(value), float(slope)
 
 
-def _start(model: Model, run: Run, speed: Array, t0: float, travel: float) -> Array | None:
-    """State at a time, as read; what is not read is zero, but the sway that goes with a turn."""
+def _start(model: Model, run: Run, speed: Array, angle: str, t0: float, travel: float) -> Array | None:
+    """State at a time, as read; what is not read is zero, but the sway (heave) that goes with a turn."""
     out = np.zeros(len(model.states))
     place = {name: k for k, name in enumerate(model.states)}
 
@@ -210,18 +215,19 @@ def _start(model: Model, run: Run, speed: Array, t0: float, travel: float) -> Ar
         if value is not None and name in place:
             out[place[name]] = value[which]
 
-    # the sway is left to the simulator, which then tells its sign
+    # sway, and heave in a pitching turn, are left to the simulator, which then tells their sign
     for name in ("psi", "phi", "theta", "r", "q", "p", "w", "z"):
-        if name in run.data:
+        if name in run.data and name != SLIDE[angle][1]:
             put(name, _line(run.t, run.data[name], t0, travel))
-    for rate, angle in (("r", "psi"), ("q", "theta")):
-        if rate not in run.data and angle in run.data:
-            put(rate, _line(run.t, run.data[angle], t0, travel), 1)
+    for turned, (rate, _, _) in SLIDE.items():
+        if rate not in run.data and turned in run.data:
+            put(rate, _line(run.t, run.data[turned], t0, travel), 1)
     along = _line(run.t, speed, t0, travel)
     if along is None or not np.isfinite(out).all():
         return None
     out[place["u"]] = along[0]
-    out[place["v"]] = -0.3 * model.scales["L"] * out[place["r"]]
+    for rate, slide, share in {SLIDE["psi"], SLIDE[angle]}:
+        out[place[slide]] = share * model.scales["L"] * out[place[rate]]
     return out
 
 

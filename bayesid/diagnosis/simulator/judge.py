@@ -1,8 +1,9 @@
 """Which mistake of the simulator closes the gap: a linear screen, then the mended simulator judged anew.
 
 Takes a trial, the hypotheses of its gap and the verdict. Gives what was found, best first. A mistake is named
-only if its mend beats every other explanation, environments measured anew, and leaves nothing that asks for a
-cause. Does not change the verdict or touch the search of causes.
+only if its mend, alone or beside the effects of the best explanation, beats every other explanation,
+environments measured anew, and leaves nothing that asks for a cause, or effects that are then named. Does not
+change the verdict or touch the search of causes.
 """
 
 from __future__ import annotations
@@ -13,11 +14,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.special import logsumexp, softmax
 
-from bayesid.diagnosis.data.problem import build_problem, fit_with
+from bayesid.diagnosis.data.problem import DiagnosisProblem, build_problem, fit_with
 from bayesid.diagnosis.event_search import verdict_with
 from bayesid.diagnosis.exclusions import compare_without
 from bayesid.diagnosis.form_stage import Compared
-from bayesid.diagnosis.hypotheses.candidate import explains, weighted_hypothesis
+from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains, weighted_hypothesis
 from bayesid.diagnosis.hypotheses.sensitivity_bank import build_bank, levels_between
 from bayesid.diagnosis.hypotheses.verdict import Verdict, decide
 from bayesid.diagnosis.result_parts import SimulatorMistakeFound
@@ -67,6 +68,14 @@ class Mended:
     fitted: Mapping[str, float]
 
 
+@dataclass(frozen=True)
+class Left:
+    """What the best explanation of a mended simulator's gap gains [nats], and the effects it names."""
+
+    gain: float = 0.0
+    effects: tuple[str, ...] = ()
+
+
 def find_mistakes(
     trial: Trial,
     compared: Compared,
@@ -85,11 +94,13 @@ def find_mistakes(
     problem, comparison = compared.problem, compared.candidates
     if verdict.word == "none":
         return ()
-    best = max([comparison.none, *comparison.refits], key=lambda c: c.log_evidence).log_evidence
+    explanation = max([comparison.none, *comparison.refits], key=lambda c: c.log_evidence)
+    best = explanation.log_evidence
+    beside = () if explanation.widens else explanation.effects
     found = []
     for s in _worth(compared):
         notify(f"the simulator mended: {s.mistake.name}")
-        mended = mended_evidence(problem.model, trial, s, as_built)
+        mended = mended_evidence(problem.model, trial, s, as_built, beside)
         if mended is not None and mended.log_evidence > best + LEAD:
             found.append((mended.log_evidence, replace(s, fitted=mended.fitted)))
     if not found:
@@ -97,18 +108,23 @@ def find_mistakes(
     found.sort(key=lambda row: -row[0])
     notify("whether the mended simulator leaves a gap")
 
-    def clears(evidence: float, s: Screened) -> bool:
-        left = left_over(mended_model(problem.model, s.change), trial, as_built, seed)
-        return left is not None and left <= max(comparison.thresholds.named, MINOR_SHARE * (evidence - best))
+    def cleared(evidence: float, s: Screened) -> tuple[str, ...] | None:
+        """Effects that the mended simulator needs beside it; None where it leaves a gap even so."""
+        left = left_over(mended_model(problem.model, s.change.about(s.fitted)), trial, as_built, seed)
+        if left is None:
+            return None
+        if left.gain <= max(comparison.thresholds.named, MINOR_SHARE * (evidence - best)):
+            return ()
+        return left.effects or None
 
     # none where the best leaves a gap: what lies behind it would be named for want of the right one
-    if not clears(*found[0]):
+    if (needed := cleared(*found[0])) is None:
         return ()
     alike = [row for row in found[1:] if row[0] > found[0][0] - ALIKE][: MOST_LISTED - 1]
-    listed = [found[0], *(row for row in alike if clears(*row))]
+    listed = [found[0], *(row for row in alike if cleared(*row) == needed)]
     shares = softmax([evidence for evidence, _ in listed])
     return tuple(
-        _finding(problem.model, s, float(p), evidence - comparison.none.log_evidence, evidence - best)
+        _finding(problem.model, s, float(p), evidence - comparison.none.log_evidence, evidence - best, needed)
         for (evidence, s), p in zip(listed, shares, strict=True)
     )
 
@@ -199,23 +215,49 @@ def _log_evidence(g: NormalEquations) -> float:
         return -np.inf
 
 
-def mended_evidence(model: Model, trial: Trial, s: Screened, as_built: float | None) -> Mended | None:
-    """The mended simulator without any effect, its environment measured anew; None where it does not follow
-    the log."""
+def mended_evidence(
+    model: Model, trial: Trial, s: Screened, as_built: float | None, beside: tuple[str, ...] = ()
+) -> Mended | None:
+    """The mended simulator, its environment measured anew; None where it does not follow the log.
+
+    Parameters
+    ----------
+    beside : effects it is tried with as well as without any: a mistake and a cause may come together
+    """
     try:
         problem = build_problem(mended_model(model, s.change), trial, as_built=as_built)
-        found = weighted_hypothesis(problem, (), fit_with(problem, ()))
+        found = _best_of(problem, beside)
+        if found is None:
+            return None
+        fitted = _free_rows(found, s)
+        if fitted:
+            # an environment measured where the free rows are not yet found is the wrong simulator's
+            about = build_problem(mended_model(model, s.change.about(fitted)), trial, as_built=as_built)
+            again = _best_of(replace(problem, environment=about.environment), beside)
+            if again is not None and again.log_evidence > found.log_evidence:
+                found, fitted = again, _free_rows(again, s)
     except BayesidError:
         return None
-    if not explains(found):
-        return None
+    return Mended(found.log_evidence + s.share, fitted)
+
+
+def _best_of(problem: DiagnosisProblem, beside: tuple[str, ...]) -> RefittedHypothesis | None:
+    """The better of no effect and these effects; None where neither follows the log."""
+    found = []
+    for names in dict.fromkeys(((), beside)):
+        effects = tuple(problem.model.effects[n] for n in names)
+        found.append(weighted_hypothesis(problem, names, fit_with(problem, effects)))
+    return max((c for c in found if explains(c)), key=lambda c: c.log_evidence, default=None)
+
+
+def _free_rows(found: RefittedHypothesis, s: Screened) -> dict[str, float]:
     values = dict(zip(found.fit.free.names, found.fit.values, strict=True))
-    return Mended(found.log_evidence + s.share, {n: float(values[n]) for n in s.change.sd if n in values})
+    return {n: float(values[n]) for n in s.change.sd if n in values}
 
 
-def left_over(model: Model, trial: Trial, as_built: float | None, seed: int) -> float | None:
-    """What the best explanation of the mended simulator's gap still gains [nats]: 0 where its verdict is
-    `none`, None where something is missing that no effect explains, or coefficients leave their prior."""
+def left_over(model: Model, trial: Trial, as_built: float | None, seed: int) -> Left | None:
+    """What the mended simulator leaves; None where something is missing that no effect explains, or
+    coefficients leave their prior."""
     try:
         again = compare_without(model, trial, as_built=as_built, seed=seed)
     except BayesidError:
@@ -223,13 +265,16 @@ def left_over(model: Model, trial: Trial, as_built: float | None, seed: int) -> 
     c = again.candidates
     verdict = verdict_with(decide(again.problem, c), again.problem.events)
     if verdict.word == "none":
-        return 0.0
+        return Left()
     if verdict.word in ("outside", "coefficients", "model_form"):
         return None
-    return c.best.log_evidence - c.none.log_evidence
+    named = verdict.effects if verdict.word in ("effect", "several") else ()
+    return Left(c.best.log_evidence - c.none.log_evidence, named)
 
 
-def _finding(model: Model, s: Screened, share: float, gain: float, lead: float) -> SimulatorMistakeFound:
+def _finding(
+    model: Model, s: Screened, share: float, gain: float, lead: float, beside: tuple[str, ...]
+) -> SimulatorMistakeFound:
     # a mend may only say which rows are free: then the numbers are those the log gives them
     told = {**s.change.values, **s.fitted}
     changed = {n: v for n, v in told.items() if v != model.nominal[model.index[n]]}
@@ -242,4 +287,5 @@ def _finding(model: Model, s: Screened, share: float, gain: float, lead: float) 
         s.size,
         {n: float(v) / model.file_scale(n) for n, v in changed.items()},
         {n: float(model.nominal[model.index[n]]) / model.file_scale(n) for n in changed},
+        beside,
     )

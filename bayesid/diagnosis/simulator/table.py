@@ -57,6 +57,10 @@ class Change:
             {n: v for n, v in self.sd.items() if n in names},
         )
 
+    def about(self, found: Mapping[str, float]) -> Change:
+        """The same deviations about other values."""
+        return Change({**self.values, **found}, self.sd)
+
 
 Mend = Callable[[Numbers, float], Change | None]
 

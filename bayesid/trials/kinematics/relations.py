@@ -25,6 +25,7 @@ READINGS = 2  # in a block
 SCALE, ANGLE, DEVIATION, LATENCY, LEVER, RATE_BIAS, DRIFT, CURRENT = 0.1, 0.1, 0.06, 0.6, 0.5, 0.03, 0.02, 0.3
 PATH = 0.3  # angle of attack over pitch
 SIDEWAYS = 0.3  # drift angle, or sway over surge, at a rate of one over the time of turning
+MOST_NOISE = 0.3  # of a motion, that the rates of other axes may bring
 LENGTHS = 5.0  # lengths travelled in the time of turning, where no length is known
 
 NEEDS = {
@@ -179,7 +180,7 @@ def _yaw(s: Joined, logged: Mapping[str, float]) -> Relation | None:
     if s.has("phi", "theta", "q"):
         phi, theta = s["phi"], s["theta"]
         rate = (s["q"] * np.sin(phi) + rate * np.cos(phi)) / np.maximum(np.cos(theta), 0.05)
-    return _angle("yaw", s, blocks, s["psi"], rate, logged.get("psi", 1.0))
+    return _angle("yaw", s, blocks, s["psi"], s["r"], rate, logged.get("psi", 1.0))
 
 
 def _pitch(s: Joined, logged: Mapping[str, float]) -> Relation | None:
@@ -189,7 +190,7 @@ def _pitch(s: Joined, logged: Mapping[str, float]) -> Relation | None:
     if s.has("phi", "r"):
         rate = rate * np.cos(s["phi"]) - s["r"] * np.sin(s["phi"])
     blocks = Blocks(s.t, s.read("theta"), s.known("theta", "q"), BLOCKS, READINGS)
-    return _angle("pitch", s, blocks, s["theta"], rate, logged.get("theta", 1.0))
+    return _angle("pitch", s, blocks, s["theta"], s["q"], rate, logged.get("theta", 1.0))
 
 
 def _roll(s: Joined, logged: Mapping[str, float]) -> Relation | None:
@@ -200,21 +201,36 @@ def _roll(s: Joined, logged: Mapping[str, float]) -> Relation | None:
         phi = s["phi"]
         rate = rate + (s["q"] * np.sin(phi) + s["r"] * np.cos(phi)) * np.tan(s["theta"])
     blocks = Blocks(s.t, s.read("phi"), s.known("phi", "p"), BLOCKS, READINGS)
-    return _angle("roll", s, blocks, s["phi"], rate, logged.get("phi", 1.0))
+    return _angle("roll", s, blocks, s["phi"], s["p"], rate, logged.get("phi", 1.0))
 
 
 def _angle(
-    name: str, s: Joined, blocks: Blocks, angle: Floats, rate: Floats, factor: float
+    name: str, s: Joined, blocks: Blocks, angle: Floats, own: Floats, rate: Floats, factor: float
 ) -> Relation | None:
-    """Change of an angle against the integral of its rate."""
+    """Change of an angle against the integral of its rate; `own` is that rate without those of other axes.
+
+    None where neither moves more than the noise that the other axes bring: a noisy yaw rate in a dive without
+    a turn rolls nobody, and whatever took it away would be a mistake.
+    """
     if blocks.span.size < FEWEST:
         return None
     turned, reckoned = blocks.change(angle), blocks.integral(rate)
+    moved = max(float(np.sqrt(np.mean(c**2))) for c in (turned, blocks.integral(own)))
+    if _noise_of(rate - own, s.t, blocks) > MOST_NOISE * moved:
+        return None
     period = turning_time(reckoned / blocks.span, float(s.t[-1] - s.t[0]))
     size = float(np.sqrt(np.mean(turned**2)))
     columns = {"scale": reckoned, "bias": blocks.span, "late": blocks.change(rate)}
     sd = {"scale": SCALE, "bias": RATE_BIAS / period, "late": LATENCY * period / LENGTHS}
     return Relation(name, turned - reckoned, columns, sd, size, turned.size * math.log(abs(factor)))
+
+
+def _noise_of(rate: Floats, t: Floats, blocks: Blocks) -> float:
+    """Standard deviation over a block of the integral of what changes from reading to reading."""
+    if rate.size < 4:
+        return 0.0
+    white = float(np.median(np.abs(np.diff(rate, 3)))) / 0.6745 / math.sqrt(20.0)
+    return white * math.sqrt(float(np.median(np.diff(t)) * np.median(blocks.span)))
 
 
 def _depth(s: Joined, logged: Mapping[str, float]) -> Relation | None:
