@@ -35,6 +35,7 @@ SIGNALS = ("SIGKILL", "SIGTERM", "SIGINT")
 WORKER = "worker killed"
 FINE = (0, 3)
 LONGEST = 1800.0  # s, of one command
+LAST = 0.98  # of the processor time of the unbroken command: later ones find it ended
 LOOK = 0.05  # s between two looks at a command
 
 
@@ -49,6 +50,7 @@ class Command:
     again : added when it is run once more, e.g. --resume
     faults : names of `FAULTS`
     times : how often each strikes in a whole study
+    strikes : workers killed within one run, at random times; a signal ends it at once
     """
 
     name: str
@@ -58,6 +60,7 @@ class Command:
     again: tuple[str, ...] = ()
     faults: tuple[str, ...] = SIGNALS
     times: int = 10
+    strikes: int = 1
 
 
 @dataclass
@@ -84,33 +87,38 @@ def kill_and_resume(
     work: Path,
     count: int,
     seed: int,
-    keep: Callable[[list[Killed]], None] = lambda rows: None,
+    keep: Callable[[int, list[Killed]], None] = lambda done, rows: None,
+    before: Sequence[Killed] = (),
+    done: int = 0,
 ) -> list[Killed]:
     """Strike a command `count` times by each of its faults at random times, finish it, compare its files.
 
-    keep : called with all rows so far after every strike, so that a study that is stopped loses one
+    keep : called after every round with the rounds done and all rows so far; a study stopped loses one
+    before, done : what it was called with, to go on from there
     """
-    rng = random.Random(seed)
     place = work / command.name.replace(" ", "-")
     shutil.rmtree(place, ignore_errors=True)
     whole = place / "whole"
     ended = _run(command, whole)
     if ended.code not in FINE:
         return [Killed(command.name, "unbroken", 0, 1, 0, [f"exit code {ended.code}: {ended.words}"])]
-    rows = [Killed(command.name, fault) for fault in command.faults]
-    for k in range(count):
+    rows = list(before) or [Killed(command.name, fault) for fault in command.faults]
+    for k in range(done, count):
+        rng = random.Random(1000 * seed + k)
         for row in rows:
-            _strike_once(command, row, place, rng.uniform(0.0, 0.98) * ended.used, k)
-            keep(rows)
+            strikes = command.strikes if row.fault == WORKER else 1
+            after = sorted(rng.uniform(0.0, LAST) * ended.used for _ in range(strikes))
+            _strike_once(command, row, place, after, k)
+        keep(k + 1, rows)
     return rows
 
 
-def _strike_once(command: Command, row: Killed, place: Path, after: float, k: int) -> None:
+def _strike_once(command: Command, row: Killed, place: Path, after: list[float], k: int) -> None:
     """Strike once, finish, compare, count."""
     folder = place / f"{row.fault}{k}".replace(" ", "-")
     ended = _run(command, folder, row.fault, after)
     if ended.met:
-        row.sent += 1
+        row.sent += ended.met
         row.wrong += _wrong_end(row.fault, ended)
         if ended.code not in FINE:
             ended = _run(command, folder, again=command.again)
@@ -138,30 +146,35 @@ def _wrong_end(fault: str, ended: _Ended) -> list[str]:
 
 @dataclass(frozen=True)
 class _Ended:
-    """How a command ended: exit code, whether the fault met it, processor seconds, its words."""
+    """How a command ended: exit code, how many faults met it, processor seconds, its words."""
 
     code: int
-    met: bool
+    met: int
     used: float
     words: str
 
 
 def _run(
-    command: Command, out: Path, fault: str | None = None, after: float = 0.0, again: Sequence[str] = ()
+    command: Command,
+    out: Path,
+    fault: str | None = None,
+    after: Sequence[float] = (),
+    again: Sequence[str] = (),
 ) -> _Ended:
-    """The command in a fork, struck once its group has used `after` seconds of processor time."""
+    """The command in a fork, struck each time its group has used so much processor time [s]."""
     with tempfile.TemporaryFile("w+") as said:
         child = os.fork()
         if child == 0:
             _become(command, [*command.arguments, *again], out, said.fileno())
-        met, used, until = False, 0.0, time.monotonic() + LONGEST
+        met, used, waiting, until = 0, 0.0, list(after), time.monotonic() + LONGEST
         while True:
             ended, status, spent = os.wait4(child, os.WNOHANG)
             if ended:
                 used = spent.ru_utime + spent.ru_stime
                 break
-            if fault is not None and not met and _used(child) >= after:
-                met = _strike(child, fault)
+            if fault is not None and waiting and _used(child) >= waiting[0] and _strike(child, fault):
+                met += 1
+                waiting.pop(0)
             if time.monotonic() > until:
                 os.killpg(child, signal.SIGKILL)
                 until += LONGEST

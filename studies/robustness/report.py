@@ -9,40 +9,65 @@ from collections.abc import Mapping
 from typing import Any
 
 from bayesid.report.writer import Report, Section, Table, Text
+from studies.robustness.kills import WORKER
 
-USUAL = "three zig-zags"
+VEHICLES = "Zig-zags of generic_sub, planar"
 DONE = (
     "Each command runs once unbroken, on a bundle of two runs of 50 samples. Then it is started again in an "
     "empty folder, gets a signal (the whole process group) after a random share of that processor time, and "
     "the same line is run again. Its files are compared byte for byte, but for times. Mutations are those of "
-    "tests/fuzz; a warning counts as an escape. Memory is the peak of the process."
+    "tests/fuzz; a warning counts as an escape. Memory is the peak of the process; times are "
+    "those of the processor, on a machine of two cores with other work on it."
 )
 
 
 def robustness_report(found: Mapping[str, Mapping[str, Any]]) -> Report:
     """Report of all parts."""
     rows = {name: part["rows"] for name, part in found.items()}
-    codes = ", ".join(f"{name} {part['code']}" for name, part in found.items())
     return Report("What is lost when something fails", _lead(rows), [
-        Section("Commands killed", [_kills(rows["kills"])]),
+        Section("Commands killed", [_kills(rows["kills"]), Text(_earlier_kills(found["kills"]))]),
         Section("Faults of the machine", [_faults(rows["faults"])]),
-        Section("Mutated inputs", [_fuzz(rows["fuzz"])]),
-        Section("Long logs", [_sizes(rows["sizes"])]),
-        Section("How it was done", [Text(f"{DONE} State of the deciding code: {codes}.")]),
+        Section("Mutated inputs", [_fuzz(rows["fuzz"]), Text(_earlier_fuzz(found["fuzz"]))]),
+        Section("Sizes", [_sizes(rows["sizes"])]),
+        Section("How it was done", [Text(f"{DONE} {_commits(found)}")]),
     ])  # fmt: skip
 
 
 def _lead(rows: Mapping[str, Any]) -> str:
     kills, fuzz, faults = rows["kills"], rows["fuzz"], rows["faults"]
-    sent, finished, same = (sum(r[k] for r in kills) for k in ("sent", "finished", "same"))
+    workers = sum(r["sent"] for r in kills if r["fault"] == WORKER)
+    sent, finished, same = (
+        sum(r[k] for r in kills if r["fault"] != WORKER) for k in ("sent", "finished", "same")
+    )
+    runs, lived = (sum(r[k] for r in kills if r["fault"] == WORKER) for k in ("finished", "same"))
     tried, hung = (sum(r[k] for r in fuzz) for k in ("tried", "hung"))
     escaped = sum(len(r["escaped"]) for r in fuzz)
     good = sum(r["ok"] for r in faults)
     return (
         f"**{same} of {finished} commands that were killed and run again gave the files of the unbroken "
-        f"one** ({sent} signals met them at work). {good} of {len(faults)} faults of the machine ended as "
-        f"they should. Of {tried} mutated inputs {escaped} escaped and {hung} gave no answer within a minute."
+        f"one** ({sent} signals met them at work). {workers} workers were killed in {runs} "
+        f"commands; {lived} of these gave the files of the unbroken one. {good} of {len(faults)} faults of the "
+        f"machine ended as they should. Of {tried} mutated inputs {escaped} escaped and {hung} gave no answer within a minute."
     )
+
+
+def _commits(found: Mapping[str, Mapping[str, Any]]) -> str:
+    told = ", ".join(f"{name} {' and '.join(part['commits']) or 'not run'}" for name, part in found.items())
+    return f"All counts are of one state of the deciding code; commits: {told}."
+
+
+def _earlier_kills(part: Mapping[str, Any]) -> str:
+    """What was counted with earlier code, which the table leaves out."""
+    told = []
+    for commit, rows in part["earlier"].items():
+        finished, same = (sum(r[k] for r in rows) for k in ("finished", "same"))
+        told.append(f"{same} of {finished} the same ({commit})")
+    return f"Not in the table, with earlier code: {'; '.join(told)}." if told else ""
+
+
+def _earlier_fuzz(part: Mapping[str, Any]) -> str:
+    told = [f"{sum(r['tried'] for r in rows)} ({commit})" for commit, rows in part["earlier"].items()]
+    return f"Not in the table, with earlier code: {'; '.join(told)}." if told else ""
 
 
 def _kills(rows: list[dict[str, Any]]) -> Table:
@@ -64,13 +89,19 @@ def _fuzz(rows: list[dict[str, Any]]) -> Table:
 
 
 def _sizes(rows: list[dict[str, Any]]) -> Table:
-    cells = [
-        [
-            r.get("log", USUAL),
-            *(r[k] for k in ("command", "hours", "rate", "code", "cpu", "mb")),
-            r["words"] or None,
-        ]
-        for r in rows
+    keys = ("size", "command", "rows", "hours", "rate", "runs", "free", "code", "cpu", "mb", "words")
+    columns = [
+        "size",
+        "command",
+        "rows",
+        "hours",
+        "Hz",
+        "runs",
+        "free",
+        "exit code",
+        "CPU [s]",
+        "peak [MB]",
+        "last words",
     ]
-    columns = ["log", "command", "hours", "Hz", "exit code", "CPU [s]", "peak [MB]", "last words"]
-    return Table(columns, cells, "Planar vehicles; hours are those of all runs together.", digits=4)
+    cells = [[r[k] or None if k in ("free", "words") else r[k] for k in keys] for r in rows]
+    return Table(columns, cells, f"{VEHICLES}; hours are those of all runs together.", digits=4)

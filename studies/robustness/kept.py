@@ -1,0 +1,87 @@
+"""Parts of the study kept as they end, each with the code it was made with, so that days and machines add up.
+
+Takes a folder and plain rows. Gives them back, those of one code apart from those of others.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from bayesid.code import loaded_code
+from bayesid.files import write_json
+
+Rows = list[dict[str, Any]]
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@dataclass(frozen=True)
+class Kept:
+    """Files of one part: FOLDER/CODE-NAME.json.
+
+    Attributes
+    ----------
+    code : of the package; files of other codes are never written
+    """
+
+    folder: Path
+    code: str
+
+    @cached_property
+    def commit(self) -> str:
+        """Short name of the commit, with a + where files were changed since; empty outside a checkout."""
+        line = ["git", "-C", str(ROOT), "describe", "--always", "--dirty=+", "--exclude=*"]
+        try:
+            return subprocess.run(line, capture_output=True, text=True, timeout=60).stdout.strip()
+        except OSError:
+            return ""
+
+    def read(self, name: str) -> dict[str, Any] | None:
+        """What was kept under a name by this code."""
+        try:
+            return dict(json.loads(self._path(name).read_text("utf-8")))
+        except (OSError, ValueError):
+            return None
+
+    def write(self, name: str, rows: Rows, **more: Any) -> None:
+        """Keep rows, and where the work was."""
+        write_json(self._path(name), {"code": loaded_code(), "commit": self.commit, **more, "rows": rows})
+
+    def _path(self, name: str) -> Path:
+        return self.folder / f"{self.code}-{name.replace(' ', '-').replace(',', '')}.json"
+
+    def all(self) -> list[dict[str, Any]]:
+        """Every file of every code."""
+        return [json.loads(path.read_text("utf-8")) for path in sorted(self.folder.glob("*.json"))]
+
+    def rows(self) -> Rows:
+        """Rows made with this code."""
+        return [row for file in self.all() if file["code"] == self.code for row in file["rows"]]
+
+    def commits(self) -> list[str]:
+        """Commits of this code that rows were made with."""
+        return sorted({file["commit"] for file in self.all() if file["code"] == self.code})
+
+    def earlier(self) -> dict[str, Rows]:
+        """Rows of other codes, by the commit they were made with."""
+        found: dict[str, Rows] = {}
+        for file in self.all():
+            if file["code"] != self.code:
+                found.setdefault(file.get("commit") or file["code"], []).extend(file["rows"])
+        return found
+
+
+def added(rows: Rows, keys: tuple[str, ...], sums: tuple[str, ...]) -> Rows:
+    """Rows of the same keys as one, `sums` added up."""
+    found: Rows = []
+    for row in rows:
+        same = next((r for r in found if all(r[k] == row[k] for k in keys)), None)
+        if same is None:
+            found.append(dict(row))
+        else:
+            same.update({k: same[k] + row[k] for k in sums})
+    return found
