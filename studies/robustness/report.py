@@ -42,12 +42,12 @@ def _lead(rows: Mapping[str, Any]) -> str:
     runs, lived = (sum(r[k] for r in kills if r["fault"] == WORKER) for k in ("finished", "same"))
     tried, hung = (sum(r[k] for r in fuzz) for k in ("tried", "hung"))
     escaped = sum(len(r["escaped"]) for r in fuzz)
-    good = sum(r["ok"] for r in faults)
+    good, all_faults = sum(r["ok"] for r in faults), len(faults)
     return (
         f"**{same} of {finished} commands that were killed and run again gave the files of the unbroken "
-        f"one** ({sent} signals met them at work). {workers} workers were killed in {runs} "
-        f"commands; {lived} of these gave the files of the unbroken one. {good} of {len(faults)} faults of the "
-        f"machine ended as they should. Of {tried} mutated inputs {escaped} escaped and {hung} gave no answer within a minute."
+        f"one** ({sent} signals met them at work). {workers} workers were killed in {runs} commands, of which "
+        f"{lived} gave the files of the unbroken one. {good} of {all_faults} faults of the machine ended as "
+        f"they should. Of {tried} mutated inputs {escaped} escaped and {hung} gave no answer within a minute."
     )
 
 
