@@ -45,7 +45,7 @@ def _lead(rows: Mapping[str, Any]) -> str:
     good, all_faults = sum(r["ok"] for r in faults), len(faults)
     return (
         f"**{same} of {finished} commands that were killed and run again gave the files of the unbroken "
-        f"one** ({sent} signals met them at work). {workers} workers were killed in {runs} commands, of which "
+        f"one** ({sent} signals met them at work). {workers} workers were killed in {runs} runs, of which "
         f"{lived} gave the files of the unbroken one. {good} of {all_faults} faults of the machine ended as "
         f"they should. Of {tried} mutated inputs {escaped} escaped and {hung} gave no answer within a minute."
     )
