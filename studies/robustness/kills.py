@@ -177,7 +177,7 @@ def _run(
             if ended:
                 used = spent.ru_utime + spent.ru_stime
                 break
-            if fault is not None and waiting and _used(child) >= waiting[0] and _strike(child, fault):
+            if fault is not None and waiting and cpu_of(child) >= waiting[0] and _strike(child, fault):
                 met += 1
                 waiting.pop(0)
             if time.monotonic() > until:
@@ -222,14 +222,14 @@ def _strike(child: int, fault: str) -> bool:
     if fault != WORKER:
         os.killpg(child, number)
         return True
-    workers = [pid for pid in _group(child) if pid != child and "spawn_main" in _line(pid)]
+    workers = [pid for pid in group_of(child) if pid != child and "spawn_main" in line_of(pid)]
     if not workers:  # none yet, or none any more
         return False
     os.kill(random.choice(workers), number)
     return True
 
 
-def _group(leader: int) -> list[int]:
+def group_of(leader: int) -> list[int]:
     """A process and all that it started; to look through all of /proc cost as much as the command."""
     found, waiting = [], [leader]
     while waiting:
@@ -240,17 +240,17 @@ def _group(leader: int) -> list[int]:
     return found
 
 
-def _used(leader: int) -> float:
+def cpu_of(leader: int) -> float:
     """Processor seconds of a group: those of its processes and of their ended children."""
     ticks = 0
-    for pid in _group(leader):
+    for pid in group_of(leader):
         words = _status(pid)
         if len(words) > 14:
             ticks += sum(int(w) for w in words[11:15])
     return ticks / os.sysconf("SC_CLK_TCK")
 
 
-def _line(pid: int) -> str:
+def line_of(pid: int) -> str:
     try:
         return Path(f"/proc/{pid}/cmdline").read_bytes().decode(errors="replace")
     except OSError:

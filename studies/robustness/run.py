@@ -24,12 +24,13 @@ from studies.robustness.faults import fault_rows
 from studies.robustness.kept import Kept, added
 from studies.robustness.kills import Killed, kill_and_resume, rows_of
 from studies.robustness.report import robustness_report
+from studies.robustness.scaling import KILLED, WAYS, WORKS, can_scale, scaling_row
 from studies.robustness.sizes import SIZES, size_row
 from studies.robustness.small import small_bundle
 
 KILLS, INPUTS = 100, 100_000
 CHUNK = 120.0  # s of mutated inputs that are kept at a time
-PARTS = ("kills", "faults", "fuzz", "sizes")
+PARTS = ("kills", "faults", "fuzz", "scaling", "sizes")
 # Keys by which rows of several files (seeds, machines, days) are one, and what of them is added up.
 SUMS = {
     "kills": (("command", "fault"), ("sent", "finished", "same", "wrong")),
@@ -46,6 +47,7 @@ def main(
         "kills": lambda work, kept: _kills(work, kept, kills, seed, progress),
         "faults": lambda work, kept: _faults(work, kept),
         "fuzz": lambda work, kept: _fuzz(kept, inputs, seed, 20.0 if quick else CHUNK),
+        "scaling": lambda work, kept: _scaling(out / "scaling" / code, kept, progress),
         "sizes": lambda work, kept: _sizes(work, kept, quick, progress),
     }  # fmt: skip
     kept = {name: Kept(out / "parts" / name, code) for name in works}
@@ -105,6 +107,15 @@ def _fuzz(kept: Kept, inputs: int, seed: int, chunk: float) -> None:
             seed += 1
         found = fuzz(chunk, seed).items()
         kept.write(f"seed{seed}", [{"kind": k, **vars(c), "escaped": c.escaped[:20]} for k, c in found])
+
+
+def _scaling(folder: Path, kept: Kept, progress: Progress) -> None:
+    """Every work in every way there is; results of one process stay, for the others to be compared with."""
+    for name in WORKS:
+        for way in filter(can_scale, WAYS):
+            if kept.read(f"{name} {way}") is None and (way != KILLED or WORKS[name].notes):
+                progress.note(f"{name}, {way}")
+                kept.write(f"{name} {way}", [scaling_row(name, way, folder)])
 
 
 def _sizes(work: Path, kept: Kept, quick: bool, progress: Progress) -> None:
