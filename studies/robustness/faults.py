@@ -77,7 +77,7 @@ def _full_disks(lines: dict[str, Sequence[str]], work: Path) -> list[dict[str, A
     """A disk of its own that is too small, or read-only, where this user may mount one for a command."""
     place = work / "disk"
     place.mkdir()
-    rows = []
+    rows: list[dict[str, Any]] = []
     for name, line in lines.items():
         for options, fault in [(f"size={kb}k", f"disk of {kb} kB full") for kb in DISKS] + [
             ("ro", "read-only disk")
@@ -96,7 +96,7 @@ def _full_disks(lines: dict[str, Sequence[str]], work: Path) -> list[dict[str, A
 
 def _full_streams(work: Path) -> list[dict[str, Any]]:
     """Standard output or error written to a full disk."""
-    rows = []
+    rows: list[dict[str, Any]] = []
     for stream, line, codes in (
         ("output", ("vehicle", "list"), {2}),
         ("error", ("vehicle", "list"), {0}),

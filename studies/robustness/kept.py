@@ -25,11 +25,11 @@ class Kept:
 
     Attributes
     ----------
-    code : of the package; files of other codes are never written
+    codes : that are counted, the present one unless others are asked for; only the present one is written
     """
 
     folder: Path
-    code: str
+    codes: tuple[str, ...]
 
     @cached_property
     def commit(self) -> str:
@@ -52,25 +52,25 @@ class Kept:
         write_json(self._path(name), {"code": loaded_code(), "commit": self.commit, **more, "rows": rows})
 
     def _path(self, name: str) -> Path:
-        return self.folder / f"{self.code}-{name.replace(' ', '-').replace(',', '')}.json"
+        return self.folder / f"{loaded_code()}-{name.replace(' ', '-').replace(',', '')}.json"
 
     def all(self) -> list[dict[str, Any]]:
         """Every file of every code."""
         return [json.loads(path.read_text("utf-8")) for path in sorted(self.folder.glob("*.json"))]
 
     def rows(self) -> Rows:
-        """Rows made with this code."""
-        return [row for file in self.all() if file["code"] == self.code for row in file["rows"]]
+        """Rows made with these codes."""
+        return [row for file in self.all() if file["code"] in self.codes for row in file["rows"]]
 
     def commits(self) -> list[str]:
-        """Commits of this code that rows were made with."""
-        return sorted({file["commit"] for file in self.all() if file["code"] == self.code})
+        """Commits of these codes that rows were made with."""
+        return sorted({file["commit"] for file in self.all() if file["code"] in self.codes})
 
     def earlier(self) -> dict[str, Rows]:
         """Rows of other codes, by the commit they were made with."""
         found: dict[str, Rows] = {}
         for file in self.all():
-            if file["code"] != self.code:
+            if file["code"] not in self.codes:
                 found.setdefault(file.get("commit") or file["code"], []).extend(file["rows"])
         return found
 

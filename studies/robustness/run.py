@@ -1,8 +1,9 @@
 """What is lost when a command is killed, the disk is full, an input is damaged, or a log is long?
 
 Usage: python -m studies.robustness.run [--out FOLDER] [--parts NAMES] [--kills N] [--fuzz INPUTS] [--seed S]
-[--code CODE] [--quick]. Every part is kept in OUT/parts as it goes, with the code it was made with: the same
-line goes on where it was stopped, another seed adds to what is there, and the report counts rows of one code.
+[--codes CODES] [--quick]. Every part is kept in OUT/parts as it goes, with the code it was made with: the
+same line goes on where it was stopped, another seed adds to what is there, and the report counts rows of one
+state of the deciding code, but for what --codes adds.
 """
 
 from __future__ import annotations
@@ -39,28 +40,24 @@ SUMS = {
 
 
 def main(
-    out: Path, parts: tuple[str, ...], kills: int, inputs: int, seed: int, quick: bool, code: str
+    out: Path, parts: tuple[str, ...], kills: int, inputs: int, seed: int, quick: bool, codes: tuple[str, ...]
 ) -> dict[str, Any]:
-    """Kill, spoil, fuzz, measure what is asked for; report what there is of `code`."""
+    """Kill, spoil, fuzz, measure what is asked for; report what there is of `codes`."""
     progress = Progress()
     works: dict[str, Callable[[Path, Kept], None]] = {
         "kills": lambda work, kept: _kills(work, kept, kills, seed, progress),
         "faults": lambda work, kept: _faults(work, kept),
         "fuzz": lambda work, kept: _fuzz(kept, inputs, seed, 20.0 if quick else CHUNK),
-        "scaling": lambda work, kept: _scaling(out / "scaling" / code, kept, progress),
+        "scaling": lambda work, kept: _scaling(out / "scaling" / loaded_code(), kept, progress),
         "sizes": lambda work, kept: _sizes(work, kept, quick, progress),
     }  # fmt: skip
-    kept = {name: Kept(out / "parts" / name, code) for name in works}
+    kept = {name: Kept(out / "parts" / name, codes) for name in works}
     for name in parts:
-        if code != loaded_code():
-            raise SystemExit(
-                f"this is code {loaded_code()}: parts of {code} can only be reported (--parts none)"
-            )
         progress.note(name)
         with tempfile.TemporaryDirectory() as folder:
             works[name](Path(folder), kept[name])
     found = {name: _found(k, SUMS.get(name)) for name, k in kept.items()}
-    inputs_of = {"kills": kills, "inputs": inputs, "quick": quick, "code": code}
+    inputs_of = {"kills": kills, "inputs": inputs, "quick": quick, "codes": codes}
     results = {"inputs": inputs_of, "seeds": [seed], **found}
     progress.note(f"report: {writer.write(robustness_report(found), out, results)}")
     return results
@@ -132,12 +129,11 @@ if __name__ == "__main__":
     parser.add_argument("--kills", type=int, default=KILLS, help="of each command by each fault at most")
     parser.add_argument("--fuzz", type=int, default=INPUTS, help="mutated inputs in all")
     parser.add_argument("--seed", type=int, default=7)
-    parser.add_argument(
-        "--code", default=loaded_code(), help="the code that is reported; default: the present"
-    )
+    parser.add_argument("--codes", default="", help="fingerprints of code that count beside the present one")
     parser.add_argument("--quick", action="store_true", help="one kill each, 20 s of inputs, one size")
     given = parser.parse_args()
     chosen = tuple(name for name in PARTS if name in given.parts.split(","))
     lock_or_exit(given.out, "studies/robustness/run.py")
+    codes = (loaded_code(), *filter(None, given.codes.split(",")))
     kills, inputs = (1, 1) if given.quick else (given.kills, given.fuzz)
-    main(given.out, chosen, kills, inputs, given.seed, given.quick, given.code)
+    main(given.out, chosen, kills, inputs, given.seed, given.quick, codes)
