@@ -10,6 +10,7 @@ from typing import Any
 
 from bayesid.report.writer import Report, Section, Table, Text
 from studies.robustness.kills import WORKER
+from studies.robustness.scaling_report import scaling_sections
 
 VEHICLES = "Zig-zags of generic_sub, planar"
 DONE = (
@@ -28,6 +29,7 @@ def robustness_report(found: Mapping[str, Mapping[str, Any]]) -> Report:
         Section("Commands killed", [_kills(rows["kills"]), Text(_earlier_kills(found["kills"]))]),
         Section("Faults of the machine", [_faults(rows["faults"])]),
         Section("Mutated inputs", [_fuzz(rows["fuzz"]), Text(_earlier_fuzz(found["fuzz"]))]),
+        *scaling_sections(rows["scaling"]),
         Section("Sizes", [_sizes(rows["sizes"])]),
         Section("How it was done", [Text(f"{DONE} {_commits(found)}")]),
     ])  # fmt: skip

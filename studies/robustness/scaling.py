@@ -87,6 +87,7 @@ class _Ended:
     codes: list[int] = field(default_factory=list)
     words: str = ""
     cpu: float = 0.0
+    command: float = 0.0
     scheduler: float = 0.0
     wall: float = 0.0
 
@@ -134,7 +135,7 @@ def _row(name: str, way: str, work: Work, out: Path, good: Path, ended: _Ended) 
     return {
         "work": name, "way": way, "tasks": work.count, "codes": ended.codes, "words": ended.words,
         "cpu": ended.cpu, "task_cpu": tasks["cpu_seconds"], "scheduler_cpu": ended.scheduler,
-        "wall": inside["wall"], "client_cpu": inside["cpu"],
+        "wall": inside["wall"], "client_cpu": inside["cpu"], "command_cpu": ended.command,
         "busy": tasks["wall_seconds"] / (workers * inside["wall"]) if notes and way != KILLED else None,
         "done": len(notes) if notes else work.count,
         "apart": different(good, out, work.files),
@@ -164,6 +165,7 @@ def _run(line: Sequence[str], ended: _Ended, strikes: list[tuple[int, Any]] | No
     ended.codes.append(child.returncode)
     ended.wall += time.monotonic() - begun
     ended.cpu += spent.ru_utime + spent.ru_stime
+    ended.command += spent.ru_utime + spent.ru_stime
     if child.returncode:
         ended.words = (words.strip().splitlines() or [""])[-1]
 
