@@ -33,12 +33,16 @@ class Kept:
 
     @cached_property
     def commit(self) -> str:
-        """Short name of the commit, with a + where files were changed since; empty outside a checkout."""
-        line = ["git", "-C", str(ROOT), "describe", "--always", "--dirty=+", "--exclude=*"]
-        try:
-            return subprocess.run(line, capture_output=True, text=True, timeout=60).stdout.strip()
-        except OSError:
-            return ""
+        """The last commit of the package, with a + where it was changed since; empty outside a checkout."""
+
+        def asked(*words: str) -> str:
+            line = ["git", "-C", str(ROOT), *words, "--", "bayesid"]
+            try:
+                return subprocess.run(line, capture_output=True, text=True, timeout=60).stdout.strip()
+            except OSError:
+                return ""
+
+        return asked("log", "-1", "--format=%h") + ("+" if asked("status", "--porcelain") else "")
 
     def read(self, name: str) -> dict[str, Any] | None:
         """What was kept under a name by this code."""
