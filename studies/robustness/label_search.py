@@ -1,8 +1,8 @@
 """Does a blind pack tell its labels before anything is diagnosed? A search in sizes, digits and headers.
 
 Usage: python -m studies.robustness.label_search PACK ANSWERS. Numbers anybody can take from a bundle without
-a model are ranked against each kind of label; the largest of all |z| is compared with that of labels dealt
-out anew. Prints the plainest, and how often chance does as well.
+a model, less what open factors explain of them, are ranked against each kind of label; the largest of all
+|z| is compared with that of labels dealt out anew. Prints the plainest, and how often chance does as well.
 """
 
 from __future__ import annotations
@@ -17,6 +17,8 @@ from scipy.stats import rankdata
 
 DEALT = 2000  # times labels are dealt out anew
 SHOWN = 6
+# Open factors of a campaign, drawn apart from its cause: what they explain of the other numbers is taken out.
+DESIGN = ("runs", "channels", "dof", "length of the manoeuvres' names", "force_rms")
 
 
 def features(bundle: Path, commitments: dict[str, dict[str, str]]) -> dict[str, float]:
@@ -58,8 +60,10 @@ def search(pack: Path, answers: Path) -> dict[str, object]:
     rows = [features(b, commitments) for b in bundles]
     names = list(rows[0])
     kinds = np.array([json.loads((answers / f"{b.name}.json").read_text("utf-8"))["kind"] for b in bundles])
-    ranks = np.array([rankdata([row[n] for row in rows]) for n in names]).T
-    keep = ranks.std(axis=0) > 0
+    values = np.array([[float(row[n]) for n in names] for row in rows])
+    keep = (values.std(axis=0) > 0) & ~np.isin(names, DESIGN)
+    ranks = np.apply_along_axis(rankdata, 0, np.round(values - _by_design(values, names), 9))
+    keep &= ranks.std(axis=0) > 0
     ranks = (ranks[:, keep] - ranks[:, keep].mean(axis=0)) / ranks[:, keep].std(axis=0)
     names = [n for n, k in zip(names, keep, strict=True) if k]
     told = sorted(set(kinds))
@@ -75,11 +79,22 @@ def search(pack: Path, answers: Path) -> dict[str, object]:
     largest = np.abs(found).max()
     chance = np.mean([np.abs(z(rng.permutation(kinds))).max() >= largest for _ in range(DEALT)])
     order = np.argsort(-np.abs(found), axis=None)[:SHOWN]
-    plainest = [(told[k // len(names)], names[k % len(names)], float(found.flat[k])) for k in order]
+    plainest = [
+        (str(told[k // len(names)]), names[k % len(names)], round(float(found.flat[k]), 2)) for k in order
+    ]
     return {
-        "bundles": len(bundles), "numbers": len(names), "kinds": told, "plainest": plainest,
+        "bundles": len(bundles), "numbers": len(names), "kinds": list(map(str, told)), "plainest": plainest,
         "as plain by chance": float(chance),
     }  # fmt: skip
+
+
+def _by_design(values: np.ndarray, names: list[str]) -> np.ndarray:
+    """What every number is by the open factors of a campaign, on average (linear; vehicles apart)."""
+    columns = [np.ones(len(values))] + [values[:, names.index(n)] for n in DESIGN]
+    vehicle = values[:, names.index("bytes of vehicle.toml")]
+    columns += [(vehicle == one).astype(float) for one in np.unique(vehicle)[1:]]
+    design = np.array(columns).T
+    return design @ np.linalg.lstsq(design, values, rcond=None)[0]
 
 
 if __name__ == "__main__":
