@@ -60,17 +60,19 @@ FEW = ("N_dr", "N_r", "N_v", "Y_dr", "Y_r", "Y_v", "X_uu", "N_rdot", "Y_vdot", "
 _hour = Size("diagnose", 1.0)
 SIZES = {
     **{f"length {h:g} h, {c}": replace(_hour, command=c, hours=h)
-       for h in (0.25, 1.0, 3.0, 10.0) for c in ("diagnose", "fit")},
+       for h in (0.25, 1.0, 3.0) for c in ("diagnose", "fit")},
+    "length 10 h, diagnose": replace(_hour, hours=10.0),
+    "two samples a run, diagnose": Size("diagnose", 2.0 / 3600.0, runs=1, samples=2),
+    "two samples a run, fit": Size("fit", 2.0 / 3600.0, runs=1, samples=2),
+    "heading only": replace(_hour, hours=0.3, noise=("psi",)),
     **{f"rate {r:g} Hz": replace(_hour, hours=0.5, rate=r) for r in (0.05, 0.2, 1.0, 5.0)},
     **{f"{n} runs": replace(_hour, hours=0.5, runs=n) for n in (1, 3, 10, 50)},
     **{f"{n} free": Size("fit", 0.5, free=FEW[:n]) for n in (3, 6, 12)},
-    "10 h at 10 Hz, diagnose": replace(_hour, hours=10.0, rate=10.0),
-    "10 h at 10 Hz, fit": Size("fit", 10.0, 10.0),
-    "5 million rows": Size("diagnose", 5e6 / 36e4, 100.0, 50),
     "1000 Hz": Size("diagnose", 120.0 / 3600.0, 1000.0, 2),
-    "heading only": replace(_hour, hours=0.3, noise=("psi",)),
-    "two samples a run, diagnose": Size("diagnose", 2.0 / 3600.0, runs=1, samples=2),
-    "two samples a run, fit": Size("fit", 2.0 / 3600.0, runs=1, samples=2),
+    "5 million rows": Size("diagnose", 5e6 / 36e4, 100.0, 50),
+    "10 h at 10 Hz, diagnose": replace(_hour, hours=10.0, rate=10.0),
+    "length 10 h, fit": Size("fit", 10.0),
+    "10 h at 10 Hz, fit": Size("fit", 10.0, 10.0),
 }  # fmt: skip
 
 
