@@ -27,14 +27,12 @@ def scaling_sections(rows: list[dict[str, Any]]) -> list[Section]:
 def _table(rows: list[dict[str, Any]]) -> Table:
     columns = ["work", "way", "tasks", "exit codes", "CPU [s]", "of tasks [s]", "beyond, per task [s]",
                "scheduler, per task [ms]", "workers busy", "other results"]  # fmt: skip
-    cells = [
-        [
-            r["work"], r["way"], r["tasks"], ", ".join(map(str, r["codes"])), r["cpu"], r["task_cpu"] or None,
-            (r["cpu"] - r["task_cpu"]) / r["tasks"], 1e3 * r["scheduler_cpu"] / r["tasks"] or None if r["work"] == EMPTY else None, r["busy"],
-            len(r["apart"]),
-        ]
-        for r in rows
-    ]  # fmt: skip
+    cells = []
+    for r in rows:
+        each = 1e3 * r["scheduler_cpu"] / r["tasks"] if r["work"] == EMPTY and r["scheduler_cpu"] else None
+        beyond, codes = (r["cpu"] - r["task_cpu"]) / r["tasks"], ", ".join(map(str, r["codes"]))
+        cells.append([r["work"], r["way"], r["tasks"], codes, r["cpu"], r["task_cpu"] or None, beyond, each,
+                      r["busy"], len(r["apart"])])  # fmt: skip
     return Table(columns, cells, "CPU is of command, scheduler and workers, with their start.", digits=3)
 
 

@@ -56,7 +56,7 @@ class Size:
     samples: int | None = None
 
 
-FEW = ("N_dr", "N_r", "N_v", "Y_dr", "Y_r", "Y_v", "X_uu", "N_rdot", "Y_vdot", "N_vdot", "Y_rdot", "X_udot")
+FEW = ("N_dr", "N_r", "N_v", "Y_dr", "Y_r", "Y_v", "X_vr", "N_rdot", "Y_vdot", "N_vdot", "Y_rdot", "X_udot")
 _hour = Size("diagnose", 1.0)
 SIZES = {
     **{f"length {h:g} h, {c}": replace(_hour, command=c, hours=h)
