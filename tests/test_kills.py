@@ -28,7 +28,7 @@ print(json.dumps(rows_of(kill_and_resume(command, work, 1, 20))))
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [
     "fit", "diagnose", "sample, emcee", "sample, NUTS", "blind solve", "blind solve, two workers",
-    "blind solve of six, two workers", "study calibration",
+    "blind solve of six, two workers killed", "study calibration",
 ])  # fmt: skip
 def test_a_killed_command_run_again_gives_the_files_of_the_unbroken_one(name, tmp_path):
     if name == "sample, NUTS":

@@ -24,6 +24,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from bayesid.executor import WorkerError
+from bayesid.executor.processes import MOST_WORKERS
 from studies.robustness.same_files import different
 
 # Fault -> signal and the exit code that is right; the last one strikes a worker, which the command survives.
@@ -140,6 +142,9 @@ def _wrong_end(fault: str, ended: _Ended) -> list[str]:
     """What is wrong about the exit code and the last words of a command that was struck."""
     right = FAULTS[fault][1]
     out = []
+    if fault == WORKER and ended.met >= MOST_WORKERS and ended.code == WorkerError.exit_code:
+        # one task lost that many workers, which is told as a lack of memory
+        return [] if "worker processes in turn were killed" in ended.words else [ended.words]
     if ended.code != right and not (right == 0 and ended.code in FINE):
         out.append(f"exit code {ended.code} after {fault}: {ended.words}")
     if "Traceback" in ended.words:

@@ -16,9 +16,10 @@ VEHICLES = "Zig-zags of generic_sub, planar"
 DONE = (
     "Each command runs once unbroken, on a bundle of two runs of 50 samples. Then it is started again in an "
     "empty folder, gets a signal (the whole process group) after a random share of that processor time, and "
-    "the same line is run again. Its files are compared byte for byte, but for times. Mutations are those of "
-    "tests/fuzz; a warning counts as an escape. Memory is the peak of the process; times are "
-    "those of the processor, on a machine of two cores with other work on it."
+    "the same line is run again. Its files are compared byte for byte, but for times. A task that loses "
+    "three workers ends the command in a sentence, exit code 1: with four killed in a run that may be, with "
+    "two it may not. Mutations are those of tests/fuzz; a warning counts as an escape. Memory is the peak "
+    "of the process; times are those of the processor, on a machine of two cores with other work on it."
 )
 
 
