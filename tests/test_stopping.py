@@ -162,6 +162,21 @@ def test_a_terminal_log_on_a_full_disk_is_named_or_costs_no_exit_code(full):
             assert (found.returncode, found.stderr) == (2, words)
 
 
+def test_a_library_that_writes_to_a_full_disk_is_told_with_its_file(tmp_path):
+    """numba and h5py raise the system's error, which holds no name."""
+    written = WORK.replace(
+        "    time.sleep(30)\n",
+        """    import errno
+    def save(filepath):
+        raise OSError(errno.ENOSPC, "No space left on device")
+    save(sys.argv[1])
+""",
+    )
+    child, _ = started(["-c", written], str(tmp_path / "kept.nbc"))
+    _, err = child.communicate(timeout=20)
+    assert (child.returncode, err) == (2, f"bayesid: {tmp_path}/kept.nbc: No space left on device\n")
+
+
 @pytest.mark.parametrize("wait", [0.0, 2.0], ids=["workers starting", "workers at work"])
 @SIGNALS
 def test_a_stop_of_the_whole_group_is_told_by_the_parent_alone_and_leaves_no_worker(number, wait, tmp_path):

@@ -83,8 +83,19 @@ def _refuse(message: str, code: int, hint: bool = False) -> int:
 
 def _os_message(error: OSError) -> str:
     reason = error.strerror or str(error) or type(error).__name__
-    place = error.filename if error.filename is not None else _failed_output()
+    place = error.filename if error.filename is not None else _failed_output() or _file_at_work(error)
     return f"{place}: {reason}" if place is not None else reason
+
+
+def _file_at_work(error: OSError) -> str | None:
+    """The file that was written by whoever raised: of a full disk the system tells no name."""
+    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
+    for frame in reversed(frames):
+        for name in ("filepath", "filename", "path", "target"):
+            value = frame.f_locals.get(name)
+            if isinstance(value, str | os.PathLike) and os.path.isabs(value):
+                return str(value)
+    return None
 
 
 def _failed_output() -> str | None:
