@@ -19,6 +19,7 @@ import signal
 import sys
 import tempfile
 import time
+import weakref
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -35,6 +36,7 @@ FAULTS = {
 }  # fmt: skip
 SIGNALS = ("SIGKILL", "SIGTERM", "SIGINT")
 WORKER = "worker killed"
+UNBROKEN = "unbroken"
 FINE = (0, 3)
 LONGEST = 1800.0  # s, of one command
 LAST = 0.98  # of the processor time of the unbroken command: later ones find it ended
@@ -105,7 +107,7 @@ def kill_and_resume(
     _run(command, place / "first")  # kernels and fonts are loaded once for all that follow
     ended = _run(command, whole)
     if ended.code not in FINE:
-        return [Killed(command.name, "unbroken", 0, 1, 0, [f"exit code {ended.code}: {ended.words}"])]
+        return [Killed(command.name, UNBROKEN, 0, 1, 0, [f"exit code {ended.code}: {ended.words}"])]
     rows = list(before) or [Killed(command.name, fault) for fault in command.faults]
     for k in range(done, count):
         rng = random.Random(1000 * seed + k)
@@ -196,6 +198,8 @@ def _run(
 def _become(command: Command, arguments: Sequence[str], out: Path, said: int) -> None:
     """The rest of this fork's life."""
     code = 1
+    # a stopped command gives back what is to go at its end: the folder of the study is not the fork's
+    weakref.finalize._registry.clear()  # type: ignore[attr-defined]
     try:
         os.setpgid(0, 0)
         nothing = os.open(os.devnull, os.O_RDWR)

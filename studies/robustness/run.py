@@ -23,7 +23,7 @@ from bayesid.report import writer
 from studies.robustness.commands import commands
 from studies.robustness.faults import fault_rows
 from studies.robustness.kept import Kept, added
-from studies.robustness.kills import Killed, kill_and_resume, rows_of
+from studies.robustness.kills import UNBROKEN, Killed, kill_and_resume, rows_of
 from studies.robustness.report import robustness_report
 from studies.robustness.scaling import KILLED, WAYS, WORKS, can_scale, scaling_row
 from studies.robustness.sizes import SIZES, size_row
@@ -82,7 +82,11 @@ def _kills(work: Path, kept: Kept, count: int, seed: int, progress: Progress) ->
         if before["done"] < most:
             progress.note(f"kills of {command.name}: {before['done']} of {most} done")
             rows = [Killed(**row) for row in before["rows"]]
-            kill_and_resume(command, work, most, seed + k, partial(_keep, kept, name), rows, before["done"])
+            found = kill_and_resume(
+                command, work, most, seed + k, partial(_keep, kept, name), rows, before["done"]
+            )
+            if found[0].fault == UNBROKEN:
+                raise SystemExit(f"{command.name} fails without a kill: {found[0].wrong[0]}")
 
 
 def _keep(kept: Kept, name: str, done: int, rows: list[Killed]) -> None:

@@ -33,6 +33,8 @@ def _content(path: Path) -> Any:
         return _bare(json.loads(path.read_text(encoding="utf-8")))
     if path.suffix in (".npz", ".nc", ".h5"):
         return _arrays(path)
+    if path.suffix == ".md":
+        return [line for line in path.read_text("utf-8").splitlines() if not line.startswith("Written ")]
     return path.read_bytes()
 
 
