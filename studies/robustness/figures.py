@@ -22,6 +22,7 @@ def cost_curves(rows: list[dict[str, Any]]) -> Any:
     """Time above, memory below."""
     figure, axes = subplots(2, len(CURVES), height=4.2, sharey="row", squeeze=False)
     for column, (name, (key, label)) in enumerate(CURVES.items()):
+        ticks = sorted({r[key] for r in of_curve(rows, name)})
         for command, colour in KINDS.items():
             found = sorted(
                 (r[key], r["cpu"], r["mb"]) for r in of_curve(rows, name) if r["command"] == command
@@ -36,6 +37,8 @@ def cost_curves(rows: list[dict[str, Any]]) -> Any:
                 )
         for k in (0, 1):
             axes[k, column].set_xscale("log")
+            axes[k, column].set_xticks(ticks, [f"{x:g}" for x in ticks])
+            axes[k, column].minorticks_off()
             axes[k, column].set_ylim(bottom=0.0)
         axes[1, column].set_xlabel(label)
     axes[0, 0].set_ylabel("CPU [s]")

@@ -95,6 +95,8 @@ def long_bundle(folder: Path, size: Size, seed: int = 0) -> Path:
         model, par, runs, title="long", vehicle_ref=VEHICLE, noise={c: NOISE[c] for c in size.noise},
         rng=np.random.default_rng(seed), holdout=("kept",),
     )  # fmt: skip
+    read = [replace(run, data={c: v for c, v in run.data.items() if c in size.noise}) for run in trial.runs]
+    trial = replace(trial, runs=tuple(read))
     return write_trial(trial, folder).parent
 
 
