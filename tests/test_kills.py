@@ -53,6 +53,15 @@ def test_files_that_differ_by_more_than_times_are_told(tmp_path):
     assert different(tmp_path / "a", tmp_path / "b", ("*.nc",)) == ["*.nc: not written"]
 
 
+def test_a_report_may_differ_in_when_and_how_long_only(tmp_path):
+    for place, share, took, when in (("a", 81, 5, 1), ("b", 81, 6, 2), ("c", 82, 5, 1)):
+        (tmp_path / place).mkdir()
+        text = f"{share} % hold. Processor time: {took} s.\n\nWritten 2026-11-2{when}T10:00:00Z\n"
+        (tmp_path / place / "report.md").write_text(text)
+    assert different(tmp_path / "a", tmp_path / "b", ("*.md",)) == []
+    assert different(tmp_path / "a", tmp_path / "c", ("*.md",)) == ["report.md: differs"]
+
+
 def test_texts_of_an_array_are_compared_as_texts(tmp_path):
     import h5py
 
