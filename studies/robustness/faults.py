@@ -139,35 +139,43 @@ def _while_at_work(
     row = _row("clock set back", name, {0, 3}, (found.returncode, found.stderr))
     rows = [row | _same(row, good, out, files)]
     out = work / f"gone-{place}"
-    code, words = _struck(line, out, at_work, lambda child: shutil.rmtree(out))
-    row = _row("output removed on the way", name, {0, 2, 3}, (code, words))
+    met, code, words = _struck(line, out, at_work, lambda child: shutil.rmtree(out))
+    row = _met(met, _row("output removed on the way", name, {0, 2, 3}, (code, words)))
     rows.append(row | (_same(row, good, out, files) if code != 2 else {}))
     for way, spoil in SPOIL.items():
         out = work / f"spoilt-{place}-{way}".replace(" ", "-")
-        _struck(line, out, at_work, lambda child: child.kill())
+        met, _, _ = _struck(line, out, at_work, lambda child: child.kill())
         for path in out.glob(at_work):
             path.write_bytes(spoil(path.read_bytes()))
         row = _row(f"killed, {at_work} {way}", name, {0, 2, 3}, _run((*line, "--out", str(out), *again)))
+        row = _met(met, row)
         rows.append(row | (_same(row, good, out, files) if row["code"] != 2 else {}))
     return rows
 
 
 def _struck(
     line: Sequence[str], out: Path, at_work: str, strike: Callable[[subprocess.Popen[str]], None]
-) -> tuple[int, str]:
-    """A command struck once it has written two of its files, or three lines of its one file."""
+) -> tuple[bool, int, str]:
+    """A command struck once it has written two of its files, or three lines of its one file; whether it was."""
     child = subprocess.Popen(
         [sys.executable, "-m", "bayesid", *line, "--out", str(out)],
         stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
+    met = False
     while child.poll() is None:
         written = list(out.glob(at_work))
         if len(written) > 1 or (len(written) == 1 and written[0].read_bytes().count(b"\n") > 2):
             strike(child)
+            met = True
             break
         time.sleep(LOOK)
     words = child.communicate(timeout=LONGEST)[1]
-    return child.returncode, words
+    return met, child.returncode, words
+
+
+def _met(met: bool, row: dict[str, Any]) -> dict[str, Any]:
+    """A fault that came too late was none."""
+    return row if met else row | {"ok": False, "words": "the command ended before it was struck"}
 
 
 def _caches(simulate: Sequence[str], work: Path) -> list[dict[str, Any]]:
