@@ -156,7 +156,7 @@ def _while_at_work(
 def _struck(
     line: Sequence[str], out: Path, at_work: str, strike: Callable[[subprocess.Popen[str]], None]
 ) -> tuple[bool, int, str]:
-    """A command struck once it has written two of its files, or three lines of its one file; whether it was."""
+    """A command struck once it has written two files, or three lines of its one file; whether it was."""
     child = subprocess.Popen(
         [sys.executable, "-m", "bayesid", *line, "--out", str(out)],
         stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
