@@ -87,7 +87,11 @@ def _kills(rows: list[dict[str, Any]]) -> Table:
     rows = sorted(rows, key=lambda r: (r["fault"] == WORKER, r["command"], order.get(r["fault"], 9)))
     cells = [[*(r[k] for k in keys), "; ".join(r["wrong"]) or None] for r in rows]
     columns = ["command", "signal", "met at work", "run again", "same files", "wrong"]
-    return Table(columns, cells, "Where workers were killed, the command itself ran on.")
+    return Table(
+        columns,
+        cells,
+        "Where workers were killed, the command itself ran on, or ended at a task that lost three.",
+    )
 
 
 def _faults(rows: list[dict[str, Any]]) -> Table:

@@ -50,11 +50,15 @@ def _words(rows: list[dict[str, Any]]) -> str:
             "survives, and the scheduler after half of them: the command ends with exit code 1 "
             f"({killed[0]['words']!r}); the same line, on a new cluster, goes on from there."
         )
+    works = {r["work"] for r in rows if r["task_cpu"]}
+    found = [[r["task_cpu"] for r in rows if r["work"] == work] for work in sorted(works)]
+    moved = max((max(used) / min(used) - 1.0 for used in found), default=0.0)
     told.append(
-        "The machine has two cores with other work on them, so that two workers did not halve the time: "
-        "counts are of processor time, in which the start of processes and libraries is the most of what is "
-        "beyond the tasks; scheduler and workers at rest take 1 to 2 % of a core, by the clock. A worker is "
-        "busy while it holds a task, the time of its start included."
+        f"The same tasks took up to {100 * moved:.0f} % more processor time in one way than in another, by "
+        "what else was running. The machine has two cores with other work on them, so that two workers did "
+        "not halve the time: counts are of processor time, in which the start of processes and libraries is "
+        "the most of what is beyond the tasks; scheduler and workers at rest take 1 to 2 % of a core, by "
+        "the clock. A worker is busy while it holds a task, the time of its start included."
     )
     return " ".join(told)
 
