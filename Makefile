@@ -60,7 +60,7 @@ reports: whole study paper
 	$(BIN)/python -m studies.wind_from_motion.run --out $(OUT)/wind_from_motion $(FLAGS) --data "$(DATA)"
 	$(BIN)/python -m studies.log_mistakes.run --out $(OUT)/log_mistakes $(FLAGS)
 	$(BIN)/python -m studies.simulator_mistakes.run --out $(OUT)/simulator_mistakes $(FLAGS)
-	$(BIN)/python -m studies.robustness.run --out $(OUT)/robustness $(FLAGS) --data "$(DATA)"
+	$(BIN)/python -m studies.robustness.run --out $(OUT)/robustness $(FLAGS)
 	$(BIN)/python -m studies.sampling_rate.run --out $(OUT)/sampling_rate $(FLAGS)
 
 whole:

@@ -5,10 +5,11 @@ Takes stage names and step counts. Writes to stderr only, so that stdout stays t
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections.abc import Iterable, Iterator, Sequence, Sized
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, TextIO, TypeVar
 
@@ -26,6 +27,21 @@ def set_quiet(on: bool) -> bool:
 def printable(text: str) -> str:
     """Text without control characters, which in a name out of a file could steer the terminal."""
     return "".join(c if c in "\n\t" or c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
+
+
+def tell(text: str, stream: TextIO | None = None) -> None:
+    """A line on the terminal; where it cannot be written, as on a full disk, work goes on in silence."""
+    to = stream or sys.stderr
+    try:
+        print(printable(text), file=to, flush=True)
+    except OSError:
+        silence(to)
+
+
+def silence(stream: TextIO) -> None:
+    """What is written to it goes nowhere from now on: what its buffer holds is then no error at the end."""
+    with suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 class Progress:
@@ -88,7 +104,7 @@ class Progress:
     def note(self, message: str) -> None:
         """One line the reader should see whatever the terminal."""
         if not self._quiet:
-            print(printable(message), file=self._stream, flush=True)
+            tell(message, self._stream)
 
     def _is_terminal(self) -> bool:
         return bool(getattr(self._stream, "isatty", lambda: False)())
@@ -195,7 +211,7 @@ class _LineStage(Stage):
 
     def _print(self, text: str) -> None:
         note = f" ({self.info})" if self.info else ""
-        print(printable(f"{self.name}: {text}{note}"), file=self._stream, flush=True)
+        tell(f"{self.name}: {text}{note}", self._stream)
 
 
 class _BarStage(Stage):

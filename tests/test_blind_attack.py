@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 
+import numpy as np
 import pytest
 from test_blind_protocol import answer, commit_again, original, score, world  # noqa: F401
 
@@ -33,6 +34,16 @@ def test_a_comment_or_a_key_no_diagnosis_reads_is_refused(world, place, text, sa
     file = world / "pack" / "pond" / place
     file.write_text(text + file.read_text())
     with pytest.raises(BlindError, match=said):
+        check_pack(world / "pack")
+
+
+def test_a_covariance_copied_from_a_fit_that_knew_the_answer_is_refused(world):
+    """Its narrow directions would say which coefficients were re-tuned, and how."""
+    place = world / "pack" / "pond"
+    np.savez(place / "vehicle.covariance.npz", names=np.array(["Y_v"]), covariance=np.eye(1))
+    toml = (place / "vehicle.toml").read_text()
+    (place / "vehicle.toml").write_text(toml + '\n[prior]\ncovariance = "vehicle.covariance.npz"\n')
+    with pytest.raises(BlindError, match=r"pond/vehicle.covariance.npz: may hold an answer"):
         check_pack(world / "pack")
 
 

@@ -16,6 +16,7 @@ import pytest
 from bayesid.equations.model import build_model
 from bayesid.errors import BayesidError
 from bayesid.executor import HERE, Executor, WorkerError, executor_of
+from bayesid.executor.cluster import ANY_PORT, _checked
 from bayesid.manoeuvres.standard import zigzag
 from bayesid.model.vehicles import load_vehicle
 from bayesid.simulation import run_manoeuvre, steady_start
@@ -59,8 +60,9 @@ def cluster():
     from distributed import LocalCluster
 
     with LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None
-    ) as made:
+        n_workers=2, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None,
+        scheduler_kwargs=ANY_PORT,
+    ) as made:  # fmt: skip
         yield made.scheduler_address
 
 
@@ -95,6 +97,35 @@ def test_a_killed_worker_costs_its_task_only_and_that_runs_again(tmp_path):
 @needs_dask
 def test_a_killed_worker_of_a_cluster_costs_its_task_only(tmp_path, cluster):
     assert list(executor_of(cluster).in_order(partial(killed_once, tmp_path), range(4))) == [0, 1, 4, 9]
+
+
+def span_after(seconds):
+    begun = time.monotonic()
+    time.sleep(seconds)
+    return begun, time.monotonic()
+
+
+@needs_dask
+def test_workers_that_join_later_get_tasks(monkeypatch):
+    """As those of a batch system do; with the one there was at first two tasks would be out at a time."""
+    from distributed import LocalCluster
+
+    monkeypatch.setattr("bayesid.executor.cluster.COUNT_TIME", 0.2)
+    with LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, protocol="tcp", host="127.0.0.1",
+        dashboard_address=None, scheduler_kwargs=ANY_PORT,
+    ) as made:  # fmt: skip
+        coming = executor_of(made.scheduler_address).as_they_come(span_after, [0.2] * 40)
+        next(coming)
+        made.scale(4)
+        made.wait_for_workers(4)
+        spans = [span for _, span in coming]
+    assert max(sum(a <= begun < b for a, b in spans) for begun, _ in spans) == 4
+
+
+def test_a_worker_of_another_version_gives_no_number():
+    with pytest.raises(WorkerError, match=r"workers have bayesid .*, here is 0\.0\.1"):
+        _checked("0.0.1", abs, 1)
 
 
 @pytest.mark.parametrize("executor", [HERE, TWO], ids=["here", "processes"])

@@ -256,6 +256,27 @@ def test_a_cache_that_cannot_be_written_is_no_obstacle(tmp_path):
     assert not Path(answer["file"]).exists() and not Path(answer["file"]).parent.exists()
 
 
+FULL = """
+import resource, signal, sys
+from bayesid.cli.entry import main
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000))
+main(["simulate", "remus100", "turn:10", "--out", sys.argv[1], "--quiet"])
+"""
+
+
+@POSIX
+def test_a_full_disk_for_kernels_is_told_with_its_file(tmp_path):
+    environ = {**os.environ, "BAYESID_CACHE": str(tmp_path / "cache"), "TMPDIR": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-c", FULL, str(tmp_path / "out")], env=environ, capture_output=True, text=True,
+        timeout=120,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[-1].startswith(f"bayesid: {tmp_path}/bayesid-kernels-")
+    assert done.stderr.endswith(".py: File too large\n")
+
+
 @POSIX
 def test_without_a_home_a_private_folder_serves(monkeypatch):
     for name in ("BAYESID_CACHE", "XDG_CACHE_HOME", "HOME"):

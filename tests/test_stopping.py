@@ -123,6 +123,60 @@ def test_a_stop_that_a_library_turns_into_its_own_error_is_still_a_stop(number):
     assert (child.returncode, err) == (128 + number, SENTENCE)
 
 
+DROPPED = """
+import bayesid.cli.stopping as stopping
+stopping.GRACE = 0.5
+""" + WORK.replace(
+    "    time.sleep(30)\n",
+    """    try:
+        time.sleep(30)
+    except BaseException:
+        pass
+    time.sleep(float(sys.argv[1]))
+""",
+)
+
+
+@SIGNALS
+@pytest.mark.parametrize("rest", [0.0, 30.0], ids=["to its end", "at work"])
+def test_a_stop_that_a_library_drops_altogether_is_still_a_stop(number, rest):
+    """As Python does with one within a destructor or a callback of C."""
+    child, _ = started(["-c", DROPPED], str(rest))
+    child.send_signal(number)
+    _, err = child.communicate(timeout=20)
+    assert (child.returncode, err) == (128 + number, SENTENCE)
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="a device that is always full")
+@pytest.mark.parametrize("full", ["stdout", "stderr"])
+def test_a_terminal_log_on_a_full_disk_is_named_or_costs_no_exit_code(full):
+    code = "import sys; from bayesid.cli.entry import main; main(sys.argv[1:])"
+    for arguments, right in ((["vehicle", "list"], 0), (["simulate", "nothere", "turn:10"], 2)):
+        with open("/dev/full", "w") as device:
+            streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, full: device}
+            found = subprocess.run([sys.executable, "-c", code, *arguments], **streams, text=True, timeout=60)
+        if full == "stderr":
+            assert found.returncode == right
+        elif right == 0:
+            words = "bayesid: standard output cannot be written: No space left on device\n"
+            assert (found.returncode, found.stderr) == (2, words)
+
+
+def test_a_library_that_writes_to_a_full_disk_is_told_with_its_file(tmp_path):
+    """numba and h5py raise the system's error, which holds no name."""
+    written = WORK.replace(
+        "    time.sleep(30)\n",
+        """    import errno
+    def save(filepath):
+        raise OSError(errno.ENOSPC, "No space left on device")
+    save(sys.argv[1])
+""",
+    )
+    child, _ = started(["-c", written], str(tmp_path / "kept.nbc"))
+    _, err = child.communicate(timeout=20)
+    assert (child.returncode, err) == (2, f"bayesid: {tmp_path}/kept.nbc: No space left on device\n")
+
+
 @pytest.mark.parametrize("wait", [0.0, 2.0], ids=["workers starting", "workers at work"])
 @SIGNALS
 def test_a_stop_of_the_whole_group_is_told_by_the_parent_alone_and_leaves_no_worker(number, wait, tmp_path):

@@ -1,5 +1,7 @@
 """What SIGINT (Ctrl-C) and SIGTERM do: one sentence and exit code 128 + signal, whatever is at work.
 
+A library may turn a stop into an error of its own, or swallow it: the stop is remembered and wins.
+
 Loads nothing but the standard library, so that it listens before anything else is imported.
 """
 
@@ -19,6 +21,9 @@ TEXT = (
     "goes on from there (sample with --resume)"
 )
 TIDY = 2.0  # s at most for giving back what other processes share
+# s in which a stop unwinds; after them a library has swallowed it (an `except` of everything, a callback or a
+# destructor, where Python drops it), and the process ends where it is: files are written whole or not at all
+GRACE = 10.0
 _asked: int | None = None
 
 
@@ -56,13 +61,17 @@ def _on_signal(number: int, frame: FrameType | None) -> None:
     _asked = number
     for each in (signal.SIGINT, signal.SIGTERM):
         signal.signal(each, _at_once)
+    late = threading.Timer(GRACE, _at_once, (number, None))
+    late.daemon = True
+    late.start()
     if _importing(frame):  # an interrupted import surfaces as any error, or as none; nothing is half done yet
         _at_once(number, frame)
     raise Stopped
 
 
 def _at_once(number: int, frame: FrameType | None) -> None:
-    os.write(2, f"bayesid: {TEXT}\n".encode())
+    with suppress(OSError):
+        os.write(2, f"bayesid: {TEXT}\n".encode())
     _end(128 + number)
 
 

@@ -18,7 +18,7 @@ import typer
 from bayesid.cli import stopping
 from bayesid.errors import BayesidError
 from bayesid.lock import release_all
-from bayesid.progress import printable, set_quiet
+from bayesid.progress import set_quiet, silence, tell
 
 OK, FAULT, BAD_INPUT, NOT_CONVERGED, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -44,7 +44,8 @@ def guarded(command: Callable[[], Any], args: Sequence[str] | None = None) -> in
         given = sys.argv[1:] if args is None else list(args)
         code = command().main(args=given, prog_name="bayesid", standalone_mode=False)
         sys.stdout.flush()
-        if code == INTERRUPTED:  # newer releases of typer turn Ctrl-C into this exit code
+        # newer releases of typer turn Ctrl-C into an exit code, and a library may have dropped it on the way
+        if code == INTERRUPTED or stopping.asked():
             raise KeyboardInterrupt
         return code if isinstance(code, int) else OK
     except _Usage as error:
@@ -76,15 +77,37 @@ def _refuse(message: str, code: int, hint: bool = False) -> int:
         traceback.print_exc()
     elif hint:
         message += " Run the command again with -v for details to report."
-    print(printable(f"bayesid: {message}"), file=sys.stderr)
+    tell(f"bayesid: {message}")
     return code
 
 
 def _os_message(error: OSError) -> str:
     reason = error.strerror or str(error) or type(error).__name__
-    return f"{error.filename}: {reason}" if error.filename is not None else reason
+    place = error.filename if error.filename is not None else _failed_output() or _file_at_work(error)
+    return f"{place}: {reason}" if place is not None else reason
+
+
+def _file_at_work(error: OSError) -> str | None:
+    """The file that was written by whoever raised: of a full disk the system tells no name."""
+    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
+    for frame in reversed(frames):
+        for name in ("filepath", "filename", "path", "target"):
+            value = frame.f_locals.get(name)
+            if isinstance(value, str | os.PathLike) and os.path.isabs(value):
+                return str(value)
+    return None
+
+
+def _failed_output() -> str | None:
+    """The name of standard output where that is what cannot be written: errors of a stream carry no name."""
+    try:
+        print(flush=True)
+    except OSError:
+        silence(sys.stdout)
+        return "standard output cannot be written"
+    return None
 
 
 def _show_warning(message: Any, category: Any, filename: str, lineno: int, *_: Any, **__: Any) -> None:
     place = f" ({category.__name__}, {filename}:{lineno})" if _verbose else ""
-    print(printable(f"warning: {message}{place}"), file=sys.stderr)
+    tell(f"warning: {message}{place}")

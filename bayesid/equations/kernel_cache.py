@@ -153,9 +153,11 @@ def _write(path: Path, text: str) -> None:
         seconds = 10**9 + int(hashlib.sha256(body).hexdigest()[:7], 16)
         os.utime(temporary, (seconds, seconds))
         os.replace(temporary, path)
-    except BaseException:
+    except BaseException as error:
         with suppress(OSError):
             os.unlink(temporary)
+        if isinstance(error, OSError):  # a full disk tells no name
+            raise OSError(error.errno, error.strerror, str(path)) from None
         raise
 
 

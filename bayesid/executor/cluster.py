@@ -8,6 +8,7 @@ caller to have kept. For tls:// the certificates are those of Dask's own configu
 from __future__ import annotations
 
 import logging
+import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -22,6 +23,10 @@ R = TypeVar("R")
 CONNECT_TIME = 20.0
 # Tasks handed over per worker: the next one is there when one ends.
 AHEAD = 2
+# How often the number of workers is asked for [s]: a batch system starts them one after another.
+COUNT_TIME = 5.0
+# Dask's own is 8787 and warns a second cluster on the same machine of it.
+ANY_PORT = {"dashboard_address": "127.0.0.1:0"}
 
 
 def on_cluster(
@@ -43,7 +48,7 @@ def on_cluster(
             f"--executor {where} needs Dask: pip install 'bayesid[cluster]', or use --workers N alone"
         ) from None
     with _client(where, workers) as client:
-        room = AHEAD * max(1, len(client.nthreads()))
+        room = _Room(client)
         following, number = iter(enumerate(tasks)), {}
 
         def begin() -> Any:
@@ -53,11 +58,11 @@ def on_cluster(
             pair = next(following, None)
             if pair is None:
                 return None
-            future = client.submit(once, work, pair[1], pure=False)
+            future = client.submit(_checked, bayesid.__version__, work, pair[1], pure=False)
             number[future.key] = pair[0]
             return future
 
-        first = [f for _ in range(room) if (f := begin()) is not None]
+        first = [f for _ in range(room.now()) if (f := begin()) is not None]
         coming = as_completed(first, raise_errors=False)
         try:
             for future in coming:
@@ -71,9 +76,10 @@ def on_cluster(
                     ) from None
                 if future.cancelled():
                     raise WorkerError(_gone(where))
-                if (more := begin()) is not None:
+                k = number.pop(future.key)
+                while len(number) < room.now() and (more := begin()) is not None:
                     coming.add(more)
-                yield number.pop(future.key), result
+                yield k, result
         except (OSError, TimeoutError) as error:
             raise WorkerError(f"{_gone(where)} ({error})") from None
         except Exception as error:
@@ -87,6 +93,28 @@ def _gone(where: str) -> str:
         f"the scheduler {where} was lost before all tasks were done; what was finished before is kept: run "
         "the same command again"
     )
+
+
+class _Room:
+    """How many tasks may be handed over at once; workers that join later count."""
+
+    def __init__(self, client: Any) -> None:
+        self._client, self._asked, self._count = client, -math.inf, 0
+
+    def now(self) -> int:
+        if time.monotonic() - self._asked >= COUNT_TIME:
+            self._asked = time.monotonic()
+            self._count = AHEAD * max(1, len(self._client.nthreads()))
+        return self._count
+
+
+def _checked(version: str, work: Callable[[T], R], task: T) -> R:
+    """One task, on a worker with the same bayesid: one that joined later was not asked at the start."""
+    import bayesid as there
+
+    if there.__version__ != version:
+        raise WorkerError(_other_version([there.__version__], version))
+    return once(work, task)
 
 
 @contextmanager
@@ -103,7 +131,7 @@ def _client(where: str, workers: int) -> Iterator[Any]:
         ):  # workers inherit this: Ctrl-C is the parent's
             cluster = LocalCluster(
                 n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1",
-                dashboard_address=None, memory_limit=0, silence_logs=logging.ERROR,
+                dashboard_address=None, scheduler_kwargs=ANY_PORT, memory_limit=0, silence_logs=logging.ERROR,
             )  # fmt: skip
         with cluster, Client(cluster) as client:
             yield client
@@ -130,10 +158,11 @@ def _check(client: Any, where: str) -> None:
         raise WorkerError(f"the scheduler {where} has no worker; start one with `dask worker {where}`")
     others = sorted({v for v in found.values() if v != bayesid.__version__})
     if others:
-        raise WorkerError(
-            f"workers of {where} have bayesid {', '.join(map(str, others))}, here is {bayesid.__version__}; "
-            "install one version everywhere"
-        )
+        raise WorkerError(f"{where}: {_other_version(others, bayesid.__version__)}")
+
+
+def _other_version(others: list[str], here: str) -> str:
+    return f"workers have bayesid {', '.join(others)}, here is {here}; install one version everywhere"
 
 
 def _version() -> str:

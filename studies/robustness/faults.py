@@ -18,6 +18,7 @@ from studies.robustness.same_files import different
 
 BLOCKS = 8  # of 512 or 1024 bytes: no file may become longer, as on a full disk
 NUMBERS = ("fit.json",)
+DISKS = (32, 128, 256, 448)  # kB
 LOOK, LONGEST = 0.02, 900.0  # s
 # The wall clock goes back by an hour with every tenth look, and once by a day.
 CLOCK = """
@@ -52,10 +53,16 @@ def fault_rows(bundle: Path, work: Path) -> list[dict[str, Any]]:
         }.items():
             rows.append(_row(fault, name, {2}, _run((*line, "--out", str(place)))))
     bare = {k: v for k, v in os.environ.items() if k not in ("HOME", "XDG_CACHE_HOME", "BAYESID_CACHE")}
-    rows.append(_row("HOME not set", "simulate", {0}, _run((*simulate, "--out", str(work / "h")), bare)))
+    for name, line in {"simulate": simulate, "fit": fit}.items():
+        found = _run((*line, "--out", str(work / f"home-{name}")), bare)
+        rows.append(_row("HOME not set", name, {0, 3}, found))
     rows += _caches(simulate, work)
     rows += _logs(fit, work)
     sample = ("sample", *fit[1:-1], "--max-steps", "100", "--memory", "ignore")
+    rows += _full_disks(
+        {"simulate": simulate, "fit": fit, "diagnose": diagnose, "sample, emcee": sample}, work
+    )
+    rows += _full_streams(work)
     kept = {
         "fit": (fit, NUMBERS, "iterates.jsonl", ()),
         "diagnose": (diagnose, ("diagnosis.json",), "refits/*.npz", ()),
@@ -63,6 +70,47 @@ def fault_rows(bundle: Path, work: Path) -> list[dict[str, Any]]:
     }  # fmt: skip
     for name, (line, files, at_work, again) in kept.items():
         rows += _while_at_work(name, line, files, at_work, again, work)
+    return [row | {"words": row["words"].replace(str(work), "WORK")} for row in rows]
+
+
+def _full_disks(lines: dict[str, Sequence[str]], work: Path) -> list[dict[str, Any]]:
+    """A disk of its own that is too small, or read-only, where this user may mount one for a command."""
+    place = work / "disk"
+    place.mkdir()
+    rows: list[dict[str, Any]] = []
+    for name, line in lines.items():
+        for options, fault in [(f"size={kb}k", f"disk of {kb} kB full") for kb in DISKS] + [
+            ("ro", "read-only disk")
+        ]:
+            mount = f'mount -t tmpfs -o {options} tmpfs "$0" && exec "$@"'
+            whole = ["unshare", "-rm", "sh", "-c", mount, str(place)]
+            if subprocess.run([*whole, "true"], capture_output=True).returncode:
+                return rows
+            found = _run((*line, "--out", str(place / "out")), before=whole)
+            row = _row(fault, name, {2}, found)
+            if found[0] == 0:  # it had room enough
+                continue
+            rows.append(row | {"ok": row["ok"] and str(place) in row["words"]})
+    return rows
+
+
+def _full_streams(work: Path) -> list[dict[str, Any]]:
+    """Standard output or error written to a full disk."""
+    rows: list[dict[str, Any]] = []
+    for stream, line, codes in (
+        ("output", ("vehicle", "list"), {2}),
+        ("error", ("vehicle", "list"), {0}),
+        ("error", ("fit", str(work / "nothing")), {2}),
+    ):
+        with open("/dev/full", "w") as full:
+            out, err = (full, subprocess.PIPE) if stream == "output" else (subprocess.DEVNULL, full)
+            found = subprocess.run(
+                [sys.executable, "-m", "bayesid", *line], stdout=out, stderr=err, text=True, timeout=LONGEST
+            )
+        code, words = found.returncode, found.stderr or ""
+        ok = code in codes and (stream == "error" or "standard output" in words)
+        fault = f"standard {stream} on a full disk"
+        rows.append({"fault": fault, "command": line[0], "code": code, "ok": ok, "words": words.strip()})
     return rows
 
 
@@ -91,35 +139,43 @@ def _while_at_work(
     row = _row("clock set back", name, {0, 3}, (found.returncode, found.stderr))
     rows = [row | _same(row, good, out, files)]
     out = work / f"gone-{place}"
-    code, words = _struck(line, out, at_work, lambda child: shutil.rmtree(out))
-    row = _row("output removed on the way", name, {0, 2, 3}, (code, words))
+    met, code, words = _struck(line, out, at_work, lambda child: shutil.rmtree(out))
+    row = _met(met, _row("output removed on the way", name, {0, 2, 3}, (code, words)))
     rows.append(row | (_same(row, good, out, files) if code != 2 else {}))
     for way, spoil in SPOIL.items():
         out = work / f"spoilt-{place}-{way}".replace(" ", "-")
-        _struck(line, out, at_work, lambda child: child.kill())
+        met, _, _ = _struck(line, out, at_work, lambda child: child.kill())
         for path in out.glob(at_work):
             path.write_bytes(spoil(path.read_bytes()))
         row = _row(f"killed, {at_work} {way}", name, {0, 2, 3}, _run((*line, "--out", str(out), *again)))
+        row = _met(met, row)
         rows.append(row | (_same(row, good, out, files) if row["code"] != 2 else {}))
     return rows
 
 
 def _struck(
     line: Sequence[str], out: Path, at_work: str, strike: Callable[[subprocess.Popen[str]], None]
-) -> tuple[int, str]:
-    """A command struck once it has written two of its files, or three lines of its one file."""
+) -> tuple[bool, int, str]:
+    """A command struck once it has written two files, or three lines of its one file; whether it was."""
     child = subprocess.Popen(
         [sys.executable, "-m", "bayesid", *line, "--out", str(out)],
         stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
+    met = False
     while child.poll() is None:
         written = list(out.glob(at_work))
         if len(written) > 1 or (len(written) == 1 and written[0].read_bytes().count(b"\n") > 2):
             strike(child)
+            met = True
             break
         time.sleep(LOOK)
     words = child.communicate(timeout=LONGEST)[1]
-    return child.returncode, words
+    return met, child.returncode, words
+
+
+def _met(met: bool, row: dict[str, Any]) -> dict[str, Any]:
+    """A fault that came too late was none."""
+    return row if met else row | {"ok": False, "words": "the command ended before it was struck"}
 
 
 def _caches(simulate: Sequence[str], work: Path) -> list[dict[str, Any]]:
@@ -163,8 +219,13 @@ def _same(row: dict[str, Any], good: Path, out: Path, files: Sequence[str]) -> d
     return {"ok": row["ok"] and not apart, "words": "; ".join(apart) or row["words"]}
 
 
-def _run(arguments: Sequence[str], env: dict[str, str] | None = None, full: bool = False) -> tuple[int, str]:
-    line = [sys.executable, "-m", "bayesid", *arguments]
+def _run(
+    arguments: Sequence[str],
+    env: dict[str, str] | None = None,
+    full: bool = False,
+    before: Sequence[str] = (),
+) -> tuple[int, str]:
+    line = [*before, sys.executable, "-m", "bayesid", *arguments]
     if full:
         line = ["sh", "-c", f"trap '' XFSZ; ulimit -f {BLOCKS}; exec \"$@\"", "sh", *line]
     found = subprocess.run(line, capture_output=True, text=True, env=env, timeout=900)

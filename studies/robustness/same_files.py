@@ -6,6 +6,7 @@ Takes two folders and patterns of files. Gives the names of those that differ by
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,8 @@ from typing import Any
 # Numbers that say when and how fast, not what.
 STAMPS = frozenset({"seconds", "shares", "clock", "cpu_seconds", "wall_seconds", "started", "sealed", "stamp",
                     "made", "created", "time", "seal"})  # fmt: skip
+# The same in a report in words.
+TOOK = re.compile(r"^Written .*$|Processor time: \d+ s", re.MULTILINE)
 
 
 def different(one: Path, other: Path, files: Sequence[str]) -> list[str]:
@@ -33,6 +36,8 @@ def _content(path: Path) -> Any:
         return _bare(json.loads(path.read_text(encoding="utf-8")))
     if path.suffix in (".npz", ".nc", ".h5"):
         return _arrays(path)
+    if path.suffix == ".md":
+        return TOOK.sub("", path.read_text("utf-8"))
     return path.read_bytes()
 
 

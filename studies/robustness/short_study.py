@@ -1,4 +1,4 @@
-"""The calibration study with two of its conditions, three replicates each, to be killed many times.
+"""The calibration study with one of its conditions, three replicates, to be killed many times.
 
 Usage: python -m studies.robustness.short_study --out FOLDER
 """
@@ -14,7 +14,7 @@ from studies.calibration import run
 
 
 def _short(path: Path, arguments: list[str]) -> int:
-    run.CONDITIONS = {name: run.CONDITIONS[name] for name in ("one run", "three runs")}
+    run.CONDITIONS = {name: run.CONDITIONS[name] for name in ("one run",)}
     run.main(Path(arguments[arguments.index("--out") + 1]), True, 0)
     return 0
 

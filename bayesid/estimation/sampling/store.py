@@ -84,7 +84,7 @@ class Store:
             try:
                 before, now = json.loads(path.read_text(encoding="utf-8")), json.loads(text)
             except ValueError:
-                raise SampleError(f"{self.folder.name}/setup.json is damaged; delete the folder") from None
+                raise SampleError(f"{self.folder}/setup.json is damaged; delete the folder") from None
             other = [k for k in now if before.get(k) != now[k]]
             if other:
                 raise SampleError(
@@ -156,7 +156,7 @@ def _read(path: Path, digest: str) -> Block:
     try:
         with h5py.File(path, "r") as file:
             if file.attrs.get("setup", digest) != digest:  # those of earlier versions do not tell
-                raise SampleError(f"{path.name} is of another chain; delete it and those with higher numbers")
+                raise SampleError(f"{path} is of another chain; delete it and those with higher numbers")
             at, has_gauss = (int(i) for i in file["random_rest"][()])
             random = (
                 str(file.attrs["kind"]),
@@ -171,5 +171,5 @@ def _read(path: Path, digest: str) -> Block:
             return Block(coords, log_prob, accepted, means, roots, random, counts, seconds)
     except (OSError, KeyError, ValueError) as error:
         raise SampleError(
-            f"{path.name} is damaged ({type(error).__name__}); delete it and those with higher numbers"
+            f"{path} is damaged ({type(error).__name__}); delete it and those with higher numbers"
         ) from None
