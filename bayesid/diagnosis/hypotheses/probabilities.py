@@ -216,9 +216,9 @@ def told(gain: Mapping[tuple[str, ...], float], error: FormError) -> dict[tuple[
     """
     out, own = dict(gain), {}
     for key, value in gain.items():
-        rest = tuple(n for n in key if n not in error.sure)
-        if key != OUTSIDE and rest and np.isfinite(value):
-            alone = max((v for k, v in gain.items() if set(k) == set(rest)), default=value)
+        moved = tuple(n for n in key if n not in error.sure)
+        if key != OUTSIDE and moved and np.isfinite(value):
+            alone = max((v for k, v in gain.items() if set(k) == set(moved)), default=value)
             own[key] = value - alone
     if not own:
         return out
