@@ -149,7 +149,7 @@ def test_an_effect_of_no_size_is_not_named_beside_another(pair, monkeypatch):
     assert judged([candidate(50.0, "a")], {"a": 1.0}).word == "ambiguous"
 
 
-def test_an_effect_is_idle_where_every_size_lies_within_its_deviation_of_off(monkeypatch):
+def test_an_effect_is_idle_where_its_sizes_are_worth_less_than_odds_of_twenty(monkeypatch):
     effect = {
         n: SimpleNamespace(key=lambda p, n=n: f"{n}.{p}", parameters=[SimpleNamespace(name=p) for p in ps])
         for n, ps in {"still": ("size", "shape"), "acts": ("size", "other")}.items()
@@ -172,6 +172,10 @@ def test_an_effect_is_idle_where_every_size_lies_within_its_deviation_of_off(mon
     assert candidates.idle(both, SimpleNamespace(model=model)) == ("still",)
     limits[3] = (0.6, 1.0)  # what is half is not that effect
     assert candidates.idle(both, SimpleNamespace(model=model)) == ("still", "acts")
+    limits[3] = (-np.inf, np.inf)
+    for z, names in ((2.4, ("still",)), (2.5, ())):  # 2.45 deviations are worth 3 nats
+        table["still.size"] = (0.1 * z, 0.1)
+        assert candidates.idle(both, SimpleNamespace(model=model)) == names
 
 
 def test_a_second_effect_that_might_be_another_is_not_named(pair):

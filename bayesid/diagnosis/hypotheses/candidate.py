@@ -13,7 +13,12 @@ import numpy as np
 from scipy.special import log_ndtr, logsumexp
 
 from bayesid.diagnosis.data.problem import DiagnosisProblem
-from bayesid.diagnosis.threshold_table import FOLLOWS_DATA_CHI2, LINEARISATION_SCATTER, WALD_SLACK
+from bayesid.diagnosis.threshold_table import (
+    FOLLOWS_DATA_CHI2,
+    LEAST_NAMING_EVIDENCE,
+    LINEARISATION_SCATTER,
+    WALD_SLACK,
+)
 from bayesid.equations.layout import names_read
 from bayesid.equations.model import Model
 from bayesid.errors import ModelError
@@ -261,8 +266,9 @@ def jackknife(fitted: FilterErrorFit) -> Array:
 
 
 def idle(candidate: RefittedHypothesis, problem: DiagnosisProblem) -> tuple[str, ...]:
-    """Effects of a refit that explain nothing as themselves: every size within a standard deviation of off,
-    or a parameter outside the range in which it is that effect.
+    """Effects of a refit that explain nothing as themselves: sizes so near to off, by their own deviations,
+    that they are worth less than a name asks for (half the sum of squares; Wald 1943), or a parameter outside
+    the range in which it is that effect.
     """
     model, table = problem.model, parameter_table(candidate.fit, problem)
     out = []
@@ -276,7 +282,7 @@ def idle(candidate: RefittedHypothesis, problem: DiagnosisProblem) -> tuple[str,
             continue
         keys = [model.effects[name].key(p.name) for p in model.effects[name].parameters]
         sizes = [table[k] for k in keys if k in table and model.effect_off.get(model.index[k], 0.0) == 0.0]
-        if sizes and all(abs(value) < sd for value, sd in sizes):
+        if sizes and 0.5 * sum((value / sd) ** 2 for value, sd in sizes) < LEAST_NAMING_EVIDENCE:
             out.append(name)
     return tuple(out)
 

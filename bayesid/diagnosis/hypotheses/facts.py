@@ -59,7 +59,7 @@ class Facts:
     explains : whether the best follows the data
     acts : probability that what the best names acts, alone or with others of its family
     absorbed : share of the best effect's trace that coefficients absorb
-    idle : whether an effect of the best has a size within its deviation of off
+    idle : whether an effect of the best has a size too near to off for a name
     sure : of several effects, how many may be named
     form : whether every hypothesis has a model form, as the runs ask for one
     of_motion : whether of several effects only such are sure as depend on the motion alone, as a form does

@@ -190,7 +190,8 @@ RULES: tuple[Rule, ...] = (
         "effect without size",
         lambda f: f.idle,
         "ambiguous", "rivals", "nothing",
-        "every size of the best explanation lies within its deviation of off",
+        "the sizes of the best explanation lie so near to off, by their own deviations, that they are worth "
+        "less than a name asks for",
     ),
     Rule(
         "effect with a remainder",
