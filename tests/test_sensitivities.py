@@ -186,25 +186,41 @@ def test_every_planar_parameter_has_its_exact_derivative(name):
 
 
 @pytest.mark.parametrize(
-    ("name", "dof", "eta", "samples"),
+    ("name", "dof", "eta", "lengths"),
     [
-        ("delphin2", 3, False, 3),
-        ("nps_auv2", 3, False, 3),
-        ("generic_sub", 6, False, 2),
-        ("generic_sub", 3, True, 3),
+        ("delphin2", 3, False, (3,)),
+        ("nps_auv2", 3, False, (3,)),
+        ("generic_sub", 6, False, (2, 3)),
+        ("generic_sub", 3, True, (3,)),
     ],
     ids=["thrust curve", "strips", "six degrees", "propeller loading"],
 )
-def test_every_parameter_of_every_kernel_has_its_exact_derivative(name, dof, eta, samples):
-    """The text of the kernels run as plain Python over two or three samples; compiled runs are slow tests.
+def test_every_parameter_of_every_kernel_has_its_exact_derivative(name, dof, eta, lengths):
+    """The text of the kernels run as plain Python over three samples; compiled runs are slow tests.
 
-    Of the large kernels only the parameters that `generic_sub` does not have in the plane, which has them
-    compiled above.
+    In six degrees over two samples, a tenth of the time, and over three what leaves no trace in two (a plane
+    that has not moved yet). Of the large kernels only the parameters that `generic_sub` does not have in the
+    plane, which has them compiled above.
     """
-    model, par, plan, x0 = case(name, dof, samples=samples, eta=eta)
     above = set(case("generic_sub")[0].kernel.parameters)
-    wanted = [n for n in smooth_parameters(model) if n not in above]
-    assert misjudged(uncompiled(model), par, plan, x0, wanted) == {}
+    wanted = None
+    for samples in lengths:
+        model, par, plan, x0 = case(name, dof, samples=samples, eta=eta)
+        plain = uncompiled(model)
+        wanted = [n for n in smooth_parameters(model) if n not in above] if wanted is None else wanted
+        assert misjudged(plain, par, plan, x0, wanted) == {}
+        wanted = without_trace(plain, par, plan, x0, wanted)
+    # three samples are too few for a servo of the planes; strips have no heave in the plane
+    assert set(wanted) <= {"servo_lag_s", "servo_lag_b", "strip_Z"}
+
+
+def without_trace(model, par, plan, x0, names):
+    """Parameters that change nothing in this run, so that any derivative of zero would pass."""
+    free = model.positions(names)
+    result = sensitivities(model, par, plan, x0, free, full=True, rates=True)
+    _, by_obs = observe_sensitivity(model, par, plan, result, free)
+    moved = [np.abs(slopes).max(axis=(0, 1)) for slopes in (result.jacobian[:, :, : free.size], by_obs)]
+    return [n for n, *sizes in zip(names, *(m[: free.size] for m in moved), strict=True) if not max(sizes)]
 
 
 @pytest.mark.slow
