@@ -9,7 +9,7 @@ from scipy.stats import norm
 
 from bayesid.diagnosis.hypotheses.cross_validation import CrossValidation, disagreement, left_out
 from bayesid.diagnosis.hypotheses.localisation import Localisation, LocatedSignal
-from bayesid.diagnosis.hypotheses.probabilities import FormError, Remainder, credible_set, probabilities
+from bayesid.diagnosis.hypotheses.probabilities import FormError, Remainder, credible_set, probabilities, told
 from bayesid.estimation.filter_error.evidence import normal_equations
 
 COEF, OWN, RUNS, READINGS = 3, 2, 5, 40
@@ -277,3 +277,14 @@ def test_what_kinematics_tells_keeps_its_own_evidence_beside_an_unsure_form():
     told, unsure = inside({"gyro"}), inside(())
     assert told["gyro"] > 0.95 > unsure["gyro"]
     assert 0.1 < told["rate"] < told["lag"] < 0.9
+
+
+def test_a_set_refitted_only_beside_a_kinematic_effect_lifts_no_other():
+    gain = {("gyro",): 500.0, ("a",): 100.0, ("b",): 60.0, ("c",): 70.0,
+            ("a", "gyro"): 600.0, ("b", "gyro"): 560.0}  # fmt: skip
+    error = FormError(48.0, frozenset({"gyro"}))
+    pairs = told(gain, error)
+    more = told(gain | {("a", "c", "gyro"): 605.0}, error)
+    assert more["a", "gyro"] == pytest.approx(pairs["a", "gyro"], abs=6.0)
+    assert more["a",] == pytest.approx(pairs["a",], abs=6.0)
+    assert max(more, key=lambda k: more[k]) in {("a", "gyro"), ("a", "c", "gyro")}

@@ -318,3 +318,15 @@ def test_a_rudder_late_by_longer_than_it_moves_is_found_in_a_loud_environment():
     pair = (effect, model.effects["gyro_scale"])
     (both,) = refit(problem, pair, lambda text: None, sizes_of(problem, [found]))
     assert parameter_table(both.fit, problem)[key][0] == pytest.approx(value, abs=3.0 * sd)
+
+
+def test_an_effect_that_alone_came_out_as_nothing_does_not_begin_at_nothing():
+    model = model_of()
+    problem = build_problem(model, planted_trial(model))
+    effect = model.effects["actuator_lag"]
+    (alone,) = refit(problem, (effect,), lambda text: None)
+    free = alone.fit.free
+    off = replace(alone, fit=replace(alone.fit, values=free.mean))
+    moved = replace(alone, fit=replace(alone.fit, values=free.mean + free.sd))
+    assert sizes_of(problem, [off]) == {}
+    assert sizes_of(problem, [off, moved]) == {"actuator_lag": pytest.approx(1.0)}

@@ -39,7 +39,7 @@ def test_a_killed_command_run_again_gives_the_files_of_the_unbroken_one(name, tm
     )  # fmt: skip
     assert found.returncode == 0, found.stderr[-2000:]
     rows = json.loads(found.stdout.splitlines()[-1])
-    assert rows and all(row["sent"] for row in rows)
+    assert len(rows) >= (1 if "killed" in name else 3) and all(row["sent"] for row in rows)
     for row in rows:
         assert (row["same"], row["wrong"]) == (row["finished"], []), row
 

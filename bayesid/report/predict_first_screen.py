@@ -95,7 +95,7 @@ def as_given_words(spread: tuple[float, float] | None) -> str:
     """
     if spread is None:
         return ""
-    low, high = (f"{100 * s:.2g}" for s in spread)
+    low, high = (f"{100 * s:.0f}" if s >= 0.1 else f"{100 * s:.2g}" for s in spread)
     return (
         "; its coefficients are as given, not fitted: the bands come from their stated standard deviation "
         f"({low if low == high else f'{low} to {high}'} %)"

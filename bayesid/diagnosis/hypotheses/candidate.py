@@ -267,8 +267,8 @@ def jackknife(fitted: FilterErrorFit) -> Array:
 
 def idle(candidate: RefittedHypothesis, problem: DiagnosisProblem) -> tuple[str, ...]:
     """Effects of a refit that explain nothing as themselves: sizes so near to off, by their own deviations,
-    that they are worth less than a name asks for (half the sum of squares; Wald 1943), or a parameter outside
-    the range in which it is that effect.
+    that they are worth less than a name asks for (half the sum of squares, each by itself; Wald 1943), or a
+    parameter outside the range in which it is that effect.
     """
     model, table = problem.model, parameter_table(candidate.fit, problem)
     out = []

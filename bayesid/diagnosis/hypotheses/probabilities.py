@@ -216,15 +216,30 @@ def told(gain: Mapping[tuple[str, ...], float], error: FormError) -> dict[tuple[
     """
     out, own = dict(gain), {}
     for key, value in gain.items():
-        moved = tuple(n for n in key if n not in error.sure)
-        if key != OUTSIDE and moved and np.isfinite(value):
-            alone = max((v for k, v in gain.items() if set(k) == set(moved)), default=value)
-            own[key] = value - alone
+        if key != OUTSIDE and set(key) - error.sure and np.isfinite(value):
+            own[key] = _by_kinematics(key, gain, error.sure)
     if not own:
         return out
     rest = {k: gain[k] - v for k, v in own.items()}
     top = max(rest.values())
     return out | {k: own[k] + top - error.lag(top - v) for k, v in rest.items() if v > error.leaves}
+
+
+def _by_kinematics(
+    key: tuple[str, ...], gain: Mapping[tuple[str, ...], float], sure: frozenset[str]
+) -> float:
+    """What a set has by kinematics: what is lost with the rest alone, or where that was not refitted what its
+    kinematic effects have alone, together or each by itself.
+    """
+    known = {frozenset(k): v for k, v in gain.items() if np.isfinite(v)}
+    told_so, rest = frozenset(key) & sure, frozenset(key) - sure
+    if not told_so:
+        return 0.0
+    if rest in known:
+        return gain[key] - known[rest]
+    if told_so in known:
+        return known[told_so]
+    return sum(max(known.get(frozenset((n,)), 0.0), 0.0) for n in told_so)
 
 
 def rows(

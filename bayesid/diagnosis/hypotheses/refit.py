@@ -97,7 +97,7 @@ def refit_screened(
 
 
 def sizes_of(problem: DiagnosisProblem, candidates: Iterable[RefittedHypothesis]) -> dict[str, float]:
-    """Effect without a slope when off -> its size in prior sd in the first candidate that has it.
+    """Effect without a slope when off -> its size in prior sd in the first candidate that has it, not off.
 
     Of one without a slope a search from off finds the nearest hill: a rudder late by longer than it moves
     came out as late by nothing beside another effect.
@@ -108,7 +108,9 @@ def sizes_of(problem: DiagnosisProblem, candidates: Iterable[RefittedHypothesis]
             effect = problem.model.effects.get(name)
             if effect is not None and not effect.smooth and name not in out:
                 at = c.fit.free.names.index(effect.key(effect.parameters[0].name))
-                out[name] = float((c.fit.values[at] - c.fit.free.mean[at]) / c.fit.free.sd[at])
+                size = float((c.fit.values[at] - c.fit.free.mean[at]) / c.fit.free.sd[at])
+                if abs(size) > SECANT_SIZES[0]:  # at off there is no slope to leave it by
+                    out[name] = size
     return out
 
 

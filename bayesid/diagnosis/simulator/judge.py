@@ -9,6 +9,7 @@ change the verdict or touch the search of causes.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -121,12 +122,16 @@ def find_mistakes(
     if (needed := cleared(*found[0])) is None:
         return ()
     alike = [row for row in found[1:] if row[0] > found[0][0] - ALIKE][: MOST_LISTED - 1]
-    listed = [found[0], *(row for row in alike if cleared(*row) == needed)]
+    listed = [found[0], *(row for row in alike if _same(cleared(*row), needed))]
     shares = softmax([evidence for evidence, _ in listed])
     return tuple(
         _finding(problem.model, s, float(p), evidence - comparison.none.log_evidence, evidence - best, needed)
         for (evidence, s), p in zip(listed, shares, strict=True)
     )
+
+
+def _same(one: tuple[str, ...] | None, other: tuple[str, ...]) -> bool:
+    return one is not None and set(one) == set(other)
 
 
 def _worth(compared: Compared) -> list[Screened]:
@@ -246,7 +251,8 @@ def _best_of(problem: DiagnosisProblem, beside: tuple[str, ...]) -> RefittedHypo
     found = []
     for names in dict.fromkeys(((), beside)):
         effects = tuple(problem.model.effects[n] for n in names)
-        found.append(weighted_hypothesis(problem, names, fit_with(problem, effects)))
+        with suppress(ModelError):  # one that cannot be followed says nothing of the other
+            found.append(weighted_hypothesis(problem, names, fit_with(problem, effects)))
     return max((c for c in found if explains(c)), key=lambda c: c.log_evidence, default=None)
 
 
