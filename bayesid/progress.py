@@ -40,8 +40,8 @@ def tell(text: str, stream: TextIO | None = None) -> None:
 
 def silence(stream: TextIO) -> None:
     """What is written to it goes nowhere from now on: what its buffer holds is then no error at the end."""
-    with suppress(OSError, ValueError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    with suppress(OSError, ValueError), open(os.devnull, "wb") as nowhere:
+        os.dup2(nowhere.fileno(), stream.fileno())
 
 
 class Progress:

@@ -61,11 +61,12 @@ def _on_signal(number: int, frame: FrameType | None) -> None:
     _asked = number
     for each in (signal.SIGINT, signal.SIGTERM):
         signal.signal(each, _at_once)
-    late = threading.Timer(GRACE, _at_once, (number, None))
-    late.daemon = True
-    late.start()
     if _importing(frame):  # an interrupted import surfaces as any error, or as none; nothing is half done yet
         _at_once(number, frame)
+    late = threading.Timer(GRACE, _at_once, (number, None))
+    late.daemon = True
+    with suppress(RuntimeError):  # no thread is to be had: the stop unwinds without a watch
+        late.start()
     raise Stopped
 
 

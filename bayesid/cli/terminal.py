@@ -6,6 +6,7 @@ stopped by the user, 143 by the system.
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 import traceback
@@ -20,6 +21,8 @@ from bayesid.errors import BayesidError
 from bayesid.lock import release_all
 from bayesid.progress import set_quiet, silence, tell
 
+# a disk that is full, over quota, read-only or broken
+DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)
 OK, FAULT, BAD_INPUT, NOT_CONVERGED, INTERRUPTED = 0, 1, 2, 3, 130
 
 # ClickException, which older releases of typer take from click and newer ones bring along
@@ -83,7 +86,9 @@ def _refuse(message: str, code: int, hint: bool = False) -> int:
 
 def _os_message(error: OSError) -> str:
     reason = error.strerror or str(error) or type(error).__name__
-    place = error.filename if error.filename is not None else _failed_output() or _file_at_work(error)
+    place = error.filename
+    if place is None and error.errno in DISK:
+        place = _failed_output() or _file_at_work(error)
     return f"{place}: {reason}" if place is not None else reason
 
 
@@ -101,8 +106,8 @@ def _file_at_work(error: OSError) -> str | None:
 def _failed_output() -> str | None:
     """The name of standard output where that is what cannot be written: errors of a stream carry no name."""
     try:
-        print(flush=True)
-    except OSError:
+        print(flush=True)  # an empty line: what failed is no longer in the buffer
+    except (OSError, ValueError):
         silence(sys.stdout)
         return "standard output cannot be written"
     return None

@@ -88,7 +88,7 @@ def _full_disks(lines: dict[str, Sequence[str]], work: Path) -> list[dict[str, A
                 return rows
             found = _run((*line, "--out", str(place / "out")), before=whole)
             row = _row(fault, name, {2}, found)
-            if found[0] == 0:  # it had room enough
+            if found[0] == 0 and options != "ro":  # it had room enough
                 continue
             rows.append(row | {"ok": row["ok"] and str(place) in row["words"]})
     return rows
