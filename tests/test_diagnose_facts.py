@@ -128,23 +128,21 @@ def test_a_hidden_effect_is_listed_beside_the_best_within_twenty_nats_only(monke
 
 
 @pytest.mark.parametrize(
-    ("alone", "both", "within", "together"),
+    ("alone", "both", "excess", "within", "together"),
     [
-        ({"a": 20.0, "c": 10.0}, 30.0, ("a", "c"), True),  # all of it is less than the form may leave
-        (
-            {"a": 930.0, "c": 940.0},
-            960.0,
-            ("a", "c"),
-            False,
-        ),  # each for the other: something is there
-        ({"a": 20.0, "c": 940.0}, 960.0, ("a",), True),  # one is large, the other its rest
+        ({"a": 20.0, "c": 10.0}, 30.0, 1.0, ("a", "c"), True),  # all of it is less than the form may leave
+        ({"a": 930.0, "c": 940.0}, 960.0, 1.0, ("a", "c"), False),  # each can stand for the other
+        ({"a": 20.0, "c": 940.0}, 960.0, 1.0, ("a",), True),  # one is large, the other its rest
+        ({"a": 20.0, "c": 940.0}, 960.0, 20.0, ("a", "c"), True),  # not where the runs disagree about it
     ],
 )
 def test_causes_that_stand_for_each_other_are_more_than_a_form_leaves(
-    alone, both, within, together, monkeypatch
+    alone, both, excess, within, together, monkeypatch
 ):
     """A form worth 100 nats: each of two may be less than half of it beside the other, and both much more."""
-    monkeypatch.setattr(facts, "form_gain", lambda problem, best, agreed: 100.0)
+    monkeypatch.setattr(facts, "form_gain", lambda problem, best: 100.0)
+    runs = SimpleNamespace(disagree=excess > 1.0, excess=excess)
+    monkeypatch.setattr(facts, "cross_validate", lambda best, none, k: runs)
     monkeypatch.setattr(facts, "parameter_table", lambda fit, problem: {})
     monkeypatch.setattr(facts, "is_kinematic", lambda problem, effect, table: False)
     refits = (
@@ -152,7 +150,8 @@ def test_causes_that_stand_for_each_other_are_more_than_a_form_leaves(
         *(candidate((n,), g, 1.0, True) for n, g in alone.items()),
     )
     comparison = SimpleNamespace(refits=refits, none=candidate((), 0.0, 1.0, True))
-    problem = SimpleNamespace(form=object(), model=SimpleNamespace(effects=dict.fromkeys("abcd")))
+    model = SimpleNamespace(effects=dict.fromkeys("abcd"))
+    problem = SimpleNamespace(form=object(), model=model, coefficients=SimpleNamespace(names=()))
     assert facts._covered(problem, comparison, refits[0]) == (within, together)
     problem.form = None
     assert facts._covered(problem, comparison, refits[0]) == ((), True)

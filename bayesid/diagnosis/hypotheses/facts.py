@@ -309,14 +309,16 @@ def _covered(
 
     The equations surely lack something. Beside the effect that explains most, another must be worth more
     than the form itself to be told from what it leaves. Of causes that can stand for each other each is
-    worth little beside the rest, and all of them much. Sensors that contradict one another by kinematics
-    alone do so whatever the equations lack.
+    worth little beside the rest, and all of them much. What runs disagree about counts less, effect and form
+    alike. Sensors that contradict one another by kinematics alone do so whatever the equations lack.
     """
     if problem.form is None:
         return (), True
-    part = {n: _part(candidates, best, {n}) for n in best.effects}
+    runs = cross_validate(best, candidates.none, len(problem.coefficients.names))
+    agreed = 1.0 / max(runs.excess, 1.0) if runs.disagree else 1.0
+    part = {n: agreed * _part(candidates, best, {n}) for n in best.effects}
     first = max(part, key=lambda n: part[n], default="")
-    form = form_gain(problem, best, agreed=False)
+    form = form_gain(problem, best)
     table = parameter_table(best.fit, problem)
     share = {n: FORM_LEAVES if n == first else FORM_LEAVES_BESIDE for n in best.effects}
     within = tuple(
@@ -324,4 +326,4 @@ def _covered(
         for n in best.effects
         if part[n] < share[n] * form and not is_kinematic(problem, problem.model.effects[n], table)
     )
-    return within, not within or _part(candidates, best, within) < FORM_LEAVES * form
+    return within, not within or agreed * _part(candidates, best, within) < FORM_LEAVES * form

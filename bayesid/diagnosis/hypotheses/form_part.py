@@ -16,13 +16,11 @@ from bayesid.estimation.filter_error.evidence import NormalEquations, posterior
 Array = np.ndarray
 
 
-def form_gain(problem: DiagnosisProblem, candidate: RefittedHypothesis, agreed: bool = True) -> float:
+def form_gain(problem: DiagnosisProblem, candidate: RefittedHypothesis) -> float:
     """Log evidence a refit would lose without the form, along its own path [nats].
 
-    Parameters
-    ----------
-    agreed : divided by how much the runs disagree about the form (quasi-likelihood; Wedderburn 1974): a force
-        that depends on the motion is the same function in every run
+    Divided by how much the runs disagree about the form (quasi-likelihood; Wedderburn 1974): a force that
+    depends on the motion is the same function in every run.
     """
     if problem.form is None:
         return 0.0
@@ -38,8 +36,6 @@ def form_gain(problem: DiagnosisProblem, candidate: RefittedHypothesis, agreed: 
     except ModelError:
         return 0.0
     gain = max(with_it.log_evidence - less.log_evidence, 0.0)
-    if not agreed:
-        return gain
     own = np.arange(k, len(problem.coefficients.names))
     last = tuple(g.pick(np.concatenate([keep, own])) for g in fitted.equations)
     _, excess = disagreement(last, keep.size)
