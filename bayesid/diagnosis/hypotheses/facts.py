@@ -63,8 +63,7 @@ class Facts:
     sure : of several effects, how many may be named
     form : whether every hypothesis has a model form, as the runs ask for one
     of_motion : whether of several effects only such are sure as depend on the motion alone, as a form does
-    covered : whether what the form leaves may be as large as each effect of the best, and as all of them; an
-        effect without a sure size is no more
+    covered : whether what the form leaves may be as large as each effect of the best, and as all of them
     others_covered : the same of all effects of the best but those that may be named
     runs_refute : whether runs are predicted worse from the others with the best than without
     runs_disagree : whether runs ask for different sizes of it
@@ -176,8 +175,7 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
     several = len(best.effects) > 1
     within, together = ((), False) if best.widens else _covered(problem, candidates, best)
     like = () if best.widens else like_a_form(candidates, best, problem.model)
-    unsure = off if problem.form is not None else ()
-    covered = tuple(dict.fromkeys((*within, *like, *unsure)))
+    covered = tuple(dict.fromkeys((*within, *like)))
     sure: tuple[str, ...] = ()
     if several:
         shows = left > limit.remainder

@@ -61,8 +61,8 @@ RULES: tuple[Rule, ...] = (
         lambda f: f.form and (not f.gains or f.widens or f.none > EVEN_ODDS or f.covered),
         "model_form", "nothing", "nothing",
         "a force that depends on the motion and that the equations lack is needed, and what effects gain "
-        "beside it is no more than such a force may leave, or their sizes are not sure; a coefficient "
-        "further off than stated may stand for it",
+        "beside it is no more than such a force may leave; a coefficient further off than stated may stand "
+        "for it",
         or_none=True,
     ),
     Rule(
