@@ -140,7 +140,8 @@ def test_causes_that_stand_for_each_other_are_more_than_a_form_leaves(
     alone, both, excess, within, together, monkeypatch
 ):
     """A form worth 100 nats: each of two may be less than half of it beside the other, and both much more."""
-    monkeypatch.setattr(facts, "form_gain", lambda problem, best: 100.0)
+    monkeypatch.setattr(facts, "form_gain", lambda problem, best, axes: 100.0)
+    monkeypatch.setattr(facts, "axes_of", lambda problem, name: frozenset("YN"))
     runs = SimpleNamespace(disagree=excess > 1.0, excess=excess)
     monkeypatch.setattr(facts, "cross_validate", lambda best, none, k: runs)
     monkeypatch.setattr(facts, "parameter_table", lambda fit, problem: {})

@@ -22,7 +22,7 @@ from bayesid.diagnosis.hypotheses.candidate import (
 )
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.cross_validation import CrossValidation, cross_validate
-from bayesid.diagnosis.hypotheses.form_part import beyond, form_gain
+from bayesid.diagnosis.hypotheses.form_part import axes_of, beyond, form_gain
 from bayesid.diagnosis.hypotheses.kinematic import is_kinematic
 from bayesid.diagnosis.hypotheses.localisation import SENSORS
 from bayesid.diagnosis.hypotheses.probabilities import credible_set, told
@@ -316,12 +316,16 @@ def _covered(
     agreed = 1.0 / max(runs.excess, 1.0) if runs.disagree else 1.0
     part = {n: agreed * _part(candidates, best, {n}) for n in best.effects}
     first = max(part, key=lambda n: part[n], default="")
-    form = form_gain(problem, best)
     table = parameter_table(best.fit, problem)
-    share = {n: FORM_LEAVES if n == first else FORM_LEAVES_BESIDE for n in best.effects}
+
+    def leaves(names: Collection[str], share: float) -> float:
+        axes = frozenset().union(*(axes_of(problem, n) for n in names))
+        return share * form_gain(problem, best, axes)
+
     within = tuple(
         n
         for n in best.effects
-        if part[n] < share[n] * form and not is_kinematic(problem, problem.model.effects[n], table)
+        if part[n] < leaves({n}, FORM_LEAVES if n == first else FORM_LEAVES_BESIDE)
+        and not is_kinematic(problem, problem.model.effects[n], table)
     )
-    return within, not within or agreed * _part(candidates, best, within) < FORM_LEAVES * form
+    return within, not within or agreed * _part(candidates, best, within) < leaves(within, FORM_LEAVES)

@@ -69,19 +69,36 @@ class FormError:
     leaves : log evidence that what the model form leaves may be worth: nineteen of twenty times it changes
         the distance of two causes by less [nats]; 0 where no form is needed
     sure : effects that kinematics tells whatever forces act
+    axes : effect -> axes of the form that may stand for it
+    parts : the same as `leaves` of the form in some axes alone
     """
 
     leaves: float = 0.0
     sure: frozenset[str] = frozenset()
+    axes: Mapping[str, frozenset[str]] = field(default_factory=dict)
+    parts: Mapping[frozenset[str], float] = field(default_factory=dict)
 
-    def lag(self, distance: float) -> float:
+    def between(self, one: Collection[str], other: Collection[str] = ()) -> float:
+        """What the form may leave between two sets of causes: in the axes of those that are not in both."""
+        axes = self.apart(one, other)
+        return self.leaves if axes is None else self.parts.get(axes, self.leaves)
+
+    def apart(self, one: Collection[str], other: Collection[str] = ()) -> frozenset[str] | None:
+        """Axes of the causes that are in one of two sets only; None where those of one are not known."""
+        names = (set(one) ^ set(other)) - self.sure
+        if not names <= set(self.axes):
+            return None
+        return frozenset().union(*(self.axes[n] for n in names))
+
+    def lag(self, distance: float, leaves: float | None = None) -> float:
         """What a distance between two causes is worth: the odds that the error did not make it [nats].
 
         Normal error, odds of 20 to 1 at `leaves`; never more than the distance itself.
         """
-        if self.leaves <= 0.0 or distance <= 0.0:
+        leaves = self.leaves if leaves is None else leaves
+        if leaves <= 0.0 or distance <= 0.0:
             return distance
-        return min(distance, -float(log_ndtr(-TWO_SIDED_95 * distance / self.leaves)) - float(np.log(2.0)))
+        return min(distance, -float(log_ndtr(-TWO_SIDED_95 * distance / leaves)) - float(np.log(2.0)))
 
 
 NO_ERROR = FormError()
@@ -208,11 +225,12 @@ def comparable(
 
 
 def told(gain: Mapping[tuple[str, ...], float], error: FormError) -> dict[tuple[str, ...], float]:
-    """Gains over no effect; what a cause lags behind the best is worth only what the error of the equations
-    leaves of it.
+    """Gains over no effect; what a cause lags behind any better one is worth only what the error of the
+    equations leaves of it.
 
     What kinematics tells keeps its own part, and so does a set without any other cause. A set that explains
-    no more than the form may leave is no rival: it stays as far behind as it is.
+    no more than the form may leave is no rival: it stays as far behind as it is. Only what the form leaves in
+    the axes of those causes counts that two sets do not share.
     """
     out, own = dict(gain), {}
     for key, value in gain.items():
@@ -221,8 +239,12 @@ def told(gain: Mapping[tuple[str, ...], float], error: FormError) -> dict[tuple[
     if not own:
         return out
     rest = {k: gain[k] - v for k, v in own.items()}
-    top = max(rest.values())
-    return out | {k: own[k] + top - error.lag(top - v) for k, v in rest.items() if v > error.leaves}
+    worth: dict[tuple[str, ...], float] = {}
+    for key in sorted(rest, key=lambda k: -rest[k]):
+        if not worth or rest[key] > error.between(key):
+            behind = (v - error.lag(rest[k] - rest[key], error.between(key, k)) for k, v in worth.items())
+            worth[key] = min(behind, default=rest[key])
+    return out | {k: own[k] + v for k, v in worth.items()}
 
 
 def _by_kinematics(
