@@ -94,6 +94,9 @@ CASES = [
     ("none not excluded", replace(PLAIN, none_in_set=True, none=0.06), {"none_in_set": (False, "effect")}),
     ("unsure effect", replace(PLAIN, acts=NAMING_PROBABILITY - TINY), {"acts": (NAMING_PROBABILITY + 0.0,
     "effect")}),
+    ("no size beside a model form", replace(FORM, idle=True), {
+        "idle": (False, "effect"), "form": (False, "effect without size"),
+        "acts": (NAMING_PROBABILITY - TINY, "unsure effect")}),
     ("effect without size", replace(PLAIN, idle=True), {"idle": (False, "effect")}),
     ("effect with a remainder", replace(PLAIN, left=19 + TINY), {"left": (19.0, "effect")}),
     ("effect with a remainder", replace(PLAIN, runs_disagree=True), {"runs_disagree": (False, "effect")}),
@@ -141,6 +144,7 @@ SAID = {
     "probably none": ("none", (), ()),
     "none not excluded": ("ambiguous", ("a", "b"), ()),
     "unsure effect": ("ambiguous", ("a", "b"), ()),
+    "no size beside a model form": ("model_form", (), ()),
     "effect without size": ("ambiguous", ("a", "b"), ()),
     "effect with a remainder": ("effect_with_remainder", ("a",), ()),
     "effect": ("effect", ("a",), ()),

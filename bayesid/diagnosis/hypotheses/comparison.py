@@ -23,7 +23,7 @@ from bayesid.diagnosis.hypotheses.candidate import (
 )
 from bayesid.diagnosis.hypotheses.cross_validation import cross_validate
 from bayesid.diagnosis.hypotheses.form_part import axes_of, beyond, form_gain
-from bayesid.diagnosis.hypotheses.kinematic import kinematic_effects
+from bayesid.diagnosis.hypotheses.kinematic import by_kinematics
 from bayesid.diagnosis.hypotheses.localisation import Localisation, locate, tried
 from bayesid.diagnosis.hypotheses.probabilities import NO_ERROR, FormError, Remainder, probabilities
 from bayesid.diagnosis.hypotheses.refit import (
@@ -265,9 +265,15 @@ def _form_error(
     """How far evidence between these refits holds, by what the form is worth beside the best of them."""
     if beside <= 0.0:
         return NO_ERROR
-    sets = [(), *(c.effects for c in refits if not c.widens)]
+    causes = [c for c in refits if not c.widens]
+    sets = [(), *(c.effects for c in causes)]
     axes = {n: axes_of(problem, n) for key in sets for n in key}
-    whole = FormError(FORM_LEAVES * beside, kinematic_effects(problem, refits), axes)
+    alone: dict[tuple[str, ...], float] = {}
+    for c in causes:
+        if explains(c):
+            key = tuple(sorted(c.effects))
+            alone[key] = max(alone.get(key, 0.0), by_kinematics(problem, c).evidence)
+    whole = FormError(FORM_LEAVES * beside, alone, axes)
     asked = {whole.apart(one, other) for one, other in combinations(sets, 2)} - {None}
     return replace(whole, parts={a: FORM_LEAVES * form_gain(problem, best, a) for a in asked if a})
 

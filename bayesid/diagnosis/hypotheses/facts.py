@@ -17,13 +17,12 @@ from bayesid.diagnosis.hypotheses.candidate import (
     RefittedHypothesis,
     explains,
     idle,
-    parameter_table,
     pulls,
 )
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.cross_validation import CrossValidation, cross_validate
-from bayesid.diagnosis.hypotheses.form_part import axes_of, beyond, form_gain
-from bayesid.diagnosis.hypotheses.kinematic import is_kinematic
+from bayesid.diagnosis.hypotheses.form_part import axes_of, beyond, gain_and_excess
+from bayesid.diagnosis.hypotheses.kinematic import by_kinematics
 from bayesid.diagnosis.hypotheses.localisation import SENSORS
 from bayesid.diagnosis.hypotheses.probabilities import credible_set, told
 from bayesid.diagnosis.threshold_table import (
@@ -307,25 +306,26 @@ def _covered(
 
     The equations surely lack something. Beside the effect that explains most, another must be worth more
     than the form itself to be told from what it leaves. Of causes that can stand for each other each is
-    worth little beside the rest, and all of them much. What runs disagree about counts less, effect and form
-    alike. Sensors that contradict one another by kinematics alone do so whatever the equations lack.
+    worth little beside the rest, and all of them much. Gains are compared as they are, and by how far the
+    runs agree about effect and form. What sensors say by kinematics alone holds whatever the equations lack.
     """
     if problem.form is None:
         return (), True
     runs = cross_validate(best, candidates.none, len(problem.coefficients.names))
-    agreed = 1.0 / max(runs.excess, 1.0) if runs.disagree else 1.0
-    part = {n: agreed * _part(candidates, best, {n}) for n in best.effects}
+    excess = max(runs.excess, 1.0) if runs.disagree else 1.0
+    part = {n: _part(candidates, best, {n}) for n in best.effects}
     first = max(part, key=lambda n: part[n], default="")
-    table = parameter_table(best.fit, problem)
+    told_so = by_kinematics(problem, best).told
 
-    def leaves(names: Collection[str], share: float) -> float:
+    def small(names: Collection[str], share: float) -> bool:
         axes = frozenset().union(*(axes_of(problem, n) for n in names))
-        return share * form_gain(problem, best, axes)
+        form, apart = gain_and_excess(problem, best, axes)
+        gain = _part(candidates, best, names)
+        return gain < share * form and gain / excess < share * form / apart
 
     within = tuple(
         n
         for n in best.effects
-        if part[n] < leaves({n}, FORM_LEAVES if n == first else FORM_LEAVES_BESIDE)
-        and not is_kinematic(problem, problem.model.effects[n], table)
+        if small({n}, FORM_LEAVES if n == first else FORM_LEAVES_BESIDE) and n not in told_so
     )
-    return within, not within or agreed * _part(candidates, best, within) < leaves(within, FORM_LEAVES)
+    return within, not within or small(within, FORM_LEAVES)

@@ -34,12 +34,20 @@ def form_gain(
     ----------
     axes : without the form in these only; in all of them where not given
     """
+    gain, excess = gain_and_excess(problem, candidate, axes)
+    return gain / excess
+
+
+def gain_and_excess(
+    problem: DiagnosisProblem, candidate: RefittedHypothesis, axes: Collection[str] | None = None
+) -> tuple[float, float]:
+    """What a refit would lose without the form [nats], and how much the runs disagree about that (>= 1)."""
     form, model = problem.form, problem.model
     if form is None:
-        return 0.0
+        return 0.0, 1.0
     rest = {axis: 0.0 if axes is None or axis in axes else size for axis, size in form.sizes.items()}
     if axes is not None and rest == dict(form.sizes):
-        return 0.0
+        return 0.0, 1.0
     left = with_form(model, problem.stated, ModelForm(rest, form.period)) if any(rest.values()) else None
     fitted, k = candidate.fit, len(problem.coefficients.names)
     total = sum(fitted.equations[1:], fitted.equations[0])
@@ -47,12 +55,12 @@ def form_gain(
         without = posterior(_with_prior(problem, fitted.free, total, left or problem.stated))
         gain = max(posterior(total).log_evidence - without.log_evidence, 0.0)
     except ModelError:
-        return 0.0
+        return 0.0, 1.0
     own = np.arange(len(problem.stated.names), k)
     common = np.setdiff1d(np.arange(len(fitted.free.names)), own)
     last = tuple(g.pick(np.concatenate([common, own])) for g in fitted.equations)
     _, excess = disagreement(last, common.size)
-    return gain / max(excess, 1.0)
+    return gain, max(excess, 1.0)
 
 
 def _with_prior(

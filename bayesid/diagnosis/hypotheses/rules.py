@@ -179,6 +179,15 @@ RULES: tuple[Rule, ...] = (
         f"the best explanation acts with less than {NAMING_PROBABILITY:.0%}",
     ),
     Rule(
+        "no size beside a model form",
+        lambda f: f.form and f.idle,
+        "model_form", "nothing", "nothing",
+        "a force that depends on the motion and that the equations lack is needed, and the sizes of the best "
+        "explanation beside it lie so near to off, by their own deviations, that they are worth less than a "
+        "name asks for",
+        or_none=True,
+    ),
+    Rule(
         "effect without size",
         lambda f: f.idle,
         "ambiguous", "rivals", "nothing",
