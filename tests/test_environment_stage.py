@@ -70,7 +70,7 @@ def test_kinematics_tells_late_velocities_whatever_the_forces_are():
 
 
 def test_kinematics_does_not_part_a_turned_compass_from_turned_velocities():
-    """Only their difference turns the track against the heading: each alone is told, neither beside the other."""
+    """Only their difference turns the track against the heading: each is told alone, neither beside it."""
     model = model_of("generic_sub")
     planted = {"heading_bias.bias": 0.05}
     problem, alone = lacking(model, "heading_bias", values=planted)
