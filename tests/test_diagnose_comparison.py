@@ -283,7 +283,7 @@ def test_runs_are_compared_where_the_best_explains_and_gains_beyond_linearisatio
 
 
 def test_a_refit_that_is_worse_with_a_form_than_without_begins_again_where_it_ended_without(monkeypatch):
-    """A form may be nought, so the evidence with one lies below that without by what the search missed."""
+    """A form may be nought: far below the evidence without it lies only what the search missed."""
 
     def refitted(name, evidence, follows=True, points=()):
         fit = Plain(converged=follows, chi2=1.0, points=points)
@@ -297,14 +297,10 @@ def test_a_refit_that_is_worse_with_a_form_than_without_begins_again_where_it_en
 
     monkeypatch.setattr(comparison, "refit_again", again)
     monkeypatch.setattr(comparison, "_ranked", lambda problem, refits, none, gains: tuple(refits))
-    problem = Plain(model=Plain(effects={n: n for n in "abc"}))
-    known = Plain(
-        refits=(
-            refitted("a", 90.0, points=("there",)),
-            refitted("b", 50.0),
-            refitted("c", 80.0, follows=False),
-        )
-    )
+    problem = Plain(model=Plain(effects={n: n for n in "abcd"}), form=None)
+    lost = refitted("d", 95.0, points=("far",))
+    ended = (refitted("a", 90.0, points=("there",)), refitted("b", 75.0), refitted("c", 80.0, follows=False))
+    known = Plain(refits=(*ended, lost), leading=lost)
 
     @dataclass(frozen=True)
     class Single:
@@ -314,5 +310,7 @@ def test_a_refit_that_is_worse_with_a_form_than_without_begins_again_where_it_en
 
     single = Single((refitted("a", 40.0), refitted("b", 60.0), refitted("c", 10.0)))
     found = comparison._arrived(problem, single, known, lambda text: None)
-    assert asked == [(("a",), ["there"])]
-    assert [(c.effects[0], c.log_evidence) for c in found.refits] == [("a", 100.0), ("b", 60.0), ("c", 10.0)]
+    # 15 nats are scatter, and c did not follow
+    assert asked == [(("a",), ["there"]), (("d",), ["far"])]
+    told = [(c.effects[0], c.log_evidence) for c in found.refits]
+    assert told == [("a", 100.0), ("b", 60.0), ("c", 10.0), ("d", 100.0)]

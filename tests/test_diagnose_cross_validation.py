@@ -304,3 +304,15 @@ def test_what_a_form_leaves_counts_in_the_axes_of_the_causes_that_differ():
     assert worth["thrust",] == 3.0  # what explains no more than is left ahead is no rival
     whole = told(gain, FormError(200.0))
     assert whole["screw", "thrust"] - whole["screw",] < 5.0
+
+
+@pytest.mark.parametrize("leaves", [100.0, 300.0])
+def test_what_was_not_asked_of_kinematics_is_no_measure_of_what_was(leaves):
+    """A gyro alone does not follow the readings: pairs with it are still compared with each other, and none
+    is worth more than the best was.
+    """
+    gain = {("gyro",): 5400.0, ("gyro", "lag"): 6000.0, ("gyro", "rate"): 5950.0}
+    error = FormError(leaves, {("gyro", "lag"): 5500.0, ("gyro", "rate"): 5500.0}, frozenset({"gyro"}))
+    worth = told(gain, error)
+    assert worth["gyro",] == 5400.0 and max(worth.values()) == 6000.0
+    assert 6000.0 - worth["gyro", "rate"] == pytest.approx(error.lag(50.0))

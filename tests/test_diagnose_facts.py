@@ -22,7 +22,7 @@ EFFECTS = tuple(SimpleNamespace(name=n, family=f, where=("N",), as_form="") for 
 
 
 def candidate(effects, log_evidence, chi2, converged):
-    fit = SimpleNamespace(converged=converged, chi2=chi2)
+    fit = SimpleNamespace(converged=converged, chi2=chi2, equations=())
     widens = bool(effects) and effects[0].startswith("coefficient_error")
     return SimpleNamespace(effects=tuple(effects), log_evidence=log_evidence, fit=fit, widens=widens)
 
@@ -50,7 +50,8 @@ def world(w):
         form=None,
     )
     stand_ins = {
-        "idle": lambda best, problem: tuple(n for n in w["idle"] if n in best.effects),
+        "parameters_told": lambda problem, best: {},
+        "idle": lambda best, problem, table: tuple(n for n in w["idle"] if n in best.effects),
         "pulls": lambda fit, problem: np.array(w["pulls"]),
         "cross_validate": lambda best, none, k: SimpleNamespace(**w["runs"]),
     }
@@ -129,22 +130,30 @@ def test_a_hidden_effect_is_listed_beside_the_best_within_twenty_nats_only(monke
 
 
 @pytest.mark.parametrize(
-    ("alone", "both", "excess", "within", "together"),
+    ("alone", "both", "excess", "of_form", "within", "together"),
     [
-        ({"a": 20.0, "c": 10.0}, 30.0, 1.0, ("a", "c"), True),  # all of it is less than the form may leave
-        ({"a": 930.0, "c": 940.0}, 960.0, 1.0, ("a", "c"), False),  # each can stand for the other
-        ({"a": 20.0, "c": 940.0}, 960.0, 1.0, ("a",), True),  # one is large, the other its rest
-        ({"a": 20.0, "c": 45.0}, 49.0, 20.0, ("a", "c"), True),
+        (
+            {"a": 20.0, "c": 10.0},
+            30.0,
+            1.0,
+            1.0,
+            ("a", "c"),
+            True,
+        ),  # all of it is less than the form may leave
+        ({"a": 930.0, "c": 940.0}, 960.0, 1.0, 1.0, ("a", "c"), False),  # each can stand for the other
+        ({"a": 20.0, "c": 940.0}, 960.0, 1.0, 1.0, ("a",), True),  # one is large, the other its rest
+        ({"a": 20.0, "c": 10.0}, 30.0, 1.0, 20.0, (), True),  # the runs disagree about the form alone
+        ({"a": 20.0, "c": 10.0}, 30.0, 20.0, 20.0, ("a", "c"), True),  # and about the causes as much
     ],
 )
 def test_causes_that_stand_for_each_other_are_more_than_a_form_leaves(
-    alone, both, excess, within, together, monkeypatch
+    alone, both, excess, of_form, within, together, monkeypatch
 ):
     """A form worth 100 nats: each of two may be less than half of it beside the other, and both much more."""
-    monkeypatch.setattr(facts, "gain_and_excess", lambda problem, best, axes: (100.0, 1.0))
+    monkeypatch.setattr(facts, "gain_and_excess", lambda problem, best, axes: (100.0, of_form))
     monkeypatch.setattr(facts, "axes_of", lambda problem, name: frozenset("YN"))
-    runs = SimpleNamespace(disagree=excess > 1.0, excess=excess)
-    monkeypatch.setattr(facts, "cross_validate", lambda best, none, k: runs)
+    p = 0.5 if excess == 1.0 else 1e-9
+    monkeypatch.setattr(facts, "disagreement", lambda equations, k: (p, excess))
     monkeypatch.setattr(facts, "by_kinematics", lambda problem, best: Kinematics())
     refits = (
         candidate(("a", "c"), both, 1.0, True),

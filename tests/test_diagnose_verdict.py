@@ -26,7 +26,8 @@ PROBLEM = SimpleNamespace(
 
 @pytest.fixture(autouse=True)
 def plain(monkeypatch):
-    monkeypatch.setattr(facts, "idle", lambda best, problem: ())
+    monkeypatch.setattr(facts, "idle", lambda best, problem, table: ())
+    monkeypatch.setattr(facts, "parameters_told", lambda problem, best: {})
     monkeypatch.setattr(facts, "pulls", lambda fit, problem: np.array([0.5]))
     agreed = SimpleNamespace(total=1.0, disagreement=0.5, disagree=False, refuted=False)
     monkeypatch.setattr(facts, "cross_validate", lambda best, none, k: agreed)
@@ -142,10 +143,10 @@ def test_what_chance_may_leave_takes_no_effect_away_though_the_runs_disagree(pai
 
 
 def test_an_effect_of_no_size_is_not_named_beside_another(pair, monkeypatch):
-    monkeypatch.setattr(facts, "idle", lambda best, problem: ("b",))
+    monkeypatch.setattr(facts, "idle", lambda best, problem, table: ("b",))
     v = judged(pair, {"a": 0.5, "b": 0.5}, {"a": 1.0, "b": 1.0})
     assert (v.word, v.effects) == ("effect_with_remainder", ("a",))
-    monkeypatch.setattr(facts, "idle", lambda best, problem: ("a",))
+    monkeypatch.setattr(facts, "idle", lambda best, problem, table: ("a",))
     assert judged([candidate(50.0, "a")], {"a": 1.0}).word == "ambiguous"
 
 

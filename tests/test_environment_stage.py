@@ -12,9 +12,11 @@ from bayesid.diagnosis.data.model_form import ModelForm
 from bayesid.diagnosis.data.problem import build_problem, fit_with
 from bayesid.diagnosis.environment_stage import in_its_environment
 from bayesid.diagnosis.exclusions import compare_without
+from bayesid.diagnosis.form_stage import Compared
 from bayesid.diagnosis.hypotheses.candidate import weighted_hypothesis
 from bayesid.diagnosis.hypotheses.kinematic import NOTHING, by_kinematics, parameters_told
 from bayesid.diagnosis.hypotheses.verdict import decide
+from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.noise_identification import noise_beside
 
 
@@ -35,7 +37,16 @@ def test_beside_its_cause_the_environment_is_quieter_than_the_gap_made_it():
     assert gain > 20.0 and ratio[-1] < 0.5
     again, little = noise_beside(lagged, quiet)
     assert little < 1.0 and np.allclose(again.force, quiet.force, rtol=0.5)
+
+
+@pytest.mark.slow
+def test_the_cause_is_named_in_the_environment_beside_it():
+    model = model_of("generic_sub")
+    lag = {"actuator_lag.tau": 0.75 * model.scales["L"] / model.scales["U"]}
+    trial = unstated(planted_trial(model, other_vehicle(model, 3) | lag, 3, samples=160))
+    problem = build_problem(model, trial)
     found = compare_without(model, trial)
+    assert found.problem.warnings[-1].startswith("the environment was estimated again")
     assert found.problem.environment.noise_model.force[-1] < 0.5 * problem.environment.noise_model.force[-1]
     assert decide(found.problem, found.candidates).effects == ("actuator_lag",)
 
@@ -46,6 +57,43 @@ def test_an_environment_that_was_told_is_not_measured_again(source, monkeypatch)
     found = SimpleNamespace(problem=problem, candidates=None)
     monkeypatch.setattr(environment_stage, "simplest", lambda candidates: None)
     assert in_its_environment(found, lambda text: None, 0) is found
+
+
+def stage(monkeypatch, gain, evidence, follows=True):
+    """What the stage answers where noise gains so much and the best beside it ends at this evidence."""
+
+    def best(log_evidence, follows=True):
+        fit = SimpleNamespace(converged=follows, chi2=1.0)
+        return SimpleNamespace(log_evidence=log_evidence, fit=fit, effects=("lag",))
+
+    environment = SimpleNamespace(source="assumed", noise_model="loud")
+    problem = SimpleNamespace(environment=environment, with_environment=lambda noise: noise)
+    found = Compared(problem, best(100.0))
+    later = Compared("quiet", best(evidence, follows))
+    monkeypatch.setattr(environment_stage, "simplest", lambda candidates: candidates)
+    monkeypatch.setattr(environment_stage, "noise_beside", lambda fit, noise: ("quiet", gain))
+    monkeypatch.setattr(environment_stage, "compared", lambda problem, notify, seed: later)
+    return in_its_environment(found, lambda text: None, 0) is later
+
+
+def test_the_hypotheses_are_those_of_the_new_environment_only_where_they_arrived_in_it(monkeypatch):
+    assert stage(monkeypatch, 25.0, 130.0)
+    assert not stage(monkeypatch, 15.0, 130.0)  # refits scatter by more
+    assert not stage(monkeypatch, 25.0, 90.0)
+    assert not stage(monkeypatch, 25.0, 130.0, follows=False)
+
+
+def test_a_comparison_that_fails_there_leaves_what_was_found_and_says_so(monkeypatch):
+    def fails(fit, noise):
+        raise ModelError("no path")
+
+    fit = SimpleNamespace(converged=True, chi2=1.0)
+    problem = SimpleNamespace(environment=SimpleNamespace(source="assumed", noise_model=None))
+    found = Compared(problem, SimpleNamespace(fit=fit, effects=()), "no form")
+    monkeypatch.setattr(environment_stage, "simplest", lambda candidates: candidates)
+    monkeypatch.setattr(environment_stage, "noise_beside", fails)
+    answer = in_its_environment(found, lambda text: None, 0)
+    assert answer.problem is problem and answer.unable.startswith("no form; ") and "no path" in answer.unable
 
 
 def lacking(model, *effects, values):
@@ -67,6 +115,16 @@ def test_kinematics_tells_late_velocities_whatever_the_forces_are():
     assert abs(value - late) < 3.0 * sd and sd < 0.2 * late
     assert parameters_told(problem, refit)["velocity_latency.delay"] == (value, sd)
     assert by_kinematics(problem, weighted_hypothesis(problem, (), fit_with(problem, ()))) is NOTHING
+
+
+def test_kinematics_has_no_say_outside_the_range_of_an_effect():
+    """Positions that are late are velocities that are early: no such effect, and no evidence for one."""
+    model = model_of("generic_sub")
+    late = 0.6 * model.scales["L"] / model.scales["U"]
+    problem, refit = lacking(model, "velocity_latency", values={"position_latency.delay": late})
+    said = by_kinematics(problem, refit)
+    assert said.evidence < 5.0 and not said.told
+    assert all(value >= 0.0 for value, _ in parameters_told(problem, refit).values())
 
 
 def test_kinematics_does_not_part_a_turned_compass_from_turned_velocities():

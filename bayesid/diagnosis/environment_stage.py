@@ -13,6 +13,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
+
 from bayesid.diagnosis.form_stage import Compared, compared
 from bayesid.diagnosis.hypotheses.candidate import explains
 from bayesid.diagnosis.hypotheses.facts import simplest
@@ -33,7 +35,10 @@ def in_its_environment(found: Compared, notify: Notify, seed: int) -> Compared:
         noise_model, gain = noise_beside(best.fit, problem.environment.noise_model)
         if gain < LINEARISATION_SCATTER:
             return found
-        return compared(problem.with_environment(noise_model), notify, seed)
-    except BayesidError as error:
+        again = compared(problem.with_environment(noise_model), notify, seed)
+    except (BayesidError, np.linalg.LinAlgError) as error:
         unable = f"the hypotheses could not be compared in the environment beside the best ({error})"
-        return replace(found, unable=found.unable or unable)
+        return replace(found, unable="; ".join(filter(None, (found.unable, unable))))
+    after = simplest(again.candidates)
+    # what ends lower in the environment that suits it has not arrived
+    return again if explains(after) and after.log_evidence > best.log_evidence else found

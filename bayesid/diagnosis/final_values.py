@@ -238,7 +238,7 @@ def _effects(
     drawn: EffectDraws | None,
 ) -> tuple[Effect, ...]:
     """What the verdict stands on, or what is more probable than not where it names nothing."""
-    table = parameters_told(problem, best)
+    fitted, table = parameter_table(best.fit, problem), parameters_told(problem, best)
     named = verdict.effects
     if not named and verdict.word in ("ambiguous", "coefficients"):
         named = tuple(n for n in best.effects if n in model.effects and c.inside.get(n, 0.0) > 0.5)
@@ -248,7 +248,12 @@ def _effects(
         parameters = effect.parameters if effect is not None else ()
         keys = {p.name: (effect.key(p.name), p.unit) for p in parameters} if effect is not None else {}
         values = {
-            p: Value(*table[key], unit, *_interval(drawn, key, table[key][1]))
+            # draws are of the equations, not of kinematics alone
+            p: Value(
+                *table[key],
+                unit,
+                *_interval(drawn if table[key] == fitted[key] else None, key, table[key][1]),
+            )
             for p, (key, unit) in keys.items()
             if key in table
         }

@@ -101,6 +101,7 @@ class DiagnosisProblem:
             self,
             coefficients=self.stated,
             environment=replace(self.environment, noise_model=noise_model),
+            warnings=(*self.warnings, "the environment was estimated again beside the best explanation"),
             path=along.path_points,
             path_level=along.path_force_level,
             form=None,

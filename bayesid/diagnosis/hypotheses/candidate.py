@@ -62,14 +62,16 @@ def corrected_evidence(model: Model, fitted: FilterErrorFit) -> float:
 
     The mass of the posterior inside the range over that of the prior, each parameter on its own.
     """
-    return fitted.log_evidence + _log_mass(model, fitted, fitted.posterior, _every(fitted))
+    return fitted.log_evidence + log_mass_in_range(model, fitted, fitted.posterior, _every(fitted))
 
 
 def _every(fitted: FilterErrorFit) -> Array:
     return np.arange(len(fitted.free.where))
 
 
-def _log_mass(model: Model, fitted: FilterErrorFit, found: GaussianPosterior, columns: Array) -> float:
+def log_mass_in_range(
+    model: Model, fitted: FilterErrorFit, found: GaussianPosterior, columns: Array
+) -> float:
     """Logarithm of what ranges leave of a posterior of some parameters, over the same of their prior."""
     out, free = 0.0, fitted.free
     # the optimum of the quadratic, beyond the bound where the data prefer the forbidden side
@@ -114,7 +116,7 @@ def repeatable_evidence(problem: DiagnosisProblem, fitted: FilterErrorFit) -> fl
         except ModelError:
             return alone
         # the ranges hold at every size of the environment: what a forbidden size gains in a calm is no gain
-        values.append(found.log_evidence + _log_mass(problem.model, fitted, found, _every(fitted)))
+        values.append(found.log_evidence + log_mass_in_range(problem.model, fitted, found, _every(fitted)))
     return float(logsumexp(np.array(values) + weight))
 
 
@@ -195,7 +197,11 @@ def nested(problem: DiagnosisProblem, candidate: RefittedHypothesis, keep: tuple
     less = np.array([i for i, n in enumerate(fitted.free.names) if i < k or n in kept])
     without = posterior(total.pick(less))
     model = problem.model
-    return corrected_evidence(model, fitted) - without.log_evidence - _log_mass(model, fitted, without, less)
+    return (
+        corrected_evidence(model, fitted)
+        - without.log_evidence
+        - log_mass_in_range(model, fitted, without, less)
+    )
 
 
 def wald_limit(problem: DiagnosisProblem, fitted: FilterErrorFit) -> float:
@@ -275,12 +281,21 @@ def spread_over_runs(equations: Sequence[NormalEquations], unit: Array) -> Array
     return np.asarray(np.sqrt((n - 1) ** 2 / n) * means.std(axis=0, ddof=1) * unit)
 
 
-def idle(candidate: RefittedHypothesis, problem: DiagnosisProblem) -> tuple[str, ...]:
+def idle(
+    candidate: RefittedHypothesis,
+    problem: DiagnosisProblem,
+    table: Mapping[str, tuple[float, float]] | None = None,
+) -> tuple[str, ...]:
     """Effects of a refit that explain nothing as themselves: sizes so near to off, by their own deviations,
     that they are worth less than a name asks for (half the sum of squares, each by itself; Wald 1943), or a
     parameter outside the range in which it is that effect.
+
+    Parameters
+    ----------
+    table : parameter -> estimate and standard deviation; those of the fit where not given
     """
-    model, table = problem.model, parameter_table(candidate.fit, problem)
+    model = problem.model
+    table = parameter_table(candidate.fit, problem) if table is None else table
     out = []
     for name in candidate.effects:
         if name not in model.effects:

@@ -23,7 +23,7 @@ from bayesid.diagnosis.hypotheses.candidate import (
 )
 from bayesid.diagnosis.hypotheses.cross_validation import cross_validate
 from bayesid.diagnosis.hypotheses.form_part import axes_of, beyond, form_gain
-from bayesid.diagnosis.hypotheses.kinematic import by_kinematics
+from bayesid.diagnosis.hypotheses.kinematic import by_kinematics, readable
 from bayesid.diagnosis.hypotheses.localisation import Localisation, locate, tried
 from bayesid.diagnosis.hypotheses.probabilities import NO_ERROR, FormError, Remainder, probabilities
 from bayesid.diagnosis.hypotheses.refit import (
@@ -257,18 +257,24 @@ def weigh(
 def _arrived(
     problem: DiagnosisProblem, single: SingleEffects, known: SingleEffects, notify: Notify
 ) -> SingleEffects:
-    """Single effects with a form, begun once more from where they ended without one where that was better: a
-    form may be nought, so a refit that is worse with it has not arrived.
+    """Single effects with a form, begun once more from where they ended without one where that was better by
+    more than refits scatter, or where the best of them was not tried: a form may be nought.
     """
     ended = {c.effects: c for c in known.refits if explains(c) and not c.widens}
+
+    def again(before: RefittedHypothesis, first: list[RefittedHypothesis]) -> list[RefittedHypothesis]:
+        effects, points = tuple(problem.model.effects[n] for n in before.effects), before.fit.points
+        start = list(points if problem.form is None else problem.swinging(points, problem.form, 0.0))
+        return refit_again(problem, effects, start, FOLLOWING_FORCE_LEVEL, first, notify)
+
     refits = []
     for c in single.refits:
         before = ended.get(c.effects)
-        if before is not None and c.log_evidence < before.log_evidence:
-            effects, start = tuple(problem.model.effects[n] for n in c.effects), list(before.fit.points)
-            refits += refit_again(problem, effects, start, FOLLOWING_FORCE_LEVEL, [c], notify)
-        else:
-            refits.append(c)
+        worse = before is not None and c.log_evidence < before.log_evidence - LINEARISATION_SCATTER
+        refits += again(before, [c]) if before is not None and worse else [c]
+    best = known.leading
+    if best.effects in ended and best.effects not in {c.effects for c in single.refits}:
+        refits += again(best, [])
     return replace(single, refits=_ranked(problem, refits, single.none, single.gains))
 
 
@@ -296,7 +302,8 @@ def _form_error(
         if explains(c):
             key = tuple(sorted(c.effects))
             alone[key] = max(alone.get(key, 0.0), by_kinematics(problem, c).evidence)
-    whole = FormError(FORM_LEAVES * beside, alone, axes)
+    sensors = frozenset(e.name for e in problem.model.kernel.effects if readable(problem, e, {}))
+    whole = FormError(FORM_LEAVES * beside, alone, sensors, axes)
     asked = {whole.apart(one, other) for one, other in combinations(sets, 2)} - {None}
     return replace(whole, parts={a: FORM_LEAVES * form_gain(problem, best, a) for a in asked if a})
 

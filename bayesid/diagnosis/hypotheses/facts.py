@@ -20,13 +20,14 @@ from bayesid.diagnosis.hypotheses.candidate import (
     pulls,
 )
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
-from bayesid.diagnosis.hypotheses.cross_validation import CrossValidation, cross_validate
+from bayesid.diagnosis.hypotheses.cross_validation import CrossValidation, cross_validate, disagreement
 from bayesid.diagnosis.hypotheses.form_part import axes_of, beyond, gain_and_excess
-from bayesid.diagnosis.hypotheses.kinematic import by_kinematics
+from bayesid.diagnosis.hypotheses.kinematic import by_kinematics, parameters_told
 from bayesid.diagnosis.hypotheses.localisation import SENSORS
 from bayesid.diagnosis.hypotheses.probabilities import credible_set, told
 from bayesid.diagnosis.threshold_table import (
     CONFOUNDED_SHARE,
+    DISAGREEMENT_P_VALUE,
     EVEN_ODDS,
     FOLLOWS_DATA_CHI2,
     FORM_LEAVES,
@@ -170,7 +171,7 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
     if candidates.where_after is not None and candidates.where_after.places[0].channel not in SENSORS:
         left = beyond(left, candidates.carried_beside)
     free = before.evidence if before.channel in SENSORS else beyond(before.evidence, candidates.carried)
-    off = () if best.widens else idle(best, problem)
+    off = () if best.widens else idle(best, problem, parameters_told(problem, best))
     several = len(best.effects) > 1
     within, together = ((), False) if best.widens else _covered(problem, candidates, best)
     like = () if best.widens else like_a_form(candidates, best, problem.model)
@@ -216,7 +217,7 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
         form=problem.form is not None,
         of_motion=not sure and any(acts(candidates, families, n) >= NAMING_PROBABILITY for n in like),
         covered=together and bool(best.effects) and set(covered) == set(best.effects),
-        others_covered=bool(sure) and set(best.effects) == {*sure, *covered},
+        others_covered=together and bool(sure) and set(best.effects) == {*sure, *covered},
         runs_refute=runs is not None and runs.refuted,
         runs_disagree=runs is not None and runs.disagree,
     )
@@ -311,17 +312,17 @@ def _covered(
     """
     if problem.form is None:
         return (), True
-    runs = cross_validate(best, candidates.none, len(problem.coefficients.names))
-    excess = max(runs.excess, 1.0) if runs.disagree else 1.0
+    p, apart = disagreement(best.fit.equations, len(problem.coefficients.names))
+    excess = max(apart, 1.0) if p < DISAGREEMENT_P_VALUE else 1.0
     part = {n: _part(candidates, best, {n}) for n in best.effects}
     first = max(part, key=lambda n: part[n], default="")
     told_so = by_kinematics(problem, best).told
 
     def small(names: Collection[str], share: float) -> bool:
         axes = frozenset().union(*(axes_of(problem, n) for n in names))
-        form, apart = gain_and_excess(problem, best, axes)
+        form, of_form = gain_and_excess(problem, best, axes)
         gain = _part(candidates, best, names)
-        return gain < share * form and gain / excess < share * form / apart
+        return gain < share * form and gain / excess < share * form / of_form
 
     within = tuple(
         n

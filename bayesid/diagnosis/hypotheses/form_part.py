@@ -41,18 +41,23 @@ def form_gain(
 def gain_and_excess(
     problem: DiagnosisProblem, candidate: RefittedHypothesis, axes: Collection[str] | None = None
 ) -> tuple[float, float]:
-    """What a refit would lose without the form [nats], and how much the runs disagree about that (>= 1)."""
+    """What a refit would lose without the form, or without it in some axes [nats], and how much the runs
+    disagree about the whole of it (>= 1).
+    """
     form, model = problem.form, problem.model
     if form is None:
         return 0.0, 1.0
-    rest = {axis: 0.0 if axes is None or axis in axes else size for axis, size in form.sizes.items()}
-    if axes is not None and rest == dict(form.sizes):
+    whole = axes is None or set(form.sizes) <= set(axes)
+    rest = ModelForm(
+        {axis: 0.0 if whole or axis in (axes or ()) else size for axis, size in form.sizes.items()},
+        None if whole else form.period,
+    )
+    if not whole and dict(rest.sizes) == dict(form.sizes):
         return 0.0, 1.0
-    left = with_form(model, problem.stated, ModelForm(rest, form.period)) if any(rest.values()) else None
     fitted, k = candidate.fit, len(problem.coefficients.names)
     total = sum(fitted.equations[1:], fitted.equations[0])
     try:
-        without = posterior(_with_prior(problem, fitted.free, total, left or problem.stated))
+        without = posterior(_with_prior(problem, fitted.free, total, with_form(model, problem.stated, rest)))
         gain = max(posterior(total).log_evidence - without.log_evidence, 0.0)
     except ModelError:
         return 0.0, 1.0
@@ -77,13 +82,13 @@ def _with_prior(
 def axes_of(problem: DiagnosisProblem, name: str) -> frozenset[str]:
     """Axes of the form that may stand for an effect.
 
-    Those it acts in, where these are even in sideways motion; else all: what a form leaves sideways, roll
+    Those of its force, where they are even in sideways motion; else all: what a form leaves sideways, roll
     among it, shows in every channel but drives nothing ahead (port-starboard symmetry).
     """
     every = frozenset(problem.form.sizes) if problem.form is not None else frozenset()
     effect = problem.model.effects.get(name)
-    acts = frozenset("".join(effect.where)) & every if effect is not None else frozenset()
-    return acts if acts and acts <= EVEN else every
+    acts = frozenset(effect.force or ()) if effect is not None else frozenset()
+    return acts & every if acts and acts <= EVEN and acts & every else every
 
 
 def beyond(gain: float, carried: float) -> float:

@@ -15,7 +15,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from bayesid.diagnosis.data.problem import DiagnosisProblem
-from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, parameter_table, spread_over_runs
+from bayesid.diagnosis.hypotheses.candidate import (
+    RefittedHypothesis,
+    explains,
+    log_mass_in_range,
+    parameter_table,
+    spread_over_runs,
+)
 from bayesid.diagnosis.threshold_table import ADD_EVIDENCE
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.evidence import posterior
@@ -53,10 +59,14 @@ NOTHING = Kinematics()
 
 
 def by_kinematics(problem: DiagnosisProblem, candidate: RefittedHypothesis) -> Kinematics:
-    """What kinematics alone says of a refit; nothing where no effect of a sensor can be read so."""
+    """What kinematics alone says of a refit; nothing where no effect of a sensor can be read so, or the refit
+    does not follow the data.
+    """
     fitted, model = candidate.fit, problem.model
-    found = {} if candidate.widens or not candidate.effects else parameter_table(fitted, problem)
-    asked = [n for n in candidate.effects if found and _readable(problem, model.effects[n], found)]
+    if candidate.widens or not candidate.effects or not explains(candidate):
+        return NOTHING
+    found = parameter_table(fitted, problem)
+    asked = [n for n in candidate.effects if readable(problem, model.effects[n], found)]
     if not asked:
         return NOTHING
     noise_model, free = problem.environment.noise_model, fitted.free
@@ -67,21 +77,25 @@ def by_kinematics(problem: DiagnosisProblem, candidate: RefittedHypothesis) -> K
     def without(names: Collection[str]) -> np.ndarray:
         return np.setdiff1d(np.arange(len(free.names)), [i for n in names for i in columns[n]])
 
+    def evidence(kept: np.ndarray) -> float:
+        some = posterior(total.pick(kept))
+        return some.log_evidence + log_mass_in_range(model, fitted, some, kept)
+
     try:
         equations = stacked_equations(model, fitted.paths, free, replace(noise_model, force=tuple(loud)))
         total = sum(equations[1:], equations[0])
-        whole = posterior(total)
-        lost = [
-            whole.log_evidence - posterior(total.pick(without(n))).log_evidence
-            for n in (asked, *([n] for n in asked))
-        ]
-    except ModelError:
+        whole = evidence(without(()))
+        lost = [whole - evidence(without(n)) for n in (asked, *([n] for n in asked))]
+        found_so = posterior(total)
+    except (ModelError, np.linalg.LinAlgError):
         return NOTHING
     parts = dict(zip(asked, (float(x) for x in lost[1:]), strict=True))
-    value = free.mean + free.sd * whole.mean
-    sd = np.maximum(free.sd * np.sqrt(np.diag(whole.covariance)), spread_over_runs(equations, free.sd))
-    told = [i for n in asked if parts[n] > ADD_EVIDENCE for i in columns[n]]
-    table = {free.names[i]: (float(value[i]), float(sd[i])) for i in told}
+    value = free.mean + free.sd * found_so.mean
+    sd = np.maximum(free.sd * np.sqrt(np.diag(found_so.covariance)), spread_over_runs(equations, free.sd))
+    table = {}
+    for i in (i for n in asked if parts[n] > ADD_EVIDENCE for i in columns[n]):
+        low, high = model.effect_limits.get(int(free.where[i]), (-np.inf, np.inf))
+        table[free.names[i]] = (float(np.clip(value[i], low, high)), float(sd[i]))
     return Kinematics(float(lost[0]), parts, table)
 
 
@@ -97,7 +111,7 @@ def parameters_told(
     return table if problem.form is None else table | dict(by_kinematics(problem, candidate).table)
 
 
-def _readable(problem: DiagnosisProblem, effect: Effect, table: Mapping[str, tuple[float, float]]) -> bool:
+def readable(problem: DiagnosisProblem, effect: Effect, table: Mapping[str, tuple[float, float]]) -> bool:
     """Whether channels are there that contradict an effect of a sensor without any force: d psi/dt against r,
     the velocity over ground against u, v turned by psi. Not where roll, which a planar model leaves out,
     gives the same.
@@ -107,7 +121,8 @@ def _readable(problem: DiagnosisProblem, effect: Effect, table: Mapping[str, tup
     table : parameter -> estimate and standard deviation (`parameter_table`)
     """
     channels, planar = set(problem.channels), problem.model.dof == 3
-    rolls = (p.roll_from < table[effect.key(p.name)][0] < p.off for p in effect.parameters)
+    sizes = ((p, table.get(effect.key(p.name), (p.off, 0.0))[0]) for p in effect.parameters)
+    rolls = (p.roll_from < size < p.off for p, size in sizes)
     seen = set(effect.sensor) | {c for group in effect.sensor_delay.values() for c in group}
     if effect.port != "sensor" or "z" in seen or (planar and any(rolls)):
         return False

@@ -69,12 +69,14 @@ class FormError:
     leaves : log evidence that what the model form leaves may be worth: nineteen of twenty times it changes
         the distance of two causes by less [nats]; 0 where no form is needed
     kinematic : set of causes -> log evidence of its sensors' effects by kinematics alone, whatever forces act
+    sensors : effects of sensors that kinematics may tell
     axes : effect -> axes of the form that may stand for it
     parts : the same as `leaves` of the form in some axes alone
     """
 
     leaves: float = 0.0
     kinematic: Mapping[tuple[str, ...], float] = field(default_factory=dict)
+    sensors: frozenset[str] = frozenset()
     axes: Mapping[str, frozenset[str]] = field(default_factory=dict)
     parts: Mapping[frozenset[str], float] = field(default_factory=dict)
 
@@ -90,8 +92,10 @@ class FormError:
             return None
         return frozenset().union(*(self.axes[n] for n in names))
 
-    def by_kinematics(self, key: tuple[str, ...], gain: float) -> float:
-        """What of the gain of a set kinematics alone tells."""
+    def sure(self, key: tuple[str, ...], gain: float) -> float | None:
+        """What of the gain of a set kinematics alone tells; None where how much is not known."""
+        if key not in self.kinematic and self.sensors & set(key):
+            return None
         return float(np.clip(self.kinematic.get(key, 0.0), 0.0, max(gain, 0.0)))
 
     def lag(self, distance: float, leaves: float | None = None) -> float:
@@ -236,7 +240,11 @@ def told(gain: Mapping[tuple[str, ...], float], error: FormError) -> dict[tuple[
     it stays as far behind as it is. Only what the form leaves in the axes of those causes counts that two
     sets do not share.
     """
-    rest = {k: v - error.by_kinematics(k, v) for k, v in gain.items() if k != OUTSIDE and np.isfinite(v)}
+    rest: dict[tuple[str, ...], float] = {}
+    for key, value in gain.items():
+        sure = None if key == OUTSIDE or not np.isfinite(value) else error.sure(key, value)
+        if sure is not None:
+            rest[key] = value - sure
     worth: dict[tuple[str, ...], float] = {}
     for key in sorted(rest, key=lambda k: -rest[k]):
         if not worth or rest[key] > error.between(key):
@@ -244,7 +252,10 @@ def told(gain: Mapping[tuple[str, ...], float], error: FormError) -> dict[tuple[
             better = [k for k in worth if k == first or set(key) < set(k)]
             behind = (worth[k] - error.lag(rest[k] - rest[key], error.between(key, k)) for k in better)
             worth[key] = min(behind, default=rest[key])
-    return dict(gain) | {k: gain[k] - rest[k] + v for k, v in worth.items()}
+    held = {k: gain[k] - rest[k] + v for k, v in worth.items()}
+    # the best stays where it is: nothing explains more than it does
+    lift = max(held.values(), default=0.0) - max((gain[k] for k in held), default=0.0)
+    return dict(gain) | {k: v - max(lift, 0.0) for k, v in held.items()}
 
 
 def rows(

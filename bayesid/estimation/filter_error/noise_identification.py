@@ -122,8 +122,10 @@ def identify_noise(
 def noise_beside(
     fitted: FilterErrorFit, noise_model: NoiseModel, steps: int = 12
 ) -> tuple[NoiseModel, float]:
-    """Process noise of most marginal likelihood along a fit, everything free in it integrated out, and what
-    that gains over the noise the fit was made with [nats].
+    """Most probable process noise along a fit, everything free in it integrated out, and what that gains in
+    log density over the noise the fit was made with [nats].
+
+    The path is that of a fit that explains the data: no balance is left that noise could shrink with.
 
     Parameters
     ----------
@@ -184,7 +186,8 @@ class _Unknowns:
         slow = [noise.slow("z")] if self.deep else []
         level = np.array([*noise.force, noise.drift, noise.force_tau, noise.drift_tau, *slow]) / self.unit
         arms = np.array(noise.arms) / self.model.scales["L"]
-        return np.concatenate([np.log(level), arms if arms.size else np.zeros(len(pairs(self.model)))])
+        level = np.log(np.maximum(level, np.finfo(float).tiny))  # none at all is below every bound
+        return np.concatenate([level, arms if arms.size else np.zeros(len(pairs(self.model)))])
 
     def cost(
         self, paths: Sequence[Linearisation], free: GaussianPrior, equations: Equations
@@ -194,13 +197,16 @@ class _Unknowns:
         def cost(theta: Array) -> float:
             try:
                 all_runs = equations(self.model, paths, free, self.noise_model(theta))
+                total = sum(all_runs[1:], all_runs[0])
+                if not (
+                    np.isfinite(total.ss).all() and np.isfinite(total.se).all() and np.isfinite(total.ee)
+                ):
+                    return DIVERGED_COST
+                log_evidence = posterior(total).log_evidence
             except ModelError:
                 return DIVERGED_COST
-            total = sum(all_runs[1:], all_runs[0])
-            if not (np.isfinite(total.ss).all() and np.isfinite(total.se).all() and np.isfinite(total.ee)):
-                return DIVERGED_COST
             away = (theta - self.centre) / self.spread
-            return -posterior(total).log_evidence + 0.5 * float((away**2).sum())
+            return -log_evidence + 0.5 * float((away**2).sum())
 
         return cost
 
