@@ -1,0 +1,38 @@
+"""The general methods by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from bayesid.benchmark.general_methods.distortions import distortion_verdict
+from bayesid.benchmark.general_methods.reproducibility import reproducibility_verdict
+from bayesid.equations.model import Model
+from bayesid.trials import Trial
+
+
+@dataclass(frozen=True)
+class Method:
+    """One method.
+
+    Attributes
+    ----------
+    about : what it asks, in a line
+    verdict : of a trial and a model, with a seed; plain data in the form of diagnosis.json
+    """
+
+    about: str
+    verdict: Callable[[Trial, Model, int], dict[str, Any]]
+
+
+METHODS: Mapping[str, Method] = {
+    "distortions": Method(
+        "a bank of localised distortions, one global p-value (Anau Montel, Alvey and Weniger 2025)",
+        distortion_verdict,
+    ),
+    "reproducibility": Method(
+        "fitted models, rejected where another is reproducibly better (René and Longtin 2025)",
+        reproducibility_verdict,
+    ),
+}
