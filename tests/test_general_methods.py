@@ -103,10 +103,10 @@ def test_root_of_a_singular_matrix_and_what_a_p_value_leaves():
 
 
 def test_beta_variables_have_the_centre_and_metric_variance_asked_for():
-    for ratio, variance in ((1.0, 0.5), (0.2, 3.0), (30.0, 1e-3), (5.0, 200.0)):
-        a, b = beta_of(ratio, variance)
-        assert digamma(a) - digamma(b) == pytest.approx(np.log(ratio), abs=1e-6)
-        assert polygamma(1, a) + polygamma(1, b) == pytest.approx(variance, rel=1e-6)
+    ratio, variance = np.array([1.0, 0.2, 30.0, 5.0, 1e3, 1e-3]), np.array([0.5, 3.0, 1e-3, 200.0, 1e-7, 9e3])
+    a, b = beta_of(ratio, variance)
+    np.testing.assert_allclose(digamma(a) - digamma(b), np.log(ratio), atol=1e-7)
+    np.testing.assert_allclose(polygamma(1, a) + polygamma(1, b), variance, rtol=1e-7)
 
 
 def test_risk_is_certain_without_a_discrepancy():
@@ -142,7 +142,7 @@ def test_other_methods_answer_a_pack_and_are_scored_beside_each_other(tmp_path, 
     commit_pack(pack, answers, ["pond"])
     for method in ("distortions", "reproducibility"):
         done = solve_pack(pack, tmp_path / method, settings=SolveSettings(method=method), progress=QUIET)
-        assert done["mode"] == f"method {method}" and not done["failures"]
+        assert done["mode"].startswith(f"method {method}, ") and not done["failures"]
         verdict = json.loads((tmp_path / method / "pond" / "diagnosis.json").read_text())
         assert verdict["verdict"] == "none" and verdict["method"]["name"] == method
         assert sum(verdict["probabilities"].values()) == pytest.approx(1.0)

@@ -4,6 +4,6 @@ Takes a trial and a model. Gives a verdict in the form of diagnosis.json, so tha
 it beside the diagnosis. They share its readings, noise, prior and catalogue, and none of its rules.
 """
 
-from bayesid.benchmark.general_methods.methods import METHODS
+from bayesid.benchmark.general_methods.methods import METHODS, methods_code
 
-__all__ = ["METHODS"]
+__all__ = ["METHODS", "methods_code"]

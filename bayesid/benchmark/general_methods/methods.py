@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from bayesid.benchmark.general_methods.distortions import distortion_verdict
@@ -24,6 +26,13 @@ class Method:
 
     about: str
     verdict: Callable[[Trial, Model, int], dict[str, Any]]
+
+
+def methods_code() -> str:
+    """Fingerprint of the modules of the methods, which that of the deciding code leaves out."""
+    folder = Path(__file__).parent
+    content = b"".join(path.read_bytes() for path in sorted(folder.glob("*.py")))
+    return hashlib.sha256(content).hexdigest()[:16]
 
 
 METHODS: Mapping[str, Method] = {

@@ -11,18 +11,18 @@ nothing of vehicles.
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 
 import numpy as np
 from scipy.integrate import simpson
-from scipy.optimize import brentq, root
 from scipy.special import digamma, polygamma
 
 Array = np.ndarray
 HALVINGS = 7  # paths of 2^7 increments
 LEAST_VARIANCE, MOST_VARIANCE = 1e-8, 1e4  # beyond, a beta variable is a constant or an alternative
 MOST_RATIO = 1e12
-MOST_TRIES = 100
+MOST_TRIES = 100  # of a pair of ends
+MOST_PASSES, ARRIVED, LONGEST_MOVE = 100, 1e-9, 1.0  # of Newton's method, in logarithms
+LIMITS = (-30.0, 40.0)
 
 
 def quantiles(losses: Array) -> tuple[Array, Array]:
@@ -52,10 +52,9 @@ def risks(losses: Array, own: Array, c: float, rng: np.random.Generator, count: 
     paths[:, [0, -1]] = ends(q, math.sqrt(c) * gap, rng, count)
     for n in range(1, HALVINGS + 1):
         step = 2 ** (HALVINGS - n)
-        for i in range(step, q.size, 2 * step):
-            first, second = q[i] - q[i - step], q[i + step] - q[i]
-            share = shares(first, second, 2.0 * c * gap[i] ** 2, rng, count)
-            paths[:, i] = paths[:, i - step] + share * (paths[:, i + step] - paths[:, i - step])
+        new = np.arange(step, q.size, 2 * step)
+        share = shares(q[new] - q[new - step], q[new + step] - q[new], 2.0 * c * gap[new] ** 2, rng, count)
+        paths[:, new] = paths[:, new - step] + share * (paths[:, new + step] - paths[:, new - step])
     return np.asarray(simpson(y=paths, x=grid, axis=1))
 
 
@@ -72,37 +71,39 @@ def ends(q: Array, sd: Array, rng: np.random.Generator, count: int) -> Array:
     return out
 
 
-def shares(first: float, second: float, variance: float, rng: np.random.Generator, count: int) -> Array:
-    """(count,) shares of a step that its first half takes."""
-    if first + second <= 0.0 or first <= second / MOST_RATIO:
-        return np.zeros(count)
-    if second <= first / MOST_RATIO:
-        return np.ones(count)
-    ratio = first / second
-    if variance < LEAST_VARIANCE:
-        return np.full(count, ratio / (1.0 + ratio))
-    if variance > MOST_VARIANCE:
-        return rng.binomial(1, ratio / (1.0 + ratio), count).astype(float)
-    return rng.beta(*beta_of(ratio, variance), count)
+def shares(first: Array, second: Array, variance: Array, rng: np.random.Generator, count: int) -> Array:
+    """(count, k) shares of k steps that their first halves take."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        centre = np.where(first + second > 0.0, first / (first + second), 0.0)
+    out = np.broadcast_to(centre, (count, centre.size)).copy()
+    inner = (first > second / MOST_RATIO) & (second > first / MOST_RATIO) & (variance >= LEAST_VARIANCE)
+    either = inner & (variance > MOST_VARIANCE)
+    out[:, either] = rng.binomial(1, centre[either], (count, int(either.sum())))
+    drawn = inner & ~either
+    if drawn.any():
+        a, b = beta_of(first[drawn] / second[drawn], variance[drawn])
+        out[:, drawn] = rng.beta(a, b, (count, a.size))
+    return out
 
 
-@lru_cache(maxsize=100_000)
-def beta_of(ratio: float, variance: float) -> tuple[float, float]:
-    """Beta variable whose two parts have this ratio of centres, and whose metric variance is half this one.
+def beta_of(ratio: Array, variance: Array) -> tuple[Array, Array]:
+    """Beta variables whose two parts have these ratios of centres and half these metric variances.
 
-    psi(a) - psi(b) = ln ratio, psi'(a) + psi'(b) = variance (moments of the simplex: Mateu-Figueras et al.).
+    psi(a) - psi(b) = ln ratio, psi'(a) + psi'(b) = variance (moments of the simplex: Mateu-Figueras et al.),
+    by Newton in the logarithms of a and b from where both are alike.
     """
-
-    def alike(log_a: float) -> float:
-        return math.log(2.0 * float(polygamma(1, math.exp(log_a)))) - math.log(variance)
-
-    start = brentq(alike, -6.0, 21.0)
-
-    def both(x: Array) -> Array:
+    start = 0.5 * np.log(2.0 / variance) * np.where(variance < 1.0, 2.0, 1.0)
+    x = np.array([start, start])
+    for _ in range(MOST_PASSES):
         a, b = np.exp(x)
-        left = digamma(a) - digamma(b) - math.log(ratio)
-        return np.array([left, math.log(float(polygamma(1, a) + polygamma(1, b))) - math.log(variance)])
-
-    found = root(both, [start, start], method="hybr")
-    a, b = np.exp(np.clip(found.x, -30.0, 40.0))
-    return float(a), float(b)
+        slope_a, slope_b = polygamma(1, a), polygamma(1, b)
+        whole = slope_a + slope_b
+        off = np.array([digamma(a) - digamma(b) - np.log(ratio), np.log(whole) - np.log(variance)])
+        if np.abs(off).max() < ARRIVED:
+            break
+        j = np.array(
+            [[a * slope_a, -b * slope_b], [a * polygamma(2, a) / whole, b * polygamma(2, b) / whole]]
+        )
+        move = np.linalg.solve(np.moveaxis(j, 2, 0), off.T[:, :, None])[:, :, 0].T
+        x = np.clip(x - np.clip(move, -LONGEST_MOVE, LONGEST_MOVE), *LIMITS)
+    return np.exp(x[0]), np.exp(x[1])

@@ -36,7 +36,10 @@ from bayesid.trials import Trial
 
 Array = np.ndarray
 REJECTING = 0.95  # probability of a smaller risk at which the other model is rejected, as published
-SPREAD = 1.0  # c: how much of a discrepancy a replication may change
+# c: how much of a discrepancy a replication may change. Calibrated on 18 labelled bundles of another plant,
+# up to four runs of each left out in turn: of the pairs said to be ordered with more than 0.95, 151 of 154
+# were so in the run left out (c = 1: 139 of 140; 1/16: 209 of 218; 1/256: 268 of 293).
+SPREAD = 0.25
 DRAWS = 512
 
 

@@ -69,7 +69,7 @@ def method_of(folder: Path) -> str:
 
 def method_rows(compared: Mapping[str, Sequence[ScoredCase]]) -> list[dict[str, Any]]:
     """Counts and means of every method, plain."""
-    return [_row(name, cases) for name, cases in compared.items()]
+    return [method_row(name, cases) for name, cases in compared.items()]
 
 
 def beside_section(compared: Mapping[str, Sequence[ScoredCase]]) -> Section:
@@ -80,10 +80,16 @@ def beside_section(compared: Mapping[str, Sequence[ScoredCase]]) -> Section:
 
 def method_cells(compared: Mapping[str, Sequence[ScoredCase]]) -> list[list[Any]]:
     """The cells of the table, a method in a row."""
-    return [[_cell(row[c]) for c in COLUMNS] for row in method_rows(compared)]
+    return [cells(row) for row in method_rows(compared)]
 
 
-def _row(name: str, cases: Sequence[ScoredCase]) -> dict[str, Any]:
+def cells(row: Mapping[str, Any]) -> list[Any]:
+    """The cells of one method; a count may have been through JSON."""
+    return [_cell(row[c]) for c in COLUMNS]
+
+
+def method_row(name: str, cases: Sequence[ScoredCase]) -> dict[str, Any]:
+    """Counts (hits, number) and means of one method by the words of `COLUMNS`."""
     caused = [c for c in cases if c.kind != "none"]
     plain = [c for c in caused if c.noncentrality >= DETECTABLE_NONCENTRALITY]
     one = [c for c in caused if c.kind != "two"]
@@ -114,7 +120,7 @@ def _mean(values: Sequence[float]) -> float | None:
 
 
 def _cell(value: Any) -> Any:
-    if not isinstance(value, tuple):
+    if not isinstance(value, tuple | list):
         return value
     hits, count = value
     return f"{hits}/{count} = {hits / count:.2f}" if count else "–"

@@ -63,7 +63,9 @@ class SolveSettings:
     def mode(self) -> str:
         """How a verdict is made, in words."""
         if self.method != DIAGNOSIS:
-            return f"method {self.method}"
+            from bayesid.benchmark.general_methods import methods_code
+
+            return f"method {self.method}, {methods_code()}"
         return "with next manoeuvre" if self.plan_next else "without next manoeuvre"
 
 
