@@ -44,6 +44,9 @@ def set_report(
             if any(part in e["scores"] for e in entries)
         )]),
         Section("How it was done", [Text(
+            "An entry on fewer bundles, not committed, is a trial on what time allowed: rows are comparable "
+            "where their bundles are the same ones."
+        ), Text(
             "The edition is drawn from a public phrase: whoever likes can draw its answers. It compares "
             "methods whose makers do not look, and is no blind check. A pack of `bayesid blind make` is. The "
             "reproducibility method's spread c was set on other bundles (practice); the level of the "
@@ -56,7 +59,7 @@ def set_report(
 
 def _entries(part: str, words: str, entries: Sequence[Mapping[str, Any]]) -> Table:
     rows = [
-        [e["entry"], *cells(e["scores"][part])[1:], e["verdicts"][:12]]
+        [e["entry"], *cells(e["scores"][part])[1:], e["verdicts"][:12] or "not committed"]
         for e in entries
         if part in e["scores"]
     ]

@@ -20,6 +20,7 @@ from bayesid.benchmark.protocol.answers import load_answers
 from bayesid.benchmark.protocol.beside import method_of, method_row
 from bayesid.benchmark.protocol.commitment import PACK_COMMITMENTS_FILE, VERDICT_COMMITMENT_FILE, read_json
 from bayesid.benchmark.protocol.scorecard import score_pack
+from bayesid.benchmark.protocol.solve_pack import NOTE
 from bayesid.errors import BayesidError
 from bayesid.executor import HERE, Executor, add_executor, executor_from
 from bayesid.files import write_json
@@ -98,10 +99,16 @@ def compared(tracked: Path, made: dict[str, Any], remember: bool) -> list[str]:
 
 
 def entered(entry: str, verdicts: Path, folder: Path) -> dict[str, Any]:
-    """Scores of committed verdicts on the whole edition, all bundles and part by part."""
+    """Scores of verdicts, all bundles and part by part; those without a commitment are entered as such."""
     kept = folder / "answers" / PACK_COMMITMENTS_FILE
-    sheet = score_pack(folder / "answers", verdicts, commitments=kept)
-    commitment = read_json(verdicts / VERDICT_COMMITMENT_FILE, "the commitment")
+    sealed = (verdicts / VERDICT_COMMITMENT_FILE).exists()
+    if sealed:
+        sheet = score_pack(folder / "answers", verdicts, commitments=kept)
+        commitment = read_json(verdicts / VERDICT_COMMITMENT_FILE, "the commitment")
+    else:
+        sheet = score_pack(folder / "answers", verdicts, uncommitted=True)
+        note = read_json(verdicts / sheet.cases[0].name / NOTE, "a note of `blind solve`")
+        commitment = {"seal": "", "versions": note["versions"]}
     method = method_of(verdicts)
     scores = {}
     for part in PARTS:
