@@ -16,6 +16,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from bayesid.benchmark.protocol.answers import load_answers
 from bayesid.benchmark.protocol.beside import method_of, method_row
 from bayesid.benchmark.protocol.commitment import PACK_COMMITMENTS_FILE, VERDICT_COMMITMENT_FILE, read_json
@@ -114,7 +116,12 @@ def entered(entry: str, verdicts: Path, folder: Path) -> dict[str, Any]:
     for part in PARTS:
         cases = [c for c in sheet.cases if part == "all" or c.name.startswith(part)]
         if cases:
-            scores[part] = method_row(method, cases)
+            notes = [read_json(verdicts / c.name / NOTE, "a note of `blind solve`") for c in cases
+                     if (verdicts / c.name / NOTE).exists()]  # fmt: skip
+            spent = [note["cpu_seconds"] for note in notes if "cpu_seconds" in note]
+            scores[part] = {
+                **method_row(method, cases), "median CPU [s]": float(np.median(spent)) if spent else None,
+            }  # fmt: skip
     return {
         "entry": entry,
         "method": method,
