@@ -61,6 +61,7 @@ reports: whole study paper
 	$(BIN)/python -m studies.log_mistakes.run --out $(OUT)/log_mistakes $(FLAGS)
 	$(BIN)/python -m studies.simulator_mistakes.run --out $(OUT)/simulator_mistakes $(FLAGS)
 	$(BIN)/python -m studies.robustness.run --out $(OUT)/robustness $(FLAGS)
+	$(BIN)/python -m studies.benchmark_set.run --out $(OUT)/benchmark_set
 	$(BIN)/python -m studies.sampling_rate.run --out $(OUT)/sampling_rate $(FLAGS)
 
 whole:

@@ -64,7 +64,8 @@ def passes(monkeypatch, outliers=(), events=(), fails=lambda events, readings: N
 
     rounds = iter(outliers)
     monkeypatch.setattr(exclusions, "build_problem", build)
-    monkeypatch.setattr(exclusions, "fit_with", lambda problem, effects: "base")
+    fitted = Plain(released=lambda: "base")
+    monkeypatch.setattr(exclusions, "fit_with", lambda problem, effects: fitted)
     monkeypatch.setattr(exclusions, "innovation_outliers", lambda problem, base: next(rounds, ()))
     monkeypatch.setattr(
         exclusions, "compared", lambda problem, notify, seed, base: Compared(problem, f"compared {len(seen)}")

@@ -93,6 +93,9 @@ def solve(
         float | None,
         typer.Option("--minutes", min=0.0, help="Begin no bundle after this time; commit to the rest."),
     ] = None,
+    method: Annotated[
+        str, typer.Option("--method", help="diagnosis, distortions or reproducibility: who answers.")
+    ] = "diagnosis",
     executor: ExecutorName = None,
     workers: Workers = None,
     seed: Seed = 0,
@@ -103,14 +106,16 @@ def solve(
     """Diagnose every bundle of a pack and commit to the verdicts.
 
     Refuses a pack in which an answer may be read. Run it again after a stop: what is solved is kept.
-    --quick leaves out the next manoeuvre and the reports.
+    --quick leaves out the next manoeuvre and the reports. --method has one of two published general methods
+    answer in place of the diagnosis, to be scored beside it.
     """
     from bayesid.benchmark.protocol.solve_pack import SolveSettings, solve_pack
     from bayesid.executor import executor_of
 
     settings = SolveSettings(
-        seed, plan_next=not quick, report=not quick, accept_faults=accept_faults, minutes=minutes
-    )
+        seed, plan_next=not quick, report=not quick, accept_faults=accept_faults, minutes=minutes,
+        method=method,
+    )  # fmt: skip
     commitment = solve_pack(pack, out, executor_of(executor, workers), settings, names=tuple(only or ()))
     if "seal" not in commitment:
         print(f"{len(commitment['verdicts'])} verdicts in {out}, not committed: only some were asked for")
@@ -139,6 +144,10 @@ def score(
     commitments: Annotated[
         Path | None, typer.Option("--commitments", help="commitments.json as whoever made the pack kept it.")
     ] = None,
+    beside: Annotated[
+        list[Path] | None,
+        typer.Option("--beside", help="Verdicts of another method on the same pack; may be given again."),
+    ] = None,
     executor: ExecutorName = None,
     workers: Workers = None,
     as_json: Json = False,
@@ -149,8 +158,15 @@ def score(
 
     A commitment proves something to whom it was made known: --digest and --commitments compare with what was
     kept apart from these folders. Detectability is computed from the seed of an answer that does not state
-    it, and kept in --out.
+    it, and kept in --out. --beside lays other verdicts on the same bundles beside these in one table.
     """
+    from bayesid.benchmark.protocol.beside import (
+        COLUMNS,
+        beside_section,
+        method_cells,
+        method_rows,
+        scored_beside,
+    )
     from bayesid.benchmark.protocol.report import blind_report, quantity_row, results
     from bayesid.benchmark.protocol.scorecard import score_pack
     from bayesid.cli.output import print_json, print_table, print_text
@@ -162,10 +178,14 @@ def score(
         answers, verdicts, uncommitted, cache, executor_of(executor, workers), promised=digest,
         commitments=commitments,
     )  # fmt: skip
+    compared = scored_beside(sheet, verdicts, answers, beside or [], uncommitted, cache, commitments)
     plain = results(sheet)
+    if len(compared) > 1:
+        plain["beside"] = method_rows(compared)
     if out is not None:
+        extra = [beside_section(compared)] if len(compared) > 1 else []
         writer.write(
-            blind_report(sheet), out, {"inputs": {"bundles": len(sheet.cases)}, "seeds": [], **plain}
+            blind_report(sheet, extra), out, {"inputs": {"bundles": len(sheet.cases)}, "seeds": [], **plain}
         )
     if as_json:
         print_json(plain)
@@ -177,6 +197,9 @@ def score(
             [quantity_row(q) for q in rows],
             3,
         )
+        print_text()
+    if len(compared) > 1:
+        print_table(COLUMNS, method_cells(compared), 3)
         print_text()
     control = f"{sheet.control.hits}/{sheet.control.count}"
     print_text(f"control that must fail: {control} right with verdicts of other bundles")

@@ -62,7 +62,7 @@ def compare_without(
         try:
             problem = build_problem(model, trial, notify, as_built, excluded.events, excluded.readings)
             notify("fit without any effect")
-            base = fit_with(problem, ())
+            base = fit_with(problem, ()).released()
             outliers = () if excluded.readings else innovation_outliers(problem, base)
             if outliers:
                 notify(f"once more without {len(outliers)} reading(s) that all others contradict")

@@ -23,6 +23,8 @@ Array = np.ndarray
 # A fin held at its mean over a step h while it moves by D loses at most D h^2/8 of when it moved [rad s^2];
 # what `STILL` lets pass is STILL h/4 L/U.
 _LOSS = 2.0 * STILL * STEP_PER_LENGTH
+# Bytes of cut plans kept per run: all of a usual one.
+MOST_BYTES = 16_000_000
 _WHOLE = round(STEP_PER_LENGTH / MOVING_STEP_PER_LENGTH)
 
 
@@ -64,7 +66,18 @@ def follow(model: Model, par: Array, plan: TimePlan, full: bool | None = None) -
     window = _rounded(since[moving & after], plan.short), _rounded(until[moving & ~after], plan.short)
     if window not in plan.kept:
         plan.kept[window] = _cut(plan, long & ((since <= window[0]) | (until <= window[1])))
+        _drop(plan, window)
     return plan.kept[window]
+
+
+def _drop(plan: TimePlan, newest: tuple[float, float]) -> None:
+    """Forget the oldest cut plans of a long run, which are made anew where they are asked for."""
+    room = MOST_BYTES
+    for window in [newest, *reversed([k for k in plan.kept if isinstance(k, tuple) and k != newest])]:
+        cut = plan.kept[window]
+        room -= cut.times.nbytes + cut.steps.nbytes + cut.command.nbytes + cut.exogenous.nbytes
+        if room < 0 and window != newest:
+            del plan.kept[window]
 
 
 def _switches(plan: TimePlan, fins: list[int], least: float) -> tuple[Array, Array]:

@@ -125,11 +125,12 @@ def interval_maps(
     if not good.all():
         at = plan.t[first + int(np.argmin(good))]
         raise ModelError(f"the vehicle diverges between samples at t = {at:.6g} s")
+    psi = maps[:, :, nx + n_in :]
     return Maps(
         ends,
         np.ascontiguousarray(maps[:, :, :nx]),
         np.ascontiguousarray(maps[:, :, nx : nx + n_in]),
-        maps[:, :, nx + n_in :],
+        psi if n_free else psi.copy(),  # a view of nothing would keep all of it in memory
     )
 
 

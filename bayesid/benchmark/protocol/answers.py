@@ -6,6 +6,7 @@ verdicts.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -116,7 +117,8 @@ def _from_plant(file: Path) -> Answer:
         for k, e in enumerate(raw["effects"]):
             scored = e["parameters"] if e["kind"] == "effect" and e["name"] != "coefficient_error" else None
             detect = from_json(shown[k]) if shown else None
-            causes.append(Cause(e["name"], e["variant"], float(e["size"]), scored, detect))
+            size = math.nan if e["size"] is None else float(e["size"])
+            causes.append(Cause(e["name"], e["variant"], size, scored, detect))
         factors = {
             "vehicle": str(raw["vehicle"]),
             "dof": str(raw["dof"]),

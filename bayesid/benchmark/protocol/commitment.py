@@ -68,6 +68,12 @@ def derived(secret: bytes, what: str, k: int) -> int:
     return int.from_bytes(hmac.digest(secret, f"{what} {k}".encode(), "sha256")[:16], "big")
 
 
+def derived_salt(secret: bytes, name: str) -> str:
+    """The salt of a bundle's answer: as unguessable as the secret, and the same whenever the pack is made
+    anew."""
+    return f"{derived(secret, f'salt of {name}', 0):032x}"
+
+
 def unprintable(name: str) -> bool:
     """Whether a name holds a character that is not seen: control, direction, line separator."""
     return any(unicodedata.category(c) in ("Cc", "Cf", "Cs", "Zl", "Zp") for c in name)

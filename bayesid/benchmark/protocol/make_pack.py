@@ -23,6 +23,7 @@ from bayesid.benchmark.protocol.commitment import (
     SECRET_BITS,
     BlindError,
     derived,
+    derived_salt,
     digest_of_file,
     digest_of_folder,
     read_json,
@@ -83,7 +84,7 @@ def make_pack(
     given: Mapping[str, Any] = {} if callable(factors) else factors or {}
     given_factors = [factors(k, seed) if callable(factors) else given for k, seed in enumerate(drawn)]
     tasks = [
-        (seed, name, out, answers, dict(some))
+        (seed, name, out, answers, dict(some), derived_salt(secret, name))
         for seed, name, some in zip(drawn, names, given_factors, strict=True)
     ]
     progress = progress or Progress()
@@ -93,13 +94,15 @@ def make_pack(
     return commit_pack(out, answers, names, SECRET_BITS if seeds is None else 0)
 
 
-def commit_pack(out: Path, answers: Path, names: Iterable[str], secret_bits: int | None = None) -> Path:
+def commit_pack(out: Path, answers: Path, names: Iterable[str], secret_bits: int | None = None,
+                made: str = "") -> Path:  # fmt: skip
     """Publish the fingerprints of answers and bundles in the pack.
 
     Parameters
     ----------
     secret_bits : what somebody would have to guess to draw the campaigns again; None where they are no
         drawings but logs, or where the pack said it before
+    made : when, by default now
     """
     path = out / PACK_COMMITMENTS_FILE
     if secret_bits is None and path.exists():
@@ -109,7 +112,7 @@ def commit_pack(out: Path, answers: Path, names: Iterable[str], secret_bits: int
         name: {"answer": digest_of_file(answers / f"{name}.json"), "bundle": digest_of_folder(out / name)}
         for name in sorted(names)
     }
-    made = datetime.now(UTC).isoformat(timespec="seconds")
+    made = made or datetime.now(UTC).isoformat(timespec="seconds")
     commitments = {"format": FORMAT, "made": made, **secrets_given, "bundles": bundles}
     write_json(answers / PACK_COMMITMENTS_FILE, commitments)  # for whoever scores
     write_json(path, commitments)
@@ -124,8 +127,8 @@ def _one_time(pack: Path) -> None:
         os.utime(place, ns=(now, now))
 
 
-def _make_one(task: tuple[int, str, Path, Path, dict[str, Any]]) -> str:
-    seed, name, out, answers, factors = task
+def _make_one(task: tuple[int, str, Path, Path, dict[str, Any], str]) -> str:
+    seed, name, out, answers, factors, salted = task
     if (answers / f"{name}.json").exists() and (out / name / "trial.toml").exists():
         return name
     for stale in (out / name).glob("*"):  # of a run that was stopped within this bundle
@@ -136,7 +139,7 @@ def _make_one(task: tuple[int, str, Path, Path, dict[str, Any]]) -> str:
     campaign = draw_campaign(seed, **given)
     shown = [asdict(d) for d in detectability(campaign)]
     answer = write_bundle(campaign, out / name)
-    write_answer(answers / f"{name}.json", answer | {"factors": given, "detectability": shown})
+    write_answer(answers / f"{name}.json", answer | {"factors": given, "detectability": shown}, salted)
     return name
 
 
@@ -152,9 +155,9 @@ def aimed_sizes(seed: int, factors: Mapping[str, Any], aim: float) -> tuple[floa
     return size, size
 
 
-def write_answer(path: Path, answer: Mapping[str, Any]) -> Path:
-    """Write an answer with a salt."""
-    return write_json(path, {"salt": salt(), **answer})
+def write_answer(path: Path, answer: Mapping[str, Any], salted: str = "") -> Path:
+    """Write an answer with a salt, by default a fresh one."""
+    return write_json(path, {"salt": salted or salt(), **answer})
 
 
 def redraw(answer: Mapping[str, Any]) -> tuple[Detectability, ...] | None:

@@ -32,6 +32,7 @@ from bayesid.progress import Progress
 
 NOTE = "solved.json"
 SPATIAL_COST = 13.0  # a 6-DOF bundle takes about this many times a planar one: for the time left only
+DIAGNOSIS = "diagnosis"
 Keep = Callable[[Any, Path], None]
 
 
@@ -47,6 +48,7 @@ class SolveSettings:
     keep : called with each diagnosis and its folder, to keep more of it; must not change the verdict
     accept_faults : commit although the program itself failed on some bundles or reports
     minutes : begin no bundle after this time and commit to what there is; the others are listed as not solved
+    method : "diagnosis", or one of `general_methods.METHODS`, which writes no report and ranks no manoeuvre
     """
 
     seed: int = 0
@@ -55,10 +57,15 @@ class SolveSettings:
     keep: Keep | None = None
     accept_faults: bool = False
     minutes: float | None = None
+    method: str = DIAGNOSIS
 
     @property
     def mode(self) -> str:
         """How a verdict is made, in words."""
+        if self.method != DIAGNOSIS:
+            from bayesid.benchmark.general_methods import methods_code
+
+            return f"method {self.method}, {methods_code()}"
         return "with next manoeuvre" if self.plan_next else "without next manoeuvre"
 
 
@@ -95,6 +102,7 @@ def solve_pack(
     if out == pack or pack in out.parents:
         raise BlindError(f"{out}: verdicts must not be written into the pack; choose another folder")
     settings, progress = settings or SolveSettings(), progress or Progress()
+    check_method(settings.method)
     commitments = check_pack(pack)
     bundles = sorted(p.parent for p in pack.glob("*/trial.toml"))
     unknown = sorted(set(names) - {b.name for b in bundles})
@@ -124,6 +132,20 @@ def solve_pack(
     if settings.report and commitment["verdicts"]:
         _overview(out, commitment)
     return commitment
+
+
+def check_method(method: str) -> None:
+    """Refuse a method that is not there.
+
+    Raises
+    ------
+    BlindError
+        naming those that are
+    """
+    from bayesid.benchmark.general_methods import METHODS
+
+    if method not in (DIAGNOSIS, *METHODS):
+        raise BlindError(f"no method {method!r}; there are {', '.join((DIAGNOSIS, *METHODS))}")
 
 
 def _check_out(out: Path, digests: dict[str, str]) -> None:
@@ -206,6 +228,7 @@ def _results(tasks: list[Any], executor: Executor, minutes: float | None) -> Ite
 def _solve_one(task: tuple[Path, Path, str, SolveSettings, dict[str, str]]) -> tuple[str, str]:
     """Verdict of one bundle, written to disk; (name, what it says)."""
     bundle, folder, digest, settings, now = task
+    from bayesid.benchmark.general_methods import METHODS
     from bayesid.diagnosis.input import check_trial, mended
     from bayesid.diagnosis.run import diagnose
     from bayesid.equations.model import build_model
@@ -225,16 +248,20 @@ def _solve_one(task: tuple[Path, Path, str, SolveSettings, dict[str, str]]) -> t
         checked = check_trial(trial, model)
         if any(finding.correction is not None for finding in checked.findings):
             trial = mended(trial, checked)
-        found = diagnose(trial, model, seed=settings.seed, plan_next=settings.plan_next)
-        record = {**found.result.record(), "input": check_record(checked)}
+        found = None
+        if settings.method == DIAGNOSIS:
+            found = diagnose(trial, model, seed=settings.seed, plan_next=settings.plan_next)
+            record = {**found.result.record(), "input": check_record(checked)}
+        else:
+            record = METHODS[settings.method].verdict(trial, model, settings.seed)
         note |= {"cpu_seconds": time.process_time() - cpu, "wall_seconds": time.monotonic() - wall}
         verdict = write_json(folder / "diagnosis.json", record)
         note |= {"verdict": digest_of_file(verdict), "dof": trial.dof}
         note |= {"simulated_seconds": float(sum(r.t[-1] - r.t[0] for r in trial.runs))}
         outcome = record["verdict"]
-        if settings.report:
+        if settings.report and found is not None:
             write_diagnosis_report(found.result, folder)
-        if settings.keep is not None:
+        if settings.keep is not None and found is not None:
             settings.keep(found, folder)
     except BayesidError as error:
         note |= {_failed(note): str(error)}

@@ -38,7 +38,13 @@ class Withheld:
 
 
 def withhold(
-    bundle: Path, what: str, out: Path, answers: Path, data: Path | None = None, name: str = ""
+    bundle: Path,
+    what: str,
+    out: Path,
+    answers: Path,
+    data: Path | None = None,
+    name: str = "",
+    salted: str = "",
 ) -> Withheld:
     """Write the reduced bundle into `out` and its answer into `answers`, and commit to the pack again.
 
@@ -47,6 +53,7 @@ def withhold(
     what : one of REMOVABLE
     data : folder of the logs where they are kept apart from the bundle
     name : of the reduced bundle; by default that of the bundle's folder, which should not tell what is gone
+    salted : salt of the answer, by default a fresh one
 
     Raises
     ------
@@ -70,7 +77,7 @@ def withhold(
     write_vehicle(vehicle, out / name / "vehicle.toml", inside=True, schema=False)
     bare = replace(found.trial, runs=runs, vehicle_ref=str(out / name / "vehicle.toml"))
     write_trial(bare, out / name, schema=False)  # a pack holds what a diagnosis reads and no more
-    write_answer(answers / f"{name}.json", _answer(found, name, what))
+    write_answer(answers / f"{name}.json", _answer(found, name, what), salted)
     commit_pack(out, answers, [p.parent.name for p in out.glob("*/trial.toml")])
     return found
 

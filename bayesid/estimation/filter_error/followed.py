@@ -37,6 +37,7 @@ def followed(
         )
         if found.converged:
             return found
+        found = found.released()
     except ModelError:
         found = None
     try:

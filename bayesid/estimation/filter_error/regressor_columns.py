@@ -17,7 +17,7 @@ from bayesid.estimation.filter_error.parameter_slopes import blocks
 from bayesid.estimation.run_data import Array
 
 # Bytes of stacks kept: those of all runs of a usual trial, some MB each.
-MOST_BYTES = 128_000_000
+MOST_BYTES = 48_000_000
 
 
 @dataclass(frozen=True, eq=False)

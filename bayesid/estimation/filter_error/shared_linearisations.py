@@ -31,7 +31,7 @@ from bayesid.estimation.parameters import GaussianPrior, effect_prior
 from bayesid.estimation.run_data import RunData
 
 # Sets of points kept per model, their bytes at most, and points remembered as seen once.
-MOST_SETS, MOST_BYTES, MOST_SEEN = 4, 400_000_000, 32
+MOST_SETS, MOST_BYTES, MOST_SEEN = 4, 200_000_000, 32
 
 
 @dataclass(frozen=True, eq=False)
