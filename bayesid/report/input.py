@@ -30,6 +30,8 @@ def finding_sentence(finding: InputFinding) -> str:
     where = "" if finding.all_runs else f" in {_list(finding.runs)}"
     told = _list([TOLD.get(k, k) for k in finding.told_by[:2]])
     also = f"; these runs do not tell it from: {'; '.join(finding.also)}" if finding.also else ""
+    if finding.instead:
+        also += f"; a mistake of the simulator would explain it too: {'; '.join(finding.instead)}"
     sure = _probability(finding.probability)
     if finding.also:
         sure += f", {_probability(finding.together)} that it is one of those not told from it"
@@ -73,6 +75,7 @@ def check_record(check: InputCheck) -> dict[str, Any]:
                 "all_runs": f.all_runs, "probability": f.probability, "told_by": list(f.told_by),
                 "unexplained": {"before": f.before, "after": f.after}, "mend": list(f.mend),
                 "not_told_from": list(f.also), "together": f.together if f.also else f.probability,
+                "simulator_instead": list(f.instead),
             }
             for f in check.findings
         ],

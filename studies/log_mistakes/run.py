@@ -22,14 +22,18 @@ from typing import Any
 import numpy as np
 from scipy.stats import binomtest
 
+from bayesid.diagnosis.event_search import verdict_with
+from bayesid.diagnosis.exclusions import compare_without
+from bayesid.diagnosis.hypotheses.verdict import decide
 from bayesid.diagnosis.input import check_trial, mended
+from bayesid.diagnosis.simulator import find_mistakes
 from bayesid.equations.model import Model, build_model
 from bayesid.lock import lock_or_exit
 from bayesid.model.vehicles import load_vehicle, with_relative_prior
 from bayesid.report import writer
 from bayesid.report.writer import Report, Section, Table, Text
 from bayesid.trials import Trial
-from bayesid.trials.mistakes import InputCheck
+from bayesid.trials.mistakes import SIMULATOR, InputCheck
 from studies.log_mistakes.campaigns import FULL, POSE, PRIOR_SD, VEHICLES, campaign, with_channels
 from studies.log_mistakes.plant import Planted, controls, logged, planted
 from studies.log_mistakes.seen import can_be_seen
@@ -79,15 +83,29 @@ def judge(clean: Trial, row: Planted, model: Model, seed: int) -> tuple[str, tup
     """What is said of one planted mistake."""
     wrong = logged(clean, row, seed)
     check = check_trial(wrong, model)
-    names = tuple(f.name for f in check.findings)
+    blamed = _simulator_blamed(wrong, model, check)
+    check = check.of_log if blamed else check.insisted
+    names = (*(f.name for f in check.findings), *blamed)
     if row.kind == "effect":
         return ("false alarm" if names else "silent"), names, None
     if not names:
         return "missed", names, None
+    if not check.findings:
+        return "wrong name", names, None
     restored = _restored(clean, mended(wrong, check), check)
     if names[0] in row.right:
         return "named", names, restored
     return ("in the set" if set(row.right) & set(check.findings[0].also) else "wrong name"), names, restored
+
+
+def _simulator_blamed(logged: Trial, model: Model, check: InputCheck) -> tuple[str, ...]:
+    """Mistakes of the simulator that a diagnosis names in the place of what is told of the log."""
+    if not any(f.instead for f in check.findings) or any(f.correction is None for f in check.of_log.findings):
+        return ()
+    trial = mended(logged, check.of_log)
+    compared = compare_without(model, trial)
+    verdict = verdict_with(decide(compared.problem, compared.candidates), compared.problem.events)
+    return tuple(SIMULATOR + f.name for f in find_mistakes(trial, compared, verdict))
 
 
 def _restored(clean: Trial, now: Trial, check: InputCheck) -> bool | None:
