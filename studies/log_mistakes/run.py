@@ -183,7 +183,7 @@ def _keep(found: list[Outcome], out: Path) -> None:
 
 def _possible(row: Planted, trial: Trial, model: Model) -> bool:
     have = set(trial.identify[0].data)
-    plane = row.name == "sign of delta_s" and "delta_s_cmd" not in trial.identify[0].commands
+    plane = "delta_s" in row.name and "delta_s_cmd" not in trial.identify[0].commands
     return set(row.needs) - {"delta_r", "delta_s", "n"} <= have and not plane
 
 
