@@ -62,7 +62,8 @@ class Outcome:
 
     Attributes
     ----------
-    word : "named", "in the set", "missed", "wrong name", "silent" or "false alarm"
+    word : "named", "in the set" (of mistakes of the log, or with one of the simulator), "missed",
+        "wrong name", "silent" or "false alarm"
     restored : whether the mended log is the clean one
     seen : whether the plan of the runs, the stated noise and the vehicle let it be seen (`seen`)
     """
@@ -94,7 +95,8 @@ def judge(clean: Trial, row: Planted, model: Model, seed: int) -> tuple[str, tup
         return "wrong name", names, None
     restored = _restored(clean, mended(wrong, check), check)
     if names[0] in row.right:
-        return "named", names, restored
+        shared = any(name.startswith(SIMULATOR) for name in check.findings[0].also)
+        return "in the set" if shared else "named", names, restored
     return ("in the set" if set(row.right) & set(check.findings[0].also) else "wrong name"), names, restored
 
 
@@ -231,7 +233,10 @@ def report(found: list[Outcome]) -> Report:
                 some = [o for o in of if o.seen and o.rate == rate and o.channels == words]
                 ok = sum(o.word in ("named", "in the set", "silent") for o in some)
                 cells.append(f"{ok} of {len(some)}" if some else "")
-        others = Counter(o.names[0] for o in of if o.word in ("wrong name", "false alarm", "in the set"))
+        others = Counter(
+            o.names[0] for o in of
+            if o.word in ("wrong name", "false alarm", "in the set") and o.names[0] != o.row
+        )  # fmt: skip
         hidden = [o for o in of if not o.seen]
         ok = sum(o.word in ("named", "in the set") for o in hidden)
         cells.append(f"{ok} of {len(hidden)}" if hidden else "")
