@@ -216,7 +216,8 @@ def report(found: list[Outcome]) -> Report:
         f"set, {share:.1%} ({len(first)} named, {len(good) - len(first)} in a set): the bar of {BAR:.0%} is "
         f"{'met' if share >= BAR else 'missed'} ({_interval(len(good), len(real))}). The logs are of "
         f"{', '.join(there)}"
-        f"{', none of ' + ', '.join(absent) if absent else ''}. {wrong} get another name. {len(unseen)} more "
+        f"{', none of ' + ', '.join(absent) if absent else ''}{_design(found)}. "
+        f"{len(real) - len(good) - wrong} are missed, {wrong} get another name. {len(unseen)} more "
         f"cannot be seen, by a rule that reads no log: of these {told} are named right, {strange} get "
         f"another name. Of {len(quiet)} logs without a mistake, or with an effect of the catalogue alone, "
         f"{len(alarms)} are called mistaken ({_interval(len(alarms), len(quiet))}), of the "
@@ -257,7 +258,7 @@ def report(found: list[Outcome]) -> Report:
                 "Right, by mistake",
                 [
                     Text(
-                        f"Vehicles and seeds together{_design(found)}; effects must stay silent. Empty "
+                        "Vehicles and seeds together; effects must stay silent. Empty "
                         "where the channel is not logged, or the mistake does not touch what is: with pose "
                         "alone a fast clock is told by nothing but speed at the revolutions, known to 20 %."
                     ),
@@ -284,11 +285,15 @@ def report(found: list[Outcome]) -> Report:
 
 
 def _design(found: list[Outcome]) -> str:
-    """How many of the pairs of rate and channels a campaign has, where it is not all."""
-    pairs = {(o.vehicle, o.seed, o.rate, o.channels) for o in found if o.row != FRESH}
-    each = len(pairs) / max(1, len({pair[:2] for pair in pairs}))
-    every = len(RATES) * len(SETS)
-    return "" if each == every else f", {each:g} of {every} pairs of rate and channels per campaign in turn"
+    """How many of the pairs of rate and channels the campaigns of a vehicle have, where it is not all."""
+    pairs = {(o.vehicle, o.seed, o.rate, o.channels) for o in found if o.row == "nothing"}
+    few = []
+    for vehicle in dict.fromkeys(o.vehicle for o in found):
+        own = {pair[1:] for pair in pairs if pair[0] == vehicle}
+        every = len({pair[0] for pair in own}) * len(RATES) * len(SETS)
+        if len(own) < every:
+            few.append(f"of {vehicle} {len(own)} of {every} triples of seed, rate and channels")
+    return f"; {', '.join(few)}" if few else ""
 
 
 def _interval(count: int, total: int) -> str:
