@@ -15,7 +15,7 @@ from bayesid.api.diagnose import diagnose
 from bayesid.api.fit import fit
 from bayesid.api.input_result import InputResult
 from bayesid.api.simulate import simulate, simulate_model
-from bayesid.diagnosis.input import WRONG_VEHICLE, check_trial, mended, not_enough
+from bayesid.diagnosis.input import WRONG_VEHICLE, check_trial, mended, not_enough, vehicle_behaviour
 from bayesid.equations.model import build_model
 from bayesid.errors import TrialError
 from bayesid.estimation.filter_error.fit_journal import SUFFIX, current_journal
@@ -23,6 +23,7 @@ from bayesid.model.vehicles import load_vehicle
 from bayesid.trials import Trial
 from bayesid.trials.correction import Correction, apply
 from bayesid.trials.mistakes import InputCheck, InputFinding
+from studies.simulator_mistakes.plant import planted
 
 DIVE = {"z": 0.05, "w": 0.008, "theta": 0.005, "q": 0.002}
 NOISE = {"x": 0.03, "y": 0.03, "psi": 0.005, "r": 0.003, "u": 0.008, "v": 0.008}
@@ -63,26 +64,71 @@ def test_the_vehicle_tells_what_kinematics_leaves_open(clean, model, name, corre
     assert [f.name for f in found] == [name]
 
 
+@pytest.fixture(scope="module")
+def dive() -> Trial:
+    return simulate("nps_auv2", "combined:10/8", "vzigzag:10/5", dof=6, noise=NOISE | DIVE, seed=3)
+
+
 @pytest.mark.parametrize(("factor", "names"), [(1.0, []), (-1.0, ["sign of w"])])
-def test_the_heave_of_a_pitching_turn_tells_its_sign(factor, names):
+def test_the_heave_of_a_pitching_turn_tells_its_sign(dive, factor, names):
     """Heave of 1 % of the speed: track and depth do not feel its sign, but the hull slides outwards.
 
     One run does not turn: there the noise of r is no mistake of r, though roll holds better without r.
     """
-    dive = simulate("nps_auv2", "combined:10/8", "vzigzag:10/5", dof=6, noise=NOISE | DIVE, seed=3)
     model = build_model(load_vehicle("nps_auv2"), 6)
     assert [
         f.name for f in check_trial(wrong(dive, Correction(scale={"w": factor})), model).findings
     ] == names
 
 
+SIMULATOR_MISTAKES = {row.name: row.change for row in planted()}
+
+
+@pytest.mark.parametrize(
+    ("simulator", "turned", "also", "instead"),
+    [
+        # the rudder turns the wrong way too: one mistake of the simulator is both, the log's sign is one
+        ("sign of the fins", False, (), ("sign of the fins",)),
+        # the planes alone: nothing in the world tells the sign of the log from that of the file
+        ("sign of the stern planes", False, ("simulator: sign of the stern planes",), ()),
+        ("nothing", True, ("simulator: sign of the stern planes",), ()),
+    ],
+)
+def test_what_only_the_vehicle_tells_is_asked_of_the_simulator_too(dive, simulator, turned, also, instead):
+    right = load_vehicle("nps_auv2")
+    model = build_model(SIMULATOR_MISTAKES.get(simulator, lambda v: v)(right), 6)
+    logged = wrong(dive, Correction(scale={"delta_s_cmd": -1.0})) if turned else dive
+    check = check_trial(logged, model)
+    (found,) = check.findings
+    assert (found.name, found.also, found.instead) == ("sign of delta_s", also, instead)
+    assert found.together == pytest.approx(2 * found.probability if also else 0.0, rel=0.1)
+    assert len(check.of_log.findings) == (0 if instead else 1)
+    assert check.insisted.findings[0].instead == ()
+
+
+def test_what_kinematics_tells_is_not_asked_of_the_simulator(clean, model, monkeypatch):
+    module = importlib.import_module("bayesid.diagnosis.input.simulator_instead")
+    monkeypatch.setattr(module, "mended_simulators", lambda model: pytest.fail("asked"))
+    for correction in (Correction(scale={"delta_r_cmd": -1.0}), Correction(scale={"psi": -1.0})):
+        assert check_trial(wrong(clean, correction), model).findings
+
+
+@pytest.mark.parametrize("gain", [0.3, 1.0, 2.5])
+def test_a_simulator_that_scatters_is_not_excused_by_it(gain):
+    """Where a turn has to be seen: exactly known gains as ever, every wide one below a known gain of one."""
+    known, wide = vehicle_behaviour._seen_density, [0.5, 2.0, 10.0]
+    assert known(gain, 1e-9) == pytest.approx(vehicle_behaviour._gain_density(gain, 1e-9), abs=1e-6)
+    scattered = [known(gain, sd) for sd in wide]
+    assert max(scattered) < 0.0 and scattered[2] < scattered[1] < -0.5
+    assert vehicle_behaviour._gain_density(gain, 10.0) == 0.0  # of a log it is: no turn was to be seen
+
+
 def test_a_log_of_another_vehicle_leaves_no_refits(clean, tmp_path, monkeypatch):
     """No mistake of the simulator explains it: the diagnosis that was tried is thrown away, and its fits."""
     module = importlib.import_module("bayesid.api.diagnose")
-    finding = InputFinding(WRONG_VEHICLE, "another", (), (), True, 1.0, (), 1.0, 1.0, None)
+    finding = InputFinding(WRONG_VEHICLE, "another", (), (), True, 1.0, (), 1.0, 1.0, None, instead=("any",))
     monkeypatch.setattr(module, "check_trial", lambda trial, model: InputCheck((finding,)))
     monkeypatch.setattr(module, "not_enough", lambda trial, model: ())
-    monkeypatch.setattr(module, "mistakes_that_clear", lambda trial, model: True)
 
     def tried(*_, **__):
         (current_journal().folder / f"a{SUFFIX}").write_bytes(b"")
@@ -91,6 +137,34 @@ def test_a_log_of_another_vehicle_leaves_no_refits(clean, tmp_path, monkeypatch)
     monkeypatch.setattr(module, "run", tried)
     assert module.diagnose(clean, journal=tmp_path).verdict == "input"
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_mistake_of_the_simulator_that_is_named_stands_before_that_of_the_log(clean, monkeypatch):
+    """Both explain what only the vehicle tells: the log is diagnosed as it is; mended, if that names none."""
+    module = importlib.import_module("bayesid.api.diagnose")
+    turn = Correction(scale={"delta_r_cmd": -1.0})
+    finding = InputFinding(
+        "sign of delta_r", "", ("delta_r",), (), True, 1.0, ("vehicle's turn",), 0.0, 0.0, turn,
+        instead=("sign of the fins",),
+    )  # fmt: skip
+    monkeypatch.setattr(module, "check_trial", lambda trial, model: InputCheck((finding,)))
+    monkeypatch.setattr(module, "not_enough", lambda trial, model: ())
+    tried: list[float] = []
+
+    def run(named: tuple[str, ...]):
+        def diagnosed(trial, *_, **__):
+            tried.append(float(trial.runs[0].commands["delta_r_cmd"] @ clean.runs[0].commands["delta_r_cmd"]))
+            return SimpleNamespace(result=SimpleNamespace(simulator=named, verdict="coefficients"))
+
+        return diagnosed
+
+    monkeypatch.setattr(module, "run", run(("sign of the fins",)))
+    found = module.diagnose(clean)
+    assert found.verdict == "coefficients" and found.checked.findings == ()
+    monkeypatch.setattr(module, "run", run(()))
+    found = module.diagnose(clean)
+    assert found.verdict == "input" and found.checked.findings[0].instead == ()
+    assert [np.sign(one) for one in tried] == [1.0, 1.0, -1.0]
 
 
 def test_the_mended_log_is_the_clean_one_and_states_the_noise_of_it(clean, model):

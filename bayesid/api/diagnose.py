@@ -23,10 +23,9 @@ from bayesid.api.inputs import (
 from bayesid.api.result import Result, table
 from bayesid.diagnosis.answer import answer
 from bayesid.diagnosis.diagnosed_model import write_diagnosed
-from bayesid.diagnosis.input import WRONG_VEHICLE, check_trial, mended, not_enough
+from bayesid.diagnosis.input import check_trial, mended, not_enough
 from bayesid.diagnosis.run import Diagnosis
 from bayesid.diagnosis.run import diagnose as run
-from bayesid.diagnosis.simulator import mistakes_that_clear
 from bayesid.diagnosis.summary import summary
 from bayesid.estimation.filter_error.fit_journal import FitJournal, fits_kept
 from bayesid.files import write_json
@@ -123,16 +122,17 @@ def diagnose(
             shown.note(f"{fits.used} refits of the diagnosis that was stopped before were kept and used")
         return DiagnoseResult(found, checked, fits)
 
-    def mistaken_simulator(checked: InputCheck) -> DiagnoseResult | None:
-        """A log that looks like another vehicle's, where a mistake of the simulator explains it."""
-        if any(f.correction is None and f.name != WRONG_VEHICLE for f in checked.findings):
+    def mistaken_simulator(of_log: InputCheck) -> DiagnoseResult | InputResult | None:
+        """What only the vehicle tells of the log, or a log that looks like another vehicle's, where a mistake
+        of the simulator explains it."""
+        if any(f.correction is None for f in of_log.findings):
             return None
-        right = ready(mended(logged, checked))
-        if not_enough(right, model) or not mistakes_that_clear(right, model):
+        right = ready(mended(logged, of_log))
+        if not_enough(right, model):
             return None
-        found = diagnosis(right, checked)
+        found = diagnosis(right, of_log)
         if found.found.result.simulator:
-            return found
+            return InputResult(logged.name, of_log, (), found) if of_log.findings else found
         if found.journal is not None:  # nobody saves it
             found.journal.clear()
         return None
@@ -141,9 +141,12 @@ def diagnose(
         return diagnosis(ready(logged), InputCheck())
     shown.note("input: what the channels say of one another")
     checked = check_trial(logged, model)
-    mend = all(finding.correction is not None for finding in checked.findings)
-    if checked.findings and not mend:
-        return mistaken_simulator(checked) or InputResult(logged.name, checked)
+    if any(finding.instead for finding in checked.findings):
+        if (found := mistaken_simulator(checked.of_log)) is not None:
+            return found
+        checked = checked.insisted
+    if any(finding.correction is None for finding in checked.findings):
+        return InputResult(logged.name, checked)
     trial = ready(mended(logged, checked) if checked.findings else logged)
     if reasons := not_enough(trial, model):
         return InputResult(logged.name, checked, reasons)

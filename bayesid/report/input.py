@@ -21,7 +21,8 @@ TOLD = {
     "rudder": "the turn after the rudder", "sway": "the side to which it slides in turns",
     "size": "the size of the numbers", "vehicle's speed": "the vehicle's speed at its revolutions",
     "vehicle's turn": "how the vehicle turns for its rudder",
-    "vehicle's pitch": "how it pitches for its planes",
+    "vehicle's drift": "how it slides as it turns",
+    "vehicle's pitch": "how it pitches for its planes", "vehicle's heave": "how it heaves as it pitches",
 }  # fmt: skip
 
 
@@ -30,6 +31,8 @@ def finding_sentence(finding: InputFinding) -> str:
     where = "" if finding.all_runs else f" in {_list(finding.runs)}"
     told = _list([TOLD.get(k, k) for k in finding.told_by[:2]])
     also = f"; these runs do not tell it from: {'; '.join(finding.also)}" if finding.also else ""
+    if finding.instead:
+        also += f"; a mistake of the simulator would explain it too: {'; '.join(finding.instead)}"
     sure = _probability(finding.probability)
     if finding.also:
         sure += f", {_probability(finding.together)} that it is one of those not told from it"
@@ -73,6 +76,7 @@ def check_record(check: InputCheck) -> dict[str, Any]:
                 "all_runs": f.all_runs, "probability": f.probability, "told_by": list(f.told_by),
                 "unexplained": {"before": f.before, "after": f.after}, "mend": list(f.mend),
                 "not_told_from": list(f.also), "together": f.together if f.also else f.probability,
+                "simulator_instead": list(f.instead),
             }
             for f in check.findings
         ],

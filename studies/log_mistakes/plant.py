@@ -164,6 +164,9 @@ def planted(travel: float = 0.9) -> tuple[Planted, ...]:
         "u: knots read as m/s",
         "x, y: feet read as metres", "x, y: metres read as feet", "z: feet read as metres",
         "delta_r: degrees read as radians", "delta_r: radians read as degrees",
+        "delta_s: degrees read as radians", "delta_s: radians read as degrees",
+        "theta: degrees read as radians", "theta: radians read as degrees",
+        "q: degrees per second read as radians per second",
         "n: revolutions per second read as rpm", "n: rpm read as revolutions per second",
         "n: radians per second read as rpm", "time in ms", "time in minutes", "u and v exchanged",
     ]  # fmt: skip

@@ -22,14 +22,18 @@ from typing import Any
 import numpy as np
 from scipy.stats import binomtest
 
+from bayesid.diagnosis.event_search import verdict_with
+from bayesid.diagnosis.exclusions import compare_without
+from bayesid.diagnosis.hypotheses.verdict import decide
 from bayesid.diagnosis.input import check_trial, mended
+from bayesid.diagnosis.simulator import find_mistakes
 from bayesid.equations.model import Model, build_model
 from bayesid.lock import lock_or_exit
 from bayesid.model.vehicles import load_vehicle, with_relative_prior
 from bayesid.report import writer
 from bayesid.report.writer import Report, Section, Table, Text
 from bayesid.trials import Trial
-from bayesid.trials.mistakes import InputCheck
+from bayesid.trials.mistakes import SIMULATOR, InputCheck
 from studies.log_mistakes.campaigns import FULL, POSE, PRIOR_SD, VEHICLES, campaign, with_channels
 from studies.log_mistakes.plant import Planted, controls, logged, planted
 from studies.log_mistakes.seen import can_be_seen
@@ -58,7 +62,8 @@ class Outcome:
 
     Attributes
     ----------
-    word : "named", "in the set", "missed", "wrong name", "silent" or "false alarm"
+    word : "named", "in the set" (of mistakes of the log, or with one of the simulator), "missed",
+        "wrong name", "silent" or "false alarm"
     restored : whether the mended log is the clean one
     seen : whether the plan of the runs, the stated noise and the vehicle let it be seen (`seen`)
     """
@@ -79,15 +84,30 @@ def judge(clean: Trial, row: Planted, model: Model, seed: int) -> tuple[str, tup
     """What is said of one planted mistake."""
     wrong = logged(clean, row, seed)
     check = check_trial(wrong, model)
-    names = tuple(f.name for f in check.findings)
+    blamed = _simulator_blamed(wrong, model, check)
+    check = check.of_log if blamed else check.insisted
+    names = (*(f.name for f in check.findings), *blamed)
     if row.kind == "effect":
         return ("false alarm" if names else "silent"), names, None
     if not names:
         return "missed", names, None
+    if not check.findings:
+        return "wrong name", names, None
     restored = _restored(clean, mended(wrong, check), check)
     if names[0] in row.right:
-        return "named", names, restored
+        shared = any(name.startswith(SIMULATOR) for name in check.findings[0].also)
+        return "in the set" if shared else "named", names, restored
     return ("in the set" if set(row.right) & set(check.findings[0].also) else "wrong name"), names, restored
+
+
+def _simulator_blamed(logged: Trial, model: Model, check: InputCheck) -> tuple[str, ...]:
+    """Mistakes of the simulator that a diagnosis names in the place of what is told of the log."""
+    if not any(f.instead for f in check.findings) or any(f.correction is None for f in check.of_log.findings):
+        return ()
+    trial = mended(logged, check.of_log)
+    compared = compare_without(model, trial)
+    verdict = verdict_with(decide(compared.problem, compared.candidates), compared.problem.events)
+    return tuple(SIMULATOR + f.name for f in find_mistakes(trial, compared, verdict))
 
 
 def _restored(clean: Trial, now: Trial, check: InputCheck) -> bool | None:
@@ -165,7 +185,7 @@ def _keep(found: list[Outcome], out: Path) -> None:
 
 def _possible(row: Planted, trial: Trial, model: Model) -> bool:
     have = set(trial.identify[0].data)
-    plane = row.name == "sign of delta_s" and "delta_s_cmd" not in trial.identify[0].commands
+    plane = "delta_s" in row.name and "delta_s_cmd" not in trial.identify[0].commands
     return set(row.needs) - {"delta_r", "delta_s", "n"} <= have and not plane
 
 
@@ -196,7 +216,8 @@ def report(found: list[Outcome]) -> Report:
         f"set, {share:.1%} ({len(first)} named, {len(good) - len(first)} in a set): the bar of {BAR:.0%} is "
         f"{'met' if share >= BAR else 'missed'} ({_interval(len(good), len(real))}). The logs are of "
         f"{', '.join(there)}"
-        f"{', none of ' + ', '.join(absent) if absent else ''}. {wrong} get another name. {len(unseen)} more "
+        f"{', none of ' + ', '.join(absent) if absent else ''}{_design(found)}. "
+        f"{len(real) - len(good) - wrong} are missed, {wrong} get another name. {len(unseen)} more "
         f"cannot be seen, by a rule that reads no log: of these {told} are named right, {strange} get "
         f"another name. Of {len(quiet)} logs without a mistake, or with an effect of the catalogue alone, "
         f"{len(alarms)} are called mistaken ({_interval(len(alarms), len(quiet))}), of the "
@@ -213,7 +234,10 @@ def report(found: list[Outcome]) -> Report:
                 some = [o for o in of if o.seen and o.rate == rate and o.channels == words]
                 ok = sum(o.word in ("named", "in the set", "silent") for o in some)
                 cells.append(f"{ok} of {len(some)}" if some else "")
-        others = Counter(o.names[0] for o in of if o.word in ("wrong name", "false alarm", "in the set"))
+        others = Counter(
+            o.names[0] for o in of
+            if o.word in ("wrong name", "false alarm", "in the set") and o.names[0] != o.row
+        )  # fmt: skip
         hidden = [o for o in of if not o.seen]
         ok = sum(o.word in ("named", "in the set") for o in hidden)
         cells.append(f"{ok} of {len(hidden)}" if hidden else "")
@@ -234,7 +258,7 @@ def report(found: list[Outcome]) -> Report:
                 "Right, by mistake",
                 [
                     Text(
-                        f"Vehicles and seeds together{_design(found)}; effects must stay silent. Empty "
+                        "Vehicles and seeds together; effects must stay silent. Empty "
                         "where the channel is not logged, or the mistake does not touch what is: with pose "
                         "alone a fast clock is told by nothing but speed at the revolutions, known to 20 %."
                     ),
@@ -261,11 +285,15 @@ def report(found: list[Outcome]) -> Report:
 
 
 def _design(found: list[Outcome]) -> str:
-    """How many of the pairs of rate and channels a campaign has, where it is not all."""
-    pairs = {(o.vehicle, o.seed, o.rate, o.channels) for o in found if o.row != FRESH}
-    each = len(pairs) / max(1, len({pair[:2] for pair in pairs}))
-    every = len(RATES) * len(SETS)
-    return "" if each == every else f", {each:g} of {every} pairs of rate and channels per campaign in turn"
+    """How many of the pairs of rate and channels the campaigns of a vehicle have, where it is not all."""
+    pairs = {(o.vehicle, o.seed, o.rate, o.channels) for o in found if o.row == "nothing"}
+    few = []
+    for vehicle in dict.fromkeys(o.vehicle for o in found):
+        own = {pair[1:] for pair in pairs if pair[0] == vehicle}
+        every = len({pair[0] for pair in own}) * len(RATES) * len(SETS)
+        if len(own) < every:
+            few.append(f"of {vehicle} {len(own)} of {every} triples of seed, rate and channels")
+    return f"; {', '.join(few)}" if few else ""
 
 
 def _interval(count: int, total: int) -> str:

@@ -18,7 +18,7 @@ from bayesid.diagnosis.event_search import verdict_with
 from bayesid.diagnosis.exclusions import compare_without
 from bayesid.diagnosis.hypotheses.verdict import NAMING, decide
 from bayesid.diagnosis.input import WRONG_VEHICLE, check_trial, mended
-from bayesid.diagnosis.simulator import find_mistakes, mistakes_that_clear
+from bayesid.diagnosis.simulator import find_mistakes
 from bayesid.equations.model import Model, build_model
 from bayesid.model.effects import CATALOGUE
 from bayesid.model.vehicles import load_vehicle, with_relative_prior
@@ -49,11 +49,11 @@ def judge(trial: Trial, model: Model, row: Planted, effect: str) -> dict[str, An
     Effects count as named by the verdict or, with the mistake mended, beside it.
     """
     check = check_trial(trial, model)
-    inputs = [f.name for f in check.findings]
-    alike = {name for f in check.findings for name in (f.name, *f.also)}
+    inputs = [f.name for f in check.of_log.findings]
+    alike = {name for f in check.of_log.findings for name in (f.name, *f.also)}
     said: dict[str, Any] = {"input": inputs, "verdict": "input", "effects": [], "mistakes": [], "beside": []}
-    right = mended(trial, check)
-    if WRONG_VEHICLE not in inputs or mistakes_that_clear(right, model):
+    right = mended(trial, check.of_log)
+    if WRONG_VEHICLE not in inputs:
         compared = compare_without(model, right)
         verdict = verdict_with(decide(compared.problem, compared.candidates), compared.problem.events)
         found = find_mistakes(right, compared, verdict)
@@ -69,6 +69,8 @@ def judge(trial: Trial, model: Model, row: Planted, effect: str) -> dict[str, An
     wrong = sorted(named - {effect, *row.effects})
     wrong += [n for n in said["mistakes"][:1] if n not in row.right]
     wrong += [n for n in inputs if n != WRONG_VEHICLE and not of_log]
+    if not said["mistakes"]:
+        wrong += [f.name for f in check.findings if f.instead]
     return {**said, "told": told, "effect_named": effect in named, "wrong_names": wrong}
 
 

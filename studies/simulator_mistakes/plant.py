@@ -31,6 +31,7 @@ class Planted:
     right : mistakes that are the right name
     effects : effects of the catalogue that are one as well
     inputs : mistakes of the log that nobody can tell from it
+    spatial : whether it is planted in 6-DOF alone: in the plane it is another row, or nothing
     """
 
     name: str
@@ -38,6 +39,7 @@ class Planted:
     right: tuple[str, ...]
     effects: tuple[str, ...] = ()
     inputs: tuple[str, ...] = ()
+    spatial: bool = False
 
 
 def _with(vehicle: Vehicle, coef: dict[str, float]) -> Vehicle:
@@ -114,6 +116,18 @@ def _fins(factor: float) -> Change:
     one = ("Y_dr", "N_dr", "Z_ds", "M_ds", "K_dr", "Y_|r|dr", "N_|r|dr", "X_rdr", "X_vdr", "X_qds", "X_wds")
     power = {**dict.fromkeys(one, 1), "X_drdr": 2, "X_dsds": 2}
     return lambda v: _with(v, {k: x * factor ** power.get(k, 0) for k, x in v.coef.items()})
+
+
+def _one_sign(letters: str) -> Change:
+    """Rows odd in one fin's angle turned, where the file has another fin."""
+
+    def change(v: Vehicle) -> Vehicle | None:
+        if not all(any(k.endswith(fin) for k in v.coef) for fin in ("dr", "ds")):
+            return None
+        odd = [k for k in v.coef if k.partition("_")[2].count(letters) == 1]
+        return _with(v, {k: -x if k in odd else x for k, x in v.coef.items()})
+
+    return change
 
 
 def _rates(factor: float) -> Change:
@@ -210,5 +224,12 @@ def planted() -> tuple[Planted, ...]:
         Planted(
             "centre of buoyancy 0.005 L forward", _buoyancy(0.005),
             ("centre of buoyancy at the wrong point",), ("trim_weight", "cg_offset_x"),
+        ),
+        Planted(
+            "sign of the rudder", _one_sign("dr"), ("sign of the rudder",), (), ("sign of delta_r",), True
+        ),
+        Planted(
+            "sign of the stern planes", _one_sign("ds"), ("sign of the stern planes",), (),
+            ("sign of delta_s",), True,
         ),
     )  # fmt: skip

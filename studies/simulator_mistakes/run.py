@@ -17,11 +17,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from bayesid.diagnosis.data.problem import build_problem, fit_with
 from bayesid.diagnosis.event_search import verdict_with
 from bayesid.diagnosis.exclusions import compare_without
+from bayesid.diagnosis.form_stage import Compared
+from bayesid.diagnosis.hypotheses.candidate import weighted_hypothesis
 from bayesid.diagnosis.hypotheses.verdict import decide
-from bayesid.diagnosis.input import WRONG_VEHICLE, check_trial
-from bayesid.diagnosis.simulator import find_mistakes, mistakes_that_clear
+from bayesid.diagnosis.input import check_trial, mended
+from bayesid.diagnosis.simulator import find_mistakes
+from bayesid.diagnosis.simulator.judge import LEAD
 from bayesid.equations.model import Model, build_model
 from bayesid.errors import BayesidError
 from bayesid.lock import lock_or_exit
@@ -29,6 +33,7 @@ from bayesid.model.vehicles import load_vehicle, with_relative_prior
 from bayesid.report import writer
 from bayesid.report.writer import Report, Section, Table, Text
 from bayesid.trials import Trial
+from bayesid.trials.mistakes import SIMULATOR
 from studies.log_mistakes.campaigns import PRIOR_SD, VEHICLES, campaign
 from studies.simulator_mistakes.plant import Planted, planted
 from studies.simulator_mistakes.public import SIGN_LOST, SIMULATORS
@@ -52,7 +57,8 @@ class Outcome:
     word : "named", "in the set", "as an effect", "as a mistake of the log", "missed", "wrong name", "silent",
         "false alarm", "not to be seen" where both agree within the stated uncertainty, "diverges"
         where a simulator with the mistake writes no log, "in no file" where the mistake is in what made the
-        log and gets no name
+        log and gets no name, "too faint" where even the right simulator leads every other explanation by
+        less than a name asks for
     names : mistakes of the simulator that are named
     verdict, effects : the ordinary verdict, and mistakes of the log
     seconds, extra : of the processor (of the clock in rows judged before), all and the search of mistakes
@@ -70,22 +76,33 @@ class Outcome:
 
 
 def judge(
-    trial: Trial, model: Model, row: Planted
+    trial: Trial, model: Model, row: Planted, right: Model
 ) -> tuple[str, tuple[str, ...], str, tuple[str, ...], float]:
-    """What is said of one log: word, mistakes named, verdict, its names, seconds of the search."""
+    """What is said of one log: word, mistakes named, verdict, its names, seconds of the search.
+
+    Parameters
+    ----------
+    right : the simulator without the mistake
+    """
     check = check_trial(trial, model)
     inputs = tuple(f.name for f in check.findings)
-    alike = {name for f in check.findings for name in (f.name, *f.also)}
+    alike = {name for f in check.of_log.findings for name in (f.name, *f.also)}
+    if alike & {f"{SIMULATOR}{name}" for name in row.right}:
+        return "in the set", (), "input", tuple(sorted(alike)), 0.0
     if alike & set(row.inputs):
         return "as a mistake of the log", (), "input", inputs, 0.0
-    if inputs and (set(inputs) != {WRONG_VEHICLE} or not mistakes_that_clear(trial, model)):
+    if check.of_log.findings:
         return "wrong name" if row is not NOTHING else "false alarm", (), "input", inputs, 0.0
+    trial = mended(trial, check.of_log)
     compared = compare_without(model, trial)
     verdict = verdict_with(decide(compared.problem, compared.candidates), compared.problem.events)
     begin = time.process_time()
     names = tuple(f.name for f in find_mistakes(trial, compared, verdict))
     took = time.process_time() - begin
     effects = (*inputs, *verdict.effects)
+    if inputs and not names:  # what the simulator would explain is then told of the log
+        word = "as a mistake of the log" if set(inputs) & set(row.inputs) else "wrong name"
+        return word if row is not NOTHING else "false alarm", (), "input", inputs, took
     if row is NOTHING:
         return ("false alarm" if names else "silent"), names, verdict.word, effects, took
     if names and names[0] in row.right:
@@ -98,9 +115,18 @@ def judge(
         word = "as an effect"
     else:
         word = "not to be seen" if verdict.word == "none" else "missed"
+    if word == "missed" and row is not LOST and lead_of(right, trial, compared) < LEAD:
+        word = "too faint"
     if row is LOST and word == "missed":
         word = "in no file"
     return word, names, verdict.word, effects, took
+
+
+def lead_of(right: Model, trial: Trial, compared: Compared) -> float:
+    """Log evidence [nats] of the right simulator over the best explanation of the mistaken one's gap."""
+    problem = build_problem(right, trial)
+    best = max(c.log_evidence for c in (compared.candidates.none, *compared.candidates.refits))
+    return weighted_hypothesis(problem, (), fit_with(problem, ())).log_evidence - best
 
 
 def in_turn(vehicle: str, seed: int, row: int) -> bool:
@@ -127,13 +153,15 @@ def study(out: Path, vehicles: tuple[str, ...], seeds: tuple[int, ...], every: b
                     continue
                 wrong = row.change(right)
                 same = VEHICLES[name] == 3 and wrong is not None and wrong.coef == right.coef
-                if wrong is None or (row not in (NOTHING, LOST) and (same or wrong == right)):
+                if wrong is None or (row.spatial and VEHICLES[name] == 3):
+                    continue
+                if row not in (NOTHING, LOST) and (same or wrong == right):
                     continue
                 begin = time.process_time()
                 try:
                     model = build_model(with_relative_prior(wrong, PRIOR_SD), VEHICLES[name])
                     log = campaign(name, k, step=STEP, acts=SIGN_LOST) if row is LOST else trial
-                    said = judge(log, model, row)
+                    said = judge(log, model, row, build_model(right, VEHICLES[name]))
                 except BayesidError as error:
                     said = ("diverges" if row is LOST else "missed", (), f"refused: {error}"[:120], (), 0.0)
                 took = time.process_time() - begin
@@ -152,20 +180,23 @@ def report(found: list[Outcome], together: list[dict[str, Any]]) -> Report:
     """The table of mistakes, what was missed, and mistakes beside an effect."""
     planted_in = [o for o in found if o.row != NOTHING.name]
     real = [o for o in planted_in if o.word not in ("not to be seen", "diverges", "in no file")]
-    faint = sum(o.word == "not to be seen" for o in planted_in)
+    unseen = sum(o.word == "not to be seen" for o in planted_in)
+    faint = sum(o.word == "too faint" for o in planted_in)
     said = ", ".join(
         f"{o.vehicle} {o.verdict if o.word == 'in no file' else o.word}" for o in found if o.row == LOST.name
     )
     clean = [o for o in found if o.row == NOTHING.name]
-    good = [o for o in real if o.word not in ("missed", "wrong name")]
+    good = [o for o in real if o.word not in ("missed", "wrong name", "too faint")]
     share = len(good) / max(1, len(real))
     words = Counter(o.word for o in real)
     alarms = sum(o.word == "false alarm" for o in clean)
-    told = ", ".join(f"{words[w]} {w}" for w in words if w not in ("missed", "wrong name"))
+    told = ", ".join(f"{words[w]} {w}" for w in words if w not in ("missed", "wrong name", "too faint"))
     lead = (
         f"Of {len(real)} logs whose simulator has a mistake {len(good)} are told, {share:.0%} ({told}): the "
         f"bar of {BAR:.0%} is {'met' if share >= BAR else 'missed'}. {words['wrong name']} get a wrong name, "
-        f"{words['missed']} none; {faint} more are too small to be seen, simulator and log agree. Mistakes "
+        f"{words['missed'] + faint} none, {faint} of them because even the right simulator leads the best "
+        f"other explanation by less than the {LEAD:g} nats a name asks for; {unseen} more, not counted, are "
+        "too small to be seen, simulator and log agree. Mistakes "
         f"in what made the log, which no vehicle file can hold, have no name: {said or 'none planted'}. Of "
         f"{len(clean)} logs of a right simulator {alarms} are called mistaken. "
         f"The logs are of {', '.join(dict.fromkeys(o.vehicle for o in found))}{_design(found)}."
@@ -183,8 +214,11 @@ def report(found: list[Outcome], together: list[dict[str, Any]]) -> Report:
             f"{o.verdict} {', '.join(o.effects[:3])}".strip() for o in found if o.row == name
         )))  # fmt: skip
         rows.append(cells)
-    missed = [o for o in found if o.word in ("missed", "wrong name", "false alarm")]
-    table = [[o.vehicle, o.seed, o.row, ", ".join(o.names), o.verdict, ", ".join(o.effects)] for o in missed]
+    missed = [o for o in found if o.word in ("missed", "too faint", "wrong name", "false alarm")]
+    table = [
+        [o.vehicle, o.seed, o.row, o.word, ", ".join(o.names), o.verdict, ", ".join(o.effects)]
+        for o in missed
+    ]
     whole = sum(o.seconds for o in found)
     extra = sum(o.extra for o in found)
     return Report(
@@ -195,7 +229,7 @@ def report(found: list[Outcome], together: list[dict[str, Any]]) -> Report:
             Section(
                 "Missed",
                 [
-                    Table(["vehicle", "seed", "mistake", "named", "verdict", "its names"], table)
+                    Table(["vehicle", "seed", "mistake", "", "named", "verdict", "its names"], table)
                     if table
                     else Text("None.")
                 ],

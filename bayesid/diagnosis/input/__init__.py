@@ -1,6 +1,7 @@
 """Mistakes of the log, before any cause of a gap is weighed.
 
-Takes a trial and a model. Gives what is wrong with the input, the mend, and the trial mended.
+Takes a trial and a model. Gives what is wrong with the input, the mend, and the trial mended; what a mistake
+of the simulator would explain as well is said so.
 Does not: weigh effects, or change a file.
 """
 

@@ -7,15 +7,18 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from bayesid.diagnosis.input.vehicle_behaviour import VehicleBehaviour
+from bayesid.diagnosis.input.simulator_instead import (
+    behaviour_of,
+    mistakes_that_clear,
+    open_to_the_simulator,
+    weighed_against_simulator,
+)
 from bayesid.diagnosis.input.wrong_vehicle import wrong_vehicle
 from bayesid.equations.model import Model
 from bayesid.trials import Trial
 from bayesid.trials.correction import apply
 from bayesid.trials.mistakes import InputCheck, check_input
 from bayesid.trials.noise_stated import seen_noise, stated_wrongly
-
-RUNS_COUNT_AS = 2.0  # independent observations, however many runs: they share one simulator's errors
 
 
 def check_trial(trial: Trial, model: Model | None = None) -> InputCheck:
@@ -32,11 +35,16 @@ def check_trial(trial: Trial, model: Model | None = None) -> InputCheck:
         found, size = check_input(runs), None
     else:
         size = model.scales["L"], model.scales["U"]
-        behaviour = VehicleBehaviour(model, min(1.0, RUNS_COUNT_AS / len(runs)))
-        found = check_input(runs, size[0] / size[1], behaviour, model.vehicle.rates)
+        found = check_input(runs, size[0] / size[1], behaviour_of(model, runs), model.vehicle.rates)
     right = mended(trial, found)
-    if model is not None and (other := wrong_vehicle(model, right.identify)) is not None:
-        found = replace(found, findings=(*found.findings, other))
+    if model is not None:
+        rest = tuple(f for f in found.findings if not open_to_the_simulator(f))
+        bare = mended(trial, replace(found, findings=rest))
+        found = replace(found, findings=weighed_against_simulator(found.findings, bare, right, model))
+        right = mended(trial, found.of_log)
+        if (other := wrong_vehicle(model, right.identify)) is not None:
+            other = replace(other, instead=mistakes_that_clear(right.identify, model))
+            found = replace(found, findings=(*found.findings, other))
     wrong = stated_wrongly(seen_noise(right.identify, right.noise, size))
     return replace(found, remarks=() if wrong is None else (wrong,))
 

@@ -50,15 +50,18 @@ class VehicleBehaviour:
     Attributes
     ----------
     weight : of one run: runs of one trial share the vehicle's errors and count as two together
+    seen : whether a turn has to be seen: a simulator in question that scatters must not be excused by it
     """
 
     model: Model
     weight: float = 1.0
+    seen: bool = False
     needs: Mapping[str, frozenset[str]] = field(default_factory=lambda: dict(NEEDS))
 
     def __call__(self, run: Run) -> dict[str, float]:
         """What is told -> log likelihood [nats]."""
         out = {}
+        density = _seen_density if self.seen else _gain_density
         with np.errstate(all="ignore"):
             speed = speed_ratio(self.model, run)
             if speed is not None:
@@ -70,7 +73,7 @@ class VehicleBehaviour:
                     continue
                 for name, gain in zip((turn, slide), gains, strict=True):
                     if gain is not None:
-                        out[name] = self.weight * _gain_density(*gain)
+                        out[name] = self.weight * density(*gain)
                 if gains[0] is not None and gains[1] is not None and _turned(*gains[0]):
                     # steered the other way round: how it slides tells nothing of the sign of v or w
                     out[slide] = min(out[slide], self.weight * WRONG_SIDE)
@@ -94,6 +97,15 @@ def _gain_density(gain: float, sd: float) -> float:
     if gain < SURE_SIDE * sd:  # no turn to be seen: the gain is at most what its deviation allows
         return _log_density(min(0.0, math.log(max(SURE_SIDE * sd, 1e-6))) / GAIN_SD)
     return _log_density(math.log(gain) / math.hypot(GAIN_SD, sd / gain))
+
+
+def _seen_density(gain: float, sd: float) -> float:
+    """Log density of such a gain over its largest one where it is exactly known."""
+    if abs(gain) > SURE_SIDE * sd:
+        spread = math.hypot(GAIN_SD, sd / gain)
+        return _gain_density(gain, sd) - math.log(spread / GAIN_SD)
+    spread = math.hypot(GAIN_SD, sd)
+    return _log_density((gain - 1.0) / spread) - math.log(spread / GAIN_SD)
 
 
 def speed_ratio(model: Model, run: Run) -> float | None:

@@ -5,6 +5,5 @@ verdict, a vehicle file, or the search of causes.
 """
 
 from bayesid.diagnosis.simulator.judge import find_mistakes
-from bayesid.diagnosis.simulator.other_vehicle import mistakes_that_clear
 
-__all__ = ["find_mistakes", "mistakes_that_clear"]
+__all__ = ["find_mistakes"]

@@ -123,11 +123,15 @@ def _rates(factor: float) -> Mend:
     return mend
 
 
-def _fins(factor: float) -> Mend:
+def _fins(factor: float, only: str = "") -> Mend:
+    """Rows by their power of fin angles, of one fin where others have rows too."""
+
     def mend(numbers: Numbers, size: float) -> Change | None:
         found = {}
+        if only and not {"delta_r", "delta_s"} <= {f.symbol for n in numbers.rows() for f in ROWS[n].factors}:
+            return None
         for name, value in numbers.rows().items():
-            power = sum(f.degree for f in ROWS[name].factors if f.symbol.startswith("delta"))
+            power = sum(f.degree for f in ROWS[name].factors if f.symbol.startswith(only or "delta"))
             if power:
                 found[name] = value * factor**power
         return Change(found) if found else None
@@ -295,6 +299,18 @@ MISTAKES: tuple[SimulatorMistake, ...] = (
         "the sign of the fins is turned in the simulator, or in the log",
         _fins(-1.0),
         source="positive rudder to starboard and to port are both in use",
+    ),
+    SimulatorMistake(
+        "sign of the rudder",
+        "the sign of the rudder is turned in the simulator, or in the log",
+        _fins(-1.0, "delta_r"),
+        source="positive rudder to starboard and to port are both in use",
+    ),
+    SimulatorMistake(
+        "sign of the stern planes",
+        "the sign of the stern planes is turned in the simulator, or in the log",
+        _fins(-1.0, "delta_s"),
+        source="positive planes up and down are both in use",
     ),
     SimulatorMistake(
         "another length",

@@ -4,8 +4,8 @@ Takes the runs of a trial. Gives `InputFinding`s. The table is `table`; what kin
 Does not: simulate a vehicle (`bayesid.diagnosis.input`), or change the trial.
 """
 
-from bayesid.trials.mistakes.finding import InputCheck, InputFinding
+from bayesid.trials.mistakes.finding import SIMULATOR, InputCheck, InputFinding
 from bayesid.trials.mistakes.judge import check_input
 from bayesid.trials.mistakes.table import MISTAKES, Mistake
 
-__all__ = ["MISTAKES", "InputCheck", "InputFinding", "Mistake", "check_input"]
+__all__ = ["MISTAKES", "SIMULATOR", "InputCheck", "InputFinding", "Mistake", "check_input"]

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 from bayesid.trials.correction import Correction
+
+BY_VEHICLE = "vehicle's "  # begins what is told by the behaviour of the vehicle
+SIMULATOR = "simulator: "  # begins a mistake of the simulator among those not told from one of the log
 
 
 @dataclass(frozen=True)
@@ -24,6 +28,8 @@ class InputFinding:
     correction : what mends it; None where there is no mend but to log it anew
     also : names of mistakes these runs cannot tell from it
     together : probability that it is this or one of `also`; 0 where there is none
+    kinematic : log odds [nats] against a right log without what the vehicle says, the prior among them
+    instead : mistakes of the simulator that explain it better than this one of the log
     """
 
     name: str
@@ -38,11 +44,18 @@ class InputFinding:
     correction: Correction | None
     also: tuple[str, ...] = ()
     together: float = 0.0
+    kinematic: float = math.inf
+    instead: tuple[str, ...] = ()
 
     @property
     def mend(self) -> tuple[str, ...]:
         """Lines of trial.toml."""
         return () if self.correction is None else ("[corrections]", *self.correction.lines())
+
+    @property
+    def by_vehicle(self) -> bool:
+        """Whether what the vehicle says is among what tells it."""
+        return any(key.startswith(BY_VEHICLE) for key in self.told_by)
 
 
 @dataclass(frozen=True)
@@ -61,3 +74,13 @@ class InputCheck:
     in_order: tuple[str, ...] = ()
     unseen: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
+
+    @property
+    def of_log(self) -> InputCheck:
+        """Without what a mistake of the simulator explains better."""
+        return replace(self, findings=tuple(f for f in self.findings if not f.instead))
+
+    @property
+    def insisted(self) -> InputCheck:
+        """The mistakes of the simulator taken back."""
+        return replace(self, findings=tuple(replace(f, instead=()) for f in self.findings))

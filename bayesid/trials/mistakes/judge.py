@@ -18,7 +18,7 @@ from scipy.special import logsumexp
 from bayesid.trials.correction import apply
 from bayesid.trials.kinematics.evidence import Held, weigh
 from bayesid.trials.kinematics.relations import NEEDS, relations
-from bayesid.trials.mistakes.finding import InputCheck, InputFinding
+from bayesid.trials.mistakes.finding import BY_VEHICLE, InputCheck, InputFinding
 from bayesid.trials.mistakes.plausible import implausible
 from bayesid.trials.mistakes.signs import SIGNS, sign_evidence
 from bayesid.trials.mistakes.table import MISTAKES, Mistake
@@ -160,7 +160,7 @@ def _with_behaviour(found: list[Weighed], base: Sequence[Base], behaviour: Behav
                 said = behaviour(apply(correction, one.run))
                 for k in keys:
                     if k in said and k in one.seen:
-                        key = f"vehicle's {k}"
+                        key = BY_VEHICLE + k
                         gain.setdefault(key, np.zeros(len(base)))[i] += said[k] - one.seen[k]
                         odds[i] += said[k] - one.seen[k]
         out.append(replace(w, odds=odds, gain=gain))
@@ -210,8 +210,13 @@ def named(found: Sequence[Weighed], names: Sequence[str], less: float = 0.0) -> 
     before, after = w.level(chosen)
     return InputFinding(
         w.mistake.name, w.mistake.says, w.mistake.channels, concerned, not part, own, w.told_by(chosen),
-        before, after, correction, also, together,
+        before, after, correction, also, together, score - _of_vehicle(w, chosen),
     )  # fmt: skip
+
+
+def _of_vehicle(w: Weighed, runs: np.ndarray) -> float:
+    """What the behaviour of the vehicle says of a mistake in some runs [nats]."""
+    return sum(float(v[runs].sum()) for k, v in w.gain.items() if k.startswith(BY_VEHICLE))
 
 
 def weigh_one(base: Sequence[Base], mistake: Mistake) -> Weighed | None:
