@@ -271,10 +271,11 @@ def test_what_kinematics_tells_keeps_its_own_evidence_beside_an_unsure_form():
     refits = [candidate(v, *names) for names, v in {
         ("gyro", "lag"): 140.0, ("gyro", "rate"): 130.0, ("lag", "rate"): 112.0}.items()]  # fmt: skip
 
-    def inside(sure):
-        return probabilities(evidence, refits, none, where, error=FormError(60.0, frozenset(sure))).inside
+    def inside(gyro):
+        alone = dict.fromkeys([("gyro",), ("gyro", "lag"), ("gyro", "rate")], gyro)
+        return probabilities(evidence, refits, none, where, error=FormError(60.0, alone)).inside
 
-    told, unsure = inside({"gyro"}), inside(())
+    told, unsure = inside(40.0), inside(0.0)
     assert told["gyro"] > 0.95 > unsure["gyro"]
     assert 0.1 < told["rate"] < told["lag"] < 0.9
 
@@ -282,9 +283,24 @@ def test_what_kinematics_tells_keeps_its_own_evidence_beside_an_unsure_form():
 def test_a_set_refitted_only_beside_a_kinematic_effect_lifts_no_other():
     gain = {("gyro",): 500.0, ("a",): 100.0, ("b",): 60.0, ("c",): 70.0,
             ("a", "gyro"): 600.0, ("b", "gyro"): 560.0}  # fmt: skip
-    error = FormError(48.0, frozenset({"gyro"}))
+    beside = [("gyro",), ("a", "gyro"), ("b", "gyro"), ("a", "c", "gyro")]
+    error = FormError(48.0, dict.fromkeys(beside, 500.0))
     pairs = told(gain, error)
     more = told(gain | {("a", "c", "gyro"): 605.0}, error)
     assert more["a", "gyro"] == pytest.approx(pairs["a", "gyro"], abs=6.0)
     assert more["a",] == pytest.approx(pairs["a",], abs=6.0)
     assert max(more, key=lambda k: more[k]) in {("a", "gyro"), ("a", "c", "gyro")}
+
+
+def test_what_a_form_leaves_counts_in_the_axes_of_the_causes_that_differ():
+    """200 nats are left sideways and 4 ahead: a loss of thrust is told beside either of two side forces."""
+    axes = {"screw": frozenset("XYN"), "rudder": frozenset("XYN"), "thrust": frozenset("X")}
+    error = FormError(200.0, axes=axes, parts={frozenset("X"): 4.0, frozenset("XYN"): 200.0})
+    gain = {("screw",): 650.0, ("rudder",): 610.0, ("thrust",): 3.0,
+            ("screw", "thrust"): 800.0, ("rudder", "thrust"): 765.0}  # fmt: skip
+    worth = told(gain, error)
+    assert worth["screw", "thrust"] - worth["screw",] == pytest.approx(150.0)
+    assert worth["screw", "thrust"] - worth["rudder", "thrust"] < 1.0  # look-alikes stay together
+    assert worth["thrust",] == 3.0  # what explains no more than is left ahead is no rival
+    whole = told(gain, FormError(200.0))
+    assert whole["screw", "thrust"] - whole["screw",] < 5.0

@@ -69,6 +69,7 @@ def passes(monkeypatch, outliers=(), events=(), fails=lambda events, readings: N
     monkeypatch.setattr(
         exclusions, "compared", lambda problem, notify, seed, base: Compared(problem, f"compared {len(seen)}")
     )
+    monkeypatch.setattr(exclusions, "in_its_environment", lambda found, notify, seed: found)
     monkeypatch.setattr(exclusions, "simplest", lambda candidates: None)
     monkeypatch.setattr(exclusions, "find_events", lambda problem, trial, best, notify: events)
     monkeypatch.setattr(exclusions, "with_events", lambda candidates, found: f"{candidates} + {len(found)}")

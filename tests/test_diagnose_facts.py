@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from bayesid.diagnosis.hypotheses import facts
+from bayesid.diagnosis.hypotheses.kinematic import Kinematics
 from bayesid.diagnosis.hypotheses.probabilities import FormError
 from bayesid.diagnosis.hypotheses.verdict import decide
 
@@ -125,3 +126,33 @@ def test_a_hidden_effect_is_listed_beside_the_best_within_twenty_nats_only(monke
         monkeypatch.setattr(facts, name, stand_in)
     named = facts.grounds_of(problem, comparison).named
     assert named.hidden == ("a", "b", "c", "d") and named.along == ("a", "b")
+
+
+@pytest.mark.parametrize(
+    ("alone", "both", "excess", "within", "together"),
+    [
+        ({"a": 20.0, "c": 10.0}, 30.0, 1.0, ("a", "c"), True),  # all of it is less than the form may leave
+        ({"a": 930.0, "c": 940.0}, 960.0, 1.0, ("a", "c"), False),  # each can stand for the other
+        ({"a": 20.0, "c": 940.0}, 960.0, 1.0, ("a",), True),  # one is large, the other its rest
+        ({"a": 20.0, "c": 45.0}, 49.0, 20.0, ("a", "c"), True),
+    ],
+)
+def test_causes_that_stand_for_each_other_are_more_than_a_form_leaves(
+    alone, both, excess, within, together, monkeypatch
+):
+    """A form worth 100 nats: each of two may be less than half of it beside the other, and both much more."""
+    monkeypatch.setattr(facts, "gain_and_excess", lambda problem, best, axes: (100.0, 1.0))
+    monkeypatch.setattr(facts, "axes_of", lambda problem, name: frozenset("YN"))
+    runs = SimpleNamespace(disagree=excess > 1.0, excess=excess)
+    monkeypatch.setattr(facts, "cross_validate", lambda best, none, k: runs)
+    monkeypatch.setattr(facts, "by_kinematics", lambda problem, best: Kinematics())
+    refits = (
+        candidate(("a", "c"), both, 1.0, True),
+        *(candidate((n,), g, 1.0, True) for n, g in alone.items()),
+    )
+    comparison = SimpleNamespace(refits=refits, none=candidate((), 0.0, 1.0, True))
+    model = SimpleNamespace(effects=dict.fromkeys("abcd"))
+    problem = SimpleNamespace(form=object(), model=model, coefficients=SimpleNamespace(names=()))
+    assert facts._covered(problem, comparison, refits[0]) == (within, together)
+    problem.form = None
+    assert facts._covered(problem, comparison, refits[0]) == ((), True)

@@ -64,14 +64,11 @@ CASES = [
     ("several sure", replace(PAIR, absorbed=1.0, none_in_set=True), {
         "sure": (1, "several, one sure"), "effects": (1, "none not excluded")}),
     ("model form", replace(FORM, covered=True, acts=NAMING_PROBABILITY - TINY), {
-        "covered": (False, "unsure effect"),
-        "acts": (NAMING_PROBABILITY + 0.0, "effect no larger than what a model form leaves")}),
+        "covered": (False, "unsure effect")}),
+    ("model form", replace(FORM, covered=True, acts=1.0, runs_refute=True), {
+        "covered": (False, "refuted by the runs"), "form": (False, "refuted by the runs")}),
     ("shapes of a model form", replace(PAIR, sure=0, of_motion=True), {
         "of_motion": (False, "several, none sure"), "outside": (EVEN_ODDS + TINY, "unlisted cause")}),
-    ("effect no larger than what a model form leaves", replace(FORM, covered=True, runs_refute=True), {
-        "covered": (False, "refuted by the runs"), "form": (False, "refuted by the runs"),
-        "acts": (NAMING_PROBABILITY - TINY, "model form"),
-        "none": (EVEN_ODDS + TINY, "model form"), "gain": (3.9, "model form")}),
     ("model form", replace(FORM, gain=3.9), {"gain": (4.0, "effect"), "form": (False, "faint")}),
     ("model form", replace(FORM, widens=True), {
         "widens": (False, "effect"), "form": (False, "wrong coefficient")}),
@@ -97,6 +94,9 @@ CASES = [
     ("none not excluded", replace(PLAIN, none_in_set=True, none=0.06), {"none_in_set": (False, "effect")}),
     ("unsure effect", replace(PLAIN, acts=NAMING_PROBABILITY - TINY), {"acts": (NAMING_PROBABILITY + 0.0,
     "effect")}),
+    ("no size beside a model form", replace(FORM, idle=True), {
+        "idle": (False, "effect"), "form": (False, "effect without size"),
+        "acts": (NAMING_PROBABILITY - TINY, "unsure effect")}),
     ("effect without size", replace(PLAIN, idle=True), {"idle": (False, "effect")}),
     ("effect with a remainder", replace(PLAIN, left=19 + TINY), {"left": (19.0, "effect")}),
     ("effect with a remainder", replace(PLAIN, runs_disagree=True), {"runs_disagree": (False, "effect")}),
@@ -128,7 +128,6 @@ SAID = {
     "unlisted cause": ("outside", (), ()),
     "model form": ("model_form", (), ()),
     "shapes of a model form": ("model_form", (), ()),
-    "effect no larger than what a model form leaves": ("ambiguous", ("a", "b"), ()),
     "one sure beside a model form": ("effect", ("b",), ()),
     "coefficients moved": ("coefficients", (), ("c", "d")),
     "nothing beyond chance": ("none", (), ()),
@@ -145,6 +144,7 @@ SAID = {
     "probably none": ("none", (), ()),
     "none not excluded": ("ambiguous", ("a", "b"), ()),
     "unsure effect": ("ambiguous", ("a", "b"), ()),
+    "no size beside a model form": ("model_form", (), ()),
     "effect without size": ("ambiguous", ("a", "b"), ()),
     "effect with a remainder": ("effect_with_remainder", ("a",), ()),
     "effect": ("effect", ("a",), ()),
@@ -160,7 +160,7 @@ def test_a_rule_says_its_word_and_names_those_of_its_outcome(rule):
     none = "model_form" if rule.word == "model_form" else "none"
     assert set95 == tuple(none if n == "none" else n for n in NAMES.set95)
     without = names_of(rule, replace(NAMES, set95=("outside",)))[2]
-    silent = rule.word in ("none", "model_form") or rule.name.endswith("a model form leaves")
+    silent = rule.word in ("none", "model_form")
     assert without == ((none, "outside") if silent else ("outside",))
     assert not set(names_of(rule, replace(NAMES, hidden=("a", "b", "c"), along=("a", "c")))[1]) & set(effects)
     beside = names_of(rule, replace(NAMES, form=True))[2]

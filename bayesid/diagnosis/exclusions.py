@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 from bayesid.diagnosis.data.event import Event
 from bayesid.diagnosis.data.outliers import Found, stripped
 from bayesid.diagnosis.data.problem import DiagnosisProblem, build_problem, fit_with
+from bayesid.diagnosis.environment_stage import in_its_environment
 from bayesid.diagnosis.event_search import find_events, with_events
 from bayesid.diagnosis.form_stage import Compared, compared
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains
@@ -67,7 +68,7 @@ def compare_without(
                 notify(f"once more without {len(outliers)} reading(s) that all others contradict")
                 excluded = Excluded(excluded.events, (*problem.outliers, *outliers))
                 continue
-            found = compared(problem, notify, seed, base)
+            found = in_its_environment(compared(problem, notify, seed, base), notify, seed)
         except BayesidError as error:
             if whole is None:
                 raise

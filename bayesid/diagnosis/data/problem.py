@@ -25,6 +25,7 @@ from bayesid.estimation.filter_error.noise_identification import (
     identify_noise,
     stated_noise,
 )
+from bayesid.estimation.filter_error.noise_model import NoiseModel
 from bayesid.estimation.filter_error.read_run import STRAIGHT_LENGTHS, filter_error_run
 from bayesid.estimation.filter_error.straight_run_noise import RemovedForces, identify_straight_noise
 from bayesid.estimation.parameters import NO_PARAMETERS, GaussianPrior, coefficient_prior, effect_prior
@@ -37,6 +38,8 @@ from bayesid.trials.noise import raised, raised_words
 Notify = Callable[[str], None]
 # How far the environment of manoeuvres may lie from that of straight runs that hold a gap, in the logarithm.
 STRAIGHT_NOISE_SPREAD = 0.2
+# Passes for the path of the nominal model along the readings.
+PATH_ITERATIONS = 16
 # Passes in which states that hang on nothing but a known motion arrive.
 SETTLING_ITERATIONS = 3
 # Where an effect without a slope when off begins, in prior standard deviations.
@@ -90,6 +93,19 @@ class DiagnosisProblem:
         free = with_form(self.model, self.stated, form)
         path = self.swinging(self.path, form, self.path_level)
         return replace(self, coefficients=free, form=form, vehicle=self.stated, path=path)
+
+    def with_environment(self, noise_model: NoiseModel) -> DiagnosisProblem:
+        """The problem without a form under another process noise, its path anew."""
+        along = fit(self.model, self.logs, NO_PARAMETERS, noise_model, iterations=PATH_ITERATIONS)
+        return replace(
+            self,
+            coefficients=self.stated,
+            environment=replace(self.environment, noise_model=noise_model),
+            path=along.path_points,
+            path_level=along.path_force_level,
+            form=None,
+            vehicle=None,
+        )
 
     def swinging(
         self, points: Sequence[Trajectory], form: ModelForm, force_level: float
@@ -178,7 +194,7 @@ def build_problem(
         warnings.append("the vehicle file states no prior; coefficients are taken as known to 10 %")
     environment = _environment(model, trial, logs, coefficients, warnings, notify)
     notify("path: the nominal model along the data under a free force")
-    along_data = fit(model, logs, NO_PARAMETERS, environment.noise_model, iterations=16)
+    along_data = fit(model, logs, NO_PARAMETERS, environment.noise_model, iterations=PATH_ITERATIONS)
     return DiagnosisProblem(
         model,
         tuple(logs),

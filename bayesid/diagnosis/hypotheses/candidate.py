@@ -6,7 +6,7 @@ them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,7 +22,7 @@ from bayesid.diagnosis.threshold_table import (
 from bayesid.equations.layout import names_read
 from bayesid.equations.model import Model
 from bayesid.errors import ModelError
-from bayesid.estimation.filter_error.evidence import GaussianPosterior, posterior
+from bayesid.estimation.filter_error.evidence import GaussianPosterior, NormalEquations, posterior
 from bayesid.estimation.filter_error.fit import FilterErrorFit, stacked_equations
 from bayesid.estimation.filter_error.noise_identification import MANOEUVRE_NOISE_SPREAD
 from bayesid.estimation.run_data import Array
@@ -253,16 +253,26 @@ def parameter_table(fitted: FilterErrorFit, problem: DiagnosisProblem) -> dict[s
 
 
 def jackknife(fitted: FilterErrorFit) -> Array:
-    """(k,) standard deviations [SI] from estimates without each run in turn (Efron 1982); 0 below three."""
-    n = len(fitted.equations)
+    """(k,) standard deviations [SI] of a fit's unknowns from run to run."""
+    return spread_over_runs(fitted.equations, fitted.free.sd)
+
+
+def spread_over_runs(equations: Sequence[NormalEquations], unit: Array) -> Array:
+    """(k,) standard deviations [SI] from estimates without each run in turn (Efron 1982); 0 below three.
+
+    Parameters
+    ----------
+    unit : (k,) prior standard deviations [SI], in which the equations are written
+    """
+    n = len(equations)
     if n < LEAST_RUNS:
-        return np.zeros(len(fitted.free.names))
-    total = sum(fitted.equations[1:], fitted.equations[0])
+        return np.zeros(unit.size)
+    total = sum(equations[1:], equations[0])
     try:
-        means = np.array([posterior(total - g).mean for g in fitted.equations])
+        means = np.array([posterior(total - g).mean for g in equations])
     except ModelError:
-        return np.zeros(len(fitted.free.names))
-    return np.sqrt((n - 1) ** 2 / n) * means.std(axis=0, ddof=1) * fitted.free.sd
+        return np.zeros(unit.size)
+    return np.asarray(np.sqrt((n - 1) ** 2 / n) * means.std(axis=0, ddof=1) * unit)
 
 
 def idle(candidate: RefittedHypothesis, problem: DiagnosisProblem) -> tuple[str, ...]:

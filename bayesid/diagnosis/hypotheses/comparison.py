@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -21,8 +22,8 @@ from bayesid.diagnosis.hypotheses.candidate import (
     weighted_hypothesis,
 )
 from bayesid.diagnosis.hypotheses.cross_validation import cross_validate
-from bayesid.diagnosis.hypotheses.form_part import beyond, form_gain
-from bayesid.diagnosis.hypotheses.kinematic import kinematic_effects
+from bayesid.diagnosis.hypotheses.form_part import axes_of, beyond, form_gain
+from bayesid.diagnosis.hypotheses.kinematic import by_kinematics
 from bayesid.diagnosis.hypotheses.localisation import Localisation, locate, tried
 from bayesid.diagnosis.hypotheses.probabilities import NO_ERROR, FormError, Remainder, probabilities
 from bayesid.diagnosis.hypotheses.refit import (
@@ -228,7 +229,7 @@ def weigh(
         )
         left_by = Remainder(rest, shows, share, where.kept(after))
     places = {e.name: e.where for e in single.effects}
-    error = FormError(FORM_LEAVES * beside, kinematic_effects(problem, refits) if beside > 0 else frozenset())
+    error = _form_error(problem, best, refits, beside)
     weights = probabilities(evidence, refits, none, where, excess, left_by, places, error)
     return HypothesisComparison(
         none,
@@ -256,6 +257,25 @@ def _ranked(
 ) -> tuple[RefittedHypothesis, ...]:
     """Refits by the evidence they may claim, best first."""
     return tuple(sorted((checked(problem, c, none, gains) for c in refits), key=lambda c: -c.log_evidence))
+
+
+def _form_error(
+    problem: DiagnosisProblem, best: RefittedHypothesis, refits: Sequence[RefittedHypothesis], beside: float
+) -> FormError:
+    """How far evidence between these refits holds, by what the form is worth beside the best of them."""
+    if beside <= 0.0:
+        return NO_ERROR
+    causes = [c for c in refits if not c.widens]
+    sets = [(), *(c.effects for c in causes)]
+    axes = {n: axes_of(problem, n) for key in sets for n in key}
+    alone: dict[tuple[str, ...], float] = {}
+    for c in causes:
+        if explains(c):
+            key = tuple(sorted(c.effects))
+            alone[key] = max(alone.get(key, 0.0), by_kinematics(problem, c).evidence)
+    whole = FormError(FORM_LEAVES * beside, alone, axes)
+    asked = {whole.apart(one, other) for one, other in combinations(sets, 2)} - {None}
+    return replace(whole, parts={a: FORM_LEAVES * form_gain(problem, best, a) for a in asked if a})
 
 
 def _rests(refits: Sequence[RefittedHypothesis], after: Localisation | None) -> dict[tuple[str, ...], float]:

@@ -6,7 +6,7 @@ speak of. Does not decide.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,13 +17,12 @@ from bayesid.diagnosis.hypotheses.candidate import (
     RefittedHypothesis,
     explains,
     idle,
-    parameter_table,
     pulls,
 )
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.cross_validation import CrossValidation, cross_validate
-from bayesid.diagnosis.hypotheses.form_part import beyond, form_gain
-from bayesid.diagnosis.hypotheses.kinematic import is_kinematic
+from bayesid.diagnosis.hypotheses.form_part import axes_of, beyond, gain_and_excess
+from bayesid.diagnosis.hypotheses.kinematic import by_kinematics
 from bayesid.diagnosis.hypotheses.localisation import SENSORS
 from bayesid.diagnosis.hypotheses.probabilities import credible_set, told
 from bayesid.diagnosis.threshold_table import (
@@ -63,7 +62,7 @@ class Facts:
     sure : of several effects, how many may be named
     form : whether every hypothesis has a model form, as the runs ask for one
     of_motion : whether of several effects only such are sure as depend on the motion alone, as a form does
-    covered : whether what the form leaves may be as large as each effect of the best
+    covered : whether what the form leaves may be as large as each effect of the best, and as all of them
     others_covered : the same of all effects of the best but those that may be named
     runs_refute : whether runs are predicted worse from the others with the best than without
     runs_disagree : whether runs ask for different sizes of it
@@ -173,9 +172,9 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
     free = before.evidence if before.channel in SENSORS else beyond(before.evidence, candidates.carried)
     off = () if best.widens else idle(best, problem)
     several = len(best.effects) > 1
-    covered = () if best.widens else _covered(problem, candidates, best)
+    within, together = ((), False) if best.widens else _covered(problem, candidates, best)
     like = () if best.widens else like_a_form(candidates, best, problem.model)
-    covered = tuple(dict.fromkeys((*covered, *like)))
+    covered = tuple(dict.fromkeys((*within, *like)))
     sure: tuple[str, ...] = ()
     if several:
         shows = left > limit.remainder
@@ -186,7 +185,7 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
             for n in best.effects
             if n not in off
             and n not in covered
-            and (not shows or left < MINOR_SHARE * _part(candidates, best, n))
+            and (not shows or left < MINOR_SHARE * _part(candidates, best, {n}))
         ]
         sure = tuple(n for n in kept if acts(candidates, families, n) >= NAMING_PROBABILITY)
     named = COEFFICIENT_ERROR if best.widens else best.effects[0] if best.effects else ""
@@ -216,7 +215,7 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
         sure=len(sure),
         form=problem.form is not None,
         of_motion=not sure and any(acts(candidates, families, n) >= NAMING_PROBABILITY for n in like),
-        covered=bool(best.effects) and set(covered) == set(best.effects),
+        covered=together and bool(best.effects) and set(covered) == set(best.effects),
         others_covered=bool(sure) and set(best.effects) == {*sure, *covered},
         runs_refute=runs is not None and runs.refuted,
         runs_disagree=runs is not None and runs.disagree,
@@ -289,34 +288,44 @@ def acts(candidates: HypothesisComparison, families: Mapping[str, str], name: st
     return sum(p for n, p in candidates.inside.items() if families.get(n, n) == family)
 
 
-def _part(candidates: HypothesisComparison, best: RefittedHypothesis, name: str) -> float:
-    """Log evidence that is lost without one of several effects, as far as the refits tell."""
+def _part(candidates: HypothesisComparison, best: RefittedHypothesis, names: Collection[str]) -> float:
+    """Log evidence that is lost without some of several effects, as far as the refits tell."""
     less = [
         c.log_evidence
         for c in candidates.refits
-        if set(c.effects) < set(best.effects) and name not in c.effects
+        if set(c.effects) < set(best.effects) and not set(names) & set(c.effects)
     ]
     return best.log_evidence - max(less, default=candidates.none.log_evidence)
 
 
 def _covered(
     problem: DiagnosisProblem, candidates: HypothesisComparison, best: RefittedHypothesis
-) -> tuple[str, ...]:
-    """Effects of the best that are not larger than what the model form may leave.
+) -> tuple[tuple[str, ...], bool]:
+    """Effects of the best that are not larger than what the model form may leave, and whether all of them
+    together are not.
 
     The equations surely lack something. Beside the effect that explains most, another must be worth more
-    than the form itself to be told from what it leaves. Sensors that contradict one another by kinematics
-    alone do so whatever the equations lack.
+    than the form itself to be told from what it leaves. Of causes that can stand for each other each is
+    worth little beside the rest, and all of them much. Gains are compared as they are, and by how far the
+    runs agree about effect and form. What sensors say by kinematics alone holds whatever the equations lack.
     """
     if problem.form is None:
-        return ()
-    part = {n: _part(candidates, best, n) for n in best.effects}
+        return (), True
+    runs = cross_validate(best, candidates.none, len(problem.coefficients.names))
+    excess = max(runs.excess, 1.0) if runs.disagree else 1.0
+    part = {n: _part(candidates, best, {n}) for n in best.effects}
     first = max(part, key=lambda n: part[n], default="")
-    form = form_gain(problem, best, agreed=False)
-    table = parameter_table(best.fit, problem)
-    share = {n: FORM_LEAVES if n == first else FORM_LEAVES_BESIDE for n in best.effects}
-    return tuple(
+    told_so = by_kinematics(problem, best).told
+
+    def small(names: Collection[str], share: float) -> bool:
+        axes = frozenset().union(*(axes_of(problem, n) for n in names))
+        form, apart = gain_and_excess(problem, best, axes)
+        gain = _part(candidates, best, names)
+        return gain < share * form and gain / excess < share * form / apart
+
+    within = tuple(
         n
         for n in best.effects
-        if part[n] < share[n] * form and not is_kinematic(problem, problem.model.effects[n], table)
+        if small({n}, FORM_LEAVES if n == first else FORM_LEAVES_BESIDE) and n not in told_so
     )
+    return within, not within or small(within, FORM_LEAVES)

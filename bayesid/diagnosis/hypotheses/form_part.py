@@ -5,45 +5,85 @@ Takes a refit of a problem with a form. Gives log evidence. No refit, no lineari
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 
+from bayesid.diagnosis.data.model_form import ModelForm, with_form
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis
 from bayesid.diagnosis.hypotheses.cross_validation import disagreement
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.evidence import NormalEquations, posterior
+from bayesid.estimation.parameters import GaussianPrior
 
 Array = np.ndarray
+# Axes whose force is the same for sideways motion to port and to starboard.
+EVEN = frozenset("XZM")
 
 
-def form_gain(problem: DiagnosisProblem, candidate: RefittedHypothesis, agreed: bool = True) -> float:
+def form_gain(
+    problem: DiagnosisProblem, candidate: RefittedHypothesis, axes: Collection[str] | None = None
+) -> float:
     """Log evidence a refit would lose without the form, along its own path [nats].
+
+    Divided by how much the runs disagree about the form (quasi-likelihood; Wedderburn 1974): a force that
+    depends on the motion is the same function in every run.
 
     Parameters
     ----------
-    agreed : divided by how much the runs disagree about the form (quasi-likelihood; Wedderburn 1974): a force
-        that depends on the motion is the same function in every run
+    axes : without the form in these only; in all of them where not given
     """
-    if problem.form is None:
-        return 0.0
-    fitted, stated = candidate.fit, problem.stated
-    k = len(stated.names)
-    scale = np.ones(len(fitted.free.names))
-    # what the form widens, not what a hypothesis does
-    scale[:k] = stated.sd / problem.coefficients.sd[:k]
-    keep = np.concatenate([np.arange(k), np.arange(len(problem.coefficients.names), scale.size)])
+    gain, excess = gain_and_excess(problem, candidate, axes)
+    return gain / excess
+
+
+def gain_and_excess(
+    problem: DiagnosisProblem, candidate: RefittedHypothesis, axes: Collection[str] | None = None
+) -> tuple[float, float]:
+    """What a refit would lose without the form [nats], and how much the runs disagree about that (>= 1)."""
+    form, model = problem.form, problem.model
+    if form is None:
+        return 0.0, 1.0
+    rest = {axis: 0.0 if axes is None or axis in axes else size for axis, size in form.sizes.items()}
+    if axes is not None and rest == dict(form.sizes):
+        return 0.0, 1.0
+    left = with_form(model, problem.stated, ModelForm(rest, form.period)) if any(rest.values()) else None
+    fitted, k = candidate.fit, len(problem.coefficients.names)
     total = sum(fitted.equations[1:], fitted.equations[0])
     try:
-        with_it, less = posterior(total), posterior(scaled(total, scale).pick(keep))
+        without = posterior(_with_prior(problem, fitted.free, total, left or problem.stated))
+        gain = max(posterior(total).log_evidence - without.log_evidence, 0.0)
     except ModelError:
-        return 0.0
-    gain = max(with_it.log_evidence - less.log_evidence, 0.0)
-    if not agreed:
-        return gain
-    own = np.arange(k, len(problem.coefficients.names))
-    last = tuple(g.pick(np.concatenate([keep, own])) for g in fitted.equations)
-    _, excess = disagreement(last, keep.size)
-    return gain / max(excess, 1.0)
+        return 0.0, 1.0
+    own = np.arange(len(problem.stated.names), k)
+    common = np.setdiff1d(np.arange(len(fitted.free.names)), own)
+    last = tuple(g.pick(np.concatenate([common, own])) for g in fitted.equations)
+    _, excess = disagreement(last, common.size)
+    return gain, max(excess, 1.0)
+
+
+def _with_prior(
+    problem: DiagnosisProblem, free: GaussianPrior, total: NormalEquations, wanted: GaussianPrior
+) -> NormalEquations:
+    """Equations with another prior of coefficients and form: what that widens, not what a hypothesis does."""
+    sd = dict(zip(wanted.names, wanted.sd, strict=True))
+    scale = np.ones(len(free.names))
+    for i, (name, wide) in enumerate(zip(problem.coefficients.names, problem.coefficients.sd, strict=True)):
+        scale[i] = sd.get(name, 0.0) / wide
+    return scaled(total, scale).pick(np.flatnonzero(scale))
+
+
+def axes_of(problem: DiagnosisProblem, name: str) -> frozenset[str]:
+    """Axes of the form that may stand for an effect.
+
+    Those it acts in, where these are even in sideways motion; else all: what a form leaves sideways, roll
+    among it, shows in every channel but drives nothing ahead (port-starboard symmetry).
+    """
+    every = frozenset(problem.form.sizes) if problem.form is not None else frozenset()
+    effect = problem.model.effects.get(name)
+    acts = frozenset("".join(effect.where)) & every if effect is not None else frozenset()
+    return acts if acts and acts <= EVEN else every
 
 
 def beyond(gain: float, carried: float) -> float:

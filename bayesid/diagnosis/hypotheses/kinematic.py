@@ -1,20 +1,106 @@
-"""Which effects readings tell by kinematics alone, whatever force the equations lack.
+"""What the readings tell of the effects of sensors by kinematics alone, whatever force the equations lack.
 
-Takes a `DiagnosisProblem`, an effect and its parameters. No fit.
+Takes a `DiagnosisProblem` and its refits. Gives log evidence and parameters. Fits nothing.
+
+Along the path of a refit the forces are left free: process noise larger than any force that manoeuvres a
+vehicle. What the effects of sensors still gain is that positions, heading, rates and speeds contradict one
+another without them; what they gain besides rests on the equations, and is worth what these are.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from bayesid.diagnosis.data.problem import DiagnosisProblem
-from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, parameter_table
+from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, parameter_table, spread_over_runs
+from bayesid.diagnosis.threshold_table import ADD_EVIDENCE
+from bayesid.errors import ModelError
+from bayesid.estimation.filter_error.evidence import posterior
+from bayesid.estimation.filter_error.fit import stacked_equations
+from bayesid.estimation.filter_error.noise_model import force_unit
 from bayesid.model.effects import Effect
 
+# Force over 1/2 rho L^2 U^2, moment over 1/2 rho L^3 U^2, that leaves the motion free. Between 0.003 and 0.03
+# estimates move by less than half of their sd.
+FREE_FORCE = 0.01
 
-def is_kinematic(problem: DiagnosisProblem, effect: Effect, table: Mapping[str, tuple[float, float]]) -> bool:
-    """Whether readings tell an effect of a sensor without any force: d psi/dt against r, the velocity over
-    ground against u, v turned by psi. Not where roll, which a planar model leaves out, gives the same.
+
+@dataclass(frozen=True)
+class Kinematics:
+    """What kinematics says of the effects of sensors in one explanation.
+
+    Attributes
+    ----------
+    evidence : log evidence lost without all of them [nats]
+    parts : effect -> what is lost without it beside the others [nats]
+    table : parameter -> estimate and standard deviation [SI], of those that are told
+    """
+
+    evidence: float = 0.0
+    parts: Mapping[str, float] = field(default_factory=dict)
+    table: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    @property
+    def told(self) -> frozenset[str]:
+        """Effects that kinematics tells beside the others."""
+        return frozenset(n for n, part in self.parts.items() if part > ADD_EVIDENCE)
+
+
+NOTHING = Kinematics()
+
+
+def by_kinematics(problem: DiagnosisProblem, candidate: RefittedHypothesis) -> Kinematics:
+    """What kinematics alone says of a refit; nothing where no effect of a sensor can be read so."""
+    fitted, model = candidate.fit, problem.model
+    found = {} if candidate.widens or not candidate.effects else parameter_table(fitted, problem)
+    asked = [n for n in candidate.effects if found and _readable(problem, model.effects[n], found)]
+    if not asked:
+        return NOTHING
+    noise_model, free = problem.environment.noise_model, fitted.free
+    loud = np.maximum(noise_model.force, FREE_FORCE * force_unit(model))
+    columns = {n: [free.names.index(model.effects[n].key(p.name)) for p in model.effects[n].parameters
+                   if model.effects[n].key(p.name) in free.names] for n in asked}  # fmt: skip
+
+    def without(names: Collection[str]) -> np.ndarray:
+        return np.setdiff1d(np.arange(len(free.names)), [i for n in names for i in columns[n]])
+
+    try:
+        equations = stacked_equations(model, fitted.paths, free, replace(noise_model, force=tuple(loud)))
+        total = sum(equations[1:], equations[0])
+        whole = posterior(total)
+        lost = [
+            whole.log_evidence - posterior(total.pick(without(n))).log_evidence
+            for n in (asked, *([n] for n in asked))
+        ]
+    except ModelError:
+        return NOTHING
+    parts = dict(zip(asked, (float(x) for x in lost[1:]), strict=True))
+    value = free.mean + free.sd * whole.mean
+    sd = np.maximum(free.sd * np.sqrt(np.diag(whole.covariance)), spread_over_runs(equations, free.sd))
+    told = [i for n in asked if parts[n] > ADD_EVIDENCE for i in columns[n]]
+    table = {free.names[i]: (float(value[i]), float(sd[i])) for i in told}
+    return Kinematics(float(lost[0]), parts, table)
+
+
+def parameters_told(
+    problem: DiagnosisProblem, candidate: RefittedHypothesis
+) -> dict[str, tuple[float, float]]:
+    """Effect parameters of a refit: name -> (value, sd) in SI.
+
+    Where the equations lack a form, what kinematics tells is taken from kinematics alone: equations that are
+    not those of the vehicle would only bend it (cut inference; Plummer 2015).
+    """
+    table = parameter_table(candidate.fit, problem)
+    return table if problem.form is None else table | dict(by_kinematics(problem, candidate).table)
+
+
+def _readable(problem: DiagnosisProblem, effect: Effect, table: Mapping[str, tuple[float, float]]) -> bool:
+    """Whether channels are there that contradict an effect of a sensor without any force: d psi/dt against r,
+    the velocity over ground against u, v turned by psi. Not where roll, which a planar model leaves out,
+    gives the same.
 
     Parameters
     ----------
@@ -27,15 +113,3 @@ def is_kinematic(problem: DiagnosisProblem, effect: Effect, table: Mapping[str, 
         return False
     whole = {"x", "y", "psi", "u", "v"} <= channels
     return {"psi", "r"} <= channels if seen == {"r"} else whole
-
-
-def kinematic_effects(problem: DiagnosisProblem, candidates: Iterable[RefittedHypothesis]) -> frozenset[str]:
-    """Effects of these candidates that kinematics tells in each that has them."""
-    told: dict[str, bool] = {}
-    for c in candidates:
-        if c.widens or not c.effects:
-            continue
-        table = parameter_table(c.fit, problem)
-        for name in c.effects:
-            told[name] = told.get(name, True) and is_kinematic(problem, problem.model.effects[name], table)
-    return frozenset(n for n, yes in told.items() if yes)

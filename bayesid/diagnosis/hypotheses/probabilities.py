@@ -68,20 +68,41 @@ class FormError:
     ----------
     leaves : log evidence that what the model form leaves may be worth: nineteen of twenty times it changes
         the distance of two causes by less [nats]; 0 where no form is needed
-    sure : effects that kinematics tells whatever forces act
+    kinematic : set of causes -> log evidence of its sensors' effects by kinematics alone, whatever forces act
+    axes : effect -> axes of the form that may stand for it
+    parts : the same as `leaves` of the form in some axes alone
     """
 
     leaves: float = 0.0
-    sure: frozenset[str] = frozenset()
+    kinematic: Mapping[tuple[str, ...], float] = field(default_factory=dict)
+    axes: Mapping[str, frozenset[str]] = field(default_factory=dict)
+    parts: Mapping[frozenset[str], float] = field(default_factory=dict)
 
-    def lag(self, distance: float) -> float:
+    def between(self, one: Collection[str], other: Collection[str] = ()) -> float:
+        """What the form may leave between two sets of causes: in the axes of those that are not in both."""
+        axes = self.apart(one, other)
+        return self.leaves if axes is None else self.parts.get(axes, self.leaves)
+
+    def apart(self, one: Collection[str], other: Collection[str] = ()) -> frozenset[str] | None:
+        """Axes of the causes that are in one of two sets only; None where those of one are not known."""
+        names = set(one) ^ set(other)
+        if not names <= set(self.axes):
+            return None
+        return frozenset().union(*(self.axes[n] for n in names))
+
+    def by_kinematics(self, key: tuple[str, ...], gain: float) -> float:
+        """What of the gain of a set kinematics alone tells."""
+        return float(np.clip(self.kinematic.get(key, 0.0), 0.0, max(gain, 0.0)))
+
+    def lag(self, distance: float, leaves: float | None = None) -> float:
         """What a distance between two causes is worth: the odds that the error did not make it [nats].
 
         Normal error, odds of 20 to 1 at `leaves`; never more than the distance itself.
         """
-        if self.leaves <= 0.0 or distance <= 0.0:
+        leaves = self.leaves if leaves is None else leaves
+        if leaves <= 0.0 or distance <= 0.0:
             return distance
-        return min(distance, -float(log_ndtr(-TWO_SIDED_95 * distance / self.leaves)) - float(np.log(2.0)))
+        return min(distance, -float(log_ndtr(-TWO_SIDED_95 * distance / leaves)) - float(np.log(2.0)))
 
 
 NO_ERROR = FormError()
@@ -208,38 +229,22 @@ def comparable(
 
 
 def told(gain: Mapping[tuple[str, ...], float], error: FormError) -> dict[tuple[str, ...], float]:
-    """Gains over no effect; what a cause lags behind the best is worth only what the error of the equations
-    leaves of it.
+    """Gains over no effect; what a cause lags behind the best, or behind a better one that has it and more,
+    is worth only what the error of the equations leaves of it.
 
-    What kinematics tells keeps its own part, and so does a set without any other cause. A set that explains
-    no more than the form may leave is no rival: it stays as far behind as it is.
+    What kinematics tells keeps its own part. A set that explains no more than the form may leave is no rival:
+    it stays as far behind as it is. Only what the form leaves in the axes of those causes counts that two
+    sets do not share.
     """
-    out, own = dict(gain), {}
-    for key, value in gain.items():
-        if key != OUTSIDE and set(key) - error.sure and np.isfinite(value):
-            own[key] = _by_kinematics(key, gain, error.sure)
-    if not own:
-        return out
-    rest = {k: gain[k] - v for k, v in own.items()}
-    top = max(rest.values())
-    return out | {k: own[k] + top - error.lag(top - v) for k, v in rest.items() if v > error.leaves}
-
-
-def _by_kinematics(
-    key: tuple[str, ...], gain: Mapping[tuple[str, ...], float], sure: frozenset[str]
-) -> float:
-    """What a set has by kinematics: what is lost with the rest alone, or where that was not refitted what its
-    kinematic effects have alone, together or each by itself.
-    """
-    known = {frozenset(k): v for k, v in gain.items() if np.isfinite(v)}
-    told_so, rest = frozenset(key) & sure, frozenset(key) - sure
-    if not told_so:
-        return 0.0
-    if rest in known:
-        return gain[key] - known[rest]
-    if told_so in known:
-        return known[told_so]
-    return sum(max(known.get(frozenset((n,)), 0.0), 0.0) for n in told_so)
+    rest = {k: v - error.by_kinematics(k, v) for k, v in gain.items() if k != OUTSIDE and np.isfinite(v)}
+    worth: dict[tuple[str, ...], float] = {}
+    for key in sorted(rest, key=lambda k: -rest[k]):
+        if not worth or rest[key] > error.between(key):
+            first = next(iter(worth), key)
+            better = [k for k in worth if k == first or set(key) < set(k)]
+            behind = (worth[k] - error.lag(rest[k] - rest[key], error.between(key, k)) for k in better)
+            worth[key] = min(behind, default=rest[key])
+    return dict(gain) | {k: gain[k] - rest[k] + v for k, v in worth.items()}
 
 
 def rows(

@@ -58,11 +58,11 @@ RULES: tuple[Rule, ...] = (
     ),
     Rule(
         "model form",
-        lambda f: f.form
-        and (not f.gains or f.widens or f.none > EVEN_ODDS or (f.covered and f.acts < NAMING_PROBABILITY)),
+        lambda f: f.form and (not f.gains or f.widens or f.none > EVEN_ODDS or f.covered),
         "model_form", "nothing", "nothing",
-        "a force that depends on the motion and that the equations lack is needed, and beside it no effect "
-        "gains more than what such a force may leave; a coefficient further off than stated may stand for it",
+        "a force that depends on the motion and that the equations lack is needed, and what effects gain "
+        "beside it is no more than such a force may leave; a coefficient further off than stated may stand "
+        "for it",
         or_none=True,
     ),
     Rule(
@@ -71,14 +71,6 @@ RULES: tuple[Rule, ...] = (
         "model_form", "nothing", "nothing",
         "several effects explain most together, and those that are sure depend on the motion alone: shapes "
         "of a force that the equations lack",
-        or_none=True,
-    ),
-    Rule(
-        "effect no larger than what a model form leaves",
-        lambda f: f.form and f.covered,
-        "ambiguous", "rivals", "nothing",
-        f"the best explanation acts with at least {NAMING_PROBABILITY:.0%} and gains no more than "
-        "what a force that the equations lack may leave: it may be more of that force",
         or_none=True,
     ),
     Rule(
@@ -185,6 +177,15 @@ RULES: tuple[Rule, ...] = (
         lambda f: f.acts < NAMING_PROBABILITY,
         "ambiguous", "rivals", "nothing",
         f"the best explanation acts with less than {NAMING_PROBABILITY:.0%}",
+    ),
+    Rule(
+        "no size beside a model form",
+        lambda f: f.form and f.idle,
+        "model_form", "nothing", "nothing",
+        "a force that depends on the motion and that the equations lack is needed, and the sizes of the best "
+        "explanation beside it lie so near to off, by their own deviations, that they are worth less than a "
+        "name asks for",
+        or_none=True,
     ),
     Rule(
         "effect without size",

@@ -106,12 +106,114 @@ def identify_noise(
     equations : whitened normal equations of the runs; another one may know forces beside the environment
     same : how close, one standard deviation in the logarithm
     """
+    unknowns = _unknowns(model, logs, known, same)
+    theta = unknowns.centre.copy()
+    for _ in range(rounds):
+        # Coefficients stay nominal along the path: a row of the balance and its noise may shrink together
+        # without any change in the track, and a path fitted under too quiet a guess would take that way out.
+        settled = settled_paths(model, logs, unknowns.noise_model(theta))
+        linear = linear_paths(model, logs, settled, free)
+        cost = unknowns.cost(linear, free, equations)
+        theta = minimise_scaled(cost, theta, unknowns.low, unknowns.high, unknowns.spread, steps)
+    found = tuple(float(x) for x in spread_left(cost, theta, unknowns.spread)) if known is None else ()
+    return NoiseIdentification(unknowns.noise_model(theta), "measured", MEASURED_SPREAD, found)
+
+
+def noise_beside(
+    fitted: FilterErrorFit, noise_model: NoiseModel, steps: int = 12
+) -> tuple[NoiseModel, float]:
+    """Process noise of most marginal likelihood along a fit, everything free in it integrated out, and what
+    that gains over the noise the fit was made with [nats].
+
+    Parameters
+    ----------
+    noise_model : the noise the fit was made with
+    """
+    unknowns = _unknowns(fitted.model, fitted.logs, None, 0.0)
+    cost = unknowns.cost(fitted.paths, fitted.free, stacked_equations)
+    start = np.clip(unknowns.theta(noise_model), unknowns.low, unknowns.high)
+    theta = minimise_scaled(cost, start, unknowns.low, unknowns.high, unknowns.spread, steps)
+    return unknowns.noise_model(theta), float(cost(start) - cost(theta))
+
+
+@dataclass(frozen=True, eq=False)
+class _Unknowns:
+    """Unknowns of an environment, in logarithms but for the arms, and their prior.
+
+    Attributes
+    ----------
+    model : the model whose noise it is
+    unit : (k,) amplitudes and times one stands for [SI]
+    forces : number of force amplitudes
+    deep : whether depth has a slow error of its own
+    centre, spread : (n,) prior
+    """
+
+    model: Model
+    unit: Array
+    forces: int
+    deep: bool
+    centre: Array
+    spread: Array
+
+    @property
+    def low(self) -> Array:
+        return self.centre - 2.5 * self.spread
+
+    @property
+    def high(self) -> Array:
+        out = self.centre + 2.5 * self.spread
+        out[self.forces + 1] = min(out[self.forces + 1], np.log(LONGEST_TAU))
+        return out
+
+    def noise_model(self, theta: Array) -> NoiseModel:
+        k = self.unit.size
+        value = np.exp(theta[:k]) * self.unit
+        drift, force_tau, drift_tau, *depth = (float(x) for x in value[self.forces :])
+        return NoiseModel(
+            tuple(float(f) for f in value[: self.forces]),
+            force_tau,
+            drift,
+            drift_tau,
+            tuple(float(x) for x in theta[k:] * self.model.scales["L"]),
+            depth[0] if depth else None,
+        )
+
+    def theta(self, noise: NoiseModel) -> Array:
+        """Unknowns of a noise model; the depth of one without it as slow as the positions."""
+        slow = [noise.slow("z")] if self.deep else []
+        level = np.array([*noise.force, noise.drift, noise.force_tau, noise.drift_tau, *slow]) / self.unit
+        arms = np.array(noise.arms) / self.model.scales["L"]
+        return np.concatenate([np.log(level), arms if arms.size else np.zeros(len(pairs(self.model)))])
+
+    def cost(
+        self, paths: Sequence[Linearisation], free: GaussianPrior, equations: Equations
+    ) -> Callable[[Array], float]:
+        """Negative log posterior density of the unknowns along paths [nats]."""
+
+        def cost(theta: Array) -> float:
+            try:
+                all_runs = equations(self.model, paths, free, self.noise_model(theta))
+            except ModelError:
+                return DIVERGED_COST
+            total = sum(all_runs[1:], all_runs[0])
+            if not (np.isfinite(total.ss).all() and np.isfinite(total.se).all() and np.isfinite(total.ee)):
+                return DIVERGED_COST
+            away = (theta - self.centre) / self.spread
+            return -posterior(total).log_evidence + 0.5 * float((away**2).sum())
+
+        return cost
+
+
+def _unknowns(
+    model: Model, logs: Sequence[RunData], known: NoiseIdentification | None, same: float
+) -> _Unknowns:
+    """Unknowns under a wide prior, or close to an earlier measurement."""
     unit, s = force_unit(model), model.scales
-    time = s["L"] / s["U"]
     arms = len(pairs(model))
     noise = depth_noise(model, logs)
     deep = [] if noise is None else [noise]
-    rest = np.array([s["L"], time, NAVIGATION_TAU, *deep])
+    rest = np.array([s["L"], s["L"] / s["U"], NAVIGATION_TAU, *deep])
     amplitudes = unit.size + rest.size
     if known is None:
         medians = [DRIFT_MEDIAN, TAU_FORCE, 1.0] + [1.0 for _ in deep]
@@ -136,38 +238,7 @@ def identify_noise(
             np.concatenate([np.full(amplitudes, same), np.full(arms, ARM_MEASURED_SPREAD)]),
             np.array(left) if left else 0.0,
         )
-
-    def noise_model(theta: Array) -> NoiseModel:
-        value = np.exp(theta[:amplitudes]) * np.concatenate([unit, rest])
-        drift, force_tau, drift_tau, *depth = (float(x) for x in value[unit.size :])
-        return NoiseModel(
-            tuple(float(f) for f in value[: unit.size]),
-            force_tau,
-            drift,
-            drift_tau,
-            tuple(float(x) for x in theta[amplitudes:] * s["L"]),
-            depth[0] if depth else None,
-        )
-
-    theta = centre.copy()
-    for _ in range(rounds):
-        # Coefficients stay nominal along the path: a row of the balance and its noise may shrink together
-        # without any change in the track, and a path fitted under too quiet a guess would take that way out.
-        settled = settled_paths(model, logs, noise_model(theta))
-        linear = linear_paths(model, logs, settled, free)
-
-        def cost(t: Array, paths: tuple = linear) -> float:
-            all_runs = equations(model, paths, free, noise_model(t))
-            total = sum(all_runs[1:], all_runs[0])
-            if not (np.isfinite(total.ss).all() and np.isfinite(total.se).all() and np.isfinite(total.ee)):
-                return DIVERGED_COST
-            return -posterior(total).log_evidence + 0.5 * float((((t - centre) / spread) ** 2).sum())
-
-        high = centre + 2.5 * spread
-        high[unit.size + 1] = min(high[unit.size + 1], np.log(LONGEST_TAU))
-        theta = minimise_scaled(cost, theta, centre - 2.5 * spread, high, spread, steps)
-    found = tuple(float(x) for x in spread_left(cost, theta, spread)) if known is None else ()
-    return NoiseIdentification(noise_model(theta), "measured", MEASURED_SPREAD, found)
+    return _Unknowns(model, np.concatenate([unit, rest]), unit.size, bool(deep), centre, spread)
 
 
 def depth_noise(model: Model, logs: Sequence[RunData]) -> float | None:

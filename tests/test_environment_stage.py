@@ -1,0 +1,80 @@
+"""Where no straight run tells the environment: what a gap passes for, and what is left beside its cause."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from gap_trials import model_of, other_vehicle, planted_trial
+
+from bayesid.diagnosis import environment_stage
+from bayesid.diagnosis.data.model_form import ModelForm
+from bayesid.diagnosis.data.problem import build_problem, fit_with
+from bayesid.diagnosis.environment_stage import in_its_environment
+from bayesid.diagnosis.exclusions import compare_without
+from bayesid.diagnosis.hypotheses.candidate import weighted_hypothesis
+from bayesid.diagnosis.hypotheses.kinematic import NOTHING, by_kinematics, parameters_told
+from bayesid.diagnosis.hypotheses.verdict import decide
+from bayesid.estimation.filter_error.noise_identification import noise_beside
+
+
+def unstated(trial):
+    return replace(trial, environment=None)
+
+
+def test_beside_its_cause_the_environment_is_quieter_than_the_gap_made_it():
+    """A late rudder passes for a rough sea; with the lag in the model next to nothing is left of that."""
+    model = model_of("generic_sub")
+    lag = {"actuator_lag.tau": 0.75 * model.scales["L"] / model.scales["U"]}
+    trial = unstated(planted_trial(model, other_vehicle(model, 3) | lag, 3, samples=160))
+    problem = build_problem(model, trial)
+    assert problem.environment.source == "assumed"
+    lagged = fit_with(problem, (model.effects["actuator_lag"],))
+    quiet, gain = noise_beside(lagged, problem.environment.noise_model)
+    ratio = np.array(quiet.force) / np.array(problem.environment.noise_model.force)
+    assert gain > 20.0 and ratio[-1] < 0.5
+    again, little = noise_beside(lagged, quiet)
+    assert little < 1.0 and np.allclose(again.force, quiet.force, rtol=0.5)
+    found = compare_without(model, trial)
+    assert found.problem.environment.noise_model.force[-1] < 0.5 * problem.environment.noise_model.force[-1]
+    assert decide(found.problem, found.candidates).effects == ("actuator_lag",)
+
+
+@pytest.mark.parametrize("source", ["stated", "measured"])
+def test_an_environment_that_was_told_is_not_measured_again(source, monkeypatch):
+    problem = SimpleNamespace(environment=SimpleNamespace(source=source))
+    found = SimpleNamespace(problem=problem, candidates=None)
+    monkeypatch.setattr(environment_stage, "simplest", lambda candidates: None)
+    assert in_its_environment(found, lambda text: None, 0) is found
+
+
+def lacking(model, *effects, values):
+    """Problem with a form, of a vehicle whose lateral rows are a third off, and its refit of some effects."""
+    off = {n: 1.35 * model.nominal[model.index[n]] for n in ("Y_v", "N_r", "N_v") if n in model.index}
+    problem = build_problem(model, planted_trial(model, off | values, 4, samples=160))
+    problem = problem.with_form(ModelForm({"X": 0.0, "Y": 1e-3, "N": 1e-3}))
+    chosen = tuple(model.effects[n] for n in effects)
+    return problem, weighted_hypothesis(problem, effects, fit_with(problem, chosen))
+
+
+def test_kinematics_tells_late_velocities_whatever_the_forces_are():
+    model = model_of("generic_sub")
+    late = 0.6 * model.scales["L"] / model.scales["U"]
+    problem, refit = lacking(model, "velocity_latency", values={"velocity_latency.delay": late})
+    said = by_kinematics(problem, refit)
+    assert said.told == {"velocity_latency"} and said.evidence > 20.0
+    value, sd = said.table["velocity_latency.delay"]
+    assert abs(value - late) < 3.0 * sd and sd < 0.2 * late
+    assert parameters_told(problem, refit)["velocity_latency.delay"] == (value, sd)
+    assert by_kinematics(problem, weighted_hypothesis(problem, (), fit_with(problem, ()))) is NOTHING
+
+
+def test_kinematics_does_not_part_a_turned_compass_from_turned_velocities():
+    """Only their difference turns the track against the heading: each is told alone, neither beside it."""
+    model = model_of("generic_sub")
+    planted = {"heading_bias.bias": 0.05}
+    problem, alone = lacking(model, "heading_bias", values=planted)
+    assert by_kinematics(problem, alone).told == {"heading_bias"}
+    problem, both = lacking(model, "heading_bias", "velocity_misalignment", values=planted)
+    said = by_kinematics(problem, both)
+    assert said.told == set() and said.evidence > 20.0 and not said.table
