@@ -39,8 +39,9 @@ Array = np.ndarray
 TAUS, CALM_LEVEL, UNIT_LEVEL = (1.0, 3.0, 12.0), 1e-5, 3e-5
 FEW_DRAWS = 20  # of a disturbance alone
 MOST_INSTANTS = 80  # of a run, evenly picked, whose errors size the disturbance
-# Rounds of prediction and sizes, least share of a variance that is not the disturbance's.
-ROUNDS, LEAST_SHARE = 4, 0.01
+# Rounds of prediction and sizes, change of log density that counts as none, least share of a variance that
+# is not of the disturbance.
+ROUNDS, SAME, LEAST_SHARE = 4, 0.005, 0.01
 HORIZONS = ("early", "middle", "late")  # thirds of a run after its lead-in
 MOST_RUNS = 12
 
@@ -174,7 +175,7 @@ def _settled(
         density = float(np.mean([e.density for e in errors.values()]))
         seen.append((len(errors), density, setting))
         say(f"disturbance of {setting.tau:.3g} s, round {number + 1}: log density {density:.4g} per reading")
-        if number + 1 == ROUNDS:
+        if number + 1 == ROUNDS or (number and abs(density - seen[-2][1]) < SAME):
             break
         able = [run for run in runs if run.name in errors]
         added = _added_variances(setting, able, draws, seed, lead)
