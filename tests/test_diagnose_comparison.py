@@ -4,6 +4,7 @@ Thresholds are those of the table: 5 nats to add, 20 that two linearisations may
 follow the data and 25 not to follow it at all, 3 nats from which a remainder shows.
 """
 
+from dataclasses import dataclass
 from types import SimpleNamespace as Plain
 
 import numpy as np
@@ -279,3 +280,39 @@ def test_runs_are_compared_where_the_best_explains_and_gains_beyond_linearisatio
             excess if asked else 1.0
         )
     assert comparison._excess([], hypothesis(100.0), 2) == 1.0
+
+
+def test_a_refit_that_is_worse_with_a_form_than_without_begins_again_where_it_ended_without(monkeypatch):
+    """A form may be nought, so the evidence with one lies below that without by what the search missed."""
+
+    def refitted(name, evidence, follows=True, points=()):
+        fit = Plain(converged=follows, chi2=1.0, points=points)
+        return Plain(effects=(name,), log_evidence=evidence, fit=fit, widens=False)
+
+    asked = []
+
+    def again(problem, effects, start, level, first, notify):
+        asked.append((effects, start))
+        return [refitted(effects[0], 100.0)]
+
+    monkeypatch.setattr(comparison, "refit_again", again)
+    monkeypatch.setattr(comparison, "_ranked", lambda problem, refits, none, gains: tuple(refits))
+    problem = Plain(model=Plain(effects={n: n for n in "abc"}))
+    known = Plain(
+        refits=(
+            refitted("a", 90.0, points=("there",)),
+            refitted("b", 50.0),
+            refitted("c", 80.0, follows=False),
+        )
+    )
+
+    @dataclass(frozen=True)
+    class Single:
+        refits: tuple
+        none: object = None
+        gains: object = None
+
+    single = Single((refitted("a", 40.0), refitted("b", 60.0), refitted("c", 10.0)))
+    found = comparison._arrived(problem, single, known, lambda text: None)
+    assert asked == [(("a",), ["there"])]
+    assert [(c.effects[0], c.log_evidence) for c in found.refits] == [("a", 100.0), ("b", 60.0), ("c", 10.0)]

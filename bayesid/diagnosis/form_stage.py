@@ -60,7 +60,7 @@ def compared(
     asked = needed is not None and needed.beyond > _further(problem, single) + FORM_EVIDENCE
     unable = None
     if needed is not None and asked:
-        found, unable = _with_form(problem, needed, leading, notify, seed)
+        found, unable = _with_form(problem, needed, leading, single, notify, seed)
         if found is not None:
             return found
     candidates = weigh(problem, single, notify, known)
@@ -72,20 +72,25 @@ def compared(
     if needed is None:
         return Compared(problem, candidates, unable)
     if not asked:
-        found, unable = _with_form(problem, needed, simplest(candidates), notify, seed)
+        found, unable = _with_form(problem, needed, simplest(candidates), single, notify, seed)
         if found is not None:
             return found
     return Compared(problem, replace(candidates, form_instead=needed.beyond), unable)
 
 
 def _with_form(
-    problem: DiagnosisProblem, needed: NeededForm, before: RefittedHypothesis, notify: Notify, seed: int
+    problem: DiagnosisProblem,
+    needed: NeededForm,
+    before: RefittedHypothesis,
+    single: SingleEffects,
+    notify: Notify,
+    seed: int,
 ) -> tuple[Compared | None, str | None]:
     """The same with a form; nothing where the refits do not bear it out, and why it could not be tried."""
     notify("the same with a force that depends on the motion and that the equations lack")
     try:
         wider = problem.with_form(needed.form)
-        candidates = compare(wider, notify, seed)
+        candidates = compare(wider, notify, seed, known=single)
     except BayesidError as error:
         return None, f"the hypotheses could not be compared with a model form ({error})"
     after = candidates.best

@@ -27,7 +27,9 @@ from bayesid.diagnosis.hypotheses.kinematic import by_kinematics
 from bayesid.diagnosis.hypotheses.localisation import Localisation, locate, tried
 from bayesid.diagnosis.hypotheses.probabilities import NO_ERROR, FormError, Remainder, probabilities
 from bayesid.diagnosis.hypotheses.refit import (
+    FOLLOWING_FORCE_LEVEL,
     likely_coefficients,
+    refit_again,
     refit_screened,
     refit_wide,
     remainder,
@@ -147,14 +149,17 @@ def compare(
     notify: Notify = lambda text: None,
     seed: int = 0,
     base: FilterErrorFit | None = None,
+    known: SingleEffects | None = None,
 ) -> HypothesisComparison:
     """Screen the catalogue, refit a shortlist, weigh every hypothesis; `seed` draws the thresholds.
 
     Parameters
     ----------
     base : the fit without any effect, if it is there already (`exclusions.compare_without`)
+    known : single effects of the problem without a form, from which refits begin anew that have not arrived
     """
-    return weigh(problem, single_effects(problem, notify, seed, base), notify)
+    single = single_effects(problem, notify, seed, base)
+    return weigh(problem, single if known is None else _arrived(problem, single, known, notify), notify)
 
 
 def single_effects(
@@ -247,6 +252,24 @@ def weigh(
         beside,
         error=error,
     )
+
+
+def _arrived(
+    problem: DiagnosisProblem, single: SingleEffects, known: SingleEffects, notify: Notify
+) -> SingleEffects:
+    """Single effects with a form, begun once more from where they ended without one where that was better: a
+    form may be nought, so a refit that is worse with it has not arrived.
+    """
+    ended = {c.effects: c for c in known.refits if explains(c) and not c.widens}
+    refits = []
+    for c in single.refits:
+        before = ended.get(c.effects)
+        if before is not None and c.log_evidence < before.log_evidence:
+            effects, start = tuple(problem.model.effects[n] for n in c.effects), list(before.fit.points)
+            refits += refit_again(problem, effects, start, FOLLOWING_FORCE_LEVEL, [c], notify)
+        else:
+            refits.append(c)
+    return replace(single, refits=_ranked(problem, refits, single.none, single.gains))
 
 
 def _ranked(
