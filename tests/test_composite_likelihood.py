@@ -684,16 +684,18 @@ def test_runs_are_said_to_be_predicted_from_the_others_only_where_there_are_othe
 
 
 @pytest.mark.slow
-def test_a_wrong_vehicle_gets_a_larger_disturbance():
+def test_a_wrong_vehicle_gets_a_larger_disturbance_and_errors_of_channels():
     # wrong: all but three coefficients are kept at values 10 % off; white noise, for a run-to-run spread or
     # a model form would take the error
     s = shared()
     few = ParameterSet(tuple(p for p in s.params.entries if p.name in ("Y_v", "N_v", "N_r")))
     for seed in range(2):
         _, _, trial = campaign_of(Condition(), seed)
-        size = []
+        told = []
         for params in (s.params, few):
             found = fit_trial(trial, s.model.vehicle, params=params, threads=1, parts=NoiseParts())
-            levels = predictive_model(found, draws=40)[1].level
-            size.append(np.mean(np.log(list(levels.values()))))
-        assert size[1] > size[0] + 0.3
+            told.append(predictive_model(found, draws=20)[1])
+        right, wrong = told
+        assert max(wrong.level.values()) > 1.3 * max(right.level.values())
+        assert not right.channel
+        assert {"v", "r"} <= set(wrong.channel)

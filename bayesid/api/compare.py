@@ -49,6 +49,7 @@ def compare(
     resample: float | None = None,
     pieces: float | None = None,
     dof: int | None = None,
+    model: str | os.PathLike[str] | None = None,
     executed: Iterable[str] = (),
     also: Iterable[str] = (),
     duration: float | None = None,
@@ -72,6 +73,8 @@ def compare(
     source : a vehicle, or a trial whose identify runs count as executed
     vehicle : instead of the one the trial names
     data, resample, pieces : of a trial, as in `bayesid.fit`
+    model : folder of `bayesid.fit` of the trial; its estimate, noise and model form are taken. Without it
+        the runs are refitted on the way
     executed : manoeuvres that count as executed already, of a vehicle
     also : manoeuvres compared with the library, e.g. "table:mine.csv"
     duration, dt : length of a run and time between readings [s]
@@ -89,13 +92,13 @@ def compare(
     TrialError, VehicleError, FitError, ManoeuvreError
         what cannot be read, set up or executed
     """
-    model, trial = subject_of(source, vehicle, dof, prior, data, resample)
+    subject, trial = subject_of(source, vehicle, dof, prior, data, resample)
     made = case_of(
-        model, trial, executed=executed, fix=fix, noise=noise, dt=dt, duration=duration,
+        subject, trial, executed=executed, fitted=model, fix=fix, noise=noise, dt=dt, duration=duration,
         rudder=rudder, plane=plane, pieces=pieces,
     )  # fmt: skip
     found = compared(
-        made.case, made.notes, orders(model, also), 4 if quick else draws, 0 if quick else refits, seed,
+        made.case, made.notes, orders(subject, also), 4 if quick else draws, 0 if quick else refits, seed,
         progress or Progress(quiet=True), math.inf if time is None else time,
     )  # fmt: skip
     return CompareResult(found)

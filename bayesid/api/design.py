@@ -47,6 +47,7 @@ def design(
     resample: float | None = None,
     pieces: float | None = None,
     dof: int | None = None,
+    model: str | os.PathLike[str] | None = None,
     executed: Iterable[str] = (),
     gain: bool = False,
     predict: str | None = None,
@@ -75,7 +76,7 @@ def design(
 
     Parameters
     ----------
-    source, vehicle, data, resample, pieces, dof, executed : as in `bayesid.compare`
+    source, vehicle, data, resample, pieces, dof, model, executed : as in `bayesid.compare`
     duration, rudder, plane, noise, dt, fix, prior : as in `bayesid.compare`
     gain : goal: most about all coefficients, open or not
     predict : goal: predict this manoeuvre better; `worst` its worst reading instead of the mean
@@ -101,13 +102,13 @@ def design(
     ]
     if len(goals) > 1:
         raise FitError(f"one goal at a time: gain, predict or tell; given are {' and '.join(goals)}")
-    model, trial = subject_of(source, vehicle, dof, prior, data, resample)
+    subject, trial = subject_of(source, vehicle, dof, prior, data, resample)
     made = case_of(
-        model, trial, executed=executed, fix=fix, noise=noise, dt=dt, duration=duration,
+        subject, trial, executed=executed, fitted=model, fix=fix, noise=noise, dt=dt, duration=duration,
         rudder=rudder, rate=rate, rpm=rpm, box=box, depth=depth, plane=plane, pieces=pieces, hold=hold,
     )  # fmt: skip
     case, notes = made.case, list(made.notes)
-    between = _causes(case, model, trial, causes_to_tell, size, seed, notes) if causes_to_tell else None
+    between = _causes(case, subject, trial, causes_to_tell, size, seed, notes) if causes_to_tell else None
     most = (
         (200 if quick else tries)
         if causes_to_tell is None
@@ -117,7 +118,7 @@ def design(
     with (progress or Progress(quiet=True)).stage("search", most) as stage:
         plan = next_manoeuvre(
             case, goals[0] if goals else "shrink", np.random.default_rng(seed),
-            wanted=parse(predict, reference_scale(model)) if predict else None, worst=worst, count=count,
+            wanted=parse(predict, reference_scale(subject)) if predict else None, worst=worst, count=count,
             effort=effort, causes=between, watch=lambda done, best: stage.step(info=f"best {best:.4g}"),
         )  # fmt: skip
     return DesignResult(case, plan, seed, tuple(notes))

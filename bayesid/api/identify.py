@@ -12,12 +12,11 @@ import numpy as np
 
 from bayesid.analysis.identifiability import Derived, Identifiability, derived, full_vectors
 from bayesid.analysis.identifiability import identify as look
+from bayesid.api.earlier_fit import fit_of, form_rows_of, problem_at, with_share
 from bayesid.api.inputs import Names, TrialLike, VehicleLike, names_of, prepared, trial_of, vehicle_of
 from bayesid.api.result import Result, table
 from bayesid.equations.model import build_model
-from bayesid.estimation.likelihood.model_form import with_form
-from bayesid.estimation.likelihood.weighted_fit import weighed
-from bayesid.estimation.output_error import FitProblem, coefficient_set, load_fit, trial_problem
+from bayesid.estimation.output_error import FitProblem, coefficient_set, trial_problem
 from bayesid.estimation.segments import in_pieces
 from bayesid.model.vehicles import ASSUMED_RELATIVE_SD, Vehicle
 from bayesid.progress import Progress
@@ -77,39 +76,26 @@ def identify(
     chosen = with_shaft_speed(prepared(logged, runs, resample, QUICK_SAMPLES if quick else None), ship)
     chosen = in_pieces(chosen, pieces) if pieces else chosen
     model = build_model(ship, 3 if ship.planar_only else chosen.dof)
-    file = Path(fitted) if fitted is not None else None
-    earlier = load_fit(file / "fit.json" if file.is_dir() else file) if file is not None else None
-    form = earlier.uncertainty.get("form", {}) if earlier else {}
-    formed = set(form.get("rows", ())) - set(ship.coef)
+    earlier = fit_of(fitted) if fitted is not None else None
+    formed = form_rows_of(earlier, model) if earlier is not None else frozenset()
     wanted = names_of(free) or (earlier.names[: earlier.n_params] if earlier else model.coefficients)
     kept = set(names_of(fix) or ())
-    params = coefficient_set(model, tuple(n for n in wanted if n not in kept | formed))
-    point, remarks = "the values of the vehicle file", []
+    names = tuple(n for n in wanted if n not in kept | formed)
+    point, remarks = "the values of the vehicle file", list[str]()
     bound: tuple[str, ...] = ()
     if earlier is not None:
-        values = {n: earlier.values.get(n, params[n].start) for n in params.names}
-        params = params.started_at([values[n] for n in params.names])
         point, bound = "the values of an earlier fit", earlier.at_bound
-    problem = trial_problem(model, chosen, params, sigma=dict(earlier.sigma) if earlier else None)
-    if earlier is not None and formed:  # with the prior and the values they had
-        params = with_form(problem, form["size"]).params
-        problem = problem.with_params(
-            params.started_at([earlier.values.get(n, params[n].start) for n in params.names])
-        )
-        remarks.append("the earlier fit has a model form; its rows are free here too, under its prior")
+        problem, remarks = problem_at(model, chosen, names, earlier)
+    else:
+        problem = trial_problem(model, chosen, coefficient_set(model, names))
     if (held := shaft_speed_note(chosen)) is not None:
         remarks.append(held)
     problem, words_of_noise = _with_least_noise(problem)
     remarks += words_of_noise
     told = earlier.uncertainty if earlier is not None else {}
-    parts = told.get("parts", {})
-    share = float(parts.get("share", parts.get("weight", 1.0)))
-    if share < 1.0:
-        problem = weighed(problem, share)
-        remarks.append(
-            f"in the earlier fit readings carry {100 * share:.2g} % of the information of white noise ("
-            f"{parts['words']}); so they do here"
-        )
+    if earlier is not None:
+        problem, words_of_noise = with_share(problem, earlier)
+        remarks += words_of_noise
     if not told.get("final", True):
         remarks.append(
             "the earlier fit is not final: its runs disagree or its coefficients conflict with their prior, "
@@ -122,10 +108,10 @@ def identify(
     shown = progress or Progress(quiet=True)
     log = Path(out) / "profile.jsonl" if out is not None and profile else None
     shown.expect(2 if profile and not quick else 1)
-    with shown.stage("identify", 4 * len(params.names) if profile else None) as stage:
+    with shown.stage("identify", 4 * len(problem.params.names) if profile else None) as stage:
         found = look(
             problem, level=ASSUMED_RELATIVE_SD, profile=profile,
-            at_bound=[n for n in bound if n in params.names], log=log, step=stage.step,
+            at_bound=[n for n in bound if n in problem.params.names], log=log, step=stage.step,
         )  # fmt: skip
     facts = {
         "trial": chosen.name, "trial_digest": chosen.digest, "vehicle": ship.name,

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from bayesid.analysis.design import limits, usual_logging
 from bayesid.analysis.design.planning_case import PlanningSetup, known_of, trial_case, vehicle_case
+from bayesid.api.earlier_fit import fit_of
 from bayesid.api.inputs import Names, VehicleLike, names_of, ordered, prepared, vehicle_of
 from bayesid.equations.model import Model, build_model
 from bayesid.errors import TrialError, VehicleError
@@ -78,6 +79,7 @@ def case_of(
     plane: float | None = None,
     pieces: float | None = None,
     hold: float | None = None,
+    fitted: str | os.PathLike[str] | None = None,
 ) -> PlanningSetup:
     """The case that the choices describe; angles in radians.
 
@@ -93,6 +95,10 @@ def case_of(
     knowledge = known_of(model, fixed=names_of(fix) or [])
     sigma = dict(noise or {})
     if trial is None:
+        if fitted is not None:
+            raise TrialError(
+                "a fit goes with the trial it is of: name the trial, whose runs then count as executed"
+            )
         return vehicle_case(
             model, knowledge, usual_logging(model, sigma, dt), bounds, orders(model, executed)
         )
@@ -101,7 +107,8 @@ def case_of(
             "manoeuvres taken as executed go with a vehicle; of a trial its own identify runs count"
         )
     cut = trial if pieces is None else in_pieces(trial, pieces)
-    return trial_case(model, cut, knowledge, bounds, sigma, dt)
+    earlier = None if fitted is None else fit_of(fitted)
+    return trial_case(model, cut, knowledge, bounds, sigma, dt, earlier)
 
 
 def orders(model: Model, texts: Iterable[str]) -> dict[str, Manoeuvre]:

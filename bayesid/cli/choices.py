@@ -54,6 +54,14 @@ Pieces = Annotated[
         help="Cut runs into pieces of this length [s], for unstable vehicles.",
     ),
 ]
+Fitted = Annotated[
+    Path | None,
+    typer.Option(
+        "--model",
+        help="Folder that `bayesid fit --out` wrote of this trial: its estimate, noise and model form are "
+        "taken.",
+    ),
+]
 Prior = Annotated[
     float | None,
     typer.Option(

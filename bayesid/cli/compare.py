@@ -11,6 +11,7 @@ from bayesid.cli.choices import (
     Dof,
     Duration,
     Executed,
+    Fitted,
     Fix,
     Noise,
     Pieces,
@@ -51,6 +52,7 @@ def compare(
     resample: Resample = None,
     pieces: Pieces = None,
     dof: Dof = None,
+    model: Fitted = None,
     executed: Executed = None,
     also: Extra = None,
     duration: Duration = None,
@@ -82,7 +84,7 @@ def compare(
 
     formats = figure_formats(figures, out)
     found = run(
-        source, vehicle, data=data, resample=resample, pieces=pieces, dof=dof,
+        source, vehicle, data=data, resample=resample, pieces=pieces, dof=dof, model=model,
         executed=executed or (), also=also or (), duration=duration, rudder=rudder,
         plane=plane, noise=noise_of(noise), dt=dt, fix=fix, prior=prior, draws=draws, refits=refits,
         time=time, seed=seed, quick=quick, progress=Progress(quiet=as_json),

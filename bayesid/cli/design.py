@@ -13,6 +13,7 @@ from bayesid.cli.choices import (
     Dof,
     Duration,
     Executed,
+    Fitted,
     Fix,
     Noise,
     Pieces,
@@ -57,6 +58,7 @@ def design(
     resample: Resample = None,
     pieces: Pieces = None,
     dof: Dof = None,
+    model: Fitted = None,
     executed: Executed = None,
     gain: Gain = False,
     predict: Predict = None,
@@ -102,7 +104,7 @@ def design(
             "one goal at a time: --gain, --predict or --tell", param_hint="--" + goals[1]
         )
     found = run(
-        source, vehicle, data=data, resample=resample, pieces=pieces, dof=dof,
+        source, vehicle, data=data, resample=resample, pieces=pieces, dof=dof, model=model,
         executed=executed or (), gain=gain, predict=predict, worst=worst, tell=tell,
         size=size, duration=duration, rudder=rudder, rate=rate, rpm=range_of(rpm, "--rpm"), box=box,
         depth=depth, plane=plane, hold=hold, noise=noise_of(noise), dt=dt, fix=fix, prior=prior, count=count,

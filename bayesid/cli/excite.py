@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from bayesid.cli.choices import Bundle, Data, Vehicle
+from bayesid.cli.choices import Bundle, Data, Fitted, Vehicle
 from bayesid.cli.options import Figures, Json, Out, Quick, Quiet, Seed, Verbose, figure_formats
 
 Form = Annotated[
@@ -22,6 +22,7 @@ def excite(
     vehicle: Vehicle = None,
     form: Form = "weak",
     draws: Draws = 100,
+    model: Fitted = None,
     seed: Seed = 0,
     quick: Quick = False,
     figures: Figures = None,
@@ -42,7 +43,7 @@ def excite(
 
     formats = figure_formats(figures, out)
     found = run(
-        bundle, vehicle, data=data, form=form, draws=draws, seed=seed, quick=quick,
+        bundle, vehicle, data=data, form=form, draws=draws, model=model, seed=seed, quick=quick,
         progress=Progress(quiet=as_json),
     )  # fmt: skip
     answer(found, out, as_json, verbose, figures=formats)

@@ -3,13 +3,12 @@
 Takes a `TrialFit`. Gives a `DiagnosedModel` without effects. Does not fit coefficients.
 
 A new run has coefficients of its own, so the run-to-run spread is added to the posterior. What is left is
-taken for a force with memory whose size per axis makes the multi-step errors of the fitted runs, each
-predicted from the others and begun on its first readings, as large as predicted: 95 % of them within 1.96
-predicted standard deviations. Of the memories and sizes tried, and of the two covariances of the coefficients
-(the error of the estimate; that of readings weighed by what their noise leaves them, never wider than the
-prior), the one that gives those runs the largest predictive density is taken (logarithmic score; Gneiting and
-Raftery 2007). On two tankers this order is that of held-out runs: the error of the estimate is 15 prior
-standard deviations for one, whose bands then hold everything; without it those of the other hold too little.
+taken for a force with memory, and for errors of single channels where the runs ask for them. Sizes, memory
+and one of two covariances of the coefficients (the error of the estimate; that of readings weighed by what
+their noise leaves them, never wider than the prior) are those that give the fitted runs, each predicted from
+the others and begun on its first readings, the largest predictive density (`disturbance_size`). On two
+tankers this order is that of held-out runs: the error of the estimate is 15 prior standard deviations for
+one, whose bands then hold everything; without it those of the other hold too little.
 
 The size that one-step evidence prefers is another one: it makes a wrong model follow the data, and bands of
 a long prediction three to ten times too wide.
@@ -18,7 +17,8 @@ a long prediction three to ten times too wide.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -27,27 +27,22 @@ from bayesid.errors import BayesidError, ModelError
 from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit
 from bayesid.estimation.likelihood.posterior import CoefficientPosterior
 from bayesid.estimation.trial_fit import TrialFit
-from bayesid.prediction.intervals import log_density, standard_errors
+from bayesid.prediction.disturbance_size import PredictedRun, best_sizes
+from bayesid.prediction.intervals import log_density, reading_errors, standard_errors
 from bayesid.prediction.prediction import predict_run
 from bayesid.trials import Run
 from bayesid.trials.noise import raised, rough_noise
 
 Array = np.ndarray
-# Correlation times of the disturbance that are tried [L/U]; its first, least and most size over
-# 1/2 rho L^2 U^2.
-TAUS, FIRST_LEVEL, LEAST_LEVEL, MOST_LEVEL = (1.0, 3.0, 12.0), 3e-5, 1e-7, 3e-3
-# Rounds of prediction and change of size, change that counts as none, and most change of one round.
-ROUNDS, SAME, MOST_CHANGE = 4, 0.1, 4.0
+# Correlation times of the disturbance that are tried [L/U]; its size over 1/2 rho L^2 U^2 where the runs are
+# predicted for their errors, and where its effect is read.
+TAUS, CALM_LEVEL, UNIT_LEVEL = (1.0, 3.0, 12.0), 1e-5, 3e-5
+FEW_DRAWS = 20  # of a disturbance alone
+MOST_INSTANTS = 80  # of a run, evenly picked, whose errors size the disturbance
+# Rounds of prediction and sizes, change of log density that counts as none, least share of a variance that
+# is not of the disturbance.
+ROUNDS, SAME, LEAST_SHARE = 4, 0.005, 0.01
 HORIZONS = ("early", "middle", "late")  # thirds of a run after its lead-in
-# Channels that tell the size of each axis.
-TELLING = {
-    "X": ("u",),
-    "Y": ("v",),
-    "Z": ("w", "z"),
-    "K": ("p", "phi"),
-    "M": ("q", "theta"),
-    "N": ("r", "psi"),
-}
 MOST_RUNS = 12
 
 Say = Callable[[str], None]
@@ -72,6 +67,7 @@ class Calibration:
     run_spread : sd of the logarithm of the disturbance's size from run to run
     keeps_prior : whether coefficients are drawn no wider than their prior
     apart : whether each run was predicted from the others; not where one run alone was fitted
+    channel : channel -> sd of errors of its own that no force explains, beyond its noise [SI]
     """
 
     level: dict[str, float]
@@ -81,22 +77,43 @@ class Calibration:
     run_spread: float = 0.0
     keeps_prior: bool = False
     apart: bool = True
+    channel: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
-class _Tried:
-    """A disturbance and how runs were predicted with it: `density` is the mean log density of their readings
-    in the units of each channel, of runs x channels x horizons; `lost` are runs that were not predicted."""
+class _Setting:
+    """What runs are predicted with: covariance of the coefficients, memory of the disturbance, its sizes."""
 
-    lost: int
-    density: float
+    found: TrialFit
     posterior: CoefficientPosterior
+    tau: float
     level: Array
-    told: Calibration
+    channel: Mapping[str, float]
 
-    @property
-    def rank(self) -> tuple[int, float]:
-        return -self.lost, self.density
+    def model(self, run: str, known: bool = False) -> DiagnosedModel:
+        """The model that predicts one run from the others; `known` without spread of its coefficients."""
+        p = self.posterior.without(run)
+        if known:
+            p = replace(p, covariance=0.0 * p.covariance, run_sd=0.0 * p.run_sd)
+        return with_disturbance(self.found, p, self.level, self.tau, channel=self.channel)
+
+
+@dataclass(frozen=True, eq=False)
+class _Errors:
+    """One run predicted from the others; `rows` are the instants that count, `density` of its readings."""
+
+    channels: tuple[str, ...]
+    rows: Array
+    error: Array
+    variance: Array
+    density: float
+
+    def beside(self, setting: _Setting, added: Array) -> PredictedRun:
+        """The same beside the variance that a disturbance adds at all instants, its own part taken out."""
+        per_axis = added[:, self.rows]
+        own = np.einsum("a,anq->nq", setting.level**2, per_axis)
+        fixed = np.maximum(self.variance - own, LEAST_SHARE * self.variance)
+        return PredictedRun(self.channels, self.error, fixed, per_axis)
 
 
 def predictive_model(
@@ -107,7 +124,7 @@ def predictive_model(
     runs: Sequence[Run] | None = None,
     lead: float | None = None,
 ) -> tuple[DiagnosedModel, Calibration]:
-    """The model of a fit, its disturbance calibrated on the fitted runs, each predicted from the others.
+    """The model of a fit, its disturbance sized on the fitted runs, each predicted from the others.
 
     Parameters
     ----------
@@ -123,65 +140,120 @@ def predictive_model(
         raise ModelError("the fit has no posterior: the vehicle diverges at its estimate")
     chosen = spaced(found.trial.identify if runs is None else runs, MOST_RUNS)
     wide, kept = found.posterior, found.posterior.no_wider_than_prior()
+    alike = np.abs(np.log(kept.sd / wide.sd)).max() <= np.log(ALIKE)
     time = found.model.scales["L"] / found.model.scales["U"]
-    tried = [t for tau in TAUS for t in _calibrated(found, wide, tau * time, chosen, draws, seed, say, lead)]
-    if np.abs(np.log(kept.sd / wide.sd)).max() > np.log(ALIKE):
-        tau = max(tried, key=lambda t: t.rank).told.tau if tried else TAUS[0] * time
-        tried += _calibrated(found, kept, tau, chosen, draws, seed, say, lead)
+    calm = np.full(len(_axes(found)), CALM_LEVEL)
+    settings = [_Setting(found, p, TAUS[1] * time, calm, {}) for p in ((wide,) if alike else (wide, kept))]
+    errors = [_errors(s, chosen, draws, seed, lead) for s in settings]
+    tried: list[tuple[int, float, _Setting]] = []
+    for tau in (k * time for k in TAUS):
+        able = [run for run in chosen if any(run.name in e for e in errors)]
+        added = _added_variances(replace(settings[0], tau=tau), able, draws, seed, lead)
+        for setting, predicted in zip(settings, errors, strict=True):
+            parts = [predicted[n].beside(setting, more) for n, more in added.items() if n in predicted]
+            if parts:
+                sizes = best_sizes(parts)
+                new = replace(setting, tau=tau, level=sizes.level, channel=sizes.channel)
+                tried.append((len(parts), sizes.density, new))
     if not tried:
         raise ModelError("no fitted run can be predicted from its first readings: every draw diverges")
-    best = max(tried, key=lambda t: t.rank)
-    told = replace(best.told, keeps_prior=best.posterior is kept)
-    return with_disturbance(found, best.posterior, best.level, told.tau, told.run_spread), told
+    best = _settled(max(tried, key=lambda t: t[:2])[2], chosen, draws, seed, say, lead)
+    told = _told(best, chosen, draws, seed, lead)
+    told = replace(told, keeps_prior=best.posterior is kept)
+    return with_disturbance(found, best.posterior, best.level, told.tau, told.run_spread, best.channel), told
 
 
-def _calibrated(
-    found: TrialFit,
-    posterior: CoefficientPosterior,
-    tau: float,
-    runs: Sequence[Run],
-    draws: int,
-    seed: int,
-    say: Say,
-    lead: float | None,
-) -> list[_Tried]:
-    """What was tried with one correlation time [s]."""
-    axes = [n[-1] for n in found.model.kernel.exogenous if n.startswith("force_")]
-    level = np.full(len(axes), FIRST_LEVEL)
-    tried: list[_Tried] = []
+def _settled(
+    setting: _Setting, runs: Sequence[Run], draws: int, seed: int, say: Say, lead: float | None
+) -> _Setting:
+    """Sizes once more about those found: how sure a lead-in leaves the start depends on them."""
+    seen: list[tuple[int, float, _Setting]] = []
     for number in range(ROUNDS):
-        models = {run.name: with_disturbance(found, posterior.without(run.name), level, tau) for run in runs}
-        errors, density = prediction_errors(models, runs, draws, seed, lead)
+        errors = _errors(setting, runs, draws, seed, lead)
         if not errors:
-            level = level * 0.2
-            continue
-        ratio = {c: {h: ratio_of(np.concatenate(z)) for h, z in parts.items()} for c, parts in errors.items()}
-        inside = {c: float(np.mean(np.abs(pooled(parts)) < 1.96)) for c, parts in errors.items()}
-        sizes = dict(zip(axes, map(float, level), strict=True))
-        apart = all(run.name in posterior.left_out for run in runs)
-        now = Calibration(sizes, tau, ratio, inside, size_spread(errors), apart=apart)
-        tried.append(_Tried(len(runs) - len(density), float(np.mean(density)), posterior, level, now))
-        worst = max(r for parts in ratio.values() for r in parts.values())
-        say(
-            f"disturbance of {tau:.3g} s, round {number + 1}: 95 % of the errors are within "
-            f"{worst:.2g} times their band"
-        )
-        new = np.clip(level * [_change(axis, errors) for axis in axes], LEAST_LEVEL, MOST_LEVEL)
-        if np.all(np.abs(np.log(new / level)) < SAME):
             break
-        level = new
-    return tried
+        density = float(np.mean([e.density for e in errors.values()]))
+        seen.append((len(errors), density, setting))
+        say(f"disturbance of {setting.tau:.3g} s, round {number + 1}: log density {density:.4g} per reading")
+        if number + 1 == ROUNDS or (number and abs(density - seen[-2][1]) < SAME):
+            break
+        able = [run for run in runs if run.name in errors]
+        added = _added_variances(setting, able, draws, seed, lead)
+        parts = [errors[n].beside(setting, more) for n, more in added.items()]
+        if not parts:
+            break
+        sizes = best_sizes(parts)
+        setting = replace(setting, level=sizes.level, channel=sizes.channel)
+    return max(seen, key=lambda t: t[:2])[2] if seen else setting
+
+
+def _errors(
+    setting: _Setting, runs: Sequence[Run], draws: int, seed: int, lead: float | None
+) -> dict[str, _Errors]:
+    """Runs predicted from the others, those that can be."""
+    out: dict[str, _Errors] = {}
+    for run in runs:
+        try:
+            p = predict_run(setting.model(run.name), run, draws, seed, lead)
+        except BayesidError:
+            continue
+        read = {channel: error for _, channel, error, _ in reading_errors(p, run)}
+        if not read:
+            continue
+        late = np.flatnonzero(p.t - p.t[0] > p.lead)
+        rows = late[np.unique(np.linspace(0, late.size - 1, min(MOST_INSTANTS, late.size)).astype(int))]
+        error = np.stack([read.get(c, np.full(p.t.size, np.nan)) for c in p.channels], axis=1)
+        own = np.array([setting.channel.get(c, 0.0) for c in p.channels])
+        variance = p.draws.var(axis=0, ddof=1) + np.nan_to_num(p.noise) ** 2 - own**2
+        out[run.name] = _Errors(p.channels, rows, error[rows], variance[rows], log_density(p, run))
+    return out
+
+
+def _added_variances(
+    setting: _Setting, runs: Sequence[Run], draws: int, seed: int, lead: float | None
+) -> dict[str, Array]:
+    """Run -> (a, n, q) variance that a disturbance of size 1 on each axis adds, coefficients known."""
+    few = max(draws // 2, FEW_DRAWS)
+    out: dict[str, Array] = {}
+    for run in runs:
+        added = []
+        with suppress(BayesidError):
+            here = predict_run(setting.model(run.name, known=True), run, few, seed, lead).draws.var(
+                axis=0, ddof=1
+            )
+            for axis, size in enumerate(setting.level):
+                level = setting.level.copy()
+                level[axis] = max(2.0 * size, UNIT_LEVEL)
+                larger = replace(setting, level=level).model(run.name, known=True)
+                there = predict_run(larger, run, few, seed, lead).draws.var(axis=0, ddof=1)
+                added.append(np.maximum(there - here, 0.0) / (level[axis] ** 2 - size**2))
+        if len(added) == setting.level.size:
+            out[run.name] = np.array(added)
+    return out
+
+
+def _told(setting: _Setting, runs: Sequence[Run], draws: int, seed: int, lead: float | None) -> Calibration:
+    """How well the runs are predicted with the disturbance found."""
+    models = {run.name: setting.model(run.name) for run in runs}
+    errors, _ = prediction_errors(models, runs, draws, seed, lead)
+    ratio = {c: {h: ratio_of(np.concatenate(z)) for h, z in parts.items()} for c, parts in errors.items()}
+    inside = {c: float(np.mean(np.abs(pooled(parts)) < 1.96)) for c, parts in errors.items()}
+    return Calibration(
+        dict(zip(_axes(setting.found), map(float, setting.level), strict=True)), setting.tau, ratio, inside,
+        size_spread(errors) if errors else 0.0,
+        apart=all(run.name in setting.posterior.left_out for run in runs),
+        channel=setting.channel,
+    )  # fmt: skip
+
+
+def _axes(found: TrialFit) -> list[str]:
+    """Axes a disturbance acts on."""
+    return [n[-1] for n in found.model.kernel.exogenous if n.startswith("force_")]
 
 
 def ratio_of(z: Array) -> float:
     """Error that 95 % of the readings stay below, over 1.96 predicted standard deviations."""
     return max(float(np.quantile(np.abs(z), 0.95)) / 1.96, 1e-3)
-
-
-def _change(axis: str, errors: Errors) -> float:
-    seen = [c for c in TELLING[axis] if c in errors] or list(errors)
-    value = float(np.exp(np.mean([np.log(ratio_of(pooled(errors[c]))) for c in seen])))
-    return float(np.clip(value**1.2, 1.0 / MOST_CHANGE, MOST_CHANGE))
 
 
 def pooled(parts: Mapping[str, Sequence[Array]]) -> Array:
@@ -203,15 +275,29 @@ def size_spread(errors: Errors) -> float:
 
 
 def with_disturbance(
-    found: TrialFit, posterior: CoefficientPosterior, level: Array, tau: float, run_spread: float = 0.0
+    found: TrialFit,
+    posterior: CoefficientPosterior,
+    level: Array,
+    tau: float,
+    run_spread: float = 0.0,
+    channel: Mapping[str, float] | None = None,
 ) -> DiagnosedModel:
-    """The model of a fit under a disturbance: size per axis over 1/2 rho L^2 U^2, correlation time [s]."""
+    """The model of a fit under a disturbance: size per axis over 1/2 rho L^2 U^2, correlation time [s].
+
+    Parameters
+    ----------
+    run_spread : sd of the logarithm of its size from run to run, whose mean square `level` is
+    channel : channel -> sd of errors of its own, which count as noise of that sensor [SI]
+    """
     model, s = found.model, found.model.scales
     covariance = posterior.covariance + np.diag(posterior.run_sd**2)
     time = s["L"] / s["U"]
     noise = NoiseModel(tuple(float(f) for f in level * force_unit(model)), tau, 0.0, 20.0 * time)
     # three-point Gauss-Hermite rule of the logarithm of its size
-    sizes = [(np.exp(np.sqrt(3.0) * run_spread * k), w) for k, w in ((-1, 1 / 6), (0, 2 / 3), (1, 1 / 6))]
+    rms = np.exp(run_spread**2)
+    sizes = [
+        (np.exp(np.sqrt(3.0) * run_spread * k) / rms, w) for k, w in ((-1, 1 / 6), (0, 2 / 3), (1, 1 / 6))
+    ]
     hypotheses = tuple(
         WeightedHypothesis(
             (),
@@ -225,7 +311,9 @@ def with_disturbance(
         )
         for f, w in (sizes if run_spread > 0 else [(1.0, 1.0)])
     )
-    return DiagnosedModel(model, hypotheses, sensor_noise(found), "fit", found.trial.digest)
+    seen = sensor_noise(found)
+    seen |= {c: float(np.hypot(seen.get(c, 0.0), s)) for c, s in (channel or {}).items()}
+    return DiagnosedModel(model, hypotheses, seen, "fit", found.trial.digest)
 
 
 def sensor_noise(found: TrialFit) -> dict[str, float]:

@@ -59,7 +59,7 @@ def beside_readings(p: Prediction, run: Run, seed: int = 0) -> dict[str, dict[st
     """
     low, high = p.band(rng=np.random.default_rng(seed))
     out = {}
-    for j, name, error, seen in _errors(p, run):
+    for j, name, error, seen in reading_errors(p, run):
         inside = (error >= low[:, j] - p.mean[:, j]) & (error <= high[:, j] - p.mean[:, j])
         out[name] = {
             "rms": float(np.sqrt(np.mean(error[seen] ** 2))),
@@ -72,7 +72,7 @@ def beside_readings(p: Prediction, run: Run, seed: int = 0) -> dict[str, dict[st
 def standard_errors(p: Prediction, run: Run) -> dict[str, Array]:
     """Channel -> (m,) readings after the lead-in minus the mean, over the predicted sd, noise included."""
     sd = np.hypot(p.draws.std(axis=0, ddof=1), np.nan_to_num(p.noise))
-    return {name: error[seen] / sd[seen, j] for j, name, error, seen in _errors(p, run)}
+    return {name: error[seen] / sd[seen, j] for j, name, error, seen in reading_errors(p, run)}
 
 
 def log_density(p: Prediction, run: Run) -> float:
@@ -84,14 +84,14 @@ def log_density(p: Prediction, run: Run) -> float:
         np.mean(
             [
                 -np.mean(np.log(sd[seen, j]) + 0.5 * (error[seen] / sd[seen, j]) ** 2)
-                for j, _, error, seen in _errors(p, run)
+                for j, _, error, seen in reading_errors(p, run)
             ]
         )
         - 0.5 * math.log(2 * math.pi)
     )
 
 
-def _errors(p: Prediction, run: Run) -> Iterator[tuple[int, str, Array, Array]]:
+def reading_errors(p: Prediction, run: Run) -> Iterator[tuple[int, str, Array, Array]]:
     """Per channel read: position, name, (n,) reading minus mean by the shortest way round, which count."""
     late = p.t - p.t[0] > p.lead
     for j, name in enumerate(p.channels):

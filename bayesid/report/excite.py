@@ -80,6 +80,7 @@ def write_excitation_report(
     vehicle: Vehicle | None = None,
     groups: Sequence[TermGroup] = (),
     fisher: Mapping[str, tuple[float, str]] | None = None,
+    notes: Sequence[str] = (),
 ) -> Path:
     """Write report.html, report.md, results.json and figures; returns the path of the HTML file."""
     results = {
@@ -93,7 +94,7 @@ def write_excitation_report(
         "seeds": [found.seed],
         "excitation": record,
     }
-    return writer.write(excitation_report(found, trial, vehicle, groups, fisher), folder, results)
+    return writer.write(excitation_report(found, trial, vehicle, groups, fisher, notes), folder, results)
 
 
 def excitation_report(
@@ -102,10 +103,12 @@ def excitation_report(
     vehicle: Vehicle | None = None,
     groups: Sequence[TermGroup] = (),
     fisher: Mapping[str, tuple[float, str]] | None = None,
+    notes: Sequence[str] = (),
 ) -> Report:
     """The report as plain data."""
     # names of the force table and our own words: no foreign text
     lead = "\n\n".join([screen.headline(groups), *screen.beyond(found)] if groups else finding(found))
+    lead += "".join(f"\n\nFisher information: {literal(note)}." for note in notes)
     if trial.attribution:
         lead += f"\n\n{literal(trial.attribution)}"
     sections = [

@@ -255,9 +255,12 @@ def calibration_words(calibration: Calibration) -> str:
             "Predicted by the fit that read it, the run lies inside the 95 % band for this share of the "
             f"time: {inside}. One run alone says nothing of the next: fit several."
         )
+    shown = ((c, s, *_unit(c)) for c, s in calibration.channel.items())
+    own = ", ".join(f"{c} {factor * s:.2g} {unit}" for c, s, factor, unit in shown)
+    told = f" Beside the force in the bands, channels err by themselves (one sd): {own}." if own else ""
     return (
         "Each predicted from the others, the fitted runs lie inside the 95 % band for this share of the "
-        f"time: {inside}."
+        f"time: {inside}.{told}"
     )
 
 

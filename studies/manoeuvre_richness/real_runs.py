@@ -15,10 +15,11 @@ import numpy as np
 
 from bayesid.analysis.design.compare import rank_correlation
 from bayesid.analysis.design.criteria import gain, posterior
+from bayesid.analysis.design.executed_runs import campaign_noise
 from bayesid.analysis.design.goals import prediction_rows
 from bayesid.analysis.design.information import runs_information
 from bayesid.analysis.design.logged_runs import LogCrossing, cross_logs, level
-from bayesid.analysis.design.planning_case import campaign_noise, known_of
+from bayesid.analysis.design.planning_case import known_of
 from bayesid.analysis.design.virtual_refit import refit
 from bayesid.equations.model import build_model
 from bayesid.estimation.output_error import FitProblem, measured_base, output_error_run

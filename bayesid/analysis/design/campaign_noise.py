@@ -50,6 +50,33 @@ class CampaignNoise:
         read = np.stack([steps % gap == 0 for gap in gaps], axis=1)
         return replace(run, readings=np.where(read, run.readings, np.nan))
 
+    @property
+    def scatter(self) -> Array:
+        """(k, k) covariance, between runs, of the coefficients in units of what was known."""
+        return self.parts.run_spread**2 * self.deviation @ self.deviation.T
+
+    def errors(self, run: RunData, dt: float, rng: np.random.Generator) -> Array:
+        """(n, c) errors of the readings of a run with samples every `dt` [s], in units of the stated noise.
+
+        Raises
+        ------
+        FitError
+            a channel the campaign did not read, whose noise is not known
+        """
+        where = self._places(run.channels)
+        seen = np.zeros((len(run.valid), len(self.channels)), dtype=bool)
+        seen[:, where] = run.valid
+        return np.sqrt(self.parts.excess) * self.noise.draw(seen, rng, dt / self.dt)[:, where]
+
+    def _places(self, channels: tuple[str, ...]) -> list[int]:
+        """Positions of channels among those of the campaign."""
+        if unknown := [c for c in channels if c not in self.channels]:
+            raise FitError(
+                f"the runs executed did not log {', '.join(unknown)}, so its noise is not known; they logged "
+                f"{', '.join(self.channels)}"
+            )
+        return [self.channels.index(c) for c in channels]
+
     def score(
         self,
         name: str,
@@ -73,17 +100,10 @@ class CampaignNoise:
         FitError
             a channel the campaign did not read, whose noise is not known
         """
-        if unknown := [c for c in channels if c not in self.channels]:
-            raise FitError(
-                f"the runs executed did not log {', '.join(unknown)}, so its noise is not known; they logged "
-                f"{', '.join(self.channels)}"
-            )
-        k = columns.shape[2]
+        where, k = self._places(channels), columns.shape[2]
         placed = np.zeros((len(columns), len(self.channels), k))
         seen = np.zeros(placed.shape[:2], dtype=bool)
-        for j, channel in enumerate(channels):
-            placed[:, self.channels.index(channel)] = columns[:, j]
-            seen[:, self.channels.index(channel)] = valid[:, j]
+        placed[:, where], seen[:, where] = columns, valid
         flat = columns.reshape(-1, k)
         pull = start.T @ start
         h = flat.T @ flat + pull

@@ -87,6 +87,12 @@ class PlanningCase:
         psi, r = (self.model.states.index(n) for n in ("psi", "r"))
         return float(np.max(np.abs(start[:, psi, r]))) * self.model.scales["U"] / self.model.scales["L"]
 
+    @property
+    def scatter(self) -> Array | float:
+        """(k, k) covariance by which the coefficients of a single run differ from the vehicle's, in units of
+        what is known; 0 where none was seen."""
+        return 0.0 if self.noise is None else self.noise.scatter
+
     @cached_property
     def steady(self) -> bool:
         """Whether the nominal vehicle keeps straight without a hand on the rudder for the whole duration."""
@@ -201,7 +207,7 @@ def crossing(
     }
     table = np.empty((len(names), len(names)))
     for i, row in enumerate(names):
-        left = posterior(infos[row].matrices)
+        left = posterior(infos[row].matrices) + case.scatter
         for j, column in enumerate(names):
             table[i, j] = _rms(rows[column], left)
     prior = np.array([np.sqrt(np.mean(np.sum(rows[n] ** 2, axis=2))) for n in names])
@@ -233,7 +239,9 @@ def refit_all(
     for k, (name, manoeuvre) in enumerate(manoeuvres.items()):
         with suppress(ModelError):
             executions[name] = case.execution(manoeuvre, par, name)
-            refits[name] = refitted(case.model, case.knowledge, [executions[name]], par, seed * 1000 + k)
+            refits[name] = refitted(
+                case.model, case.knowledge, [executions[name]], par, seed * 1000 + k, case.noise
+            )
         watch(name)
     return VirtualRefits(par, executions, refits)
 

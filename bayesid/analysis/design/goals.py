@@ -86,12 +86,14 @@ class PredictionGoal:
     """Readings of a wanted manoeuvre (I-optimal: mean variance; G-optimal: the worst one).
 
     rows : (d, n, k) whitened sensitivities of its readings, per vehicle drawn
+    scatter : (k, k) covariance by which the coefficients of a single run differ from the vehicle's
     """
 
     rows: Array
     wanted: str
     worst: bool = False
     unit: str = "rms error of its prediction over sensor noise"
+    scatter: Array | float = 0.0
 
     @property
     def name(self) -> str:
@@ -99,7 +101,7 @@ class PredictionGoal:
 
     def variance(self, matrices: Array) -> Array:
         """(d, n) predicted variance of every reading over that of its noise."""
-        left = posterior(matrices)
+        left = posterior(matrices) + self.scatter
         return np.asarray(np.einsum("dni,dij,dnj->dn", self.rows, left, self.rows))
 
     def value(self, matrices: Array) -> float:
@@ -112,7 +114,13 @@ class PredictionGoal:
 
 
 def predict(
-    model: Model, knowledge: Knowledge, draws: Array, wanted: Manoeuvre, logging: Logging, worst: bool = False
+    model: Model,
+    knowledge: Knowledge,
+    draws: Array,
+    wanted: Manoeuvre,
+    logging: Logging,
+    worst: bool = False,
+    scatter: Array | float = 0.0,
 ) -> PredictionGoal:
     """Goal: the track of a wanted manoeuvre, executed from a known start by every vehicle drawn.
 
@@ -122,7 +130,7 @@ def predict(
     for par in draws:
         execution = planned(model, par, wanted, logging)
         rows.append(prediction_rows(model, knowledge, par, execution.run))
-    return PredictionGoal(np.array(rows), wanted.name, worst)
+    return PredictionGoal(np.array(rows), wanted.name, worst, scatter=scatter)
 
 
 def prediction_rows(model: Model, knowledge: Knowledge, par: Array, run: RunData, most: int = 60) -> Array:

@@ -238,7 +238,7 @@ class _Matrices(_Bench):
         if kind == "gain" or wanted is None:
             return InformationGoal(), InformationGoal()
         return tuple(
-            predict(c.model, c.knowledge, d, wanted, c.logging, worst)
+            predict(c.model, c.knowledge, d, wanted, c.logging, worst, c.scatter)
             for d in (self.judging_draws, self.search_draws)
         )
 

@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bayesid.analysis.design.information import PlannedRun
+from bayesid.analysis.design.campaign_noise import CampaignNoise
+from bayesid.analysis.design.information import PlannedRun, runs_information
 from bayesid.analysis.design.prior_knowledge import Knowledge
 from bayesid.equations.model import Model
 from bayesid.errors import ModelError
@@ -55,13 +56,25 @@ class Refit:
         return -0.5 * float(np.linalg.slogdet(self.covariance)[1])
 
 
-def logged(model: Model, par: Array, execution: PlannedRun, rng: np.random.Generator) -> RunData:
-    """A run as its sensors give it, with the noise they are stated to have."""
+def logged(
+    model: Model,
+    par: Array,
+    execution: PlannedRun,
+    rng: np.random.Generator,
+    noise: CampaignNoise | None = None,
+) -> RunData:
+    """A run as its sensors give it, with the noise they are stated to have or that of a campaign."""
     run = execution.run
+    dt = float(np.median(np.diff(run.plan.t)))
+    if noise is not None:
+        run = noise.as_logged(run, dt)
     states = simulate(model, par, run.plan, run.x0).states
     picked = [model.kernel.channels.index(c) for c in run.channels]
     readings = observe(model, par, run.plan, states)[:, picked]
-    return replace(run, readings=readings + rng.standard_normal(readings.shape) * run.sigma)
+    if noise is None:
+        return replace(run, readings=readings + rng.standard_normal(readings.shape) * run.sigma)
+    readings = np.where(run.valid, readings + noise.errors(run, dt, rng) * run.sigma, np.nan)
+    return replace(run, readings=readings)
 
 
 def problem_of(model: Model, knowledge: Knowledge, runs: Sequence[RunData]) -> FitProblem:
@@ -135,12 +148,34 @@ def marginal(jac: Array, k: int) -> Array:
 
 
 def refitted(
-    model: Model, knowledge: Knowledge, executions: Sequence[PlannedRun], par: Array, seed: int
+    model: Model,
+    knowledge: Knowledge,
+    executions: Sequence[PlannedRun],
+    par: Array,
+    seed: int,
+    noise: CampaignNoise | None = None,
 ) -> Refit:
-    """Virtual trial of runs of a true vehicle, and its refit; the seed fixes the noise."""
+    """Virtual trial of runs of a true vehicle, and its refit; the seed fixes the noise.
+
+    Under the noise of a campaign its errors remember, the coefficients of every run differ from the
+    vehicle's as those of the campaign did, and readings weigh what they carry there.
+    """
     rng = np.random.default_rng(seed)
-    runs = [logged(model, par, execution, rng) for execution in executions]
-    return refit(problem_of(model, knowledge, runs), knowledge)
+    if noise is None:
+        runs = [logged(model, par, execution, rng) for execution in executions]
+        return refit(problem_of(model, knowledge, runs), knowledge)
+    runs = []
+    for execution in executions:
+        own = np.array(par)
+        differ = noise.parts.run_spread * noise.deviation @ rng.standard_normal(len(knowledge.names))
+        own[knowledge.where] += knowledge.root @ differ
+        runs.append(logged(model, own, execution, rng, noise))
+    weighed = [replace(run, sigma=run.sigma / np.sqrt(noise.parts.share)) for run in runs]
+    found = refit(problem_of(model, knowledge, weighed), knowledge)
+    there = np.array(par)
+    there[knowledge.where] = found.values
+    told = runs_information(model, knowledge, there, runs, noise)
+    return replace(found, covariance=np.linalg.inv(told + np.eye(len(told))))
 
 
 def prediction_error(

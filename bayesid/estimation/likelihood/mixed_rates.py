@@ -97,6 +97,19 @@ class MixedRateNoise:
                 out += flat.T @ flat
         return out
 
+    def draw(self, valid: Array, rng: np.random.Generator, step: float = 1.0) -> Array:
+        """(n, c) errors of readings where there are any, `step` as in `of_score`."""
+        out = np.zeros(valid.shape)
+        for g in self.groups:
+            rows = g.rows(valid)
+            count = int(rows.sum())
+            if g.noise.order:
+                errors = g.noise.draw(count, rng, step if g.every else 1.0)
+            else:
+                errors = rng.standard_normal((count, len(g.channels)))
+            out[np.flatnonzero(rows)[:, None], np.array(g.channels)] = errors
+        return np.where(valid, out, 0.0)
+
 
 def mixed_rate_noise(
     resids: Sequence[Array], valid: Sequence[Array], most: int = MOST_ORDER

@@ -63,15 +63,31 @@ class ResidualNoise:
         known, part = self.covariance(int(whole[-1]) + 2), (lag - whole)[:, None, None]
         return (1.0 - part) * known[whole] + part * known[whole + 1]
 
+    def spectrum(self, count: int, step: float = 1.0) -> Array:
+        """(size // 2 + 1, c, c) spectral density of its covariance at lags up to `count` - 1, `step` apart,
+        laid round a circle of a power of two that is at least twice as long.
+        """
+        lags = self.at_step(count, step)
+        size, c = 1 << (2 * count - 1).bit_length(), lags.shape[1]
+        two_sided = np.zeros((size, c, c))
+        two_sided[:count] = lags
+        two_sided[size - count + 1 :] = lags[1:][::-1].transpose(0, 2, 1)
+        return np.asarray(np.fft.rfft(two_sided, axis=0))
+
+    def draw(self, count: int, rng: np.random.Generator, step: float = 1.0) -> Array:
+        """(count, c) errors of this noise, `step` lags apart (circulant embedding; Chan and Wood 1999)."""
+        density = self.spectrum(count, step)
+        size, c = 2 * (len(density) - 1), density.shape[1]
+        values, vectors = np.linalg.eigh(0.5 * (density + density.conj().transpose(0, 2, 1)))
+        root = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
+        white = np.fft.rfft(rng.standard_normal((size, c)), axis=0)
+        return np.fft.irfft(np.einsum("fab,fb->fa", root, white), size, axis=0)[:count]
+
     def of_score(self, columns: Array, step: float = 1.0) -> Array:
         """(k, k) covariance of sum over samples of columns^T e for (n, c, k) columns, `step` lags apart."""
-        n, c = columns.shape[:2]
-        lags = self.at_step(n, step)
-        size = 1 << (2 * n - 1).bit_length()
-        two_sided = np.zeros((size, c, c))
-        two_sided[:n] = lags
-        two_sided[size - n + 1 :] = lags[1:][::-1].transpose(0, 2, 1)
-        spectrum = np.fft.rfft(two_sided, axis=0)
+        n = columns.shape[0]
+        spectrum = self.spectrum(n, step)
+        size = 2 * (len(spectrum) - 1)
         moved = np.fft.rfft(columns, size, axis=0)
         smeared = np.fft.irfft(np.einsum("fab,fbk->fak", spectrum, moved), size, axis=0)[:n]
         out = np.einsum("nak,nal->kl", columns, smeared)
