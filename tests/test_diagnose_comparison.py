@@ -4,7 +4,7 @@ Thresholds are those of the table: 5 nats to add, 20 that two linearisations may
 follow the data and 25 not to follow it at all, 3 nats from which a remainder shows.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace as Plain
 
 import numpy as np
@@ -306,7 +306,7 @@ def test_a_refit_that_is_worse_with_a_form_than_without_begins_again_where_it_en
     class Single:
         refits: tuple
         none: object = None
-        gains: object = None
+        gains: tuple = tuple("abcd")
 
     single = Single((refitted("a", 40.0), refitted("b", 60.0), refitted("c", 10.0)))
     found = comparison._arrived(problem, single, known, lambda text: None)
@@ -314,3 +314,5 @@ def test_a_refit_that_is_worse_with_a_form_than_without_begins_again_where_it_en
     assert asked == [(("a",), ["there"]), (("d",), ["far"])]
     told = [(c.effects[0], c.log_evidence) for c in found.refits]
     assert told == [("a", 100.0), ("b", 60.0), ("c", 10.0), ("d", 100.0)]
+    part = replace(single, gains=tuple("abc"))  # d is part of the form
+    assert len(comparison._arrived(problem, part, known, lambda text: None).refits) == 3

@@ -272,8 +272,9 @@ def _arrived(
         before = ended.get(c.effects)
         worse = before is not None and c.log_evidence < before.log_evidence - LINEARISATION_SCATTER
         refits += again(before, [c]) if before is not None and worse else [c]
-    best = known.leading
-    if best.effects in ended and best.effects not in {c.effects for c in single.refits}:
+    best, tried = known.leading, {c.effects for c in single.refits}
+    # what is part of the form is no effect beside it
+    if best.effects in ended and best.effects not in tried and set(best.effects) <= set(single.gains):
         refits += again(best, [])
     return replace(single, refits=_ranked(problem, refits, single.none, single.gains))
 
