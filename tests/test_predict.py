@@ -32,6 +32,7 @@ from bayesid.model.vehicles import self_propulsion_speed
 from bayesid.prediction.initial_state import balanced_speed, coloured_noise, initial_states
 from bayesid.prediction.intervals import beside_readings, measure_bands, prediction_csv, stated_spread
 from bayesid.prediction.prediction import predict_manoeuvre, predict_run
+from bayesid.report.predict_first_screen import _band
 from bayesid.simulation import observe, plan_run, simulate, steady_start
 from bayesid.trials import Run, window, write_trial
 
@@ -310,3 +311,9 @@ def test_the_model_of_another_vehicle_is_refused(tmp_path):
     other = replace(other, vehicle_ref="generic_sub")
     with pytest.raises(ModelError, match=r"is of REMUS 100 .* m long, and the trial pond of .* 102.3 m"):
         predict(other, model=tmp_path, draws=20)
+
+
+def test_a_band_is_told_with_digits_that_part_its_ends():
+    assert _band(332.2, 332.0, 332.5) == ("332.2", "332.0", "332.5")
+    assert _band(10.0, 8.0, 12.0) == ("10", "8", "12")
+    assert _band(1.0, 1.0, 1.0) == ("1", "1", "1")

@@ -25,6 +25,16 @@ Numbers = Mapping[str, Any]
 ASKED = ("tactical diameter", "advance", "overshoot 1", "overshoot 2", "steady yaw rate", "period")
 
 
+def _band(mean: float, low: float, high: float) -> tuple[str, str, str]:
+    """A mean and its band, with digits that tell the two ends apart."""
+    told = (number(mean), number(low), number(high))
+    width = high - low
+    if told[1] != told[2] or not (math.isfinite(width) and width > 0.0):
+        return told
+    places = max(math.ceil(-math.log10(width)), 0)
+    return f"{mean:.{places}f}", f"{low:.{places}f}", f"{high:.{places}f}"
+
+
 def shown(predictions: Sequence[Prediction], rows: Sequence[Numbers]) -> int:
     """Position of the one to draw: the run the vehicle as given misses most, else the first."""
 
@@ -75,7 +85,7 @@ def headline(trial: Trial, predictions: Sequence[Prediction], rows: Sequence[Num
             "of its readings lie in the 95 % band."
         )
     told = [
-        f"{m['quantity']} of {number(m['mean'])} {m['unit']} (95 %: {number(m['low'])} to {number(m['high'])}"
+        "{quantity} of {0} {unit} (95 %: {1} to {2}".format(*_band(m["mean"], m["low"], m["high"]), **m)
         + (f"; as given {number(m['given'])})" if m.get("given") is not None else ")")
         for m in _telling(row)[:MOST_MEASURES]
     ]
