@@ -305,6 +305,16 @@ def test_a_band_wider_than_a_full_turn_is_called_no_prediction(tmp_path):
         assert ("Nothing is predicted for any of these" in found.summary()) == lost
 
 
+@pytest.mark.parametrize(("word", "said"), [("model_form", True), ("ambiguous", True), ("effect", False)])
+def test_causes_a_diagnosis_does_not_name_are_said_to_be_none(word, said, tmp_path):
+    found = found_with()
+    causes = tuple(replace(h, effects=("rudder_offset",)) for h in found.hypotheses)
+    write_diagnosed(replace(found, verdict=word, hypotheses=causes), tmp_path)
+    prediction = predict(planted_trial(MODEL), ["turn:10"], model=tmp_path, draws=20, speed=1.5)
+    assert ("names no cause" in prediction.summary()) == said
+    assert any("names no cause" in text for text in prediction.report().failures) == said
+
+
 def test_the_model_of_another_vehicle_is_refused(tmp_path):
     write_diagnosed(found_with(), tmp_path)
     other = planted_trial(model_of("generic_sub"))

@@ -27,6 +27,7 @@ from bayesid.diagnosis.diagnosed_model import (
     read_diagnosed,
     write_diagnosed,
 )
+from bayesid.diagnosis.hypotheses.rules import NAMING
 from bayesid.diagnosis.input import check_trial
 from bayesid.diagnosis.run import diagnose
 from bayesid.errors import BayesidError, ModelError, TrialError
@@ -301,8 +302,16 @@ class PredictResult(Result):
         return words + first_screen.as_given_words(self.numbers["coefficients_as_given"])
 
     def _doubts(self) -> list[str]:
-        """Shaft speed that is not logged, runs of which nothing is predicted, channels outside the bands."""
+        """Causes the diagnosis does not name, shaft speed that is not logged, runs of which nothing is
+        predicted, channels outside the bands.
+        """
         out = []
+        word = self.numbers["verdict"]
+        if word not in (*NAMING, "fit") and any(h["effects"] for h in self.numbers["hypotheses"]):
+            out.append(
+                f"The diagnosis this is drawn from names no cause (verdict {word.replace('_', ' ')}): what "
+                "is drawn explains the runs it has read, and may not be what acts."
+            )
         if (note := shaft_speed_note(self.trial)) is not None:
             out.append(f"{note[0].upper()}{note[1:]}.")
         rows = self.numbers["predictions"]
