@@ -17,7 +17,8 @@ EFFECTS = tuple(Plain(name=n, where=(n, "everywhere")) for n in ("wind", "lag", 
 
 def hypothesis(value, *effects, chi2=1.0, converged=True):
     """A refit; those with a wide prior on a coefficient are written "coefficient_error:N_r"."""
-    fit = Plain(converged=converged, chi2=chi2, points=[f"points of {effects}"], par=np.arange(4.0) + value)
+    points = [f"points of {effects}"]
+    fit = Plain(converged=converged, chi2=chi2, points=points, par=np.arange(4.0) + value, equations=())
     return Plain(
         effects=effects, log_evidence=value, fit=fit,
         widens=bool(effects) and effects[0].startswith("coefficient_error"),
@@ -34,7 +35,7 @@ def located(best=8.0, outside=0.0, base=0.0, kept="kept"):
 
 
 OWN_PATH = Plain(par=np.zeros(4))  # of the data, parameters at nominal
-FIT, AGREE = Plain(points=["points of the fit"]), Plain(excess=7.0, disagree=False)
+FIT = Plain(points=["points of the fit"])
 
 
 class World:
@@ -47,7 +48,7 @@ class World:
     gains : of the screen
     """
 
-    def __init__(self, monkeypatch, none, refits=(), wide=(), gains=None, where=None, after=None, runs=None):
+    def __init__(self, monkeypatch, none, refits=(), wide=(), gains=None, where=None, after=None, excess=1.0):
         self.none, self.seen, self.gains = none, {}, gains or {"wind": 60.0, "lag": 20.0}
         self.where, self.after = where or located(), after or located(4.0)
         self.again = hypothesis(-999.0)
@@ -79,7 +80,7 @@ class World:
             "evidences": lambda problem, none, refits, scores, wide_, where: self._kept(
                 "evidences", (none, [r.effects for r in refits]), {"wind": 1.0, "outside": 0.5}
             ),
-            "cross_validate": lambda best, none, k: self._kept("cross_validate", best.effects, runs or AGREE),
+            "excess_where_apart": lambda equations, k: excess,
             "probabilities": self._probabilities,
             "replace": lambda point, par: (point, tuple(par)),
         }  # fmt: skip
@@ -199,9 +200,8 @@ def test_what_the_search_found_left_is_not_located_again(monkeypatch):
     [(12.0, 1.0, False), (12.1, 1.0, True), (1.0, 1.1, True), (1.0, 1.0, False)],
 )
 def test_a_remainder_shows_beyond_chance_or_where_runs_disagree(monkeypatch, free, excess, shows):
-    runs = Plain(excess=excess, disagree=excess > 1.0)
     world = World(
-        monkeypatch, hypothesis(100.0), refits=[hypothesis(200.0, "wind")], after=located(free), runs=runs
+        monkeypatch, hypothesis(100.0), refits=[hypothesis(200.0, "wind")], after=located(free), excess=excess
     )
     world.run()
     assert world.left_by.shows == shows and world.seen["weights"][-1][0] == excess
@@ -273,12 +273,9 @@ def test_it_does_not_where_it_arrived_or_no_refit_did(monkeypatch, none, refit):
     ],
 )
 def test_runs_are_compared_where_the_best_explains_and_gains_beyond_linearisation(monkeypatch, best, asked):
-    for disagree, excess in ((True, 2.5), (False, 1.0)):
-        runs = Plain(excess=2.5, disagree=disagree)
-        monkeypatch.setattr(comparison, "cross_validate", lambda b, n, k, runs=runs: runs)
-        assert comparison._excess([best, hypothesis(0.0, "lag")], hypothesis(100.0), 2) == (
-            excess if asked else 1.0
-        )
+    monkeypatch.setattr(comparison, "excess_where_apart", lambda equations, k: 2.5)
+    found = comparison._excess([best, hypothesis(0.0, "lag")], hypothesis(100.0), 2)
+    assert found == (2.5 if asked else 1.0)
     assert comparison._excess([], hypothesis(100.0), 2) == 1.0
 
 

@@ -7,7 +7,12 @@ import pytest
 from scipy import stats
 from scipy.stats import norm
 
-from bayesid.diagnosis.hypotheses.cross_validation import CrossValidation, disagreement, left_out
+from bayesid.diagnosis.hypotheses.cross_validation import (
+    CrossValidation,
+    disagreement,
+    excess_where_apart,
+    left_out,
+)
 from bayesid.diagnosis.hypotheses.localisation import Localisation, LocatedSignal
 from bayesid.diagnosis.hypotheses.probabilities import FormError, Remainder, credible_set, probabilities, told
 from bayesid.estimation.filter_error.evidence import normal_equations
@@ -52,6 +57,11 @@ def test_runs_with_effects_of_their_own_disagree():
     found = [disagreement(grams(world(rng, spread=1.0)), COEF) for _ in range(20)]
     assert np.median([p for p, _ in found]) < 1e-4
     assert min(excess for _, excess in found) > 1.5
+    apart = grams(world(np.random.default_rng(3), spread=3.0))
+    assert excess_where_apart(apart, COEF) == disagreement(apart, COEF)[1] > 1.5
+    agreeing = grams(world(np.random.default_rng(3)))
+    assert disagreement(agreeing, COEF)[0] > 0.05
+    assert excess_where_apart(agreeing, COEF) == 1.0
 
 
 def test_an_effect_the_other_runs_speak_against_is_refuted_and_a_doubtful_one_is_not():

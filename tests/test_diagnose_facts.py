@@ -50,7 +50,7 @@ def world(w):
         form=None,
     )
     stand_ins = {
-        "parameters_told": lambda problem, best: {},
+        "parameters_told": lambda problem, best, sensors: {},
         "idle": lambda best, problem, table: tuple(n for n in w["idle"] if n in best.effects),
         "pulls": lambda fit, problem: np.array(w["pulls"]),
         "cross_validate": lambda best, none, k: SimpleNamespace(**w["runs"]),
@@ -150,11 +150,10 @@ def test_causes_that_stand_for_each_other_are_more_than_a_form_leaves(
     alone, both, excess, of_form, within, together, monkeypatch
 ):
     """A form worth 100 nats: each of two may be less than half of it beside the other, and both much more."""
-    monkeypatch.setattr(facts, "gain_and_excess", lambda problem, best, axes: (100.0, of_form))
+    monkeypatch.setattr(facts, "lost_without_form", lambda problem, best, axes: 100.0)
+    monkeypatch.setattr(facts, "form_excess", lambda problem, best: of_form)
     monkeypatch.setattr(facts, "axes_of", lambda problem, name: frozenset("YN"))
-    p = 0.5 if excess == 1.0 else 1e-9
-    monkeypatch.setattr(facts, "disagreement", lambda equations, k: (p, excess))
-    monkeypatch.setattr(facts, "by_kinematics", lambda problem, best: Kinematics())
+    monkeypatch.setattr(facts, "excess_where_apart", lambda equations, k: excess)
     refits = (
         candidate(("a", "c"), both, 1.0, True),
         *(candidate((n,), g, 1.0, True) for n, g in alone.items()),
@@ -162,6 +161,6 @@ def test_causes_that_stand_for_each_other_are_more_than_a_form_leaves(
     comparison = SimpleNamespace(refits=refits, none=candidate((), 0.0, 1.0, True))
     model = SimpleNamespace(effects=dict.fromkeys("abcd"))
     problem = SimpleNamespace(form=object(), model=model, coefficients=SimpleNamespace(names=()))
-    assert facts._covered(problem, comparison, refits[0]) == (within, together)
+    assert facts._covered(problem, comparison, refits[0], Kinematics()) == (within, together)
     problem.form = None
-    assert facts._covered(problem, comparison, refits[0]) == ((), True)
+    assert facts._covered(problem, comparison, refits[0], Kinematics()) == ((), True)

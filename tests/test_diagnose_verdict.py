@@ -27,7 +27,7 @@ PROBLEM = SimpleNamespace(
 @pytest.fixture(autouse=True)
 def plain(monkeypatch):
     monkeypatch.setattr(facts, "idle", lambda best, problem, table: ())
-    monkeypatch.setattr(facts, "parameters_told", lambda problem, best: {})
+    monkeypatch.setattr(facts, "parameters_told", lambda problem, best, sensors: {})
     monkeypatch.setattr(facts, "pulls", lambda fit, problem: np.array([0.5]))
     agreed = SimpleNamespace(total=1.0, disagreement=0.5, disagree=False, refuted=False)
     monkeypatch.setattr(facts, "cross_validate", lambda best, none, k: agreed)

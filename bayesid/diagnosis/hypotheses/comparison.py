@@ -21,7 +21,7 @@ from bayesid.diagnosis.hypotheses.candidate import (
     standing,
     weighted_hypothesis,
 )
-from bayesid.diagnosis.hypotheses.cross_validation import cross_validate
+from bayesid.diagnosis.hypotheses.cross_validation import excess_where_apart
 from bayesid.diagnosis.hypotheses.form_part import axes_of, beyond, form_gain
 from bayesid.diagnosis.hypotheses.kinematic import by_kinematics, readable
 from bayesid.diagnosis.hypotheses.localisation import Localisation, locate, tried
@@ -342,5 +342,4 @@ def _excess(refits: Sequence[RefittedHypothesis], none: RefittedHypothesis, coef
     best = refits[0] if refits else none
     if best.log_evidence <= none.log_evidence + LINEARISATION_SCATTER or not explains(best) or best.widens:
         return 1.0
-    runs = cross_validate(best, none, coefficients)
-    return runs.excess if runs.disagree else 1.0
+    return excess_where_apart(best.fit.equations, coefficients)

@@ -98,6 +98,12 @@ def disagreement(equations: tuple[NormalEquations, ...], coefficients: int) -> t
     return float(stats.chi2.sf(chi2, freedom)), chi2 / freedom
 
 
+def excess_where_apart(equations: tuple[NormalEquations, ...], coefficients: int) -> float:
+    """Chi-square over its degrees of freedom of `disagreement` where the runs disagree; 1 where not."""
+    p, excess = disagreement(equations, coefficients)
+    return max(excess, 1.0) if p < DISAGREEMENT_P_VALUE else 1.0
+
+
 def _explained(a: Array, b: Array) -> tuple[float, int]:
     """b' a^+ b and the rank of a, directions below 1e-3 of a prior's information left out."""
     value, vector = np.linalg.eigh(a)

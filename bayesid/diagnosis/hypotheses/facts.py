@@ -20,14 +20,13 @@ from bayesid.diagnosis.hypotheses.candidate import (
     pulls,
 )
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
-from bayesid.diagnosis.hypotheses.cross_validation import CrossValidation, cross_validate, disagreement
-from bayesid.diagnosis.hypotheses.form_part import axes_of, beyond, gain_and_excess
-from bayesid.diagnosis.hypotheses.kinematic import by_kinematics, parameters_told
+from bayesid.diagnosis.hypotheses.cross_validation import CrossValidation, cross_validate, excess_where_apart
+from bayesid.diagnosis.hypotheses.form_part import axes_of, beyond, form_excess, lost_without_form
+from bayesid.diagnosis.hypotheses.kinematic import NOTHING, Kinematics, by_kinematics, parameters_told
 from bayesid.diagnosis.hypotheses.localisation import SENSORS
 from bayesid.diagnosis.hypotheses.probabilities import credible_set, told
 from bayesid.diagnosis.threshold_table import (
     CONFOUNDED_SHARE,
-    DISAGREEMENT_P_VALUE,
     EVEN_ODDS,
     FOLLOWS_DATA_CHI2,
     FORM_LEAVES,
@@ -171,9 +170,11 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
     if candidates.where_after is not None and candidates.where_after.places[0].channel not in SENSORS:
         left = beyond(left, candidates.carried_beside)
     free = before.evidence if before.channel in SENSORS else beyond(before.evidence, candidates.carried)
-    off = () if best.widens else idle(best, problem, parameters_told(problem, best))
+    sensors = NOTHING if problem.form is None else by_kinematics(problem, best)
+    table = parameters_told(problem, best, sensors)
+    off = () if best.widens else idle(best, problem, table)
     several = len(best.effects) > 1
-    within, together = ((), False) if best.widens else _covered(problem, candidates, best)
+    within, together = ((), False) if best.widens else _covered(problem, candidates, best, sensors)
     like = () if best.widens else like_a_form(candidates, best, problem.model)
     covered = tuple(dict.fromkeys((*within, *like)))
     sure: tuple[str, ...] = ()
@@ -300,7 +301,10 @@ def _part(candidates: HypothesisComparison, best: RefittedHypothesis, names: Col
 
 
 def _covered(
-    problem: DiagnosisProblem, candidates: HypothesisComparison, best: RefittedHypothesis
+    problem: DiagnosisProblem,
+    candidates: HypothesisComparison,
+    best: RefittedHypothesis,
+    sensors: Kinematics,
 ) -> tuple[tuple[str, ...], bool]:
     """Effects of the best that are not larger than what the model form may leave, and whether all of them
     together are not.
@@ -312,21 +316,20 @@ def _covered(
     """
     if problem.form is None:
         return (), True
-    p, apart = disagreement(best.fit.equations, len(problem.coefficients.names))
-    excess = max(apart, 1.0) if p < DISAGREEMENT_P_VALUE else 1.0
+    excess = excess_where_apart(best.fit.equations, len(problem.coefficients.names))
+    of_form = form_excess(problem, best)
     part = {n: _part(candidates, best, {n}) for n in best.effects}
     first = max(part, key=lambda n: part[n], default="")
-    told_so = by_kinematics(problem, best).told
 
     def small(names: Collection[str], share: float) -> bool:
         axes = frozenset().union(*(axes_of(problem, n) for n in names))
-        form, of_form = gain_and_excess(problem, best, axes)
+        form = lost_without_form(problem, best, axes)
         gain = _part(candidates, best, names)
         return gain < share * form and gain / excess < share * form / of_form
 
     within = tuple(
         n
         for n in best.effects
-        if small({n}, FORM_LEAVES if n == first else FORM_LEAVES_BESIDE) and n not in told_so
+        if small({n}, FORM_LEAVES if n == first else FORM_LEAVES_BESIDE) and n not in sensors.told
     )
     return within, not within or small(within, FORM_LEAVES)

@@ -34,38 +34,44 @@ def form_gain(
     ----------
     axes : without the form in these only; in all of them where not given
     """
-    gain, excess = gain_and_excess(problem, candidate, axes)
-    return gain / excess
+    lost = lost_without_form(problem, candidate, axes)
+    return lost / form_excess(problem, candidate) if lost > 0.0 else 0.0
 
 
-def gain_and_excess(
+def lost_without_form(
     problem: DiagnosisProblem, candidate: RefittedHypothesis, axes: Collection[str] | None = None
-) -> tuple[float, float]:
-    """What a refit would lose without the form, or without it in some axes [nats], and how much the runs
-    disagree about the whole of it (>= 1).
+) -> float:
+    """What a refit would lose without the form, or without it in some axes, however far the runs disagree
+    about it [nats].
     """
     form, model = problem.form, problem.model
     if form is None:
-        return 0.0, 1.0
+        return 0.0
     whole = axes is None or set(form.sizes) <= set(axes)
     rest = ModelForm(
         {axis: 0.0 if whole or axis in (axes or ()) else size for axis, size in form.sizes.items()},
         None if whole else form.period,
     )
     if not whole and dict(rest.sizes) == dict(form.sizes):
-        return 0.0, 1.0
-    fitted, k = candidate.fit, len(problem.coefficients.names)
+        return 0.0
+    fitted = candidate.fit
     total = sum(fitted.equations[1:], fitted.equations[0])
     try:
         without = posterior(_with_prior(problem, fitted.free, total, with_form(model, problem.stated, rest)))
-        gain = max(posterior(total).log_evidence - without.log_evidence, 0.0)
+        return max(posterior(total).log_evidence - without.log_evidence, 0.0)
     except ModelError:
-        return 0.0, 1.0
-    own = np.arange(len(problem.stated.names), k)
+        return 0.0
+
+
+def form_excess(problem: DiagnosisProblem, candidate: RefittedHypothesis) -> float:
+    """How much the runs disagree about the whole form along the path of a refit: chi-square over its degrees
+    of freedom, at least 1.
+    """
+    fitted = candidate.fit
+    own = np.arange(len(problem.stated.names), len(problem.coefficients.names))
     common = np.setdiff1d(np.arange(len(fitted.free.names)), own)
     last = tuple(g.pick(np.concatenate([common, own])) for g in fitted.equations)
-    _, excess = disagreement(last, common.size)
-    return gain, max(excess, 1.0)
+    return max(disagreement(last, common.size)[1], 1.0)
 
 
 def _with_prior(

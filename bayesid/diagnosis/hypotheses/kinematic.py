@@ -100,15 +100,21 @@ def by_kinematics(problem: DiagnosisProblem, candidate: RefittedHypothesis) -> K
 
 
 def parameters_told(
-    problem: DiagnosisProblem, candidate: RefittedHypothesis
+    problem: DiagnosisProblem, candidate: RefittedHypothesis, sensors: Kinematics | None = None
 ) -> dict[str, tuple[float, float]]:
     """Effect parameters of a refit: name -> (value, sd) in SI.
 
     Where the equations lack a form, what kinematics tells is taken from kinematics alone: equations that are
     not those of the vehicle would only bend it (cut inference; Plummer 2015).
+
+    Parameters
+    ----------
+    sensors : `by_kinematics` of the refit, where it is there already
     """
     table = parameter_table(candidate.fit, problem)
-    return table if problem.form is None else table | dict(by_kinematics(problem, candidate).table)
+    if problem.form is None:
+        return table
+    return table | dict((by_kinematics(problem, candidate) if sensors is None else sensors).table)
 
 
 def readable(problem: DiagnosisProblem, effect: Effect, table: Mapping[str, tuple[float, float]]) -> bool:
