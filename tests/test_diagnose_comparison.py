@@ -105,7 +105,7 @@ class World:
 
     def _probabilities(self, evidence, refits, none, where, excess, left, places, error):
         self._kept("weights", (excess, left, places), None)
-        return Plain(shared={"none": 1.0}, inside={"none": 1.0})
+        return Plain(shared={"none": 1.0}, inside={"none": 1.0}, sets={("none",): 1.0})
 
     def run(self, base=None):
         coefficients = Plain(names=("a", "b"), where=np.array([1, 2]))

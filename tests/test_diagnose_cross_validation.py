@@ -12,6 +12,7 @@ from bayesid.diagnosis.hypotheses.cross_validation import (
     disagreement,
     excess_where_apart,
     left_out,
+    log_odds_over_runs,
 )
 from bayesid.diagnosis.hypotheses.localisation import Localisation, LocatedSignal
 from bayesid.diagnosis.hypotheses.probabilities import FormError, Remainder, credible_set, probabilities, told
@@ -62,6 +63,23 @@ def test_runs_with_effects_of_their_own_disagree():
     agreeing = grams(world(np.random.default_rng(3)))
     assert disagreement(agreeing, COEF)[0] > 0.05
     assert excess_where_apart(agreeing, COEF) == 1.0
+
+
+@pytest.mark.parametrize("ahead", [(-1.0, 2.0), (-2.0, 1.0, 1.0), (-1.0, -1.0, 3.0, 3.1, 3.2), range(-7, 5)])
+def test_the_odds_over_runs_are_those_of_weights_drawn_uniformly(ahead):
+    ahead = np.array(ahead, dtype=float)
+    drawn = np.random.default_rng(5).dirichlet(np.ones(ahead.size), 200_000) @ ahead > 0.0
+    odds = np.exp(log_odds_over_runs(ahead))
+    assert odds / (1.0 + odds) == pytest.approx(drawn.mean(), abs=4.0 * drawn.std() / np.sqrt(drawn.size))
+    assert log_odds_over_runs(-ahead) == pytest.approx(-log_odds_over_runs(ahead), abs=1e-9)
+
+
+def test_runs_that_all_agree_leave_no_odds_and_more_runs_that_disagree_leave_more():
+    assert log_odds_over_runs(np.array([0.1, 400.0, 0.0])) == np.inf
+    assert log_odds_over_runs(np.array([-0.1, -400.0])) == -np.inf
+    assert log_odds_over_runs(np.zeros(4)) == 0.0
+    many = [log_odds_over_runs(np.repeat([3.0, -1.0], m)) for m in (1, 2, 4, 8, 16)]
+    assert np.all(np.diff(many) > 0.1)
 
 
 def test_an_effect_the_other_runs_speak_against_is_refuted_and_a_doubtful_one_is_not():
@@ -326,3 +344,29 @@ def test_what_was_not_asked_of_kinematics_is_no_measure_of_what_was(leaves):
     worth = told(gain, error)
     assert worth["gyro",] == 5400.0 and max(worth.values()) == 6000.0
     assert 6000.0 - worth["gyro", "rate"] == pytest.approx(error.lag(50.0))
+
+
+def test_a_lead_that_one_run_makes_against_the_others_is_worth_the_odds_of_the_runs():
+    """Two look-alikes 200 nats apart, ten times what the form leaves: one run carries it, three object."""
+    one, other = ("lag",), ("rate",)
+    agreed = FormError(20.0, by_run={one: np.full(4, -50.0), other: np.zeros(4)})
+    apart = np.array([300.0, -40.0, -30.0, -30.0])
+    split = FormError(20.0, by_run={one: -apart, other: np.zeros(4)})
+    assert agreed.behind(200.0, one, other) == agreed.lag(200.0) > 100.0
+    assert split.behind(200.0, one, other) == log_odds_over_runs(apart) < 3.0
+    assert split.behind(0.5, one, other) <= 0.5
+    assert split.behind(200.0, one, ("unknown",)) == split.lag(200.0)
+    opposed = FormError(20.0, by_run={one: np.zeros(4), other: -np.ones(4)})
+    assert opposed.behind(200.0, one, other) == 0.0  # every run left out is predicted better by what lags
+    exact = FormError(0.0, by_run=split.by_run)
+    assert exact.behind(200.0, one, other) == 200.0  # the equations lack nothing: evidence is what it is
+
+
+def test_a_name_acts_as_probably_as_all_sets_that_hold_it():
+    none, where = candidate(0.0), SimpleNamespace(base=0.0)
+    evidence = {"a": 40.0, "b": 10.0, "c": 38.0, "coefficient_error": 2.0, "outside": 5.0}
+    found = probabilities(evidence, (candidate(43.0, "b", "a"),), none, where)
+    assert found.sets[("a", "b")] > 0.05
+    assert sum(found.sets.values()) == pytest.approx(1.0)
+    for name, inside in found.inside.items():
+        assert inside == pytest.approx(sum(p for key, p in found.sets.items() if name in key))

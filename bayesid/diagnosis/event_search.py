@@ -241,7 +241,13 @@ def with_events(candidates: HypothesisComparison, events: Sequence[Event]) -> Hy
     if simplest(candidates).log_evidence > candidates.none.log_evidence + candidates.thresholds.named:
         # an effect stands on the rest of the trial; the event is a second cause and takes nothing from it
         return replace(candidates, evidence=evidence)
-    return replace(candidates, evidence=evidence, probabilities=weights.shared, inside=weights.inside)
+    return replace(
+        candidates,
+        evidence=evidence,
+        probabilities=weights.shared,
+        inside=weights.inside,
+        sets=weights.sets,
+    )
 
 
 MOTION_EVENT = "motion nothing explains"

@@ -30,8 +30,8 @@ from bayesid.diagnosis.hypotheses.candidate import (
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.cross_validation import cross_validate
 from bayesid.diagnosis.hypotheses.facts import acts, like_a_form, simplest, undetectable
-from bayesid.diagnosis.hypotheses.kinematic import parameters_told
 from bayesid.diagnosis.hypotheses.location import location_of
+from bayesid.diagnosis.hypotheses.sizes import sizes_told
 from bayesid.diagnosis.hypotheses.verdict import Verdict
 from bayesid.diagnosis.next_manoeuvre import Proposal
 from bayesid.diagnosis.result import FORMAT, Result
@@ -238,7 +238,7 @@ def _effects(
     drawn: EffectDraws | None,
 ) -> tuple[Effect, ...]:
     """What the verdict stands on, or what is more probable than not where it names nothing."""
-    fitted, table = parameter_table(best.fit, problem), parameters_told(problem, best)
+    fitted, table = parameter_table(best.fit, problem), sizes_told(problem, c, best)
     named = verdict.effects
     if not named and verdict.word in ("ambiguous", "coefficients"):
         named = tuple(n for n in best.effects if n in model.effects and c.inside.get(n, 0.0) > 0.5)
@@ -252,7 +252,7 @@ def _effects(
             p: Value(
                 *table[key],
                 unit,
-                *_interval(drawn if table[key] == fitted[key] else None, key, table[key][1]),
+                *_interval(drawn if table[key] == fitted.get(key) else None, key, table[key][1]),
             )
             for p, (key, unit) in keys.items()
             if key in table

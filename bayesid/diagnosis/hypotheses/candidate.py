@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import log_ndtr, logsumexp
+from scipy.special import log_ndtr, logsumexp, ndtri, stdtrit
 
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.threshold_table import (
@@ -247,12 +247,13 @@ def parameter_table(fitted: FilterErrorFit, problem: DiagnosisProblem) -> dict[s
     """Effect parameters of a fit: name -> (value, sd) in SI.
 
     Where the equations lack a form, at least the sd by which single runs move them (jackknife): what a form
-    leaves is the same in every reading of a run, not noise from one to the next.
+    leaves is the same in every reading of a run, not noise from one to the next. From few runs that sd is
+    uncertain itself: it is widened until 1.96 of it hold the 95 % of Student's t.
     """
     k = len(problem.coefficients.names)
     sd = fitted.sd[k:]
     if problem.form is not None:
-        sd = np.maximum(sd, jackknife(fitted)[k:])
+        sd = np.maximum(sd, widened_by_few(len(fitted.equations)) * jackknife(fitted)[k:])
     return {
         n: (float(v), float(s)) for n, v, s in zip(fitted.free.names[k:], fitted.values[k:], sd, strict=True)
     }
@@ -261,6 +262,13 @@ def parameter_table(fitted: FilterErrorFit, problem: DiagnosisProblem) -> dict[s
 def jackknife(fitted: FilterErrorFit) -> Array:
     """(k,) standard deviations [SI] of a fit's unknowns from run to run."""
     return spread_over_runs(fitted.equations, fitted.free.sd)
+
+
+def widened_by_few(runs: int) -> float:
+    """What a standard deviation estimated from a number of runs is short of: the 95 % point of Student's t
+    with one degree of freedom less, over that of a normal (Tukey 1958).
+    """
+    return float(stdtrit(max(runs - 1, 1), 0.975) / ndtri(0.975))
 
 
 def spread_over_runs(equations: Sequence[NormalEquations], unit: Array) -> Array:

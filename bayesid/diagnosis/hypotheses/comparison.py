@@ -7,7 +7,7 @@ stated priors only; thresholds and words are the verdict's business.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
@@ -21,7 +21,7 @@ from bayesid.diagnosis.hypotheses.candidate import (
     standing,
     weighted_hypothesis,
 )
-from bayesid.diagnosis.hypotheses.cross_validation import excess_where_apart
+from bayesid.diagnosis.hypotheses.cross_validation import excess_where_apart, left_out
 from bayesid.diagnosis.hypotheses.form_part import axes_of, beyond, form_gain
 from bayesid.diagnosis.hypotheses.kinematic import by_kinematics, readable
 from bayesid.diagnosis.hypotheses.localisation import Localisation, locate, tried
@@ -81,6 +81,7 @@ class HypothesisComparison:
     form_instead : what a form would gain in place of those effects of the best that depend on the motion
         alone, where the runs ask for either [nats]; infinite where they do not, or have a form
     error : how far evidence between causes holds where the equations lack a form
+    sets : names that act together, sorted -> probability of exactly these
     """
 
     none: RefittedHypothesis
@@ -98,6 +99,7 @@ class HypothesisComparison:
     carried_beside: float = 0.0
     form_instead: float = np.inf
     error: FormError = NO_ERROR
+    sets: Mapping[tuple[str, ...], float] = field(default_factory=dict)
 
     @property
     def best(self) -> RefittedHypothesis:
@@ -234,7 +236,7 @@ def weigh(
         )
         left_by = Remainder(rest, shows, share, where.kept(after))
     places = {e.name: e.where for e in single.effects}
-    error = _form_error(problem, best, refits, beside)
+    error = _form_error(problem, best, [none, *refits], beside)
     weights = probabilities(evidence, refits, none, where, excess, left_by, places, error)
     return HypothesisComparison(
         none,
@@ -251,6 +253,7 @@ def weigh(
         carried,
         beside,
         error=error,
+        sets=weights.sets,
     )
 
 
@@ -296,15 +299,16 @@ def _form_error(
     if beside <= 0.0:
         return NO_ERROR
     causes = [c for c in refits if not c.widens]
-    sets = [(), *(c.effects for c in causes)]
+    sets = [c.effects for c in causes]
     axes = {n: axes_of(problem, n) for key in sets for n in key}
     alone: dict[tuple[str, ...], float] = {}
-    for c in causes:
-        if explains(c):
-            key = tuple(sorted(c.effects))
-            alone[key] = max(alone.get(key, 0.0), by_kinematics(problem, c).evidence)
+    by_run: dict[tuple[str, ...], np.ndarray] = {}
+    for c in sorted((c for c in causes if explains(c)), key=lambda c: c.log_evidence):
+        key = tuple(sorted(c.effects))
+        alone[key] = max(alone.get(key, 0.0), by_kinematics(problem, c).evidence)
+        by_run[key] = left_out(c.fit.equations)
     sensors = frozenset(e.name for e in problem.model.kernel.effects if readable(problem, e, {}))
-    whole = FormError(FORM_LEAVES * beside, alone, sensors, axes)
+    whole = FormError(FORM_LEAVES * beside, alone, sensors, axes, by_run=by_run)
     asked = {whole.apart(one, other) for one, other in combinations(sets, 2)} - {None}
     return replace(whole, parts={a: FORM_LEAVES * form_gain(problem, best, a) for a in asked if a})
 

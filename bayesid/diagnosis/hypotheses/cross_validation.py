@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
+from scipy.interpolate import BSpline
 
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis
 from bayesid.diagnosis.threshold_table import DISAGREEMENT_P_VALUE
@@ -96,6 +97,26 @@ def disagreement(equations: tuple[NormalEquations, ...], coefficients: int) -> t
     less, fewer = _explained(common.T @ own @ common, common.T @ score)
     chi2, freedom = max(gain - less, 0.0), max(rank - fewer, 1)
     return float(stats.chi2.sf(chi2, freedom)), chi2 / freedom
+
+
+def log_odds_over_runs(ahead: Array) -> float:
+    """Log odds that one explanation stays ahead of another when the runs are weighed anew.
+
+    Bayesian bootstrap (Rubin 1981), as in the stacking of models by left-out data (Yao et al. 2018). Weights
+    are uniform on the simplex, so the weighted sum has the density of a B-spline whose knots are the
+    differences (Curry and Schoenberg 1966), and the odds are exact. Infinite where all runs agree.
+
+    Parameters
+    ----------
+    ahead : (runs,) difference of `left_out`
+    """
+    knots = np.sort(ahead)
+    if knots[0] >= 0.0 or knots[-1] <= 0.0:
+        return float(np.inf if knots.sum() > 0.0 else -np.inf if knots.sum() < 0.0 else 0.0)
+    below = BSpline.basis_element(knots).antiderivative()
+    above = float(np.clip(1.0 - below(0.0) * (knots.size - 1) / (knots[-1] - knots[0]), 0.0, 1.0))
+    with np.errstate(divide="ignore"):
+        return float(np.log(above) - np.log1p(-above))
 
 
 def excess_where_apart(equations: tuple[NormalEquations, ...], coefficients: int) -> float:

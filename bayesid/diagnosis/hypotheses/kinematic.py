@@ -21,6 +21,7 @@ from bayesid.diagnosis.hypotheses.candidate import (
     log_mass_in_range,
     parameter_table,
     spread_over_runs,
+    widened_by_few,
 )
 from bayesid.diagnosis.threshold_table import ADD_EVIDENCE
 from bayesid.errors import ModelError
@@ -91,7 +92,8 @@ def by_kinematics(problem: DiagnosisProblem, candidate: RefittedHypothesis) -> K
         return NOTHING
     parts = dict(zip(asked, (float(x) for x in lost[1:]), strict=True))
     value = free.mean + free.sd * found_so.mean
-    sd = np.maximum(free.sd * np.sqrt(np.diag(found_so.covariance)), spread_over_runs(equations, free.sd))
+    spread = widened_by_few(len(equations)) * spread_over_runs(equations, free.sd)
+    sd = np.maximum(free.sd * np.sqrt(np.diag(found_so.covariance)), spread)
     table = {}
     for i in (i for n in asked if parts[n] > ADD_EVIDENCE for i in columns[n]):
         low, high = model.effect_limits.get(int(free.where[i]), (-np.inf, np.inf))

@@ -14,6 +14,7 @@ from scipy.special import log_ndtr, logsumexp
 
 from bayesid.diagnosis.evidences import over_none
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains
+from bayesid.diagnosis.hypotheses.cross_validation import log_odds_over_runs
 from bayesid.diagnosis.hypotheses.localisation import Localisation
 from bayesid.diagnosis.threshold_table import (
     FREE_SIGNAL_SLACK,
@@ -35,10 +36,12 @@ class HypothesisProbabilities:
     ----------
     shared : name -> probability, the mass of several effects at once shared by them; sums to 1
     inside : name -> probability that it acts, alone or with others
+    sets : names that act together, sorted -> probability of exactly these
     """
 
     shared: dict[str, float]
     inside: dict[str, float]
+    sets: dict[tuple[str, ...], float]
 
 
 @dataclass(frozen=True)
@@ -72,6 +75,7 @@ class FormError:
     sensors : effects of sensors that kinematics may tell
     axes : effect -> axes of the form that may stand for it
     parts : the same as `leaves` of the form in some axes alone
+    by_run : set of causes -> (runs,) log density of each run given all others, of refits that follow the data
     """
 
     leaves: float = 0.0
@@ -79,6 +83,7 @@ class FormError:
     sensors: frozenset[str] = frozenset()
     axes: Mapping[str, frozenset[str]] = field(default_factory=dict)
     parts: Mapping[frozenset[str], float] = field(default_factory=dict)
+    by_run: Mapping[tuple[str, ...], np.ndarray] = field(default_factory=dict)
 
     def between(self, one: Collection[str], other: Collection[str] = ()) -> float:
         """What the form may leave between two sets of causes: in the axes of those that are not in both."""
@@ -107,6 +112,16 @@ class FormError:
         if leaves <= 0.0 or distance <= 0.0:
             return distance
         return min(distance, -float(log_ndtr(-TWO_SIDED_95 * distance / leaves)) - float(np.log(2.0)))
+
+    def behind(self, distance: float, one: tuple[str, ...], other: tuple[str, ...]) -> float:
+        """What one set of causes lags behind another: as much as the error of the equations lets the distance
+        tell, and no more than the odds that the runs, weighed anew, would still put it behind [nats].
+        """
+        lag = self.lag(distance, self.between(one, other))
+        mine, theirs = self.by_run.get(one), self.by_run.get(other)
+        if self.leaves <= 0.0 or mine is None or theirs is None:
+            return lag
+        return min(lag, max(log_odds_over_runs(theirs - mine), 0.0))
 
 
 NO_ERROR = FormError()
@@ -185,7 +200,8 @@ def probabilities(
     ----------
     excess : how much the runs disagree about the best explanation, chi-square over its degrees of freedom. A
         form that is not quite right says that there is a gap, but not in all its nats which cause: what a
-        cause lags behind the best is divided by it (quasi-likelihood; Wedderburn 1974).
+        cause lags behind the best is divided by it (quasi-likelihood; Wedderburn 1974). Not beside a form:
+        there the runs are asked about every two causes (`FormError.behind`).
     left : what the best explanation leaves, if this was asked
     places : effect -> where it can act. What a second effect mends where the first acts may be the first in
         another form.
@@ -229,12 +245,12 @@ def comparable(
         most = max(gain[k] + min(max(more[k], 0.0), left.kept) for k in sound) + FREE_SIGNAL_SLACK
         held[OUTSIDE] = min(gain[OUTSIDE], most)
     top = max([*held.values(), *(held[k] + v for k, v in more.items())])
-    return Gains(held, gain, more, near, sound, max(excess, 1.0), top)
+    return Gains(held, gain, more, near, sound, 1.0 if error.by_run else max(excess, 1.0), top)
 
 
 def told(gain: Mapping[tuple[str, ...], float], error: FormError) -> dict[tuple[str, ...], float]:
     """Gains over no effect; what a cause lags behind the best, or behind a better one that has it and more,
-    is worth only what the error of the equations leaves of it.
+    is worth only what the error of the equations leaves of it, and what the runs agree about.
 
     What kinematics tells keeps its own part. A set that explains no more than the form may leave is no rival:
     it stays as far behind as it is. Only what the form leaves in the axes of those causes counts that two
@@ -250,7 +266,7 @@ def told(gain: Mapping[tuple[str, ...], float], error: FormError) -> dict[tuple[
         if not worth or rest[key] > error.between(key):
             first = next(iter(worth), key)
             better = [k for k in worth if k == first or set(key) < set(k)]
-            behind = (worth[k] - error.lag(rest[k] - rest[key], error.between(key, k)) for k in better)
+            behind = (worth[k] - error.behind(rest[k] - rest[key], key, k) for k in better)
             worth[key] = min(behind, default=rest[key])
     held = {k: gain[k] - rest[k] + v for k, v in worth.items()}
     # the best stays where it is: nothing explains more than it does
@@ -322,12 +338,15 @@ def weights(rows: Sequence[Row], gains: Gains, evidence: Mapping[str, float]) ->
     mass = np.exp(value - logsumexp(value))
     shared = dict.fromkeys([*(n for n in evidence if n != "outside"), "outside", "none"], 0.0)
     inside = dict.fromkeys(shared, 0.0)
+    sets: dict[tuple[str, ...], float] = {}
     for row, m in zip(rows, mass, strict=True):
+        acts = tuple(sorted(row.acts))
+        sets[acts] = sets.get(acts, 0.0) + float(m)
         mends = gains.excess > 1.0 or (row.acts in gains.more and row.acts not in gains.sound)
         for n, portion in zip(row.acts, _shares(row.acts, evidence, mends), strict=True):
             shared[n] += float(m) * portion
             inside[n] += float(m)
-    return HypothesisProbabilities(shared, inside)
+    return HypothesisProbabilities(shared, inside, sets)
 
 
 def _log(chance: float) -> float:
