@@ -81,7 +81,8 @@ class Result:
             "set95 but none and outside, which are possible, not named (or, where there is no other, the "
             "effect more probable than not, if any); of coefficients coefficient_error, or the effect more "
             "probable than not that acts alike. Parameters are those of the best explanation (Laplace, "
-            "environment at its level), empty for an effect that is not in it."
+            "environment at its level), empty for an effect that is not in it; where the equations lack a "
+            "form, of all explanations that hold the effect, averaged by their probability."
         ),
     ]
     probabilities: Annotated[
