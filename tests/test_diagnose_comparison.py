@@ -125,7 +125,7 @@ def test_a_fit_without_effects_that_explains_is_where_the_screen_is_taken(monkey
     monkeypatch.setattr(comparison, "fit_with", None)  # a fit that is there is not made again
     found = world.run(base=Plain(points=["base's points"]))
     assert world.seen["build_bank"] == [(["base's points"], 0.0, ["wind", "lag"])]
-    assert world.seen["locate"] == [["base's points"]] and world.seen["thresholds"] == [(7, 3)]
+    assert world.seen["locate"] == [("base's points",)] and world.seen["thresholds"] == [(7, 3)]
     assert found.refits == () and found.best is found.none and found.where_after is None
     assert world.left_by == comparison.Remainder({})
     assert world.seen["weights"][0][2] == {"wind": ("wind", "everywhere"), "lag": ("lag", "everywhere")}
@@ -136,7 +136,7 @@ def test_one_that_does_not_is_left_for_the_path_of_the_readings(monkeypatch):
     found = world.run()
     assert world.seen["fit_with"] == [{}]
     assert world.seen["build_bank"][0][:2] == ([OWN_PATH], 0.02)
-    assert world.seen["locate"] == [[OWN_PATH]] and found.none.log_evidence == 100.0
+    assert world.seen["locate"] == [(OWN_PATH,)] and found.none.log_evidence == 100.0
 
 
 def test_refits_are_ordered_by_evidence_and_coefficients_are_among_them(monkeypatch):

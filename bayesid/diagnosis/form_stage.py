@@ -24,6 +24,7 @@ from bayesid.diagnosis.hypotheses.comparison import (
     compare,
     single_effects,
     weigh,
+    without_effects,
 )
 from bayesid.diagnosis.hypotheses.facts import simplest
 from bayesid.diagnosis.hypotheses.form_part import form_gain
@@ -54,9 +55,9 @@ def compared(
     single = single_effects(problem, notify, seed, base)
     leading = single.leading
     notify("whether the equations lack a force that depends on the motion")
-    left = remainder(problem, leading) if leading.effects else single.where
+    left = remainder(problem, leading) if leading.effects else without_effects(problem, single)
     needed = needed_form(problem, leading, _period(left, single.thresholds.remainder))
-    known = {leading.effects: left} if leading.effects else None
+    known = {leading.effects: left}
     asked = needed is not None and needed.beyond > _further(problem, single) + FORM_EVIDENCE
     unable = None
     if needed is not None and asked:

@@ -56,6 +56,7 @@ from bayesid.diagnosis.threshold_table import (
     REMAINDER_EVIDENCE,
 )
 from bayesid.estimation.filter_error.fit import FilterErrorFit
+from bayesid.estimation.filter_error.linearise import Trajectory
 from bayesid.model.effects import Effect
 
 Notify = Callable[[str], None]
@@ -116,7 +117,8 @@ class SingleEffects:
     none : without effects
     refits : one effect or wider coefficients each, best first
     effects : those that can show in this trial
-    scores, bank, ambiguity, thresholds, where : as in `HypothesisComparison`
+    scores, bank, ambiguity, thresholds : as in `HypothesisComparison`
+    points : along which the gap is located where nothing else is known of it
     wide : coefficient -> gain in log evidence under a wider prior
     """
 
@@ -127,7 +129,7 @@ class SingleEffects:
     bank: SensitivityBank
     ambiguity: Isolability
     thresholds: Thresholds
-    where: Localisation
+    points: tuple[Trajectory, ...]
     wide: dict[str, float]
 
     @property
@@ -185,15 +187,15 @@ def single_effects(
     scores = screen(bank)
     known = isolability(bank)
     limits = thresholds(bank, tried(problem), seed)
-    notify("where the gap lies")
-    where = locate(problem, points, problem.coefficients)
     wide = widened(bank, problem.stated.names)
     refits = [c for s in shortlist(scores) for c in refit_screened(problem, bank, s, notify)]
     refits += [c for name in likely_coefficients(wide, scores) for c in refit_wide(problem, name, notify)]
     none = _second_start(problem, none, refits, notify)
     gains = {s.name: s.gain for s in scores}
     ranked = _ranked(problem, refits, none, gains)
-    return SingleEffects(none, ranked, tuple(effects), tuple(scores), bank, known, limits, where, wide)
+    return SingleEffects(
+        none, ranked, tuple(effects), tuple(scores), bank, known, limits, tuple(points), wide
+    )
 
 
 def weigh(
@@ -206,11 +208,12 @@ def weigh(
 
     Parameters
     ----------
-    left : what some explanations leave, where it is known
+    left : what some explanations leave, where it is known; of () without any effect
     """
-    none, scores, where, limits = single.none, single.scores, single.where, single.thresholds
+    none, scores, limits = single.none, single.scores, single.thresholds
     refits, gains = list(single.refits), single.gains
     after, left = None, dict(left or {})
+    where = left[()] if () in left else without_effects(problem, single, notify)
     if (first := single.leading).effects:
         found, left = search_several(
             problem, refits, first, list(single.effects), single.ambiguity, notify, left
@@ -255,6 +258,14 @@ def weigh(
         error=error,
         sets=weights.sets,
     )
+
+
+def without_effects(
+    problem: DiagnosisProblem, single: SingleEffects, notify: Notify = lambda text: None
+) -> Localisation:
+    """Where the gap lies before any effect."""
+    notify("where the gap lies")
+    return locate(problem, single.points, problem.coefficients)
 
 
 def _arrived(
