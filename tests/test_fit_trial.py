@@ -8,6 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bayesid.api.fit import FitResult, fit
+from bayesid.api.predict import predict
 from bayesid.equations.model import build_model
 from bayesid.errors import FitError
 from bayesid.estimation.trial_fit import fit_trial, memory, outcomes
@@ -134,3 +136,29 @@ def test_memory_of_white_noise_is_one_and_of_an_autoregression_as_theory_says():
     for i in range(1, series.size):
         series[i] = 0.9 * series[i - 1] + white[i]
     assert memory(series) == pytest.approx(19.0, rel=0.15)  # (1 + a) / (1 - a)
+
+
+def test_a_prediction_tells_the_failed_checks_of_its_fit_first(trial, tmp_path):
+    names = (*FREE, "Y_vdot", "Y_rdot", "Y_v|v|", "Y_v|r|", "Y_|r|dr")
+    for free, fails in ((names, True), (FREE, False)):
+        out = tmp_path / str(fails)
+        fitted = fit(trial, free=free, out=out)
+        predicted = predict(trial, "turn:15", model=out, draws=20, out=out / "next")
+        told = [text for text in predicted.record()["failed_checks"] if "The fit this is drawn from" in text]
+        assert bool(told) == fails == bool(fitted.record()["failed_checks"])
+        if fails:
+            assert "do not determine" in predicted.summary().splitlines()[1]
+            assert "do not determine" in predicted.report().failures[0]
+            stored = json.loads((out / "next" / "predictions.json").read_text())
+            assert stored["failed_checks"] == predicted.record()["failed_checks"]
+
+
+def test_a_long_list_of_unsure_coefficients_is_cut_in_the_sentence_and_whole_in_the_table(found):
+    wide = found.posterior.sd / 2.0
+    unsure = replace(found, posterior=replace(found.posterior, prior_sd=wide))
+    (said,) = unsure.posterior.less_sure()
+    assert f"{FREE[3]} and 2 more." in said
+    assert unsure.posterior.record()["wider_than_prior"] == list(FREE)
+    remarks = {row[0]: row[-1] for row in FitResult(unsure).coefficients()}
+    assert all("less sure than the prior" in remarks[name] for name in FREE)
+    assert not any("less sure" in row[-1] for row in FitResult(found).coefficients())
