@@ -7,6 +7,7 @@ Does not: replace captive tests; the widths of [prior] say how far such estimate
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from bayesid.model.terms import TERMS
 from bayesid.model.vehicles.new.hull import VISCOSITY
@@ -32,6 +33,7 @@ SHIP_REFERENCES = (
 #: roughness and appendages over a smooth hull; places of propeller and rudder over L; slowest and fastest
 #: shaft speed searched [rpm]
 ALLOWANCE, AT_STERN, RPM_RANGE = 1.15, -0.5, (0.1, 1e5)
+MOST_MISSING = 2.5  # factor of the thrust from which rpm, pitch or speed is taken to be wrong
 
 
 def estimate_ship(sheet: ShipSheet) -> NewVehicle:
@@ -180,42 +182,61 @@ def _stern(sheet: ShipSheet, parts: Parts) -> None:
 
 
 def _propeller(sheet: ShipSheet, parts: Parts) -> str:
-    """K_T of the propeller; the resistance where pitch and rpm are stated, the pitch where rpm alone is."""
-    diameter, pitch, rpm = (sheet.values[key] for key in ("propeller_diameter", "pitch_ratio", "rpm"))
-    assert diameter is not None
-    wake, kept = parts.value("w_P0"), 1.0 - parts.value("t_P")
-    speed, rho = sheet.number("speed"), sheet.number("rho")
-    area = 0.5 * rho * sheet.number("length") * sheet.number("draught") * speed**2
+    """K_T of the propeller. Where rpm alone is stated its pitch holds the design speed; where pitch is too,
+    resistance and wake share what is missing to it.
+    """
+    pitch, rpm = sheet.values["pitch_ratio"], sheet.values["rpm"]
     told = ""
-    if rpm is not None:
-        n = rpm / 60.0
-        advance, unit = speed * (1.0 - wake) / (n * diameter), kept * rho * n**2 * diameter**4
-        if pitch is None:
-            wanted = -parts.value("X_0,U") * area / unit
-            ratios = [0.3 + 0.001 * k for k in range(1701)]
-            pitch = min(ratios, key=lambda p: abs(_thrust(p, advance) - wanted))
-            told = f"a pitch ratio of {pitch:.2f} holds the design speed at {rpm:g} rpm"
-        else:
-            drag = _thrust(pitch, advance) * unit / area
-            formula = -parts.value("X_0,U")
-            if 0.5 < drag / formula < 2.0:
-                parts.of.pop("X_0,U")
-                parts.add("X_0,U", -drag, 0.2, f"balances the propeller at {rpm:g} rpm")
-                told = (
-                    f"the resistance is what the propeller overcomes at {rpm:g} rpm, "
-                    f"{drag / formula:.2f} times that of the formulas"
-                )
-            else:
-                told = (
-                    f"at {rpm:g} rpm the propeller would overcome {drag / formula:.2f} times the "
-                    "resistance of the formulas: check rpm, pitch_ratio, propeller_diameter and speed; the "
-                    "design speed is not held"
-                )
+    if rpm is not None and pitch is None:
+        ratios = [0.3 + 0.001 * k for k in range(1701)]
+        pitch = min(ratios, key=lambda p: abs(math.log(_held(sheet, parts, p, rpm))))
+        told = f"a pitch ratio of {pitch:.2f} holds the design speed at {rpm:g} rpm"
+    elif rpm is not None and pitch is not None:
+        told = _shared(sheet, parts, pitch, rpm)
     assert pitch is not None
     start = 0.45 * pitch - 0.03
     parts.add("k_0", start, 0.12, f"K_T {PITCH}")
     parts.add("k_1", -start / (1.1 * pitch), 0.25, f"slope of K_T {PITCH}")
     return told or f"pitch ratio {pitch:.2f}"
+
+
+def _held(sheet: ShipSheet, parts: Parts, pitch: float, rpm: float) -> float:
+    """Thrust less deduction over resistance at the design speed; next to 0 for a propeller that brakes."""
+    speed, diameter, n = sheet.number("speed"), sheet.number("propeller_diameter"), rpm / 60.0
+    area = 0.5 * sheet.number("length") * sheet.number("draught")
+    advance = speed * (1.0 - parts.value("w_P0")) / (n * diameter)
+    thrust = (1.0 - parts.value("t_P")) * n**2 * diameter**4 * _thrust(pitch, advance)
+    return max(thrust / (-parts.value("X_0,U") * area * speed**2), 1e-3)
+
+
+def _shared(sheet: ShipSheet, parts: Parts, pitch: float, rpm: float) -> str:
+    """Half of the logarithm of what is missing to the design speed goes to the resistance, the rest to the
+    wake: neither formula is known better than the other.
+    """
+    ratio = _held(sheet, parts, pitch, rpm)
+    if not 1.0 / MOST_MISSING < ratio < MOST_MISSING:
+        return (
+            f"at {rpm:g} rpm the propeller would overcome {ratio:.2f} times the resistance of the formulas: "
+            "check rpm, pitch_ratio, propeller_diameter and speed; the design speed is not held"
+        )
+    source = f"and the propeller at {rpm:g} rpm, half each"
+    drag = parts.of.pop("X_0,U")[0]
+    parts.add("X_0,U", drag.value * math.sqrt(ratio), 0.2, f"{drag.source} {source}")
+    usual = parts.of.pop("w_P0")[0]
+
+    def missing(wake: float) -> float:
+        parts.of["w_P0"] = [replace(usual, value=wake)]
+        return abs(math.log(_held(sheet, parts, pitch, rpm)))
+
+    wake = min((0.05 + 0.001 * k for k in range(701)), key=missing)
+    rest = missing(wake)
+    if rest > 1e-2:  # the wake has no more to give
+        parts.add("X_0,U", parts.value("X_0,U") * (_held(sheet, parts, pitch, rpm) - 1.0), 0.0, source)
+    parts.of["w_P0"] = [replace(usual, value=wake, source=f"{usual.source} {source}")]
+    return (
+        f"at {rpm:g} rpm and the design speed the propeller overcomes {ratio:.2f} times the resistance of "
+        f"the formulas; half of what is missing is given to the resistance, half to the wake ({wake:.2f})"
+    )
 
 
 def _thrust(pitch: float, advance: float) -> float:
