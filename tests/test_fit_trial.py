@@ -15,7 +15,7 @@ from bayesid.errors import FitError
 from bayesid.estimation.trial_fit import fit_trial, memory, outcomes
 from bayesid.manoeuvres import turn, zigzag
 from bayesid.model.vehicles import coef_si, load_vehicle
-from bayesid.report.fit import fit_report, write_fit_report
+from bayesid.report.fit import failed_checks, fit_report, next_steps, write_fit_report
 from bayesid.simulation.virtual_trial import virtual_trial
 
 NOISE = {"x": 1.0, "y": 1.0, "psi": 0.01, "u": 0.05, "v": 0.05, "r": 1e-3}
@@ -117,6 +117,11 @@ def test_a_vehicle_that_cannot_follow_a_run_is_shown_as_missing(found, trial):
     runs = outcomes(problem, trial, found.fit)
     assert all(np.isnan(r.nominal).all() and np.isnan(r.rms_nominal).all() for r in runs)
     fit_report(replace(found, runs=runs))
+    turned = replace(found, runs=tuple(replace(r, fitted=r.nominal, rms_fitted=r.rms_nominal) for r in runs))
+    for shown, lost in ((found, False), (turned, True)):
+        assert any("diverges: nothing can be predicted" in text for text in failed_checks(shown)) == lost
+        steps = " ".join(next_steps(shown))
+        assert ("Do not predict" in steps) == lost and ("`bayesid predict" in steps) != lost
 
 
 def test_a_trial_without_a_vehicle_or_a_run_to_fit_is_refused_in_words(trial):

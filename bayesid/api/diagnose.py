@@ -21,8 +21,9 @@ from bayesid.api.inputs import (
     trial_of,
 )
 from bayesid.api.result import Result, table
-from bayesid.diagnosis.answer import answer, failures
+from bayesid.diagnosis.answer import answer
 from bayesid.diagnosis.diagnosed_model import write_diagnosed
+from bayesid.diagnosis.failed_checks import failures
 from bayesid.diagnosis.input import check_trial, mended, not_enough
 from bayesid.diagnosis.run import Diagnosis
 from bayesid.diagnosis.run import diagnose as run

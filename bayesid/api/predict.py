@@ -20,13 +20,13 @@ from bayesid.api.inputs import (
     vehicle_of,
 )
 from bayesid.api.result import Result
-from bayesid.diagnosis.answer import failures
 from bayesid.diagnosis.diagnosed_model import (
     DiagnosedModel,
     diagnosed_model_of,
     read_diagnosed,
     write_diagnosed,
 )
+from bayesid.diagnosis.failed_checks import failures
 from bayesid.diagnosis.input import check_trial
 from bayesid.diagnosis.run import diagnose
 from bayesid.errors import BayesidError, ModelError, TrialError

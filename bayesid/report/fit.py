@@ -119,7 +119,16 @@ def next_steps(found: TrialFit) -> list[str]:
         out.append("No run was held out: keep one back (`--runs`, role `holdout`) to see what it is worth.")
     if noise_of(found.runs) > MISFIT:
         out.append("Residuals are several times the noise: `bayesid diagnose BUNDLE` asks for the cause.")
-    out.append("`bayesid predict BUNDLE MANOEUVRE --model THIS_FOLDER` says, with a band, what to expect.")
+    lost, worse = first_screen.diverging(found), holdout_words(found.runs)
+    if lost or worse:
+        why = (
+            "its simulation diverges" if lost else "it predicts held-out runs worse than the vehicle as given"
+        )
+        out.append(f"Do not predict with THIS_FOLDER: {why}.")
+    else:
+        out.append(
+            "`bayesid predict BUNDLE MANOEUVRE --model THIS_FOLDER` says, with a band, what to expect."
+        )
     return out
 
 

@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from bayesid.diagnosis.failed_checks import listed
 from bayesid.diagnosis.plain_words import number
 from bayesid.diagnosis.run_errors import ErrorRow, miss, missed, missed_too, name_of_run
 from bayesid.estimation.trial_fit import RunOutcome, TrialFit
@@ -97,6 +98,11 @@ def moved(found: TrialFit) -> str:
 def failures(found: TrialFit, others: list[str]) -> list[str]:
     """Checks that failed: convergence, what the data leave open, and `others`."""
     out = [] if found.fit.converged else ["The search did not converge; the coefficients are not final."]
+    if lost := diverging(found):
+        out.append(
+            f"With the coefficients found, the simulation of {listed(lost)} diverges: nothing can be "
+            "predicted with them."
+        )
     left = [d.name for d in found.fit.flat if d.decided_by != "prior"]
     if left:
         some = "; ".join(f"`{n}`" for n in left[:2])
@@ -105,6 +111,11 @@ def failures(found: TrialFit, others: list[str]) -> list[str]:
     for wrong in filter(None, (shaft_speed_note(found.trial), noise_warning(found.trial))):
         out.append(f"{wrong[0].upper()}{wrong[1:]}.")
     return out + others
+
+
+def diverging(found: TrialFit) -> list[str]:
+    """Runs whose simulation with the coefficients found diverges."""
+    return [run.name for run in found.runs if run.fitted.size and not np.isfinite(run.fitted[-1]).any()]
 
 
 def first_blocks(found: TrialFit, steps: list[str]) -> list[Block]:
