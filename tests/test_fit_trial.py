@@ -158,6 +158,19 @@ def test_a_prediction_tells_the_failed_checks_of_its_fit_first(trial, tmp_path):
             assert stored["failed_checks"] == predicted.record()["failed_checks"]
 
 
+def test_coefficients_found_far_from_those_stated_are_a_failed_check(found):
+    stated = np.abs(found.fit.start) / 20.0
+    near = replace(found.fit, prior_sd=np.where(stated > 0, stated, np.inf))  # moved by less than 10 of these
+    assert not any("far from those stated" in text for text in failed_checks(replace(found, fit=near)))
+    far = replace(found.fit, prior_sd=near.prior_sd / 5.0)
+    (said,) = [t for t in failed_checks(replace(found, fit=far)) if "far from those stated" in t]
+    change = found.fit.z / np.where(found.fit.start == 0, 1.0, found.fit.start) - 1.0
+    i = int(np.argmax(np.abs(change[: found.fit.n_params])))
+    first = f"({found.fit.names[i]} by {100 * abs(change[i]):.0f} times its stated uncertainty, "
+    assert first + f"{100 * change[i]:+.0f} %" in said
+    assert not any("far from" in text for text in failed_checks(found))  # states none
+
+
 def test_a_long_list_of_unsure_coefficients_is_cut_in_the_sentence_and_whole_in_the_table(found):
     wide = found.posterior.sd / 2.0
     unsure = replace(found, posterior=replace(found.posterior, prior_sd=wide))

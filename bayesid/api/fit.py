@@ -262,7 +262,8 @@ class FitResult(Result):
         if held or verbose:
             of_held = " of the held-out runs, predicted from their first readings" if held else ""
             shown = held if held and not verbose else found.runs
-            lines.append("\nRms errors" + of_held)
+            whole = "; of whole runs, where a diagnosis counts after the first seconds"
+            lines.append("\nRms errors" + of_held + whole)
             lines.append(table_text(PREDICTION_COLUMNS, prediction_rows(shown), digits=3))
         return "\n".join(lines)
 

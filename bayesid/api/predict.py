@@ -9,6 +9,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from bayesid.api.inputs import (
     TrialLike,
     VehicleLike,
@@ -241,11 +243,17 @@ class PredictResult(Result):
         sections = []
         for k, (p, row) in enumerate(zip(self.predictions, rows, strict=True), 1):
             run = _run(self.trial, p.name)
-            caption = "Mean and 95 % band of every channel. What to see: dots inside the band"
+            noise = None if run is None else np.random.default_rng(self.numbers["seed"])
+            band = p.band(LEVEL, noise)
+            drawn = bands(p.t, p.channels, p.mean, *band, None if run is None else run.data, p.lead)
+            caption = "Left: predicted track (mean). Right: mean (line) and 95 % band of every other channel."
             if run is not None:
-                caption += "; the model was shown the dots of the shaded part only"
-            drawn = bands(p.t, p.channels, p.mean, *p.band(LEVEL), None if run is None else run.data, p.lead)
-            blocks: list[Any] = [Figure(f"prediction{k:02d}", drawn, f"{caption}.")]
+                caption = (
+                    "Left: track as predicted (line: mean) and as logged (dots). Right: every other channel, "
+                    f"with the band in which {LEVEL:.0%} of the dots should lie. The model has read the dots "
+                    "of the shaded part only."
+                )
+            blocks: list[Any] = [Figure(f"prediction{k:02d}", drawn, caption)]
             if row["against_readings"]:
                 blocks.append(Table(AGAINST_COLUMNS, _against(row), digits=3))
             if row["measures"]:

@@ -95,6 +95,11 @@ def answer(result: Result) -> Answer:
     )
 
 
+def counted_after(result: Result) -> str:
+    """From when on the errors count, and why a fit tells others of the same vehicle as given."""
+    return f"after the first {result.runs[0].lead:.3g} s (those of a fit are of whole runs)"
+
+
 def in_words(name: str) -> str:
     """Name of an effect, or of a coefficient that may be wrong (`coefficient_error:N_r`), as prose has it."""
     kind, _, coefficient = name.partition(":")

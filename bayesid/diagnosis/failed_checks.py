@@ -6,10 +6,10 @@ Takes a `Result`. Does not compute or draw.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from bayesid.diagnosis.result import Result
-from bayesid.diagnosis.result_parts import Moved, RunError
+from bayesid.diagnosis.result_parts import RunError
 from bayesid.diagnosis.run_errors import error_rows, missed, missed_too, worse
 from bayesid.diagnosis.threshold_table import DISAGREEMENT_P_VALUE
 
@@ -87,31 +87,37 @@ def far_off(result: Result) -> str:
     if not used and result.verdict == "coefficients":
         return ""
 
-    def value(m: Moved) -> float:
-        return m.explained if used else m.retuned
-
-    far = {}
-    for n, m in result.moved.items():
-        change = abs(value(m) - m.given)
-        sds = change / m.prior_sd if m.prior_sd > 0 else 0.0
-        if sds > FAR_OFF or (sds > UNLIKELY and change > MOST_CHANGED * abs(m.given) > 0.0):
-            far[n] = sds
-    if not far:
-        return ""
-    most = sorted(far, key=lambda n: -far[n])
-    told = ", ".join(
-        f"{n} by {far[n]:.0f} times its stated uncertainty{_percent(value(result.moved[n]), result.moved[n])}"
-        for n in most[:MOST_FAR]
+    told = out_of_reason(
+        {n: (m.given, m.explained if used else m.retuned, m.prior_sd) for n, m in result.moved.items()}
     )
-    more = f" and {len(most) - MOST_FAR} more" if len(most) > MOST_FAR else ""
+    if not told:
+        return ""
     what = "The explanation needs" if used else "Re-tuning needs"
     why = (
         "They stand in for the force the equations lack and are no values of this vehicle."
         if result.model_form is not None
         else "As an account of this vehicle it is not to be believed."
     )
-    return f"{what} coefficients far from those stated ({told}{more}). {why}"
+    return f"{what} coefficients far from those stated ({told}). {why}"
 
 
-def _percent(value: float, m: Moved) -> str:
-    return f", {100 * (value - m.given) / m.given:+.0f} %" if m.given else ""
+def out_of_reason(moved: Mapping[str, tuple[float, float, float]]) -> str:
+    """Coefficients far from where they were stated, the furthest first; empty where there are none.
+
+    Parameters
+    ----------
+    moved : name -> value as given, value found, stated standard deviation
+    """
+    far = {}
+    for name, (given, found, sd) in moved.items():
+        change = abs(found - given)
+        sds = change / sd if sd > 0 and math.isfinite(sd) else 0.0
+        if sds > FAR_OFF or (sds > UNLIKELY and change > MOST_CHANGED * abs(given) > 0.0):
+            far[name] = sds
+    told = []
+    for name in sorted(far, key=lambda n: -far[n])[:MOST_FAR]:
+        given, found, _ = moved[name]
+        share = f", {100 * (found - given) / given:+.0f} %" if given else ""
+        told.append(f"{name} by {far[name]:.0f} times its stated uncertainty{share}")
+    more = f" and {len(far) - MOST_FAR} more" if len(far) > MOST_FAR else ""
+    return ", ".join(told) + more

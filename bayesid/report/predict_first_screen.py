@@ -144,11 +144,10 @@ def first_blocks(trial: Trial, predictions: Sequence[Prediction], rows: Sequence
     p, name = predictions[k], literal(_name(trial, rows[k]))
     run = next((r for r in trial.runs if r.name == p.name), None)
     drawn = picture_of(p, run)
-    against = (
-        "below it how far each simulation is from the log (lines: running means; dots: predicted). Blue: "
-        "where 95 % of the dots should lie."
+    band = (
+        "Blue: where 95 % of the small dots should lie. Grey: first seconds, read to begin on the track."
         if run is not None
-        else "blue: 95 % band, made of the thin tracks at the left."
+        else "Blue: 95 % band of the heading; the thin tracks at the left are some of those it is made of."
     )
     blocks.append(
         Row(
@@ -156,7 +155,7 @@ def first_blocks(trial: Trial, predictions: Sequence[Prediction], rows: Sequence
                 Figure("picture_track", run_picture.track(drawn), alt=f"Track of {name}"),
                 Figure("picture_time", run_picture.over_time(drawn), alt=f"Heading of {name}"),
             ),
-            f"{name[:1].upper()}{name[1:]}. Left: track, begun at the ring. Right: heading; {against}",
+            f"{name[:1].upper()}{name[1:]}. {literal(run_picture.caption(drawn, band))}",
         )
     )
     return blocks

@@ -92,6 +92,22 @@ class RunPicture:
         return np.unique(np.linspace(0, n - 1, min(n, MOST_POINTS)).astype(int))
 
 
+def caption(p: RunPicture, band: str = "") -> str:
+    """What the two figures show; `band` says what the band is, where one is drawn."""
+    logged = "; black dots: the log" if p.logged("x", "y") else ""
+    left = (
+        f"Left: track, begun at the ring{logged}." if p.column("x") is not None else "Left: channels logged."
+    )
+    shown = "heading" if p.column("psi") is not None else "speed ahead and yaw rate"
+    right = f"Right: {shown} over time."
+    if p.logged("psi") or p.logged("x", "y"):
+        right = (
+            f"Right: {shown} over time, and below it by how much each simulation misses the log (lines: "
+            f"running means; small dots: every reading, {p.last.label})."
+        )
+    return " ".join(text for text in (left, right, band if p.band is not None else "") if text)
+
+
 @styled
 def track(p: RunPicture) -> Any:
     """Plan view, or the first channels over time where no position is known."""
