@@ -147,8 +147,10 @@ def first_blocks(trial: Trial, predictions: Sequence[Prediction], rows: Sequence
     band = (
         "Blue: where 95 % of the small dots should lie. Grey: first seconds, read to begin on the track."
         if run is not None
-        else "Blue: 95 % band of the heading; the thin tracks at the left are some of those it is made of."
+        else "Blue: 95 % band; the thin tracks at the left are some of those it is made of."
     )
+    if p.orders is not None:
+        band += " The line is their mean: where they swing out of step, each of them swings further."
     blocks.append(
         Row(
             (
