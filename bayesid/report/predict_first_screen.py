@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from bayesid.diagnosis.plain_words import number
-from bayesid.diagnosis.run_errors import name_of_run
+from bayesid.diagnosis.run_errors import WORSE, name_of_run
 from bayesid.prediction.prediction import Prediction
 from bayesid.report import run_picture
 from bayesid.report.writer import Block, Figure, Row, Table, literal
@@ -80,9 +80,11 @@ def headline(trial: Trial, predictions: Sequence[Prediction], rows: Sequence[Num
             for e in errors
         )
         inside = min(e.what[2] for e in errors)
+        worse = any(e.what[0] > WORSE * e.what[1] for e in errors if math.isfinite(e.what[1]))
+        no_gain = "which is no gain: " if worse else ""
         return (
-            f"The {name} is predicted within {now} of the log (rms), as given within {given}; {inside:.0%} "
-            "of its readings lie in the 95 % band."
+            f"The {name} is predicted within {now} of the log (rms), {no_gain}as given within {given}; "
+            f"{inside:.0%} of its readings lie in the 95 % band."
         )
     told = [
         "{quantity} of {0} {unit} (95 %: {1} to {2}".format(*_band(m["mean"], m["low"], m["high"]), **m)
