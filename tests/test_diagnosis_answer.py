@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from diagnosis_results import RESULT, a_result, draws
 
-from bayesid.diagnosis.answer import answer, explained_words, failures, in_words
+from bayesid.diagnosis.answer import answer, explained_words, in_words
 from bayesid.diagnosis.evidence.effect_draws import warning
 from bayesid.diagnosis.evidence.replay import Replay
+from bayesid.diagnosis.failed_checks import failures
 from bayesid.diagnosis.plain_words import intervals, sentence
 from bayesid.diagnosis.result_parts import Effect, Moved, Refit, Retuning, RunError, Value
 from bayesid.diagnosis.summary import summary
@@ -107,6 +108,40 @@ def test_runs_that_disagree_a_fit_that_stopped_and_absurd_coefficients_stand_in_
     assert "before it converged" in failures(stopped)[0]
     moved = {"N_v": Moved(-0.01, 0.001, -0.01, -0.05)}
     assert "N_v by 40 times" in failures(a_result(moved=moved))[0]
+
+
+@pytest.mark.parametrize(
+    ("moved", "told"),
+    [
+        (Moved(-0.01, 0.001, -0.01, -0.021), ("N_v by 11 times its stated uncertainty, +110 %",)),
+        (Moved(-0.01, 0.001, -0.01, -0.019), ()),  # 9 times
+        (Moved(-0.01, 0.03, -0.01, 0.1), ("N_v by 4 times its stated uncertainty, -1100 %",)),
+        (Moved(-0.01, 0.04, -0.01, 0.1), ()),  # 2.75 times: its size was hardly stated
+    ],
+)
+def test_a_coefficient_out_of_all_reason_is_told_in_the_box_with_both_measures(moved, told):
+    said = failures(a_result(moved={"N_v": moved}))
+    assert [all(text in said[0] for text in told)] * bool(told) == [True] * len(said)
+
+
+def test_re_tuning_out_of_all_reason_is_told_where_no_effect_is_named():
+    far = {n: Moved(-0.01, 0.001, -0.5, -0.01) for n in ("N_v", "N_r", "Y_v")}
+    for word in ("none", "model_form"):
+        (said,) = failures(a_result(word, (), (), 0.0, moved=far))
+        assert said.startswith("Re-tuning needs coefficients far from those stated (N_v by 490 times")
+        assert "and 1 more" in said
+    assert failures(a_result("coefficients", (), (), 0.0, moved=far)) == ()  # the headline is about them
+    assert "N_v" in answer(a_result("coefficients", (), (), 0.0, moved=far)).headline
+
+
+def test_with_what_diverges_or_predicts_worse_nothing_is_to_be_predicted():
+    good, lost = a_run(), a_run("r3", "identify", (76.0, 30.0, None), (0.5, 0.3, None))
+    worse = a_run("r4", position=(10.0, 9.0, 30.0))
+    for runs, told in (((good,), ""), ((good, lost), "r3 diverges"), ((good, worse), "worse")):
+        steps = " ".join(answer(a_result(runs=runs)).steps)
+        assert ("`bayesid predict" in steps) == (not told) and ("Do not predict" in steps) == bool(told)
+        assert told in steps
+    assert any("simulation of r3 diverges" in text for text in failures(a_result(runs=(good, lost))))
 
 
 def test_a_run_that_diverges_has_words_and_no_number():

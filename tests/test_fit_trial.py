@@ -8,12 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bayesid.api.fit import FitResult, fit
+from bayesid.api.predict import predict
 from bayesid.equations.model import build_model
 from bayesid.errors import FitError
 from bayesid.estimation.trial_fit import fit_trial, memory, outcomes
 from bayesid.manoeuvres import turn, zigzag
 from bayesid.model.vehicles import coef_si, load_vehicle
-from bayesid.report.fit import fit_report, write_fit_report
+from bayesid.report.fit import failed_checks, fit_report, next_steps, write_fit_report
 from bayesid.simulation.virtual_trial import virtual_trial
 
 NOISE = {"x": 1.0, "y": 1.0, "psi": 0.01, "u": 0.05, "v": 0.05, "r": 1e-3}
@@ -115,6 +117,11 @@ def test_a_vehicle_that_cannot_follow_a_run_is_shown_as_missing(found, trial):
     runs = outcomes(problem, trial, found.fit)
     assert all(np.isnan(r.nominal).all() and np.isnan(r.rms_nominal).all() for r in runs)
     fit_report(replace(found, runs=runs))
+    turned = replace(found, runs=tuple(replace(r, fitted=r.nominal, rms_fitted=r.rms_nominal) for r in runs))
+    for shown, lost in ((found, False), (turned, True)):
+        assert any("diverges: nothing can be predicted" in text for text in failed_checks(shown)) == lost
+        steps = " ".join(next_steps(shown))
+        assert ("Do not predict" in steps) == lost and ("`bayesid predict" in steps) != lost
 
 
 def test_a_trial_without_a_vehicle_or_a_run_to_fit_is_refused_in_words(trial):
@@ -134,3 +141,42 @@ def test_memory_of_white_noise_is_one_and_of_an_autoregression_as_theory_says():
     for i in range(1, series.size):
         series[i] = 0.9 * series[i - 1] + white[i]
     assert memory(series) == pytest.approx(19.0, rel=0.15)  # (1 + a) / (1 - a)
+
+
+def test_a_prediction_tells_the_failed_checks_of_its_fit_first(trial, tmp_path):
+    names = (*FREE, "Y_vdot", "Y_rdot", "Y_v|v|", "Y_v|r|", "Y_|r|dr")
+    for free, fails in ((names, True), (FREE, False)):
+        out = tmp_path / str(fails)
+        fitted = fit(trial, free=free, out=out)
+        predicted = predict(trial, "turn:15", model=out, draws=20, out=out / "next")
+        told = [text for text in predicted.record()["failed_checks"] if "The fit this is drawn from" in text]
+        assert bool(told) == fails == bool(fitted.record()["failed_checks"])
+        if fails:
+            assert "do not determine" in predicted.summary().splitlines()[1]
+            assert "do not determine" in predicted.report().failures[0]
+            stored = json.loads((out / "next" / "predictions.json").read_text())
+            assert stored["failed_checks"] == predicted.record()["failed_checks"]
+
+
+def test_coefficients_found_far_from_those_stated_are_a_failed_check(found):
+    stated = np.abs(found.fit.start) / 20.0
+    near = replace(found.fit, prior_sd=np.where(stated > 0, stated, np.inf))  # moved by less than 10 of these
+    assert not any("far from those stated" in text for text in failed_checks(replace(found, fit=near)))
+    far = replace(found.fit, prior_sd=near.prior_sd / 5.0)
+    (said,) = [t for t in failed_checks(replace(found, fit=far)) if "far from those stated" in t]
+    change = found.fit.z / np.where(found.fit.start == 0, 1.0, found.fit.start) - 1.0
+    i = int(np.argmax(np.abs(change[: found.fit.n_params])))
+    first = f"({found.fit.names[i]} by {100 * abs(change[i]):.0f} times its stated uncertainty, "
+    assert first + f"{100 * change[i]:+.0f} %" in said
+    assert not any("far from" in text for text in failed_checks(found))  # states none
+
+
+def test_a_long_list_of_unsure_coefficients_is_cut_in_the_sentence_and_whole_in_the_table(found):
+    wide = found.posterior.sd / 2.0
+    unsure = replace(found, posterior=replace(found.posterior, prior_sd=wide))
+    (said,) = unsure.posterior.less_sure()
+    assert f"{FREE[3]} and 2 more." in said
+    assert unsure.posterior.record()["wider_than_prior"] == list(FREE)
+    remarks = {row[0]: row[-1] for row in FitResult(unsure).coefficients()}
+    assert all("less sure than the prior" in remarks[name] for name in FREE)
+    assert not any("less sure" in row[-1] for row in FitResult(found).coefficients())

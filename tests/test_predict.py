@@ -4,6 +4,7 @@ import csv
 import json
 from dataclasses import replace
 from functools import lru_cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -32,7 +33,7 @@ from bayesid.model.vehicles import self_propulsion_speed
 from bayesid.prediction.initial_state import balanced_speed, coloured_noise, initial_states
 from bayesid.prediction.intervals import beside_readings, measure_bands, prediction_csv, stated_spread
 from bayesid.prediction.prediction import predict_manoeuvre, predict_run
-from bayesid.report.predict_first_screen import _band
+from bayesid.report.predict_first_screen import _band, headline
 from bayesid.simulation import observe, plan_run, simulate, steady_start
 from bayesid.trials import Run, window, write_trial
 
@@ -321,6 +322,14 @@ def test_the_model_of_another_vehicle_is_refused(tmp_path):
     other = replace(other, vehicle_ref="generic_sub")
     with pytest.raises(ModelError, match=r"is of REMUS 100 .* m long, and the trial pond of .* 102.3 m"):
         predict(other, model=tmp_path, draws=20)
+
+
+@pytest.mark.parametrize(("predicted", "said"), [(9.0, False), (10.5, False), (23.0, True)])
+def test_a_run_predicted_worse_than_as_given_is_said_to_be_no_gain(predicted, said):
+    psi = {"rms": np.radians(predicted), "rms_given": np.radians(10.0), "inside": 0.9}
+    row = {"name": "r1", "against_readings": {"psi": psi}, "measures": []}
+    told = headline(SimpleNamespace(runs=()), (), [row])
+    assert ("which is no gain" in told) == said and "as given within 10 degrees" in told
 
 
 def test_a_band_is_told_with_digits_that_part_its_ends():

@@ -50,3 +50,22 @@ def test_a_run_in_which_everything_diverges_is_drawn():
     for draw in (run_picture.over_time, run_picture.track):
         assert np.isfinite(draw(shown).axes[-1].get_ylim()).all()
     plt.close("all")
+
+
+def test_the_caption_names_the_panels_that_are_drawn():
+    t = np.linspace(0.0, 50.0, 101)
+    channels = ("x", "y", "psi", "u", "r")
+    values = np.column_stack([t, 0.1 * t, 0.01 * t, np.ones(t.size), np.full(t.size, 0.01)])
+    lines = (Series("predicted", BEST, values),)
+    logged = RunPicture(t, channels, values + 0.01, lines, half=np.full(values.shape, 0.1))
+    said = run_picture.caption(logged, "Blue: where 95 % lie.")
+    assert "black dots: the log" in said and said.endswith("Blue: where 95 % lie.")
+    assert (
+        "Right: heading over time, and below it by how much each simulation misses the logged heading" in said
+    )
+    assert "logged heading and logged position (lines: running means; small dots" in said
+    nothing = RunPicture(t, channels, np.full(values.shape, np.nan), lines)
+    assert run_picture.caption(nothing, "Blue") == (
+        "Left: track, begun at the ring. Right: heading, speed ahead and yaw rate over time."
+    )
+    assert len(run_picture.over_time(nothing).axes) == 3 == len(run_picture.over_time(logged).axes)

@@ -81,7 +81,7 @@ def test_without_a_vehicle_it_asks_and_stops(dive, capsys, diagnosed):
     assert bayesid(["start", str(dive), "--yes"]) == 3
     said = capsys.readouterr().out
     assert "which vehicle" in said
-    assert "--template" in said
+    assert "--template" in said and "of a ship: --template --ship" in said
     assert not diagnosed
 
 

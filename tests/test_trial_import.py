@@ -449,6 +449,61 @@ def test_runs_are_cut_by_their_commands():
         assert a.end <= b.start + 1e-9
 
 
+def zigzag_log(rudder, switch, rate, latency, step=0.1, seconds=160.0):
+    """Time, rudder as measured and heading [deg] of a first-order turn; an infinite rate gives the orders."""
+    t = np.arange(0.0, seconds, step)
+    order, angle, heading, turning = rudder, 0.0, 0.0, 0.0
+    asked = [0.0] * round(latency / step)
+    seen, psi = [], []
+    for now in t:
+        if heading * np.sign(order) <= -switch:
+            order = -order
+        asked.append(order if now >= 5.0 else 0.0)
+        angle += np.clip(asked.pop(0) - angle, -rate * step, rate * step)
+        turning += step * (-0.15 * angle - turning) / 4.0
+        heading += step * turning
+        seen.append(angle)
+        psi.append(heading)
+    return t, np.array(seen) * DEG, np.array(psi) * DEG
+
+
+@pytest.mark.parametrize("rudder, switch", [(20, 10), (20, 5), (15, 1), (20, 20), (10, 10), (12, 7)])
+@pytest.mark.parametrize("rate, latency", [(np.inf, 0.0), (16.0, 0.2)])
+def test_a_zigzag_is_named_by_what_was_ordered_and_not_by_where_the_rudder_is_seen_to_move(
+    rudder, switch, rate, latency
+):
+    t, angle, psi = zigzag_log(rudder, switch, rate, latency)
+    assert cutting.classify(t, angle, psi) == ("zigzag", f"zigzag {rudder}/{switch}")
+
+
+def test_a_rudder_steered_by_hand_is_no_turn_at_its_smallest_angle():
+    """As before a zig-zag of the Esso Osaka: 19 degrees in passing, then some 4 degrees for a while."""
+    t = np.arange(0.0, 40.0, 0.1)
+    angle = np.interp(t, [0, 3, 8, 20, 29, 30, 31, 40], [0, -19, 0, 0, 4, 4, 2.4, 1.2]) * DEG
+    assert cutting.classify(t, angle, 0.02 * np.sin(t / 10))[0] == "random"
+    held = np.where(t < 5.0, 0.0, 4.0) * DEG
+    assert cutting.classify(t, held, 0.02 * t)[0] == "turn"
+
+
+@pytest.mark.parametrize(
+    "value, side, asked",
+    [(4.8, "starboard", True), (-4.1, "port", True), (1.0, "port", True), (7.0, "starboard", False)],
+)
+def test_a_side_of_the_rudder_that_is_not_sure_is_asked_with_the_likelier_one_set(
+    tmp_path, monkeypatch, value, side, asked
+):
+    truth = motion(np.random.default_rng(7))
+    monkeypatch.setattr("bayesid.trials.importing.deciding.rudder_t", lambda *_: value)
+    columns = {
+        "t [s]": truth["t"], "north [m]": truth["x"], "east [m]": truth["y"],
+        "heading [deg]": truth["psi"] / DEG, "rudder [deg]": truth["delta_r_cmd"] / DEG,
+        "rpm": truth["n_cmd"],
+    }  # fmt: skip
+    found = propose([_table(tmp_path, truth, columns)]).map
+    assert found.rudder_positive == side
+    assert any(text.startswith("rudder_positive") for text in found.questions) == asked
+
+
 def test_a_staircase_of_orders_is_a_spiral_and_a_stop_is_rest():
     levels = [0, 15, 10, 5, 0, -5, -10, -15, -10, -5, 0, 5, 10, 15, 0]
     t = np.arange(0.0, 40.0 * len(levels), 0.5)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -36,16 +36,16 @@ from bayesid.report import coefficient_cells
 from bayesid.report.fit import (
     MISFIT,
     calibration_words,
+    failed_checks,
     fit_report,
     form_rows_of,
     form_words,
-    holdout_words,
     noise_level,
     predictive_words,
     write_fit_report,
 )
 from bayesid.report.fit_effects import effect_words
-from bayesid.report.fit_first_screen import failures, headline, moved
+from bayesid.report.fit_first_screen import headline, moved
 from bayesid.report.prediction_error import PREDICTION_COLUMNS, prediction_numbers, prediction_rows
 from bayesid.report.writer import Report
 from bayesid.report.writer.text import table_text
@@ -152,7 +152,7 @@ def fit(
     except BayesidError as error:
         shown.note(f"no model for predictions: {error}")
         return FitResult(found)
-    write_diagnosed(model, out)
+    write_diagnosed(replace(model, failed_checks=tuple(failed_checks(found))), out)
     return FitResult(found, calibration)
 
 
@@ -196,9 +196,14 @@ class FitResult(Result):
         posterior = self.found.posterior
         if self.found.fit.names[i] in form_rows_of(self.found.fit):
             return "model form"
-        if posterior is None or not abs(posterior.conflict[i]) > CONFLICT:
+        if posterior is None:
             return ""
-        return f"prior conflict {posterior.conflict[i]:+.1f} sd"
+        said = []
+        if abs(posterior.conflict[i]) > CONFLICT:
+            said.append(f"prior conflict {posterior.conflict[i]:+.1f} sd")
+        if self.found.fit.names[i] in posterior.wider_than_prior:
+            said.append("less sure than the prior")
+        return ", ".join(said)
 
     def to_dataframe(self) -> pandas.DataFrame:
         return table(COLUMNS, self.coefficients()).set_index("coefficient")
@@ -221,7 +226,7 @@ class FitResult(Result):
                 name: {key: float(values[i]) for key, values in columns.items()}
                 for i, name in enumerate(result.names[: result.n_params])
             },
-            "at_bound": result.at_bound,
+            "at_bound": result.at_bound, "failed_checks": failed_checks(found),
             "uncertainty": result.uncertainty,
             "prediction": self.calibration,
             "flat": [{"name": d.name, "held_by": d.decided_by} for d in result.flat],
@@ -239,7 +244,7 @@ class FitResult(Result):
         lines += effect_words(found)
         if words := moved(found):
             lines.append(f"Moved most (with one sd): {words}.")
-        lines += [f"CHECK FAILED: {text}" for text in failures(found, holdout_words(found.runs))]
+        lines += [f"CHECK FAILED: {text}" for text in failed_checks(found)]
         lines += [
             "",
             f"{found.trial.name}: {size}, {result.seconds:.1f} s",
@@ -257,7 +262,8 @@ class FitResult(Result):
         if held or verbose:
             of_held = " of the held-out runs, predicted from their first readings" if held else ""
             shown = held if held and not verbose else found.runs
-            lines.append("\nRms errors" + of_held)
+            whole = "; of whole runs, where a diagnosis counts after the first seconds"
+            lines.append("\nRms errors" + of_held + whole)
             lines.append(table_text(PREDICTION_COLUMNS, prediction_rows(shown), digits=3))
         return "\n".join(lines)
 
@@ -265,8 +271,9 @@ class FitResult(Result):
         """What the standard deviations rest on, and reasons not to trust them."""
         found, result, lines = self.found, self.found.fit, []
         if found.posterior is not None:
-            lines += found.posterior.doubts()
-        lines += form_words(found.fit)
+            lines += found.posterior.less_sure()
+        if not found.fit.uncertainty.get("form_failed"):
+            lines += form_words(found.fit)
         lines += predictive_words(found.fit)
         if found.posterior is not None:
             lines.append(f"errors of the fit: {found.posterior.parts.describe()}")

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import math
 import os
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from bayesid.api.inputs import (
     TrialLike,
@@ -27,7 +28,7 @@ from bayesid.diagnosis.diagnosed_model import (
     read_diagnosed,
     write_diagnosed,
 )
-from bayesid.diagnosis.hypotheses.rules import NAMING
+from bayesid.diagnosis.failed_checks import failures
 from bayesid.diagnosis.input import check_trial
 from bayesid.diagnosis.run import diagnose
 from bayesid.errors import BayesidError, ModelError, TrialError
@@ -43,20 +44,18 @@ from bayesid.prediction.intervals import (
 from bayesid.prediction.prediction import Prediction, predict_manoeuvre, predict_run
 from bayesid.progress import Progress
 from bayesid.report import predict_first_screen as first_screen
+from bayesid.report.prediction_checks import LEVEL, failed_checks
 from bayesid.report.prediction_figures import bands
 from bayesid.report.writer import Figure, Report, Section, Table, literal
 from bayesid.report.writer.text import table_text
-from bayesid.simulation import shaft_speed_note, with_shaft_speed
+from bayesid.simulation import with_shaft_speed
 from bayesid.threads import one_blas_thread
 from bayesid.trials import Run, Trial
 
 if TYPE_CHECKING:
     import pandas
 
-LEVEL = 0.95
-FULL_TURN = 2 * math.pi  # width of the heading's band from which a run is not predicted
 SAME_LENGTH = 0.01  # by which two files of one vehicle may differ in length
-HELD_SHARE = 0.8  # of the readings inside the band, on average over runs, below which the band is too narrow
 AGAINST_COLUMNS = ("channel", "rms as given (SI)", "predicted", "largest", "inside the band [%]")
 MEASURE_COLUMNS = ("measure", "as given", "mean", "95 % from", "to", "unit")
 
@@ -132,8 +131,9 @@ def predict(
         "trial": logged.name, "digest": logged.digest, "model": found.model.digest, "verdict": found.verdict,
         "hypotheses": [{"effects": h.effects, "weight": h.weight} for h in found.hypotheses],
         "coefficients_as_given": stated_spread(found), "seed": seed, "draws": draws, "band": LEVEL,
-        "sensor_noise": sensor_noise, "predictions": rows,
+        "sensor_noise": sensor_noise, "model_failed_checks": list(found.failed_checks), "predictions": rows,
     }  # fmt: skip
+    record["failed_checks"] = failed_checks(logged, record)
     if out is not None:
         write_json(Path(out) / "predictions.json", record)
     return PredictResult(logged, tuple(predictions), record)
@@ -163,11 +163,10 @@ def _model(
             f"{trial.name}: {first.says} (probability {first.probability:.2f}){mend}. See "
             "`bayesid diagnose`; with --model it is not asked"
         )
-    found = diagnosed_model_of(
-        diagnose(
-            with_shaft_speed(trial, model.vehicle), model, seed=seed, notify=progress.note, plan_next=False
-        )
+    diagnosis = diagnose(
+        with_shaft_speed(trial, model.vehicle), model, seed=seed, notify=progress.note, plan_next=False
     )
+    found = replace(diagnosed_model_of(diagnosis), failed_checks=failures(diagnosis.result))
     if out is not None:
         write_diagnosed(found, out)
     return found
@@ -244,11 +243,17 @@ class PredictResult(Result):
         sections = []
         for k, (p, row) in enumerate(zip(self.predictions, rows, strict=True), 1):
             run = _run(self.trial, p.name)
-            caption = "Mean and 95 % band of every channel. What to see: dots inside the band"
+            noise = None if run is None else np.random.default_rng(self.numbers["seed"])
+            band = p.band(LEVEL, noise)
+            drawn = bands(p.t, p.channels, p.mean, *band, None if run is None else run.data, p.lead)
+            caption = "Left: predicted track (mean). Right: mean (line) and 95 % band of every other channel."
             if run is not None:
-                caption += "; the model was shown the dots of the shaded part only"
-            drawn = bands(p.t, p.channels, p.mean, *p.band(LEVEL), None if run is None else run.data, p.lead)
-            blocks: list[Any] = [Figure(f"prediction{k:02d}", drawn, f"{caption}.")]
+                caption = (
+                    "Left: track as predicted (line: mean) and as logged (dots). Right: every other channel, "
+                    f"with the band in which {LEVEL:.0%} of the dots should lie. The model has read the dots "
+                    "of the shaded part only."
+                )
+            blocks: list[Any] = [Figure(f"prediction{k:02d}", drawn, caption)]
             if row["against_readings"]:
                 blocks.append(Table(AGAINST_COLUMNS, _against(row), digits=3))
             if row["measures"]:
@@ -262,7 +267,7 @@ class PredictResult(Result):
             f"{self.trial.name}: predictions",
             lead,
             sections,
-            [literal(words) for words in self._doubts()],
+            [literal(words) for words in self.numbers["failed_checks"]],
             first_screen.first_blocks(self.trial, self.predictions, rows),
         )
 
@@ -278,7 +283,7 @@ class PredictResult(Result):
 
     def summary(self, verbose: bool = False) -> str:
         lines = [first_screen.headline(self.trial, self.predictions, self.numbers["predictions"])]
-        lines += [f"CHECK FAILED: {words}" for words in self._doubts()]
+        lines += [f"CHECK FAILED: {words}" for words in self.numbers["failed_checks"]]
         lines += ["", self._model_words()]
         for row in self.numbers["predictions"]:
             begun = f", begun on the first {row['lead']:.3g} s of its log" if row["lead"] else ""
@@ -300,42 +305,6 @@ class PredictResult(Result):
             shares[name] = shares.get(name, 0.0) + h["weight"]
         words = f"model: {', '.join(f'{name} ({share:.0%})' for name, share in shares.items())}"
         return words + first_screen.as_given_words(self.numbers["coefficients_as_given"])
-
-    def _doubts(self) -> list[str]:
-        """Causes the diagnosis does not name, shaft speed that is not logged, runs of which nothing is
-        predicted, channels outside the bands.
-        """
-        out = []
-        word = self.numbers["verdict"]
-        if word not in (*NAMING, "fit") and any(h["effects"] for h in self.numbers["hypotheses"]):
-            out.append(
-                f"The diagnosis this is drawn from names no cause (verdict {word.replace('_', ' ')}): what "
-                "is drawn explains the runs it has read, and may not be what acts."
-            )
-        if (note := shaft_speed_note(self.trial)) is not None:
-            out.append(f"{note[0].upper()}{note[1:]}.")
-        rows = self.numbers["predictions"]
-        lost = [row["name"] for row in rows if row["widest_band"].get("psi", 0.0) > FULL_TURN]
-        if lost:
-            out.append(
-                f"Nothing is predicted for {'any of these' if len(lost) == len(rows) else ', '.join(lost)}: "
-                "the band of the heading becomes wider than a full turn. What is known of the vehicle does "
-                "not fix where it goes."
-            )
-        held: dict[str, list[float]] = {}
-        for row in rows:
-            for channel, found in row["against_readings"].items():
-                held.setdefault(channel, []).append(found["inside"])
-        mean = {channel: sum(shares) / len(shares) for channel, shares in held.items()}
-        few = [f"{channel} {share:.0%}" for channel, share in mean.items() if share < HELD_SHARE]
-        if not few:
-            return out
-        return [
-            *out,
-            f"The bands are too narrow: of the readings {LEVEL:.0%} should lie inside, and on average over "
-            f"the runs it is {', '.join(few)}. The model lacks something these runs have; what it predicts "
-            "of other manoeuvres is less sure than its bands say.",
-        ]
 
 
 def _against(row: Mapping[str, Any]) -> list[list[Any]]:

@@ -187,7 +187,7 @@ def _vehicle(
                 made_by = f"{command('vehicle', 'new', '--template')} > {shlex.quote(str(sheet))}"
                 print_text("Question: which vehicle is it? No file here says. Either")
                 print_text(f"  - a built-in one: give --vehicle NAME ({names}), or")
-                print_text(f"  - by a data sheet: {made_by}, and edit it, or")
+                print_text(f"  - by a data sheet: {made_by}, and edit it (of a ship: --template --ship), or")
                 print_text("  - put a vehicle file, or a simulator's sdf, urdf or scn, beside the logs;")
                 print_text("then give the same command again.")
                 return None, ASKED

@@ -64,13 +64,15 @@ def new(
     template: Annotated[
         bool, typer.Option("--template", help="Print a data sheet to fill in and stop.")
     ] = False,
+    ship: Annotated[bool, typer.Option("--ship", help="With --template: the data sheet of a ship.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Overwrite the file.")] = False,
     verbose: Verbose = False,
 ) -> int:
     """Make a vehicle file: scaled from another (--like), estimated from a data sheet, or read from a
     simulator.
 
-    Of a data sheet, the options alone will do: --length --diameter --mass --speed. Every coefficient is
+    A data sheet that states a draught is that of a ship: it becomes a planar vehicle by the MMG method. Of a
+    submerged vehicle the options alone will do: --length --diameter --mass --speed. Every coefficient is
     written with its source, [prior] with how far it may be off; what was assumed is said first. A
     coefficient is as good as the formulas are (docs: new vehicles); fits start from it.
     """
@@ -79,13 +81,13 @@ def new(
     from bayesid.cli.output import command, print_text
     from bayesid.errors import VehicleError
     from bayesid.files import write_atomic
-    from bayesid.model.vehicles.new import commented_toml
+    from bayesid.model.vehicles.new import commented_toml, ship_template
     from bayesid.model.vehicles.new import template as template_text
     from bayesid.model.vehicles.reading import read_vehicle
     from bayesid.model.vehicles.schema import write_schema
 
     if template:
-        print(template_text(), end="")
+        print(ship_template() if ship else template_text(), end="")
         return 0
     if target is None:
         raise VehicleError("FILE is missing: bayesid vehicle new my_vehicle.toml --sheet my_sheet.toml")
@@ -125,7 +127,15 @@ def _make(
 
     from bayesid.errors import VehicleError
     from bayesid.model.vehicles import load_vehicle
-    from bayesid.model.vehicles.new import estimate, from_simulator, read_sheet, scaled, sheet_of
+    from bayesid.model.vehicles.new import (
+        ShipSheet,
+        estimate,
+        estimate_ship,
+        from_simulator,
+        read_sheet,
+        scaled,
+        sheet_of,
+    )
 
     if like is not None:
         spare = [key for key in ("diameter", "rpm", "propeller_diameter") if key in numbers]
@@ -140,7 +150,8 @@ def _make(
             )
         made = from_simulator(simulator, numbers)
     elif sheet is not None:
-        made = estimate(read_sheet(sheet, {**numbers, **({"fins": fins} if fins else {})}))
+        found = read_sheet(sheet, {**numbers, **({"fins": fins} if fins else {})})
+        made = estimate_ship(found) if isinstance(found, ShipSheet) else estimate(found)
     else:
         entries: dict[str, Any] = {**numbers, "fins": fins}
         made = estimate(sheet_of(entries, "options"))

@@ -8,6 +8,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from bayesid.diagnosis.failed_checks import (
+    diverging,
+    explanation,
+    failures,
+    listed,
+    predicts_worse,
+)
 from bayesid.diagnosis.hypotheses.rules import NAMING
 from bayesid.diagnosis.hypotheses.sensitivity_bank import EVERY
 from bayesid.diagnosis.plain_words import intervals, sentence
@@ -26,17 +33,13 @@ from bayesid.diagnosis.run_errors import (
     worse,
 )
 from bayesid.diagnosis.simulator_words import mistake_certainty, mistake_sentence, mistake_steps
-from bayesid.diagnosis.threshold_table import DISAGREEMENT_P_VALUE
 
 RMS = " (rms)"
 LARGE_HEADING = 10.0  # degrees rms; a simulator that misses by more is not said to agree
 # Hypotheses from this probability on are named as what else it could be, the first few.
 WORTH_A_WORD, MOST_RIVALS = 0.01, 4
 MOST_MOVED = 6
-# Verdicts that stand on no effect: what is shown as explained has none, though one may gain by chance.
-NEEDS_NONE = ("none", "model_form")
 TIMES = {3.0: "three", 10.0: "ten"}
-FAR_OFF = 10.0  # stated uncertainties from which a coefficient of the explanation is not to be believed
 PLACES = {
     "X": "the force ahead", "Y": "the side force", "N": "the turning moment", "Z": "the vertical force",
     "M": "the pitching moment", "K": "the heeling moment", "Y+N": "side force and turning moment",
@@ -90,6 +93,11 @@ def answer(result: Result) -> Answer:
         (*mistake_certainty(result), *_certainty(result)),
         (*mistake_steps(result), *_steps(result)),
     )
+
+
+def counted_after(result: Result) -> str:
+    """From when on the errors count, and why a fit tells others of the same vehicle as given."""
+    return f"after the first {result.runs[0].lead:.3g} s (those of a fit are of whole runs)"
 
 
 def in_words(name: str) -> str:
@@ -271,51 +279,6 @@ def _outcome(result: Result, run: RunError) -> str:
     )
 
 
-def failures(result: Result) -> tuple[str, ...]:
-    """Checks that failed; each one sentence."""
-    out = []
-    if explanation(result):
-        failed = [run for run in result.runs if run.role == "holdout" and worse(error_rows(run))]
-        held = sum(run.role == "holdout" for run in result.runs)
-        if failed:
-            rows = error_rows(failed[0])
-            out.append(
-                f"The explanation predicts {len(failed)} of {held} held-out runs worse than the simulator as "
-                f"given (with it, {failed[0].run} {missed(rows, 2)}; as given, {missed_too(rows, 0, 2)}): do "
-                "not rely on it."
-            )
-        if result.runs_agree is not None and result.runs_agree < DISAGREEMENT_P_VALUE:
-            out.append(
-                "The runs disagree about its size: that one and the same cause acts in all of them has "
-                f"p = {result.runs_agree:.1g}."
-            )
-        if (far := far_off(result)) and result.model_form is None:
-            out.append(f"{far}: as an account of this vehicle it is not to be believed.")
-        refit = next((r for r in result.refits if set(r.effects) == set(explanation(result))), None)
-        if refit is not None and not refit.converged:
-            out.append("The fit of the explanation stopped before it converged; its sizes are rough.")
-    elif result.refits and not result.refits[0].converged:
-        out.append("The re-tuning stopped before it converged; its errors are rough.")
-    return tuple(out)
-
-
-def far_off(result: Result) -> str:
-    """The beginning of a sentence that the explanation takes a coefficient out of all reason; else empty."""
-    far = {n: abs(m.explained - m.given) / m.prior_sd for n, m in result.moved.items() if m.prior_sd > 0}
-    most = max(far, key=lambda n: far[n], default="")
-    if not most or far[most] <= FAR_OFF:
-        return ""
-    return (
-        f"The explanation needs coefficients far from those stated ({most} by {far[most]:.0f} times its "
-        "stated uncertainty)"
-    )
-
-
-def explanation(result: Result) -> tuple[str, ...]:
-    """Effects of the third model that is shown: none where the verdict needs none."""
-    return () if result.verdict in NEEDS_NONE else result.explanation
-
-
 def _moved(result: Result) -> tuple[str, ...]:
     """Coefficients that leave their stated uncertainty furthest, most first."""
     told = []
@@ -374,8 +337,6 @@ def _certainty(result: Result) -> tuple[str, ...]:
         out.append(f"On these runs {_list(alike)} would leave nearly the same trace.")
     if result.model_form is not None and result.verdict != "model_form":
         out.append(f"The equations also lack a force that depends on the motion{_like(result)}.")
-    if result.model_form is not None and (far := far_off(result)):
-        out.append(f"{far}: they stand in for the force the equations lack.")
     out.append(_proof(result))
     if result.verdict == "none" and result.unseen:
         out.append(
@@ -432,5 +393,12 @@ def _steps(result: Result) -> tuple[str, ...]:
         out.append(
             f"Run next: {in_words(best.name)}, {best.duration:.0f} s, which tells best what is still open."
         )
-    out.append("`bayesid predict BUNDLE MANOEUVRE --model THIS_FOLDER` says, with a band, what to expect.")
+    lost = diverging(result)
+    if lost or predicts_worse(result):
+        why = f"its simulation of {listed(lost)} diverges" if lost else "it predicts held-out runs worse"
+        out.append(f"Do not predict with THIS_FOLDER: {why}.")
+    else:
+        out.append(
+            "`bayesid predict BUNDLE MANOEUVRE --model THIS_FOLDER` says, with a band, what to expect."
+        )
     return tuple(out)

@@ -88,6 +88,7 @@ class DiagnosedModel:
     noise : channel -> white sensor noise, one standard deviation [SI]
     verdict : word of the verdict it came from
     trial : digest of the trial
+    failed_checks : sentences on the checks that the fit or the diagnosis failed
     """
 
     model: Model
@@ -95,6 +96,7 @@ class DiagnosedModel:
     noise: Mapping[str, float]
     verdict: str
     trial: str
+    failed_checks: tuple[str, ...] = ()
 
     def draw(self, rng: np.random.Generator, count: int) -> list[tuple[WeightedHypothesis, Array]]:
         """Parameter vectors of every hypothesis: (draws, n_par) each, `count` in all."""
@@ -280,6 +282,7 @@ def write_diagnosed(found: DiagnosedModel, folder: str | os.PathLike[str]) -> Pa
         "digest": found.model.digest,
         "verdict": found.verdict,
         "trial": found.trial,
+        "failed_checks": list(found.failed_checks),
         "noise": dict(found.noise),
         "hypotheses": hypotheses,
     }
@@ -308,7 +311,8 @@ def read_diagnosed(folder: str | os.PathLike[str], declared: Iterable[Effect] = 
         if not hypotheses or min(weights) < 0 or not abs(sum(weights) - 1.0) < 1e-6:
             raise ValueError(f"the weights of its hypotheses add up to {sum(weights):.6g}, not to 1")
         vehicle, dof, digest = path.with_name(record["vehicle"]), int(record["dof"]), record["digest"]
-        rest = dict(record["noise"]), str(record["verdict"]), str(record["trial"])
+        failed = tuple(str(text) for text in record.get("failed_checks", []))
+        rest = dict(record["noise"]), str(record["verdict"]), str(record["trial"]), failed
     except UnreadableError as error:
         raise ModelError(
             f"{path}: {error}; `bayesid diagnose BUNDLE --out FOLDER` and `bayesid fit` write it"

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bayesid.diagnosis.answer import NEEDS_NONE
 from bayesid.diagnosis.attempt import attempt
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.diagnosed_model import DiagnosedModel, diagnosed_model
@@ -21,6 +20,7 @@ from bayesid.diagnosis.evidence.explained_model import ExplainedModel, explained
 from bayesid.diagnosis.evidence.holdout import HoldoutValidation, validate_holdout
 from bayesid.diagnosis.evidence.missing_force import describe_missing_force
 from bayesid.diagnosis.exclusions import compare_without
+from bayesid.diagnosis.failed_checks import NEEDS_NONE
 from bayesid.diagnosis.final_values import result_of
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison

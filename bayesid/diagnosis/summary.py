@@ -9,7 +9,7 @@ import math
 import re
 from collections.abc import Iterable
 
-from bayesid.diagnosis.answer import Answer, answer
+from bayesid.diagnosis.answer import Answer, answer, counted_after
 from bayesid.diagnosis.evidence.effect_draws import warning
 from bayesid.diagnosis.plain_words import number
 from bayesid.diagnosis.result import Result
@@ -36,7 +36,7 @@ def summary(result: Result, verbose: bool = False) -> str:
         out.append(a.outcome)
     out += [f"CHECK FAILED: {text}" for text in a.failures]
     if a.errors:
-        out += ["", f"rms errors, {a.where}", *_errors(a), f"  {a.explained}"]
+        out += ["", f"rms errors, {a.where}, {counted_after(result)}", *_errors(a), f"  {a.explained}"]
     out += _listed("how sure, and what else it could be", a.certainty)
     out += _listed("coefficients that move most", a.moved)
     out += _listed("what to do next", a.steps)

@@ -67,9 +67,6 @@ def write_fit_report(
 
 def fit_report(found: TrialFit, calibration: Calibration | None = None) -> Report:
     """The report as plain data."""
-    others = [*holdout_words(found.runs)]
-    if found.posterior is not None and not found.posterior.final:
-        others += found.posterior.doubts()[:1]
     sections = [
         _coefficients(found),
         *_certainty(found, calibration),
@@ -83,9 +80,21 @@ def fit_report(found: TrialFit, calibration: Calibration | None = None) -> Repor
         f"{found.trial.name}: coefficients fitted",
         lead,
         sections,
-        first_screen.failures(found, others),
+        failed_checks(found),
         first_screen.first_blocks(found, next_steps(found)),
     )
+
+
+def failed_checks(found: TrialFit) -> list[str]:
+    """Checks that failed, one sentence each: search, open combinations, held-out runs, runs that disagree, a
+    force that is asked for and could not be fitted.
+    """
+    others = holdout_words(found.runs)
+    if found.posterior is not None:
+        others += found.posterior.not_final()
+    if found.fit.uncertainty.get("form_failed"):
+        others += form_words(found.fit)
+    return first_screen.failures(found, others)
 
 
 def _verdict_words(found: TrialFit) -> str:
@@ -110,7 +119,16 @@ def next_steps(found: TrialFit) -> list[str]:
         out.append("No run was held out: keep one back (`--runs`, role `holdout`) to see what it is worth.")
     if noise_of(found.runs) > MISFIT:
         out.append("Residuals are several times the noise: `bayesid diagnose BUNDLE` asks for the cause.")
-    out.append("`bayesid predict BUNDLE MANOEUVRE --model THIS_FOLDER` says, with a band, what to expect.")
+    lost, worse = first_screen.diverging(found), holdout_words(found.runs)
+    if lost or worse:
+        why = (
+            "its simulation diverges" if lost else "it predicts held-out runs worse than the vehicle as given"
+        )
+        out.append(f"Do not predict with THIS_FOLDER: {why}.")
+    else:
+        out.append(
+            "`bayesid predict BUNDLE MANOEUVRE --model THIS_FOLDER` says, with a band, what to expect."
+        )
     return out
 
 
@@ -133,12 +151,13 @@ def _coefficients(found: TrialFit) -> Section:
     fit, k = found.fit, found.fit.n_params
     rows = []
     open_names = [d for d in fit.flat if d.decided_by != "prior"]
+    unsure = () if found.posterior is None else found.posterior.wider_than_prior
     for i, name in enumerate(fit.names[:k]):
         flags = []
         if name in fit.at_bound:
             flags.append("on a bound")
         if fit.sd[i] > 0.9 * fit.prior_sd[i]:
-            flags.append("the prior decides")
+            flags.append("less sure than the prior" if name in unsure else "the prior decides")
         if any(abs(d.vector[i]) > 0.3 for d in open_names):
             flags.append("part of an open combination")
         if name in form_rows_of(fit):

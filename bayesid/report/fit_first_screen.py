@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from bayesid.diagnosis.failed_checks import listed, out_of_reason
 from bayesid.diagnosis.plain_words import number
 from bayesid.diagnosis.run_errors import ErrorRow, miss, missed, missed_too, name_of_run
 from bayesid.estimation.trial_fit import RunOutcome, TrialFit
@@ -97,6 +98,16 @@ def moved(found: TrialFit) -> str:
 def failures(found: TrialFit, others: list[str]) -> list[str]:
     """Checks that failed: convergence, what the data leave open, and `others`."""
     out = [] if found.fit.converged else ["The search did not converge; the coefficients are not final."]
+    if lost := diverging(found):
+        out.append(
+            f"With the coefficients found, the simulation of {listed(lost)} diverges: nothing can be "
+            "predicted with them."
+        )
+    if far := out_of_reason(_stated(found)):
+        out.append(
+            f"Coefficients are found far from those stated ({far}): they stand in for something the "
+            "equations or the data lack, and are no values of this vehicle."
+        )
     left = [d.name for d in found.fit.flat if d.decided_by != "prior"]
     if left:
         some = "; ".join(f"`{n}`" for n in left[:2])
@@ -105,6 +116,21 @@ def failures(found: TrialFit, others: list[str]) -> list[str]:
     for wrong in filter(None, (shaft_speed_note(found.trial), noise_warning(found.trial))):
         out.append(f"{wrong[0].upper()}{wrong[1:]}.")
     return out + others
+
+
+def _stated(found: TrialFit) -> dict[str, tuple[float, float, float]]:
+    """Coefficients with value as given, value found and stated sd; rows of a model form state none."""
+    fit = found.fit
+    return {
+        name: (float(fit.start[i]), float(fit.z[i]), float(fit.prior_sd[i]))
+        for i, name in enumerate(fit.names[: fit.n_params])
+        if fit.start[i] and "." not in name
+    }
+
+
+def diverging(found: TrialFit) -> list[str]:
+    """Runs whose simulation with the coefficients found diverges."""
+    return [run.name for run in found.runs if run.fitted.size and not np.isfinite(run.fitted[-1]).any()]
 
 
 def first_blocks(found: TrialFit, steps: list[str]) -> list[Block]:
@@ -119,15 +145,13 @@ def first_blocks(found: TrialFit, steps: list[str]) -> list[Block]:
         Table(
             ["rms error", *LABELS],
             [[f"{r.what} [{r.unit}]", *(_cell(x) for x in r.values)] for r in errors_of(run)],
-            f"{name[:1].upper()}{name[1:]}: {word}.",
+            f"{name[:1].upper()}{name[1:]}: {word}. Errors of the whole run; those of a diagnosis count "
+            "after its first seconds, and begin otherwise.",
         )
     )
     picture = picture_of(run)
-    caption = (
-        "Left: track, begun at the ring. Right: heading, and below it how far each simulation is from the "
-        "log (lines: running means; dots: as found). Blue: where 95 % of dots would lie by the noise "
-        "used as weight; a line that leaves its panel misses by more."
-    )
+    band = "Blue: where 95 % of the small dots would lie by the noise used as weight."
+    caption = f"{literal(run_picture.caption(picture, band))} A line that leaves its panel misses by more."
     blocks.append(
         Row(
             (

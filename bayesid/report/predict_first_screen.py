@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from bayesid.diagnosis.plain_words import number
-from bayesid.diagnosis.run_errors import name_of_run
+from bayesid.diagnosis.run_errors import WORSE, name_of_run
 from bayesid.prediction.prediction import Prediction
 from bayesid.report import run_picture
 from bayesid.report.writer import Block, Figure, Row, Table, literal
@@ -80,9 +80,11 @@ def headline(trial: Trial, predictions: Sequence[Prediction], rows: Sequence[Num
             for e in errors
         )
         inside = min(e.what[2] for e in errors)
+        worse = any(e.what[0] > WORSE * e.what[1] for e in errors if math.isfinite(e.what[1]))
+        no_gain = "which is no gain: " if worse else ""
         return (
-            f"The {name} is predicted within {now} of the log (rms), as given within {given}; {inside:.0%} "
-            "of its readings lie in the 95 % band."
+            f"The {name} is predicted within {now} of the log (rms), {no_gain}as given within {given}; "
+            f"{inside:.0%} of its readings lie in the 95 % band."
         )
     told = [
         "{quantity} of {0} {unit} (95 %: {1} to {2}".format(*_band(m["mean"], m["low"], m["high"]), **m)
@@ -144,19 +146,20 @@ def first_blocks(trial: Trial, predictions: Sequence[Prediction], rows: Sequence
     p, name = predictions[k], literal(_name(trial, rows[k]))
     run = next((r for r in trial.runs if r.name == p.name), None)
     drawn = picture_of(p, run)
-    against = (
-        "below it how far each simulation is from the log (lines: running means; dots: predicted). Blue: "
-        "where 95 % of the dots should lie."
+    band = (
+        "Blue: where 95 % of the small dots should lie. Grey: first seconds, read to begin on the track."
         if run is not None
-        else "blue: 95 % band, made of the thin tracks at the left."
+        else "Blue: 95 % band; the thin tracks at the left are some of those it is made of."
     )
+    if p.orders is not None:
+        band += " The line is their mean: where they swing out of step, each of them swings further."
     blocks.append(
         Row(
             (
                 Figure("picture_track", run_picture.track(drawn), alt=f"Track of {name}"),
                 Figure("picture_time", run_picture.over_time(drawn), alt=f"Heading of {name}"),
             ),
-            f"{name[:1].upper()}{name[1:]}. Left: track, begun at the ring. Right: heading; {against}",
+            f"{name[:1].upper()}{name[1:]}. {literal(run_picture.caption(drawn, band))}",
         )
     )
     return blocks

@@ -5,6 +5,7 @@ Takes a `RunPicture` of finished series. Does not compute but differences of the
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +19,7 @@ MOST_POINTS, MOST_TRACKS = 500, 40
 PLANE95 = 2.45 / 1.96
 NEAR = 4.0  # times the last series' own reach, up to which a line is kept inside its panel
 HEIGHT, WIDTH = 4.3, 3.75
+MISSES = {"heading error": "logged heading", "distance": "logged position"}  # panels of errors, of what
 # Lines differ in dashes and width as well: a grey print tells them apart.
 GIVEN: dict[str, Any] = {"color": NOMINAL, "linestyle": (0, (5, 2)), "linewidth": 1.3}
 BETWEEN: dict[str, Any] = {"color": COLOURS["orange"], "linestyle": (0, (1, 1.2)), "linewidth": 2.2}
@@ -92,6 +94,26 @@ class RunPicture:
         return np.unique(np.linspace(0, n - 1, min(n, MOST_POINTS)).astype(int))
 
 
+def caption(p: RunPicture, band: str = "") -> str:
+    """What the two figures show; `band` says what the band is, where one is drawn."""
+    logged = "; black dots: the log" if p.logged("x", "y") else ""
+    left = (
+        f"Left: track, begun at the ring{logged}." if p.column("x") is not None else "Left: channels logged."
+    )
+    names = [name for name, _ in _panels(p)]
+    errors = [name for name in names if name in MISSES]
+    right = f"Right: {_and([n for n in names if n not in MISSES])} over time"
+    if errors:
+        of = _and([MISSES[n] for n in errors])
+        dots = f"(lines: running means; small dots: every reading, {p.last.label})"
+        right += f", and below it by how much each simulation misses the {of} {dots}"
+    return " ".join(text for text in (left, f"{right}.", band if p.band is not None else "") if text)
+
+
+def _and(names: Sequence[str]) -> str:
+    return " and ".join(text for text in (", ".join(names[:-1]), names[-1] if names else "nothing") if text)
+
+
 @styled
 def track(p: RunPicture) -> Any:
     """Plan view, or the first channels over time where no position is known."""
@@ -140,17 +162,7 @@ def _channels(p: RunPicture) -> Any:
 @styled
 def over_time(p: RunPicture) -> Any:
     """Heading, and below it what each simulation misses: heading and distance, with the 95 % band."""
-    panels = [
-        draw
-        for draw, there in (
-            (_heading, p.column("psi") is not None),
-            (_heading_error, p.logged("psi")),
-            (_distance, p.logged("x", "y")),
-            (_speed, not p.logged("psi") and p.column("u") is not None),
-            (_yaw_rate, not p.logged("psi") and p.column("r") is not None),
-        )
-        if there
-    ]
+    panels = [draw for _, draw in _panels(p)]
     figure, grid = subplots(max(len(panels), 1), 1, height=HEIGHT, width=WIDTH, squeeze=False, sharex=True)
     t = p.t - p.t[0]
     for axes, draw in zip(grid[:, 0], panels, strict=False):
@@ -159,6 +171,21 @@ def over_time(p: RunPicture) -> Any:
             axes.axvspan(0.0, p.lead, color="0.9", zorder=0, linewidth=0)
     grid[-1, 0].set_xlabel("time [s]")
     return figure
+
+
+def _panels(p: RunPicture) -> list[tuple[str, Callable[[Any, RunPicture, Array, Array], None]]]:
+    """Name and drawing of each panel over time, from the top."""
+    return [
+        (name, draw)
+        for name, draw, there in (
+            ("heading", _heading, p.column("psi") is not None),
+            ("heading error", _heading_error, p.logged("psi")),
+            ("distance", _distance, p.logged("x", "y")),
+            ("speed ahead", _speed, not p.logged("psi") and p.column("u") is not None),
+            ("yaw rate", _yaw_rate, not p.logged("psi") and p.column("r") is not None),
+        )
+        if there
+    ]
 
 
 def _value(axes: Any, p: RunPicture, keep: Array, t: Array, name: str, factor: float, label: str) -> None:

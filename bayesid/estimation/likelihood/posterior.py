@@ -40,6 +40,7 @@ LEAST_RUNS, WEIGHTS = 4, 13
 CONFLICT = 3.0
 # Posterior sd over prior sd from which an estimate is called less sure than its prior.
 UNSURE = 1.1
+MOST_NAMED = 4  # coefficients in a sentence; tables and JSON have all
 PIECE = re.compile(r" \d+/\d+$")
 
 
@@ -132,13 +133,14 @@ class CoefficientPosterior:
                 "p": half.p,
                 "count": int(half.counted.sum()),
             },
+            "wider_than_prior": list(self.wider_than_prior),
             "white_sd": dict(zip(self.names, map(float, self.white_sd), strict=True)),
             "prior_conflict": dict(zip(self.names, map(float, self.conflict), strict=True)),
             "prior_sensitivity": dict(zip(self.names, map(float, self.sensitivity), strict=True)),
         }
 
-    def doubts(self) -> list[str]:
-        """Sentences on what to distrust, the worst first."""
+    def not_final(self) -> list[str]:
+        """Sentences on why the intervals do not hold, the worst first; empty where `final`."""
         said = []
         widened = ", even with coefficients that differ from run to run" if self.parts.run_spread else ""
         if self.halves is not None and not self.halves.agrees:
@@ -147,26 +149,46 @@ class CoefficientPosterior:
                 f"{self.halves.rms:.2g} sd rms over {int(self.halves.counted.sum())} coefficients (p = "
                 f"{self.halves.p:.2g}){widened}."
             )
-        far = [f"{n} ({z:+.1f})" for n, z in zip(self.names, self.conflict, strict=True) if abs(z) > CONFLICT]
+        order = np.argsort(-np.nan_to_num(np.abs(self.conflict)), kind="stable")
+        z = self.conflict
+        far = [f"{self.names[i]} ({z[i]:+.1f})" for i in order if abs(z[i]) > CONFLICT]
         if far:
             said.append(
-                f"Not final: prior and data disagree on {', '.join(far)} (distance in sd). The prior "
+                f"Not final: prior and data disagree on {_first(far)} (distance in sd). The prior "
                 "is too narrow, or these coefficients stand in for a force the model lacks, and then no "
                 "interval here holds."
             )
-        over = self.sd > UNSURE * self.prior_sd
-        if over.any():
-            names = ", ".join(n for n, wide in zip(self.names, over, strict=True) if wide)
-            said.append(
-                f"Less sure than the prior: {names}. Readings count for more here than they know, since so "
-                "left-out runs are predicted best; `bayesid sample` keeps the prior there."
-            )
         return said
+
+    @property
+    def wider_than_prior(self) -> tuple[str, ...]:
+        """Coefficients whose sd is wider than their prior."""
+        over = self.sd > UNSURE * self.prior_sd
+        return tuple(n for n, wide in zip(self.names, over, strict=True) if wide)
+
+    def less_sure(self) -> list[str]:
+        """A sentence on coefficients less sure than their prior, the first few by name."""
+        if not (names := self.wider_than_prior):
+            return []
+        return [
+            f"Less sure than the prior: {_first(names)}. Readings count for more here than they know, since "
+            "so left-out runs are predicted best; `bayesid sample` keeps the prior there."
+        ]
+
+    def doubts(self) -> list[str]:
+        """Sentences on what to distrust, the worst first."""
+        return [*self.not_final(), *self.less_sure()]
 
     def draws(self, count: int, rng: np.random.Generator) -> Array:
         """(count, k) draws within the bounds [SI]."""
         drawn = self.mean + rng.standard_normal((count, self.mean.size)) @ root(self.covariance).T
         return within_bounds(drawn, self.mean, self.covariance, self.low, self.high, rng)
+
+
+def _first(names: Sequence[str]) -> str:
+    """The first few in a list, and how many more."""
+    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+    return f"{', '.join(names[:MOST_NAMED])}{more}"
 
 
 def coefficient_posterior(

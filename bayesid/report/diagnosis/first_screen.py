@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from bayesid.diagnosis.answer import Answer
+from bayesid.diagnosis.answer import Answer, counted_after
 from bayesid.diagnosis.evidence import replay as evidence
 from bayesid.diagnosis.evidence.replay import EXPLAINED, GIVEN, RETUNED
 from bayesid.diagnosis.plain_words import Z95, number
@@ -36,7 +36,8 @@ def first_blocks(result: Result, a: Answer) -> list[Block]:
             Table(
                 ["rms error", *a.labels],
                 [[f"{r.what} [{r.unit}]", *(_cell(x) for x in r.values)] for r in a.errors],
-                f"{literal(a.where)[:1].upper()}{literal(a.where)[1:]}, replayed from its orders. "
+                f"{literal(a.where)[:1].upper()}{literal(a.where)[1:]}, replayed from its orders; errors "
+                f"{counted_after(result)}. "
                 f"{literal(a.explained)}",
             )
         )
@@ -55,14 +56,14 @@ def picture_blocks(result: Result, a: Answer) -> list[Block]:
     if result.drawings is None or not result.drawings.replays:
         return []
     shown = picture_of(result.drawings.replays[0], a)
-    band = "Blue: where 95 % of the dots should lie. " if shown.band is not None else ""
+    band = ""
     for s in shown.series:
         if not s.ends:
             band += f"The simulation {literal(s.label)} diverges: its line ends early or is missing. "
+    drawn = literal(run_picture.caption(shown, "Blue: where 95 % of the small dots should lie."))
     caption = (
-        "Left: track, begun at the ring. Right: heading, and below it how far each simulation is from the "
-        f"log (lines: running means; dots: {literal(shown.last.label)}). {band}A "
-        "line that leaves its panel misses by more. Grey: first seconds, read to begin on the track."
+        f"{drawn} {band}A line that leaves its panel misses by more. Grey: first seconds, read to begin on "
+        "the track."
     )
     where = literal(a.where)
     return [

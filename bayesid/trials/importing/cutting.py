@@ -15,6 +15,7 @@ _DEG = np.pi / 180.0
 NEUTRAL = 1.5 * _DEG  # rudder within this of its middle is amidships
 LEAD = 5.0  # s of steady motion kept before the first order
 SHORTEST = 20.0  # s; shorter pieces are no run
+SERVO = 0.25  # of the time a rudder moves from side to side, in which it is still seen to stand
 # Seconds, and times the usual step, without any row, after which a log goes on as another run.
 BETWEEN_RUNS, BETWEEN_STEPS = 60.0, 10.0
 
@@ -96,7 +97,7 @@ def classify(t: Floats, rudder: Floats, psi: Floats | None) -> tuple[str, str]:
     degrees = round(size / _DEG)
     same = float(np.max(np.abs(np.abs(levels[off]) - size))) < max(0.12 * size, 1.0 * _DEG)
     flips = int(np.sum(signs[1:] != signs[:-1]))
-    if flips == 0 and (same or turned > 1.5 * np.pi) and off.sum() <= 2:
+    if flips == 0 and off.sum() <= 2 and (turned > 1.5 * np.pi or (same and _is_held(t, rudder, size))):
         return "turn", f"turning circle {degrees}" if turned > 1.5 * np.pi else f"turn {degrees}"
     if same and flips >= 2 and flips == signs.size - 1:
         return _zigzag(t, rudder, psi, degrees)
@@ -105,6 +106,14 @@ def classify(t: Floats, rudder: Floats, psi: Floats | None) -> tuple[str, str]:
     if levels.size >= 5 and runs <= 3 and float(np.median(held)) > 8.0:
         return "spiral", "spiral"
     return "random", "random orders"
+
+
+def _is_held(t: Floats, rudder: Floats, size: float) -> bool:
+    """Whether one order stands for most of the stretch, and none beyond it: else it is steered by hand."""
+    near = np.abs(np.abs(rudder) - size) < max(0.12 * size, 1.0 * _DEG)
+    beyond = np.abs(rudder) > size + max(0.5 * size, 3.0 * _DEG)
+    moved = np.flatnonzero(np.abs(rudder) > 0.3 * size)
+    return not beyond.any() and bool(np.mean(near[moved[0] :]) > 0.5)
 
 
 def _zigzag(t: Floats, rudder: Floats, psi: Floats | None, degrees: int) -> tuple[str, str]:
@@ -123,10 +132,41 @@ def _zigzag(t: Floats, rudder: Floats, psi: Floats | None, degrees: int) -> tupl
     if any(not np.isfinite(side).any() for side in sides):
         return "zigzag", f"zigzag {degrees}"
     switch = 0.5 * abs(float(np.nanmedian(sides[0])) - float(np.nanmedian(sides[1])))
+    error = float(np.sqrt(np.mean([np.nanvar(side) for side in sides]) / ends.size))
     between = float(np.nanpercentile(np.abs(np.diff(psi)), 95))  # a switch falls anywhere between two samples
     if max(float(np.nanstd(side)) for side in sides) > 0.35 * switch + 1.0 * _DEG + between:
         return "random", "random orders"
-    return "zigzag", f"zigzag {degrees}/{max(1, round(switch / _DEG))}"
+    late = _late(t, rudder, psi, ends, size)
+    return "zigzag", f"zigzag {degrees}/{_ordered_heading(switch / _DEG, late / _DEG, error / _DEG, degrees)}"
+
+
+def _late(t: Floats, rudder: Floats, psi: Floats, ends: np.ndarray, size: float) -> float:
+    """By how much a heading is turned further before a measured rudder is seen to move [rad].
+
+    What it turns in `SERVO` of the time the rudder needs to the other side; an order is there at once.
+    """
+    turned = []
+    for end in ends:
+        over = np.flatnonzero(rudder[end:] * np.sign(rudder[end]) < -0.9 * size)
+        if over.size and over[0] > 1:
+            other = end + int(over[0])
+            before = max(int(end) - 1, 0)
+            rate = abs(float(psi[end] - psi[before])) / max(float(t[end] - t[before]), 1e-9)
+            turned.append(SERVO * float(t[other] - t[end]) * rate)
+    return float(np.nanmedian(turned)) if turned else 0.0
+
+
+def _ordered_heading(seen: float, late: float, error: float, degrees: int) -> int:
+    """The heading at which the switch was ordered [deg], from the one at which the rudder leaves its side.
+
+    Not above what is seen, and not lower than by `late` or the rounding; there the rudder's own degrees and
+    multiples of five, which people order, come before others.
+    """
+    low, high = seen - max(late, 0.5, error), seen + max(0.5 - late, error, 0.0)
+    for usual in (degrees, 5 * int(high // 5)):
+        if usual > 0 and low <= usual <= high:
+            return usual
+    return max(1, int(high // 1))
 
 
 def _levels(t: Floats, rudder: Floats) -> tuple[Floats, Floats]:

@@ -24,6 +24,7 @@ _DEG = math.pi / 180.0
 CLEAR = 0.35  # a hypothesis must leave less than this share of the next one's misfit
 AGREES = 0.3  # misfit of a direction that agrees; sideslip in turns leaves up to 0.1
 SPEED_UNITS = ("m/s", "kn", "km/h", "ft/s", "cm/s", "mm/s")
+SURE_T, LIKELY_T = 5.0, 2.0  # t of the turn by the rudder from which its side is taken, and proposed
 NEAR = 0.1  # a unit is told by a scale within this share
 
 
@@ -385,15 +386,17 @@ def _rudder(draft: Draft) -> None:
     said = {positive_side(draft.column(role)) for role in both} - {None}
     side = said.pop() if len(said) == 1 else None
     turned = "starboard" if pooled > 0 else "port"
-    if abs(pooled) < 5.0 and side is not None:
+    if abs(pooled) < SURE_T and side is not None:
         draft.map = replace(draft.map, rudder_positive=side)
         draft.remark(f"positive rudder turns to {side}, as the name {draft.column(both[0])} says")
-    elif abs(pooled) < 5.0:
+    elif abs(pooled) < SURE_T:
+        leaning = turned if abs(pooled) > LIKELY_T else "port"
+        draft.map = replace(draft.map, rudder_positive=leaning)
+        why = f"{turned} is more likely and set" if abs(pooled) > LIKELY_T else "port is set, a convention"
         draft.ask(
             1,
-            f"rudder_positive: the turns do not tell (t = {pooled:.1f}) whether positive "
-            f"{draft.column(both[0])} turns to port or "
-            "to starboard; port is set",
+            f"rudder_positive: the turns do not tell surely (t = {pooled:.1f}; {SURE_T:g} is enough) whether "
+            f"positive {draft.column(both[0])} turns to port or to starboard; {why}",
         )
     else:
         draft.map = replace(draft.map, rudder_positive=turned)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from bayesid.errors import VehicleError
 from bayesid.model.vehicles.stability import stability
 from bayesid.model.vehicles.vehicle import Vehicle, coef_si
 from bayesid.model.vehicles.writing import vehicle_toml
+
+SHIP_DRAWS = 200  # each takes 2 ms
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,8 @@ def stable_share(vehicle: Vehicle, draws: int = 2000, seed: int = 1) -> float | 
     if base.G_H is None:
         return None
     si, spread, random = coef_si(vehicle), vehicle.prior.relative_sd, np.random.default_rng(seed)
+    if vehicle.propulsion.model == "mmg":
+        return _stable_ships(vehicle, base.U, min(draws, SHIP_DRAWS), random)
     mass, arm = vehicle.mass, vehicle.mass * vehicle.r_G[0]
 
     def slope(name: str) -> np.ndarray:
@@ -61,3 +65,14 @@ def stable_share(vehicle: Vehicle, draws: int = 2000, seed: int = 1) -> float | 
 
     index = 1.0 - slope("N_v") * (slope("Y_r") - mass) / (slope("Y_v") * (slope("N_r") - arm))
     return float(np.mean(index > 0.0))
+
+
+def _stable_ships(vehicle: Vehicle, speed: float, draws: int, random: np.random.Generator) -> float:
+    """The share among ships whose rudder stands in the wake of hull and propeller, one by one."""
+    spread = vehicle.prior.relative_sd if vehicle.prior else {}
+    stable = 0
+    for _ in range(draws):
+        coef = {n: x * (1.0 + spread.get(n, 0.0) * random.standard_normal()) for n, x in vehicle.coef.items()}
+        G_H = stability(replace(vehicle, coef=coef), speed).G_H
+        stable += G_H is not None and G_H > 0.0
+    return stable / draws

@@ -18,20 +18,11 @@ from bayesid.errors import VehicleError, raise_all
 from bayesid.model.vehicles.fields import TomlTable
 from bayesid.model.vehicles.new.fins import KINDS, Fin
 from bayesid.model.vehicles.new.hull import Hull
+from bayesid.model.vehicles.new.sheet_key import Key, template_line
+from bayesid.model.vehicles.new.ship_sheet import SHIP_KEY, ShipSheet, ship_sheet_of
 
-
-@dataclass(frozen=True)
-class Key:
-    """One number of a data sheet: unit, meaning, range, value where it may be left out."""
-
-    unit: str
-    meaning: str
-    low: float = 1e-6
-    high: float = 1e9
-    default: float | None = None
-    required: bool = False
-
-
+FLAT = 1.5  # breadth over height from which a hull may be that of a ship
+_SHIP = "of a ship state the draught instead of a height (bayesid vehicle new --template --ship)"
 KEYS: dict[str, Key] = {
     "length": Key("m", "over all", required=True, high=1e3),
     "diameter": Key("m", "of the largest section; or breadth and height", high=100.0),
@@ -92,8 +83,8 @@ class Sheet:
         )
 
 
-def read_sheet(path: str | os.PathLike[str], also: Mapping[str, Any] | None = None) -> Sheet:
-    """Data sheet from a TOML file; `also` overrides its numbers.
+def read_sheet(path: str | os.PathLike[str], also: Mapping[str, Any] | None = None) -> Sheet | ShipSheet:
+    """Data sheet from a TOML file, of a ship where it states a draught; `also` overrides its numbers.
 
     Raises
     ------
@@ -107,7 +98,8 @@ def read_sheet(path: str | os.PathLike[str], also: Mapping[str, Any] | None = No
         raise VehicleError(f"{path}: cannot be read ({error.strerror})") from None
     except ValueError as error:
         raise VehicleError(f"{path}: not valid TOML: {error}") from None
-    return sheet_of({**tree, **(also or {})}, path.name)
+    tree = {**tree, **(also or {})}
+    return ship_sheet_of(tree, path.name) if SHIP_KEY in tree else sheet_of(tree, path.name)
 
 
 def sheet_of(tree: Mapping[str, Any], where: str) -> Sheet:
@@ -175,8 +167,8 @@ def _plausible(v: Mapping[str, float | None], fins: list[Fin], problems: list[st
     if not 0.3 < volume / box < 1.02:
         problems.append(
             f"displacement over density is {volume / box:.2f} of a cylinder of this length and "
-            "section; hulls "
-            "have 0.5 to 0.95: check length and diameter [m], mass [kg]"
+            "section; hulls have 0.5 to 0.95: check length and diameter [m], mass [kg]. A submerged hull is "
+            f"asked for, {_SHIP}"
         )
     if not 1.5 < length / math.sqrt(breadth * height) < 30.0:
         problems.append(
@@ -204,6 +196,8 @@ def _complete(v: dict[str, float | None], fins: list[Fin], assumed: list[str]) -
                 f"no {word} stated: a pair of {fin.area:.3g} m2 and {fin.span:.3g} m span each at "
                 f"{fin.from_nose:.3g} m from the nose is assumed (5 % of length times diameter)"
             )
+    if (v["breadth"] or 0.0) > FLAT * (v["height"] or 1.0):
+        assumed.append(f"a submerged hull, {_SHIP}")
     if v["BG"] is None:
         v["BG"] = 0.05 * diameter
         assumed.append(f"BG = {v['BG']:.3g} m (5 % of the diameter)")
@@ -224,20 +218,19 @@ EXAMPLE_FIN: dict[str, float] = {"area": 0.00665, "span": 0.0857, "from_nose": 1
 def template() -> str:
     """A data sheet with unit and meaning of every key, filled in for a REMUS 100."""
 
-    def line(key: str, row: Key, example: dict[str, float]) -> str:
-        value = example.get(key, row.default)
-        shown = f"{key} = {value:g}" if value is not None else f"# {key} ="
-        return f"{shown}  # {row.unit}: {row.meaning}" + (" (needed)" if row.required else "")
-
     lines = [
         "# Data sheet of a vehicle, filled in for a REMUS 100. Put in your numbers, delete what you "
         "do not know,",
         "# then: bayesid vehicle new my_vehicle.toml --sheet THIS_FILE",
         'name = "REMUS 100 by its data sheet"',
-        *(line(key, row, EXAMPLE) for key, row in KEYS.items()),
+        *(template_line(key, row, EXAMPLE) for key, row in KEYS.items()),
         "",
         f"# One table per pair of fins, or single fin such as a sail. kind: {', '.join(KINDS)}",
     ]
     for kind in ("rudder", "stern_plane"):
-        lines += ["[[fins]]", f'kind = "{kind}"', *(line(k, row, EXAMPLE_FIN) for k, row in FIN_KEYS.items())]
+        lines += [
+            "[[fins]]",
+            f'kind = "{kind}"',
+            *(template_line(k, row, EXAMPLE_FIN) for k, row in FIN_KEYS.items()),
+        ]
     return "\n".join(lines) + "\n"

@@ -1,0 +1,123 @@
+"""Checks a diagnosis fails, one sentence each: held-out runs, runs that disagree or diverge, coefficients.
+
+Takes a `Result`. Does not compute or draw.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from bayesid.diagnosis.result import Result
+from bayesid.diagnosis.result_parts import RunError
+from bayesid.diagnosis.run_errors import error_rows, missed, missed_too, worse
+from bayesid.diagnosis.threshold_table import DISAGREEMENT_P_VALUE
+
+# Verdicts that stand on no effect: what is shown as explained has none, though one may gain by chance.
+NEEDS_NONE = ("none", "model_form")
+# Stated uncertainties, and times its own size, from which a coefficient is not to be believed.
+# A change of many times its size counts from `UNLIKELY` uncertainties on: of some only the order is stated.
+FAR_OFF, MOST_CHANGED, UNLIKELY = 10.0, 10.0, 3.0
+MOST_FAR, MOST_RUNS = 2, 3  # named one by one
+
+
+def explanation(result: Result) -> tuple[str, ...]:
+    """Effects of the third model that is shown: none where the verdict needs none."""
+    return () if result.verdict in NEEDS_NONE else result.explanation
+
+
+def failures(result: Result) -> tuple[str, ...]:
+    """Checks that failed; each one sentence or two."""
+    out = []
+    used = explanation(result)
+    if failed := predicts_worse(result):
+        rows = error_rows(failed[0])
+        held = sum(run.role == "holdout" for run in result.runs)
+        out.append(
+            f"The explanation predicts {len(failed)} of {held} held-out runs worse than the simulator as "
+            f"given (with it, {failed[0].run} {missed(rows, 2)}; as given, {missed_too(rows, 0, 2)}): do "
+            "not rely on it."
+        )
+    if lost := diverging(result):
+        what = "With the explanation" if used else "Re-tuned"
+        out.append(f"{what}, the simulation of {listed(lost)} diverges: nothing can be predicted with it.")
+    if used and result.runs_agree is not None and result.runs_agree < DISAGREEMENT_P_VALUE:
+        out.append(
+            "The runs disagree about its size: that one and the same cause acts in all of them has "
+            f"p = {result.runs_agree:.1g}."
+        )
+    if far := far_off(result):
+        out.append(far)
+    refits = [r for r in result.refits if set(r.effects) == set(used)] if used else result.refits
+    if refits and not refits[0].converged:
+        out.append(
+            "The fit of the explanation stopped before it converged; its sizes are rough."
+            if used
+            else "The re-tuning stopped before it converged; its errors are rough."
+        )
+    return tuple(out)
+
+
+def predicts_worse(result: Result) -> list[RunError]:
+    """Held-out runs that the explanation predicts worse than the simulator as given."""
+    if not explanation(result):
+        return []
+    return [run for run in result.runs if run.role == "holdout" and worse(error_rows(run))]
+
+
+def diverging(result: Result) -> list[str]:
+    """Runs whose simulation diverges: with the explanation, or re-tuned where no effect is in it."""
+    k = 2 if explanation(result) else 1
+    lost = [run for run in result.runs if (rows := error_rows(run)) and not math.isfinite(rows[0].values[k])]
+    return [run.run for run in lost]
+
+
+def listed(names: Sequence[str]) -> str:
+    """The first few names and how many more."""
+    more = len(names) - MOST_RUNS
+    return ", ".join(names[:MOST_RUNS]) + (f" and {more} more" if more > 0 else "")
+
+
+def far_off(result: Result) -> str:
+    """Sentences where explanation or re-tuning takes coefficients out of all reason; else empty.
+
+    A verdict of wrong coefficients says so itself.
+    """
+    used = explanation(result)
+    if not used and result.verdict == "coefficients":
+        return ""
+
+    told = out_of_reason(
+        {n: (m.given, m.explained if used else m.retuned, m.prior_sd) for n, m in result.moved.items()}
+    )
+    if not told:
+        return ""
+    what = "The explanation needs" if used else "Re-tuning needs"
+    why = (
+        "They stand in for the force the equations lack and are no values of this vehicle."
+        if result.model_form is not None
+        else "As an account of this vehicle it is not to be believed."
+    )
+    return f"{what} coefficients far from those stated ({told}). {why}"
+
+
+def out_of_reason(moved: Mapping[str, tuple[float, float, float]]) -> str:
+    """Coefficients far from where they were stated, the furthest first; empty where there are none.
+
+    Parameters
+    ----------
+    moved : name -> value as given, value found, stated standard deviation
+    """
+    far = {}
+    for name, (given, found, sd) in moved.items():
+        change = abs(found - given)
+        sds = change / sd if sd > 0 and math.isfinite(sd) else 0.0
+        if sds > FAR_OFF or (sds > UNLIKELY and change > MOST_CHANGED * abs(given) > 0.0):
+            far[name] = sds
+    told = []
+    for name in sorted(far, key=lambda n: -far[n])[:MOST_FAR]:
+        given, found, _ = moved[name]
+        share = f", {100 * (found - given) / given:+.0f} %" if given else ""
+        told.append(f"{name} by {far[name]:.0f} times its stated uncertainty{share}")
+    more = f" and {len(far) - MOST_FAR} more" if len(far) > MOST_FAR else ""
+    return ", ".join(told) + more

@@ -1,0 +1,64 @@
+"""Checks a prediction fails, one sentence each: its model, what a log lacks, runs and channels it misses.
+
+Takes the trial and the plain numbers of a prediction. Does not simulate.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from bayesid.diagnosis.hypotheses.rules import NAMING
+from bayesid.simulation import shaft_speed_note
+from bayesid.trials import Trial
+
+LEVEL = 0.95
+FULL_TURN = 2 * math.pi  # width of the heading's band from which a run is not predicted
+HELD_SHARE = 0.8  # of the readings inside the band, on average over runs, below which the band is too narrow
+
+
+def failed_checks(trial: Trial, numbers: Mapping[str, Any]) -> list[str]:
+    """Checks that failed, of the model first.
+
+    Parameters
+    ----------
+    numbers : record of a prediction: verdict, hypotheses, model_failed_checks, predictions
+    """
+    out = _of_model(numbers)
+    if (note := shaft_speed_note(trial)) is not None:
+        out.append(f"{note[0].upper()}{note[1:]}.")
+    rows = numbers["predictions"]
+    lost = [row["name"] for row in rows if row["widest_band"].get("psi", 0.0) > FULL_TURN]
+    if lost:
+        out.append(
+            f"Nothing is predicted for {'any of these' if len(lost) == len(rows) else ', '.join(lost)}: "
+            "the band of the heading becomes wider than a full turn. What is known of the vehicle does "
+            "not fix where it goes."
+        )
+    held: dict[str, list[float]] = {}
+    for row in rows:
+        for channel, found in row["against_readings"].items():
+            held.setdefault(channel, []).append(found["inside"])
+    mean = {channel: sum(shares) / len(shares) for channel, shares in held.items()}
+    few = [f"{channel} {share:.0%}" for channel, share in mean.items() if share < HELD_SHARE]
+    if few:
+        out.append(
+            f"The bands are too narrow: of the readings {LEVEL:.0%} should lie inside, and on average over "
+            f"the runs it is {', '.join(few)}. The model lacks something these runs have; what it predicts "
+            "of other manoeuvres is less sure than its bands say."
+        )
+    return out
+
+
+def _of_model(numbers: Mapping[str, Any]) -> list[str]:
+    """Checks the fit or the diagnosis failed, and that a diagnosis names no cause."""
+    word = numbers["verdict"]
+    source = f"The {'fit' if word == 'fit' else 'diagnosis'} this is drawn from failed a check."
+    out = [f"{source} {text}" for text in numbers["model_failed_checks"]]
+    if word not in (*NAMING, "fit") and any(h["effects"] for h in numbers["hypotheses"]):
+        out.append(
+            f"The diagnosis this is drawn from names no cause (verdict {word.replace('_', ' ')}): what "
+            "is drawn explains the runs it has read, and may not be what acts."
+        )
+    return out
