@@ -3,9 +3,10 @@
 Takes a `Diagnosis`. Gives a frozen `DiagnosedModel`, which goes into `model.json` beside `diagnosis.json`
 and comes back. Does not simulate.
 
-A verdict that names effects leaves one hypothesis. Any other leaves a mixture, weighted by evidence and
-prior, so that a prediction is as unsure of the cause as the verdict is. What no hypothesis explains is not
-forgotten: each is given the disturbance its own residuals call for, and is fitted again under it.
+A verdict that names effects leaves one hypothesis, a model form the one without effects. Any other leaves a
+mixture, weighed as the verdict weighed it, so that a prediction is as unsure of the cause. What no hypothesis
+explains is not forgotten: each is given the disturbance its own residuals call for, and is fitted again
+under it.
 """
 
 from __future__ import annotations
@@ -143,9 +144,8 @@ def diagnosed_model(
         fitted, evidence = _with_remainder(problem, c.fit)
         if not retuned and (stated := as_stated(problem, c)) is not None:
             fitted, _ = _with_remainder(problem, stated)
-        prior = each ** len(c.effects) if c.effects else PRIOR_NONE
         fits.append(fitted)
-        weights.append(evidence + c.log_evidence - c.fit.log_evidence + np.log(prior))
+        weights.append(_log_weight(candidates, c, evidence, each))
     if not np.isfinite(max(weights)):
         raise ModelError(NOT_LINEARISABLE)
     share = np.exp(np.array(weights) - max(weights))
@@ -183,13 +183,34 @@ def _chosen(c: HypothesisComparison, verdict: Verdict) -> list[RefittedHypothesi
     """The explanations a prediction weighs: the best few that hold every effect the verdict names.
 
     Where it names none, those of no effect, of one and of several compete; leaving out those of several made
-    a track that needs three effects be predicted by one of them.
+    a track that needs three effects be predicted by one of them. A model form needs none: effects that gain
+    beside it may stand for what it leaves, and predict other manoeuvres worse than its answer shows.
     """
+    if verdict.word == "model_form":
+        return [c.none]
     named = set(verdict.effects) if verdict.word in NAMING else set()
     able = [r for r in c.refits if named <= set(r.effects)]
     best = sorted(able, key=lambda r: r.log_evidence, reverse=True)[:MOST_HYPOTHESES]
     exact = [r for r in able if named and set(r.effects) == named and r not in best]
     return [*best, *exact] if named and able else [simplest(c)] if named else [c.none, *best]
+
+
+def _log_weight(
+    candidates: HypothesisComparison, c: RefittedHypothesis, evidence: float, each: float
+) -> float:
+    """Logarithm of what an explanation weighs, up to a constant; beside a form, where evidence between causes
+    is worth less than it says, its probability.
+
+    Parameters
+    ----------
+    evidence : log evidence of its fit under the disturbance its residuals call for
+    each : prior of one effect
+    """
+    if candidates.error.leaves > 0.0:
+        share = candidates.sets.get(tuple(sorted(c.effects)) or ("none",), 0.0)
+        return float(np.log(share)) if share > 0.0 else -np.inf
+    prior = each ** len(c.effects) if c.effects else PRIOR_NONE
+    return evidence + c.log_evidence - c.fit.log_evidence + float(np.log(prior))
 
 
 def _hypothesis(
