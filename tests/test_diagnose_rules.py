@@ -192,6 +192,7 @@ def test_the_numbers_of_the_table_are_those_the_practice_campaigns_were_scored_w
         "FORM_EVIDENCE": 20.0,
         "FORM_LEAVES": 0.5,
         "FORM_LEAVES_BESIDE": 1.0,
+        "SIZE_DEVIATIONS": 1.5,
         "ADD_EVIDENCE": 5.0,
         "DROP_EVIDENCE": 3.0,
         "MOST_EFFECTS": 3,

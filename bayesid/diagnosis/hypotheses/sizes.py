@@ -11,6 +11,7 @@ from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.kinematic import parameters_told
+from bayesid.diagnosis.threshold_table import SIZE_DEVIATIONS
 
 
 def sizes_told(
@@ -20,7 +21,8 @@ def sizes_told(
 
     Where the equations lack a form, explanations that follow the data alike ask for different sizes of the
     effect they share: mean and deviation of their mixture, each weighed by its probability (Bayesian model
-    averaging; Hoeting et al. 1999). Elsewhere, and where no explanation of the effect has any, of `best`.
+    averaging; Hoeting et al. 1999), of `best` alone where no explanation of the effect has any. Deviations
+    are multiplied by what they were short of on labelled trials (`SIZE_DEVIATIONS`). Elsewhere as in `best`.
     """
     table = parameters_told(problem, best)
     if problem.form is None:
@@ -31,7 +33,8 @@ def sizes_told(
         if not c.widens and weight > 0.0 and explains(c):
             for name, (value, sd) in parameters_told(problem, c).items():
                 found.setdefault(name, []).append((weight, value, sd))
-    return table | {name: _mixture(np.array(parts).T) for name, parts in found.items()}
+    told = table | {name: _mixture(np.array(parts).T) for name, parts in found.items()}
+    return {name: (value, SIZE_DEVIATIONS * sd) for name, (value, sd) in told.items()}
 
 
 def _mixture(parts: np.ndarray) -> tuple[float, float]:
