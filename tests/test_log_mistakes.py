@@ -89,6 +89,20 @@ def test_an_effect_of_the_catalogue_is_no_mistake(correction):
     assert check_input([apply(correction, weave(3)), apply(correction, weave(4))]).findings == ()
 
 
+@pytest.mark.parametrize("name", ["psi", "r"])
+@pytest.mark.parametrize(("stride", "told"), [(1, False), (10, True)])
+def test_heading_or_yaw_rate_late_by_a_sample_is_told_where_that_is_a_time(name, stride, told):
+    """One reading late: 0.15 of a length at 10 Hz is what a sensor does, 1.5 lengths at 1 Hz no more."""
+    runs = [every(weave(k, n=3000), stride) for k in (1, 2)]
+    late = [replace(one, data={**one.data, name: np.roll(one.data[name], 1)}) for one in runs]
+    late = [every_from(one, 1) for one in late]
+    found = check_input(late, travel=1.0 / SPEED).findings
+    assert [f.name for f in found] == ([f"{name} late"] if told else [])
+    for f in found:
+        assert f.correction.late[name] == pytest.approx(0.1 * stride)
+        assert check_input([apply(f.correction, one) for one in late], travel=1.0 / SPEED).findings == ()
+
+
 def test_a_mistake_in_one_run_is_told_of_that_run():
     runs = [replace(weave(k), name=f"r{k}") for k in range(4)]
     runs[2] = apply(Correction(scale={"psi": -1.0}), runs[2])
@@ -261,6 +275,11 @@ def test_a_clock_that_is_fast_is_named_at_eight_readings_a_swing(percent):
 def every(run: Run, stride: int) -> Run:
     groups = {g: {k: v[::stride] for k, v in getattr(run, g).items()} for g in run.GROUPS}
     return replace(run, t=run.t[::stride], **groups)
+
+
+def every_from(run: Run, first: int) -> Run:
+    groups = {g: {k: v[first:] for k, v in getattr(run, g).items()} for g in run.GROUPS}
+    return replace(run, t=run.t[first:], **groups)
 
 
 def steered(run: Run, rate: float | None) -> Run:
