@@ -321,3 +321,16 @@ def test_a_turn_with_the_rudder_amidships_is_remarked_on_where_all_runs_have_it(
     assert "turns to starboard by 1.4 degrees a second in 2 of 2 runs" in " ".join(said)
     for runs in ([run(0.02)], [run(0.02), run(-0.02)], [run(0.02), run(0.0)], [run(0.02, 5), run(0.02, 5)]):
         assert not any("amidships" in text for text in check_runs(runs))
+
+
+@pytest.mark.parametrize("current", [0.0, 0.1])
+def test_speed_over_ground_labelled_as_through_the_water_is_remarked_on(current):
+    """The track shows a current beside a speed through the water, none beside one over ground."""
+
+    def labelled(run: Run) -> Run:
+        data = {"u_water" if k == "u" else "v_water" if k == "v" else k: v for k, v in run.data.items()}
+        return replace(run, data=data | {"x": data["x"] + current * run.t})
+
+    runs = [labelled(weave(k)) for k in (1, 2)]
+    assert ["no current" in text for text in check_runs(runs)] == ([] if current else [True])
+    assert not check_runs([weave(1), weave(2)])

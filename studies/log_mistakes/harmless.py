@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -50,8 +51,10 @@ def harmless(fin_rate: float = math.inf) -> tuple[Planted, ...]:
         Planted(
             "over ground as through the water, no current",
             with_correction(Correction(rename={k: f"{k}_water" for k in "uvw"})),
-            needs=("u", "v"),
-            **silent,  # type: ignore[arg-type]
+            (),
+            ("x", "y", "u", "v"),
+            kind="note",
+            says="with no current",
         ),
         Planted("a fifth of the rows left out", _left_out, **silent),  # type: ignore[arg-type]
         Planted("stamps rounded down", _rounded, **silent),  # type: ignore[arg-type]
@@ -119,7 +122,7 @@ def _left_out(run: Run, rng: np.random.Generator) -> Run:
 
 
 def _rows(run: Run, keep: np.ndarray) -> Run:
-    groups = {g: {k: v[keep] for k, v in getattr(run, g).items()} for g in run.GROUPS}
+    groups: dict[str, Any] = {g: {k: v[keep] for k, v in getattr(run, g).items()} for g in run.GROUPS}
     return replace(run, t=run.t[keep], **groups)
 
 

@@ -33,7 +33,7 @@ from bayesid.model.vehicles import load_vehicle, with_relative_prior
 from bayesid.report import writer
 from bayesid.report.writer import Report, Section, Table, Text
 from bayesid.trials import Trial
-from bayesid.trials.health import check_run
+from bayesid.trials.health import check_run, check_runs
 from bayesid.trials.mistakes import SIMULATOR, InputCheck
 from bayesid.trials.noise_stated import seen_noise, stated_wrongly
 from studies.log_mistakes.campaigns import FULL, POSE, PRIOR_SD, VEHICLES, campaign, with_channels
@@ -59,8 +59,8 @@ RULE = (
     "wrongly is seen where readings follow each other within 0.35 L/U. The file of another vehicle is seen "
     "where it differs by the factors that are declared: 2 in speed, 3.3 in turn, or 1.35 and 2.2 together. "
     "What nobody can see and no effect of the catalogue is, stands among the logs without a mistake, of "
-    "which nothing must be told: a measured angle as order, speed over ground as speed through the water "
-    "where there is no current, a heading wrapped, rows left out, rounded stamps spread."
+    "which nothing must be told: a measured angle as order, a heading wrapped, rows left "
+    "out, rounded stamps spread."
 )
 FRESH = "nothing, fresh"  # campaigns of other seeds, for false alarms alone
 
@@ -104,7 +104,8 @@ def judge(clean: Trial, row: Planted, model: Model, seed: int) -> tuple[str, tup
     if row.kind == "effect":
         return ("false alarm" if names else "silent"), names, None
     if row.kind == "note" and not names:
-        remarks = (*check.remarks, *(text for run in wrong.identify for text in check_run(run)))
+        runs = wrong.identify
+        remarks = (*check.remarks, *(text for run in runs for text in check_run(run)), *check_runs(runs))
         return ("named" if any(row.says in text for text in remarks) else "missed"), names, None
     if not names:
         return "missed", names, None
