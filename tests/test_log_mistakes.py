@@ -17,6 +17,7 @@ from bayesid.trials.kinematics.blocks import Blocks
 from bayesid.trials.kinematics.evidence import Relation, weigh
 from bayesid.trials.kinematics.relations import relations
 from bayesid.trials.mistakes import MISTAKES, check_input
+from bayesid.trials.mistakes.plausible import implausible
 
 SPEED, RATE = 1.5, 0.25
 
@@ -280,6 +281,18 @@ def every(run: Run, stride: int) -> Run:
 def every_from(run: Run, first: int) -> Run:
     groups = {g: {k: v[first:] for k, v in getattr(run, g).items()} for g in run.GROUPS}
     return replace(run, t=run.t[first:], **groups)
+
+
+def test_channels_a_mend_leaves_alone_are_as_plausible_as_before():
+    """By hand: the whole run is looked at anew."""
+    units = {"r": 180 / math.pi, "u": 100.0, "psi": 60.0, "x": 1e5, "delta_r_cmd": 0.05, "n_cmd": 60.0}
+    wrong = [weave(1), *(apply(Correction(scale={k: f}), weave(1)) for k, f in units.items())]
+    wrong.append(apply(Correction(time_scale=1e-3), weave(1)))
+    assert len({implausible(run) for run in wrong}) > 5
+    for run in wrong:
+        for mistake in MISTAKES:
+            fixed = apply(mistake.correction, run)
+            assert implausible(fixed, mistake.correction.channels, implausible(run)) == implausible(fixed)
 
 
 def steered(run: Run, rate: float | None) -> Run:

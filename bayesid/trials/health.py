@@ -94,8 +94,8 @@ def _ground_as_water(runs: Sequence[Run]) -> list[str]:
     return [
         "u_water and v_water say speed through the water, but the track follows them with no current "
         f"(north {mean[0]:.2g} +- {spread[0]:.1g}, east {mean[1]:.2g} +- {spread[1]:.1g} m/s): in water that "
-        'may move, make sure they are not over ground; if they are, rename = { u_water = "u", v_water = "v" } '
-        "under [corrections] in trial.toml"
+        'may move, make sure they are not over ground; if they are, rename = { u_water = "u", '
+        'v_water = "v" } under [corrections] in trial.toml'
     ]
 
 
