@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
 from bayesid.errors import TrialError
-from bayesid.trials import Run, load_trial
+from bayesid.trials import Run, Trial, load_trial
 from bayesid.trials.correction import Correction, apply, read_correction, without_effect
 from bayesid.trials.health import check_runs
 from bayesid.trials.kinematics.blocks import Blocks
@@ -18,6 +19,8 @@ from bayesid.trials.kinematics.evidence import Relation, weigh
 from bayesid.trials.kinematics.relations import relations
 from bayesid.trials.mistakes import MISTAKES, check_input
 from bayesid.trials.mistakes.plausible import implausible
+from studies.log_mistakes.harmless import harmless
+from studies.log_mistakes.plant import logged
 
 SPEED, RATE = 1.5, 0.25
 
@@ -347,3 +350,23 @@ def test_speed_over_ground_labelled_as_through_the_water_is_remarked_on(current)
     runs = [labelled(weave(k)) for k in (1, 2)]
     assert ["no current" in text for text in check_runs(runs)] == ([] if current else [True])
     assert not check_runs([weave(1), weave(2)])
+
+
+def test_what_the_study_plants_as_harmless_leaves_the_motion_and_says_what_it_states():
+    rows = {row.name: row for row in harmless(math.radians(20.0))}
+    clean = weave(1)
+    trial = Trial("weave", Path(), "remus100", 3, (clean,), {"u": 0.01, "r": 0.003})
+    assert logged(trial, rows["noise stated 1/10"], 0).noise == pytest.approx({"u": 0.001, "r": 0.0003})
+    ground = logged(trial, rows["over ground as through the water, no current"], 0)
+    assert ground.noise == {"u_water": 0.01, "r": 0.003} and "u" not in ground.runs[0].data
+    wrapped = logged(trial, rows["heading wrapped"], 0).runs[0].data["psi"]
+    turns = (wrapped - clean.data["psi"]) / (2 * math.pi)
+    assert np.ptp(turns) < 1e-9 and turns[0] == pytest.approx(round(turns[0]))
+    angle = logged(trial, rows["measured angle as order"], 0).runs[0].commands["delta_r_cmd"]
+    assert np.abs(np.diff(angle)).max() == pytest.approx(math.radians(20.0) * 0.1)
+    late = logged(trial, rows["rudder late by a sample"], 0).runs[0].commands["delta_r_cmd"]
+    assert np.array_equal(late[1:], clean.commands["delta_r_cmd"][:-1])
+    stamps = logged(trial, rows["stamps of writing"], 0).runs[0].t - clean.t
+    assert stamps.min() >= 0.0 and stamps.max() < 0.1
+    rounded = logged(trial, rows["stamps rounded down"], 0).runs[0].t
+    assert np.allclose(np.diff(rounded), 0.1)
