@@ -252,6 +252,14 @@ def test_a_log_of_another_vehicle_is_told_and_its_own_is_not(clean, model, other
     assert check_trial(clean, model).findings == ()
 
 
+def test_of_the_log_of_another_vehicle_nothing_is_told_by_the_vehicle(clean):
+    """Its file makes the revolutions look like another unit; what kinematics tells stays told."""
+    stranger = build_model(load_vehicle("delphin2"), 3)
+    assert [f.name for f in check_trial(clean, stranger).findings] == [WRONG_VEHICLE]
+    turned = check_trial(wrong(clean, Correction(scale={"psi": -1.0})), stranger)
+    assert [f.name for f in turned.findings] == ["sign of psi", WRONG_VEHICLE]
+
+
 def test_a_weak_rudder_is_no_other_vehicle(model):
     """Negative control: a rudder of 60 % and thrust of 80 % are causes of a gap."""
     nominal = model.nominal

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
 from bayesid.errors import TrialError
-from bayesid.trials import Run, load_trial
+from bayesid.trials import Run, Trial, load_trial
 from bayesid.trials.correction import Correction, apply, read_correction, without_effect
 from bayesid.trials.health import check_runs
 from bayesid.trials.kinematics.blocks import Blocks
 from bayesid.trials.kinematics.evidence import Relation, weigh
 from bayesid.trials.kinematics.relations import relations
 from bayesid.trials.mistakes import MISTAKES, check_input
+from bayesid.trials.mistakes.plausible import implausible
+from studies.log_mistakes.harmless import harmless
+from studies.log_mistakes.plant import logged
 
 SPEED, RATE = 1.5, 0.25
 
@@ -87,6 +91,20 @@ def test_a_planted_mistake_is_named_and_its_mend_leaves_a_right_log(name, correc
 )
 def test_an_effect_of_the_catalogue_is_no_mistake(correction):
     assert check_input([apply(correction, weave(3)), apply(correction, weave(4))]).findings == ()
+
+
+@pytest.mark.parametrize("name", ["psi", "r"])
+@pytest.mark.parametrize(("stride", "told"), [(1, False), (10, True)])
+def test_heading_or_yaw_rate_late_by_a_sample_is_told_where_that_is_a_time(name, stride, told):
+    """One reading late: 0.15 of a length at 10 Hz is what a sensor does, 1.5 lengths at 1 Hz no more."""
+    runs = [every(weave(k, n=3000), stride) for k in (1, 2)]
+    late = [replace(one, data={**one.data, name: np.roll(one.data[name], 1)}) for one in runs]
+    late = [every_from(one, 1) for one in late]
+    found = check_input(late, travel=1.0 / SPEED).findings
+    assert [f.name for f in found] == ([f"{name} late"] if told else [])
+    for f in found:
+        assert f.correction.late[name] == pytest.approx(0.1 * stride)
+        assert check_input([apply(f.correction, one) for one in late], travel=1.0 / SPEED).findings == ()
 
 
 def test_a_mistake_in_one_run_is_told_of_that_run():
@@ -263,6 +281,23 @@ def every(run: Run, stride: int) -> Run:
     return replace(run, t=run.t[::stride], **groups)
 
 
+def every_from(run: Run, first: int) -> Run:
+    groups = {g: {k: v[first:] for k, v in getattr(run, g).items()} for g in run.GROUPS}
+    return replace(run, t=run.t[first:], **groups)
+
+
+def test_channels_a_mend_leaves_alone_are_as_plausible_as_before():
+    """By hand: the whole run is looked at anew."""
+    units = {"r": 180 / math.pi, "u": 100.0, "psi": 60.0, "x": 1e5, "delta_r_cmd": 0.05, "n_cmd": 60.0}
+    wrong = [weave(1), *(apply(Correction(scale={k: f}), weave(1)) for k, f in units.items())]
+    wrong.append(apply(Correction(time_scale=1e-3), weave(1)))
+    assert len({implausible(run) for run in wrong}) > 5
+    for run in wrong:
+        for mistake in MISTAKES:
+            fixed = apply(mistake.correction, run)
+            assert implausible(fixed, mistake.correction.channels, implausible(run)) == implausible(fixed)
+
+
 def steered(run: Run, rate: float | None) -> Run:
     """The rudder in the log as measured: its order, or an angle that follows it at a rate [rad/s]."""
     order = run.commands["delta_r_cmd"]
@@ -302,3 +337,36 @@ def test_a_turn_with_the_rudder_amidships_is_remarked_on_where_all_runs_have_it(
     assert "turns to starboard by 1.4 degrees a second in 2 of 2 runs" in " ".join(said)
     for runs in ([run(0.02)], [run(0.02), run(-0.02)], [run(0.02), run(0.0)], [run(0.02, 5), run(0.02, 5)]):
         assert not any("amidships" in text for text in check_runs(runs))
+
+
+@pytest.mark.parametrize("current", [0.0, 0.1])
+def test_speed_over_ground_labelled_as_through_the_water_is_remarked_on(current):
+    """The track shows a current beside a speed through the water, none beside one over ground."""
+
+    def labelled(run: Run) -> Run:
+        data = {"u_water" if k == "u" else "v_water" if k == "v" else k: v for k, v in run.data.items()}
+        return replace(run, data=data | {"x": data["x"] + current * run.t})
+
+    runs = [labelled(weave(k)) for k in (1, 2)]
+    assert ["no current" in text for text in check_runs(runs)] == ([] if current else [True])
+    assert not check_runs([weave(1), weave(2)])
+
+
+def test_what_the_study_plants_as_harmless_leaves_the_motion_and_says_what_it_states():
+    rows = {row.name: row for row in harmless(math.radians(20.0))}
+    clean = weave(1)
+    trial = Trial("weave", Path(), "remus100", 3, (clean,), {"u": 0.01, "r": 0.003})
+    assert logged(trial, rows["noise stated 1/10"], 0).noise == pytest.approx({"u": 0.001, "r": 0.0003})
+    ground = logged(trial, rows["over ground as through the water, no current"], 0)
+    assert ground.noise == {"u_water": 0.01, "r": 0.003} and "u" not in ground.runs[0].data
+    wrapped = logged(trial, rows["heading wrapped"], 0).runs[0].data["psi"]
+    turns = (wrapped - clean.data["psi"]) / (2 * math.pi)
+    assert np.ptp(turns) < 1e-9 and turns[0] == pytest.approx(round(turns[0]))
+    angle = logged(trial, rows["measured angle as order"], 0).runs[0].commands["delta_r_cmd"]
+    assert np.abs(np.diff(angle)).max() == pytest.approx(math.radians(20.0) * 0.1)
+    late = logged(trial, rows["rudder late by a sample"], 0).runs[0].commands["delta_r_cmd"]
+    assert np.array_equal(late[1:], clean.commands["delta_r_cmd"][:-1])
+    stamps = logged(trial, rows["stamps of writing"], 0).runs[0].t - clean.t
+    assert stamps.min() >= 0.0 and stamps.max() < 0.1
+    rounded = logged(trial, rows["stamps rounded down"], 0).runs[0].t
+    assert np.allclose(np.diff(rounded), 0.1)

@@ -13,6 +13,8 @@ import numpy as np
 
 from bayesid.model.channels import ACTUATORS, channel
 from bayesid.trials.consistency import RudderCheck, check_rudder, check_track, check_yaw
+from bayesid.trials.kinematics.evidence import weigh
+from bayesid.trials.kinematics.relations import relations
 from bayesid.trials.trial import Floats, Run
 
 _DEG = math.pi / 180.0
@@ -20,6 +22,8 @@ JITTER = 0.5  # of the usual step, between the 15th and 85th per cent of steps
 WHOLE, MOSTLY = 0.1, 0.9  # steps so near a multiple of the usual one are readings left out
 # A turn with the rudder amidships: largest angle, fewest headings, least turn, sd of its rate
 AMIDSHIPS, FEWEST_HEADINGS, LEAST_TURN, TURNS = 0.5 * _DEG, 10, 2.0 * _DEG, 5.0
+# A track follows what is labelled through the water: residual over size, sd of the current over speed
+HOLDS, LEAST_CURRENT = 0.1, 0.03
 _LIMITS = {"phi": 1.6, "theta": 1.6, "p": 6.0, "q": 3.0, "r": 3.0, "u": 30.0, "v": 15.0, "w": 15.0}
 # track length over integrated velocity -> the mislabelling that gives it
 _SCALES = {
@@ -48,9 +52,10 @@ def check_run(run: Run) -> list[str]:
 
 
 def check_runs(runs: Sequence[Run]) -> list[str]:
-    """Warnings that need all runs: the sign of the rudder, a turn with the rudder amidships."""
+    """Warnings that need all runs: the sign of the rudder, a turn with the rudder amidships, a current that
+    the track does not show."""
     found = [check for check in map(check_rudder, runs) if check is not None]
-    return rudder_notice(found) + _amidships(runs)
+    return rudder_notice(found) + _amidships(runs) + _ground_as_water(runs)
 
 
 def _amidships(runs: Sequence[Run]) -> list[str]:
@@ -65,6 +70,32 @@ def _amidships(runs: Sequence[Run]) -> list[str]:
         f"{abs(rate) / _DEG:.2g} degrees a second in {len(turning)} of {len(rates)} runs before the first "
         "order; no coefficient of a symmetric hull does that: look for an offset of the rudder, wind, a side "
         "force of the propeller"
+    ]
+
+
+def _ground_as_water(runs: Sequence[Run]) -> list[str]:
+    """A warning if the tracks follow the velocities labelled through the water with no current at all."""
+    estimates, speeds = [], []
+    for run in runs:
+        if "u" in run.data or "u_water" not in run.data:
+            continue
+        track = relations(run, only=("track",)).get("track")
+        if track is None or (held := weigh(track)).level > HOLDS:
+            continue
+        estimates.append([held.estimate[name] for name in ("drift_north", "drift_east")])
+        speeds.append(float(np.nanmedian(np.abs(run.data["u_water"]))))
+    if not estimates:
+        return []
+    value, sd = np.moveaxis(np.array(estimates), 2, 0)
+    spread = 1.0 / np.sqrt(np.sum(sd**-2, axis=0))
+    mean = np.sum(value / sd**2, axis=0) * spread**2
+    if (spread > LEAST_CURRENT * np.median(speeds)).any() or (np.abs(mean) > 2.0 * spread).any():
+        return []
+    return [
+        "u_water and v_water say speed through the water, but the track follows them with no current "
+        f"(north {mean[0]:.2g} +- {spread[0]:.1g}, east {mean[1]:.2g} +- {spread[1]:.1g} m/s): in water that "
+        'may move, make sure they are not over ground; if they are, rename = { u_water = "u", '
+        'v_water = "v" } under [corrections] in trial.toml'
     ]
 
 

@@ -30,8 +30,12 @@ class Planted:
     change : a run as it would have been logged
     right : names of findings that are right
     needs : channels without which it cannot be planted
-    kind : "input" where the verdict should say so, "effect" where the catalogue holds it, "note" for noise
+    kind : "input" where the verdict should say so, "effect" where the check stays silent, "note" where it
+        remarks
     vehicle : whether only a vehicle tells it
+    says : words of the remark
+    noise : factor on the noise that is stated
+    of : vehicle whose file is given for this log; its own where empty
     """
 
     name: str
@@ -40,6 +44,9 @@ class Planted:
     needs: tuple[str, ...] = ()
     kind: str = "input"
     vehicle: bool = False
+    says: str = ""
+    noise: float = 1.0
+    of: str = ""
 
 
 def inverse(c: Correction) -> Correction:
@@ -92,12 +99,13 @@ def _earth(run: Run, rng: np.random.Generator) -> Run:
     return replace(run, data={**run.data, "u": w.real, "v": w.imag})
 
 
-def _with(correction: Correction) -> Change:
+def with_correction(correction: Correction) -> Change:
+    """The change of a run that a correction makes."""
     return lambda run, rng: apply(correction, run)
 
 
 def _late(names: tuple[str, ...], seconds: float) -> Change:
-    return _with(Correction(late=dict.fromkeys(names, -seconds)))
+    return with_correction(Correction(late=dict.fromkeys(names, -seconds)))
 
 
 def _water(run: Run, rng: np.random.Generator) -> Run:
@@ -137,12 +145,18 @@ def _jump(run: Run, rng: np.random.Generator) -> Run:
     return replace(run, data={**run.data, "x": run.data["x"] + np.where(middle, 0.7 * speed, 0.0)})
 
 
+def _turn(run: Run, rng: np.random.Generator) -> Run:
+    """A compass that slips by 60 degrees on the way."""
+    slipped = run.t >= run.t[0] + 0.55 * run.duration
+    return replace(run, data={**run.data, "psi": run.data["psi"] + np.where(slipped, math.pi / 3, 0.0)})
+
+
 def _clock(percent: float) -> Change:
-    return _with(Correction(time_scale=1.0 + percent / 100.0))
+    return with_correction(Correction(time_scale=1.0 + percent / 100.0))
 
 
 def _angle(degrees: float) -> Change:
-    return _with(Correction(offset={"psi": math.radians(degrees)}))
+    return with_correction(Correction(offset={"psi": math.radians(degrees)}))
 
 
 def planted(travel: float = 0.9) -> tuple[Planted, ...]:
@@ -169,6 +183,10 @@ def planted(travel: float = 0.9) -> tuple[Planted, ...]:
         "q: degrees per second read as radians per second",
         "n: revolutions per second read as rpm", "n: rpm read as revolutions per second",
         "n: radians per second read as rpm", "time in ms", "time in minutes", "u and v exchanged",
+        "u, v, w: m/s read as feet per second", "u, v, w: km/h read as m/s", "z: metres read as feet",
+        "r: degrees per minute read as degrees per second", "n: rpm read as radians per second",
+        "q: radians per second read as degrees per second",
+        "p: degrees per second read as radians per second", "phi: degrees read as radians", "sign of p",
     ]  # fmt: skip
     rows = [_fixed(name) for name in names]
     rows += [
@@ -176,18 +194,24 @@ def planted(travel: float = 0.9) -> tuple[Planted, ...]:
         Planted("earth-fixed velocities", _earth, ("earth-fixed velocities",), ("u", "v", "psi")),
         Planted(
             "order logged as measured",
-            _with(Correction(rename={"delta_r_cmd": "delta_r"})),
+            with_correction(Correction(rename={"delta_r_cmd": "delta_r"})),
             ("delta_r: order read as measured",),
         ),
         Planted(
             "through the water as over ground", _water, ("through the water as over ground",), ("x", "u", "v")
         ),
-        *(Planted(f"clock {p:g} % fast", _clock(p), ("clock",), ("u", "r", "psi")) for p in (2.0, 5.0, 20.0)),
+        *(
+            Planted(f"clock {p:g} % fast", _clock(p), ("clock",), ("u", "r", "psi"))
+            for p in (1.0, 2.0, 5.0, 10.0, 20.0)
+        ),
         Planted("u, v late by 9 L/U", _late(("u", "v"), 9 * travel), ("u, v late",), ("u", "v", "x")),
         Planted("psi late by 9 L/U", _late(("psi",), 9 * travel), ("psi late",), ("psi", "r")),
+        Planted("r late by 9 L/U", _late(("r",), 9 * travel), ("r late",), ("psi", "r")),
+        Planted("x, y late by 9 L/U", _late(("x", "y"), 9 * travel), ("x, y late",), ("x", "u")),
         Planted("heading off by 90 deg", _angle(90.0), ("north of heading and position",), ("psi", "x")),
         Planted("heading off by 50 deg", _angle(50.0), ("north of heading and position",), ("psi", "x")),
         Planted("x jumps (files merged)", _jump, ("jump of x, y",), ("x", "u")),
+        Planted("psi jumps by 60 deg", _turn, ("jump of psi",), ("psi", "r")),
         Planted("dead r", _frozen("r"), ("dead r",), ("r", "psi")),
         Planted("dead psi", _frozen("psi"), ("dead psi",), ("psi", "r")),
         Planted("dead u", _frozen("u"), ("dead u",), ("u", "x")),
@@ -204,7 +228,7 @@ def planted(travel: float = 0.9) -> tuple[Planted, ...]:
     )
 
 
-def _measured(rate: float) -> Change:
+def measured(rate: float) -> Change:
     """The angle of the rudder as it follows its order at a rate [rad/s], in the place of the order."""
 
     def change(run: Run, rng: np.random.Generator) -> Run:
@@ -228,7 +252,7 @@ def controls(travel: float = 0.9, fin_rate: float = math.inf) -> tuple[Planted, 
     """
 
     def scaled(**factors: float) -> Change:
-        return _with(Correction(scale=factors))
+        return with_correction(Correction(scale=factors))
 
     def lever(run: Run, rng: np.random.Generator) -> Run:
         arm = 0.3 * travel * float(np.nanmedian(run.data["u"])) * np.exp(1j * run.data["psi"])
@@ -248,7 +272,7 @@ def controls(travel: float = 0.9, fin_rate: float = math.inf) -> tuple[Planted, 
     kind = {"right": (), "kind": "effect"}
     return (
         Planted("nothing", lambda run, rng: run, **kind),  # type: ignore[arg-type]
-        Planted("rudder measured", _measured(min(fin_rate, FAST_FIN)), **kind),  # type: ignore[arg-type]
+        Planted("rudder measured", measured(min(fin_rate, FAST_FIN)), **kind),  # type: ignore[arg-type]
         Planted("heading bias 5 deg", _angle(-5.0), needs=("psi",), **kind),  # type: ignore[arg-type]
         Planted("compass deviation 3 deg", compass, needs=("psi",), **kind),  # type: ignore[arg-type]
         Planted("gyro scale 5 %", scaled(r=1.05), needs=("r",), **kind),  # type: ignore[arg-type]
@@ -265,4 +289,6 @@ def logged(trial: Trial, row: Planted, seed: int) -> Trial:
     """The trial with a mistake in every run."""
     rng = np.random.default_rng(seed)
     runs = tuple(replace(row.change(run, rng), provenance=()) for run in trial.runs)
-    return replace(trial, runs=runs)
+    renamed = {k: f"{k}_water" for k in "uvw" if k not in runs[0].data and f"{k}_water" in runs[0].data}
+    noise = {renamed.get(k, k): row.noise * v for k, v in trial.noise.items()}
+    return replace(trial, runs=runs, noise=noise)

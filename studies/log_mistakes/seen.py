@@ -1,9 +1,13 @@
 """Can a mistake be seen at all: by the plan of the runs, the stated noise and the vehicle as stated.
 
 Takes a clean trial and a model; gives yes or no before any log is judged.
-Two mistakes need it, as what they do to the log has another account: a fast clock is as well the scale of
-every instrument of a rate, an order logged as measured as well the angle of a fast fin. A mistake is seen
-where the log odds it is expected to bring, its prior among them, exceed those from which on it is named.
+Five need it, as what they do to the log has another account: a fast clock is as well the scale of every
+instrument of a rate, an order logged as measured as well the angle of a fast fin, another vehicle is as well
+wrong coefficients, a stated noise as well that of motion between two readings, a sample's delay as well the
+latency of a sensor. The first two are seen where
+the log odds they are expected to bring, their prior among them, exceed those from which on they are named;
+another vehicle where the files differ by the factors that are declared, noise where readings follow each
+other as closely as is declared, a sample's delay where a sample is as long as the shortest delay tried.
 Does not: use a reading, its noise or an outcome. Every other mistake counts as seen.
 """
 
@@ -14,15 +18,20 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from bayesid.diagnosis.input.wrong_vehicle import BOTH_SPEED, BOTH_TURN, FAR_SPEED, FAR_TURN
 from bayesid.equations.model import Model
+from bayesid.model.vehicles import self_propulsion_speed
+from bayesid.simulation import plan_run, simulate
 from bayesid.trials import Run, Trial
 from bayesid.trials.kinematics.relations import BLOCKS, READINGS, relations
 from bayesid.trials.mistakes.judge import NAMED_AT
 from bayesid.trials.mistakes.orders import RATE_SD
-from bayesid.trials.mistakes.sized import LARGEST_CLOCK, LEAST_CLOCK, scale_by_itself
+from bayesid.trials.mistakes.sized import LARGEST_CLOCK, LEAST_CLOCK, SHORT_DELAYS, scale_by_itself
 from bayesid.trials.mistakes.table import COMMON, USUAL
+from bayesid.trials.noise_stated import FINER
 from studies.log_mistakes.plant import FAST_FIN
 
+SETTLED, ORDER = 8.0, math.radians(10.0)  # L/U and rudder of the turn by which two files are compared
 NAMED = math.log(NAMED_AT / (1.0 - NAMED_AT))  # nats
 
 
@@ -33,7 +42,31 @@ def can_be_seen(name: str, clean: Trial, model: Model) -> bool:
         return clock_log_odds(clean, model, 1.0 / (1.0 + error) - 1.0) > NAMED
     if name == "order logged as measured":
         return faster_than_the_fin(clean, model)
+    step = max(float(np.median(np.diff(run.t))) for run in clean.identify)
+    travel = model.scales["L"] / model.scales["U"]
+    if name.startswith("noise stated"):
+        return step <= FINER * travel
+    if name in ("psi late by a sample", "r late by a sample"):
+        return round(SHORT_DELAYS[0] * travel / step) <= 1
     return True
+
+
+def differ(own: Model, other: Model) -> bool:
+    """Whether two vehicle files differ by factors from which on one is called another vehicle: in speed at
+    the usual revolutions of the first, or in turn for one rudder angle from one speed."""
+    rpm = own.vehicle.rpm_ref or 0.0
+    speeds = [self_propulsion_speed(one.vehicle, rpm) for one in (own, other)]
+    speed = abs(math.log(speeds[0] / speeds[1]))
+    t = np.linspace(0.0, SETTLED * own.scales["L"] / speeds[0], 200)
+    turns = []
+    for one in (own, other):
+        orders = {"delta_r_cmd": np.full(t.shape, ORDER), "n_cmd": np.full(t.shape, rpm)}
+        start = np.zeros(len(one.states))
+        start[one.states.index("u")] = speeds[0]
+        states = simulate(one, one.nominal, plan_run(one, t, orders), start).states
+        turns.append(float(np.ptp(states[:, one.states.index("psi")])))
+    turn = abs(math.log(turns[0] / turns[1]))
+    return speed > FAR_SPEED or turn > FAR_TURN or (speed > BOTH_SPEED and turn > BOTH_TURN)
 
 
 def clock_log_odds(clean: Trial, model: Model, scale: float) -> float:

@@ -43,6 +43,9 @@ def check_trial(trial: Trial, model: Model | None = None) -> InputCheck:
         found = replace(found, findings=weighed_against_simulator(found.findings, bare, right, model))
         right = mended(trial, found.of_log)
         if (other := wrong_vehicle(model, right.identify)) is not None:
+            # what the vehicle alone tells of a log is not told where it is not the one of the log
+            if len(rest) < len(found.findings) and wrong_vehicle(model, bare.identify) is not None:
+                found, right = replace(found, findings=rest), bare
             other = replace(other, instead=mistakes_that_clear(right.identify, model))
             found = replace(found, findings=(*found.findings, other))
     wrong = stated_wrongly(seen_noise(right.identify, right.noise, size))

@@ -242,7 +242,7 @@ def weigh_one(base: Sequence[Base], mistake: Mistake) -> Weighed | None:
             continue
         speaks = speaks or bool(one.seen)
         fixed = apply(correction, one.run)
-        odd = implausible(fixed)
+        odd = implausible(fixed, correction.channels, one.odd)
         if odd - one.odd:
             add("size", i, NEVER)
             continue

@@ -6,6 +6,7 @@ Takes a `Run`. Gives names of channels, one reason each. Outliers do not count: 
 from __future__ import annotations
 
 import math
+from collections.abc import Set
 
 import numpy as np
 
@@ -24,26 +25,48 @@ TURNED = math.radians(60.0)
 LONGEST, SHORTEST = 1e6, 1.0  # s, duration of a run
 
 
-def implausible(run: Run) -> frozenset[str]:
-    """Channels whose size no vehicle reaches; "x,y" for the track, "t" for the time."""
-    out = set()
-    for name, values in {**run.data, **run.commands, **run.measured_inputs}.items():
-        limit = LARGEST.get(name.removesuffix("_cmd"))
-        if limit is not None and _size(values) > limit:
-            out.add(name.removesuffix("_cmd"))
-    if not SHORTEST <= run.duration <= LONGEST:
-        out.add("t")
-    psi = run.data.get("psi")
-    if psi is not None and _rate(run.t, psi) > TURN:
-        out.add("psi")
-    if {"x", "y"} <= set(run.data) and not SLOWEST < _speed(run) < FASTEST:
-        out.add("x,y")
-    rudder = run.input("delta_r")
-    if rudder is not None and psi is not None and float(np.ptp(rudder)) > 0.0:
+def implausible(run: Run, changed: Set[str] | None = None, before: Set[str] = frozenset()) -> frozenset[str]:
+    """Channels whose size no vehicle reaches; "x,y" for the track, "t" for the time.
+
+    Parameters
+    ----------
+    changed : channels in which the run differs from one of which `before` was found, "t" for the time; all
+        by default
+    """
+
+    def of(*names: str) -> bool:
+        return changed is None or not changed.isdisjoint(names)
+
+    out = set() if changed is None else set(before)
+
+    def say(name: str, odd: bool) -> None:
+        (out.add if odd else out.discard)(name)
+
+    odd = set()
+    for logged, values in {**run.data, **run.commands, **run.measured_inputs}.items():
+        name = logged.removesuffix("_cmd")
+        if (limit := LARGEST.get(name)) is not None and of(*_concern(name)) and _size(values) > limit:
+            odd.add(name)
+    for name in LARGEST:
+        if of(*_concern(name)):
+            say(name, name in odd)
+    psi, rudder = run.data.get("psi"), run.input("delta_r")
+    if of("t"):
+        say("t", not SHORTEST <= run.duration <= LONGEST)
+    if of("t", "psi"):
+        say("psi", psi is not None and _rate(run.t, psi) > TURN)
+    if of("t", "x", "y"):
+        say("x,y", {"x", "y"} <= set(run.data) and not SLOWEST < _speed(run) < FASTEST)
+    if of(*_concern("delta_r")) and rudder is not None and psi is not None and float(np.ptp(rudder)) > 0.0:
         small = float(np.abs(rudder).max()) <= LEAST_FIN
         if small and float(np.nanmax(psi) - np.nanmin(psi)) > TURNED:
             out.add("delta_r")
     return frozenset(out)
+
+
+def _concern(name: str) -> tuple[str, ...]:
+    """Channels on which it depends whether one is odd: a rudder is held against the turn."""
+    return (name, f"{name}_cmd", "psi") if name == "delta_r" else (name, f"{name}_cmd")
 
 
 def _size(values: Floats) -> float:

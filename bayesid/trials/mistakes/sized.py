@@ -29,6 +29,8 @@ CLOCKED, UNCLEAR = ("track", "yaw", "depth", "pitch", "roll"), 0.2
 CLOCK_FLOOR = 0.001  # to which scales are known at best
 # Delays tried, in L/U; shorter ones are the catalogue's latency
 DELAYS = (4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0)
+# Heading and yaw rate have no latency in the catalogue: from one sample on, where that is as long as
+SHORT_DELAYS, SHORTLY_LATE = (0.5, 1.0, 2.0, 3.0), ("psi", "r")
 LATE = {"u, v": ("u", "v", "w"), "psi": ("psi",), "r": ("r",), "x, y": ("x", "y")}
 BETTER = 0.8  # residual after over before: a delay that is there is worth more than noise
 LONGEST_SHARE = 0.2  # of a run
@@ -221,16 +223,21 @@ def _late_group(base: Sequence[Base], word: str, names: tuple[str, ...]) -> Weig
         return None
     # whole steps: between two readings interpolation would take noise off, which speaks for any delay
     step = max(float(np.median(np.diff(one.run.t))) for one in base)
-    coarse = [s * step * round(d * unit / step) for d in DELAYS if d * unit >= step for s in (1.0, -1.0)]
+    tried = (*(SHORT_DELAYS if word in SHORTLY_LATE else ()), *DELAYS)
+    whole = {round(d * unit / step) for d in tried} - {0}
+    coarse = [s * step * k for k in sorted(whole) for s in (1.0, -1.0)]
     if not coarse:
         return None
     odds, levels = _weigh_delays(base, logged, names, touched, coarse)
     best = int(np.argmax(odds.sum(axis=1)))
     if not odds[best].sum() > SOME_RUNS:
         return None
-    fine = sorted({step * round(coarse[best] * f / step) for f in np.geomspace(0.7, 1.4, 9)})
-    odds, levels = _weigh_delays(base, logged, names, touched, fine)
-    best = int(np.argmax(odds.sum(axis=1)))
+    fine, factors = coarse, (np.geomspace(0.7, 1.4, 9), np.linspace(0.92, 1.08, 9))
+    for factor in factors:
+        near = {round(fine[best] * f / step) for f in factor} - {0}
+        fine = [step * k for k in sorted(near)]
+        odds, levels = _weigh_delays(base, logged, names, touched, fine)
+        best = int(np.argmax(odds.sum(axis=1)))
     told = (odds[best] > 0) & np.isfinite(levels[best]).all(axis=1)
     if not told.any() or not np.median(levels[best][told, 1] / levels[best][told, 0]) < BETTER:
         return None
