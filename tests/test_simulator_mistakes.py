@@ -14,6 +14,7 @@ from bayesid.diagnosis.simulator import find_mistakes, judge
 from bayesid.diagnosis.simulator.judge import Left, shifted
 from bayesid.diagnosis.simulator.mending import mended_model, mended_prior, numbers_of
 from bayesid.diagnosis.simulator.table import MISTAKES, Change
+from bayesid.diagnosis.simulator_words import mistake_sentence
 from bayesid.equations.model import Model, build_model
 from bayesid.estimation.filter_error.evidence import normal_equations, posterior
 from bayesid.estimation.parameters import NO_PARAMETERS, coefficient_prior
@@ -121,6 +122,38 @@ def test_an_alternative_that_leaves_a_gap_is_not_listed(monkeypatch, left, wante
     assert sum(f.probability for f in found) == pytest.approx(1.0 if wanted else 0.0)
     for k, f in zip(wanted, found, strict=True):  # and told with them
         assert f.numbers["N_v"] * model.file_scale("N_v") == pytest.approx(fitted[k])
+
+
+@pytest.mark.parametrize(
+    ("cause", "wide", "told"),
+    [
+        (80.0, -np.inf, False),  # named
+        (80.0, 95.0, True),  # five nats over wider coefficients: either
+        (80.0, 98.0, None),  # two: nothing is told
+        (95.0, -np.inf, None),  # a cause says nearly as much
+    ],
+)
+def test_what_wider_coefficients_explain_nearly_as_well_is_listed_as_either(
+    monkeypatch, cause, wide, told
+) -> None:
+    """A mended simulator of 100 nats beside the best cause and the best wider prior."""
+    model = _model(load_vehicle("remus100"), 3)
+    value = float(model.nominal[model.index["N_v"]])
+    tried = judge.Screened(MISTAKES[0], 1.0, Change({"N_v": 2.0 * value}), 50.0, 0.0)
+    monkeypatch.setattr(judge, "_worth", lambda *_: [tried])
+    monkeypatch.setattr(judge, "mended_evidence", lambda *_: judge.Mended(100.0, {}))
+    monkeypatch.setattr(judge, "left_over", lambda *_: NOTHING)
+    none = SimpleNamespace(log_evidence=0.0, widens=False, effects=())
+    refits = [
+        SimpleNamespace(log_evidence=cause, widens=False, effects=("rudder_offset",)),
+        SimpleNamespace(log_evidence=wide, widens=True, effects=("coefficient_error:N_v",)),
+    ]
+    comparison = SimpleNamespace(none=none, refits=refits, thresholds=SimpleNamespace(named=3.0))
+    compared = SimpleNamespace(problem=SimpleNamespace(model=model), candidates=comparison)
+    found = find_mistakes(None, compared, SimpleNamespace(word="coefficients"))
+    assert [f.or_coefficients for f in found] == ([] if told is None else [told])
+    sentence = mistake_sentence(SimpleNamespace(simulator=found))
+    assert ("coefficients further off than stated" in sentence) is bool(told)
 
 
 @pytest.mark.slow

@@ -267,6 +267,10 @@ class SimulatorMistakeFound:
     beside: Annotated[
         tuple[str, ...], About("Effects that the mended simulator still needs; empty where nothing is left.")
     ] = ()
+    or_coefficients: Annotated[
+        bool,
+        About("Whether coefficients further off than stated explain the gap nearly as well: it is either."),
+    ] = False
 
 
 @dataclass(frozen=True)

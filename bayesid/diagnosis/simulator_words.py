@@ -19,7 +19,10 @@ def mistake_sentence(result: Result) -> str:
     alike = f" Or {' or '.join(m.says for m in others)}." if others else ""
     share = f" (probability {first.probability:.2f} among these)" if others else ""
     beside = f", beside {_effects(first)}," if first.beside else ""
-    return f"A mistake of the simulator{beside} closes the gap: {first.says}{share}.{alike} As given: "
+    what = f"A mistake of the simulator{beside} closes the gap"
+    if first.or_coefficients:
+        what = f"{what}, or coefficients further off than stated do, which these runs cannot tell apart"
+    return f"{what}: {first.says}{share}.{alike} As given: "
 
 
 def mistake_certainty(result: Result) -> tuple[str, ...]:

@@ -97,7 +97,9 @@ def judge(
     compared = compare_without(model, trial)
     verdict = verdict_with(decide(compared.problem, compared.candidates), compared.problem.events)
     begin = time.process_time()
-    names = tuple(f.name for f in find_mistakes(trial, compared, verdict))
+    found = find_mistakes(trial, compared, verdict)
+    names = tuple(f.name for f in found)
+    either = bool(found) and found[0].or_coefficients
     took = time.process_time() - begin
     effects = (*inputs, *verdict.effects)
     if inputs and not names:  # what the simulator would explain is then told of the log
@@ -105,9 +107,9 @@ def judge(
         return word if row is not NOTHING else "false alarm", (), "input", inputs, took
     if row is NOTHING:
         return ("false alarm" if names else "silent"), names, verdict.word, effects, took
-    if names and names[0] in row.right:
+    if names and names[0] in row.right and not either:
         word = "named"
-    elif set(names[:SET]) & set(row.right):
+    elif set(names[: SET - either]) & set(row.right):
         word = "in the set"
     elif names:
         word = "wrong name"

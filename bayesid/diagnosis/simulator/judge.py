@@ -2,8 +2,9 @@
 
 Takes a trial, the hypotheses of its gap and the verdict. Gives what was found, best first. A mistake is named
 only if its mend, alone or beside the effects of the best explanation, beats every other explanation,
-environments measured anew, and leaves nothing that asks for a cause, or effects that are then named. Does not
-change the verdict or touch the search of causes.
+environments measured anew, and leaves nothing that asks for a cause, or effects that are then named. One that
+beats every cause, and coefficients further off than stated by less, is listed as either. Does not change the
+verdict or touch the search of causes.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from bayesid.diagnosis.event_search import verdict_with
 from bayesid.diagnosis.exclusions import compare_without
 from bayesid.diagnosis.form_stage import Compared
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains, weighted_hypothesis
+from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.sensitivity_bank import build_bank, levels_between
 from bayesid.diagnosis.hypotheses.verdict import Verdict, decide
 from bayesid.diagnosis.result_parts import SimulatorMistakeFound
@@ -43,7 +45,8 @@ TRIED, LEAST_GAIN, MOST_BEHIND, SHARE_BEHIND = 3, 0.0, 30.0, 0.5
 UNFELT = 1e-6
 # Lead [nats] over every other explanation from which on a mistake is named.
 LEAD = 10.0
-# Log evidence by which alike mistakes may stay behind the best and still be listed.
+# Log evidence by which alike mistakes may stay behind the best and still be listed, and lead over coefficients
+# of a wider prior from which on it is either: these hold every mistake of the rows, at a price.
 ALIKE = 3.0
 MOST_LISTED = 3
 
@@ -98,11 +101,12 @@ def find_mistakes(
     explanation = max([comparison.none, *comparison.refits], key=lambda c: c.log_evidence)
     best = explanation.log_evidence
     beside = () if explanation.widens else explanation.effects
+    cause = max(_causes(comparison), key=lambda c: c.log_evidence).log_evidence
     found = []
     for s in _worth(compared):
         notify(f"the simulator mended: {s.mistake.name}")
         mended = mended_evidence(problem.model, trial, s, as_built, beside)
-        if mended is not None and mended.log_evidence > best + LEAD:
+        if mended is not None and mended.log_evidence > max(cause + LEAD, best + ALIKE):
             found.append((mended.log_evidence, replace(s, fitted=mended.fitted)))
     if not found:
         return ()
@@ -125,7 +129,15 @@ def find_mistakes(
     listed = [found[0], *(row for row in alike if _same(cleared(*row), needed))]
     shares = softmax([evidence for evidence, _ in listed])
     return tuple(
-        _finding(problem.model, s, float(p), evidence - comparison.none.log_evidence, evidence - best, needed)
+        _finding(
+            problem.model,
+            s,
+            float(p),
+            evidence - comparison.none.log_evidence,
+            evidence - best,
+            needed,
+            evidence <= best + LEAD,
+        )
         for (evidence, s), p in zip(listed, shares, strict=True)
     )
 
@@ -138,11 +150,15 @@ def _worth(compared: Compared) -> list[Screened]:
     """Mistakes to be judged anew: those not far behind the best cause. A wider prior is no cause: it holds
     every mistake of the rows, and a screen that is linear about it stays behind it."""
     none = compared.candidates.none
-    causes = [none, *(c for c in compared.candidates.refits if not c.widens)]
-    gain = max(c.log_evidence for c in causes) - none.log_evidence
+    gain = max(c.log_evidence for c in _causes(compared.candidates)) - none.log_evidence
     behind = max(MOST_BEHIND, SHARE_BEHIND * gain)
     least = LEAST_GAIN if compared.problem.form is not None else max(LEAST_GAIN, gain - behind)
     return [s for s in screened(compared) if s.gain + s.share > least][:TRIED]
+
+
+def _causes(comparison: HypothesisComparison) -> list[RefittedHypothesis]:
+    """Explanations that are no wider prior; none among them."""
+    return [comparison.none, *(c for c in comparison.refits if not c.widens)]
 
 
 def screened(compared: Compared) -> list[Screened]:
@@ -279,7 +295,13 @@ def left_over(model: Model, trial: Trial, as_built: float | None, seed: int) -> 
 
 
 def _finding(
-    model: Model, s: Screened, share: float, gain: float, lead: float, beside: tuple[str, ...]
+    model: Model,
+    s: Screened,
+    share: float,
+    gain: float,
+    lead: float,
+    beside: tuple[str, ...],
+    or_coefficients: bool,
 ) -> SimulatorMistakeFound:
     # a mend may only say which rows are free: then the numbers are those the log gives them
     told = {**s.change.values, **s.fitted}
@@ -294,4 +316,5 @@ def _finding(
         {n: float(v) / model.file_scale(n) for n, v in changed.items()},
         {n: float(model.nominal[model.index[n]]) / model.file_scale(n) for n in changed},
         beside,
+        or_coefficients,
     )
