@@ -12,6 +12,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from bayesid.estimation.filter_error import parameter_slopes
 from bayesid.estimation.filter_error.linearise import Linearisation
 from bayesid.estimation.filter_error.parameter_slopes import blocks
 from bayesid.estimation.run_data import Array
@@ -112,6 +113,8 @@ def regressor_columns(
         columns[:, :, 1 + p :] = extra[0]
         np.negative(extra[1], out=drives[:, :, 1 + p :])
     out = RegressorColumns(columns, drives, firsts, step.copy(), scale.copy(), extra)
+    if n > parameter_slopes.BLOCK:
+        return out  # whitened once: sums over a long run are taken block by block
     _kept[path] = out
     room = MOST_BYTES - out.size
     for other in reversed([k for k in _kept if k is not path]):
