@@ -14,6 +14,7 @@ from bayesid.diagnosis.hypotheses import sensitivity_bank as banks
 from bayesid.diagnosis.hypotheses.candidate import weighted_hypothesis
 from bayesid.diagnosis.hypotheses.sensitivity_bank import build_bank, levels_between, screen
 from bayesid.errors import ModelError
+from bayesid.estimation.filter_error import fit as fits
 from bayesid.estimation.filter_error import noise_identification
 from bayesid.estimation.filter_error.evidence import normal_equations, posterior
 from bayesid.estimation.filter_error.fit import _within, fit, stacked_equations
@@ -212,6 +213,14 @@ def test_a_released_fit_linearises_again_to_the_same_numbers():
     for kept, again in zip(fitted.paths, light.paths, strict=True):
         for name in ("resid", "slope", "direct", "phi", "gamma", "psi", "defect"):
             assert np.array_equal(getattr(kept, name), getattr(again, name)), name
+
+
+def test_a_fit_of_long_runs_holds_no_linearisation(monkeypatch):
+    problem, _, fitted = case(VEHICLES[0], 0)
+    monkeypatch.setattr(fits, "MOST_HELD", 1000)
+    light = fit_with(problem, (problem.model.effects["ocean_current"],))
+    assert fitted.held and not light.held
+    assert np.array_equal(light.values, fitted.values) and light.log_evidence == fitted.log_evidence
 
 
 def test_refits_of_a_diagnosis_hold_no_linearisation():

@@ -9,7 +9,6 @@ from gap_trials import model_of, other_vehicle, planted_trial
 from scipy.special import digamma, polygamma
 from scipy.stats import chi2
 
-from bayesid.benchmark.general_methods.common import likely
 from bayesid.benchmark.general_methods.distortions import (
     Bank,
     Projection,
@@ -99,7 +98,6 @@ def test_root_of_a_singular_matrix_and_what_a_p_value_leaves():
     np.testing.assert_allclose(root_of(a) @ root_of(a).T, a, atol=1e-12)
     assert probability_of_none(0.7) == 0.5
     assert probability_of_none(0.01) == pytest.approx(0.1113, abs=1e-4)  # 1 / (1 + 1 / (-e p ln p))
-    assert likely({"a": 0.2, "b": 0.7, "c": 0.1}, 0.85) == ["b", "a"]
 
 
 def test_beta_variables_have_the_centre_and_metric_variance_asked_for():

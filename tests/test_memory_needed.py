@@ -1,6 +1,10 @@
 """A diagnosis that would not fit into the memory is refused in a sentence before it starts."""
 
+import os
+import platform
 import re
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -64,3 +68,31 @@ def test_a_container_and_a_limit_of_the_shell_count(monkeypatch, tmp_path):
     assert memory.available_memory() == 850000
     (tmp_path / "memory.max").write_text("max\n")
     assert memory.available_memory() is None or memory.available_memory() > 10**6
+
+
+FREED = """
+import sys
+import numpy as np
+from bayesid.memory import give_back_freed, taken_memory
+if sys.argv[1] == "asked":
+    give_back_freed()
+np.ones(3 * 10**6)  # once such an array is freed, the C library keeps the next ones in its heap
+before, large, small = taken_memory(), [], []
+for _ in range(10):
+    large.append(np.ones(10**6))
+    small.append(np.ones(10**4))
+del large
+print(taken_memory() - before)
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="a matter of the GNU C library")
+def test_freed_arrays_leave_the_process():
+    env = {k: v for k, v in os.environ.items() if not k.startswith("MALLOC_")}
+
+    def left(how):
+        line = [sys.executable, "-c", FREED, how]
+        return int(subprocess.run(line, env=env, capture_output=True, text=True, check=True).stdout)
+
+    assert left("asked") < 5e6
+    assert left("not asked") > 70e6  # control: of 80 MB freed nothing went back

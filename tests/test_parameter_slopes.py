@@ -7,7 +7,8 @@ import pytest
 from gap_trials import model_of, noise_of
 
 from bayesid.estimation.filter_error import parameter_slopes
-from bayesid.estimation.filter_error.linearise import Trajectory, linearise
+from bayesid.estimation.filter_error.fit import fit
+from bayesid.estimation.filter_error.linearise import Trajectory, linearise, linearise_runs, released
 from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit, smoothed
 from bayesid.estimation.filter_error.normal_equations import run_equations
 from bayesid.estimation.parameters import GaussianPrior
@@ -94,7 +95,12 @@ def test_products_and_smoothed_states_are_those_of_the_whole_run(monkeypatch):
         rng.standard_normal((SAMPLES - 1, whole.defect.shape[1], 2)),
     )
     for more in (None, extra):
-        one, two = (run_equations(MODEL, p, free, noise, extra=more) for p in (whole, parts))
+        two, held = (run_equations(MODEL, p, free, noise, extra=more) for p in (parts, whole))
+        # slopes made anew are those that are held but for the order of sums of a late sensor
+        np.testing.assert_allclose(two.ss, held.ss, rtol=1e-9, atol=1e-12 * np.abs(held.ss).max())
+        with monkeypatch.context() as unbroken:
+            unbroken.setattr(parameter_slopes, "BLOCK", SAMPLES)
+            one = run_equations(MODEL, whole, free, noise, extra=more)
         scale = np.sqrt(np.where(np.diag(one.ss) > 0, np.diag(one.ss), 1.0))
         np.testing.assert_allclose(
             two.ss / np.outer(scale, scale), one.ss / np.outer(scale, scale), atol=1e-11
@@ -108,3 +114,41 @@ def test_products_and_smoothed_states_are_those_of_the_whole_run(monkeypatch):
     # control: another step smooths to something else
     other = smoothed(MODEL, replace(parts), 2 * step, noise).mean
     assert np.abs(other - moved[0].mean).max() > 1e-6
+
+
+@pytest.mark.parametrize("kind", [{}, {"straight": True}, {"filtered": True}])
+def test_paths_let_go_of_their_slopes_and_make_the_same_again(kind):
+    log, point, free = case(**kind)
+    whole = linearise(MODEL, log, point, free.where)
+    anew = released(MODEL, whole, free.where)
+    assert whole.held and not anew.held
+    for one, two in zip(whole.by_parameter.part(0, SAMPLES), anew.by_parameter.part(0, SAMPLES), strict=True):
+        np.testing.assert_array_equal(one, two)
+
+
+def test_slopes_of_all_runs_together_stay_below_the_limit(monkeypatch):
+    monkeypatch.setattr(parameter_slopes, "MOST_BYTES", 8 * 100 * 10 * 4)
+    assert parameter_slopes.runs_held([60, 50, 30, 20], 10, 4) == (True, False, True, False)
+    log, point, free = case()
+    width = len(MODEL.kernel.channels) + point.states.shape[1]
+    monkeypatch.setattr(parameter_slopes, "MOST_BYTES", 8 * width * len(NAMES) * 2 * SAMPLES)
+    paths = linearise_runs(MODEL, [log] * 5, [point] * 5, free.where)
+    assert [p.held for p in paths] == [True, True, False, False, False]
+
+
+def test_a_fit_does_not_depend_on_how_many_slopes_are_held(monkeypatch):
+    log, point, free = case(filtered=True)
+    monkeypatch.setattr(parameter_slopes, "BLOCK", 16)
+    noise = NoiseModel(tuple(1e-4 * force_unit(MODEL)), 3.0, 0.0, 25.0)
+    found = []
+    for most in (10**9, 0):
+        monkeypatch.setattr(parameter_slopes, "MOST_BYTES", most)
+        found.append(fit(MODEL, [log, log], free, noise, [point, point], iterations=5))
+    one, two = found
+    assert one.held[0].held and not two.held[0].held
+    np.testing.assert_array_equal(one.values, two.values)
+    assert one.log_evidence == two.log_evidence
+    # control: a fit that stops a pass earlier is another
+    assert not np.array_equal(
+        fit(MODEL, [log, log], free, noise, [point, point], iterations=4).values, two.values
+    )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bayesid.files import write_json
 from studies.robustness.kept import Kept, added
-from studies.robustness.report import robustness_report
+from studies.robustness.report import growth_words, robustness_report
 from studies.robustness.run import SUMS, _found
 from studies.robustness.scaling import DASK, HERE, KILLED, PROCESSES, WORKS
 
@@ -48,3 +48,11 @@ def test_the_report_of_plain_rows_says_what_differed():
     assert "hands out 500 a second" in text  # 500 tasks, 1 s of the scheduler
     found["scaling"]["rows"][2] = row(DASK, ["b00/diagnosis.json: differs"])
     assert "1 differ" in repr(robustness_report(found))
+
+
+def test_growth_of_memory_is_that_of_the_rows():
+    rows = [
+        {"size": f"length {h} h, diagnose", "mb": mb, "rows": 3600 * h} for h, mb in ((3, 600.0), (10, 852.0))
+    ]
+    assert "from 10800 to 36000 samples it grows by 10 kB" in growth_words(rows)
+    assert growth_words(rows[:1]) == ""

@@ -18,8 +18,11 @@ def main(args: Sequence[str] | None = None) -> NoReturn:
     The exit code is 0 ok, 2 usage or bad input, 3 not converged, 128 + signal where it was stopped.
     """
     listen()
+    from bayesid.memory import give_back_freed
+
     # Matrices here are small: a second BLAS thread costs more than it gives (a diagnosis: 7 s, not 10).
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    give_back_freed()
     from bayesid.cli.main import run
 
     leave(run(args))

@@ -29,7 +29,7 @@ from bayesid.diagnosis.hypotheses.verdict import Verdict, simplest
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.evidence import posterior
 from bayesid.estimation.filter_error.fit import FilterErrorFit, fit
-from bayesid.estimation.filter_error.linearise import linearise
+from bayesid.estimation.filter_error.linearise import linearise, linearise_runs
 from bayesid.estimation.filter_error.noise_model import LatentInputs
 from bayesid.estimation.filter_error.read_run import filter_error_run
 from bayesid.estimation.parameters import NO_PARAMETERS
@@ -89,13 +89,12 @@ def suspects(problem: DiagnosisProblem, fitted: FilterErrorFit | None = None) ->
     model, noise_model = problem.model, problem.environment.noise_model
     if fitted is None:
         free = problem.coefficients
-        pairs = zip(problem.logs, problem.path, strict=True)
-        found = windows(model, [linearise(model, log, p, free.where) for log, p in pairs], free, noise_model)
+        paths = linearise_runs(model, problem.logs, problem.path, free.where)
+        found = windows(model, paths, free, noise_model)
     else:
-        pairs = zip(problem.logs, fitted.points, strict=True)
         found = windows(
             model,
-            [linearise(model, log, p, NO_PARAMETERS.where) for log, p in pairs],
+            linearise_runs(model, problem.logs, fitted.points, NO_PARAMETERS.where),
             NO_PARAMETERS,
             noise_model,
         )

@@ -18,8 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from bayesid.benchmark.other_equations import UNLISTED, executed
-from bayesid.benchmark.other_equations.bundles import write_bundle
+from bayesid.benchmark.other_equations import UNLISTED
 from bayesid.benchmark.protocol.commitment import (
     PACK_COMMITMENTS_FILE,
     SECRET,
@@ -36,8 +35,8 @@ from bayesid.executor import HERE, Executor
 from bayesid.files import write_atomic
 from bayesid.progress import Progress
 from studies.benchmark_set.editions import Edition
-from studies.other_equations.make import drawn, label, plan, sizes
-from studies.other_equations.tune import PRIOR, TUNED
+from studies.other_equations.make import plan, write_campaign
+from studies.other_equations.tune import PRIOR
 
 LOGS = Path(__file__).parents[1] / "real_logs"
 SMALL_SEED = 2**31
@@ -117,13 +116,7 @@ def factors_of(edition: Edition, number: int, seed: int) -> dict[str, Any]:
 
 def make_other(row: Mapping[str, Any], name: str, pack: Path, answers: Path, salted: str) -> None:
     """One campaign of a vehicle with other equations, and its answer in the form of the plant's."""
-    text = (TUNED / f"{row['vehicle']}.toml").read_text("utf-8")
-    campaign = drawn(row, sizes(row, text))
-    runs = executed(campaign)
-    for stale in (pack / name).glob("*"):  # of a run that was stopped within this bundle
-        stale.unlink()
-    write_bundle(campaign, runs, text, pack / name)
-    write_answer(answers / f"{name}.json", answer_of(label(name, campaign, runs, text)), salted)
+    write_answer(answers / f"{name}.json", answer_of(write_campaign(row, name, pack / name)), salted)
 
 
 def answer_of(told: Mapping[str, Any]) -> dict[str, Any]:

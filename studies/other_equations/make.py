@@ -131,6 +131,17 @@ def _class(value: float) -> str:
     return next(word for top, word in CLASSES if value < top)
 
 
+def write_campaign(row: Mapping[str, Any], name: str, folder: Path) -> dict[str, Any]:
+    """Write the bundle of one row of a plan, over what is there; gives its label."""
+    text = (TUNED / f"{row['vehicle']}.toml").read_text("utf-8")
+    campaign = drawn(row, sizes(row, text))
+    runs = executed(campaign)
+    for stale in folder.glob("*"):  # of a run that was stopped within this bundle
+        stale.unlink()
+    write_bundle(campaign, runs, text, folder)
+    return label(name, campaign, runs, text)
+
+
 def main(out: Path, seed: int, count: int) -> list[dict[str, Any]]:
     """Write bundles and labels.json."""
     progress, labels = Progress(), []
@@ -138,13 +149,7 @@ def main(out: Path, seed: int, count: int) -> list[dict[str, Any]]:
         for k, row in enumerate(plan(seed, count)):
             name, kept = f"o{k + 1:03d}", out / ".labels" / f"o{k + 1:03d}.json"
             if not kept.exists():
-                text = (TUNED / f"{row['vehicle']}.toml").read_text("utf-8")
-                campaign = drawn(row, sizes(row, text))
-                runs = executed(campaign)
-                for stale in (out / name).glob("*"):  # of a run that was stopped within this bundle
-                    stale.unlink()
-                write_bundle(campaign, runs, text, out / name)
-                write_json(kept, label(name, campaign, runs, text))
+                write_json(kept, write_campaign(row, name, out / name))
             labels.append(read_json(kept, "a label"))
             stage.step(info=name)
     write_json(out / "labels.json", labels)

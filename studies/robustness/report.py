@@ -5,7 +5,7 @@ Takes the parts as plain data. Does not run anything.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from bayesid.report.writer import Figure, Report, Section, Table, Text
@@ -17,10 +17,10 @@ from studies.robustness.sizes import SIZES
 VEHICLES = "Zig-zags of generic_sub, planar"
 SIZE_WORDS = (
     "Exit code 3 is an answer with a reservation: a fit that is not final, too little input for a "
-    "diagnosis. Dense readings are averaged above 30 000 (diagnose) and 100 000 samples (fit). Memory of a "
-    "diagnosis is not flat in length: above some 9000 samples a run it grows by about 20 kB for every "
-    "sample that is left, the paths of the model and how they move with state and inputs."
+    "diagnosis. Dense readings are averaged above 30 000 (diagnose) and 100 000 samples (fit)."
 )
+# Two lengths between which the growth of memory is told.
+LENGTHS = ("length 3 h, diagnose", "length 10 h, diagnose")
 DONE = (
     "Each command runs once unbroken, on a bundle of two runs of 50 samples. Then it is started again in an "
     "empty folder, gets a signal (the whole process group) after a random share of that processor time, and "
@@ -119,5 +119,19 @@ def _sizes(rows: list[dict[str, Any]]) -> list[Table | Figure | Text]:
     return [
         Figure("cost", cost_curves(rows), "One thing varied at a time; the others as in the table.", alt),
         Table(columns, cells, f"{VEHICLES}; hours are those of all runs together.", digits=4),
-        Text(SIZE_WORDS),
+        Text(f"{SIZE_WORDS} {growth_words(rows)}".strip()),
     ]
+
+
+def growth_words(rows: Sequence[Mapping[str, Any]]) -> str:
+    """By how much memory of a diagnosis grows with a sample that is left; "" where it was not measured."""
+    by_size = {r["size"]: r for r in rows}
+    short, long = (by_size.get(name) for name in LENGTHS)
+    if short is None or long is None or short["mb"] is None or long["mb"] is None:
+        return ""
+    each = 1e3 * (long["mb"] - short["mb"]) / (long["rows"] - short["rows"])
+    return (
+        f"Memory of a diagnosis is not flat in length: from {short['rows']} to {long['rows']} samples it "
+        f"grows by {each:.0f} kB for every sample that is left, the paths of the model and how they move "
+        "with state and inputs."
+    )

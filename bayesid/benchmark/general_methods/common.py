@@ -12,6 +12,7 @@ from typing import Any
 from bayesid.benchmark.protocol.cause_families import family_of
 from bayesid.diagnosis.data.problem import DiagnosisProblem, build_problem, fit_with
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains, weighted_hypothesis
+from bayesid.diagnosis.hypotheses.probabilities import credible_set
 from bayesid.diagnosis.hypotheses.sensitivity_bank import testable
 from bayesid.equations.model import Model
 from bayesid.estimation.filter_error.linearise import Trajectory
@@ -60,16 +61,6 @@ def base_of(trial: Trial, model: Model) -> Base:
     return Base(problem, none, points, 0.0 if fine else problem.path_level, effects)
 
 
-def likely(probabilities: Mapping[str, float], mass: float = SET_PROBABILITY) -> list[str]:
-    """Fewest names that hold a probability, most probable first."""
-    out: list[str] = []
-    for name in sorted(probabilities, key=lambda n: -probabilities[n]):
-        if sum(probabilities[n] for n in out) >= mass:
-            break
-        out.append(name)
-    return out
-
-
 def answer(
     trial: Trial,
     word: str,
@@ -102,7 +93,7 @@ def answer(
         "trial": {"name": trial.name, "dof": trial.dof},
         "verdict": word,
         "effects": effects,
-        "set95": likely(probabilities),
+        "set95": list(credible_set(probabilities, SET_PROBABILITY)),
         "probabilities": {n: float(p) for n, p in probabilities.items()},
         "where": {"channel": channel, "evidence": {}},
         "gap": {"shrink": None, "before": None, "after": None, "horizons": []},

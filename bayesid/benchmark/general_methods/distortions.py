@@ -32,9 +32,9 @@ from bayesid.benchmark.general_methods.common import (
     Base,
     answer,
     base_of,
-    likely,
     one_family,
 )
+from bayesid.diagnosis.hypotheses.probabilities import credible_set
 from bayesid.diagnosis.hypotheses.sensitivity_bank import SECANT_SIZES, levels_between, secants
 from bayesid.equations.model import Model
 from bayesid.estimation.filter_error.evidence import NormalEquations, posterior
@@ -124,8 +124,8 @@ def distortion_verdict(trial: Trial, model: Model, seed: int = 0) -> dict[str, A
     channel = None if top is None or found.p_global >= SIGNIFICANCE else top[0]
     if found.p_global >= SIGNIFICANCE:
         return answer(trial, "none", probabilities, said)
-    left = likely(rest, SET_PROBABILITY)
-    if left == ["outside"]:
+    left = credible_set(rest, SET_PROBABILITY)
+    if left == ("outside",):
         return answer(trial, "outside", probabilities, said, channel=channel)
     if "outside" not in left and one_family(left):
         return answer(trial, "effect", probabilities, said, named=left[:1], channel=channel)

@@ -23,7 +23,7 @@ from bayesid.diagnosis.hypotheses.sensitivity_bank import levels_between
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.evidence import NormalEquations, normal_equations, posterior
 from bayesid.estimation.filter_error.fit import FilterErrorFit, fit
-from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, linearise
+from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, linearise_runs
 from bayesid.estimation.filter_error.noise_model import force_unit, whitened
 from bayesid.estimation.parameters import NO_PARAMETERS, GaussianPrior
 from bayesid.estimation.run_data import Array
@@ -235,10 +235,7 @@ def held(trials: Sequence[TermEvidence], trial: TermEvidence, chosen: list[int])
 def linear_paths(
     problem: DiagnosisProblem, points: Sequence[Trajectory], free: GaussianPrior
 ) -> list[Linearisation]:
-    return [
-        linearise(problem.model, log, point, free.where)
-        for log, point in zip(problem.logs, points, strict=True)
-    ]
+    return linearise_runs(problem.model, problem.logs, points, free.where)
 
 
 def refitted(

@@ -16,7 +16,7 @@ from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.hypotheses.periodic_signal import periodic_signals
 from bayesid.equations.model import Model
 from bayesid.estimation.filter_error.evidence import posterior
-from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, linearise
+from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, linearise_runs
 from bayesid.estimation.filter_error.noise_model import (
     LatentInputs,
     NoiseModel,
@@ -164,9 +164,7 @@ def locate(
     """
     model = problem.model
     noise_model = problem.environment.noise_model
-    paths = [
-        linearise(model, log, point, free.where) for log, point in zip(problem.logs, points, strict=True)
-    ]
+    paths = linearise_runs(model, problem.logs, points, free.where)
     base = _evidence(problem, paths, free, noise_model, None)
     size, time = units(model), model.scales["L"] / model.scales["U"]
     places, averages = [], []

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from bayesid.diagnosis.data.problem import DiagnosisProblem
-from bayesid.estimation.filter_error.evidence import NormalEquations, normal_equations, posterior, without
+from bayesid.estimation.filter_error.evidence import NormalEquations, posterior, without
 from bayesid.estimation.filter_error.linearise import Linearisation
-from bayesid.estimation.filter_error.noise_model import White, whitened
+from bayesid.estimation.filter_error.noise_model import whitened
+from bayesid.estimation.filter_error.normal_equations import run_equations, stacked_equations
 from bayesid.estimation.filter_error.periodic_disturbance import periodic_columns, periodic_forces
 from bayesid.estimation.parameters import GaussianPrior
 from bayesid.estimation.run_data import Array
@@ -48,10 +49,10 @@ def periodic_signals(
     All frequencies looked at are as probable before the data; those without a line in the innovations are
     left out of the sum, which can only lower it.
     """
-    white = [_whitened(problem, k, p, free) for k, p in enumerate(paths)]
-    equations = [normal_equations(w.resid, w.columns, w.logdet, w.used) for w in white]
+    model, noise_model = problem.model, problem.environment.noise_model
+    equations = stacked_equations(model, paths, free, noise_model)
     z = posterior(sum(equations[1:], equations[0])).mean
-    standard = [(w.resid - w.columns @ z).reshape(p.resid.shape) for w, p in zip(white, paths, strict=True)]
+    standard = [_standardised(problem, k, p, free, z) for k, p in enumerate(paths)]
     found, tries = periodic_forces(problem.model, paths, standard)
     if not found:
         return {}
@@ -61,11 +62,12 @@ def periodic_signals(
     unit = [size[n] for n in names]
     by_line = []
     for frequency in found:
-        swung = [
-            _whitened(problem, k, p, free, periodic_columns(p, frequency, names, unit))
+        by_line.append([
+            run_equations(
+                model, p, free, noise_model, run=k, extra=periodic_columns(p, frequency, names, unit)
+            )
             for k, p in enumerate(paths)
-        ]
-        by_line.append([normal_equations(w.resid, w.columns, w.logdet, w.used) for w in swung])
+        ])  # fmt: skip
     out = {}
     for place, (inputs, _) in sets.items():
         if not inputs:
@@ -78,15 +80,13 @@ def periodic_signals(
     return out
 
 
-def _whitened(
-    problem: DiagnosisProblem,
-    k: int,
-    path: Linearisation,
-    free: GaussianPrior,
-    extra: tuple[Array, Array] | None = None,
-) -> White:
+def _standardised(
+    problem: DiagnosisProblem, k: int, path: Linearisation, free: GaussianPrior, z: Array
+) -> Array:
+    """(n, q) standardised innovations of one run at `z`; a run at a time is whitened as a whole."""
     step = free.mean - path.point.par[free.where]
-    return whitened(problem.model, path, step, free.sd, problem.environment.noise_model, None, k, extra)
+    w = whitened(problem.model, path, step, free.sd, problem.environment.noise_model, None, k)
+    return (w.resid - w.columns @ z).reshape(path.resid.shape)
 
 
 def _evidence(runs: Sequence[NormalEquations], at: Sequence[int], known: int, amplitude: float) -> float:

@@ -23,7 +23,7 @@ from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.evidence import NormalEquations, posterior
 from bayesid.estimation.filter_error.fit_journal import current_journal
 from bayesid.estimation.filter_error.fit_result import FilterErrorFit
-from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, first_trajectory
+from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, first_trajectory, released
 from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit, mixing, smoothed
 from bayesid.estimation.filter_error.normal_equations import stacked_equations
 from bayesid.estimation.filter_error.shared_linearisations import fresh, linear
@@ -43,6 +43,8 @@ WARM_ITERATIONS = 2
 LEAST_READING_CHANGE = 0.05
 # Passes at the real level after which a model that explains far less than a free force is given up.
 GIVE_UP_ITERATIONS = 6
+# Bytes of linearisations a fit keeps for whoever goes on from it.
+MOST_HELD = 48_000_000
 # Latent force over 1/2 rho L^2 U^2 that no longer moves a track by as much as a sensor sees.
 NEGLIGIBLE_FORCE = 3e-6
 
@@ -73,13 +75,18 @@ def fit(
     points = list(start) if start is not None else [first_trajectory(model, log, base) for log in logs]
     journal = current_journal()
     if journal is None:
-        return _fit(model, logs, free, noise_model, points, initial_noise_scale, iterations)
+        return _light(_fit(model, logs, free, noise_model, points, initial_noise_scale, iterations))
     key = journal.key(model, logs, free, noise_model, points, initial_noise_scale, iterations)
     found = journal.read(key, model, logs, free, noise_model)
     if found is None:
-        found = _fit(model, logs, free, noise_model, points, initial_noise_scale, iterations)
+        found = _light(_fit(model, logs, free, noise_model, points, initial_noise_scale, iterations))
         journal.write(key, found)
     return found
+
+
+def _light(found: FilterErrorFit) -> FilterErrorFit:
+    """The fit, of long runs without its linearisations: whoever asks has them made anew, the same numbers."""
+    return found if sum(path.size for path in found.held) <= MOST_HELD else found.released()
 
 
 def _fit(
@@ -95,12 +102,17 @@ def _fit(
     unit = force_unit(model)
     values = points[0].par[free.where].copy()
     best: _Best | None = None
+    paths: Sequence[Linearisation] = ()
     standardised: list[Array] = []
     converged, level, settled, real, flat = False, initial_noise_scale, 0, 0, 0
     path_points: tuple[float, tuple[Trajectory, ...], float] = (-np.inf, tuple(points), initial_noise_scale)
     k = 0
     for k in range(iterations):
         now = _level(model, noise_model, level)
+        if best is not None:
+            # by far the most of a pass, and asked for again only where the next one is refused
+            tried, paths = paths, _let_go(model, paths, free)
+            best.paths = paths if best.paths is tried else _let_go(model, best.paths, free)
         try:
             if k <= WARM_ITERATIONS and initial_noise_scale > 0 and free.names:
                 paths, equations = linear(model, logs, points, free, now)
@@ -167,6 +179,11 @@ def _fit(
         path_points[2],
         path_points[0],
     )
+
+
+def _let_go(model: Model, paths: Sequence[Linearisation], free: GaussianPrior) -> list[Linearisation]:
+    """Paths whose slopes by parameters are no longer held."""
+    return [released(model, path, free.where) for path in paths]
 
 
 def _within(total: NormalEquations, mean: Array, low: Array) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 
 from bayesid.equations.model import Model
 from bayesid.estimation.filter_error.evidence import GaussianPosterior, NormalEquations
-from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, forces, linearise
+from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, forces, linearise_runs
 from bayesid.estimation.filter_error.noise_model import NoiseModel
 from bayesid.estimation.parameters import GaussianPrior
 from bayesid.estimation.run_data import Array, RunData
@@ -77,10 +77,7 @@ class FilterErrorFit:
         """Every run linearised, as held or made anew: the same numbers."""
         if self.held:
             return self.held
-        inputs, where = forces(self.model), self.free.where
-        return tuple(
-            linearise(self.model, log, p, where, inputs) for log, p in zip(self.logs, self.about, strict=True)
-        )
+        return tuple(linearise_runs(self.model, self.logs, self.about, self.free.where, forces(self.model)))
 
     def released(self) -> FilterErrorFit:
         """The fit without its linearisations, which are made anew where they are asked for."""

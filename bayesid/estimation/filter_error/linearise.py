@@ -18,6 +18,7 @@ a straight run even the rudder answers the environment, so there slopes are take
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -28,7 +29,7 @@ from bayesid.estimation.filter_error.parameter_slopes import (
     HeldSlopes,
     ParameterSlopes,
     RemadeSlopes,
-    samples_held,
+    runs_held,
 )
 from bayesid.estimation.filter_error.read_run import ANGLES
 from bayesid.estimation.run_data import Array, RunData
@@ -105,6 +106,13 @@ class Linearisation:
         return isinstance(self.by_parameter, HeldSlopes)
 
     @property
+    def size(self) -> int:
+        """Bytes of its maps and slopes."""
+        slopes = self.by_parameter
+        held = slopes.direct.nbytes + slopes.psi.nbytes if isinstance(slopes, HeldSlopes) else 0
+        return held + self.phi.nbytes + self.gamma.nbytes + self.slope.nbytes
+
+    @property
     def direct(self) -> Array:
         """(n, q, p) of the readings by the free parameters at fixed state."""
         return self.by_parameter.part(0, self.log.n)[0]
@@ -132,8 +140,29 @@ def first_trajectory(model: Model, log: RunData, par: Array) -> Trajectory:
     return Trajectory(par, log.path, np.zeros((log.n - 1, n_force)))
 
 
+def linearise_runs(
+    model: Model,
+    logs: Sequence[RunData],
+    points: Sequence[Trajectory],
+    free: Array,
+    inputs: tuple[str, ...] | None = None,
+) -> list[Linearisation]:
+    """Paths of all runs, slopes by the parameters held as far as those of all together may be."""
+    wide = len(model.kernel.channels) + points[0].states.shape[1] if points else 0
+    held = runs_held([log.n for log in logs], wide, len(free))
+    return [
+        linearise(model, log, point, free, inputs, hold)
+        for log, point, hold in zip(logs, points, held, strict=True)
+    ]
+
+
 def linearise(
-    model: Model, log: RunData, point: Trajectory, free: Array, inputs: tuple[str, ...] | None = None
+    model: Model,
+    log: RunData,
+    point: Trajectory,
+    free: Array,
+    inputs: tuple[str, ...] | None = None,
+    hold: bool | None = None,
 ) -> Linearisation:
     """Path of one run about a point, with exact slopes by the free parameters.
 
@@ -141,6 +170,7 @@ def linearise(
     ----------
     free : (p,) positions of parameters
     inputs : the latent inputs to carry, the forces first; default all
+    hold : whether slopes by the parameters are held; default as one run alone may
 
     Raises
     ------
@@ -148,11 +178,10 @@ def linearise(
         if an interval leaves the finite numbers
     """
     beside = len(free) > 0 and (log.straight or point.before is not None)
-    wide = len(model.kernel.channels) + point.states.shape[1]
-    long = samples_held(log.n, wide, len(free)) < log.n
-    here = free[:0] if beside or long else free
-    slopes_at = free[:0] if beside else free
-    ratio, ratio_slope = _inertia(model, point.par.tobytes(), slopes_at.astype(np.int64).tobytes())
+    if hold is None:
+        (hold,) = runs_held([log.n], len(model.kernel.channels) + point.states.shape[1], len(free))
+    here = free[:0] if beside or not hold else free
+    ratio, ratio_slope = _inertia_at(model, point, here)
     plan = with_forces(model, log.plan, point.force @ ratio.T)
     inputs = latent_inputs(model) if inputs is None else inputs
     maps = interval_maps(model, point.par, plan, point.states, inputs, here)
@@ -169,18 +198,11 @@ def linearise(
     aside = PerturbedTrajectories(plan, point.states, maps.ends, readings.values[:, picked])
     if beside:
         where, states = _beside(model, log, point)
-        other = interval_maps(model, point.par, where, states, (), free[:0] if long else free)
-        seen = readings_on(model, point.par, where, states, other, free[:0] if long else free)
+        other = interval_maps(model, point.par, where, states, (), free if hold else free[:0])
+        seen = readings_on(model, point.par, where, states, other, free if hold else free[:0])
         psi, direct = other.psi, seen.by_parameter
         aside = PerturbedTrajectories(where, states, other.ends, seen.values[:, picked])
-    by_parameter: ParameterSlopes
-    if long:
-        moved = () if beside or not point.force.any() else forces(model)
-        by_parameter = RemadeSlopes(
-            model, point.par, aside.plan, aside.states, free, picked, moved, point.force, ratio_slope
-        )
-    else:
-        by_parameter = HeldSlopes(direct[:, picked], psi)
+    by_parameter = HeldSlopes(direct[:, picked], psi) if hold else _remade(model, log, point, aside, free)
     resid = wrap(model, log, log.readings - readings.values[:, picked])
     defect = maps.ends - point.states[1:]
     return Linearisation(
@@ -195,6 +217,29 @@ def linearise(
         inputs,
         aside,
     )
+
+
+def released(model: Model, path: Linearisation, free: Array) -> Linearisation:
+    """The same with slopes by the `free` parameters, with which it was made, made anew where asked for."""
+    if not path.held:
+        return path
+    return replace(path, by_parameter=_remade(model, path.log, path.point, path.aside, free))
+
+
+def _remade(
+    model: Model, log: RunData, point: Trajectory, aside: PerturbedTrajectories, free: Array
+) -> RemadeSlopes:
+    """Slopes along `aside`; where that is the path itself its latent forces have a part in them."""
+    forced = bool(point.force.any()) and not (log.straight or point.before is not None)
+    _, ratio_slope = _inertia_at(model, point, free if forced else free[:0])
+    return RemadeSlopes(
+        model, point.par, aside.plan, aside.states, free, _columns(tuple(log.positions(model))),
+        forces(model) if forced else (), point.force, ratio_slope,
+    )  # fmt: skip
+
+
+def _inertia_at(model: Model, point: Trajectory, free: Array) -> tuple[Array, Array]:
+    return _inertia(model, point.par.tobytes(), free.astype(np.int64).tobytes())
 
 
 @lru_cache(maxsize=4)

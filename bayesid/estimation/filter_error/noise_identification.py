@@ -20,7 +20,7 @@ from bayesid.estimation.filter_error.fit import (
     fit,
     stacked_equations,
 )
-from bayesid.estimation.filter_error.linearise import Linearisation, linearise
+from bayesid.estimation.filter_error.linearise import Linearisation, linearise_runs
 from bayesid.estimation.filter_error.minimise_scaled import minimise_scaled, spread_left
 from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit, pairs
 from bayesid.estimation.parameters import NO_PARAMETERS, GaussianPrior
@@ -108,13 +108,14 @@ def identify_noise(
     """
     unknowns = _unknowns(model, logs, known, same)
     theta = unknowns.centre.copy()
-    for _ in range(rounds):
+    for left in range(rounds - 1, -1, -1):
         # Coefficients stay nominal along the path: a row of the balance and its noise may shrink together
         # without any change in the track, and a path fitted under too quiet a guess would take that way out.
-        settled = settled_paths(model, logs, unknowns.noise_model(theta))
-        linear = linear_paths(model, logs, settled, free)
-        cost = unknowns.cost(linear, free, equations)
+        settled = settled_paths(model, logs, unknowns.noise_model(theta)).released()
+        cost = unknowns.cost(linear_paths(model, logs, settled, free), free, equations)
         theta = minimise_scaled(cost, theta, unknowns.low, unknowns.high, unknowns.spread, steps)
+        if left:
+            del cost  # and the paths it holds, before the next ones are made
     found = tuple(float(x) for x in spread_left(cost, theta, unknowns.spread)) if known is None else ()
     return NoiseIdentification(unknowns.noise_model(theta), "measured", MEASURED_SPREAD, found)
 
@@ -275,10 +276,6 @@ def linear_paths(
 ) -> tuple[Linearisation, ...]:
     """Paths about where a fit ended; about its most probable pass if the last step left the numbers."""
     try:
-        return tuple(
-            linearise(model, log, p, free.where) for log, p in zip(logs, settled.points, strict=True)
-        )
+        return tuple(linearise_runs(model, logs, settled.points, free.where))
     except ModelError:
-        return tuple(
-            linearise(model, log, p, free.where) for log, p in zip(logs, settled.path_points, strict=True)
-        )
+        return tuple(linearise_runs(model, logs, settled.path_points, free.where))

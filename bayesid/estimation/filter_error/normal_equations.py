@@ -2,8 +2,8 @@
 
 Takes paths. Knows neither the fit nor which parameter is a coefficient and which belongs to an effect.
 
-A run whose slopes are held is whitened as a whole. Those of a long run are made, whitened and multiplied
-block by block: memory does not grow with its length, products are summed in another order (last digits).
+A run of one block is whitened as a whole. A longer one is whitened and multiplied block by block, its slopes
+held or made anew: memory does not grow with its length, and the same products are summed in the same order.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from bayesid.equations.model import Model
+from bayesid.estimation.filter_error import parameter_slopes
 from bayesid.estimation.filter_error.evidence import NormalEquations, normal_equations
 from bayesid.estimation.filter_error.kalman import whiten_on
 from bayesid.estimation.filter_error.kalman_step import opening
@@ -25,7 +26,7 @@ from bayesid.estimation.filter_error.noise_model import (
     whitened,
 )
 from bayesid.estimation.filter_error.parameter_slopes import blocks
-from bayesid.estimation.filter_error.regressor_columns import known
+from bayesid.estimation.filter_error.regressor_columns import known_part
 from bayesid.estimation.parameters import GaussianPrior
 from bayesid.estimation.run_data import Array
 
@@ -53,12 +54,12 @@ def run_equations(
     latent, run, extra : as in `whitened`
     """
     step = free.mean - path.point.par[free.where]
-    if path.held:
+    if path.log.n <= parameter_slopes.BLOCK:
         w = whitened(model, path, step, free.sd, noise_model, latent, run, extra)
         return normal_equations(w.resid, w.columns, w.logdet, w.used)
     f, _ = active_inputs(filter_settings(model, path, noise_model, latent, run))
-    resid, drive, first = known(path, step)
-    (n, q), nx, p = resid.shape, first.size, free.sd.size
+    first = path.log.x0 - path.point.states[0]
+    (n, q), nx, p = path.resid.shape, first.size, free.sd.size
     c = 1 + p + (extra[0].shape[2] if extra is not None else 0)
     firsts = np.zeros((nx, c))
     firsts[:, 0] = first
@@ -66,8 +67,9 @@ def run_equations(
     products, logdet, used = np.zeros((c, c)), 0.0, 0
     for a, b in blocks(n):
         direct, psi = path.by_parameter.part(a, b)
+        resid, drive = known_part(path, step, a, b, (direct, psi))
         columns, drives = np.empty((b - a, q, c)), np.empty((psi.shape[0], nx, c))
-        columns[:, :, 0], drives[:, :, 0] = resid[a:b], drive[a:b]
+        columns[:, :, 0], drives[:, :, 0] = resid, drive
         np.multiply(direct, free.sd, out=columns[:, :, 1 : 1 + p])
         np.multiply(psi, -free.sd, out=drives[:, :, 1 : 1 + p])
         if extra is not None:

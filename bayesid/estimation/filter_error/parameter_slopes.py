@@ -6,7 +6,7 @@ run: of a long one no more than a block is held at a time, and no number of it d
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -17,22 +17,27 @@ from bayesid.equations.model import Model
 from bayesid.estimation.run_data import Array
 from bayesid.simulation import Chain, TimePlan, chain_of, interval_maps, part_of, readings_on
 
-# of a run's slopes that are held; made anew for every sum they double the time of a diagnosis
-MOST_BYTES = 48_000_000
+# of the slopes of all runs that are held at once; made anew for every sum they double the time of a diagnosis
+MOST_BYTES = 96_000_000
 NUMBER = 8  # bytes
 BLOCK = 2048  # samples made at a time
 BESIDE = 2  # samples on either side that a late sensor's rates are taken from
 
 
-def samples_held(samples: float, width: int, parameters: int) -> float:
-    """Samples of a run whose slopes are in memory at once: all of them, or a block's.
+def runs_held(samples: Sequence[float], width: int, parameters: int) -> tuple[bool, ...]:
+    """Of which runs slopes are in memory at once: run by run while they fit.
 
     Parameters
     ----------
+    samples : of every run
     width : states and channels
     """
-    whole = NUMBER * samples * width * parameters <= MOST_BYTES
-    return samples if whole else min(samples, BLOCK)
+    room, out = float(MOST_BYTES), []
+    for n in samples:
+        size = NUMBER * n * width * parameters
+        out.append(size <= room)
+        room -= size if out[-1] else 0.0
+    return tuple(out)
 
 
 class ParameterSlopes(Protocol):

@@ -97,7 +97,8 @@ def _powers(grid: Array, t: Array, series: Sequence[Array]) -> Array:
     out = np.empty((len(series), grid.size))
     at_once = max(1, MOST_TURNS // t.size)
     for first in range(0, grid.size, at_once):
-        turn = np.exp(-1j * np.outer(grid[first : first + at_once], t))
+        turn = -1j * np.outer(grid[first : first + at_once], t)
+        np.exp(turn, out=turn)
         for k, x in enumerate(series):
             out[k, first : first + at_once] = np.abs(turn @ x) ** 2
     return out

@@ -12,6 +12,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from bayesid.estimation.filter_error import parameter_slopes
 from bayesid.estimation.filter_error.linearise import Linearisation
 from bayesid.estimation.filter_error.parameter_slopes import blocks
 from bayesid.estimation.run_data import Array
@@ -57,20 +58,32 @@ def known(path: Linearisation, step: Array) -> tuple[Array, Array, Array]:
 
     The deviation is measured from the path: latent forces zero, initial state that of the readings.
     """
-    force = path.point.force
-    resid, drive = path.resid, path.defect
-    if step.any() and path.held:
-        resid = resid - path.direct @ step
-        drive = drive + path.psi @ step
-    elif step.any():
-        resid, drive = resid.copy(), drive.copy()
-        for a, b in blocks(path.log.n):
-            direct, psi = path.by_parameter.part(a, b)
-            resid[a:b] -= direct @ step
-            drive[a:b] += psi @ step
+    first = path.log.x0 - path.point.states[0]
+    if path.held or not step.any():
+        slopes = path.by_parameter.part(0, path.log.n) if step.any() else None
+        return *known_part(path, step, 0, path.log.n, slopes), first
+    resid, drive = np.empty_like(path.resid), np.empty_like(path.defect)
+    for a, b in blocks(path.log.n):
+        resid[a:b], drive[a:b] = known_part(path, step, a, b, path.by_parameter.part(a, b))
+    return resid, drive, first
+
+
+def known_part(
+    path: Linearisation, step: Array, first: int, last: int, slopes: tuple[Array, Array] | None
+) -> tuple[Array, Array]:
+    """Residual of the samples from `first` to before `last`, and drive of the intervals that begin there.
+
+    Parameters
+    ----------
+    slopes : of these samples by the parameters; not asked for where there is no step
+    """
+    resid, drive, force = path.resid[first:last], path.defect[first:last], path.point.force[first:last]
+    if step.any() and slopes is not None:
+        resid = resid - slopes[0] @ step
+        drive = drive + slopes[1] @ step
     if force.any():
-        drive = drive - np.matmul(path.gamma[:, :, : force.shape[1]], force[:, :, None])[:, :, 0]
-    return resid, drive, path.log.x0 - path.point.states[0]
+        drive = drive - np.matmul(path.gamma[first:last, :, : force.shape[1]], force[:, :, None])[:, :, 0]
+    return resid, drive
 
 
 def regressor_columns(
@@ -87,17 +100,21 @@ def regressor_columns(
     old = _kept.get(path)
     if old is not None and old.made_of(step, scale, extra):
         return old
-    resid, drive, first = known(path, step)
+    direct, psi = path.by_parameter.part(0, path.log.n)
+    resid, drive = known_part(path, step, 0, path.log.n, (direct, psi))
+    first = path.log.x0 - path.point.states[0]
     (n, q), nx, p = resid.shape, first.size, scale.size
     c = 1 + p + (extra[0].shape[2] if extra is not None else 0)
     columns, drives, firsts = np.empty((n, q, c)), np.empty((n - 1, nx, c)), np.zeros((nx, c))
     columns[:, :, 0], drives[:, :, 0], firsts[:, 0] = resid, drive, first
-    np.multiply(path.direct, scale, out=columns[:, :, 1 : 1 + p])
-    np.multiply(path.psi, -scale, out=drives[:, :, 1 : 1 + p])
+    np.multiply(direct, scale, out=columns[:, :, 1 : 1 + p])
+    np.multiply(psi, -scale, out=drives[:, :, 1 : 1 + p])
     if extra is not None:
         columns[:, :, 1 + p :] = extra[0]
         np.negative(extra[1], out=drives[:, :, 1 + p :])
     out = RegressorColumns(columns, drives, firsts, step.copy(), scale.copy(), extra)
+    if n > parameter_slopes.BLOCK:
+        return out  # whitened once: sums over a long run are taken block by block
     _kept[path] = out
     room = MOST_BYTES - out.size
     for other in reversed([k for k in _kept if k is not path]):

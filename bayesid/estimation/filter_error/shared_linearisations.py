@@ -23,10 +23,10 @@ import numpy as np
 
 from bayesid.equations.model import Model
 from bayesid.estimation.filter_error.evidence import NormalEquations
-from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, forces, linearise
+from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, forces, linearise_runs
 from bayesid.estimation.filter_error.noise_model import NoiseModel
 from bayesid.estimation.filter_error.normal_equations import stacked_equations
-from bayesid.estimation.filter_error.parameter_slopes import NUMBER, HeldSlopes, samples_held
+from bayesid.estimation.filter_error.parameter_slopes import NUMBER, HeldSlopes, runs_held
 from bayesid.estimation.parameters import GaussianPrior, effect_prior
 from bayesid.estimation.run_data import RunData
 
@@ -80,12 +80,12 @@ def linear(
             return fresh(model, logs, points, free, noise_model)
         whole = free + _others(model, free, points[0].par)
         width = points[0].states.shape[1] + len(model.kernel.channels)
-        long = any(samples_held(log.n, width, len(whole.names)) < log.n for log in logs)
-        size = NUMBER * len(whole.names) * width * sum(log.n for log in logs)
-        if long or size * MOST_SETS > MOST_BYTES:
+        samples = [log.n for log in logs]
+        size = NUMBER * len(whole.names) * width * sum(samples)
+        if not all(runs_held(samples, width, len(whole.names))) or size * MOST_SETS > MOST_BYTES:
             return fresh(model, logs, points, free, noise_model)
         inputs = forces(model)
-        paths = [linearise(model, log, p, whole.where, inputs) for log, p in zip(logs, points, strict=True)]
+        paths = linearise_runs(model, logs, points, whole.where, inputs)
         found = _Set(tuple(logs), whole, tuple(paths))
         _remember(kept.sets, key, found, MOST_SETS)
     at = found.positions(free) if _same(found.logs, logs) else None
@@ -115,8 +115,7 @@ def fresh(
     noise_model: NoiseModel,
 ) -> tuple[list[Linearisation], list[NormalEquations]]:
     """Every run linearised for the forces of the environment and `parameters`."""
-    inputs = forces(model)
-    paths = [linearise(model, log, p, free.where, inputs) for log, p in zip(logs, points, strict=True)]
+    paths = linearise_runs(model, logs, points, free.where, forces(model))
     return paths, stacked_equations(model, paths, free, noise_model)
 
 
