@@ -45,7 +45,7 @@ TRIED, LEAST_GAIN, MOST_BEHIND, SHARE_BEHIND = 3, 0.0, 30.0, 0.5
 UNFELT = 1e-6
 # Lead [nats] over every other explanation from which on a mistake is named.
 LEAD = 10.0
-# Log evidence by which alike mistakes may stay behind the best and still be listed, and lead over coefficients
+# Log evidence by which alike mistakes may lie behind the best and still be listed, and lead over coefficients
 # of a wider prior from which on it is either: these hold every mistake of the rows, at a price.
 ALIKE = 3.0
 MOST_LISTED = 3
