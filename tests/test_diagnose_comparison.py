@@ -313,3 +313,25 @@ def test_a_refit_that_is_worse_with_a_form_than_without_begins_again_where_it_en
     assert told == [("a", 100.0), ("b", 60.0), ("c", 10.0), ("d", 100.0)]
     part = replace(single, gains=tuple("abc"))  # d is part of the form
     assert len(comparison._arrived(problem, part, known, lambda text: None).refits) == 3
+
+
+def test_runs_are_kept_by_the_sorted_names_of_a_set_and_of_refits_that_follow_the_data(monkeypatch):
+    """The keys under which weighing looks them up, whatever order the search found the effects in."""
+    monkeypatch.setattr(comparison, "axes_of", lambda problem, name: frozenset("N"))
+    monkeypatch.setattr(comparison, "by_kinematics", lambda problem, c: Plain(evidence=0.0))
+    monkeypatch.setattr(comparison, "readable", lambda problem, effect, table: False)
+    monkeypatch.setattr(comparison, "form_gain", lambda problem, best, axes=None: 40.0)
+    monkeypatch.setattr(comparison, "left_out", lambda equations: equations)
+    refits = [
+        hypothesis(300.0, "wind", "lag"),
+        hypothesis(290.0, "lag", "wind"),
+        hypothesis(200.0, "lag", chi2=9.0),
+    ]
+    refits += [hypothesis(400.0, "coefficient_error:N_r")]
+    for k, c in enumerate(refits):
+        c.fit.equations = np.full(4, float(k))
+    problem = Plain(model=Plain(kernel=Plain(effects=())))
+    found = comparison._form_error(problem, refits[0], refits, 100.0)
+    assert list(found.by_run) == [("lag", "wind")]
+    assert np.all(found.by_run[("lag", "wind")] == 0.0)  # of two searches of one set, the better
+    assert found.leaves == 50.0

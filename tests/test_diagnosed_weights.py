@@ -5,12 +5,15 @@ from types import SimpleNamespace as Plain
 import numpy as np
 import pytest
 
-from bayesid.diagnosis.diagnosed_model import _chosen, _log_weight
+from bayesid.diagnosis.diagnosed_model import _chosen, _log_weights
 from bayesid.diagnosis.hypotheses.probabilities import FormError
 
 
 def refit(log_evidence, *effects):
-    return Plain(effects=effects, log_evidence=log_evidence, fit=Plain(log_evidence=log_evidence))
+    widens = bool(effects) and effects[0].startswith("coefficient_error")
+    return Plain(
+        effects=effects, log_evidence=log_evidence, fit=Plain(log_evidence=log_evidence), widens=widens
+    )
 
 
 NONE, LAG, WIND = refit(0.0), refit(900.0, "lag"), refit(880.0, "wind")
@@ -31,8 +34,18 @@ def test_a_model_form_is_predicted_by_what_its_answer_shows():
 @pytest.mark.parametrize("leaves, odds", [(60.0, 0.5 / 0.4), (0.0, np.exp(20.0))])
 def test_draws_are_as_sure_of_the_cause_as_the_verdict(leaves, odds):
     """Beside a form 20 nats are worth what the verdict made of them; where the equations hold, 20 nats."""
-    found = comparison(leaves)
-    lag, wind = (_log_weight(found, c, c.log_evidence, 0.01) for c in (LAG, WIND))
+    lag, wind = _log_weights(comparison(leaves), [LAG, WIND], [900.0, 880.0], 0.01)
     assert np.exp(lag - wind) == pytest.approx(odds)
-    if leaves:
-        assert _log_weight(found, refit(5000.0, "stall"), 5000.0, 0.01) == -np.inf
+
+
+def test_beside_a_form_refits_of_one_name_share_its_probability():
+    found = comparison(60.0)
+    found.sets = {("none",): 0.1, ("lag", "wind"): 0.3, ("coefficient_error",): 0.6}
+    pair = refit(900.0, "wind", "lag")
+    wide = [refit(700.0, "coefficient_error:N_v"), refit(702.0, "coefficient_error:N_r")]
+    weights = np.exp(_log_weights(found, [NONE, pair, *wide], [0.0, 900.0, 700.0, 702.0], 0.01))
+    assert weights[:2] == pytest.approx([0.1, 0.3])
+    assert weights[2:].sum() == pytest.approx(0.6)
+    assert weights[3] / weights[2] == pytest.approx(np.exp(2.0))
+    found.sets = {("outside",): 1.0}  # nothing of what can be drawn has any: evidence is left
+    assert np.all(np.isfinite(_log_weights(found, [NONE, pair], [0.0, 900.0], 0.01)))

@@ -102,6 +102,19 @@ def test_an_explanation_that_predicts_worse_than_as_given_stands_in_the_box():
     assert any("worse" in text for text in report.failures)
 
 
+@pytest.mark.parametrize("word", ["model_form", "coefficients", "none"])
+def test_a_re_tuned_model_that_predicts_worse_stands_there_too_where_predictions_draw_it(word):
+    worse = a_run(position=(10.0, 90.0, 90.0))
+    found = a_result(word, (), (), 0.0, runs=(worse,))
+    said = failures(found)
+    if word == "none":  # what is drawn then is the simulator as given
+        assert said == ()
+        return
+    assert "re-tuned model predicts 1 of 1 held-out runs worse" in said[0] and "90 m" in said[0]
+    assert "Do not predict" in " ".join(answer(found).steps)
+    assert failures(replace(found, retuning=Retuning(False, -0.1, 0.05, {}))) == ()
+
+
 def test_runs_that_disagree_a_fit_that_stopped_and_absurd_coefficients_stand_in_the_box():
     assert "disagree" in failures(a_result(runs_agree=1e-6))[0] and failures(a_result(runs_agree=0.2)) == ()
     stopped = replace(a_result(), refits=(Refit(("wind",), 50.0, 1.0, False, {}),))

@@ -253,6 +253,16 @@ def test_published_ships_lie_within_the_prior_widths_of_their_data_sheets(name, 
     assert np.mean(np.abs(list(z.values())) < 2.0) >= 0.85, z
 
 
+def test_a_slender_hull_in_a_turn_is_not_pushed_ahead_by_more_than_its_added_mass():
+    """Container ship S175: X_vr' total 0.08 (Son and Nomoto 1981), well below m_y'."""
+    sheet = SHIP_EXAMPLE | {
+        "length": 175.0, "breadth": 25.4, "draught": 8.5, "mass": 21222.0 * 1025.0, "speed": 12.0,
+        "propeller_diameter": 6.5, "rudder_area": 33.04, "rudder_span": 7.7,
+    }  # fmt: skip
+    coef = estimate_ship(ship_sheet_of(sheet, "s175")).vehicle.coef
+    assert 0.5 * 0.08 < coef["X_vr"] < min(1.5 * 0.08, -coef["Y_vdot"])
+
+
 def test_added_mass_of_a_ship_is_that_of_the_charts():
     """KVLCC2: m_x' 0.022, m_y' 0.223, J_z' 0.011 (Yasukawa and Yoshimura 2015, by Motora's charts)."""
     coef = estimate_ship(ship_sheet_of(SHIP_EXAMPLE, "x")).vehicle.coef

@@ -20,10 +20,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.linalg import block_diag
+from scipy.special import logsumexp
 
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.evidence.explained_model import as_stated
-from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis
+from bayesid.diagnosis.hypotheses.candidate import COEFFICIENT_ERROR, RefittedHypothesis
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.verdict import NAMING, Verdict, simplest
 from bayesid.diagnosis.threshold_table import PRIOR_CATALOGUE, PRIOR_NONE
@@ -139,16 +140,17 @@ def diagnosed_model(
     """
     chosen = _chosen(candidates, verdict)
     each = PRIOR_CATALOGUE / (len(problem.model.causes) + 1)
-    fits, weights = [], []
+    fits, evidences = [], []
     for c in chosen:
         fitted, evidence = _with_remainder(problem, c.fit)
         if not retuned and (stated := as_stated(problem, c)) is not None:
             fitted, _ = _with_remainder(problem, stated)
         fits.append(fitted)
-        weights.append(_log_weight(candidates, c, evidence, each))
-    if not np.isfinite(max(weights)):
+        evidences.append(evidence)
+    weights = _log_weights(candidates, chosen, evidences, each)
+    if not np.isfinite(weights.max()):
         raise ModelError(NOT_LINEARISABLE)
-    share = np.exp(np.array(weights) - max(weights))
+    share = np.exp(weights - weights.max())
     share = np.where(share >= LEAST_WEIGHT * share.sum(), share, 0.0)
     share /= share.sum()
     hypotheses = tuple(
@@ -195,22 +197,29 @@ def _chosen(c: HypothesisComparison, verdict: Verdict) -> list[RefittedHypothesi
     return [*best, *exact] if named and able else [simplest(c)] if named else [c.none, *best]
 
 
-def _log_weight(
-    candidates: HypothesisComparison, c: RefittedHypothesis, evidence: float, each: float
-) -> float:
-    """Logarithm of what an explanation weighs, up to a constant; beside a form, where evidence between causes
-    is worth less than it says, its probability.
+def _log_weights(
+    candidates: HypothesisComparison,
+    chosen: Sequence[RefittedHypothesis],
+    evidence: Sequence[float],
+    each: float,
+) -> Array:
+    """Logarithm of what each explanation weighs, up to a constant; beside a form, where evidence between
+    causes is worth less than it says, its probability, which refits of one name share by evidence.
 
     Parameters
     ----------
-    evidence : log evidence of its fit under the disturbance its residuals call for
+    evidence : log evidence of each fit under the disturbance its residuals call for
     each : prior of one effect
     """
+    own = np.array([e + c.log_evidence - c.fit.log_evidence for e, c in zip(evidence, chosen, strict=True)])
     if candidates.error.leaves > 0.0:
-        share = candidates.sets.get(tuple(sorted(c.effects)) or ("none",), 0.0)
-        return float(np.log(share)) if share > 0.0 else -np.inf
-    prior = each ** len(c.effects) if c.effects else PRIOR_NONE
-    return evidence + c.log_evidence - c.fit.log_evidence + float(np.log(prior))
+        keys = [(COEFFICIENT_ERROR,) if c.widens else tuple(sorted(c.effects)) or ("none",) for c in chosen]
+        told = np.array([candidates.sets.get(key, 0.0) for key in keys])
+        if np.any(told > 0.0):
+            alike = [logsumexp([o for o, k in zip(own, keys, strict=True) if k == key]) for key in keys]
+            with np.errstate(divide="ignore"):
+                return np.log(told) + own - np.array(alike)
+    return own + np.log([each ** len(c.effects) if c.effects else PRIOR_NONE for c in chosen])
 
 
 def _hypothesis(

@@ -33,9 +33,10 @@ def failures(result: Result) -> tuple[str, ...]:
     if failed := predicts_worse(result):
         rows = error_rows(failed[0])
         held = sum(run.role == "holdout" for run in result.runs)
+        what, so, k = ("The explanation", "with it", 2) if used else ("The re-tuned model", "re-tuned", 1)
         out.append(
-            f"The explanation predicts {len(failed)} of {held} held-out runs worse than the simulator as "
-            f"given (with it, {failed[0].run} {missed(rows, 2)}; as given, {missed_too(rows, 0, 2)}): do "
+            f"{what} predicts {len(failed)} of {held} held-out runs worse than the simulator as "
+            f"given ({so}, {failed[0].run} {missed(rows, k)}; as given, {missed_too(rows, 0, k)}): do "
             "not rely on it."
         )
     if lost := diverging(result):
@@ -59,10 +60,14 @@ def failures(result: Result) -> tuple[str, ...]:
 
 
 def predicts_worse(result: Result) -> list[RunError]:
-    """Held-out runs that the explanation predicts worse than the simulator as given."""
-    if not explanation(result):
+    """Held-out runs that the explanation predicts worse than the simulator as given, or the re-tuned model
+    where no effect is in it and predictions draw it.
+    """
+    k = 2 if explanation(result) else 1
+    as_given = result.verdict == "none" or (result.retuning is not None and not result.retuning.kept)
+    if k == 1 and as_given:
         return []
-    return [run for run in result.runs if run.role == "holdout" and worse(error_rows(run))]
+    return [run for run in result.runs if run.role == "holdout" and worse(error_rows(run), k)]
 
 
 def diverging(result: Result) -> list[str]:

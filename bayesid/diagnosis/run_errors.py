@@ -98,11 +98,11 @@ def closes(errors: tuple[ErrorRow, ...], before: int, after: int) -> bool:
     )
 
 
-def worse(rows: tuple[ErrorRow, ...]) -> bool:
-    """Whether position (else the first error there is) is missed by more than as given."""
+def worse(rows: tuple[ErrorRow, ...], model: int = 2) -> bool:
+    """Whether one model misses position (else the first error there is) by more than as given."""
     if not rows:
         return False
-    given, now = rows[0].values[0], rows[0].values[-1]
+    given, now = rows[0].values[0], rows[0].values[model]
     return math.isfinite(given) and not now <= WORSE * given
 
 

@@ -266,7 +266,7 @@ def jackknife(fitted: FilterErrorFit) -> Array:
 
 def widened_by_few(runs: int) -> float:
     """What a standard deviation estimated from a number of runs is short of: the 95 % point of Student's t
-    with one degree of freedom less, over that of a normal (Tukey 1958).
+    with one degree of freedom less, over that of a normal (Tukey 1958). One or two runs tell none.
     """
     return float(stdtrit(max(runs - 1, 1), 0.975) / ndtri(0.975))
 

@@ -239,7 +239,7 @@ def weigh(
         )
         left_by = Remainder(rest, shows, share, where.kept(after))
     places = {e.name: e.where for e in single.effects}
-    error = _form_error(problem, best, [none, *refits], beside)
+    error = _form_error(problem, best, refits, beside)
     weights = probabilities(evidence, refits, none, where, excess, left_by, places, error)
     return HypothesisComparison(
         none,
@@ -310,7 +310,7 @@ def _form_error(
     if beside <= 0.0:
         return NO_ERROR
     causes = [c for c in refits if not c.widens]
-    sets = [c.effects for c in causes]
+    sets = [(), *(c.effects for c in causes)]
     axes = {n: axes_of(problem, n) for key in sets for n in key}
     alone: dict[tuple[str, ...], float] = {}
     by_run: dict[tuple[str, ...], np.ndarray] = {}

@@ -201,7 +201,7 @@ def probabilities(
     excess : how much the runs disagree about the best explanation, chi-square over its degrees of freedom. A
         form that is not quite right says that there is a gap, but not in all its nats which cause: what a
         cause lags behind the best is divided by it (quasi-likelihood; Wedderburn 1974). Not beside a form:
-        there the runs are asked about every two causes (`FormError.behind`).
+        there the runs are asked about every two causes whose refits follow the data (`FormError.behind`).
     left : what the best explanation leaves, if this was asked
     places : effect -> where it can act. What a second effect mends where the first acts may be the first in
         another form.

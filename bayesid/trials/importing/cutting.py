@@ -153,7 +153,8 @@ def _late(t: Floats, rudder: Floats, psi: Floats, ends: np.ndarray, size: float)
             before = max(int(end) - 1, 0)
             rate = abs(float(psi[end] - psi[before])) / max(float(t[end] - t[before]), 1e-9)
             turned.append(SERVO * float(t[other] - t[end]) * rate)
-    return float(np.nanmedian(turned)) if turned else 0.0
+    kept = [value for value in turned if np.isfinite(value)]  # a heading may be missing where it switches
+    return float(np.median(kept)) if kept else 0.0
 
 
 def _ordered_heading(seen: float, late: float, error: float, degrees: int) -> int:

@@ -29,7 +29,7 @@ CLOCKED, UNCLEAR = ("track", "yaw", "depth", "pitch", "roll"), 0.2
 CLOCK_FLOOR = 0.001  # to which scales are known at best
 # Delays tried, in L/U; shorter ones are the catalogue's latency
 DELAYS = (4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0)
-# Heading and yaw rate have no latency in the catalogue: from one sample on, where that is as long as
+# Heading and yaw rate have no latency in the catalogue: shorter ones too, from one sample on [L/U]
 SHORT_DELAYS, SHORTLY_LATE = (0.5, 1.0, 2.0, 3.0), ("psi", "r")
 LATE = {"u, v": ("u", "v", "w"), "psi": ("psi",), "r": ("r",), "x, y": ("x", "y")}
 BETTER = 0.8  # residual after over before: a delay that is there is worth more than noise

@@ -17,7 +17,7 @@ from bayesid.model.vehicles.new.ship_sheet import ShipSheet
 from bayesid.model.vehicles.stability import self_propulsion_speed
 from bayesid.model.vehicles.vehicle import GRAVITY, CoefficientPrior, Propulsion, Vehicle
 
-MOTORA, CLARKE = "Motora's charts as fitted by Zhou (1983)", "m_x of Zhou (1983)"
+MOTORA, ZHOU = "Motora's charts as fitted by Zhou (1983)", "m_x of Zhou (1983)"
 DATABASE = "Yoshimura and Masumoto 2012"
 KIJIMA, FUJII, HIRANO = "Kijima 1990", "Fujii and Tuda 1961", "Hirano 1980"
 RESISTANCE = "ITTC-57, form factor of Watanabe, wetted area of Mumford"
@@ -33,6 +33,7 @@ SHIP_REFERENCES = (
 #: roughness and appendages over a smooth hull; places of propeller and rudder over L; slowest and fastest
 #: shaft speed searched [rpm]
 ALLOWANCE, AT_STERN, RPM_RANGE = 1.15, -0.5, (0.1, 1e5)
+NOT_HELD = 0.02  # logarithm of thrust over resistance from which the design speed is not held
 MOST_MISSING = 2.5  # factor of the thrust from which rpm, pitch or speed is taken to be wrong
 
 
@@ -112,20 +113,20 @@ def _added_mass(sheet: ShipSheet, parts: Parts) -> None:
         min(max(across, 0.4), 1.3),
         min(max(radius, 0.12), 0.3),
     )
-    parts.add("X_udot", -ahead * mass, 0.4, CLARKE)
+    parts.add("X_udot", -ahead * mass, 0.4, ZHOU)
     parts.add("Y_vdot", -across * mass, 0.15, MOTORA)
     parts.add("N_rdot", -(radius**2) * mass, 0.25, MOTORA)
 
 
 def _hull(sheet: ShipSheet, parts: Parts) -> None:
-    """Rows over U; widths [prime] are how far published sets of ships scatter about the formulas."""
+    """Rows over U; widths [prime] are about how far published sets of two tankers lie from the formulas."""
     slender, _, aspect, block, full = _ratios(sheet)
     m_x, m_y = -parts.value("X_udot"), -parts.value("Y_vdot")
     x_G = sheet.number("x_G") / sheet.number("length")
     rows = {
         "X_vv": (1.15 * full - 0.18, 0.04),
-        # the rigid-body side of the equations has m v r alone: m_y' stands here
-        "X_vr": (2 * m_y - 1.91 * full + 0.08, 0.1),
+        # X_beta r - m_y' of the database: beta = -v, and the rigid-body side of the equations has m v r alone
+        "X_vr": (1.91 * full - 0.08, 0.1),
         "X_rr": (-0.085 * full + 0.008 - x_G * m_y, 0.02),
         "X_vvvv,U": (1.1 - 6.68 * full, 0.5),
         "Y_v,U": (-(0.5 * math.pi * aspect + 1.4 * full), 0.07),
@@ -190,7 +191,13 @@ def _propeller(sheet: ShipSheet, parts: Parts) -> str:
     if rpm is not None and pitch is None:
         ratios = [0.3 + 0.001 * k for k in range(1701)]
         pitch = min(ratios, key=lambda p: abs(math.log(_held(sheet, parts, p, rpm))))
-        told = f"a pitch ratio of {pitch:.2f} holds the design speed at {rpm:g} rpm"
+        if abs(math.log(_held(sheet, parts, pitch, rpm))) < NOT_HELD:
+            told = f"a pitch ratio of {pitch:.2f} holds the design speed at {rpm:g} rpm"
+        else:
+            told = (
+                f"no pitch ratio from {ratios[0]:g} to {ratios[-1]:g} holds the design speed at {rpm:g} rpm, "
+                f"{pitch:.2f} is nearest: check rpm, propeller_diameter and speed; the speed is not held"
+            )
     elif rpm is not None and pitch is not None:
         told = _shared(sheet, parts, pitch, rpm)
     assert pitch is not None
@@ -233,9 +240,13 @@ def _shared(sheet: ShipSheet, parts: Parts, pitch: float, rpm: float) -> str:
     if rest > 1e-2:  # the wake has no more to give
         parts.add("X_0,U", parts.value("X_0,U") * (_held(sheet, parts, pitch, rpm) - 1.0), 0.0, source)
     parts.of["w_P0"] = [replace(usual, value=wake, source=f"{usual.source} {source}")]
+    parts.of["c_P"] = [replace(row, value=4.0 * wake) for row in parts.of["c_P"]]
+    share = f"half to the wake ({wake:.2f})"
+    if rest > 1e-2:
+        share = f"to the wake what it has ({wake:.2f}), the rest to the resistance again"
     return (
         f"at {rpm:g} rpm and the design speed the propeller overcomes {ratio:.2f} times the resistance of "
-        f"the formulas; half of what is missing is given to the resistance, half to the wake ({wake:.2f})"
+        f"the formulas; half of what is missing is given to the resistance, {share}"
     )
 
 
@@ -260,7 +271,10 @@ def _comments(parts: Parts, coef: dict[str, float]) -> dict[tuple[str, str], str
         ("vehicle", "r_G"): "m from midship, which is the origin",
         ("vehicle", "Izz"): "kg m2, about midship: m (k_zz^2 + x_G^2)",
         ("vehicle", "L"): "m between perpendiculars",
-        ("prior", "relative_sd"): "one sigma over |value|: how far published sets of ships scatter",
+        (
+            "prior",
+            "relative_sd",
+        ): "one sigma over |value|: how far published sets of two tankers lie from the formulas",
     }
 
 
