@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,8 +22,7 @@ from bayesid.api.inputs import (
 )
 from bayesid.api.result import Result, table
 from bayesid.diagnosis.answer import answer
-from bayesid.diagnosis.diagnosed_model import write_diagnosed
-from bayesid.diagnosis.failed_checks import failures
+from bayesid.diagnosis.diagnosed_model import diagnosed_model_of, write_diagnosed
 from bayesid.diagnosis.input import check_trial, mended, not_enough
 from bayesid.diagnosis.run import Diagnosis
 from bayesid.diagnosis.run import diagnose as run
@@ -207,8 +206,7 @@ class DiagnoseResult(Result):
         target.mkdir(parents=True, exist_ok=True)
         write_json(target / "diagnosis.json", self._record)
         if self.found.diagnosed is not None:
-            failed = failures(self.found.result)
-            write_diagnosed(replace(self.found.diagnosed, failed_checks=failed), target)
+            write_diagnosed(diagnosed_model_of(self.found), target)
         if self.found.posterior is not None:
             self.found.posterior.posterior.to_netcdf(target / "posterior.nc")
         report = write_diagnosis_report(self.found.result, target)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,7 +28,6 @@ from bayesid.diagnosis.diagnosed_model import (
     read_diagnosed,
     write_diagnosed,
 )
-from bayesid.diagnosis.failed_checks import failures
 from bayesid.diagnosis.input import check_trial
 from bayesid.diagnosis.run import diagnose
 from bayesid.errors import BayesidError, ModelError, TrialError
@@ -166,7 +165,7 @@ def _model(
     diagnosis = diagnose(
         with_shaft_speed(trial, model.vehicle), model, seed=seed, notify=progress.note, plan_next=False
     )
-    found = replace(diagnosed_model_of(diagnosis), failed_checks=failures(diagnosis.result))
+    found = diagnosed_model_of(diagnosis)
     if out is not None:
         write_diagnosed(found, out)
     return found

@@ -12,6 +12,7 @@ import os
 import signal
 import sys
 import threading
+import time
 from contextlib import suppress
 from types import FrameType
 from typing import NoReturn
@@ -25,6 +26,7 @@ TIDY = 2.0  # s at most for giving back what other processes share
 # destructor, where Python drops it), and the process ends where it is: files are written whole or not at all
 GRACE = 10.0
 _asked: int | None = None
+_at_work: list[threading.Thread] = []  # held, since a thread that ends is listed no more while it tidies up
 
 
 class Stopped(KeyboardInterrupt):
@@ -57,8 +59,9 @@ def leave(status: int) -> NoReturn:
 
 
 def _on_signal(number: int, frame: FrameType | None) -> None:
-    global _asked
-    _asked = number
+    global _asked, _at_work
+    _asked, _at_work = number, threading.enumerate()
+    threading.excepthook = _nothing  # a thread whose workers were ended has no error of its own to tell
     for each in (signal.SIGINT, signal.SIGTERM):
         signal.signal(each, _at_once)
     if _importing(frame):  # an interrupted import surfaces as any error, or as none; nothing is half done yet
@@ -85,15 +88,24 @@ def _end(status: int) -> NoReturn:
         # Semaphores go back, else their tracker warns after the last word. Within an import this may hang.
         tidy = threading.Thread(target=atexit._run_exitfuncs, daemon=True)
         tidy.start()
-        tidy.join(TIDY)
+        last = time.monotonic() + TIDY
+        # a thread of a pool may be giving back one of them at this moment
+        for thread in (tidy, *filter(_of_a_pool, _at_work)):
+            thread.join(max(0.0, last - time.monotonic()))
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError, RuntimeError):
             stream.flush()
     os._exit(status)
 
 
-def _nothing() -> None:
-    """Stands in for what is not there yet."""
+def _of_a_pool(thread: threading.Thread) -> bool:
+    kind = type(thread).__module__
+    pool = kind.startswith("concurrent.futures") or thread.name.startswith("QueueFeederThread")
+    return pool and thread is not threading.current_thread()
+
+
+def _nothing(*_: object) -> None:
+    """Stands in for what is not there yet, or has nothing to say."""
 
 
 def _importing(frame: FrameType | None) -> bool:

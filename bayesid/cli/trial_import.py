@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from bayesid.cli.options import OutFolder, Verbose, claimed
-from bayesid.words import counted
+from bayesid.words import counted, first_few
 
 if TYPE_CHECKING:
     from bayesid.trials.importing import LogMap, Proposal
@@ -248,8 +248,7 @@ def _say(proposal: Proposal, out: Path) -> None:
         )
     remarks = list(proposal.remarks)
     if proposal.unused:
-        more = f" and {len(proposal.unused) - 8} more" if proposal.unused[8:] else ""
-        remarks.insert(0, f"not used: {', '.join(map(repr, proposal.unused[:8]))}{more}")
+        remarks.insert(0, f"not used: {first_few(map(repr, proposal.unused), 8)}")
     for head, texts in (
         ("Questions, most important first:", found.questions),
         ("Taken for granted:", remarks),

@@ -9,10 +9,11 @@ import math
 from dataclasses import dataclass
 
 from bayesid.diagnosis.failed_checks import (
+    MOST_RUNS,
     diverging,
     explanation,
     failures,
-    listed,
+    prediction_step,
     predicts_worse,
 )
 from bayesid.diagnosis.hypotheses.rules import NAMING
@@ -33,6 +34,7 @@ from bayesid.diagnosis.run_errors import (
     worse,
 )
 from bayesid.diagnosis.simulator_words import mistake_certainty, mistake_sentence, mistake_steps
+from bayesid.words import first_few
 
 RMS = " (rms)"
 LARGE_HEADING = 10.0  # degrees rms; a simulator that misses by more is not said to agree
@@ -340,9 +342,7 @@ def _certainty(result: Result) -> tuple[str, ...]:
     out.append(_proof(result))
     if result.verdict == "none" and result.unseen:
         out.append(
-            f"These runs would hardly show {_list(list(result.unseen)[:6])}"
-            + (f" and {len(result.unseen) - 6} more" if len(result.unseen) > 6 else "")
-            + " at their usual size."
+            f"These runs would hardly show {first_few(map(in_words, result.unseen), 6)} at their usual size."
         )
     return tuple(out)
 
@@ -393,12 +393,7 @@ def _steps(result: Result) -> tuple[str, ...]:
         out.append(
             f"Run next: {in_words(best.name)}, {best.duration:.0f} s, which tells best what is still open."
         )
-    lost = diverging(result)
-    if lost or predicts_worse(result):
-        why = f"its simulation of {listed(lost)} diverges" if lost else "it predicts held-out runs worse"
-        out.append(f"Do not predict with THIS_FOLDER: {why}.")
-    else:
-        out.append(
-            "`bayesid predict BUNDLE MANOEUVRE --model THIS_FOLDER` says, with a band, what to expect."
-        )
-    return tuple(out)
+    why_not = "it predicts held-out runs worse" if predicts_worse(result) else ""
+    if lost := diverging(result):
+        why_not = f"its simulation of {first_few(lost, MOST_RUNS)} diverges"
+    return (*out, prediction_step(why_not))

@@ -24,6 +24,7 @@ from scipy.special import logsumexp
 
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.evidence.explained_model import as_stated
+from bayesid.diagnosis.failed_checks import failures
 from bayesid.diagnosis.hypotheses.candidate import COEFFICIENT_ERROR, RefittedHypothesis
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.verdict import NAMING, Verdict, simplest
@@ -162,9 +163,10 @@ def diagnosed_model(
 
 
 def diagnosed_model_of(d: Diagnosis) -> DiagnosedModel:
-    """The diagnosed model of a diagnosis: the one it holds, else made now."""
+    """The diagnosed model of a diagnosis, with the checks it failed: the one it holds, else made now."""
     retuned = d.result.retuning is None or d.result.retuning.kept
-    return d.diagnosed or diagnosed_model(d.problem, d.candidates, d.verdict, d.trial.digest, retuned)
+    found = d.diagnosed or diagnosed_model(d.problem, d.candidates, d.verdict, d.trial.digest, retuned)
+    return replace(found, failed_checks=failures(d.result))
 
 
 def fitted_model(

@@ -6,12 +6,13 @@ Takes a `Result`. Does not compute or draw.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import RunError
 from bayesid.diagnosis.run_errors import error_rows, missed, missed_too, worse
 from bayesid.diagnosis.threshold_table import DISAGREEMENT_P_VALUE
+from bayesid.words import first_few
 
 # Verdicts that stand on no effect: what is shown as explained has none, though one may gain by chance.
 NEEDS_NONE = ("none", "model_form")
@@ -41,7 +42,8 @@ def failures(result: Result) -> tuple[str, ...]:
         )
     if lost := diverging(result):
         what = "With the explanation" if used else "Re-tuned"
-        out.append(f"{what}, the simulation of {listed(lost)} diverges: nothing can be predicted with it.")
+        runs = first_few(lost, MOST_RUNS)
+        out.append(f"{what}, the simulation of {runs} diverges: nothing can be predicted with it.")
     if used and result.runs_agree is not None and result.runs_agree < DISAGREEMENT_P_VALUE:
         out.append(
             "The runs disagree about its size: that one and the same cause acts in all of them has "
@@ -77,10 +79,11 @@ def diverging(result: Result) -> list[str]:
     return [run.run for run in lost]
 
 
-def listed(names: Sequence[str]) -> str:
-    """The first few names and how many more."""
-    more = len(names) - MOST_RUNS
-    return ", ".join(names[:MOST_RUNS]) + (f" and {more} more" if more > 0 else "")
+def prediction_step(why_not: str = "") -> str:
+    """What to do next with what was written: predict, or not."""
+    if why_not:
+        return f"Do not predict with THIS_FOLDER: {why_not}."
+    return "`bayesid predict BUNDLE MANOEUVRE --model THIS_FOLDER` says, with a band, what to expect."
 
 
 def far_off(result: Result) -> str:
@@ -120,9 +123,8 @@ def out_of_reason(moved: Mapping[str, tuple[float, float, float]]) -> str:
         if sds > FAR_OFF or (sds > UNLIKELY and change > MOST_CHANGED * abs(given) > 0.0):
             far[name] = sds
     told = []
-    for name in sorted(far, key=lambda n: -far[n])[:MOST_FAR]:
+    for name in sorted(far, key=lambda n: -far[n]):
         given, found, _ = moved[name]
         share = f", {100 * (found - given) / given:+.0f} %" if given else ""
         told.append(f"{name} by {far[name]:.0f} times its stated uncertainty{share}")
-    more = f" and {len(far) - MOST_FAR} more" if len(far) > MOST_FAR else ""
-    return ", ".join(told) + more
+    return first_few(told, MOST_FAR)

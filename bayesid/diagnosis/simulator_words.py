@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import SimulatorMistakeFound
+from bayesid.words import first_few
 
 MOST_NUMBERS = 4
 
@@ -53,11 +54,8 @@ def mistake_steps(result: Result) -> tuple[str, ...]:
 def mend_words(m: SimulatorMistakeFound) -> str:
     """Numbers that would be right, the largest changes first."""
     ranked = sorted(m.numbers, key=lambda n: -_change(m, n))
-    told = [f"{n} = {m.numbers[n]:.4g} instead of {m.given[n]:.4g}" for n in ranked[:MOST_NUMBERS]]
-    more = len(ranked) - len(told)
-    if not told:
-        return f"{m.name}"
-    return f"{m.name}: {', '.join(told)}" + (f" and {more} more" if more > 0 else "")
+    told = [f"{n} = {m.numbers[n]:.4g} instead of {m.given[n]:.4g}" for n in ranked]
+    return f"{m.name}: {first_few(told, MOST_NUMBERS)}" if told else m.name
 
 
 def _change(m: SimulatorMistakeFound, name: str) -> float:

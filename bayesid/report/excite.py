@@ -20,6 +20,7 @@ from bayesid.report import excite_figures as figures
 from bayesid.report import excite_first_screen as screen
 from bayesid.report.writer import Block, Figure, Report, Section, Table, Text, literal
 from bayesid.trials import Trial
+from bayesid.words import first_few
 
 TERM_COLUMNS = (
     "term", "status", "inclusion", *coefficient_cells.COLUMNS, "sd [%]", "share of force", "margin",
@@ -43,8 +44,7 @@ def term_rows(
 
 
 def _row(w: RowSelection, vehicle: Vehicle | None) -> list[Any]:
-    group = [n for n in w.group if n != w.name]
-    others = ", ".join(group[:_MANY]) + (f" and {len(group) - _MANY} more" if len(group) > _MANY else "")
+    others = first_few((n for n in w.group if n != w.name), _MANY)
     margin = w.margin if w.margin > 0 else None
     known = math.isfinite(w.value)
     value = coefficient_cells.cells(vehicle, w.name, w.value) if known else [None] * 3

@@ -15,6 +15,7 @@ from bayesid.model.vehicles import Vehicle
 from bayesid.report import coefficient_cells
 from bayesid.report import excite_figures as figures
 from bayesid.report.writer import Block, Figure, Table
+from bayesid.words import first_few
 
 COLUMNS = (
     "term or group", "PySINDy", "draws that keep it", "margin [nats]", "prime", "sd [%]", "share of force",
@@ -130,5 +131,4 @@ def _named(g: TermGroup) -> str:
     if len(g.names) == 1:
         return g.names[0]
     order = [*g.in_model, *(n for n in g.names if n not in g.in_model)]
-    more = f" and {len(order) - MOST_NAMED} more" if len(order) > MOST_NAMED else ""
-    return "{" + ", ".join(order[:MOST_NAMED]) + more + "}"
+    return "{" + first_few(order, MOST_NAMED) + "}"

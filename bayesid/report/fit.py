@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from bayesid.diagnosis.failed_checks import prediction_step
 from bayesid.estimation.likelihood.posterior import CONFLICT
 from bayesid.estimation.likelihood.predictive_check import MISSED, missed
 from bayesid.estimation.output_error import Fit
@@ -119,17 +120,10 @@ def next_steps(found: TrialFit) -> list[str]:
         out.append("No run was held out: keep one back (`--runs`, role `holdout`) to see what it is worth.")
     if noise_of(found.runs) > MISFIT:
         out.append("Residuals are several times the noise: `bayesid diagnose BUNDLE` asks for the cause.")
-    lost, worse = first_screen.diverging(found), holdout_words(found.runs)
-    if lost or worse:
-        why = (
-            "its simulation diverges" if lost else "it predicts held-out runs worse than the vehicle as given"
-        )
-        out.append(f"Do not predict with THIS_FOLDER: {why}.")
-    else:
-        out.append(
-            "`bayesid predict BUNDLE MANOEUVRE --model THIS_FOLDER` says, with a band, what to expect."
-        )
-    return out
+    why_not = "it predicts held-out runs worse than the vehicle as given" if holdout_words(found.runs) else ""
+    if first_screen.diverging(found):
+        why_not = "its simulation diverges"
+    return [*out, prediction_step(why_not)]
 
 
 def noise_of(runs: tuple[RunOutcome, ...]) -> float:

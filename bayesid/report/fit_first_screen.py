@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from bayesid.diagnosis.failed_checks import listed, out_of_reason
+from bayesid.diagnosis.failed_checks import MOST_RUNS, out_of_reason
 from bayesid.diagnosis.plain_words import number
 from bayesid.diagnosis.run_errors import ErrorRow, miss, missed, missed_too, name_of_run
 from bayesid.estimation.trial_fit import RunOutcome, TrialFit
@@ -18,7 +18,7 @@ from bayesid.report.fit_effects import effect_words
 from bayesid.report.writer import Block, Figure, Row, Section, Table, Text, literal
 from bayesid.simulation import shaft_speed_note
 from bayesid.trials.noise_stated import noise_warning
-from bayesid.words import counted
+from bayesid.words import counted, first_few
 
 LABELS = ("as given", "as found")
 MOST_MOVED = 4
@@ -100,8 +100,8 @@ def failures(found: TrialFit, others: list[str]) -> list[str]:
     out = [] if found.fit.converged else ["The search did not converge; the coefficients are not final."]
     if lost := diverging(found):
         out.append(
-            f"With the coefficients found, the simulation of {listed(lost)} diverges: nothing can be "
-            "predicted with them."
+            f"With the coefficients found, the simulation of {first_few(lost, MOST_RUNS)} diverges: nothing "
+            "can be predicted with them."
         )
     if far := out_of_reason(_stated(found)):
         out.append(
@@ -110,9 +110,8 @@ def failures(found: TrialFit, others: list[str]) -> list[str]:
         )
     left = [d.name for d in found.fit.flat if d.decided_by != "prior"]
     if left:
-        some = "; ".join(f"`{n}`" for n in left[:2])
-        more = f" and {len(left) - 2} more" if len(left) > 2 else ""
-        out.append(f"These runs do not determine {counted(len(left), 'combination')}: {some}{more}.")
+        some = first_few((f"`{n}`" for n in left), 2, "; ")
+        out.append(f"These runs do not determine {counted(len(left), 'combination')}: {some}.")
     for wrong in filter(None, (shaft_speed_note(found.trial), noise_warning(found.trial))):
         out.append(f"{wrong[0].upper()}{wrong[1:]}.")
     return out + others

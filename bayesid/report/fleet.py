@@ -11,6 +11,7 @@ from typing import Any
 
 from bayesid.diagnosis.fleet import CHANGED, COMMON, SharedEffect, SharedParameter
 from bayesid.report.writer import Report, Section, Table, Text, literal
+from bayesid.words import first_few
 
 FEW = 6  # bundles named in a cell
 
@@ -74,7 +75,7 @@ def _effects(effects: Sequence[SharedEffect]) -> list[Any]:
     if not effects:
         return [Text("No effect acts, more probably than not, in any bundle.")]
     rows = [
-        [s.vehicle or "all", _name(s.effect), f"{s.acting}/{s.bundles}", s.mean, _few(s.names)]
+        [s.vehicle or "all", _name(s.effect), f"{s.acting}/{s.bundles}", s.mean, first_few(s.names, FEW)]
         for s in effects
     ]
     about = "Bundles in which an effect acts more probably than not, and its mean probability over all."
@@ -105,8 +106,3 @@ def _told(effect: Mapping[str, Any]) -> str:
 
 def _name(effect: str) -> str:
     return effect.replace("_", " ")
-
-
-def _few(names: Sequence[str]) -> str:
-    more = f" and {len(names) - FEW} more" if len(names) > FEW else ""
-    return ", ".join(names[:FEW]) + more

@@ -12,6 +12,7 @@ from bayesid.analysis.identifiability.derived import UNITS
 from bayesid.diagnosis.plain_words import number
 from bayesid.report import identify_figures as figures
 from bayesid.report.writer import Block, Figure, Section, Text, literal
+from bayesid.words import first_few
 
 TOLD = ("tactical diameter", "first overshoot")
 MOST_NAMED = 6
@@ -66,9 +67,7 @@ def cautions(found: Identifiability) -> list[str]:
 
 def named(names: list[str]) -> str:
     """Names, the first few of many."""
-    if len(names) <= MOST_NAMED:
-        return ", ".join(names)
-    return f"{', '.join(names[:MOST_NAMED])} and {len(names) - MOST_NAMED} more"
+    return first_few(names, MOST_NAMED)
 
 
 def next_steps(found: Identifiability) -> list[str]:

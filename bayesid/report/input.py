@@ -12,6 +12,7 @@ from typing import Any
 
 from bayesid.report.writer import Block, Report, Section, Table, Text, literal
 from bayesid.trials.mistakes import InputCheck, InputFinding
+from bayesid.words import and_list
 
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 TOLD = {
@@ -28,8 +29,8 @@ TOLD = {
 
 def finding_sentence(finding: InputFinding) -> str:
     """One sentence: what is wrong, where, what tells it, how sure, and the line that mends it."""
-    where = "" if finding.all_runs else f" in {_list(finding.runs)}"
-    told = _list([TOLD.get(k, k) for k in finding.told_by[:2]])
+    where = "" if finding.all_runs else f" in {and_list(finding.runs)}"
+    told = and_list([TOLD.get(k, k) for k in finding.told_by[:2]])
     also = f"; these runs do not tell it from: {'; '.join(finding.also)}" if finding.also else ""
     if finding.instead:
         also += f"; a mistake of the simulator would explain it too: {'; '.join(finding.instead)}"
@@ -139,7 +140,7 @@ def input_report(
         rows = [
             [
                 f.says, ", ".join(f.channels), "all" if f.all_runs else ", ".join(f.runs),
-                _probability(f.probability), _list([TOLD.get(k, k) for k in f.told_by]),
+                _probability(f.probability), and_list([TOLD.get(k, k) for k in f.told_by]),
             ]
             for f in check.findings
         ]  # fmt: skip
@@ -159,10 +160,6 @@ def input_report(
 
 def _probability(p: float) -> str:
     return "above 0.999" if p > 0.999 else f"{math.floor(p * 1000) / 1000:.3f}"
-
-
-def _list(items: Sequence[str]) -> str:
-    return ", ".join(items[:-1]) + (" and " if len(items) > 1 else "") + items[-1] if items else ""
 
 
 def _upper(text: str) -> str:

@@ -5,13 +5,14 @@ Takes a `RunPicture` of finished series. Does not compute but differences of the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from bayesid.report.figure_style import COLOURS, FITTED, MEASURED, NOMINAL, styled, subplots, track_axes
+from bayesid.words import and_list
 
 Array = np.ndarray
 MOST_POINTS, MOST_TRACKS = 500, 40
@@ -102,16 +103,12 @@ def caption(p: RunPicture, band: str = "") -> str:
     )
     names = [name for name, _ in _panels(p)]
     errors = [name for name in names if name in MISSES]
-    right = f"Right: {_and([n for n in names if n not in MISSES])} over time"
+    right = f"Right: {and_list(n for n in names if n not in MISSES) or 'nothing'} over time"
     if errors:
-        of = _and([MISSES[n] for n in errors])
+        of = and_list(MISSES[n] for n in errors)
         dots = f"(lines: running means; small dots: every reading, {p.last.label})"
         right += f", and below it by how much each simulation misses the {of} {dots}"
     return " ".join(text for text in (left, f"{right}.", band if p.band is not None else "") if text)
-
-
-def _and(names: Sequence[str]) -> str:
-    return " and ".join(text for text in (", ".join(names[:-1]), names[-1] if names else "nothing") if text)
 
 
 @styled

@@ -24,6 +24,7 @@ from bayesid.report import coefficient_cells, ridge_figures
 from bayesid.report.writer import Block, Figure, Row, Section, Table, Text, literal
 from bayesid.simulation import shaft_speed_note
 from bayesid.trials.noise_stated import noise_warning
+from bayesid.words import and_list
 
 COEFFICIENTS = (
     "coefficient", "prior", "prior sd [%]", "fit", "posterior", "sd [%]", "SI", "SI unit", "left [%]",
@@ -96,7 +97,7 @@ def group_words(g: Group, single: Mapping[str, float] | None = None) -> str:
     others = [c for c in g.combinations[1:] if c.status == "open"] or [g.worst]
     rest = " and ".join(f"{_percent(c.left)} along {_plain(c)}" for c in others)
     return (
-        f"Of {_listed(g.names)} the runs {verb} {_plain(best)} to {_percent(best.left)} of the prior; "
+        f"Of {and_list(g.names)} the runs {verb} {_plain(best)} to {_percent(best.left)} of the prior; "
         "across it "
         f"{rest} is left.{_singly(g, single) if single else ''}"
     )
@@ -113,7 +114,7 @@ def _singly(g: Group, single: Mapping[str, float]) -> str:
         if names:
             shares = ", ".join(_percent(single[n]) for n in names)
             unit = " of the prior left" if not parts else ""
-            parts.append(f"{_listed(names)} {'is' if len(names) == 1 else 'are'} {kind} ({shares}{unit})")
+            parts.append(f"{and_list(names)} {'is' if len(names) == 1 else 'are'} {kind} ({shares}{unit})")
     return f" Singly, {', '.join(parts)}."
 
 
@@ -233,7 +234,7 @@ def _corners(posterior: Posterior, group: Group) -> Row:
         [c.name for c in chosen], [c.left for c in chosen], turned, [c.laplace for c in chosen]
     )
     caption = (
-        f"Left: {_listed(names)}, in prior sd from the prior mean; dots are draws, grey dashes 90 % of the "
+        f"Left: {and_list(names)}, in prior sd from the prior mean; dots are draws, grey dashes 90 % of the "
         "prior, the orange line the ridge (90 % along what is known least), the short black dashes what is "
         "known "
         "best. Right: the same draws along the combinations themselves, every axis at its own scale (prior "
@@ -258,11 +259,6 @@ def _plain(c: Combination) -> str:
 
 def _percent(share: float) -> str:
     return f"{number(100 * share)} %"
-
-
-def _listed(names: Any) -> str:
-    every = list(names)
-    return every[0] if len(every) == 1 else f"{', '.join(every[:-1])} and {every[-1]}"
 
 
 def _known(x: float) -> float | None:

@@ -29,6 +29,7 @@ from bayesid.estimation.likelihood.posterior import (
 from bayesid.estimation.output_error import FitProblem
 from bayesid.estimation.output_error.fit_result import Fit
 from bayesid.estimation.run_data import RunData
+from bayesid.words import first_few
 
 Array = np.ndarray
 
@@ -124,8 +125,8 @@ def learned_by_fit(
         ours = dict.fromkeys(r.name for r in runs)
         theirs = dict.fromkeys(n.rsplit(":", 1)[0] for n in earlier.names[earlier.n_params :])
         raise FitError(
-            f"the fit is of {_named(theirs)}, the runs here are {_named(ours)}; give the trial that was "
-            "fitted, resampled and cut as it was (--resample, --pieces)"
+            f"the fit is of {first_few(theirs, 4)}, the runs here are {first_few(ours, 4)}; give the trial "
+            "that was fitted, resampled and cut as it was (--resample, --pieces)"
         )
     z = np.array([estimate.get(n, s) for n, s in zip(problem.names, problem.start, strict=True)])
     posterior, noise = campaign_noise(problem, z, known, dt, parts)
@@ -239,11 +240,6 @@ def _nothing_learned(known: Knowledge, runs: tuple[RunData, ...], why: str) -> L
         "vehicle is unstable on course, cut the runs (--pieces)."
     )
     return Learned(known, runs, said=(said,))
-
-
-def _named(names: Iterable[str], most: int = 4) -> str:
-    found = list(names)
-    return ", ".join(found[:most]) + (f" and {len(found) - most} more" if len(found) > most else "")
 
 
 def _gaps(runs: Iterable[RunData]) -> dict[str, int]:

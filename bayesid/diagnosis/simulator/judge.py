@@ -129,15 +129,7 @@ def find_mistakes(
     listed = [found[0], *(row for row in alike if _same(cleared(*row), needed))]
     shares = softmax([evidence for evidence, _ in listed])
     return tuple(
-        _finding(
-            problem.model,
-            s,
-            float(p),
-            evidence - comparison.none.log_evidence,
-            evidence - best,
-            needed,
-            evidence <= best + LEAD,
-        )
+        _finding(problem.model, s, float(p), evidence - comparison.none.log_evidence, evidence - best, needed)
         for (evidence, s), p in zip(listed, shares, strict=True)
     )
 
@@ -295,13 +287,7 @@ def left_over(model: Model, trial: Trial, as_built: float | None, seed: int) -> 
 
 
 def _finding(
-    model: Model,
-    s: Screened,
-    share: float,
-    gain: float,
-    lead: float,
-    beside: tuple[str, ...],
-    or_coefficients: bool,
+    model: Model, s: Screened, share: float, gain: float, lead: float, beside: tuple[str, ...]
 ) -> SimulatorMistakeFound:
     # a mend may only say which rows are free: then the numbers are those the log gives them
     told = {**s.change.values, **s.fitted}
@@ -316,5 +302,5 @@ def _finding(
         {n: float(v) / model.file_scale(n) for n, v in changed.items()},
         {n: float(model.nominal[model.index[n]]) / model.file_scale(n) for n in changed},
         beside,
-        or_coefficients,
+        or_coefficients=lead <= LEAD,
     )

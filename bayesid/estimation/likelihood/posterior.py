@@ -26,6 +26,7 @@ from bayesid.estimation.likelihood.residual_noise import MOST_ORDER
 from bayesid.estimation.likelihood.run_information import run_information
 from bayesid.estimation.output_error.problem import FitProblem
 from bayesid.estimation.truncated_normal import within_bounds
+from bayesid.words import first_few
 
 Array = np.ndarray
 # Log evidence a part must earn before it is used.
@@ -154,9 +155,9 @@ class CoefficientPosterior:
         far = [f"{self.names[i]} ({z[i]:+.1f})" for i in order if abs(z[i]) > CONFLICT]
         if far:
             said.append(
-                f"Not final: prior and data disagree on {_first(far)} (distance in sd). The prior "
-                "is too narrow, or these coefficients stand in for a force the model lacks, and then no "
-                "interval here holds."
+                f"Not final: prior and data disagree on {first_few(far, MOST_NAMED)} (distance in sd). The "
+                "prior is too narrow, or these coefficients stand in for a force the model lacks, and then "
+                "no interval here holds."
             )
         return said
 
@@ -171,8 +172,8 @@ class CoefficientPosterior:
         if not (names := self.wider_than_prior):
             return []
         return [
-            f"Less sure than the prior: {_first(names)}. Readings count for more here than they know, since "
-            "so left-out runs are predicted best; `bayesid sample` keeps the prior there."
+            f"Less sure than the prior: {first_few(names, MOST_NAMED)}. Readings count for more here than "
+            "they know, since so left-out runs are predicted best; `bayesid sample` keeps the prior there."
         ]
 
     def doubts(self) -> list[str]:
@@ -183,12 +184,6 @@ class CoefficientPosterior:
         """(count, k) draws within the bounds [SI]."""
         drawn = self.mean + rng.standard_normal((count, self.mean.size)) @ root(self.covariance).T
         return within_bounds(drawn, self.mean, self.covariance, self.low, self.high, rng)
-
-
-def _first(names: Sequence[str]) -> str:
-    """The first few in a list, and how many more."""
-    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
-    return f"{', '.join(names[:MOST_NAMED])}{more}"
 
 
 def coefficient_posterior(

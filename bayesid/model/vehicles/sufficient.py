@@ -11,6 +11,7 @@ from bayesid.errors import VehicleError
 from bayesid.model.propulsion import MODELS, propulsion_rows
 from bayesid.model.vehicles.stability import usual_speed
 from bayesid.model.vehicles.vehicle import ASSUMED_RELATIVE_SD, Vehicle
+from bayesid.words import first_few
 
 COMMANDS = ("simulate", "fit", "diagnose", "design")
 
@@ -53,7 +54,7 @@ def lacking(vehicle: Vehicle) -> dict[str, list[str]]:
     stated = set(prior.relative_sd) | set(prior.names) if prior is not None else set()
     without = [row for row in coef if row not in stated]
     if without:
-        shown = ", ".join(without[:6]) + (f" and {len(without) - 6} more" if len(without) > 6 else "")
+        shown = first_few(without, 6)
         what = (
             f"no prior for {'any coefficient' if len(without) == len(coef) else shown}: "
             f"{100 * ASSUMED_RELATIVE_SD:.0f} % is assumed (--prior, or relative_sd in [prior])"

@@ -56,13 +56,13 @@ def picture_blocks(result: Result, a: Answer) -> list[Block]:
     if result.drawings is None or not result.drawings.replays:
         return []
     shown = picture_of(result.drawings.replays[0], a)
-    band = ""
+    lost = ""
     for s in shown.series:
         if not s.ends:
-            band += f"The simulation {literal(s.label)} diverges: its line ends early or is missing. "
+            lost += f"The simulation {literal(s.label)} diverges: its line ends early or is missing. "
     drawn = literal(run_picture.caption(shown, "Blue: where 95 % of the small dots should lie."))
     caption = (
-        f"{drawn} {band}A line that leaves its panel misses by more. Grey: first seconds, read to begin on "
+        f"{drawn} {lost}A line that leaves its panel misses by more. Grey: first seconds, read to begin on "
         "the track."
     )
     where = literal(a.where)

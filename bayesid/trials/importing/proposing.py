@@ -32,6 +32,7 @@ from bayesid.trials.importing.stamps import ask_stamps
 from bayesid.trials.importing.standing_still import ask_standing_still
 from bayesid.trials.importing.unit_words import split_unit
 from bayesid.trials.trial import Run
+from bayesid.words import first_few
 
 LOOK = 100_000  # samples per series a proposal looks at
 GENERIC = ("value", "data", "val")  # names that say nothing; that of the file is taken
@@ -287,10 +288,7 @@ def _drop_constant(draft: Draft) -> None:
 
 def _needs(draft: Draft, recordings: list[Recording], unused: list[str]) -> None:
     """What a bundle cannot do without, asked for where it was not found."""
-    listed = ", ".join(repr(n) for n in unused[:8]) + (
-        f" and {len(unused) - 8} more" if len(unused) > 8 else ""
-    )
-    spare = f" (series not used: {listed})" if unused else ""
+    spare = f" (series not used: {first_few(map(repr, unused), 8)})" if unused else ""
     velocities = draft.has("u", "v") or draft.has("u_water", "v_water") or draft.has("v_north", "v_east")
     if not (
         draft.has("x", "y") or draft.has("north", "east") or draft.has("latitude", "longitude") or velocities

@@ -14,6 +14,7 @@ import numpy as np
 from bayesid.trials.importing import clocks
 from bayesid.trials.importing.raw import ImportLogError, RawChannel, Request, SourceOptions, thin_rows
 from bayesid.trials.importing.unit_words import plain_unit, split_unit
+from bayesid.words import first_few
 
 _TIME = re.compile(
     r"(t|time|times|timestamp|time ?stamp|stamp|utc|date ?time|datetime|epoch|secs?|seconds|zeit|"
@@ -230,5 +231,4 @@ def channels_of(
 
 
 def _some(names: Mapping[str, object], most: int = 12) -> str:
-    listed = [repr(n) for n in names]
-    return ", ".join(listed[:most]) + (f" and {len(listed) - most} more" if len(listed) > most else "")
+    return first_few(map(repr, names), most)

@@ -33,7 +33,8 @@ SHIP_REFERENCES = (
 #: roughness and appendages over a smooth hull; places of propeller and rudder over L; slowest and fastest
 #: shaft speed searched [rpm]
 ALLOWANCE, AT_STERN, RPM_RANGE = 1.15, -0.5, (0.1, 1e5)
-NOT_HELD = 0.02  # logarithm of thrust over resistance from which the design speed is not held
+IN_TURN = 4.0  # exponent of the wake in a turn over beta_P^2
+NOT_HELD = 0.01  # logarithm of thrust over resistance from which the design speed is not held
 MOST_MISSING = 2.5  # factor of the thrust from which rpm, pitch or speed is taken to be wrong
 
 
@@ -167,7 +168,7 @@ def _stern(sheet: ShipSheet, parts: Parts) -> None:
         "w_P0": (wake, 0.35, "Taylor"),
         "t_P": (0.6 * wake, 0.25, "Taylor"),
         "x_P": (AT_STERN, 0.3, "place of the propeller"),
-        "c_P": (4.0 * wake, 0.6, f"{HIRANO}: w_P = w_P0 exp(-4 beta_P^2), to second order"),
+        "c_P": (IN_TURN * wake, 0.6, f"{HIRANO}: w_P = w_P0 exp(-4 beta_P^2), to second order"),
         "kappa": (0.5, 0.25, "assumed"),
         "epsilon": (1.05, 0.2, "assumed; 0.9 to 1.3 in published sets"),
         "f_alpha": (6.13 * ratio / (2.25 + ratio), 0.12, FUJII),
@@ -236,14 +237,12 @@ def _shared(sheet: ShipSheet, parts: Parts, pitch: float, rpm: float) -> str:
         return abs(math.log(_held(sheet, parts, pitch, rpm)))
 
     wake = min((0.05 + 0.001 * k for k in range(701)), key=missing)
-    rest = missing(wake)
-    if rest > 1e-2:  # the wake has no more to give
-        parts.add("X_0,U", parts.value("X_0,U") * (_held(sheet, parts, pitch, rpm) - 1.0), 0.0, source)
-    parts.of["w_P0"] = [replace(usual, value=wake, source=f"{usual.source} {source}")]
-    parts.of["c_P"] = [replace(row, value=4.0 * wake) for row in parts.of["c_P"]]
     share = f"half to the wake ({wake:.2f})"
-    if rest > 1e-2:
+    if missing(wake) > NOT_HELD:
+        parts.add("X_0,U", parts.value("X_0,U") * (_held(sheet, parts, pitch, rpm) - 1.0), 0.0, source)
         share = f"to the wake what it has ({wake:.2f}), the rest to the resistance again"
+    parts.of["w_P0"] = [replace(usual, value=wake, source=f"{usual.source} {source}")]
+    parts.of["c_P"] = [replace(row, value=IN_TURN * wake) for row in parts.of["c_P"]]
     return (
         f"at {rpm:g} rpm and the design speed the propeller overcomes {ratio:.2f} times the resistance of "
         f"the formulas; half of what is missing is given to the resistance, {share}"
@@ -274,7 +273,7 @@ def _comments(parts: Parts, coef: dict[str, float]) -> dict[tuple[str, str], str
         (
             "prior",
             "relative_sd",
-        ): "one sigma over |value|: how far published sets of two tankers lie from the formulas",
+        ): "one sigma over |value|: how far two published tankers lie from the formulas",
     }
 
 

@@ -1,0 +1,26 @@
+"""Names in a sentence: the first few of many are counted right, and a list ends with its last name."""
+
+from __future__ import annotations
+
+import pytest
+
+from bayesid.words import and_list, counted, first_few
+
+
+@pytest.mark.parametrize("count", range(7))
+def test_names_shown_and_names_counted_make_all(count):
+    names = [f"n{k}" for k in range(count)]
+    shown, _, more = first_few(iter(names), 3).partition(" and ")
+    listed = shown.split(", ") if shown else []
+    assert listed == names[:3]
+    assert len(listed) + int(more.removesuffix(" more") or 0) == count
+
+
+def test_a_list_ends_with_its_last_name():
+    texts = [and_list("abc"[:k]) for k in range(4)]
+    assert texts == ["", "a", "a and b", "a, b and c"]
+
+
+def test_one_is_not_many():
+    assert [counted(k, "run") for k in (0, 1, 2)] == ["0 runs", "1 run", "2 runs"]
+    assert counted(2, "axis", "axes") == "2 axes"
