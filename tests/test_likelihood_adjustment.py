@@ -63,8 +63,8 @@ def test_a_power_of_the_likelihood_alone_has_another_interval():
     assert np.abs(np.log(ratio)).max() > 0.2
 
 
-# spread is drawn with memory beside it
-@pytest.mark.parametrize("condition", [pytest.param(MEMORY, marks=pytest.mark.slow), SPREAD])
+@pytest.mark.slow  # the density drawn from has this interval: held above, without draws
+@pytest.mark.parametrize("condition", [MEMORY, SPREAD])
 def test_bayesid_sample_gives_the_interval_of_the_fit_it_starts_from(condition, tmp_path):
     s, trial, *_ = fitted(condition)
     found = sample_trial(trial, tmp_path, s.model.vehicle, free=SIX, ensembles=2, max_steps=1000, seed=1)

@@ -550,6 +550,13 @@ def test_what_a_vehicle_lacks_is_said_for_each_command():
     assert any("rpm_ref" in text for text in lacking(none)["simulate"])
 
 
+def test_a_ship_asked_for_without_its_sheet_is_told_where_to_get_it(tmp_path, capsys):
+    out = tmp_path / "mine.toml"
+    size = ["--length", "3", "--diameter", "0.3", "--mass", "150", "--speed", "2"]
+    assert bayesid(["vehicle", "new", str(out), *size, "--ship"]) == 2
+    assert "vehicle new --template --ship" in capsys.readouterr().err and not out.exists()
+
+
 def test_a_vehicle_that_cannot_be_is_not_written(tmp_path, capsys):
     """Added mass of the wrong sign in a simulator's file leaves no mass matrix that can be accelerated."""
     path = sdf(tmp_path, LINK.replace("0    16 0", "0 16 0").replace("0 16 0 0 0 0", "0 -40 0 0 0 0"))

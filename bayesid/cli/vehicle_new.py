@@ -89,6 +89,11 @@ def new(
     if template:
         print(ship_template() if ship else template_text(), end="")
         return 0
+    if ship:
+        raise VehicleError(
+            "--ship goes with --template; a data sheet that states a draught is that of a ship: "
+            "bayesid vehicle new --template --ship > my_ship.toml"
+        )
     if target is None:
         raise VehicleError("FILE is missing: bayesid vehicle new my_vehicle.toml --sheet my_sheet.toml")
     if target.suffix != ".toml":

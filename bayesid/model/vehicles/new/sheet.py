@@ -27,7 +27,7 @@ KEYS: dict[str, Key] = {
     "length": Key("m", "over all", required=True, high=1e3),
     "diameter": Key("m", "of the largest section; or breadth and height", high=100.0),
     "breadth": Key("m", "beam of the hull", high=100.0),
-    "height": Key("m", "height (a submerged hull) or draught", high=100.0),
+    "height": Key("m", "height of the hull", high=100.0),
     "mass": Key("kg", "with all water inside that moves along"),
     "displacement": Key("kg", "mass of the displaced water; default: the mass"),
     "speed": Key("m/s", "design speed", required=True, high=100.0),
