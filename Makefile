@@ -39,30 +39,30 @@ $(STAMP): pyproject.toml constraints.txt
 	@touch $(STAMP)
 
 study: $(STAMP)
-	$(BIN)/python -m studies.sim_to_real_gap.run --out $(OUT)/sim_to_real_gap $(FLAGS) $(if $(DATA),--data "$(DATA)")
-	$(if $(DATA),$(BIN)/python -m studies.real_logs.run --data "$(DATA)" --out $(OUT)/real_logs $(FLAGS))
-	$(if $(DATA),$(BIN)/python -m studies.ship_models.run --data "$(DATA)" --out $(OUT)/ship_models $(FLAGS))
+	$(BIN)/bayesid study sim_to_real_gap --out $(OUT)/sim_to_real_gap $(FLAGS) $(if $(DATA),--data "$(DATA)")
+	$(if $(DATA),$(BIN)/bayesid study real_logs --data "$(DATA)" --out $(OUT)/real_logs $(FLAGS))
+	$(if $(DATA),$(BIN)/bayesid study ship_models --data "$(DATA)" --out $(OUT)/ship_models $(FLAGS))
 
 paper: $(STAMP)
-	$(BIN)/python -m studies.paper_cases.run --out $(OUT)/paper_cases $(FLAGS)
+	$(BIN)/bayesid study paper_cases --out $(OUT)/paper_cases $(FLAGS)
 
 # reports/ holds whole runs with the real logs: without them a report would lose what it says of ships
 reports: OUT := reports
 reports: whole study paper
-	$(BIN)/python -m studies.manoeuvre_richness.run --out $(OUT)/manoeuvre_richness $(FLAGS) --data "$(DATA)"
-	$(BIN)/python -m studies.posterior.run --out $(OUT)/posterior $(FLAGS) --data "$(DATA)"
-	$(BIN)/python -m studies.ridges.run --out $(OUT)/ridges $(FLAGS)
-	$(BIN)/python -m studies.calibration.run --out $(OUT)/calibration $(FLAGS)
-	$(BIN)/python -m studies.coverage.run --out $(OUT)/coverage $(FLAGS)
-	$(BIN)/python -m studies.frames.run --out $(OUT)/frames $(FLAGS)
-	$(BIN)/python -m studies.excited_terms.run --out $(OUT)/excited_terms $(FLAGS)
-	$(BIN)/python -m studies.other_equations.run --out $(OUT)/other_equations $(FLAGS) --data "$(DATA)"
-	$(BIN)/python -m studies.wind_from_motion.run --out $(OUT)/wind_from_motion $(FLAGS) --data "$(DATA)"
-	$(BIN)/python -m studies.log_mistakes.run --out $(OUT)/log_mistakes $(FLAGS)
-	$(BIN)/python -m studies.simulator_mistakes.run --out $(OUT)/simulator_mistakes $(FLAGS)
-	$(BIN)/python -m studies.robustness.run --out $(OUT)/robustness $(FLAGS)
-	$(BIN)/python -m studies.benchmark_set.run --out $(OUT)/benchmark_set
-	$(BIN)/python -m studies.sampling_rate.run --out $(OUT)/sampling_rate $(FLAGS)
+	$(BIN)/bayesid study manoeuvre_richness --out $(OUT)/manoeuvre_richness $(FLAGS) --data "$(DATA)"
+	$(BIN)/bayesid study posterior --out $(OUT)/posterior $(FLAGS) --data "$(DATA)"
+	$(BIN)/bayesid study ridges --out $(OUT)/ridges $(FLAGS)
+	$(BIN)/bayesid study calibration --out $(OUT)/calibration $(FLAGS)
+	$(BIN)/bayesid study coverage --out $(OUT)/coverage $(FLAGS)
+	$(BIN)/bayesid study frames --out $(OUT)/frames $(FLAGS)
+	$(BIN)/bayesid study excited_terms --out $(OUT)/excited_terms $(FLAGS)
+	$(BIN)/bayesid study other_equations --out $(OUT)/other_equations $(FLAGS) --data "$(DATA)"
+	$(BIN)/bayesid study wind_from_motion --out $(OUT)/wind_from_motion $(FLAGS) --data "$(DATA)"
+	$(BIN)/bayesid study log_mistakes --out $(OUT)/log_mistakes $(FLAGS)
+	$(BIN)/bayesid study simulator_mistakes --out $(OUT)/simulator_mistakes $(FLAGS)
+	$(BIN)/bayesid study robustness --out $(OUT)/robustness $(FLAGS)
+	$(BIN)/bayesid study benchmark_set --out $(OUT)/benchmark_set
+	$(BIN)/bayesid study sampling_rate --out $(OUT)/sampling_rate $(FLAGS)
 
 whole:
 	@test -z "$(QUICK)" || { echo "reports/ holds whole runs; leave QUICK out, or use 'make study QUICK=1'"; exit 1; }

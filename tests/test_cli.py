@@ -162,6 +162,22 @@ def test_a_study_gets_its_folder_seed_and_quick_mode(tmp_path, monkeypatch, caps
     assert run(["study", "other"]) == 2
 
 
+def test_what_the_command_does_not_know_is_an_option_of_the_study(tmp_path, monkeypatch, capsys):
+    (tmp_path / "studies" / "demo").mkdir(parents=True)
+    script = (
+        "import argparse\nparser = argparse.ArgumentParser()\nparser.add_argument('--out')\n"
+        "parser.add_argument('--every', nargs=2)\nprint(parser.parse_args())\n"
+    )
+    (tmp_path / "studies" / "demo" / "run.py").write_text(script)
+    monkeypatch.chdir(tmp_path)
+    assert run(["study", "demo", "--every", "a", "b", "--out", "here"]) == 0
+    assert "Namespace(out='here', every=['a', 'b'])" in capsys.readouterr().out
+    assert run(["study", "demo", "--help"]) == 0
+    assert "--every EVERY EVERY" in capsys.readouterr().out
+    assert run(["study", "demo", "--evry"]) == 2 and "--evry" in capsys.readouterr().err
+    assert run(["study", "--help"]) == 0 and "bayesid study NAME --help" in capsys.readouterr().out
+
+
 def test_a_study_names_the_reports_it_wrote_and_no_other(tmp_path, monkeypatch, capsys):
     (tmp_path / "studies" / "demo").mkdir(parents=True)
     script = (

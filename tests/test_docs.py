@@ -94,6 +94,12 @@ def test_help_of_a_command_lists_its_options():
             assert all(o in text for o in parameter.opts if o.startswith("--"))
 
 
+def options_of_study(name):
+    """Those its script adds to its parser, and those of its executor."""
+    sources = [ROOT / "studies" / name / "run.py", ROOT / "bayesid" / "executor" / "executor.py"]
+    return {o for path in sources for o in re.findall(r'"(--[a-z]+)"', path.read_text("utf-8"))}
+
+
 @pytest.mark.parametrize("page", WRITTEN, ids=lambda p: p.stem)
 def test_commands_of_a_page_exist_with_their_options(page):
     leaves = dict(tree())
@@ -101,6 +107,8 @@ def test_commands_of_a_page_exist_with_their_options(page):
         near = [leaf for names, leaf in leaves.items() if tuple(words[: len(names)]) == names]
         assert near, f"no command {' '.join(words)}"
         known = {o for p in near[0].params for o in (*p.opts, *p.secondary_opts)} | {"--help", "-h"}
+        if words[1] == "study" and len(words) > 2:
+            known |= options_of_study(words[2])
         unknown = [w for w in words if re.match(r"--?[a-z]", w) and w.split("=")[0] not in known]
         assert not unknown, " ".join(words)
 

@@ -21,7 +21,7 @@ def commands(*words):
     if shutil.which("make") is None:
         pytest.skip("no make here")
     told = subprocess.run(["make", "-n", *words], cwd=ROOT, capture_output=True, text=True, check=False)
-    return [line for line in told.stdout.splitlines() if "studies." in line and "--out" in line]
+    return [line for line in told.stdout.splitlines() if " study " in line and "--out" in line]
 
 
 @pytest.mark.parametrize("words", [("study",), ("study", "DATA=logs"), ("paper",), ("study", "QUICK=1")])
@@ -32,10 +32,10 @@ def test_make_study_and_paper_write_into_out(words):
 
 def test_make_reports_writes_every_study_into_reports_but_those_made_once_and_committed():
     found = commands("reports", "DATA=logs")
-    names = {re.search(r"studies\.(\w+)\.run", line)[1] for line in found}
+    names = {re.search(r" study (\w+)", line)[1] for line in found}
     once = ("withheld", "blind")  # committed before the answers were opened
     assert names == {path.parent.name for path in STUDIES if not path.parent.name.startswith(once)}
-    assert all(re.search(r"studies\.(\w+)\.run.* --out reports/\1\b", line) for line in found)
+    assert all(re.search(r" study (\w+).* --out reports/\1\b", line) for line in found)
 
 
 @pytest.mark.parametrize(

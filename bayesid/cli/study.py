@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from bayesid.cli.options import Out, Quick, Quiet, Verbose
 from bayesid.lock import lock
 
+HELP = ("-h", "--help")
+# what this command does not know is an option of the study, help among it
+OWN_OPTIONS: dict[str, Any] = {
+    "ignore_unknown_options": True, "allow_extra_args": True, "help_option_names": []
+}  # fmt: skip
+
 
 def study(
+    context: typer.Context,
     name: Annotated[str | None, typer.Argument(help="Study to run; left out: list them.")] = None,
     data: Annotated[
         Path | None, typer.Option("--data", help="Folder of the logs, for a study that reads some.")
@@ -22,18 +29,26 @@ def study(
     verbose: Verbose = False,
     quiet: Quiet = False,
 ) -> int:
-    """Run a study and write its report."""
+    """Run a study and write its report.
+
+    Further options are those of the study: `bayesid study NAME --help`.
+    """
     from bayesid.cli.output import print_table, print_text
 
     studies = _studies()
+    if name in HELP:
+        print_text(context.get_help())
+        return 0
     if name is None:
         print_table(["study", "question"], [[key, _question(path)] for key, path in studies.items()])
         return 0
     if name not in studies:
         raise typer.BadParameter(f"no study {name!r}; there are: {', '.join(studies)}", param_hint="NAME")
+    if set(HELP) & set(context.args):
+        return _run_script(studies[name], ["--help"])
     folder = out or Path("out") / name
     lock(folder, f"bayesid study {name}")
-    arguments = ["--out", str(folder), *(["--quick"] if quick else [])]
+    arguments = ["--out", str(folder), *(["--quick"] if quick else []), *context.args]
     if data is not None:
         arguments += ["--data", str(data)]
     if seed is not None:

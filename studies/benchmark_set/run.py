@@ -1,6 +1,6 @@
 """Which method finds causes best, on bundles that everybody has? The benchmark set and its table.
 
-Usage: python -m studies.benchmark_set.run [--edition 1] [--out FOLDER] [--data FOLDER] [--secret FILE]
+Usage: bayesid study benchmark_set [--edition 1] [--out FOLDER] [--data FOLDER] [--secret FILE]
 [--enter NAME=VERDICTS]... [--remember] [--executor NAME] [--workers N]. Makes the edition in FOLDER/set, or
 keeps what is there, packs it, and compares every digest with those tracked beside this file. --data adds the
 part of real logs, which stay where they are. --enter scores verdicts of `bayesid blind solve FOLDER/set/pack`

@@ -1,6 +1,6 @@
 """What will real runs do whose outcome nobody here has seen? Esso Osaka in its pond, KVLCC2 in another basin.
 
-Usage: python -m studies.blind_predictions.run --data FOLDER [--out FOLDER] [--expect] [--quick] [--seed N].
+Usage: bayesid study blind_predictions --data FOLDER [--out FOLDER] [--expect] [--quick] [--seed N].
 FOLDER holds `blind_predictions`, `kvlcc2_hsva` and `esso_osaka`. With --expect half of the known runs is held
 out and predicted as the blind ones will be, and the errors to expect are written; without it every known run
 is fitted and the blind ones are predicted. Fits that were interrupted go on. `--equations mmg` makes a second

@@ -1,6 +1,6 @@
 """Do 90 % intervals hold the truth nine times in ten, and where not?
 
-Usage: python -m studies.calibration.run [--out FOLDER] [--quick] [--seed N] [--workers N]. Truths are drawn
+Usage: bayesid study calibration [--out FOLDER] [--quick] [--seed N] [--workers N]. Truths are drawn
 from the prior of three vehicles, short runs are simulated and sampled, and the truth's rank among the draws
 noted. Replicates are kept in FOLDER/seeds and not run again.
 """

@@ -1,7 +1,7 @@
 """Do the intervals of a fit hold the truth where noise has memory, the sea pushes or equations are wrong?
 And do its predictions hold fresh runs?
 
-Usage: python -m studies.coverage.run [--out FOLDER] [--quick] [--seed N] [--replicates N]. Truths are drawn
+Usage: bayesid study coverage [--out FOLDER] [--quick] [--seed N] [--replicates N]. Truths are drawn
 from the prior, a campaign of four zig-zags is simulated and fitted as `bayesid fit` does, and as it did with
 white noise. Replicates are kept in FOLDER/seeds and not run again.
 """

@@ -1,6 +1,6 @@
 """Does PySINDy name the terms that act, and none that do not?
 
-Usage: python -m studies.excited_terms.run [--out FOLDER] [--draws N] [--seed S] [--quick] [--workers N]. Five
+Usage: bayesid study excited_terms [--out FOLDER] [--draws N] [--seed S] [--quick] [--workers N]. Five
 vehicles, twelve manoeuvres and three of them together, five kinds of truth. Beside it bayesid's own stepwise
 selection, Fisher information of balance and tracks, and controls that must fail: PySINDy's plain ensemble
 over single rows, labels permuted, a force of white noise. Cases are kept in FOLDER/cases and not run again.

@@ -1,6 +1,6 @@
 """Are causes found that free coefficients hide, and does the proposed manoeuvre tell look-alikes apart?
 
-Usage: python -m studies.frames.run [--out FOLDER] [--work FOLDER] [--count N] [--replicates N] [--seed S]
+Usage: bayesid study frames [--out FOLDER] [--work FOLDER] [--count N] [--replicates N] [--seed S]
 [--workers J] [--executor NAME] [--quick]. Campaigns of the independent plant, judged by what was planted.
 One file per campaign is kept in the work folder and not computed again, so the same line goes on after
 a stop. Seeds count from 7000 on, those of the look-alikes from 8000 on.

@@ -1,6 +1,6 @@
 """Are mistakes of a log told from a gap: which planted ones are named, and what is named wrongly?
 
-Usage: python -m studies.log_mistakes.run [--out FOLDER] [--quick] [--seed N] [--vehicles A,B] [--seeds 0,1]
+Usage: bayesid study log_mistakes [--out FOLDER] [--quick] [--seed N] [--vehicles A,B] [--seeds 0,1]
 [--half]. Results are kept after every campaign, and a second call goes on. Clean campaigns of
 built-in vehicles get one mistake at a time, at 10 Hz and at 1 Hz, with all channels and with pose alone.
 Mistakes are judged as `bayesid diagnose` does before it looks for a gap; no gap is diagnosed here, as a mend

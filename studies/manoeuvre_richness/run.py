@@ -1,6 +1,6 @@
 """Which manoeuvre tells what, which to run next, and does the advice hold? Three vehicles, two ships' logs.
 
-Usage: python -m studies.manoeuvre_richness.run [--data FOLDER] [--out FOLDER] [--quick] [--seed N]. FOLDER
+Usage: bayesid study manoeuvre_richness [--data FOLDER] [--out FOLDER] [--quick] [--seed N]. FOLDER
 holds `kvlcc2_hsva` and `esso_osaka` as in studies/real_logs/run.py; without it the part on logs is left out.
 Every part is kept in OUT/parts as it ends; an interrupted study goes on where it was.
 """

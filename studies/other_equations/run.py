@@ -1,6 +1,6 @@
 """Are causes named and is nothing invented on vehicles whose equations are not bayesid's?
 
-Usage: python -m studies.other_equations.run --data FOLDER [--labels FILE] [--out FOLDER]
+Usage: bayesid study other_equations --data FOLDER [--labels FILE] [--out FOLDER]
 [--workers N] [--executor NAME] [--quick].
 
 FOLDER holds bundles and labels.json, or a folder `practice_foreign` that does. Every verdict is

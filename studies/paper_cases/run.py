@@ -1,6 +1,6 @@
 """Which coefficients does a matched track reveal? The three cases of Furlong et al. (2003), 20 seeds each.
 
-Usage: python -m studies.paper_cases.run [--out FOLDER] [--quick] [--seed N]. Finished seeds are kept in
+Usage: bayesid study paper_cases [--out FOLDER] [--quick] [--seed N]. Finished seeds are kept in
 FOLDER/seeds and not run again; delete that folder to start afresh.
 """
 

@@ -1,6 +1,6 @@
 """What do a spiral's 22 coefficients look like as a posterior, and what do further runs and real logs add?
 
-Usage: python -m studies.posterior.run [--data FOLDER] [--out FOLDER] [--quick] [--seed N]. FOLDER holds
+Usage: bayesid study posterior [--data FOLDER] [--out FOLDER] [--quick] [--seed N]. FOLDER holds
 `kvlcc2_hsva` and `esso_osaka` (see studies/real_logs/run.py; the logs are not part of this project). Chains
 are kept in OUT/chains, an interrupted one goes on; delete that folder to start afresh.
 """

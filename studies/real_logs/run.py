@@ -1,6 +1,6 @@
 """Does a ship identified from half of its logged zig-zags predict the other half? KVLCC2 (HSVA), Esso Osaka.
 
-Usage: python -m studies.real_logs.run --data FOLDER [--out FOLDER] [--quick] [--seed N]. FOLDER holds
+Usage: bayesid study real_logs --data FOLDER [--out FOLDER] [--quick] [--seed N]. FOLDER holds
 `kvlcc2_hsva` and `esso_osaka`; the logs are not part of this project (studies/real_logs/*/trial.toml say
 where they come from). An interrupted fit goes on where it was.
 """

@@ -1,6 +1,6 @@
 """Which of vv, vr and rr do a steady turn, a spiral and three manoeuvres know, asked in four ways?
 
-Usage: python -m studies.ridges.run [--out FOLDER] [--truths N] [--seed S] [--quick] [--workers N]. Truths are
+Usage: bayesid study ridges [--out FOLDER] [--truths N] [--seed S] [--quick] [--workers N]. Truths are
 drawn from the prior, which is centred on the vehicle file, not on them. Cases are kept in FOLDER/cases and
 not run again.
 """

@@ -1,6 +1,6 @@
 """What is lost when a command is killed, the disk is full, an input is damaged, or a log is long?
 
-Usage: python -m studies.robustness.run [--out FOLDER] [--parts NAMES] [--kills N] [--fuzz INPUTS] [--seed S]
+Usage: bayesid study robustness [--out FOLDER] [--parts NAMES] [--kills N] [--fuzz INPUTS] [--seed S]
 [--codes CODES] [--quick]. Every part is kept in OUT/parts as it goes, with the code it was made with: the
 same line goes on where it was stopped, another seed adds to what is there, and the report counts rows of one
 state of the deciding code, but for what --codes adds.

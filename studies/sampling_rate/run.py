@@ -1,6 +1,6 @@
 """Does one log say the same at 10, 5, 2 and 1 Hz?
 
-Usage: python -m studies.sampling_rate.run [--out FOLDER] [--work FOLDER] [--count N] [--seed S]
+Usage: bayesid study sampling_rate [--out FOLDER] [--work FOLDER] [--count N] [--seed S]
 [--workers J] [--executor NAME] [--quick].
 
 Campaigns of the independent plant are executed at 10 Hz, and the same noisy readings are diagnosed

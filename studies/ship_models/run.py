@@ -1,6 +1,6 @@
 """Which equations follow two real tankers? MMG as published, MMG fitted, Gertler-Hagen rows fitted.
 
-Usage: python -m studies.ship_models.run --data FOLDER [--out FOLDER] [--quick] [--seed N] [--only NAME].
+Usage: bayesid study ship_models --data FOLDER [--out FOLDER] [--quick] [--seed N] [--only NAME].
 FOLDER holds `kvlcc2_hsva` and `esso_osaka` (see studies/real_logs/run.py). Runs to identify and held-out runs
 are those of that study; what the fit by MMG moves is chosen by runs left out among those to identify. An
 interrupted fit goes on where it was.

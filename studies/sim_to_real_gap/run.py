@@ -1,6 +1,6 @@
 """Why does a simulator part from the vehicle, and how far does the gap close? Planted, published, real gaps.
 
-Usage: python -m studies.sim_to_real_gap.run [--out FOLDER] [--quick] [--seed N] [--data FOLDER].
+Usage: bayesid study sim_to_real_gap [--out FOLDER] [--quick] [--seed N] [--data FOLDER].
 The example bundle, planted campaigns and Delphin2 need nothing; --data is the folder of real logs.
 Finished campaigns are kept in FOLDER/campaigns and not run again; delete that folder to start afresh.
 """

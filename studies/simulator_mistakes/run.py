@@ -1,6 +1,6 @@
 """Are mistakes of a simulator told from a cause: which planted ones are named, and what is named wrongly?
 
-Usage: python -m studies.simulator_mistakes.run [--out FOLDER] [--quick] [--vehicles A,B] [--seeds 0,21]
+Usage: bayesid study simulator_mistakes [--out FOLDER] [--quick] [--vehicles A,B] [--seeds 0,21]
 [--every] [--render FOLDER]. Without --every a vehicle has each mistake at one of the seeds, in turn. Logs are
 made with the right numbers; the vehicle file gets one mistake at a time. The log goes through the check of
 the input, the comparison of causes and the search for mistakes of the simulator, as in `bayesid diagnose`;

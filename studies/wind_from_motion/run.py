@@ -1,6 +1,6 @@
 """What does a ship's motion alone say of the wind? Esso Osaka in its pond, then the anemometer is read.
 
-Usage: python -m studies.wind_from_motion.run --data FOLDER [--out FOLDER] [--quick] [--seed N]. FOLDER holds
+Usage: bayesid study wind_from_motion --data FOLDER [--out FOLDER] [--quick] [--seed N]. FOLDER holds
 `esso_osaka`. The wind column of a run is never read for its own wind. First the published ship tells it, and
 no anemometer at all is read; then a ship fitted to the other half of the runs, in their measured wind. What
 was done before an interruption is kept.

@@ -1,6 +1,6 @@
 """Are effects named that nobody here knows? Committed campaigns of the plant, solved blind, scored, compared.
 
-Usage: python -m studies.withheld_effects.run [--out FOLDER] [--work FOLDER] [--count N] [--spatial N]
+Usage: bayesid study withheld_effects [--out FOLDER] [--work FOLDER] [--count N] [--spatial N]
 [--seed S] [--workers J] [--executor NAME]
 [--kinds two=48,none=24] [--quick]. `--kinds` fixes the classes and their order, else
 they are drawn. Packs, answers and verdicts go to the work folder; what is finished there is kept, so the

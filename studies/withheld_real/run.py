@@ -1,6 +1,6 @@
 """What do real logs say whose answer is kept elsewhere? KVLCC2 in another tank, Esso Osaka without its wind.
 
-Usage: python -m studies.withheld_real.run --data FOLDER [--out FOLDER] [--quick] [--seed N] [--only NAME].
+Usage: bayesid study withheld_real --data FOLDER [--out FOLDER] [--quick] [--seed N] [--only NAME].
 FOLDER holds `kvlcc2_hsva` and `esso_osaka` (see studies/real_logs/run.py). Written before any comparison:
 bands of manoeuvres another facility ran with the same ship, and what acts on each run without a wind log.
 """

@@ -1,6 +1,6 @@
 """Were the committed verdicts on withheld bundles right? Scored as they stand, every miss explained.
 
-Usage: python -m studies.withheld_score.run --labels FILE [--verdicts FOLDER] [--data FOLDER] [--out FOLDER].
+Usage: bayesid study withheld_score --labels FILE [--verdicts FOLDER] [--data FOLDER] [--out FOLDER].
 --labels is the maker's list, --data the folder of the real logs (holds `esso_osaka` with `wind_opened`; left
 out, the wind is not scored). Verdicts are checked against their commitment first and never written to.
 """
