@@ -202,8 +202,8 @@ def test_the_picture_is_on_the_first_screen_and_small(tmp_path):
 def test_an_interval_of_draws_is_as_wide_as_the_runs_differ():
     from diagnosis_results import draws
 
+    from bayesid.diagnosis.effects_found import _interval
     from bayesid.diagnosis.evidence.effect_draws import choice
-    from bayesid.diagnosis.final_values import _interval
 
     drawn = draws()
     assert choice(drawn) == "draws"
@@ -239,3 +239,29 @@ def test_a_sensor_that_errs_is_judged_by_its_own_readings():
     assert "0.11 degrees a second instead of 0.57" in outcome(0.002)
     assert "no gain" not in outcome(0.002)
     assert "no gain" in outcome(0.0095)
+
+
+def test_a_probability_that_two_of_a_kind_share_is_said_to_be_of_both():
+    """A current and one that changes: which of them it is is less sure than that water moves."""
+    moving = an_effect("ocean_current_varying", V_north=(-0.2, 0.01), V_east=(0.1, 0.01))
+    shared = replace(moving, in_its_place={"ocean_current": 0.24})
+    for effect, said in (
+        (moving, "(probability 0.97)."),
+        (shared, "(probability 0.97 that it or ocean current acts)."),
+    ):
+        found = answer(replace(RESULT, verdict="effect", effects=(effect,)))
+        assert found.headline.endswith(said)
+        assert any(
+            text.startswith("Ocean current varying: probability 0.97 that it") for text in found.certainty
+        )
+
+
+def test_only_what_is_of_its_kind_and_probable_enough_stands_in_the_place_of_an_effect():
+    from types import SimpleNamespace
+
+    from bayesid.diagnosis.effects_found import _in_its_place
+
+    inside = {"a": 0.7, "of its kind": 0.2, "faint": 0.04, "other": 0.5}
+    families = {"a": "kind", "of its kind": "kind", "faint": "kind", "other": "another"}
+    assert _in_its_place(SimpleNamespace(inside=inside), families, "a") == {"of its kind": 0.2}
+    assert _in_its_place(SimpleNamespace(inside=inside), {}, "a") == {}

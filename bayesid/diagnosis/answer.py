@@ -151,10 +151,18 @@ def _share(p: float) -> str:
     return "above 0.99" if p > 0.995 else "below 0.01" if p < 0.005 else f"{p:.2f}"
 
 
+def _or_its_like(e: Effect) -> str:
+    """What a probability is of where others of its kind share it."""
+    return f" that it or {' or '.join(map(in_words, e.in_its_place))} acts" if e.in_its_place else ""
+
+
 def _headline(result: Result) -> str:
     word, effects = result.verdict, result.effects
     if word in NAMING and effects:
-        said = " ".join(sentence(e).rstrip(".") + f" (probability {_share(e.probability)})." for e in effects)
+        said = " ".join(
+            f"{sentence(e).rstrip('.')} (probability {_share(e.probability)}{_or_its_like(e)})."
+            for e in effects
+        )
         rest = {
             "effect_with_remainder": " It does not explain the whole gap.",
             "several": " Each of them is needed.",
@@ -319,7 +327,8 @@ def _certainty(result: Result) -> tuple[str, ...]:
         for e in result.effects:
             sizes = intervals(e)
             out.append(
-                f"{in_words(e.name).capitalize()}: probability {_share(e.probability)} that it acts"
+                f"{in_words(e.name).capitalize()}: probability {_share(e.probability)}"
+                + (_or_its_like(e) or " that it acts")
                 + (f"; {', '.join(sizes)}." if sizes else ".")
                 + _usual(e)
             )

@@ -14,7 +14,7 @@ import numpy as np
 from bayesid.diagnosis.attempt import attempt
 from bayesid.diagnosis.data.model_form import resonates
 from bayesid.diagnosis.data.problem import DiagnosisProblem
-from bayesid.diagnosis.evidence.effect_draws import EffectDraws, choice
+from bayesid.diagnosis.effects_found import effects_found
 from bayesid.diagnosis.evidence.effect_posterior import EffectPosterior, numbers
 from bayesid.diagnosis.evidence.explained_model import ExplainedModel
 from bayesid.diagnosis.evidence.holdout import HoldoutValidation
@@ -29,9 +29,8 @@ from bayesid.diagnosis.hypotheses.candidate import (
 )
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.cross_validation import cross_validate
-from bayesid.diagnosis.hypotheses.facts import acts, like_a_form, simplest, undetectable
+from bayesid.diagnosis.hypotheses.facts import like_a_form, simplest, undetectable
 from bayesid.diagnosis.hypotheses.location import location_of
-from bayesid.diagnosis.hypotheses.sizes import sizes_told
 from bayesid.diagnosis.hypotheses.verdict import Verdict
 from bayesid.diagnosis.next_manoeuvre import Proposal
 from bayesid.diagnosis.result import FORMAT, Result
@@ -41,7 +40,6 @@ from bayesid.diagnosis.result_parts import (
     Detectability,
     Diagnosed,
     Drawings,
-    Effect,
     Estimate,
     Force,
     FormRow,
@@ -58,7 +56,6 @@ from bayesid.diagnosis.result_parts import (
     RunError,
     Screened,
     SimulatorMistakeFound,
-    Value,
 )
 from bayesid.equations.model import Model
 from bayesid.errors import BayesidError
@@ -131,7 +128,7 @@ def result_of(
         model=model.digest,
         seed=seed,
         verdict=verdict.word,
-        effects=_effects(model, problem, c, verdict, best, drawn),
+        effects=effects_found(model, problem, c, verdict, best, drawn),
         probabilities=probability,
         acting=acting,
         set95=verdict.set95,
@@ -227,78 +224,6 @@ def _agreement(problem: DiagnosisProblem, none: RefittedHypothesis, best: Refitt
         return _number(cross_validate(best, none, len(problem.coefficients.names)).disagreement)
     except (BayesidError, np.linalg.LinAlgError):
         return None
-
-
-def _effects(
-    model: Model,
-    problem: DiagnosisProblem,
-    c: HypothesisComparison,
-    verdict: Verdict,
-    best: RefittedHypothesis,
-    drawn: EffectDraws | None,
-) -> tuple[Effect, ...]:
-    """What the verdict stands on, or what is more probable than not where it names nothing."""
-    fitted, table = parameter_table(best.fit, problem), sizes_told(problem, c, best)
-    named = verdict.effects
-    if not named and verdict.word in ("ambiguous", "coefficients"):
-        named = tuple(n for n in best.effects if n in model.effects and c.inside.get(n, 0.0) > 0.5)
-    families, out = {e.name: e.family for e in model.kernel.effects}, []
-    for name in named:
-        effect = model.effects.get(name)
-        parameters = effect.parameters if effect is not None else ()
-        keys = {p.name: (effect.key(p.name), p.unit) for p in parameters} if effect is not None else {}
-        values = {
-            # draws are of the equations, not of kinematics alone
-            p: Value(
-                *table[key],
-                unit,
-                *_interval(drawn if table[key] == fitted.get(key) else None, key, table[key][1]),
-            )
-            for p, (key, unit) in keys.items()
-            if key in table
-        }
-        out.append(
-            Effect(
-                name,
-                float(min(1.0, acts(c, families, name))),
-                contract(name, values),
-                {p.name: p.about for p in parameters if p.about},
-                effect.magnitude if effect is not None else "",
-                effect.says if effect is not None else "",
-                {n: float(model.nominal[model.index[n]]) for n in effect.adjust if n in model.index}
-                if effect is not None
-                else {},
-            )
-        )
-    return tuple(out)
-
-
-def _interval(drawn: EffectDraws | None, key: str, sd: float) -> tuple[float | None, float | None]:
-    """95 % interval of the draws where it is the one to use.
-
-    As far as the runs differ where they differ more than the draws do (`sd`, jackknife beside a form): draws
-    know no force that the equations lack.
-    """
-    if drawn is None or key not in drawn.parameters or choice(drawn) != "draws":
-        return None, None
-    of = drawn.parameters[key]
-    wider = max(sd / of.sd, 1.0) if of.sd > 0 else 1.0
-    return of.mean - wider * (of.mean - of.low95), of.mean + wider * (of.high95 - of.mean)
-
-
-def contract(name: str, values: dict[str, Value]) -> dict[str, Value]:
-    """Parameters under the names of the contract: wind as speed and direction."""
-    if name != "wind" or "blowing_north" not in values:
-        return values
-    n, e = values["blowing_north"], values["blowing_east"]
-    speed = float(np.hypot(n.value, e.value))
-    spread = float(np.hypot(n.sd, e.sd) / np.sqrt(2))
-    came = float((np.arctan2(e.value, n.value) + np.pi) % (2 * np.pi))
-    return {
-        "V_wind": Value(speed, spread, "m/s"),
-        "from": Value(came, min(spread / max(speed, 1e-9), np.pi), "rad"),
-        **{key: value for key, value in values.items() if not key.startswith("blowing")},
-    }
 
 
 def _refit(problem: DiagnosisProblem, none: RefittedHypothesis, refit: RefittedHypothesis) -> Refit:

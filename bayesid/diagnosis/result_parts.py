@@ -52,7 +52,10 @@ class Effect:
     """One effect the verdict stands on, its probability of acting and its sizes."""
 
     name: str
-    probability: Annotated[float, About("That it acts, alone or with others.", {"minimum": 0, "maximum": 1})]
+    probability: Annotated[
+        float,
+        About("That it, or one `in_its_place`, acts, alone or with others.", {"minimum": 0, "maximum": 1}),
+    ]
     parameters: Mapping[str, Value]
     meaning: Annotated[Mapping[str, str], About("Parameter -> what it stands for.")] = field(
         default_factory=dict
@@ -63,6 +66,10 @@ class Effect:
     ] = ""
     instead: Annotated[
         Mapping[str, float], About("Constants of the vehicle file that it changes, as given there [SI].")
+    ] = field(default_factory=dict)
+    in_its_place: Annotated[
+        Mapping[str, float],
+        About("Effects of the same kind that may act in its place -> probability that they do."),
     ] = field(default_factory=dict)
 
 

@@ -9,7 +9,7 @@ import math
 
 from scipy.stats import chi2
 
-from bayesid.diagnosis.final_values import contract
+from bayesid.diagnosis.effects_found import contract
 from bayesid.diagnosis.plain_words import sentence
 from bayesid.diagnosis.result_parts import Effect, Value
 from bayesid.estimation.trial_fit import TrialFit

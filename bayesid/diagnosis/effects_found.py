@@ -1,0 +1,103 @@
+"""The effects an answer stands on: probability, sizes with intervals, what may act in their place.
+
+Takes a comparison of hypotheses and its verdict. Does not decide.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bayesid.diagnosis.data.problem import DiagnosisProblem
+from bayesid.diagnosis.evidence.effect_draws import EffectDraws, choice
+from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, parameter_table
+from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
+from bayesid.diagnosis.hypotheses.facts import acts
+from bayesid.diagnosis.hypotheses.sizes import sizes_told
+from bayesid.diagnosis.hypotheses.verdict import Verdict
+from bayesid.diagnosis.result_parts import Effect, Value
+from bayesid.equations.model import Model
+
+WORTH_TELLING = 0.05  # probability from which an effect of the same family is told beside the one named
+
+
+def effects_found(
+    model: Model,
+    problem: DiagnosisProblem,
+    c: HypothesisComparison,
+    verdict: Verdict,
+    best: RefittedHypothesis,
+    drawn: EffectDraws | None,
+) -> tuple[Effect, ...]:
+    """What the verdict stands on, or what is more probable than not where it names nothing."""
+    fitted, table = parameter_table(best.fit, problem), sizes_told(problem, c, best)
+    named = verdict.effects
+    if not named and verdict.word in ("ambiguous", "coefficients"):
+        named = tuple(n for n in best.effects if n in model.effects and c.inside.get(n, 0.0) > 0.5)
+    families, out = {e.name: e.family for e in model.kernel.effects}, []
+    for name in named:
+        effect = model.effects.get(name)
+        parameters = effect.parameters if effect is not None else ()
+        keys = {p.name: (effect.key(p.name), p.unit) for p in parameters} if effect is not None else {}
+        values = {
+            # draws are of the equations, not of kinematics alone
+            p: Value(
+                *table[key],
+                unit,
+                *_interval(drawn if table[key] == fitted.get(key) else None, key, table[key][1]),
+            )
+            for p, (key, unit) in keys.items()
+            if key in table
+        }
+        out.append(
+            Effect(
+                name,
+                float(min(1.0, acts(c, families, name))),
+                contract(name, values),
+                {p.name: p.about for p in parameters if p.about},
+                effect.magnitude if effect is not None else "",
+                effect.says if effect is not None else "",
+                {n: float(model.nominal[model.index[n]]) for n in effect.adjust if n in model.index}
+                if effect is not None
+                else {},
+                _in_its_place(c, families, name),
+            )
+        )
+    return tuple(out)
+
+
+def _in_its_place(c: HypothesisComparison, families: dict[str, str], name: str) -> dict[str, float]:
+    """Others of the family of an effect, as probable as a reader should know."""
+    family = families.get(name)
+    return {
+        n: float(min(1.0, p))
+        for n, p in c.inside.items()
+        if n != name and p >= WORTH_TELLING and family is not None and families.get(n) == family
+    }
+
+
+def _interval(drawn: EffectDraws | None, key: str, sd: float) -> tuple[float | None, float | None]:
+    """95 % interval of the draws where it is the one to use.
+
+    As far as the runs differ where they differ more than the draws do (`sd`, jackknife beside a form): draws
+    know no force that the equations lack.
+    """
+    if drawn is None or key not in drawn.parameters or choice(drawn) != "draws":
+        return None, None
+    of = drawn.parameters[key]
+    wider = max(sd / of.sd, 1.0) if of.sd > 0 else 1.0
+    return of.mean - wider * (of.mean - of.low95), of.mean + wider * (of.high95 - of.mean)
+
+
+def contract(name: str, values: dict[str, Value]) -> dict[str, Value]:
+    """Parameters under the names of the contract: wind as speed and direction."""
+    if name != "wind" or "blowing_north" not in values:
+        return values
+    n, e = values["blowing_north"], values["blowing_east"]
+    speed = float(np.hypot(n.value, e.value))
+    spread = float(np.hypot(n.sd, e.sd) / np.sqrt(2))
+    came = float((np.arctan2(e.value, n.value) + np.pi) % (2 * np.pi))
+    return {
+        "V_wind": Value(speed, spread, "m/s"),
+        "from": Value(came, min(spread / max(speed, 1e-9), np.pi), "rad"),
+        **{key: value for key, value in values.items() if not key.startswith("blowing")},
+    }
