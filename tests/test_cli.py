@@ -148,6 +148,41 @@ def test_a_closed_pipe_ends_quietly():
     reader.wait()
 
 
+CLOSED = """
+import sys
+from pathlib import Path
+from bayesid.cli.entry import main
+
+class Found:
+    def summary(self, verbose):
+        return "answer"
+    def save(self, folder):
+        Path(folder, "report.html").write_text("whole")
+        return Path(folder, "report.html")
+
+def body():
+    from bayesid.cli.output import answer
+    input()  # until the reader has gone
+    answer(Found(), Path(sys.argv[1]), False, False)
+    return {}
+
+import bayesid.cli.study as study
+study._studies = body
+main(["study"])
+"""
+
+
+def test_a_closed_pipe_costs_no_file(tmp_path):
+    """`bayesid fit ... | head -1`: the reader closes before the answer is printed."""
+    streams = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
+    child = subprocess.Popen([sys.executable, "-c", CLOSED, str(tmp_path)], **streams, text=True)
+    child.stdout.close()
+    child.stdout = None
+    _, err = child.communicate("\n", timeout=60)
+    assert not err
+    assert (tmp_path / "report.html").read_text() == "whole"
+
+
 def test_a_study_gets_its_folder_seed_and_quick_mode(tmp_path, monkeypatch, capsys):
     (tmp_path / "studies" / "demo").mkdir(parents=True)
     script = '"""Does it run?"""\nimport sys\nprint(sys.argv[1:])\nsys.exit(3)\n'

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import shlex
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -86,13 +87,20 @@ def answer(
     extra : added to the JSON
     figures : formats in which the figures are written beside the report
     """
-    if as_json:
-        print_json({**found.record(), **(extra or {})})
-    else:
-        print_text(found.summary(verbose))
+    gone: BrokenPipeError | None = None
+    try:
+        if as_json:
+            print_json({**found.record(), **(extra or {})})
+        else:
+            print_text(found.summary(verbose))
+        sys.stdout.flush()
+    except BrokenPipeError as error:  # `| head`: the reader has seen enough, the folder shall hold all of it
+        gone = error
     report = found.save(out) if out is not None else None
     if out is not None and figures:
         found.save_figures(out, figures)
+    if gone is not None:
+        raise gone
     if report is not None and not as_json:
         print_text()
         for words, path in {**(files or {}), "report": report}.items():
