@@ -124,6 +124,11 @@ def test_a_vehicle_that_cannot_follow_a_run_is_shown_as_missing(found, trial):
         assert ("Do not predict" in steps) == lost and ("`bayesid predict" in steps) != lost
 
 
+def test_of_a_search_that_did_not_converge_no_prediction_is_recommended(found):
+    unfinished = replace(found, fit=replace(found.fit, status="stalled"))
+    assert "Do not predict with THIS_FOLDER: its search did not converge." in next_steps(unfinished)
+
+
 def test_a_trial_without_a_vehicle_or_a_run_to_fit_is_refused_in_words(trial):
     with pytest.raises(FitError, match="names no vehicle"):
         fit_trial(replace(trial, vehicle_ref=""))

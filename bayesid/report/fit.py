@@ -120,7 +120,9 @@ def next_steps(found: TrialFit) -> list[str]:
         out.append("No run was held out: keep one back (`--runs`, role `holdout`) to see what it is worth.")
     if noise_of(found.runs) > MISFIT:
         out.append("Residuals are several times the noise: `bayesid diagnose BUNDLE` asks for the cause.")
-    why_not = "it predicts held-out runs worse than the vehicle as given" if holdout_words(found.runs) else ""
+    why_not = "" if found.fit.converged else "its search did not converge"
+    if holdout_words(found.runs):
+        why_not = "it predicts held-out runs worse than the vehicle as given"
     if first_screen.diverging(found):
         why_not = "its simulation diverges"
     return [*out, prediction_step(why_not)]
