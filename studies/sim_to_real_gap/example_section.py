@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from bayesid.diagnosis.summary import unsigned_zeros
-from bayesid.report.diagnosis.holdout import at_floor, record_label
+from bayesid.report.diagnosis.holdout import record_label
 from bayesid.report.diagnosis.words import in_words
 from bayesid.report.writer import Block, Figure, Section, Table, Text
 from studies.sim_to_real_gap.figures import overlay
@@ -48,18 +48,19 @@ def _first(runs: list[Mapping[str, Any]]) -> Section:
     blocks: list[Block] = [
         Figure("example_gap", overlay(runs, ("nominal",)), "Held-out runs and the simulator as it was.")
     ]
-    return Section("First overlay", [Text(_apart(runs, "nominal")), *blocks])
+    return Section("First overlay", [Text(_apart(runs, "nominal", "With the simulator as it was")), *blocks])
 
 
-def _apart(runs: list[Mapping[str, Any]], model: str) -> str:
+def _apart(runs: list[Mapping[str, Any]], model: str, words: str) -> str:
+    """How far log and a simulation get apart that begin together."""
     parts = []
     for run in runs:
         late = np.asarray(run["t"]) - run["t"][0] > run["lead"]
         miss = np.hypot(*(run["log"][c] - run[model][c] for c in ("x", "y")))[late]
         turn = (run["log"]["psi"] - run[model]["psi"])[late]
         worst = DEG * np.nanmax(np.abs(turn))
-        parts.append(f"{run['manoeuvre']}: at most {np.nanmax(miss):.1f} m and {worst:.1f} degrees apart")
-    return "Begun together, " + "; ".join(parts) + "."
+        parts.append(f"{run['manoeuvre']}: at most {np.nanmax(miss):.1f} m and {worst:.1f} degrees")
+    return f"{words}, log and simulation, begun together, get apart: {'; '.join(parts)}."
 
 
 def _where(found: Mapping[str, Any]) -> Section:
@@ -101,8 +102,8 @@ def _closed(found: Mapping[str, Any], runs: list[Mapping[str, Any]]) -> Section:
         )
         rows.append(
             [
-                h["horizon"],
-                *(at_floor(h["excess"][k]) for k in ("nominal", "recalibrated", "with effect")),
+                f"{h['seconds']:.0f} s" if h["seconds"] else h["horizon"],
+                *(_position_and_heading(h["rms"][k]) for k in ("nominal", "recalibrated", "with effect")),
                 shrinks,
             ]
         )
@@ -110,9 +111,9 @@ def _closed(found: Mapping[str, Any], runs: list[Mapping[str, Any]]) -> Section:
         "Closed",
         [
             Text(
-                _apart(runs, "recalibrated")
-                + " So much for re-tuning coefficients alone. "
-                + _apart(runs, "diagnosed")
+                _apart(runs, "recalibrated", "With coefficients re-tuned and no effect")
+                + " "
+                + _apart(runs, "diagnosed", "With the diagnosed model")
             ),
             Figure(
                 "example_closed",
@@ -120,12 +121,20 @@ def _closed(found: Mapping[str, Any], runs: list[Mapping[str, Any]]) -> Section:
                 "The same held-out runs, predicted from their first seconds and their orders.",
             ),
             Table(
-                ["horizon", "nominal", "recalibrated", record_label(found), "shrinks by"],
+                ["predicted over", "as given", "re-tuned", record_label(found), "gap shrinks by"],
                 rows,
-                "Mean squared error above the floor, in noise variances.",
+                "Rms error of position and heading, noise of the readings included; the gap is the mean "
+                "squared error beyond that noise, of all channels.",
             ),
         ],
     )
+
+
+def _position_and_heading(rms: Mapping[str, float | None]) -> str:
+    x, y, psi = (rms[c] for c in ("x", "y", "psi"))
+    if x is None or y is None or psi is None:
+        return "diverges"
+    return f"{math.hypot(x, y):.2g} m, {DEG * psi:.2g} degrees"
 
 
 def _answer(story: Mapping[str, Any]) -> Section:
