@@ -209,6 +209,8 @@ def test_what_the_command_does_not_know_is_an_option_of_the_study(tmp_path, monk
     assert "Namespace(out='here', every=['a', 'b'])" in capsys.readouterr().out
     assert run(["study", "demo", "--help"]) == 0
     assert "--every EVERY EVERY" in capsys.readouterr().out
+    assert run(["study", "--every", "demo"]) == 2
+    assert "come after its name" in capsys.readouterr().err
     assert run(["study", "demo", "--evry"]) == 2 and "--evry" in capsys.readouterr().err
     assert run(["study", "--help"]) == 0 and "bayesid study NAME --help" in capsys.readouterr().out
 

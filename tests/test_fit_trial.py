@@ -129,6 +129,21 @@ def test_of_a_search_that_did_not_converge_no_prediction_is_recommended(found):
     assert "Do not predict with THIS_FOLDER: its search did not converge." in next_steps(unfinished)
 
 
+def test_added_mass_of_the_wrong_sign_is_a_failed_check_unless_it_was_given_so(found):
+    turned = replace(found.vehicle, coef={**found.vehicle.coef, "Y_vdot": -found.vehicle.coef["Y_vdot"]})
+    wrong = replace(found, vehicle=turned)
+    assert any("No real vehicle has these coefficients: Y_vdot" in text for text in failed_checks(wrong))
+    assert "Do not predict with THIS_FOLDER: no real vehicle has its coefficients." in next_steps(wrong)
+    given = replace(wrong, problem=replace(found.problem, model=build_model(turned, 3)))
+    for fine in (found, given):
+        assert not any("No real vehicle" in text for text in failed_checks(fine))
+
+
+def test_where_no_model_was_written_the_fit_that_writes_one_is_named(found):
+    assert any("fit without --quick" in text for text in next_steps(found, model_written=False))
+    assert not any("--quick" in text for text in next_steps(found))
+
+
 def test_a_trial_without_a_vehicle_or_a_run_to_fit_is_refused_in_words(trial):
     with pytest.raises(FitError, match="names no vehicle"):
         fit_trial(replace(trial, vehicle_ref=""))

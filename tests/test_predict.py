@@ -304,6 +304,8 @@ def test_a_band_wider_than_a_full_turn_is_called_no_prediction(tmp_path):
         trial = planted_trial(MODEL)
         found = predict(trial, ["turn:10"], model=tmp_path / str(share), draws=40, speed=1.5)
         assert ("Nothing is predicted for any of these" in found.summary()) == lost
+        first = found.summary().splitlines()[0]
+        assert ("is not known" in first) == lost and ("tactical diameter" in first) != lost
 
 
 @pytest.mark.parametrize(("word", "said"), [("model_form", True), ("ambiguous", True), ("effect", False)])

@@ -6,6 +6,7 @@ JSON printed has the digits that mean something; files written beside it keep al
 from __future__ import annotations
 
 import math
+import os
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
@@ -25,7 +26,14 @@ BESIDE_SD = ("value", "mean", "sd", "low95", "high95")
 
 def print_text(text: str = "") -> None:
     """One line or paragraph of the answer."""
-    print(printable(text))
+    _print(printable(text))
+
+
+def _print(text: str) -> None:
+    try:
+        print(text)
+    except BrokenPipeError:  # `| head`: the reader has seen enough; files are written all the same
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def command(*words: object) -> str:
@@ -35,7 +43,7 @@ def command(*words: object) -> str:
 
 def print_json(data: Any) -> None:
     """The answer for a program."""
-    print(json_text(rounded(to_plain(data))))
+    _print(json_text(rounded(to_plain(data))))
 
 
 def rounded(data: Any) -> Any:
@@ -67,7 +75,7 @@ def _to_place(value: float, sd: float) -> float:
 
 def print_table(columns: Sequence[str], rows: Sequence[Sequence[Any]], digits: int = 4) -> None:
     """Aligned columns; numbers to the right, the last column as long as it wants."""
-    print(table_text(columns, rows, digits))
+    _print(table_text(columns, rows, digits))
 
 
 def answer(
@@ -87,20 +95,13 @@ def answer(
     extra : added to the JSON
     figures : formats in which the figures are written beside the report
     """
-    gone: BrokenPipeError | None = None
-    try:
-        if as_json:
-            print_json({**found.record(), **(extra or {})})
-        else:
-            print_text(found.summary(verbose))
-        sys.stdout.flush()
-    except BrokenPipeError as error:  # `| head`: the reader has seen enough, the folder shall hold all of it
-        gone = error
+    if as_json:
+        print_json({**found.record(), **(extra or {})})
+    else:
+        print_text(found.summary(verbose))
     report = found.save(out) if out is not None else None
     if out is not None and figures:
         found.save_figures(out, figures)
-    if gone is not None:
-        raise gone
     if report is not None and not as_json:
         print_text()
         for words, path in {**(files or {}), "report": report}.items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 
@@ -12,7 +13,10 @@ def print_measures(measured: list[dict[str, Any]], length: float | None = None) 
     for result in measured:
         print_text()
         if result["rows"] and length:
-            rows = [(*row, f"{row[1] / length:.3g} L" if row[2] == "m" else "") for row in result["rows"]]
+            rows = [
+                (*row, f"{row[1] / length:.3g} L" if row[2] == "m" and math.isfinite(row[1]) else "")
+                for row in result["rows"]
+            ]
             print_table([result["kind"], "value", "unit", ""], rows)
         elif result["rows"]:
             print_table([result["kind"], "value", "unit"], result["rows"])

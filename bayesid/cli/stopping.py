@@ -91,7 +91,8 @@ def _end(status: int) -> NoReturn:
         last = time.monotonic() + TIDY
         # a thread of a pool may be giving back one of them at this moment
         for thread in (tidy, *filter(_of_a_pool, _at_work)):
-            thread.join(max(0.0, last - time.monotonic()))
+            with suppress(RuntimeError):  # one that has not begun yet holds nothing
+                thread.join(max(0.0, last - time.monotonic()))
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError, RuntimeError):
             stream.flush()

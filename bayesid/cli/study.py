@@ -42,6 +42,8 @@ def study(
     if name is None:
         print_table(["study", "question"], [[key, _question(path)] for key, path in studies.items()])
         return 0
+    if name.startswith("-"):
+        raise typer.BadParameter(f"options of a study come after its name, {name} among them")
     if name not in studies:
         raise typer.BadParameter(f"no study {name!r}; there are: {', '.join(studies)}", param_hint="NAME")
     if set(HELP) & set(context.args):

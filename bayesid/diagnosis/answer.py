@@ -99,7 +99,7 @@ def answer(result: Result) -> Answer:
 
 def counted_after(result: Result) -> str:
     """From when on the errors count, and why a fit tells others of the same vehicle as given."""
-    return f"after the first {result.runs[0].lead:.3g} s (those of a fit are of whole runs)"
+    return f"after the first {result.runs[0].lead:.3g} s"
 
 
 def in_words(name: str) -> str:

@@ -79,8 +79,10 @@ def diverging(result: Result) -> list[str]:
     return [run.run for run in lost]
 
 
-def prediction_step(why_not: str = "") -> str:
+def prediction_step(why_not: str = "", model_written: bool = True) -> str:
     """What to do next with what was written: predict, or not."""
+    if not model_written and not why_not:
+        return "To predict, fit without --quick and with --out: that writes what `bayesid predict` reads."
     if why_not:
         return f"Do not predict with THIS_FOLDER: {why_not}."
     return "`bayesid predict BUNDLE MANOEUVRE --model THIS_FOLDER` says, with a band, what to expect."

@@ -82,7 +82,7 @@ def fit_report(found: TrialFit, calibration: Calibration | None = None) -> Repor
         lead,
         sections,
         failed_checks(found),
-        first_screen.first_blocks(found, next_steps(found)),
+        first_screen.first_blocks(found, next_steps(found, calibration is not None)),
     )
 
 
@@ -109,8 +109,8 @@ def _verdict_words(found: TrialFit) -> str:
     )
 
 
-def next_steps(found: TrialFit) -> list[str]:
-    """What to do with this fit."""
+def next_steps(found: TrialFit, model_written: bool = True) -> list[str]:
+    """What to do with this fit; `model_written` where `bayesid predict` finds its model."""
     out = []
     if any(d.decided_by != "prior" for d in found.fit.flat):
         out.append(
@@ -123,9 +123,11 @@ def next_steps(found: TrialFit) -> list[str]:
     why_not = "" if found.fit.converged else "its search did not converge"
     if holdout_words(found.runs):
         why_not = "it predicts held-out runs worse than the vehicle as given"
+    if first_screen.unphysical(found):
+        why_not = "no real vehicle has its coefficients"
     if first_screen.diverging(found):
         why_not = "its simulation diverges"
-    return [*out, prediction_step(why_not)]
+    return [*out, prediction_step(why_not, model_written)]
 
 
 def noise_of(runs: tuple[RunOutcome, ...]) -> float:

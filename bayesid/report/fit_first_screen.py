@@ -13,6 +13,7 @@ from bayesid.diagnosis.failed_checks import MOST_RUNS, out_of_reason
 from bayesid.diagnosis.plain_words import number
 from bayesid.diagnosis.run_errors import ErrorRow, miss, missed, missed_too, name_of_run
 from bayesid.estimation.trial_fit import RunOutcome, TrialFit
+from bayesid.model.vehicles.check import check_vehicle
 from bayesid.report import run_picture
 from bayesid.report.fit_effects import effect_words
 from bayesid.report.writer import Block, Figure, Row, Section, Table, Text, literal
@@ -108,6 +109,8 @@ def failures(found: TrialFit, others: list[str]) -> list[str]:
             f"Coefficients are found far from those stated ({far}): they stand in for something the "
             "equations or the data lack, and are no values of this vehicle."
         )
+    if odd := unphysical(found):
+        out.append(f"No real vehicle has these coefficients: {first_few(odd, MOST_RUNS, '; ')}.")
     left = [d.name for d in found.fit.flat if d.decided_by != "prior"]
     if left:
         some = first_few((f"`{n}`" for n in left), 2, "; ")
@@ -115,6 +118,13 @@ def failures(found: TrialFit, others: list[str]) -> list[str]:
     for wrong in filter(None, (shaft_speed_note(found.trial), noise_warning(found.trial))):
         out.append(f"{wrong[0].upper()}{wrong[1:]}.")
     return out + others
+
+
+def unphysical(found: TrialFit) -> list[str]:
+    """What the check of a vehicle finds impossible in the one found, and not in the one given."""
+    before = {f.rows for f in check_vehicle(found.problem.model.vehicle) if f.level == "warning"}
+    after = [f for f in check_vehicle(found.vehicle) if f.level == "warning"]
+    return [f.text for f in after if f.rows not in before]
 
 
 def _stated(found: TrialFit) -> dict[str, tuple[float, float, float]]:

@@ -15,6 +15,7 @@ from bayesid.diagnosis.plain_words import number
 from bayesid.diagnosis.run_errors import WORSE, name_of_run
 from bayesid.prediction.prediction import Prediction
 from bayesid.report import run_picture
+from bayesid.report.prediction_checks import FULL_TURN
 from bayesid.report.writer import Block, Figure, Row, Table, literal
 from bayesid.trials import Run, Trial
 
@@ -86,6 +87,8 @@ def headline(trial: Trial, predictions: Sequence[Prediction], rows: Sequence[Num
             f"The {name} is predicted within {now} of the log (rms), {no_gain}as given within {given}; "
             f"{inside:.0%} of its readings lie in the 95 % band."
         )
+    if row["widest_band"].get("psi", 0.0) > FULL_TURN:
+        return f"What comes of {name} is not known: the 95 % band of its heading is wider than a full turn."
     told = [
         "{quantity} of {0} {unit} (95 %: {1} to {2}".format(*_band(m["mean"], m["low"], m["high"]), **m)
         + (f"; as given {number(m['given'])})" if m.get("given") is not None else ")")

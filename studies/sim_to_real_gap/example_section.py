@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from bayesid.diagnosis.plain_words import number
 from bayesid.diagnosis.summary import unsigned_zeros
 from bayesid.report.diagnosis.holdout import record_label
 from bayesid.report.diagnosis.words import in_words
@@ -134,7 +135,7 @@ def _position_and_heading(rms: Mapping[str, float | None]) -> str:
     x, y, psi = (rms[c] for c in ("x", "y", "psi"))
     if x is None or y is None or psi is None:
         return "diverges"
-    return f"{math.hypot(x, y):.2g} m, {DEG * psi:.2g} degrees"
+    return f"{number(math.hypot(x, y))} m, {number(DEG * psi)} degrees"
 
 
 def _answer(story: Mapping[str, Any]) -> Section:

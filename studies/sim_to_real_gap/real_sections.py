@@ -17,6 +17,7 @@ from bayesid.diagnosis.hypotheses.rules import NAMING
 from bayesid.diagnosis.summary import unsigned_zeros
 from bayesid.report.diagnosis.holdout import record_label
 from bayesid.report.writer import Block, Section, Table, Text, literal
+from bayesid.words import first_few
 
 DEG = 180.0 / math.pi
 MOST = 6  # names of a set that are spelt out
@@ -183,8 +184,7 @@ def _degrees(value: float | None) -> float | None:
 
 
 def _set(names: Sequence[str]) -> str:
-    shown = ", ".join(n.replace("_", " ") for n in names[:MOST])
-    return shown if len(names) <= MOST else f"{shown} and {len(names) - MOST} more"
+    return first_few((n.replace("_", " ") for n in names), MOST)
 
 
 def _effect(effect: Mapping[str, Any]) -> str:

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from bayesid.report.writer import Report, Section, Table, Text, literal
+from bayesid.words import first_few
 
 DEG = 180.0 / math.pi
 MOST = 4  # names of a set that are spelt out
@@ -235,6 +236,5 @@ def wind_row(row: Mapping[str, Any], area: float) -> list[Any]:
         n, e = force["F_north"]["value"], force["F_east"]["value"]
         come = DEG * (math.atan2(-e, -n) % (2 * math.pi))
         stated_wind[0] = f"{come:.0f}: a steady force of {math.hypot(n, e):.2g} N"
-    names = ", ".join(n.replace("_", " ") for n in found["set95"][:MOST])
-    names += f" and {len(found['set95']) - MOST} more" if len(found["set95"]) > MOST else ""
+    names = first_few((n.replace("_", " ") for n in found["set95"]), MOST)
     return [row["run"], found["verdict"].replace("_", " "), names, *stated_wind, measured_wind]

@@ -154,7 +154,9 @@ def _notes(sheet: Sheet, hull: Hull, parts: Parts, thrust_note: str) -> tuple[st
     notes.append(f"Propulsion: {thrust_note}.")
     wide = [name for name in parts.of if parts.of[name] and parts.relative_sd(name) > 1.0]
     if wide:
-        notes.append(f"Known to less than their own size: {', '.join(wide)} (a width above 1 in [prior]).")
+        notes.append(
+            f"Uncertain by more than their own size: {', '.join(wide)} (a width above 1 in [prior])."
+        )
     if any(parts.relative_sd(name) > WIDEST for name in wide):
         notes.append(
             "Where parts cancel, even the sign is open; whether the vehicle is straight-line stable is too."

@@ -34,7 +34,8 @@ SHIP_REFERENCES = (
 #: shaft speed searched [rpm]
 ALLOWANCE, AT_STERN, RPM_RANGE = 1.15, -0.5, (0.1, 1e5)
 IN_TURN = 4.0  # exponent of the wake in a turn over beta_P^2
-NOT_HELD = 0.01  # logarithm of thrust over resistance from which the design speed is not held
+# logarithm of thrust over resistance from which the speed is not held, and the wake has no more to give
+NOT_HELD, NOT_SHARED = 0.02, 0.01
 MOST_MISSING = 2.5  # factor of the thrust from which rpm, pitch or speed is taken to be wrong
 
 
@@ -238,7 +239,7 @@ def _shared(sheet: ShipSheet, parts: Parts, pitch: float, rpm: float) -> str:
 
     wake = min((0.05 + 0.001 * k for k in range(701)), key=missing)
     share = f"half to the wake ({wake:.2f})"
-    if missing(wake) > NOT_HELD:
+    if missing(wake) > NOT_SHARED:
         parts.add("X_0,U", parts.value("X_0,U") * (_held(sheet, parts, pitch, rpm) - 1.0), 0.0, source)
         share = f"to the wake what it has ({wake:.2f}), the rest to the resistance again"
     parts.of["w_P0"] = [replace(usual, value=wake, source=f"{usual.source} {source}")]
@@ -282,7 +283,9 @@ def _notes(sheet: ShipSheet, parts: Parts, propeller: str) -> tuple[str, ...]:
     notes.append(f"Propulsion: {propeller}.")
     wide = [name for name in parts.of if parts.relative_sd(name) > 1.0]
     if wide:
-        notes.append(f"Known to less than their own size: {', '.join(wide)} (a width above 1 in [prior]).")
+        notes.append(
+            f"Uncertain by more than their own size: {', '.join(wide)} (a width above 1 in [prior])."
+        )
     if any(parts.relative_sd(name) > WIDEST for name in wide):
         notes.append("Where parts cancel, even the sign is open.")
     notes.append(
