@@ -12,7 +12,7 @@ from bayesid.api.fit import FitResult, fit
 from bayesid.api.predict import predict
 from bayesid.equations.model import build_model
 from bayesid.errors import FitError
-from bayesid.estimation.trial_fit import fit_trial, memory, outcomes
+from bayesid.estimation.trial_fit import fit_trial, memory, outcomes, within_widths
 from bayesid.manoeuvres import turn, zigzag
 from bayesid.model.vehicles import coef_si, load_vehicle
 from bayesid.report.fit import failed_checks, fit_report, next_steps, write_fit_report
@@ -129,9 +129,32 @@ def test_of_a_search_that_did_not_converge_no_prediction_is_recommended(found):
     assert "Do not predict with THIS_FOLDER: its search did not converge." in next_steps(unfinished)
 
 
+def test_what_the_data_leave_open_has_the_spread_of_its_bounds_and_the_rest_its_own():
+    rng = np.random.default_rng(5)
+    q = np.linalg.qr(rng.standard_normal((4, 4)))[0]
+    sizes = np.array([1e-4, 1e-2, 1e3, 1e7])  # the last two are open
+    covariance, width = (q * sizes) @ q.T, np.array([1.0, 2.0, 0.5, 1.0])
+    found = within_widths(covariance, width)
+    exact = np.linalg.inv((q / sizes) @ q.T + np.diag(width**-2.0))
+    assert found == pytest.approx(exact, rel=1e-3, abs=1e-7)
+    sd = np.sqrt(np.diag(found))
+    assert np.all(sd <= width) and np.linalg.eigvalsh(found / np.outer(sd, sd))[0] > -1e-12
+    small = np.diag([1e-6, 1e-4])
+    assert within_widths(small, np.array([1.0, np.inf])) == pytest.approx(small, rel=1e-4)
+    assert within_widths(small, np.full(2, np.inf)) is small
+
+
+def test_a_fit_that_leaves_much_open_writes_a_vehicle_that_can_be_read(trial, tmp_path):
+    names = (*FREE, "Y_vdot", "Y_rdot", "Y_v|v|", "Y_v|r|", "Y_|r|dr", "N_vdot", "N_v|v|", "X_rr", "X_vv")
+    loose = fit_trial(trial, out=tmp_path, free=names, use_prior=False)
+    assert not loose.fit.success
+    assert set(load_vehicle(tmp_path / "vehicle.toml").prior.names) == set(names)
+
+
 def test_added_mass_of_the_wrong_sign_is_a_failed_check_unless_it_was_given_so(found):
-    turned = replace(found.vehicle, coef={**found.vehicle.coef, "Y_vdot": -found.vehicle.coef["Y_vdot"]})
-    wrong = replace(found, vehicle=turned)
+    known = found.identified.coef
+    turned = replace(found.identified, coef={**known, "Y_vdot": -known["Y_vdot"]})
+    wrong = replace(found, identified=turned)
     assert any("No real vehicle has these coefficients: Y_vdot" in text for text in failed_checks(wrong))
     assert "Do not predict with THIS_FOLDER: no real vehicle has its coefficients." in next_steps(wrong)
     given = replace(wrong, problem=replace(found.problem, model=build_model(turned, 3)))

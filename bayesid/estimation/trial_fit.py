@@ -6,6 +6,7 @@ Does not draw or choose words: `bayesid.report.fit` does.
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -153,13 +154,9 @@ def _identified(model: Model, trial: Trial, result: Fit) -> Vehicle:
     rows = {t.name for t in TERMS}
     values = {n: v for n, v in result.values.items() if n in rows}
     where = [result.names.index(n) for n in values]
-    covariance = result.covariance[np.ix_(where, where)]
-    width = (result.high - result.low)[where]
-    if np.isfinite(width).any():  # bounds as a uniform prior: what nothing else holds has their spread
-        inverse = np.where(np.isfinite(width), 12.0 / np.where(np.isfinite(width), width, 1.0) ** 2, 0.0)
-        scale = result.scale[where]
-        whole = np.linalg.inv(covariance / np.outer(scale, scale)) + np.diag(inverse * scale**2)
-        covariance = np.linalg.inv(whole) * np.outer(scale, scale)
+    covariance = within_widths(
+        result.covariance[np.ix_(where, where)], (result.high - result.low)[where] / math.sqrt(12.0)
+    )
     names = tuple(values)
     on = {
         n: (float(result.z[i]), float(result.sd[i]))
@@ -175,6 +172,21 @@ def _identified(model: Model, trial: Trial, result: Fit) -> Vehicle:
         covariance=covariance,
         effects=on,
     )
+
+
+def within_widths(covariance: Array, width: Array) -> Array:
+    """(C^-1 + diag(1/width^2))^-1: what nothing else holds has the spread of its bounds.
+
+    In units of the widths the eigenvalues s of C become s / (1 + s), which stays positive where C is nearly
+    singular; a width that is infinite is a thousand standard deviations.
+    """
+    if not np.isfinite(width).any():
+        return covariance
+    sd = np.sqrt(np.diag(covariance))
+    unit = np.where(np.isfinite(width), width, np.where(sd > 0.0, 1e3 * sd, 1.0))
+    values, vectors = np.linalg.eigh(covariance / np.outer(unit, unit))
+    values = np.maximum(values, 0.0)
+    return ((vectors * (values / (1.0 + values))) @ vectors.T) * np.outer(unit, unit)
 
 
 def outcomes(problem: FitProblem, trial: Trial, result: Fit) -> tuple[RunOutcome, ...]:

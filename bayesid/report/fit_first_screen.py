@@ -109,12 +109,12 @@ def failures(found: TrialFit, others: list[str]) -> list[str]:
             f"Coefficients are found far from those stated ({far}): they stand in for something the "
             "equations or the data lack, and are no values of this vehicle."
         )
-    if odd := unphysical(found):
-        out.append(f"No real vehicle has these coefficients: {first_few(odd, MOST_RUNS, '; ')}.")
     left = [d.name for d in found.fit.flat if d.decided_by != "prior"]
     if left:
         some = first_few((f"`{n}`" for n in left), 2, "; ")
         out.append(f"These runs do not determine {counted(len(left), 'combination')}: {some}.")
+    if odd := unphysical(found):
+        out.append(f"No real vehicle has these coefficients: {first_few(odd, MOST_RUNS, '; ')}.")
     for wrong in filter(None, (shaft_speed_note(found.trial), noise_warning(found.trial))):
         out.append(f"{wrong[0].upper()}{wrong[1:]}.")
     return out + others
@@ -123,7 +123,7 @@ def failures(found: TrialFit, others: list[str]) -> list[str]:
 def unphysical(found: TrialFit) -> list[str]:
     """What the check of a vehicle finds impossible in the one found, and not in the one given."""
     before = {f.rows for f in check_vehicle(found.problem.model.vehicle) if f.level == "warning"}
-    after = [f for f in check_vehicle(found.vehicle) if f.level == "warning"]
+    after = [f for f in check_vehicle(found.identified) if f.level == "warning"]
     return [f.text for f in after if f.rows not in before]
 
 
