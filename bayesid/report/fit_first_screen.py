@@ -121,10 +121,12 @@ def failures(found: TrialFit, others: list[str]) -> list[str]:
 
 
 def unphysical(found: TrialFit) -> list[str]:
-    """What the check of a vehicle finds impossible in the one found, and not in the one given."""
-    before = {f.rows for f in check_vehicle(found.problem.model.vehicle) if f.level == "warning"}
-    after = [f for f in check_vehicle(found.identified) if f.level == "warning"]
-    return [f.text for f in after if f.rows not in before]
+    """What the check of a vehicle finds impossible in rows of the one found, and not of the one given."""
+    given, after = (
+        {f.rows: f.text for f in check_vehicle(vehicle) if f.level == "warning" and f.rows}
+        for vehicle in (found.problem.model.vehicle, found.identified)
+    )
+    return [text for rows, text in after.items() if rows not in given]
 
 
 def _stated(found: TrialFit) -> dict[str, tuple[float, float, float]]:
