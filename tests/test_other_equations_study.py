@@ -93,6 +93,13 @@ def test_a_cause_outside_the_list_is_answered_outside_by_the_word_alone():
     assert scored(jam, verdict("effect", OFFSET)).wrong == {"rudder_offset"}
 
 
+@pytest.mark.parametrize("word", ["none", "model_form", "outside", "ambiguous"])
+@pytest.mark.parametrize("given", [label(), label(text="outside"), label(OFFSET)], ids=lambda x: x["label"])
+def test_a_mistake_of_the_simulator_is_a_wrong_name_beside_every_word(given, word):
+    case = scored(given, verdict(word, stated=("rudder_offset",)) | {"simulator": ["another length"]})
+    assert not case.right and case.wrong == {"simulator: another length"}
+
+
 def test_below_the_form_gap_silence_a_set_or_the_cause_itself_is_right_and_no_other_name():
     faint = label(GYRO, ratio=0.1)
     assert right(faint, verdict("coefficients", stated=["coefficient_error"]))

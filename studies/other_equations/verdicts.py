@@ -47,13 +47,15 @@ def verdicts(
 
 
 def summary(record: Mapping[str, Any]) -> dict[str, Any]:
-    """What scoring needs of the data of a diagnosis.json: word, effects with their parameters, 95 % set."""
+    """What scoring needs of the data of a diagnosis.json: word, effects with their parameters, 95 % set,
+    mistakes of the simulator."""
     effects = [
         {"name": e["name"], "probability": e["probability"], "parameters": {
             name: {"value": p["value"], "sd": p["sd"]} for name, p in e["parameters"].items()}}
         for e in record["effects"]
     ]  # fmt: skip
-    return {key: record[key] for key in KEYS} | {"effects": effects}
+    mistakes = [m["name"] for m in record["simulator"]]
+    return {key: record[key] for key in KEYS} | {"effects": effects, "simulator": mistakes}
 
 
 def _current(file: Path, bundle: Path, code: str, seed: int) -> bool:
