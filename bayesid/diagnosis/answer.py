@@ -98,7 +98,7 @@ def answer(result: Result) -> Answer:
 
 
 def counted_after(result: Result) -> str:
-    """From when on the errors count, and why a fit tells others of the same vehicle as given."""
+    """From when on the errors count."""
     return f"after the first {result.runs[0].lead:.3g} s"
 
 
