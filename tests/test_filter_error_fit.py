@@ -22,6 +22,7 @@ from bayesid.estimation.filter_error.linearise import first_trajectory, linearis
 from bayesid.estimation.filter_error.noise_model import filter_settings
 from bayesid.estimation.filter_error.read_run import filter_error_run
 from bayesid.simulation import observe_sensitivity, sensitivities, steady_start
+from bayesid.trials.trial import Environment
 
 VEHICLES = ("remus100", "generic_sub")
 
@@ -123,6 +124,16 @@ def test_the_optimum_does_not_depend_on_where_the_fit_starts(name):
     # both stopped within `SETTLED` posterior sd of the optimum
     assert np.abs((raw.values - found.values) / found.sd).max() < 0.3
     assert abs(raw.log_evidence - found.log_evidence) < 0.5
+
+
+def test_a_better_merit_along_a_path_that_has_not_settled_does_not_hold_a_fit_up():
+    # no effect, in a current of one prior deviation: refused steps alone used up all passes
+    model = model_of("generic_sub")
+    effect = model.effects["ocean_current"]
+    values = other_vehicle(model, 1) | {effect.key(p.name): p.off + p.sd for p in effect.parameters}
+    swell = Environment(force_rms=1e-5, nav_drift=0.0)
+    problem = build_problem(model, replace(planted_trial(model, values, 3), environment=swell))
+    assert fit_with(problem, ()).converged
 
 
 def test_a_log_keeps_missing_readings_out():

@@ -36,6 +36,8 @@ __all__ = ["FilterErrorFit", "fit", "stacked_equations"]
 CONVERGED_STEP = 0.2
 # Longest step of one pass, in prior standard deviations.
 MOST_STEP = 3.0
+# Part of the last step below which the next one is much shorter.
+SHORTER = 0.5
 # Change of the objective that counts as none where noise bends the valley and steps stay of one size.
 FLAT_CHANGE = 0.3
 WARM_ITERATIONS = 2
@@ -130,22 +132,22 @@ def _fit(
             path_points = (post.log_evidence, tuple(points), level if now is not noise_model else 0.0)
         z = (values - free.mean) / free.sd
         merit = -0.5 * (total.ee - 2 * total.se @ z + z @ total.ss @ z + z @ z + total.logdet)
-        if best is not None and best.refused(merit, now, noise_model):
+        step = _within(total, post.mean, (free.low - free.mean) / free.sd) - z
+        correction = _length(step, total)
+        if best is not None and best.refused(merit, correction, now, noise_model):
             best.shorten()
             points, standardised, values = best.again(model, free)
             continue
         same = best is not None and best.noise_model is noise_model and abs(merit - best.merit) < FLAT_CHANGE
         flat = flat + 1 if same else 0
-        step = _within(total, post.mean, (free.low - free.mean) / free.sd) - z
         biggest = float(np.abs(step).max()) if step.size else 0.0
         share = min(1.0, MOST_STEP / biggest) if biggest > 0 else 1.0
         if k < WARM_ITERATIONS and initial_noise_scale > 0:
             # Only let the path settle: slopes along raw readings are biased by their noise.
             share = 0.0
-        best = _Best(merit, paths, values, step * free.sd, now, share, any(noise_model.force))
+        best = _Best(merit, paths, values, step * free.sd, now, share, any(noise_model.force), correction)
         points, standardised, proposal = best.again(model, free)
-        done = (proposal - values) / free.sd
-        length = float(np.sqrt(done @ done + done @ total.ss @ done)) if done.size else 0.0
+        length = _length((proposal - values) / free.sd, total)
         values = proposal
         if k < WARM_ITERATIONS and initial_noise_scale > 0:
             continue
@@ -184,6 +186,11 @@ def _fit(
 def _let_go(model: Model, paths: Sequence[Linearisation], free: GaussianPrior) -> list[Linearisation]:
     """Paths whose slopes by parameters are no longer held."""
     return [released(model, path, free.where) for path in paths]
+
+
+def _length(step: Array, total: NormalEquations) -> float:
+    """Length of a step in prior standard deviations, counted in those of the posterior."""
+    return float(np.sqrt(step @ step + step @ total.ss @ step)) if step.size else 0.0
 
 
 def _within(total: NormalEquations, mean: Array, low: Array) -> Array:
@@ -248,7 +255,7 @@ def _level(model: Model, real: NoiseModel, level: float) -> NoiseModel:
 
 @dataclass
 class _Best:
-    """Best point so far and the step tried from it."""
+    """Best point so far and the step tried from it; `correction` is the length of the whole step."""
 
     merit: float
     paths: Sequence[Linearisation]
@@ -257,6 +264,7 @@ class _Best:
     noise_model: NoiseModel
     share: float
     noisy: bool
+    correction: float
     stride: float = 1.0
 
     def shorten(self) -> None:
@@ -264,9 +272,14 @@ class _Best:
         self.share *= 0.3
         self.stride *= 0.3
 
-    def refused(self, merit: float, now: NoiseModel, real: NoiseModel) -> bool:
-        """Whether a try at the real level came out worse and a shorter step is worth it."""
-        return now is real and self.noise_model is real and merit < self.merit - 0.5 and self.share > 0.02
+    def refused(self, merit: float, correction: float, now: NoiseModel, real: NoiseModel) -> bool:
+        """Whether a try at the real level came out worse and a shorter step is worth it.
+
+        Merits are compared along two paths, and one that has not settled has the better of it. So a try from
+        which the next step is much shorter is taken all the same (natural monotonicity; Deuflhard 2011, 3.3).
+        """
+        worse = now is real and self.noise_model is real and merit < self.merit - 0.5
+        return worse and correction > SHORTER * self.correction and self.share > 0.02
 
     def again(self, model: Model, free: GaussianPrior) -> tuple[list[Trajectory], list[Array], Array]:
         """Points, innovations and values a share of the step away, the path smoothed for those values."""
