@@ -91,9 +91,9 @@ def test_a_sealed_edition_needs_its_secret(tmp_path, monkeypatch):
 def test_tracked_entries_are_shown_part_by_part():
     row = json.loads(json.dumps({
         "method": "diagnosis", "bundles": 2, "detection rate": (1, 1), "detection rate, D >= 25": (1, 1),
-        "false-alarm rate": (0, 1), "mean probability of the true cause": 0.9, "the same, D >= 25": 0.9,
-        "named right, D >= 25": (1, 1), "wrong names of all named": (0, 1), "log score": 0.1,
-        "median CPU [s]": None,
+        "false-alarm rate": (0, 1), "cause told of none": (0, 1),
+        "mean probability of the true cause": 0.9, "the same, D >= 25": 0.9, "named right, D >= 25": (1, 1),
+        "wrong names of all named": (0, 1), "log score": 0.1, "median CPU [s]": None,
     }))  # fmt: skip
     entry = {"entry": "ours", "verdicts": "0" * 64, "scores": {"all": row, "p": row}}
     report = set_report("1", {"p": {"none": 1, "effect": 1}}, {"x.tar.gz": "00"}, [entry])

@@ -11,6 +11,7 @@ from bayesid.benchmark.plant import draw_campaign
 from bayesid.benchmark.plant.body import cruising_speed
 from bayesid.benchmark.plant.unlisted_causes import OUTSIDE
 from bayesid.benchmark.protocol.answers import Answer, Cause, load_answers
+from bayesid.benchmark.protocol.beside import method_row
 from bayesid.benchmark.protocol.cause_families import FAMILIES, by_family, families_of, places_of
 from bayesid.benchmark.protocol.commitment import BlindError
 from bayesid.benchmark.protocol.count_intervals import bootstrap, clopper
@@ -139,6 +140,12 @@ def test_rates_of_competitions_count_what_was_said_of_causes_and_of_none():
     mean, _ = (q for (name, _), q in found.items() if name == "mean probability of the true cause")
     one = [c.p_right for c in cases if c.kind in ("effect", "outside")]
     assert mean.count == 3 and mean.value == pytest.approx(sum(one) / 3) and one[0] == pytest.approx(0.8)
+
+
+def test_a_model_form_is_an_alarm_where_nothing_is_planted_but_tells_no_cause():
+    words = ("model_form", "coefficients", "outside", "ambiguous", "none")
+    row = method_row("diagnosis", [judge(truth("none"), said(w)) for w in words])
+    assert (row["false-alarm rate"], row["cause told of none"]) == ((4, 5), (2, 5))
 
 
 def test_parameters_are_scored_in_stated_deviations_and_directions_wrap():

@@ -20,14 +20,18 @@ from bayesid.report.writer import Section, Table, Text
 
 COLUMNS = (
     "method", "bundles", "detection rate", "detection rate, D >= 25", "false-alarm rate",
-    "mean probability of the true cause", "the same, D >= 25", "named right, D >= 25",
+    "cause told of none", "mean probability of the true cause", "the same, D >= 25", "named right, D >= 25",
     "wrong names of all named", "log score", "median CPU [s]",
 )  # fmt: skip
 SILENT = ("none", "failed")
+# Verdicts that need no cause: the simulator's own coefficients or equations are to blame.
+WITHOUT_CAUSE = (*SILENT, "coefficients", "model_form")
 ABOUT = (
     "Every method answers the same bundles in the same form and is judged alike. Detection: something is "
-    "planted and the verdict is not none. False alarm: nothing is planted and it is not none. The "
-    "probability of the true cause counts where one is planted; a verdict that failed has stated the prior."
+    "planted and the verdict is not none. False alarm: nothing is planted and it is not none. A cause is "
+    "told of none where nothing is planted and the verdict is neither none nor one that needs no cause "
+    "(coefficients, model form). The probability of the true cause counts where one is planted; a verdict "
+    "that failed has stated the prior."
 )
 
 
@@ -84,14 +88,15 @@ def method_cells(compared: Mapping[str, Sequence[ScoredCase]]) -> list[list[Any]
 
 
 def cells(row: Mapping[str, Any]) -> list[Any]:
-    """The cells of one method; a count may have been through JSON."""
-    return [_cell(row[c]) for c in COLUMNS]
+    """The cells of one method; a count may have been through JSON, and be of an entry made without it."""
+    return [_cell(row.get(c)) for c in COLUMNS]
 
 
 def method_row(name: str, cases: Sequence[ScoredCase]) -> dict[str, Any]:
     """Counts (hits, number) and means of one method by the words of `COLUMNS`."""
     caused = [c for c in cases if c.kind != "none"]
     plain = [c for c in caused if c.noncentrality >= DETECTABLE_NONCENTRALITY]
+    nulls = [c for c in cases if c.kind == "none"]
     one = [c for c in caused if c.kind != "two"]
     named = [c for c in cases if c.word in NAMING_VERDICTS]
     single = [c for c in cases if c.kind != "two"]
@@ -100,7 +105,8 @@ def method_row(name: str, cases: Sequence[ScoredCase]) -> dict[str, Any]:
         name, len(cases),
         _count([c.word not in SILENT for c in caused]),
         _count([c.word not in SILENT for c in plain]),
-        _count([c.word not in SILENT for c in cases if c.kind == "none"]),
+        _count([c.word not in SILENT for c in nulls]),
+        _count([c.word not in WITHOUT_CAUSE for c in nulls]),
         _mean([c.p_right for c in one]),
         _mean([c.p_right for c in one if c.noncentrality >= DETECTABLE_NONCENTRALITY]),
         _count([c.outcome == "right" for c in plain if c.kind != "outside"]),
