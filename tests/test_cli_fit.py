@@ -67,6 +67,7 @@ def test_residuals_far_above_the_noise_are_said(pond, tmp_path, capsys):
     assert "times the noise" in said and "not to be trusted" not in said and "times the stated" not in said
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_noise_stated_for_some_channels_leaves_the_others_to_the_residuals(pond, tmp_path, capsys):
     """Weighed by what a noise-free series shows, u, v and r would count ten million times too much."""
     folder = tmp_path / "partly"
@@ -87,6 +88,7 @@ def test_fewer_readings_find_the_same_coefficients(pond, capsys):
         assert abs(found["value"] - found["start"]) < 4 * found["sd"]  # one fixed seed
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_a_killed_fit_goes_on_from_its_iterates(pond, tmp_path, capsys):
     def fitted(folder):
         run(["fit", str(pond), *RUNS, "--free", "N_r,N_dr", "--out", str(folder), "--quick", "--json"])

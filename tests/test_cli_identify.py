@@ -42,6 +42,7 @@ def test_three_coefficients_are_fixed_and_a_report_says_so(pond, tmp_path, capsy
     }
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_a_fit_moves_the_point_looked_at(pond, tmp_path, capsys):
     assert run(["fit", str(pond), "--free", "N_v,N_dr", "--out", str(tmp_path), "--quick"]) == 0
     capsys.readouterr()

@@ -56,6 +56,7 @@ def test_settings_that_exclude_each_other_are_told_before_any_work(pond, tmp_pat
     assert not any(tmp_path.iterdir())
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_runs_are_sampled_in_pieces_on_request(pond, tmp_path, capsys):
     line = [
         "sample",
@@ -78,6 +79,7 @@ def test_runs_are_sampled_in_pieces_on_request(pond, tmp_path, capsys):
     assert "cut into 3 pieces" in page and "Noise comes out larger" not in page
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_noise_stated_a_tenth_of_what_readings_show_is_told_and_not_used(pond, tmp_path, capsys):
     stated = tmp_path / "stated"
     shutil.copytree(pond, stated)

@@ -17,6 +17,7 @@ from _generate.commands import tree  # noqa: E402
 from _generate.pages import PAGES  # noqa: E402
 
 import bayesid  # noqa: E402
+from bayesid.cli.main import run as command_line  # noqa: E402
 from bayesid.diagnosis.hypotheses.rules import RULES  # noqa: E402
 from bayesid.diagnosis.hypotheses.verdict import WORDS  # noqa: E402
 from bayesid.diagnosis.result import schema  # noqa: E402
@@ -135,23 +136,40 @@ def test_links_of_the_front_pages_lead_somewhere(name):
     assert [link for link in links if "://" not in link and not (ROOT / link).exists()] == []
 
 
-def run_page(page, folder):
-    """Run the commands of a page in a folder, then its Python; what they print."""
+def runs_of(page):
+    """Commands of a page as lists of words, then its Python, one text in each list; and the exit codes."""
     shell = "\n".join(blocks(page, "bash"))
     odd = [line for line in shell.splitlines() if line and not line.startswith(("bayesid ", "    "))]
     assert not odd, "only commands of bayesid are run"
     codes = [
         3 if "# exit code 3" in line else 0 for line in shell.splitlines() if line.startswith("bayesid ")
     ]
-    runs = [(["-m", *words], code) for words, code in zip(commands_of(page), codes, strict=True)]
-    runs += [(["-c", text], 0) for text in blocks(page, "python")]
+    runs = [(words, code) for words, code in zip(commands_of(page), codes, strict=True)]
+    return runs + [([text], 0) for text in blocks(page, "python")]
+
+
+def run_page(page, folder):
+    """Run the commands of a page in a folder, then its Python; what they print."""
     printed = []
-    for run, code in runs:
+    for run, code in runs_of(page):
+        line = ["-m", *run] if run[0] == "bayesid" else ["-c", *run]
         done = subprocess.run(
-            [sys.executable, *run], cwd=folder, capture_output=True, text=True, timeout=400, check=False
+            [sys.executable, *line], cwd=folder, capture_output=True, text=True, timeout=400, check=False
         )
-        assert done.returncode == code, f"{' '.join(run)}\n{done.stdout[-2000:]}{done.stderr[-2000:]}"
+        assert done.returncode == code, f"{' '.join(line)}\n{done.stdout[-2000:]}{done.stderr[-2000:]}"
         printed += done.stdout.splitlines()
+    return printed
+
+
+def run_page_here(page, capsys):
+    """As `run_page`, in this process and folder: a start of Python costs more than most of these commands."""
+    printed = []
+    for run, code in runs_of(page):
+        if run[0] == "bayesid":
+            assert command_line(run[1:]) == code, " ".join(run) + "\n" + "".join(capsys.readouterr())[-2000:]
+        else:
+            exec(compile(run[0], page.name, "exec"), {"__name__": "__main__"})
+        printed += capsys.readouterr().out.splitlines()
     return printed
 
 
@@ -177,10 +195,10 @@ def shown_by(page):
 
 
 @pytest.mark.parametrize("name", CHEAP)
-def test_a_short_page_runs(name, tmp_path, monkeypatch):
-    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+def test_a_short_page_runs(name, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
     page = DOCS / name
-    printed = run_page(page, tmp_path)
+    printed = run_page_here(page, capsys)
     assert [line for line in shown_by(page) if not is_printed(line, printed)] == []
 
 

@@ -66,7 +66,7 @@ def test_the_vehicle_tells_what_kinematics_leaves_open(clean, model, name, corre
 
 @pytest.fixture(scope="module")
 def dive() -> Trial:
-    return simulate("nps_auv2", "combined:10/8", "vzigzag:10/5", dof=6, noise=NOISE | DIVE, seed=3)
+    return simulate("nps_auv2", "combined:10/8", "vzigzag:10/5", dof=6, noise=NOISE | DIVE, seed=3, dt=0.1)
 
 
 @pytest.mark.parametrize(("factor", "names"), [(1.0, []), (-1.0, ["sign of w"])])

@@ -203,9 +203,10 @@ FORCES = tuple(n for n in (*LISTED, *UNLISTED) if n not in SENSORS)
 def test_every_cause_of_the_motion_moves_the_track_and_a_fitted_start_takes_only_a_part_of_it(name):
     c = draw_campaign(3, "tanker_model", (name,), (1.0,))
     c = replace(c, runs=tuple(replace(r, role="identify") for r in c.runs[:2]))
-    shown = evidence(c, executed(c))
+    runs = executed(c)
+    shown = evidence(c, runs)
     assert shown["D"] > shown["D_pieces"] > 150.0
-    assert evidence(c, executed(c), known=(name,))["D_pieces"] == pytest.approx(0.0, abs=1e-6)
+    assert evidence(c, runs, known=(name,))["D_pieces"] == pytest.approx(0.0, abs=1e-6)
 
 
 def track(v, g, u=1.0, heading=0.5):

@@ -12,6 +12,9 @@ from bayesid.trials.equal_times import spread_equal_times
 from bayesid.trials.importing import propose
 from tests.raw_logs import motion
 
+# the picture of an import is rendered in test_trial_import
+pytestmark = pytest.mark.usefixtures("without_pictures")
+
 DEG = np.pi / 180.0
 
 

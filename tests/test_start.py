@@ -18,6 +18,9 @@ from bayesid.trials.importing import read_map
 from bayesid.trials.importing.finding import look_into
 from tests.raw_logs import motion
 
+# the picture of an import is rendered in test_trial_import
+pytestmark = pytest.mark.usefixtures("without_pictures")
+
 DEG = np.pi / 180.0
 LAT, LON = 41.18, -8.70
 

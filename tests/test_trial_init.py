@@ -13,6 +13,9 @@ from bayesid.trials.importing.in_place import _differs
 from bayesid.trials.trial import Run
 from tests.raw_logs import motion
 
+# the picture of an import is rendered in test_trial_import
+pytestmark = pytest.mark.usefixtures("without_pictures")
+
 DEG = np.pi / 180.0
 
 

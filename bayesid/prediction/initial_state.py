@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 from bayesid.equations.model import Model
 from bayesid.errors import ModelError
@@ -113,9 +114,17 @@ def coloured_noise(decay: Array, sd: Array, rng: np.random.Generator, first: Arr
     out = rng.standard_normal((n, k)) * sd
     if first is not None:
         out[0] = first
-    for i in range(n - 1):
-        out[i + 1] = decay[i] * out[i] + np.sqrt(1.0 - decay[i] ** 2) * out[i + 1]
+    out[1:] *= np.sqrt(1.0 - decay**2)
+    _remember(decay, out)
     return out
+
+
+@njit(cache=True, error_model="numpy")
+def _remember(decay: Array, out: Array) -> None:
+    """Add to each sample what is left of the one before."""
+    for i in range(decay.shape[0]):
+        for j in range(out.shape[1]):
+            out[i + 1, j] += decay[i, j] * out[i, j]
 
 
 def balanced_speed(model: Model, pars: Array, rpm: float, heading: float = 0.0) -> Array:

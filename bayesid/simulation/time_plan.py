@@ -142,9 +142,13 @@ def _moving(model: Model, name: str, t: Array, levels: Array) -> Array:
     letter = name.removeprefix("delta_")
     inverse, limit = (model.nominal[model.index[f"{k}_{letter}"]] for k in ("inverse_rate", "limit"))
     time = model.scales["L"] / max(model.scales["U"], 1e-3)
+    inverse = float(inverse)
     out = np.zeros(t.size - 1)
-    at = float(np.clip(levels[0], -limit, limit))
-    for i, (gap, level) in enumerate(zip(np.diff(t), np.clip(levels, -limit, limit)[:-1], strict=True)):
+    held = np.clip(levels, -limit, limit).tolist()  # numbers of Python: four times as fast in a loop
+    at = held[0]
+    for i, (gap, level) in enumerate(zip(np.diff(t).tolist(), held[:-1], strict=True)):
+        if level == at:
+            continue
         left = abs(level - at) * inverse
         if left * abs(level - at) > STILL * time:
             out[i] = min(left, gap)
