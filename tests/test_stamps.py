@@ -13,7 +13,6 @@ from bayesid.trials.importing import propose
 from tests.raw_logs import motion
 
 # the picture of an import is rendered in test_trial_import
-pytestmark = pytest.mark.usefixtures("without_pictures")
 
 DEG = np.pi / 180.0
 
