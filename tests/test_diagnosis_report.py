@@ -4,15 +4,17 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from diagnosis_results import RESULT, a_gap, a_horizon, a_result, draws
+from diagnosis_results import MODELS, RESULT, a_gap, a_horizon, a_result, draws
 from matplotlib.colors import to_hex
 
+from bayesid.diagnosis.answer import answer
 from bayesid.diagnosis.evidence.effect_draws import choice, warning
+from bayesid.diagnosis.result_parts import RunError
 from bayesid.diagnosis.run import Diagnosis
 from bayesid.diagnosis.summary import unsigned_zeros
 from bayesid.report.diagnosis.cause import where_blocks
 from bayesid.report.diagnosis.effect_interval import why
-from bayesid.report.diagnosis.evidence import held_words
+from bayesid.report.diagnosis.evidence import held_words, runs_blocks
 from bayesid.report.diagnosis.figures import bars, symlog_ticks
 from bayesid.report.diagnosis.holdout import holdout_blocks, proof_label
 from bayesid.report.diagnosis.report import diagnosis_report, write_diagnosis_report
@@ -59,6 +61,34 @@ def test_saving_needs_no_working_object(tmp_path):
 )  # fmt: skip
 def test_only_a_model_of_exactly_what_is_named_is_called_with_the_effect(word, named, best, gain, label):
     assert proof_label(a_result(word, named, best, gain)) == label
+
+
+def test_the_caption_of_the_runs_says_where_the_explanation_misses_by_more():
+    """A straight run goes where disturbances push it, whatever explains the others."""
+    better = a_replayed("r2", "zigzag 8/8", "holdout", (12.0, 8.0, 1.3))
+    assert "no larger than as given in 1 of 1 row (held-out runs: 1 of 1)." in _caption_of_runs(better)
+    straight = a_replayed("r5", "straight run", "identify", (114.0, 116.0, 116.4))
+    said = _caption_of_runs(better, straight)
+    assert "in 1 of 2 rows (held-out runs: 1 of 1)" in said
+    assert said.endswith("It is larger on: straight run (r5), position 116 m instead of 114.")
+    alike = a_replayed("r5", "straight run", "identify", (116.1, 116.0, 116.4))
+    assert "in 1 of 1 row." in _caption_of_runs(alike)
+    lost = a_replayed("r4", "turn 25", "holdout", (3.0, 2.0, None))
+    said = _caption_of_runs(lost)
+    assert "in 0 of 1 row (held-out runs: 0 of 1)" in said
+    assert said.endswith("held-out turn 25 (r4), position diverges instead of 3.")
+
+
+def a_replayed(name, manoeuvre, role, position):
+    return RunError(
+        name, manoeuvre, role, 90.0, 5.0, dict(zip(MODELS, position, strict=True)),
+        {m: {"x": p, "y": p} for m, p in zip(MODELS, position, strict=True)},
+    )  # fmt: skip
+
+
+def _caption_of_runs(*runs):
+    result = replace(RESULT, runs=runs)
+    return runs_blocks(result, answer(result))[0].caption
 
 
 def test_a_channel_no_held_out_run_reads_has_a_dash():
