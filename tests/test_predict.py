@@ -318,6 +318,39 @@ def test_causes_a_diagnosis_does_not_name_are_said_to_be_none(word, said, tmp_pa
     assert any("names no cause" in text for text in prediction.report().failures) == said
 
 
+def test_a_prediction_says_in_words_what_it_is_drawn_from_and_what_is_left_out(tmp_path):
+    found = found_with()
+    (one,) = found.hypotheses
+    two = tuple(replace(one, effects=names, weight=w) for names, w in ((("current_front",), 0.7), ((), 0.3)))
+    left = {("outside",): 0.12, ("rudder_offset", "wind"): 0.02, ("coefficient_error",): 0.001}
+    write_diagnosed(replace(found, verdict="ambiguous", hypotheses=two, left_out=left), tmp_path)
+    prediction = predict(planted_trial(MODEL), ["turn:10"], model=tmp_path, draws=20, speed=1.5)
+    said = (
+        "20 vehicles are drawn from 2 explanations: 70% with current front, 30% with no effect; explanations "
+        "that hold 0.14 of the probability are left out: something not on the list (0.12), "
+        "rudder offset + wind (0.02)"
+    )
+    assert said in prediction.summary() and "current_front" not in prediction.summary()
+    assert said in prediction.report().lead
+    assert prediction.record()["left_out"][0] == {"effects": ["outside"], "probability": 0.12}
+
+
+def test_one_explanation_is_said_to_be_all_and_an_older_model_says_nothing_of_what_is_left_out(tmp_path):
+    found = found_with()
+    (one,) = found.hypotheses
+    named = replace(found, verdict="effect", hypotheses=(replace(one, effects=("rudder_asymmetry",)),))
+    for left, said in (
+        (None, "20 vehicles are drawn, all with rudder asymmetry; the coefficients"),
+        (
+            {("wind",): 0.004},
+            "rudder asymmetry; explanations left out have less than 0.01 of the probability;",
+        ),
+    ):
+        write_diagnosed(replace(named, left_out=left), tmp_path)
+        prediction = predict(planted_trial(MODEL), ["turn:10"], model=tmp_path, draws=20, speed=1.5)
+        assert said in prediction.summary()
+
+
 def test_the_model_of_another_vehicle_is_refused(tmp_path):
     write_diagnosed(found_with(), tmp_path)
     other = planted_trial(model_of("generic_sub"))

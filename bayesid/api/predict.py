@@ -129,6 +129,9 @@ def predict(
     record = {
         "trial": logged.name, "digest": logged.digest, "model": found.model.digest, "verdict": found.verdict,
         "hypotheses": [{"effects": h.effects, "weight": h.weight} for h in found.hypotheses],
+        "left_out": None if found.left_out is None else [
+            {"effects": list(names), "probability": p} for names, p in found.left_out.items()
+        ],
         "coefficients_as_given": stated_spread(found), "seed": seed, "draws": draws, "band": LEVEL,
         "sensor_noise": sensor_noise, "model_failed_checks": list(found.failed_checks), "predictions": rows,
     }  # fmt: skip
@@ -260,7 +263,7 @@ class PredictResult(Result):
             sections.append(Section(literal(p.name), blocks))
         lead = (
             f"**{literal(first_screen.headline(self.trial, self.predictions, rows))}**\n\n"
-            f"{literal(self._model_words().capitalize())}."
+            f"{literal(first_screen.drawn_words(self.numbers))}."
         )
         return Report(
             f"{self.trial.name}: predictions",
@@ -283,7 +286,7 @@ class PredictResult(Result):
     def summary(self, verbose: bool = False) -> str:
         lines = [first_screen.headline(self.trial, self.predictions, self.numbers["predictions"])]
         lines += [f"CHECK FAILED: {words}" for words in self.numbers["failed_checks"]]
-        lines += ["", self._model_words()]
+        lines += ["", f"{first_screen.drawn_words(self.numbers)}."]
         for row in self.numbers["predictions"]:
             begun = f", begun on the first {row['lead']:.3g} s of its log" if row["lead"] else ""
             lines.append(f"\n{row['name']}: {row['seconds']:.0f} s{begun}")
@@ -294,16 +297,6 @@ class PredictResult(Result):
             if row["measures"]:
                 lines.append(table_text(MEASURE_COLUMNS, _measures(row), 4))
         return "\n".join(lines)
-
-    def _model_words(self) -> str:
-        if self.numbers["verdict"] == "fit":
-            return "model: a fit of the coefficients"
-        shares: dict[str, float] = {}
-        for h in self.numbers["hypotheses"]:
-            name = " + ".join(h["effects"]) or "no effect"
-            shares[name] = shares.get(name, 0.0) + h["weight"]
-        words = f"model: {', '.join(f'{name} ({share:.0%})' for name, share in shares.items())}"
-        return words + first_screen.as_given_words(self.numbers["coefficients_as_given"])
 
 
 def _against(row: Mapping[str, Any]) -> list[list[Any]]:
