@@ -1,6 +1,7 @@
 """Predictions of a diagnosed model: the band holds what it says; only orders and lead-in are read."""
 
 import csv
+import io
 import json
 from dataclasses import replace
 from functools import lru_cache
@@ -33,6 +34,7 @@ from bayesid.model.vehicles import self_propulsion_speed
 from bayesid.prediction.initial_state import balanced_speed, coloured_noise, initial_states
 from bayesid.prediction.intervals import beside_readings, measure_bands, prediction_csv, stated_spread
 from bayesid.prediction.prediction import predict_manoeuvre, predict_run
+from bayesid.progress import Progress
 from bayesid.report.predict_first_screen import _band, headline
 from bayesid.simulation import observe, plan_run, simulate, steady_start
 from bayesid.trials import Run, window, write_trial
@@ -269,9 +271,23 @@ def test_predict_command_writes_one_table_per_run_and_manoeuvre(tmp_path, capsys
     record = json.loads(capsys.readouterr().out)
     assert [p["name"] for p in record["predictions"]] == ["turn", "zigzag:10/10"]
     assert 0.5 < record["predictions"][0]["against_readings"]["psi"]["inside"] <= 1.0
+    assert bayesid([*words[:3], "--model", str(tmp_path / "gap"), "--draws", "20"]) == 0
+    assert capsys.readouterr().err.startswith("predict turn: done 1/1 in ")
     assert {p.name for p in out.glob("*.csv")} == {"turn.csv", "zigzag_10_10.csv"}
     assert bayesid(["predict", str(tmp_path / "pond"), "--model", str(tmp_path / "none")]) == 2
     assert "bayesid diagnose" in capsys.readouterr().err
+
+
+def test_a_diagnosis_on_the_way_says_which_of_its_steps_it_is_at(monkeypatch):
+    def diagnosed(trial, model, *, notify, **others):
+        notify("screen 36 effects from one bank of sensitivities")
+        raise ModelError("far enough")
+
+    monkeypatch.setattr("bayesid.api.predict.diagnose", diagnosed)
+    log = io.StringIO()
+    with pytest.raises(ModelError, match="far enough"):
+        predict(planted_trial(MODEL), vehicle=MODEL.vehicle, progress=Progress(stream=log))
+    assert log.getvalue().splitlines()[-1].startswith("step 3 of 6: screen 36 effects")
 
 
 @pytest.mark.parametrize(("share", "narrow"), [(1.0, False), (0.01, True)])

@@ -112,7 +112,7 @@ def diagnose(
         return chosen if resample else condensed(chosen, model.vehicle, MOST_SAMPLES, trust_input)
 
     def diagnosis(of: Trial, checked: InputCheck) -> DiagnoseResult:
-        told = shown.route(_route(next_manoeuvre, draws, keep_model))
+        told = shown.route(diagnosis_route(next_manoeuvre, draws, keep_model))
         with fits_kept(kept) as fits:
             found = run(
                 of, model, seed=seed, notify=told, as_built=prior, plan_next=next_manoeuvre, draw=draws,
@@ -154,8 +154,8 @@ def diagnose(
     return InputResult(logged.name, checked, (), result) if checked.findings else result
 
 
-def _route(next_manoeuvre: bool, draws: bool, keep_model: bool) -> list[RouteStep]:
-    """What a diagnosis goes through; shares of the time as measured on the practice bundles."""
+def diagnosis_route(next_manoeuvre: bool, draws: bool, keep_model: bool) -> list[RouteStep]:
+    """Steps that a diagnosis goes through; shares of the time as measured on the practice bundles."""
     asked = {"next": next_manoeuvre, "draws": draws, "model": keep_model}
     return [step for name, step in ROUTE.items() if asked.get(name, True)]
 

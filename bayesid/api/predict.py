@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bayesid.api.diagnose import diagnosis_route
 from bayesid.api.inputs import (
     TrialLike,
     VehicleLike,
@@ -106,7 +107,8 @@ def predict(
     scale = scale_of(found.model, rpm, dt if dt is not None else s["L"] / s["U"] / 40)
     orders = ordered(found.model, (text for text in wanted if _run(logged, text) is None), scale, dt)
     predictions, rows = [], []
-    for text in shown.track(wanted, "predictions"):
+    stage = f"predict {wanted[0] if len(wanted) == 1 else 'runs and manoeuvres'}"
+    for text in shown.track(wanted, stage):
         run = _run(logged, text)
         if run is not None:
             p = predict_run(found, run, draws, seed, lead)
@@ -166,8 +168,9 @@ def _model(
             "`bayesid diagnose`; with --model it is not asked"
         )
     diagnosis = diagnose(
-        with_shaft_speed(trial, model.vehicle), model, seed=seed, notify=progress.note, plan_next=False
-    )
+        with_shaft_speed(trial, model.vehicle), model, seed=seed, plan_next=False, keep_model=True,
+        notify=progress.route(diagnosis_route(False, False, True)),
+    )  # fmt: skip
     found = diagnosed_model_of(diagnosis)
     if out is not None:
         write_diagnosed(found, out)

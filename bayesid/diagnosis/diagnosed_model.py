@@ -374,7 +374,9 @@ def read_diagnosed(folder: str | os.PathLike[str], declared: Iterable[Effect] = 
         raise ModelError(
             f"{path}: {error}; `bayesid diagnose BUNDLE --out FOLDER` and `bayesid fit` write it"
         ) from None
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except KeyError as error:
+        raise ModelError(f"{path}: is not a diagnosed model (it has no {error})") from None
+    except (ValueError, TypeError, AttributeError) as error:
         raise ModelError(f"{path}: is not a diagnosed model ({error})") from None
     model = build_model(load_vehicle(vehicle), dof, declared=declared)
     if model.digest != digest:
