@@ -9,6 +9,7 @@ from matplotlib.colors import to_hex
 
 from bayesid.diagnosis.answer import answer
 from bayesid.diagnosis.evidence.effect_draws import choice, warning
+from bayesid.diagnosis.next_manoeuvre import Proposal
 from bayesid.diagnosis.result_parts import RunError
 from bayesid.diagnosis.run import Diagnosis
 from bayesid.diagnosis.summary import unsigned_zeros
@@ -17,6 +18,7 @@ from bayesid.report.diagnosis.effect_interval import why
 from bayesid.report.diagnosis.evidence import held_words, runs_blocks
 from bayesid.report.diagnosis.figures import bars, symlog_ticks
 from bayesid.report.diagnosis.holdout import holdout_blocks, proof_label
+from bayesid.report.diagnosis.limits import next_blocks
 from bayesid.report.diagnosis.report import diagnosis_report, write_diagnosis_report
 from bayesid.report.diagnosis.words import in_words
 from bayesid.report.figure_style import COLOURS
@@ -199,3 +201,17 @@ def test_what_the_equations_lack_is_said_on_the_first_screen_and_has_its_section
     assert "What the equations lack" in [s.title for s in named.sections]
     alone = diagnosis_report(replace(RESULT, model_form=part, verdict="model_form", effects=()))
     assert "The equations lack a force that depends on the motion" in alone.lead
+
+
+def test_a_proposed_manoeuvre_says_what_is_ordered_and_none_says_why():
+    chirp = Proposal("chirp", 69.0, 1.0, 9.0, "rudder up to 10 degrees to either side", "chirp:10")
+    told = replace(RESULT, next_manoeuvre=(chirp,))
+    assert any("chirp, 69 s (rudder up to 10 degrees to either side)" in s for s in answer(told).steps)
+    assert next_blocks(told)[1].rows[0][2:] == ("rudder up to 10 degrees to either side", "`chirp:10`")
+    quick = next_blocks(replace(RESULT, next_manoeuvre=(), next_asked=False))
+    assert (
+        quick[0].body
+        == "No manoeuvre was ranked: `--quick` leaves it out (in Python `next_manoeuvre=False`)."
+    )
+    failed = next_blocks(replace(RESULT, next_manoeuvre=()))
+    assert "--quick" not in failed[0].body and "see the notes" in failed[0].body
