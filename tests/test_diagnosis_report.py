@@ -10,12 +10,12 @@ from matplotlib.colors import to_hex
 from bayesid.diagnosis.answer import answer
 from bayesid.diagnosis.evidence.effect_draws import choice, warning
 from bayesid.diagnosis.next_manoeuvre import Proposal
-from bayesid.diagnosis.result_parts import RunError
+from bayesid.diagnosis.result_parts import Moved, RunError
 from bayesid.diagnosis.run import Diagnosis
 from bayesid.diagnosis.summary import unsigned_zeros
 from bayesid.report.diagnosis.cause import where_blocks
 from bayesid.report.diagnosis.effect_interval import why
-from bayesid.report.diagnosis.evidence import held_words, runs_blocks
+from bayesid.report.diagnosis.evidence import held_words, moved_blocks, runs_blocks
 from bayesid.report.diagnosis.figures import bars, symlog_ticks
 from bayesid.report.diagnosis.holdout import holdout_blocks, proof_label
 from bayesid.report.diagnosis.limits import next_blocks
@@ -91,6 +91,21 @@ def a_replayed(name, manoeuvre, role, position):
 def _caption_of_runs(*runs):
     result = replace(RESULT, runs=runs)
     return runs_blocks(result, answer(result))[0].caption
+
+
+def test_percent_and_standard_deviations_of_a_coefficient_have_one_sign():
+    """Both of a damping of -2 found at -1.6, and of a force of 2 found at 1.6, are towards zero."""
+    moved = {
+        "N_r": Moved(-2.0, 0.2, -1.6, -2.0), "Y_r": Moved(2.0, 0.2, 1.6, 2.4),
+        "X_vr": Moved(0.0, 0.1, 0.2, -0.1)
+    }  # fmt: skip
+    result = replace(RESULT, moved=moved)
+    table = moved_blocks(result, answer(result))[0]
+    cells = {row[0]: [cell_text(c) for c in (*row[3:5], *row[6:8])] for row in table.rows}
+    assert cells["N_r"] == ["-20.0", "-2.0", "0.0", "0.0"]
+    assert cells["Y_r"] == ["-20.0", "-2.0", "+20.0", "+2.0"]
+    assert cells["X_vr"] == ["–", "+2.0", "–", "-1.0"]
+    assert "+ is further from zero" in table.caption
 
 
 def test_a_channel_no_held_out_run_reads_has_a_dash():

@@ -201,7 +201,7 @@ class FitResult(Result):
             return ""
         said = []
         if abs(posterior.conflict[i]) > CONFLICT:
-            said.append(f"prior conflict {posterior.conflict[i]:+.1f} sd")
+            said.append(f"prior conflict of {abs(posterior.conflict[i]):.1f} sd")
         if self.found.fit.names[i] in posterior.wider_than_prior:
             said.append("less sure than the prior")
         return ", ".join(said)

@@ -70,8 +70,9 @@ def moved_blocks(result: Result, a: Answer) -> list[Block]:
         return [Text("The coefficients were not compared.")]
 
     def cells(given: float, value: float, sd: float) -> list[Any]:
-        share = f"{100 * (value / given - 1):+.1f}" if given else "–"
-        return [value, share, f"{(value - given) / sd:+.1f}" if sd > 0 else "–"]
+        further = math.copysign(1.0, given) * (value - given)
+        share = unsigned_zeros(f"{100 * further / abs(given):+.1f}") if given else "–"
+        return [value, share, unsigned_zeros(f"{further / sd:+.1f}") if sd > 0 else "–"]
 
     rows = [
         [n, m.given, *cells(m.given, m.retuned, m.prior_sd), *cells(m.given, m.explained, m.prior_sd)]
@@ -82,8 +83,10 @@ def moved_blocks(result: Result, a: Answer) -> list[Block]:
         Table(
             ["coefficient", "as given", "re-tuned", "[%]", "[sd]", third, "[%]", "[sd]"],
             rows,
-            "Units of the vehicle file; [sd] counts in stated standard deviations. What to see: an "
-            "explanation that holds leaves the coefficients nearer to what is stated than re-tuning does.",
+            "Units of the vehicle file; [sd] counts in stated standard deviations. In both, + is further "
+            "from zero than as given, - nearer to zero or beyond it, whatever the sign of the coefficient. "
+            "What to see: an explanation that holds leaves the coefficients nearer to what is stated than "
+            "re-tuning does.",
         )
     ]
 
