@@ -71,6 +71,10 @@ def test_the_caption_of_the_runs_says_where_the_explanation_misses_by_more():
     assert "no larger than as given in 1 of 1 row (held-out runs: 1 of 1)." in _caption_of_runs(better)
     straight = a_replayed("r5", "straight run", "identify", (114.0, 116.0, 116.4))
     said = _caption_of_runs(better, straight)
+    result = replace(RESULT, runs=(straight, better))
+    assert [row[:3] for row in runs_blocks(result, answer(result))[0].rows] == [
+        ("r2", "zigzag 8/8", "held out"), ("r5", "straight run", "read")
+    ]  # fmt: skip
     assert "in 1 of 2 rows (held-out runs: 1 of 1)" in said
     assert said.endswith("It is larger on: straight run (r5), position 116 m instead of 114.")
     alike = a_replayed("r5", "straight run", "identify", (116.1, 116.0, 116.4))

@@ -12,7 +12,7 @@ from bayesid.diagnosis.answer import Answer, in_words
 from bayesid.diagnosis.plain_words import number, sentence
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import Effect
-from bayesid.diagnosis.run_errors import against_given, error_rows
+from bayesid.diagnosis.run_errors import against_given, error_rows, name_of_run
 from bayesid.diagnosis.summary import unsigned_zeros
 from bayesid.report import run_picture
 from bayesid.report.diagnosis.cause import where_blocks, which_blocks
@@ -22,6 +22,7 @@ from bayesid.report.diagnosis.limits import margin_table
 from bayesid.report.writer import Block, Figure, Row, Section, Table, Text, literal
 
 MOST_CAUSES, MOST_PICTURES = 8, 4
+ROLES = {"holdout": "held out", "identify": "read"}
 
 
 def runs_blocks(result: Result, a: Answer) -> list[Block]:
@@ -29,13 +30,18 @@ def runs_blocks(result: Result, a: Answer) -> list[Block]:
     rows: list[list[Any]] = []
     for run in sorted(result.runs, key=lambda r: r.role != "holdout"):
         for e in error_rows(run):
-            rows.append([literal(run.run), run.role, f"{e.what} [{e.unit}]", *map(_cell, e.values)])
+            rows.append(
+                [
+                    literal(run.run), literal(run.manoeuvre) or "–", ROLES.get(run.role, run.role),
+                    f"{e.what} [{e.unit}]", *map(_cell, e.values),
+                ]
+            )  # fmt: skip
     if not rows:
         measured = [measures_table(result, a.labels)] if result.measures else []
         return [Text("No run could be replayed."), *measured]
     blocks: list[Block] = [
         Table(
-            ["run", "role", "rms error", *a.labels],
+            ["run", "manoeuvre", "role", "rms error", *a.labels],
             rows,
             "Every run replayed open loop from its orders, begun on its first seconds. "
             f"{literal(a.explained)} What to see: {literal(against_given(result.runs, a.labels))}",
@@ -46,14 +52,14 @@ def runs_blocks(result: Result, a: Answer) -> list[Block]:
     others = result.drawings.replays[1 : 1 + MOST_PICTURES] if result.drawings is not None else ()
     for k, replay in enumerate(others, 1):
         drawn = picture_of(replay, a)
-        where = f"{literal(replay.run)} ({literal(replay.manoeuvre)}, {replay.role})"
+        where = literal(name_of_run(replay.run, replay.manoeuvre, replay.role))
         blocks.append(
             Row(
                 (
                     Figure(f"run{k}_track", run_picture.track(drawn), alt=f"Track of {where}"),
                     Figure(f"run{k}_time", run_picture.over_time(drawn), alt=f"Errors of {where}"),
                 ),
-                where,
+                f"{where[:1].upper()}{where[1:]}.",
             )
         )
         if replay.role == "holdout":
