@@ -76,7 +76,7 @@ def test_the_caption_of_the_runs_says_where_the_explanation_misses_by_more():
         ("r2", "zigzag 8/8", "held out"), ("r5", "straight run", "read")
     ]  # fmt: skip
     assert "in 1 of 2 rows (held-out runs: 1 of 1)" in said
-    assert said.endswith("It is larger on: straight run (r5), position 116 m instead of 114.")
+    assert said.endswith("They are larger on: straight run (r5), position 116 m instead of 114.")
     alike = a_replayed("r5", "straight run", "identify", (116.1, 116.0, 116.4))
     assert "in 1 of 1 row." in _caption_of_runs(alike)
     lost = a_replayed("r4", "turn 25", "holdout", (3.0, 2.0, None))
@@ -225,8 +225,10 @@ def test_what_the_equations_lack_is_said_on_the_first_screen_and_has_its_section
 def test_a_proposed_manoeuvre_says_what_is_ordered_and_none_says_why():
     chirp = Proposal("chirp", 69.0, 1.0, 9.0, "rudder up to 10 degrees to either side", "chirp:10")
     told = replace(RESULT, next_manoeuvre=(chirp,))
-    assert any("chirp, 69 s (rudder up to 10 degrees to either side)" in s for s in answer(told).steps)
-    assert next_blocks(told)[1].rows[0][2:] == ("rudder up to 10 degrees to either side", "`chirp:10`")
+    assert any(
+        "chirp, 69 s: rudder up to 10 degrees to either side; it tells" in s for s in answer(told).steps
+    )
+    assert next_blocks(told)[1].rows[0][2:] == ("rudder up to 10 degrees to either side", "chirp:10")
     quick = next_blocks(replace(RESULT, next_manoeuvre=(), next_asked=False))
     assert (
         quick[0].body

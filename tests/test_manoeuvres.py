@@ -424,6 +424,8 @@ def test_what_is_ordered_is_said_in_degrees_hertz_and_revolutions():
     )
     turn = man.parse("turn:15,side=starboard", man.Scale(2.0, 1.5, 1500.0, 0.3, 0.3))
     assert man.order_words(turn) == "rudder 15 degrees to starboard, shaft at 1500 rpm"
+    coast = man.parse("coast", man.Scale(2.0, 1.5, 1500.0, 0.3, 0.3))
+    assert man.order_words(coast) == "shaft at 1500 rpm, then stopped"
 
 
 @pytest.mark.parametrize("name", man.LIBRARY)
@@ -434,5 +436,5 @@ def test_every_manoeuvre_that_may_be_proposed_says_what_is_ordered_and_how_it_is
     # a fin that moves is told, but by the laws that hold depth, whose name says what they do
     rudders = "delta_r_cmd" in getattr(sized[name], "commands", {})
     moves = rudders and np.ptp(sized[name].commands["delta_r_cmd"]) > 0.0
-    assert ("rudder" in said) == moves or "first to" in said or name == "combinedheld"
+    assert ("rudder" in said) == moves or "first" in said or name == "combinedheld"
     assert type(man.parse(man.LIBRARY[name], man.Scale(2.0, 1.5, 1500.0, 0.4, 0.4, 6))) is type(sized[name])

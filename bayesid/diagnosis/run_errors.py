@@ -120,7 +120,7 @@ def against_given(runs: Sequence[RunError], labels: Sequence[str]) -> str:
     held = [row for run, row in rows if run.role == "holdout"]
     fewer = len(held) - sum(run.role == "holdout" for run, _ in larger)
     said = (
-        f"the error {labels[-1]} is no larger than {labels[0]} in {len(rows) - len(larger)} of "
+        f"errors {labels[-1]} are no larger than {labels[0]} in {len(rows) - len(larger)} of "
         f"{counted(len(rows), 'row')}" + (f" (held-out runs: {fewer} of {len(held)})" if held else "")
     )
     if not larger:
@@ -130,7 +130,7 @@ def against_given(runs: Sequence[RunError], labels: Sequence[str]) -> str:
         f"{number(row.values[0])}"
         for run, row in larger
     ]
-    return f"{said}. It is larger on: {first_few(places, MOST_LARGER, '; ')}."
+    return f"{said}. They are larger on: {first_few(places, MOST_LARGER, '; ')}."
 
 
 def _printed(value: float) -> float:

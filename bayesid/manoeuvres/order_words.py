@@ -64,7 +64,7 @@ SAYS: dict[str, Callable[[Parameters], str]] = {
     "plane": lambda p: _both_ways("planes")(p["plane"]),
     "first": _ramp,
     "levels": _levels,
-    "first side": lambda p: f"first to {p['first side']}",
+    "first side": lambda p: f"{p['name']} first {p['first side']}",
     "f0": _band,
     "period": lambda p: f"period of {p['period']:.3g} s",
     "clock": lambda p: f"may change every {p['clock']:.3g} s",
@@ -80,5 +80,7 @@ SAYS: dict[str, Callable[[Parameters], str]] = {
 def order_words(manoeuvre: Manoeuvre) -> str:
     """What is ordered, e.g. "rudder up to 10 degrees to either side, 0.01 to 0.2 Hz (periods of 100 to 5 s),
     shaft at 1500 rpm"."""
-    p = manoeuvre.parameters
-    return ", ".join(say(p) for key, say in SAYS.items() if key in p)
+    p = {**manoeuvre.parameters, "name": manoeuvre.name}
+    said = ", ".join(say(p) for key, say in SAYS.items() if key in p)
+    shaft = getattr(manoeuvre, "commands", {}).get("n_cmd")
+    return f"{said}, then stopped" if shaft is not None and shaft[-1] == 0.0 else said

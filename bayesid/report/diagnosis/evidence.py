@@ -53,17 +53,18 @@ def runs_blocks(result: Result, a: Answer) -> list[Block]:
     for k, replay in enumerate(others, 1):
         drawn = picture_of(replay, a)
         where = literal(name_of_run(replay.run, replay.manoeuvre, replay.role))
+        title = where[:1].upper() + where[1:]
         blocks.append(
             Row(
                 (
                     Figure(f"run{k}_track", run_picture.track(drawn), alt=f"Track of {where}"),
                     Figure(f"run{k}_time", run_picture.over_time(drawn), alt=f"Errors of {where}"),
                 ),
-                f"{where[:1].upper()}{where[1:]}.",
+                f"{title}.",
             )
         )
         if replay.role == "holdout":
-            blocks += played_blocks(replay, a, where)
+            blocks += played_blocks(replay, a, title)
     return blocks
 
 

@@ -66,7 +66,7 @@ def next_blocks(result: Result) -> list[Block]:
     if not result.next_manoeuvre:
         return [Text(f"No manoeuvre was ranked: {_why_none(result)}")]
     rows = [
-        [in_words(p.name), round(p.duration), literal(p.orders), f"`{p.typed}`" if p.typed else ""]
+        [in_words(p.name), round(p.duration), literal(p.orders), literal(p.typed)]
         for p in result.next_manoeuvre
     ]
     return [
