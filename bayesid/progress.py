@@ -192,7 +192,8 @@ class _LineStage(Stage):
 
     def _show(self) -> None:
         now = time.monotonic()
-        if now - self._last >= self._every:
+        # the end of a stage has a line of its own
+        if now - self._last >= self._every and self.done != self.total:
             self._last = now
             self._print(f"{self._count()}, {self.seconds:.0f} s{self._left()}")
 

@@ -5,7 +5,10 @@ Takes a count and its noun, or names. Does not: know any sentence.
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Iterable
+
+LEAST_ALIKE = 0.6  # ratio of `difflib` from which a known name is taken for what was meant
 
 
 def counted(number: int, noun: str, plural: str = "") -> str:
@@ -24,3 +27,12 @@ def and_list(names: Iterable[str]) -> str:
     """`a`, `a and b`, `a, b and c`; nothing where there is none."""
     *others, last = list(names) or [""]
     return f"{', '.join(others)} and {last}" if others else last
+
+
+def did_you_mean(names: Iterable[str], known: Iterable[str]) -> str:
+    """`; did you mean N_dr?`: the known name nearest to each unknown one; nothing where none is near."""
+    there = list(known)
+    small = {name.lower(): name for name in there}
+    near = [difflib.get_close_matches(n[:60].lower(), small, n=1, cutoff=LEAST_ALIKE) for n in names]
+    told = list(dict.fromkeys(small[match] for found in near for match in found))
+    return f"; did you mean {', '.join(told)}?" if told else ""

@@ -212,7 +212,17 @@ def test_what_the_command_does_not_know_is_an_option_of_the_study(tmp_path, monk
     assert run(["study", "--every", "demo"]) == 2
     assert "come after its name" in capsys.readouterr().err
     assert run(["study", "demo", "--evry"]) == 2 and "--evry" in capsys.readouterr().err
-    assert run(["study", "--help"]) == 0 and "bayesid study NAME --help" in capsys.readouterr().out
+    assert run(["study", "--help"]) == 0
+    said = capsys.readouterr().out
+    assert "bayesid study NAME --help" in said
+    assert said.splitlines()[-1].split() == ["demo", "--every"]  # and not --out, which is listed above
+
+
+def test_help_on_studies_lists_the_options_each_of_them_adds(capsys):
+    assert run(["study", "-h"]) == 0
+    rows = {words[0]: words[1:] for line in capsys.readouterr().out.splitlines() if (words := line.split())}
+    assert rows["ridges"] == ["--truths", "--workers", "--executor"]
+    assert rows["ship_models"] == ["--only"]
 
 
 def test_a_study_names_the_reports_it_wrote_and_no_other(tmp_path, monkeypatch, capsys):

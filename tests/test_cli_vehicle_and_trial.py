@@ -67,6 +67,18 @@ def test_trial_check_says_what_a_bundle_holds(bundle, tmp_path, capsys):
     assert json.loads(capsys.readouterr().out) == rounded(stored)
 
 
+def test_trial_check_counts_the_runs_that_are_held_out(bundle, capsys):
+    assert run(["trial", "check", str(bundle)]) == 0
+    assert "No run is held out" in capsys.readouterr().out
+    toml, other = bundle / "trial.toml", bundle / "other.csv"
+    first = next(bundle.glob("*.csv"))
+    other.write_text(first.read_text())
+    toml.write_text(toml.read_text() + '\n[[runs]]\nfile = "other.csv"\nrole = "holdout"\n')
+    assert run(["trial", "check", str(bundle)]) == 0
+    out = capsys.readouterr().out
+    assert "2 runs (1 of them held out), 3 degrees of freedom" in out and "No run is held out" not in out
+
+
 def test_trial_check_finds_a_vehicle_that_cannot_be_read(bundle, capsys):
     text = (bundle / "trial.toml").read_text().replace('"remus100"', '"vehicle.toml"')
     (bundle / "trial.toml").write_text(text)

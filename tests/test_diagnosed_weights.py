@@ -5,7 +5,7 @@ from types import SimpleNamespace as Plain
 import numpy as np
 import pytest
 
-from bayesid.diagnosis.diagnosed_model import _chosen, _log_weights
+from bayesid.diagnosis.diagnosed_model import _chosen, _left_out, _log_weights
 from bayesid.diagnosis.hypotheses.probabilities import FormError
 
 
@@ -49,3 +49,17 @@ def test_beside_a_form_refits_of_one_name_share_its_probability():
     assert weights[3] / weights[2] == pytest.approx(np.exp(2.0))
     found.sets = {("outside",): 1.0}  # nothing of what can be drawn has any: evidence is left
     assert np.all(np.isfinite(_log_weights(found, [NONE, pair], [0.0, 900.0], 0.01)))
+
+
+def test_what_no_draw_has_keeps_the_probability_the_verdict_gave_it():
+    """Of lag 0.5, wind 0.3, outside 0.15, lag with wind 0.04 and one wrong coefficient 0.01."""
+    found = comparison(0.0)
+    found.sets = {
+        ("outside",): 0.15, ("lag",): 0.5, ("lag", "wind"): 0.04, ("wind",): 0.3,
+        ("coefficient_error",): 0.01, ("drag",): 1e-6,
+    }  # fmt: skip
+    left = _left_out(found, [LAG, refit(1.0, "coefficient_error:N_r")])
+    assert list(left.items()) == [(("wind",), 0.3), (("outside",), 0.15), (("lag", "wind"), 0.04)]
+    assert _left_out(found, [LAG, WIND, refit(9.0, "wind", "lag")]) == {
+        ("outside",): 0.15, ("coefficient_error",): 0.01,
+    }  # fmt: skip

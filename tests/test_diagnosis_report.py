@@ -4,17 +4,21 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from diagnosis_results import RESULT, a_gap, a_horizon, a_result, draws
+from diagnosis_results import MODELS, RESULT, a_gap, a_horizon, a_result, draws
 from matplotlib.colors import to_hex
 
+from bayesid.diagnosis.answer import answer
 from bayesid.diagnosis.evidence.effect_draws import choice, warning
+from bayesid.diagnosis.next_manoeuvre import Proposal
+from bayesid.diagnosis.result_parts import Moved, RunError
 from bayesid.diagnosis.run import Diagnosis
 from bayesid.diagnosis.summary import unsigned_zeros
 from bayesid.report.diagnosis.cause import where_blocks
 from bayesid.report.diagnosis.effect_interval import why
-from bayesid.report.diagnosis.evidence import held_words
+from bayesid.report.diagnosis.evidence import held_words, moved_blocks, runs_blocks
 from bayesid.report.diagnosis.figures import bars, symlog_ticks
 from bayesid.report.diagnosis.holdout import holdout_blocks, proof_label
+from bayesid.report.diagnosis.limits import next_blocks
 from bayesid.report.diagnosis.report import diagnosis_report, write_diagnosis_report
 from bayesid.report.diagnosis.words import in_words
 from bayesid.report.figure_style import COLOURS
@@ -59,6 +63,53 @@ def test_saving_needs_no_working_object(tmp_path):
 )  # fmt: skip
 def test_only_a_model_of_exactly_what_is_named_is_called_with_the_effect(word, named, best, gain, label):
     assert proof_label(a_result(word, named, best, gain)) == label
+
+
+def test_the_caption_of_the_runs_says_where_the_explanation_misses_by_more():
+    """A straight run goes where disturbances push it, whatever explains the others."""
+    better = a_replayed("r2", "zigzag 8/8", "holdout", (12.0, 8.0, 1.3))
+    assert "no larger than as given in 1 of 1 row (held-out runs: 1 of 1)." in _caption_of_runs(better)
+    straight = a_replayed("r5", "straight run", "identify", (114.0, 116.0, 116.4))
+    said = _caption_of_runs(better, straight)
+    result = replace(RESULT, runs=(straight, better))
+    assert [row[:3] for row in runs_blocks(result, answer(result))[0].rows] == [
+        ("r2", "zigzag 8/8", "held out"), ("r5", "straight run", "read")
+    ]  # fmt: skip
+    assert "in 1 of 2 rows (held-out runs: 1 of 1)" in said
+    assert said.endswith("They are larger on: straight run (r5), position 116 m instead of 114.")
+    alike = a_replayed("r5", "straight run", "identify", (116.1, 116.0, 116.4))
+    assert "in 1 of 1 row." in _caption_of_runs(alike)
+    lost = a_replayed("r4", "turn 25", "holdout", (3.0, 2.0, None))
+    said = _caption_of_runs(lost)
+    assert "in 0 of 1 row (held-out runs: 0 of 1)" in said
+    assert said.endswith("held-out turn 25 (r4), position diverges instead of 3.")
+
+
+def a_replayed(name, manoeuvre, role, position):
+    return RunError(
+        name, manoeuvre, role, 90.0, 5.0, dict(zip(MODELS, position, strict=True)),
+        {m: {"x": p, "y": p} for m, p in zip(MODELS, position, strict=True)},
+    )  # fmt: skip
+
+
+def _caption_of_runs(*runs):
+    result = replace(RESULT, runs=runs)
+    return runs_blocks(result, answer(result))[0].caption
+
+
+def test_percent_and_standard_deviations_of_a_coefficient_have_one_sign():
+    """Both of a damping of -2 found at -1.6, and of a force of 2 found at 1.6, are towards zero."""
+    moved = {
+        "N_r": Moved(-2.0, 0.2, -1.6, -2.0), "Y_r": Moved(2.0, 0.2, 1.6, 2.4),
+        "X_vr": Moved(0.0, 0.1, 0.2, -0.1)
+    }  # fmt: skip
+    result = replace(RESULT, moved=moved)
+    table = moved_blocks(result, answer(result))[0]
+    cells = {row[0]: [cell_text(c) for c in (*row[3:5], *row[6:8])] for row in table.rows}
+    assert cells["N_r"] == ["-20.0", "-2.0", "0.0", "0.0"]
+    assert cells["Y_r"] == ["-20.0", "-2.0", "+20.0", "+2.0"]
+    assert cells["X_vr"] == ["–", "+2.0", "–", "-1.0"]
+    assert "+ is further from zero" in table.caption
 
 
 def test_a_channel_no_held_out_run_reads_has_a_dash():
@@ -169,3 +220,19 @@ def test_what_the_equations_lack_is_said_on_the_first_screen_and_has_its_section
     assert "What the equations lack" in [s.title for s in named.sections]
     alone = diagnosis_report(replace(RESULT, model_form=part, verdict="model_form", effects=()))
     assert "The equations lack a force that depends on the motion" in alone.lead
+
+
+def test_a_proposed_manoeuvre_says_what_is_ordered_and_none_says_why():
+    chirp = Proposal("chirp", 69.0, 1.0, 9.0, "rudder up to 10 degrees to either side", "chirp:10")
+    told = replace(RESULT, next_manoeuvre=(chirp,))
+    assert any(
+        "chirp, 69 s: rudder up to 10 degrees to either side; it tells" in s for s in answer(told).steps
+    )
+    assert next_blocks(told)[1].rows[0][2:] == ("rudder up to 10 degrees to either side", "chirp:10")
+    quick = next_blocks(replace(RESULT, next_manoeuvre=(), next_asked=False))
+    assert (
+        quick[0].body
+        == "No manoeuvre was ranked: `--quick` leaves it out (in Python `next_manoeuvre=False`)."
+    )
+    failed = next_blocks(replace(RESULT, next_manoeuvre=()))
+    assert "--quick" not in failed[0].body and "see the notes" in failed[0].body

@@ -249,3 +249,9 @@ def test_the_gallery_shows_every_script():
     text = (DOCS / "gallery" / "index.md").read_text("utf-8")
     scripts = sorted(p.stem for p in (DOCS / "gallery").glob("*.py"))
     assert scripts == sorted(re.findall(r"literalinclude\} (\w+)\.py", text))
+
+
+@pytest.mark.parametrize("page", ["guide/ten_minutes.md", "../README.md"])
+def test_first_pages_tell_how_long_one_waits_and_not_what_the_processor_does(page):
+    text = (DOCS / page).read_text(encoding="utf-8").lower()
+    assert "idle machine" in text and "processor second" not in text and "processor time" not in text

@@ -174,6 +174,8 @@ def test_a_trial_without_a_vehicle_or_a_run_to_fit_is_refused_in_words(trial):
         fit_trial(replace(trial, runs=tuple(replace(r, role="holdout") for r in trial.runs)))
     with pytest.raises(FitError, match="no parameter Y_zzz"):
         fit_trial(trial, free=("Y_zzz",))
+    with pytest.raises(FitError, match=r"no parameter N_dx; did you mean N_dr\?"):
+        fit_trial(trial, free=("N_v", "N_dx"))
 
 
 def test_memory_of_white_noise_is_one_and_of_an_autoregression_as_theory_says():

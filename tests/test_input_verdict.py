@@ -16,6 +16,9 @@ from bayesid.api.fit import fit
 from bayesid.api.input_result import InputResult
 from bayesid.api.simulate import simulate, simulate_model
 from bayesid.diagnosis.input import WRONG_VEHICLE, check_trial, mended, not_enough, vehicle_behaviour
+from bayesid.diagnosis.input_gap import InputGap, _change, input_gap
+from bayesid.diagnosis.plain_words import number
+from bayesid.diagnosis.run_errors import ErrorRow
 from bayesid.equations.model import build_model
 from bayesid.errors import TrialError
 from bayesid.estimation.filter_error.fit_journal import SUFFIX, current_journal
@@ -154,7 +157,7 @@ def test_a_mistake_of_the_simulator_that_is_named_stands_before_that_of_the_log(
     def run(named: tuple[str, ...]):
         def diagnosed(trial, *_, **__):
             tried.append(float(trial.runs[0].commands["delta_r_cmd"] @ clean.runs[0].commands["delta_r_cmd"]))
-            return SimpleNamespace(result=SimpleNamespace(simulator=named, verdict="coefficients"))
+            return SimpleNamespace(result=SimpleNamespace(simulator=named, verdict="coefficients", runs=()))
 
         return diagnosed
 
@@ -186,6 +189,41 @@ def test_diagnose_says_input_and_what_is_left_once_it_is_mended(clean):
     assert record["input"]["findings"][0]["mend"][0] == "[corrections]"
     assert record["after_mend"]["verdict"] == "none"
     assert "no gap is left" in found.summary()
+    # the rudder of the log is to the wrong side: the simulator turns where the vehicle did not
+    heading, position = (record["missed"]["rms"][k] for k in ("heading [degrees]", "position [m]"))
+    assert heading["as logged"] > 20.0 > 5.0 > heading["mended"]
+    assert position["as logged"] > 5.0 * position["mended"]
+    shown = next(r for r in found.after.found.result.runs if r.run in record["missed"]["run"])
+    assert position["mended"] == pytest.approx(shown.position["nominal"])
+    first = found.summary().splitlines()[0]
+    assert first.startswith("With the log read as its header says, the simulator as given misses the ")
+    assert f"by {number(position['as logged'])} m and {number(heading['as logged'])} degrees (rms)" in first
+    assert first in found.report().lead
+
+
+def test_the_gap_of_a_right_log_is_the_same_as_logged_and_mended(clean, model):
+    """The same replay is behind both numbers, whatever the noise it was read with."""
+    found = diagnose(clean, next_manoeuvre=False, keep_model=False).found
+    finding = SimpleNamespace(all_runs=False, runs=(clean.runs[1].name,))
+    gap = input_gap(found, clean, (finding,))
+    assert clean.runs[1].name in gap.run
+    for row in gap.rows:
+        assert row.values[0] == pytest.approx(row.values[1], rel=1e-6)
+    assert input_gap(found, clean, (SimpleNamespace(all_runs=False, runs=("nowhere",)),)) is None
+
+
+def test_the_gap_is_told_of_the_run_on_which_the_mend_changes_it_most():
+    """Of a rudder to the wrong side a run without orders shows nothing."""
+
+    def rows(before, after):
+        return InputGap("run", (ErrorRow("heading", "degrees", (before, after)),))
+
+    straight, turn, lost = rows(116.0, 116.0), rows(170.0, 3.0), rows(math.nan, 3.0)
+    assert _change(straight) == 0.0 < _change(turn) < _change(lost) == math.inf
+    assert lost.sentence() == (
+        "With the log read as its header says, the simulator as given diverges on the run; with it mended, "
+        "by 3 degrees."
+    )
 
 
 def test_a_dead_rudder_is_not_answered_none(clean):

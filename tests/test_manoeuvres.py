@@ -411,3 +411,30 @@ def test_any_bytes_give_a_table_or_one_clear_message(tmp_path_factory, content):
 def test_a_spiral_whose_steps_are_not_held_is_refused_in_one_sentence():
     with pytest.raises(ManoeuvreError, match="held for 0 s; give a positive hold"):
         man.parse("dieudonne:hold=0", man.Scale(1.0, 1.0, 100.0, 0.5, dof=6, dt=0.5))
+
+
+def test_what_is_ordered_is_said_in_degrees_hertz_and_revolutions():
+    """0.02 to 0.4 Hz swept with 0.1745 rad: periods of 50 to 2.5 s and 10 degrees."""
+    chirp = man.parse(
+        "chirp:10,f0=0.02,f1=0.4,rpm=1200,rpm_factors=1/0.5", man.Scale(2.0, 1.5, 1500.0, 0.3, 0.3)
+    )
+    assert man.order_words(chirp) == (
+        "rudder up to 10 degrees to either side, 0.02 to 0.4 Hz (periods of 50 to 2.5 s), shaft at 1200 rpm "
+        "times 1, 0.5 in turn"
+    )
+    turn = man.parse("turn:15,side=starboard", man.Scale(2.0, 1.5, 1500.0, 0.3, 0.3))
+    assert man.order_words(turn) == "rudder 15 degrees to starboard, shaft at 1500 rpm"
+    coast = man.parse("coast", man.Scale(2.0, 1.5, 1500.0, 0.3, 0.3))
+    assert man.order_words(coast) == "shaft at 1500 rpm, then stopped"
+
+
+@pytest.mark.parametrize("name", man.LIBRARY)
+def test_every_manoeuvre_that_may_be_proposed_says_what_is_ordered_and_how_it_is_typed(name):
+    sized = man.library(2.0, 1.5, 1500.0, 0.4, dof=6)
+    said = man.order_words(sized[name])
+    assert "rpm" in said and not set(said) & set("{}[]")
+    # a fin that moves is told, but by the laws that hold depth, whose name says what they do
+    rudders = "delta_r_cmd" in getattr(sized[name], "commands", {})
+    moves = rudders and np.ptp(sized[name].commands["delta_r_cmd"]) > 0.0
+    assert ("rudder" in said) == moves or "first" in said or name == "combinedheld"
+    assert type(man.parse(man.LIBRARY[name], man.Scale(2.0, 1.5, 1500.0, 0.4, 0.4, 6))) is type(sized[name])

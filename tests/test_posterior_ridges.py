@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from bayesid.analysis.identifiability.posterior_ridges import ridges
 from bayesid.analysis.identifiability.prior_influence import conflict, prior_sensitivity
 from bayesid.estimation.sampling.chain_statistics import autocorrelation, ess_growth
-from bayesid.report.sample_first_screen import group_words
+from bayesid.report.sample_first_screen import COEFFICIENTS, coefficient_rows, group_words
 
 NAMES = ("X_vv", "X_vr", "X_rr", "N_dr")
 PRIOR_SD = np.array([2.0, 0.5, 30.0, 1.0])
@@ -116,3 +118,15 @@ def test_the_first_sentence_says_which_of_the_triple_is_known_by_itself():
         "Singly, X_vr is known (1 % of the prior left), X_vv and X_rr are not known (100 %, 100 %)." in said
     )
     assert "Singly" not in group_words(group)
+
+
+def test_a_conflict_is_a_distance_and_a_pull_of_the_prior_counts_away_from_zero():
+    """A coefficient of -2 that a doubled prior would move to -2.1, and one of 2 that it would move to 1.9."""
+    posterior = SimpleNamespace(
+        n_params=2, names=("N_r", "Y_r"), mean=(-2.0, 2.0), sd=(1.0, 1.0), prior_mean=(-5.0, 5.0),
+        prior_sd=(1.0, 1.0),
+    )  # fmt: skip
+    view = SimpleNamespace(estimate=(-2.0, 2.0), conflict=(3.5, -3.5), shift=(-0.1, -0.1), share=(0.1, 0.1))
+    rows = coefficient_rows(posterior, view, None)
+    at = [COEFFICIENTS.index(name) for name in ("conflict", "prior twice [sd]")]
+    assert [[row[i] for i in at] for row in rows] == [[3.5, 0.1], [3.5, -0.1]]

@@ -1,6 +1,7 @@
 """Predictions of a diagnosed model: the band holds what it says; only orders and lead-in are read."""
 
 import csv
+import io
 import json
 from dataclasses import replace
 from functools import lru_cache
@@ -33,6 +34,7 @@ from bayesid.model.vehicles import self_propulsion_speed
 from bayesid.prediction.initial_state import balanced_speed, coloured_noise, initial_states
 from bayesid.prediction.intervals import beside_readings, measure_bands, prediction_csv, stated_spread
 from bayesid.prediction.prediction import predict_manoeuvre, predict_run
+from bayesid.progress import Progress
 from bayesid.report.predict_first_screen import _band, headline
 from bayesid.simulation import observe, plan_run, simulate, steady_start
 from bayesid.trials import Run, window, write_trial
@@ -269,9 +271,23 @@ def test_predict_command_writes_one_table_per_run_and_manoeuvre(tmp_path, capsys
     record = json.loads(capsys.readouterr().out)
     assert [p["name"] for p in record["predictions"]] == ["turn", "zigzag:10/10"]
     assert 0.5 < record["predictions"][0]["against_readings"]["psi"]["inside"] <= 1.0
+    assert bayesid([*words[:3], "--model", str(tmp_path / "gap"), "--draws", "20"]) == 0
+    assert capsys.readouterr().err.startswith("predict turn: done 1/1 in ")
     assert {p.name for p in out.glob("*.csv")} == {"turn.csv", "zigzag_10_10.csv"}
     assert bayesid(["predict", str(tmp_path / "pond"), "--model", str(tmp_path / "none")]) == 2
     assert "bayesid diagnose" in capsys.readouterr().err
+
+
+def test_a_diagnosis_on_the_way_says_which_of_its_steps_it_is_at(monkeypatch):
+    def diagnosed(trial, model, *, notify, **others):
+        notify("screen 36 effects from one bank of sensitivities")
+        raise ModelError("far enough")
+
+    monkeypatch.setattr("bayesid.api.predict.diagnose", diagnosed)
+    log = io.StringIO()
+    with pytest.raises(ModelError, match="far enough"):
+        predict(planted_trial(MODEL), vehicle=MODEL.vehicle, progress=Progress(stream=log))
+    assert log.getvalue().splitlines()[-1].startswith("step 3 of 6: screen 36 effects")
 
 
 @pytest.mark.parametrize(("share", "narrow"), [(1.0, False), (0.01, True)])
@@ -316,6 +332,39 @@ def test_causes_a_diagnosis_does_not_name_are_said_to_be_none(word, said, tmp_pa
     prediction = predict(planted_trial(MODEL), ["turn:10"], model=tmp_path, draws=20, speed=1.5)
     assert ("names no cause" in prediction.summary()) == said
     assert any("names no cause" in text for text in prediction.report().failures) == said
+
+
+def test_a_prediction_says_in_words_what_it_is_drawn_from_and_what_is_left_out(tmp_path):
+    found = found_with()
+    (one,) = found.hypotheses
+    two = tuple(replace(one, effects=names, weight=w) for names, w in ((("current_front",), 0.7), ((), 0.3)))
+    left = {("outside",): 0.12, ("rudder_offset", "wind"): 0.02, ("coefficient_error",): 0.001}
+    write_diagnosed(replace(found, verdict="ambiguous", hypotheses=two, left_out=left), tmp_path)
+    prediction = predict(planted_trial(MODEL), ["turn:10"], model=tmp_path, draws=20, speed=1.5)
+    said = (
+        "20 vehicles are drawn from 2 explanations: 70% with current front, 30% with no effect; explanations "
+        "that hold 0.14 of the probability are left out: something not on the list (0.12), "
+        "rudder offset + wind (0.02)"
+    )
+    assert said in prediction.summary() and "current_front" not in prediction.summary()
+    assert said in prediction.report().lead
+    assert prediction.record()["left_out"][0] == {"effects": ["outside"], "probability": 0.12}
+
+
+def test_one_explanation_is_said_to_be_all_and_an_older_model_says_nothing_of_what_is_left_out(tmp_path):
+    found = found_with()
+    (one,) = found.hypotheses
+    named = replace(found, verdict="effect", hypotheses=(replace(one, effects=("rudder_asymmetry",)),))
+    for left, said in (
+        (None, "20 vehicles are drawn, all with rudder asymmetry; the coefficients"),
+        (
+            {("wind",): 0.004},
+            "rudder asymmetry; explanations left out have less than 0.01 of the probability;",
+        ),
+    ):
+        write_diagnosed(replace(named, left_out=left), tmp_path)
+        prediction = predict(planted_trial(MODEL), ["turn:10"], model=tmp_path, draws=20, speed=1.5)
+        assert said in prediction.summary()
 
 
 def test_the_model_of_another_vehicle_is_refused(tmp_path):

@@ -22,12 +22,13 @@ def test_a_log_file_gets_one_plain_line_per_short_stage():
     assert log.getvalue().count("\n") == 1 and "\x1b" not in log.getvalue()
 
 
-def test_a_long_stage_reports_on_its_way():
+def test_a_long_stage_reports_on_its_way_and_its_end_once():
     log = io.StringIO()
     with Progress(stream=log, every=0.0).stage("fit", 2) as stage:
         stage.step(info="V 1.0")
         stage.step()
-    assert [line.split(",")[0] for line in log.getvalue().splitlines()[:2]] == ["fit: 1/2", "fit: 2/2"]
+    first, last = log.getvalue().splitlines()
+    assert first.split(",")[0] == "fit: 1/2" and last.startswith("fit: done 2/2 in ")
     assert "(V 1.0)" in log.getvalue()
 
 

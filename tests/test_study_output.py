@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from bayesid.cli.main import run as bayesid
+
 ROOT = Path(__file__).resolve().parents[1]
 STUDIES = sorted((ROOT / "studies").glob("*/run.py"))
 
@@ -15,6 +17,19 @@ STUDIES = sorted((ROOT / "studies").glob("*/run.py"))
 def test_a_study_writes_into_out_unless_told_otherwise(study):
     (folder,) = re.findall(r'add_argument\(\s*"--out",[^)]*?default=Path\("([^"]+)"\)', study.read_text())
     assert folder.split("/")[0] == "out"
+
+
+@pytest.mark.parametrize("study", STUDIES, ids=lambda path: path.parent.name)
+def test_help_of_a_study_names_the_command_that_runs_it_and_its_report_is_named_once(study):
+    """`bayesid study` names the reports below --out; a study that does too names it twice."""
+    text = study.read_text()
+    assert re.findall(r'ArgumentParser\(\s*prog="bayesid study (\w+)"', text) == [study.parent.name]
+    assert "report: {" not in text
+
+
+def test_the_usage_line_of_a_study_can_be_typed(capsys):
+    assert bayesid(["study", "sampling_rate", "-h"]) == 0
+    assert capsys.readouterr().out.startswith("usage: bayesid study sampling_rate [-h] [--out OUT]")
 
 
 def commands(*words):

@@ -477,6 +477,16 @@ def test_a_zigzag_is_named_by_what_was_ordered_and_not_by_where_the_rudder_is_se
     assert cutting.classify(t, angle, psi) == ("zigzag", f"zigzag {rudder}/{switch}")
 
 
+@pytest.mark.parametrize("step", [0.25, 0.5, 1.0, 1.5, 2.0])
+@pytest.mark.parametrize("rudder, switch", [(10, 10), (20, 20), (15, 15), (10, 5), (20, 10), (8, 8)])
+def test_a_heading_that_moves_degrees_between_samples_makes_no_zigzag_of_another_name(rudder, switch, step):
+    """20/20 read every half second was named 20/22: the switch falls anywhere between two samples."""
+    t, angle, psi = zigzag_log(rudder, switch, np.inf, 0.0, step, seconds=300.0)
+    named = cutting.classify(t, angle, psi)[1]
+    right = f"zigzag {rudder}/{switch}"
+    assert named == right or (step > 1.0 and named == f"zigzag {rudder}")
+
+
 def test_a_rudder_steered_by_hand_is_no_turn_at_its_smallest_angle():
     """As before a zig-zag of the Esso Osaka: 19 degrees in passing, then some 4 degrees for a while."""
     t = np.arange(0.0, 40.0, 0.1)

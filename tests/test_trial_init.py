@@ -88,6 +88,37 @@ def test_tables_read_in_place_are_what_an_import_makes_of_them(tmp_path):
     np.testing.assert_allclose(here.runs[0].data["v"], truth["v"][600:1400], atol=1e-6)
 
 
+def test_a_mistake_of_the_log_is_mended_before_anything_is_diagnosed(tmp_path, capsys):
+    """The lines that the import prints, written into trial.toml, leave a log without the mistake."""
+    folder, bundle = tables(tmp_path / "dive", mirrored), tmp_path / "bundle"
+    logs = [str(folder / f"run{k}.csv") for k in (1, 2)]
+    turned = MAP.replace('"wz", unit = "deg/s"', '"wz", unit = "deg/s", scale = -1.0')
+    (tmp_path / "map.toml").write_text(turned)
+    given = ["--map", str(tmp_path / "map.toml"), "--out", str(bundle)]
+    assert bayesid(["trial", "import", *logs, *given]) == 0
+    said = capsys.readouterr().out
+    assert "1 mistake in the log:" in said and "scale = { r = -1 }" in said and "bayesid diagnose" not in said
+    asked, then = said[said.index("Next: ") :].splitlines()[:-1], said.splitlines()[-1]
+    assert asked[0] == f"Next: mend the mistake in {bundle / 'trial.toml'}:"
+    assert asked[1].strip() == "[corrections]"
+    assert then == f"Then: bayesid trial check {bundle}"
+    with (bundle / "trial.toml").open("a") as file:
+        file.write("\n" + "\n".join(asked[1:]) + "\n")
+    assert bayesid(shlex.split(then.removeprefix("Then: bayesid "))) == 0
+    assert "mistake" not in capsys.readouterr().out
+
+
+def test_a_right_log_is_diagnosed_next(tmp_path, capsys):
+    folder, bundle = tables(tmp_path / "dive", mirrored), tmp_path / "bundle"
+    (tmp_path / "map.toml").write_text(MAP)
+    logs = [str(folder / f"run{k}.csv") for k in (1, 2)]
+    given = ["--map", str(tmp_path / "map.toml"), "--out", str(bundle)]
+    assert bayesid(["trial", "import", *logs, *given]) == 0
+    said = capsys.readouterr().out
+    assert "mistake" not in said
+    assert said.splitlines()[-1] == f"Next: bayesid diagnose {bundle} --out {bundle / 'gap'}"
+
+
 def test_it_asks_what_the_import_asks(tmp_path, capsys):
     def plain(truth):
         return {"t [s]": truth["t"], "x [m]": truth["x"], "y [m]": truth["y"], "yaw [rad]": truth["psi"],

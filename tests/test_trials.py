@@ -199,7 +199,8 @@ def test_all_problems_of_a_bundle_come_in_one_message(bundle):
 @pytest.mark.parametrize(
     ("toml", "words"),
     [
-        ("format = 2\n[[runs]]\nfile='r1.csv'", "reads format = 1"),
+        ("format = 2\n[[runs]]\nfile='r1.csv'", "format is 2; this program reads format = 1"),
+        ("[[runs]]\nfile='r1.csv'", "states no format; this program reads format = 1"),
         ("format = 1\nname = 3\n[[runs]]\nfile='r1.csv'", "name must be text"),
         ("format = 1\nruns = 3", "[[runs]] tables"),
         ("format = 1", "names no runs"),

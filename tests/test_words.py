@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from bayesid.words import and_list, counted, first_few
+from bayesid.words import and_list, counted, did_you_mean, first_few
 
 
 @pytest.mark.parametrize("count", range(7))
@@ -24,3 +24,10 @@ def test_a_list_ends_with_its_last_name():
 def test_one_is_not_many():
     assert [counted(k, "run") for k in (0, 1, 2)] == ["0 runs", "1 run", "2 runs"]
     assert counted(2, "axis", "axes") == "2 axes"
+
+
+def test_the_nearest_known_name_is_what_was_meant():
+    known = ["N_v", "N_dr", "Y_v|v|"]
+    assert did_you_mean(["N_dx"], known) == "; did you mean N_dr?"
+    assert did_you_mean(["n_v", "Ndr"], known) == "; did you mean N_v, N_dr?"
+    assert did_you_mean(["rubbish"], known) == did_you_mean([], known) == ""

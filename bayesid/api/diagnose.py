@@ -24,6 +24,7 @@ from bayesid.api.result import Result, table
 from bayesid.diagnosis.answer import answer
 from bayesid.diagnosis.diagnosed_model import diagnosed_model_of, write_diagnosed
 from bayesid.diagnosis.input import check_trial, mended, not_enough
+from bayesid.diagnosis.input_gap import input_gap
 from bayesid.diagnosis.run import Diagnosis
 from bayesid.diagnosis.run import diagnose as run
 from bayesid.diagnosis.summary import summary
@@ -112,7 +113,7 @@ def diagnose(
         return chosen if resample else condensed(chosen, model.vehicle, MOST_SAMPLES, trust_input)
 
     def diagnosis(of: Trial, checked: InputCheck) -> DiagnoseResult:
-        told = shown.route(_route(next_manoeuvre, draws, keep_model))
+        told = shown.route(diagnosis_route(next_manoeuvre, draws, keep_model))
         with fits_kept(kept) as fits:
             found = run(
                 of, model, seed=seed, notify=told, as_built=prior, plan_next=next_manoeuvre, draw=draws,
@@ -121,6 +122,10 @@ def diagnose(
         if fits is not None and fits.used:
             shown.note(f"{fits.used} refits of the diagnosis that was stopped before were kept and used")
         return DiagnoseResult(found, checked, fits)
+
+    def of_mended(checked: InputCheck, result: DiagnoseResult) -> InputResult:
+        gap = input_gap(result.found, ready(logged), checked.findings)
+        return InputResult(logged.name, checked, (), result, gap)
 
     def mistaken_simulator(of_log: InputCheck) -> DiagnoseResult | InputResult | None:
         """What only the vehicle tells of the log, or a log that looks like another vehicle's, where a mistake
@@ -132,7 +137,7 @@ def diagnose(
             return None
         found = diagnosis(right, of_log)
         if found.found.result.simulator:
-            return InputResult(logged.name, of_log, (), found) if of_log.findings else found
+            return of_mended(of_log, found) if of_log.findings else found
         if found.journal is not None:  # nobody saves it
             found.journal.clear()
         return None
@@ -151,11 +156,11 @@ def diagnose(
     if reasons := not_enough(trial, model):
         return InputResult(logged.name, checked, reasons)
     result = diagnosis(trial, checked)
-    return InputResult(logged.name, checked, (), result) if checked.findings else result
+    return of_mended(checked, result) if checked.findings else result
 
 
-def _route(next_manoeuvre: bool, draws: bool, keep_model: bool) -> list[RouteStep]:
-    """What a diagnosis goes through; shares of the time as measured on the practice bundles."""
+def diagnosis_route(next_manoeuvre: bool, draws: bool, keep_model: bool) -> list[RouteStep]:
+    """Steps that a diagnosis goes through; shares of the time as measured on the practice bundles."""
     asked = {"next": next_manoeuvre, "draws": draws, "model": keep_model}
     return [step for name, step in ROUTE.items() if asked.get(name, True)]
 

@@ -33,6 +33,7 @@ from bayesid.report.writer.text import table_text
 from bayesid.simulation import with_shaft_speed
 from bayesid.threads import one_blas_thread
 from bayesid.trials import Trial
+from bayesid.words import counted
 
 if TYPE_CHECKING:
     import pandas
@@ -77,7 +78,7 @@ def excite(
     if not read.identify:
         raise ModelError("no run to read; excitation needs at least one")
     shown = progress or Progress(quiet=True)
-    shown.note(f"smoothing {len(read.identify)} run(s)")
+    shown.note(f"smoothing {counted(len(read.identify), 'run')}")
     motions, _ = smooth_tracks(subject, read.identify, read.noise, drift)
     shown.note("PySINDy")
     groups = pysindy_terms(

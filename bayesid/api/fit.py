@@ -51,7 +51,7 @@ from bayesid.report.writer import Report
 from bayesid.report.writer.text import table_text
 from bayesid.simulation import with_shaft_speed
 from bayesid.threads import one_blas_thread
-from bayesid.words import counted
+from bayesid.words import counted, did_you_mean
 
 if TYPE_CHECKING:
     import pandas
@@ -121,7 +121,8 @@ def fit(
     unknown = [name for name in kept if name not in ship.coef]
     if unknown:
         raise FitError(
-            f"{ship.name} has no coefficient {', '.join(unknown)} to keep; it has {', '.join(ship.coef)}"
+            f"{ship.name} has no coefficient {', '.join(unknown)} to keep"
+            + (did_you_mean(unknown, ship.coef) or f"; it has {', '.join(ship.coef)}")
         )
     chosen = with_shaft_speed(prepared(logged, runs, resample, QUICK_SAMPLES if quick else None), ship)
     if lacking := not_enough(chosen):
@@ -200,7 +201,7 @@ class FitResult(Result):
             return ""
         said = []
         if abs(posterior.conflict[i]) > CONFLICT:
-            said.append(f"prior conflict {posterior.conflict[i]:+.1f} sd")
+            said.append(f"prior conflict of {abs(posterior.conflict[i]):.1f} sd")
         if self.found.fit.names[i] in posterior.wider_than_prior:
             said.append("less sure than the prior")
         return ", ".join(said)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bayesid.api.result import Result, table
+from bayesid.diagnosis.input_gap import InputGap
 from bayesid.files import write_json
 from bayesid.report import writer
 from bayesid.report.input import after_words, check_record, input_report, input_summary
@@ -33,12 +35,14 @@ class InputResult(Result):
     checked : what was found
     reasons : why there is not enough to say anything; empty where mistakes were found
     after : diagnosis of the log with its mends applied in memory; None where it was not made
+    gap : how far the simulator as given misses the log as it is and mended; None where it is not known
     """
 
     trial: str
     checked: InputCheck
     reasons: tuple[str, ...] = ()
     after: DiagnoseResult | None = None
+    gap: InputGap | None = None
 
     @property
     def verdict(self) -> str:
@@ -57,8 +61,26 @@ class InputResult(Result):
             "trial": {"name": self.trial},
             "input": check_record(self.checked),
             "reasons": list(self.reasons),
+            "missed": None if self.gap is None else self._missed(self.gap),
             "after_mend": None if self.after is None else dict(self.after.record()),
         }
+
+    @staticmethod
+    def _missed(gap: InputGap) -> dict[str, Any]:
+        return {
+            "run": gap.run,
+            "rms": {
+                f"{row.what} [{row.unit}]": {
+                    name: value if math.isfinite(value) else None
+                    for name, value in zip(("as logged", "mended"), row.values, strict=True)
+                }
+                for row in gap.rows
+            },
+        }
+
+    @property
+    def _gap_words(self) -> str:
+        return "" if self.gap is None else self.gap.sentence()
 
     def to_dataframe(self) -> pandas.DataFrame:
         """One row per mistake."""
@@ -72,7 +94,7 @@ class InputResult(Result):
         after = None if self.after is None else self.after.report()
         words = "" if self.after is None else self.after.headline.rstrip(".")
         words = after_words(None if self.after is None else self.after.record(), words)
-        return input_report(self.trial, self.checked, self.reasons, after, words)
+        return input_report(self.trial, self.checked, self.reasons, after, words, self._gap_words)
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
         target = Path(folder)
@@ -86,6 +108,8 @@ class InputResult(Result):
         after = None if self.after is None else self.after.record()
         headline = "" if self.after is None else self.after.headline
         text = input_summary(self.checked, self.reasons, after, self.verdict, headline)
+        if self.gap is not None:
+            text = f"{self._gap_words}\n\n{text}"
         if verbose and self.after is not None:
             text += "\n\nThe mended log:\n" + self.after.summary(verbose)
         return text

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bayesid.api.diagnose import diagnosis_route
 from bayesid.api.inputs import (
     TrialLike,
     VehicleLike,
@@ -106,7 +107,8 @@ def predict(
     scale = scale_of(found.model, rpm, dt if dt is not None else s["L"] / s["U"] / 40)
     orders = ordered(found.model, (text for text in wanted if _run(logged, text) is None), scale, dt)
     predictions, rows = [], []
-    for text in shown.track(wanted, "predictions"):
+    stage = f"predict {wanted[0] if len(wanted) == 1 else 'runs and manoeuvres'}"
+    for text in shown.track(wanted, stage):
         run = _run(logged, text)
         if run is not None:
             p = predict_run(found, run, draws, seed, lead)
@@ -129,6 +131,9 @@ def predict(
     record = {
         "trial": logged.name, "digest": logged.digest, "model": found.model.digest, "verdict": found.verdict,
         "hypotheses": [{"effects": h.effects, "weight": h.weight} for h in found.hypotheses],
+        "left_out": None if found.left_out is None else [
+            {"effects": list(names), "probability": p} for names, p in found.left_out.items()
+        ],
         "coefficients_as_given": stated_spread(found), "seed": seed, "draws": draws, "band": LEVEL,
         "sensor_noise": sensor_noise, "model_failed_checks": list(found.failed_checks), "predictions": rows,
     }  # fmt: skip
@@ -163,8 +168,9 @@ def _model(
             "`bayesid diagnose`; with --model it is not asked"
         )
     diagnosis = diagnose(
-        with_shaft_speed(trial, model.vehicle), model, seed=seed, notify=progress.note, plan_next=False
-    )
+        with_shaft_speed(trial, model.vehicle), model, seed=seed, plan_next=False, keep_model=True,
+        notify=progress.route(diagnosis_route(False, False, True)),
+    )  # fmt: skip
     found = diagnosed_model_of(diagnosis)
     if out is not None:
         write_diagnosed(found, out)
@@ -260,7 +266,7 @@ class PredictResult(Result):
             sections.append(Section(literal(p.name), blocks))
         lead = (
             f"**{literal(first_screen.headline(self.trial, self.predictions, rows))}**\n\n"
-            f"{literal(self._model_words().capitalize())}."
+            f"{literal(first_screen.drawn_words(self.numbers))}."
         )
         return Report(
             f"{self.trial.name}: predictions",
@@ -283,7 +289,7 @@ class PredictResult(Result):
     def summary(self, verbose: bool = False) -> str:
         lines = [first_screen.headline(self.trial, self.predictions, self.numbers["predictions"])]
         lines += [f"CHECK FAILED: {words}" for words in self.numbers["failed_checks"]]
-        lines += ["", self._model_words()]
+        lines += ["", f"{first_screen.drawn_words(self.numbers)}."]
         for row in self.numbers["predictions"]:
             begun = f", begun on the first {row['lead']:.3g} s of its log" if row["lead"] else ""
             lines.append(f"\n{row['name']}: {row['seconds']:.0f} s{begun}")
@@ -294,16 +300,6 @@ class PredictResult(Result):
             if row["measures"]:
                 lines.append(table_text(MEASURE_COLUMNS, _measures(row), 4))
         return "\n".join(lines)
-
-    def _model_words(self) -> str:
-        if self.numbers["verdict"] == "fit":
-            return "model: a fit of the coefficients"
-        shares: dict[str, float] = {}
-        for h in self.numbers["hypotheses"]:
-            name = " + ".join(h["effects"]) or "no effect"
-            shares[name] = shares.get(name, 0.0) + h["weight"]
-        words = f"model: {', '.join(f'{name} ({share:.0%})' for name, share in shares.items())}"
-        return words + first_screen.as_given_words(self.numbers["coefficients_as_given"])
 
 
 def _against(row: Mapping[str, Any]) -> list[list[Any]]:

@@ -253,6 +253,7 @@ class SampleResult(Result):
             lines += [f"Combinations, {screen.UNIT}; left: sd over prior sd.", ""]
             lines += [table_text(screen.TOGETHER, rows_of, 2), ""]
         lines += [table_text(screen.COEFFICIENTS, screen.coefficient_rows(p, view, vehicle), 3), ""]
+        lines += ["Conflict: distance from the prior, without a sign. Prior twice: + is away from zero.", ""]
         if verbose:
             lines += [
                 table_text(COLUMNS, rows(p, vehicle)),

@@ -24,7 +24,7 @@ from bayesid.cli.sample import sample
 from bayesid.cli.schema import schema
 from bayesid.cli.simulate import simulate
 from bayesid.cli.start import start
-from bayesid.cli.study import OWN_OPTIONS, study
+from bayesid.cli.study import HANDED_ON, study
 from bayesid.cli.terminal import guarded
 from bayesid.cli.trial_import import import_logs, init
 from bayesid.cli.trial_measure import measure
@@ -60,7 +60,7 @@ def command() -> Any:
     app.command("export")(export)
     app.command("compare")(compare)
     app.command("design")(design)
-    app.command("study", context_settings=OWN_OPTIONS)(study)
+    app.command("study", context_settings=HANDED_ON)(study)
     app.command("schema")(schema)
     groups = {
         "vehicle": _group(

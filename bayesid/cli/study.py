@@ -12,9 +12,12 @@ from bayesid.lock import lock
 
 HELP = ("-h", "--help")
 # what this command does not know is an option of the study, help among it
-OWN_OPTIONS: dict[str, Any] = {
+HANDED_ON: dict[str, Any] = {
     "ignore_unknown_options": True, "allow_extra_args": True, "help_option_names": []
 }  # fmt: skip
+
+OWN_OPTIONS = ("--data", "--out", "--seed", "--quick")
+EXECUTOR_OPTIONS = ("--workers", "--executor")  # of `bayesid.executor.add_executor`
 
 
 def study(
@@ -38,6 +41,8 @@ def study(
     studies = _studies()
     if name in HELP:
         print_text(context.get_help())
+        print_text("\nFurther options of the studies, which `bayesid study NAME --help` explains:")
+        print_table(["study", "options"], [[key, " ".join(_options(path))] for key, path in studies.items()])
         return 0
     if name is None:
         print_table(["study", "question"], [[key, _question(path)] for key, path in studies.items()])
@@ -82,6 +87,25 @@ def _question(path: Path) -> str:
     except (SyntaxError, ValueError):
         return ""
     return text.split("\n")[0]
+
+
+def _options(path: Path) -> list[str]:
+    """Options of a study beyond those of this command, as its source adds them."""
+    import ast
+
+    try:
+        calls = [node for node in ast.walk(ast.parse(path.read_text("utf-8"))) if isinstance(node, ast.Call)]
+    except (SyntaxError, ValueError):
+        return []
+    found: list[str] = []
+    for call in calls:
+        what = call.func.attr if isinstance(call.func, ast.Attribute) else getattr(call.func, "id", "")
+        if what == "add_executor":
+            found += EXECUTOR_OPTIONS
+        if what == "add_argument":
+            given = [str(a.value) for a in call.args if isinstance(a, ast.Constant)]
+            found += [text for text in given if text.startswith("--") and text not in OWN_OPTIONS]
+    return found
 
 
 def _run_script(path: Path, arguments: list[str]) -> int:

@@ -89,7 +89,8 @@ def _print(summary: dict[str, Any], mistakes: Sequence[str], lacking: Sequence[s
     from bayesid.report.input import grouped
 
     vehicle = Path(summary["vehicle"]).name or "not stated"
-    size = f"{counted(len(summary['runs']), 'run')}, {summary['dof']} degrees of freedom"
+    held = f" ({len(summary['holdout'])} of them held out)" if summary["holdout"] else ""
+    size = f"{counted(len(summary['runs']), 'run')}{held}, {summary['dof']} degrees of freedom"
     print_text(f"{summary['name']}: {size}, vehicle {vehicle}")
     if summary["attribution"]:
         print_text(summary["attribution"])
@@ -101,6 +102,7 @@ def _print(summary: dict[str, Any], mistakes: Sequence[str], lacking: Sequence[s
         print_text("Not enough to say anything:")
         _print_list(lacking)
     print_table(RUN_COLUMNS, [_run_row(run) for run in summary["runs"]], digits=3)
+    print_text(_roles(summary))
     print_text()
     print_table(
         ["channel", "unit", "stated noise", "seen noise"],
@@ -124,6 +126,15 @@ def _print(summary: dict[str, Any], mistakes: Sequence[str], lacking: Sequence[s
         print_text(f"\nThe vehicle cannot be used:\n{summary['vehicle_problem']}")
     elif not (summary["warnings"] or mistakes or lacking):
         print_text("\nNothing odd found.")
+
+
+def _roles(summary: dict[str, Any]) -> str:
+    """What the roles mean, and that there is no run to judge by where none is held out."""
+    if not summary["holdout"]:
+        return (
+            'No run is held out, so no prediction can be judged: give one `role = "holdout"` in trial.toml.'
+        )
+    return "A run with the role `holdout` is held out: read only to judge what was found from the others."
 
 
 def _run_row(run: dict[str, Any]) -> list[Any]:

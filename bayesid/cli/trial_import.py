@@ -11,9 +11,13 @@ from bayesid.cli.options import OutFolder, Verbose, claimed
 from bayesid.words import counted, first_few
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from bayesid.trials.importing import LogMap, Proposal
+    from bayesid.trials.mistakes import InputFinding
 
 ASKED = 3  # exit code: a map was written and asks something
+MOST_REMARKS = 6
 
 Sources = Annotated[
     list[Path],
@@ -180,19 +184,46 @@ def _what_it_is_like(found: LogMap, out: Path, verbose: bool) -> None:
     from bayesid.trials.importing import check_bundle
 
     trial = check_bundle(out)
-    mistakes = check(trial, with_vehicle=False).sentences
-    if mistakes:
-        print_text(f"{counted(len(mistakes), 'mistake')} in the log:")
-        for text in mistakes:
-            print_text(f"  - {text}")
-    warnings = trial.warnings
-    shown = warnings if verbose else warnings[:6]
-    for text in shown:
-        print_text(f"  - {text}")
-    if len(warnings) > len(shown):
-        print_text(f"  and {len(warnings) - len(shown)} more: {command('trial', 'check', out)}")
-    nexts = ("diagnose", out, "--out", out / "gap") if found.vehicle else ("trial", "check", out)
+    checked = check(trial, with_vehicle=False)
+    _list(f"{counted(len(checked.mistakes), 'mistake')} in the log:", checked.mistakes)
+    _list("Not enough to say anything:", checked.lacking)
+    # what the reader noticed of a mistake is told with the mistake
+    remarks = [w for w in trial.warnings if not {w, w.partition(".csv: ")[2]} & checked.same]
+    shown = remarks if verbose else remarks[:MOST_REMARKS]
+    _list(f"{counted(len(remarks), 'remark')}:", shown)
+    if len(remarks) > len(shown):
+        print_text(f"  and {len(remarks) - len(shown)} more: {command('trial', 'check', out)}")
+    findings = checked.check.findings
+    if findings:
+        _mend_first(findings, out)
+        return
+    able = found.vehicle and not checked.lacking
+    nexts = ("diagnose", out, "--out", out / "gap") if able else ("trial", "check", out)
     print_text(f"Next: {command(*nexts)}")
+
+
+def _list(head: str, sentences: Sequence[str]) -> None:
+    from bayesid.cli.output import print_text
+
+    if sentences:
+        print_text(head)
+    for text in sentences:
+        print_text(f"  - {text}")
+
+
+def _mend_first(findings: Sequence[InputFinding], out: Path) -> None:
+    """The lines that mend the surest mistake, and to check again; a diagnosis would only tell it again."""
+    from bayesid.cli.output import command, print_text
+
+    which = "the mistake" if len(findings) == 1 else "the first mistake"
+    mend = findings[0].mend
+    if mend:
+        print_text(f"Next: mend {which} in {out / 'trial.toml'}:")
+        for line in mend:
+            print_text(f"  {line}")
+    else:
+        print_text(f"Next: log anew what {which} is about; no line of trial.toml mends it.")
+    print_text(f"Then: {command('trial', 'check', out)}")
 
 
 def _vehicle(vehicle: str | None, out: Path) -> str:

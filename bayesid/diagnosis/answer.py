@@ -399,9 +399,9 @@ def _steps(result: Result) -> tuple[str, ...]:
         out.append("Re-tune: `bayesid fit BUNDLE --out FOLDER` writes the vehicle file.")
     if result.next_manoeuvre:
         best = result.next_manoeuvre[0]
-        out.append(
-            f"Run next: {in_words(best.name)}, {best.duration:.0f} s, which tells best what is still open."
-        )
+        orders = f": {best.orders}" if best.orders else ""
+        told = f"{in_words(best.name)}, {best.duration:.0f} s{orders}"
+        out.append(f"Run next: {told}; it tells best what is still open.")
     why_not = "it predicts held-out runs worse" if predicts_worse(result) else ""
     if lost := diverging(result):
         why_not = f"its simulation of {first_few(lost, MOST_RUNS)} diverges"

@@ -56,6 +56,8 @@ MOST_HYPOTHESES = 6
 # evidence [nats] from which it is believed.
 REMAINDER_FORCES, REMAINDER_TAUS, REMAINDER_EVIDENCE = 10.0 ** np.arange(-5.0, -1.2, 0.5), (2.0, 8.0), 5.0
 REMAINDER_SHARES = (0.1, 0.3, 1.0, 3.0)
+# Probability below which an explanation that is not drawn is not kept.
+LEAST_TOLD = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +94,8 @@ class DiagnosedModel:
     verdict : word of the verdict it came from
     trial : digest of the trial
     failed_checks : sentences on the checks that the fit or the diagnosis failed
+    left_out : names that act together -> probability the diagnosis gives what no draw has, most probable
+        first; None where it is not known
     """
 
     model: Model
@@ -100,6 +104,7 @@ class DiagnosedModel:
     verdict: str
     trial: str
     failed_checks: tuple[str, ...] = ()
+    left_out: Mapping[tuple[str, ...], float] | None = None
 
     def draw(self, rng: np.random.Generator, count: int) -> list[tuple[WeightedHypothesis, Array]]:
         """Parameter vectors of every hypothesis: (draws, n_par) each, `count` in all."""
@@ -159,7 +164,24 @@ def diagnosed_model(
         for c, w, f in zip(chosen, share, fits, strict=True)
         if w > 0
     )
-    return DiagnosedModel(problem.model, hypotheses, _noise(problem), verdict.word, trial)
+    drawn = [c for c, w in zip(chosen, share, strict=True) if w > 0]
+    return DiagnosedModel(
+        problem.model, hypotheses, _noise(problem), verdict.word, trial, (), _left_out(candidates, drawn)
+    )
+
+
+def _key(c: RefittedHypothesis) -> tuple[str, ...]:
+    """The set of names under which the comparison holds the probability of a refit."""
+    return (COEFFICIENT_ERROR,) if c.widens else tuple(sorted(c.effects)) or ("none",)
+
+
+def _left_out(
+    candidates: HypothesisComparison, drawn: Iterable[RefittedHypothesis]
+) -> dict[tuple[str, ...], float]:
+    """Probability of every explanation that is not among the drawn ones, most probable first."""
+    kept = {_key(c) for c in drawn}
+    rest = [(n, p) for n, p in candidates.sets.items() if n not in kept and p >= LEAST_TOLD]
+    return dict(sorted(rest, key=lambda item: -item[1]))
 
 
 def diagnosed_model_of(d: Diagnosis) -> DiagnosedModel:
@@ -215,7 +237,7 @@ def _log_weights(
     """
     own = np.array([e + c.log_evidence - c.fit.log_evidence for e, c in zip(evidence, chosen, strict=True)])
     if candidates.error.leaves > 0.0:
-        keys = [(COEFFICIENT_ERROR,) if c.widens else tuple(sorted(c.effects)) or ("none",) for c in chosen]
+        keys = [_key(c) for c in chosen]
         told = np.array([candidates.sets.get(key, 0.0) for key in keys])
         if np.any(told > 0.0):
             alike = [logsumexp([o for o, k in zip(own, keys, strict=True) if k == key]) for key in keys]
@@ -318,6 +340,8 @@ def write_diagnosed(found: DiagnosedModel, folder: str | os.PathLike[str]) -> Pa
         "noise": dict(found.noise),
         "hypotheses": hypotheses,
     }
+    if found.left_out is not None:
+        record["left_out"] = [{"effects": list(n), "probability": p} for n, p in found.left_out.items()]
     return write_json(target / MODEL_FILE, record)
 
 
@@ -344,12 +368,15 @@ def read_diagnosed(folder: str | os.PathLike[str], declared: Iterable[Effect] = 
             raise ValueError(f"the weights of its hypotheses add up to {sum(weights):.6g}, not to 1")
         vehicle, dof, digest = path.with_name(record["vehicle"]), int(record["dof"]), record["digest"]
         failed = tuple(str(text) for text in record.get("failed_checks", []))
-        rest = dict(record["noise"]), str(record["verdict"]), str(record["trial"]), failed
+        left_out = _read_left_out(record.get("left_out"))
+        rest = dict(record["noise"]), str(record["verdict"]), str(record["trial"]), failed, left_out
     except UnreadableError as error:
         raise ModelError(
             f"{path}: {error}; `bayesid diagnose BUNDLE --out FOLDER` and `bayesid fit` write it"
         ) from None
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except KeyError as error:
+        raise ModelError(f"{path}: is not a diagnosed model (it has no {error})") from None
+    except (ValueError, TypeError, AttributeError) as error:
         raise ModelError(f"{path}: is not a diagnosed model ({error})") from None
     model = build_model(load_vehicle(vehicle), dof, declared=declared)
     if model.digest != digest:
@@ -393,6 +420,15 @@ def _check_gaussian(names: Sequence[str], mean: Array, covariance: Array) -> Non
 def _check_size(name: str, values: Sequence[float]) -> None:
     if not all(np.isfinite(float(v)) and float(v) >= 0 for v in values):
         raise ValueError(f"{name} holds a size that is negative or not finite")
+
+
+def _read_left_out(rows: Sequence[Mapping[str, Any]] | None) -> dict[tuple[str, ...], float] | None:
+    if rows is None:  # written before it was kept
+        return None
+    out = {tuple(map(str, row["effects"])): float(row["probability"]) for row in rows}
+    if not all(0.0 <= p <= 1.0 for p in out.values()):
+        raise ValueError("left_out holds a probability that is none")
+    return out
 
 
 def _read(h: Mapping[str, Any]) -> WeightedHypothesis:

@@ -35,6 +35,7 @@ from bayesid.estimation.filter_error.read_run import filter_error_run
 from bayesid.estimation.parameters import NO_PARAMETERS
 from bayesid.estimation.run_data import RunData
 from bayesid.trials import Run, Trial, window
+from bayesid.words import counted
 
 # Misfit of an event's windows over the median of all; misfit of a piece that has nothing left to hide.
 GROSS_MISFIT, CLEAN_MISFIT = 10.0, 3.0
@@ -74,7 +75,7 @@ def find_events(
         spans = suspects(problem) or (suspects(problem, best.fit) if best.fit.converged else ())
     if not spans:
         return ()
-    notify(f"events: {len(spans)} short piece(s) predicted far worse than the rest")
+    notify(f"events: {counted(len(spans), 'short piece')} predicted far worse than the rest")
     return identify_events(problem, trial, spans)
 
 

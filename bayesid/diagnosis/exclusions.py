@@ -26,6 +26,7 @@ from bayesid.equations.model import Model
 from bayesid.errors import BayesidError
 from bayesid.estimation.filter_error.fit import FilterErrorFit
 from bayesid.trials import Trial
+from bayesid.words import counted
 
 Notify = Callable[[str], None]
 
@@ -65,7 +66,7 @@ def compare_without(
             base = fit_with(problem, ()).released()
             outliers = () if excluded.readings else innovation_outliers(problem, base)
             if outliers:
-                notify(f"once more without {len(outliers)} reading(s) that all others contradict")
+                notify(f"once more without {counted(len(outliers), 'reading')} that all others contradict")
                 excluded = Excluded(excluded.events, (*problem.outliers, *outliers))
                 continue
             found = in_its_environment(compared(problem, notify, seed, base), notify, seed)

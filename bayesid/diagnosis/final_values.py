@@ -80,7 +80,7 @@ def result_of(
     verdict: Verdict,
     explained: ExplainedModel,
     holdout: HoldoutValidation,
-    proposals: tuple[Proposal, ...],
+    proposals: tuple[Proposal, ...] | None,
     warnings: tuple[str, ...],
     seed: int,
     description: MissingForce | None = None,
@@ -167,7 +167,8 @@ def result_of(
             explained.retuned, _number(explained.gain), _number(explained.error), _sizes(model, explained)
         ),
         model_form=_form(problem, c, best),
-        next_manoeuvre=proposals,
+        next_manoeuvre=proposals or (),
+        next_asked=proposals is not None,
         warnings=tuple(told),
         runs=tuple(_run_error(r) for r in replays),
         moved=_moved(model, problem, c.none, explained),

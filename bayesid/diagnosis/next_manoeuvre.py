@@ -20,7 +20,7 @@ from bayesid.estimation.filter_error.linearise import Trajectory, linearise
 from bayesid.estimation.filter_error.noise_model import whitened
 from bayesid.estimation.parameters import effect_prior
 from bayesid.estimation.run_data import Array, RunData
-from bayesid.manoeuvres import library
+from bayesid.manoeuvres import LIBRARY, library, order_words
 from bayesid.simulation import plan_run, run_manoeuvre, steady_start, with_own_states
 
 MOST_LENGTHS = 60.0
@@ -28,12 +28,15 @@ MOST_LENGTHS = 60.0
 
 @dataclass(frozen=True)
 class Proposal:
-    """A manoeuvre and the margin [nats] of the worst pair without and with it."""
+    """A manoeuvre and the margin [nats] of the worst pair without and with it; what is ordered in words, and
+    the text by which commands take it."""
 
     name: str
     duration: float
     margin_now: float
     margin_with: float
+    orders: str = ""
+    typed: str = ""
 
 
 def propose(
@@ -66,7 +69,12 @@ def propose(
         more = replace(
             bank, equations=tuple((*g, added) if i == 0 else g for i, g in enumerate(bank.equations))
         )
-        out.append(Proposal(name, float(manoeuvre.t[-1]), now, worst_margin(more, chosen, size)))
+        out.append(
+            Proposal(
+                name, float(manoeuvre.t[-1]), now, worst_margin(more, chosen, size), order_words(manoeuvre),
+                LIBRARY[name],
+            )
+        )  # fmt: skip
     return tuple(sorted(out, key=lambda p: -p.margin_with))
 
 

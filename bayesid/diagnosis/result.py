@@ -191,7 +191,10 @@ class Result:
     ]
     next_manoeuvre: Annotated[
         tuple[Proposal, ...],
-        About("Manoeuvres, best first, with the margin [nats] of the worst pair without and with each."),
+        About(
+            "Manoeuvres, best first, with the margin [nats] of the worst pair without and with each, what is "
+            "ordered, and the text by which commands take it."
+        ),
     ]
     warnings: Annotated[tuple[str, ...], About("What a reader has to know besides.")]
     runs: Annotated[
@@ -223,6 +226,9 @@ class Result:
             "is that of the simulator as given."
         ),
     ] = ()
+    next_asked: Annotated[
+        bool, About("Whether manoeuvres to run next were asked for; `--quick` does not.")
+    ] = True
     drawings: Drawings | None = field(default=None, metadata={"drawn": True}, compare=False)
 
     def record(self) -> dict[str, Any]:

@@ -134,14 +134,15 @@ def diagnose(
         no_mistake,
         warnings,
     )
-    proposals: tuple[Proposal, ...] = ()
+    proposals: tuple[Proposal, ...] | None = None
     if plan_next:
+        unranked: tuple[Proposal, ...] = ()
         notify("which manoeuvre to run next")
         names = [n for n in verdict.set95 if n in candidates.bank.effects]
         proposals = attempt(
             "no next manoeuvre could be ranked",
             lambda: propose(problem, candidates.bank, names, 0.3)[:5],
-            (),
+            unranked,
             warnings,
         )
     posterior = _drawn(problem, candidates, verdict, seed, notify, warnings) if draw else None

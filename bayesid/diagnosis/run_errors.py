@@ -6,19 +6,22 @@ Takes a `RunError`. Gives `ErrorRow`s and phrases. Does not compute or judge.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from bayesid.diagnosis.evidence.replay import EXPLAINED, GIVEN, RETUNED
 from bayesid.diagnosis.plain_words import number
 from bayesid.diagnosis.result_parts import RunError
 from bayesid.model.channels import channel
+from bayesid.words import counted, first_few
 
 MODELS = (GIVEN, RETUNED, EXPLAINED)
 # An explanation that misses a held-out run by so much more than the model as given has failed.
 WORSE = 1.1
 # Up to this factor two errors count as the same.
 SAME = 1.25
+# Rows in which an explanation misses by more than the model as given that a caption lists.
+MOST_LARGER = 4
 DEG = 180 / math.pi
 
 
@@ -104,6 +107,38 @@ def worse(rows: tuple[ErrorRow, ...], model: int = 2) -> bool:
         return False
     given, now = rows[0].values[0], rows[0].values[model]
     return math.isfinite(given) and not now <= WORSE * given
+
+
+def against_given(runs: Sequence[RunError], labels: Sequence[str]) -> str:
+    """In how many rows of a table of runs the last model misses by no more than the first, and where it
+    does not; numbers count as printed. Empty without a row.
+    """
+    rows = [(run, row) for run in runs for row in error_rows(run)]
+    if not rows:
+        return ""
+    larger = [(run, row) for run, row in rows if _printed(row.values[-1]) > _printed(row.values[0])]
+    held = [row for run, row in rows if run.role == "holdout"]
+    fewer = len(held) - sum(run.role == "holdout" for run, _ in larger)
+    said = (
+        f"errors {labels[-1]} are no larger than {labels[0]} in {len(rows) - len(larger)} of "
+        f"{counted(len(rows), 'row')}" + (f" (held-out runs: {fewer} of {len(held)})" if held else "")
+    )
+    if not larger:
+        return f"{said}."
+    places = [
+        f"{run_words(run)}, {row.what} {_diverges(row.values[-1], row.unit)} instead of "
+        f"{number(row.values[0])}"
+        for run, row in larger
+    ]
+    return f"{said}. They are larger on: {first_few(places, MOST_LARGER, '; ')}."
+
+
+def _printed(value: float) -> float:
+    return float(number(value)) if math.isfinite(value) else math.inf
+
+
+def _diverges(value: float, unit: str) -> str:
+    return f"{number(value)} {unit}" if math.isfinite(value) else "diverges"
 
 
 READ = ("u", "v", "w", "p", "q", "r", "phi", "theta")

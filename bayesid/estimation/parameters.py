@@ -18,10 +18,12 @@ from bayesid.errors import FitError
 from bayesid.model.effects import Effect
 from bayesid.model.params import JointPrior, Parameter, ParameterSet, Prior
 from bayesid.model.terms import TERMS, term
+from bayesid.words import did_you_mean
 
 Array = np.ndarray
 # Prior sd over |value| of a coefficient for which the vehicle file states none, where a prior is needed.
 DEFAULT_RELATIVE_SD = 0.1
+SEE_COEFFICIENTS = "; see `bayesid vehicle show` for its coefficients"
 START_SD = 0.2  # prior standard deviations from its end at which a one-sided effect starts
 WIDE = 5.0  # half width of the default bounds in prior standard deviations, or in sizes of the coefficient
 
@@ -53,8 +55,8 @@ def coefficient_set(
     unknown = [n for n in names if n not in model.index]
     if unknown:
         raise FitError(
-            f"model of {model.vehicle.name!r} ({model.dof}-DOF) has no parameter {', '.join(unknown)}; "
-            "see `bayesid vehicle show` for its coefficients"
+            f"model of {model.vehicle.name!r} ({model.dof}-DOF) has no parameter "
+            f"{', '.join(unknown)}{did_you_mean(unknown, model.coefficients) or SEE_COEFFICIENTS}"
         )
     entries = []
     for name in names:

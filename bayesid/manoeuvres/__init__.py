@@ -17,7 +17,8 @@ from bayesid.manoeuvres.core import (
     on_grid,
 )
 from bayesid.manoeuvres.excite import chirp, combined, combined_held, multisine, prbs, random_rudder
-from bayesid.manoeuvres.registry import library, options, parse
+from bayesid.manoeuvres.order_words import order_words
+from bayesid.manoeuvres.registry import LIBRARY, library, options, parse
 from bayesid.manoeuvres.standard import (
     coast_down,
     depth_change,
@@ -36,6 +37,7 @@ from bayesid.manoeuvres.table import read_table, with_rows_every, write_table
 __all__ = [
     "COMMANDS",
     "ClosedLoop",
+    "LIBRARY",
     "Manoeuvre",
     "OpenLoop",
     "REGISTRY",
@@ -55,6 +57,7 @@ __all__ = [
     "multisine",
     "on_grid",
     "options",
+    "order_words",
     "parse",
     "prbs",
     "pull_out",

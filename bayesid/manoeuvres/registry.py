@@ -203,6 +203,8 @@ SPATIAL_LIBRARY = {
     "combinedheld": "combinedheld",
 }
 
+LIBRARY = PLANAR_LIBRARY | SPATIAL_LIBRARY  # name in the library -> as typed
+
 
 def library(
     L: float, U: float, rpm: float, max_rudder: float, dof: int = 3, max_plane: float = 0.0, dt: float = 0.0

@@ -161,7 +161,7 @@ def _coefficients(found: TrialFit) -> Section:
         if name in form_rows_of(fit):
             flags.append("model form: a row the vehicle lacks")
         if found.posterior is not None and abs(found.posterior.conflict[i]) > CONFLICT:
-            flags.append(f"conflicts with the prior ({found.posterior.conflict[i]:+.1f} sd)")
+            flags.append(f"prior conflict of {abs(found.posterior.conflict[i]):.1f} sd")
         first = coefficient_cells.prime(found.vehicle, name, fit.start[i])
         value = coefficient_cells.cells(found.vehicle, name, fit.z[i])
         size = abs(fit.z[i]) or 1.0

@@ -129,10 +129,11 @@ def after_words(after: Mapping[str, Any] | None, headline: str = "") -> str:
 
 
 def input_report(
-    title: str, check: InputCheck, reasons: Sequence[str], after: Report | None, words: str
+    title: str, check: InputCheck, reasons: Sequence[str], after: Report | None, words: str, gap: str = ""
 ) -> Report:
-    """A short report; the one of the mended log follows where there is one."""
-    lead = "**The log does not say what its header says.** " if check.findings else ""
+    """A short report; the one of the mended log follows where there is one, `gap` is said first."""
+    lead = f"**{literal(gap)}**\n\n" if gap else ""
+    lead += "**The log does not say what its header says.** " if check.findings else ""
     lead += " ".join(f"{_upper(r)}." for r in reasons)
     lead += f" {_upper(words)}." if words and check.findings else ""
     blocks: list[Block] = []

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from bayesid.diagnosis.answer import in_words
 from bayesid.diagnosis.plain_words import number
 from bayesid.diagnosis.run_errors import WORSE, name_of_run
 from bayesid.prediction.prediction import Prediction
@@ -18,9 +19,11 @@ from bayesid.report import run_picture
 from bayesid.report.prediction_checks import FULL_TURN
 from bayesid.report.writer import Block, Figure, Row, Table, literal
 from bayesid.trials import Run, Trial
+from bayesid.words import first_few
 
 DEGREE = 180 / math.pi
-MOST_ROWS, MOST_MEASURES = 8, 2
+MOST_ROWS, MOST_MEASURES, MOST_LEFT_OUT = 8, 2, 4
+LEAST_LEFT_OUT = 0.005  # probability from which one is told; it is printed with two decimals
 Numbers = Mapping[str, Any]
 # What a helmsman asks of a turn and of a zig-zag.
 ASKED = ("tactical diameter", "advance", "overshoot 1", "overshoot 2", "steady yaw rate", "period")
@@ -112,9 +115,54 @@ def as_given_words(spread: tuple[float, float] | None) -> str:
         return ""
     low, high = (f"{100 * s:.0f}" if s >= 0.1 else f"{100 * s:.2g}" for s in spread)
     return (
-        "; its coefficients are as given, not fitted: the bands come from their stated standard deviation "
+        "; the coefficients are as given, not fitted: the bands come from their stated standard deviation "
         f"({low if low == high else f'{low} to {high}'} %)"
     )
+
+
+def drawn_words(numbers: Numbers) -> str:
+    """Which explanations the vehicles are drawn from, how often each, and what probability is left out.
+
+    Parameters
+    ----------
+    numbers : record of a prediction: verdict, draws, hypotheses, left_out, coefficients_as_given
+    """
+    if numbers["verdict"] == "fit":
+        return f"{numbers['draws']} vehicles are drawn from the fit of the coefficients"
+    shares: dict[str, float] = {}
+    for h in numbers["hypotheses"]:
+        name = _together(h["effects"])
+        shares[name] = shares.get(name, 0.0) + h["weight"]
+    listed = sorted(shares.items(), key=lambda item: -item[1])
+    if len(listed) == 1:
+        said = f"{numbers['draws']} vehicles are drawn, all with {listed[0][0]}"
+    else:
+        said = (
+            f"{numbers['draws']} vehicles are drawn from {len(listed)} explanations: "
+            f"{', '.join(f'{share:.0%} with {name}' for name, share in listed)}"
+        )
+    if numbers["left_out"] is not None:
+        said += f"; {_left_out_words(numbers['left_out'])}"
+    return said + as_given_words(numbers["coefficients_as_given"])
+
+
+def _left_out_words(rows: Sequence[Numbers]) -> str:
+    whole = sum(row["probability"] for row in rows)
+    if whole < LEAST_LEFT_OUT:
+        return "explanations left out have less than 0.01 of the probability"
+    told = [
+        f"{_together(row['effects'])} ({row['probability']:.2f})"
+        for row in rows
+        if row["probability"] >= LEAST_LEFT_OUT
+    ]
+    which = f": {first_few(told, MOST_LEFT_OUT)}" if told else ""
+    return f"explanations that hold {whole:.2f} of the probability are left out{which}"
+
+
+def _together(names: Sequence[str]) -> str:
+    if list(names) == ["outside"]:
+        return "something not on the list"
+    return " + ".join(in_words(n) for n in names if n != "none") or "no effect"
 
 
 def first_blocks(trial: Trial, predictions: Sequence[Prediction], rows: Sequence[Numbers]) -> list[Block]:

@@ -126,7 +126,7 @@ def failures(
     if not found.fit.converged:
         out.append(f"The fit it starts from had not converged ({found.fit.message}).")
     far = [
-        f"{n} ({z:+.1f})" for n, z in zip(posterior.names, view.conflict, strict=False) if abs(z) > CONFLICT
+        f"{n} ({z:.1f})" for n, z in zip(posterior.names, np.abs(view.conflict), strict=False) if z > CONFLICT
     ]
     doubts = [] if found.posterior is None else found.posterior.doubts()
     if far and not any("prior and data disagree" in d for d in doubts):
@@ -182,8 +182,8 @@ def first_blocks(found: TrialFit, posterior: Posterior, view: PosteriorView) -> 
         blocks.append(Table(TOGETHER, rows, caption, digits=2))
     words = (
         "Prime values (SI below, under Unknowns). Left: posterior sd over prior sd. Conflict: distance from "
-        "the prior in the sd chance gives it; beyond 3 they disagree. Prior's share of the variance: 0 the "
-        "runs decide, 1 the prior."
+        "the prior, without a sign, in the sd chance gives it; beyond 3 they disagree. Prior's share of the "
+        "variance: 0 the runs decide, 1 the prior."
     )
     rows = [[row[i] for i in SHOWN] for row in coefficient_rows(posterior, view, found.vehicle)]
     blocks.append(Table([COEFFICIENTS[i] for i in SHOWN], rows, words, digits=3))
@@ -192,7 +192,8 @@ def first_blocks(found: TrialFit, posterior: Posterior, view: PosteriorView) -> 
 
 
 def coefficient_rows(posterior: Posterior, view: PosteriorView, vehicle: Vehicle) -> list[list[Any]]:
-    """Rows of `COEFFICIENTS`: prior, fit, posterior, conflict, sensitivity."""
+    """Rows of `COEFFICIENTS`: prior, fit, posterior, distance from the prior, and the change of the mean
+    where the prior counts twice, + away from zero."""
     rows: list[list[Any]] = []
     for i in range(posterior.n_params):
         name, mean, sd = posterior.names[i], float(posterior.mean[i]), float(posterior.sd[i])
@@ -207,8 +208,8 @@ def coefficient_rows(posterior: Posterior, view: PosteriorView, vehicle: Vehicle
             [
                 name, shown(centre), 100 * width / abs(centre) if finite and centre else None,
                 shown(float(view.estimate[i])), shown(mean), 100 * sd / abs(mean) if mean else None, value,
-                unit, 100 * sd / width if finite else None, _known(view.conflict[i]), _known(view.shift[i]),
-                _known(view.share[i]),
+                unit, 100 * sd / width if finite else None, _known(abs(view.conflict[i])),
+                _known(math.copysign(1.0, mean) * view.shift[i]), _known(view.share[i]),
             ]
         )  # fmt: skip
     return rows

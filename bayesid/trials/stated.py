@@ -88,7 +88,8 @@ class Stated:
         tree = self.tree
         self._unknown(tree, tuple(KEYS), "")
         if tree.get("format") != 1 or isinstance(tree.get("format"), bool):
-            self.problems.append(f"format is {_short(tree.get('format'))}; this program reads format = 1")
+            said = f"format is {_short(tree['format'])}" if "format" in tree else "states no format"
+            self.problems.append(f"{said}; this program reads format = 1")
         self.name = self._text(tree, "name")[:500]
         self.vehicle = self._text(tree, "vehicle")
         self.attribution = self._text(tree, "attribution")

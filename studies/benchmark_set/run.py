@@ -73,7 +73,7 @@ def main(
         "inputs": {"edition": edition, "bundles": len(made["pack"])}, "seeds": [], "archives": digests,
         "differ": differ, "entries": entries, "kinds": kinds,
     }  # fmt: skip
-    progress.note(f"report: {writer.write(set_report(edition, kinds, digests, entries), out, results)}")
+    writer.write(set_report(edition, kinds, digests, entries), out, results)
     return results
 
 
@@ -134,7 +134,7 @@ def entered(entry: str, verdicts: Path, folder: Path) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="bayesid study benchmark_set", description=__doc__.splitlines()[0])
     parser.add_argument("--edition", default="1")
     parser.add_argument("--out", type=Path, default=Path("out/benchmark_set"))
     parser.add_argument("--data", type=Path, help="folder of the logs, for their part")

@@ -266,7 +266,9 @@ def csv_text(p: Prediction, low: Array, high: Array) -> str:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        prog="bayesid study blind_predictions",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--data", type=Path, required=True, help="folder with blind_predictions and the logs")
     parser.add_argument("--out", type=Path, default=Path("out/blind_predictions"))

@@ -69,13 +69,12 @@ def main(out: Path, quick: bool, first_seed: int, executor: Executor = HERE) -> 
         "prior_sd": Condition().prior_sd,
     }  # fmt: skip
     results = {"inputs": inputs, **findings}
-    page = writer.write(calibration_report(records, findings, inputs), out, results)
-    progress.note(f"report: {page}")
+    writer.write(calibration_report(records, findings, inputs), out, results)
     return findings
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser = argparse.ArgumentParser(prog="bayesid study calibration", description=__doc__.split("\n")[0])
     parser.add_argument("--out", type=Path, default=Path("out/calibration"))
     parser.add_argument("--quick", action="store_true", help="three replicates of each")
     parser.add_argument("--seed", type=int, default=0)

@@ -136,13 +136,12 @@ def main(
         "predicted": number,
         "conditions": {name: vars(c) for name, c in CONDITIONS.items()},
     }  # fmt: skip
-    page = writer.write(coverage_report(findings, inputs), out, {"inputs": inputs, **findings})
-    progress.note(f"report: {page}")
+    writer.write(coverage_report(findings, inputs), out, {"inputs": inputs, **findings})
     return dict(findings["targets"])
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser = argparse.ArgumentParser(prog="bayesid study coverage", description=__doc__.split("\n")[0])
     parser.add_argument("--out", type=Path, default=Path("out/coverage"))
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--seed", type=int, default=0)

@@ -63,7 +63,7 @@ def main(
         "counts": numbers,
         "cases": [shortened(c) for c in cases],
     }
-    progress.note(f"report: {writer.write(excited_terms_report(cases, numbers, quick), out, results)}")
+    writer.write(excited_terms_report(cases, numbers, quick), out, results)
     return results
 
 
@@ -80,7 +80,7 @@ def shortened(case: dict[str, Any]) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="bayesid study excited_terms", description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("out/excited_terms"))
     parser.add_argument("--draws", type=int, default=20)
     parser.add_argument("--seed", type=int, default=100)

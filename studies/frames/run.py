@@ -57,12 +57,12 @@ def main(
         "as_built": built,
         "extra_run": extra,
     }  # fmt: skip
-    progress.note(f"report: {writer.write(document, out, results)}")
+    writer.write(document, out, results)
     return results
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="bayesid study frames", description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("out/frames"))
     parser.add_argument("--work", type=Path, help="default: out/frames, or beside a quick report")
     parser.add_argument("--count", type=int, default=COUNT, help="campaigns with a hidden cause")

@@ -358,7 +358,7 @@ def main(
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(prog="bayesid study log_mistakes", description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("out/log_mistakes"))
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--seed", type=int, default=0)

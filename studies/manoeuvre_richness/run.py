@@ -104,7 +104,6 @@ def main(data: Path | None, out: Path, quick: bool, seed: int, names: Sequence[s
     plain = {n: {k: v for k, v in r.items() if k != "orders"} for n, r in vehicles.items()}
     results = {"seeds": [seed], "vehicles": plain, "six_dof": deep, "tell": discrimination, "logs": logs}
     page = writer.write(richness_report(vehicles, deep, discrimination, logs, quick), out, results)
-    progress.note(f"report: {page}")
     return page
 
 
@@ -261,7 +260,9 @@ def vertical(name: str, progress: Progress) -> dict[str, Any]:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        prog="bayesid study manoeuvre_richness",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--data", type=Path, help="folder with kvlcc2_hsva and esso_osaka")
     parser.add_argument("--out", type=Path, default=Path("out/manoeuvre_richness"))

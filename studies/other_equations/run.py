@@ -72,7 +72,7 @@ def main(
         "before": [asdict(c) for c in before],
         "verdicts": given,
     }  # fmt: skip
-    progress.note(f"report: {writer.write(document, out, results)}")
+    writer.write(document, out, results)
     return results
 
 
@@ -95,7 +95,9 @@ def _same(bundle: Path, digest: str) -> bool:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(
+        prog="bayesid study other_equations", description=__doc__.splitlines()[0]
+    )
     parser.add_argument("--out", type=Path, default=Path("out/other_equations"))
     parser.add_argument("--data", type=Path, required=True, help="folder of bundles, or of practice_foreign")
     parser.add_argument("--labels", type=Path, help="default: labels.json beside the bundles")

@@ -138,14 +138,13 @@ def main(out: Path, quick: bool, first_seed: int, executor: Executor = HERE) -> 
         },
     }
     caution = quick_words(len(seeds), SEEDS) if quick else ""
-    page = writer.write(paper_report(records, facts, targets, found_beside, titles, caution), out, results)
+    writer.write(paper_report(records, facts, targets, found_beside, titles, caution), out, results)
     met, missed = (", ".join(n for n, t in targets.items() if t["pass"] is ok) for ok in (True, False))
     progress.note(f"targets met: {met or 'none'}; missed: {missed or 'none'}")
     unlike = [s.short for s in found_beside if not s.same]
     progress.note(f"not as in the paper: {'; '.join(unlike) or 'nothing'}")
     if caution:
         progress.note(caution)
-    progress.note(f"report: {page}")
     return targets
 
 
@@ -288,7 +287,9 @@ def sixdof(
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        prog="bayesid study paper_cases",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--out", type=Path, default=Path("out/paper_cases"))
     parser.add_argument("--quick", action="store_true", help="two seeds, no 6-DOF fit")

@@ -108,8 +108,7 @@ def main(
         "vehicle": VEHICLE,
     }
     results = posterior_results(cases, logs, facts, seed)
-    page = writer.write(posterior_report(cases, logs, facts), out, results)
-    progress.note(f"report: {page}")
+    writer.write(posterior_report(cases, logs, facts), out, results)
     return results
 
 
@@ -316,7 +315,9 @@ def real(
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        prog="bayesid study posterior",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--data", type=Path, help="folder with kvlcc2_hsva and esso_osaka")
     parser.add_argument("--out", type=Path, default=Path("out/posterior"))

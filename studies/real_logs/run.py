@@ -132,10 +132,7 @@ def study(
         "quick": quick,
         "halves": halves,
     }
-    page = writer.write(
-        logs_report(variants, outside, facts), out, logs_results(variants, outside, facts, seed)
-    )
-    progress.note(f"report: {page}")
+    writer.write(logs_report(variants, outside, facts), out, logs_results(variants, outside, facts, seed))
     return variants
 
 
@@ -228,7 +225,9 @@ def short_runs(trial: Trial, found: TrialFit, seconds: float) -> tuple[Any, ...]
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        prog="bayesid study real_logs",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--data", type=Path, required=True, help="folder with kvlcc2_hsva and esso_osaka")
     parser.add_argument("--out", type=Path, default=Path("out/real_logs"))

@@ -49,12 +49,12 @@ def main(out: Path, truths: int, seed: int, quick: bool, executor: Executor = HE
         "counts": numbers,
         "cases": kept,
     }
-    progress.note(f"report: {writer.write(ridges_report(cases, numbers, quick), out, results)}")
+    writer.write(ridges_report(cases, numbers, quick), out, results)
     return results
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="bayesid study ridges", description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("out/ridges"))
     parser.add_argument("--truths", type=int, default=TRUTHS)
     parser.add_argument("--seed", type=int, default=0)

@@ -59,7 +59,7 @@ def main(
     found = {name: _found(k, SUMS.get(name)) for name, k in kept.items()}
     inputs_of = {"kills": kills, "inputs": inputs, "quick": quick, "codes": codes}
     results = {"inputs": inputs_of, "seeds": [seed], **found}
-    progress.note(f"report: {writer.write(robustness_report(found), out, results)}")
+    writer.write(robustness_report(found), out, results)
     return results
 
 
@@ -127,7 +127,7 @@ def _sizes(work: Path, kept: Kept, quick: bool, progress: Progress) -> None:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="bayesid study robustness", description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("out/robustness"))
     parser.add_argument("--parts", default=",".join(PARTS), help="some of them, or none: only the report")
     parser.add_argument("--kills", type=int, default=KILLS, help="of each command by each fault at most")

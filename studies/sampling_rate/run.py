@@ -48,12 +48,12 @@ def main(
         "wrong": {r["name"]: wrong(r) for r in records if wrong(r)},
         "campaigns": records,
     }
-    progress.note(f"report: {writer.write(sampling_rate_report(records), out, results)}")
+    writer.write(sampling_rate_report(records), out, results)
     return results
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="bayesid study sampling_rate", description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("out/sampling_rate"))
     parser.add_argument("--work", type=Path, help="default: out/sampling_rate/work, or OUT/work where quick")
     parser.add_argument("--count", type=int, default=COUNT, help="campaigns")

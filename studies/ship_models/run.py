@@ -49,7 +49,7 @@ def main(data: Path, out: Path, quick: bool, seed: int, only: str | None) -> Non
             record["ships"][name] = study(name, data / name, out / name, quick, seed, progress)
     if not record["ships"]:
         raise SystemExit(f"{data}: holds none of the folders {', '.join(SHIPS)}")
-    progress.note(f"report: {writer.write(models_report(record), out, record)}")
+    writer.write(models_report(record), out, record)
 
 
 def study(name: str, data: Path, out: Path, quick: bool, seed: int, progress: Progress) -> dict[str, Any]:
@@ -131,7 +131,9 @@ def collect(
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        prog="bayesid study ship_models",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--data", type=Path, required=True, help="folder with kvlcc2_hsva and esso_osaka")
     parser.add_argument("--out", type=Path, default=Path("out/ship_models"))

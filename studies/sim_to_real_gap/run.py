@@ -48,8 +48,7 @@ def main(out: Path, quick: bool, seed: int, data: Path | None = None) -> dict[st
         "delphin2": parts.get("delphin2"),
         "real": _brief(real),
     }
-    path = writer.write(gap_report(parts), out, results)
-    progress.note(f"report: {path}")
+    writer.write(gap_report(parts), out, results)
     return results
 
 
@@ -82,7 +81,9 @@ def real_logs(
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(
+        prog="bayesid study sim_to_real_gap", description=__doc__.splitlines()[0]
+    )
     parser.add_argument("--out", type=Path, default=Path("out/sim_to_real_gap"))
     parser.add_argument("--quick", action="store_true", help="the example and one campaign")
     parser.add_argument("--seed", type=int, default=301)

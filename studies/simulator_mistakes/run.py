@@ -319,7 +319,7 @@ def main(
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(prog="bayesid study simulator_mistakes", description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("out/simulator_mistakes"))
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--every", action="store_true")

@@ -77,7 +77,7 @@ def main(data: Path, out: Path, quick: bool, seed: int) -> None:
         "scores": {words: scores(rows) for words, rows in told.items()}, "passes": told,
         "attribution": trial.attribution,
     }  # fmt: skip
-    progress.note(f"report: {writer.write(wind_report(record), out, record)}")
+    writer.write(wind_report(record), out, record)
 
 
 def with_screw(ship: Vehicle) -> Vehicle:
@@ -140,7 +140,9 @@ def row(run: Run, found: dict[str, Any]) -> dict[str, Any]:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        prog="bayesid study wind_from_motion",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--data", type=Path, required=True, help="folder with esso_osaka")
     parser.add_argument("--out", type=Path, default=Path("out/wind_from_motion"))

@@ -106,8 +106,7 @@ def main(
     document = blind_report(sheet, [baselines_section(sheet.cases, chosen, reached, family_of)], title)
     inputs = {"planar": count, "spatial": spatial, "aim": AIM, "pairs": PAIRS, "share_rough": SHARE_ROUGH}
     drawn = [] if seed is None else [seed]
-    path = writer.write(document, out, {"inputs": inputs, "seeds": drawn, **results(sheet)})
-    progress.note(f"report: {path}")
+    writer.write(document, out, {"inputs": inputs, "seeds": drawn, **results(sheet)})
     return sheet
 
 
@@ -136,7 +135,9 @@ def oracles(
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(
+        prog="bayesid study withheld_effects", description=__doc__.splitlines()[0]
+    )
     parser.add_argument("--out", type=Path, default=Path("out/withheld_effects"))
     parser.add_argument("--work", type=Path, help="default: out/withheld_effects, or beside a quick report")
     parser.add_argument("--count", type=int, default=COUNT, help="planar campaigns")

@@ -88,7 +88,7 @@ def other_facility(data: Path, out: Path, quick: bool, seed: int, progress: Prog
         "attribution": trial.attribution,
     }
     write_json(out / "predictions.json", results)
-    progress.note(f"report: {writer.write(facility_report(results), out, results)}")
+    writer.write(facility_report(results), out, results)
 
 
 def check(identified: Callable[[], DiagnosedModel], run: Run, draws: int, seed: int) -> dict[str, Any]:
@@ -174,11 +174,11 @@ def without_wind(data: Path, out: Path, quick: bool, seed: int, progress: Progre
         "attribution": trial.attribution,
     }
     write_json(out / "verdicts.json", results)
-    progress.note(f"report: {writer.write(wind_report(results), out, results)}")
+    writer.write(wind_report(results), out, results)
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="bayesid study withheld_real", description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, required=True, help="folder with kvlcc2_hsva and esso_osaka")
     parser.add_argument("--out", type=Path, default=Path("out/withheld_real"))
     parser.add_argument("--quick", action="store_true", help="coarse logs, few draws and runs")

@@ -54,7 +54,7 @@ def main(labels: Path, verdicts: Path, data: Path | None, out: Path) -> dict[str
         "wind": None if data is None else wind(verdicts / WIND, data / "esso_osaka"),
         "sheet": plain_sheet(sheet),
     }
-    print(f"report: {writer.write(check_report(results, found, sheet), out, results)}")
+    writer.write(check_report(results, found, sheet), out, results)
     return results
 
 
@@ -100,7 +100,7 @@ def wind(file: Path, data: Path) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="bayesid study withheld_score", description=__doc__.splitlines()[0])
     parser.add_argument("--labels", type=Path, required=True, help="the maker's list of labels")
     parser.add_argument("--verdicts", type=Path, default=VERDICTS, help="folder of the committed verdicts")
     parser.add_argument("--data", type=Path, help="folder that holds esso_osaka with wind_opened")

@@ -22,6 +22,7 @@ from bayesid.estimation.output_error import measured_base, output_error_run
 from bayesid.estimation.output_error.fit_result import Fit
 from bayesid.manoeuvres import Manoeuvre
 from bayesid.trials import Trial
+from bayesid.words import did_you_mean
 
 RAISED = 1.05  # factor on a channel's noise from which it is said
 
@@ -42,14 +43,14 @@ def known_of(model: Model, assumed: float = ASSUMED_RELATIVE_SD, fixed: Iterable
     FitError
         a name the vehicle does not have
     """
-    kept = set(fixed)
-    unknown = kept - set(model.coefficients)
+    kept, there = set(fixed), model.coefficients
+    unknown = sorted(kept - set(there))
     if unknown:
         raise FitError(
-            f"{model.vehicle.name} has no coefficient {', '.join(sorted(unknown))} to keep; "
-            f"it has {', '.join(model.coefficients)}"
+            f"{model.vehicle.name} has no coefficient {', '.join(unknown)} to keep"
+            + (did_you_mean(unknown, there) or f"; it has {', '.join(there)}")
         )
-    return knowledge(model, [n for n in model.coefficients if n not in kept], assumed)
+    return knowledge(model, [n for n in there if n not in kept], assumed)
 
 
 def vehicle_case(

@@ -21,6 +21,7 @@ from bayesid.equations.model import Model
 from bayesid.errors import ModelError
 from bayesid.model.terms import TERMS
 from bayesid.trials import Run
+from bayesid.words import counted
 
 DEFAULT_RELATIVE_SD = 0.1
 
@@ -122,7 +123,7 @@ def excite(
     """
     if not runs:
         raise ModelError("no run to read; excitation needs at least one")
-    notify(f"smoothing {len(runs)} run(s)")
+    notify(f"smoothing {counted(len(runs), 'run')}")
     motions, _ = smooth_tracks(model, runs, noise, drift)
     return excite_motions(model, motions, form=form, draws=draws, seed=seed, notify=notify)
 

@@ -34,6 +34,7 @@ from bayesid.model.effects import Effect
 from bayesid.trials import Trial
 from bayesid.trials.kinematics.derived_velocity import velocity_from_track
 from bayesid.trials.noise import raised, raised_words
+from bayesid.words import counted
 
 Notify = Callable[[str], None]
 # How far the environment of manoeuvres may lie from that of straight runs that hold a gap, in the logarithm.
@@ -238,7 +239,7 @@ def _environment(
         return stated_noise(model, stated.force_rms, stated.nav_drift or 0.0)
     straight = [log for log in logs if log.straight]
     if straight:
-        notify(f"environment: measured from {len(straight)} straight run(s)")
+        notify(f"environment: measured from {counted(len(straight), 'straight run')}")
         first, apart = identify_straight_noise(model, straight, free)
         if apart.any:
             # the manoeuvres have it as well, and must not count it as process noise there

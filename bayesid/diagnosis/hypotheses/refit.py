@@ -65,7 +65,7 @@ def refit(
     sizes : where effects without a slope when off begin, in prior sd (`sizes_of`)
     """
     names = tuple(e.name for e in effects)
-    notify("refit with " + " + ".join(names))
+    notify(f"refit with {_together(names)}")
     try:
         return [weighted_hypothesis(problem, names, fit_with(problem, effects, sizes=sizes))]
     except ModelError as exc:
@@ -124,7 +124,7 @@ def refit_again(
 ) -> list[RefittedHypothesis]:
     """The better of a first candidate and one begun elsewhere."""
     names = tuple(e.name for e in effects)
-    notify("refit with " + " + ".join(names) + " from a second start")
+    notify(f"refit with {_together(names)} from a second start")
     try:
         second = weighted_hypothesis(
             problem, names, fit_with(problem, effects, start=start, initial_noise_scale=initial_noise_scale)
@@ -147,6 +147,10 @@ def _estimated(problem: DiagnosisProblem, bank: SensitivityBank, score: ScreenSc
     size = float(np.clip(z[bank.n_coef], 0.1, 3.0)) if np.isfinite(prior.low).any() else float(z[bank.n_coef])
     par[prior.where] = prior.mean + size * prior.sd
     return [replace(point, par=par) for point in problem.path]
+
+
+def _together(names: tuple[str, ...]) -> str:
+    return " + ".join(names).replace("_", " ")
 
 
 def refit_wide(problem: DiagnosisProblem, name: str, notify: Notify) -> list[RefittedHypothesis]:

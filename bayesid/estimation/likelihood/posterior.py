@@ -151,8 +151,8 @@ class CoefficientPosterior:
                 f"{self.halves.p:.2g}){widened}."
             )
         order = np.argsort(-np.nan_to_num(np.abs(self.conflict)), kind="stable")
-        z = self.conflict
-        far = [f"{self.names[i]} ({z[i]:+.1f})" for i in order if abs(z[i]) > CONFLICT]
+        z = np.abs(self.conflict)
+        far = [f"{self.names[i]} ({z[i]:.1f})" for i in order if z[i] > CONFLICT]
         if far:
             said.append(
                 f"Not final: prior and data disagree on {first_few(far, MOST_NAMED)} (distance in sd). The "

@@ -12,7 +12,7 @@ from bayesid.diagnosis.answer import Answer, in_words
 from bayesid.diagnosis.plain_words import number, sentence
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import Effect
-from bayesid.diagnosis.run_errors import error_rows
+from bayesid.diagnosis.run_errors import against_given, error_rows, name_of_run
 from bayesid.diagnosis.summary import unsigned_zeros
 from bayesid.report import run_picture
 from bayesid.report.diagnosis.cause import where_blocks, which_blocks
@@ -22,6 +22,7 @@ from bayesid.report.diagnosis.limits import margin_table
 from bayesid.report.writer import Block, Figure, Row, Section, Table, Text, literal
 
 MOST_CAUSES, MOST_PICTURES = 8, 4
+ROLES = {"holdout": "held out", "identify": "read"}
 
 
 def runs_blocks(result: Result, a: Answer) -> list[Block]:
@@ -29,16 +30,21 @@ def runs_blocks(result: Result, a: Answer) -> list[Block]:
     rows: list[list[Any]] = []
     for run in sorted(result.runs, key=lambda r: r.role != "holdout"):
         for e in error_rows(run):
-            rows.append([literal(run.run), run.role, f"{e.what} [{e.unit}]", *map(_cell, e.values)])
+            rows.append(
+                [
+                    literal(run.run), literal(run.manoeuvre) or "–", ROLES.get(run.role, run.role),
+                    f"{e.what} [{e.unit}]", *map(_cell, e.values),
+                ]
+            )  # fmt: skip
     if not rows:
         measured = [measures_table(result, a.labels)] if result.measures else []
         return [Text("No run could be replayed."), *measured]
     blocks: list[Block] = [
         Table(
-            ["run", "role", "rms error", *a.labels],
+            ["run", "manoeuvre", "role", "rms error", *a.labels],
             rows,
-            "Every run replayed open loop from its orders, begun on its first seconds. What to see: the last "
-            f"column is no larger than the first, on held-out runs too. {literal(a.explained)}",
+            "Every run replayed open loop from its orders, begun on its first seconds. "
+            f"{literal(a.explained)} What to see: {literal(against_given(result.runs, a.labels))}",
         )
     ]
     if result.measures:
@@ -46,18 +52,19 @@ def runs_blocks(result: Result, a: Answer) -> list[Block]:
     others = result.drawings.replays[1 : 1 + MOST_PICTURES] if result.drawings is not None else ()
     for k, replay in enumerate(others, 1):
         drawn = picture_of(replay, a)
-        where = f"{literal(replay.run)} ({literal(replay.manoeuvre)}, {replay.role})"
+        where = literal(name_of_run(replay.run, replay.manoeuvre, replay.role))
+        title = where[:1].upper() + where[1:]
         blocks.append(
             Row(
                 (
                     Figure(f"run{k}_track", run_picture.track(drawn), alt=f"Track of {where}"),
                     Figure(f"run{k}_time", run_picture.over_time(drawn), alt=f"Errors of {where}"),
                 ),
-                where,
+                f"{title}.",
             )
         )
         if replay.role == "holdout":
-            blocks += played_blocks(replay, a, where)
+            blocks += played_blocks(replay, a, title)
     return blocks
 
 
@@ -70,8 +77,9 @@ def moved_blocks(result: Result, a: Answer) -> list[Block]:
         return [Text("The coefficients were not compared.")]
 
     def cells(given: float, value: float, sd: float) -> list[Any]:
-        share = f"{100 * (value / given - 1):+.1f}" if given else "–"
-        return [value, share, f"{(value - given) / sd:+.1f}" if sd > 0 else "–"]
+        further = math.copysign(1.0, given) * (value - given)
+        share = unsigned_zeros(f"{100 * further / abs(given):+.1f}") if given else "–"
+        return [value, share, unsigned_zeros(f"{further / sd:+.1f}") if sd > 0 else "–"]
 
     rows = [
         [n, m.given, *cells(m.given, m.retuned, m.prior_sd), *cells(m.given, m.explained, m.prior_sd)]
@@ -82,8 +90,10 @@ def moved_blocks(result: Result, a: Answer) -> list[Block]:
         Table(
             ["coefficient", "as given", "re-tuned", "[%]", "[sd]", third, "[%]", "[sd]"],
             rows,
-            "Units of the vehicle file; [sd] counts in stated standard deviations. What to see: an "
-            "explanation that holds leaves the coefficients nearer to what is stated than re-tuning does.",
+            "Units of the vehicle file; [sd] counts in stated standard deviations. In both, + is further "
+            "from zero than as given, - nearer to zero or beyond it, whatever the sign of the coefficient. "
+            "What to see: an explanation that holds leaves the coefficients nearer to what is stated than "
+            "re-tuning does.",
         )
     ]
 

@@ -64,15 +64,28 @@ def ambiguity_blocks(result: Result) -> list[Block]:
 def next_blocks(result: Result) -> list[Block]:
     """Manoeuvres to execute next, best first."""
     if not result.next_manoeuvre:
-        return [Text("No manoeuvre was ranked.")]
-    rows = [[in_words(p.name), round(p.duration)] for p in result.next_manoeuvre]
+        return [Text(f"No manoeuvre was ranked: {_why_none(result)}")]
+    rows = [
+        [in_words(p.name), round(p.duration), literal(p.orders), literal(p.typed)]
+        for p in result.next_manoeuvre
+    ]
     return [
         Text(
             "Best first: what tells the causes still possible apart, or shows a usual effect where none is. "
             "`bayesid predict BUNDLE MANOEUVRE --model THIS_FOLDER` says, with a band, what each would show."
         ),
-        Table(["manoeuvre", "duration [s]"], rows),
+        Table(
+            ["manoeuvre", "duration [s]", "what is ordered", "MANOEUVRE as typed"],
+            rows,
+            "Sized for this vehicle. `bayesid manoeuvre list` explains what can be typed.",
+        ),
     ]
+
+
+def _why_none(result: Result) -> str:
+    if not result.next_asked:
+        return "`--quick` leaves it out (in Python `next_manoeuvre=False`)."
+    return "none of the library can be run by this vehicle and tell more, or ranking failed; see the notes."
 
 
 def margin_table(result: Result) -> Table:

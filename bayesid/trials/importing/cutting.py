@@ -137,7 +137,32 @@ def _zigzag(t: Floats, rudder: Floats, psi: Floats | None, degrees: int) -> tupl
     if max(float(np.nanstd(side)) for side in sides) > 0.35 * switch + 1.0 * _DEG + between:
         return "random", "random orders"
     late = _late(t, rudder, psi, ends, size)
-    return "zigzag", f"zigzag {degrees}/{_ordered_heading(switch / _DEG, late / _DEG, error / _DEG, degrees)}"
+    found = _ordered_heading(switch / _DEG, late / _DEG, error / _DEG, degrees)
+    if found != degrees:
+        low, high = (x / _DEG for x in _bracket(rudder, psi, ends))
+        found = _usual_between(low, high, found, degrees)
+    return "zigzag", f"zigzag {degrees}/{found}" if found else f"zigzag {degrees}"
+
+
+def _bracket(rudder: Floats, psi: Floats, ends: np.ndarray) -> tuple[float, float]:
+    """Headings between which the switch was ordered [rad]: it falls between two samples, which lie apart
+    where the vehicle turns fast, and an order may be logged in the row it begins in or in the next; the
+    narrowest that all switches leave."""
+    earlier, after = np.maximum(ends - 1, 0), np.minimum(ends + 1, psi.size - 1)
+    low = high = 0.0
+    for sign in (1.0, -1.0):
+        side = rudder[ends] * sign > 0
+        before, then = -sign * psi[earlier[side]], -sign * psi[after[side]]
+        low, high = low + 0.5 * float(np.nanmax(before)), high + 0.5 * float(np.nanmin(then))
+    return low, high
+
+
+def _usual_between(low: float, high: float, found: int, degrees: int) -> int:
+    """The one heading people order within a bracket [deg], `found` where there is none, 0 where there are
+    several: the rudder's own degrees and multiples of five."""
+    usual = {degrees, *range(5, int(high) + 1, 5)}
+    inside = [value for value in usual if low <= value <= high]
+    return inside[0] if len(inside) == 1 else 0 if inside else found
 
 
 def _late(t: Floats, rudder: Floats, psi: Floats, ends: np.ndarray, size: float) -> float:

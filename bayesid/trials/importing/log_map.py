@@ -197,7 +197,8 @@ class _Reader:
     def read(self, tree: dict[str, Any]) -> LogMap:
         self.known(tree, _KEYS, "")
         if tree.get("format") != 1:
-            self.problems.append(f"format is {tree.get('format')!r}; this program reads format = 1")
+            said = f"format is {tree['format']!r}" if "format" in tree else "states no format"
+            self.problems.append(f"{said}; this program reads format = 1")
         sources = {k: self.source(k, v) for k, v in self.table(tree, "sources").items()}
         if not sources:
             self.problems.append('names no source; add [sources.log] with files = ["..."]')
