@@ -8,7 +8,9 @@ from scipy import stats
 
 from bayesid.diagnosis.hypotheses import sizes
 from bayesid.diagnosis.hypotheses.candidate import widened_by_few
-from bayesid.diagnosis.threshold_table import SIZE_DEVIATIONS
+from bayesid.diagnosis.hypotheses.run_scatter import scatter_of_runs
+from bayesid.diagnosis.threshold_table import ADD_EVIDENCE, SIZE_DEVIATIONS
+from bayesid.estimation.filter_error.evidence import NormalEquations, posterior
 
 
 @pytest.mark.parametrize("runs", [3, 4, 7])
@@ -34,11 +36,12 @@ def world(monkeypatch):
         ("lag", "stall"): {"lag.tau": (9.0, 0.1)},
         ("wind",): {"wind.u": (7.0, 1.0)},
     }
-    refits = [Plain(effects=k, widens=False, follows=k != ("lag", "stall")) for k in tables]
+    fit = Plain(equations=())  # too few runs to tell of scatter
+    refits = [Plain(effects=k, widens=False, follows=k != ("lag", "stall"), fit=fit) for k in tables]
     monkeypatch.setattr(sizes, "parameters_told", lambda problem, c: dict(tables[c.effects]))
     monkeypatch.setattr(sizes, "explains", lambda c: c.follows)
     weights = {("lag",): 0.6, ("lag", "wind"): 0.2, ("lag", "stall"): 0.1, ("wind",): 0.1}
-    return refits, Plain(refits=refits, sets=weights)
+    return refits, Plain(refits=refits, sets=weights, form_seen=0.0)
 
 
 def test_a_size_is_that_of_the_mixture_of_all_explanations_that_hold_the_effect(world):
@@ -48,7 +51,8 @@ def test_a_size_is_that_of_the_mixture_of_all_explanations_that_hold_the_effect(
     lags = np.random.default_rng(1).normal(np.array([2.0, 3.0])[drawn], np.array([0.1, 0.2])[drawn])
     assert found["lag.tau"] == pytest.approx((lags.mean(), SIZE_DEVIATIONS * lags.std()), abs=3e-3)
     assert found["wind.u"][0] == pytest.approx((0.2 * 5.0 + 0.1 * 7.0) / 0.3)
-    assert sizes.sizes_told(Plain(form=None), candidates, refits[1])["lag.tau"] == (3.0, 0.2)
+    alone = Plain(form=None, coefficients=Plain(names=()))
+    assert sizes.sizes_told(alone, candidates, refits[1])["lag.tau"] == (3.0, 0.2)
 
 
 def test_an_effect_of_no_weighed_explanation_keeps_the_size_of_the_best(world):
@@ -57,3 +61,97 @@ def test_an_effect_of_no_weighed_explanation_keeps_the_size_of_the_best(world):
     assert sizes.sizes_told(Plain(form="a form"), candidates, refits[0])["lag.tau"] == pytest.approx(
         (2.0, 0.1 * SIZE_DEVIATIONS)
     )
+
+
+RUNS, READINGS, COEFFICIENTS = 5, 40, 3
+
+
+def one_effect_of(own, rng):
+    """A linear fit of an effect, size 0.3 prior sd in the mean and `own` more in each run, beside
+    coefficients.
+
+    The whitened readings of a run are seldom as informative as those of another.
+    """
+    truth = rng.standard_normal(COEFFICIENTS)
+    equations = []
+    for more in own:
+        a = rng.standard_normal((READINGS, COEFFICIENTS + 1)) * rng.uniform(1.0, 3.0)
+        e = a @ np.append(truth, 0.3 + more) + rng.standard_normal(READINGS)
+        equations.append(NormalEquations(a.T @ a, a.T @ e, float(e @ e), 0.0, READINGS))
+    found = posterior(sum(equations[1:], equations[0]))
+    names = tuple(f"c{i}" for i in range(COEFFICIENTS)) + ("lag.tau",)
+    sd = np.sqrt(np.diag(found.covariance))
+    fit = Plain(
+        equations=tuple(equations), values=found.mean, sd=sd,
+        free=Plain(names=names, sd=np.ones(len(names))),
+    )  # fmt: skip
+    return Plain(effects=("lag",), widens=False, fit=fit)
+
+
+def told(refit, monkeypatch, seen=0.0):
+    problem = Plain(form=None, coefficients=Plain(names=("",) * COEFFICIENTS))
+    monkeypatch.setattr(sizes, "explains", lambda c: True)
+    candidates = Plain(refits=[refit], sets={("lag",): 1.0}, form_seen=seen)
+    return sizes.sizes_told(problem, candidates, refit)["lag.tau"]
+
+
+@pytest.mark.parametrize(("scatter", "held", "narrow"), [(0.3, 0.87, 0.5), (0.1, 0.78, 0.77)])
+def test_a_size_that_differs_from_run_to_run_has_an_interval_that_holds_its_mean(
+    scatter, held, narrow, monkeypatch
+):
+    """The size of a run scatters about 0.3; the deviation of the fit alone is 0.03."""
+    rng = np.random.default_rng(17)
+    inside, alone = [], []
+    for _ in range(300):
+        refit = one_effect_of(scatter * rng.standard_normal(RUNS), rng)
+        value, sd = told(refit, monkeypatch)
+        inside.append(abs(value - 0.3) < 1.96 * sd)
+        alone.append(abs(value - 0.3) < 1.96 * refit.fit.sd[-1])
+    assert np.mean(inside) > held and np.mean(alone) < narrow
+
+
+def test_runs_that_agree_leave_the_deviation_about_as_it_is(monkeypatch):
+    rng = np.random.default_rng(18)
+    wider = []
+    for _ in range(300):
+        refit = one_effect_of(np.zeros(RUNS), rng)
+        value, sd = told(refit, monkeypatch)
+        assert value == refit.fit.values[-1]
+        wider.append(sd / refit.fit.sd[-1])
+    assert min(wider) >= 1.0 and np.median(wider) < 1.05 and np.mean(wider) < 1.12
+
+
+def test_the_scatter_of_runs_that_agree_is_chi_square_with_its_degrees_of_freedom():
+    rng = np.random.default_rng(20)
+    ratios, freedom = [], []
+    for _ in range(400):
+        refit = one_effect_of(np.zeros(RUNS), rng)
+        found = scatter_of_runs(refit.fit.equations, np.array([COEFFICIENTS]))
+        ratios.append(found.ratio[0])
+        freedom.append(found.freedom[0])
+        assert 1.0 < found.freedom[0] < RUNS - 1 + 1e-9 and 0.9 < found.share[0] <= 1.0
+    assert np.mean(ratios) == pytest.approx(1.0, abs=0.12)
+    tail = stats.chi2.sf(np.array(freedom) * np.array(ratios), np.array(freedom))
+    assert np.mean(tail < 0.05) == pytest.approx(0.05, abs=0.03)
+
+
+def test_equal_runs_have_one_degree_of_freedom_less_than_there_are():
+    a = np.random.default_rng(21).standard_normal((READINGS, 2)) * 1e3
+    values = (1.0, 2.0, 4.0, 9.0)
+    equations = tuple(
+        NormalEquations(a.T @ a, a.T @ (a @ np.array([0.0, v])), 0.0, 0.0, READINGS) for v in values
+    )
+    found = scatter_of_runs(equations, np.array([1]))
+    assert found.freedom[0] == pytest.approx(len(values) - 1, rel=1e-4)
+    sd = np.sqrt(found.ratio[0] * np.linalg.inv(4 * a.T @ a)[1, 1])
+    assert sd == pytest.approx(np.std(values, ddof=1) / 2.0, rel=1e-4)  # of a mean
+
+
+def test_a_form_that_shows_and_is_in_no_hypothesis_widens_as_one_that_is(monkeypatch):
+    rng = np.random.default_rng(19)
+    refit = one_effect_of(np.zeros(RUNS), rng)
+    plain = told(refit, monkeypatch)
+    assert told(refit, monkeypatch, seen=ADD_EVIDENCE) == plain
+    value, sd = told(refit, monkeypatch, seen=ADD_EVIDENCE + 0.1)
+    between = max(sizes.from_run_to_run(refit.fit)["lag.tau"], refit.fit.sd[-1])
+    assert value == pytest.approx(plain[0]) and sd == pytest.approx(SIZE_DEVIATIONS * between)

@@ -9,6 +9,7 @@ from gap_trials import model_of, other_vehicle, planted_trial
 from scipy.integrate import quad
 from scipy.stats import norm
 
+from bayesid.diagnosis import form_stage
 from bayesid.diagnosis.data.model_form import ModelForm, form_effects, with_form
 from bayesid.diagnosis.data.problem import build_problem, fit_with
 from bayesid.diagnosis.exclusions import compare_without
@@ -16,7 +17,7 @@ from bayesid.diagnosis.hypotheses import candidate as candidates
 from bayesid.diagnosis.hypotheses.candidate import corrected_evidence, jackknife, weighted_hypothesis
 from bayesid.diagnosis.hypotheses.facts import like_a_form
 from bayesid.diagnosis.hypotheses.form_part import beyond, form_gain
-from bayesid.diagnosis.hypotheses.form_search import _Columns
+from bayesid.diagnosis.hypotheses.form_search import SoughtForm, _Columns
 from bayesid.diagnosis.hypotheses.verdict import decide
 from bayesid.estimation.filter_error.evidence import NormalEquations
 from bayesid.estimation.likelihood.model_form import form_rows, typical
@@ -136,7 +137,7 @@ def test_where_the_equations_are_right_no_form_is_asked_for():
     for seed, planted in ((3, {}), (4, {"rudder_offset.offset": 0.06})):
         trial = planted_trial(model, other_vehicle(model, seed) | planted, seed, samples=160)
         found = compare_without(model, trial)
-        assert found.problem.form is None
+        assert found.problem.form is None and found.candidates.form_seen == 0.0
         problem = found.problem
         assert form_gain(problem, weighted_hypothesis(problem, (), fit_with(problem, ()))) == 0.0
 
@@ -180,6 +181,23 @@ def test_beside_another_cause_a_shape_counts_for_any_force_of_the_motion_unless_
     for instead, like in ((np.inf, ("shape",)), (30.0, ("shape",)), (-1.0, ("shape",)), (-9.0, ())):
         assert like_a_form(Plain(form_instead=instead), both, model) == like
         assert like_a_form(Plain(form_instead=instead), alone, model) == ()
+
+
+@pytest.mark.parametrize(
+    ("gain", "beyond", "predicts", "effects", "seen"),
+    [
+        (12.0, 12.0, True, ("cause",), 12.0),
+        (12.0, 12.0, False, ("cause",), 0.0),  # left-out runs are told worse with it
+        (40.0, 4.0, True, ("shape", "cause"), 40.0),  # the shape stands for it
+        (40.0, -2.0, True, ("shape",), 0.0),  # the shape is the cause
+    ],
+)
+def test_a_form_that_is_not_taken_is_seen_as_far_as_it_is_no_cause(gain, beyond, predicts, effects, seen):
+    problem = Plain(model=Plain(effects={"shape": Plain(as_form="also"), "cause": Plain(as_form="")}))
+    sought = SoughtForm(ModelForm(SIZES), gain, beyond, predicts)
+    assert form_stage._seen(problem, Plain(form_instead=np.inf), Plain(effects=effects), sought) == seen
+    assert form_stage._seen(problem, Plain(form_instead=np.inf), Plain(effects=effects), None) == 0.0
+    assert sought.needed == (predicts and gain >= 20.0)
 
 
 def rolling(frequency):

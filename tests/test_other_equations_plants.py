@@ -264,6 +264,19 @@ def test_gear_obeys_dead_time_lag_rate_offset_and_jam():
     assert np.abs(jam[fine < 9.9]).max() == 0.0 and np.interp(12.0, fine, jam) == pytest.approx(0.2)
 
 
+@pytest.mark.parametrize("name", ["strip_auv", "tanker_model"])
+def test_the_lag_a_label_states_is_how_late_the_rudder_is(name):
+    """The simulator of a bundle steers without a lag; the servo's own is none of what it knows."""
+    c = draw_campaign(3, name, ("actuator_lag",), (1.0,))
+    t = np.arange(0.0, 40.0 * c.vehicle.LU, c.vehicle.dt)
+    small = 0.1 * c.vehicle.rudder_rate * c.vehicle.step  # the rate does not limit it
+    orders = np.column_stack([np.where(t > 0, small, 0.0), np.full(t.size, c.vehicle.rpm)])
+    record = simulate_run(c.vehicle, c.settings, t, orders, state(u=c.vehicle.U))
+    short = small - record.rudder[record.fine >= c.vehicle.dt]
+    late = np.sum(short) * (record.fine[1] - record.fine[0]) / small
+    assert late == pytest.approx(c.planted[0].parameters["tau"], abs=1.1 * c.vehicle.step)
+
+
 def test_a_start_is_fitted_exactly_where_the_model_is_linear():
     rng = np.random.default_rng(0)
     matrix, scale = rng.normal(size=(30, 4)), np.array([1.0, 0.1, 10.0, 1.0])

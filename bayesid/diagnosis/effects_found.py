@@ -30,6 +30,11 @@ def effects_found(
 ) -> tuple[Effect, ...]:
     """What the verdict stands on, or what is more probable than not where it names nothing."""
     fitted, table = parameter_table(best.fit, problem), sizes_told(problem, c, best)
+
+    def own(key: str) -> bool:
+        """Whether a size is that of this explanation and its equations, as draws are."""
+        return key in fitted and table[key][0] == fitted[key][0]
+
     named = verdict.effects
     if not named and verdict.word in ("ambiguous", "coefficients"):
         named = tuple(n for n in best.effects if n in model.effects and c.inside.get(n, 0.0) > 0.5)
@@ -39,11 +44,13 @@ def effects_found(
         parameters = effect.parameters if effect is not None else ()
         keys = {p.name: (effect.key(p.name), p.unit) for p in parameters} if effect is not None else {}
         values = {
-            # draws are of the equations, not of kinematics alone
+            # draws are of this explanation and its equations, not of others or of kinematics alone
             p: Value(
                 *table[key],
                 unit,
-                *_interval(drawn if table[key] == fitted.get(key) else None, key, table[key][1]),
+                *_interval(
+                    drawn if table[key][0] == fitted.get(key, table[key])[0] else None, key, table[key][1]
+                ),
             )
             for p, (key, unit) in keys.items()
             if key in table
@@ -78,8 +85,8 @@ def _in_its_place(c: HypothesisComparison, families: dict[str, str], name: str) 
 def _interval(drawn: EffectDraws | None, key: str, sd: float) -> tuple[float | None, float | None]:
     """95 % interval of the draws where it is the one to use.
 
-    As far as the runs differ where they differ more than the draws do (`sd`, jackknife beside a form): draws
-    know no force that the equations lack.
+    As far as the runs differ where they differ more than the draws do (`sd`): draws know no force that the
+    equations lack, and count no run as one.
     """
     if drawn is None or key not in drawn.parameters or choice(drawn) != "draws":
         return None, None

@@ -26,9 +26,9 @@ from bayesid.diagnosis.hypotheses.comparison import (
     weigh,
     without_effects,
 )
-from bayesid.diagnosis.hypotheses.facts import simplest
+from bayesid.diagnosis.hypotheses.facts import like_a_form, simplest
 from bayesid.diagnosis.hypotheses.form_part import form_gain
-from bayesid.diagnosis.hypotheses.form_search import NeededForm, needed_form
+from bayesid.diagnosis.hypotheses.form_search import SoughtForm, sought_form
 from bayesid.diagnosis.hypotheses.localisation import Localisation
 from bayesid.diagnosis.hypotheses.refit import remainder
 from bayesid.diagnosis.hypotheses.search import gains_beside
@@ -56,8 +56,9 @@ def compared(
     leading = single.leading
     notify("whether the equations lack a force that depends on the motion")
     left = remainder(problem, leading) if leading.effects else without_effects(problem, single)
-    needed = needed_form(problem, leading, _period(left, single.thresholds.remainder))
+    sought = sought_form(problem, leading, _period(left, single.thresholds.remainder))
     known = {leading.effects: left}
+    needed = sought if sought is not None and sought.needed else None
     asked = needed is not None and needed.beyond > _further(problem, single) + FORM_EVIDENCE
     unable = None
     if needed is not None and asked:
@@ -66,22 +67,39 @@ def compared(
             return found
     candidates = weigh(problem, single, notify, known)
     beside = _beside(candidates)
-    if beside.effects == leading.effects and (asked or needed is None):
-        return Compared(problem, candidates, unable)
-    left = candidates.where_after or candidates.where
-    needed = needed_form(problem, beside, _period(left, candidates.thresholds.remainder))
-    if needed is None:
-        return Compared(problem, candidates, unable)
-    if not asked:
-        found, unable = _with_form(problem, needed, simplest(candidates), single, notify, seed)
-        if found is not None:
-            return found
-    return Compared(problem, replace(candidates, form_instead=needed.beyond), unable)
+    if beside.effects != leading.effects or (needed is not None and not asked):
+        left = candidates.where_after or candidates.where
+        sought = sought_form(problem, beside, _period(left, candidates.thresholds.remainder))
+        if sought is not None and sought.needed:
+            if not asked:
+                found, unable = _with_form(problem, sought, simplest(candidates), single, notify, seed)
+                if found is not None:
+                    return found
+            candidates = replace(candidates, form_instead=sought.beyond)
+    seen = _seen(problem, candidates, beside, sought)
+    return Compared(problem, replace(candidates, form_seen=seen), unable)
+
+
+def _seen(
+    problem: DiagnosisProblem,
+    candidates: HypothesisComparison,
+    beside: RefittedHypothesis,
+    sought: SoughtForm | None,
+) -> float:
+    """What a form that is not taken gains beside the explanation [nats].
+
+    In place of those of its effects that are shapes of a form, which is then seen in them; beyond an effect
+    that is a cause.
+    """
+    if sought is None or not sought.predicts:
+        return 0.0
+    shapes = like_a_form(candidates, beside, problem.model)
+    return max(sought.gain if shapes else sought.beyond, 0.0)
 
 
 def _with_form(
     problem: DiagnosisProblem,
-    needed: NeededForm,
+    needed: SoughtForm,
     before: RefittedHypothesis,
     single: SingleEffects,
     notify: Notify,

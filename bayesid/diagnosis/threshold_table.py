@@ -111,8 +111,8 @@ FORM_LEAVES_BESIDE = Limit(
 )  # fmt: skip
 SIZE_DEVIATIONS = Limit(
     "SIZE_DEVIATIONS", 1.5, "1",
-    "What standard deviations of sizes beside a model form are multiplied by: what is wrong alike in every "
-    "run shows in none of them.",
+    "What standard deviations of sizes are multiplied by where the equations lack a form: what is wrong "
+    "alike in every run shows in none of them.",
     "Labelled trials of three vehicles with other equations: of the 57 sizes it is taken from 95 % lay "
     "within 2.91 deviations, 1.96 times 1.5. Maine and Iliff (1981) multiply by 5 to 10, for coloured "
     "residuals alone.",

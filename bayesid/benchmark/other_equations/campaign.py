@@ -61,7 +61,7 @@ def scales_of(vehicle: OtherVehicle) -> Scales:
     """Sizes that causes are drawn in."""
     v = vehicle
     force = 0.5 * v.rho * v.L**2 * v.U**2
-    return Scales(v.L, v.U, force, v.rudder_rate, v.run, v.dt / v.parts)
+    return Scales(v.L, v.U, force, v.rudder_rate, v.run, v.dt / v.parts, v.rudder_lag)
 
 
 def draw_campaign(

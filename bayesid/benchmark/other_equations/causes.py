@@ -2,7 +2,8 @@
 causes without a name there.
 
 Takes: a generator, a size (1 is usual) and the scales of a vehicle. Gives `Planted`: parameters for the
-label, settings for the plant. A lag or dead time comes on top of the vehicle's own. Does not apply them.
+label, settings for the plant. A lag or dead time comes on top of the vehicle's own; the label of a lag states
+both together, as the simulator of the bundle has neither. Does not apply them.
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ KIND = np.dtype([(name, "f8") for name in FORCES + INPUTS + SENSORS])
 
 @dataclass(frozen=True)
 class Scales:
-    """Length [m], speed [m/s], 1/2 rho L^2 U^2 [N], rudder rate [rad/s]; seconds of a run and of a step."""
+    """Length [m], speed [m/s], 1/2 rho L^2 U^2 [N], rudder rate [rad/s]; seconds of a run and of a step; the
+    rudder's own lag [s]."""
 
     L: float
     U: float
@@ -35,6 +37,7 @@ class Scales:
     rate: float
     run: float
     step: float
+    lag: float = 0.0
 
     @property
     def LU(self) -> float:
@@ -107,6 +110,12 @@ def _swell(rng, size, s):
     return told, fields | {"swell_n": math.cos(way), "swell_e": math.sin(way)}, {}
 
 
+def _lag(rng, size, s):
+    # a simulator that steers without a lag lacks the servo's own too; lags in a row delay by their sum
+    added = 0.5 * size * s.LU
+    return {"tau": added + s.lag}, {"lag": added}, {"own": s.lag} if s.lag else {}
+
+
 def _dead_time(rng, size, s):
     delay = round(0.5 * size * s.LU / s.step) * s.step  # the plant delays by whole steps
     return {"delay": delay}, {"dead": delay}, {}
@@ -116,7 +125,7 @@ LISTED: Mapping[str, Draw] = {
     "ocean_current": _two(("V_north", "V_east"), ("current_n", "current_e"), 0.12, "U"),
     "wind": _wind,
     "rudder_offset": _one("offset", "offset", 2.0 * DEG),
-    "actuator_lag": _one("tau", "lag", 0.5, "L/U", False),
+    "actuator_lag": _lag,
     "actuator_rate_limit": _rate_limit,
     "actuator_dead_time": _dead_time,
     "thrust_loss": _one("loss", "thrust_loss", 0.2, sided=False),

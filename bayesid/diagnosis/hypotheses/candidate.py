@@ -250,13 +250,18 @@ def parameter_table(fitted: FilterErrorFit, problem: DiagnosisProblem) -> dict[s
     leaves is the same in every reading of a run, not noise from one to the next. From few runs that sd is
     uncertain itself: it is widened until 1.96 of it hold the 95 % of Student's t.
     """
+    between = from_run_to_run(fitted) if problem.form is not None else {}
     k = len(problem.coefficients.names)
-    sd = fitted.sd[k:]
-    if problem.form is not None:
-        sd = np.maximum(sd, widened_by_few(len(fitted.equations)) * jackknife(fitted)[k:])
     return {
-        n: (float(v), float(s)) for n, v, s in zip(fitted.free.names[k:], fitted.values[k:], sd, strict=True)
+        n: (float(v), max(float(s), between.get(n, 0.0)))
+        for n, v, s in zip(fitted.free.names[k:], fitted.values[k:], fitted.sd[k:], strict=True)
     }
+
+
+def from_run_to_run(fitted: FilterErrorFit) -> dict[str, float]:
+    """Unknowns of a fit -> standard deviations [SI] by which single runs move them, widened for few runs."""
+    sd = widened_by_few(len(fitted.equations)) * jackknife(fitted)
+    return {n: float(s) for n, s in zip(fitted.free.names, sd, strict=True)}
 
 
 def jackknife(fitted: FilterErrorFit) -> Array:

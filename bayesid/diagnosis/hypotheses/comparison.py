@@ -81,6 +81,8 @@ class HypothesisComparison:
     carried, carried_beside : log evidence the model form is worth without an effect, and beside the best
     form_instead : what a form would gain in place of those effects of the best that depend on the motion
         alone, where the runs ask for either [nats]; infinite where they do not, or have a form
+    form_seen : what a form that is not taken gains beside the best [nats]; the refits do not bear it out, or
+        it is too little
     error : how far evidence between causes holds where the equations lack a form
     sets : names that act together, sorted -> probability of exactly these
     """
@@ -99,6 +101,7 @@ class HypothesisComparison:
     carried: float = 0.0
     carried_beside: float = 0.0
     form_instead: float = np.inf
+    form_seen: float = 0.0
     error: FormError = NO_ERROR
     sets: Mapping[tuple[str, ...], float] = field(default_factory=dict)
 

@@ -1,7 +1,7 @@
 """Whether the runs need a model form, how large, and how much of the gap it carries.
 
-Takes a `DiagnosisProblem` and an explanation without a form. Gives a `ModelForm`, or None. One linearisation
-along that explanation; no refit.
+Takes a `DiagnosisProblem` and an explanation without a form. Gives the `SoughtForm` of most evidence, or
+None. One linearisation along that explanation; no refit.
 
 A form is needed where both say so beside the explanation: the evidence, its size averaged over nothing but
 chosen per axis, and the density of every run given the others.
@@ -36,24 +36,31 @@ LEAST_RUNS = 3
 
 
 @dataclass(frozen=True)
-class NeededForm:
+class SoughtForm:
     """A form, and what it gains beside the explanation it was asked for with.
 
     Attributes
     ----------
     gain : over the explanation without what may be part of a form, which is asked for anew with it [nats]
     beyond : over the whole explanation [nats]
+    predicts : whether every run given the others is more probable with it, in the sum; true of too few runs
     """
 
     form: ModelForm
     gain: float
     beyond: float
+    predicts: bool
+
+    @property
+    def needed(self) -> bool:
+        """Whether evidence and left-out runs ask for it."""
+        return self.predicts and self.gain >= FORM_EVIDENCE
 
 
-def needed_form(
+def sought_form(
     problem: DiagnosisProblem, best: RefittedHypothesis, period: float | None
-) -> NeededForm | None:
-    """Form the runs ask for beside an explanation without one; None where they ask for none.
+) -> SoughtForm | None:
+    """Form of most evidence beside an explanation without one; None where none has any.
 
     Parameters
     ----------
@@ -65,8 +72,8 @@ def needed_form(
         return None
 
 
-def _asked_for(problem: DiagnosisProblem, equations: _Columns) -> NeededForm | None:
-    """Sizes of most evidence, axis by axis; None where they gain or predict left-out runs too little."""
+def _asked_for(problem: DiagnosisProblem, equations: _Columns) -> SoughtForm | None:
+    """Sizes of most evidence, axis by axis; None where that is no form."""
     nothing = ModelForm(dict.fromkeys(equations.axes, 0.0))
     best, form = equations.evidence(nothing), nothing
     base = best
@@ -81,11 +88,11 @@ def _asked_for(problem: DiagnosisProblem, equations: _Columns) -> NeededForm | N
             tried = ModelForm(form.sizes, equations.period)
             if (value := equations.evidence(tried)) > best + ADD_EVIDENCE:
                 best, form = value, tried
-    if best < base + FORM_EVIDENCE or not form.acts:
+    if not form.acts:
         return None
-    if len(problem.logs) >= LEAST_RUNS and equations.left_out(form) <= equations.left_out(nothing):
-        return None
-    return NeededForm(form, best - base, best - equations.explained())
+    few = len(problem.logs) < LEAST_RUNS
+    predicts = few or equations.left_out(form) > equations.left_out(nothing)
+    return SoughtForm(form, float(best - base), float(best - equations.explained()), predicts)
 
 
 class _Columns:

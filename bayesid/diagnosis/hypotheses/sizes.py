@@ -8,10 +8,12 @@ from __future__ import annotations
 import numpy as np
 
 from bayesid.diagnosis.data.problem import DiagnosisProblem
-from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains
+from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains, from_run_to_run
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.kinematic import parameters_told
-from bayesid.diagnosis.threshold_table import SIZE_DEVIATIONS
+from bayesid.diagnosis.hypotheses.run_scatter import LEAST_RUNS, scatter_of_runs
+from bayesid.diagnosis.threshold_table import ADD_EVIDENCE, SIZE_DEVIATIONS
+from bayesid.estimation.filter_error.fit import FilterErrorFit
 
 
 def sizes_told(
@@ -22,19 +24,45 @@ def sizes_told(
     Where the equations lack a form, explanations that follow the data alike ask for different sizes of the
     effect they share: mean and deviation of their mixture, each weighed by its probability (Bayesian model
     averaging; Hoeting et al. 1999), of `best` alone where no explanation of the effect has any. Deviations
-    are multiplied by what they were short of on labelled trials (`SIZE_DEVIATIONS`). Elsewhere as in `best`.
+    are multiplied by what they were short of on labelled trials (`SIZE_DEVIATIONS`). So it is where the runs
+    show a form that no hypothesis has (`form_seen`): too faint to be weighed, it bends sizes all the same.
+    Elsewhere as in `best`, deviations wider as the runs scatter (`run_scatter`).
     """
-    table = parameters_told(problem, best)
-    if problem.form is None:
-        return table
+    lacking = problem.form is not None or candidates.form_seen > ADD_EVIDENCE
+    if not lacking:
+        return _scattered(parameters_told(problem, best), best.fit)
+    table = _told(problem, best)
     found: dict[str, list[tuple[float, float, float]]] = {}
     for c in candidates.refits:
         weight = candidates.sets.get(tuple(sorted(c.effects)), 0.0)
         if not c.widens and weight > 0.0 and explains(c):
-            for name, (value, sd) in parameters_told(problem, c).items():
+            for name, (value, sd) in _told(problem, c).items():
                 found.setdefault(name, []).append((weight, value, sd))
     told = table | {name: _mixture(np.array(parts).T) for name, parts in found.items()}
     return {name: (value, SIZE_DEVIATIONS * sd) for name, (value, sd) in told.items()}
+
+
+def _told(problem: DiagnosisProblem, candidate: RefittedHypothesis) -> dict[str, tuple[float, float]]:
+    """Sizes of one explanation, deviations at least those from run to run."""
+    table = parameters_told(problem, candidate)
+    if problem.form is not None:
+        return table  # they are that already
+    between = from_run_to_run(candidate.fit)
+    return {name: (value, max(sd, between.get(name, 0.0))) for name, (value, sd) in table.items()}
+
+
+def _scattered(
+    table: dict[str, tuple[float, float]], fitted: FilterErrorFit
+) -> dict[str, tuple[float, float]]:
+    """Sizes of a fit with deviations as wide as its runs scatter; few runs do not tell."""
+    if not table or len(fitted.equations) < LEAST_RUNS:
+        return table
+    columns = np.array([fitted.free.names.index(name) for name in table])
+    factors = scatter_of_runs(fitted.equations, columns).widening()
+    return {
+        name: (value, float(factor) * sd)
+        for (name, (value, sd)), factor in zip(table.items(), factors, strict=True)
+    }
 
 
 def _mixture(parts: np.ndarray) -> tuple[float, float]:
