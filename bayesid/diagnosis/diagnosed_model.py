@@ -22,6 +22,7 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.special import logsumexp
 
+from bayesid.diagnosis.coefficient_estimate import CoefficientEstimate, estimate_of, read_estimate
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.evidence.explained_model import as_stated
 from bayesid.diagnosis.failed_checks import failures
@@ -92,6 +93,7 @@ class DiagnosedModel:
     verdict : word of the verdict it came from
     trial : digest of the trial
     failed_checks : sentences on the checks that the fit or the diagnosis failed
+    estimates : re-tuned coefficients under each explanation, also where hypotheses keep those of the file
     """
 
     model: Model
@@ -100,6 +102,7 @@ class DiagnosedModel:
     verdict: str
     trial: str
     failed_checks: tuple[str, ...] = ()
+    estimates: tuple[CoefficientEstimate, ...] = ()
 
     def draw(self, rng: np.random.Generator, count: int) -> list[tuple[WeightedHypothesis, Array]]:
         """Parameter vectors of every hypothesis: (draws, n_par) each, `count` in all."""
@@ -141,9 +144,10 @@ def diagnosed_model(
     """
     chosen = _chosen(candidates, verdict)
     each = PRIOR_CATALOGUE / (len(problem.model.causes) + 1)
-    fits, evidences = [], []
+    fits, evidences, tuned = [], [], []
     for c in chosen:
         fitted, evidence = _with_remainder(problem, c.fit)
+        tuned.append(fitted)
         if not retuned and (stated := as_stated(problem, c)) is not None:
             fitted, _ = _with_remainder(problem, stated)
         fits.append(fitted)
@@ -159,7 +163,14 @@ def diagnosed_model(
         for c, w, f in zip(chosen, share, fits, strict=True)
         if w > 0
     )
-    return DiagnosedModel(problem.model, hypotheses, _noise(problem), verdict.word, trial)
+    estimates = tuple(
+        estimate_of(c.effects, float(w), f, problem.stated.names)
+        for c, w, f in zip(chosen, share, tuned, strict=True)
+        if w > 0
+    )
+    return DiagnosedModel(
+        problem.model, hypotheses, _noise(problem), verdict.word, trial, estimates=estimates
+    )
 
 
 def diagnosed_model_of(d: Diagnosis) -> DiagnosedModel:
@@ -317,6 +328,7 @@ def write_diagnosed(found: DiagnosedModel, folder: str | os.PathLike[str]) -> Pa
         "failed_checks": list(found.failed_checks),
         "noise": dict(found.noise),
         "hypotheses": hypotheses,
+        "estimates": [e.record() for e in found.estimates],
     }
     return write_json(target / MODEL_FILE, record)
 
@@ -344,7 +356,8 @@ def read_diagnosed(folder: str | os.PathLike[str], declared: Iterable[Effect] = 
             raise ValueError(f"the weights of its hypotheses add up to {sum(weights):.6g}, not to 1")
         vehicle, dof, digest = path.with_name(record["vehicle"]), int(record["dof"]), record["digest"]
         failed = tuple(str(text) for text in record.get("failed_checks", []))
-        rest = dict(record["noise"]), str(record["verdict"]), str(record["trial"]), failed
+        estimates = tuple(read_estimate(e) for e in record.get("estimates", []))
+        rest = dict(record["noise"]), str(record["verdict"]), str(record["trial"]), failed, estimates
     except UnreadableError as error:
         raise ModelError(
             f"{path}: {error}; `bayesid diagnose BUNDLE --out FOLDER` and `bayesid fit` write it"
