@@ -98,22 +98,22 @@ def fit_hierarchy(groups: Sequence[Information], prior_sd: Array, weight: Array)
         raise ValueError("a hierarchy needs two groups")
     able = np.flatnonzero((weight > 0.0).sum(axis=0) > 1)
     models = _searched(groups, prior_sd, able)
-    total = logsumexp(np.concatenate([m.weight for m in models]))
-    shares = [np.exp(m.weight - total) for m in models]
+    flat = np.exp(np.concatenate([m.weight for m in models]) - max(m.weight.max() for m in models))
+    flat /= flat.sum()
+    shares = np.split(flat, np.cumsum([m.weight.size for m in models])[:-1])
     k = prior_sd.size
     changed = np.zeros(k)
     for m, share in zip(models, shares, strict=True):
         changed[list(m.changed)] += share.sum()
     spreads = np.concatenate([m.spread for m in models])
-    flat = np.concatenate(shares)
     order = np.argsort(spreads, kind="stable")
-    high = spreads[order][np.searchsorted(np.cumsum(flat[order]), 0.95 * flat.sum())]
+    high = spreads[order][np.searchsorted(np.cumsum(flat[order]), 0.95)]
     alike = [m.variance.max(axis=1) <= ALIKE**2 for m in models]
     same = float(sum(s[a].sum() for s, a in zip(shares, alike, strict=True)))
     return HierarchicalFit(
         same,
-        changed,
-        float(sum(s.sum() for m, s in zip(models, shares, strict=True) if m.changed)),
+        np.minimum(changed, 1.0),
+        min(float(sum(s.sum() for m, s in zip(models, shares, strict=True) if m.changed)), 1.0),
         float(flat @ spreads),
         float(high),
         float(flat[spreads > 0].sum()),
