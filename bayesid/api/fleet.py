@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -13,23 +13,29 @@ from typing import TYPE_CHECKING, Any
 
 from bayesid.api.diagnose import diagnose
 from bayesid.api.input_result import InputResult
-from bayesid.api.inputs import LARGEST_EFFECTS, vehicle_of
+from bayesid.api.inputs import LARGEST_EFFECTS, declared_effects, vehicle_of
 from bayesid.api.result import Result, table
+from bayesid.api.shared_vehicles import sharing_record, write_shared_vehicles
 from bayesid.code import loaded_code
+from bayesid.diagnosis.diagnosed_model import MODEL_FILE, DiagnosedModel, read_diagnosed
 from bayesid.diagnosis.fleet import SharedEffect, SharedParameter, shared_effects, shared_parameters
+from bayesid.diagnosis.shared_coefficients import CoefficientSharing, share_coefficients
 from bayesid.errors import BayesidError, TrialError
 from bayesid.executor import HERE, Executor
 from bayesid.files import UnreadableError, read_regular, write_json
 from bayesid.progress import Progress
 from bayesid.report import writer
-from bayesid.report.fleet import fleet_lead, fleet_report
-from bayesid.report.writer import Report
+from bayesid.report.fleet import NO_SHARING, fleet_lead, fleet_report
+from bayesid.report.fleet_coefficients import COEFFICIENT_COLUMNS, coefficient_rows
+from bayesid.report.writer import Report, plain
 from bayesid.trials import Trial, load_trial
 
 if TYPE_CHECKING:
     import pandas
 
 NOTE = "done.json"
+# Folder below --out of a vehicle file per vehicle, with the coefficients its bundles share.
+SHARED = "shared_coefficients"
 
 
 def bundles_of(folder: str | os.PathLike[str]) -> list[Path]:
@@ -76,7 +82,26 @@ def diagnose_fleet(
             failures[bundle.name] = note["failure"]
         else:
             records[bundle.name] = json.loads((target / bundle.name / "diagnosis.json").read_text("utf-8"))
-    return FleetResult(records, failures, tuple(shared_effects(records)), tuple(shared_parameters(records)))
+    sharing = share_coefficients(records, _models(target, records, options.get("effects")))
+    return FleetResult(
+        records, failures, tuple(shared_effects(records)), tuple(shared_parameters(records)), sharing
+    )
+
+
+def _models(
+    target: Path, names: Iterable[str], effects: str | os.PathLike[str] | None
+) -> dict[str, DiagnosedModel | str]:
+    """Diagnosed models that are there, or why one is not."""
+    out: dict[str, DiagnosedModel | str] = {}
+    for name in names:
+        if not (target / name / MODEL_FILE).exists():
+            out[name] = "it keeps no model"
+            continue
+        try:
+            out[name] = read_diagnosed(target / name, declared_effects(effects))
+        except BayesidError as error:
+            out[name] = str(error)
+    return out
 
 
 def _one(target: Path, options: Mapping[str, Any], bundle: Path) -> tuple[str, str]:
@@ -130,12 +155,14 @@ class FleetResult(Result):
     records : name -> what its diagnosis.json holds
     failures : name -> why it has no verdict
     effects, parameters : what the bundles share
+    sharing : coefficients of each vehicle over its bundles, and which bundles do not count for them
     """
 
     records: Mapping[str, Mapping[str, Any]]
     failures: Mapping[str, str]
     effects: tuple[SharedEffect, ...]
     parameters: tuple[SharedParameter, ...]
+    sharing: CoefficientSharing = NO_SHARING
 
     def record(self) -> Mapping[str, Any]:
         return {
@@ -144,6 +171,7 @@ class FleetResult(Result):
             "failures": dict(self.failures),
             "effects": [asdict(e) for e in self.effects],
             "parameters": [asdict(p) | {"changed": p.changed} for p in self.parameters],
+            "coefficients": sharing_record(self.sharing),
         }
 
     def to_dataframe(self) -> pandas.DataFrame:
@@ -154,16 +182,21 @@ class FleetResult(Result):
             rows.append([name, r["trial"]["vehicle"], r["verdict"], named])
         return table(("bundle", "vehicle", "verdict", "effects"), rows)
 
+    def coefficients(self) -> pandas.DataFrame:
+        """One row per vehicle, coefficient and bundle, in the units of the vehicle file."""
+        return table(COEFFICIENT_COLUMNS, coefficient_rows(self.sharing))
+
     def report(self) -> Report:
-        return fleet_report(self.records, self.failures, self.effects, self.parameters)
+        return fleet_report(self.records, self.failures, self.effects, self.parameters, self.sharing)
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
         target = Path(folder)
+        write_shared_vehicles(self.sharing, target / SHARED)
         write_json(target / "fleet.json", dict(self.record()))
         return writer.write(self.report(), target, dict(self.record()))
 
     def summary(self, verbose: bool = False) -> str:
         lines = [f"{n}: {r['verdict'].replace('_', ' ')}" for n, r in self.records.items()]
         lines += [f"{n}: no verdict: {why}" for n, why in self.failures.items()]
-        lead = fleet_lead(self.records, self.failures, self.effects, self.parameters).replace("*", "")
-        return "\n".join([lead, "", *lines])
+        lead = fleet_lead(self.records, self.failures, self.effects, self.parameters, self.sharing)
+        return "\n".join([plain(lead), "", *lines])

@@ -53,8 +53,8 @@ def diagnose(
     unit, axis or clock mistaken gets the verdict `input` and the line of trial.toml that mends it. A
     diagnosis that is stopped goes on where it was when the same line is run again.
 
-    A folder of bundles gets a report for each below --out and one page over all; --workers and --executor
-    are for it.
+    A folder of bundles gets a report for each below --out, one page over all, and a vehicle file with the
+    coefficients that the bundles of a vehicle share; --workers and --executor are for it.
     """
     from bayesid.api.diagnose import diagnose as run
     from bayesid.api.fleet import bundles_of, diagnose_fleet

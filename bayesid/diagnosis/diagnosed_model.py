@@ -22,6 +22,7 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.special import logsumexp
 
+from bayesid.diagnosis.coefficient_estimate import CoefficientEstimate, estimate_of, read_estimate
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.evidence.explained_model import as_stated
 from bayesid.diagnosis.failed_checks import failures
@@ -96,6 +97,7 @@ class DiagnosedModel:
     failed_checks : sentences on the checks that the fit or the diagnosis failed
     left_out : names that act together -> probability the diagnosis gives what no draw has, most probable
         first; None where it is not known
+    estimates : re-tuned coefficients under each explanation, also where hypotheses keep those of the file
     """
 
     model: Model
@@ -105,6 +107,7 @@ class DiagnosedModel:
     trial: str
     failed_checks: tuple[str, ...] = ()
     left_out: Mapping[tuple[str, ...], float] | None = None
+    estimates: tuple[CoefficientEstimate, ...] = ()
 
     def draw(self, rng: np.random.Generator, count: int) -> list[tuple[WeightedHypothesis, Array]]:
         """Parameter vectors of every hypothesis: (draws, n_par) each, `count` in all."""
@@ -146,9 +149,10 @@ def diagnosed_model(
     """
     chosen = _chosen(candidates, verdict)
     each = PRIOR_CATALOGUE / (len(problem.model.causes) + 1)
-    fits, evidences = [], []
+    fits, evidences, tuned = [], [], []
     for c in chosen:
         fitted, evidence = _with_remainder(problem, c.fit)
+        tuned.append(fitted)
         if not retuned and (stated := as_stated(problem, c)) is not None:
             fitted, _ = _with_remainder(problem, stated)
         fits.append(fitted)
@@ -165,8 +169,19 @@ def diagnosed_model(
         if w > 0
     )
     drawn = [c for c, w in zip(chosen, share, strict=True) if w > 0]
+    estimates = tuple(
+        estimate_of(c.effects, float(w), f, problem.stated.names)
+        for c, w, f in zip(chosen, share, tuned, strict=True)
+        if w > 0
+    )
     return DiagnosedModel(
-        problem.model, hypotheses, _noise(problem), verdict.word, trial, (), _left_out(candidates, drawn)
+        problem.model,
+        hypotheses,
+        _noise(problem),
+        verdict.word,
+        trial,
+        left_out=_left_out(candidates, drawn),
+        estimates=estimates,
     )
 
 
@@ -339,6 +354,7 @@ def write_diagnosed(found: DiagnosedModel, folder: str | os.PathLike[str]) -> Pa
         "failed_checks": list(found.failed_checks),
         "noise": dict(found.noise),
         "hypotheses": hypotheses,
+        "estimates": [e.record() for e in found.estimates],
     }
     if found.left_out is not None:
         record["left_out"] = [{"effects": list(n), "probability": p} for n, p in found.left_out.items()]
@@ -369,7 +385,15 @@ def read_diagnosed(folder: str | os.PathLike[str], declared: Iterable[Effect] = 
         vehicle, dof, digest = path.with_name(record["vehicle"]), int(record["dof"]), record["digest"]
         failed = tuple(str(text) for text in record.get("failed_checks", []))
         left_out = _read_left_out(record.get("left_out"))
-        rest = dict(record["noise"]), str(record["verdict"]), str(record["trial"]), failed, left_out
+        estimates = tuple(read_estimate(e) for e in record.get("estimates", []))
+        rest = (
+            dict(record["noise"]),
+            str(record["verdict"]),
+            str(record["trial"]),
+            failed,
+            left_out,
+            estimates,
+        )
     except UnreadableError as error:
         raise ModelError(
             f"{path}: {error}; `bayesid diagnose BUNDLE --out FOLDER` and `bayesid fit` write it"

@@ -1,8 +1,8 @@
 """Many diagnoses beside one another: what all bundles share, what belongs to one vehicle, what changed when.
 
 Takes the records of single diagnoses, as diagnosis.json holds them, in the order in which the bundles were
-logged. Gives frozen rows. Nothing is fitted again: every bundle keeps its own verdict and its own
-coefficients.
+logged. Gives frozen rows. Nothing is fitted again: every bundle keeps its own verdict. Coefficients are
+shared by `shared_coefficients`.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """One page over the diagnoses of many bundles.
 
-Takes their records and what they share (`bayesid.diagnosis.fleet`). Does not diagnose.
+Takes their records and what they share (`bayesid.diagnosis.fleet`, `.shared_coefficients`). Does not
+diagnose.
 """
 
 from __future__ import annotations
@@ -10,10 +11,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from bayesid.diagnosis.fleet import CHANGED, COMMON, SharedEffect, SharedParameter
+from bayesid.diagnosis.shared_coefficients import CoefficientSharing
+from bayesid.report.fleet_coefficients import sharing_blocks, sharing_words
 from bayesid.report.writer import Report, Section, Table, Text, literal
 from bayesid.words import first_few
 
 FEW = 6  # bundles named in a cell
+MOST_VEHICLES = 3  # whose coefficients the lead speaks of
+NO_SHARING = CoefficientSharing()
 
 
 def fleet_report(
@@ -21,6 +26,7 @@ def fleet_report(
     failures: Mapping[str, str],
     effects: Sequence[SharedEffect],
     parameters: Sequence[SharedParameter],
+    sharing: CoefficientSharing,
 ) -> Report:
     """Report of all bundles; each has its own beside it."""
     sections = [Section("Every bundle", [_bundles(records)])]
@@ -29,7 +35,9 @@ def fleet_report(
         sections.append(Section("Without a verdict", [Table(["bundle", "why"], rows, "Not diagnosed.")]))
     sections.append(Section("What is in question where", _effects(effects)))
     sections.append(Section("The same, or changed", _parameters(parameters)))
-    return Report("Diagnosis of many bundles", fleet_lead(records, failures, effects, parameters), sections)
+    sections.append(Section("Coefficients of a vehicle", sharing_blocks(sharing, tuple(failures))))
+    lead = fleet_lead(records, failures, effects, parameters, sharing)
+    return Report("Diagnosis of many bundles", lead, sections)
 
 
 def fleet_lead(
@@ -37,6 +45,7 @@ def fleet_lead(
     failures: Mapping[str, str],
     effects: Sequence[SharedEffect],
     parameters: Sequence[SharedParameter],
+    sharing: CoefficientSharing = NO_SHARING,
 ) -> str:
     """The answer in a few sentences."""
     words = Counter(r["verdict"].replace("_", " ") for r in records.values())
@@ -54,7 +63,7 @@ def fleet_lead(
             f" **{_name(p.effect)} of {literal(p.vehicle)} is not one value** (p = {p.p:.1g}): "
             f"{p.parameter} {a:.3g} {p.unit} in {literal(first)}, {b:.3g} in {literal(last)}."
         )
-    return text
+    return " ".join([text, *(sharing_words(s) for s in sharing.vehicles[:MOST_VEHICLES])])
 
 
 def _bundles(records: Mapping[str, Mapping[str, Any]]) -> Table:
@@ -93,8 +102,7 @@ def _parameters(parameters: Sequence[SharedParameter]) -> list[Any]:
     columns = ["vehicle", "parameter", "mean", "sd", "unit", "p", "", "by bundle"]
     about = (
         "Mean weighted by 1/sd². p is the probability of such differences if there were one value "
-        f"(Cochran's Q); below {CHANGED:g} it changed, or an error is larger than stated. Coefficients are "
-        "fitted in each bundle on their own."
+        f"(Cochran's Q); below {CHANGED:g} it changed, or an error is larger than stated."
     )
     return [Table(columns, rows, about, digits=3)]
 

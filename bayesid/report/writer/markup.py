@@ -34,6 +34,11 @@ def literal(name: object) -> str:
     return re.sub(r"([\\`*\[\]])", r"\\\1", " ".join(str(name).split()))
 
 
+def plain(text: str) -> str:
+    """Bold, code and links of one line as words alone, for a terminal."""
+    return _inline(text, plain=str, code=str, bold=str, link=lambda label, _: label)
+
+
 def to_html(body: str) -> str:
     """Report text as HTML; everything that is not this markup is escaped."""
     parts: list[str] = []
