@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from bayesid.api.simulate import simulate
 from bayesid.errors import TrialError
 from bayesid.trials import Run, Trial, load_trial
 from bayesid.trials.correction import Correction, apply, read_correction, without_effect
@@ -48,6 +49,15 @@ def weave(seed: int = 0, n: int = 900, dt: float = 0.1) -> Run:
 def test_a_right_log_has_no_mistake():
     for seed in range(5):
         assert check_input([weave(seed), weave(seed + 50)]).findings == ()
+
+
+@pytest.mark.parametrize("seed", [7, 9])
+def test_a_heading_late_by_chance_alone_is_none(seed):
+    # in a steady turn a delay changes only which noisy headings are compared: these were told as 10 s late
+    noise = {"x": 0.3, "y": 0.3, "psi": 0.005236, "r": 0.001745, "u": 0.01, "v": 0.01}
+    orders = ("zigzag:10/10", "turn:12,duration=60", "zigzag:12/12")
+    clean = simulate("remus100", *orders, dt=0.01, noise=noise, seed=seed)
+    assert check_input(clean.runs, travel=1.03).findings == ()
 
 
 @pytest.mark.parametrize(

@@ -32,6 +32,8 @@ DELAYS = (4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0)
 # Heading and yaw rate have no latency in the catalogue: shorter ones too, from one sample on [L/U]
 SHORT_DELAYS, SHORTLY_LATE = (0.5, 1.0, 2.0, 3.0), ("psi", "r")
 LATE = {"u, v": ("u", "v", "w"), "psi": ("psi",), "r": ("r",), "x, y": ("x", "y")}
+# Channels of which a relation compares single readings, at the ends of blocks; others are integrated
+READ_AT_ENDS = {"track": {"x", "y"}, "yaw": {"psi"}}
 BETTER = 0.8  # residual after over before: a delay that is there is worth more than noise
 LONGEST_SHARE = 0.2  # of a run
 DEAD_TURN = 0.3  # rad turned while a rate or heading stands still
@@ -228,15 +230,15 @@ def _late_group(base: Sequence[Base], word: str, names: tuple[str, ...]) -> Weig
     coarse = [s * step * k for k in sorted(whole) for s in (1.0, -1.0)]
     if not coarse:
         return None
-    odds, levels = _weigh_delays(base, logged, names, touched, coarse)
+    odds, levels, blocks = _weigh_delays(base, logged, names, touched, coarse)
     best = int(np.argmax(odds.sum(axis=1)))
-    if not odds[best].sum() > SOME_RUNS:
+    if not odds[best].sum() > SOME_RUNS + _by_chance(blocks[best].sum(), len(coarse)):
         return None
     fine, factors = coarse, (np.geomspace(0.7, 1.4, 9), np.linspace(0.92, 1.08, 9))
     for factor in factors:
         near = {round(fine[best] * f / step) for f in factor} - {0}
         fine = [step * k for k in sorted(near)]
-        odds, levels = _weigh_delays(base, logged, names, touched, fine)
+        odds, levels, _ = _weigh_delays(base, logged, names, touched, fine)
         best = int(np.argmax(odds.sum(axis=1)))
     told = (odds[best] > 0) & np.isfinite(levels[best]).all(axis=1)
     if not told.any() or not np.median(levels[best][told, 1] / levels[best][told, 0]) < BETTER:
@@ -254,10 +256,12 @@ def _weigh_delays(
     names: tuple[str, ...],
     touched: Sequence[str],
     delays: list[float],
-) -> tuple[Floats, Floats]:
-    """Log odds (delays, runs) and levels (delays, runs, 2), all over the readings every delay leaves."""
+) -> tuple[Floats, Floats, Floats]:
+    """Log odds (delays, runs), levels (delays, runs, 2) and blocks whose ends a delay moves (delays, runs),
+    all over the readings every delay leaves."""
     odds = np.zeros((len(delays), len(base)))
     levels = np.full((len(delays), len(base), 2), np.nan)
+    blocks = np.zeros(odds.shape)
     for i, one in enumerate(base):
         usable = [j for j, d in enumerate(delays) if abs(d) <= LONGEST_SHARE * one.run.duration]
         if not logged[i] or not usable:
@@ -279,7 +283,17 @@ def _weigh_delays(
                     if min(held.level, was[k].level) <= FOLLOWS:
                         odds[j, i] += held.log_evidence - was[k].log_evidence
                         levels[j, i] = was[k].level, held.level
-    return odds, levels
+                        blocks[j, i] += relation.response.size * bool(READ_AT_ENDS[k] & set(names))
+    return odds, levels, blocks
+
+
+def _by_chance(blocks: float, tried: int) -> float:
+    """Log odds that the best of some delays has by chance where none is there: each compares other readings.
+
+    Residuals of n blocks of noise have a log evidence of -n/2 log s^2, that of two draws of it differs by
+    sqrt(n), and the largest of m such is about sqrt(2 log m) of it.
+    """
+    return math.sqrt(2.0 * blocks * math.log(max(tried, 2)))
 
 
 def _jumps(base: Sequence[Base]) -> list[Weighed | None]:
