@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import kstest, truncnorm
 
-from bayesid.diagnosis.diagnosed_model import read_diagnosed, write_diagnosed
+from bayesid.diagnosis.diagnosed_file import read_diagnosed, write_diagnosed
 from bayesid.errors import ModelError
 from bayesid.estimation.likelihood import NoiseParts
 from bayesid.estimation.output_error import FitOptions

@@ -9,7 +9,8 @@ import pytest
 
 import bayesid
 from bayesid.cli.main import run
-from bayesid.diagnosis.diagnosed_model import DiagnosedModel, WeightedHypothesis, write_diagnosed
+from bayesid.diagnosis.diagnosed_file import write_diagnosed
+from bayesid.diagnosis.diagnosed_model import DiagnosedModel, WeightedHypothesis
 from bayesid.equations.model import build_model
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.noise_model import NoiseModel
@@ -75,7 +76,7 @@ def test_the_command_writes_the_ensemble_and_refuses_a_folder_without_a_model(fo
 
 
 def test_a_fit_takes_away_the_model_of_the_fit_before_and_leaves_that_of_a_diagnosis(folder, tmp_path):
-    from bayesid.diagnosis.diagnosed_model import read_diagnosed, remove_fitted
+    from bayesid.diagnosis.diagnosed_file import read_diagnosed, remove_fitted
 
     found = read_diagnosed(folder)
     for word, stays in (("fit", False), ("effect", True)):

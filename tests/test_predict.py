@@ -14,13 +14,8 @@ from scipy.stats import binom
 
 from bayesid.api.predict import predict
 from bayesid.cli.main import run as bayesid
-from bayesid.diagnosis.diagnosed_model import (
-    DiagnosedModel,
-    WeightedHypothesis,
-    diagnosed_model_of,
-    read_diagnosed,
-    write_diagnosed,
-)
+from bayesid.diagnosis.diagnosed_file import read_diagnosed, write_diagnosed
+from bayesid.diagnosis.diagnosed_model import DiagnosedModel, WeightedHypothesis, diagnosed_model_of
 from bayesid.diagnosis.run import diagnose
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.fit import fit

@@ -11,12 +11,8 @@ from bayesid.api.fleet import diagnose_fleet
 from bayesid.api.shared_vehicles import write_shared_vehicles
 from bayesid.cli.main import run
 from bayesid.diagnosis.coefficient_estimate import CoefficientEstimate
-from bayesid.diagnosis.diagnosed_model import (
-    DiagnosedModel,
-    WeightedHypothesis,
-    read_diagnosed,
-    write_diagnosed,
-)
+from bayesid.diagnosis.diagnosed_file import read_diagnosed, write_diagnosed
+from bayesid.diagnosis.diagnosed_model import DiagnosedModel, WeightedHypothesis
 from bayesid.diagnosis.shared_coefficients import CoefficientSharing, share_coefficients
 from bayesid.equations.model import build_model
 from bayesid.errors import ModelError

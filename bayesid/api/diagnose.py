@@ -22,7 +22,8 @@ from bayesid.api.inputs import (
 )
 from bayesid.api.result import Result, table
 from bayesid.diagnosis.answer import answer
-from bayesid.diagnosis.diagnosed_model import diagnosed_model_of, write_diagnosed
+from bayesid.diagnosis.diagnosed_file import write_diagnosed
+from bayesid.diagnosis.diagnosed_model import diagnosed_model_of
 from bayesid.diagnosis.input import check_trial, mended, not_enough
 from bayesid.diagnosis.input_gap import input_gap
 from bayesid.diagnosis.run import Diagnosis

@@ -12,7 +12,8 @@ import numpy as np
 
 from bayesid.api.inputs import declared_effects
 from bayesid.api.result import Result
-from bayesid.diagnosis.diagnosed_model import DiagnosedModel, WeightedHypothesis, read_diagnosed
+from bayesid.diagnosis.diagnosed_file import read_diagnosed
+from bayesid.diagnosis.diagnosed_model import DiagnosedModel, WeightedHypothesis
 from bayesid.errors import ModelError
 from bayesid.files import write_json
 from bayesid.model.terms import TERMS

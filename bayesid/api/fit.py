@@ -21,7 +21,7 @@ from bayesid.api.inputs import (
     with_believed_noise,
 )
 from bayesid.api.result import Result, table
-from bayesid.diagnosis.diagnosed_model import remove_fitted, write_diagnosed
+from bayesid.diagnosis.diagnosed_file import remove_fitted, write_diagnosed
 from bayesid.diagnosis.input import not_enough
 from bayesid.errors import BayesidError, FitError, TrialError
 from bayesid.estimation.likelihood import NoiseParts

@@ -17,7 +17,8 @@ from bayesid.api.inputs import LARGEST_EFFECTS, declared_effects, vehicle_of
 from bayesid.api.result import Result, table
 from bayesid.api.shared_vehicles import sharing_record, write_shared_vehicles
 from bayesid.code import loaded_code
-from bayesid.diagnosis.diagnosed_model import MODEL_FILE, DiagnosedModel, read_diagnosed
+from bayesid.diagnosis.diagnosed_file import MODEL_FILE, read_diagnosed
+from bayesid.diagnosis.diagnosed_model import DiagnosedModel
 from bayesid.diagnosis.fleet import SharedEffect, SharedParameter, shared_effects, shared_parameters
 from bayesid.diagnosis.shared_coefficients import CoefficientSharing, share_coefficients
 from bayesid.errors import BayesidError, TrialError

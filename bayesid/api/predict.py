@@ -23,12 +23,8 @@ from bayesid.api.inputs import (
     vehicle_of,
 )
 from bayesid.api.result import Result
-from bayesid.diagnosis.diagnosed_model import (
-    DiagnosedModel,
-    diagnosed_model_of,
-    read_diagnosed,
-    write_diagnosed,
-)
+from bayesid.diagnosis.diagnosed_file import read_diagnosed, write_diagnosed
+from bayesid.diagnosis.diagnosed_model import DiagnosedModel, diagnosed_model_of
 from bayesid.diagnosis.input import check_trial
 from bayesid.diagnosis.run import diagnose
 from bayesid.errors import BayesidError, ModelError, TrialError

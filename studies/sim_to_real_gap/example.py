@@ -11,12 +11,8 @@ import numpy as np
 from bayesid.analysis.excitation import excite
 from bayesid.benchmark.plant import truth
 from bayesid.benchmark.plant.example import NAME, example_campaign
-from bayesid.diagnosis.diagnosed_model import (
-    DiagnosedModel,
-    WeightedHypothesis,
-    diagnosed_model_of,
-    write_diagnosed,
-)
+from bayesid.diagnosis.diagnosed_file import write_diagnosed
+from bayesid.diagnosis.diagnosed_model import DiagnosedModel, WeightedHypothesis, diagnosed_model_of
 from bayesid.diagnosis.run import Diagnosis, diagnose
 from bayesid.equations.model import build_model
 from bayesid.files import write_json

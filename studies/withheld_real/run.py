@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 
 from bayesid.diagnosis.data.problem import build_problem, fit_with
-from bayesid.diagnosis.diagnosed_model import DiagnosedModel, fitted_model, write_diagnosed
+from bayesid.diagnosis.diagnosed_file import write_diagnosed
+from bayesid.diagnosis.diagnosed_model import DiagnosedModel, fitted_model
 from bayesid.files import write_atomic, write_json
 from bayesid.lock import lock_or_exit
 from bayesid.manoeuvres import Scale, parse

@@ -33,12 +33,8 @@ from fuzz_files import ODD, SEEDS, VEHICLE, mutate
 
 from bayesid.api.inputs import parameter_values, scale_of
 from bayesid.cli.quantity import changes_of, noise_of, number_of
-from bayesid.diagnosis.diagnosed_model import (
-    DiagnosedModel,
-    WeightedHypothesis,
-    read_diagnosed,
-    write_diagnosed,
-)
+from bayesid.diagnosis.diagnosed_file import read_diagnosed, write_diagnosed
+from bayesid.diagnosis.diagnosed_model import DiagnosedModel, WeightedHypothesis
 from bayesid.equations.model import build_model
 from bayesid.errors import BayesidError
 from bayesid.estimation.filter_error.noise_identification import no_process_noise
