@@ -95,6 +95,26 @@ def told(refit, monkeypatch, seen=0.0):
     return sizes.sizes_told(problem, candidates, refit)["lag.tau"]
 
 
+@pytest.mark.parametrize("seen", [0.0, 100.0])
+def test_a_large_size_that_one_run_alone_tells_keeps_its_deviation(seen, monkeypatch):
+    """Five prior deviations, four runs, three of them without the effect: no run can say of another."""
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        truth, equations = rng.standard_normal(COEFFICIENTS), []
+        for some in (1.0, 0.0, 0.0, 0.0):
+            a = 2.0 * rng.standard_normal((READINGS, COEFFICIENTS + 1))
+            a[:, -1] *= some
+            e = a @ np.append(truth, 5.0) + rng.standard_normal(READINGS)
+            equations.append(NormalEquations(a.T @ a, a.T @ e, float(e @ e), 0.0, READINGS))
+        found = posterior(sum(equations[1:], equations[0]))
+        sd = np.sqrt(np.diag(found.covariance))
+        names = tuple(f"c{i}" for i in range(COEFFICIENTS)) + ("lag.tau",)
+        free = Plain(names=names, sd=np.ones(len(names)))
+        fit = Plain(equations=tuple(equations), values=found.mean, sd=sd, free=free)
+        _, told_sd = told(Plain(effects=("lag",), widens=False, fit=fit), monkeypatch, seen)
+        assert told_sd == pytest.approx(sd[-1] * (1.5 if seen else 1.0), rel=1e-6)
+
+
 @pytest.mark.parametrize(("scatter", "held", "narrow"), [(0.3, 0.87, 0.5), (0.1, 0.78, 0.77)])
 def test_a_size_that_differs_from_run_to_run_has_an_interval_that_holds_its_mean(
     scatter, held, narrow, monkeypatch

@@ -222,7 +222,7 @@ def test_the_gap_is_told_of_the_run_on_which_the_mend_changes_it_most():
     assert _change(straight) == 0.0 < _change(turn) < _change(lost) == math.inf
     assert lost.sentence() == (
         "With the log read as its header says, the simulator as given diverges on the run; with it mended, "
-        "by 3 degrees."
+        "it misses it by 3 degrees."
     )
 
 

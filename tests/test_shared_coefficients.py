@@ -84,6 +84,35 @@ def test_a_change_is_told_with_its_day_and_size(model):
     assert t.rows[0][0] == "N_r" and t.rows[0][6] == "day3"
 
 
+@pytest.mark.parametrize("changed", [0, 1, 2])
+@pytest.mark.parametrize("seed", [0, 10, 20])
+def test_of_three_days_the_one_that_changed_is_told_whichever_it_is(model, changed, seed):
+    # all three lie as many standard deviations from the other two
+    days = [
+        diagnosed(model, (i == changed) * np.array([0, 0, 0.2, 0]), seed=seed + i, known=0.01)
+        for i in range(3)
+    ]
+    (s,) = shared(model, days).vehicles
+    (c,) = s.changed
+    assert c.name == "N_r" and c.furthest.bundle == f"day{changed + 1}"
+    assert abs(c.furthest.apart / c.given - 0.2) < 3.0 * c.furthest.apart_sd / abs(c.given)
+
+
+def test_a_change_beyond_the_stated_prior_is_named_under_the_wider_one(model):
+    wide = (0.1, 0.1, 1.0, 0.1)
+    moves = [np.array([0, 0, 1.2 * (i == 1), 0]) for i in range(3)]
+    days = [diagnosed(model, m, seed=i, known=0.1, prior=wide) for i, m in enumerate(moves)]
+    (s,) = shared(model, days).vehicles
+    assert [c.name for c in s.changed] == ["N_r"] and s.changed[0].furthest.bundle == "day2"
+
+
+def test_a_bundle_with_a_mistake_of_the_simulator_does_not_count(model):
+    days = [diagnosed(model, np.zeros(4), seed=i) for i in range(3)]
+    told = record(model) | {"simulator": [{"name": "another length"}]}
+    sharing = shared(model, days, [record(model), told, record(model)])
+    assert sharing.vehicles[0].bundles == ("day1", "day3") and "mistake" in sharing.left_out["day2"]
+
+
 def test_one_set_is_shared_better_than_a_day_knows_it(model):
     base = np.array([0.05, -0.05, 0.0, 0.1])
     sharing = shared(model, [diagnosed(model, base, seed=i) for i in range(4)])

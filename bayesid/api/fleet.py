@@ -192,9 +192,10 @@ class FleetResult(Result):
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
         target = Path(folder)
-        write_shared_vehicles(self.sharing, target / SHARED)
         write_json(target / "fleet.json", dict(self.record()))
-        return writer.write(self.report(), target, dict(self.record()))
+        page = writer.write(self.report(), target, dict(self.record()))
+        write_shared_vehicles(self.sharing, target / SHARED)
+        return page
 
     def summary(self, verbose: bool = False) -> str:
         lines = [f"{n}: {r['verdict'].replace('_', ' ')}" for n, r in self.records.items()]

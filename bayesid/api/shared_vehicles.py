@@ -50,7 +50,8 @@ def write_shared_vehicles(sharing: CoefficientSharing, folder: Path) -> list[Pat
     earlier call go.
     """
     if folder.is_dir() and not folder.is_symlink():
-        for old in folder.glob(f"*/{VEHICLE_FILE}"):
+        stem = VEHICLE_FILE.partition(".")[0]
+        for old in folder.glob(f"*/{stem}.*"):
             old.unlink()
     out = []
     for name, s in zip(_names(sharing.vehicles), sharing.vehicles, strict=True):

@@ -48,9 +48,7 @@ def effects_found(
             p: Value(
                 *table[key],
                 unit,
-                *_interval(
-                    drawn if table[key][0] == fitted.get(key, table[key])[0] else None, key, table[key][1]
-                ),
+                *_interval(drawn if own(key) else None, key, table[key][1]),
             )
             for p, (key, unit) in keys.items()
             if key in table

@@ -15,7 +15,7 @@ from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.evidence.replay import misses
 from bayesid.diagnosis.result_parts import RunError
 from bayesid.diagnosis.run import Diagnosis
-from bayesid.diagnosis.run_errors import ErrorRow, error_rows, miss, name_of_run
+from bayesid.diagnosis.run_errors import ErrorRow, error_rows, miss, missed_too, name_of_run
 from bayesid.errors import BayesidError
 from bayesid.estimation.filter_error.read_run import filter_error_run
 from bayesid.trials import Run, Trial
@@ -40,9 +40,9 @@ class InputGap:
 
     def sentence(self) -> str:
         """Both gaps in degrees and metres."""
-        logged, mended = (miss(self.rows, k) for k in (0, 1))
+        logged = miss(self.rows, 0)
         first = f"misses the {self.run} by {logged} (rms)" if logged else f"diverges on the {self.run}"
-        then = f"by {mended}" if mended else "it diverges"
+        then = missed_too(self.rows, 1, 0).replace("misses the log", "misses it")
         return (
             f"With the log read as its header says, the simulator as given {first}; with it mended, {then}."
         )

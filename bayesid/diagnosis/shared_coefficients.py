@@ -94,9 +94,19 @@ class SharedCoefficient:
 
     @property
     def furthest(self) -> CoefficientOfBundle:
-        """The bundle that differs most from the others, in standard deviations; of two alike the later."""
+        """The bundle without which the others agree best (least chi-square about their mean); of alike the
+        later. Its distance from the others does not tell: one that differs draws the mean of all, and where
+        two of three agree all three lie as many standard deviations from the other two.
+        """
         able = [e for e in self.each if e.fixed] or list(self.each)
-        return max(able, key=lambda e: (round(abs(e.apart) / max(e.apart_sd, 1e-300), 6), e.bundle))
+
+        def left(one: CoefficientOfBundle) -> float:
+            others = [e for e in able if e is not one]
+            value, weight = np.array([(e.alone, e.alone_sd**-2) for e in others]).T
+            return round(float(weight @ (value - weight @ value / weight.sum()) ** 2), 6)
+
+        last = max(able, key=lambda e: e.bundle)
+        return last if len(able) < 3 else min(able, key=lambda e: (left(e), e is not last))
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,6 +225,8 @@ def _log(record: Mapping[str, Any], model: DiagnosedModel | str) -> _Log | str:
         return model
     if record["verdict"] == "outside":
         return "its gap has no cause that is listed, and the coefficients may have taken some of it"
+    if record.get("simulator"):
+        return "a mistake of the simulator was found, which its coefficients may have taken some of"
     if _worse(record.get("retuning") or {}):
         return "re-tuned coefficients predict its own runs clearly worse than those of the vehicle file"
     if not model.estimates:
@@ -238,9 +250,9 @@ def _log(record: Mapping[str, Any], model: DiagnosedModel | str) -> _Log | str:
 
 
 def _worse(retuning: Mapping[str, Any]) -> bool:
-    """Whether re-tuning predicts runs left out in turn clearly worse, and by more than a standard error."""
+    """Whether re-tuning predicts runs left out in turn clearly worse, by over two standard errors."""
     gain, error = retuning.get("gain"), retuning.get("error")
-    return gain is not None and error is not None and gain < -max(error, WORSE)
+    return gain is not None and error is not None and gain < -max(2.0 * error, WORSE)
 
 
 def _likelihood(
@@ -285,7 +297,8 @@ def _shared(logs: Mapping[str, _Log], vehicle: Vehicle) -> SharedCoefficients:
     given, prior_sd, wide = given[told], prior_sd[told], wide[told]
     alone = [g.posterior(wide) for g in groups]
     alone_sd = np.sqrt([np.diag(c) for _, c in alone])
-    weight = np.where(alone_sd < FIXED, 1.0 - np.minimum(alone_sd, 1.0) ** 2, 0.0)
+    kept = alone_sd / wide  # of the prior sd they were found under
+    weight = np.where(kept < FIXED, 1.0 - np.minimum(kept, 1.0) ** 2, 0.0)
     fit = fit_hierarchy(groups, wide, weight)
     unit = np.outer(prior_sd, prior_sd)
     values = np.array([m for m, _ in alone])
@@ -297,7 +310,9 @@ def _shared(logs: Mapping[str, _Log], vehicle: Vehicle) -> SharedCoefficients:
         fit.spread,
         fit.spread_high,
         tuple(
-            _coefficient(i, name, tuple(logs), given[i], prior_sd[i], fit, values[:, i], alone_sd[:, i])
+            _coefficient(
+                i, name, tuple(logs), given[i], prior_sd[i], fit, values[:, i], alone_sd[:, i], kept[:, i]
+            )
             for i, name in enumerate(names)
         ),
         fit.covariance * unit,
@@ -316,6 +331,7 @@ def _coefficient(
     fit: HierarchicalFit,
     alone: Array,
     alone_sd: Array,
+    kept: Array,
 ) -> SharedCoefficient:
     each = tuple(
         CoefficientOfBundle(
@@ -327,7 +343,7 @@ def _coefficient(
             float(unit * fit.apart[b, i]),
             float(unit * fit.apart_sd[b, i]),
             float(given + unit * fit.others[b, i]),
-            bool(alone_sd[b] < FIXED),
+            bool(kept[b] < FIXED),
         )
         for b, bundle in enumerate(bundles)
     )

@@ -63,7 +63,11 @@ def fleet_lead(
             f" **{_name(p.effect)} of {literal(p.vehicle)} is not one value** (p = {p.p:.1g}): "
             f"{p.parameter} {a:.3g} {p.unit} in {literal(first)}, {b:.3g} in {literal(last)}."
         )
-    return " ".join([text, *(sharing_words(s) for s in sharing.vehicles[:MOST_VEHICLES])])
+    told = [sharing_words(s) for s in sharing.vehicles[:MOST_VEHICLES]]
+    if told and sharing.left_out:
+        names = first_few([literal(n) for n in sharing.left_out], MOST_VEHICLES)
+        told.append(f"{names} {'does' if len(sharing.left_out) == 1 else 'do'} not count for coefficients.")
+    return " ".join([text, *told])
 
 
 def _bundles(records: Mapping[str, Mapping[str, Any]]) -> Table:

@@ -38,7 +38,7 @@ COEFFICIENT_COLUMNS = (
 def sharing_words(s: SharedCoefficients) -> str:
     """Whether the coefficients of a vehicle are one set, and what changed; markup."""
     name, number = literal(s.vehicle.name), len(s.bundles)
-    every = "both bundles" if number == 2 else f"all {number} bundles"
+    every = "both bundles that count" if number == 2 else f"all {number} bundles that count"
     if s.changed:
         one, least = len(s.changed) == 1, min(c.changed for c in s.changed)
         named = and_list([literal(c.name) for c in s.changed])
@@ -153,7 +153,8 @@ def _method() -> str:
         f"throughout are told to be not one set in at most 1 of {RATE} cases, if every log's uncertainty "
         f"holds; a coefficient is then named from a probability of {CHANGED:g}. A change is the vehicle's, "
         "or of what its explanation lacks. The shared set is a vehicle file below `shared_coefficients/` "
-        "with the uncertainty of a bundle to come: `bayesid fit BUNDLE --vehicle FILE` takes it as prior."
+        "with the uncertainty of a bundle to come: `bayesid fit NEXT_BUNDLE --vehicle FILE` takes it as "
+        "prior; a bundle that is counted here would count twice."
     )
 
 

@@ -30,8 +30,12 @@ LEAST_RUNS = 3
 MOST = 100.0
 _FACTORS = np.geomspace(1.0, MOST, 201)
 _RULE = 0.975
-# Variance of a run's pull over that of the estimate below which it tells nothing but itself.
-_NOTHING = 1e-9
+# Part of what a run says of a size that the other runs can check, below which it tells nothing but itself;
+# part of what all say that has to be checked so; and degrees of freedom below which runs do not tell of each
+# other: three that say alike have two.
+_NOTHING, _CHECKED, LEAST_FREEDOM = 0.1, 0.5, 1.5
+# Precision over the prior's below which nothing is said of a size.
+_TOLD = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,30 +67,46 @@ def scatter_of_runs(equations: Sequence[NormalEquations], columns: Array) -> Run
     columns : (e,) the unknowns asked for
     """
     total = sum(equations[1:], equations[0])
-    inverse = np.linalg.inv(np.eye(total.se.size) + total.ss)
-    mean, rows = inverse @ total.se, inverse[columns]
-    pulls = np.stack([rows @ (g.se - g.ss @ mean) for g in equations], axis=1)
-    own = [rows @ g.ss for g in equations]
-    said = np.stack([(part * rows).sum(axis=1) for part in own], axis=1)  # variances of the runs' scores
-    joint = -np.einsum("rei,ij,sej->ers", np.stack(own), inverse, np.stack(own), optimize=True)
-    diagonal = np.arange(len(equations))
-    joint[:, diagonal, diagonal] += said
-    left = joint[:, diagonal, diagonal]
-    tells = left > _NOTHING * said.sum(axis=1, keepdims=True)
+    posterior = np.linalg.inv(np.eye(total.se.size) + total.ss)
+    found = [_along(equations, total, int(c)) for c in columns]
+    rows = posterior[columns]
+    said = np.einsum("ei,ij,ej->e", rows, total.ss, rows)
+    ratio, freedom = np.array(found).reshape(-1, 2).T
+    return RunScatter(ratio, freedom, said / posterior[columns, columns])
+
+
+def _along(equations: Sequence[NormalEquations], total: NormalEquations, column: int) -> tuple[float, float]:
+    """Ratio and degrees of freedom of one unknown.
+
+    About the estimate without its own prior: that would pull every score, of a size of five prior deviations
+    by as much.
+    """
+    prior = np.eye(total.se.size)
+    prior[column, column] = 0.0
+    if total.ss[column, column] < _TOLD:
+        return 1.0, 0.0
+    inverse = np.linalg.inv(prior + total.ss)
+    mean, row = inverse @ total.se, inverse[column]
+    pulls = np.array([row @ (g.se - g.ss @ mean) for g in equations])
+    own = np.array([row @ g.ss for g in equations])
+    said = own @ row  # variances of the runs' scores
+    joint = np.diag(said) - own @ inverse @ own.T
+    left = np.diag(joint)
+    tells = left > _NOTHING * np.maximum(said, _NOTHING * said.sum())
     weight = np.where(tells, said / np.where(tells, left, 1.0), 0.0)
-    expected = (weight * left).sum(axis=1)
-    twice = np.einsum("er,es,ers->e", weight, weight, joint**2)
-    some = expected > 0.0
-    return RunScatter(
-        np.where(some, (weight * pulls**2).sum(axis=1) / np.where(some, expected, 1.0), 1.0),
-        np.where(some, expected**2 / np.where(some, twice, 1.0), 0.0),
-        expected / inverse[columns, columns],
-    )
+    expected = float(weight @ left)
+    twice = float(weight @ joint**2 @ weight)
+    freedom = expected**2 / twice if twice > 0.0 else 0.0
+    if not freedom >= LEAST_FREEDOM or said[tells].sum() < _CHECKED * said.sum():
+        return 1.0, 0.0
+    return float(weight @ pulls**2) / expected, freedom
 
 
 def _widening(ratio: float, freedom: float, share: float) -> float:
     """The deviation is that of a mixture over its unknown factor, given the scatter (Birge 1932 took the
-    scatter itself)."""
+    scatter itself); 1 where nothing is known of it."""
+    if not (freedom > 0.0 and np.isfinite([ratio, freedom, share]).all()):
+        return 1.0
     squares = _FACTORS**2
     log = -freedom * np.log(_FACTORS) - 0.5 * freedom * ratio / squares + np.log(PRIOR_OUTSIDE / squares.size)
     weight = np.append(log, np.log1p(-PRIOR_OUTSIDE) - 0.5 * freedom * ratio)

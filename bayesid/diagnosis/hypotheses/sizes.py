@@ -43,11 +43,14 @@ def sizes_told(
 
 
 def _told(problem: DiagnosisProblem, candidate: RefittedHypothesis) -> dict[str, tuple[float, float]]:
-    """Sizes of one explanation, deviations at least those from run to run."""
+    """Sizes of one explanation, deviations at least those from run to run where runs can tell."""
     table = parameters_told(problem, candidate)
     if problem.form is not None:
         return table  # they are that already
     between = from_run_to_run(candidate.fit)
+    columns = np.array([candidate.fit.free.names.index(name) for name in table], dtype=int)
+    checked = scatter_of_runs(candidate.fit.equations, columns).freedom > 0.0 if table else ()
+    between = {name: between[name] for name, able in zip(table, checked, strict=True) if able}
     return {name: (value, max(sd, between.get(name, 0.0))) for name, (value, sd) in table.items()}
 
 

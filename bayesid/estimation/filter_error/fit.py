@@ -255,7 +255,7 @@ def _level(model: Model, real: NoiseModel, level: float) -> NoiseModel:
 
 @dataclass
 class _Best:
-    """Best point so far and the step tried from it; `correction` is the length of the whole step."""
+    """Point taken last and the step tried from it; `correction` is the length of the whole step."""
 
     merit: float
     paths: Sequence[Linearisation]
