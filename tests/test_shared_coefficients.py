@@ -19,7 +19,7 @@ from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.noise_identification import no_process_noise
 from bayesid.estimation.parameters import coefficient_prior
 from bayesid.model.vehicles import load_vehicle
-from bayesid.report.fleet_coefficients import coefficient_rows, sharing_blocks, sharing_words
+from bayesid.report.fleet_coefficients import _notes, coefficient_rows, sharing_blocks, sharing_words
 from bayesid.report.writer.blocks import Table
 
 NAMES = ("Y_v", "N_v", "N_r", "N_dr")
@@ -111,6 +111,18 @@ def test_a_bundle_with_a_mistake_of_the_simulator_does_not_count(model):
     told = record(model) | {"simulator": [{"name": "another length"}]}
     sharing = shared(model, days, [record(model), told, record(model)])
     assert sharing.vehicles[0].bundles == ("day1", "day3") and "mistake" in sharing.left_out["day2"]
+
+
+def test_no_vehicle_file_is_written_of_coefficients_that_no_vehicle_has(model, tmp_path):
+    days = [diagnosed(model, np.zeros(4), seed=i) for i in range(2)]
+    sharing = shared(model, days)
+    (s,) = sharing.vehicles
+    assert not s.impossible and len(write_shared_vehicles(sharing, tmp_path)) == 1
+    lighter = replace(s.coefficients[0], name="Y_vdot", value=1e6)
+    without_mass = replace(s, coefficients=(lighter, *s.coefficients[1:]))
+    assert "mass matrix" in without_mass.impossible and "No vehicle file" in _notes(without_mass)
+    assert write_shared_vehicles(CoefficientSharing((without_mass,)), tmp_path) == []
+    assert not list(tmp_path.glob("*/vehicle.*"))
 
 
 def test_one_set_is_shared_better_than_a_day_knows_it(model):

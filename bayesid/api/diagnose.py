@@ -22,10 +22,11 @@ from bayesid.api.inputs import (
 )
 from bayesid.api.result import Result, table
 from bayesid.diagnosis.answer import answer
+from bayesid.diagnosis.attempt import attempt
 from bayesid.diagnosis.diagnosed_file import write_diagnosed
 from bayesid.diagnosis.diagnosed_model import diagnosed_model_of
 from bayesid.diagnosis.input import check_trial, mended, not_enough
-from bayesid.diagnosis.input_gap import input_gap
+from bayesid.diagnosis.input_gap import NO_GAP, input_gap
 from bayesid.diagnosis.run import Diagnosis
 from bayesid.diagnosis.run import diagnose as run
 from bayesid.diagnosis.summary import summary
@@ -125,7 +126,15 @@ def diagnose(
         return DiagnoseResult(found, checked, fits)
 
     def of_mended(checked: InputCheck, result: DiagnoseResult) -> InputResult:
-        gap = input_gap(result.found, ready(logged), checked.findings)
+        untold: list[str] = []
+        gap = attempt(
+            "how far the log as it is was missed could not be told",
+            lambda: input_gap(result.found, ready(logged), checked.findings),
+            NO_GAP,
+            untold,
+        )
+        for text in untold:
+            shown.note(text)
         return InputResult(logged.name, checked, (), result, gap)
 
     def mistaken_simulator(of_log: InputCheck) -> DiagnoseResult | InputResult | None:

@@ -47,7 +47,7 @@ def sharing_record(sharing: CoefficientSharing) -> dict[str, Any]:
 
 def write_shared_vehicles(sharing: CoefficientSharing, folder: Path) -> list[Path]:
     """Write a vehicle file with its covariance per vehicle, each in a folder of its name; the files of an
-    earlier call go.
+    earlier call go. None where no vehicle can have the coefficients: nothing could read it.
     """
     if folder.is_dir() and not folder.is_symlink():
         stem = VEHICLE_FILE.partition(".")[0]
@@ -55,7 +55,8 @@ def write_shared_vehicles(sharing: CoefficientSharing, folder: Path) -> list[Pat
             old.unlink()
     out = []
     for name, s in zip(_names(sharing.vehicles), sharing.vehicles, strict=True):
-        out.append(write_vehicle(s.as_vehicle(), folder / name / VEHICLE_FILE))
+        if not s.impossible:
+            out.append(write_vehicle(s.as_vehicle(), folder / name / VEHICLE_FILE))
     return out
 
 

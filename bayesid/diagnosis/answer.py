@@ -18,7 +18,7 @@ from bayesid.diagnosis.failed_checks import (
 )
 from bayesid.diagnosis.hypotheses.rules import NAMING
 from bayesid.diagnosis.hypotheses.sensitivity_bank import EVERY
-from bayesid.diagnosis.plain_words import intervals, sentence
+from bayesid.diagnosis.plain_words import intervals, probability, sentence
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import Effect, RunError
 from bayesid.diagnosis.run_errors import (
@@ -147,10 +147,6 @@ def _explained(result: Result) -> str:
     return f"Explained: with {words}, the best explanation."
 
 
-def _share(p: float) -> str:
-    return "above 0.99" if p > 0.995 else "below 0.01" if p < 0.005 else f"{p:.2f}"
-
-
 def _or_its_like(e: Effect) -> str:
     """What a probability is of where others of its kind share it."""
     return f" that it or {' or '.join(map(in_words, e.in_its_place))} acts" if e.in_its_place else ""
@@ -160,7 +156,7 @@ def _headline(result: Result) -> str:
     word, effects = result.verdict, result.effects
     if word in NAMING and effects:
         said = " ".join(
-            f"{sentence(e).rstrip('.')} (probability {_share(e.probability)}{_or_its_like(e)})."
+            f"{sentence(e).rstrip('.')} (probability {probability(e.probability)}{_or_its_like(e)})."
             for e in effects
         )
         rest = {
@@ -216,15 +212,15 @@ def _ambiguous(result: Result) -> str:
     ][:MOST_RIVALS]
     acting = any(result.acting.get(n, 0.0) > p + 0.05 for n, p in chances)
     listed = ", ".join(
-        f"{_outside(n)} ({_share(result.acting.get(n, p) if acting else p)})" for n, p in chances
+        f"{_outside(n)} ({probability(result.acting.get(n, p) if acting else p)})" for n, p in chances
     )
     nothing = "none" in result.set95
     if not chances:
         return "These runs cannot tell whether anything acts."
-    alone = f", or nothing at all ({_share(result.probabilities.get('none', 0.0))})" if nothing else ""
+    alone = f", or nothing at all ({probability(result.probabilities.get('none', 0.0))})" if nothing else ""
     if "model_form" in result.set95:
         alone = ", or only a force that depends on the motion and that the equations lack " + (
-            f"({_share(result.probabilities.get('model_form', 0.0))})"
+            f"({probability(result.probabilities.get('model_form', 0.0))})"
         )
     if acting and len(chances) > 1:
         return f"Several things act together and these runs cannot tell which: {listed}{alone}."
@@ -327,16 +323,16 @@ def _certainty(result: Result) -> tuple[str, ...]:
         for e in result.effects:
             sizes = intervals(e)
             out.append(
-                f"{in_words(e.name).capitalize()}: probability {_share(e.probability)}"
+                f"{in_words(e.name).capitalize()}: probability {probability(e.probability)}"
                 + (_or_its_like(e) or " that it acts")
                 + (f"; {', '.join(sizes)}." if sizes else ".")
                 + _usual(e)
             )
     other = rivals(result)
     if other and result.verdict != "ambiguous":
+        unlisted = "something not on the list that acts alike"
         listed = ", ".join(
-            f"{'something not on the list that acts alike' if n == 'outside' else in_words(n)} ({_share(p)})"
-            for n, p in other
+            f"{unlisted if n == 'outside' else in_words(n)} ({probability(p)})" for n, p in other
         )
         what = "What may act beside it" if result.verdict == "model_form" else "What else it could be"
         out.append(f"{what}: {listed}.")

@@ -49,14 +49,14 @@ class CoefficientEstimate:
 def estimate_of(
     effects: tuple[str, ...], weight: float, fitted: FilterErrorFit, names: Sequence[str]
 ) -> CoefficientEstimate:
-    """The coefficients of a fit.
+    """The coefficients of a fit that its prior leaves free.
 
     Parameters
     ----------
     names : coefficients of the vehicle file
     """
     free = fitted.free
-    where = [free.names.index(n) for n in names if n in free.names]
+    where = [i for n in names if n in free.names and free.sd[i := free.names.index(n)] > 0.0]
     sd = free.sd[where]
     return CoefficientEstimate(
         effects,

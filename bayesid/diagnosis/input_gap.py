@@ -48,6 +48,9 @@ class InputGap:
         )
 
 
+NO_GAP: InputGap | None = None
+
+
 def input_gap(found: Diagnosis, logged: Trial, findings: Sequence[InputFinding]) -> InputGap | None:
     """The gap before and after the mend, on the run on which the mend changes it most.
 

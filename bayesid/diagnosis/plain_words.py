@@ -84,6 +84,11 @@ def _aligned(size: Size) -> list[str]:
     return [f"{x:.{min(max(places, 0), 6)}f}" for x in size]
 
 
+def probability(p: float) -> str:
+    """Two decimals, at either end that it lies beyond."""
+    return "above 0.99" if p > 0.995 else "below 0.01" if p < 0.005 else f"{p:.2f}"
+
+
 def number(x: float) -> str:
     """A number as people say it: two or three digits, whole from 100 on."""
     if not math.isfinite(x):

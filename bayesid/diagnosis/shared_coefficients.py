@@ -20,6 +20,7 @@ from bayesid.diagnosis.diagnosed_model import DiagnosedModel
 from bayesid.estimation.hierarchical_fit import HierarchicalFit, fit_hierarchy
 from bayesid.estimation.hierarchical_normal import Information, information, mixed
 from bayesid.model.vehicles import Vehicle, prime_scale
+from bayesid.model.vehicles.inertia import mass_problems
 from bayesid.model.vehicles.writing import identified
 
 Array = np.ndarray
@@ -156,6 +157,11 @@ class SharedCoefficients:
         if self.same > NOT_ONE:
             return ()
         return tuple(sorted(self.coefficients, key=lambda c: (-c.changed, c.name)))
+
+    @property
+    def impossible(self) -> str:
+        """Why no vehicle can have the shared coefficients, where none can."""
+        return "; ".join(mass_problems(self.as_vehicle()))
 
     def as_vehicle(self) -> Vehicle:
         """The vehicle with the shared coefficients; its prior is that of a bundle to come."""

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from bayesid.diagnosis.plain_words import probability
 from bayesid.diagnosis.shared_coefficients import (
     CHANGED,
     FIXED,
@@ -28,7 +29,7 @@ from bayesid.words import and_list, counted, first_few
 MOST_PANELS, COLUMNS = 12, 3
 FEW = 6
 DOUBTFUL = 0.05  # probability of a difference from which the table says where it is largest
-RATE = 19  # `hierarchical_fit` derives it
+RATE = round(1.0 / NOT_ONE) - 1  # `hierarchical_fit` derives it
 COEFFICIENT_COLUMNS = (
     "vehicle", "coefficient", "given", "prior sd", "shared", "sd", "sd of a new bundle", "P(differs)",
     "bundle", "alone", "alone sd", "pooled", "pooled sd", "from the others", "sd of that",
@@ -45,24 +46,24 @@ def sharing_words(s: SharedCoefficients) -> str:
         each = "; ".join(_change(c, number, "" if one else f"{literal(c.name)} ") for c in s.changed)
         return (
             f"**{named} of {name} {'is' if one else 'are'} not the same in {every}** (probability "
-            f"{'' if one else 'of each '}{_share(least)}): {each}. The other coefficients {_spread(s)}."
+            f"{'' if one else 'of each '}{probability(least)}): {each}. The other coefficients {_spread(s)}."
         )
     if s.same >= ONE_SET:
         return (
             f"**The coefficients of {name} are one set in {every}**, the same to {ALIKE:g} of their stated "
-            f"uncertainty (probability {_share(s.same)})."
+            f"uncertainty (probability {probability(s.same)})."
         )
     if s.same > NOT_ONE:
         return (
             f"Whether the coefficients of {name} are one set in {every} cannot be told (probability "
-            f"{_share(s.same)}); they {_spread(s)}."
+            f"{probability(s.same)}); they {_spread(s)}."
         )
     text = f"**The coefficients of {name} are not one set in {every}** (probability that they are "
     if s.suspects:
-        held = [f"{literal(c.name)} ({_share(c.changed)})" for c in s.suspects]
-        return f"{text}{_share(s.same)}); it is open which differs: {first_few(held, FEW)}."
+        held = [f"{literal(c.name)} ({probability(c.changed)})" for c in s.suspects]
+        return f"{text}{probability(s.same)}); it is open which differs: {first_few(held, FEW)}."
     return (
-        f"{text}{_share(s.same)}): they vary by {s.spread:.2g} of their stated uncertainty, and no "
+        f"{text}{probability(s.same)}): they vary by {s.spread:.2g} of their stated uncertainty, and no "
         "single one stands out."
     )
 
@@ -105,10 +106,6 @@ def coefficient_rows(sharing: CoefficientSharing) -> list[list[Any]]:
     ]  # fmt: skip
 
 
-def _share(p: float) -> str:
-    return "above 0.99" if p > 0.99 else "below 0.01" if p < 0.01 else f"{p:.2f}"
-
-
 def _change(c: SharedCoefficient, bundles: int, name: str) -> str:
     """Where a coefficient differs most, and by how much."""
     e = c.furthest
@@ -130,7 +127,7 @@ def _spread(s: SharedCoefficients) -> str:
 
 
 def _notes(s: SharedCoefficients) -> str:
-    out = ""
+    out = f" No vehicle file of them is written: {s.impossible}." if s.impossible else ""
     if s.widened:
         out += (
             f" The stated uncertainty of {first_few([literal(n) for n in s.widened], FEW)} does not hold in "
@@ -168,7 +165,7 @@ def _table(s: SharedCoefficients) -> Any:
     rows = []
     for c in _shown(s):
         told = (c.furthest.bundle, _size(c.furthest)) if c.changed >= DOUBTFUL else (None, None)
-        rows.append([c.name, c.given, c.prior_sd, c.value, c.sd, _share(c.changed), *told])
+        rows.append([c.name, c.given, c.prior_sd, c.value, c.sd, probability(c.changed), *told])
     if not rows:
         return Text("The bundles fix no coefficient better than the prior.")
     caption = (

@@ -6,10 +6,11 @@ Does not: know what a vehicle is.
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Iterable, Mapping
 from typing import Any
+
+from bayesid.words import did_you_mean
 
 LARGEST = 1e30  # keeps 1/2 rho L^6 times a coefficient finite
 
@@ -22,8 +23,7 @@ def shown(value: object) -> str:
 
 def hint(name: str, known: Iterable[str]) -> str:
     """ "; did you mean ...?" with the nearest known name, or nothing."""
-    near = difflib.get_close_matches(name[:60], list(known), n=1, cutoff=0.6)
-    return f"; did you mean {near[0]}?" if near else ""
+    return did_you_mean((name,), known)
 
 
 class TomlTable:
