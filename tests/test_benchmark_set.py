@@ -97,5 +97,8 @@ def test_tracked_entries_are_shown_part_by_part():
     }))  # fmt: skip
     entry = {"entry": "ours", "verdicts": "0" * 64, "scores": {"all": row, "p": row}}
     report = set_report("1", {"p": {"none": 1, "effect": 1}}, {"x.tar.gz": "00"}, [entry])
+    assert report.lead.startswith(
+        "**Plain causes named right, and wrong names of all: ours 1 of 1 and 0 of 1.**"
+    )
     tables = [b for s in report.sections for b in s.blocks if hasattr(b, "rows")]
     assert tuple(tables[2].rows[0][:3]) == ("ours", 2, "1/1 = 1.00") and len(tables) == 4

@@ -10,6 +10,7 @@ from typing import Any
 
 from bayesid.benchmark.protocol.beside import ABOUT, COLUMNS, cells
 from bayesid.report.writer import Report, Section, Table, Text
+from bayesid.words import counted as counted_words
 
 PARTS = {"all": "All bundles", "p": "Own equations", "o": "Other equations"}
 
@@ -27,8 +28,8 @@ def set_report(
     """
     count = sum(sum(row.values()) for row in kinds.values())
     lead = (
-        f"**Edition {edition} of the benchmark set: {count} bundles, {len(entries)} entries.** Which method "
-        "finds causes best, on bundles that everybody has?"
+        f"{_answer(entries)}Edition {edition} of the benchmark set: {count} bundles that everybody has, "
+        f"{counted_words(len(entries), 'entry', 'entries')}."
     )
     words = sorted({kind for row in kinds.values() for kind in row})
     counted = [[PARTS[part], *(row.get(w, 0) for w in words)] for part, row in kinds.items()]
@@ -55,6 +56,19 @@ def set_report(
         )]),
     ]  # fmt: skip
     return Report("Benchmark set", lead, sections)
+
+
+def _answer(entries: Sequence[Mapping[str, Any]]) -> str:
+    """What each method finds and gets wrong, the best first."""
+    whole = [(e["entry"], e["scores"]["all"]) for e in entries if "all" in e["scores"]]
+    whole.sort(key=lambda row: -row[1]["named right, D >= 25"][0])
+    said = [
+        "{} {} of {} and {} of {}".format(
+            name, *row["named right, D >= 25"], *row["wrong names of all named"]
+        )
+        for name, row in whole
+    ]
+    return f"**Plain causes named right, and wrong names of all: {'; '.join(said)}.** " if said else ""
 
 
 def _entries(part: str, words: str, entries: Sequence[Mapping[str, Any]]) -> Table:
