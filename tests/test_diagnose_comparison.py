@@ -67,13 +67,15 @@ class World:
                 "thresholds", (tried, seed), Plain(remainder=12.0)
             ),
             "locate": lambda problem, points, free: self._kept("locate", points, self.where),
-            "widened": lambda bank, names: "wide",
+            "widened": lambda bank, names: {w.effects[0]: 1.0 for w in wide},
             "shortlist": lambda scores: scores,
-            "refit_screened": lambda problem, bank, score, notify: [
+            "refit_screened": lambda problem, bank, score, notify, none: [
                 r for r in refits if r.effects[0] == score.name
             ],
             "likely_coefficients": lambda wide_, scores: [w.effects[0] for w in wide],
-            "refit_wide": lambda problem, name, notify: [w for w in wide if w.effects[0] == name],
+            "refit_wide": lambda problem, name, notify, none, promised: [
+                w for w in wide if w.effects[0] == name
+            ],
             "checked": self._checked,
             "search_several": self._several,
             "remainder": lambda problem, candidate: self._kept("remainder", candidate.effects, self.after),
@@ -264,19 +266,23 @@ def test_it_does_not_where_it_arrived_or_no_refit_did(monkeypatch, none, refit):
 
 
 @pytest.mark.parametrize(
-    "best, asked",
+    "best, outside, asked",
     [
-        (hypothesis(120.1, "wind"), True),
-        (hypothesis(120.0, "wind"), False),
-        (hypothesis(300.0, "wind", chi2=3.0), False),
-        (hypothesis(300.0, "coefficient_error:N_r"), False),
+        (hypothesis(120.1, "wind"), 0.0, True),
+        (hypothesis(120.0, "wind"), 0.0, False),
+        (hypothesis(300.0, "wind"), 399.0, True),
+        (hypothesis(300.0, "wind"), 400.0, False),  # half of what a free force explains
+        (hypothesis(300.0, "wind", chi2=3.0), 0.0, False),
+        (hypothesis(300.0, "coefficient_error:N_r"), 0.0, False),
     ],
 )
-def test_runs_are_compared_where_the_best_explains_and_gains_beyond_linearisation(monkeypatch, best, asked):
+def test_runs_are_compared_where_the_best_explains_and_gains_beyond_linearisation(
+    monkeypatch, best, outside, asked
+):
     monkeypatch.setattr(comparison, "excess_where_apart", lambda equations, k: 2.5)
-    found = comparison._excess([best, hypothesis(0.0, "lag")], hypothesis(100.0), 2)
+    found = comparison._excess([best, hypothesis(0.0, "lag")], hypothesis(100.0), 2, outside)
     assert found == (2.5 if asked else 1.0)
-    assert comparison._excess([], hypothesis(100.0), 2) == 1.0
+    assert comparison._excess([], hypothesis(100.0), 2, 0.0) == 1.0
 
 
 def test_a_refit_that_is_worse_with_a_form_than_without_begins_again_where_it_ended_without(monkeypatch):

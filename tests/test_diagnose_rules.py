@@ -189,6 +189,7 @@ def test_the_numbers_of_the_table_are_those_the_practice_campaigns_were_scored_w
         "DISAGREEMENT_P_VALUE": 1e-3,
         "FOLLOWS_DATA_CHI2": 1.5,
         "NOT_FOLLOWING_CHI2": 25.0,
+        "ARRIVED_SHARE": 0.8,
         "FORM_EVIDENCE": 20.0,
         "FORM_LEAVES": 0.5,
         "FORM_LEAVES_BESIDE": 1.0,

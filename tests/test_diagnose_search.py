@@ -6,6 +6,7 @@ one, three effects, three exchanges of two rivals each, 20 nats that two lineari
 
 from types import SimpleNamespace as Plain
 
+import numpy as np
 import pytest
 
 from bayesid.diagnosis.hypotheses import search
@@ -59,7 +60,9 @@ class World:
         )  # fmt: skip
         return Plain(effects=tuple(effects), log_evidence=self.evidence.get(k, 0.0), fit=fit)
 
-    def _refit(self, problem, effects, notify, sizes=None):
+    def _refit(self, problem, effects, notify, sizes=None, smaller=None, promised=np.inf):
+        # what a screen promised is of the refit along whose path it was
+        assert (smaller is None) == (promised == np.inf)
         self.asked.append(key(*names(effects)))
         return [] if self.asked[-1] in self.none else [self.candidate(*names(effects))]
 

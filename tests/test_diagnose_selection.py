@@ -33,7 +33,7 @@ class Tried:
     def __init__(self, value, chi2=1.0):
         self.value, self.chi2, self.asked, self.starts = value, chi2, [], []
 
-    def refit(self, problem, effects, notify, sizes=None):
+    def refit(self, problem, effects, notify, sizes=None, smaller=None, promised=np.inf):
         names = tuple(e.name for e in effects)
         self.asked.append(frozenset(names))
         return [candidate(self.value.get(frozenset(names), 0.0), *names, chi2=self.chi2)]

@@ -9,11 +9,11 @@ from gap_trials import model_of, orders, other_vehicle, planted_trial
 
 from bayesid.diagnosis.data.problem import build_problem, fit_with
 from bayesid.diagnosis.hypotheses import sensitivity_bank as banks
-from bayesid.diagnosis.hypotheses.candidate import parameter_table
+from bayesid.diagnosis.hypotheses.candidate import parameter_table, weighted_hypothesis
 from bayesid.diagnosis.hypotheses.comparison import compare
 from bayesid.diagnosis.hypotheses.facts import undetectable
 from bayesid.diagnosis.hypotheses.probabilities import credible_set
-from bayesid.diagnosis.hypotheses.refit import refit, refit_screened, sizes_of
+from bayesid.diagnosis.hypotheses.refit import refit, refit_screened, refit_wide, sizes_of
 from bayesid.diagnosis.hypotheses.verdict import decide
 from bayesid.errors import TrialError
 from bayesid.simulation import plan_run, simulate, steady_start
@@ -330,3 +330,24 @@ def test_an_effect_that_alone_came_out_as_nothing_does_not_begin_at_nothing():
     moved = replace(alone, fit=replace(alone.fit, values=free.mean + free.sd))
     assert sizes_of(problem, [off]) == {}
     assert sizes_of(problem, [off, moved]) == {"actuator_lag": pytest.approx(1.0)}
+
+
+def test_a_refit_begun_at_the_fit_without_effects_ends_where_one_from_the_readings_does():
+    """The same hill in fewer passes; where a screen promised more than is there, it begins anew as well."""
+    model = model_of()
+    problem = build_problem(
+        model, planted_trial(model, other_vehicle(model, 1) | {"gyro_scale.scale": 0.05}, 1)
+    )
+    none = weighted_hypothesis(problem, (), fit_with(problem, ()))
+    effects = (model.effects["gyro_scale"],)
+    (far,) = refit(problem, effects, lambda text: None)
+    gain = far.fit.log_evidence - none.fit.log_evidence
+    (near,) = refit(problem, effects, lambda text: None, smaller=none, promised=gain)
+    assert gain > 50.0 and near.fit.log_evidence == pytest.approx(far.fit.log_evidence, abs=0.3)
+    assert near.fit.iterations < 0.7 * far.fit.iterations
+    (again,) = refit(problem, effects, lambda text: None, smaller=none, promised=2.0 * gain)
+    assert again.log_evidence == max(near.log_evidence, far.log_evidence)
+    # and one coefficient of a wide prior
+    wide = [refit_wide(problem, "N_v", lambda text: None, *of)[0] for of in ((), (none, -10.0))]
+    assert wide[1].fit.log_evidence == pytest.approx(wide[0].fit.log_evidence, abs=0.3)
+    assert wide[1].fit.iterations < wide[0].fit.iterations

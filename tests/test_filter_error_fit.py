@@ -21,7 +21,14 @@ from bayesid.estimation.filter_error.fit import _within, fit, stacked_equations
 from bayesid.estimation.filter_error.linearise import first_trajectory, linearise
 from bayesid.estimation.filter_error.noise_model import filter_settings
 from bayesid.estimation.filter_error.read_run import filter_error_run
-from bayesid.simulation import observe_sensitivity, sensitivities, steady_start
+from bayesid.estimation.parameters import NO_PARAMETERS
+from bayesid.simulation import (
+    interval_maps,
+    observe_sensitivity,
+    plan_trial_run,
+    sensitivities,
+    steady_start,
+)
 from bayesid.trials.trial import Environment
 
 VEHICLES = ("remus100", "generic_sub")
@@ -282,3 +289,19 @@ def test_a_latency_that_would_have_to_be_negative_gains_nothing_over_none():
     gap = (late.fit.values[:k] - none.fit.values) / none.fit.sd
     assert np.abs(gap).max() < 0.1  # held at zero, it is no effect
     assert late.log_evidence - none.log_evidence < 0.0
+
+
+def test_steps_of_single_intervals_are_half_as_many_and_lose_nothing_the_sensors_see():
+    """Ends of the intervals a fit uses against those of steps eight times as short, in sensor deviations."""
+    model = model_of("remus100")
+    problem = build_problem(model, planted_trial(model, {}, 3))
+    for log, run in zip(problem.logs, planted_trial(model, {}, 3).identify, strict=True):
+        fine, usual = plan_trial_run(model, run, longer=0.25), plan_trial_run(model, run)
+        assert log.plan.steps.size < 0.7 * usual.steps.size
+        ends = [
+            interval_maps(model, model.nominal, plan, log.path, (), np.zeros(0, dtype=np.int64)).ends
+            for plan in (log.plan, fine)
+        ]
+        slope = linearise(model, log, first_trajectory(model, log, model.nominal), NO_PARAMETERS.where).slope
+        seen = np.einsum("iqx,ix->iq", slope[1:], ends[0] - ends[1]) / log.sigma
+        assert np.sqrt(np.mean(seen**2)) < 0.05

@@ -115,7 +115,7 @@ def test_an_alternative_that_leaves_a_gap_is_not_listed(monkeypatch, left, wante
     monkeypatch.setattr(judge, "left_over", lambda change, *_: rest[change.values["N_v"]])
     none = SimpleNamespace(log_evidence=0.0, widens=False, effects=())
     comparison = SimpleNamespace(none=none, refits=[], thresholds=SimpleNamespace(named=3.0))
-    compared = SimpleNamespace(problem=SimpleNamespace(model=model), candidates=comparison)
+    compared = SimpleNamespace(problem=SimpleNamespace(model=model, outliers=()), candidates=comparison)
     found = find_mistakes(None, compared, SimpleNamespace(word="effect"))
     assert [f.name for f in found] == [MISTAKES[k].name for k in wanted]
     assert all(f.beside == left[0].effects for f in found)
@@ -149,7 +149,7 @@ def test_what_wider_coefficients_explain_nearly_as_well_is_listed_as_either(
         SimpleNamespace(log_evidence=wide, widens=True, effects=("coefficient_error:N_v",)),
     ]
     comparison = SimpleNamespace(none=none, refits=refits, thresholds=SimpleNamespace(named=3.0))
-    compared = SimpleNamespace(problem=SimpleNamespace(model=model), candidates=comparison)
+    compared = SimpleNamespace(problem=SimpleNamespace(model=model, outliers=()), candidates=comparison)
     found = find_mistakes(None, compared, SimpleNamespace(word="coefficients"))
     assert [f.or_coefficients for f in found] == ([] if told is None else [told])
     sentence = mistake_sentence(SimpleNamespace(simulator=found))

@@ -69,6 +69,7 @@ def plan_run(
     measured: Mapping[str, Array] | None = None,
     exogenous: Mapping[str, Array] | None = None,
     max_step: float | None = None,
+    longer: float = 1.0,
 ) -> TimePlan:
     """Time grid and inputs for a run.
 
@@ -84,6 +85,7 @@ def plan_run(
     max_step : longest RK4 step [s], throughout; default `STEP_PER_LENGTH` L/U, and `MOVING_STEP_PER_LENGTH`
         while a fin moves to a new command at the vehicle's own rate, or at that of the parameters a run is
         simulated with (`follow`)
+    longer : how much longer the default steps are: maps of single sample intervals gather no error
 
     Raises
     ------
@@ -103,7 +105,7 @@ def plan_run(
             levels[:, a] = _filled(inputs[f"{name}_cmd"], f"{name}_cmd", t.size)
             if name in FIN and max_step is None:
                 moving = np.maximum(moving, _moving(model, name, t, levels[:, a]))
-    short, long = _longest(model, max_step)
+    short, long = _longest(model, max_step, longer)
     start, steps, record = _steps(t, moving, short, long)
     middle = start + 0.5 * steps
     command = levels[np.repeat(np.arange(t.size - 1), np.diff(record))]
@@ -122,16 +124,16 @@ def plan_run(
     )
 
 
-def plan_trial_run(model: Model, run: Any, max_step: float | None = None) -> TimePlan:
+def plan_trial_run(model: Model, run: Any, max_step: float | None = None, longer: float = 1.0) -> TimePlan:
     """Plan of a logged run (`trials.Run`): measured actuators where logged, commands otherwise."""
-    return plan_run(model, run.t, run.commands, run.measured_inputs, run.exogenous, max_step)
+    return plan_run(model, run.t, run.commands, run.measured_inputs, run.exogenous, max_step, longer)
 
 
-def _longest(model: Model, max_step: float | None) -> tuple[float, float]:
+def _longest(model: Model, max_step: float | None, longer: float) -> tuple[float, float]:
     """Longest steps [s] while a fin moves and otherwise."""
     time = model.scales["L"] / max(model.scales["U"], 1e-3)
     if max_step is None:
-        return MOVING_STEP_PER_LENGTH * time, STEP_PER_LENGTH * time
+        return longer * MOVING_STEP_PER_LENGTH * time, longer * STEP_PER_LENGTH * time
     if not max_step > 0.0:
         raise ModelError(f"max_step = {max_step:g} s: a step must be longer than 0")
     return max_step, max_step

@@ -13,7 +13,7 @@ import numpy as np
 
 from bayesid.diagnosis.data.event import Event, blanked, released, without_readings
 from bayesid.diagnosis.data.model_form import ModelForm, frequency_start, with_form
-from bayesid.diagnosis.data.outliers import set_aside
+from bayesid.diagnosis.data.outliers import Found, set_aside
 from bayesid.diagnosis.data.sampling import too_coarse
 from bayesid.diagnosis.threshold_table import FOLLOWS_DATA_CHI2
 from bayesid.equations.model import Model
@@ -139,7 +139,8 @@ def build_problem(
     notify: Notify = lambda text: None,
     as_built: float | None = None,
     events: tuple[Event, ...] = (),
-    outlying: tuple[tuple[str, float, str], ...] = (),
+    outlying: Found = (),
+    seek_outliers: bool = True,
 ) -> DiagnosisProblem:
     """Problem of a trial.
 
@@ -148,6 +149,7 @@ def build_problem(
     as_built : relative sd of the coefficients if an earlier clean identification fixed them (as-built frame)
     events : what happened once and is to be left out
     outlying : single readings (run, time [s], channel) to be left out
+    seek_outliers : whether to look for more of them
 
     Raises
     ------
@@ -181,8 +183,10 @@ def build_problem(
     logs = [released(model, filter_error_run(model, run, noise, channels), events) for run in runs]
     if (coarse := too_coarse(model, logs)) is not None:
         warnings.append(coarse)
-    notify("reading: readings that no smooth motion explains")
-    logs, outliers = set_aside(model, logs)
+    outliers: Found = ()
+    if seek_outliers:
+        notify("reading: readings that no smooth motion explains")
+        logs, outliers = set_aside(model, logs)
     coefficients = coefficient_prior(model)
     if as_built is not None:
         coefficients = GaussianPrior(

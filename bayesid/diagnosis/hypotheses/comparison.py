@@ -51,6 +51,7 @@ from bayesid.diagnosis.hypotheses.thresholds import Thresholds, thresholds
 from bayesid.diagnosis.threshold_table import (
     ADD_EVIDENCE,
     FORM_LEAVES,
+    LEAST_FREE_SIGNAL_SHARE,
     LINEARISATION_SCATTER,
     NOT_FOLLOWING_CHI2,
     REMAINDER_EVIDENCE,
@@ -191,8 +192,12 @@ def single_effects(
     known = isolability(bank)
     limits = thresholds(bank, tried(problem), seed)
     wide = widened(bank, problem.stated.names)
-    refits = [c for s in shortlist(scores) for c in refit_screened(problem, bank, s, notify)]
-    refits += [c for name in likely_coefficients(wide, scores) for c in refit_wide(problem, name, notify)]
+    refits = [c for s in shortlist(scores) for c in refit_screened(problem, bank, s, notify, none)]
+    refits += [
+        c
+        for name in likely_coefficients(wide, scores)
+        for c in refit_wide(problem, name, notify, none, wide[name])
+    ]
     none = _second_start(problem, none, refits, notify)
     gains = {s.name: s.gain for s in scores}
     ranked = _ranked(problem, refits, none, gains)
@@ -231,7 +236,7 @@ def weigh(
     # what a form leaves may be as large as what it carries; only the rest speaks for another cause
     evidence["outside"] = beyond(evidence["outside"], carried)
     rest = {k: beyond(v, beside) for k, v in _rests(refits, after).items()}
-    excess = _excess(refits, none, len(problem.coefficients.names))
+    excess = _excess(refits, none, len(problem.coefficients.names), evidence["outside"])
     left_by = Remainder(rest)
     if after is not None:
         shows = excess > 1.0 or beyond(after.places[0].evidence, beside) > limits.remainder
@@ -355,9 +360,16 @@ def _second_start(
     return max(none, again, key=lambda c: c.log_evidence)
 
 
-def _excess(refits: Sequence[RefittedHypothesis], none: RefittedHypothesis, coefficients: int) -> float:
-    """How much the runs disagree about the best explanation; 1 where they agree or it explains too little."""
+def _excess(
+    refits: Sequence[RefittedHypothesis], none: RefittedHypothesis, coefficients: int, outside: float
+) -> float:
+    """How much the runs disagree about the best explanation; 1 where they agree or it explains too little: of
+    less than half of what a free force explains (`outside` [nats]) they disagree because it is a part of
+    something else."""
     best = refits[0] if refits else none
-    if best.log_evidence <= none.log_evidence + LINEARISATION_SCATTER or not explains(best) or best.widens:
+    gain = best.log_evidence - none.log_evidence
+    if gain <= max(LINEARISATION_SCATTER, LEAST_FREE_SIGNAL_SHARE * outside):
+        return 1.0
+    if not explains(best) or best.widens:
         return 1.0
     return excess_where_apart(best.fit.equations, coefficients)

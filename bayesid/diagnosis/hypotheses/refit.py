@@ -6,12 +6,13 @@ Takes a `DiagnosisProblem` and scores. Gives `RefittedHypothesis`s.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
 
-from bayesid.diagnosis.data.problem import USUAL_START, DiagnosisProblem, fit_with
+from bayesid.diagnosis.data.problem import USUAL_START, DiagnosisProblem, first_fit, fit_with
 from bayesid.diagnosis.hypotheses.candidate import (
     COEFFICIENT_ERROR,
     RefittedHypothesis,
@@ -25,6 +26,7 @@ from bayesid.diagnosis.hypotheses.sensitivity_bank import (
     ScreenScore,
     SensitivityBank,
 )
+from bayesid.diagnosis.threshold_table import ARRIVED_SHARE, LINEARISATION_SCATTER
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.evidence import posterior
 from bayesid.estimation.filter_error.fit import fit
@@ -35,6 +37,8 @@ from bayesid.model.effects import Effect
 SHORTLIST_SIZE = 6
 # Latent force of the first pass where the start already follows the data.
 FOLLOWING_FORCE_LEVEL = 1e-5
+# Passes of a refit that begins where a smaller one ended: nine of ten take five or fewer.
+NEAR_ITERATIONS, MOST_ITERATIONS = 12, 25
 Notify = Callable[[str], None]
 
 
@@ -57,32 +61,77 @@ def refit(
     effects: tuple[Effect, ...],
     notify: Notify,
     sizes: Mapping[str, float] = MappingProxyType({}),
+    smaller: RefittedHypothesis | None = None,
+    promised: float = np.inf,
 ) -> list[RefittedHypothesis]:
     """Candidate of some effects; none where the model cannot follow the data with them at all.
+
+    It begins at a smaller one that explains the data, which takes a third of the passes, and is kept where it
+    gains what the linear screen promised; else it begins anew along the readings' own path.
 
     Parameters
     ----------
     sizes : where effects without a slope when off begin, in prior sd (`sizes_of`)
+    smaller, promised : refit with fewer of the effects, and the gain of the screen along its path [nats]
     """
     names = tuple(e.name for e in effects)
     notify(f"refit with {_together(names)}")
+    begun = []
+    if smaller is not None and np.isfinite(promised):
+        begun = _from_smaller(problem, effects, smaller, sizes)
+        # the screen knows no environment of another size, which may pass for what an effect gains
+        if any(c.fit.log_evidence > smaller.fit.log_evidence + _least_gain(promised) for c in begun):
+            return begun
     try:
-        return [weighted_hypothesis(problem, names, fit_with(problem, effects, sizes=sizes))]
+        found = weighted_hypothesis(problem, names, fit_with(problem, effects, sizes=sizes))
     except ModelError as exc:
         notify(f"given up: {exc}")
+        return begun
+    return [_better(found, *begun)]
+
+
+def _better(*candidates: RefittedHypothesis) -> RefittedHypothesis:
+    return max(candidates, key=lambda c: (explains(c), c.log_evidence))
+
+
+def _from_smaller(
+    problem: DiagnosisProblem,
+    effects: tuple[Effect, ...],
+    smaller: RefittedHypothesis,
+    sizes: Mapping[str, float],
+) -> list[RefittedHypothesis]:
+    """Candidate begun where a smaller one ended; none where either does not explain the data."""
+    if not explains(smaller):
         return []
+    more = tuple(e for e in effects if e.name not in smaller.effects)
+    start = first_fit(problem, more, smaller.fit.points, sizes)
+    try:
+        found = fit_with(problem, effects, start=start, initial_noise_scale=0.0, iterations=NEAR_ITERATIONS)
+        begun = weighted_hypothesis(problem, tuple(e.name for e in effects), found)
+    except ModelError:
+        return []
+    return [begun] if explains(begun) else []
+
+
+def _least_gain(promised: float) -> float:
+    """Least gain at which a refit has arrived where a linear screen promised one [nats]."""
+    return min(ARRIVED_SHARE * promised, promised - LINEARISATION_SCATTER)
 
 
 def refit_screened(
-    problem: DiagnosisProblem, bank: SensitivityBank, score: ScreenScore, notify: Notify
+    problem: DiagnosisProblem,
+    bank: SensitivityBank,
+    score: ScreenScore,
+    notify: Notify,
+    none: RefittedHypothesis | None = None,
 ) -> list[RefittedHypothesis]:
-    """Candidate of one screened effect.
+    """Candidate of one screened effect, begun at the fit without any where that explains the data.
 
     One without a slope when off gets a second start, from the screen's own estimate, where the first does not
     explain the data or the screen's best size is far from it.
     """
     effect = problem.model.effects[score.name]
-    out = refit(problem, (effect,), notify)
+    out = refit(problem, (effect,), notify, smaller=none, promised=score.gain)
     near = SECANT_SIZES[score.variant] <= 2.0 * USUAL_START
     if effect.smooth or (near and any(explains(c) for c in out)):
         return out
@@ -132,7 +181,7 @@ def refit_again(
     except ModelError as exc:
         notify(f"given up: {exc}")
         return first
-    return [max([*first, second], key=lambda c: (explains(c), c.log_evidence))]
+    return [_better(*first, second)]
 
 
 def _estimated(problem: DiagnosisProblem, bank: SensitivityBank, score: ScreenScore) -> list[Trajectory]:
@@ -153,8 +202,17 @@ def _together(names: tuple[str, ...]) -> str:
     return " + ".join(names).replace("_", " ")
 
 
-def refit_wide(problem: DiagnosisProblem, name: str, notify: Notify) -> list[RefittedHypothesis]:
-    """Candidate in which one coefficient may be ten prior standard deviations off, or all of them several."""
+def refit_wide(
+    problem: DiagnosisProblem,
+    name: str,
+    notify: Notify,
+    none: RefittedHypothesis | None = None,
+    promised: float = np.inf,
+) -> list[RefittedHypothesis]:
+    """Candidate in which one coefficient may be ten prior standard deviations off, or all of them several.
+
+    Begun as `refit` begins: at the fit without any effect, and kept where it gains what the screen promised.
+    """
     notify(f"refit with a wide prior on {name}")
     free = problem.coefficients
     sd = free.sd.copy()
@@ -162,19 +220,33 @@ def refit_wide(problem: DiagnosisProblem, name: str, notify: Notify) -> list[Ref
         sd[: len(problem.stated.names)] *= EVERY[name]
     else:
         sd[free.names.index(name)] *= 10.0
-    try:
-        fitted = fit(
+    wide, effects = replace(free, sd=sd), (f"{COEFFICIENT_ERROR}:{name}",)
+
+    def fitted(start: Sequence[Trajectory], level: float, iterations: int) -> RefittedHypothesis:
+        found = fit(
             problem.model,
             problem.logs,
-            replace(free, sd=sd),
+            wide,
             problem.environment.noise_model,
-            start=problem.path,
-            initial_noise_scale=max(problem.path_level, FOLLOWING_FORCE_LEVEL),
+            start=start,
+            initial_noise_scale=level,
+            iterations=iterations,
         )
+        return weighted_hypothesis(problem, effects, found)
+
+    begun = []
+    if none is not None and np.isfinite(promised) and explains(none):
+        with suppress(ModelError):
+            near = fitted(none.fit.points, 0.0, NEAR_ITERATIONS)
+            if explains(near) and near.fit.log_evidence > none.fit.log_evidence + _least_gain(promised):
+                return [near]
+            begun = [near] if explains(near) else []
+    try:
+        level = max(problem.path_level, FOLLOWING_FORCE_LEVEL)
+        return [_better(fitted(problem.path, level, MOST_ITERATIONS), *begun)]
     except ModelError as exc:
         notify(f"given up: {exc}")
-        return []
-    return [weighted_hypothesis(problem, (f"{COEFFICIENT_ERROR}:{name}",), fitted)]
+        return begun
 
 
 def remainder(problem: DiagnosisProblem, candidate: RefittedHypothesis) -> Localisation:

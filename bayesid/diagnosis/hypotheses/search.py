@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from bayesid.diagnosis.data.problem import DiagnosisProblem, first_fit
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains, nested, standing
 from bayesid.diagnosis.hypotheses.localisation import Localisation
@@ -74,7 +76,9 @@ def search_several(
         if not ranked:
             break
         tried = [
-            c for s in ranked for c in _beside(problem, refits, (*chosen, model.effects[s.name]), notify, s)
+            c
+            for s in ranked
+            for c in _beside(problem, refits, (*chosen, model.effects[s.name]), notify, s, current)
         ]
         if not tried:
             break
@@ -173,18 +177,24 @@ def _beside(
     effects: tuple[Effect, ...],
     notify: Notify,
     score: ScreenScore | None = None,
+    screened_at: RefittedHypothesis | None = None,
 ) -> list[RefittedHypothesis]:
     """Candidate of several effects; a second start from a part that explains the data where the first does
     not.
 
     Effects without a slope when off begin at the size they have alone, or else in the best set that has them;
     one that was only screened, where its screen points.
+
+    Parameters
+    ----------
+    score, screened_at : screen of the last effect, and the refit along whose path it was
     """
     names = {e.name for e in effects}
     sizes = sizes_of(problem, sorted(refits, key=lambda c: (len(c.effects), -c.log_evidence)))
     if score is not None and not problem.model.effects[score.name].smooth:
         sizes.setdefault(score.name, SECANT_SIZES[score.variant])
-    out = refit(problem, effects, notify, sizes)
+    promised = np.inf if score is None else score.gain
+    out = refit(problem, effects, notify, sizes, screened_at, promised)
     part = [c for c in refits if set(c.effects) < names and explains(c)]
     if not part or any(explains(c) for c in out):
         return out

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.special import logsumexp, softmax
 
+from bayesid.diagnosis.data.outliers import Found
 from bayesid.diagnosis.data.problem import DiagnosisProblem, build_problem, fit_with
 from bayesid.diagnosis.event_search import verdict_with
 from bayesid.diagnosis.exclusions import compare_without
@@ -105,7 +106,7 @@ def find_mistakes(
     found = []
     for s in _worth(compared):
         notify(f"the simulator mended: {s.mistake.name}")
-        mended = mended_evidence(problem.model, trial, s, as_built, beside)
+        mended = mended_evidence(problem.model, trial, s, as_built, beside, problem.outliers)
         if mended is not None and mended.log_evidence > max(cause + LEAD, best + ALIKE):
             found.append((mended.log_evidence, replace(s, fitted=mended.fitted)))
     if not found:
@@ -229,23 +230,34 @@ def _log_evidence(g: NormalEquations) -> float:
 
 
 def mended_evidence(
-    model: Model, trial: Trial, s: Screened, as_built: float | None, beside: tuple[str, ...] = ()
+    model: Model,
+    trial: Trial,
+    s: Screened,
+    as_built: float | None,
+    beside: tuple[str, ...] = (),
+    outlying: Found = (),
 ) -> Mended | None:
     """The mended simulator, its environment measured anew; None where it does not follow the log.
 
     Parameters
     ----------
     beside : effects it is tried with as well as without any: a mistake and a cause may come together
+    outlying : single readings left out, those of the explanations it is compared with
     """
+
+    def problem_of(change: Change) -> DiagnosisProblem:
+        mended = mended_model(model, change)
+        return build_problem(mended, trial, as_built=as_built, outlying=outlying, seek_outliers=False)
+
     try:
-        problem = build_problem(mended_model(model, s.change), trial, as_built=as_built)
+        problem = problem_of(s.change)
         found = _best_of(problem, beside)
         if found is None:
             return None
         fitted = _free_rows(found, s)
         if fitted:
             # an environment measured where the free rows are not yet found is the wrong simulator's
-            about = build_problem(mended_model(model, s.change.about(fitted)), trial, as_built=as_built)
+            about = problem_of(s.change.about(fitted))
             again = _best_of(replace(problem, environment=about.environment), beside)
             if again is not None and again.log_evidence > found.log_evidence:
                 found, fitted = again, _free_rows(again, s)

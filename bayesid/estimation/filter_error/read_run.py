@@ -26,6 +26,10 @@ STRAIGHT_FIN_RMS, STRAIGHT_HEADING_SWING, STRAIGHT_COURSE_BEND, STRAIGHT_LENGTHS
 FINS = {"delta_r": "r", "delta_s": "s", "delta_b": "b"}
 # Start of a run, in L/U, whose median speed is the prior mean of an unmeasured first speed.
 FIRST_SPEED_LENGTHS = 5.0
+# How much longer steps are than those of whole runs: maps of single sample intervals gather no error. Twice
+# as long moved the evidence of eight fits by at most 1.6 nats and no parameter by more than 0.07 of its
+# standard deviation, against steps an eighth as long.
+LONGER_STEPS = 2.0
 
 
 def filter_error_run(model: Model, run: Any, noise: Mapping[str, float], channels: Sequence[str]) -> RunData:
@@ -37,7 +41,7 @@ def filter_error_run(model: Model, run: Any, noise: Mapping[str, float], channel
     noise : channel -> white sensor sigma [SI]
     channels : names to use, a subset of the kernel's channels
     """
-    plan = plan_trial_run(model, run)
+    plan = plan_trial_run(model, run, longer=LONGER_STEPS)
     names = [c for c in channels if c in run.data]
     data = np.column_stack([run.data[c] for c in names])
     s = model.scales
