@@ -6,12 +6,13 @@ Takes a `RunError`. Gives `ErrorRow`s and phrases. Does not compute or judge.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from bayesid.diagnosis.evidence.replay import EXPLAINED, GIVEN, RETUNED
 from bayesid.diagnosis.plain_words import number
 from bayesid.diagnosis.result_parts import RunError
+from bayesid.measures.angle_errors import turns_note
 from bayesid.model.channels import channel
 from bayesid.words import counted, first_few
 
@@ -23,6 +24,8 @@ SAME = 1.25
 # Rows in which an explanation misses by more than the model as given that a caption lists.
 MOST_LARGER = 4
 DEG = 180 / math.pi
+# Degrees that no error brought within half a turn reaches.
+HALF_TURN = 180.0
 
 
 @dataclass(frozen=True)
@@ -75,11 +78,21 @@ def error_rows(run: RunError) -> tuple[ErrorRow, ...]:
 def miss(rows: tuple[ErrorRow, ...], model: int) -> str:
     """Errors of one model in a phrase: "76 m and 29 degrees"."""
     said = [
-        f"{number(r.values[model])} {r.unit}" + ("" if r.what in ("position", "heading") else f" of {r.what}")
+        f"{number(r.values[model])} {r.unit}"
+        + (f" of {r.what}" if r.what not in ("position", "heading") else _turns(r, r.values[model]))
         for r in rows
         if math.isfinite(r.values[model])
     ]
     return " and ".join(said)
+
+
+def _turns(row: ErrorRow, value: float) -> str:
+    return " (whole turns counted)" if row.unit == "degrees" and value > HALF_TURN else ""
+
+
+def whole_turns(rows: Iterable[ErrorRow]) -> str:
+    """How headings are counted, as `turns_note`, where a row of a table asks for it."""
+    return turns_note(value / DEG for row in rows if row.unit == "degrees" for value in row.values)
 
 
 def missed(rows: tuple[ErrorRow, ...], model: int, kind: str = "") -> str:

@@ -14,6 +14,7 @@ import numpy as np
 from bayesid.diagnosis.answer import in_words
 from bayesid.diagnosis.plain_words import number
 from bayesid.diagnosis.run_errors import WORSE, name_of_run
+from bayesid.measures.angle_errors import turns_note
 from bayesid.prediction.prediction import Prediction
 from bayesid.report import run_picture
 from bayesid.report.prediction_checks import FULL_TURN
@@ -68,6 +69,12 @@ def _errors(row: Numbers) -> list[_Error]:
         given = DEGREE * psi.get("rms_given", math.nan)
         out.append(_Error("heading", "degrees", (DEGREE * psi["rms"], given, psi["inside"])))
     return out
+
+
+def _rms_of_heading(row: Numbers) -> tuple[float, ...]:
+    """Predicted and as given [rad]; empty where no heading is read."""
+    psi = row["against_readings"].get("psi")
+    return () if psi is None else (psi["rms"], psi.get("rms_given", math.nan))
 
 
 def headline(trial: Trial, predictions: Sequence[Prediction], rows: Sequence[Numbers]) -> str:
@@ -179,7 +186,8 @@ def first_blocks(trial: Trial, predictions: Sequence[Prediction], rows: Sequence
                     "predicted [deg]", "readings in the 95 % band",
                 ],
                 table,
-                "Errors (rms). Begun on the first seconds of each log; the rest of it was not read.",
+                "Errors (rms). Begun on the first seconds of each log; the rest of it was not read."
+                + turns_note(x for row in rows for x in _rms_of_heading(row)),
             )
         )  # fmt: skip
     measures = [

@@ -21,12 +21,13 @@ from bayesid.diagnosis.evidence.residual_force import residual_force
 from bayesid.errors import BayesidError
 from bayesid.estimation.filter_error.fit import FilterErrorFit
 from bayesid.estimation.filter_error.followed import followed
-from bayesid.estimation.filter_error.linearise import Trajectory, linearise, wrap
+from bayesid.estimation.filter_error.linearise import Trajectory, linearise
 from bayesid.estimation.filter_error.noise_model import NoiseModel, smoothed
 from bayesid.estimation.filter_error.read_run import filter_error_run
 from bayesid.estimation.parameters import NO_PARAMETERS
 from bayesid.estimation.run_data import Array, RunData
 from bayesid.estimation.truncated_normal import within_bounds
+from bayesid.measures.angle_errors import counted_on
 from bayesid.simulation import observe, simulate
 from bayesid.trials import Run, Trial
 
@@ -160,7 +161,7 @@ def misses(problem: DiagnosisProblem, log: RunData, par: Array) -> dict[str, flo
         obs = _simulated(problem, log, par, x0[: len(problem.model.states)])
     except BayesidError:
         return dict.fromkeys(log.channels, np.inf)
-    return _rms(problem, log, obs, late)
+    return _rms(log, obs, late)
 
 
 def _after_lead(problem: DiagnosisProblem, log: RunData) -> tuple[Array, RunData, float]:
@@ -191,7 +192,7 @@ def _replay(
             continue
     if point is None:
         return None
-    rms = {name: _rms(problem, log, obs, late) for name, obs in simulated.items()}
+    rms = {name: _rms(log, obs, late) for name, obs in simulated.items()}
     commands = {**run.commands, **run.measured_inputs}
     replayed = Replay(
         run.name, run.manoeuvre, run.role, log.plan.t, float(lead), log.channels,
@@ -211,9 +212,9 @@ def _simulated(problem: DiagnosisProblem, log: RunData, par: Array, x0: Array) -
     return observe(model, par, log.plan, track.states, full=True)[:, log.positions(model)]
 
 
-def _rms(problem: DiagnosisProblem, log: RunData, obs: Array, late: Array) -> dict[str, float]:
+def _rms(log: RunData, obs: Array, late: Array) -> dict[str, float]:
     """Channel -> error after the lead-in, gross readings left out."""
-    resid = np.where(log.valid, wrap(problem.model, log, log.readings - obs), np.nan)[late]
+    resid = counted_on(np.where(log.valid, log.readings - obs, np.nan), log.channels)[late]
     out = {}
     for j, channel in enumerate(log.channels):
         miss = np.abs(resid[np.isfinite(resid[:, j]), j])

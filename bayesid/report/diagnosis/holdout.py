@@ -14,6 +14,7 @@ import numpy as np
 from bayesid.diagnosis.hypotheses.rules import NAMING
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import Horizon
+from bayesid.measures.angle_errors import turns_note
 from bayesid.report.diagnosis import figures
 from bayesid.report.diagnosis.words import IN_DEGREES, in_words
 from bayesid.report.writer import Block, Figure, Table, Text, literal
@@ -82,7 +83,8 @@ def holdout_blocks(result: Result) -> list[Block]:
         Table(
             ["channel", "as given", "re-tuned", label],
             physical,
-            "Full replay, root mean square error; a dash where no held-out run reads the channel.",
+            "Full replay, root mean square error; a dash where no held-out run reads the channel."
+            + turns_note(float(last[k].get("psi") or 0.0) for k in MODELS),
         )
     )
     return blocks
