@@ -12,7 +12,7 @@ from bayesid.diagnosis.answer import Answer, in_words
 from bayesid.diagnosis.plain_words import number, sentence
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import Effect
-from bayesid.diagnosis.run_errors import against_given, error_rows, name_of_run, whole_turns
+from bayesid.diagnosis.run_errors import against_given, error_rows, name_of_run, still_missed, whole_turns
 from bayesid.diagnosis.summary import unsigned_zeros
 from bayesid.report import run_picture
 from bayesid.report.diagnosis.cause import where_blocks, which_blocks
@@ -45,6 +45,7 @@ def runs_blocks(result: Result, a: Answer) -> list[Block]:
             rows,
             "Every run replayed open loop from its orders, begun on its first seconds. "
             f"{literal(a.explained)} What to see: {literal(against_given(result.runs, a.labels))}"
+            + (f" {literal(missed)}" if (missed := still_missed(result.runs, a.labels)) else "")
             + whole_turns(e for run in result.runs for e in error_rows(run)),
         )
     ]
