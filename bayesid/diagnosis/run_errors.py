@@ -92,7 +92,7 @@ def miss(rows: tuple[ErrorRow, ...], model: int) -> str:
 
 
 def _turns(row: ErrorRow, value: float) -> str:
-    return " (whole turns counted)" if row.unit == "degrees" and value > HALF_TURN else ""
+    return " with whole turns" if row.unit == "degrees" and value > HALF_TURN else ""
 
 
 def whole_turns(rows: Iterable[ErrorRow]) -> str:
