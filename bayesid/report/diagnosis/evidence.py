@@ -92,7 +92,8 @@ def moved_blocks(result: Result, a: Answer) -> list[Block]:
         Table(
             ["coefficient", "as given", "re-tuned", "[%]", "[sd]", third, "[%]", "[sd]"],
             rows,
-            "Units of the vehicle file; [sd] counts in stated standard deviations. In both, + is further "
+            "Units of the vehicle file; [sd] counts in standard deviations stated by the "
+            "vehicle file, what was known before these logs. In both, + is further "
             "from zero than as given, - nearer to zero or beyond it, whatever the sign of the coefficient. "
             "What to see: an explanation that holds leaves the coefficients nearer to what is stated than "
             "re-tuning does.",
