@@ -7,6 +7,8 @@ import json
 import numpy as np
 import pytest
 
+from bayesid.api.inputs import change_notes
+from bayesid.api.simulate import simulate
 from bayesid.cli.main import run
 from bayesid.equations.model import build_model
 from bayesid.errors import ModelError
@@ -114,3 +116,24 @@ def test_vehicle_check_executes_the_standard_manoeuvres(capsys):
     assert kinds == ["turn", "zigzag"], "its rudder stops at 13.6 deg: a smaller turn and no 20/20"
     assert {"tactical diameter", "steady yaw rate"} <= {row[0] for row in executed[0]["rows"]}
     assert {"overshoot 1", "overshoot 2", "period"} <= {row[0] for row in executed[1]["rows"]}
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("N_dr", ""),
+        ("Ndr", "Ndr is read as N_dr"),
+        ("N_vvv", "N_vvv is no row of REMUS 100 (Prestero 2001): it is 0 there, and added"),
+        ("N_drr", "N_drr is read as N_|r|dr, which is no row of REMUS 100"),
+        ("ocean_current.V_north", ""),
+        ("m", ""),
+    ],
+)
+def test_a_name_read_as_another_or_not_in_the_file_is_told(name, words):
+    vehicle = load_vehicle("remus100")
+    known = build_model(vehicle, 3)
+    (note,) = change_notes(known, {name: 1.0}) or ("",)
+    assert note.startswith(words) and bool(note) == bool(words)
+    if name == "N_drr":
+        with pytest.warns(UserWarning, match="is read as"):
+            simulate("remus100", "zigzag:10/10", change={name: 0.1})

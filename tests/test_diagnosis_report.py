@@ -1,6 +1,7 @@
 """What the report of a diagnosis says is so: labels, limits, intervals, zeros. Built from plain values."""
 
 from dataclasses import fields, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from bayesid.diagnosis.run import Diagnosis
 from bayesid.diagnosis.summary import unsigned_zeros
 from bayesid.report.diagnosis.cause import where_blocks
 from bayesid.report.diagnosis.effect_interval import why
+from bayesid.report.diagnosis.effect_posterior import to_use
 from bayesid.report.diagnosis.evidence import held_words, moved_blocks, runs_blocks
 from bayesid.report.diagnosis.figures import bars, symlog_ticks
 from bayesid.report.diagnosis.holdout import holdout_blocks, proof_label
@@ -236,3 +238,27 @@ def test_a_proposed_manoeuvre_says_what_is_ordered_and_none_says_why():
     )
     failed = next_blocks(replace(RESULT, next_manoeuvre=()))
     assert "--quick" not in failed[0].body and "see the notes" in failed[0].body
+
+
+@pytest.mark.parametrize("half, said", [(0.0048, True), (0.0007, False)])
+def test_the_interval_to_use_is_told_from_the_narrower_one_of_the_draws(half, said):
+    size = SimpleNamespace(value=0.078, sd=half / 1.96, low95=None, high95=None)
+    effect = SimpleNamespace(name="rudder_asymmetry", parameters={"asymmetry": size})
+    drawn = SimpleNamespace(low95=0.0773, high95=0.0787)
+    posterior = SimpleNamespace(parameters={"rudder_asymmetry.asymmetry": drawn, "Y_v": drawn})
+    told = to_use(SimpleNamespace(effects=(effect,)), posterior)
+    assert bool(told) == said
+    assert not said or ("from 0.0732 to 0.0828, 6.9 times as wide" in told and "first screen" in told)
+    assert not to_use(SimpleNamespace(effects=()), posterior)
+
+
+@pytest.mark.parametrize("role", ["holdout", "identify"])
+def test_held_out_is_explained_where_it_is_first_shown_and_each_deviation_says_of_what_it_is(role, tmp_path):
+    sizes = dict(zip(("nominal", "recalibrated", "with effect"), (9.0, 5.0, 1.0), strict=True))
+    rms = {m: {"x": s, "y": 0.0} for m, s in sizes.items()}
+    run = RunError("r1", "zig-zag", role, 60.0, 5.0, sizes, rms)
+    result = replace(RESULT, runs=(run,), moved={"N_v": Moved(-1.0, 0.1, -1.2, -1.1)})
+    text = (write_diagnosis_report(result, tmp_path).parent / "report.md").read_text(encoding="utf-8")
+    assert ("Held out: no fit and no choice of a cause has read this run" in text) == (role == "holdout")
+    assert "standard deviations stated by the vehicle file" in text
+    assert "one standard deviation of a refit" in text

@@ -10,7 +10,7 @@ from scipy.stats import chi2
 from bayesid.api import fleet
 from bayesid.api.fleet import bundles_of, diagnose_fleet
 from bayesid.cli.main import run
-from bayesid.diagnosis.fleet import shared_effects, shared_parameters
+from bayesid.diagnosis.fleet import shared_effects, shared_parameters, verdict_words
 from bayesid.errors import TrialError
 from bayesid.model.vehicles import load_vehicle
 from bayesid.model.vehicles.writing import vehicle_toml
@@ -44,6 +44,31 @@ def test_an_effect_of_ambiguous_verdicts_is_in_question_and_does_not_act():
     records = {n: record("A", 1.0, acting=0.6) | {"verdict": "ambiguous"} for n in ("d1", "d2")}
     lead = fleet_lead(records, {}, shared_effects(records), shared_parameters(records))
     assert "in question in 2 of 2" in lead and "acts" not in lead
+
+
+@pytest.mark.parametrize(
+    "retuned, verdict, said",
+    [
+        (1.0, "none", "none, but coefficients are off (N_r by 2.0 stated sd)"),
+        (9.0, "none", "none"),
+        (1.0, "effect", "effect"),
+    ],
+)
+def test_a_vehicle_to_be_tuned_anew_is_not_called_none_alone(retuned, verdict, said):
+    sizes = {"nominal": 10.0, "recalibrated": retuned, "with effect": retuned}
+    run = {
+        "run": "z", "manoeuvre": "zig-zag", "role": "holdout", "seconds": 60.0, "lead": 5.0,
+        "position": sizes, "rms": {m: {"x": s, "y": 0.0} for m, s in sizes.items()}, "later": 1,
+    }  # fmt: skip
+    moved = {
+        "N_r": {"given": -2.0, "retuned": -1.6, "prior_sd": 0.2},
+        "Y_v": {"given": 1.0, "retuned": 1.1, "prior_sd": 0.2},
+    }
+    records = {"d1": record("A", 1.0) | {"verdict": verdict, "runs": [run], "moved": moved}}
+    assert verdict_words(records["d1"]) == said
+    assert verdict_words({k: v for k, v in records["d1"].items() if k not in ("runs", "moved")}) == verdict
+    lead = fleet_lead(records, {}, [], [])
+    assert ("1 none, but coefficients are off." in lead) is ("off" in said)
 
 
 def test_vehicles_are_not_mixed_and_one_bundle_shares_nothing():

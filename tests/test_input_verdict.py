@@ -197,7 +197,7 @@ def test_diagnose_says_input_and_what_is_left_once_it_is_mended(clean):
     assert position["mended"] == pytest.approx(shown.position["nominal"])
     first = found.summary().splitlines()[0]
     assert first.startswith("With the log read as its header says, the simulator as given misses the ")
-    assert f"by {number(position['as logged'])} m and {number(heading['as logged'])} degrees (rms)" in first
+    assert f"by {number(position['as logged'])} m and {number(heading['as logged'])} degrees" in first
     assert first in found.report().lead
 
 

@@ -30,7 +30,7 @@ from bayesid.prediction.initial_state import balanced_speed, coloured_noise, ini
 from bayesid.prediction.intervals import beside_readings, measure_bands, prediction_csv, stated_spread
 from bayesid.prediction.prediction import predict_manoeuvre, predict_run
 from bayesid.progress import Progress
-from bayesid.report.predict_first_screen import _band, headline
+from bayesid.report.predict_first_screen import band_text, headline
 from bayesid.simulation import observe, plan_run, simulate, steady_start
 from bayesid.trials import Run, window, write_trial
 
@@ -379,6 +379,10 @@ def test_a_run_predicted_worse_than_as_given_is_said_to_be_no_gain(predicted, sa
 
 
 def test_a_band_is_told_with_digits_that_part_its_ends():
-    assert _band(332.2, 332.0, 332.5) == ("332.2", "332.0", "332.5")
-    assert _band(10.0, 8.0, 12.0) == ("10", "8", "12")
-    assert _band(1.0, 1.0, 1.0) == ("1", "1", "1")
+    assert band_text(332.2, 332.0, 332.5) == ("332.2", "332.0", "332.5")
+    assert band_text(10.0, 8.0, 12.0) == ("10", "8", "12")
+    assert band_text(1.0, 1.0, 1.0) == ("1", "1", "1")
+    assert band_text(332.2, 331.6, 332.8) == ("332.2", "331.6", "332.8")
+    assert band_text(332.2, 330.0, 332.4) == ("332.2", "330.0", "332.4")
+    assert band_text(0.0, 0.0, 2e-4) == ("0", "0", "0.0002")
+    assert band_text(5.0, 1.0, np.inf)[0] == "5"

@@ -10,7 +10,7 @@ import numpy as np
 
 from bayesid.api.inputs import TrialLike, VehicleLike, model_of, trial_of
 from bayesid.diagnosis.input import check_trial, mended, not_enough, unmoved_inputs
-from bayesid.report.input import check_record, finding_sentence, in_order_line
+from bayesid.report.input import check_record, finding_sentence, in_order_line, joint_mend
 from bayesid.trials import Run, Trial
 from bayesid.trials.health import check_run, check_runs
 from bayesid.trials.mistakes import InputCheck
@@ -39,6 +39,11 @@ class Checked:
         return tuple(finding_sentence(f) for f in self.check.findings)
 
     @property
+    def joint_mend(self) -> str:
+        """The mends of two or more mistakes as one table of trial.toml; empty for fewer."""
+        return joint_mend(self.check)
+
+    @property
     def sentences(self) -> tuple[str, ...]:
         """One sentence per mistake, the surest first, then what is lacking."""
         return (*self.mistakes, *self.lacking)
@@ -47,6 +52,7 @@ class Checked:
         """Plain data."""
         return {
             "input": check_record(self.check),
+            "joint_mend": self.joint_mend,
             "input_in_order": in_order_line(self.check),
             "not_enough": list(self.lacking),
             "unmoved_inputs": list(self.still),

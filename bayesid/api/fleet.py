@@ -19,7 +19,13 @@ from bayesid.api.shared_vehicles import sharing_record, write_shared_vehicles
 from bayesid.code import loaded_code
 from bayesid.diagnosis.diagnosed_file import MODEL_FILE, read_diagnosed
 from bayesid.diagnosis.diagnosed_model import DiagnosedModel
-from bayesid.diagnosis.fleet import SharedEffect, SharedParameter, shared_effects, shared_parameters
+from bayesid.diagnosis.fleet import (
+    SharedEffect,
+    SharedParameter,
+    shared_effects,
+    shared_parameters,
+    verdict_words,
+)
 from bayesid.diagnosis.shared_coefficients import CoefficientSharing, share_coefficients
 from bayesid.errors import BayesidError, TrialError
 from bayesid.executor import HERE, Executor
@@ -198,7 +204,7 @@ class FleetResult(Result):
         return page
 
     def summary(self, verbose: bool = False) -> str:
-        lines = [f"{n}: {r['verdict'].replace('_', ' ')}" for n, r in self.records.items()]
+        lines = [f"{n}: {verdict_words(r)}" for n, r in self.records.items()]
         lines += [f"{n}: no verdict: {why}" for n, why in self.failures.items()]
         lead = fleet_lead(self.records, self.failures, self.effects, self.parameters, self.sharing)
         return "\n".join([plain(lead), "", *lines])

@@ -18,7 +18,7 @@ from bayesid.errors import ManoeuvreError, ModelError, TrialError, VehicleError
 from bayesid.files import UnreadableError, read_regular
 from bayesid.manoeuvres import Manoeuvre, OpenLoop, Scale, parse, with_rows_every
 from bayesid.model.effects import Effect
-from bayesid.model.terms import canonical_name
+from bayesid.model.terms import TERMS, canonical_name
 from bayesid.model.units import scale as unit_scale
 from bayesid.model.vehicles import Vehicle, load_vehicle, self_propulsion_speed, with_relative_prior
 from bayesid.model.vehicles.sufficient import has_rudder
@@ -214,6 +214,28 @@ def parameter_values(model: Model, changes: Mapping[str, float | str] | None) ->
             raise ModelError(f"the model has no parameter {given!r}{hint}")
         found[name] = _number(model, name, value)
     return found
+
+
+def change_notes(model: Model, changes: Mapping[str, float | str] | None) -> list[str]:
+    """What a change of coefficients does that its writer may not know, a sentence each.
+
+    A spelling that is read as another name, and a row that the file of the vehicle does not have.
+    """
+    notes = []
+    for given in changes or {}:
+        (name,) = parameter_values(model, {given: 0.0})
+        row = (
+            any(name == term.name for term in TERMS)
+            and name not in model.vehicle.coef
+            and model.nominal[model.index[name]] == 0.0
+        )
+        read = f"{given} is read as {name}" if name != given else ""
+        if row:
+            read = f"{read}, which" if read else given
+            read += f" is no row of {model.vehicle.name}: it is 0 there, and added to its equations here"
+        if read:
+            notes.append(read)
+    return notes
 
 
 def _number(model: Model, name: str, value: float | str) -> float:

@@ -43,6 +43,7 @@ from bayesid.report import predict_first_screen as first_screen
 from bayesid.report.prediction_checks import LEVEL, failed_checks
 from bayesid.report.prediction_figures import bands
 from bayesid.report.writer import Figure, Report, Section, Table, literal
+from bayesid.report.writer.blocks import format_number
 from bayesid.report.writer.text import table_text
 from bayesid.simulation import with_shaft_speed
 from bayesid.threads import one_blas_thread
@@ -305,10 +306,16 @@ def _against(row: Mapping[str, Any]) -> list[list[Any]]:
     ]
 
 
+def _told(mean: float, low: float, high: float) -> tuple[Any, Any, Any]:
+    """The numbers, or texts with more digits where a table would write an end like the mean."""
+    told = first_screen.band_text(mean, low, high, format_number)
+    return told if told != tuple(map(format_number, (mean, low, high))) else (mean, low, high)
+
+
 def _measures(row: Mapping[str, Any]) -> list[list[Any]]:
     """Measures that most draws have."""
     return [
-        [m["quantity"], m.get("given"), m["mean"], m["low"], m["high"], m["unit"]]
+        [m["quantity"], m.get("given"), *_told(m["mean"], m["low"], m["high"]), m["unit"]]
         for m in row["measures"]
         if m["share"] > 0.5
     ]

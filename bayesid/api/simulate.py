@@ -5,11 +5,12 @@ from __future__ import annotations
 
 import os
 import re
+import warnings
 from collections.abc import Mapping
 
 import numpy as np
 
-from bayesid.api.inputs import VehicleLike, ordered, parameter_values, scale_of, vehicle_of
+from bayesid.api.inputs import VehicleLike, change_notes, ordered, parameter_values, scale_of, vehicle_of
 from bayesid.equations.model import Model, build_model
 from bayesid.simulation.virtual_trial import virtual_trial
 from bayesid.trials import Trial
@@ -64,6 +65,8 @@ def simulate_model(
 ) -> Trial:
     """`simulate` with a model that is built already."""
     par = model.with_values(parameter_values(model, change), units="file")
+    for note in change_notes(model, change):
+        warnings.warn(note, UserWarning, stacklevel=3)
     scale = scale_of(model, rpm, dt)
     parsed = ordered(model, manoeuvres, scale, dt)
     orders = {_run_name(text, k): parsed[text] for k, text in enumerate(manoeuvres, 1)}

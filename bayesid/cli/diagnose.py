@@ -19,7 +19,7 @@ from bayesid.cli.options import (
     Workers,
     figure_formats,
 )
-from bayesid.cli.terminal import NOT_CONVERGED, OK
+from bayesid.cli.terminal import NOT_CONVERGED, OK, WRONG_LOG
 
 TrustInput = Annotated[
     bool,
@@ -50,8 +50,8 @@ def diagnose(
 
     --out gets diagnosis.json, a report, posterior.nc where an effect is named (without --quick), and
     model.json for `bayesid predict`. Held-out runs are read only after the verdict stands. A log with a sign,
-    unit, axis or clock mistaken gets the verdict `input` and the line of trial.toml that mends it. A
-    diagnosis that is stopped goes on where it was when the same line is run again.
+    unit, axis or clock mistaken gets the verdict `input`, the line of trial.toml that mends it, and exit
+    code 4. A diagnosis that is stopped goes on where it was when the same line is run again.
 
     A folder of bundles gets a report for each below --out, one page over all, and a vehicle file with the
     coefficients that the bundles of a vehicle share; --workers and --executor are for it.
@@ -85,4 +85,4 @@ def diagnose(
         trust_input=trust, progress=Progress(quiet=as_json), journal=out,
     )  # fmt: skip
     answer(found, out, as_json, verbose, figures=formats)
-    return NOT_CONVERGED if found.verdict == "not_enough" else OK
+    return {"not_enough": NOT_CONVERGED, "input": WRONG_LOG}.get(found.verdict, OK)

@@ -16,6 +16,7 @@ HANDED_ON: dict[str, Any] = {
     "ignore_unknown_options": True, "allow_extra_args": True, "help_option_names": []
 }  # fmt: skip
 
+QUESTIONS = ("study", "question")
 OWN_OPTIONS = ("--data", "--out", "--seed", "--quick")
 EXECUTOR_OPTIONS = ("--workers", "--executor")  # of `bayesid.executor.add_executor`
 
@@ -41,11 +42,13 @@ def study(
     studies = _studies()
     if name in HELP:
         print_text(context.get_help())
+        print_text("\nStudies:")
+        print_table(QUESTIONS, [[key, _question(path)] for key, path in studies.items()])
         print_text("\nFurther options of the studies, which `bayesid study NAME --help` explains:")
         print_table(["study", "options"], [[key, " ".join(_options(path))] for key, path in studies.items()])
         return 0
     if name is None:
-        print_table(["study", "question"], [[key, _question(path)] for key, path in studies.items()])
+        print_table(QUESTIONS, [[key, _question(path)] for key, path in studies.items()])
         return 0
     if name.startswith("-"):
         raise typer.BadParameter(f"options of a study come after its name, {name} among them")

@@ -23,7 +23,7 @@ from bayesid.progress import set_quiet, silence, tell
 
 # a disk that is full, over quota, read-only or broken
 DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)
-OK, FAULT, BAD_INPUT, NOT_CONVERGED, INTERRUPTED = 0, 1, 2, 3, 130
+OK, FAULT, BAD_INPUT, NOT_CONVERGED, WRONG_LOG, INTERRUPTED = 0, 1, 2, 3, 4, 130
 
 # ClickException, which older releases of typer take from click and newer ones bring along
 _Usage: Any = next(base for base in typer.BadParameter.__mro__ if base.__name__ == "ClickException")

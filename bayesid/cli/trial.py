@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from bayesid.cli.choices import Bundle, Data, Vehicle
 from bayesid.cli.options import Json, Out, Verbose
+from bayesid.cli.terminal import BAD_INPUT, OK, WRONG_LOG
 from bayesid.words import counted
 
 if TYPE_CHECKING:
@@ -37,6 +38,8 @@ def check(
 ) -> int:
     """Read a bundle, list everything odd about it and what its channels hold.
 
+    Ends with exit code 4 where the log has a mistake, 2 where its vehicle cannot be used, else 0.
+
     Mistakes of signs, units, axes and clock come first, each with the line of trial.toml that mends it; with
     a vehicle also those that kinematics alone does not tell.
     """
@@ -59,7 +62,9 @@ def check(
         print_json(summary)
     else:
         _print(summary, found.mistakes, found.lacking, verbose)
-    return 0 if problem is None else 2
+    if problem is not None:
+        return BAD_INPUT
+    return WRONG_LOG if found.mistakes else OK
 
 
 def _vehicle_problem(trial: Trial) -> str | None:
@@ -97,7 +102,7 @@ def _print(summary: dict[str, Any], mistakes: Sequence[str], lacking: Sequence[s
     print_text()
     if mistakes:
         print_text(f"{counted(len(mistakes), 'mistake')} in the log:")
-        _print_list(mistakes)
+        _print_list([*mistakes, *([summary["joint_mend"]] if summary["joint_mend"] else [])])
     if lacking:
         print_text("Not enough to say anything:")
         _print_list(lacking)

@@ -187,6 +187,7 @@ def _run_error(r: Replay) -> RunError:
         r.lead,
         {m: _number(r.position_error(m)) for m in r.models},
         _numbers(r.rms),
+        {c: _number(v) for c, v in r.expected.items()},
     )
 
 

@@ -8,13 +8,15 @@ shared by `shared_coefficients`.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 from scipy.stats import chi2
 
 from bayesid.diagnosis.hypotheses.rules import NAMING
+from bayesid.diagnosis.result_parts import RunError
+from bayesid.diagnosis.run_errors import closes, error_rows
 
 # Probability below which estimates of several bundles are not of one value.
 CHANGED = 0.01
@@ -67,6 +69,30 @@ class SharedParameter:
     def changed(self) -> bool:
         """Whether it was not one value throughout."""
         return self.p < CHANGED
+
+
+def verdict_words(record: Mapping[str, Any]) -> str:
+    """A verdict for a table: "none" says where other coefficients are needed, and which moves most.
+
+    They are where re-tuning alone brings the run of the headline nearer to its log, as in `answer`.
+    """
+    word = str(record["verdict"]).replace("_", " ")
+    runs = record.get("runs") or ()
+    if word != "none" or not runs or not closes(error_rows(_run_error(runs[0])), 0, 1):
+        return word
+    moved = {
+        name: (m["retuned"] - m["given"]) / m["prior_sd"]
+        for name, m in (record.get("moved") or {}).items()
+        if m.get("prior_sd")
+    }
+    most = max(moved, key=lambda n: abs(moved[n]), default="")
+    told = f" ({most} by {abs(moved[most]):.1f} stated sd)" if most else ""
+    return f"none, but coefficients are off{told}"
+
+
+def _run_error(record: Mapping[str, Any]) -> RunError:
+    known = {f.name for f in fields(RunError)}
+    return RunError(**{k: v for k, v in record.items() if k in known})
 
 
 def shared_effects(records: Mapping[str, Mapping[str, Any]]) -> list[SharedEffect]:

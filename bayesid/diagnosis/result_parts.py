@@ -297,6 +297,14 @@ class RunError:
         About("Model -> horizontal distance [m]; null where it diverges or none was logged."),
     ]
     rms: Annotated[ByChannel, About("Model -> channel -> error [SI].")]
+    expected: Annotated[
+        Mapping[str, float | None],
+        About(
+            "Channel -> error that the explanation expects of itself by noise, environment, start and "
+            "coefficients [SI]; null where it grows beyond what can be told, empty where the explanation "
+            "diverges or in a file of an older version."
+        ),
+    ] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

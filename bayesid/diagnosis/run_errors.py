@@ -6,12 +6,13 @@ Takes a `RunError`. Gives `ErrorRow`s and phrases. Does not compute or judge.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from bayesid.diagnosis.evidence.replay import EXPLAINED, GIVEN, RETUNED
 from bayesid.diagnosis.plain_words import number
 from bayesid.diagnosis.result_parts import RunError
+from bayesid.measures.angle_errors import turns_note
 from bayesid.model.channels import channel
 from bayesid.words import counted, first_few
 
@@ -23,6 +24,13 @@ SAME = 1.25
 # Rows in which an explanation misses by more than the model as given that a caption lists.
 MOST_LARGER = 4
 DEG = 180 / math.pi
+# Times the best replay's error, from which one is far off.
+FAR = 5.0
+# Times its expected rms error that one replay misses by chance: errors persist along it, so its rms scatters
+# like the size of one normal number (2.5 of 1000 are above 3).
+BY_CHANCE = 3.0
+# Degrees that no error brought within half a turn reaches.
+HALF_TURN = 180.0
 
 
 @dataclass(frozen=True)
@@ -75,11 +83,21 @@ def error_rows(run: RunError) -> tuple[ErrorRow, ...]:
 def miss(rows: tuple[ErrorRow, ...], model: int) -> str:
     """Errors of one model in a phrase: "76 m and 29 degrees"."""
     said = [
-        f"{number(r.values[model])} {r.unit}" + ("" if r.what in ("position", "heading") else f" of {r.what}")
+        f"{number(r.values[model])} {r.unit}"
+        + (f" of {r.what}" if r.what not in ("position", "heading") else _turns(r, r.values[model]))
         for r in rows
         if math.isfinite(r.values[model])
     ]
     return " and ".join(said)
+
+
+def _turns(row: ErrorRow, value: float) -> str:
+    return " with whole turns" if row.unit == "degrees" and value > HALF_TURN else ""
+
+
+def whole_turns(rows: Iterable[ErrorRow]) -> str:
+    """How headings are counted, as `turns_note`, where a row of a table asks for it."""
+    return turns_note(value / DEG for row in rows if row.unit == "degrees" for value in row.values)
 
 
 def missed(rows: tuple[ErrorRow, ...], model: int, kind: str = "") -> str:
@@ -131,6 +149,60 @@ def against_given(runs: Sequence[RunError], labels: Sequence[str]) -> str:
         for run, row in larger
     ]
     return f"{said}. They are larger on: {first_few(places, MOST_LARGER, '; ')}."
+
+
+def still_missed(runs: Sequence[RunError], labels: Sequence[str]) -> str:
+    """Why runs stay missed with the last model, in sentences: by no more than it expects of itself, or more.
+
+    Told of are runs that it misses about as far as the first model, and far against its best run. Empty
+    without any, and where nothing is known of what is to be expected.
+    """
+    table = [(run, rows[0]) for run in runs if (rows := error_rows(run)) and run.expected]
+    least = min((r.values[-1] for _, r in table if r.values[-1] > 0), default=math.nan)
+    lost: list[str] = []
+    within: list[str] = []
+    beyond: list[str] = []
+    for run, row in table:
+        given, now = row.values[0], row.values[-1]
+        if not (now > FAR * least and given <= SAME * now):
+            continue
+        hoped, said = _expected_error(run, row), f"{kind_of_run(run)} ({run.run})"
+        if math.isinf(hoped):
+            lost.append(said)
+        else:
+            (within if now <= BY_CHANCE * hoped else beyond).append(
+                f"{said}, by {number(now)} {row.unit} where {number(hoped)} are expected"
+            )
+    nearer = f"brought no nearer to the log than {labels[0]}"
+    told = []
+    if lost:
+        told.append(
+            f"Some runs are {nearer}: {first_few(lost, MOST_LARGER, '; ')}. Replayed without a helmsman, the "
+            "vehicle amplifies the smallest error of its start there until nothing can be expected of any "
+            "model; such a run speaks neither for nor against the explanation."
+        )
+    if within:
+        told.append(
+            f"Some runs are {nearer}, but are missed by no more than the explanation expects of itself (rms; "
+            "environment, start and coefficients grow along a run that nobody steers back): "
+            f"{first_few(within, MOST_LARGER, '; ')}."
+        )
+    if beyond:
+        told.append(
+            f"Some runs are {nearer}, and are missed by more than the explanation expects of itself (rms): "
+            f"{first_few(beyond, MOST_LARGER, '; ')}. Something in them is not explained."
+        )
+    return " ".join(told)
+
+
+def _expected_error(run: RunError, row: ErrorRow) -> float:
+    """What the explanation expects to miss a kind of error by, in its unit; inf where that is unbounded."""
+    names, scale = {
+        "position": (("x", "y"), 1.0), "heading": (("psi",), DEG), "depth": (("z",), 1.0), "r": (("r",), DEG),
+        "u": (("u",), 1.0),
+    }[row.what]  # fmt: skip
+    values = [run.expected.get(c) for c in names]
+    return math.inf if None in values else scale * math.hypot(*(v for v in values if v is not None))
 
 
 def _printed(value: float) -> float:

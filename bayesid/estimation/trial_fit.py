@@ -28,6 +28,7 @@ from bayesid.estimation.output_error.residual_correlation import memory
 from bayesid.estimation.output_error.search import FitOptions
 from bayesid.estimation.output_error.trial_setup import measured_base, trial_problem
 from bayesid.estimation.parameters import coefficient_set, with_effects
+from bayesid.measures.angle_errors import counted_on
 from bayesid.model.effects import Effect
 from bayesid.model.params import ParameterSet
 from bayesid.model.terms import TERMS
@@ -242,9 +243,9 @@ def _head_state(alone: FitProblem, model: Model, run: Run) -> Array:
 
 def _outcome(run: Run, data: Any, nominal: Array, fitted: Array) -> RunOutcome:
     def rms(simulated: Array) -> Array:
-        resid = data.residuals(simulated.copy()) * data.sigma
-        count = np.maximum(np.isfinite(data.readings).sum(axis=0), 1)
-        return np.sqrt(np.sum(resid**2, axis=0) / count)
+        error = counted_on(np.where(data.valid, simulated - data.readings, np.nan), data.channels)
+        count = np.maximum(data.valid.sum(axis=0), 1)
+        return np.sqrt(np.sum(np.where(data.valid, error, 0.0) ** 2, axis=0) / count)
 
     resid = data.residuals(fitted.copy())
     finite = np.isfinite(data.readings)

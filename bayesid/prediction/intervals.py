@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from bayesid.diagnosis.diagnosed_model import DiagnosedModel
+from bayesid.measures.angle_errors import counted_on
 from bayesid.model.channels import channel
 from bayesid.prediction.prediction import INTERVAL_LEVEL, Prediction
 from bayesid.trials import Run
@@ -92,14 +93,12 @@ def log_density(p: Prediction, run: Run) -> float:
 
 
 def reading_errors(p: Prediction, run: Run) -> Iterator[tuple[int, str, Array, Array]]:
-    """Per channel read: position, name, (n,) reading minus mean by the shortest way round, which count."""
+    """Per channel read: position, name, (n,) reading minus mean (angles through whole turns), which count."""
     late = p.t - p.t[0] > p.lead
     for j, name in enumerate(p.channels):
         if name not in run.data:
             continue
-        error = run.data[name] - p.mean[:, j]
-        if channel(name).circular:
-            error = error - 2 * np.pi * np.round(error / (2 * np.pi))
+        error = counted_on((run.data[name] - p.mean[:, j])[:, None], (name,))[:, 0]
         seen = late & np.isfinite(error)
         if seen.any():
             yield j, name, error, seen

@@ -17,6 +17,7 @@ from bayesid.estimation.likelihood.posterior import CONFLICT
 from bayesid.estimation.likelihood.predictive_check import MISSED, missed
 from bayesid.estimation.output_error import Fit
 from bayesid.estimation.trial_fit import RunOutcome, TrialFit
+from bayesid.measures.angle_errors import turns_note
 from bayesid.model.terms import TERMS, term
 from bayesid.prediction.fitted_model import Calibration
 from bayesid.report import coefficient_cells, writer
@@ -343,12 +344,18 @@ def _residuals(found: TrialFit) -> Section:
             row = [run.name, run.role, f"{c} [{unit}]", factor * run.sigma[j], factor * run.rms_nominal[j]]
             rows.append([*row, factor * run.rms_fitted[j], run.rms_fitted[j] / run.sigma[j], run.memory[j]])
     columns = ["run", "role", "channel", "sigma", "given", "found", "ratio", "memory"]
+    headings = (
+        float(rms[run.channels.index("psi")])
+        for run in found.runs
+        if "psi" in run.channels
+        for rms in (run.rms_nominal, run.rms_fitted)
+    )
     text = (
         "`sigma` is the noise used as weight, `given` and `found` are rms errors of the vehicle as given and "
         "as found, `ratio` is found over sigma. `memory` is the correlation time of the residuals as found, "
         "in samples: 1 is white noise; at 100 the errors of a hundred neighbouring samples go together, "
         "which points at the model, a disturbance or a filter rather than at sensor noise. Held-out runs are "
-        "predicted; only their initial state is read from their first seconds."
+        "predicted; only their initial state is read from their first seconds." + turns_note(headings)
     )
     return Section("Residuals", [Text(text), Table(columns, rows, digits=3)])
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from bayesid.diagnosis.failed_checks import MOST_RUNS, out_of_reason
 from bayesid.diagnosis.plain_words import number
-from bayesid.diagnosis.run_errors import ErrorRow, miss, missed, missed_too, name_of_run
+from bayesid.diagnosis.run_errors import ErrorRow, miss, missed, missed_too, name_of_run, whole_turns
 from bayesid.estimation.trial_fit import RunOutcome, TrialFit
 from bayesid.model.vehicles.check import check_vehicle
 from bayesid.report import run_picture
@@ -157,7 +157,7 @@ def first_blocks(found: TrialFit, steps: list[str]) -> list[Block]:
             ["rms error", *LABELS],
             [[f"{r.what} [{r.unit}]", *(_cell(x) for x in r.values)] for r in errors_of(run)],
             f"{name[:1].upper()}{name[1:]}: {word}. Errors of the whole run; those of a diagnosis count "
-            "after its first seconds, and begin otherwise.",
+            "after its first seconds, and begin otherwise." + whole_turns(errors_of(run)),
         )
     )
     picture = picture_of(run)

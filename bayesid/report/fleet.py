@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from bayesid.diagnosis.fleet import CHANGED, COMMON, SharedEffect, SharedParameter
+from bayesid.diagnosis.fleet import CHANGED, COMMON, SharedEffect, SharedParameter, verdict_words
 from bayesid.diagnosis.shared_coefficients import CoefficientSharing
 from bayesid.report.fleet_coefficients import sharing_blocks, sharing_words
 from bayesid.report.writer import Report, Section, Table, Text, literal
@@ -48,7 +48,7 @@ def fleet_lead(
     sharing: CoefficientSharing = NO_SHARING,
 ) -> str:
     """The answer in a few sentences."""
-    words = Counter(r["verdict"].replace("_", " ") for r in records.values())
+    words = Counter(verdict_words(r).partition(" (")[0] for r in records.values())
     counted = ", ".join(f"{n} {literal(w)}" for w, n in words.most_common())
     text = f"**{len(records)} of {len(records) + len(failures)} bundles diagnosed**: {counted or 'none'}."
     common = [s for s in effects if s.acting > COMMON * s.bundles and s.acting > 1]
@@ -76,7 +76,7 @@ def _bundles(records: Mapping[str, Mapping[str, Any]]) -> Table:
         shrink = r["gap"].get("shrink")
         named = "; ".join(_told(e) for e in r["effects"] if e["parameters"])
         rows.append([
-            name, r["trial"]["vehicle"], r["verdict"].replace("_", " "), named or None,
+            name, r["trial"]["vehicle"], verdict_words(r), named or None,
             max((e["probability"] for e in r["effects"]), default=None),
             None if shrink is None else f"{shrink:.0%}",
         ])  # fmt: skip

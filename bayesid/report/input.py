@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from bayesid.report.writer import Block, Report, Section, Table, Text, literal
+from bayesid.trials.correction import join
 from bayesid.trials.mistakes import InputCheck, InputFinding
 from bayesid.words import and_list
 
@@ -31,12 +32,15 @@ def finding_sentence(finding: InputFinding) -> str:
     """One sentence: what is wrong, where, what tells it, how sure, and the line that mends it."""
     where = "" if finding.all_runs else f" in {and_list(finding.runs)}"
     told = and_list([TOLD.get(k, k) for k in finding.told_by[:2]])
-    also = f"; these runs do not tell it from: {'; '.join(finding.also)}" if finding.also else ""
+    also = (
+        f"; these runs do not tell it from: {'; '.join(finding.also)} (that one of all these is wrong has "
+        f"probability {_probability(finding.together)})"
+        if finding.also
+        else ""
+    )
     if finding.instead:
         also += f"; a mistake of the simulator would explain it too: {'; '.join(finding.instead)}"
     sure = _probability(finding.probability)
-    if finding.also:
-        sure += f", {_probability(finding.together)} that it is one of those not told from it"
     mend = "; ".join(finding.mend[1:])
     lost = "; the column has to be logged anew" if finding.channels else "; state the right vehicle"
     mend = f"; [corrections] {mend}" if mend else lost
@@ -44,6 +48,20 @@ def finding_sentence(finding: InputFinding) -> str:
     if finding.before > 0 and finding.after < finding.before:
         fit = f", unexplained {finding.before:.2g} before and {finding.after:.2g} after"
     return f"{finding.says}{where} (probability {sure}; {told}{fit}){mend}{also}"
+
+
+def joint_mend(check: InputCheck) -> str:
+    """One table in place of several mends, as trial.toml has one; empty where there is one mend or none."""
+    mends = [f.correction for f in check.findings if f.correction is not None]
+    if len(mends) < 2:
+        return ""
+    one = join(mends)
+    if one is None:
+        return (
+            "these mends cannot stand in one table [corrections] (other runs, or one channel twice): state "
+            "the first, check again, and mend the rest in the log or in a bundle of its own"
+        )
+    return f"all mends in one table of trial.toml: [corrections] {'; '.join(one.lines())}"
 
 
 def in_order_line(check: InputCheck) -> str:
@@ -105,6 +123,8 @@ def input_summary(
     out = [f"verdict: {verdict}"]
     out += [f"  {_upper(finding_sentence(f))}" for f in check.findings]
     out += [f"  {_upper(reason)}" for reason in reasons]
+    if joint := joint_mend(check):
+        out.append(f"  {_upper(joint)}")
     if line := in_order_line(check):
         out.append(line)
     if check.findings:
@@ -150,7 +170,14 @@ def input_report(
             if f.mend:
                 blocks.append(Text("To mend it, in trial.toml:\n\n```\n" + "\n".join(f.mend) + "\n```"))
             if f.also:
-                blocks.append(Text(f"These runs do not tell it from: {literal('; '.join(f.also))}."))
+                blocks.append(
+                    Text(
+                        f"These runs do not tell it from: {literal('; '.join(f.also))}. That one of all "
+                        f"these is wrong has probability {_probability(f.together)}."
+                    )
+                )
+    if joint := joint_mend(check):
+        blocks.append(Text(f"{literal(_upper(joint))}."))
     if line := in_order_line(check):
         blocks.append(Text(_upper(line) + "."))
     sections = [Section("The input", blocks)]

@@ -6,7 +6,7 @@ Takes predictions and their rows of plain numbers. Does not simulate.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ import numpy as np
 from bayesid.diagnosis.answer import in_words
 from bayesid.diagnosis.plain_words import number
 from bayesid.diagnosis.run_errors import WORSE, name_of_run
+from bayesid.measures.angle_errors import turns_note
 from bayesid.prediction.prediction import Prediction
 from bayesid.report import run_picture
 from bayesid.report.prediction_checks import FULL_TURN
@@ -22,20 +23,31 @@ from bayesid.trials import Run, Trial
 from bayesid.words import first_few
 
 DEGREE = 180 / math.pi
-MOST_ROWS, MOST_MEASURES, MOST_LEFT_OUT = 8, 2, 4
+MOST_ROWS, MOST_MEASURES, MOST_LEFT_OUT, MOST_PLACES = 8, 2, 4, 9
 LEAST_LEFT_OUT = 0.005  # probability from which one is told; it is printed with two decimals
 Numbers = Mapping[str, Any]
 # What a helmsman asks of a turn and of a zig-zag.
 ASKED = ("tactical diameter", "advance", "overshoot 1", "overshoot 2", "steady yaw rate", "period")
 
 
-def _band(mean: float, low: float, high: float) -> tuple[str, str, str]:
-    """A mean and its band, with digits that tell the two ends apart."""
-    told = (number(mean), number(low), number(high))
-    width = high - low
-    if told[1] != told[2] or not (math.isfinite(width) and width > 0.0):
+def band_text(
+    mean: float, low: float, high: float, text: Callable[[float], str] = number
+) -> tuple[str, str, str]:
+    """A mean and its band, with digits that tell both ends from the mean and from one another.
+
+    Parameters
+    ----------
+    text : how a number is written where that tells them apart
+    """
+    told = (text(mean), text(low), text(high))
+    gaps = [gap for gap in (high - low, abs(mean - low), abs(high - mean)) if gap > 0.0]
+    if not all(map(math.isfinite, (mean, low, high))) or not gaps:
         return told
-    places = max(math.ceil(-math.log10(width)), 0)
+    alike = [a == b for a, b in ((told[1], told[2]), (told[0], told[1]), (told[0], told[2]))]
+    differ = [a != b for a, b in ((low, high), (mean, low), (mean, high))]
+    if not any(same and other for same, other in zip(alike, differ, strict=True)):
+        return told
+    places = min(max(math.ceil(-math.log10(min(gaps))), 0), MOST_PLACES)
     return f"{mean:.{places}f}", f"{low:.{places}f}", f"{high:.{places}f}"
 
 
@@ -70,6 +82,12 @@ def _errors(row: Numbers) -> list[_Error]:
     return out
 
 
+def _rms_of_heading(row: Numbers) -> tuple[float, ...]:
+    """Predicted and as given [rad]; empty where no heading is read."""
+    psi = row["against_readings"].get("psi")
+    return () if psi is None else (psi["rms"], psi.get("rms_given", math.nan))
+
+
 def headline(trial: Trial, predictions: Sequence[Prediction], rows: Sequence[Numbers]) -> str:
     """One sentence: what the manoeuvre comes to with its band, or how far a log is missed."""
     if not rows:
@@ -93,7 +111,7 @@ def headline(trial: Trial, predictions: Sequence[Prediction], rows: Sequence[Num
     if row["widest_band"].get("psi", 0.0) > FULL_TURN:
         return f"What comes of {name} is not known: the 95 % band of its heading is wider than a full turn."
     told = [
-        "{quantity} of {0} {unit} (95 %: {1} to {2}".format(*_band(m["mean"], m["low"], m["high"]), **m)
+        "{quantity} of {0} {unit} (95 %: {1} to {2}".format(*band_text(m["mean"], m["low"], m["high"]), **m)
         + (f"; as given {number(m['given'])})" if m.get("given") is not None else ")")
         for m in _telling(row)[:MOST_MEASURES]
     ]
@@ -179,17 +197,19 @@ def first_blocks(trial: Trial, predictions: Sequence[Prediction], rows: Sequence
                     "predicted [deg]", "readings in the 95 % band",
                 ],
                 table,
-                "Errors (rms). Begun on the first seconds of each log; the rest of it was not read.",
+                "Errors (rms). Begun on the first seconds of each log; the rest of it was not read."
+                + turns_note(x for row in rows for x in _rms_of_heading(row)),
             )
         )  # fmt: skip
     measures = [
         [
             literal(_name(trial, row)), f"{m['quantity']} [{m['unit']}]", _number(m.get("given")),
-            number(m["mean"]), f"{number(m['low'])} to {number(m['high'])}",
+            mean, f"{low} to {high}",
         ]
         for row in rows
         if not _errors(row)
         for m in _telling(row)
+        for mean, low, high in [band_text(m["mean"], m["low"], m["high"])]
     ][:MOST_ROWS]  # fmt: skip
     if measures:
         blocks.append(Table(["manoeuvre", "measure", "as given", "predicted", "95 %"], measures))

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from bayesid.measures.angle_errors import counted_on
 from bayesid.report.figure_style import COLOURS, FITTED, MEASURED, NOMINAL, styled, subplots, track_axes
 from bayesid.words import and_list
 
@@ -218,7 +219,7 @@ def _heading_error(axes: Any, p: RunPicture, keep: Array, t: Array) -> None:
     j = p.column("psi")
 
     def miss(values: Array) -> Array:
-        return np.degrees((values[keep, j] - p.readings[keep, j] + np.pi) % (2 * np.pi) - np.pi)
+        return np.degrees(counted_on(values - p.readings, p.channels)[keep, j])
 
     band = None if p.band is None else np.degrees(p.band[keep, j])
     reach = _misses(axes, p, t[keep], [miss(s.values) for s in p.series], band)

@@ -133,6 +133,42 @@ def apply(correction: Correction, run: Run) -> Run:
     return replace(run, t=t, provenance=run.provenance + (note,), **groups)
 
 
+def join(corrections: Sequence[Correction]) -> Correction | None:
+    """One table in place of several; None where it would say something else than one after the other.
+
+    Factors on one channel are multiplied and offsets added. Tables of other runs cannot be joined, nor two
+    that change one channel under different keys: a table has its own order.
+    """
+    first, *others = corrections
+    out = first
+    for one in others:
+        mine, its = (
+            {item.name for item in fields(c) if getattr(c, item.name) != getattr(Correction(), item.name)}
+            for c in (out, one)
+        )
+        both, shared = mine & its - {"runs"}, out.channels & one.channels
+        timed = {"time_scale"} & (mine ^ its) and {"late", "from_time"} & (mine | its)
+        if out.runs != one.runs or timed or (shared and not both <= {"scale", "offset", "time_scale"}):
+            return None
+        if shared and mine - {"runs"} != its - {"runs"}:
+            return None
+        if shared and len(both) > 1:
+            return None
+        values: dict[str, Any] = {name: getattr(one, name) for name in its - mine}
+        for name in both:
+            a, b = getattr(out, name), getattr(one, name)
+            if isinstance(a, Mapping):
+                same = a.keys() & b.keys()
+                twice = {k: a[k] * b[k] if name == "scale" else a[k] + b[k] for k in same}
+                values[name] = {**a, **b, **twice}
+            elif isinstance(a, tuple):
+                values[name] = a + b
+            elif name == "time_scale":
+                values[name] = a * b
+        out = replace(out, **values)
+    return out
+
+
 def without_effect(correction: Correction, runs: Sequence[Run]) -> list[str]:
     """Entries of a correction that change nothing, as no run logs any of their channels: a sentence each.
 

@@ -16,12 +16,16 @@ from bayesid.trials.consistency import RudderCheck, check_rudder, check_track, c
 from bayesid.trials.kinematics.evidence import weigh
 from bayesid.trials.kinematics.relations import relations
 from bayesid.trials.trial import Floats, Run
+from bayesid.words import counted
 
 _DEG = math.pi / 180.0
 JITTER = 0.5  # of the usual step, between the 15th and 85th per cent of steps
 WHOLE, MOSTLY = 0.1, 0.9  # steps so near a multiple of the usual one are readings left out
 # A turn with the rudder amidships: largest angle, fewest headings, least turn, sd of its rate
 AMIDSHIPS, FEWEST_HEADINGS, LEAST_TURN, TURNS = 0.5 * _DEG, 10, 2.0 * _DEG, 5.0
+# A heading that stands while the vehicle turns: equal readings, s; a receiver that drops out for 1.3 s, as
+# that of the tanker in the pond does, leaves outliers
+STALE, STALE_SECONDS = 8, 2.0
 # A track follows what is labelled through the water: residual over size, sd of the current over speed
 HOLDS, LEAST_CURRENT = 0.1, 0.03
 _LIMITS = {"phi": 1.6, "theta": 1.6, "p": 6.0, "q": 3.0, "r": 3.0, "u": 30.0, "v": 15.0, "w": 15.0}
@@ -46,6 +50,7 @@ def check_run(run: Run) -> list[str]:
         )
     notices += _missing(run)
     notices += _stuck(run)
+    notices += _stale_heading(run)
     notices += _magnitudes(run)
     notices += _agreement(run)
     return notices
@@ -252,6 +257,45 @@ def _stuck(run: Run) -> list[str]:
         if ordered is not None and done is not None and np.ptp(ordered) > 0.0 and np.ptp(done) == 0.0:
             notices.append(f"{name} (measured) never changes although {name}_cmd does; is it stuck?")
     return notices
+
+
+def _stale_heading(run: Run) -> list[str]:
+    """A warning where the heading repeats one reading to the last bit while the yaw rate turns the vehicle.
+
+    Without a yaw rate the step out of the stretch says what it turned meanwhile. Other columns may stand too:
+    rows that are written again while the receiver is silent.
+    """
+    psi, rate = run.data.get("psi"), run.data.get("r")
+    if psi is None:
+        return []
+    good = np.flatnonzero(np.isfinite(psi))
+    if good.size < 4 * STALE:
+        return []
+    x = psi[good]
+    change = np.flatnonzero(np.concatenate(([True], np.diff(x) != 0.0, [True])))
+    usual = float(np.median(np.abs(np.diff(x))))
+    if not usual > 0.0:
+        return []  # a coarse compass repeats itself
+    found = []
+    for a, b in zip(change[:-1], change[1:] - 1, strict=True):
+        first, last = int(good[a]), int(good[b])
+        if b - a + 1 < STALE or run.t[last] - run.t[first] < STALE_SECONDS:
+            continue
+        turned = abs(float(x[b + 1] - x[b])) if b + 1 < x.size else 0.0
+        if rate is not None:
+            known = np.flatnonzero(np.isfinite(rate[first : last + 1])) + first
+            turned = abs(float(np.trapezoid(rate[known], run.t[known])))
+        if turned > max(LEAST_TURN, TURNS * usual):
+            found.append((run.t[first], run.t[last], turned / _DEG))
+    if not found:
+        return []
+    start, end, turned = max(found, key=lambda f: f[2])
+    more = f", and in {counted(len(found) - 1, 'other stretch', 'other stretches')}" if len(found) > 1 else ""
+    return [
+        f"psi repeats one reading from t = {start:.6g} to {end:.6g} s while the vehicle turns by "
+        f"{turned:.2g} degrees{more}: old readings written again; leave them out by "
+        'skip_repeats = ["psi"] under [corrections] in trial.toml'
+    ]
 
 
 def _magnitudes(run: Run) -> list[str]:

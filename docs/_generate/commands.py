@@ -49,6 +49,7 @@ def exit_codes() -> str:
         ["1", "a fault of the program, or a worker process was killed"],
         ["2", "usage or bad input; the message says what, where and what to do"],
         ["3", "not converged, or not determined by data and prior"],
+        ["4", "the log does not say what its header says: `trial check`, verdict `input` of `diagnose`"],
         ["130, 143", "stopped; what was done is kept, and the same command goes on from there"],
     ]
     return table(("code", "meaning"), rows)

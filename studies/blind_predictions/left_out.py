@@ -19,6 +19,7 @@ import numpy as np
 from bayesid.diagnosis.diagnosed_model import DiagnosedModel
 from bayesid.errors import BayesidError
 from bayesid.estimation.trial_fit import TrialFit
+from bayesid.measures.angle_errors import counted_on
 from bayesid.prediction.fitted_model import with_disturbance
 from bayesid.prediction.prediction import predict_run
 from bayesid.progress import Progress
@@ -128,9 +129,7 @@ def predicted(
     late = p.t - p.t[0] > p.lead
     rms = {}
     for j, name in enumerate(p.channels):
-        error = (run.data[name] - p.mean[:, j])[late]
-        if name == "psi":
-            error = error - 2 * np.pi * np.round(error / (2 * np.pi))
+        error = counted_on((run.data[name] - p.mean[:, j])[:, None], (name,))[late, 0]
         if name in one.error:
             rms[name] = float(np.sqrt(np.nanmean(error**2)))
     return one, {"run": run.name, "kind": what, "seconds": float(run.duration), "rms": rms}

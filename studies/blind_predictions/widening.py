@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bayesid.measures.angle_errors import counted_on
 from bayesid.prediction.prediction import INTERVAL_LEVEL, Prediction
 from bayesid.trials import Run
 
@@ -45,9 +46,7 @@ def misses(p: Prediction, run: Run, kind: str) -> Misses:
     late = p.t - p.t[0] > p.lead
     low, high = sides(p)
     for j, name in enumerate(p.channels):
-        error = run.data[name] - p.mean[:, j]
-        if name == "psi":
-            error = error - 2 * np.pi * np.round(error / (2 * np.pi))
+        error = counted_on((run.data[name] - p.mean[:, j])[:, None], (name,))[:, 0]
         seen = late & np.isfinite(error)
         if seen.sum() < SHORTEST:
             continue

@@ -15,7 +15,7 @@ from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.equations.model import Model
 from bayesid.errors import BayesidError
 from bayesid.estimation.filter_error.followed import followed
-from bayesid.estimation.filter_error.linearise import Linearisation, linearise, wrap
+from bayesid.estimation.filter_error.linearise import Linearisation, linearise
 from bayesid.estimation.filter_error.noise_model import NoiseModel, smoothed
 from bayesid.estimation.filter_error.read_run import filter_error_run
 from bayesid.estimation.likelihood.composite import root
@@ -23,6 +23,7 @@ from bayesid.estimation.parameters import NO_PARAMETERS
 from bayesid.estimation.run_data import Array, RunData
 from bayesid.estimation.segments import REACH, held_since
 from bayesid.measures import turning_circle, zigzag
+from bayesid.measures.angle_errors import counted_on
 from bayesid.simulation import observe, simulate
 from bayesid.trials import Run, window
 
@@ -120,7 +121,7 @@ def predicted(
         replays[name] = obs
         if name in draws:
             drawn[name] = _drawn(model, draws[name], log, x0, ~early)
-        square = _squares(model, log, obs, ~early)
+        square = _squares(log, obs, ~early)
         at = [problem.channels.index(c) for c in log.channels]
         errors[name] = np.full(len(problem.channels), np.nan)
         errors[name][at] = square
@@ -146,7 +147,7 @@ def _chance(model: Model, pars: Array, log: RunData, begins: Array, obs: Array, 
     out = np.full(len(pars), np.inf)
     for i, (par, begin) in enumerate(zip(pars, begins, strict=True)):
         try:
-            apart = wrap(model, log, _replayed(model, par, log, begin) - obs)[late]
+            apart = counted_on(_replayed(model, par, log, begin) - obs, log.channels)[late]
         except BayesidError:
             continue
         out[i] = 1.0 + average(np.mean((apart / log.sigma) ** 2, axis=0))
@@ -171,9 +172,9 @@ def start_covariance(model: Model, path: Linearisation, noise_model: NoiseModel)
     return 0.5 * (out + out.T)
 
 
-def _squares(model: Model, log: RunData, obs: Array, late: Array) -> Array:
+def _squares(log: RunData, obs: Array, late: Array) -> Array:
     """(q,) mean squared error in noise units after the lead-in, gross readings left out; nan without any."""
-    resid = np.where(log.valid, wrap(model, log, log.readings - obs), np.nan)[late]
+    resid = counted_on(np.where(log.valid, log.readings - obs, np.nan), log.channels)[late]
     out = np.full(resid.shape[1], np.nan)
     for j, sigma in enumerate(log.sigma):
         miss = np.abs(resid[np.isfinite(resid[:, j]), j])
@@ -190,7 +191,7 @@ def _drawn(model: Model, pars: Array, log: RunData, x0: Array, late: Array) -> A
             obs = _replayed(model, par, log, x0)
         except BayesidError:
             continue
-        out[i] = average(_squares(model, log, obs, late))
+        out[i] = average(_squares(log, obs, late))
     return out
 
 

@@ -21,12 +21,13 @@ from bayesid.diagnosis.evidence.residual_force import residual_force
 from bayesid.errors import BayesidError
 from bayesid.estimation.filter_error.fit import FilterErrorFit
 from bayesid.estimation.filter_error.followed import followed
-from bayesid.estimation.filter_error.linearise import Trajectory, linearise, wrap
+from bayesid.estimation.filter_error.linearise import Trajectory, linearise
 from bayesid.estimation.filter_error.noise_model import NoiseModel, smoothed
 from bayesid.estimation.filter_error.read_run import filter_error_run
 from bayesid.estimation.parameters import NO_PARAMETERS
 from bayesid.estimation.run_data import Array, RunData
 from bayesid.estimation.truncated_normal import within_bounds
+from bayesid.measures.angle_errors import counted_on
 from bayesid.simulation import observe, simulate
 from bayesid.trials import Run, Trial
 
@@ -55,6 +56,8 @@ class Replay:
     commands : name -> (n,) orders [SI]
     force : as given and explained -> (n, 3) force X, Y [N] and moment N [N m] that would lead the model along
         the log; empty where not asked or where the model cannot be led along it
+    expected : channel -> rms error after the lead-in that the explained model expects of itself: sensor
+        noise, environment, start, coefficients; inf beyond what can be told, empty where the model diverges
     """
 
     run: str
@@ -69,6 +72,7 @@ class Replay:
     sd: Array | None
     commands: Mapping[str, Array]
     force: Mapping[str, Array] = field(default_factory=dict)
+    expected: Mapping[str, float] = field(default_factory=dict)
 
     def position_error(self, model: str) -> float:
         """Root mean square distance in the horizontal plane [m]; nan where no position was logged."""
@@ -114,14 +118,36 @@ def replay_trial(
         return held and f.replay.role != "holdout", -f.replay.misfit(GIVEN, noise)
 
     found.sort(key=rank)
-    first, explained = found[0], models.get(EXPLAINED)
-    sd = _deviation(
-        problem, first.known, first.replay, explained, first.starts.get(EXPLAINED), first.point, seed
-    )
+    explained = models.get(EXPLAINED)
+    sds = [
+        _deviation(problem, f.known, f.replay, explained, f.starts.get(EXPLAINED), f.point, seed)
+        for f in found
+    ]
+    first, sd = found[0], sds[0]
     asked = [first, *(f for f in found[1:] if f.replay.role == "holdout")][:MOST_FORCES]
     forces = {f.replay.run: _forces(problem, f.log, models) for f in asked}
-    replays = [replace(f.replay, force=forces.get(f.replay.run, {})) for f in found]
+    replays = [
+        replace(
+            f.replay,
+            force=forces.get(f.replay.run, {}),
+            expected=_expected(f.replay, deviation) if EXPLAINED in f.starts else {},
+        )
+        for f, deviation in zip(found, sds, strict=True)
+    ]
     return replace(replays[0], sd=sd), *replays[1:]
+
+
+def _expected(shown: Replay, sd: Array | None) -> dict[str, float]:
+    """Channel -> rms error after the lead-in that the explained model expects of itself."""
+    if sd is None:
+        return dict.fromkeys(shown.channels, np.inf)
+    late = shown.t - shown.t[0] > shown.lead
+    square = np.where(np.isfinite(shown.readings), sd**2, np.nan)[late]
+    return {
+        c: float(np.sqrt(np.nanmean(square[:, j])))
+        for j, c in enumerate(shown.channels)
+        if np.isfinite(square[:, j]).any()
+    }
 
 
 class _Replayed(NamedTuple):
@@ -160,7 +186,7 @@ def misses(problem: DiagnosisProblem, log: RunData, par: Array) -> dict[str, flo
         obs = _simulated(problem, log, par, x0[: len(problem.model.states)])
     except BayesidError:
         return dict.fromkeys(log.channels, np.inf)
-    return _rms(problem, log, obs, late)
+    return _rms(log, obs, late)
 
 
 def _after_lead(problem: DiagnosisProblem, log: RunData) -> tuple[Array, RunData, float]:
@@ -191,7 +217,7 @@ def _replay(
             continue
     if point is None:
         return None
-    rms = {name: _rms(problem, log, obs, late) for name, obs in simulated.items()}
+    rms = {name: _rms(log, obs, late) for name, obs in simulated.items()}
     commands = {**run.commands, **run.measured_inputs}
     replayed = Replay(
         run.name, run.manoeuvre, run.role, log.plan.t, float(lead), log.channels,
@@ -211,9 +237,9 @@ def _simulated(problem: DiagnosisProblem, log: RunData, par: Array, x0: Array) -
     return observe(model, par, log.plan, track.states, full=True)[:, log.positions(model)]
 
 
-def _rms(problem: DiagnosisProblem, log: RunData, obs: Array, late: Array) -> dict[str, float]:
+def _rms(log: RunData, obs: Array, late: Array) -> dict[str, float]:
     """Channel -> error after the lead-in, gross readings left out."""
-    resid = np.where(log.valid, wrap(problem.model, log, log.readings - obs), np.nan)[late]
+    resid = counted_on(np.where(log.valid, log.readings - obs, np.nan), log.channels)[late]
     out = {}
     for j, channel in enumerate(log.channels):
         miss = np.abs(resid[np.isfinite(resid[:, j]), j])
@@ -236,8 +262,11 @@ def _deviation(
     model, noise_model = problem.model, problem.environment.noise_model
     if fitted is None or x0 is None:
         return None
-    path = linearise(model, known, point, NO_PARAMETERS.where)
-    sm = smoothed(model, path, np.zeros(0), noise_model)
+    try:
+        path = linearise(model, known, point, NO_PARAMETERS.where)
+        sm = smoothed(model, path, np.zeros(0), noise_model)
+    except (BayesidError, LinAlgError):  # the replay stands without a band
+        return None
     spread = np.einsum("iqx,ix->iq", path.slope**2, sm.variance[:, : point.states.shape[1]])
     drift = np.array([noise_model.slow(c) for c in known.channels])
     tracks = []

@@ -152,6 +152,8 @@ def which_blocks(result: Result) -> list[Block]:
         Table(
             ["effects", "gain [nats]", "chi²", "refit", "parameters (SI)"],
             rows,
-            "Refits of the shortlist to convergence. chi² near 1 means residuals of the size of the noise.",
+            "Refits of the shortlist to convergence. chi² near 1 means residuals of the size of the noise. "
+            "± is one standard deviation of a refit, by its curvature at the optimum with the stated "
+            "coefficients' uncertainty as prior; a 95 % interval is 1.96 of them to either side.",
         ),
     ]

@@ -6,6 +6,7 @@ Takes a `Result`. Gives report sections, none where nothing was drawn. Does not 
 from __future__ import annotations
 
 from bayesid.diagnosis.evidence.effect_draws import EffectDraws
+from bayesid.diagnosis.plain_words import Z95
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import Corner
 from bayesid.diagnosis.summary import unsigned_zeros
@@ -13,6 +14,9 @@ from bayesid.errors import SampleError
 from bayesid.report import posterior_figures as figures
 from bayesid.report.diagnosis.effect_interval import SECTION, why
 from bayesid.report.writer import Block, Figure, Section, Table, Text, literal
+
+# Ratio of widths up to which two intervals of one size are the same to a reader.
+ALIKE = 1.2
 
 
 def sections(result: Result) -> list[Section]:
@@ -32,6 +36,7 @@ def _blocks(result: Result, draws: EffectDraws) -> list[Block]:
             f"evidence by bridge sampling {draws.log_evidence:.2f} ± {draws.log_evidence_error:.2f}."
         ),
         Text(why(draws, result.environment.source)),
+        *([Text(told)] if (told := to_use(result, draws)) else []),
         Table(
             ["unknown (SI)", "mean", "95 % interval", "sd over Laplace's", "shift [Laplace sd]"],
             [
@@ -55,6 +60,33 @@ def _blocks(result: Result, draws: EffectDraws) -> list[Block]:
         except SampleError as exc:
             blocks.append(Text(literal(str(exc))))
     return blocks
+
+
+def to_use(result: Result, draws: EffectDraws) -> str:
+    """Which of the intervals of one size to use, and how the others differ; empty where there is one only."""
+    told = []
+    for effect in result.effects:
+        for name, p in effect.parameters.items():
+            drawn = draws.parameters.get(f"{effect.name}.{name}")
+            if drawn is None or drawn.high95 <= drawn.low95:
+                continue
+            low, high = p.low95, p.high95
+            if low is None or high is None:
+                low, high = p.value - Z95 * p.sd, p.value + Z95 * p.sd
+            wider = (high - low) / (drawn.high95 - drawn.low95)
+            if not 1 / ALIKE < wider < ALIKE:
+                told.append(
+                    f"{literal(f'{effect.name}.{name}')} from {low:.4g} to {high:.4g}, {wider:.2g} times as "
+                    "wide as that of the draws"
+                )
+    if not told:
+        return ""
+    return (
+        "It is widened before it is shown: the 95 % interval to use is that of the first screen "
+        f"({'; '.join(told)}), no narrower than the deviation of the explanation's fit or than the runs "
+        "differ from one another, of which the draws below know nothing. A ± behind a size "
+        "among the refits is one standard deviation of that refit alone."
+    )
 
 
 def _corner(corner: Corner) -> Figure:

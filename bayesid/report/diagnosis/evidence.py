@@ -12,7 +12,7 @@ from bayesid.diagnosis.answer import Answer, in_words
 from bayesid.diagnosis.plain_words import number, sentence
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import Effect
-from bayesid.diagnosis.run_errors import against_given, error_rows, name_of_run
+from bayesid.diagnosis.run_errors import against_given, error_rows, name_of_run, still_missed, whole_turns
 from bayesid.diagnosis.summary import unsigned_zeros
 from bayesid.report import run_picture
 from bayesid.report.diagnosis.cause import where_blocks, which_blocks
@@ -44,7 +44,9 @@ def runs_blocks(result: Result, a: Answer) -> list[Block]:
             ["run", "manoeuvre", "role", "rms error", *a.labels],
             rows,
             "Every run replayed open loop from its orders, begun on its first seconds. "
-            f"{literal(a.explained)} What to see: {literal(against_given(result.runs, a.labels))}",
+            f"{literal(a.explained)} What to see: {literal(against_given(result.runs, a.labels))}"
+            + (f" {literal(missed)}" if (missed := still_missed(result.runs, a.labels)) else "")
+            + whole_turns(e for run in result.runs for e in error_rows(run)),
         )
     ]
     if result.measures:
@@ -90,7 +92,8 @@ def moved_blocks(result: Result, a: Answer) -> list[Block]:
         Table(
             ["coefficient", "as given", "re-tuned", "[%]", "[sd]", third, "[%]", "[sd]"],
             rows,
-            "Units of the vehicle file; [sd] counts in stated standard deviations. In both, + is further "
+            "Units of the vehicle file; [sd] counts in standard deviations stated by the "
+            "vehicle file, what was known before these logs. In both, + is further "
             "from zero than as given, - nearer to zero or beyond it, whatever the sign of the coefficient. "
             "What to see: an explanation that holds leaves the coefficients nearer to what is stated than "
             "re-tuning does.",

@@ -26,6 +26,7 @@ ORDERS = (
     ("delta_s_cmd", "stern-plane order", "deg", 180 / math.pi),
     ("n_cmd", "shaft", "rpm", 1.0),
 )
+HELD_OUT = " Held out: no fit and no choice of a cause has read this run; it only shows what they predict."
 
 
 def first_blocks(result: Result, a: Answer) -> list[Block]:
@@ -38,7 +39,7 @@ def first_blocks(result: Result, a: Answer) -> list[Block]:
                 [[f"{r.what} [{r.unit}]", *(_cell(x) for x in r.values)] for r in a.errors],
                 f"{literal(a.where)[:1].upper()}{literal(a.where)[1:]}, replayed from its orders; errors "
                 f"{counted_after(result)}. "
-                f"{literal(a.explained)}",
+                f"{literal(a.explained)}{HELD_OUT if 'held-out' in a.where else ''}",
             )
         )
     blocks += picture_blocks(result, a)

@@ -12,8 +12,10 @@ from typing import Any
 import numpy as np
 
 from bayesid.diagnosis.hypotheses.rules import NAMING
+from bayesid.diagnosis.plain_words import number
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import Horizon
+from bayesid.measures.angle_errors import turns_note
 from bayesid.report.diagnosis import figures
 from bayesid.report.diagnosis.words import IN_DEGREES, in_words
 from bayesid.report.writer import Block, Figure, Table, Text, literal
@@ -82,7 +84,8 @@ def holdout_blocks(result: Result) -> list[Block]:
         Table(
             ["channel", "as given", "re-tuned", label],
             physical,
-            "Full replay, root mean square error; a dash where no held-out run reads the channel.",
+            "Full replay, root mean square error; a dash where no held-out run reads the channel."
+            + turns_note(float(last[k].get("psi") or 0.0) for k in MODELS),
         )
     )
     return blocks
@@ -98,8 +101,27 @@ def measures_table(result: Result, labels: tuple[str, str, str]) -> Table:
     return Table(
         ["run", "measure", "as logged", *labels],
         rows,
-        "Standard measures of the held-out runs, replayed with the logged orders.",
+        "Standard measures of the held-out runs, replayed with the logged orders."
+        + _worse_measures(result, labels),
     )
+
+
+def _worse_measures(result: Result, labels: tuple[str, str, str]) -> str:
+    """Measures that the last model misses by more than the first, as a sentence; numbers count as printed."""
+    told = []
+    for m in result.measures:
+        unit, scale = IN_DEGREES.get(str(m["unit"]), (m["unit"], 1.0))
+        logged, given, now = (_scaled(m.get(k), scale) for k in ("logged", "nominal", "with effect"))
+        if logged is None or given is None:
+            continue
+        off, before = (math.inf if x is None else abs(x - logged) for x in (now, given))
+        if math.isinf(off):
+            told.append(f"{m['name']} of {m['run']}, which it does not reach")
+        elif float(number(off)) > float(number(before)):
+            told.append(f"{m['name']} of {m['run']} by {number(off)} {unit} instead of {number(before)}")
+    if not told:
+        return ""
+    return f" Missed by more {labels[-1]} than {labels[0]}: {literal('; '.join(told))}."
 
 
 def _scaled(value: Any, scale: float) -> float | None:
