@@ -341,3 +341,27 @@ def test_runs_are_kept_by_the_sorted_names_of_a_set_and_of_refits_that_follow_th
     assert list(found.by_run) == [("lag", "wind")]
     assert np.all(found.by_run[("lag", "wind")] == 0.0)  # of two searches of one set, the better
     assert found.leaves == 50.0
+
+
+@pytest.mark.parametrize(
+    "screened, first, asked",
+    [
+        # the screen puts both no lower than the refits: asked one by one, until one lies far below
+        ({"lag": 150.0, "scale": 140.0}, {"wind": 100.0, "bias": 90.0}, ["lag", "scale"]),
+        ({"lag": 150.0, "scale": 80.0}, {"wind": 100.0, "bias": 90.0}, ["lag"]),  # the screen is below them
+        ({"lag": 150.0}, {"wind": 100.0, "bias": 75.0}, []),  # nothing may claim as much as the best
+        ({"lag": 150.0}, {}, []),  # no refit explains the data
+        ({"wind": 150.0}, {"wind": 100.0}, []),  # refitted already
+    ],
+)
+def test_an_effect_that_was_only_screened_is_refitted_where_it_would_claim_what_the_best_do(
+    monkeypatch, screened, first, asked
+):
+    found = {"lag": hypothesis(85.0, "lag"), "scale": hypothesis(20.0, "scale", chi2=3.0)}
+    monkeypatch.setattr(
+        comparison, "refit_screened", lambda problem, bank, score, notify, none: [found[score.name]]
+    )
+    scores = [Plain(name=n, gain=g) for n, g in screened.items()]
+    refits = [hypothesis(value, name) for name, value in first.items()]
+    out = comparison._rivals(None, None, scores, refits, hypothesis(0.0, chi2=3.0), lambda text: None)
+    assert [c.effects[0] for c in out] == asked

@@ -150,10 +150,11 @@ def test_causes_that_stand_for_each_other_are_more_than_a_form_leaves(
     alone, both, excess, of_form, within, together, monkeypatch
 ):
     """A form worth 100 nats: each of two may be less than half of it beside the other, and both much more."""
-    monkeypatch.setattr(facts, "lost_without_form", lambda problem, best, axes: 100.0)
+    monkeypatch.setattr(facts, "lost_without_form", lambda problem, best, axes, resonance: 100.0)
     monkeypatch.setattr(facts, "form_excess", lambda problem, best: of_form)
     monkeypatch.setattr(facts, "axes_of", lambda problem, name: frozenset("YN"))
     monkeypatch.setattr(facts, "excess_where_apart", lambda equations, k: excess)
+    monkeypatch.setattr(facts, "remembers", lambda effect: False)
     refits = (
         candidate(("a", "c"), both, 1.0, True),
         *(candidate((n,), g, 1.0, True) for n, g in alone.items()),
@@ -164,3 +165,25 @@ def test_causes_that_stand_for_each_other_are_more_than_a_form_leaves(
     assert facts._covered(problem, comparison, refits[0], Kinematics()) == (within, together)
     problem.form = None
     assert facts._covered(problem, comparison, refits[0], Kinematics()) == ((), True)
+
+
+@pytest.mark.parametrize(("late", "within"), [(False, ()), (True, ("a",))])
+def test_what_a_resonance_carries_is_not_held_against_a_cause_that_lasts(monkeypatch, late, within):
+    """A cause of 60 nats; the form is worth 200 with its resonance and 80 without, half of which it may leave."""
+
+    def worth(problem, best, axes, resonance):
+        return 200.0 if resonance else 80.0
+
+    for name, stand_in in {
+        "lost_without_form": worth,
+        "form_excess": lambda problem, best: 1.0,
+        "axes_of": lambda problem, name: frozenset("YN"),
+        "excess_where_apart": lambda equations, k: 1.0,
+        "remembers": lambda effect: late,
+    }.items():
+        monkeypatch.setattr(facts, name, stand_in)
+    best = candidate(("a",), 60.0, 1.0, True)
+    comparison = SimpleNamespace(refits=(best,), none=candidate((), 0.0, 1.0, True))
+    model = SimpleNamespace(effects={"a": None})
+    problem = SimpleNamespace(form=object(), model=model, coefficients=SimpleNamespace(names=()))
+    assert facts._covered(problem, comparison, best, Kinematics())[0] == within

@@ -137,9 +137,9 @@ def away_from_straight(
     than the sampling looks like play or lag (play of 0.016 degrees at +25 nats on a clean campaign).
     """
     model = problem.model
-    remembers = any(_remembers(model.effects[n]) for n in candidate.effects if n in model.effects)
+    late = any(remembers(model.effects[n]) for n in candidate.effects if n in model.effects)
     straight = [log.straight for log in problem.logs]
-    if not remembers or not any(straight) or all(straight):
+    if not late or not any(straight) or all(straight):
         return candidate
     gains = []
     for c in (candidate, none):
@@ -152,7 +152,7 @@ def away_from_straight(
     return replace(candidate, log_evidence=min(candidate.log_evidence, float(limit)))
 
 
-def _remembers(effect: Effect) -> bool:
+def remembers(effect: Effect) -> bool:
     """Whether an input effect answers with the past of the command: delay, lag, play or rate."""
     if effect.port != "input":
         return False

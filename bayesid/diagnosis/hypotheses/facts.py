@@ -18,6 +18,7 @@ from bayesid.diagnosis.hypotheses.candidate import (
     explains,
     idle,
     pulls,
+    remembers,
 )
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.cross_validation import CrossValidation, cross_validate, excess_where_apart
@@ -311,8 +312,9 @@ def _covered(
 
     The equations surely lack something. Beside the effect that explains most, another must be worth more
     than the form itself to be told from what it leaves. Of causes that can stand for each other each is
-    worth little beside the rest, and all of them much. Gains are compared as they are, and by how far the
-    runs agree about effect and form. What sensors say by kinematics alone holds whatever the equations lack.
+    worth little beside the rest, and all of them much. A resonance leaves nothing that lasts. Gains are
+    compared as they are, and by how far the runs agree about effect and form. What sensors say by kinematics
+    alone holds whatever the equations lack.
     """
     if problem.form is None:
         return (), True
@@ -323,7 +325,9 @@ def _covered(
 
     def small(names: Collection[str], share: float) -> bool:
         axes = frozenset().union(*(axes_of(problem, n) for n in names))
-        form = lost_without_form(problem, best, axes)
+        # what a resonance leaves comes and goes with its period, as does what an actuator late or slow does
+        swings = any(remembers(problem.model.effects[n]) for n in names)
+        form = lost_without_form(problem, best, axes, resonance=swings)
         gain = _part(candidates, best, names)
         return gain < share * form and gain / excess < share * form / of_form
 

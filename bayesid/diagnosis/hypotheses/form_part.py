@@ -6,6 +6,7 @@ Takes a refit of a problem with a form. Gives log evidence. No refit, no lineari
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import replace
 
 import numpy as np
 
@@ -39,10 +40,17 @@ def form_gain(
 
 
 def lost_without_form(
-    problem: DiagnosisProblem, candidate: RefittedHypothesis, axes: Collection[str] | None = None
+    problem: DiagnosisProblem,
+    candidate: RefittedHypothesis,
+    axes: Collection[str] | None = None,
+    resonance: bool = True,
 ) -> float:
     """What a refit would lose without the form, or without it in some axes, however far the runs disagree
     about it [nats].
+
+    Parameters
+    ----------
+    resonance : whether the resonance goes with all axes, or stays
     """
     form, model = problem.form, problem.model
     if form is None:
@@ -50,9 +58,9 @@ def lost_without_form(
     whole = axes is None or set(form.sizes) <= set(axes)
     rest = ModelForm(
         {axis: 0.0 if whole or axis in (axes or ()) else size for axis, size in form.sizes.items()},
-        None if whole else form.period,
+        None if whole and resonance else form.period,
     )
-    if not whole and dict(rest.sizes) == dict(form.sizes):
+    if rest == replace(form, sizes=dict(form.sizes)):
         return 0.0
     fitted = candidate.fit
     total = sum(fitted.equations[1:], fitted.equations[0])
