@@ -169,7 +169,7 @@ def test_causes_that_stand_for_each_other_are_more_than_a_form_leaves(
 
 @pytest.mark.parametrize(("late", "within"), [(False, ()), (True, ("a",))])
 def test_what_a_resonance_carries_is_not_held_against_a_cause_that_lasts(monkeypatch, late, within):
-    """A cause of 60 nats; the form is worth 200 with its resonance and 80 without, half of which it may leave."""
+    """A cause of 60 nats; the form is worth 200 with its resonance and 80 without; it may leave half."""
 
     def worth(problem, best, axes, resonance):
         return 200.0 if resonance else 80.0
