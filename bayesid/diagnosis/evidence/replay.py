@@ -28,7 +28,7 @@ from bayesid.estimation.parameters import NO_PARAMETERS
 from bayesid.estimation.run_data import Array, RunData
 from bayesid.estimation.truncated_normal import within_bounds
 from bayesid.measures.angle_errors import counted_on
-from bayesid.simulation import observe, simulate
+from bayesid.simulation import observe, plan_trial_run, simulate
 from bayesid.trials import Run, Trial
 
 GIVEN, RETUNED, EXPLAINED = "nominal", "recalibrated", "with effect"
@@ -104,7 +104,11 @@ def replay_trial(
     found: list[_Replayed] = []
     for run in trial.runs:
         try:
-            log = read.get(run.name) or filter_error_run(problem.model, run, noise, problem.channels)
+            log = read.get(run.name)
+            if log is None:
+                log = filter_error_run(problem.model, run, noise, problem.channels, replayed=True)
+            else:
+                log = replace(log, plan=plan_trial_run(problem.model, run))
         except BayesidError:
             continue
         replayed = _replay(problem, run, log, models)

@@ -32,7 +32,9 @@ FIRST_SPEED_LENGTHS = 5.0
 LONGER_STEPS = 2.0
 
 
-def filter_error_run(model: Model, run: Any, noise: Mapping[str, float], channels: Sequence[str]) -> RunData:
+def filter_error_run(
+    model: Model, run: Any, noise: Mapping[str, float], channels: Sequence[str], replayed: bool = False
+) -> RunData:
     """Log of a trial run.
 
     Parameters
@@ -40,8 +42,9 @@ def filter_error_run(model: Model, run: Any, noise: Mapping[str, float], channel
     run : trials.Run
     noise : channel -> white sensor sigma [SI]
     channels : names to use, a subset of the kernel's channels
+    replayed : whether it is also simulated from end to end, which takes steps of the usual length
     """
-    plan = plan_trial_run(model, run, longer=LONGER_STEPS)
+    plan = plan_trial_run(model, run, longer=1.0 if replayed else LONGER_STEPS)
     names = [c for c in channels if c in run.data]
     data = np.column_stack([run.data[c] for c in names])
     s = model.scales
