@@ -351,7 +351,7 @@ def test_runs_are_kept_by_the_sorted_names_of_a_set_and_of_refits_that_follow_th
         ({"lag": 150.0, "scale": 80.0}, {"wind": 100.0, "bias": 90.0}, ["lag"]),  # the screen is below them
         ({"lag": 150.0}, {"wind": 100.0, "bias": 75.0}, []),  # nothing may claim as much as the best
         ({"lag": 150.0}, {}, []),  # no refit explains the data
-        ({"wind": 150.0}, {"wind": 100.0}, []),  # refitted already
+        ({}, {"wind": 100.0}, []),  # all are refitted already
     ],
 )
 def test_an_effect_that_was_only_screened_is_refitted_where_it_would_claim_what_the_best_do(

@@ -8,6 +8,7 @@ import pytest
 from gap_trials import model_of, orders, other_vehicle, planted_trial
 
 from bayesid.diagnosis.data.problem import build_problem, fit_with
+from bayesid.diagnosis.hypotheses import refit as refits
 from bayesid.diagnosis.hypotheses import sensitivity_bank as banks
 from bayesid.diagnosis.hypotheses.candidate import parameter_table, weighted_hypothesis
 from bayesid.diagnosis.hypotheses.comparison import compare
@@ -332,7 +333,7 @@ def test_an_effect_that_alone_came_out_as_nothing_does_not_begin_at_nothing():
     assert sizes_of(problem, [off, moved]) == {"actuator_lag": pytest.approx(1.0)}
 
 
-def test_a_refit_begun_at_the_fit_without_effects_ends_where_one_from_the_readings_does():
+def test_a_refit_begun_at_the_fit_without_effects_ends_where_one_from_the_readings_does(monkeypatch):
     """The same hill in fewer passes; where a screen promised more than is there, it begins anew as well."""
     model = model_of()
     problem = build_problem(
@@ -345,7 +346,15 @@ def test_a_refit_begun_at_the_fit_without_effects_ends_where_one_from_the_readin
     (near,) = refit(problem, effects, lambda text: None, smaller=none, promised=gain)
     assert gain > 50.0 and near.fit.log_evidence == pytest.approx(far.fit.log_evidence, abs=0.3)
     assert near.fit.iterations < 0.7 * far.fit.iterations
+    begun = []
+
+    def counted(*args, **given):
+        begun.append("start" in given)
+        return fit_with(*args, **given)
+
+    monkeypatch.setattr(refits, "fit_with", counted)
     (again,) = refit(problem, effects, lambda text: None, smaller=none, promised=2.0 * gain)
+    assert begun == [True, False]
     assert again.log_evidence == max(near.log_evidence, far.log_evidence)
     # and one coefficient of a wide prior
     wide = [refit_wide(problem, "N_v", lambda text: None, *of)[0] for of in ((), (none, -10.0))]

@@ -16,6 +16,7 @@ from bayesid.diagnosis.simulator.mending import mended_model, mended_prior, numb
 from bayesid.diagnosis.simulator.table import MISTAKES, Change
 from bayesid.diagnosis.simulator_words import mistake_sentence
 from bayesid.equations.model import Model, build_model
+from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.evidence import normal_equations, posterior
 from bayesid.estimation.parameters import NO_PARAMETERS, coefficient_prior
 from bayesid.model.vehicles import Vehicle, load_vehicle, with_relative_prior
@@ -154,6 +155,22 @@ def test_what_wider_coefficients_explain_nearly_as_well_is_listed_as_either(
     assert [f.or_coefficients for f in found] == ([] if told is None else [told])
     sentence = mistake_sentence(SimpleNamespace(simulator=found))
     assert ("coefficients further off than stated" in sentence) is bool(told)
+
+
+def test_a_mended_simulator_reads_what_the_explanations_it_is_compared_with_read(monkeypatch) -> None:
+    asked = []
+
+    def built(model, trial, **given):
+        asked.append(given)
+        raise ModelError("enough")
+
+    monkeypatch.setattr(judge, "build_problem", built)
+    monkeypatch.setattr(judge, "mended_model", lambda model, change: model)
+    outliers = (("r1", 12.0, "psi"),)
+    problem = SimpleNamespace(model=None, events=("jam",), outliers=outliers)
+    tried = judge.Screened(MISTAKES[0], 1.0, Change({}), 50.0, 0.0)
+    assert judge.mended_evidence(problem, None, tried, None) is None
+    assert asked == [{"as_built": None, "events": ("jam",), "outlying": outliers, "seek_outliers": False}]
 
 
 @pytest.mark.slow

@@ -61,7 +61,7 @@ from bayesid.estimation.filter_error.linearise import Trajectory
 from bayesid.model.effects import Effect
 
 Notify = Callable[[str], None]
-# Most effects refitted beside the shortlist.
+# Most effects looked at beside the shortlist.
 MOST_RIVALS = 6
 
 
@@ -195,7 +195,6 @@ def single_effects(
     limits = thresholds(bank, tried(problem), seed)
     wide = widened(bank, problem.stated.names)
     refits = [c for s in shortlist(scores) for c in refit_screened(problem, bank, s, notify, none)]
-    refits += _rivals(problem, bank, scores, refits, none, notify)
     refits += [
         c
         for name in likely_coefficients(wide, scores)
@@ -204,6 +203,9 @@ def single_effects(
     none = _second_start(problem, none, refits, notify)
     gains = {s.name: s.gain for s in scores}
     ranked = _ranked(problem, refits, none, gains)
+    first = {s.name for s in shortlist(scores)}
+    if more := _rivals(problem, bank, [s for s in scores if s.name not in first], ranked, none, notify):
+        ranked = _ranked(problem, [*ranked, *more], none, gains)
     return SingleEffects(
         none, ranked, tuple(effects), tuple(scores), bank, known, limits, tuple(points), wide
     )
@@ -212,7 +214,7 @@ def single_effects(
 def _rivals(
     problem: DiagnosisProblem,
     bank: SensitivityBank,
-    scores: Sequence[ScreenScore],
+    screened: Sequence[ScreenScore],
     refits: Sequence[RefittedHypothesis],
     none: RefittedHypothesis,
     notify: Notify,
@@ -220,14 +222,17 @@ def _rivals(
     """Refits of effects that the screen puts no lower than the refits that explain the data, where these lie
     so close together that any of them may be meant. Not refitted they would claim as much as the least of
     those does (`evidences`): three of them took 7 % from a rudder offset 153 times as large as the gap.
+
+    Parameters
+    ----------
+    screened : effects that were not refitted, best first
     """
-    tried = {c.effects for c in refits}
     out: list[RefittedHypothesis] = []
-    for score in scores:
+    for score in screened[:MOST_RIVALS]:
         sound = [c.log_evidence for c in (*refits, *out) if explains(c)]
-        if len(out) == MOST_RIVALS or not sound or min(sound) < max(sound) - LINEARISATION_SCATTER:
+        if not sound or min(sound) < max(sound) - LINEARISATION_SCATTER:
             break
-        if (score.name,) not in tried and none.log_evidence + score.gain >= min(sound):
+        if none.log_evidence + score.gain >= min(sound):
             out += refit_screened(problem, bank, score, notify, none)
     return out
 

@@ -50,7 +50,8 @@ def lost_without_form(
 
     Parameters
     ----------
-    resonance : whether the resonance goes with all axes, or stays
+    resonance : whether the resonance, and with it what a form has in none of its axes (heel in the yaw rate),
+        goes with all axes or stays
     """
     form, model = problem.form, problem.model
     if form is None:

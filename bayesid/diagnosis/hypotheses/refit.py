@@ -114,7 +114,8 @@ def _from_smaller(
 
 
 def _least_gain(promised: float) -> float:
-    """Least gain at which a refit has arrived where a linear screen promised one [nats]."""
+    """Least gain at which a refit has arrived where a linear screen promised one [nats]: short of it by no
+    more than a fifth, or than refits scatter."""
     return min(ARRIVED_SHARE * promised, promised - LINEARISATION_SCATTER)
 
 

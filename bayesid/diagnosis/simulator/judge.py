@@ -16,7 +16,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.special import logsumexp, softmax
 
-from bayesid.diagnosis.data.outliers import Found
 from bayesid.diagnosis.data.problem import DiagnosisProblem, build_problem, fit_with
 from bayesid.diagnosis.event_search import verdict_with
 from bayesid.diagnosis.exclusions import compare_without
@@ -106,7 +105,7 @@ def find_mistakes(
     found = []
     for s in _worth(compared):
         notify(f"the simulator mended: {s.mistake.name}")
-        mended = mended_evidence(problem.model, trial, s, as_built, beside, problem.outliers)
+        mended = mended_evidence(problem, trial, s, as_built, beside)
         if mended is not None and mended.log_evidence > max(cause + LEAD, best + ALIKE):
             found.append((mended.log_evidence, replace(s, fitted=mended.fitted)))
     if not found:
@@ -230,24 +229,26 @@ def _log_evidence(g: NormalEquations) -> float:
 
 
 def mended_evidence(
-    model: Model,
-    trial: Trial,
-    s: Screened,
-    as_built: float | None,
-    beside: tuple[str, ...] = (),
-    outlying: Found = (),
+    asked: DiagnosisProblem, trial: Trial, s: Screened, as_built: float | None, beside: tuple[str, ...] = ()
 ) -> Mended | None:
     """The mended simulator, its environment measured anew; None where it does not follow the log.
 
     Parameters
     ----------
+    asked : the problem of the explanations it is compared with: what they leave out is left out
     beside : effects it is tried with as well as without any: a mistake and a cause may come together
-    outlying : single readings left out, those of the explanations it is compared with
     """
 
     def problem_of(change: Change) -> DiagnosisProblem:
-        mended = mended_model(model, change)
-        return build_problem(mended, trial, as_built=as_built, outlying=outlying, seek_outliers=False)
+        mended = mended_model(asked.model, change)
+        return build_problem(
+            mended,
+            trial,
+            as_built=as_built,
+            events=asked.events,
+            outlying=asked.outliers,
+            seek_outliers=False,
+        )
 
     try:
         problem = problem_of(s.change)
