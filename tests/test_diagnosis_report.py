@@ -251,7 +251,7 @@ def test_the_interval_to_use_is_told_from_the_narrower_one_of_the_draws(half, sa
     assert not said or "first screen" in told
     assert ("from 0.0732 to 0.0828, 6.9 times as wide" in told) == (half == 0.0048)
     assert ("the interval of a size was widened" in told and "no narrower" in told) == (half == 0.0048)
-    assert "widened" in told or "no narrower" not in told
+    assert ("widened" in told) == ("no narrower" in told) == (half == 0.0048)
     assert not to_use(SimpleNamespace(effects=()), posterior)
 
 
