@@ -282,9 +282,10 @@ def _stale_heading(run: Run) -> list[str]:
         if b - a + 1 < STALE or run.t[last] - run.t[first] < STALE_SECONDS:
             continue
         turned = abs(math.remainder(float(x[b + 1] - x[b]), math.tau)) if b + 1 < x.size else 0.0
-        known = [] if rate is None else np.flatnonzero(np.isfinite(rate[first : last + 1])) + first
-        if rate is not None and len(known) > 1:
-            turned = abs(float(np.trapezoid(rate[known], run.t[known])))
+        if rate is not None:
+            known = np.flatnonzero(np.isfinite(rate[first : last + 1])) + first
+            if known.size > 1:
+                turned = abs(float(np.trapezoid(rate[known], run.t[known])))
         if turned > max(LEAST_TURN, TURNS * usual):
             found.append((run.t[first], run.t[last], turned / _DEG))
     if not found:
