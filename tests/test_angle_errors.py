@@ -37,6 +37,31 @@ def test_an_error_of_an_angle_is_continuous_from_the_first_reading(wrapped, turn
     np.testing.assert_allclose(found, np.where(np.isnan(log), np.nan, 0.01 * T), atol=1e-12)
 
 
+@pytest.mark.parametrize("at", [0, 1, 100, 598, 599])
+@pytest.mark.parametrize("bad", [(2.3, -2.3), (2.3, -3.0), (3.1,), (2.0, 2.5, -2.5, -2.0)])
+def test_bad_readings_count_no_turn_for_the_rest_of_a_run(bad, at):
+    off = np.where(np.arange(T.size) < at, 0.0, 0.01 * (T - at))
+    off += 0.01 * np.random.default_rng(1).standard_normal(T.size)
+    wrong = off.copy()
+    wrong[at : at + len(bad)] += np.array(bad)[: T.size - at]
+    found = counted_on(wrong[:, None], ["psi"])[:, 0]
+    kept = np.delete(np.arange(T.size), np.s_[at : at + len(bad)])
+    np.testing.assert_allclose(found[kept], off[kept], atol=1e-12)
+
+
+def test_a_compass_averaged_across_north_counts_no_turn():
+    log = np.radians([*[359.0] * 50, 240.0, 120.0, *[1.0] * 50])
+    simulated = np.radians([*[359.0] * 52, *[361.0] * 50])
+    found = counted_on((log - simulated)[:, None], ["psi"])[:, 0]
+    np.testing.assert_allclose(np.delete(found, [50, 51]), 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("rate", [0.3, 1.2, 3.0])
+def test_an_error_that_grows_fast_goes_on_through_whole_turns(rate):
+    grows = rate * np.arange(100.0)
+    np.testing.assert_allclose(counted_on(grows[:, None], ["psi"])[:, 0], grows, atol=1e-9)
+
+
 def test_what_is_no_angle_and_what_is_small_stay_as_they_are():
     far = np.stack([np.where(T > 300, 100.0, 0.0), 0.3 * np.sin(T)], axis=1)
     np.testing.assert_array_equal(counted_on(far, ["x", "psi"]), far)

@@ -240,7 +240,7 @@ def test_a_proposed_manoeuvre_says_what_is_ordered_and_none_says_why():
     assert "--quick" not in failed[0].body and "see the notes" in failed[0].body
 
 
-@pytest.mark.parametrize("half, said", [(0.0048, True), (0.0007, False)])
+@pytest.mark.parametrize("half, said", [(0.0048, True), (0.0007, False), (0.0002, True)])
 def test_the_interval_to_use_is_told_from_the_narrower_one_of_the_draws(half, said):
     size = SimpleNamespace(value=0.078, sd=half / 1.96, low95=None, high95=None)
     effect = SimpleNamespace(name="rudder_asymmetry", parameters={"asymmetry": size})
@@ -248,7 +248,10 @@ def test_the_interval_to_use_is_told_from_the_narrower_one_of_the_draws(half, sa
     posterior = SimpleNamespace(parameters={"rudder_asymmetry.asymmetry": drawn, "Y_v": drawn})
     told = to_use(SimpleNamespace(effects=(effect,)), posterior)
     assert bool(told) == said
-    assert not said or ("from 0.0732 to 0.0828, 6.9 times as wide" in told and "first screen" in told)
+    assert not said or "first screen" in told
+    assert ("from 0.0732 to 0.0828, 6.9 times as wide" in told) == (half == 0.0048)
+    assert ("the interval of a size was widened" in told and "no narrower" in told) == (half == 0.0048)
+    assert ("widened" in told) == ("no narrower" in told) == (half == 0.0048)
     assert not to_use(SimpleNamespace(effects=()), posterior)
 
 
@@ -260,5 +263,6 @@ def test_held_out_is_explained_where_it_is_first_shown_and_each_deviation_says_o
     result = replace(RESULT, runs=(run,), moved={"N_v": Moved(-1.0, 0.1, -1.2, -1.1)})
     text = (write_diagnosis_report(result, tmp_path).parent / "report.md").read_text(encoding="utf-8")
     assert ("Held out: no fit and no choice of a cause has read this run" in text) == (role == "holdout")
+    assert ("predicted worse is withdrawn" in text) == (role == "holdout") and "it only shows" not in text
     assert "standard deviations stated by the vehicle file" in text
     assert "one standard deviation of a refit" in text

@@ -47,22 +47,23 @@ def test_an_effect_of_ambiguous_verdicts_is_in_question_and_does_not_act():
 
 
 @pytest.mark.parametrize(
-    "retuned, verdict, said",
+    "retuned, verdict, n_r, said",
     [
-        (1.0, "none", "none, but coefficients are off (N_r by 2.0 stated sd)"),
-        (9.0, "none", "none"),
-        (1.0, "effect", "effect"),
+        (1.0, "none", -1.6, "none, but coefficients are off (N_r by 2.0 stated sd)"),
+        (1.0, "none", -1.999, "none, but coefficients are off"),
+        (9.0, "none", -1.6, "none"),
+        (1.0, "effect", -1.6, "effect"),
     ],
 )
-def test_a_vehicle_to_be_tuned_anew_is_not_called_none_alone(retuned, verdict, said):
+def test_a_vehicle_to_be_tuned_anew_is_not_called_none_alone(retuned, verdict, n_r, said):
     sizes = {"nominal": 10.0, "recalibrated": retuned, "with effect": retuned}
     run = {
         "run": "z", "manoeuvre": "zig-zag", "role": "holdout", "seconds": 60.0, "lead": 5.0,
         "position": sizes, "rms": {m: {"x": s, "y": 0.0} for m, s in sizes.items()}, "later": 1,
     }  # fmt: skip
     moved = {
-        "N_r": {"given": -2.0, "retuned": -1.6, "prior_sd": 0.2},
-        "Y_v": {"given": 1.0, "retuned": 1.1, "prior_sd": 0.2},
+        "N_r": {"given": -2.0, "retuned": n_r, "prior_sd": 0.2},
+        "Y_v": {"given": 1.0, "retuned": 1.09, "prior_sd": 0.2},
     }
     records = {"d1": record("A", 1.0) | {"verdict": verdict, "runs": [run], "moved": moved}}
     assert verdict_words(records["d1"]) == said

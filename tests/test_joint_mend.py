@@ -6,24 +6,44 @@ import numpy as np
 import pytest
 
 from bayesid.cli.main import run
+from bayesid.cli.trial import _print
 from bayesid.report.input import finding_sentence, joint_mend
 from bayesid.trials import Run
 from bayesid.trials.correction import Correction, apply, join, read_correction
 from bayesid.trials.mistakes import InputCheck, InputFinding
 
 T = np.linspace(0.0, 10.0, 21)
-RUN = Run("a", "", "identify", T, {"psi": 0.1 * T, "r": 0.1 + 0 * T, "u": 1 + 0 * T}, {"delta_r_cmd": 0 * T})
+RUN = Run(
+    "a",
+    "",
+    "identify",
+    T,
+    {"psi": 0.1 * T, "r": 0.1 + 0 * T, "u": 1 + 0 * T, "v": 0.2 + 0 * T},
+    {"delta_r_cmd": 0 * T},
+)
 TOGETHER = [
     (Correction(scale={"psi": -1.0}), Correction(scale={"r": -1.0})),
     (Correction(scale={"psi": -1.0}), Correction(scale={"psi": 2.0, "u": 0.5})),
     (Correction(scale={"r": -1.0}), Correction(late={"u": 1.0}), Correction(offset={"psi": 0.2})),
     (Correction(offset={"psi": 0.2}), Correction(offset={"psi": -0.1})),
+    (Correction(velocity_axes="earth"), Correction(offset={"psi": 0.2})),
 ]
 APART = [
     (Correction(scale={"psi": -1.0}), Correction(offset={"psi": 0.2})),
     (Correction(scale={"psi": -1.0}), Correction(scale={"r": -1.0}, runs=("a",))),
     (Correction(rename={"u": "u_water"}), Correction(scale={"u_water": 2.0})),
     (Correction(time_scale=2.0), Correction(late={"u": 1.0})),
+    *(
+        pair
+        for before in (
+            Correction(scale={"psi": -1.0}),
+            Correction(heading_from="east"),
+            Correction(skip_repeats=("psi",)),
+            Correction(exchange=(("psi", "r"),)),
+            Correction(rename={"yaw_rate": "psi"}),
+        )
+        for pair in ((Correction(velocity_axes="earth"), before), (before, Correction(velocity_axes="earth")))
+    ),
 ]
 
 
@@ -52,10 +72,22 @@ def test_mends_that_one_table_cannot_hold_are_not_joined(mends):
 
 def test_two_mistakes_under_one_key_are_told_as_one_line():
     words = joint_mend(InputCheck(tuple(map(a_finding, TOGETHER[0]))))
-    assert words.endswith("[corrections] scale = { psi = -1, r = -1 }")
+    assert "[corrections] scale = { psi = -1, r = -1 };" in words
+    assert "its entries stay and these are added" in words
     problems: list[str] = []
     assert read_correction({"scale": {"psi": -1, "r": -1}}, problems) == join(TOGETHER[0]) and not problems
     assert not joint_mend(InputCheck((a_finding(TOGETHER[0][0]),))) and not joint_mend(InputCheck())
+
+
+def test_the_table_of_all_mends_is_not_listed_as_a_mistake(capsys):
+    """Two mistakes are two bullets."""
+    summary = dict.fromkeys(("vehicle", "attribution", "name"), "") | {
+        "holdout": [], "runs": [], "dof": 3, "noise": {}, "warnings": [], "joint_mend": "all mends: c",
+        "input_in_order": "", "vehicle_problem": None,
+    }  # fmt: skip
+    _print(summary, ["a", "b"], [], False)
+    out = capsys.readouterr().out
+    assert out.count("  - ") == 2 and "All mends: c." in out
 
 
 def test_what_a_mistake_is_not_told_from_has_its_probability_beside_it():

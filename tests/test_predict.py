@@ -382,6 +382,8 @@ def test_a_band_is_told_with_digits_that_part_its_ends():
     assert band_text(332.2, 332.0, 332.5) == ("332.2", "332.0", "332.5")
     assert band_text(10.0, 8.0, 12.0) == ("10", "8", "12")
     assert band_text(1.0, 1.0, 1.0) == ("1", "1", "1")
+    assert band_text(5.0, 5.0 - 1e-13, 6.0) == ("5", "5", "6")
+    assert band_text(332.0, 332.0 - 1e-9, 332.2) == ("332.0", "332.0", "332.2")
     assert band_text(332.2, 331.6, 332.8) == ("332.2", "331.6", "332.8")
     assert band_text(332.2, 330.0, 332.4) == ("332.2", "330.0", "332.4")
     assert band_text(0.0, 0.0, 2e-4) == ("0", "0", "0.0002")

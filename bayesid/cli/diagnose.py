@@ -54,7 +54,8 @@ def diagnose(
     code 4. A diagnosis that is stopped goes on where it was when the same line is run again.
 
     A folder of bundles gets a report for each below --out, one page over all, and a vehicle file with the
-    coefficients that the bundles of a vehicle share; --workers and --executor are for it.
+    coefficients that the bundles of a vehicle share; --workers and --executor are for it. It ends with exit
+    code 0 also where bundles have the verdict `input`: the page over all says which.
     """
     from bayesid.api.diagnose import diagnose as run
     from bayesid.api.fleet import bundles_of, diagnose_fleet

@@ -102,7 +102,10 @@ def _print(summary: dict[str, Any], mistakes: Sequence[str], lacking: Sequence[s
     print_text()
     if mistakes:
         print_text(f"{counted(len(mistakes), 'mistake')} in the log:")
-        _print_list([*mistakes, *([summary["joint_mend"]] if summary["joint_mend"] else [])])
+        _print_list(mistakes)
+        if joint := summary["joint_mend"]:
+            print_text(f"{joint[:1].upper()}{joint[1:]}.")
+            print_text()
     if lacking:
         print_text("Not enough to say anything:")
         _print_list(lacking)

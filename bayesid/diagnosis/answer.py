@@ -20,7 +20,7 @@ from bayesid.diagnosis.hypotheses.rules import NAMING
 from bayesid.diagnosis.hypotheses.sensitivity_bank import EVERY
 from bayesid.diagnosis.plain_words import intervals, probability, sentence
 from bayesid.diagnosis.result import Result
-from bayesid.diagnosis.result_parts import Effect, RunError
+from bayesid.diagnosis.result_parts import LEAST_MOVED, Effect, RunError
 from bayesid.diagnosis.run_errors import (
     ErrorRow,
     closes,
@@ -299,7 +299,7 @@ def _moved(result: Result) -> tuple[str, ...]:
             (far, f"{name} {_percent(m.retuned, m.given)} ({far:.1f} times its stated "
                   f"uncertainty{with_it})")
         )  # fmt: skip
-    return tuple(text for far, text in sorted(told, reverse=True)[:MOST_MOVED] if far >= 0.5)
+    return tuple(text for far, text in sorted(told, reverse=True)[:MOST_MOVED] if far >= LEAST_MOVED)
 
 
 def _percent(value: float, given: float) -> str:

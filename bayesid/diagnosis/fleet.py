@@ -15,7 +15,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from bayesid.diagnosis.hypotheses.rules import NAMING
-from bayesid.diagnosis.result_parts import RunError
+from bayesid.diagnosis.result_parts import LEAST_MOVED, RunError
 from bayesid.diagnosis.run_errors import closes, error_rows
 
 # Probability below which estimates of several bundles are not of one value.
@@ -86,7 +86,8 @@ def verdict_words(record: Mapping[str, Any]) -> str:
         if m.get("prior_sd")
     }
     most = max(moved, key=lambda n: abs(moved[n]), default="")
-    told = f" ({most} by {abs(moved[most]):.1f} stated sd)" if most else ""
+    far = abs(moved[most]) if most else 0.0
+    told = f" ({most} by {far:.1f} stated sd)" if far >= LEAST_MOVED else ""
     return f"none, but coefficients are off{told}"
 
 

@@ -225,6 +225,10 @@ class Coefficient:
     sd: float
 
 
+# Stated standard deviations from which a coefficient counts as moved by re-tuning.
+LEAST_MOVED = 0.5
+
+
 @dataclass(frozen=True)
 class Moved:
     """A coefficient as given, re-tuned without an effect, with the best explanation; units of the file."""

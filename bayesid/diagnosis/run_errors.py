@@ -154,26 +154,29 @@ def against_given(runs: Sequence[RunError], labels: Sequence[str]) -> str:
 def still_missed(runs: Sequence[RunError], labels: Sequence[str]) -> str:
     """Why runs stay missed with the last model, in sentences: by no more than it expects of itself, or more.
 
-    Told of are runs that it misses about as far as the first model, and far against its best run. Empty
-    without any, and where nothing is known of what is to be expected.
+    Told of are runs that it misses about as far as the first model, and far against its best run of the same
+    kind of error. A run of which nothing is known of what is to be expected is left out.
     """
     table = [(run, rows[0]) for run in runs if (rows := error_rows(run)) and run.expected]
-    least = min((r.values[-1] for _, r in table if r.values[-1] > 0), default=math.nan)
+    least: dict[str, float] = {}
+    for _, row in table:
+        if row.values[-1] > 0:
+            least[row.what] = min(row.values[-1], least.get(row.what, math.inf))
     lost: list[str] = []
     within: list[str] = []
     beyond: list[str] = []
     for run, row in table:
         given, now = row.values[0], row.values[-1]
-        if not (now > FAR * least and given <= SAME * now):
-            continue
         hoped, said = _expected_error(run, row), f"{kind_of_run(run)} ({run.run})"
+        if hoped is None or not (now > FAR * least.get(row.what, math.nan) and given <= SAME * now):
+            continue
         if math.isinf(hoped):
             lost.append(said)
         else:
             (within if now <= BY_CHANCE * hoped else beyond).append(
                 f"{said}, by {number(now)} {row.unit} where {number(hoped)} are expected"
             )
-    nearer = f"brought no nearer to the log than {labels[0]}"
+    nearer = f"brought hardly nearer to the log than {labels[0]}"
     told = []
     if lost:
         told.append(
@@ -195,13 +198,17 @@ def still_missed(runs: Sequence[RunError], labels: Sequence[str]) -> str:
     return " ".join(told)
 
 
-def _expected_error(run: RunError, row: ErrorRow) -> float:
-    """What the explanation expects to miss a kind of error by, in its unit; inf where that is unbounded."""
+def _expected_error(run: RunError, row: ErrorRow) -> float | None:
+    """What the explanation expects to miss a kind of error by, in its unit; inf where that is unbounded, None
+    where it is not known.
+    """
     names, scale = {
         "position": (("x", "y"), 1.0), "heading": (("psi",), DEG), "depth": (("z",), 1.0), "r": (("r",), DEG),
         "u": (("u",), 1.0),
     }[row.what]  # fmt: skip
-    values = [run.expected.get(c) for c in names]
+    if not run.expected.keys() >= set(names):
+        return None
+    values = [run.expected[c] for c in names]
     return math.inf if None in values else scale * math.hypot(*(v for v in values if v is not None))
 
 

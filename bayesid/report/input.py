@@ -61,7 +61,11 @@ def joint_mend(check: InputCheck) -> str:
             "these mends cannot stand in one table [corrections] (other runs, or one channel twice): state "
             "the first, check again, and mend the rest in the log or in a bundle of its own"
         )
-    return f"all mends in one table of trial.toml: [corrections] {'; '.join(one.lines())}"
+    return (
+        f"all mends in one table of trial.toml: [corrections] {'; '.join(one.lines())}; where trial.toml has "
+        "that table, its entries stay and these are added (factors on one channel are multiplied, offsets "
+        "added); then check again"
+    )
 
 
 def in_order_line(check: InputCheck) -> str:

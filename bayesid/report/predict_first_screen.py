@@ -24,6 +24,7 @@ from bayesid.words import first_few
 
 DEGREE = 180 / math.pi
 MOST_ROWS, MOST_MEASURES, MOST_LEFT_OUT, MOST_PLACES = 8, 2, 4, 9
+ROUNDING = 1e-3  # of a band's width, up to which an end counts as the mean
 LEAST_LEFT_OUT = 0.005  # probability from which one is told; it is printed with two decimals
 Numbers = Mapping[str, Any]
 # What a helmsman asks of a turn and of a zig-zag.
@@ -40,11 +41,12 @@ def band_text(
     text : how a number is written where that tells them apart
     """
     told = (text(mean), text(low), text(high))
-    gaps = [gap for gap in (high - low, abs(mean - low), abs(high - mean)) if gap > 0.0]
+    least = ROUNDING * (high - low)
+    gaps = [gap for gap in (high - low, abs(mean - low), abs(high - mean)) if gap > least]
     if not all(map(math.isfinite, (mean, low, high))) or not gaps:
         return told
     alike = [a == b for a, b in ((told[1], told[2]), (told[0], told[1]), (told[0], told[2]))]
-    differ = [a != b for a, b in ((low, high), (mean, low), (mean, high))]
+    differ = [abs(a - b) > least for a, b in ((low, high), (mean, low), (mean, high))]
     if not any(same and other for same, other in zip(alike, differ, strict=True)):
         return told
     places = min(max(math.ceil(-math.log10(min(gaps))), 0), MOST_PLACES)

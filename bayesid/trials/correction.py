@@ -154,6 +154,8 @@ def join(corrections: Sequence[Correction]) -> Correction | None:
             return None
         if shared and len(both) > 1:
             return None
+        if _turned(out, one) or _turned(one, out):
+            return None
         values: dict[str, Any] = {name: getattr(one, name) for name in its - mine}
         for name in both:
             a, b = getattr(out, name), getattr(one, name)
@@ -167,6 +169,14 @@ def join(corrections: Sequence[Correction]) -> Correction | None:
                 values[name] = a * b
         out = replace(out, **values)
     return out
+
+
+def _turned(axes: Correction, heading: Correction) -> bool:
+    """Whether one turns u and v by a heading that the other changes before, in one table."""
+    early = {*heading.drop, *heading.skip_repeats, *heading.rename, *heading.rename.values(), *heading.scale}
+    early |= {name for pair in heading.exchange for name in pair}
+    early |= {"psi"} if heading.heading_from == "east" else set()
+    return axes.velocity_axes == "earth" and "psi" in early
 
 
 def without_effect(correction: Correction, runs: Sequence[Run]) -> list[str]:

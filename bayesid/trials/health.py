@@ -262,8 +262,8 @@ def _stuck(run: Run) -> list[str]:
 def _stale_heading(run: Run) -> list[str]:
     """A warning where the heading repeats one reading to the last bit while the yaw rate turns the vehicle.
 
-    Without a yaw rate the step out of the stretch says what it turned meanwhile. Other columns may stand too:
-    rows that are written again while the receiver is silent.
+    Without readings of the yaw rate the step out of the stretch says what it turned meanwhile. Other columns
+    may stand too: rows that are written again while the receiver is silent.
     """
     psi, rate = run.data.get("psi"), run.data.get("r")
     if psi is None:
@@ -273,7 +273,7 @@ def _stale_heading(run: Run) -> list[str]:
         return []
     x = psi[good]
     change = np.flatnonzero(np.concatenate(([True], np.diff(x) != 0.0, [True])))
-    usual = float(np.median(np.abs(np.diff(x))))
+    usual = float(np.median(np.abs(np.diff(np.unwrap(x)))))
     if not usual > 0.0:
         return []  # a coarse compass repeats itself
     found = []
@@ -281,10 +281,11 @@ def _stale_heading(run: Run) -> list[str]:
         first, last = int(good[a]), int(good[b])
         if b - a + 1 < STALE or run.t[last] - run.t[first] < STALE_SECONDS:
             continue
-        turned = abs(float(x[b + 1] - x[b])) if b + 1 < x.size else 0.0
+        turned = abs(math.remainder(float(x[b + 1] - x[b]), math.tau)) if b + 1 < x.size else 0.0
         if rate is not None:
             known = np.flatnonzero(np.isfinite(rate[first : last + 1])) + first
-            turned = abs(float(np.trapezoid(rate[known], run.t[known])))
+            if known.size > 1:
+                turned = abs(float(np.trapezoid(rate[known], run.t[known])))
         if turned > max(LEAST_TURN, TURNS * usual):
             found.append((run.t[first], run.t[last], turned / _DEG))
     if not found:

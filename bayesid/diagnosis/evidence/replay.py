@@ -57,7 +57,8 @@ class Replay:
     force : as given and explained -> (n, 3) force X, Y [N] and moment N [N m] that would lead the model along
         the log; empty where not asked or where the model cannot be led along it
     expected : channel -> rms error after the lead-in that the explained model expects of itself: sensor
-        noise, environment, start, coefficients; inf beyond what can be told, empty where the model diverges
+        noise, environment, start, coefficients; inf where half of the simulations within these diverge, empty
+        where the model itself diverges or where nothing could be computed
     """
 
     run: str
@@ -93,7 +94,8 @@ def replay_trial(
     """All runs that can be replayed; the first is the one to show.
 
     That is the held-out run which the model as given misses most, in noise units, else the identify run. It
-    alone has a deviation; it and the held-out runs have the force that each model lacks.
+    alone keeps the deviation of its readings, of which the others keep the rms (`expected`); it and the
+    held-out runs have the force that each model lacks.
 
     Parameters
     ----------
@@ -123,28 +125,41 @@ def replay_trial(
 
     found.sort(key=rank)
     explained = models.get(EXPLAINED)
-    sds = [
+    deviations = [
         _deviation(problem, f.known, f.replay, explained, f.starts.get(EXPLAINED), f.point, seed)
         for f in found
     ]
-    first, sd = found[0], sds[0]
+    first = found[0]
     asked = [first, *(f for f in found[1:] if f.replay.role == "holdout")][:MOST_FORCES]
     forces = {f.replay.run: _forces(problem, f.log, models) for f in asked}
     replays = [
         replace(
             f.replay,
             force=forces.get(f.replay.run, {}),
-            expected=_expected(f.replay, deviation) if EXPLAINED in f.starts else {},
+            expected=_expected(f.replay, *deviation) if EXPLAINED in f.starts else {},
         )
-        for f, deviation in zip(found, sds, strict=True)
+        for f, deviation in zip(found, deviations, strict=True)
     ]
-    return replace(replays[0], sd=sd), *replays[1:]
+    return replace(replays[0], sd=deviations[0].sd), *replays[1:]
 
 
-def _expected(shown: Replay, sd: Array | None) -> dict[str, float]:
-    """Channel -> rms error after the lead-in that the explained model expects of itself."""
-    if sd is None:
+class _Deviation(NamedTuple):
+    """(n, q) deviation of readings from the explained model, None where it could not be computed; whether
+    simulations within what is known of start and coefficients diverge, so that it has no bound.
+    """
+
+    sd: Array | None
+    diverges: bool
+
+
+def _expected(shown: Replay, sd: Array | None, diverges: bool) -> dict[str, float]:
+    """Channel -> rms error after the lead-in that the explained model expects of itself; empty where that
+    could not be computed.
+    """
+    if diverges:
         return dict.fromkeys(shown.channels, np.inf)
+    if sd is None:
+        return {}
     late = shown.t - shown.t[0] > shown.lead
     square = np.where(np.isfinite(shown.readings), sd**2, np.nan)[late]
     return {
@@ -261,16 +276,16 @@ def _deviation(
     x0: Array | None,
     point: Trajectory,
     seed: int,
-) -> Array | None:
-    """(n, q) what noise, environment, start and parameters let a reading depart from the explained model."""
+) -> _Deviation:
+    """What noise, environment, start and parameters let a reading depart from the explained model."""
     model, noise_model = problem.model, problem.environment.noise_model
     if fitted is None or x0 is None:
-        return None
+        return _Deviation(None, False)
     try:
         path = linearise(model, known, point, NO_PARAMETERS.where)
         sm = smoothed(model, path, np.zeros(0), noise_model)
-    except (BayesidError, LinAlgError):  # the replay stands without a band
-        return None
+    except (BayesidError, LinAlgError) as error:  # the replay stands without a band
+        return _Deviation(None, isinstance(error, BayesidError))
     spread = np.einsum("iqx,ix->iq", path.slope**2, sm.variance[:, : point.states.shape[1]])
     drift = np.array([noise_model.slow(c) for c in known.channels])
     tracks = []
@@ -280,9 +295,10 @@ def _deviation(
         except BayesidError:
             continue
     about = np.zeros_like(spread)
-    if len(tracks) > BAND_DRAWS // 2:
+    diverges = len(tracks) <= BAND_DRAWS // 2
+    if not diverges:
         about = np.mean((np.array(tracks) - shown.models[EXPLAINED]) ** 2, axis=0)
-    return np.sqrt(known.sigma**2 + spread + drift**2 + about)
+    return _Deviation(np.sqrt(known.sigma**2 + spread + drift**2 + about), diverges)
 
 
 def _draws(fitted: FilterErrorFit, rng: np.random.Generator) -> Array:

@@ -64,7 +64,7 @@ def _blocks(result: Result, draws: EffectDraws) -> list[Block]:
 
 def to_use(result: Result, draws: EffectDraws) -> str:
     """Which of the intervals of one size to use, and how the others differ; empty where there is one only."""
-    told = []
+    told, every = [], []
     for effect in result.effects:
         for name, p in effect.parameters.items():
             drawn = draws.parameters.get(f"{effect.name}.{name}")
@@ -75,17 +75,23 @@ def to_use(result: Result, draws: EffectDraws) -> str:
                 low, high = p.value - Z95 * p.sd, p.value + Z95 * p.sd
             wider = (high - low) / (drawn.high95 - drawn.low95)
             if not 1 / ALIKE < wider < ALIKE:
+                every.append(wider)
                 told.append(
                     f"{literal(f'{effect.name}.{name}')} from {low:.4g} to {high:.4g}, {wider:.2g} times as "
                     "wide as that of the draws"
                 )
     if not told:
         return ""
+    widened = (
+        " Where it is wider, the interval of a size was widened before it was shown: it is no narrower than "
+        "the deviation of the explanation's fit or than the runs differ from one another, of which the draws "
+        "below know nothing."
+        if max(every) > 1.0
+        else ""
+    )
     return (
-        "It is widened before it is shown: the 95 % interval to use is that of the first screen "
-        f"({'; '.join(told)}), no narrower than the deviation of the explanation's fit or than the runs "
-        "differ from one another, of which the draws below know nothing. A ± behind a size "
-        "among the refits is one standard deviation of that refit alone."
+        f"The 95 % interval to use is that of the first screen ({'; '.join(told)}).{widened} A ± behind a "
+        "size among the refits is one standard deviation of that refit alone."
     )
 
 

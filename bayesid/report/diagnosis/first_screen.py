@@ -26,7 +26,10 @@ ORDERS = (
     ("delta_s_cmd", "stern-plane order", "deg", 180 / math.pi),
     ("n_cmd", "shaft", "rpm", 1.0),
 )
-HELD_OUT = " Held out: no fit and no choice of a cause has read this run; it only shows what they predict."
+HELD_OUT = (
+    " Held out: no fit and no choice of a cause has read this run; it shows what they predict, and a cause "
+    "with which held-out runs are predicted worse is withdrawn."
+)
 
 
 def first_blocks(result: Result, a: Answer) -> list[Block]:
