@@ -298,7 +298,7 @@ def test_steps_of_single_intervals_are_half_as_many_and_lose_nothing_the_sensors
     for log, run in zip(problem.logs, planted_trial(model, {}, 3).identify, strict=True):
         fine, usual = plan_trial_run(model, run, longer=0.25), plan_trial_run(model, run)
         assert log.plan.steps.size < 0.7 * usual.steps.size
-        whole = filter_error_run(model, run, noise_of(model), log.channels, replayed=True)
+        whole = filter_error_run(model, run, noise_of(model), log.channels)
         assert np.array_equal(whole.plan.steps, usual.steps)
         ends = [
             interval_maps(model, model.nominal, plan, log.path, (), np.zeros(0, dtype=np.int64)).ends

@@ -31,7 +31,7 @@ from bayesid.estimation.filter_error.evidence import posterior
 from bayesid.estimation.filter_error.fit import FilterErrorFit, fit
 from bayesid.estimation.filter_error.linearise import linearise, linearise_runs
 from bayesid.estimation.filter_error.noise_model import LatentInputs
-from bayesid.estimation.filter_error.read_run import filter_error_run
+from bayesid.estimation.filter_error.read_run import LONGER_STEPS, filter_error_run
 from bayesid.estimation.parameters import NO_PARAMETERS
 from bayesid.estimation.run_data import RunData
 from bayesid.trials import Run, Trial, window
@@ -226,9 +226,8 @@ def _channel(problem: DiagnosisProblem, span: Span, event: Event) -> tuple[str, 
 def log_without(problem: DiagnosisProblem, run: Run, events: Sequence[Event]) -> RunData:
     """Log of a run whose events hold no readings and let go of the state they disturbed."""
     noise = {c: s for log in problem.logs for c, s in zip(log.channels, log.sigma, strict=True)}
-    return released(
-        problem.model, filter_error_run(problem.model, blanked(run, events), noise, problem.channels), events
-    )
+    model, left = problem.model, blanked(run, events)
+    return released(model, filter_error_run(model, left, noise, problem.channels, LONGER_STEPS), events)
 
 
 def with_events(candidates: HypothesisComparison, events: Sequence[Event]) -> HypothesisComparison:

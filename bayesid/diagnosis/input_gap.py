@@ -85,7 +85,7 @@ def _gap(problem: DiagnosisProblem, mended: RunError, run: Run) -> InputGap:
     """Errors of one run as logged beside those of it mended; without rows where it cannot be replayed."""
     noise = {c: float(s) for log in problem.logs for c, s in zip(log.channels, log.sigma, strict=True)}
     try:
-        log = filter_error_run(problem.model, run, noise, problem.channels, replayed=True)
+        log = filter_error_run(problem.model, run, noise, problem.channels)
         before = misses(problem, log, problem.model.nominal)
     except (BayesidError, LinAlgError):
         before = {}

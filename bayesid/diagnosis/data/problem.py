@@ -26,7 +26,7 @@ from bayesid.estimation.filter_error.noise_identification import (
     stated_noise,
 )
 from bayesid.estimation.filter_error.noise_model import NoiseModel
-from bayesid.estimation.filter_error.read_run import STRAIGHT_LENGTHS, filter_error_run
+from bayesid.estimation.filter_error.read_run import LONGER_STEPS, STRAIGHT_LENGTHS, filter_error_run
 from bayesid.estimation.filter_error.straight_run_noise import RemovedForces, identify_straight_noise
 from bayesid.estimation.parameters import NO_PARAMETERS, GaussianPrior, coefficient_prior, effect_prior
 from bayesid.estimation.run_data import RunData
@@ -180,7 +180,9 @@ def build_problem(
             "u and v are the logged track differentiated and filtered (fast changes of both agree): both are "
             "of one point, so a position lever arm is not looked for; a latency may be"
         )
-    logs = [released(model, filter_error_run(model, run, noise, channels), events) for run in runs]
+    logs = [
+        released(model, filter_error_run(model, run, noise, channels, LONGER_STEPS), events) for run in runs
+    ]
     if (coarse := too_coarse(model, logs)) is not None:
         warnings.append(coarse)
     outliers: Found = ()

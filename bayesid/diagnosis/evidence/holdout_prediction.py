@@ -93,7 +93,7 @@ def predicted(
 ) -> Segment | None:
     model = problem.model
     try:
-        log = filter_error_run(model, run, noise, problem.channels, replayed=True)
+        log = filter_error_run(model, run, noise, problem.channels)
     except BayesidError:
         return None
     t = log.plan.t - log.plan.t[0]

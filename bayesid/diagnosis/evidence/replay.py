@@ -108,7 +108,7 @@ def replay_trial(
         try:
             log = read.get(run.name)
             if log is None:
-                log = filter_error_run(problem.model, run, noise, problem.channels, replayed=True)
+                log = filter_error_run(problem.model, run, noise, problem.channels)
             else:
                 log = replace(log, plan=plan_trial_run(problem.model, run))
         except BayesidError:

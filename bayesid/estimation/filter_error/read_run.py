@@ -33,7 +33,7 @@ LONGER_STEPS = 2.0
 
 
 def filter_error_run(
-    model: Model, run: Any, noise: Mapping[str, float], channels: Sequence[str], replayed: bool = False
+    model: Model, run: Any, noise: Mapping[str, float], channels: Sequence[str], longer: float = 1.0
 ) -> RunData:
     """Log of a trial run.
 
@@ -42,9 +42,9 @@ def filter_error_run(
     run : trials.Run
     noise : channel -> white sensor sigma [SI]
     channels : names to use, a subset of the kernel's channels
-    replayed : whether it is also simulated from end to end, which takes steps of the usual length
+    longer : how much longer steps are than the usual ones, where runs are not simulated from end to end
     """
-    plan = plan_trial_run(model, run, longer=1.0 if replayed else LONGER_STEPS)
+    plan = plan_trial_run(model, run, longer=longer)
     names = [c for c in channels if c in run.data]
     data = np.column_stack([run.data[c] for c in names])
     s = model.scales
