@@ -194,7 +194,8 @@ def single_effects(
     known = isolability(bank)
     limits = thresholds(bank, tried(problem), seed)
     wide = widened(bank, problem.stated.names)
-    refits = [c for s in shortlist(scores) for c in refit_screened(problem, bank, s, notify, none)]
+    first = shortlist(scores)
+    refits = [c for s in first for c in refit_screened(problem, bank, s, notify, none)]
     refits += [
         c
         for name in likely_coefficients(wide, scores)
@@ -203,8 +204,7 @@ def single_effects(
     none = _second_start(problem, none, refits, notify)
     gains = {s.name: s.gain for s in scores}
     ranked = _ranked(problem, refits, none, gains)
-    first = {s.name for s in shortlist(scores)}
-    if more := _rivals(problem, bank, [s for s in scores if s.name not in first], ranked, none, notify):
+    if more := _rivals(problem, bank, [s for s in scores if s not in first], ranked, none, notify):
         ranked = _ranked(problem, [*ranked, *more], none, gains)
     return SingleEffects(
         none, ranked, tuple(effects), tuple(scores), bank, known, limits, tuple(points), wide

@@ -76,41 +76,48 @@ def refit(
     """
     names = tuple(e.name for e in effects)
     notify(f"refit with {_together(names)}")
-    begun = []
-    if smaller is not None and np.isfinite(promised):
-        begun = _from_smaller(problem, effects, smaller, sizes)
+
+    def fitted(start: Sequence[Trajectory] | None) -> RefittedHypothesis:
+        if start is None:
+            return weighted_hypothesis(problem, names, fit_with(problem, effects, sizes=sizes))
+        more = tuple(e for e in effects if smaller is not None and e.name not in smaller.effects)
+        begun = first_fit(problem, more, start, sizes)
+        found = fit_with(problem, effects, start=begun, initial_noise_scale=0.0, iterations=NEAR_ITERATIONS)
+        return weighted_hypothesis(problem, names, found)
+
+    return _near_or_anew(fitted, smaller, promised, notify)
+
+
+def _near_or_anew(
+    fitted: Callable[[Sequence[Trajectory] | None], RefittedHypothesis],
+    smaller: RefittedHypothesis | None,
+    promised: float,
+    notify: Notify,
+) -> list[RefittedHypothesis]:
+    """Candidate begun where a smaller one that explains the data ended, kept where it gains what the screen
+    promised; else the better of it and one begun anew. None where the model cannot follow the data.
+
+    Parameters
+    ----------
+    fitted : candidate from points, or along the readings' own path where None are given
+    """
+    begun: list[RefittedHypothesis] = []
+    if smaller is not None and np.isfinite(promised) and explains(smaller):
+        with suppress(ModelError):
+            begun = [c for c in [fitted(smaller.fit.points)] if explains(c)]
         # the screen knows no environment of another size, which may pass for what an effect gains
-        if any(c.fit.log_evidence > smaller.fit.log_evidence + _least_gain(promised) for c in begun):
+        least = smaller.fit.log_evidence + _least_gain(promised)
+        if any(c.fit.log_evidence > least for c in begun):
             return begun
     try:
-        found = weighted_hypothesis(problem, names, fit_with(problem, effects, sizes=sizes))
+        return [_better(fitted(None), *begun)]
     except ModelError as exc:
         notify(f"given up: {exc}")
         return begun
-    return [_better(found, *begun)]
 
 
 def _better(*candidates: RefittedHypothesis) -> RefittedHypothesis:
     return max(candidates, key=lambda c: (explains(c), c.log_evidence))
-
-
-def _from_smaller(
-    problem: DiagnosisProblem,
-    effects: tuple[Effect, ...],
-    smaller: RefittedHypothesis,
-    sizes: Mapping[str, float],
-) -> list[RefittedHypothesis]:
-    """Candidate begun where a smaller one ended; none where either does not explain the data."""
-    if not explains(smaller):
-        return []
-    more = tuple(e for e in effects if e.name not in smaller.effects)
-    start = first_fit(problem, more, smaller.fit.points, sizes)
-    try:
-        found = fit_with(problem, effects, start=start, initial_noise_scale=0.0, iterations=NEAR_ITERATIONS)
-        begun = weighted_hypothesis(problem, tuple(e.name for e in effects), found)
-    except ModelError:
-        return []
-    return [begun] if explains(begun) else []
 
 
 def _least_gain(promised: float) -> float:
@@ -223,31 +230,20 @@ def refit_wide(
         sd[free.names.index(name)] *= 10.0
     wide, effects = replace(free, sd=sd), (f"{COEFFICIENT_ERROR}:{name}",)
 
-    def fitted(start: Sequence[Trajectory], level: float, iterations: int) -> RefittedHypothesis:
+    def fitted(start: Sequence[Trajectory] | None) -> RefittedHypothesis:
+        anew = start is None
         found = fit(
             problem.model,
             problem.logs,
             wide,
             problem.environment.noise_model,
-            start=start,
-            initial_noise_scale=level,
-            iterations=iterations,
+            start=problem.path if start is None else start,
+            initial_noise_scale=max(problem.path_level, FOLLOWING_FORCE_LEVEL) if anew else 0.0,
+            iterations=MOST_ITERATIONS if anew else NEAR_ITERATIONS,
         )
         return weighted_hypothesis(problem, effects, found)
 
-    begun = []
-    if none is not None and np.isfinite(promised) and explains(none):
-        with suppress(ModelError):
-            near = fitted(none.fit.points, 0.0, NEAR_ITERATIONS)
-            if explains(near) and near.fit.log_evidence > none.fit.log_evidence + _least_gain(promised):
-                return [near]
-            begun = [near] if explains(near) else []
-    try:
-        level = max(problem.path_level, FOLLOWING_FORCE_LEVEL)
-        return [_better(fitted(problem.path, level, MOST_ITERATIONS), *begun)]
-    except ModelError as exc:
-        notify(f"given up: {exc}")
-        return begun
+    return _near_or_anew(fitted, none, promised, notify)
 
 
 def remainder(problem: DiagnosisProblem, candidate: RefittedHypothesis) -> Localisation:
