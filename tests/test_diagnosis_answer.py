@@ -8,6 +8,7 @@ import pytest
 from diagnosis_results import RESULT, a_result, draws
 
 from bayesid.diagnosis.answer import answer, explained_words, in_words
+from bayesid.diagnosis.effects_found import contract
 from bayesid.diagnosis.evidence.effect_draws import warning
 from bayesid.diagnosis.evidence.replay import Replay
 from bayesid.diagnosis.failed_checks import failures
@@ -15,6 +16,8 @@ from bayesid.diagnosis.plain_words import intervals, sentence
 from bayesid.diagnosis.result_parts import Effect, Moved, Refit, Retuning, RunError, Value
 from bayesid.diagnosis.summary import summary
 from bayesid.model.effects import CATALOGUE
+from bayesid.model.effects.environment import EFFECTS
+from bayesid.model.effects.of_ships import SHIP_EFFECTS
 from bayesid.report.diagnosis.report import diagnosis_report, write_diagnosis_report
 from bayesid.report.writer.blocks import Row
 
@@ -66,6 +69,20 @@ def test_every_effect_of_the_catalogue_has_a_sentence_whose_places_are_its_own(e
 
 def test_an_effect_of_a_user_without_a_sentence_is_told_by_its_name():
     assert sentence(Effect("weed_on_rudder", 0.97, {})) == "Weed on rudder acts."
+
+
+@pytest.mark.parametrize("of", [EFFECTS, SHIP_EFFECTS], ids=["areas assumed", "areas declared"])
+def test_the_speed_of_a_wind_is_as_uncertain_as_the_areas_it_acts_on(of):
+    """A push is one of areas and squared speed: with twice the areas the same push is .71 of the speed."""
+    wind = next(e for e in of if e.name == "wind")
+    assumed = {p.name: p.assumed for p in wind.parameters}
+    found = {"blowing_north": Value(-8.0, 0.1, "m/s"), "blowing_east": Value(-6.0, 0.1, "m/s")}
+    told = contract("wind", found, assumed)
+    reach = 2 * told["V_wind"].sd
+    for areas in (0.5, 2.0):
+        assert (abs(10.0 / np.sqrt(areas) - 10.0) < reach) == (of is EFFECTS)
+    assert told["from"].sd == pytest.approx(0.01)
+    assert told["V_wind"].value == pytest.approx(10.0)
 
 
 def test_the_interval_shown_is_that_of_the_draws_where_they_are_to_be_used_and_no_note_says_otherwise():

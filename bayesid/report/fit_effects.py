@@ -74,6 +74,6 @@ def _effects(found: TrialFit) -> list[Effect]:
             for p in declared.parameters
         }
         instead = {n: float(model.nominal[model.index[n]]) for n in declared.adjust if n in model.index}
-        sizes = contract(name, known | values)
+        sizes = contract(name, known | values, {p.name: p.assumed for p in declared.parameters})
         out.append(Effect(name, 1.0, sizes, says=declared.says, instead=instead))
     return out

@@ -44,6 +44,8 @@ class EffectParameter:
     `mean` the centre of the prior (they differ only for shape parameters whose amplitude partner is zero when
     off). Outside `low` to `high`, in units of `scale` as well, it is not this effect: no probability goes
     there. A planar model cannot tell values from `roll_from` to `off` from a list or heel it leaves out.
+    `assumed` is the relative standard deviation that constants assumed in the form (areas nobody declared)
+    add to the size that is told; the force itself is known better.
     """
 
     name: str
@@ -56,6 +58,7 @@ class EffectParameter:
     low: float = -math.inf
     high: float = math.inf
     roll_from: float = 0.0
+    assumed: float = 0.0
     about: str = ""
 
 

@@ -5,6 +5,9 @@ from bayesid.model.effects.declare import Effect, EffectParameter
 # Air drag on 3 % of L^2 ahead and 10 % abeam at a yaw arm of L/20: a low deck, scaled by `area`.
 _AX, _AY, _ARM = 0.03, 0.10, 0.05
 _RHO_AIR = 1.2
+# Areas are known to a factor of two (sd .7 of their logarithm); a speed found from the force goes
+# with their root.
+_AREAS = 0.35
 
 
 def _air(axis: str, north: str, east: str) -> str:
@@ -58,10 +61,18 @@ EFFECTS = (
         where=("X+Y+N", "X", "Y", "N", "Y+N", "current"),
         parameters=(
             EffectParameter(
-                "blowing_north", "m/s", 2.0, about="air velocity to the north where no wind was measured"
+                "blowing_north",
+                "m/s",
+                2.0,
+                assumed=_AREAS,
+                about="air velocity to the north where no wind was measured, for the assumed areas",
             ),
             EffectParameter(
-                "blowing_east", "m/s", 2.0, about="air velocity to the east where no wind was measured"
+                "blowing_east",
+                "m/s",
+                2.0,
+                assumed=_AREAS,
+                about="air velocity to the east where no wind was measured, for the assumed areas",
             ),
             EffectParameter(
                 "area_coefficients",
