@@ -176,6 +176,12 @@ NOISE_MODEL_SLACK = Limit(
     "What a free signal may gain on top of chance because the process noise is estimated.",
     "157 campaigns without any effect: free forces gained up to 20 nats.",
 )  # fmt: skip
+LEAST_RUNS = Limit(
+    "LEAST_RUNS", 3, "runs",
+    "Runs from which they tell of each other: how far a size scatters between them, and what leaving one out "
+    "does.",
+    "By definition: three that say alike have two degrees of freedom.",
+)  # fmt: skip
 PRIOR_NONE = Limit("PRIOR_NONE", 0.5, "1", "Prior of no effect.", "Stated before any data.")
 PRIOR_CATALOGUE = Limit(
     "PRIOR_CATALOGUE", 0.4, "1", "Prior shared by the catalogue.", "Stated before any data."

@@ -16,6 +16,7 @@ from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.threshold_table import (
     FOLLOWS_DATA_CHI2,
     LEAST_NAMING_EVIDENCE,
+    LEAST_RUNS,
     LINEARISATION_SCATTER,
     WALD_SLACK,
 )
@@ -30,8 +31,6 @@ from bayesid.model.effects import Effect
 
 COEFFICIENT_ERROR = "coefficient_error"
 NO_LIMITS = (-np.inf, np.inf)
-# Runs from which leaving one out tells a standard deviation.
-LEAST_RUNS = 3
 # Shifts of the logarithm of a measured environment that are averaged over.
 NOISE_SCALE_SHIFTS = (-0.7, -0.35, 0.0, 0.35, 0.7, 1.05)
 

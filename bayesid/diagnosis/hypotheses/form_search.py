@@ -20,7 +20,7 @@ from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains
 from bayesid.diagnosis.hypotheses.cross_validation import left_out
 from bayesid.diagnosis.hypotheses.form_part import scaled
 from bayesid.diagnosis.hypotheses.sensitivity_bank import levels_between
-from bayesid.diagnosis.threshold_table import ADD_EVIDENCE, FORM_EVIDENCE
+from bayesid.diagnosis.threshold_table import ADD_EVIDENCE, FORM_EVIDENCE, LEAST_RUNS
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.evidence import NormalEquations, posterior
 from bayesid.estimation.filter_error.linearise import linearise
@@ -32,7 +32,6 @@ Array = np.ndarray
 SIZES = (1e-4, 3e-4, 1e-3, 3e-3)
 # Rounds over the axes: the size of one changes what another needs.
 ROUNDS = 2
-LEAST_RUNS = 3
 
 
 @dataclass(frozen=True)

@@ -22,8 +22,6 @@ from bayesid.diagnosis.threshold_table import PRIOR_OUTSIDE
 from bayesid.estimation.filter_error.evidence import NormalEquations
 
 Array = np.ndarray
-# Runs from which they tell of each other.
-LEAST_RUNS = 3
 # A size that differs from run to run is a cause that is not listed, and as probable before the runs are read;
 # the factor on standard deviations is log-uniform then, up to this. On vehicles with other equations runs
 # scattered up to 10 times as far as their readings say.

@@ -11,8 +11,8 @@ from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains, from_run_to_run
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.kinematic import parameters_told
-from bayesid.diagnosis.hypotheses.run_scatter import LEAST_RUNS, scatter_of_runs
-from bayesid.diagnosis.threshold_table import ADD_EVIDENCE, SIZE_DEVIATIONS
+from bayesid.diagnosis.hypotheses.run_scatter import scatter_of_runs
+from bayesid.diagnosis.threshold_table import ADD_EVIDENCE, LEAST_RUNS, SIZE_DEVIATIONS
 from bayesid.estimation.filter_error.fit import FilterErrorFit
 
 

@@ -35,6 +35,8 @@ Array = np.ndarray
 FLAT = 1e-10
 # The same of what readings and prior hold together, below which a direction is open.
 OPEN = 1e-12
+# Runs from which leaving one out tells how much a likelihood counts, and of a model form.
+LEAST_RUNS = 4
 
 
 @dataclass(frozen=True, eq=False)

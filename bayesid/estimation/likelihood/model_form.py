@@ -16,6 +16,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from bayesid.equations.model import Model
+from bayesid.estimation.likelihood.composite import LEAST_RUNS
 from bayesid.estimation.likelihood.parts import NoiseParts
 from bayesid.estimation.likelihood.posterior import asked_for, composite_of, groups, scores_and_noise
 from bayesid.estimation.output_error.problem import FitProblem
@@ -25,8 +26,7 @@ from bayesid.model.terms import Term, term
 Array = np.ndarray
 SCALE = 1e-3  # of the unknowns: one for all sizes, so that densities of scores compare
 SIZES = (3e-5, 1e-4, 3e-4, 1e-3, 3e-3)
-# Log evidence the form must earn, and runs from which leaving one out can tell of it.
-FORM_EVIDENCE, LEAST_RUNS = 5.0, 4
+FORM_EVIDENCE = 5.0  # log evidence the form must earn
 # Size of a motion at which a row is as large as its prior says: over U, U/L or in rad; 1 for the rest.
 TYPICAL = {
     **dict.fromkeys(("v", "w", "Rv", "Rw"), 0.2),

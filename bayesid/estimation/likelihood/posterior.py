@@ -19,7 +19,7 @@ from bayesid.estimation.likelihood.checks import (
     prior_conflict,
     prior_sensitivity,
 )
-from bayesid.estimation.likelihood.composite import Composite, RunScore, root, run_scores
+from bayesid.estimation.likelihood.composite import LEAST_RUNS, Composite, RunScore, root, run_scores
 from bayesid.estimation.likelihood.mixed_rates import MixedRateNoise, mixed_rate_noise
 from bayesid.estimation.likelihood.parts import NoiseParts
 from bayesid.estimation.likelihood.residual_noise import MOST_ORDER
@@ -35,8 +35,7 @@ PART_EVIDENCE = 3.0
 WIDEN_P = 0.1
 EXCESS = tuple(float(x) for x in np.geomspace(1.0, 1024.0, 21))
 RUN_SPREAD = (0.0, 0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0)
-# Runs from which leaving one out tells the weight, and weights tried.
-LEAST_RUNS, WEIGHTS = 4, 13
+WEIGHTS = 13  # weights of the likelihood that are tried
 # Distance of an estimate from its prior mean, in the sd chance gives it, from which they disagree.
 CONFLICT = 3.0
 # Posterior sd over prior sd from which an estimate is called less sure than its prior.
