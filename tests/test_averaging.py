@@ -49,6 +49,19 @@ def test_a_command_switches_when_it_did():
     assert run.t[np.argmax(run.commands["delta_r_cmd"] > 0)] == pytest.approx(switched, abs=1e-9)
 
 
+def test_inputs_measured_in_every_row_are_averaged_with_the_readings():
+    """A rudder that is logged where it acts, and the air: the mean of a ramp is the ramp."""
+    was = straight()
+    ramp, gust = 1e-3 * was.t, 3.0 + 0.02 * was.t
+    run = averaged(
+        trial_of([replace(was, measured_inputs={"delta_r": ramp}, exogenous={"wind_north": gust})]), L_U, 500
+    ).runs[0]
+    assert run.n_samples < 0.2 * was.n_samples
+    inside = slice(1, -1)
+    np.testing.assert_allclose(run.measured_inputs["delta_r"][inside], 1e-3 * run.t[inside], atol=1e-12)
+    np.testing.assert_allclose(run.exogenous["wind_north"][inside], 3.0 + 0.02 * run.t[inside], atol=1e-12)
+
+
 def test_a_log_whose_order_changes_with_every_sample_is_left_as_it_is():
     """An autopilot's: every change keeps its sample, and averages would leave more samples than before."""
     was = straight()

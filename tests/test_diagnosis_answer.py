@@ -8,16 +8,18 @@ import pytest
 from diagnosis_results import RESULT, a_result, draws
 
 from bayesid.diagnosis.answer import answer, explained_words, in_words
-from bayesid.diagnosis.effects_found import contract
 from bayesid.diagnosis.evidence.effect_draws import warning
 from bayesid.diagnosis.evidence.replay import Replay
 from bayesid.diagnosis.failed_checks import failures
 from bayesid.diagnosis.plain_words import intervals, sentence
 from bayesid.diagnosis.result_parts import Effect, Moved, Refit, Retuning, RunError, Value
+from bayesid.diagnosis.size_names import contract, declared_sizes
 from bayesid.diagnosis.summary import summary
+from bayesid.equations.model import build_model
 from bayesid.model.effects import CATALOGUE
 from bayesid.model.effects.environment import EFFECTS
 from bayesid.model.effects.of_ships import SHIP_EFFECTS
+from bayesid.model.vehicles import load_vehicle
 from bayesid.report.diagnosis.report import diagnosis_report, write_diagnosis_report
 from bayesid.report.writer.blocks import Row
 
@@ -83,6 +85,17 @@ def test_the_speed_of_a_wind_is_as_uncertain_as_the_areas_it_acts_on(of):
         assert (abs(10.0 / np.sqrt(areas) - 10.0) < reach) == (of is EFFECTS)
     assert told["from"].sd == pytest.approx(0.01)
     assert told["V_wind"].value == pytest.approx(10.0)
+    back = declared_sizes("wind", {n: v.value for n, v in told.items()})
+    assert back == pytest.approx({n: v.value for n, v in found.items()})
+
+
+def test_what_a_report_says_to_simulate_with_is_what_a_simulation_takes():
+    sizes = {"V_wind": Value(5.0, 0.5, "m/s"), "from": Value(0.6, 0.1, "rad")}
+    found = replace(RESULT.effects[0], parameters=sizes)
+    said = next(s for s in answer(replace(RESULT, effects=(found,))).steps if "--set" in s)
+    names = {w.partition("=")[0] for w in said.split() if w.startswith("wind.")}
+    known = build_model(load_vehicle("remus100"), 3).index
+    assert names and names <= set(known)
 
 
 def test_the_interval_shown_is_that_of_the_draws_where_they_are_to_be_used_and_no_note_says_otherwise():

@@ -34,6 +34,7 @@ from bayesid.diagnosis.run_errors import (
     worse,
 )
 from bayesid.diagnosis.simulator_words import mistake_certainty, mistake_sentence, mistake_steps
+from bayesid.diagnosis.size_names import declared_sizes
 from bayesid.words import first_few
 
 RMS = " (rms)"
@@ -362,6 +363,8 @@ def _usual(e: Effect) -> str:
 
 def _proof(result: Result) -> str:
     held = [run for run in result.runs if run.role == "holdout"]
+    if not result.runs:
+        return "No run could be simulated from end to end, so no error is told; the notes say why."
     if not held:
         return "No run was held out, so the errors are of runs that were read; give one the role `holdout`."
     better = sum(not worse(error_rows(run)) for run in held)
@@ -379,7 +382,8 @@ def _steps(result: Result) -> tuple[str, ...]:
     if result.verdict in NAMING:
         for e in result.effects:
             if e.parameters:
-                sizes = {f"{e.name}.{n}": p.value for n, p in e.parameters.items()}
+                found = declared_sizes(e.name, {n: p.value for n, p in e.parameters.items()})
+                sizes = {f"{e.name}.{n}": x for n, x in found.items()}
                 if result.retuning is not None:
                     sizes = {k: result.retuning.sizes.get(k, v) for k, v in sizes.items()}
                 values = " ".join(f"--set {k}={v:.3g}" for k, v in sizes.items())

@@ -5,10 +5,6 @@ Takes a comparison of hypotheses and its verdict. Does not decide.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-
-import numpy as np
-
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.evidence.effect_draws import EffectDraws, choice
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, parameter_table
@@ -17,8 +13,8 @@ from bayesid.diagnosis.hypotheses.facts import acts
 from bayesid.diagnosis.hypotheses.sizes import sizes_told
 from bayesid.diagnosis.hypotheses.verdict import Verdict
 from bayesid.diagnosis.result_parts import Effect, Value
+from bayesid.diagnosis.size_names import contract, meanings
 from bayesid.equations.model import Model
-from bayesid.model.effects.declare import EffectParameter
 
 WORTH_TELLING = 0.05  # probability from which an effect of the same family is told beside the one named
 
@@ -61,7 +57,7 @@ def effects_found(
                 name,
                 float(min(1.0, acts(c, families, name))),
                 contract(name, values, {p.name: p.assumed for p in parameters}),
-                _meanings(parameters),
+                meanings(parameters),
                 effect.magnitude if effect is not None else "",
                 effect.says if effect is not None else "",
                 {n: float(model.nominal[model.index[n]]) for n in effect.adjust if n in model.index}
@@ -71,16 +67,6 @@ def effects_found(
             )
         )
     return tuple(out)
-
-
-def _meanings(parameters: Sequence[EffectParameter]) -> dict[str, str]:
-    """What each size means, under the names of the contract too."""
-    out = {p.name: p.about for p in parameters if p.about}
-    if "blowing_north" in out:
-        sd = next(p.assumed for p in parameters if p.name == "blowing_north")
-        of = f"; areas are assumed, which alone leaves {100 * sd:.0f} % (1 sd)" if sd else ""
-        out |= {"V_wind": f"speed of the mean wind that is not measured{of}", "from": "where it comes from"}
-    return out
 
 
 def _in_its_place(c: HypothesisComparison, families: dict[str, str], name: str) -> dict[str, float]:
@@ -104,25 +90,3 @@ def _interval(drawn: EffectDraws | None, key: str, sd: float) -> tuple[float | N
     of = drawn.parameters[key]
     wider = max(sd / of.sd, 1.0) if of.sd > 0 else 1.0
     return of.mean - wider * (of.mean - of.low95), of.mean + wider * (of.high95 - of.mean)
-
-
-def contract(
-    name: str, values: dict[str, Value], assumed: Mapping[str, float] | None = None
-) -> dict[str, Value]:
-    """Parameters under the names of the contract: wind as speed and direction.
-
-    The speed is as uncertain as the fit leaves it and as the constants assumed in the form make it
-    (`assumed`, relative); where the wind comes from does not depend on them.
-    """
-    if name != "wind" or "blowing_north" not in values:
-        return values
-    n, e = values["blowing_north"], values["blowing_east"]
-    speed = float(np.hypot(n.value, e.value))
-    spread = float(np.hypot(n.sd, e.sd) / np.sqrt(2))
-    came = float((np.arctan2(e.value, n.value) + np.pi) % (2 * np.pi))
-    form = (assumed or {}).get("blowing_north", 0.0) * speed
-    return {
-        "V_wind": Value(speed, float(np.hypot(spread, form)), "m/s"),
-        "from": Value(came, min(spread / max(speed, 1e-9), np.pi), "rad"),
-        **{key: value for key, value in values.items() if not key.startswith("blowing")},
-    }

@@ -9,9 +9,9 @@ import math
 
 from scipy.stats import chi2
 
-from bayesid.diagnosis.effects_found import contract
 from bayesid.diagnosis.plain_words import sentence
 from bayesid.diagnosis.result_parts import Effect, Value
+from bayesid.diagnosis.size_names import contract
 from bayesid.estimation.trial_fit import TrialFit
 
 _DEGREE = 180.0 / math.pi

@@ -94,11 +94,11 @@ def _run(run: Run, width: float, count: int) -> tuple[Run, dict[str, float]]:
     t = run.t - run.t[0]
     # whole blocks, the first reading at the beginning of the first
     block = np.floor((t + 0.5 * spacing) / width + 1e-9).astype(np.int64)
-    n = int(block[-1]) + 1
-    middle = np.asarray((np.arange(n) + 0.5) * width - 0.5 * spacing, dtype=np.float64)
+    blocks = int(block[-1]) + 1
+    middle = np.asarray((np.arange(blocks) + 0.5) * width - 0.5 * spacing, dtype=np.float64)
     means, own, held = {}, np.zeros(t.size, dtype=bool), {}
     for name, values in run.data.items():
-        mean, usual = _lines(t, values, block, middle, n)
+        mean, usual = _lines(t, values, block, middle, blocks)
         held[name] = 1.0 if usual < 2 else usual
         if usual < 2:
             own |= np.isfinite(values)
@@ -126,8 +126,8 @@ def _run(run: Run, width: float, count: int) -> tuple[Run, dict[str, float]]:
     groups: dict[str, Any] = {"data": data, "commands": {n: v[row] for n, v in run.commands.items()}}
     for group in ("measured_inputs", "exogenous", "propulsion", "extra"):
         groups[group] = {
-            n: _filled(_lines(t, v, block, middle, n)[0][: kept.size], kept, grid, t, v)
-            for n, v in getattr(run, group).items()
+            name: _filled(_lines(t, v, block, middle, blocks)[0][: kept.size], kept, grid, t, v)
+            for name, v in getattr(run, group).items()
         }
     note = f"averaged over {width:g} s from {run.digest[:12]}"
     return replace(run, t=run.t[0] + grid, provenance=(*run.provenance, note), **groups), held

@@ -1,0 +1,54 @@
+"""Sizes of effects under the names a report tells them by, and back under those a simulation takes.
+
+Takes values. Wind is told as speed and direction and simulated by its components; all others have one name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from bayesid.diagnosis.result_parts import Value
+from bayesid.model.effects.declare import EffectParameter
+
+
+def contract(
+    name: str, values: dict[str, Value], assumed: Mapping[str, float] | None = None
+) -> dict[str, Value]:
+    """Parameters under the names of the contract: wind as speed and direction.
+
+    The speed is as uncertain as the fit leaves it and as the constants assumed in the form make it
+    (`assumed`, relative); where the wind comes from does not depend on them.
+    """
+    if name != "wind" or "blowing_north" not in values:
+        return values
+    n, e = values["blowing_north"], values["blowing_east"]
+    speed = float(np.hypot(n.value, e.value))
+    spread = float(np.hypot(n.sd, e.sd) / np.sqrt(2))
+    came = float((np.arctan2(e.value, n.value) + np.pi) % (2 * np.pi))
+    form = (assumed or {}).get("blowing_north", 0.0) * speed
+    return {
+        "V_wind": Value(speed, float(np.hypot(spread, form)), "m/s"),
+        "from": Value(came, min(spread / max(speed, 1e-9), np.pi), "rad"),
+        **{key: value for key, value in values.items() if not key.startswith("blowing")},
+    }
+
+
+def declared_sizes(name: str, values: Mapping[str, float]) -> dict[str, float]:
+    """Sizes under the names a simulation takes, from those of the contract."""
+    if name != "wind" or "V_wind" not in values:
+        return dict(values)
+    speed, came = values["V_wind"], values.get("from", 0.0)
+    rest = {key: x for key, x in values.items() if key not in ("V_wind", "from")}
+    return {"blowing_north": -speed * np.cos(came), "blowing_east": -speed * np.sin(came), **rest}
+
+
+def meanings(parameters: Sequence[EffectParameter]) -> dict[str, str]:
+    """What each size means, under the names of the contract too."""
+    out = {p.name: p.about for p in parameters if p.about}
+    if "blowing_north" in out:
+        sd = next(p.assumed for p in parameters if p.name == "blowing_north")
+        of = f"; areas are assumed, which alone leaves {100 * sd:.0f} % (1 sd)" if sd else ""
+        out |= {"V_wind": f"speed of the mean wind that is not measured{of}", "from": "where it comes from"}
+    return out
