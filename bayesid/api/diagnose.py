@@ -56,8 +56,8 @@ ROUTE = {
 }
 # Folder of refits beside the results while a diagnosis is under way.
 JOURNAL = "refits"
-# Samples to identify above which dense readings are averaged: 2 GB and half an hour for a planar vehicle.
-MOST_SAMPLES = 30_000
+# Samples to identify above which dense readings are averaged: a planar vehicle then takes a minute or two.
+MOST_SAMPLES = 5_000
 EFFECT_COLUMNS = ("effect", "probability", "parameter", "value", "sd", "unit")
 
 

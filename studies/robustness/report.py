@@ -17,7 +17,7 @@ from studies.robustness.sizes import SIZES
 VEHICLES = "Zig-zags of generic_sub, planar"
 SIZE_WORDS = (
     "Exit code 3 is an answer with a reservation: a fit that is not final, too little input for a "
-    "diagnosis. Dense readings are averaged above 30 000 (diagnose) and 100 000 samples (fit)."
+    "diagnosis. Dense readings are averaged above 5000 (diagnose) and 100 000 samples (fit)."
 )
 # Two lengths between which the growth of memory is told.
 LENGTHS = ("length 3 h, diagnose", "length 10 h, diagnose")
