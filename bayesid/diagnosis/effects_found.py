@@ -13,10 +13,12 @@ from bayesid.diagnosis.hypotheses.facts import acts
 from bayesid.diagnosis.hypotheses.sizes import sizes_told
 from bayesid.diagnosis.hypotheses.verdict import Verdict
 from bayesid.diagnosis.result_parts import Effect, Value
-from bayesid.diagnosis.size_names import contract, meanings
+from bayesid.diagnosis.size_names import contract, in_sentence, meanings
 from bayesid.equations.model import Model
+from bayesid.estimation.filter_error.fit import FilterErrorFit
 
 WORTH_TELLING = 0.05  # probability from which an effect of the same family is told beside the one named
+UNTOLD = 0.99  # part of a prior sd that is left of a parameter the log says nothing of
 
 
 def effects_found(
@@ -29,6 +31,7 @@ def effects_found(
 ) -> tuple[Effect, ...]:
     """What the verdict stands on, or what is more probable than not where it names nothing."""
     fitted, table = parameter_table(best.fit, problem), sizes_told(problem, c, best)
+    silent = unseen(best.fit)
 
     def own(key: str) -> bool:
         """Whether a size is that of this explanation and its equations, as draws are."""
@@ -42,6 +45,7 @@ def effects_found(
         effect = model.effects.get(name)
         parameters = effect.parameters if effect is not None else ()
         keys = {p.name: (effect.key(p.name), p.unit) for p in parameters} if effect is not None else {}
+        needed = in_sentence(effect) if effect is not None else frozenset()
         values = {
             # draws are of this explanation and its equations, not of others or of kinematics alone
             p: Value(
@@ -50,7 +54,7 @@ def effects_found(
                 *_interval(drawn if own(key) else None, key, table[key][1]),
             )
             for p, (key, unit) in keys.items()
-            if key in table
+            if key in table and (key not in silent or p in needed)
         }
         out.append(
             Effect(
@@ -67,6 +71,15 @@ def effects_found(
             )
         )
     return tuple(out)
+
+
+def unseen(fitted: FilterErrorFit) -> frozenset[str]:
+    """Parameters of which a fit knows no more than their prior: of a wind that is nowhere measured, the areas
+    the measured one acts on."""
+    free = fitted.free
+    return frozenset(
+        n for n, sd, prior in zip(free.names, fitted.sd, free.sd, strict=True) if sd > UNTOLD * prior
+    )
 
 
 def _in_its_place(c: HypothesisComparison, families: dict[str, str], name: str) -> dict[str, float]:

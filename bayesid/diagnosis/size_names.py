@@ -5,12 +5,15 @@ Takes values. Wind is told as speed and direction and simulated by its component
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from bayesid.diagnosis.result_parts import Value
-from bayesid.model.effects.declare import EffectParameter
+from bayesid.model.effects.declare import Effect, EffectParameter
+
+WIND = ("blowing_north", "blowing_east")  # told as V_wind and from
 
 
 def contract(
@@ -52,3 +55,10 @@ def meanings(parameters: Sequence[EffectParameter]) -> dict[str, str]:
         of = f"; areas are assumed, which alone leaves {100 * sd:.0f} % (1 sd)" if sd else ""
         out |= {"V_wind": f"speed of the mean wind that is not measured{of}", "from": "where it comes from"}
     return out
+
+
+def in_sentence(effect: Effect) -> frozenset[str]:
+    """Parameters of a declaration that its sentence tells, under the names a simulation takes."""
+    places = " ".join(re.findall(r"\{[^{}]*\}", effect.says))
+    told = {p.name for p in effect.parameters if re.search(rf"\b{re.escape(p.name)}\b", places)}
+    return frozenset(told | (set(WIND) if "V_wind" in places else set()))
