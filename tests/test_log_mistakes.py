@@ -24,6 +24,7 @@ from studies.log_mistakes.harmless import harmless
 from studies.log_mistakes.plant import logged
 
 SPEED, RATE = 1.5, 0.25
+COARSE = {"x": 0.42, "y": 0.42, "psi": 0.00735, "r": 0.000873, "u": 0.00708, "v": 0.00708}
 
 
 def weave(seed: int = 0, n: int = 900, dt: float = 0.1) -> Run:
@@ -58,6 +59,28 @@ def test_a_heading_late_by_chance_alone_is_none(seed):
     orders = ("zigzag:10/10", "turn:12,duration=60", "zigzag:12/12")
     clean = simulate("remus100", *orders, dt=0.01, noise=noise, seed=seed)
     assert check_input(clean.runs, travel=1.03).findings == ()
+
+
+def spoilt(run: Run, rng: np.random.Generator) -> Run:
+    """With one reading in a hundred off by 8 to 30 deviations, and one position in ten missing."""
+    data = {name: run.data[name].copy() for name in COARSE}
+    for name, values in data.items():
+        hit = rng.random(values.size) < 0.01
+        size = rng.choice([-1, 1], hit.sum()) * rng.uniform(8, 30, hit.sum())
+        values[hit] += size * COARSE[name]
+    lost = rng.random(run.n_samples) < 0.1
+    data["x"][lost] = data["y"][lost] = np.nan
+    return replace(run, data=data)
+
+
+@pytest.mark.parametrize("seed", [0, 5, 8, 9, 25])
+def test_outliers_in_coarse_positions_are_no_delay_and_no_jump(seed):
+    # each was told of a delay of seconds, a wrong sign or a jump: by outliers at the ends of blocks of a
+    # straight run, where a delay moves nothing, and by an outlier in the last reading
+    rng = np.random.default_rng(seed)
+    orders = ("straight:duration=110", "turn:12,duration=115", "zigzag:10/10")
+    clean = simulate("lauv", *orders, dt=0.25, noise=COARSE, seed=seed)
+    assert check_input([spoilt(run, rng) for run in clean.runs], travel=0.674).findings == ()
 
 
 @pytest.mark.parametrize(

@@ -317,8 +317,8 @@ def with_weight(composite: Composite, parts: NoiseParts) -> NoiseParts:
     """The parts with the least power of the readings' likelihood that predicts left-out runs as well as any.
 
     Tried between the information share that the parts leave the readings and full weight; as well means
-    within one standard error, over runs, of the best (Breiman et al. 1984). With few runs the share itself. The
-    interval holds for any power, since the error of the estimate is worked out for it.
+    within one standard error, over runs, of the best (Breiman et al. 1984). With few runs the share itself.
+    The interval holds for any power, since the error of the estimate is worked out for it.
     """
     if parts.white:
         return replace(parts, weight=1.0, share=1.0)

@@ -22,6 +22,7 @@ from bayesid.trials.mistakes.finding import BY_VEHICLE, InputCheck, InputFinding
 from bayesid.trials.mistakes.plausible import implausible
 from bayesid.trials.mistakes.signs import SIGNS, sign_evidence
 from bayesid.trials.mistakes.table import MISTAKES, Mistake
+from bayesid.trials.noise import rough_noise, spikes
 from bayesid.trials.trial import Floats, Run
 
 NAMED_AT = 0.95  # probability that the log is wrong from which the most probable mistake is named
@@ -110,7 +111,7 @@ def check_input(
     from bayesid.trials.mistakes.orders import ordered
     from bayesid.trials.mistakes.sized import sized
 
-    kept = [_thinned(run) for run in runs]
+    kept = [_without_spikes(_thinned(run)) for run in runs]
     found: list[InputFinding] = []
     first = base = [base_of(run, travel, behaviour) for run in kept]
     for k in range(MOST):
@@ -276,6 +277,22 @@ def _thinned(run: Run) -> Run:
         return run
     groups: dict[str, Any] = {g: {k: v[::stride] for k, v in getattr(run, g).items()} for g in run.GROUPS}
     return replace(run, t=run.t[::stride], **groups)
+
+
+def _without_spikes(run: Run) -> Run:
+    """A run without its lone outliers: residuals are taken as white, and a few outliers at the ends of blocks
+    outweigh all others, so that a delay which happens to miss them passed for one that is there.
+
+    Readings are counted as evenly spaced, also where some are missing: what lies on a line with the readings
+    on one side of a gap is no outlier.
+    """
+    data = {name: values.copy() for name, values in run.data.items()}
+    for values in data.values():
+        sigma = rough_noise(run.t, values)
+        if np.isfinite(sigma):
+            read = np.flatnonzero(np.isfinite(values))
+            values[read[spikes(np.arange(float(read.size)), values[read], sigma)]] = np.nan
+    return replace(run, data=data)
 
 
 _MEANS = {

@@ -14,6 +14,7 @@ import numpy as np
 
 from bayesid.errors import BayesidError
 from bayesid.trials.correction import Correction, apply
+from bayesid.trials.kinematics.blocks import joined
 from bayesid.trials.kinematics.evidence import weigh
 from bayesid.trials.kinematics.relations import NEEDS, relations
 from bayesid.trials.mistakes.judge import FOLLOWS, SOME_RUNS, Base, Weighed, weigh_one
@@ -38,6 +39,7 @@ BETTER = 0.8  # residual after over before: a delay that is there is worth more 
 LONGEST_SHARE = 0.2  # of a run
 DEAD_TURN = 0.3  # rad turned while a rate or heading stands still
 JUMP = 20.0  # a step over the median one, from which on it is looked at
+AT_END = 2  # readings at either end of a run among which a jump is not told from an outlier
 SURE = 30.0  # nats of a column that never changes while another says it must
 
 
@@ -238,9 +240,12 @@ def _late_group(base: Sequence[Base], word: str, names: tuple[str, ...]) -> Weig
     for factor in factors:
         near = {round(fine[best] * f / step) for f in factor} - {0}
         fine = [step * k for k in sorted(near)]
-        odds, levels, _ = _weigh_delays(base, logged, names, touched, fine)
+        odds, levels, blocks = _weigh_delays(base, logged, names, touched, fine)
         best = int(np.argmax(odds.sum(axis=1)))
     told = (odds[best] > 0) & np.isfinite(levels[best]).all(axis=1)
+    # the runs that speak for it, by more than the best of as many delays would there by chance
+    if not odds[best][told].sum() > SOME_RUNS + _by_chance(blocks[best][told].sum(), len(coarse)):
+        return None
     if not told.any() or not np.median(levels[best][told, 1] / levels[best][told, 0]) < BETTER:
         return None
     delay = fine[best]
@@ -281,10 +286,37 @@ def _weigh_delays(
                 if k in touched and k in was:
                     held = weigh(relation)
                     if min(held.level, was[k].level) <= FOLLOWS:
-                        odds[j, i] += held.log_evidence - was[k].log_evidence
+                        gain = held.log_evidence - was[k].log_evidence
+                        if k == "track":
+                            gain = min(
+                                gain, _most_told(one.run, delays[j], relation.response.size, held.level)
+                            )
+                        odds[j, i] += gain
                         levels[j, i] = was[k].level, held.level
                         blocks[j, i] += relation.response.size * bool(READ_AT_ENDS[k] & set(names))
     return odds, levels, blocks
+
+
+def _most_told(run: Run, delay: float, readings: int, level: float) -> float:
+    """The most log evidence n readings of the track can have of a delay, by what it moves [nats].
+
+    A delay moves a displacement by as much as the velocity over ground differs across it: by nothing on a
+    straight run, where a better fit with it is one to other noise. `level` is the residual over the size.
+    """
+    psi, known = joined(run.t, run.data["psi"])
+    speed = np.ones(run.t.size)
+    for name in ("u", "u_water"):
+        if name in run.data:
+            speed, read = joined(run.t, run.data[name])
+            known = known & read
+            break
+    if known.sum() < 2:
+        return 0.0
+    velocity = (speed * np.exp(1j * psi))[known]
+    t = run.t[known]
+    before = np.interp(t - delay, t, velocity.real) + 1j * np.interp(t - delay, t, velocity.imag)
+    moved = float(np.sum(np.abs(velocity - before) ** 2) / max(float(np.sum(np.abs(velocity) ** 2)), 1e-300))
+    return 0.5 * readings * math.log1p(moved / level**2)
 
 
 def _by_chance(blocks: float, tried: int) -> float:
@@ -355,6 +387,8 @@ def _largest(t: Floats, step: np.ndarray) -> tuple[float, complex] | None:
     size = np.abs(step)
     k = int(np.argmax(size))
     if not size[k] > JUMP * max(float(np.median(size)), 1e-12):
+        return None
+    if not AT_END <= k < size.size - AT_END:
         return None
     beside = [step[j] for j in (k - 1, k + 1) if 0 <= j < step.size]
     if any(abs(b + step[k]) < 0.5 * size[k] for b in beside):
