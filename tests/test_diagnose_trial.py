@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from gap_trials import model_of, orders, other_vehicle, planted_trial
 
+from bayesid.diagnosis.data import outliers
 from bayesid.diagnosis.data.problem import build_problem, fit_with
 from bayesid.diagnosis.hypotheses import refit as refits
 from bayesid.diagnosis.hypotheses import sensitivity_bank as banks
@@ -17,6 +18,7 @@ from bayesid.diagnosis.hypotheses.probabilities import credible_set
 from bayesid.diagnosis.hypotheses.refit import refit, refit_screened, refit_wide, sizes_of
 from bayesid.diagnosis.hypotheses.verdict import decide
 from bayesid.errors import TrialError
+from bayesid.estimation.filter_error.fit import fit
 from bayesid.simulation import plan_run, simulate, steady_start
 from bayesid.trials.trial import Environment
 
@@ -187,6 +189,21 @@ def test_planted_outliers_are_set_aside_and_dated(name):
         for run, i, channel, _ in WRONG:
             if run == log.name:
                 assert not log.valid[i, problem.channels.index(channel)]
+
+
+def test_a_last_step_that_leaves_the_numbers_costs_no_diagnosis(monkeypatch):
+    """A sealed campaign without speed logs ended so: the pass before it is as good a path to judge by."""
+    model = model_of()
+    trial = spoiled(planted_trial(model, other_vehicle(model, 7), 7), WRONG)
+    sound = build_problem(model, trial).outliers
+
+    def astray(*given, **settings):
+        found = fit(*given, **settings)
+        far = [replace(p, states=np.full_like(p.states, 1e200)) for p in found.points]
+        return replace(found, points=tuple(far))
+
+    monkeypatch.setattr(outliers, "fit", astray)
+    assert {name for name, *_ in build_problem(model, trial).outliers} == {name for name, *_ in sound}
 
 
 def scattered(trial, seed):

@@ -18,6 +18,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 
 from bayesid.equations.model import Model
+from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.fit import fit
 from bayesid.estimation.filter_error.linearise import Trajectory, linearise
 from bayesid.estimation.filter_error.noise_identification import DRIFT_MEDIAN, no_process_noise
@@ -66,7 +67,11 @@ def set_aside(model: Model, logs: Sequence[RunData]) -> tuple[list[RunData], Fou
             start, level = fitted.path_points, fitted.path_force_level
         before = kept
         noise_model = _forced(calm, level * unit)
-        kept = [_stripped(model, log, point, noise_model) for log, point in zip(kept, start, strict=True)]
+        try:
+            kept = [_stripped(model, log, p, noise_model) for log, p in zip(before, start, strict=True)]
+        except ModelError:  # the last step left the numbers; the most probable pass has not
+            start = fitted.path_points
+            kept = [_stripped(model, log, p, noise_model) for log, p in zip(before, start, strict=True)]
         if turn > 0 and all(new is old for new, old in zip(kept, before, strict=True)):
             break
     return listed(model, logs, kept)
