@@ -7,7 +7,7 @@ import numpy as np
 from gap_trials import model_of, other_vehicle, planted_trial
 
 from bayesid.diagnosis.data.problem import build_problem, fit_with
-from bayesid.diagnosis.evidence.holdout import validate_holdout
+from bayesid.diagnosis.evidence.holdout import _worsens, validate_holdout
 from bayesid.diagnosis.evidence.holdout_prediction import pieces_of, start_covariance
 from bayesid.diagnosis.run import parameter_draws
 from bayesid.estimation.filter_error.linearise import linearise
@@ -130,7 +130,7 @@ def test_only_a_prediction_worse_than_it_expects_of_itself_refutes():
     _, _, shrink, _ = case(True)
     row = shrink.horizons[-1]
     bad = {**row.excess, "with effect": 2.0 * row.excess["recalibrated"]}
-    worse = replace(row, excess=bad, interval=(-2.0, -0.5))
+    worse = replace(row, excess=bad, interval=(-2.0, -0.5), worsens=True)
     assert row.significant and not row.refutes
     assert replace(worse, expected=0.5 * bad["with effect"]).refutes
     just = bad["with effect"] + row.floor
@@ -138,6 +138,29 @@ def test_only_a_prediction_worse_than_it_expects_of_itself_refutes():
     assert not replace(worse, expected=2.0 * bad["with effect"]).refutes
     assert replace(worse, expected=float("nan")).refutes  # nothing to judge it by
     assert not replace(worse, expected=0.0, interval=(-2.0, 0.1)).refutes
+
+
+def test_a_prediction_by_the_truth_is_seldom_the_worse_one_by_chance():
+    """A sea moves either prediction; what coefficients re-tuned without the cause change helps or does not."""
+    rng = np.random.default_rng(0)
+    for pieces in (1, 2, 4, 12):
+        refuted = harmed = 0
+        for _ in range(400):
+            sea = rng.standard_normal((pieces, 40)) * 5.0
+            change = 2.0 * rng.standard_normal(40)
+            before, after = np.mean((sea + change) ** 2, axis=1), np.mean(sea**2, axis=1)
+            refuted += _worsens(before, after, 1.0)
+            far = np.mean((sea + 8.0 * change) ** 2, axis=1)
+            harmed += _worsens(after, far, 1.0)
+        assert refuted <= 0.05 * 400
+        assert harmed >= 0.9 * 400
+
+
+def test_a_loss_below_the_floor_and_one_of_some_pieces_only_refute_nothing():
+    flat = np.full(6, 2.0)
+    assert _worsens(flat, flat + 3.0, 1.0)
+    assert not _worsens(flat, flat + 0.9, 1.0)
+    assert not _worsens(flat, flat + np.array([18.0, 0.0, -1.0, 0.0, 1.0, 0.0]), 1.0)
 
 
 def test_what_an_explanation_expects_grows_with_what_is_unknown():

@@ -31,6 +31,7 @@ from bayesid.trials import Trial
 
 LEAD_LENGTHS, SHORT_HORIZON, LONG_HORIZON = 6.0, 6.0, 23.0
 BOOTSTRAP_DRAWS = 400
+MIN_PIECES = 3  # from which on pieces tell of each other
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +50,7 @@ class HorizonError:
     pieces, draws : predictions scored, posterior draws of each model; what the interval rests on
     expected : mean squared error in noise units, floor included, that the explanation expects of itself: the
         floor, or what 95 % of its draws stay below; nan without draws
+    worsens : whether the explanation misses by more than chance lets it (see `_worsens`)
     """
 
     horizon: str
@@ -63,14 +65,16 @@ class HorizonError:
     pieces: int = 0
     draws: int = 0
     expected: float = float("nan")
+    worsens: bool = True
 
     @property
     def refutes(self) -> bool:
-        """Whether the explanation predicts worse (90 % interval of the shrinkage below 0), and by more than
-        it expects of itself: a vehicle unstable on course turns a start known to a hundredth of a degree a
-        second into degrees, and then a prediction by the truth may be the worse one."""
+        """Whether the explanation predicts worse (90 % interval of the shrinkage below 0), by more than
+        chance lets it, and by more than it expects of itself: a vehicle unstable on course turns a start
+        known to a hundredth of a degree a second into degrees, and then a prediction by the truth may be the
+        worse one."""
         unexpected = not self.excess["with effect"] + self.floor <= self.expected
-        return self.significant and self.interval[1] < 0 and unexpected
+        return self.significant and self.interval[1] < 0 and unexpected and self.worsens
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,7 +193,24 @@ def _rung(
         n,
         max((v.shape[1] for v in sampled.values()), default=0),
         _expected(segments, floor),
+        _worsens(before, after, floor),
     )
+
+
+def _worsens(before: Array, after: Array, floor: float) -> bool:
+    """Whether predictions get worse by more than a common error lets them by chance.
+
+    What sea and start add to either prediction makes the true one the worse one on half the pieces: a change
+    d beside an error e adds d^2 + 2 e d, and e may have either sign. So the pieces must agree (Student's t
+    of the differences, 95 %), and fewer than three must miss by twice as much, for then d exceeds e. What is
+    less than the floor, which no prediction can avoid, is no loss.
+    """
+    change = after - before
+    if not change.mean() > floor:
+        return False
+    if change.size < MIN_PIECES:
+        return bool(after.mean() + floor > 4.0 * (before.mean() + floor))
+    return _stands_out(change)
 
 
 def _expected(segments: Sequence[Segment], floor: float) -> float:
