@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pandas
 import pytest
@@ -13,8 +15,11 @@ from bayesid.api.fit import fit
 from bayesid.api.identify import identify
 from bayesid.api.predict import predict
 from bayesid.api.simulate import simulate
+from bayesid.diagnosis.answer import answer
 from bayesid.errors import BayesidError, FitError, ModelError, TrialError
 from bayesid.trials import Trial, load_trial, write_trial
+
+ROOT = Path(__file__).parents[1]
 
 NOISE = {"x": 0.2, "y": 0.2, "psi": 0.005, "u": 0.02, "v": 0.02, "r": 0.0005}
 
@@ -121,6 +126,13 @@ def test_identify_says_what_two_zigzags_leave_open(sailed):
     found = identify(sailed, "generic_sub", profile=False, quick=True)
     assert "Left open" in found.summary()
     assert len(found.to_dataframe()) == len(found.found.names)
+
+
+def test_the_documentation_quotes_what_a_diagnosis_of_the_example_says(diagnosed):
+    said = answer(diagnosed.found.result)
+    for page in ("README.md", "docs/guide/diagnosis.md"):
+        text = (ROOT / page).read_text(encoding="utf-8")
+        assert said.headline in text and said.outcome in text, page
 
 
 def test_a_diagnosis_names_the_effect_planted_in_the_example(diagnosed):

@@ -141,7 +141,7 @@ def test_only_a_prediction_worse_than_it_expects_of_itself_refutes():
 
 
 def test_a_prediction_by_the_truth_is_seldom_the_worse_one_by_chance():
-    """A sea moves either prediction; what coefficients re-tuned without the cause change helps or does not."""
+    """A sea moves either prediction; what coefficients re-tuned without the cause change may help."""
     rng = np.random.default_rng(0)
     for pieces in (1, 2, 4, 12):
         refuted = harmed = 0

@@ -10,7 +10,7 @@ from diagnosis_results import RESULT, a_result, draws
 from bayesid.diagnosis.answer import answer, explained_words, in_words
 from bayesid.diagnosis.evidence.effect_draws import warning
 from bayesid.diagnosis.evidence.replay import Replay
-from bayesid.diagnosis.failed_checks import failures
+from bayesid.diagnosis.failed_checks import NO_MODEL, failures
 from bayesid.diagnosis.plain_words import intervals, sentence
 from bayesid.diagnosis.result_parts import Effect, Moved, Refit, Retuning, RunError, Value
 from bayesid.diagnosis.size_names import contract, declared_sizes
@@ -295,3 +295,33 @@ def test_only_what_is_of_its_kind_and_probable_enough_stands_in_the_place_of_an_
     families = {"a": "kind", "of its kind": "kind", "faint": "kind", "other": "another"}
     assert _in_its_place(SimpleNamespace(inside=inside), families, "a") == {"of its kind": 0.2}
     assert _in_its_place(SimpleNamespace(inside=inside), {}, "a") == {}
+
+
+def test_nothing_is_to_be_predicted_where_no_model_was_written_or_the_fit_stopped():
+    unmade = replace(a_result(), warnings=(f"{NO_MODEL}: the simulation diverges",))
+    assert "Do not predict" in answer(unmade).steps[-1] and "diverges" in answer(unmade).steps[-1]
+    stopped = replace(a_result(), refits=(Refit(("wind",), 50.0, 1.0, False, {}),))
+    assert "stopped before it converged" in answer(stopped).steps[-1]
+    assert "--model" in answer(a_result()).steps[-1] and "Do not" not in answer(a_result()).steps[-1]
+
+
+def test_re_tuning_is_advised_for_the_coefficients_that_leave_their_uncertainty():
+    """A fit of all coefficients to two zig-zags, as it was advised, left six combinations open."""
+    runs = (a_run(position=(76.0, 1.3, 1.3), heading=(0.5, 0.006, 0.006)),)
+    moved = {"N_dr": Moved(-1.0, 0.1, -1.4, -1.4), "Y_v": Moved(-1.0, 0.1, -1.01, -1.01)}
+    steps = answer(replace(a_result("none", (), (), 0.0, runs=runs), moved=moved)).steps
+    assert any("`bayesid fit BUNDLE --free N_dr --out FOLDER`" in s for s in steps)
+
+
+def test_an_explanation_by_coefficients_that_keeps_them_as_given_is_called_the_simulator_as_given():
+    wide = ("coefficient_error:every coefficient x10",)
+    same = (a_run(position=(17.9, 15.6, 17.9), heading=(0.2, 0.13, 0.2)),)
+    found = replace(
+        a_result("ambiguous", (), (), 0.0, runs=same),
+        explanation=wide,
+        retuning=Retuning(False, 5.0, 0.0, {}),
+    )
+    assert explained_words(found).startswith("Explained: the simulator as given")
+    told = answer(found).outcome
+    assert "nothing is gained" in told and "as given" in told and "re-tuned" in told
+    assert "times as large" not in explained_words(found)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from bayesid.diagnosis.failed_checks import (
     MOST_RUNS,
+    NO_MODEL,
     diverging,
     explanation,
     failures,
@@ -126,11 +127,19 @@ def _as_stated(result: Result) -> list[str]:
     if result.retuning is None or retuned(result):
         return []
     gain, error = result.retuning.gain or 0.0, result.retuning.error or 0.0
+    if not error:  # the most that is counted of a ratio: in every run beyond it, or diverging
+        return ["Its coefficients are as given: runs left out are lost with re-tuned ones."]
     low, times, high = (math.exp(x - gain) for x in (-error, 0.0, error))
     return [
         "Its coefficients are as given: that re-tuned ones predict runs left out better is not sure "
         f"(errors {times:.2g} times as large, one standard error {low:.2g} to {high:.2g})."
     ]
+
+
+def _as_given(result: Result) -> bool:
+    """Whether the third model is the one as given: an explanation of coefficients alone, not re-tuned."""
+    used = explanation(result)
+    return bool(used) and not retuned(result) and all(n.startswith("coefficient_error") for n in used)
 
 
 def _explained(result: Result) -> str:
@@ -141,6 +150,8 @@ def _explained(result: Result) -> str:
         without = " nor the force that the equations lack" if result.verdict == "model_form" else ""
         return f"Explained: {'as re-tuned' if retuned(result) else 'as given'}, no effect{without} is in it."
     words = " + ".join(in_words(n) for n in used)
+    if _as_given(result):
+        return f"Explained: the simulator as given; the best explanation, {words}, is not in it."
     if result.verdict == "model_form":
         return f"Explained: with {words}, which may stand for the force that the equations lack."
     if result.verdict in NAMING and set(used) == {e.name for e in result.effects}:
@@ -263,6 +274,11 @@ def _outcome(result: Result, run: RunError) -> str:
         else "With them" if result.verdict in NAMING and len(explanation(result)) == len(result.effects)
         else f"With {' + '.join(in_words(n) for n in explanation(result))}"
     )  # fmt: skip
+    if _as_given(result):
+        return (
+            f"{what}, runs left out are predicted no better, so nothing is gained: as given, the {verb} "
+            f"{run_words(run)} {missed(errors, 0, RMS)}; re-tuned, {missed_too(errors, 1, 0)}."
+        )
     if not closes(errors, 0, 2) and (mended := mended_reading(run)):
         return (
             f"{what}, {mended} on the {verb} {run_words(run)}. Track and heading stay: it "
@@ -396,13 +412,42 @@ def _steps(result: Result) -> tuple[str, ...]:
         and result.runs
         and closes(error_rows(result.runs[0]), 0, 1)
     ):
-        out.append("Re-tune: `bayesid fit BUNDLE --out FOLDER` writes the vehicle file.")
+        out.append(f"Re-tune: `bayesid fit BUNDLE{_freed(result)} --out FOLDER` writes the vehicle file.")
+    elif result.verdict == "outside":
+        out.append(
+            "Look where and when it acts (the table of places in the report); a cause of your own is "
+            "declared in a file and tried with `--effects FILE`."
+        )
     if result.next_manoeuvre:
         best = result.next_manoeuvre[0]
         orders = f": {best.orders}" if best.orders else ""
         told = f"{in_words(best.name)}, {best.duration:.0f} s{orders}"
         out.append(f"Run next: {told}; it tells best what is still open.")
-    why_not = "it predicts held-out runs worse" if predicts_worse(result) else ""
+    return (*out, prediction_step(_why_not(result)))
+
+
+def _why_not(result: Result) -> str:
+    """Why nothing is to be predicted with what was found; empty where something is."""
     if lost := diverging(result):
-        why_not = f"its simulation of {first_few(lost, MOST_RUNS)} diverges"
-    return (*out, prediction_step(why_not))
+        return f"its simulation of {first_few(lost, MOST_RUNS)} diverges"
+    if unmade := [w for w in result.warnings if w.startswith(NO_MODEL)]:
+        return f"no model could be written ({unmade[0].removeprefix(NO_MODEL).lstrip(': ')})"
+    if predicts_worse(result):
+        return "it predicts held-out runs worse"
+    used = explanation(result)
+    refits = [r for r in result.refits if set(r.effects) == set(used)] if used else result.refits
+    if refits and not refits[0].converged:
+        return "the fit stopped before it converged"
+    return ""
+
+
+def _freed(result: Result) -> str:
+    """The option of a fit that frees the coefficients which leave their stated uncertainty; a log seldom
+    determines all of a vehicle's."""
+    far = {
+        n: abs(m.retuned - m.given) / m.prior_sd
+        for n, m in result.moved.items()
+        if m.prior_sd > 0 and m.given
+    }
+    names = [n for n in sorted(far, key=lambda n: -far[n]) if far[n] >= LEAST_MOVED][:MOST_MOVED]
+    return f" --free {','.join(names)}" if names else ""

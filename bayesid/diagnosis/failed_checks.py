@@ -20,6 +20,8 @@ NEEDS_NONE = ("none", "model_form")
 # A change of many times its size counts from `UNLIKELY` uncertainties on: of some only the order is stated.
 FAR_OFF, MOST_CHANGED, UNLIKELY = 10.0, 10.0, 3.0
 MOST_FAR, MOST_RUNS = 2, 3  # named one by one
+# Begins the note of a diagnosis that wrote no model.
+NO_MODEL = "the diagnosed model for `bayesid predict` could not be made"
 
 
 def explanation(result: Result) -> tuple[str, ...]:

@@ -20,7 +20,7 @@ from bayesid.diagnosis.evidence.explained_model import ExplainedModel, explained
 from bayesid.diagnosis.evidence.holdout import HoldoutValidation, validate_holdout
 from bayesid.diagnosis.evidence.missing_force import describe_missing_force
 from bayesid.diagnosis.exclusions import compare_without
-from bayesid.diagnosis.failed_checks import NEEDS_NONE
+from bayesid.diagnosis.failed_checks import NEEDS_NONE, NO_MODEL
 from bayesid.diagnosis.final_values import result_of
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
@@ -153,7 +153,7 @@ def diagnose(
     if keep_model:
         notify("model for predictions")
         diagnosed = attempt(
-            "the diagnosed model for `bayesid predict` could not be made",
+            NO_MODEL,
             lambda: diagnosed_model(problem, candidates, verdict, trial.digest, explained.retuned),
             None,
             warnings,

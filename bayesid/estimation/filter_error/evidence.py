@@ -14,7 +14,7 @@ from scipy.linalg import cho_factor, cho_solve
 from bayesid.errors import ModelError
 
 Array = np.ndarray
-NOT_LINEARISABLE = "the path left the region where the model can be linearised"
+NOT_LINEARISABLE = "the simulation along the estimated path diverges, so its sensitivities are not finite"
 
 
 @dataclass(frozen=True, eq=False)
