@@ -196,6 +196,7 @@ def test_the_numbers_of_the_table_are_those_the_practice_campaigns_were_scored_w
         "SIZE_DEVIATIONS": 1.5,
         "ADD_EVIDENCE": 5.0,
         "DROP_EVIDENCE": 3.0,
+        "LEAST_RUNS": 3.0,
         "MOST_EFFECTS": 3,
         "LEAST_FREE_SIGNAL_SHARE": 0.5,
         "MOST_EXCHANGES": 3,

@@ -14,7 +14,7 @@ from scipy.linalg import cho_factor, cho_solve
 from bayesid.errors import ModelError
 
 Array = np.ndarray
-NOT_LINEARISABLE = "the simulation along the estimated path diverges, so its sensitivities are not finite"
+NOT_LINEARISABLE = "the simulation along the estimated path diverges and cannot be linearised"
 
 
 @dataclass(frozen=True, eq=False)
