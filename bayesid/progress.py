@@ -124,6 +124,9 @@ class RouteStep:
     share: float
 
 
+LATE = 1.2  # time gone over that planned to the end of a step, from which on nothing is said of what is left
+
+
 class Route:
     """Sentences become lines "step k of n: sentence (12 s, about 20 s left)"; steps only go on."""
 
@@ -144,7 +147,10 @@ class Route:
         before, after, left = sum(shares[: self._at]), sum(shares[self._at + 1 :]), ""
         if before > 0.05:  # too little has gone by to tell before
             whole = self._entered / before
-            left = f", about {time_words(max(whole - gone, whole * after))} left"
+            if gone > LATE * whole * (1.0 - after):
+                left = ", longer than usual: no estimate"
+            else:
+                left = f", about {time_words(max(whole - gone, whole * after))} left"
         self._progress.note(f"step {self._at + 1} of {len(self._steps)}: {sentence} ({gone:.0f} s{left})")
 
 

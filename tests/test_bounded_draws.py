@@ -96,3 +96,19 @@ def test_bounds_that_are_none_are_refused(at_bound, tmp_path, bounds):
     path.write_text(json.dumps(record))
     with pytest.raises(ModelError, match=r"model\.json"):
         read_diagnosed(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("beside", "told"),
+    [
+        ("fit.json", "without --quick"),
+        ("diagnosis.json", "could not make one"),
+        (None, "bayesid diagnose BUNDLE"),
+    ],
+)
+def test_a_folder_without_a_model_says_why_and_what_writes_one(tmp_path, beside, told):
+    if beside:
+        (tmp_path / beside).write_text("{}")
+    with pytest.raises(ModelError, match="cannot be read") as found:
+        read_diagnosed(tmp_path)
+    assert told in str(found.value)

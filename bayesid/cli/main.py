@@ -31,7 +31,10 @@ from bayesid.cli.trial_measure import measure
 from bayesid.cli.vehicle_check import check
 from bayesid.cli.vehicle_new import new
 
-EPILOGUE = "Exit codes: 0 ok, 2 usage or bad input, 3 not converged."
+EPILOGUE = (
+    "Exit codes: 0 ok, 2 usage or bad input, 3 not converged, or a question is left, 4 a mistake in the log, "
+    "130 stopped."
+)
 
 
 def run(args: Sequence[str] | None = None) -> int:

@@ -103,9 +103,7 @@ def read_diagnosed(folder: str | os.PathLike[str], declared: Iterable[Effect] = 
             estimates,
         )
     except UnreadableError as error:
-        raise ModelError(
-            f"{path}: {error}; `bayesid diagnose BUNDLE --out FOLDER` and `bayesid fit` write it"
-        ) from None
+        raise ModelError(f"{path}: {error}; {_why_missing(path.parent)}") from None
     except KeyError as error:
         raise ModelError(f"{path}: is not a diagnosed model (it has no {error})") from None
     except (ValueError, TypeError, AttributeError) as error:
@@ -117,6 +115,18 @@ def read_diagnosed(folder: str | os.PathLike[str], declared: Iterable[Effect] = 
             "same --effects file if there was one"
         )
     return DiagnosedModel(model, hypotheses, *rest)
+
+
+def _why_missing(folder: Path) -> str:
+    """Why a folder may hold no model, by what else is in it, and what writes one."""
+    if (folder / "fit.json").exists():
+        return (
+            "the fit in this folder wrote none: run it again without --quick; where it was run so, no model "
+            "could be made, and its report says what is to be done"
+        )
+    if (folder / "diagnosis.json").exists():
+        return "the diagnosis in this folder could not make one; the notes of its report say why"
+    return "`bayesid diagnose BUNDLE --out FOLDER` and `bayesid fit BUNDLE --out FOLDER` write it"
 
 
 def remove_fitted(folder: str | os.PathLike[str]) -> None:
