@@ -104,10 +104,13 @@ def test_a_surprise_is_a_message_without_traceback(error, code, words, failing, 
     assert words in err and "Traceback" not in err
 
 
-def test_a_stop_claims_nothing_of_files_that_may_not_exist(failing, capsys):
+@pytest.mark.parametrize("words", [[], ["--out", "there"], ["--out=there"]])
+def test_a_stop_claims_nothing_of_files_that_may_not_exist(words, failing, capsys, monkeypatch):
+    monkeypatch.setattr("sys.argv", ["bayesid", "fit", "pond", *words])
     assert failing(KeyboardInterrupt()) == 130
     err = capsys.readouterr().err
-    assert "before it was done" in err and "if anything" in err and "complete" not in err
+    assert "before it was done" in err and "complete" not in err
+    assert ("if anything" in err) == ("--out" in err) == bool(words)
 
 
 def test_verbose_shows_the_traceback_of_a_surprise(failing, capsys):

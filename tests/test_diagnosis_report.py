@@ -263,6 +263,8 @@ def test_held_out_is_explained_where_it_is_first_shown_and_each_deviation_says_o
     result = replace(RESULT, runs=(run,), moved={"N_v": Moved(-1.0, 0.1, -1.2, -1.1)})
     text = (write_diagnosis_report(result, tmp_path).parent / "report.md").read_text(encoding="utf-8")
     assert ("Held out: no fit and no choice of a cause has read this run" in text) == (role == "holdout")
-    assert ("predicted worse is withdrawn" in text) == (role == "holdout") and "it only shows" not in text
+    assert ("by more than chance, is withdrawn" in text) == (
+        role == "holdout"
+    ) and "it only shows" not in text
     assert "standard deviations stated by the vehicle file" in text
     assert "one standard deviation of a refit" in text

@@ -27,8 +27,15 @@ from bayesid.manoeuvres import Scale, parse
 from bayesid.measures import named_measures as measure
 from bayesid.model.vehicles import self_propulsion_speed
 from bayesid.prediction.initial_state import balanced_speed, coloured_noise, initial_states
-from bayesid.prediction.intervals import beside_readings, measure_bands, prediction_csv, stated_spread
-from bayesid.prediction.prediction import predict_manoeuvre, predict_run
+from bayesid.prediction.intervals import (
+    band_checks,
+    beside_readings,
+    measure_bands,
+    prediction_csv,
+    shares_of_draws,
+    stated_spread,
+)
+from bayesid.prediction.prediction import Prediction, predict_manoeuvre, predict_run
 from bayesid.progress import Progress
 from bayesid.report.predict_first_screen import band_text, headline
 from bayesid.simulation import observe, plan_run, simulate, steady_start
@@ -360,6 +367,28 @@ def test_one_explanation_is_said_to_be_all_and_an_older_model_says_nothing_of_wh
         write_diagnosed(replace(named, left_out=left), tmp_path)
         prediction = predict(planted_trial(MODEL), ["turn:10"], model=tmp_path, draws=20, speed=1.5)
         assert said in prediction.summary()
+
+
+def test_a_share_of_the_band_is_told_from_chance_by_the_draws_of_the_model():
+    """Errors of a run go together: a draw of the model itself is outside for most of a run now and then."""
+    rng = np.random.default_rng(0)
+    t, k = np.arange(200.0), 400
+    walks = np.cumsum(rng.standard_normal((k + 200, t.size, 1)), axis=1)
+    p = Prediction("r", "turn", t, ("x",), walks[:k], {}, None, 0.0, 0, np.array([0.0]))
+    few, chances = 0, []
+    log, _ = logged(1)
+
+    def judged(x):
+        run = replace(log, t=t, data={"x": x}, commands={}, measured_inputs={})
+        return band_checks([beside_readings(p, run)], [shares_of_draws(p, run)])["x"]
+
+    for walk in walks[k:]:
+        found = judged(walk[:, 0])
+        few += found["inside"] < 0.8
+        chances.append(found["chance"])
+    assert few > 10  # of 200 walks that the model itself made
+    assert 0.01 < np.mean(np.array(chances) < 0.05) < 0.11
+    assert judged(60.0 + walks[-1, :, 0])["chance"] < 0.01
 
 
 def test_the_model_of_another_vehicle_is_refused(tmp_path):

@@ -10,10 +10,10 @@ import time
 
 import pytest
 
-from bayesid.cli.stopping import TEXT
+from bayesid.cli.stopping import KEPT, STOPPED
 from bayesid.executor import Executor, WorkerError
 
-SENTENCE = f"bayesid: {TEXT}\n"
+SENTENCE = f"bayesid: {STOPPED}\n"
 LOADING = """
 import sys, time
 from bayesid.cli.stopping import listen
@@ -104,6 +104,13 @@ def test_a_stop_at_work_is_one_sentence_and_the_code_of_the_signal(number):
     assert (child.returncode, err) == (128 + number, SENTENCE)
 
 
+def test_a_stop_of_a_command_with_a_folder_for_its_results_says_that_it_is_kept():
+    child, _ = started(["-c", WORK], "--out", "there")
+    child.send_signal(signal.SIGINT)
+    _, err = child.communicate(timeout=20)
+    assert (child.returncode, err) == (130, f"bayesid: {STOPPED}{KEPT}\n")
+
+
 SWALLOWED = WORK.replace(
     "    time.sleep(30)\n",
     """    try:
@@ -174,7 +181,9 @@ def test_a_library_that_writes_to_a_full_disk_is_told_with_its_file(tmp_path):
     )
     child, _ = started(["-c", written], str(tmp_path / "kept.nbc"))
     _, err = child.communicate(timeout=20)
-    assert (child.returncode, err) == (2, f"bayesid: {tmp_path}/kept.nbc: No space left on device\n")
+    advice = "make room there, or give --out a folder elsewhere"
+    told = f"bayesid: {tmp_path}/kept.nbc: No space left on device; {advice}\n"
+    assert (child.returncode, err) == (2, told)
 
 
 @pytest.mark.parametrize("wait", [0.0, 2.0], ids=["workers starting", "workers at work"])

@@ -30,11 +30,14 @@ from bayesid.diagnosis.run import diagnose
 from bayesid.errors import BayesidError, ModelError, TrialError
 from bayesid.files import write_atomic, write_json
 from bayesid.measures import named_measures
+from bayesid.model.channels import channel
 from bayesid.prediction.intervals import (
     as_given,
+    band_checks,
     beside_readings,
     measure_bands,
     prediction_csv,
+    shares_of_draws,
     stated_spread,
 )
 from bayesid.prediction.prediction import Prediction, predict_manoeuvre, predict_run
@@ -53,7 +56,7 @@ if TYPE_CHECKING:
     import pandas
 
 SAME_LENGTH = 0.01  # by which two files of one vehicle may differ in length
-AGAINST_COLUMNS = ("channel", "rms as given (SI)", "predicted", "largest", "inside the band [%]")
+AGAINST_COLUMNS = ("channel", "rms as given", "predicted", "largest", "inside the band [%]")
 MEASURE_COLUMNS = ("measure", "as given", "mean", "95 % from", "to", "unit")
 
 
@@ -103,13 +106,15 @@ def predict(
     s = found.model.scales
     scale = scale_of(found.model, rpm, dt if dt is not None else s["L"] / s["U"] / 40)
     orders = ordered(found.model, (text for text in wanted if _run(logged, text) is None), scale, dt)
-    predictions, rows = [], []
+    predictions, rows, judged, drawn = [], [], [], []
     stage = f"predict {wanted[0] if len(wanted) == 1 else 'runs and manoeuvres'}"
     for text in shown.track(wanted, stage):
         run = _run(logged, text)
         if run is not None:
             p = predict_run(found, run, draws, seed, lead)
             against = beside_readings(p, run, seed)
+            judged.append(against)
+            drawn.append(shares_of_draws(p, run, seed))
         else:
             p, against = predict_manoeuvre(found, text, orders[text], draws, seed, speed), {}
         measures = measure_bands(p, named_measures)
@@ -132,7 +137,8 @@ def predict(
             {"effects": list(names), "probability": p} for names, p in found.left_out.items()
         ],
         "coefficients_as_given": stated_spread(found), "seed": seed, "draws": draws, "band": LEVEL,
-        "sensor_noise": sensor_noise, "model_failed_checks": list(found.failed_checks), "predictions": rows,
+        "sensor_noise": sensor_noise, "model_failed_checks": list(found.failed_checks),
+        "band_checks": band_checks(judged, drawn), "predictions": rows,
     }  # fmt: skip
     record["failed_checks"] = failed_checks(logged, record)
     if out is not None:
@@ -235,8 +241,8 @@ class PredictResult(Result):
         for p in self.predictions:
             low, high = p.band(LEVEL)
             columns: dict[str, Any] = {"name": p.name, "t": p.t}
-            for j, channel in enumerate(p.channels):
-                columns |= {channel: p.mean[:, j], f"{channel}_low": low[:, j], f"{channel}_high": high[:, j]}
+            for j, name in enumerate(p.channels):
+                columns |= {name: p.mean[:, j], f"{name}_low": low[:, j], f"{name}_high": high[:, j]}
             frames.append(pandas.DataFrame(columns))
         return pandas.concat(frames, ignore_index=True)
 
@@ -300,10 +306,13 @@ class PredictResult(Result):
 
 
 def _against(row: Mapping[str, Any]) -> list[list[Any]]:
-    return [
-        [name, v.get("rms_given"), v["rms"], v["largest"], 100 * v["inside"]]
-        for name, v in row["against_readings"].items()
-    ]
+    rows: list[list[Any]] = []
+    for name, v in row["against_readings"].items():
+        factor, unit = channel(name).shown
+        given = v.get("rms_given")
+        errors = (None if given is None else factor * given, factor * v["rms"], factor * v["largest"])
+        rows.append([f"{name} [{unit}]", *errors, 100 * v["inside"]])
+    return rows
 
 
 def _told(mean: float, low: float, high: float) -> tuple[Any, Any, Any]:

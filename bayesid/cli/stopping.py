@@ -17,9 +17,10 @@ from contextlib import suppress
 from types import FrameType
 from typing import NoReturn
 
-TEXT = (
-    "stopped before it was done; --out holds what had been written until then, if anything: the same command "
-    "goes on from there (sample with --resume)"
+STOPPED = "stopped before it was done"
+KEPT = (
+    "; --out holds what was written until then, if anything: the same command goes on from there "
+    "(sample with --resume)"
 )
 TIDY = 2.0  # s at most for giving back what other processes share
 # s in which a stop unwinds; after them a library has swallowed it (an `except` of everything, a callback or a
@@ -37,6 +38,12 @@ def listen() -> None:
     """From now on both signals end the work in good order; for the main thread of the command line."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _on_signal)
+
+
+def text() -> str:
+    """What is said of a stop: where a folder was named for the results, that it is kept."""
+    named = any(word.split("=")[0] in ("--out", "-o") for word in sys.argv[1:])
+    return STOPPED + (KEPT if named else "")
 
 
 def code() -> int:
@@ -75,7 +82,7 @@ def _on_signal(number: int, frame: FrameType | None) -> None:
 
 def _at_once(number: int, frame: FrameType | None) -> None:
     with suppress(OSError):
-        os.write(2, f"bayesid: {TEXT}\n".encode())
+        os.write(2, f"bayesid: {text()}\n".encode())
     _end(128 + number)
 
 

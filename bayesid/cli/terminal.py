@@ -22,7 +22,9 @@ from bayesid.lock import release_all
 from bayesid.progress import set_quiet, silence, tell
 
 # a disk that is full, over quota, read-only or broken
-DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)
+FULL = (errno.ENOSPC, errno.EDQUOT)
+DISK = (*FULL, errno.EFBIG, errno.EROFS, errno.EIO)
+STDOUT = "standard output cannot be written"
 OK, FAULT, BAD_INPUT, NOT_CONVERGED, WRONG_LOG, INTERRUPTED = 0, 1, 2, 3, 4, 130
 
 # ClickException, which older releases of typer take from click and newer ones bring along
@@ -57,7 +59,7 @@ def guarded(command: Callable[[], Any], args: Sequence[str] | None = None) -> in
     except BayesidError as error:
         return _refuse(str(error), error.exit_code)
     except (typer.Abort, KeyboardInterrupt):
-        return _refuse(stopping.TEXT, stopping.code())
+        return _refuse(stopping.text(), stopping.code())
     except BrokenPipeError:  # `bayesid ... | head`: the reader has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return OK
@@ -75,7 +77,7 @@ def guarded(command: Callable[[], Any], args: Sequence[str] | None = None) -> in
 
 def _refuse(message: str, code: int, hint: bool = False) -> int:
     if stopping.asked():
-        message, code, hint = stopping.TEXT, stopping.code(), False
+        message, code, hint = stopping.text(), stopping.code(), False
     if _verbose:
         traceback.print_exc()
     elif hint:
@@ -89,6 +91,8 @@ def _os_message(error: OSError) -> str:
     place = error.filename
     if place is None and error.errno in DISK:
         place = _failed_output() or _file_at_work(error)
+    if error.errno in FULL and place != STDOUT:
+        reason += "; make room there, or give --out a folder elsewhere"
     return f"{place}: {reason}" if place is not None else reason
 
 
@@ -109,7 +113,7 @@ def _failed_output() -> str | None:
         print(flush=True)  # an empty line: what failed is no longer in the buffer
     except (OSError, ValueError):
         silence(sys.stdout)
-        return "standard output cannot be written"
+        return STDOUT
     return None
 
 

@@ -7,6 +7,7 @@ Holds names and units only: reading logs is `bayesid.trials`, converting units i
 from __future__ import annotations
 
 import difflib
+import math
 from dataclasses import dataclass
 
 from bayesid.model.notation import POSE, VELOCITY
@@ -36,6 +37,12 @@ class Channel:
     def base(self) -> str:
         """The state this channel reads: `u` for `u_water`, else its own name."""
         return self.name.removesuffix("_water") if self.through_water else self.name
+
+    @property
+    def shown(self) -> tuple[float, str]:
+        """Factor from the unit inside, and the unit in tables, figures and files: degrees for angles."""
+        in_degrees = {"rad": "deg", "rad/s": "deg/s"}
+        return (180.0 / math.pi, in_degrees[self.unit]) if self.unit in in_degrees else (1.0, self.unit)
 
 
 _VERTICAL = frozenset({"z", "phi", "theta", "w", "p", "q"})

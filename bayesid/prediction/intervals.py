@@ -20,7 +20,6 @@ from bayesid.trials import Run
 
 Array = np.ndarray
 Measure = Callable[[str, Array, Mapping[str, Array]], list[dict[str, Any]]]
-_DEGREES = {"rad": "deg", "rad/s": "deg/s"}
 DIGITS = 6
 
 
@@ -37,21 +36,16 @@ def prediction_csv(p: Prediction, noise_seed: int | None = None, widen: float = 
     low, high = p.band(rng=rng)
     names, columns = ["t[s]"], [p.t]
     for j, name in enumerate(p.channels):
-        factor, unit = _shown(name)
+        factor, unit = channel(name).shown
         for ending, values in (("", p.mean), ("_low", low), ("_high", high)):
             names.append(f"{name}{ending}[{unit}]")
             columns.append(factor * (p.mean + widen * (values - p.mean))[:, j])
     for name, values in p.commands.items():
-        factor, unit = _shown(name)
+        factor, unit = channel(name).shown
         names.append(f"{name}[{unit}]")
         columns.append(factor * np.asarray(values))
     rows = [",".join(f"{v:.{DIGITS}g}" for v in row) for row in np.column_stack(columns)]
     return "\n".join([",".join(names), *rows]) + "\n"
-
-
-def _shown(name: str) -> tuple[float, str]:
-    unit = channel(name).unit
-    return (180.0 / math.pi, _DEGREES[unit]) if unit in _DEGREES else (1.0, unit)
 
 
 def beside_readings(p: Prediction, run: Run, seed: int = 0) -> dict[str, dict[str, float]]:
@@ -67,6 +61,42 @@ def beside_readings(p: Prediction, run: Run, seed: int = 0) -> dict[str, dict[st
             "largest": float(np.abs(error[seen]).max()),
             "inside": float(inside[seen].mean()),
         }
+    return out
+
+
+def shares_of_draws(p: Prediction, run: Run, seed: int = 0) -> dict[str, Array]:
+    """Channel -> (k,) share of the band that every draw would fill were it the truth, read where the log was.
+
+    What `beside_readings` finds inside is told from chance by these: errors of a run go together, so that a
+    share far from the level may be one error (posterior predictive check, Gelman et al. 2013, section 6.3).
+    """
+    rng = np.random.default_rng(seed)
+    read = p.draws + np.nan_to_num(p.noise) * rng.standard_normal(p.draws.shape)
+    low, high = np.quantile(read, (0.5 - 0.5 * INTERVAL_LEVEL, 0.5 + 0.5 * INTERVAL_LEVEL), axis=0)
+    inside = (read >= low) & (read <= high)
+    return {name: inside[:, seen, j].mean(axis=1) for j, name, _, seen in reading_errors(p, run)}
+
+
+def band_checks(
+    found: Sequence[Mapping[str, Mapping[str, float]]], draws: Sequence[Mapping[str, Array]]
+) -> dict[str, dict[str, float]]:
+    """Channel -> mean share `inside` over runs, the `chance` that draws of the model fill no more of their
+    bands, and the `least` chance that as many draws can tell.
+
+    Parameters
+    ----------
+    found : per run, as `beside_readings`
+    draws : per run, as `shares_of_draws`; a draw is one vehicle in every run
+    """
+    out = {}
+    for name in dict.fromkeys(n for one in found for n in one):
+        seen = [one[name]["inside"] for one in found if name in one]
+        drawn = [one[name] for one in draws if name in one]
+        least = min(len(d) for d in drawn)
+        mean = np.mean([d[:least] for d in drawn], axis=0)
+        inside = float(np.mean(seen))
+        chance = float((1 + np.sum(mean <= inside)) / (1 + least))
+        out[name] = {"inside": inside, "chance": chance, "least": 1.0 / (1 + least)}
     return out
 
 

@@ -15,7 +15,9 @@ from bayesid.trials import Trial
 
 LEVEL = 0.95
 FULL_TURN = 2 * math.pi  # width of the heading's band from which a run is not predicted
-HELD_SHARE = 0.8  # of the readings inside the band, on average over runs, below which the band is too narrow
+# Share of the readings inside the band, on average over runs, below which the band may be too narrow; and the
+# probability, over all channels, that a vehicle drawn from the model fills no more of it, below which it is.
+HELD_SHARE, CHANCE = 0.8, 0.05
 
 
 def failed_checks(trial: Trial, numbers: Mapping[str, Any]) -> list[str]:
@@ -23,7 +25,7 @@ def failed_checks(trial: Trial, numbers: Mapping[str, Any]) -> list[str]:
 
     Parameters
     ----------
-    numbers : record of a prediction: verdict, hypotheses, model_failed_checks, predictions
+    numbers : record of a prediction: verdict, hypotheses, model_failed_checks, band_checks, predictions
     """
     out = _of_model(numbers)
     if (note := shaft_speed_note(trial)) is not None:
@@ -36,12 +38,12 @@ def failed_checks(trial: Trial, numbers: Mapping[str, Any]) -> list[str]:
             "the band of the heading becomes wider than a full turn. What is known of the vehicle does "
             "not fix where it goes."
         )
-    held: dict[str, list[float]] = {}
-    for row in rows:
-        for channel, found in row["against_readings"].items():
-            held.setdefault(channel, []).append(found["inside"])
-    mean = {channel: sum(shares) / len(shares) for channel, shares in held.items()}
-    few = [f"{channel} {share:.0%}" for channel, share in mean.items() if share < HELD_SHARE]
+    told = numbers["band_checks"]
+    few = [
+        f"{channel} {found['inside']:.0%}"
+        for channel, found in told.items()
+        if found["inside"] < HELD_SHARE and found["chance"] <= max(CHANCE / len(told), found["least"])
+    ]
     if few:
         out.append(
             f"The bands are too narrow: of the readings {LEVEL:.0%} should lie inside, and on average over "

@@ -22,13 +22,6 @@ PREDICTION_COLUMNS = (
     "fit as given [%]",
     "as found [%]",
 )
-_DEGREES = {"rad": "deg", "rad/s": "deg/s"}
-
-
-def display_unit(name: str) -> tuple[float, str]:
-    """Factor from SI, and the unit a reader expects: degrees for angles."""
-    unit = channel(name).unit
-    return (180 / np.pi, _DEGREES[unit]) if unit in _DEGREES else (1.0, unit)
 
 
 def fit_percent(rms: float, readings: np.ndarray) -> float:
@@ -42,7 +35,7 @@ def prediction_rows(runs: Iterable[RunOutcome]) -> list[list[Any]]:
     rows = []
     for run in runs:
         for j, name in enumerate(run.channels):
-            factor, unit = display_unit(name)
+            factor, unit = channel(name).shown
             pair = (float(run.rms_nominal[j]), float(run.rms_fitted[j]))
             shares = [fit_percent(rms, run.readings[:, j]) for rms in pair]
             rows.append([run.name, run.role, f"{name} [{unit}]", *(factor * rms for rms in pair), *shares])

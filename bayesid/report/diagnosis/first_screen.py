@@ -28,7 +28,7 @@ ORDERS = (
 )
 HELD_OUT = (
     " Held out: no fit and no choice of a cause has read this run; it shows what they predict, and a cause "
-    "with which held-out runs are predicted worse is withdrawn."
+    "with which held-out runs are predicted worse, by more than chance, is withdrawn."
 )
 
 
