@@ -16,8 +16,9 @@ from bayesid.simulation import plan_trial_run
 from bayesid.trials import Run, Trial
 from studies.wind_from_motion import run as study
 from studies.wind_from_motion.estimate import MotionWind, unread, wind_of
+from studies.wind_from_motion.hours import shared_winds
 from studies.wind_from_motion.report import NO_SHIP, scores, wind_report
-from studies.wind_from_motion.run import row, winds
+from studies.wind_from_motion.run import clock, row, winds
 
 T = np.arange(0.0, 20.0, 1.0)
 
@@ -112,9 +113,67 @@ def test_a_kept_wind_serves_its_own_inputs_and_a_run_without_a_ship_is_marked(mo
     ask(replace(ship, coef=ship.coef | {"Y_r": 2 * ship.coef["Y_r"]}), 1)
     assert len(calls) == 3
     assert ask(None, 1) == {"failed": NO_SHIP}
-    rows = {"published ship": [row(log, ask(ship, 1))]}
-    record = {"inputs": {"quick": True}, "attribution": "none", "passes": rows}
-    assert "fitted to the other half" not in wind_report(record).lead
-    gone = [row(log, ask(ship, 1)), row(log, ask(None, 1))]
-    told = wind_report(record | {"inputs": {"quick": False}, "passes": rows | {"fitted ship": gone}}).lead
-    assert "For 1 runs no ship could be fitted" in told
+    other, one = replace(log, name="turn_14-Oct_14_08_51"), replace(log, name="turn_14-Oct_14_02_51")
+    found = {one.name: ask(ship, 1), other.name: ask(None, 1)}
+    told = wind_report(
+        study.wind_record([one, other], {"published ship": found})
+        | {"inputs": {"quick": True}, "attribution": "none"}
+    )
+    assert "For 1 runs no ship could be fitted" in told.lead
+    assert told.sections[1].blocks[0].rows[1][3] == NO_SHIP
+
+
+def told_alone(seed, spread, scatter, own=0.5):
+    """Winds of 6 days of 6 runs each, ten minutes apart, as they blow and as each run tells its own; `own` is
+    the share of the scatter's variance that blows."""
+    rng = np.random.default_rng(seed)
+    middle = np.concatenate([day * 1e6 + 600.0 * np.arange(6) for day in range(6)])
+    slow = np.repeat(rng.normal(0.0, spread, (6, 2)), 6, axis=0)
+    true = slow + rng.normal(0.0, np.sqrt(own) * scatter, slow.shape)
+    read = true + rng.normal(0.0, np.hypot(0.1, np.sqrt(1.0 - own) * scatter), true.shape)
+    alone = [MotionWind(f"r{i}", m, 0.01 * np.eye(2), "converged") for i, m in enumerate(read)]
+    return middle, true, alone
+
+
+def off(winds, true):
+    errors = np.array([w.mean for w in winds]) - true
+    sds = np.array([np.sqrt(np.diag(w.covariance)) for w in winds])
+    return np.sqrt(np.mean(errors**2)), np.sqrt(np.mean((errors / sds) ** 2))
+
+
+@pytest.mark.parametrize(("own", "better", "widest"), [(0.0, 0.8, 1.6), (0.5, 0.9, 1.3)])
+def test_runs_of_the_same_hours_tell_their_wind_better_and_how_wrong_each_is(own, better, widest):
+    """Sds stated several times too small: read off how runs of one day differ, with no wind ever measured."""
+    single, together, scatter = [], [], []
+    for seed in range(6):
+        middle, true, alone = told_alone(seed, 1.5, 0.5, own)
+        shared = shared_winds(alone, middle)
+        single.append(off(alone, true))
+        together.append(off(list(shared.winds.values()), true))
+        scatter.append(shared.scatter)
+    single, together = np.mean(single, axis=0), np.mean(together, axis=0)
+    assert single[1] > 3.0
+    assert together[0] < better * single[0]
+    assert 0.7 < together[1] < widest
+    assert 0.3 < np.mean(scatter) < 0.6
+
+
+def test_winds_days_apart_and_told_well_stay_as_they_are():
+    _, _, alone = told_alone(0, 2.0, 0.0)
+    far = shared_winds(alone, 1e7 * np.arange(len(alone)))
+    for wind in alone:
+        assert np.abs(far.winds[wind.run].mean - wind.mean).max() < 0.1
+    # the frame the wind is told in does not matter
+    turned = np.array([[0.6, -0.8], [0.8, 0.6]])
+    again = shared_winds(
+        [replace(w, mean=turned @ w.mean) for w in alone], 600.0 * np.arange(len(alone))
+    ).winds
+    same = shared_winds(alone, 600.0 * np.arange(len(alone))).winds
+    for wind in alone:
+        assert np.abs(again[wind.run].mean - turned @ same[wind.run].mean).max() < 1e-3
+
+
+def test_the_clock_of_a_run_is_in_its_name_and_parts_of_a_record_follow_one_another():
+    first = replace(calm_run(), name="random_06-Aug_16_24_25_1")
+    assert clock(replace(first, name="turn_06-Aug_16_24_26")) - clock(first) == 1.0
+    assert clock(replace(first, name="random_06-Aug_16_24_25_4")) - clock(first) == 3 * first.duration

@@ -19,9 +19,9 @@ MARK_DIRECTION, MARK_NAMED, MARK_COVERED = 10.0, 80.0, (88.0, 99.0)
 
 
 def scores(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """Direction error rms [deg] and share named [%] where the mean wind is above `LEAST`, by sds as stated
-    and by sds scaled by the rms of error over sd; of all runs, share of components within 1.96 sd [%], rms of
-    error over sd, rms error of the components [m/s]."""
+    """Direction error, rms and median [deg], and share named [%] where the mean wind is above `LEAST`, by sds
+    as stated and by sds scaled by the rms of error over sd; of all runs, share of components within 1.96 sd
+    [%], rms of error over sd, rms error of the components [m/s]."""
     told = [r for r in rows if "mean" in r]
     windy = [r for r in rows if np.hypot(*r["measured"]) > LEAST]
     errors = np.array([r["direction_error"] for r in windy if "mean" in r])
@@ -33,6 +33,7 @@ def scores(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     return {
         "windy": len(windy), "runs": len(rows),
         "direction": float(np.degrees(np.sqrt(np.mean(errors**2)))),
+        "direction_median": float(np.degrees(np.median(np.abs(errors)))),
         "direction_covered": 100.0 * float(np.mean(np.abs(over) < 1.96)),
         "named": 100.0 * float(np.mean(evidence > NAMED)),
         "named_scaled": 100.0 * float(np.mean(evidence / max(rms_z, 1.0) ** 2 > NAMED)),
@@ -43,60 +44,68 @@ def scores(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
 
 
 def wind_report(record: Mapping[str, Any]) -> Report:
-    """Headline with the marks, scores of both passes, run by run."""
-    passes = {words: scores(rows) for words, rows in record["passes"].items()}
-    last, rows = list(record["passes"].items())[-1]
-    s = passes[last]
-    direction, named = _word(s["direction"] <= MARK_DIRECTION), _word(s["named_scaled"] >= MARK_NAMED)
-    covered = _word(MARK_COVERED[0] <= s["covered"] <= MARK_COVERED[1])
-    first = next(iter(passes))
-    ships = (
-        "Every run is fitted by itself: wind, and what the prior of the ship leaves open: the published one "
-        "with 20 % a coefficient, with which no anemometer is read at all"
-    )
-    ships += "." if last == first else (
-        f" ({_short(passes[first])}); then the ship fitted to the other half of the runs in their measured "
-        "wind, which the headline is of."
-    )  # fmt: skip
+    """Headline with the marks, scores of the passes, run by run."""
+    alone = {words: scores(rows) for words, rows in record["passes"].items()}
+    together = {words: scores(rows) for words, rows in record["together"].items()}
+    last, rows = list(record["together"].items())[-1]
+    s, hours = together[last], record["hours"][last]
+    told = "; ".join(f"{words}: {_marks(one)}" for words, one in together.items())
     without = [r["run"] for r in rows if r.get("failed") == NO_SHIP]
+    lost = ""
     if without:
-        ships += f" For {len(without)} runs no ship could be fitted; they count as told nothing."
+        lost = f" For {len(without)} runs no ship could be fitted; they count as told nothing."
+    by_itself = "; ".join(
+        f"{words}: directions {one['direction']:.2g} degrees rms off, sds {one['rms_z']:.2g} times too "
+        f"small, {one['named_scaled']:.0f} % named with sds scaled by that"
+        for words, one in alone.items()
+    )
     lead = (
-        f"**Direction of the wind by the motion alone, {s['windy']} runs with a mean wind above {LEAST:g} "
-        f"m/s: {s['direction']:.2g} degrees rms (mark {MARK_DIRECTION:g}: {direction}); named in "
-        f"{s['named_scaled']:.0f} % of them with sds scaled by the {s['rms_z']:.2g} they are too small by, "
-        f"{s['named']:.0f} % with sds as stated (mark {MARK_NAMED:g}: {named}); "
-        f"{s['direction_covered']:.0f} % of directions and, of all {s['runs']} runs, {s['covered']:.0f} % of "
-        f"components within 1.96 sd (mark 95: {covered}; rms of error over sd {s['rms_z']:.2g}).** "
-        f"Components are {s['speed']:.2g} m/s rms off; the speed found is {s['ratio']:.2g} times the "
-        "measured one (median), and that factor, of anemometer and areas, is in the components. The wind "
-        f"column of a run is looked at when all winds are there. {ships} A wind is named where two "
-        "components at zero have a probability below 1 %; without an anemometer the factor of the sds is not "
-        "known, so names by sds as "
-        "stated are not to be trusted. Zig-zags and turns begin where the ship has way on."
+        f"**The wind by the motion alone, {s['windy']} runs with a mean wind above {LEAST:g} m/s. "
+        f"{told[0].upper()}{told[1:]}.** Marks: directions within {MARK_DIRECTION:g} degrees, named in "
+        f"{MARK_NAMED:g} %, 95 % of components (of all {s['runs']} runs) within 1.96 sd. The speed found is "
+        f"{s['ratio']:.2g} times the measured one (median), and that factor, of anemometer and areas, is in "
+        "the components. The wind column of a run is looked at when all winds are there. Wind and what the "
+        "prior of the ship leaves open are fitted to every run by itself. Of the published ship, with 20 % a "
+        "coefficient, no anemometer is read at all; the fitted ship was fitted to the other half of the runs "
+        f"in their measured wind.{lost} Runs of the same hours then tell their winds together (told each by "
+        f"itself, {by_itself}). How fast the wind changes ({hours['sd']:.2g} m/s over "
+        f"{hours['time'] / 3600:.2g} h) and what a run errs beyond its stated sd ({hours['scatter']:.2g} "
+        "m/s) is read off how the runs differ, by no anemometer. A wind is named where two components at "
+        "zero have a probability below 1 %. Zig-zags and turns begin where the ship has way on."
     )
     if record["inputs"]["quick"]:
         lead += " Four runs of a kind, published ship only (`--quick`)."
     lead += "\n\n" + literal(record["attribution"])
-    head = ["ship", "direction rms [deg]", "within 1.96 sd [%]", "named, sds scaled [%]",
-            "named, sds as stated [%]", "components within 1.96 sd [%]",
+    head = ["ship", "winds told", "direction rms [deg]", "median [deg]", "within 1.96 sd [%]", "named [%]",
+            "named, sds scaled [%]", "components within 1.96 sd [%]",
             "rms error over sd", "components rms [m/s]"]  # fmt: skip
-    keys = ("direction", "direction_covered", "named_scaled", "named", "covered", "rms_z", "speed")
+    keys = ("direction", "direction_median", "direction_covered", "named", "named_scaled", "covered", "rms_z",
+            "speed")  # fmt: skip
+    lines = [
+        [words, how, *(one[words][k] for k in keys)]
+        for words in alone
+        for how, one in (("run by run", alone), ("by the runs of those hours", together))
+    ]
     table = Table(
-        head, [[words, *(one[k] for k in keys)] for words, one in passes.items()],
-        f"Directions and names: the {s['windy']} runs with a mean wind above {LEAST:g} m/s.", 3,
+        head, lines,
+        f"Directions and names: the {s['windy']} runs with a mean wind above {LEAST:g} m/s. Sds scaled: by "
+        "the rms of error over sd, where that is above 1.", 3,
     )  # fmt: skip
     return Report(
         "Wind from the motion of a ship",
         lead,
-        [Section("Scores", [table]), Section("Run by run", [_runs(rows)])],
+        [Section("Scores", [table]), Section("Run by run", [_runs(rows, record["passes"][last])])],
     )
 
 
-def _short(s: Mapping[str, float]) -> str:
+def _marks(s: Mapping[str, float]) -> str:
+    """What one ship tells, against the marks."""
+    direction, named = _word(s["direction"] <= MARK_DIRECTION), _word(s["named"] >= MARK_NAMED)
+    covered = _word(MARK_COVERED[0] <= s["covered"] <= MARK_COVERED[1])
     return (
-        f"directions {s['direction']:.2g} degrees rms, named in {s['named_scaled']:.0f} % with sds scaled, "
-        f"{s['named']:.0f} % as stated"
+        f"direction {s['direction']:.2g} degrees rms ({direction}; median {s['direction_median']:.2g}), "
+        f"named in {s['named']:.0f} % ({named}), {s['covered']:.0f} % of components within 1.96 sd "
+        f"({covered}; rms of error over sd {s['rms_z']:.2g}), components {s['speed']:.2g} m/s rms off"
     )
 
 
@@ -104,19 +113,20 @@ def _word(met: bool) -> str:
     return "met" if met else "missed"
 
 
-def _runs(rows: Sequence[Mapping[str, Any]]) -> Table:
+def _runs(rows: Sequence[Mapping[str, Any]], alone: Sequence[Mapping[str, Any]]) -> Table:
     head = ["run", "time [s]", "measured [m/s]", "found [m/s]", "from, measured [deg]", "from, found [deg]",
-            "sd [deg]", "off [deg]", "chi-square"]  # fmt: skip
+            "sd [deg]", "off [deg]", "chi-square", "off, by itself [deg]"]  # fmt: skip
     lines: list[list[Any]] = []
-    for r in rows:
+    for r, single in zip(rows, alone, strict=True):
         front = [r["run"], r["seconds"], float(np.hypot(*r["measured"]))]
         if "mean" not in r:
-            lines.append([*front, r["failed"], None, None, None, None, None])
+            lines.append([*front, r["failed"], *[None] * 6])
             continue
         lines.append(
             [
                 *front, float(np.hypot(*r["mean"])), _from(r["measured"]), _from(r["mean"]),
                 float(np.degrees(r["direction_sd"])), float(np.degrees(r["direction_error"])), r["evidence"],
+                float(np.degrees(single["direction_error"])),
             ]
         )  # fmt: skip
     return Table(head, lines, "Directions count from x0 towards y0 of the pond.", 3)

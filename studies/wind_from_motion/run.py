@@ -2,16 +2,18 @@
 
 Usage: bayesid study wind_from_motion --data FOLDER [--out FOLDER] [--quick] [--seed N]. FOLDER holds
 `esso_osaka`. The wind column of a run is never read for its own wind. First the published ship tells it, and
-no anemometer at all is read; then a ship fitted to the other half of the runs, in their measured wind. What
-was done before an interruption is kept.
+no anemometer at all is read; then a ship fitted to the other half of the runs, in their measured wind. Then
+the runs of the same hours tell their winds together. What was done before an interruption is kept.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +31,7 @@ from studies.blind_predictions.sets import REGIMES, SETS, fitted, kind, known_ru
 from studies.real_logs.run import SETTINGS, SINGLE_SCREW, begun
 from studies.ship_models.ships import SHIPS, of_all_quadrants
 from studies.wind_from_motion.estimate import MotionWind, informed, unread, wind_of
+from studies.wind_from_motion.hours import shared_winds
 from studies.wind_from_motion.report import NO_SHIP, scores, wind_report
 
 SHIP = "esso_osaka"
@@ -71,13 +74,40 @@ def main(data: Path, out: Path, quick: bool, seed: int) -> None:
             trial, runs, lambda run: ships.get(run.name), unknowns, seed, out / "fitted", progress,
             "fitted ship",
         )  # fmt: skip
-    told = {words: [row(run, found[run.name]) for run in runs] for words, found in passes.items()}
-    record = {
+    record = wind_record(runs, passes) | {
         "inputs": {"trial": trial.digest, "quick": quick, "step": STEP}, "seeds": [seed],
-        "scores": {words: scores(rows) for words, rows in told.items()}, "passes": told,
         "attribution": trial.attribution,
     }  # fmt: skip
     writer.write(wind_report(record), out, record)
+
+
+def wind_record(runs: Sequence[Run], passes: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """Rows and scores of every pass, its runs each alone and all together."""
+    alone = {words: [row(run, found[run.name]) for run in runs] for words, found in passes.items()}
+    together: dict[str, list[dict[str, Any]]] = {}
+    hours = {}
+    for words, found in passes.items():
+        told = [run for run in runs if "failed" not in found[run.name]]
+        shared = shared_winds(
+            [read(run, found[run.name]) for run in told], [clock(run) + 0.5 * run.duration for run in told]
+        )
+        hours[words] = {"sd": shared.sd, "time": shared.time, "scatter": shared.scatter}
+        records = {name: wind.record() for name, wind in shared.winds.items()}
+        together[words] = [row(run, records.get(run.name, found[run.name])) for run in runs]
+    return {
+        "scores": {words: scores(rows) for words, rows in alone.items()},
+        "scores_together": {words: scores(rows) for words, rows in together.items()},
+        "passes": alone, "together": together, "hours": hours,
+    }  # fmt: skip
+
+
+def clock(run: Run) -> float:
+    """Start of a run of the pond by its name, such as `turn_14-Oct_14_08_51` [s]; a last figure counts the
+    parts of one record, each as long as this one.
+    """
+    date, *part = re.findall(r"(\d+-\w{3}_\d+_\d+_\d+)(?:_(\d+))?", run.name)[0]
+    start = datetime.strptime(f"2020-{date}", "%Y-%d-%b_%H_%M_%S").replace(tzinfo=UTC).timestamp()
+    return start + (int(part[0]) - 1 if part[0] else 0) * float(run.duration)
 
 
 def with_screw(ship: Vehicle) -> Vehicle:
@@ -123,16 +153,21 @@ def winds(
     return out
 
 
-def row(run: Run, found: dict[str, Any]) -> dict[str, Any]:
+def read(run: Run, found: Mapping[str, Any]) -> MotionWind:
+    """A kept wind."""
+    return MotionWind(run.name, np.array(found["mean"]), np.array(found["covariance"]), found["status"])
+
+
+def row(run: Run, found: Mapping[str, Any]) -> dict[str, Any]:
     """A wind by the motion beside the anemometer, which is read here for the first time."""
     speed, come = run.exogenous["wind_speed"], run.exogenous["wind_from"]
     air = np.array([-np.mean(speed * np.cos(come)), -np.mean(speed * np.sin(come))])
     told = {"run": run.name, "kind": kind(run.name), "seconds": float(run.duration), "measured": air.tolist()}
     if "failed" in found:
-        return told | found
-    wind = MotionWind(run.name, np.array(found["mean"]), np.array(found["covariance"]), found["status"])
+        return told | dict(found)
+    wind = read(run, found)
     turn = np.arctan2(wind.mean[1], wind.mean[0]) - np.arctan2(air[1], air[0])
-    return told | found | {
+    return told | dict(found) | {
         "direction_error": float((turn + np.pi) % (2 * np.pi) - np.pi),
         "z": ((wind.mean - air) / np.sqrt(np.diag(wind.covariance))).tolist(),
     }  # fmt: skip
