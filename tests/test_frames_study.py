@@ -10,7 +10,7 @@ import studies.frames.run as frames
 from bayesid.benchmark.plant import VEHICLES, draw_campaign, execute_campaign
 from bayesid.benchmark.protocol.detectability import Detectability, detectability
 from bayesid.equations.model import build_model
-from bayesid.executor import HERE
+from bayesid.executor import HERE, Executor
 from bayesid.manoeuvres import ClosedLoop
 from bayesid.model.vehicles import load_vehicle
 from bayesid.progress import Progress
@@ -154,7 +154,7 @@ def test_hidden_causes_count_where_they_show_as_built_and_are_hidden_otherwise(t
 
 @pytest.mark.slow
 def test_the_quick_study_asks_in_both_frames_and_after_both_runs(tmp_path):
-    found = frames.main(tmp_path, tmp_path / "work", 2, 1, 6900, 1, True)
+    found = frames.main(tmp_path, tmp_path / "work", 2, 1, 6900, Executor(), True)
     assert {f for r in found["as_built"] for f in r["frames"]} == {"as-built", "structure"}
     assert set(found["extra_run"][0]["arms"]) == {"first", "repeat", "proposed"}
     assert not any(f["failure"] for r in found["as_built"] for f in r["frames"].values())

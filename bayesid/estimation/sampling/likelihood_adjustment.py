@@ -54,8 +54,8 @@ def likelihood_adjustment(
 ) -> LikelihoodAdjustment:
     """Adjustment with which prior and likelihood have this mean and covariance where the problem is linear.
 
-    Where the covariance leaves a combination less sure than the prior, the likelihood is flat and the prior
-    stands: no likelihood widens a prior.
+    Where the covariance leaves a combination less sure than the prior, the likelihood has no curvature and
+    the width is that of the prior: no likelihood widens a prior. The estimate stays the mode there too.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def likelihood_adjustment(
     root = _root(own + OPEN * np.eye(k))
     inner = _root(root @ (wanted + OPEN * np.eye(k)) @ root)
     matrix = basis @ np.linalg.solve(root, np.linalg.solve(root, inner).T) @ back
-    tilt = back.T @ (kept @ (kept.T @ (basis.T @ told))) - matrix.T @ g
+    tilt = told - matrix.T @ g
     return LikelihoodAdjustment(np.array(z[:k]), matrix * np.outer(scale, 1.0 / scale), tilt / scale)
 
 
