@@ -16,7 +16,7 @@ from bayesid.diagnosis.hypotheses.sensitivity_bank import build_bank, levels_bet
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error import fit as fits
 from bayesid.estimation.filter_error import noise_identification
-from bayesid.estimation.filter_error.evidence import normal_equations, posterior
+from bayesid.estimation.filter_error.evidence import NormalEquations, normal_equations, posterior
 from bayesid.estimation.filter_error.fit import _within, fit, stacked_equations
 from bayesid.estimation.filter_error.linearise import first_trajectory, linearise
 from bayesid.estimation.filter_error.noise_model import filter_settings
@@ -307,3 +307,20 @@ def test_steps_of_single_intervals_are_half_as_many_and_lose_nothing_the_sensors
         slope = linearise(model, log, first_trajectory(model, log, model.nominal), NO_PARAMETERS.where).slope
         seen = np.einsum("iqx,ix->iq", slope[1:], ends[0] - ends[1]) / log.sigma
         assert np.sqrt(np.mean(seen**2)) < 0.05
+
+
+@pytest.mark.parametrize(("size", "told"), [(1e4, True), (1e9, False)])
+def test_an_evidence_that_rounding_decides_is_none(size, told):
+    """Residuals of 1e9 sd along a path that diverges: e'e and g'H^-1 g agree to 16 digits, what is left of
+    both is rounding. Such a refit came first of all, 400 nats before the truth."""
+    rng = np.random.default_rng(0)
+    slopes = rng.standard_normal((200, 3))
+    noise = rng.standard_normal(200)
+    e = size * slopes @ np.array([1.0, -2.0, 0.5]) + noise
+    g = NormalEquations(slopes.T @ slopes, slopes.T @ e, float(e @ e), 0.0, e.size)
+    if not told:
+        with pytest.raises(ModelError, match="cannot be linearised"):
+            posterior(g)
+        return
+    exact = multivariate_normal.logpdf(e, cov=np.eye(200) + slopes @ slopes.T)
+    assert posterior(g).log_evidence == pytest.approx(exact, rel=1e-6)

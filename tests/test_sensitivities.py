@@ -174,8 +174,11 @@ def misjudged(model, par, plan, x0, names, readings=True, tolerance=1e-6):
 
 
 def smooth_parameters(model):
-    """All but the limits of the fins, which act on a run only by switching."""
-    return [n for n in model.kernel.parameters if not n.startswith("limit")]
+    """All but the limits of the fins, which act on a run only by switching, and what a vehicle without fins
+    has no slope by: effects on fins, and their servos."""
+    aside = ("limit", "servo_lag") if model.vehicle.thrusters else ("limit",)
+    there = (n for n in model.kernel.parameters if "." not in n or n.split(".")[0] in model.effects)
+    return [n for n in there if not n.startswith(aside)]
 
 
 @pytest.mark.parametrize("name", ["generic_sub"])

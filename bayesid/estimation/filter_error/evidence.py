@@ -14,6 +14,8 @@ from scipy.linalg import cho_factor, cho_solve
 from bayesid.errors import ModelError
 
 Array = np.ndarray
+# Sum of squares of which rounding takes more than one nat: e'e and g'H^-1 g then differ by rounding alone.
+LARGEST = 1.0 / np.finfo(float).eps
 NOT_LINEARISABLE = "the simulation along the estimated path diverges and cannot be linearised"
 
 
@@ -87,11 +89,11 @@ def posterior(g: NormalEquations) -> GaussianPosterior:
     Raises
     ------
     ModelError
-        if a product is not finite, or so large that rounding leaves no positive definite H
+        if a product is not finite, or so large that rounding leaves no evidence or no positive definite H
     """
     k = g.se.size
     constant = -0.5 * g.used * np.log(2 * np.pi)
-    if not (np.isfinite(g.ss).all() and np.isfinite(g.se).all() and np.isfinite(g.ee)):
+    if not (np.isfinite(g.ss).all() and np.isfinite(g.se).all() and g.ee < LARGEST):
         raise ModelError(NOT_LINEARISABLE)
     if k == 0:
         return GaussianPosterior(np.zeros(0), np.zeros((0, 0)), -0.5 * (g.ee + g.logdet) + constant)
