@@ -120,7 +120,7 @@ def test_a_kept_wind_serves_its_own_inputs_and_a_run_without_a_ship_is_marked(mo
         | {"inputs": {"quick": True}, "attribution": "none"}
     )
     assert "For 1 runs no ship could be fitted" in told.lead
-    assert told.sections[1].blocks[0].rows[1][3] == NO_SHIP
+    assert told.sections[2].blocks[0].rows[1][3] == NO_SHIP
 
 
 def told_alone(seed, spread, scatter, own=0.5):

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from bayesid.report.writer import Report, Section, Table, literal
+from bayesid.report.writer import Report, Section, Table, Text, literal
 from studies.wind_from_motion.estimate import NAMED
 
 NO_SHIP = "no ship could be fitted to the other half of the runs"
@@ -64,18 +64,21 @@ def wind_report(record: Mapping[str, Any]) -> Report:
         f"{told[0].upper()}{told[1:]}.** Marks: directions within {MARK_DIRECTION:g} degrees, named in "
         f"{MARK_NAMED:g} %, 95 % of components (of all {s['runs']} runs) within 1.96 sd. The speed found is "
         f"{s['ratio']:.2g} times the measured one (median), and that factor, of anemometer and areas, is in "
-        "the components. The wind column of a run is looked at when all winds are there. Wind and what the "
-        "prior of the ship leaves open are fitted to every run by itself. Of the published ship, with 20 % a "
-        "coefficient, no anemometer is read at all; the fitted ship was fitted to the other half of the runs "
-        f"in their measured wind.{lost} Runs of the same hours then tell their winds together (told each by "
-        f"itself, {by_itself}). How fast the wind changes ({hours['sd']:.2g} m/s over "
-        f"{hours['time'] / 3600:.2g} h) and what a run errs beyond its stated sd ({hours['scatter']:.2g} "
-        "m/s) is read off how the runs differ, by no anemometer. A wind is named where two components at "
-        "zero have a probability below 1 %. Zig-zags and turns begin where the ship has way on."
+        f"the components.{lost}"
     )
     if record["inputs"]["quick"]:
         lead += " Four runs of a kind, published ship only (`--quick`)."
     lead += "\n\n" + literal(record["attribution"])
+    how = (
+        "The wind column of a run is looked at when all winds are there. Wind and what the prior of the ship "
+        "leaves open are fitted to every run by itself. Of the published ship, with 20 % a coefficient, no "
+        "anemometer is read at all; the fitted ship was fitted to the other half of the runs in their "
+        "measured wind. Zig-zags and turns begin where the ship has way on.\n\n"
+        f"Told each by itself, {by_itself}. Runs of the same hours therefore tell their winds together. "
+        f"How fast the wind changes ({hours['sd']:.2g} m/s over {hours['time'] / 3600:.2g} h) and what a run "
+        f"errs beyond its stated sd ({hours['scatter']:.2g} m/s) is read off how the runs differ, by no "
+        "anemometer. A wind is named where two components at zero have a probability below 1 %."
+    )
     head = ["ship", "winds told", "direction rms [deg]", "median [deg]", "within 1.96 sd [%]", "named [%]",
             "named, sds scaled [%]", "components within 1.96 sd [%]",
             "rms error over sd", "components rms [m/s]"]  # fmt: skip
@@ -94,7 +97,11 @@ def wind_report(record: Mapping[str, Any]) -> Report:
     return Report(
         "Wind from the motion of a ship",
         lead,
-        [Section("Scores", [table]), Section("Run by run", [_runs(rows, record["passes"][last])])],
+        [
+            Section("Scores", [table]),
+            Section("How the winds are told", [Text(how)]),
+            Section("Run by run", [_runs(rows, record["passes"][last])]),
+        ],
     )
 
 
