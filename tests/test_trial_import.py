@@ -401,6 +401,21 @@ def test_what_is_doubtful_is_asked(tmp_path, change, words):
     assert any(words in text for text in asked), asked
 
 
+def test_a_coordinate_of_the_other_sign_is_named_in_the_question_and_mended_by_its_answer(tmp_path):
+    truth = motion(np.random.default_rng(7))
+    columns = {"t [s]": truth["t"]} | {
+        f"{role}[{unit}]": truth[role]
+        for role, unit in (("x", "m"), ("y", "m"), ("psi", "rad"), ("u", "m/s"), ("v", "m/s"), ("r", "rad/s"))
+    }
+    columns |= {"delta_r_cmd[rad]": truth["delta_r_cmd"], "n_cmd[rpm]": truth["n_cmd"], "y[m]": -truth["y"]}
+    found = propose([_table(tmp_path, truth, columns)]).map
+    (asked,) = [text for text in found.questions if "track and heading" in text]
+    assert "they agree with 'y[m]' of the other sign" in asked and "scale = -1" in asked
+    columns["y[m]"] = truth["y"][::-1]  # of another run: no sign mends it
+    other = propose([_table(tmp_path, truth, columns)]).map.questions
+    assert any("on one clock?" in text for text in other) and not any("other sign" in text for text in other)
+
+
 @pytest.mark.parametrize("at_a_step", [True, False])
 def test_an_order_that_cannot_be_read_is_asked_about_first_where_it_may_have_changed(tmp_path, at_a_step):
     """Beside a cell in the middle of a held order, which hides nothing and is a remark."""

@@ -22,6 +22,7 @@ from bayesid.trials.importing.unit_words import positive_side
 
 _DEG = math.pi / 180.0
 CLEAR = 0.35  # a hypothesis must leave less than this share of the next one's misfit
+STRAIGHT = 0.6  # rad between track and heading up to which they point the same way
 AGREES = 0.3  # misfit of a direction that agrees; sideslip in turns leaves up to 0.1
 SPEED_UNITS = ("m/s", "kn", "km/h", "ft/s", "cm/s", "mm/s")
 SURE_T, LIKELY_T = 5.0, 2.0  # t of the turn by the rudder from which its side is taken, and proposed
@@ -84,6 +85,21 @@ def _angle_units(draft: Draft) -> None:
             draft.ask(6, f"wind direction {draft.column(role)} states no unit; rad or deg? (read as rad)")
 
 
+def _turned_words(draft: Draft) -> str:
+    """What of the other sign would make track and heading agree; empty where nothing does."""
+    turned = []
+    for role in ("y", "psi"):
+        if draft.has("x", "y", role):
+            fit, rotation = track_misfit(
+                draft.change(role, scale=-draft.map.channels[role].scale), draft.liveliest
+            )
+            if fit < AGREES and abs(rotation) < STRAIGHT:
+                turned.append(f"with {draft.column(role)} of the other sign ({100 * fit:.0f} %)")
+    if not turned:
+        return ""
+    return f"they agree {', or '.join(turned)}; is it? then `scale = -1` in its line"
+
+
 def _axes(draft: Draft) -> None:
     """World axes by agreement of track and heading, and whether they can be told from their mirror image."""
     attitude = (
@@ -118,7 +134,7 @@ def _axes(draft: Draft) -> None:
     else:
         options = [(w, replace(draft.map, world=w)) for w in ("ned", "enu", "nwu")]
     fits = {key: track_misfit(m, draft.liveliest) for key, m in options}
-    straight = {k: (m if abs(rot) < 0.6 else m + 1.0) for k, (m, rot) in fits.items()}
+    straight = {k: (m if abs(rot) < STRAIGHT else m + 1.0) for k, (m, rot) in fits.items()}
     best = min(straight, key=lambda k: (round(straight[k], 3), list(straight).index(k)))
     misfit, rotation = fits[best]
     draft.map = dict(options)[best]
@@ -127,8 +143,8 @@ def _axes(draft: Draft) -> None:
         draft.ask(
             0,
             f"track and heading {draft.column(_attitude_role(draft))} do not agree in any axes tried "
-            f"({100 * misfit:.0f} % of the track unexplained); are these position and heading of one "
-            f"vehicle, on one clock?",
+            f"({100 * misfit:.0f} % of the track unexplained); "
+            f"{_turned_words(draft) or 'are these position and heading of one vehicle, on one clock?'}",
         )
         return
     rivals = [
