@@ -97,7 +97,7 @@ def _turned_words(draft: Draft) -> str:
                 turned.append(f"with {draft.column(role)} of the other sign ({100 * fit:.0f} %)")
     if not turned:
         return ""
-    return f"they agree {', or '.join(turned)}; is it? then `scale = -1` in its line"
+    return f"they agree {', or '.join(turned)}: if that is so, write `scale = -1` in its line of the map"
 
 
 def _axes(draft: Draft) -> None:
