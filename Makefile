@@ -75,7 +75,7 @@ test-posterior: $(STAMP)
 	$(BIN)/python -m pytest -q -n auto --maxprocesses 4 --dist worksteal $(POSTERIOR)
 
 slow: $(STAMP)
-	$(BIN)/python -m pytest -q -m slow -n auto --maxprocesses 4 --dist worksteal
+	$(BIN)/python -m pytest -q -m slow -n auto --maxprocesses 4 --dist worksteal $(SLOW)
 
 S      ?= 600
 fuzz: $(STAMP)
