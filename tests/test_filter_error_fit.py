@@ -169,6 +169,24 @@ def test_the_first_guess_of_a_path_has_the_velocities_positions_and_heading_tell
     assert np.ptp(log.path[:, states.index("r")]) > 0.2 * model.scales["U"] / model.scales["L"]
 
 
+def test_slopes_are_taken_along_the_smoothed_path_where_the_filtered_one_leaves_the_numbers():
+    model = model_of()
+    trial = planted_trial(model, other_vehicle(model, 2), 2, samples=30)
+    problem = build_problem(model, trial)
+    free = problem.coefficients
+    log = problem.logs[0]
+    point = replace(first_trajectory(model, log, model.nominal), before=None)
+    wild = point.states.copy()
+    wild[20, model.states.index("v")] = 1e6
+    smoothed = linearise(model, log, point, free.where)
+    found = linearise(model, log, replace(point, before=wild), free.where)
+    np.testing.assert_array_equal(found.psi, smoothed.psi)
+    np.testing.assert_array_equal(found.direct, smoothed.direct)
+    # a filtered path that stays within them is still the one
+    wild[20] = point.states[20] * 1.01
+    assert np.abs(linearise(model, log, replace(point, before=wild), free.where).psi - smoothed.psi).max() > 0
+
+
 def test_log_evidence_of_a_trial_is_that_of_its_readings_written_out():
     # the whole chain, a vehicle's own maps: one covariance of all readings, coefficients included
     model = model_of()

@@ -25,6 +25,7 @@ from functools import lru_cache
 import numpy as np
 
 from bayesid.equations.model import Model
+from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.parameter_slopes import (
     HeldSlopes,
     ParameterSlopes,
@@ -198,7 +199,13 @@ def linearise(
     aside = PerturbedTrajectories(plan, point.states, maps.ends, readings.values[:, picked])
     if beside:
         where, states = _beside(model, log, point)
-        other = interval_maps(model, point.par, where, states, (), free if hold else free[:0])
+        try:
+            other = interval_maps(model, point.par, where, states, (), free if hold else free[:0])
+        except ModelError:
+            if log.straight:
+                raise
+            # the filtered path may leave the numbers where the smoothed one, which has seen all, does not
+            return linearise(model, log, replace(point, before=None), free, inputs, hold)
         seen = readings_on(model, point.par, where, states, other, free if hold else free[:0])
         psi, direct = other.psi, seen.by_parameter
         aside = PerturbedTrajectories(where, states, other.ends, seen.values[:, picked])
