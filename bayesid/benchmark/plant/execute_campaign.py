@@ -24,7 +24,10 @@ from bayesid.errors import ModelError
 
 SETTLING_LENGTHS = 12.0  # L/U of straight run before a record starts
 # what changes with time starts with the record, not with the approach
-TIMED = ("an", "ae", "tide_w", "t_decay", "t_late", "step_d", "stuck_to", "psi_creep", "r_creep")
+TIMED = (
+    "an", "ae", "tide_w", "t_decay", "t_late", "step_d", "stuck_to", "psi_creep", "psi_settle", "psi_swing",
+    "r_creep",
+)  # fmt: skip
 LOGGED = {3: ("delta_r_cmd", "n_cmd"), 6: ("delta_r_cmd", "delta_s_cmd", "n_cmd")}
 
 

@@ -103,6 +103,11 @@ def _decay(rng, size, s):
     return {"loss_per_600s": 600.0 * lost}, {"t_decay": lost}
 
 
+def _drift(rng, size, s):
+    creep = 4.0 * DEG * size * sign(rng) / s.run
+    return {"drift_per_600s": 600.0 * creep}, {"psi_creep": creep}
+
+
 def _ballast(rng, size, s):
     share, x = 0.08 * size, float(rng.uniform(-0.1, 0.1)) * s.L
     return {"mass_fraction": share, "x": x}, {"ballast": share, "ballast_x": x}
@@ -191,6 +196,7 @@ CATALOGUE = (
     E("wind", _wind),
     E("tether_drag", simple("k", "tether", 2.5e-4, "line", True)),
     E("heading_bias", simple("bias", "psi_bias", 2.0 * DEG)),
+    E("heading_drift", _drift),
     E("compass_deviation", _pair(("A", "B"), ("psi_sin", "psi_cos"), 2.0 * DEG)),
     E("gyro_scale", simple("scale", "r_scale", 0.03), needs="r"),
     E("gyro_bias", simple("bias", "r_bias", 0.006, "U/L"), needs="r"),

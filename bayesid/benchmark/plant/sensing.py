@@ -43,7 +43,10 @@ def heading_read(psi: np.ndarray | float, t: np.ndarray | float, gap: np.void) -
     """Compass reading [rad] of a true heading."""
     once = gap["psi_sin"] * np.sin(psi) + gap["psi_cos"] * np.cos(psi)
     twice = gap["psi_sin2"] * np.sin(2 * np.asarray(psi)) + gap["psi_cos2"] * np.cos(2 * np.asarray(psi))
-    return psi + gap["psi_bias"] + gap["psi_creep"] * t + once + twice
+    slow = gap["psi_creep"] * t + gap["psi_swing"] * np.sin(gap["psi_swing_w"] * t)
+    if gap["psi_settle_t"] > 0.0:
+        slow = slow + gap["psi_settle"] * np.exp(-np.asarray(t) / gap["psi_settle_t"])
+    return psi + gap["psi_bias"] + slow + once + twice
 
 
 def read(track: PlantTrack, gap: np.void) -> dict[str, np.ndarray]:

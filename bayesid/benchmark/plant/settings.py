@@ -28,9 +28,10 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "mass": ("x_g", "y_g", "ballast", "ballast_x", "e_x", "e_y", "e_n"),
     "outside": ("wall", "wall_n", "wall_e", "wall_dir", "wall_len", "vortex", "vortex_w", "step_t", "step_d",
                 "twist_y", "twist_n", "slosh", "slosh_x", "slosh_w", "slosh_z"),
-    "sensors": ("psi_bias", "psi_sin", "psi_cos", "psi_sin2", "psi_cos2", "psi_creep", "r_scale", "r_oneside",
-                "r_bias", "r_creep", "arm_x", "arm_y", "p_late", "p_smooth", "u_scale", "v_scale", "turned",
-                "v_late", "v_smooth", "z_bias", "z_late"),
+    "sensors": ("psi_bias", "psi_sin", "psi_cos", "psi_sin2", "psi_cos2", "psi_creep", "psi_settle",
+                "psi_settle_t", "psi_swing", "psi_swing_w", "r_scale", "r_oneside", "r_bias", "r_creep",
+                "arm_x", "arm_y", "p_late", "p_smooth", "u_scale", "v_scale", "turned", "v_late", "v_smooth",
+                "z_bias", "z_late"),
 }  # fmt: skip
 FIELDS = tuple(name for names in GROUPS.values() for name in names)
 _KIND = np.dtype([(name, "f8") for name in FIELDS])

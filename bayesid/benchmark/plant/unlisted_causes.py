@@ -41,6 +41,17 @@ def _two_cycles(rng, size, s):
     return _same({"psi_sin2": 2.0 * DEG * size * a, "psi_cos2": 2.0 * DEG * size * b})
 
 
+def _settling(rng, size, s):
+    return _same(
+        {"psi_settle": 4.0 * DEG * size * sign(rng), "psi_settle_t": float(rng.uniform(0.2, 0.5)) * s.run}
+    )
+
+
+def _swing(rng, size, s):
+    period = float(rng.uniform(0.3, 1.0)) * s.run
+    return _same({"psi_swing": 2.0 * DEG * size * sign(rng), "psi_swing_w": 2 * math.pi / period})
+
+
 def _memory(lag: float, yaw: float):
     def draw(rng, size, s):
         share = min(0.4 * size, 0.8)
@@ -119,6 +130,7 @@ VARIANTS = (
     _variant("rudder_stall", "hard", _own("hard_stall", 3.0, one_sided=True)),
     _variant("actuator_lag", "second order", _servo),
     _variant("compass_deviation", "two cycles", _two_cycles),
+    _variant("heading_drift", "settling", _settling),
     _variant("fluid_memory", "slow", _memory(4.0, 0.0)),
     _variant("fluid_memory", "fast, also yaw", _memory(0.5, 1.0)),
     _variant("rudder_effectiveness", "depends on speed", _fast_loss),
@@ -152,6 +164,6 @@ OUTSIDE = (
     _outside("drag_step", _step),
     _outside("hull_moment", _twist),
     _outside("sloshing_mass", _slosh),
-    _outside("compass_creep", lambda r, z, s: _same({"psi_creep": 4.0 * DEG * z * sign(r) / s.run})),
+    _outside("compass_swing", _swing),
 )
 CASES = CATALOGUE + VARIANTS + OUTSIDE

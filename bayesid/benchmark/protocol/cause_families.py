@@ -22,7 +22,8 @@ _STRANGERS = {
     "stuck_rudder": ("rudder", *_SIDE),
     "servo_hunting": ("rudder", *_SIDE),
     "drag_step": ("X", "rpm"),
-    "compass_creep": ("psi",),
+    "compass_creep": ("psi",),  # in answers from before it was listed, as heading_drift
+    "compass_swing": ("psi",),
 }
 _CAUSES = tuple(e for e in CATALOGUE if e.as_form != "only")
 CATALOGUE_NAMES = tuple(e.name for e in _CAUSES)

@@ -22,6 +22,27 @@ EFFECTS = (
         form="A constant in the reading.",
     ),
     Effect(
+        name="heading_drift",
+        says="The heading reading drifts by {drift_per_600s:deg:up:down} in ten minutes.",
+        family="heading_drift",
+        port="sensor",
+        where=("psi",),
+        parameters=(
+            EffectParameter(
+                "drift_per_600s",
+                "rad",
+                5 * _DEG,
+                low=-60 * _DEG,
+                high=60 * _DEG,
+                about="added to the true heading by 600 s after the start of each run",
+            ),
+        ),
+        sensor={"psi": "psi + drift_per_600s*t/600"},
+        source="assumed: a gyro's bias integrated to a heading (Titterton and Weston 2004, ch. 12)",
+        magnitude="1-10 degrees an hour for tactical gyros, some degrees a minute for MEMS",
+        form="Linear in time, from the first sample of each run; a compass that settles is another form.",
+    ),
+    Effect(
         name="compass_deviation",
         says="The compass deviates with heading by up to {A,B:deg:in:all}.",
         family="compass_deviation",
