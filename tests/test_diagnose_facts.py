@@ -51,7 +51,8 @@ def world(w):
     )
     stand_ins = {
         "parameters_told": lambda problem, best, sensors: {},
-        "idle": lambda best, problem, table: tuple(n for n in w["idle"] if n in best.effects),
+        "sizes_told": lambda problem, candidates, best: {},
+        "idle": lambda best, problem, table, told: tuple(n for n in w["idle"] if n in best.effects),
         "pulls": lambda fit, problem: np.array(w["pulls"]),
         "cross_validate": lambda best, none, k: SimpleNamespace(**w["runs"]),
     }
@@ -64,7 +65,13 @@ def test_facts_and_verdict_are_those_of_the_code_the_campaigns_were_scored_with(
     for name, stand_in in stand_ins.items():
         monkeypatch.setattr(facts, name, stand_in)
     expected = w["expected"]
-    without_form = {"form": False, "of_motion": False, "covered": False, "others_covered": False}
+    without_form = {
+        "turns_beside": False,
+        "form": False,
+        "of_motion": False,
+        "covered": False,
+        "others_covered": False,
+    }
     found = vars(facts.grounds_of(problem, comparison).facts)
     assert found == pytest.approx(expected["facts"] | without_form)
     v = decide(problem, comparison)
@@ -187,3 +194,36 @@ def test_what_a_resonance_carries_is_not_held_against_a_cause_that_lasts(monkeyp
     model = SimpleNamespace(effects={"a": None})
     problem = SimpleNamespace(form=object(), model=model, coefficients=SimpleNamespace(names=()))
     assert facts._covered(problem, comparison, best, Kinematics())[0] == within
+
+
+@pytest.mark.parametrize(
+    ("turns", "form", "told", "best", "beside"),
+    [
+        (True, True, (), ("a",), True),
+        (False, True, (), ("a",), False),
+        (True, False, (), ("a",), False),  # equations that lack nothing would show what turns the vehicle
+        (True, True, ("a",), ("a",), False),  # what kinematics tells holds whatever turns the vehicle
+        (True, True, (), ("b",), False),  # no sensor
+        (True, True, (), ("a", "b"), False),  # a sensor beside what may turn it
+    ],
+)
+def test_a_sensor_alone_is_not_the_cause_where_the_vehicle_turns_by_itself(
+    turns, form, told, best, beside, monkeypatch
+):
+    """a is of a sensor; b and c push the vehicle, and c gains less than chance allows."""
+    refits = [[list(best), 100.0, 1.0, True], [["c"], 2.0, 1.0, True], [["b"], 30.0, 1.0, True]]
+    shares = dict.fromkeys(WORLDS[0]["p"], 0.0) | {"a": 0.98, "outside": 0.02}
+    problem, comparison, stand_ins = world(WORLDS[0] | NAMED | {"refits": refits, "p": shares})
+    ports = {"a": "sensor", "b": "force", "c": "input", "d": "force"}
+    for effect in EFFECTS:
+        monkeypatch.setattr(effect, "port", ports[effect.name], raising=False)
+    problem.turns, problem.form = turns, object() if form else None
+    stand_ins["by_kinematics"] = lambda problem, best: Kinematics(parts=dict.fromkeys(told, 50.0))
+    stand_ins["_covered"] = lambda problem, comparison, best, sensors: ((), True)
+    stand_ins["like_a_form"] = lambda comparison, best, model: ()
+    for name, stand_in in stand_ins.items():
+        monkeypatch.setattr(facts, name, stand_in)
+    found = facts.grounds_of(problem, comparison)
+    assert found.facts.turns_beside is beside
+    if beside:
+        assert found.named.set95 == ("a", "b")

@@ -20,7 +20,8 @@ from bayesid.diagnosis.threshold_table import (
 PLAIN = Facts(
     gain=50.0, gain_by_chance=4.0, free=30.0, free_by_chance=19.0, left=2.0, conflict=0.5,
     conflict_by_chance=3.5, none=0.0, outside=0.04, undetectable=0.0, none_in_set=False, effects=1,
-    widens=False, explains=True, acts=0.96, absorbed=0.2, idle=False, sure=0,
+    widens=False, explains=True, acts=0.96, absorbed=0.2, idle=False,
+    turns_beside=False, sure=0,
     form=False, of_motion=False, covered=False, others_covered=False, runs_refute=False,
     runs_disagree=False,
 )  # fmt: skip
@@ -98,6 +99,9 @@ CASES = [
         "idle": (False, "effect"), "form": (False, "effect without size"),
         "acts": (NAMING_PROBABILITY - TINY, "unsure effect")}),
     ("effect without size", replace(PLAIN, idle=True), {"idle": (False, "effect")}),
+    ("turns by itself", replace(PLAIN, turns_beside=True, left=25.0), {
+        "turns_beside": (False, "effect with a remainder"), "idle": (True, "effect without size"),
+        "acts": (NAMING_PROBABILITY - TINY, "unsure effect")}),
     ("effect with a remainder", replace(PLAIN, left=19 + TINY), {"left": (19.0, "effect")}),
     ("effect with a remainder", replace(PLAIN, runs_disagree=True), {"runs_disagree": (False, "effect")}),
     ("effect with a remainder", replace(PLAIN, explains=False), {"explains": (True, "effect")}),
@@ -146,6 +150,7 @@ SAID = {
     "unsure effect": ("ambiguous", ("a", "b"), ()),
     "no size beside a model form": ("model_form", (), ()),
     "effect without size": ("ambiguous", ("a", "b"), ()),
+    "turns by itself": ("ambiguous", ("a", "b"), ()),
     "effect with a remainder": ("effect_with_remainder", ("a",), ()),
     "effect": ("effect", ("a",), ()),
 }
@@ -204,6 +209,7 @@ def test_the_numbers_of_the_table_are_those_the_practice_campaigns_were_scored_w
         "LINEARISATION_SCATTER": 20.0,
         "WALD_SLACK": 3.0,
         "LEAST_NAMING_EVIDENCE": 3.0,
+        "INTERVAL_TOLD": 0.95,
         "FALSE_ALARM": 0.01,
         "NOISE_MODEL_SLACK": 10.0,
         "PRIOR_NONE": 0.5,

@@ -26,8 +26,9 @@ PROBLEM = SimpleNamespace(
 
 @pytest.fixture(autouse=True)
 def plain(monkeypatch):
-    monkeypatch.setattr(facts, "idle", lambda best, problem, table: ())
+    monkeypatch.setattr(facts, "idle", lambda best, problem, table, told: ())
     monkeypatch.setattr(facts, "parameters_told", lambda problem, best, sensors: {})
+    monkeypatch.setattr(facts, "sizes_told", lambda problem, candidates, best: {})
     monkeypatch.setattr(facts, "pulls", lambda fit, problem: np.array([0.5]))
     agreed = SimpleNamespace(total=1.0, disagreement=0.5, disagree=False, refuted=False)
     monkeypatch.setattr(facts, "cross_validate", lambda best, none, k: agreed)
@@ -143,10 +144,10 @@ def test_what_chance_may_leave_takes_no_effect_away_though_the_runs_disagree(pai
 
 
 def test_an_effect_of_no_size_is_not_named_beside_another(pair, monkeypatch):
-    monkeypatch.setattr(facts, "idle", lambda best, problem, table: ("b",))
+    monkeypatch.setattr(facts, "idle", lambda best, problem, table, told: ("b",))
     v = judged(pair, {"a": 0.5, "b": 0.5}, {"a": 1.0, "b": 1.0})
     assert (v.word, v.effects) == ("effect_with_remainder", ("a",))
-    monkeypatch.setattr(facts, "idle", lambda best, problem, table: ("a",))
+    monkeypatch.setattr(facts, "idle", lambda best, problem, table, told: ("a",))
     assert judged([candidate(50.0, "a")], {"a": 1.0}).word == "ambiguous"
 
 
@@ -177,6 +178,13 @@ def test_an_effect_is_idle_where_its_sizes_are_worth_less_than_odds_of_twenty(mo
     for z, names in ((2.4, ("still",)), (2.5, ())):  # 2.45 deviations are worth 3 nats
         table["still.size"] = (0.1 * z, 0.1)
         assert candidates.idle(both, SimpleNamespace(model=model)) == names
+    # told with wider intervals where the equations lack a form, one number within 1.96 deviations of
+    # nought, two of them together within 2.45, are no effect that could be told
+    for size, others, names in (
+        (0.195, 0.5, ("still",)), (0.197, 0.5, ()), (0.197, 0.24, ("acts",)), (0.197, 0.25, ()),
+    ):  # fmt: skip
+        told = table | {"still.size": (size, 0.1), "acts.other": (others, 0.1)}
+        assert candidates.idle(both, SimpleNamespace(model=model), table, told) == names
 
 
 def test_a_second_effect_that_might_be_another_is_not_named(pair):

@@ -11,6 +11,7 @@ from bayesid.diagnosis.answer import answer, explained_words, in_words
 from bayesid.diagnosis.evidence.effect_draws import warning
 from bayesid.diagnosis.evidence.replay import Replay
 from bayesid.diagnosis.failed_checks import NO_MODEL, failures
+from bayesid.diagnosis.hypotheses.rules import TURNS_BY_ITSELF
 from bayesid.diagnosis.plain_words import intervals, sentence
 from bayesid.diagnosis.result_parts import Effect, Moved, Refit, Retuning, RunError, Value
 from bayesid.diagnosis.size_names import contract, declared_sizes
@@ -325,3 +326,22 @@ def test_an_explanation_by_coefficients_that_keeps_them_as_given_is_called_the_s
     told = answer(found).outcome
     assert "nothing is gained" in told and "as given" in told and "re-tuned" in told
     assert "times as large" not in explained_words(found)
+
+
+@pytest.mark.parametrize(
+    ("set95", "others"),
+    [
+        (("heading_bias", "propeller_side_force", "outside"), "propeller side force or something else"),
+        (("heading_bias",), "something else"),
+    ],
+)
+def test_a_vehicle_that_turns_by_itself_is_told_before_any_probability(set95, others):
+    found = a_result(
+        "ambiguous", ("heading_bias",), ("heading_bias",), set95=set95, rule=TURNS_BY_ITSELF,
+        probabilities={"heading_bias": 0.98, "outside": 0.02},
+    )  # fmt: skip
+    told = answer(found).headline
+    assert told == (
+        "Every run turns to one side with the rudder amidships, which heading bias does not explain: "
+        f"{others} may be behind both."
+    )

@@ -17,7 +17,7 @@ from bayesid.diagnosis.failed_checks import (
     prediction_step,
     predicts_worse,
 )
-from bayesid.diagnosis.hypotheses.rules import NAMING
+from bayesid.diagnosis.hypotheses.rules import NAMING, TURNS_BY_ITSELF
 from bayesid.diagnosis.hypotheses.sensitivity_bank import EVERY
 from bayesid.diagnosis.plain_words import intervals, probability, sentence
 from bayesid.diagnosis.result import Result
@@ -229,6 +229,14 @@ def _ambiguous(result: Result) -> str:
     nothing = "none" in result.set95
     if not chances:
         return "These runs cannot tell whether anything acts."
+    if result.rule == TURNS_BY_ITSELF:  # probabilities know nothing of that
+        seeming = [e.name for e in result.effects[:1]]
+        others = ", ".join(_outside(n) for n, _ in chances if n not in (*seeming, "outside"))
+        return (
+            "Every run turns to one side with the rudder amidships, which "
+            f"{' and '.join(map(in_words, seeming)) or 'the best explanation'} does not explain: "
+            f"{others + ' or ' if others else ''}something else may be behind both."
+        )
     alone = f", or nothing at all ({probability(result.probabilities.get('none', 0.0))})" if nothing else ""
     if "model_form" in result.set95:
         alone = ", or only a force that depends on the motion and that the equations lack " + (

@@ -65,17 +65,26 @@ def check_runs(runs: Sequence[Run]) -> list[str]:
 
 def _amidships(runs: Sequence[Run]) -> list[str]:
     """A warning if all runs turn to one side before their first order."""
-    rates = [rate for rate in map(turn_before_order, runs) if rate is not None]
-    turning = [(rate, sd) for rate, sd in rates if abs(rate) > TURNS * sd]
-    if len(turning) < 2 or len(turning) < len(rates) or len({rate > 0 for rate, _ in turning}) > 1:
+    turning, asked = one_sided_turns(runs)
+    if not turning:
         return []
-    rate = float(np.median([rate for rate, _ in turning]))
+    rate = float(np.median(turning))
     return [
         f"with the rudder amidships the vehicle turns to {'starboard' if rate > 0 else 'port'} by "
-        f"{abs(rate) / _DEG:.2g} degrees a second in {len(turning)} of {len(rates)} runs before the first "
+        f"{abs(rate) / _DEG:.2g} degrees a second in {len(turning)} of {asked} runs before the first "
         "order; no coefficient of a symmetric hull does that: look for an offset of the rudder, wind, a side "
         "force of the propeller"
     ]
+
+
+def one_sided_turns(runs: Sequence[Run]) -> tuple[tuple[float, ...], int]:
+    """Rates of the heading [rad/s] before the first orders, where two runs or more turn and all to one side,
+    else nothing; and of how many runs this can be asked.
+    """
+    rates = [rate for rate in map(turn_before_order, runs) if rate is not None]
+    turning = tuple(rate for rate, sd in rates if abs(rate) > TURNS * sd)
+    one_side = len({rate > 0 for rate in turning}) == 1
+    return turning if 1 < len(turning) == len(rates) and one_side else (), len(rates)
 
 
 def _ground_as_water(runs: Sequence[Run]) -> list[str]:

@@ -32,6 +32,7 @@ from bayesid.estimation.parameters import NO_PARAMETERS, GaussianPrior, coeffici
 from bayesid.estimation.run_data import RunData
 from bayesid.model.effects import Effect
 from bayesid.trials import Trial
+from bayesid.trials.health import one_sided_turns
 from bayesid.trials.kinematics.derived_velocity import velocity_from_track
 from bayesid.trials.noise import raised, raised_words
 from bayesid.words import counted
@@ -67,6 +68,7 @@ class DiagnosisProblem:
     form : size of the model form in `coefficients`; None without
     vehicle : the coefficients of the vehicle alone, where there is a form
     velocity_from_track : whether u, v are the logged track differentiated, so that both are of one point
+    turns : whether every run turns to the same side with its rudder amidships
     """
 
     model: Model
@@ -83,6 +85,7 @@ class DiagnosisProblem:
     form: ModelForm | None = None
     vehicle: GaussianPrior | None = None
     velocity_from_track: bool = False
+    turns: bool = False
 
     @property
     def stated(self) -> GaussianPrior:
@@ -216,6 +219,7 @@ def build_problem(
         events,
         as_built is not None,
         velocity_from_track=derived,
+        turns=bool(one_sided_turns(runs)[0]),
     )
 
 

@@ -10,11 +10,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import log_ndtr, logsumexp, ndtri, stdtrit
+from scipy.special import chdtri, log_ndtr, logsumexp, ndtri, stdtrit
 
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.threshold_table import (
     FOLLOWS_DATA_CHI2,
+    INTERVAL_TOLD,
     LEAST_NAMING_EVIDENCE,
     LEAST_RUNS,
     LINEARISATION_SCATTER,
@@ -297,14 +298,17 @@ def idle(
     candidate: RefittedHypothesis,
     problem: DiagnosisProblem,
     table: Mapping[str, tuple[float, float]] | None = None,
+    told: Mapping[str, tuple[float, float]] | None = None,
 ) -> tuple[str, ...]:
     """Effects of a refit that explain nothing as themselves: sizes so near to off, by their own deviations,
-    that they are worth less than a name asks for (half the sum of squares, each by itself; Wald 1943), or a
-    parameter outside the range in which it is that effect.
+    that they are worth less than a name asks for (half the sum of squares, each by itself; Wald 1943), sizes
+    that would be told with an interval that holds no effect at all, or a parameter outside the range in which
+    it is that effect.
 
     Parameters
     ----------
     table : parameter -> estimate and standard deviation; those of the fit where not given
+    told : the same as a reader would see it, where that is known
     """
     model = problem.model
     table = parameter_table(candidate.fit, problem) if table is None else table
@@ -312,16 +316,23 @@ def idle(
     for name in candidate.effects:
         if name not in model.effects:
             continue
-        every = [model.effects[name].key(p.name) for p in model.effects[name].parameters]
-        limits = {k: model.effect_limits[model.index[k]] for k in every if k in table}
+        keys = [model.effects[name].key(p.name) for p in model.effects[name].parameters]
+        limits = {k: model.effect_limits[model.index[k]] for k in keys if k in table}
         if any(not low <= table[k][0] <= high for k, (low, high) in limits.items()):
             out.append(name)
             continue
-        keys = [model.effects[name].key(p.name) for p in model.effects[name].parameters]
-        sizes = [table[k] for k in keys if k in table and model.effect_off.get(model.index[k], 0.0) == 0.0]
-        if sizes and 0.5 * sum((value / sd) ** 2 for value, sd in sizes) < LEAST_NAMING_EVIDENCE:
+        sizes = [k for k in keys if k in table and model.effect_off.get(model.index[k], 0.0) == 0.0]
+        if sizes and (
+            0.5 * _squares(table, sizes) < LEAST_NAMING_EVIDENCE
+            or (told is not None and _squares(told, sizes) < chdtri(len(sizes), 1.0 - INTERVAL_TOLD))
+        ):
             out.append(name)
     return tuple(out)
+
+
+def _squares(table: Mapping[str, tuple[float, float]], names: Sequence[str]) -> float:
+    """Sum of the squared distances from nought, in standard deviations."""
+    return sum((table[n][0] / table[n][1]) ** 2 for n in names if n in table)
 
 
 def pulls(fitted: FilterErrorFit, problem: DiagnosisProblem) -> Array:

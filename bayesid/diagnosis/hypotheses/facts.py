@@ -26,6 +26,7 @@ from bayesid.diagnosis.hypotheses.form_part import axes_of, beyond, form_excess,
 from bayesid.diagnosis.hypotheses.kinematic import NOTHING, Kinematics, by_kinematics, parameters_told
 from bayesid.diagnosis.hypotheses.localisation import SENSORS
 from bayesid.diagnosis.hypotheses.probabilities import credible_set, told
+from bayesid.diagnosis.hypotheses.sizes import sizes_told
 from bayesid.diagnosis.threshold_table import (
     CONFOUNDED_SHARE,
     EVEN_ODDS,
@@ -60,6 +61,8 @@ class Facts:
     acts : probability that what the best names acts, alone or with others of its family
     absorbed : share of the best effect's trace that coefficients absorb
     idle : whether an effect of the best has a size too near to off for a name
+    turns_beside : whether all runs turn to one side with the rudder amidships, and the best is of sensors
+        alone, which kinematics does not tell
     sure : of several effects, how many may be named
     form : whether every hypothesis has a model form, as the runs ask for one
     of_motion : whether of several effects only such are sure as depend on the motion alone, as a form does
@@ -86,6 +89,7 @@ class Facts:
     acts: float
     absorbed: float
     idle: bool
+    turns_beside: bool
     sure: int
     form: bool
     of_motion: bool
@@ -173,8 +177,13 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
     free = before.evidence if before.channel in SENSORS else beyond(before.evidence, candidates.carried)
     sensors = NOTHING if problem.form is None else by_kinematics(problem, best)
     table = parameters_told(problem, best, sensors)
-    off = () if best.widens else idle(best, problem, table)
+    off = () if best.widens else idle(best, problem, table, sizes_told(problem, candidates, best))
     several = len(best.effects) > 1
+    beside = (
+        problem.form is not None and problem.turns and not best.widens and _of_sensors(problem, best, sensors)
+    )
+    if beside:
+        set95 = (*set95, *(n for n in _of_the_vehicle(problem, candidates) if n not in set95))
     within, together = ((), False) if best.widens else _covered(problem, candidates, best, sensors)
     like = () if best.widens else like_a_form(candidates, best, problem.model)
     covered = tuple(dict.fromkeys((*within, *like)))
@@ -215,6 +224,7 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
         acts=acts(candidates, families, named),
         absorbed=absorbed.get(named, 0.0),
         idle=bool(off),
+        turns_beside=beside,
         sure=len(sure),
         form=problem.form is not None,
         of_motion=not sure and any(acts(candidates, families, n) >= NAMING_PROBABILITY for n in like),
@@ -227,6 +237,23 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
     follows = any(c.fit.chi2 < FOLLOWS_DATA_CHI2 for c in (none, *candidates.refits))
     names = Named(best.effects, sure, hidden, along, set95, faint, problem.form is not None, like)
     return Grounds(facts, names, before.channel, best.fit.chi2**0.5, follows, runs)
+
+
+def _of_sensors(problem: DiagnosisProblem, best: RefittedHypothesis, sensors: Kinematics) -> bool:
+    """Whether a hypothesis has effects of sensors alone, none of which kinematics tells."""
+    ports = {problem.model.effects[n].port for n in best.effects}
+    return ports == {"sensor"} and not sensors.told & set(best.effects)
+
+
+def _of_the_vehicle(problem: DiagnosisProblem, candidates: HypothesisComparison) -> tuple[str, ...]:
+    """Effects of no sensor that alone gain more than chance allows, best first."""
+    least = candidates.none.log_evidence + candidates.thresholds.named
+    alone = (c for c in candidates.refits if len(c.effects) == 1 and not c.widens and c.log_evidence > least)
+    return tuple(
+        c.effects[0]
+        for c in sorted(alone, key=lambda c: -c.log_evidence)
+        if problem.model.effects[c.effects[0]].port != "sensor"
+    )
 
 
 def undetectable(candidates: HypothesisComparison) -> tuple[str, ...]:

@@ -21,6 +21,7 @@ WORDS: tuple[Word, ...] = (
 )  # fmt: skip
 # Words that name an effect.
 NAMING: tuple[Word, ...] = ("effect", "effect_with_remainder", "several")
+TURNS_BY_ITSELF = "turns by itself"
 
 
 @dataclass(frozen=True)
@@ -184,7 +185,7 @@ RULES: tuple[Rule, ...] = (
         "model_form", "nothing", "nothing",
         "a force that depends on the motion and that the equations lack is needed, and the sizes of the best "
         "explanation beside it lie so near to off, by their own deviations, that they are worth less than a "
-        "name asks for",
+        "name asks for, or their intervals hold no effect at all",
         or_none=True,
     ),
     Rule(
@@ -192,7 +193,14 @@ RULES: tuple[Rule, ...] = (
         lambda f: f.idle,
         "ambiguous", "rivals", "nothing",
         "the sizes of the best explanation lie so near to off, by their own deviations, that they are worth "
-        "less than a name asks for",
+        "less than a name asks for, or their intervals hold no effect at all",
+    ),
+    Rule(
+        TURNS_BY_ITSELF,
+        lambda f: f.turns_beside,
+        "ambiguous", "rivals", "nothing",
+        "every run turns to one side with the rudder amidships, which no sensor does; what turns the vehicle "
+        "also sets it aside, and these channels do not tell that from the error of the sensor",
     ),
     Rule(
         "effect with a remainder",
