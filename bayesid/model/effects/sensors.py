@@ -23,7 +23,7 @@ EFFECTS = (
     ),
     Effect(
         name="heading_drift",
-        says="The heading reading drifts by {drift_per_600s:deg:up:down} in ten minutes.",
+        says="The heading reading drifts by {drift_per_600s:deg:to starboard:to port} in ten minutes.",
         family="heading_drift",
         port="sensor",
         where=("psi",),
