@@ -11,7 +11,7 @@ from bayesid.model.vehicles import load_vehicle
 from bayesid.trials import Run, Trial
 from studies.sim_to_real_gap import delphin2, esso_osaka, planted
 from studies.sim_to_real_gap.example_section import _regression
-from studies.sim_to_real_gap.real_sections import told, worse_than_given
+from studies.sim_to_real_gap.real_sections import lost_against_given, lost_words, told
 from studies.sim_to_real_gap.report import _score, judge, planted_section
 
 
@@ -144,12 +144,22 @@ def test_a_real_log_without_heading_in_its_held_out_runs_has_no_number_there():
     assert "would add 0.0" in text.body
 
 
-def test_real_explanations_that_predict_worse_than_the_simulator_as_given_are_counted():
-    def record(given, explained):
+def test_real_explanations_that_predict_worse_than_the_simulator_as_given_are_counted_and_measured():
+    def record(verdict, given, explained):
         rms = {"nominal": {"psi": given}, "recalibrated": {"psi": 0.1}, "with effect": {"psi": explained}}
         short = {"horizon": "6 L/U", "rms": {k: {"psi": 0.1} for k in rms}}
-        return {"gap": {"horizons": [short, {"horizon": "full replay", "rms": rms}]}}
+        return {"verdict": verdict, "gap": {"horizons": [short, {"horizon": "full replay", "rms": rms}]}}
 
-    found = {"diagnoses": {"plain": record(0.2, 0.3)}, "questions": {"late": {"found": record(0.3, 0.2)}}}
-    assert worse_than_given(found) == [True, False]
-    assert worse_than_given({"questions": {"x": {"found": {"gap": {"horizons": []}}}}}) == []
+    found = {
+        "diagnoses": {"plain": record("ambiguous", 0.2, 0.3), "side": record("none", 0.2, 0.21)},
+        "questions": {"late": {"found": record("several", 0.3, 0.2)}},
+    }
+    lost = lost_against_given(found)
+    assert [named for named, _ in lost] == [False, False, True]
+    assert [more for _, more in lost] == pytest.approx([0.1, 0.01, -0.1])
+    said = lost_words(lost)
+    assert "2 of 3 explanations predict the heading" in said
+    assert "0 of 1 that name a cause; 2 of 2 that name none, by up to 5.7 degrees" in said
+    assert lost_words(lost[2:]) == "" == lost_words([])
+    empty = {"verdict": "none", "gap": {"horizons": []}}
+    assert lost_against_given({"questions": {"x": {"found": empty}}}) == []

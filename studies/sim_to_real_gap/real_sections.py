@@ -100,9 +100,10 @@ def _asked_back(record: Mapping[str, Any]) -> str:
     return text
 
 
-def worse_than_given(found: Mapping[str, Any]) -> list[bool]:
-    """For every diagnosis of a real ship: whether what it explains predicts the heading of held-out runs
-    worse than the untouched simulator, over the longest horizon there is.
+def lost_against_given(found: Mapping[str, Any]) -> list[tuple[bool, float]]:
+    """For every diagnosis of a real ship: whether it names a cause, and by how much what it explains misses
+    the heading of held-out runs by more than the untouched simulator [rad, rms], over the longest horizon
+    there is.
     """
     records = list(found.get("diagnoses", {}).values())
     records += [q["found"] for q in found.get("questions", {}).values()]
@@ -111,8 +112,26 @@ def worse_than_given(found: Mapping[str, Any]) -> list[bool]:
         rows = [h for h in record["gap"]["horizons"] if h["rms"]["nominal"].get("psi") is not None]
         if rows:
             rms = rows[-1]["rms"]
-            out.append(rms["with effect"]["psi"] > rms["nominal"]["psi"])
+            out.append((record["verdict"] in NAMING, rms["with effect"]["psi"] - rms["nominal"]["psi"]))
     return out
+
+
+def lost_words(lost: Sequence[tuple[bool, float]]) -> str:
+    """Failure of the explanations that predict worse than the simulator as given; empty where none does."""
+    if not any(more > 0.0 for _, more in lost):
+        return ""
+    parts = []
+    for named, words in ((True, "that name a cause"), (False, "that name none")):
+        mine = [more for n, more in lost if n is named]
+        worse = [more for more in mine if more > 0.0]
+        if mine:
+            by = f", by up to {np.degrees(max(worse)):.2g} degrees" if worse else ""
+            parts.append(f"{len(worse)} of {len(mine)} {words}{by}")
+    return (
+        f"On real ships {sum(more > 0.0 for _, more in lost)} of {len(lost)} explanations predict the "
+        "heading of held-out runs worse than the simulator as given, over the longest horizon: "
+        f"{'; '.join(parts)}. There, do not rely on them."
+    )
 
 
 def esso_section(found: Mapping[str, Any]) -> Section:

@@ -12,6 +12,7 @@ from bayesid.report.diagnosis.holdout import at_floor
 from bayesid.report.writer import Report, Section, Table, Text
 from studies.sim_to_real_gap.delphin2_section import delphin2_section
 from studies.sim_to_real_gap.example_section import example_section
+from studies.sim_to_real_gap.real_sections import lost_words
 
 _RIGHT = {"none": "none", "outside": "outside"}
 
@@ -29,12 +30,7 @@ def gap_report(parts: Mapping[str, Any]) -> Report:
         "plant shares no code with the diagnosed model; the diagnosis saw orders, noisy readings and the "
         "nominal vehicle, and read held-out runs after its verdict."
     )
-    failures = []
-    if real := parts.get("worse"):
-        failures.append(
-            f"On real ships {sum(real)} of {len(real)} explanations predict the heading of held-out runs "
-            "worse than the simulator as given, over the longest horizon: there, do not rely on them."
-        )
+    failures = [words] if (words := lost_words(parts.get("lost", ()))) else []
     sections = [
         example_section(parts["example"]),
         planted_section(rows, judged),

@@ -20,7 +20,7 @@ from studies.sim_to_real_gap.esso_osaka import esso_osaka
 from studies.sim_to_real_gap.example import example
 from studies.sim_to_real_gap.kvlcc2 import kvlcc2
 from studies.sim_to_real_gap.planted import CASES, SIZES, planted
-from studies.sim_to_real_gap.real_sections import esso_section, kvlcc2_section, worse_than_given
+from studies.sim_to_real_gap.real_sections import esso_section, kvlcc2_section, lost_against_given
 from studies.sim_to_real_gap.report import gap_report
 
 QUICK = (0,)  # one campaign, and no Delphin2: its kernel takes half a minute to compile
@@ -39,7 +39,7 @@ def main(out: Path, quick: bool, seed: int, data: Path | None = None) -> dict[st
         parts["delphin2"] = delphin2(out / "campaigns", progress)
     if data is not None:
         parts["more"], real = real_logs(data, out / "campaigns", quick, seed, progress)
-        parts["worse"] = [worse for found in real.values() for worse in worse_than_given(found)]
+        parts["lost"] = [lost for found in real.values() for lost in lost_against_given(found)]
     results = {
         "inputs": {"cases": [CASES[i] for i in chosen], "sizes": SIZES, "quick": quick},
         "seeds": [seed, *(seed + i for i in chosen)],
