@@ -195,7 +195,7 @@ def test_every_listed_cause_is_named_and_parametrised_as_in_the_catalogue():
     assert not set(UNLISTED) & set(effects)
 
 
-SENSORS = ("gyro_scale", "heading_bias", "velocity_latency", "position_lever_arm")
+SENSORS = ("gyro_scale", "heading_bias", "heading_drift", "velocity_latency", "position_lever_arm")
 FORCES = tuple(n for n in (*LISTED, *UNLISTED) if n not in SENSORS)
 
 
@@ -231,12 +231,15 @@ def test_sensor_causes_leave_the_motion_alone_and_change_their_own_readings():
     v = other_vehicle("tanker_model")
     _, clean = track(v, PLAIN)
     for fields, column in (
-        ({"psi_bias": 0.03}, 2), ({"r_scale": 0.05}, 3), ({"v_late": 1.0}, 4), ({"arm_x": 1.0}, 0),
+        ({"psi_bias": 0.03}, 2), ({"psi_drift": 0.003}, 2), ({"r_scale": 0.05}, 3), ({"v_late": 1.0}, 4),
+        ({"arm_x": 1.0}, 0),
     ):  # fmt: skip
         _, logged = track(v, cause(**fields))
         changed = np.abs(logged - clean).max(axis=0) > 1e-6
         allowed = {2: [2], 3: [3], 4: [4, 5], 0: [0, 1]}[column]
         assert np.flatnonzero(changed).tolist() == allowed
+    _, drifting = track(v, cause(psi_drift=0.003))
+    assert drifting[:, 2] - clean[:, 2] == pytest.approx(0.003 * v.dt * np.arange(len(clean)))
     _, late = track(v, cause(v_late=2 * v.dt))
     assert late[2:, 4] == pytest.approx(clean[:-2, 4], abs=1e-12)
 

@@ -38,7 +38,7 @@ from studies.other_equations.tune import PRIOR, TUNED
 KINDS = ("none",) * 3 + ("effect",) * 9 + ("two",) * 2 + ("outside",) * 2
 CLASSES = ((12.0, "undetectable"), (150.0, "faint"), (3000.0, "moderate"), (float("inf"), "clear"))
 NEED_FULL = ("gyro_scale", "velocity_latency")
-SENSORS = (*NEED_FULL, "heading_bias", "position_lever_arm")
+SENSORS = (*NEED_FULL, "heading_bias", "heading_drift", "position_lever_arm")
 TRACK_ONLY = 0.25  # share of campaigns that log position and heading only
 SEAS = ("none", "calm", "mid")
 SEA_ODDS = (0.5, 0.25, 0.25)

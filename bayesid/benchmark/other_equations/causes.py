@@ -22,7 +22,7 @@ FORCES = (
     "bottom", "bottom_n", "bottom_e", "bottom_k", "swell", "swell_w", "swell_p", "swell_n", "swell_e",
 )  # fmt: skip
 INPUTS = ("offset", "lag", "slow", "dead", "jam_from", "jam_for")
-SENSORS = ("psi_bias", "r_scale", "v_late", "arm_x", "arm_y")
+SENSORS = ("psi_bias", "psi_drift", "r_scale", "v_late", "arm_x", "arm_y")
 KIND = np.dtype([(name, "f8") for name in FORCES + INPUTS + SENSORS])
 
 
@@ -121,6 +121,11 @@ def _dead_time(rng, size, s):
     return {"delay": delay}, {"dead": delay}, {}
 
 
+def _drift(rng, size, s):
+    rate = 4.0 * DEG * size * _sign(rng) / s.run
+    return {"drift_per_600s": 600.0 * rate}, {"psi_drift": rate}, {}
+
+
 LISTED: Mapping[str, Draw] = {
     "ocean_current": _two(("V_north", "V_east"), ("current_n", "current_e"), 0.12, "U"),
     "wind": _wind,
@@ -133,6 +138,7 @@ LISTED: Mapping[str, Draw] = {
     "propeller_side_force": _one("side_force", "side_force", 0.1),
     "gyro_scale": _one("scale", "r_scale", 0.03),
     "heading_bias": _one("bias", "psi_bias", 2.5 * DEG),
+    "heading_drift": _drift,
     "velocity_latency": _one("delay", "v_late", 0.5, "L/U", False),
     "position_lever_arm": _two(("l_x", "l_y"), ("arm_x", "arm_y"), 0.3, "L"),
 }

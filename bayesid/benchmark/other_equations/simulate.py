@@ -158,7 +158,9 @@ def simulate_run(
     states[0] = x0
     for k in range(t.size - 1):
         a, b = k * parts, (k + 1) * parts + 1
-        given[k] = orders(float(t[k]), seen(states[a], g)) if callable(orders) else orders[k]
+        given[k] = (
+            orders(float(t[k]), seen(float(t[k] - t[0]), states[a], g)) if callable(orders) else orders[k]
+        )
         if k == 0:
             rudder[0] = gear.begin(*given[0])
         rudder[a + 1 : b], shaft[a : b - 1] = gear.follow(*given[k])
@@ -171,9 +173,12 @@ def simulate_run(
     return Record(t, given, t[0] + np.arange(count) * h, states, rudder, shaft, parts)
 
 
-def seen(state: Array, g: np.void) -> dict[str, float]:
-    """Readings a helmsman steers by."""
-    return {"psi": float(state[5] + g["psi_bias"]), "r": float(state[11] * (1.0 + g["r_scale"]))}
+def seen(t: float, state: Array, g: np.void) -> dict[str, float]:
+    """Readings a helmsman steers by, some time [s] into the run."""
+    return {
+        "psi": float(state[5] + g["psi_bias"] + g["psi_drift"] * t),
+        "r": float(state[11] * (1.0 + g["r_scale"])),
+    }
 
 
 def readings(g: np.void, fine: Array, states: Array, parts: int) -> Array:
@@ -189,7 +194,7 @@ def readings(g: np.void, fine: Array, states: Array, parts: int) -> Array:
     out = [
         states[:, 0] + g["arm_x"] * c - g["arm_y"] * s,
         states[:, 1] + g["arm_x"] * s + g["arm_y"] * c,
-        psi + g["psi_bias"],
+        psi + g["psi_bias"] + g["psi_drift"] * (fine - fine[0]),
         r * (1.0 + g["r_scale"]),
         *((np.interp(fine - late, fine, w) if late else w) for w in (u, v)),
     ]
