@@ -321,6 +321,61 @@ def test_a_refit_that_is_worse_with_a_form_than_without_begins_again_where_it_en
     assert len(comparison._arrived(problem, part, known, lambda text: None).refits) == 3
 
 
+@pytest.mark.parametrize(
+    ("effects", "refitted", "widens", "chi2", "kept"),
+    [
+        (("a", "b"), (("a",), ("b",)), False, 1.0, True),
+        (("a",), (("b",),), False, 1.0, True),  # not on the shortlist of this environment
+        (("a",), (("a",), ("b",)), False, 1.0, False),  # there already
+        (("a", "d"), (("a",),), False, 1.0, False),  # d is part of the form
+        (("coefficient_error:N_r",), (("a",),), True, 1.0, False),
+        ((), (("a",),), False, 1.0, False),
+        (("a", "b"), (("a",),), False, 2.0, False),  # does not follow the data
+    ],
+)
+def test_the_best_of_another_environment_is_begun_where_it_ended(
+    monkeypatch, effects, refitted, widens, chi2, kept
+):
+    """Coefficients and effects as they ended; a form that is not free here as the vehicle has it."""
+    ended = np.array([5.0, 6.0, 7.0, 8.0])  # coefficient, effects a and b, row of a form
+    where = {"a": 1, "b": 2}
+    begun = []
+
+    class Free:
+        def __init__(self, where):
+            self.where = where
+
+        def __add__(self, other):
+            return Free([*self.where, *other.where])
+
+    @dataclass(frozen=True)
+    class Point:
+        par: np.ndarray
+        states: str
+
+    def again(problem, chosen, start, level, first, notify):
+        begun.append((chosen, start))
+        return [Plain(effects=effects, log_evidence=1.0, fit=Plain(converged=True, chi2=chi2))]
+
+    monkeypatch.setattr(comparison, "refit_again", again)
+    monkeypatch.setattr(comparison, "effect_prior", lambda model, effect: Free([where[effect]]))
+    problem = Plain(
+        model=Plain(effects={n: n for n in "ab"}), coefficients=Free([0]), path=[Point(np.zeros(4), "raw")]
+    )
+    single = Plain(
+        refits=tuple(Plain(effects=r) for r in refitted), effects=tuple(Plain(name=n) for n in "abc")
+    )
+    earlier = Plain(effects=effects, widens=widens, fit=Plain(points=[Point(ended, "smoothed")]))
+    found = comparison._tried_again(problem, single, earlier, lambda text: None)
+    assert (found is not None) is kept
+    if kept:
+        ((chosen, (start,)),) = begun
+        assert chosen == effects and start.states == "smoothed"
+        assert start.par.tolist() == [5.0, 6.0, 7.0 if "b" in effects else 0.0, 0.0]
+    else:
+        assert not begun or chi2 > 1.5
+
+
 def test_runs_are_kept_by_the_sorted_names_of_a_set_and_of_refits_that_follow_the_data(monkeypatch):
     """The keys under which weighing looks them up, whatever order the search found the effects in."""
     monkeypatch.setattr(comparison, "axes_of", lambda problem, name: frozenset("N"))

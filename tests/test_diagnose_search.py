@@ -207,6 +207,15 @@ def test_alike_effects_are_exchanged_once_there_are_two(monkeypatch):
     assert ("lag", "push") in left or ("push", "lag") in left
 
 
+def test_a_pair_one_begins_with_is_exchanged_before_a_third_is_looked_for(monkeypatch):
+    """Begun at the best pair of another environment, whose look-alike is better in this one."""
+    evidence = {"lag+wind": 160.0, "lag+push": 190.0, "lag": 10.0, "push": 10.0, "wind": 10.0}
+    world = World(monkeypatch, evidence, {})
+    world.rivals = {"wind": ("push",)}
+    found, _ = world.run("wind", "lag")
+    assert found[0] == "lag+push" and world.asked[0] == "lag+push"
+
+
 @pytest.mark.parametrize("loss, dropped", [(3.0, True), (3.1, False)])
 def test_an_effect_the_others_can_do_without_is_dropped(monkeypatch, loss, dropped):
     """Of three, wind came first and owes its place to the others; then each of the pair is tried alone."""

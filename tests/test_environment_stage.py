@@ -72,7 +72,12 @@ def stage(monkeypatch, gain, evidence, follows=True):
     later = Compared("quiet", best(evidence, follows))
     monkeypatch.setattr(environment_stage, "simplest", lambda candidates: candidates)
     monkeypatch.setattr(environment_stage, "noise_beside", lambda fit, noise: ("quiet", gain))
-    monkeypatch.setattr(environment_stage, "compared", lambda problem, notify, seed: later)
+
+    def compared(problem, notify, seed, earlier):
+        assert (problem, earlier) == ("quiet", found.candidates)  # the best so far is tried there too
+        return later
+
+    monkeypatch.setattr(environment_stage, "compared", compared)
     return in_its_environment(found, lambda text: None, 0) is later
 
 

@@ -49,9 +49,19 @@ class Compared:
 
 
 def compared(
-    problem: DiagnosisProblem, notify: Notify, seed: int, base: FilterErrorFit | None = None
+    problem: DiagnosisProblem,
+    notify: Notify,
+    seed: int,
+    base: FilterErrorFit | None = None,
+    earlier: RefittedHypothesis | None = None,
 ) -> Compared:
-    """Hypotheses of a problem, with a form in each where the runs ask for one."""
+    """Hypotheses of a problem, with a form in each where the runs ask for one.
+
+    Parameters
+    ----------
+    base : the fit without any effect, where it is there already
+    earlier : best explanation in another environment, which is tried in this one as well
+    """
     single = single_effects(problem, notify, seed, base)
     leading = single.leading
     notify("whether the equations lack a force that depends on the motion")
@@ -62,17 +72,18 @@ def compared(
     asked = needed is not None and needed.beyond > _further(problem, single) + FORM_EVIDENCE
     unable = None
     if needed is not None and asked:
-        found, unable = _with_form(problem, needed, leading, single, notify, seed)
+        found, unable = _with_form(problem, needed, leading, single, notify, seed, earlier)
         if found is not None:
             return found
-    candidates = weigh(problem, single, notify, known)
+    candidates = weigh(problem, single, notify, known, earlier)
     beside = _beside(candidates)
     if beside.effects != leading.effects or (needed is not None and not asked):
         left = candidates.where_after or candidates.where
         sought = sought_form(problem, beside, _period(left, candidates.thresholds.remainder))
         if sought is not None and sought.needed:
             if not asked:
-                found, unable = _with_form(problem, sought, simplest(candidates), single, notify, seed)
+                before = simplest(candidates)
+                found, unable = _with_form(problem, sought, before, single, notify, seed, earlier)
                 if found is not None:
                     return found
             candidates = replace(candidates, form_instead=sought.beyond)
@@ -104,12 +115,13 @@ def _with_form(
     single: SingleEffects,
     notify: Notify,
     seed: int,
+    earlier: RefittedHypothesis | None,
 ) -> tuple[Compared | None, str | None]:
     """The same with a form; nothing where the refits do not bear it out, and why it could not be tried."""
     notify("the same with a force that depends on the motion and that the equations lack")
     try:
         wider = problem.with_form(needed.form)
-        candidates = compare(wider, notify, seed, known=single)
+        candidates = compare(wider, notify, seed, known=single, earlier=earlier)
     except BayesidError as error:
         return None, f"the hypotheses could not be compared with a model form ({error})"
     after = candidates.best

@@ -58,6 +58,7 @@ from bayesid.diagnosis.threshold_table import (
 )
 from bayesid.estimation.filter_error.fit import FilterErrorFit
 from bayesid.estimation.filter_error.linearise import Trajectory
+from bayesid.estimation.parameters import effect_prior
 from bayesid.model.effects import Effect
 
 Notify = Callable[[str], None]
@@ -160,6 +161,7 @@ def compare(
     seed: int = 0,
     base: FilterErrorFit | None = None,
     known: SingleEffects | None = None,
+    earlier: RefittedHypothesis | None = None,
 ) -> HypothesisComparison:
     """Screen the catalogue, refit a shortlist, weigh every hypothesis; `seed` draws the thresholds.
 
@@ -167,9 +169,12 @@ def compare(
     ----------
     base : the fit without any effect, if it is there already (`exclusions.compare_without`)
     known : single effects of the problem without a form, from which refits begin anew that have not arrived
+    earlier : best explanation in another environment (`weigh`)
     """
     single = single_effects(problem, notify, seed, base)
-    return weigh(problem, single if known is None else _arrived(problem, single, known, notify), notify)
+    if known is not None:
+        single = _arrived(problem, single, known, notify)
+    return weigh(problem, single, notify, earlier=earlier)
 
 
 def single_effects(
@@ -242,18 +247,27 @@ def weigh(
     single: SingleEffects,
     notify: Notify = lambda text: None,
     left: Mapping[tuple[str, ...], Localisation] | None = None,
+    earlier: RefittedHypothesis | None = None,
 ) -> HypothesisComparison:
     """Several effects at once, what the best explanation leaves, and the probability of every hypothesis.
 
     Parameters
     ----------
     left : what some explanations leave, where it is known; of () without any effect
+    earlier : best explanation in another environment: several effects are looked for from there where that
+        is better in this one than the best single effect. Not tried, a pair was lost with the environment it
+        had been found in.
     """
     none, scores, limits = single.none, single.scores, single.thresholds
     refits, gains = list(single.refits), single.gains
     after, left = None, dict(left or {})
     where = left[()] if () in left else without_effects(problem, single, notify)
-    if (first := single.leading).effects:
+    first = single.leading
+    if earlier is not None and (also := _tried_again(problem, single, earlier, notify)) is not None:
+        refits = [also, *refits]
+        if also.log_evidence > first.log_evidence:
+            first = also
+    if first.effects:
         found, left = search_several(
             problem, refits, first, list(single.effects), single.ambiguity, notify, left
         )
@@ -330,6 +344,27 @@ def _arrived(
     if best.effects in ended and best.effects not in tried and set(best.effects) <= set(single.gains):
         refits += again(best, [])
     return replace(single, refits=_ranked(problem, refits, single.none, single.gains))
+
+
+def _tried_again(
+    problem: DiagnosisProblem, single: SingleEffects, earlier: RefittedHypothesis, notify: Notify
+) -> RefittedHypothesis | None:
+    """An explanation that was the best elsewhere, begun where it ended; nothing where it is there already, is
+    none of this problem or does not follow the data.
+    """
+    wanted, tried = set(earlier.effects), [set(c.effects) for c in single.refits]
+    if earlier.widens or not wanted or wanted in tried or not wanted <= {e.name for e in single.effects}:
+        return None
+    effects = tuple(problem.model.effects[n] for n in earlier.effects)
+    free = problem.coefficients
+    for effect in effects:
+        free = free + effect_prior(problem.model, effect)
+    # what is not free here, as a form that is not asked for, is as the vehicle has it
+    par = problem.path[0].par.copy()
+    par[free.where] = earlier.fit.points[0].par[free.where]
+    start = [replace(point, par=par) for point in earlier.fit.points]
+    found = refit_again(problem, effects, start, FOLLOWING_FORCE_LEVEL, [], notify)
+    return next((c for c in found if explains(c)), None)
 
 
 def _ranked(

@@ -54,8 +54,8 @@ def search_several(
     notify: Notify,
     left: Mapping[tuple[str, ...], Localisation] | None = None,
 ) -> tuple[list[RefittedHypothesis], dict[tuple[str, ...], Localisation]]:
-    """Forward selection from the best single effect, then backward: the first one may owe its place to the
-    second.
+    """Forward selection from the best single effect, or what is known to be better, then backward: the first
+    one may owe its place to the second.
 
     A step must raise the evidence of the refit where the smaller model explains the data, and the screen's
     otherwise. It must also raise it by half as much as a free force does: an effect that explains less of a
@@ -70,6 +70,8 @@ def search_several(
     """
     left = dict(left or {})
     model = problem.model
+    if len(current.effects) == 2:
+        refits, current = _exchanged(problem, refits, current, alike, notify)
     while len(current.effects) < MOST_EFFECTS:
         chosen = [model.effects[n] for n in current.effects]
         ranked = [s for s in gains_beside(problem, current, effects)[:3] if s.gain > 0.5 * ADD_EVIDENCE]
