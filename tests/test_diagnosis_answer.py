@@ -314,6 +314,23 @@ def test_re_tuning_is_advised_for_the_coefficients_that_leave_their_uncertainty(
     assert any("`bayesid fit BUNDLE --free N_dr --out FOLDER`" in s for s in steps)
 
 
+def test_coefficients_that_moved_are_told_by_what_the_runs_leave_open_of_them():
+    """The drag of a fouled tanker moved by 40 %, known to 0.7; a term left open led the list, by -12501 %."""
+    moved = {
+        "N_vvv": Moved(-0.0002, 0.00002, 0.0244, 0.0244, 0.0266),  # 1230 stated, 0.9 of its own
+        "X_u|u|": Moved(-0.00145, 0.000145, -0.00202, -0.00202, 0.00001),
+        "Y_dr": Moved(0.0072, 0.0007, 0.0036, 0.0036, 0.0003),
+        "X_vvvv": Moved(0.005, 0.0005, 0.348, 0.348, 0.055),
+        "N_v": Moved(-1.0, 0.1, -1.04, -1.04, 0.01),  # sure, and within what was stated
+    }
+    found = replace(a_result("model_form", (), (), 0.0), moved=moved)
+    assert [text.split(" (")[0] for text in answer(found).moved] == [
+        "X_u|u| +39.3 ± 0.7 %", "Y_dr -50 ± 4 %", "X_vvvv 0.005 to 0.348 ± 0.055",
+    ]  # fmt: skip
+    (said,) = (text for text in failures(found) if "far from those stated" in text)
+    assert "X_vvvv" in said and "N_vvv" not in said
+
+
 def test_an_explanation_by_coefficients_that_keeps_them_as_given_is_called_the_simulator_as_given():
     wide = ("coefficient_error:every coefficient x10",)
     same = (a_run(position=(17.9, 15.6, 17.9), heading=(0.2, 0.13, 0.2)),)

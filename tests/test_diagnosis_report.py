@@ -107,7 +107,7 @@ def test_percent_and_standard_deviations_of_a_coefficient_have_one_sign():
     }  # fmt: skip
     result = replace(RESULT, moved=moved)
     table = moved_blocks(result, answer(result))[0]
-    cells = {row[0]: [cell_text(c) for c in (*row[3:5], *row[6:8])] for row in table.rows}
+    cells = {row[0]: [cell_text(c) for c in (*row[3:5], *row[7:9])] for row in table.rows}
     assert cells["N_r"] == ["-20.0", "-2.0", "0.0", "0.0"]
     assert cells["Y_r"] == ["-20.0", "-2.0", "+20.0", "+2.0"]
     assert cells["X_vr"] == ["–", "+2.0", "–", "-1.0"]

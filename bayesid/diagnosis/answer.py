@@ -43,6 +43,8 @@ LARGE_HEADING = 10.0  # degrees rms; a simulator that misses by more is not said
 # Hypotheses from this probability on are named as what else it could be, the first few.
 WORTH_A_WORD, MOST_RIVALS = 0.01, 4
 MOST_MOVED = 6
+# Change of a coefficient from which its values say more than per cent [%].
+MOST_PERCENT = 300
 TIMES = {3.0: "three", 10.0: "ten"}
 PLACES = {
     "X": "the force ahead", "Y": "the side force", "N": "the turning moment", "Z": "the vertical force",
@@ -311,24 +313,37 @@ def _outcome(result: Result, run: RunError) -> str:
 
 
 def _moved(result: Result) -> tuple[str, ...]:
-    """Coefficients that leave their stated uncertainty furthest, most first."""
+    """Coefficients that the runs move out of their stated uncertainty, the surest first.
+
+    By their own deviations, not by the stated ones: what a model form leaves open may be anywhere.
+    """
     told = []
     for name, m in result.moved.items():
         if not (m.prior_sd > 0 and m.given):
             continue
         far = abs(m.retuned - m.given) / m.prior_sd
+        if far < LEAST_MOVED or m.open:
+            continue
         with_it = ""
         if explanation(result):
-            with_it = f", explained {_percent(m.explained, m.given)}"
+            with_it = f", explained {_change(m.explained, m.given)}"
         told.append(
-            (far, f"{name} {_percent(m.retuned, m.given)} ({far:.1f} times its stated "
-                  f"uncertainty{with_it})")
+            (m.deviations, f"{name} {_change(m.retuned, m.given, m.retuned_sd)} ({far:.1f} times its stated "
+                           f"uncertainty{with_it})")
         )  # fmt: skip
-    return tuple(text for far, text in sorted(told, reverse=True)[:MOST_MOVED] if far >= LEAST_MOVED)
+    return tuple(text for _, text in sorted(told, reverse=True)[:MOST_MOVED])
 
 
-def _percent(value: float, given: float) -> str:
-    return f"{round(100 * (value - given) / given):+d} %"
+def _change(value: float, given: float, sd: float | None = None) -> str:
+    """A change in per cent, with its deviation where that is known; the values where it is many per cent."""
+    share = 100 * (value - given) / given
+    if abs(share) > MOST_PERCENT:
+        return f"{given:.3g} to {value:.3g}" + (f" ± {sd:.2g}" if sd else "")
+    if not sd:
+        return f"{round(share):+d} %"
+    spread = 100 * sd / abs(given)
+    decimals = 0 if spread >= 1 else 1
+    return f"{share:+.{decimals}f} ± {max(spread, 0.1):.{decimals}f} %"
 
 
 def rivals(result: Result) -> list[tuple[str, float]]:
@@ -455,7 +470,7 @@ def _freed(result: Result) -> str:
     far = {
         n: abs(m.retuned - m.given) / m.prior_sd
         for n, m in result.moved.items()
-        if m.prior_sd > 0 and m.given
+        if m.prior_sd > 0 and m.given and not m.open
     }
     names = [n for n in sorted(far, key=lambda n: -far[n]) if far[n] >= LEAST_MOVED][:MOST_MOVED]
     return f" --free {','.join(names)}" if names else ""

@@ -100,7 +100,11 @@ def far_off(result: Result) -> str:
         return ""
 
     told = out_of_reason(
-        {n: (m.given, m.explained if used else m.retuned, m.prior_sd) for n, m in result.moved.items()}
+        {
+            n: (m.given, m.explained if used else m.retuned, m.prior_sd)
+            for n, m in result.moved.items()
+            if used or not m.open
+        }
     )
     if not told:
         return ""

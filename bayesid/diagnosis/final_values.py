@@ -214,6 +214,7 @@ def _moved(
             float(stated.sd[i] / abs(scale)),
             float(none.fit.values[i] / scale),
             float(explained.fit.par[stated.where[i]] / scale),
+            _number(none.fit.sd[i] / abs(scale)),
         )
     return out
 

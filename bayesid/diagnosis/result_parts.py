@@ -6,6 +6,7 @@ not decide, fit or write.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated
@@ -227,6 +228,8 @@ class Coefficient:
 
 # Stated standard deviations from which a coefficient counts as moved by re-tuning.
 LEAST_MOVED = 0.5
+# Standard deviations of the estimate from which the runs determine that it moved.
+SURELY_MOVED = 2.0
 
 
 @dataclass(frozen=True)
@@ -237,6 +240,21 @@ class Moved:
     prior_sd: Annotated[float, About("Stated uncertainty, one standard deviation.")]
     retuned: float
     explained: float
+    retuned_sd: Annotated[
+        float | None, About("Standard deviation of the re-tuned value; null in results of earlier versions.")
+    ] = None
+
+    @property
+    def deviations(self) -> float:
+        """How many of its own standard deviations the re-tuned value is away; of the stated one where its own
+        is not known.
+        """
+        return abs(self.retuned - self.given) / (self.retuned_sd or self.prior_sd or math.inf)
+
+    @property
+    def open(self) -> bool:
+        """Whether its own deviation is known and leaves room for the value as given."""
+        return self.retuned_sd is not None and self.deviations < SURELY_MOVED
 
 
 @dataclass(frozen=True)

@@ -72,9 +72,7 @@ def runs_blocks(result: Result, a: Answer) -> list[Block]:
 
 def moved_blocks(result: Result, a: Answer) -> list[Block]:
     """Every coefficient as given, re-tuned and explained."""
-    moved = sorted(
-        result.moved.items(), key=lambda i: -abs(i[1].retuned - i[1].given) / max(i[1].prior_sd, 1e-300)
-    )
+    moved = sorted(result.moved.items(), key=lambda i: -i[1].deviations)
     if not moved:
         return [Text("The coefficients were not compared.")]
 
@@ -84,19 +82,23 @@ def moved_blocks(result: Result, a: Answer) -> list[Block]:
         return [value, share, unsigned_zeros(f"{further / sd:+.1f}") if sd > 0 else "–"]
 
     rows = [
-        [n, m.given, *cells(m.given, m.retuned, m.prior_sd), *cells(m.given, m.explained, m.prior_sd)]
+        [
+            n, m.given, *cells(m.given, m.retuned, m.prior_sd),
+            unsigned_zeros(f"{m.retuned_sd:.2g}") if m.retuned_sd is not None else "–",
+            *cells(m.given, m.explained, m.prior_sd),
+        ]
         for n, m in moved
     ]
     third = a.labels[2]
     return [
         Table(
-            ["coefficient", "as given", "re-tuned", "[%]", "[sd]", third, "[%]", "[sd]"],
+            ["coefficient", "as given", "re-tuned", "[%]", "[sd]", "its own sd", third, "[%]", "[sd]"],
             rows,
-            "Units of the vehicle file; [sd] counts in standard deviations stated by the "
-            "vehicle file, what was known before these logs. In both, + is further "
-            "from zero than as given, - nearer to zero or beyond it, whatever the sign of the coefficient. "
-            "What to see: an explanation that holds leaves the coefficients nearer to what is stated than "
-            "re-tuning does.",
+            "Units of the vehicle file; [sd] counts in standard deviations stated by the vehicle file, what "
+            "was known before these logs; its own sd is what these runs leave open of the re-tuned value; "
+            "the surest change comes first. In both, + is further from zero than as given, - nearer to zero "
+            "or beyond it, whatever the sign of the coefficient. What to see: an explanation that holds "
+            "leaves the coefficients nearer to what is stated than re-tuning does.",
         )
     ]
 
