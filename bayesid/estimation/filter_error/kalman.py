@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from bayesid.estimation.filter_error.kalman_step import carry, opening, take
+from bayesid.estimation.filter_error.kalman_step import carry, entries, opening, take
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -86,25 +86,28 @@ def whiten_on(
     There is one interval less than samples at the end of a run, and as many before.
     """
     n, q, c = columns.shape
-    nx, nf = phi.shape[1], gamma.shape[2]
-    m = nx + nf + drift.shape[1]
-    lines, gains, part, change = np.empty((q, c + m)), np.empty((q, m)), np.empty(q), np.empty((m, c + m))
-    index, weight = np.empty(m, dtype=np.int64), np.empty(m)
-    step, moved = np.empty((nx, nx + nf)), np.empty((nx, c + m))
-    mixed, spread = np.empty((nx, nx + nf)), np.empty((nx, nx))
+    nx, nf, m, width = phi.shape[1], gamma.shape[2], joint.shape[0], joint.shape[1]
+    reads = entries(slope, drift.reshape((1, q, drift.shape[1])), nf)
+    moves = entries(phi, gamma, 0)
+    lines, part, weight = np.empty((q, width)), np.empty(q), np.empty(m)
+    present = np.empty(q, dtype=np.int64)
+    step, moved = np.zeros(moves.shape), np.empty((nx, width))
     logdet, used = 0.0, 0
     for i in range(n):
         more, count = take(
-            joint, c, i, columns, valid, slope, drift, variance, lines, gains, part, change, index, weight
+            joint, c, i, columns, valid, slope, drift, variance, reads, lines, part, present, weight
         )
         logdet += more
         used += count
         for j in range(q):
+            if not valid[i, j]:
+                for k in range(c):
+                    out[i * q + j, k] = 0.0
+        for b in range(count):
             for k in range(c):
-                out[i * q + j, k] = lines[j, k]
+                out[i * q + present[b], k] = -lines[b, k]
         if i < drive.shape[0]:
             carry(
-                joint, c, i, drive, phi, gamma, decay_f, variance_f, decay_d, variance_d, step, moved, mixed,
-                spread,
-            )  # fmt: skip
+                joint, c, i, drive, phi, gamma, decay_f, variance_f, decay_d, variance_d, moves, step, moved
+            )
     return logdet, used

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from bayesid.estimation.filter_error.kalman_step import carry, opening, take
+from bayesid.estimation.filter_error.kalman_step import carry, entries, opening, take
 
 # Samples whose covariances are held at once: 10 MB for a planar vehicle.
 BLOCK = 4096
@@ -85,14 +85,16 @@ def smooth_filtered(
     columns = np.ascontiguousarray(resid).reshape((n, q, 1))
     drives = np.ascontiguousarray(drive).reshape((n - 1, nx, 1))
     joint = opening(np.ascontiguousarray(first).reshape((nx, 1)), start, variance_f, variance_d)
-    lines, gain, part, change = np.empty((q, 1 + m)), np.empty((q, m)), np.empty(q), np.empty((m, 1 + m))
-    index, weight = np.empty(m, dtype=np.int64), np.empty(m)
-    step, moved = np.empty((nx, nx + nf)), np.empty((nx, 1 + m))
-    mixed, spread = np.empty((nx, nx + nf)), np.empty((nx, nx))
+    width = joint.shape[1]
+    reads = entries(slope, drift.reshape((1, q, nd)), nf)
+    moves = entries(phi, gamma, 0)
+    lines, part, weight = np.empty((q, width)), np.empty(q), np.empty(m)
+    present = np.empty(q, dtype=np.int64)
+    step, moved = np.zeros(moves.shape), np.empty((nx, width))
     size = min(n, most)
     blocks = (n + size - 1) // size
     covariance, gains, parts = np.empty((size, m, m)), np.empty((size, q, m)), np.empty((size, q))
-    opened = np.empty((blocks, m, 1 + m))
+    opened = np.empty((blocks, m, width))
     # forward once to where every block begins, then block by block from the last one; the last of the first
     # pass is the first of the second
     block, forth = 0, True
@@ -108,20 +110,25 @@ def smooth_filtered(
                 mean_out[i, a] = joint[a, 0]
                 for b in range(m):
                     covariance[i - begin, a, b] = joint[a, 1 + b]
-            take(
-                joint, 1, i, columns, valid, slope, drift, variance, lines, gain, part, change, index, weight
+            _, count = take(
+                joint, 1, i, columns, valid, slope, drift, variance, reads, lines, part, present, weight
             )
             for j in range(q):
-                standard[i, j] = lines[j, 0]
                 parts[i - begin, j] = part[j]
+                if not valid[i, j]:
+                    standard[i, j] = 0.0
+                    for a in range(m):
+                        gains[i - begin, j, a] = 0.0
+            for b in range(count):
+                standard[i, present[b]] = -lines[b, 0]
                 for a in range(m):
-                    gains[i - begin, j, a] = gain[j, a]
+                    gains[i - begin, present[b], a] = lines[b, 1 + a]
             for a in range(m):
                 filtered[i, a] = joint[a, 0]
             if i < n - 1:
                 carry(
-                    joint, 1, i, drives, phi, gamma, decay_f, variance_f, decay_d, variance_d, step, moved,
-                    mixed, spread,
+                    joint, 1, i, drives, phi, gamma, decay_f, variance_f, decay_d, variance_d, moves, step,
+                    moved,
                 )  # fmt: skip
         if forth and block < blocks - 1:
             block += 1
