@@ -40,7 +40,40 @@ EFFECTS = (
         sensor={"psi": "psi + drift_per_600s*t/600"},
         source="assumed: a gyro's bias integrated to a heading (Titterton and Weston 2004, ch. 12)",
         magnitude="1-10 degrees an hour for tactical gyros, some degrees a minute for MEMS",
-        form="Linear in time, from the first sample of each run; a compass that settles is another form.",
+        form="Linear in time, from the first sample of each run; a compass that settles is heading_settling.",
+    ),
+    Effect(
+        name="heading_settling",
+        says="The heading reading starts {start:deg:to starboard:to port} off and settles with a time "
+        "constant of {settling_time:s}.",
+        family="heading_drift",
+        port="sensor",
+        where=("psi",),
+        parameters=(
+            EffectParameter(
+                "start",
+                "rad",
+                5 * _DEG,
+                low=-60 * _DEG,
+                high=60 * _DEG,
+                about="added to the true heading at the first sample of each run",
+            ),
+            EffectParameter(
+                "settling_time",
+                "s",
+                60.0,
+                off=60.0,
+                mean=60.0,
+                low=5.0,
+                high=3600.0,
+                about="time in which it falls to 37 %",
+            ),
+        ),
+        sensor={"psi": "psi + start*exp(-t/max(settling_time, 1))"},
+        source="assumed: a first-order approach, as of a gyrocompass or a sensor that warms up (Titterton "
+        "and Weston 2004, ch. 8)",
+        magnitude="some degrees; seconds for filters of heading references, an hour for gyrocompasses",
+        form="Exponential from the first sample of each run; one that goes on is heading_drift.",
     ),
     Effect(
         name="compass_deviation",
