@@ -55,6 +55,7 @@ class World:
         fakes = {
             "weighted_hypothesis": self._weighted,
             "fit_with": lambda problem, effects, **more: self._kept("fit_with", more, FIT),
+            "fit_without": lambda problem: self._kept("fit_with", {}, FIT),
             "testable": lambda problem, effect: effect.name != "faint",
             "build_bank": lambda problem, points, levels, effects: self._kept(
                 "build_bank", (points, levels, [e.name for e in effects]), "bank"
@@ -124,7 +125,7 @@ class World:
 
 def test_a_fit_without_effects_that_explains_is_where_the_screen_is_taken(monkeypatch):
     world = World(monkeypatch, hypothesis(100.0))
-    monkeypatch.setattr(comparison, "fit_with", None)  # a fit that is there is not made again
+    monkeypatch.setattr(comparison, "fit_without", None)  # a fit that is there is not made again
     found = world.run(base=Plain(points=["base's points"]))
     assert world.seen["build_bank"] == [(["base's points"], 0.0, ["wind", "lag"])]
     assert world.seen["locate"] == [("base's points",)] and world.seen["thresholds"] == [(7, 3)]

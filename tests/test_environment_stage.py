@@ -15,6 +15,7 @@ from bayesid.diagnosis.exclusions import compare_without
 from bayesid.diagnosis.form_stage import Compared
 from bayesid.diagnosis.hypotheses.candidate import weighted_hypothesis
 from bayesid.diagnosis.hypotheses.kinematic import NOTHING, by_kinematics, parameters_told
+from bayesid.diagnosis.hypotheses.refit import refit
 from bayesid.diagnosis.hypotheses.verdict import decide
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.noise_identification import noise_beside
@@ -64,10 +65,11 @@ def stage(monkeypatch, gain, evidence, follows=True):
 
     def best(log_evidence, follows=True):
         fit = SimpleNamespace(converged=follows, chi2=1.0)
-        return SimpleNamespace(log_evidence=log_evidence, fit=fit, effects=("lag",))
+        none = SimpleNamespace(fit=fit, widens=False)
+        return SimpleNamespace(log_evidence=log_evidence, fit=fit, effects=("lag",), none=none, refits=())
 
     environment = SimpleNamespace(source="assumed", noise_model="loud")
-    problem = SimpleNamespace(environment=environment, with_environment=lambda noise: noise)
+    problem = SimpleNamespace(environment=environment, with_environment=lambda noise, fits: noise)
     found = Compared(problem, best(100.0))
     later = Compared("quiet", best(evidence, follows))
     monkeypatch.setattr(environment_stage, "simplest", lambda candidates: candidates)
@@ -141,3 +143,18 @@ def test_kinematics_does_not_part_a_turned_compass_from_turned_velocities():
     problem, both = lacking(model, "heading_bias", "velocity_misalignment", values=planted)
     said = by_kinematics(problem, both)
     assert said.told == set() and said.evidence > 20.0 and not said.table
+
+
+def test_refits_begin_where_the_same_unknowns_ended_in_the_other_environment():
+    model = model_of("generic_sub")
+    lag = {"actuator_lag.tau": 0.75 * model.scales["L"] / model.scales["U"]}
+    problem = build_problem(model, planted_trial(model, other_vehicle(model, 3) | lag, 3, samples=160))
+    effect = model.effects["actuator_lag"]
+    ended = fit_with(problem, (effect,))
+    noise = problem.environment.noise_model
+    quiet = replace(noise, force=tuple(0.5 * f for f in noise.force))
+    other = problem.with_environment(quiet, [ended])
+    assert other.ended_with(()) is None and other.ended_with((effect,)) == ended.points
+    (near,), (anew,) = (refit(p, (effect,), print) for p in (other, problem.with_environment(quiet)))
+    assert near.fit.iterations < anew.fit.iterations
+    assert near.fit.values == pytest.approx(anew.fit.values, abs=0.05 * anew.fit.free.sd.max(), rel=0.02)

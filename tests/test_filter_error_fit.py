@@ -17,7 +17,7 @@ from bayesid.errors import ModelError
 from bayesid.estimation.filter_error import fit as fits
 from bayesid.estimation.filter_error import noise_identification
 from bayesid.estimation.filter_error.evidence import NormalEquations, normal_equations, posterior
-from bayesid.estimation.filter_error.fit import _within, fit, stacked_equations
+from bayesid.estimation.filter_error.fit import LEAST_SHARE, _relaxation, _within, fit, stacked_equations
 from bayesid.estimation.filter_error.linearise import first_trajectory, linearise
 from bayesid.estimation.filter_error.noise_model import filter_settings
 from bayesid.estimation.filter_error.read_run import filter_error_run
@@ -342,3 +342,29 @@ def test_an_evidence_that_rounding_decides_is_none(size, told):
         return
     exact = multivariate_normal.logpdf(e, cov=np.eye(200) + slopes @ slopes.T)
     assert posterior(g).log_evidence == pytest.approx(exact, rel=1e-6)
+
+
+def products(spread):
+    """Normal equations whose columns are worth so many prior deviations."""
+    spread = np.asarray(spread, dtype=float)
+    return NormalEquations(np.diag(spread**2), np.zeros(spread.size), 0.0, 0.0, spread.size)
+
+
+@pytest.mark.parametrize("swing", [0.3, 0.9, 1.0, 1.4])
+def test_steps_that_swing_come_to_rest(swing):
+    """Whole steps of x <- x + r(x), r of slope -(1 + swing), halve only below a swing of one half."""
+    total, at, share, lengths = products([3.0, 0.5]), np.array([1.0, -2.0]), 1.0, []
+    before = None
+    for _ in range(5):
+        step = -(1.0 + swing) * at
+        share = 1.0 if before is None else _relaxation(share, before, step, total)
+        at, before = at + share * step, step
+        lengths.append(float(np.linalg.norm(at)))
+    assert lengths[-1] < 1e-9
+
+
+def test_steps_that_shrink_are_taken_whole_and_those_that_grow_hardly():
+    total, before = products([2.0, 1.0]), np.array([1.0, 0.5])
+    assert _relaxation(1.0, before, 0.2 * before, total) == 1.0  # the same way, shorter
+    assert _relaxation(1.0, before, before, total) == 1.0  # nothing learnt
+    assert _relaxation(1.0, before, -30.0 * before, total) == LEAST_SHARE

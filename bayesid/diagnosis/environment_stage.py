@@ -35,7 +35,9 @@ def in_its_environment(found: Compared, notify: Notify, seed: int) -> Compared:
         noise_model, gain = noise_beside(best.fit, problem.environment.noise_model)
         if gain < LINEARISATION_SCATTER:
             return found
-        again = compared(problem.with_environment(noise_model), notify, seed, earlier=best)
+        c = found.candidates
+        ended = [r.fit for r in (c.none, *c.refits, *found.formless) if explains(r) and not r.widens]
+        again = compared(problem.with_environment(noise_model, ended), notify, seed, earlier=best)
     except (BayesidError, np.linalg.LinAlgError) as error:
         unable = f"the hypotheses could not be compared in the environment beside the best ({error})"
         return replace(found, unable="; ".join(filter(None, (found.unable, unable))))

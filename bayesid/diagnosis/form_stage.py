@@ -41,11 +41,13 @@ Notify = Callable[[str], None]
 
 @dataclass(frozen=True, eq=False)
 class Compared:
-    """A problem and its hypotheses; `unable` says what could not be tried, and why."""
+    """A problem and its hypotheses; `unable` says what could not be tried, and why, `formless` are refits of
+    the problem without the form it has."""
 
     problem: DiagnosisProblem
     candidates: HypothesisComparison
     unable: str | None = None
+    formless: tuple[RefittedHypothesis, ...] = ()
 
 
 def compared(
@@ -132,7 +134,7 @@ def _with_form(
         return None, None
     if form_gain(wider, after) < FORM_EVIDENCE:  # the runs do not agree about it
         return None, None
-    return Compared(wider, candidates), None
+    return Compared(wider, candidates, formless=(single.none, *single.refits)), None
 
 
 def _further(problem: DiagnosisProblem, single: SingleEffects) -> float:

@@ -6,7 +6,7 @@ Takes a trial and a vehicle. Gives a frozen `DiagnosisProblem`. Held-out runs ar
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -69,6 +69,7 @@ class DiagnosisProblem:
     vehicle : the coefficients of the vehicle alone, where there is a form
     velocity_from_track : whether u, v are the logged track differentiated, so that both are of one point
     turns : whether every run turns to the same side with its rudder amidships
+    ended : names of free parameters -> points at which their fit ended in another environment
     """
 
     model: Model
@@ -86,6 +87,7 @@ class DiagnosisProblem:
     vehicle: GaussianPrior | None = None
     velocity_from_track: bool = False
     turns: bool = False
+    ended: Mapping[frozenset[str], tuple[Trajectory, ...]] = field(default_factory=dict)
 
     @property
     def stated(self) -> GaussianPrior:
@@ -98,8 +100,20 @@ class DiagnosisProblem:
         path = self.swinging(self.path, form, self.path_level)
         return replace(self, coefficients=free, form=form, vehicle=self.stated, path=path)
 
-    def with_environment(self, noise_model: NoiseModel) -> DiagnosisProblem:
-        """The problem without a form under another process noise, its path anew."""
+    def ended_with(self, effects: Sequence[Effect]) -> tuple[Trajectory, ...] | None:
+        """Points at which a fit of the same effects ended in another environment; None where none did."""
+        names = {e.key(p.name) for e in effects for p in e.parameters}
+        return self.ended.get(frozenset(names | set(self.coefficients.names)))
+
+    def with_environment(
+        self, noise_model: NoiseModel, fits: Sequence[FilterErrorFit] = ()
+    ) -> DiagnosisProblem:
+        """The problem without a form under another process noise, its path anew.
+
+        Parameters
+        ----------
+        fits : of this problem, near which those of the same parameters begin
+        """
         along = fit(self.model, self.logs, NO_PARAMETERS, noise_model, iterations=PATH_ITERATIONS)
         return replace(
             self,
@@ -110,6 +124,7 @@ class DiagnosisProblem:
             path_level=along.path_force_level,
             form=None,
             vehicle=None,
+            ended={frozenset(f.free.names): f.points for f in fits},
         )
 
     def swinging(
@@ -325,6 +340,7 @@ def fit_with(
     iterations: int = 25,
     initial_noise_scale: float = 0.03,
     sizes: Mapping[str, float] = MappingProxyType({}),
+    worth: float = -np.inf,
 ) -> FilterErrorFit:
     """Filter-error fit of coefficients and of some effects' parameters.
 
@@ -333,6 +349,7 @@ def fit_with(
     Parameters
     ----------
     sizes : where effects begin without `start` (`first_fit`)
+    worth : log evidence below which a fit that runs out of passes does not go on
     """
     free = problem.coefficients
     for effect in effects:
@@ -354,6 +371,8 @@ def fit_with(
     )
     if out.converged or out.iterations < iterations or not out.chi2 <= FOLLOWS_DATA_CHI2:
         return out
+    if out.log_evidence < worth:
+        return out
     try:
         more = fit(
             problem.model,
@@ -367,3 +386,12 @@ def fit_with(
     except ModelError:
         return out
     return more if more.chi2 <= FOLLOWS_DATA_CHI2 else out
+
+
+def fit_without(problem: DiagnosisProblem) -> FilterErrorFit:
+    """Filter-error fit without any effect, begun where it ended in another environment."""
+    if (ended := problem.ended_with(())) is not None:
+        out = fit_with(problem, (), start=ended, initial_noise_scale=1e-5)
+        if out.converged:
+            return out
+    return fit_with(problem, ())

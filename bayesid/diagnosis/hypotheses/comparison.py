@@ -12,7 +12,7 @@ from itertools import combinations
 
 import numpy as np
 
-from bayesid.diagnosis.data.problem import DiagnosisProblem, fit_with
+from bayesid.diagnosis.data.problem import DiagnosisProblem, fit_with, fit_without
 from bayesid.diagnosis.evidences import evidences
 from bayesid.diagnosis.hypotheses.candidate import (
     RefittedHypothesis,
@@ -187,7 +187,7 @@ def single_effects(
     model = problem.model
     if base is None:
         notify("fit without any effect")
-        base = fit_with(problem, ())
+        base = fit_without(problem)
     none = weighted_hypothesis(problem, (), base)
     fine = explains(none)
     points = list(base.points) if fine else list(problem.path)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -66,8 +66,9 @@ def refit(
 ) -> list[RefittedHypothesis]:
     """Candidate of some effects; none where the model cannot follow the data with them at all.
 
-    It begins at a smaller one that explains the data, which takes a third of the passes, and is kept where it
-    gains what the linear screen promised; else it begins anew along the readings' own path.
+    It begins where the same effects ended in another environment, or else at a smaller one that explains the
+    data, which takes a third of the passes, and is kept where it gains what the linear screen promised; else
+    it begins anew along the readings' own path.
 
     Parameters
     ----------
@@ -76,41 +77,74 @@ def refit(
     """
     names = tuple(e.name for e in effects)
     notify(f"refit with {_together(names)}")
+    at = _near(problem, effects, sizes, smaller, promised)
+    # an explanation worth less than a smaller one that it holds is none, however its fit goes on
+    worth = smaller.fit.log_evidence if smaller is not None and explains(smaller) else -np.inf
 
-    def fitted(start: Sequence[Trajectory] | None) -> RefittedHypothesis:
-        if start is None:
-            return weighted_hypothesis(problem, names, fit_with(problem, effects, sizes=sizes))
-        more = tuple(e for e in effects if smaller is not None and e.name not in smaller.effects)
-        begun = first_fit(problem, more, start, sizes)
-        found = fit_with(problem, effects, start=begun, initial_noise_scale=0.0, iterations=NEAR_ITERATIONS)
+    def fitted(near: bool) -> RefittedHypothesis:
+        if not near or at is None:
+            return weighted_hypothesis(problem, names, fit_with(problem, effects, sizes=sizes, worth=worth))
+        found = fit_with(
+            problem,
+            effects,
+            start=at.points,
+            initial_noise_scale=at.force_level,
+            iterations=NEAR_ITERATIONS,
+            worth=_least(smaller, promised),
+        )
         return weighted_hypothesis(problem, names, found)
 
-    return _near_or_anew(fitted, smaller, promised, notify)
+    return _near_or_anew(fitted, at is not None, _least(smaller, promised), notify)
+
+
+@dataclass(frozen=True, eq=False)
+class _Near:
+    """Points near which a refit begins, and the latent force with which they follow the data (over 1/2 rho
+    L^2 U^2; 0 for the real one)."""
+
+    points: Sequence[Trajectory]
+    force_level: float = 0.0
+
+
+def _near(
+    problem: DiagnosisProblem,
+    effects: Sequence[Effect],
+    sizes: Mapping[str, float],
+    smaller: RefittedHypothesis | None,
+    promised: float,
+) -> _Near | None:
+    """Where a refit begins near what is known; None where nothing is."""
+    if (ended := problem.ended_with(effects)) is not None:
+        return _Near(ended, FOLLOWING_FORCE_LEVEL)
+    if smaller is None or not np.isfinite(promised) or not explains(smaller):
+        return None
+    more = tuple(e for e in effects if e.name not in smaller.effects)
+    return _Near(first_fit(problem, more, smaller.fit.points, sizes))
 
 
 def _near_or_anew(
-    fitted: Callable[[Sequence[Trajectory] | None], RefittedHypothesis],
-    smaller: RefittedHypothesis | None,
-    promised: float,
+    fitted: Callable[[bool], RefittedHypothesis],
+    known: bool,
+    least: float,
     notify: Notify,
 ) -> list[RefittedHypothesis]:
-    """Candidate begun where a smaller one that explains the data ended, kept where it gains what the screen
-    promised; else the better of it and one begun anew. None where the model cannot follow the data.
+    """Candidate begun near what is known, kept where it explains the data and gains what the screen promised;
+    else the better of it and one begun anew. None where the model cannot follow the data.
 
     Parameters
     ----------
-    fitted : candidate from points, or along the readings' own path where None are given
+    fitted : candidate begun near what is known, or along the readings' own path
+    known : whether anything is
+    least : log evidence at which it has arrived
     """
     begun: list[RefittedHypothesis] = []
-    if smaller is not None and np.isfinite(promised) and explains(smaller):
+    if known:
         with suppress(ModelError):
-            begun = [c for c in [fitted(smaller.fit.points)] if explains(c)]
-        # the screen knows no environment of another size, which may pass for what an effect gains
-        least = smaller.fit.log_evidence + _least_gain(promised)
+            begun = [c for c in [fitted(True)] if explains(c)]
         if any(c.fit.log_evidence > least for c in begun):
             return begun
     try:
-        return [_better(fitted(None), *begun)]
+        return [_better(fitted(False), *begun)]
     except ModelError as exc:
         notify(f"given up: {exc}")
         return begun
@@ -120,10 +154,13 @@ def _better(*candidates: RefittedHypothesis) -> RefittedHypothesis:
     return max(candidates, key=lambda c: (explains(c), c.log_evidence))
 
 
-def _least_gain(promised: float) -> float:
-    """Least gain at which a refit has arrived where a linear screen promised one [nats]: short of it by no
-    more than a fifth, or than refits scatter."""
-    return min(ARRIVED_SHARE * promised, promised - LINEARISATION_SCATTER)
+def _least(smaller: RefittedHypothesis | None, promised: float) -> float:
+    """Log evidence at which a refit has arrived: what a linear screen promised beside a smaller one, short
+    of it by no more than a fifth, or than refits scatter. The screen knows no environment of another size,
+    which may pass for what an effect gains."""
+    if smaller is None or not explains(smaller) or not np.isfinite(promised):
+        return -np.inf
+    return smaller.fit.log_evidence + min(ARRIVED_SHARE * promised, promised - LINEARISATION_SCATTER)
 
 
 def refit_screened(
@@ -230,20 +267,21 @@ def refit_wide(
         sd[free.names.index(name)] *= 10.0
     wide, effects = replace(free, sd=sd), (f"{COEFFICIENT_ERROR}:{name}",)
 
-    def fitted(start: Sequence[Trajectory] | None) -> RefittedHypothesis:
-        anew = start is None
+    follows = none is not None and np.isfinite(promised) and explains(none)
+
+    def fitted(near: bool) -> RefittedHypothesis:
         found = fit(
             problem.model,
             problem.logs,
             wide,
             problem.environment.noise_model,
-            start=problem.path if start is None else start,
-            initial_noise_scale=max(problem.path_level, FOLLOWING_FORCE_LEVEL) if anew else 0.0,
-            iterations=MOST_ITERATIONS if anew else NEAR_ITERATIONS,
+            start=none.fit.points if near and none is not None else problem.path,
+            initial_noise_scale=0.0 if near else max(problem.path_level, FOLLOWING_FORCE_LEVEL),
+            iterations=NEAR_ITERATIONS if near else MOST_ITERATIONS,
         )
         return weighted_hypothesis(problem, effects, found)
 
-    return _near_or_anew(fitted, none, promised, notify)
+    return _near_or_anew(fitted, follows, _least(none, promised), notify)
 
 
 def remainder(problem: DiagnosisProblem, candidate: RefittedHypothesis) -> Localisation:

@@ -34,10 +34,14 @@ __all__ = ["FilterErrorFit", "fit", "stacked_equations"]
 
 # A step this long in posterior standard deviations changes the evidence by about 0.02.
 CONVERGED_STEP = 0.2
+# A step of up to so many posterior standard deviations stays where the evidence takes the model for linear.
+SHORT_STEP = 2.0
 # Longest step of one pass, in prior standard deviations.
 MOST_STEP = 3.0
-# Part of the last step below which the next one is much shorter.
-SHORTER = 0.5
+# What a step is shortened to where it is refused, and the most the next one may be longer again.
+SHORTEN = 0.3
+# Least share of a step that is taken where steps swing.
+LEAST_SHARE = 0.1
 # Change of the objective that counts as none where noise bends the valley and steps stay of one size.
 FLAT_CHANGE = 0.3
 WARM_ITERATIONS = 2
@@ -142,10 +146,16 @@ def _fit(
         flat = flat + 1 if same else 0
         biggest = float(np.abs(step).max()) if step.size else 0.0
         share = min(1.0, MOST_STEP / biggest) if biggest > 0 else 1.0
+        stride = 1.0
+        if best is not None and best.stride < 1.0:  # it was shortened
+            share, stride = min(share, best.share / SHORTEN), min(1.0, best.stride / SHORTEN)
+        elif best is not None and now is noise_model and best.noise_model is noise_model:
+            share = min(share, _relaxation(best.share, best.step / free.sd, step, total))
         if k < WARM_ITERATIONS and initial_noise_scale > 0:
             # Only let the path settle: slopes along raw readings are biased by their noise.
             share = 0.0
-        best = _Best(merit, paths, values, step * free.sd, now, share, any(noise_model.force), correction)
+        noisy = any(noise_model.force)
+        best = _Best(merit, paths, values, step * free.sd, now, share, noisy, correction, stride)
         points, standardised, proposal = best.again(model, free)
         length = _length((proposal - values) / free.sd, total)
         values = proposal
@@ -191,6 +201,24 @@ def _let_go(model: Model, paths: Sequence[Linearisation], free: GaussianPrior) -
 def _length(step: Array, total: NormalEquations) -> float:
     """Length of a step in prior standard deviations, counted in those of the posterior."""
     return float(np.sqrt(step @ step + step @ total.ss @ step)) if step.size else 0.0
+
+
+def _relaxation(last: float, before: Array, step: Array, total: NormalEquations) -> float:
+    """Share of a step that brings steps which swing to rest (Irons and Tuck 1969), at most the whole.
+
+    Slopes by the parameters are taken along a path that follows the parameters, so that a whole step may
+    overshoot by as much as it corrects, where the runs say little.
+
+    Parameters
+    ----------
+    last : share taken of the whole step `before`
+    """
+    change = step - before
+    bent = total.ss @ change + change
+    along = float(change @ bent)
+    if along <= 0.0:
+        return 1.0
+    return float(np.clip(-last * float(before @ bent) / along, LEAST_SHARE, 1.0))
 
 
 def _within(total: NormalEquations, mean: Array, low: Array) -> Array:
@@ -269,17 +297,20 @@ class _Best:
 
     def shorten(self) -> None:
         """Shorter step of the parameters and of the path: along the old path defects are small by design."""
-        self.share *= 0.3
-        self.stride *= 0.3
+        self.share *= SHORTEN
+        self.stride *= SHORTEN
 
     def refused(self, merit: float, correction: float, now: NoiseModel, real: NoiseModel) -> bool:
         """Whether a try at the real level came out worse and a shorter step is worth it.
 
-        Merits are compared along two paths, and one that has not settled has the better of it. So a try from
-        which the next step is much shorter is taken all the same (natural monotonicity; Deuflhard 2011, 3.3).
+        Merits are compared along two paths, and one that has not settled has the better of it. So a short
+        step is never refused, nor a try from which the next step is shorter (restricted monotonicity;
+        Deuflhard 2011, 3.3).
         """
-        worse = now is real and self.noise_model is real and merit < self.merit - 0.5
-        return worse and correction > SHORTER * self.correction and self.share > 0.02
+        if now is not real or self.noise_model is not real or merit >= self.merit - 0.5:
+            return False
+        longer = correction > (1.0 - 0.25 * self.share) * self.correction
+        return longer and self.share * self.correction > SHORT_STEP and self.share > 0.02
 
     def again(self, model: Model, free: GaussianPrior) -> tuple[list[Trajectory], list[Array], Array]:
         """Points, innovations and values a share of the step away, the path smoothed for those values."""
