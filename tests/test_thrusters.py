@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from thruster_plants import BOAT, boat_run, boat_trial
 
 from bayesid.diagnosis.input import unmoved_inputs
+from bayesid.diagnosis.next_manoeuvre import propose
 from bayesid.equations.model import build_model
 from bayesid.errors import VehicleError
 from bayesid.estimation.likelihood import NoiseParts
@@ -101,3 +103,8 @@ def test_a_bundle_of_thruster_logs_is_read_and_inputs_that_do_not_move_are_told(
     still = [replace(r, commands={"n_port_cmd": np.full(r.t.size, 500.0)}) for r in again.runs]
     told = " ".join(unmoved_inputs(replace(again, runs=tuple(still)), vehicle))
     assert "n_port never moves" in told and "n_stbd is an input" in told and "delta_r" not in told
+
+
+def test_no_manoeuvre_of_the_rudder_is_proposed_to_a_vehicle_without_one(model):
+    """A boat with two thrusters was told to run a Dieudonne spiral next."""
+    assert propose(SimpleNamespace(model=model), None, ("wind",), 0.3) == ()
