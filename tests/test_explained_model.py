@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -50,6 +51,32 @@ def test_coefficients_that_re_tuning_makes_worse_stay_as_stated():
     assert found.fit.free.names == (f"{LAG}.tau",)
     where = problem.coefficients.where
     assert np.array_equal(found.fit.par[where], problem.model.nominal[where])
+
+
+def of_the_day(signs):
+    """Problem of true coefficients in a current that is another in every pair of runs, and the refit of one
+    current for all."""
+    model = model_of()
+    runs = ()
+    for i, sign in enumerate(signs):
+        trial = planted_trial(model, {"ocean_current.V_north": 0.15 * sign * model.scales["U"]}, i)
+        runs += tuple(replace(run, name=f"{run.name} {i}") for run in trial.runs)
+    problem = build_problem(model, replace(trial, runs=runs))
+    current = fit_with(problem, (model.effects["ocean_current"],))
+    return problem, weighted_hypothesis(problem, ("ocean_current",), current)
+
+
+def test_what_one_day_does_is_not_in_the_model_that_predicts_other_days():
+    """One current for all runs goes with what the others had; the simulator as given goes with none. The
+    control: the same in all runs."""
+    problem, refit = of_the_day((1, -1, -1, 1))
+    found = explained_model(problem, refit)
+    assert found.as_given and found.effects == () and found.explaining is not found.fit
+    assert found.given_gain < -found.given_error < 0.0
+    assert np.array_equal(found.fit.par, problem.model.nominal)
+    steady, refit = of_the_day((1, 1))
+    kept = explained_model(steady, refit)
+    assert not kept.as_given and kept.effects == ("ocean_current",) and kept.given_gain > kept.given_error
 
 
 def test_the_size_with_coefficients_as_stated_is_that_of_the_truth_where_they_are_true():

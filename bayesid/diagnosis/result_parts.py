@@ -261,7 +261,8 @@ class Moved:
 class Retuning:
     """Whether the model of the explanation has the coefficients re-tuned or as the vehicle file states them.
 
-    Stated ones stay unless re-tuning predicts runs left out in turn better by more than a standard error.
+    Stated ones stay unless re-tuning predicts runs left out in turn better by more than a standard error. The
+    whole explanation is left out where the simulator as given predicts those runs better by as much.
     """
 
     kept: Annotated[bool, About("Whether the coefficients of the explanation are re-tuned.")]
@@ -277,6 +278,18 @@ class Retuning:
         Mapping[str, float],
         About("Parameters of the effects in that model, as `effect.parameter` (SI)."),
     ]
+    as_given: Annotated[
+        bool,
+        About(
+            "Whether the simulator as given predicts in its place, without any effect, because it predicts "
+            "runs left out better."
+        ),
+    ] = False
+    given_gain: Annotated[
+        float | None,
+        About("As `gain`, of the simulator as given over the explanation; null where it was not asked."),
+    ] = None
+    given_error: Annotated[float | None, About("Its standard error over runs.")] = None
 
 
 @dataclass(frozen=True)
