@@ -146,14 +146,14 @@ def _worse_left_out(gain: float, error: float) -> str:
         return "With it runs left out are lost."
     times, least, most = (math.exp(x - gain) for x in (0.0, -error, error))
     return (
-        f"With it runs left out are predicted worse (errors {times:.2g} times as large, one standard error "
-        f"{least:.2g} to {most:.2g})."
+        "That it predicts runs left out better is not sure "
+        f"(errors {times:.2g} times as large, one standard error {least:.2g} to {most:.2g})."
     )
 
 
 def _as_given(result: Result) -> bool:
     """Whether the third model is the one as given: an explanation of coefficients alone, not re-tuned, or one
-    that predicts runs left out worse."""
+    that does not predict runs left out better."""
     used = explanation(result)
     if used and result.retuning is not None and result.retuning.as_given:
         return True

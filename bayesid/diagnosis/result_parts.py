@@ -261,8 +261,9 @@ class Moved:
 class Retuning:
     """Whether the model of the explanation has the coefficients re-tuned or as the vehicle file states them.
 
-    Stated ones stay unless re-tuning predicts runs left out in turn better by more than a standard error. The
-    whole explanation is left out where the simulator as given predicts those runs better by as much.
+    Stated ones stay unless re-tuning predicts runs left out in turn better by more than a standard error.
+    Beside the simulator as given the whole explanation is held to the same; one that the verdict names is
+    left out only where it predicts them worse.
     """
 
     kept: Annotated[bool, About("Whether the coefficients of the explanation are re-tuned.")]
@@ -281,8 +282,8 @@ class Retuning:
     as_given: Annotated[
         bool,
         About(
-            "Whether the simulator as given predicts in its place, without any effect, because it predicts "
-            "runs left out better."
+            "Whether the simulator as given predicts in its place, without any effect, because the "
+            "explanation does not predict runs left out better."
         ),
     ] = False
     given_gain: Annotated[

@@ -122,14 +122,19 @@ def diagnose(
     notify("held-out runs: how far the gap shrinks")
     holdout = attempt(
         "held-out runs could not be predicted",
-        lambda: _holdout_validation(problem, trial, candidates, explained.explaining, seed),
+        lambda: _holdout_validation(problem, trial, candidates, explained.fit, seed),
         HoldoutValidation((), ()),
         warnings,
     )
     verdict = after_holdout(verdict, holdout.worse)
-    if explained.as_given:  # a name is judged by what it explains; what is told is what predicts
+    judged = explained.fit
+    if verdict.word in NEEDS_NONE and explained.effects:
+        # a verdict that needs no effect is shown without one, though one may gain by chance
+        explained = _explained(problem, none, warnings)
+    explained = explained.predicting(verdict.word in NAMING)
+    if explained.fit is not judged:  # a name is judged by what it explains; what is told is what predicts
         holdout = attempt(
-            "held-out runs could not be predicted as given",
+            "held-out runs could not be predicted with the model that is shown",
             lambda: _holdout_validation(problem, trial, candidates, explained.fit, seed),
             holdout,
             warnings,
@@ -153,9 +158,6 @@ def diagnose(
             warnings,
         )
     posterior = _drawn(problem, candidates, verdict, seed, notify, warnings) if draw else None
-    if verdict.word in NEEDS_NONE and explained.effects:
-        # a verdict that needs no effect is shown without one, though one may gain by chance
-        explained = _explained(problem, none, warnings)
     diagnosed = None
     if keep_model:
         notify("model for predictions")

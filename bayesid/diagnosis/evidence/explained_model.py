@@ -8,9 +8,10 @@ coefficients for the same end. What so predicts the next seconds can predict the
 tanker in wind re-tuning turned 29 degrees of heading of held-out turns into 36 to 45. So both models replay
 every run from its first readings, each run left out of its own estimate, and coefficients stay as stated
 unless re-tuning misses those runs by less, by more than one standard error over runs (Breiman et al. 1984).
-An explanation is itself held to that: where the simulator as given misses the runs left out by less than
-what the explanation makes of it, by more than one standard error, that simulator is what predicts. Runs in
-other winds than those of the fit are such a case: what one hour's wind does is no property of the vehicle.
+An explanation is itself held to that. One that the verdict names predicts unless it misses runs left out by
+more than the simulator as given does; one that is not named must miss them by less, by more than one
+standard error. Else that simulator predicts. Runs in other winds than those of the fit are such a case: what
+one hour's wind does is no property of the vehicle.
 """
 
 from __future__ import annotations
@@ -48,8 +49,8 @@ class ExplainedModel:
     error : its standard error over runs
     given_gain, given_error : the same of the simulator as given over the better of the two; nan where it was
         not asked
-    refused : the fit of an explanation that predicts worse than the simulator as given, which `fit` then is,
-        with nothing free; None where the explanation stands
+    given : the simulator as given along the runs, nothing free; None where it was not asked
+    refused : the fit of an explanation in whose place `fit` is the simulator as given; None where it stands
     """
 
     effects: tuple[str, ...]
@@ -59,38 +60,38 @@ class ExplainedModel:
     error: float = float("nan")
     given_gain: float = float("nan")
     given_error: float = float("nan")
+    given: FilterErrorFit | None = None
     refused: FilterErrorFit | None = None
+
+    def predicting(self, named: bool) -> ExplainedModel:
+        """The model to predict with, given whether the verdict names the explanation."""
+        least = 0.0 if named else self.given_error
+        if self.given is None or not self.given_gain <= least:
+            return self
+        return replace(self, effects=(), fit=self.given, retuned=False, refused=self.fit)
 
     @property
     def as_given(self) -> bool:
         """Whether the simulator as given predicts in place of the explanation."""
         return self.refused is not None
 
-    @property
-    def explaining(self) -> FilterErrorFit:
-        """The fit of the explanation itself, whether it predicts or not."""
-        return self.fit if self.refused is None else self.refused
-
 
 def explained_model(problem: DiagnosisProblem, refit: RefittedHypothesis) -> ExplainedModel:
     """The model of a refitted hypothesis. Re-tuned where there is one run, or nothing to compare it with."""
     found = ExplainedModel(refit.effects, refit.fit)
-    stated = as_stated(problem, refit) if len(problem.logs) > 1 else None
-    if stated is None:
+    if len(problem.logs) < 2:
         return found
-    gain, error = left_out_gain(problem, stated, refit.fit)
-    if math.isnan(gain):
-        return found
-    kept = gain > error
-    found = ExplainedModel(refit.effects, refit.fit if kept else stated, kept, gain, error)
+    if (stated := as_stated(problem, refit)) is not None:
+        gain, error = left_out_gain(problem, stated, refit.fit)
+        if math.isnan(gain):
+            return found
+        kept = gain > error
+        found = ExplainedModel(refit.effects, refit.fit if kept else stated, kept, gain, error)
     nothing = _as_given(problem, refit) if found.fit.free.names else None
     if nothing is None:
         return found
     gain, error = left_out_gain(problem, nothing, found.fit)
-    found = replace(found, given_gain=gain, given_error=error)
-    if gain < -error:
-        return replace(found, effects=(), fit=nothing, retuned=False, refused=found.fit)
-    return found
+    return replace(found, given=nothing, given_gain=gain, given_error=error)
 
 
 def left_out_gain(
