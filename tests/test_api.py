@@ -16,7 +16,7 @@ from bayesid.api.identify import identify
 from bayesid.api.predict import predict
 from bayesid.api.simulate import simulate
 from bayesid.diagnosis.answer import answer
-from bayesid.errors import BayesidError, FitError, ModelError, TrialError
+from bayesid.errors import BayesidError, FitError, ManoeuvreError, ModelError, TrialError
 from bayesid.trials import Trial, load_trial, write_trial
 
 ROOT = Path(__file__).parents[1]
@@ -142,6 +142,11 @@ def test_a_diagnosis_names_the_effect_planted_in_the_example(diagnosed):
 def test_two_goals_of_a_design_are_refused():
     with pytest.raises(FitError, match="one goal at a time"):
         design("generic_sub", gain=True, predict="turn:20")
+
+
+def test_no_manoeuvre_of_the_rudder_is_designed_for_a_vehicle_without_one():
+    with pytest.raises(ManoeuvreError, match="no rudder"):
+        design("differential_boat", quick=True)
 
 
 def test_a_name_that_was_not_predicted_is_refused(diagnosed, tmp_path):

@@ -345,6 +345,18 @@ def test_an_explanation_by_coefficients_that_keeps_them_as_given_is_called_the_s
     assert "times as large" not in explained_words(found)
 
 
+def test_an_explanation_that_does_not_predict_runs_left_out_better_is_not_what_predicts():
+    same = (a_run(position=(17.9, 15.6, 17.9), heading=(0.2, 0.13, 0.2)),)
+    kept = Retuning(False, -0.1, 0.2, {}, True, -0.5, 0.1)
+    wind = an_effect("wind", blowing_north=(2.0, 0.1), blowing_east=(1.0, 0.1))
+    found = replace(a_result(runs=same), effects=(wind,), retuning=kept)
+    assert "the simulator as given" in explained_words(found)
+    assert "better is not sure (errors 1.6 times as large" in explained_words(found)
+    told = answer(found)
+    assert "nothing is gained" in told.outcome and "--set" not in " ".join(told.steps)
+    assert "--set" in " ".join(answer(replace(found, retuning=replace(kept, as_given=False))).steps)
+
+
 @pytest.mark.parametrize(
     ("set95", "others"),
     [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -50,6 +51,44 @@ def test_coefficients_that_re_tuning_makes_worse_stay_as_stated():
     assert found.fit.free.names == (f"{LAG}.tau",)
     where = problem.coefficients.where
     assert np.array_equal(found.fit.par[where], problem.model.nominal[where])
+
+
+def of_the_day(signs):
+    """Problem of true coefficients in a current that is another in every pair of runs, and the refit of one
+    current for all."""
+    model = model_of()
+    runs = ()
+    for i, sign in enumerate(signs):
+        trial = planted_trial(model, {"ocean_current.V_north": 0.15 * sign * model.scales["U"]}, i)
+        runs += tuple(replace(run, name=f"{run.name} {i}") for run in trial.runs)
+    problem = build_problem(model, replace(trial, runs=runs))
+    current = fit_with(problem, (model.effects["ocean_current"],))
+    return problem, weighted_hypothesis(problem, ("ocean_current",), current)
+
+
+def test_what_one_day_does_is_not_in_the_model_that_predicts_other_days():
+    """One current for all runs goes with what the others had; the simulator as given goes with none. The
+    control: the same in all runs."""
+    problem, refit = of_the_day((1, -1, -1, 1))
+    explained = explained_model(problem, refit)
+    assert explained.effects == ("ocean_current",) and explained.given_gain < 0.0 < explained.given_error
+    for named in (True, False):
+        found = explained.predicting(named)
+        assert found.as_given and found.effects == () and found.refused is explained.fit
+        assert np.array_equal(found.fit.par, problem.model.nominal)
+    steady, refit = of_the_day((1, 1))
+    kept = explained_model(steady, refit)
+    assert kept.given_gain > kept.given_error and not kept.predicting(False).as_given
+
+
+def test_what_is_not_named_must_predict_better_by_a_standard_error_and_a_name_no_worse():
+    problem, refit = refitted(0, False)
+    explained = replace(explained_model(problem, refit), given_error=0.2)
+    for gain, named, as_given in (
+        (0.1, True, False), (0.1, False, True), (0.3, False, False), (-0.1, True, True),
+        (np.nan, False, False),
+    ):  # fmt: skip
+        assert replace(explained, given_gain=gain).predicting(named).as_given is as_given
 
 
 def test_the_size_with_coefficients_as_stated_is_that_of_the_truth_where_they_are_true():

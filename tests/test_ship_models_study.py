@@ -1,6 +1,7 @@
 """Errors of the study of ship models, on motions in closed form."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from bayesid.progress import Progress
 from bayesid.trials import Run, Trial
 from studies.ship_models import choice
 from studies.ship_models.choice import Candidate, chosen, joined_errors
-from studies.ship_models.errors import circle, filled, lost, overshoots, whole_turn
+from studies.ship_models.errors import circle, circled, filled, lost, overshoots, whole_turn
 from studies.ship_models.report import choice_words
 
 
@@ -33,6 +34,18 @@ def test_a_circle_has_its_diameter_and_drift_and_its_last_turn_is_whole():
     assert run["psi"][last[-1]] - run["psi"][last[0]] == pytest.approx(2 * np.pi, abs=rate)
     assert circle(t, run, last) == pytest.approx((2 * speed / rate, beta))
     assert whole_turn(run["psi"][:100]).size == 0  # less than a turn says nothing of a circle
+
+
+def test_a_circle_in_which_the_wind_stops_the_ship_has_no_diameter():
+    t = np.arange(0.0, 400.0)
+    run = {"psi": 0.03 * t, "u": 0.1 - 0.05 * np.cos(0.03 * t), "v": np.zeros(400)}
+    assert circled(run).size == whole_turn(run["psi"]).size > 0
+    assert circled(run | {"u": 0.1 - 0.09 * np.cos(0.03 * t)}).size == 0
+
+
+def test_folds_part_runs_of_one_manoeuvre_and_keep_the_order_of_others():
+    runs = [replace(zigzag(f"{i}"), manoeuvre=m) for i, m in enumerate("abcadb")]
+    assert [run.name for run in choice.by_manoeuvre(runs)] == ["0", "3", "1", "5", "2", "4"]
 
 
 def test_missing_samples_are_interpolated():

@@ -72,6 +72,28 @@ def test_measured_wind_with_its_gain_and_the_zero_of_its_vane_is_the_same_wind(s
     assert half == pytest.approx(known, rel=1e-6)  # the mean beyond the measured is in the same place
 
 
+def drifted(ship, values, wind=None):
+    """State of a ship after a minute at 600 rpm, from rest."""
+    t = np.arange(0.0, 60.0, 0.5)
+    measured = None if wind is None else {k: np.full(t.size, v) for k, v in wind.items()}
+    orders = {"delta_r_cmd": np.full(t.size, 0.1), "n_cmd": np.full(t.size, 600.0)}
+    plan = plan_run(ship, t, orders, exogenous=measured)
+    return simulate(ship, ship.with_values(values), plan, 0.0 * steady_start(ship), full=True).states[-1]
+
+
+def test_water_that_the_wind_moves_is_a_current_of_its_share():
+    """The same motion as with a current of 0.01 times the wind, told or measured; without it, metres away."""
+    ship, blows, share = build_model(load_vehicle("esso_osaka_mmg")), blowing(70.0), {"wind.water": 0.01}
+    north, east = blows.values()
+    current = {"ocean_current.V_north": 0.01 * north, "ocean_current.V_east": 0.01 * east}
+    apart = drifted(ship, blows | current)
+    assert drifted(ship, blows | share) == pytest.approx(apart, rel=1e-9)
+    measured = {"wind_speed": SPEED / 0.8, "wind_from": np.radians(70.0 - 10.0)}
+    taken = {"wind.gain": 0.8, "wind.vane_zero": np.radians(10.0)}
+    assert drifted(ship, taken | share, measured) == pytest.approx(apart, rel=1e-6)
+    assert np.hypot(*(drifted(ship, blows) - apart)[:2]) > 0.5
+
+
 def test_other_vehicles_keep_their_wind():
     names = build_model(load_vehicle("remus100"), 3).effects["wind"].parameters
     assert [p.name for p in names] == ["blowing_north", "blowing_east", "area_coefficients"]

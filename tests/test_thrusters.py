@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from thruster_plants import BOAT, boat_run, boat_trial
 
 from bayesid.diagnosis.input import unmoved_inputs
+from bayesid.diagnosis.input.vehicle_behaviour import speed_ratio
+from bayesid.diagnosis.next_manoeuvre import propose
 from bayesid.equations.model import build_model
 from bayesid.errors import VehicleError
 from bayesid.estimation.likelihood import NoiseParts
@@ -101,3 +104,17 @@ def test_a_bundle_of_thruster_logs_is_read_and_inputs_that_do_not_move_are_told(
     still = [replace(r, commands={"n_port_cmd": np.full(r.t.size, 500.0)}) for r in again.runs]
     told = " ".join(unmoved_inputs(replace(again, runs=tuple(still)), vehicle))
     assert "n_port never moves" in told and "n_stbd is an input" in told and "delta_r" not in told
+
+
+def test_no_manoeuvre_of_the_rudder_is_proposed_to_a_vehicle_without_one(model):
+    """A boat with two thrusters was told to run a Dieudonne spiral next."""
+    assert propose(SimpleNamespace(model=model), None, ("wind",), 0.3) == ()
+
+
+def test_a_shaft_the_vehicle_does_not_have_says_nothing_of_its_speed(model):
+    """The log of a hovering vehicle with a column n was told to be another vehicle's, 3.2 times as fast."""
+    t = np.arange(0.0, 60.0, 0.5)
+    run, _, _ = boat_run("", t, np.full((t.size, 2), 400.0), np.random.default_rng(0))
+    logged = replace(run, commands=run.commands | {"n_cmd": np.full(t.size, 1500.0)})
+    assert speed_ratio(model, logged) is None
+    assert speed_ratio(build_model(load_vehicle("esso_osaka_mmg")), logged) is not None  # the control

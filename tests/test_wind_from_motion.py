@@ -18,7 +18,7 @@ from studies.wind_from_motion import run as study
 from studies.wind_from_motion.estimate import MotionWind, unread, wind_of
 from studies.wind_from_motion.hours import shared_winds
 from studies.wind_from_motion.report import NO_SHIP, scores, wind_report
-from studies.wind_from_motion.run import clock, row, winds
+from studies.wind_from_motion.run import clock, mean_wind, pushing_wind, row, winds
 
 T = np.arange(0.0, 20.0, 1.0)
 
@@ -49,6 +49,17 @@ def test_direction_sd_is_that_of_the_component_across():
     assert wind.evidence == pytest.approx(4.0 / 9.0)
     none = MotionWind("r", np.array([1e-3, 0.0]), np.eye(2), "converged")
     assert none.direction_sd == pytest.approx(np.pi / np.sqrt(3.0))
+
+
+def test_gusts_push_as_a_stronger_steady_wind_does():
+    """A wind of 1 and 3 m/s by turns pushes as one of sqrt((1 + 9)/2); a steady wind is its own."""
+    steady = given(calm_run(), (1.2, -0.5))
+    for wind in (pushing_wind(steady), mean_wind(steady)):
+        assert wind == pytest.approx((1.2, -0.5))
+    speed = np.where(np.arange(T.size) % 2 == 0, 1.0, 3.0)
+    gusty = replace(steady, exogenous={"wind_speed": speed, "wind_from": np.full(T.size, np.pi)})
+    assert mean_wind(gusty) == pytest.approx((2.0, 0.0))
+    assert pushing_wind(gusty) == pytest.approx((np.sqrt(5.0), 0.0))
 
 
 def test_direction_errors_go_the_short_way_round():
@@ -120,7 +131,7 @@ def test_a_kept_wind_serves_its_own_inputs_and_a_run_without_a_ship_is_marked(mo
         | {"inputs": {"quick": True}, "attribution": "none"}
     )
     assert "For 1 runs no ship could be fitted" in told.lead
-    assert told.sections[2].blocks[0].rows[1][3] == NO_SHIP
+    assert told.sections[2].blocks[0].rows[1][4] == NO_SHIP
 
 
 def told_alone(seed, spread, scatter, own=0.5):

@@ -18,10 +18,11 @@ from bayesid.api.planning import case_of, reference_scale, subject_of
 from bayesid.api.result import Result, table
 from bayesid.diagnosis.data.problem import build_problem
 from bayesid.equations.model import Model
-from bayesid.errors import FitError
+from bayesid.errors import FitError, ManoeuvreError
 from bayesid.files import write_json
 from bayesid.manoeuvres import parse, write_table
 from bayesid.model.vehicles import Vehicle
+from bayesid.model.vehicles.sufficient import has_rudder
 from bayesid.progress import Progress
 from bayesid.report import design as words
 from bayesid.report import design_first_screen as screen
@@ -94,7 +95,7 @@ def design(
     FitError
         more than one goal
     TrialError, VehicleError, ManoeuvreError
-        what cannot be read, set up or executed
+        what cannot be read, set up or executed; a vehicle without a rudder
     """
     causes_to_tell = names_of(tell)
     goals = [
@@ -103,6 +104,11 @@ def design(
     if len(goals) > 1:
         raise FitError(f"one goal at a time: gain, predict or tell; given are {' and '.join(goals)}")
     subject, trial = subject_of(source, vehicle, dof, prior, data, resample)
+    if not has_rudder(subject.vehicle):
+        raise ManoeuvreError(
+            f"{subject.vehicle.name} has no rudder: manoeuvres are designed for rudder, plane and shaft; "
+            "order its thrusters by tables of your own (table:FILE.csv), each alone and against the others"
+        )
     made = case_of(
         subject, trial, executed=executed, fitted=model, fix=fix, noise=noise, dt=dt, duration=duration,
         rudder=rudder, rate=rate, rpm=rpm, box=box, depth=depth, plane=plane, pieces=pieces, hold=hold,

@@ -128,6 +128,8 @@ def _as_stated(result: Result) -> list[str]:
     """That the third model has the coefficients as given, and why; nothing where they are re-tuned."""
     if result.retuning is None or retuned(result):
         return []
+    if result.retuning.as_given:
+        return [_worse_left_out(result.retuning.given_gain or 0.0, result.retuning.given_error or 0.0)]
     gain, error = result.retuning.gain or 0.0, result.retuning.error or 0.0
     if not error:  # the most that is counted of a ratio: in every run beyond it, or diverging
         return ["Its coefficients are as given: runs left out are lost with re-tuned ones."]
@@ -138,9 +140,23 @@ def _as_stated(result: Result) -> list[str]:
     ]
 
 
+def _worse_left_out(gain: float, error: float) -> str:
+    """Why an explanation does not predict."""
+    if not error:
+        return "With it runs left out are lost."
+    times, least, most = (math.exp(x - gain) for x in (0.0, -error, error))
+    return (
+        "That it predicts runs left out better is not sure "
+        f"(errors {times:.2g} times as large, one standard error {least:.2g} to {most:.2g})."
+    )
+
+
 def _as_given(result: Result) -> bool:
-    """Whether the third model is the one as given: an explanation of coefficients alone, not re-tuned."""
+    """Whether the third model is the one as given: an explanation of coefficients alone, not re-tuned, or one
+    that does not predict runs left out better."""
     used = explanation(result)
+    if used and result.retuning is not None and result.retuning.as_given:
+        return True
     return bool(used) and not retuned(result) and all(n.startswith("coefficient_error") for n in used)
 
 
@@ -427,6 +443,9 @@ def _steps(result: Result) -> tuple[str, ...]:
                     sizes = {k: result.retuning.sizes.get(k, v) for k, v in sizes.items()}
                 values = " ".join(f"--set {k}={v:.3g}" for k, v in sizes.items())
                 given = "" if retuned(result) else ", coefficients as given"
+                if _as_given(result):
+                    out.append(f"Look for {in_words(e.name)} on the vehicle.")
+                    continue
                 out.append(
                     f"Look for {in_words(e.name)} on the vehicle, or simulate with it{given}: `{values}`."
                 )

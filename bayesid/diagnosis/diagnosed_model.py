@@ -123,6 +123,7 @@ def diagnosed_model(
     verdict: Verdict,
     trial: str,
     retuned: bool = True,
+    as_given: bool = False,
 ) -> DiagnosedModel:
     """The diagnosed model behind a verdict.
 
@@ -130,13 +131,14 @@ def diagnosed_model(
     ----------
     trial : digest of what was diagnosed
     retuned : whether coefficients are re-tuned; else they are as stated, as well known as stated
+    as_given : whether no effect is in it, because the simulator as given predicts better than with any
 
     Raises
     ------
     ModelError
         if no hypothesis has a finite log evidence along its path
     """
-    chosen = _chosen(candidates, verdict)
+    chosen = [candidates.none] if as_given else _chosen(candidates, verdict)
     each = PRIOR_CATALOGUE / (len(problem.model.causes) + 1)
     fits, evidences, tuned = [], [], []
     for c in chosen:
@@ -190,8 +192,11 @@ def _left_out(
 
 def diagnosed_model_of(d: Diagnosis) -> DiagnosedModel:
     """The diagnosed model of a diagnosis, with the checks it failed: the one it holds, else made now."""
-    retuned = d.result.retuning is None or d.result.retuning.kept
-    found = d.diagnosed or diagnosed_model(d.problem, d.candidates, d.verdict, d.trial.digest, retuned)
+    told = d.result.retuning
+    found = d.diagnosed or diagnosed_model(
+        d.problem, d.candidates, d.verdict, d.trial.digest, told is None or told.kept,
+        told is not None and told.as_given,
+    )  # fmt: skip
     return replace(found, failed_checks=failures(d.result))
 
 

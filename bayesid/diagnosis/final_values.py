@@ -164,7 +164,13 @@ def result_of(
             )
         },
         retuning=Retuning(
-            explained.retuned, _number(explained.gain), _number(explained.error), _sizes(model, explained)
+            explained.retuned,
+            _number(explained.gain),
+            _number(explained.error),
+            _sizes(model, explained),
+            explained.as_given,
+            _number(explained.given_gain),
+            _number(explained.given_error),
         ),
         model_form=_form(problem, c, best),
         next_manoeuvre=proposals or (),

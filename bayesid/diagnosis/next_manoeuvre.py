@@ -21,6 +21,7 @@ from bayesid.estimation.filter_error.noise_model import whitened
 from bayesid.estimation.parameters import effect_prior
 from bayesid.estimation.run_data import Array, RunData
 from bayesid.manoeuvres import LIBRARY, library, order_words
+from bayesid.model.vehicles.sufficient import has_rudder
 from bayesid.simulation import plan_run, run_manoeuvre, steady_start, with_own_states
 
 MOST_LENGTHS = 60.0
@@ -42,7 +43,7 @@ class Proposal:
 def propose(
     problem: DiagnosisProblem, bank: SensitivityBank, names: Sequence[str], size: float
 ) -> tuple[Proposal, ...]:
-    """Library manoeuvres, best first.
+    """Library manoeuvres, best first; none for a vehicle without a rudder, which cannot run them.
 
     Parameters
     ----------
@@ -50,6 +51,8 @@ def propose(
     size : of the effects, in prior standard deviations
     """
     model = problem.model
+    if not has_rudder(model.vehicle):
+        return ()
     chosen = [n for n in names if n in bank.effects]
     now = worst_margin(bank, chosen, size)
     rpm = model.vehicle.rpm_ref or 1.0

@@ -262,6 +262,8 @@ class Retuning:
     """Whether the model of the explanation has the coefficients re-tuned or as the vehicle file states them.
 
     Stated ones stay unless re-tuning predicts runs left out in turn better by more than a standard error.
+    Beside the simulator as given the whole explanation is held to the same; one that the verdict names is
+    left out only where it predicts them worse.
     """
 
     kept: Annotated[bool, About("Whether the coefficients of the explanation are re-tuned.")]
@@ -277,6 +279,18 @@ class Retuning:
         Mapping[str, float],
         About("Parameters of the effects in that model, as `effect.parameter` (SI)."),
     ]
+    as_given: Annotated[
+        bool,
+        About(
+            "Whether the simulator as given predicts in its place, without any effect, because the "
+            "explanation does not predict runs left out better."
+        ),
+    ] = False
+    given_gain: Annotated[
+        float | None,
+        About("As `gain`, of the simulator as given over the explanation; null where it was not asked."),
+    ] = None
+    given_error: Annotated[float | None, About("Its standard error over runs.")] = None
 
 
 @dataclass(frozen=True)

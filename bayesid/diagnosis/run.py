@@ -122,11 +122,23 @@ def diagnose(
     notify("held-out runs: how far the gap shrinks")
     holdout = attempt(
         "held-out runs could not be predicted",
-        lambda: _holdout_validation(problem, trial, candidates, explained, seed),
+        lambda: _holdout_validation(problem, trial, candidates, explained.fit, seed),
         HoldoutValidation((), ()),
         warnings,
     )
     verdict = after_holdout(verdict, holdout.worse)
+    judged = explained.fit
+    if verdict.word in NEEDS_NONE and explained.effects:
+        # a verdict that needs no effect is shown without one, though one may gain by chance
+        explained = _explained(problem, none, warnings)
+    explained = explained.predicting(verdict.word in NAMING)
+    if explained.fit is not judged:  # a name is judged by what it explains; what is told is what predicts
+        holdout = attempt(
+            "held-out runs could not be predicted with the model that is shown",
+            lambda: _holdout_validation(problem, trial, candidates, explained.fit, seed),
+            holdout,
+            warnings,
+        )
     no_mistake: tuple[SimulatorMistakeFound, ...] = ()
     mistakes = attempt(
         "mistakes of the simulator could not be looked for",
@@ -146,15 +158,14 @@ def diagnose(
             warnings,
         )
     posterior = _drawn(problem, candidates, verdict, seed, notify, warnings) if draw else None
-    if verdict.word in NEEDS_NONE and explained.effects:
-        # a verdict that needs no effect is shown without one, though one may gain by chance
-        explained = _explained(problem, none, warnings)
     diagnosed = None
     if keep_model:
         notify("model for predictions")
         diagnosed = attempt(
             NO_MODEL,
-            lambda: diagnosed_model(problem, candidates, verdict, trial.digest, explained.retuned),
+            lambda: diagnosed_model(
+                problem, candidates, verdict, trial.digest, explained.retuned, explained.as_given
+            ),
             None,
             warnings,
         )
@@ -218,7 +229,7 @@ def _holdout_validation(
     problem: DiagnosisProblem,
     trial: Trial,
     candidates: HypothesisComparison,
-    explained: ExplainedModel,
+    explained: FilterErrorFit,
     seed: int,
 ) -> HoldoutValidation:
     if not trial.holdout:
@@ -232,9 +243,9 @@ def _holdout_validation(
         )
         models["recalibrated, white"] = white.par
         draws["recalibrated, white"] = parameter_draws(white, rng)
-    models["with effect"] = explained.fit.par
-    same = explained.fit is candidates.none.fit
-    draws["with effect"] = draws["recalibrated"] if same else parameter_draws(explained.fit, rng)
+    models["with effect"] = explained.par
+    same = explained is candidates.none.fit
+    draws["with effect"] = draws["recalibrated"] if same else parameter_draws(explained, rng)
     return validate_holdout(problem, trial, models, problem.environment.noise_model, seed, draws)
 
 

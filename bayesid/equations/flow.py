@@ -43,13 +43,14 @@ def current(
 ) -> tuple[dict[str, Node], dict[str, Node], dict[str, Node]]:
     """Water in body axes: velocity c = R' V, its rate dc/dt = R' dV/dt - omega x c, acceleration R' dV/dt.
 
-    Currents an effect declares change with time alone and are differentiated; an input held over a step
-    (`flow_north` ...) has no rate.
+    Currents an effect declares change with time and are differentiated; an input held over a step
+    (`flow_north`, `wind_north` ...) has no rate.
     """
     earth = {k: inputs.get(f"flow_{k}", g.zero) for k in ("north", "east", "down")}
+    names = {"t": time} | {k: inputs[k] for k in ("wind_north", "wind_east") if k in inputs}
     for effect in effects:
         for direction, formula in effect.flow.items():
-            earth[direction] = g.add(earth[direction], parse_effect(g, effect, formula, {"t": time}))
+            earth[direction] = g.add(earth[direction], parse_effect(g, effect, formula, names))
     rate = {k: g.diff(node, time) for k, node in earth.items()}
     body = {k: g.parse(text, {**ground, **earth}) for k, text in CURRENT.items()}
     turned = {k: g.parse(text, {**ground, **rate}) for k, text in CURRENT.items()}

@@ -56,7 +56,11 @@ def virtual_run(
     noise = dict(noise or {})
     unknown = [channel for channel in noise if channel not in names]
     if unknown:
-        raise ModelError(f"no channel {', '.join(unknown)} to put noise on; there are {', '.join(names)}")
+        more = set(unknown) & {"z", "phi", "theta", "w", "p", "q"} and model.dof == 3
+        raise ModelError(
+            f"no channel {', '.join(unknown)} to put noise on; there are {', '.join(names)}"
+            + (" (in the plane; six degrees of freedom: --dof 6)" if more else "")
+        )
     wrong = [f"{channel} = {sigma:g}" for channel, sigma in noise.items() if not 0 <= sigma < math.inf]
     if wrong:
         raise ModelError(f"noise {', '.join(wrong)}: a standard deviation is finite and not negative")

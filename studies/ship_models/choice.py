@@ -6,7 +6,7 @@ Takes the runs to identify. Gives the candidates with their errors and the best 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -21,13 +21,16 @@ from bayesid.estimation.trial_fit import outcomes
 from bayesid.files import write_json
 from bayesid.model.vehicles import Vehicle
 from bayesid.progress import Progress
-from bayesid.trials import Trial, thin
+from bayesid.trials import Run, Trial, thin
 from studies.real_logs.run import SETTINGS, SINGLE_SCREW
 from studies.ship_models.errors import errors, lost
 from studies.ship_models.report import MARKS
 from studies.ship_models.ships import AT_ONE_RPM, INERTIA, KNOWN, SHARE, SHIP_WIND, free_of
 
 FOLDS, ROUNDS = 2, 5
+# The side force of a screw as a share of its thrust: what goes with the square of the ship's speed is a tenth
+# in a tight circle, at the revolutions of the approach. And the share of the wind that the water goes with.
+BY_THRUST, WATER, LAG = "propeller_side_force.side_force", "wind.water", "actuator_lag.tau"
 AT_THE_RUDDER = ("gamma_plus", "gamma_minus", "l_R")
 
 
@@ -43,7 +46,8 @@ class Candidate:
 def candidates(name: str, ship: Vehicle) -> tuple[Candidate, ...]:
     """What is tried for a ship; of equal ones the first is taken."""
     share, usual = SHARE[name], free_of(ship)
-    screw = (*SINGLE_SCREW, *(SHIP_WIND if SETTINGS[name].wind else ()))
+    wind = SHIP_WIND if SETTINGS[name].wind else ()
+    screw = (*SINGLE_SCREW, *wind)
     if name == "kvlcc2_hsva":
         every = tuple(n for n in ship.coef if n not in (*INERTIA, *KNOWN))
         hull = tuple(n for n in usual if n not in (*AT_ONE_RPM, *AT_THE_RUDDER))
@@ -60,12 +64,24 @@ def candidates(name: str, ship: Vehicle) -> tuple[Candidate, ...]:
     extra: Mapping[str, tuple[str, ...]] = {
         "": (),
         ", rudder stronger to one side": ("rudder_asymmetry.asymmetry",),
-        ", servo lag": ("actuator_lag.tau",),
+        ", servo lag": (LAG,),
     }
     return (
         *(
             Candidate(f"power as information{words}", (*usual, *screw, *more), share)
             for words, more in extra.items()
+        ),
+        *(
+            Candidate(f"{weight}, {words}", (*usual, *wind, *more), parts)
+            for weight, parts in (("power as information", share), ("power as asked", None))
+            for words, more in (
+                ("side force of the screw by its thrust", (BY_THRUST,)),
+                ("side force of the screw by its thrust, water moved by the wind", (BY_THRUST, WATER)),
+                (
+                    "side force of the screw by its thrust, water moved by the wind, servo lag",
+                    (BY_THRUST, WATER, LAG),
+                ),
+            )
         ),
         Candidate("power as asked", (*usual, *screw), None),
     )
@@ -79,7 +95,7 @@ def chosen(
     The score is the mean of the measures that have a mark, each over its mark. Candidates whose errors are
     there already for the same runs, ship, unknowns, noise and seed are not fitted again.
     """
-    runs = tuple(thin(run, 2 * SETTINGS[name].dt) for run in trial.identify)
+    runs = tuple(thin(run, 2 * SETTINGS[name].dt) for run in by_manoeuvre(trial.identify))
     kept = out / "choice.json"
     table: dict[str, Any] = json.loads(kept.read_text()) if kept.is_file() else {}
     tried: dict[str, dict[str, float]] = {}
@@ -96,6 +112,15 @@ def chosen(
             write_json(kept, table)
         tried[candidate.key] = {measure: float(value) for measure, value in row["errors"].items()}
     return {"tried": tried, "best": min(tried, key=lambda key: tried[key]["score"])}
+
+
+def by_manoeuvre(runs: Sequence[Run]) -> tuple[Run, ...]:
+    """Runs with those of one manoeuvre side by side, so that folds dealt in turn part them.
+
+    Left out together, both circles to one side were predicted by a ship that had turned to the other.
+    """
+    first = {run.manoeuvre: i for i, run in reversed(list(enumerate(runs)))}
+    return tuple(sorted(runs, key=lambda run: first[run.manoeuvre]))
 
 
 def _left_out(

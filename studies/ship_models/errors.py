@@ -14,6 +14,9 @@ from bayesid.trials import Run
 
 Array = np.ndarray
 LEAST = np.radians(2.0)  # of rudder; smaller orders are no reversal
+# Speed left in the slowest twentieth of a turn over its mean, below which wind stops the ship in its circle:
+# 0.2 in one run, 0.6 to 0.9 in the others.
+STANDS, SLOWEST = 0.4, 0.05
 
 
 def columns(run: RunOutcome, values: Array) -> dict[str, Array]:
@@ -57,6 +60,13 @@ def whole_turn(psi: Array) -> Array:
     return np.flatnonzero(left <= 2 * np.pi) if left.max() > 2 * np.pi else np.array([], dtype=int)
 
 
+def circled(run: Mapping[str, Array]) -> Array:
+    """Samples of the last whole turn of the log; none where the ship comes to a stand on it."""
+    last = whole_turn(run["psi"])
+    speed = np.hypot(run["u"], run["v"])[last]
+    return last if last.size and np.quantile(speed, SLOWEST) > STANDS * speed.mean() else last[:0]
+
+
 def errors(outcome: RunOutcome, run: Run, which: str) -> dict[str, float]:
     """Errors of a simulation (`which` is "nominal" or "fitted") in degrees, metres and per cent."""
     sim = columns(outcome, getattr(outcome, which))
@@ -71,7 +81,7 @@ def errors(outcome: RunOutcome, run: Run, which: str) -> dict[str, float]:
         if wanted.size:
             found["overshoot"] = deg * float(np.sqrt(np.mean((got - wanted) ** 2)))
     elif outcome.manoeuvre.startswith("turn"):
-        last = whole_turn(log["psi"])
+        last = circled(log)
         if last.size:
             (size, drift), (sim_size, sim_drift) = (circle(outcome.t, one, last) for one in (log, sim))
             found["diameter"] = 100 * (sim_size / size - 1)
@@ -87,5 +97,6 @@ def lost(run: Run) -> dict[str, float]:
         rudder = np.asarray(run.measured_inputs.get("delta_r", run.commands.get("delta_r_cmd")))
         found += ["overshoot"] if overshoots(run.t, psi, rudder).size else []
     elif run.manoeuvre.startswith("turn"):
-        found += ["diameter", "drift"] if whole_turn(psi).size else []
+        log = {c: filled(run.t, run.data[c]) for c in ("psi", "u", "v")}
+        found += ["diameter", "drift"] if circled(log).size else []
     return dict.fromkeys(found, np.inf)

@@ -21,13 +21,13 @@ from bayesid.lock import lock_or_exit
 from bayesid.model.vehicles import Vehicle, load_vehicle
 from bayesid.progress import Progress
 from bayesid.report import writer
-from bayesid.trials import Run, Trial, thin
+from bayesid.trials import Run, Trial, thin, window
 from studies.real_logs.run import HERE as LOGS
 from studies.real_logs.run import SETTINGS, SINGLE_SCREW, WIND, begun
 from studies.ship_models.choice import candidates, chosen
 from studies.ship_models.errors import errors
 from studies.ship_models.report import models_report
-from studies.ship_models.ships import INERTIA, SHIP_WIND, SHIPS, logs_of, of_all_quadrants, slow_logs
+from studies.ship_models.ships import INERTIA, SHIPS, logs_of, of_all_quadrants, slow_logs
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,8 @@ def study(name: str, data: Path, out: Path, quick: bool, seed: int, progress: Pr
     slow: tuple[Run, ...] = ()
     if setting.wind:  # the pond has runs in all quadrants
         slow = tuple(thin(run, step) for run in slow_logs(data).runs)
-        sets.append(("mmg_all", "MMG, all quadrants", *wide_set(ship), best.parts))
+        wide, unknowns = wide_set(ship, best.free)
+        sets.append(("mmg_all", "MMG, all quadrants", wide, unknowns, best.parts))
     for key, words, vehicle, free, parts in sets:
         fitted = replace(inside, runs=(*inside.runs, *slow)) if key == "mmg_all" else inside
         with progress.stage(f"{name}: {words}") as stage:
@@ -98,17 +99,22 @@ def study(name: str, data: Path, out: Path, quick: bool, seed: int, progress: Pr
     return told
 
 
-def wide_set(ship: Vehicle) -> tuple[Vehicle, tuple[str, ...]]:
-    """Ship and unknowns of the fit to all quadrants."""
+def wide_set(ship: Vehicle, chosen: tuple[str, ...]) -> tuple[Vehicle, tuple[str, ...]]:
+    """Ship and unknowns of the fit to all quadrants: screw and wind as in the fit that was chosen."""
     wide, free = of_all_quadrants(ship)
-    return wide, (*free, *SINGLE_SCREW, *SHIP_WIND)
+    return wide, (*free, *(n for n in chosen if n not in ship.coef))
 
 
 def held_pieces(trial: Trial, seconds: float) -> Trial:
     """Held-out runs cut into pieces, each predicted from its own first readings."""
     held = tuple(replace(run, role="identify") for run in trial.holdout)
     cut = in_pieces(replace(trial, runs=held), seconds)
-    return replace(cut, runs=tuple(replace(run, role="holdout") for run in cut.runs))
+    return replace(cut, runs=tuple(replace(_at_most(run, seconds), role="holdout") for run in cut.runs))
+
+
+def _at_most(run: Run, seconds: float) -> Run:
+    """The first seconds of a run: pieces are up to half as long again, and errors grow with time."""
+    return window(run, float(run.t[0]), float(run.t[0]) + seconds)
 
 
 def collect(

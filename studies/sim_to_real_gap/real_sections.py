@@ -178,6 +178,13 @@ def told(record: Mapping[str, Any]) -> list[Block]:
         )
     lines += [f"- {unsigned_zeros(reason)}" for reason in record["reasons"]]
     lines += [f"- {literal(w)}" for w in record["warnings"][:4]]
+    tuned = record.get("retuning") or {}
+    if tuned.get("as_given"):
+        times = math.exp(-tuned["given_gain"])
+        lines.append(
+            "- the simulator as given predicts: with the best explanation, errors of runs left out are "
+            f"{times:.2g} times as large"
+        )
     rows = [
         [
             h["horizon"],

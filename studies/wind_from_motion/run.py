@@ -158,18 +158,39 @@ def read(run: Run, found: Mapping[str, Any]) -> MotionWind:
     return MotionWind(run.name, np.array(found["mean"]), np.array(found["covariance"]), found["status"])
 
 
+def _blowing(run: Run) -> np.ndarray:
+    """(2, n) where the measured air goes [m/s]."""
+    speed, come = run.exogenous["wind_speed"], run.exogenous["wind_from"]
+    return -np.array([speed * np.cos(come), speed * np.sin(come)])
+
+
+def mean_wind(run: Run) -> np.ndarray:
+    """(2,) mean of the measured wind [m/s]."""
+    return np.asarray(_blowing(run).mean(axis=1))
+
+
+def pushing_wind(run: Run) -> np.ndarray:
+    """(2,) steady wind that pushes as the measured one with its gusts does [m/s].
+
+    The motion tells a force, which goes with |V| V, and not a speed.
+    """
+    air = _blowing(run)
+    push = (np.hypot(*air) * air).mean(axis=1)
+    return np.asarray(push / max(float(np.sqrt(np.hypot(*push))), 1e-9))
+
+
 def row(run: Run, found: Mapping[str, Any]) -> dict[str, Any]:
     """A wind by the motion beside the anemometer, which is read here for the first time."""
-    speed, come = run.exogenous["wind_speed"], run.exogenous["wind_from"]
-    air = np.array([-np.mean(speed * np.cos(come)), -np.mean(speed * np.sin(come))])
-    told = {"run": run.name, "kind": kind(run.name), "seconds": float(run.duration), "measured": air.tolist()}
+    air, push = mean_wind(run), pushing_wind(run)
+    told = {"run": run.name, "kind": kind(run.name), "seconds": float(run.duration), "measured": air.tolist(),
+            "pushing": push.tolist()}  # fmt: skip
     if "failed" in found:
         return told | dict(found)
     wind = read(run, found)
     turn = np.arctan2(wind.mean[1], wind.mean[0]) - np.arctan2(air[1], air[0])
     return told | dict(found) | {
         "direction_error": float((turn + np.pi) % (2 * np.pi) - np.pi),
-        "z": ((wind.mean - air) / np.sqrt(np.diag(wind.covariance))).tolist(),
+        "z": ((wind.mean - push) / np.sqrt(np.diag(wind.covariance))).tolist(),
     }  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""The model that stands for an explanation: its coefficients re-tuned, or as the vehicle file states them.
+"""The model that stands for an explanation: re-tuned, with coefficients as stated, or the simulator as given.
 
 Takes a `DiagnosisProblem` and the refit of an explanation. Gives a frozen `ExplainedModel`. Reads no held-out
 run and never changes a verdict.
@@ -8,10 +8,16 @@ coefficients for the same end. What so predicts the next seconds can predict the
 tanker in wind re-tuning turned 29 degrees of heading of held-out turns into 36 to 45. So both models replay
 every run from its first readings, each run left out of its own estimate, and coefficients stay as stated
 unless re-tuning misses those runs by less, by more than one standard error over runs (Breiman et al. 1984).
+An explanation is itself held to that. One that the verdict names predicts unless it misses runs left out by
+more than the simulator as given does; one that is not named must miss them by less, by more than one
+standard error. Else that simulator predicts. Runs in other winds than those of the fit are such a case: what
+one hour's wind does is no property of the vehicle.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -41,6 +47,10 @@ class ExplainedModel:
     gain : mean over runs left out in turn, and over channels, of the logarithm of the rms error with the
         coefficients as stated over that with them re-tuned; nan where it was not asked
     error : its standard error over runs
+    given_gain, given_error : the same of the simulator as given over the better of the two; nan where it was
+        not asked
+    given : the simulator as given along the runs, nothing free; None where it was not asked
+    refused : the fit of an explanation in whose place `fit` is the simulator as given; None where it stands
     """
 
     effects: tuple[str, ...]
@@ -48,31 +58,61 @@ class ExplainedModel:
     retuned: bool = True
     gain: float = float("nan")
     error: float = float("nan")
+    given_gain: float = float("nan")
+    given_error: float = float("nan")
+    given: FilterErrorFit | None = None
+    refused: FilterErrorFit | None = None
+
+    def predicting(self, named: bool) -> ExplainedModel:
+        """The model to predict with, given whether the verdict names the explanation."""
+        least = 0.0 if named else self.given_error
+        if self.given is None or not self.given_gain <= least:
+            return self
+        return replace(self, effects=(), fit=self.given, retuned=False, refused=self.fit)
+
+    @property
+    def as_given(self) -> bool:
+        """Whether the simulator as given predicts in place of the explanation."""
+        return self.refused is not None
 
 
 def explained_model(problem: DiagnosisProblem, refit: RefittedHypothesis) -> ExplainedModel:
     """The model of a refitted hypothesis. Re-tuned where there is one run, or nothing to compare it with."""
-    whole = ExplainedModel(refit.effects, refit.fit)
-    stated = as_stated(problem, refit) if len(problem.logs) > 1 else None
-    if stated is None:
-        return whole
+    found = ExplainedModel(refit.effects, refit.fit)
+    if len(problem.logs) < 2:
+        return found
+    if (stated := as_stated(problem, refit)) is not None:
+        gain, error = left_out_gain(problem, stated, refit.fit)
+        if math.isnan(gain):
+            return found
+        kept = gain > error
+        found = ExplainedModel(refit.effects, refit.fit if kept else stated, kept, gain, error)
+    nothing = _as_given(problem, refit) if found.fit.free.names else None
+    if nothing is None:
+        return found
+    gain, error = left_out_gain(problem, nothing, found.fit)
+    return replace(found, given=nothing, given_gain=gain, given_error=error)
+
+
+def left_out_gain(
+    problem: DiagnosisProblem, one: FilterErrorFit, other: FilterErrorFit
+) -> tuple[float, float]:
+    """Mean over runs, each left out of its estimate, of the logarithm of the error of the one over that of
+    the other, and its standard error; nan where fewer than two runs can be told."""
     ratios = []
     for i, log in enumerate(problem.logs):
         try:
-            pars = [_without(f, i) for f in (stated, refit.fit)]
+            pars = [_without(f, i) for f in (one, other)]
         except ModelError:
             continue
         with np.errstate(all="ignore"):
-            given, tuned = (np.array(list(misses(problem, log, par).values())) for par in pars)
-            ratio = np.log(given) - np.log(tuned)
-        if np.isfinite(given).any() or np.isfinite(tuned).any():
+            first, second = (np.array(list(misses(problem, log, par).values())) for par in pars)
+            ratio = np.log(first) - np.log(second)
+        if np.isfinite(first).any() or np.isfinite(second).any():
             ratios.append(float(np.clip(np.nanmean(ratio), -MOST_LOG_RATIO, MOST_LOG_RATIO)))
     if len(ratios) < 2:
-        return whole
-    gain, error = float(np.mean(ratios)), float(np.std(ratios, ddof=1) / np.sqrt(len(ratios)))
-    if gain > error:
-        return ExplainedModel(refit.effects, refit.fit, True, gain, error)
-    return ExplainedModel(refit.effects, stated, False, gain, error)
+        return math.nan, math.nan
+    return float(np.mean(ratios)), float(np.std(ratios, ddof=1) / np.sqrt(len(ratios)))
 
 
 def as_stated(problem: DiagnosisProblem, refit: RefittedHypothesis) -> FilterErrorFit | None:
@@ -81,8 +121,20 @@ def as_stated(problem: DiagnosisProblem, refit: RefittedHypothesis) -> FilterErr
     As stated there is no model form either: what re-tuning is compared with is the simulator the user has. It
     starts along the path and from the sizes of the refit: from off a lag does not arrive.
     """
+    names = () if refit.widens else refit.effects
+    return _with_effects(problem, refit, names)
+
+
+def _as_given(problem: DiagnosisProblem, refit: RefittedHypothesis) -> FilterErrorFit | None:
+    """The simulator as given along the runs; None where it cannot follow them."""
+    return _with_effects(problem, refit, ())
+
+
+def _with_effects(
+    problem: DiagnosisProblem, refit: RefittedHypothesis, names: Iterable[str]
+) -> FilterErrorFit | None:
     free, par = NO_PARAMETERS, problem.model.nominal.copy()
-    for name in () if refit.widens else refit.effects:
+    for name in names:
         free = free + effect_prior(problem.model, problem.model.effects[name])
     par[free.where] = refit.fit.par[free.where]
     start = [replace(p, par=par) for p in refit.fit.points]

@@ -16,6 +16,7 @@ import numpy as np
 from bayesid.equations.model import Model
 from bayesid.errors import BayesidError
 from bayesid.model.vehicles import self_propulsion_speed
+from bayesid.model.vehicles.sufficient import missing_actuators
 from bayesid.simulation import plan_run, simulate
 from bayesid.trials import Run
 
@@ -109,9 +110,12 @@ def _seen_density(gain: float, sd: float) -> float:
 
 
 def speed_ratio(model: Model, run: Run) -> float | None:
-    """Speed reached over self-propulsion speed at the usual revolutions of the run; None where unknown."""
+    """Speed reached over self-propulsion speed at the usual revolutions of the run.
+
+    None where unknown, and of a vehicle without a propeller of its own, whose thrusters make its speed.
+    """
     n, speed = run.input("n"), _speed(run)
-    if n is None or speed is None:
+    if n is None or speed is None or "n" in missing_actuators(model.vehicle):
         return None
     usual = float(np.median(n))
     if not usual > 0:
@@ -136,11 +140,13 @@ def fin_gains(model: Model, run: Run, fin: str, angle: str) -> tuple[Gain, Gain]
 
     Returns
     -------
-    tuple                      (gain, sd) each; None where the run does not say
+    tuple                      (gain, sd) each; None where the run does not say, and of a fin there is not
     """
     order = run.input(fin)
     speed = _speed(run)
     if order is None or speed is None or angle not in run.data or np.ptp(order) == 0.0:
+        return None, None
+    if fin in missing_actuators(model.vehicle):
         return None, None
     usual = float(np.nanmedian(speed))
     if angle not in model.states or not usual > 0:

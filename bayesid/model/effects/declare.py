@@ -5,7 +5,8 @@ Does not compile or simulate anything: the kernel generator reads these fields.
 
 Symbols an equation may use
 ---------------------------
-flow      t [s from the first sample] -> north, east, down: velocity of the water over ground [m/s]
+flow      t [s from the first sample]; wind_north wind_east -> north, east, down: velocity of the water over
+          ground [m/s]
 force     u v w p q r through the water; ug vg wg over ground; udot..rdot over ground (linear only);
           x y z phi theta psi; delta_r delta_s delta_b n; t; wind_north wind_east (measured, blowing towards);
           L rho rpm_ref U_ref height and the mass properties; the effect's own states and parameters;

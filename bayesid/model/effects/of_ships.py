@@ -33,14 +33,15 @@ def _air(axis: str, north: str, east: str) -> str:
     return f"{side}*L*(air_centroid + centre + {_MOVES}*(1 + centre_moves)*{before})"
 
 
+# a vane whose zero is off turns the measured vector
+_BLOWING = {
+    "north": "blowing_north + gain*(cos(vane_zero)*wind_north - sin(vane_zero)*wind_east)",
+    "east": "blowing_east + gain*(sin(vane_zero)*wind_north + cos(vane_zero)*wind_east)",
+}
+
+
 def _wind(axis: str) -> str:
-    # a vane whose zero is off turns the measured vector
-    turned = (
-        "(cos(vane_zero)*wind_north - sin(vane_zero)*wind_east)",
-        "(sin(vane_zero)*wind_north + cos(vane_zero)*wind_east)",
-    )
-    blowing = [f"blowing_{d} + gain*{w}" for d, w in zip(("north", "east"), turned, strict=True)]
-    return f"{_air(axis, *blowing)} - ({_air(axis, '0', '0')})"
+    return f"{_air(axis, *_BLOWING.values())} - ({_air(axis, '0', '0')})"
 
 
 # the force of a rudder behind a drifting hull has no sign of delta_r: it is stronger to the side it pushes to
@@ -76,11 +77,18 @@ SHIP_EFFECTS = (
             EffectParameter(
                 "centre_moves", "-", 0.4, low=-1, about="how far it moves with direction, beyond the table"
             ),
+            EffectParameter(
+                "water", "-", 0.015, low=-0.05, high=0.05,
+                about="velocity of the water at the hull over that of the air, which drives the surface",
+            ),
         ),
+        flow={axis: f"water*({air})" for axis, air in _BLOWING.items()},
         force={axis: _wind(axis) for axis in "XYN"},
         source="Blendermann (1994), J. Wind Eng. Ind. Aerodyn. 51, 339-351, loaded tanker; less still air",
         magnitude="first-order for surface models in the open",
         form="Drag, side force and moment over the direction of the relative wind on the areas of the "
-        "vehicle file: wind from ahead pushes the bow, from astern the stern. Measured wind is not filtered.",
+        "vehicle file: wind from ahead pushes the bow, from astern the stern. Measured wind is not filtered. "
+        "The water at the hull may go with a share of the wind: 2 to 3 % at the very surface (Wu 1983, J. "
+        "Phys. Oceanogr. 13, 1441), less over the draught.",
     ),
 )  # fmt: skip

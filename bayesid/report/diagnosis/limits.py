@@ -85,7 +85,10 @@ def next_blocks(result: Result) -> list[Block]:
 def _why_none(result: Result) -> str:
     if not result.next_asked:
         return "`--quick` leaves it out (in Python `next_manoeuvre=False`)."
-    return "none of the library can be run by this vehicle and tell more, or ranking failed; see the notes."
+    return (
+        "none of the library can be run by this vehicle (one without a rudder runs none) and tell more, or "
+        "ranking failed; see the notes."
+    )
 
 
 def margin_table(result: Result) -> Table:
