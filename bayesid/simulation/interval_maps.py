@@ -6,8 +6,10 @@ equations. Gives arrays a Kalman filter can use. Does not filter.
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +29,9 @@ from bayesid.simulation.sensors import read_channels
 from bayesid.simulation.time_plan import TimePlan
 
 Array = np.ndarray
+
+# Actuator motions kept per run, the latest: parameters of the hull leave them as they are. None of long runs.
+MOST_CHAINS, MOST_BYTES = 3, 4_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,11 +68,24 @@ def chain_of(model: Model, par: Array, plan: TimePlan, free: Array, full: bool =
     free : (p,) positions of parameters; slopes are made where one of them moves an actuator
     """
     par = check_parameters(model, plan, par)
-    plan = follow(model, par, plan, full)
-    wanted = {int(p) for p in free}
+    read = list(choose(model, par, full).act_columns)
     # slopes of the actuators' chain cost twice the chain, with every delayed switch cut out of its step
-    slopes = any(p in wanted for p in choose(model, par, full).act_columns)
-    return Chain(plan, *actuate(model, par, plan, slopes=slopes, full=full))
+    slopes = bool(np.isin(read, free).any())
+    known = plan.kept.get("chains")
+    if known is None or known[0]() is not model:
+        # by a weak reference, as in `follow`
+        known = plan.kept["chains"] = (weakref.ref(model), {})
+    chains: dict[tuple[bool, bool, bytes], Chain] = known[1]
+    key = (full, slopes, par[read].tobytes())
+    if key not in chains:
+        followed = follow(model, par, plan, full)
+        made = Chain(followed, *actuate(model, par, followed, slopes=slopes, full=full))
+        if made.act.nbytes + made.dact.nbytes > MOST_BYTES:
+            return made
+        for old in list(chains)[: len(chains) - MOST_CHAINS + 1]:
+            del chains[old]
+        chains[key] = made
+    return chains[key]
 
 
 def interval_maps(
@@ -104,9 +122,10 @@ def interval_maps(
     position = {name: nx + i for i, name in enumerate(inputs)}
     names = (*model.kernel.actuators, *model.kernel.exogenous)
     input_columns = np.array([position.get(name, -1) for name in names], dtype=np.int64)
-    column = {int(p): nx + n_in + c for c, p in enumerate(free)}
-    columns = np.array([column.get(int(p), -1) for p in fun.entries[:, 1]], dtype=np.int64)
-    act_columns = np.array([column.get(p, -1) for p in fun.act_columns], dtype=np.int64)
+    column = np.full(par.size, -1, dtype=np.int64)
+    column[free] = nx + n_in + np.arange(n_free)
+    columns = column[fun.entries[:, 1]]
+    act_columns = column[np.array(fun.act_columns, dtype=np.int64)]
     slopes = bool((act_columns >= 0).any())
     n = nx + n_in + n_free
     first, last = part or (0, plan.record.size - 1)
@@ -115,7 +134,7 @@ def interval_maps(
     path = np.array(states[first : last + 1], dtype=float, order="C")
     ends, maps = np.empty((record.size, nx)), np.empty((record.size, nx, n))
     fun.variational(
-        par, inverse_mass(model, fun, par[None])[0], path[0], np.eye(nx, n), plan.times[steps],
+        par, _inverse_mass(model, full, par.tobytes()), path[0], np.eye(nx, n), plan.times[steps],
         plan.steps[steps], act[steps], dact[steps] if slopes else dact, plan.exogenous[steps],
         record - record[0] if part else record, fun.entries, columns, act_columns, input_columns, path, ends,
         maps, np.empty((0, nx)), np.empty((0, nx, n)),
@@ -132,6 +151,13 @@ def interval_maps(
         np.ascontiguousarray(maps[:, :, nx : nx + n_in]),
         psi if n_free else psi.copy(),  # a view of nothing would keep all of it in memory
     )
+
+
+@lru_cache(maxsize=4)
+def _inverse_mass(model: Model, full: bool, par: bytes) -> Array:
+    """(nv*nv) inverse mass matrix, once for all runs of a pass."""
+    fun = model.kernel.full if full else model.kernel.bare
+    return inverse_mass(model, fun, np.frombuffer(par)[None])[0]
 
 
 def inertia_ratio(model: Model, par: Array, free: Array) -> tuple[Array, Array]:

@@ -382,11 +382,7 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             a0 = minv[0] * f0 + minv[1] * f1 + minv[2] * f2
             a1 = minv[3] * f0 + minv[4] * f1 + minv[5] * f2
             a2 = minv[6] * f0 + minv[7] * f1 + minv[8] * f2
-            v67 = a0 - t66
-            v83 = a1 + t82
-            v148 = par[0] * a2
             v149 = par[0] * par[3]
-            v150 = par[0] * t68
             v151 = par[0] * par[2]
             v152 = z5 * v151
             v154 = par[0] * z5
@@ -414,20 +410,26 @@ def full_variational(par, minv, x0, s0, times, steps, act, dact, exo, record, en
             d4_3 = t45
             d4_4 = t43
             d5_5 = 1.0
-            dpar[0] = (par[3] * a2) - (v67 - (par[2] * t68))
-            dpar[1] = v150
-            dpar[2] = v148
-            dpar[3] = t61
-            dpar[4] = -((v83 - (par[3] * t68)) + (par[2] * a2))
-            dpar[5] = -v148
-            dpar[6] = v150
-            dpar[7] = a1 + (z5 * t47)
-            dpar[8] = 1.0
-            dpar[9] = (par[3] * v67) - (par[2] * v83)
-            dpar[10] = -a2
-            dpar[11] = -(par[0] * v83)
-            dpar[12] = par[0] * v67
-            dpar[13] = u0 * t61
+            if wanted:
+                p67 = a0 - t66
+                p83 = a1 + t82
+                p148 = par[0] * a2
+                p150 = par[0] * t68
+                dpar[0] = (par[3] * a2) - (p67 - (par[2] * t68))
+                dpar[1] = p150
+                dpar[2] = p148
+                dpar[3] = t61
+                dpar[4] = -((p83 - (par[3] * t68)) + (par[2] * a2))
+                dpar[5] = -p148
+                dpar[6] = p150
+                dpar[7] = a1 + (z5 * t47)
+                dpar[8] = 1.0
+                dpar[9] = (par[3] * p67) - (par[2] * p83)
+                dpar[10] = -a2
+                dpar[11] = -(par[0] * p83)
+                dpar[12] = par[0] * p67
+                dpar[13] = u0 * t61
+                pass
             for o in range(blocks):
                 base = o * 336 + 288
                 for l in range(48):

@@ -116,7 +116,7 @@ def _fit(
     for k in range(iterations):
         now = _level(model, noise_model, level)
         if best is not None:
-            # by far the most of a pass, and asked for again only where the next one is refused
+            # by far the most memory of a pass, and asked for again only where the next one is refused
             tried, paths = paths, _let_go(model, paths, free)
             best.paths = paths if best.paths is tried else _let_go(model, best.paths, free)
         try:
@@ -194,7 +194,9 @@ def _fit(
 
 
 def _let_go(model: Model, paths: Sequence[Linearisation], free: GaussianPrior) -> list[Linearisation]:
-    """Paths whose slopes by parameters are no longer held."""
+    """Paths whose slopes by parameters are no longer held, where they are large."""
+    if sum(path.size for path in paths) <= MOST_HELD:
+        return list(paths)
     return [released(model, path, free.where) for path in paths]
 
 

@@ -34,7 +34,7 @@ from bayesid.estimation.filter_error.parameter_slopes import (
 )
 from bayesid.estimation.filter_error.read_run import ANGLES
 from bayesid.estimation.run_data import Array, RunData
-from bayesid.simulation import TimePlan, inertia_ratio, interval_maps, readings_on
+from bayesid.simulation import TimePlan, chain_of, inertia_ratio, interval_maps, readings_on
 
 # States of a straight run that keep their own course when slopes by the parameters are taken.
 STRAIGHT_STATES = frozenset({"x", "y", "z", "phi", "theta", "psi", "u"})
@@ -183,9 +183,13 @@ def linearise(
         (hold,) = runs_held([log.n], len(model.kernel.channels) + point.states.shape[1], len(free))
     here = free[:0] if beside or not hold else free
     ratio, ratio_slope = _inertia_at(model, point, here)
-    plan = with_forces(model, log.plan, point.force @ ratio.T)
+    forces_now = point.force @ ratio.T
+    plan = with_forces(model, log.plan, forces_now)
     inputs = latent_inputs(model) if inputs is None else inputs
-    maps = interval_maps(model, point.par, plan, point.states, inputs, here)
+    # the actuators' motion is the same whatever forces act, and along both paths
+    chain = chain_of(model, point.par, log.plan, free if hold else free[:0])
+    forced = chain._replace(plan=with_forces(model, chain.plan, forces_now))
+    maps = interval_maps(model, point.par, plan, point.states, inputs, here, chain=forced)
     n_force = point.force.shape[1]
     raw = maps.gamma[:, :, :n_force].copy()
     maps.gamma[:, :, :n_force] = raw @ ratio
@@ -200,7 +204,10 @@ def linearise(
     if beside:
         where, states = _beside(model, log, point)
         try:
-            other = interval_maps(model, point.par, where, states, (), free if hold else free[:0])
+            same = chain if where is log.plan else None
+            other = interval_maps(
+                model, point.par, where, states, (), free if hold else free[:0], chain=same
+            )
         except ModelError:
             if log.straight:
                 raise
