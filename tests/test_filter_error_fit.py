@@ -368,3 +368,21 @@ def test_steps_that_shrink_are_taken_whole_and_those_that_grow_hardly():
     assert _relaxation(1.0, before, 0.2 * before, total) == 1.0  # the same way, shorter
     assert _relaxation(1.0, before, before, total) == 1.0  # nothing learnt
     assert _relaxation(1.0, before, -30.0 * before, total) == LEAST_SHARE
+
+
+def test_a_fit_whose_last_passes_diverge_ends_with_the_last_that_did_not(monkeypatch):
+    model = model_of("generic_sub")
+    truth = other_vehicle(model, 2) | {"ocean_current.V_north": 0.05 * model.scales["U"]}
+    problem = build_problem(model, planted_trial(model, truth, 2, samples=160))
+    first, made = fits.fresh, []
+
+    def diverges(*given):
+        made.append(1)
+        paths, equations = first(*given)
+        return paths, [replace(e, ee=np.inf) for e in equations] if len(made) > 1 else equations
+
+    monkeypatch.setattr(fits, "fresh", diverges)
+    found = fit_with(problem, (), start=problem.path, initial_noise_scale=0.0, iterations=4)
+    assert len(made) == 4 and not found.converged
+    total = sum(found.equations[1:], found.equations[0])
+    assert posterior(total).log_evidence == found.posterior.log_evidence

@@ -20,7 +20,7 @@ from scipy.optimize import lsq_linear
 
 from bayesid.equations.model import Model
 from bayesid.errors import ModelError
-from bayesid.estimation.filter_error.evidence import NormalEquations, posterior
+from bayesid.estimation.filter_error.evidence import GaussianPosterior, NormalEquations, posterior
 from bayesid.estimation.filter_error.fit_journal import current_journal
 from bayesid.estimation.filter_error.fit_result import FilterErrorFit
 from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, first_trajectory, released
@@ -129,6 +129,8 @@ def _fit(
         except ModelError:
             if best is None:
                 raise
+            # the last that was taken stands, where no pass is left for a shorter step
+            paths, equations, post = best.paths, best.equations, best.posterior
             best.shorten()
             points, standardised, values = best.again(model, free)
             continue
@@ -155,7 +157,9 @@ def _fit(
             # Only let the path settle: slopes along raw readings are biased by their noise.
             share = 0.0
         noisy = any(noise_model.force)
-        best = _Best(merit, paths, values, step * free.sd, now, share, noisy, correction, stride)
+        best = _Best(
+            merit, paths, values, step * free.sd, now, share, noisy, correction, equations, post, stride
+        )
         points, standardised, proposal = best.again(model, free)
         length = _length((proposal - values) / free.sd, total)
         values = proposal
@@ -295,6 +299,8 @@ class _Best:
     share: float
     noisy: bool
     correction: float
+    equations: list[NormalEquations]
+    posterior: GaussianPosterior
     stride: float = 1.0
 
     def shorten(self) -> None:
