@@ -130,24 +130,29 @@ def test_a_second_effect_must_gain_half_of_what_a_free_force_does_and_is_then_ex
 
 
 def outcome(chi2, converged=False, iterations=25):
-    return SimpleNamespace(converged=converged, iterations=iterations, chi2=chi2, points=["here"])
+    return SimpleNamespace(
+        converged=converged, iterations=iterations, chi2=chi2, points=["here"], log_evidence=-10.0
+    )
 
 
 NEAR, FAR, HOME = outcome(1.1), outcome(3.0), outcome(1.0, converged=True)
 
 
 @pytest.mark.parametrize(
-    "first, second, kept, calls",
+    "first, second, kept, calls, worth",
     [
-        (NEAR, HOME, HOME, 2),
-        (NEAR, FAR, NEAR, 2),  # what went astray is not taken
-        (NEAR, ModelError("lost"), NEAR, 2),
-        (FAR, HOME, FAR, 1),
-        (HOME, HOME, HOME, 1),
-        (outcome(float("nan")), HOME, None, 1),
+        (NEAR, HOME, HOME, 2, -20.0),
+        (NEAR, HOME, NEAR, 1, 0.0),  # what cannot be the answer any more does not go on
+        (NEAR, FAR, NEAR, 2, -20.0),  # what went astray is not taken
+        (NEAR, ModelError("lost"), NEAR, 2, -20.0),
+        (FAR, HOME, FAR, 1, -20.0),
+        (HOME, HOME, HOME, 1, -20.0),
+        (outcome(float("nan")), HOME, None, 1, -20.0),
     ],
 )
-def test_a_fit_that_runs_out_of_passes_near_the_data_goes_on_once(monkeypatch, first, second, kept, calls):
+def test_a_fit_that_runs_out_of_passes_near_the_data_goes_on_once(
+    monkeypatch, first, second, kept, calls, worth
+):
     told = []
 
     def slow(model, logs, free, noise_model, start=None, initial_noise_scale=0.03, iterations=25):
@@ -160,6 +165,6 @@ def test_a_fit_that_runs_out_of_passes_near_the_data_goes_on_once(monkeypatch, f
     monkeypatch.setattr(problems, "fit", slow)
     posed = SimpleNamespace(model=None, logs=(), coefficients=None, path_level=0.1, path=("path",),
                             environment=SimpleNamespace(noise_model=None))  # fmt: skip
-    found = problems.fit_with(posed, ())
+    found = problems.fit_with(posed, (), worth=worth)
     assert found is (kept or first)
     assert told == [(["path"], 0.1), (["here"], 0.0)][:calls]
