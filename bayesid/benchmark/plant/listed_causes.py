@@ -108,6 +108,11 @@ def _drift(rng, size, s):
     return {"drift_per_600s": 600.0 * creep}, {"psi_creep": creep}
 
 
+def _settling(rng, size, s):
+    start, time = 4.0 * DEG * size * sign(rng), float(rng.uniform(0.2, 0.5)) * s.run
+    return {"start": start, "settling_time": time}, {"psi_settle": start, "psi_settle_t": time}
+
+
 def _ballast(rng, size, s):
     share, x = 0.08 * size, float(rng.uniform(-0.1, 0.1)) * s.L
     return {"mass_fraction": share, "x": x}, {"ballast": share, "ballast_x": x}
@@ -197,6 +202,7 @@ CATALOGUE = (
     E("tether_drag", simple("k", "tether", 2.5e-4, "line", True)),
     E("heading_bias", simple("bias", "psi_bias", 2.0 * DEG)),
     E("heading_drift", _drift),
+    E("heading_settling", _settling),
     E("compass_deviation", _pair(("A", "B"), ("psi_sin", "psi_cos"), 2.0 * DEG)),
     E("gyro_scale", simple("scale", "r_scale", 0.03), needs="r"),
     E("gyro_bias", simple("bias", "r_bias", 0.006, "U/L"), needs="r"),

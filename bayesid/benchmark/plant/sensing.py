@@ -45,7 +45,8 @@ def heading_read(psi: np.ndarray | float, t: np.ndarray | float, gap: np.void) -
     twice = gap["psi_sin2"] * np.sin(2 * np.asarray(psi)) + gap["psi_cos2"] * np.cos(2 * np.asarray(psi))
     slow = gap["psi_creep"] * t + gap["psi_swing"] * np.sin(gap["psi_swing_w"] * t)
     if gap["psi_settle_t"] > 0.0:
-        slow = slow + gap["psi_settle"] * np.exp(-np.asarray(t) / gap["psi_settle_t"])
+        turn = np.cos(gap["psi_settle_w"] * np.asarray(t))
+        slow = slow + gap["psi_settle"] * turn * np.exp(-np.asarray(t) / gap["psi_settle_t"])
     return psi + gap["psi_bias"] + slow + once + twice
 
 

@@ -29,9 +29,9 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "outside": ("wall", "wall_n", "wall_e", "wall_dir", "wall_len", "vortex", "vortex_w", "step_t", "step_d",
                 "twist_y", "twist_n", "slosh", "slosh_x", "slosh_w", "slosh_z"),
     "sensors": ("psi_bias", "psi_sin", "psi_cos", "psi_sin2", "psi_cos2", "psi_creep", "psi_settle",
-                "psi_settle_t", "psi_swing", "psi_swing_w", "r_scale", "r_oneside", "r_bias", "r_creep",
-                "arm_x", "arm_y", "p_late", "p_smooth", "u_scale", "v_scale", "turned", "v_late", "v_smooth",
-                "z_bias", "z_late"),
+                "psi_settle_t", "psi_settle_w", "psi_swing", "psi_swing_w", "r_scale", "r_oneside",
+                "r_bias", "r_creep", "arm_x", "arm_y", "p_late", "p_smooth", "u_scale", "v_scale",
+                "turned", "v_late", "v_smooth", "z_bias", "z_late"),
 }  # fmt: skip
 FIELDS = tuple(name for names in GROUPS.values() for name in names)
 _KIND = np.dtype([(name, "f8") for name in FIELDS])

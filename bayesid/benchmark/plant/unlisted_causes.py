@@ -42,9 +42,10 @@ def _two_cycles(rng, size, s):
 
 
 def _settling(rng, size, s):
-    return _same(
-        {"psi_settle": 4.0 * DEG * size * sign(rng), "psi_settle_t": float(rng.uniform(0.2, 0.5)) * s.run}
-    )
+    """As a gyrocompass does: through the meridian and back, ever less."""
+    time = float(rng.uniform(0.2, 0.5)) * s.run
+    fields = {"psi_settle": 4.0 * DEG * size * sign(rng), "psi_settle_t": time}
+    return _same(fields | {"psi_settle_w": float(rng.uniform(2.0, 4.0)) / time})
 
 
 def _swing(rng, size, s):
@@ -130,7 +131,7 @@ VARIANTS = (
     _variant("rudder_stall", "hard", _own("hard_stall", 3.0, one_sided=True)),
     _variant("actuator_lag", "second order", _servo),
     _variant("compass_deviation", "two cycles", _two_cycles),
-    _variant("heading_drift", "settling", _settling),
+    _variant("heading_settling", "oscillating", _settling),
     _variant("fluid_memory", "slow", _memory(4.0, 0.0)),
     _variant("fluid_memory", "fast, also yaw", _memory(0.5, 1.0)),
     _variant("rudder_effectiveness", "depends on speed", _fast_loss),
