@@ -17,6 +17,7 @@ from bayesid.equations.model import Model, build_model, without_effects
 from bayesid.errors import ManoeuvreError, ModelError, TrialError, VehicleError
 from bayesid.files import UnreadableError, read_regular
 from bayesid.manoeuvres import Manoeuvre, OpenLoop, Scale, parse, with_rows_every
+from bayesid.model.channels import channel
 from bayesid.model.effects import Effect
 from bayesid.model.terms import TERMS, canonical_name
 from bayesid.model.units import scale as unit_scale
@@ -179,9 +180,10 @@ def ordered(
     for text in texts:
         order, table = parse(text, scale), text.partition(":")[0].strip() == "table"
         if not table and not has_rudder(model.vehicle):
-            names = ", ".join(f"{t.signal}_cmd[rpm]" for t in model.vehicle.thrusters)
+            signals = [channel(f"{s}_cmd") for a in model.vehicle.actuators for s in a.signals]
+            names = ", ".join(f"{c.name}[{c.shown[1]}]" for c in signals)
             raise ManoeuvreError(
-                f"{text}: {model.vehicle.name} has no rudder; order its thrusters by a table "
+                f"{text}: {model.vehicle.name} has no rudder delta_r; order its actuators by a table "
                 f"(table:FILE.csv with columns t[s], {names})"
             )
         found[text] = with_rows_every(order, dt) if table and dt and isinstance(order, OpenLoop) else order

@@ -30,6 +30,7 @@ _UNITS = {
     "m/s": (1.0, " m/s"),
     "N": (1.0, " N"),
     "N m": (1.0, " N m"),
+    "rpm": (1.0, " rpm"),
     "L/U": (1.0, " hull lengths of travel"),
     "-": (1.0, ""),
 }

@@ -40,7 +40,7 @@ from bayesid.equations.layout import (
 )
 from bayesid.equations.readings import add_readings
 from bayesid.errors import ModelError
-from bayesid.model import thrusters
+from bayesid.model.actuators import kind_of
 from bayesid.model.effects import Effect
 from bayesid.model.terms import TERMS, Term
 from bayesid.model.terms.mmg import DEFINITIONS, FORCES, PARTS, SENSE, SPEED
@@ -92,11 +92,11 @@ def build(spec: KernelSpec, effects: tuple[Effect, ...], active: bool) -> Dynami
     if spec.dof == 6:
         torque = dyn.graph.parse(TORQUE, {**at.const, **at.inputs})
         wrench["K"] = dyn.graph.add(wrench["K"], torque)
-    for name in spec.thrusters:
-        push = dyn.graph.parse(thrusters.thrust(name), {**at.const, **at.water, **at.inputs})
-        for axis, arm in thrusters.wrench(name).items():
-            if axis in dyn.axes:
-                part = dyn.graph.mul(push, dyn.graph.parse(arm, at.const))
+    for shape in spec.named:
+        for force, arms in kind_of(shape).parts(shape):
+            push = dyn.graph.parse(force, {**at.const, **at.water, **at.inputs})
+            for axis in (a for a in arms if a in dyn.axes):
+                part = dyn.graph.mul(push, dyn.graph.parse(arms[axis], {**at.const, **at.inputs}))
                 wrench[axis] = dyn.graph.add(wrench[axis], part)
     _add_effects(dyn, effects, at, parts, thrust, wrench)
     for axis in dyn.axes:
@@ -120,7 +120,7 @@ def _layout(spec: KernelSpec, effects: tuple[Effect, ...], active: tuple[Effect,
         axes=[AXIS[s] for s in velocities],
         actuators=[
             *(["delta_r", "n"] if planar else ["delta_r", "delta_s", "delta_b", "n"]),
-            *(f"n_{name}" for name in spec.thrusters),
+            *(signal for shape in spec.named for signal in kind_of(shape).signals_of(shape)),
         ],
         exogenous=["wind_north", "wind_east", *earth, *(f"force_{AXIS[s]}" for s in velocities)],
         parameters=parameter_names(spec, effects),

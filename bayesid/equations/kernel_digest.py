@@ -74,7 +74,7 @@ def equations_digest(dyn: Dynamics, effects: Iterable[Effect]) -> str:
     layout = (dyn.states, dyn.velocities, dyn.actuators, dyn.exogenous, dyn.parameters, dyn.channels)
     text = json.dumps(
         {
-            "spec": {k: v for k, v in equation_data(dyn.spec).items() if k != "thrusters" or v},
+            "spec": {k: v for k, v in equation_data(dyn.spec).items() if k != "named" or v},
             "layout": layout,
             "outputs": [{name: node[n] for name, n in group.items()} for group in outputs],
             "delays": dyn.delays,

@@ -9,10 +9,10 @@ import ast
 from dataclasses import dataclass, field
 
 from bayesid.equations.derivatives import Graph, Node
+from bayesid.model.actuators import Shape, kind_of
 from bayesid.model.effects import Effect
 from bayesid.model.terms import TERMS, Term
 from bayesid.model.terms.mmg import AIR, GEOMETRY
-from bayesid.model.thrusters import constants
 
 
 @dataclass(frozen=True)
@@ -24,14 +24,14 @@ class KernelSpec:
         rudder behind a ship, and rows over its speed)
     sections : stations of the strip drag, 0 for none
     eta : whether the propeller-loading rows (group "eta") are present
-    thrusters : names of the thrusters beside rudder, planes and propeller
+    named : actuators beside rudder, planes and propeller
     """
 
     dof: int = 3
     propulsion: str = "quadratic"
     sections: int = 0
     eta: bool = False
-    thrusters: tuple[str, ...] = ()
+    named: tuple[Shape, ...] = ()
 
     @property
     def name(self) -> str:
@@ -42,8 +42,14 @@ class KernelSpec:
             parts.append(f"strips{self.sections}")
         if self.eta:
             parts.append("eta")
-        parts += [f"thruster_{name}" for name in self.thrusters]
+        parts += [shape.title for shape in self.named]
         return "_".join(parts)
+
+    @property
+    def servos(self) -> dict[str, str]:
+        """Actuators behind a servo, and the end of the names of its constants."""
+        turned = (signal for shape in self.named for signal in kind_of(shape).turned_by(shape))
+        return {**FIN, **{signal: signal for signal in turned}}
 
 
 PLANAR_STATES = ("x", "y", "psi", "u", "v", "r")
@@ -125,8 +131,8 @@ def parameter_names(spec: KernelSpec, effects: tuple[Effect, ...]) -> list[str]:
         names += (*GEOMETRY, *AIR)
     if spec.eta:
         names.append("uc_per_rpm")
-    for thruster in spec.thrusters:
-        names += constants(thruster)
+    for shape in spec.named:
+        names += kind_of(shape).constants_of(shape)
     if spec.sections:
         names += ["strip_Y", "strip_Z"]
     names += [row.name for row in rows_of(spec)]

@@ -19,7 +19,7 @@ from bayesid.equations.layout import KernelSpec
 from bayesid.equations.runtime import Declared, Kernel, load_kernel
 from bayesid.errors import ModelError, VehicleError
 from bayesid.model.effects import CATALOGUE, Effect
-from bayesid.model.effects.thrusters import thruster_effects
+from bayesid.model.effects.named import named_effects
 from bayesid.model.terms import TERMS
 from bayesid.model.terms.mmg import AIR, GEOMETRY
 from bayesid.model.vehicles import Vehicle, coef_si, prime_scale, self_propulsion_speed
@@ -209,7 +209,7 @@ def build_model(vehicle: Vehicle, dof: int | None = None, declared: Iterable[Eff
         raise ModelError(f"dof = {dof}: choose 3 (surge, sway, yaw) or 6")
     if dof == 6 and vehicle.planar_only:
         raise ModelError(f"vehicle {vehicle.name!r} is planar only; ask for dof = 3")
-    declared = (*declared, *thruster_effects(t.name for t in vehicle.thrusters))
+    declared = (*declared, *named_effects(vehicle.actuators, vehicle.rpm_ref))
     kernel = load_kernel(kernel_spec(vehicle, dof), tuple(Declared(e) for e in declared))
     _check_effects(vehicle, kernel, (*CATALOGUE, *declared))
     nominal = _nominal(vehicle, kernel)
@@ -243,7 +243,7 @@ def kernel_spec(vehicle: Vehicle, dof: int) -> KernelSpec:
         propulsion=vehicle.propulsion.model if vehicle.propulsion.model in ("kt", "mmg") else "quadratic",
         sections=vehicle.crossflow.sections if vehicle.crossflow else 0,
         eta=any(name in eta for name in vehicle.coef),
-        thrusters=tuple(t.name for t in vehicle.thrusters),
+        named=tuple(a.shape for a in vehicle.actuators),
     )
 
 
@@ -303,8 +303,8 @@ def _nominal(vehicle: Vehicle, kernel: Kernel) -> np.ndarray:
     if vehicle.crossflow:
         values["strip_Y"] = 0.5 * vehicle.rho * vehicle.crossflow.Cdy * vehicle.crossflow.height
         values["strip_Z"] = 0.5 * vehicle.rho * vehicle.crossflow.Cdz * vehicle.crossflow.width
-    for thruster in vehicle.thrusters:
-        values |= thruster.constants
+    for actuator in vehicle.actuators:
+        values |= actuator.constants
     off = {e.key(p.name): p.off for e in kernel.effects for p in e.parameters} | vehicle.effects
     out = np.array([values.get(n, off.get(n, coef.get(n, 0.0))) for n in kernel.parameters], dtype=float)
     if not np.all(np.isfinite(out)):

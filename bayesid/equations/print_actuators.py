@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from bayesid.equations.derivatives import Graph, Node
-from bayesid.equations.layout import FIN
 from bayesid.equations.print_context import PLAIN, Context
 from bayesid.equations.printing import statements
 from bayesid.model.effects import Effect, InputStage
@@ -81,10 +80,10 @@ def _chain(c: Context, g: Graph, signal: str, number: int) -> list[_Link]:
         for stage in effect.stages
         if stage.signal == signal and stage.delay is None
     ]
-    if signal in FIN:
-        letter = FIN[signal]
+    if signal in c.dyn.spec.servos:
+        which = c.dyn.spec.servos[signal]
         kinds = ("inverse_rate", "servo_lag", "limit")
-        rate, lag, limit = (_constant(g, f"{kind}_{letter}", c.effects) for kind in kinds)
+        rate, lag, limit = (_constant(g, f"{kind}_{which}", c.effects) for kind in kinds)
         servo = {"inverse_rate": rate, "servo_lag": lag}
         stages.append((InputStage(signal, 40, _SERVO_END, _SERVO_MEAN), servo))
         stages.append((InputStage(signal, 50, _CLIP, _CLIP), {"limit": limit}))

@@ -6,7 +6,6 @@ Does not: simulate (`bayesid.simulation`) or measure (`bayesid.measures`).
 
 from bayesid.manoeuvres.catalogue import REGISTRY, Scale
 from bayesid.manoeuvres.core import (
-    COMMANDS,
     ClosedLoop,
     Manoeuvre,
     OpenLoop,
@@ -33,6 +32,7 @@ from bayesid.manoeuvres.standard import (
     zigzag,
 )
 from bayesid.manoeuvres.table import read_table, with_rows_every, write_table
+from bayesid.model.channels import COMMANDS
 
 __all__ = [
     "COMMANDS",

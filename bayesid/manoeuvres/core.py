@@ -14,10 +14,9 @@ from typing import Any, Protocol
 import numpy as np
 
 from bayesid.errors import ManoeuvreError, raise_all
-from bayesid.model.channels import THRUSTERS
+from bayesid.model.channels import COMMANDS
 
-COMMANDS = ("delta_r_cmd", "delta_s_cmd", "delta_b_cmd", "n_cmd", *(f"n_{name}_cmd" for name in THRUSTERS))
-_KNOWN = f"{', '.join(COMMANDS[:4])}, or of a thruster, such as {COMMANDS[4]}"
+KNOWN = f"{', '.join(COMMANDS[:4])}, or of a named actuator, such as {COMMANDS[4]}"
 
 Commands = Mapping[str, float]
 Controller = Callable[[float, np.ndarray], Commands]
@@ -60,7 +59,7 @@ class OpenLoop:
             if column.ndim == 0:
                 column = np.full(t.shape, float(column))
             if channel not in COMMANDS:
-                problems.append(f"{channel} is not a command; use {_KNOWN}")
+                problems.append(f"{channel} is not a command; use {KNOWN}")
             elif column.shape != t.shape:
                 problems.append(f"{channel} has shape {column.shape}, time has {t.shape}")
             elif not np.isfinite(column).all():
@@ -69,7 +68,7 @@ class OpenLoop:
             column.flags.writeable = False
             commands[channel] = column
         if not self.commands:
-            problems.append(f"no command given; use at least one of {_KNOWN}")
+            problems.append(f"no command given; use at least one of {KNOWN}")
         if problems:
             raise_all(ManoeuvreError, f"manoeuvre {self.name!r}", problems)
         t.flags.writeable = False
@@ -111,7 +110,7 @@ class ClosedLoop:
             problems.append(f"dt is {self.dt} s; it must be positive")
         elif not (np.isfinite(self.duration) and self.duration >= self.dt):
             problems.append(f"duration is {self.duration} s, shorter than one step of {self.dt} s")
-        problems += [f"{c} is not a command; use {_KNOWN}" for c in self.start if c not in COMMANDS]
+        problems += [f"{c} is not a command; use {KNOWN}" for c in self.start if c not in COMMANDS]
         problems += [
             f"{c} starts at {v}; it must be finite" for c, v in self.start.items() if not np.isfinite(v)
         ]

@@ -16,14 +16,17 @@ import numpy as np
 
 from bayesid.errors import ManoeuvreError, raise_all
 from bayesid.files import UnreadableError, read_regular
-from bayesid.manoeuvres.core import COMMANDS, OpenLoop
+from bayesid.manoeuvres.core import KNOWN, OpenLoop
+from bayesid.model.channels import COMMANDS, channel
 
 # Few units can stand over a command, and every start of the command line would pay for a unit library.
 UNITS = {
     "t": {"s": 1.0, "sec": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0},
     "angle": {"rad": 1.0, "deg": math.pi / 180, "°": math.pi / 180, "mrad": 1e-3},
     "n": {"rpm": 1.0, "1/min": 1.0, "rps": 60.0, "1/s": 60.0, "hz": 60.0, "rad/s": 30 / math.pi},
+    "share": {"-": 1.0, "1": 1.0, "%": 0.01},
 }
+_KIND = {"s": "t", "rad": "angle", "rpm": "n", "-": "share"}  # by the unit of a channel inside
 HEADER = re.compile(r"^\s*([A-Za-z_]\w*)\s*(?:\[\s*([^\]]*?)\s*\])?\s*$")
 MAX_SHOWN = 8
 MOST_ROWS = 5_000_000
@@ -109,7 +112,7 @@ def _columns(header: list[str]) -> tuple[dict[str, tuple[int, float]], list[str]
             problems.append(f"column {name} appears twice; keep one")
             continue
         seen.add(name)
-        kind = "t" if name == "t" else "n" if command.startswith("n_") else "angle"
+        kind = _KIND[channel(command).unit]
         unit = match[2]
         factor = UNITS[kind].get((unit or "").lower())
         if factor is None:
@@ -128,9 +131,7 @@ def _columns(header: list[str]) -> tuple[dict[str, tuple[int, float]], list[str]
     if "t" not in found and "t" not in seen:
         problems.append("no column t[s]")
     if not problems and len(found) < 2:
-        problems.append(
-            f"no command column; name at least one of {', '.join(f'{c}[unit]' for c in COMMANDS)}"
-        )
+        problems.append(f"no command column; name at least one of {KNOWN}, with its unit in brackets")
     return found, ignored, problems
 
 
@@ -174,16 +175,17 @@ def write_table(manoeuvre: OpenLoop, path: str | Path, angle_unit: str = "deg") 
 
     The last row is kept: it ends the run. Angles in deg lose at most one unit in the last place.
     """
-    factor = UNITS["angle"][angle_unit]
     names = [c for c in COMMANDS if c in manoeuvre.commands]
+    shown = {"angle": angle_unit, "n": "rpm", "share": "-"}
+    units = [shown[_KIND[channel(c).unit]] for c in names]
     table = np.column_stack([manoeuvre.commands[c] for c in names])
     keep = np.r_[True, np.any(np.diff(table, axis=0) != 0, axis=1)]
     keep[-1] = True
     path = Path(path)
     with path.open("w", newline="", encoding="utf-8") as file:
         out = csv.writer(file)
-        out.writerow(["t[s]"] + [f"{c}[{'rpm' if c == 'n_cmd' else angle_unit}]" for c in names])
-        scale = np.array([1.0 if c == "n_cmd" else factor for c in names])
+        out.writerow(["t[s]"] + [f"{c}[{unit}]" for c, unit in zip(names, units, strict=True)])
+        scale = np.array([UNITS["angle"][unit] if unit == angle_unit else 1.0 for unit in units])
         for time, row in zip(manoeuvre.t[keep], table[keep] / scale, strict=True):
             out.writerow([repr(float(time)), *(repr(float(v)) for v in row)])
     return path

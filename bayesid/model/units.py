@@ -43,6 +43,7 @@ _TABLE: dict[str, dict[str, float]] = {
         "rpm": 1.0, "RPM": 1.0, "1/min": 1.0, "rev/min": 1.0, "rps": 60.0, "rev/s": 60.0, "1/s": 60.0,
         "Hz": 60.0, "rad/s": 1 / _RPM, "deg/s": 1 / 6,
     },
+    "-": {"-": 1.0, "1": 1.0, "%": 0.01},
     "N": {"N": 1.0, "kN": 1e3, "lbf": 4.4482216152605, "kgf": 9.80665},
     "N*m": {
         "N*m": 1.0, "N m": 1.0, "Nm": 1.0, "N·m": 1.0, "kN*m": 1e3, "kNm": 1e3, "kN m": 1e3,
@@ -56,6 +57,7 @@ _QUANTITY = {
     "m/s": "speed",
     "rad/s": "angular rate",
     "rpm": "rotation speed",
+    "-": "share",
     "N": "force",
     "N*m": "moment",
 }
@@ -111,7 +113,7 @@ def scale(unit: str, inside: str, where: str) -> float:
     Parameters
     ----------
     unit : as written in a file, e.g. "deg/s", "kn", "ft"
-    inside : one of s, m, rad, m/s, rad/s, rpm, N, N*m; "1/s" means radians per second for a body rate and
+    inside : one of s, m, rad, m/s, rad/s, rpm, N, N*m, -; "1/s" means radians per second for a body rate and
         revolutions per second for a propeller
     where : file and column for the message
 

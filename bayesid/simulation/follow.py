@@ -13,7 +13,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from bayesid.equations.layout import FIN
 from bayesid.equations.model import Model
 from bayesid.simulation.prepare import actuate, check_parameters, choose
 from bayesid.simulation.time_plan import MOVING_STEP_PER_LENGTH, STEP_PER_LENGTH, STILL, TimePlan
@@ -46,7 +45,8 @@ def follow(model: Model, par: Array, plan: TimePlan, full: bool | None = None) -
     own = check_parameters(model, plan, model.without_effects)
     if np.array_equal(check_parameters(model, plan, par)[chain], own[chain]):
         return plan
-    fins = [a for a, name in enumerate(model.kernel.actuators) if name in FIN and name not in plan.measured]
+    servos, names = model.kernel.spec.servos, model.kernel.actuators
+    fins = [a for a, name in enumerate(names) if name in servos and name not in plan.measured]
     least = _LOSS * (plan.short / MOVING_STEP_PER_LENGTH) ** 2
     known = plan.kept.get("model")
     if known is None or known() is not model:

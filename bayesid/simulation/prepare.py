@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bayesid.equations import Functions
+from bayesid.equations.layout import FIN
 from bayesid.equations.model import Model
 from bayesid.errors import ModelError
 from bayesid.simulation.time_plan import TimePlan
@@ -19,7 +20,7 @@ Array = np.ndarray
 
 NO_TRACE, NO_LANE_TRACE = np.empty((0, 4, 1)), np.empty(0)
 LARGEST_STATE = 1e30  # m, rad, m/s: no vehicle gets there, and its square is still a number
-_FIN = {"delta_r": "r", "delta_s": "s", "delta_b": "b"}
+LARGEST_ANGLE, TURNS_ROUND = 10.0, 1e9  # rad, of a measured fin and of what may turn right round
 
 
 def choose(model: Model, par: Array, full: bool | None) -> Functions:
@@ -32,7 +33,7 @@ def choose(model: Model, par: Array, full: bool | None) -> Functions:
 def check_parameters(model: Model, plan: TimePlan, par: Array) -> Array:
     """Parameter vector(s) as the kernels want them.
 
-    The vehicle's own actuator limits are lifted where the position itself was measured.
+    The vehicle's own actuator limits and lags are lifted where the position itself was measured.
 
     Raises
     ------
@@ -45,10 +46,11 @@ def check_parameters(model: Model, plan: TimePlan, par: Array) -> Array:
             f"parameters of shape {par.shape}: model of {model.vehicle.name!r} ({model.dof}-DOF) has "
             f"{len(model.kernel.parameters)}; start from model.nominal"
         )
-    measured = [_FIN[name] for name in plan.measured if name in _FIN]
-    for letter in measured:
-        par[..., model.index[f"inverse_rate_{letter}"]] = 1e-9
-        par[..., model.index[f"limit_{letter}"]] = 10.0
+    servos = model.kernel.spec.servos
+    for name in (n for n in plan.measured if n in servos):
+        par[..., model.index[f"inverse_rate_{servos[name]}"]] = 1e-9
+        par[..., model.index[f"servo_lag_{servos[name]}"]] = 0.0
+        par[..., model.index[f"limit_{servos[name]}"]] = LARGEST_ANGLE if name in FIN else TURNS_ROUND
     return par
 
 

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from bayesid.equations.layout import FIN
 from bayesid.equations.model import Model
 from bayesid.errors import ModelError
 
@@ -97,14 +96,14 @@ def plan_run(
     names = model.kernel.actuators
     measured = {k: v for k, v in (measured or {}).items() if k in names}
     levels = np.zeros((t.size, len(names)))
-    moving = np.zeros(t.size - 1)
+    moving, servos = np.zeros(t.size - 1), model.kernel.spec.servos
     for a, name in enumerate(names):
         if name in measured:
             levels[:, a] = _filled(measured[name], name, t.size)
         elif f"{name}_cmd" in inputs:
             levels[:, a] = _filled(inputs[f"{name}_cmd"], f"{name}_cmd", t.size)
-            if name in FIN and max_step is None:
-                moving = np.maximum(moving, _moving(model, name, t, levels[:, a]))
+            if name in servos and max_step is None:
+                moving = np.maximum(moving, _moving(model, servos[name], t, levels[:, a]))
     short, long = _longest(model, max_step, longer)
     start, steps, record = _steps(t, moving, short, long)
     middle = start + 0.5 * steps
@@ -139,10 +138,9 @@ def _longest(model: Model, max_step: float | None, longer: float) -> tuple[float
     return max_step, max_step
 
 
-def _moving(model: Model, name: str, t: Array, levels: Array) -> Array:
+def _moving(model: Model, servo: str, t: Array, levels: Array) -> Array:
     """(n-1,) time [s] after each sample for which a fin still runs at the vehicle's rate; small moves 0."""
-    letter = name.removeprefix("delta_")
-    inverse, limit = (model.nominal[model.index[f"{k}_{letter}"]] for k in ("inverse_rate", "limit"))
+    inverse, limit = (model.nominal[model.index[f"{k}_{servo}"]] for k in ("inverse_rate", "limit"))
     time = model.scales["L"] / max(model.scales["U"], 1e-3)
     inverse = float(inverse)
     out = np.zeros(t.size - 1)

@@ -122,7 +122,7 @@ def _points(model: Model, par: Array, seed: int) -> tuple[Array, Array]:
             states[:, i] = spread.get(name, length) * rng.uniform(-1.0, 1.0, POINTS)
     revolutions = model.vehicle.rpm_ref or 1.0
     actuators = np.stack([
-        FIN * rng.uniform(-1.0, 1.0, POINTS) if name.startswith("delta") else
+        FIN * rng.uniform(-1.0, 1.0, POINTS) if name in model.kernel.spec.servos else
         revolutions * rng.uniform(0.5, 1.2, POINTS)
         for name in model.kernel.actuators
     ], axis=1)  # fmt: skip

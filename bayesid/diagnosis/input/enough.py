@@ -55,7 +55,7 @@ def not_enough(trial: Trial, model: Model | None = None) -> tuple[str, ...]:
 def unmoved_inputs(trial: Trial, vehicle: Vehicle) -> tuple[str, ...]:
     """One sentence per input the vehicle's forces depend on that no run has, or that moves in none.
 
-    Fins count whose rows are in the file, propeller and thrusters where they give thrust.
+    Fins count whose rows are in the file, the propeller where it gives thrust, and all named actuators.
     """
     out = []
     for name in _inputs(vehicle):
@@ -72,7 +72,11 @@ def _inputs(vehicle: Vehicle) -> list[str]:
     fins = {"delta_r": "dr", "delta_s": "ds", "delta_b": "db"}
     turning = [fin for fin, short in fins.items() if any(short in n.partition("_")[2] for n in vehicle.coef)]
     planar = [f for f in turning if f == "delta_r" or not vehicle.planar_only]
-    return [*planar, *(["n"] if has_propeller(vehicle) else []), *(t.signal for t in vehicle.thrusters)]
+    return [
+        *planar,
+        *(["n"] if has_propeller(vehicle) else []),
+        *(signal for a in vehicle.actuators for signal in a.signals),
+    ]
 
 
 def still_inputs(trial: Trial) -> tuple[str, ...]:

@@ -34,6 +34,8 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 PORTS = ("input", "flow", "force", "sensor")
+_SERVO = re.compile(r"(servo_lag|inverse_rate)_(\w+)")
+_FINS = {"r": "delta_r", "s": "delta_s", "b": "delta_b"}
 
 
 @dataclass(frozen=True)
@@ -130,9 +132,9 @@ class Effect:
 
     @property
     def needs(self) -> str:
-        """Actuator without which nothing comes of it: "delta_r", "delta_s", "n" or of a thruster; else ""."""
+        """Actuator without which nothing comes of it: "delta_r", "delta_s", "n" or a named one; else ""."""
         moved = {stage.signal for stage in self.stages} | {
-            f"delta_{name[-1]}" for name in self.adjust if name.startswith(("servo_lag_", "inverse_rate_"))
+            _FINS.get(found[2], found[2]) for name in self.adjust if (found := _SERVO.fullmatch(name))
         }
         if len(moved) == 1 and not self.force:
             return moved.pop()

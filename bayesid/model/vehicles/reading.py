@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from bayesid.errors import VehicleError, raise_all
+from bayesid.model.actuators import Fin
 from bayesid.model.terms import canonical_name, term
 from bayesid.model.terms.dialects import READ
 from bayesid.model.vehicles.convention import CONVERSIONS, converted
@@ -22,6 +23,7 @@ from bayesid.model.vehicles.inertia import mass_problems
 from bayesid.model.vehicles.prior import read_prior
 from bayesid.model.vehicles.tables import (
     HEAD,
+    read_actuators,
     read_coefficients,
     read_confidence,
     read_control,
@@ -31,7 +33,6 @@ from bayesid.model.vehicles.tables import (
     read_head,
     read_propulsion,
     read_sources,
-    read_thrusters,
     ship_problems,
 )
 from bayesid.model.vehicles.vehicle import Vehicle
@@ -141,8 +142,10 @@ def read_vehicle(data: Mapping[str, Any], where: str, folder: Path | None) -> Ve
             head.problem(f"U_ref [m/s] is missing: {', '.join(odd)} in prime form need a reference speed")
     limits, rates = read_control(TomlTable(data.get("control", {}), "control", problems))
     effects, effects_sd = read_effects(TomlTable(data.get("effects", {}), "effects", problems))
+    actuators = read_actuators(TomlTable(data.get("actuators", {}), "actuators", problems))
     values |= {
-        "thrusters": read_thrusters(TomlTable(data.get("actuators", {}), "actuators", problems)),
+        "thrusters": tuple(a for a in actuators if not isinstance(a, Fin)),
+        "fins": tuple(a for a in actuators if isinstance(a, Fin)),
         "effects": effects,
         "effects_sd": effects_sd,
         "limits": limits,

@@ -10,10 +10,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from bayesid.model.actuators import KINDS, NAMES
 from bayesid.model.file_keys import DIALECT, schema_text, table_schema, write_beside
 from bayesid.model.propulsion import MODELS
 from bayesid.model.terms import TERMS
-from bayesid.model.thrusters import KEYS, NAMES
 from bayesid.model.vehicles.reading import SECTIONS
 from bayesid.model.vehicles.tables import CONTROL, CROSSFLOW, HEAD
 
@@ -32,9 +32,9 @@ def vehicle_schema() -> dict[str, Any]:
         "prior": _prior(),
         "validation": {"description": "Measured behaviour, kept as it is.", "type": "object"},
         "actuators": {
-            "description": "Thrusters by name; they read the columns n_NAME_cmd or n_NAME.",
+            "description": "Thrusters, waterjets and fins by name; the name is that of their columns.",
             "type": "object",
-            "properties": {name: table_schema(KEYS, "A thruster.") for name in NAMES},
+            "properties": {name: {"$ref": "#/$defs/actuator"} for name in NAMES},
             "additionalProperties": False,
         },
         "effects": {
@@ -69,6 +69,7 @@ def vehicle_schema() -> dict[str, Any]:
         "properties": {"format": {"const": 1}, **{name: sections[name] for name in SECTIONS}},
         "required": ["vehicle", "propulsion", "coef"],
         "additionalProperties": False,
+        "$defs": {"actuator": _actuator()},
     }
 
 
@@ -128,6 +129,15 @@ def _propulsion() -> dict[str, Any]:
         "required": ["model"],
         "oneOf": branches,
     }
+
+
+def _actuator() -> dict[str, Any]:
+    """One of the kinds; a table without `kind` is a thruster."""
+    branches = []
+    for word, kind in KINDS.items():
+        one = table_schema(kind.keys, kind.meaning, {"kind": {"const": word}})
+        branches.append({**one, "required": [*one["required"], *(["kind"] if word != "thruster" else [])]})
+    return {"oneOf": branches}
 
 
 def _prior() -> dict[str, Any]:

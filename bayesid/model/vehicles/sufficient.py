@@ -73,8 +73,8 @@ def lacking(vehicle: Vehicle) -> dict[str, list[str]]:
 
 
 def has_rudder(vehicle: Vehicle) -> bool:
-    """Whether a rudder turns it; one steered by thrusters has none unless its file gives rows of one."""
-    return not vehicle.thrusters or any(name.endswith("dr") for name in vehicle.coef)
+    """Whether `delta_r` turns it; one with actuators of its own has none unless its file gives rows of it."""
+    return not vehicle.actuators or any(name.endswith("dr") for name in vehicle.coef)
 
 
 def has_propeller(vehicle: Vehicle) -> bool:
@@ -85,16 +85,16 @@ def has_propeller(vehicle: Vehicle) -> bool:
 
 
 def missing_actuators(vehicle: Vehicle) -> set[str]:
-    """Of "delta_r", "delta_s", "n", what a vehicle steered by thrusters does not have."""
-    if not vehicle.thrusters:
+    """Of "delta_r", "delta_s", "n", what a vehicle with actuators of its own does not have."""
+    if not vehicle.actuators:
         return set()
     there = {"delta_r": has_rudder(vehicle), "delta_s": _has_rows(vehicle, "ds"), "n": has_propeller(vehicle)}
     return {name for name, has in there.items() if not has}
 
 
 def _has_rows(vehicle: Vehicle, fin: str) -> bool:
-    """Whether the file should hold rows of a fin: a rudder in a race has numbers, thrusters need none."""
+    """Whether the file should hold rows of a fin: a rudder in a race has numbers, named ones need none."""
     mmg = vehicle.propulsion is not None and vehicle.propulsion.model == "mmg"
     return not (mmg and fin == "dr") and (
-        not vehicle.thrusters or any(name.endswith(fin) for name in vehicle.coef)
+        not vehicle.actuators or any(name.endswith(fin) for name in vehicle.coef)
     )

@@ -11,13 +11,12 @@ from collections.abc import Mapping
 from typing import Any
 
 from bayesid.errors import VehicleError
-from bayesid.model import thrusters
+from bayesid.model.actuators import KINDS, NAMES, Actuator
 from bayesid.model.file_keys import FileKey
 from bayesid.model.propulsion import MODELS, propulsion_problems, with_defaults
 from bayesid.model.terms import canonical_name, term
 from bayesid.model.terms.dialects import READ
 from bayesid.model.terms.mmg import REQUIRED
-from bayesid.model.thrusters import Thruster
 from bayesid.model.vehicles.fields import LARGEST, TomlTable, as_number, hint, shown
 from bayesid.model.vehicles.vehicle import FINS, GRAVITY, INERTIA, Crossflow, Propulsion
 
@@ -221,32 +220,51 @@ def read_confidence(table: TomlTable) -> dict[str, list[str]]:
     return found
 
 
-def read_thrusters(table: TomlTable) -> tuple[Thruster, ...]:
-    """Thrusters of [actuators.NAME], in the order of the file."""
-    out = []
+def read_actuators(table: TomlTable) -> tuple[Actuator, ...]:
+    """Actuators of [actuators.NAME], in the order of the file; one without `kind` is a thruster."""
+    out: list[Actuator] = []
     for name in table.data:
-        if name not in thrusters.NAMES:
-            near = hint(name, thrusters.NAMES)
-            table.problem(f"{shown(name)} is no name of an actuator: {', '.join(thrusters.NAMES)}{near}")
+        if name not in NAMES:
+            table.problem(f"{shown(name)} is no name of an actuator: {', '.join(NAMES)}{hint(name, NAMES)}")
             continue
         inside = TomlTable(table.data[name], f"actuators.{name}", table.problems)
-        inside.only(thrusters.KEYS)
-        for key in ("at", "direction"):
-            if key not in inside.data:
-                inside.problem(f"{key} is missing")
-        numbers = {
-            key: _number(inside, thrusters.KEYS, key, row.default)
-            for key, row in thrusters.KEYS.items()
-            if row.kind == "number"
-        }
-        at, along = inside.vector("at", (0.0, 0.0, 0.0)), inside.vector("direction", (1.0, 0.0, 0.0))
-        length = math.hypot(*along)
-        if length == 0.0:
-            inside.problem("direction must not be zero")
-            continue
-        along = (along[0] / length, along[1] / length, along[2] / length)
-        out.append(Thruster(name, at, along, **{key: value or 0.0 for key, value in numbers.items()}))
+        word = inside.text("kind", choices=KINDS) if "kind" in inside.data else "thruster"
+        kind = KINDS.get(word)
+        if kind is not None and (found := _actuator(name, kind, inside)) is not None:
+            out.append(found)
+    there = {a.name for a in out if f"n_{a.name}" in a.signals} | {"propeller"}
+    for a in out:
+        behind = getattr(a, "behind", None)
+        if behind is not None and behind not in there:
+            table.problem(f"{a.name} is behind {shown(behind)}, which is no thruster of this file")
     return tuple(out)
+
+
+def _actuator(name: str, kind: type[Actuator], inside: TomlTable) -> Actuator | None:
+    """One actuator; None where its numbers cannot be read."""
+    inside.only(("kind", *kind.keys))
+    before = len(inside.problems)
+    values: dict[str, Any] = {}
+    for key, row in kind.keys.items():
+        if row.kind == "numbers" and key not in inside.data:
+            inside.problem(f"{key} is missing")
+        elif row.kind == "numbers":
+            values[key] = inside.vector(key, (0.0, 0.0, 0.0))
+        elif row.kind == "number":
+            values[key] = _number(inside, kind.keys, key, row.default)
+        elif key in inside.data:
+            values[key] = inside.text(key, choices=row.choices)
+    if len(inside.problems) > before:
+        return None
+    length = math.hypot(*values["direction"])
+    if length == 0.0:
+        inside.problem("direction must not be zero")
+        return None
+    values["direction"] = tuple(one / length for one in values["direction"])
+    found = kind(name=name, **values)
+    for text in found.problems:
+        inside.problem(text)
+    return found
 
 
 def read_effects(table: TomlTable) -> tuple[dict[str, float], dict[str, float]]:

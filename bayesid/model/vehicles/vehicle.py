@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
+from bayesid.model.actuators import Actuator, Fin, Pusher
 from bayesid.model.propulsion import propulsion_rows
 from bayesid.model.terms import Term, term
-from bayesid.model.thrusters import Thruster
 
 GRAVITY = 9.81  # m/s^2, as in the reference behaviour of the built-in sets
 FINS = ("delta_r", "delta_s", "delta_b")
-_LATER = ("effects", "effects_sd", "thrusters")
+_LATER = ("effects", "effects_sd", "thrusters", "fins")
 INERTIA = ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
 
 
@@ -84,7 +84,7 @@ class Vehicle:
     U_ref : reference speed [m/s], needed only by prime coefficients that are not quadratic in velocity
     effects, effects_sd : effect parameter ("actuator_lag.tau") -> value, and one standard deviation [SI]:
         effects of the catalogue, or of a user's file of effects, that are part of this vehicle
-    thrusters : beside rudder, planes and the propeller of `propulsion`
+    thrusters, fins : beside the propeller of `propulsion`, and beside rudder and planes; named
     validation, confidence, sources : what the file says about its own numbers, kept as it is
     """
 
@@ -119,7 +119,13 @@ class Vehicle:
     sources: dict[str, str] = field(default_factory=dict)
     effects: dict[str, float] = field(default_factory=dict)
     effects_sd: dict[str, float] = field(default_factory=dict)
-    thrusters: tuple[Thruster, ...] = ()
+    thrusters: tuple[Pusher, ...] = ()
+    fins: tuple[Fin, ...] = ()
+
+    @property
+    def actuators(self) -> tuple[Actuator, ...]:
+        """Those of [actuators.NAME]."""
+        return (*self.thrusters, *self.fins)
 
     @property
     def rpm_ref(self) -> float | None:

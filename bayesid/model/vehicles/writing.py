@@ -111,9 +111,10 @@ def vehicle_toml(
             table = {"names": list(v.prior.names), "matrix": v.prior.covariance.tolist()}
             prior["covariance"] = covariance_file or table
         tables["prior"] = prior
-    for t in v.thrusters:
-        keys = {key: value for key, value in vars(t).items() if key != "name"}
-        tables[f"actuators.{t.name}"] = keys
+    for a in v.actuators:
+        kind = {} if a.kind == "thruster" else {"kind": a.kind}
+        keys = {key: value for key, value in vars(a).items() if key != "name" and value is not None}
+        tables[f"actuators.{a.name}"] = kind | keys
     for key, value in v.effects.items():
         effect, _, parameter = key.partition(".")
         spread = {"sd": v.effects_sd[key]} if key in v.effects_sd else {}

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 from bayesid.errors import VehicleError
+from bayesid.model.actuators import UNLIMITED
 from bayesid.model.terms import term
-from bayesid.model.thrusters import Thruster
 from bayesid.model.vehicles.convention import munk_and_coriolis
 from bayesid.model.vehicles.new.new_vehicle import NewVehicle
 from bayesid.model.vehicles.stability import usual_speed
@@ -104,7 +105,8 @@ def scaled(
         B=vehicle.B * new_mass / vehicle.mass,
         rates={fin: rate * faster / size for fin, rate in vehicle.rates.items()},
         propulsion=_propulsion(vehicle.propulsion, size, faster, rpm, dense),
-        thrusters=tuple(_thruster(one, size, rpm, dense) for one in vehicle.thrusters),
+        thrusters=tuple(_actuator(one, size, faster, rpm, dense) for one in vehicle.thrusters),
+        fins=tuple(_actuator(one, size, faster, rpm, dense) for one in vehicle.fins),
         crossflow=crossflow,
         coef=coef,
         prior=prior,
@@ -160,13 +162,22 @@ def _prior(vehicle: Vehicle, coef: dict[str, float], heavier: float) -> Coeffici
     )
 
 
-def _thruster(one: Thruster, size: float, rpm: float, dense: float) -> Thruster:
-    """A similar thruster at the same advance ratio: thrust by rho n^2 D^4 and rho u n D^3."""
+def _actuator(one: Any, size: float, faster: float, rpm: float, dense: float) -> Any:
+    """A similar actuator at the same advance ratio: forces by rho n^2 D^4, rho u n D^3 and rho u^2 D^2."""
     x, y, z = one.at
-    return replace(
-        one, at=(x * size, y * size, z * size), T_nn=one.T_nn * dense * size**4,
-        T_un=one.T_un * dense * size**3, dead_band=one.dead_band * rpm, limit=one.limit * rpm,
-    )  # fmt: skip
+    time = size / faster
+    factors = {
+        "T_nn": dense * size**4, "T_un": dense * size**3, "F_nn": dense * size**4, "F_uu": dense * size**2,
+        "D_uu": dense * size**2, "dead_band": rpm, "limit": rpm, "turn_rate_deg_s": 1 / time,
+        "nozzle_rate_deg_s": 1 / time, "rate_deg_s": 1 / time, "bucket_rate": 1 / time, "turn_lag": time,
+        "nozzle_lag": time, "bucket_lag": time, "lag": time,
+    }  # fmt: skip
+    scaled = {
+        key: min(value * factor, UNLIMITED)
+        for key, factor in factors.items()
+        if isinstance(value := getattr(one, key, None), float)
+    }
+    return replace(one, at=(x * size, y * size, z * size), **scaled)
 
 
 def _propulsion(old: Propulsion, size: float, faster: float, rpm: float, dense: float) -> Propulsion:
