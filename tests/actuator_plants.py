@@ -205,6 +205,8 @@ def plant_run(which, name, t, orders, rng, beyond=1.0, slower=1.0, role="identif
     """A run from rest; orders by column, held from sample to sample; `slower` times the servo rates."""
     _, forces, servos = PLANTS[which]
     x, out = np.zeros(6), []
+    # a pod without stops goes the shorter way round
+    turned = {s: np.unwrap(v) if s.startswith("azimuth") else v for s, v in orders.items()}
     at = {s: float(v[0]) for s, v in orders.items()}
     for k in range(t.size):
         out.append(x.copy())
@@ -214,7 +216,7 @@ def plant_run(which, name, t, orders, rng, beyond=1.0, slower=1.0, role="identif
         h = (t[k + 1] - t[k]) / count
         for _ in range(count):
             held = {}
-            for s, values in orders.items():
+            for s, values in turned.items():
                 end = values[k]
                 if s in servos:
                     speed, lag, limit = servos[s]

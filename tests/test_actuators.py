@@ -12,6 +12,7 @@ from actuator_plants import PLANTS, orders_of, plant_run, plant_trial
 from plain_kernel import uncompiled
 
 import bayesid
+from bayesid.cli.main import run
 from bayesid.diagnosis.input import unmoved_inputs
 from bayesid.diagnosis.plain_words import sentence
 from bayesid.diagnosis.result_parts import Effect as Told
@@ -28,6 +29,8 @@ from bayesid.model.vehicles import load_vehicle, self_propulsion_speed, write_ve
 from bayesid.model.vehicles.new.scaling import scaled
 from bayesid.report.fit_effects import effect_words
 from bayesid.simulation import plan_run, simulate
+from bayesid.trials import load_trial, write_trial
+from bayesid.trials.health import check_runs
 
 #: a force weaker than stated, a servo slower than stated: of the plant, and the parameters that say so
 BEYOND = {
@@ -198,6 +201,35 @@ def test_a_measured_direction_is_taken_as_it_is_and_turns_right_round(folder):
     assert np.abs(read[:, 3]).max() < 0.15 < np.abs(ordered[:, 3]).max()
 
 
+def test_a_pod_goes_the_shorter_way_to_an_order_unless_stops_forbid_it(folder):
+    """From 150 degrees to starboard to 150 to port: 60 degrees past astern, or 300 past ahead."""
+    model, _ = plain("azimuth", folder)
+    t = np.arange(0.0, 4.0, 0.5)
+    orders = {"azimuth_stern_cmd": np.where(t < 1.0, 1.0, -1.0) * np.radians(150.0)}
+    a = model.kernel.actuators.index("azimuth_stern")
+    free = plan_run(model, t, orders).levels[:, a]
+    assert np.degrees(free[-1]) == pytest.approx(210.0)
+    stern = replace(model.vehicle.thrusters[0], turn_max_deg=160.0)
+    stopped = build_model(replace(model.vehicle, thrusters=(stern, model.vehicle.thrusters[1])))
+    assert np.degrees(plan_run(stopped, t, orders).levels[-1, a]) == pytest.approx(-150.0)
+    # the position itself is continuous, whatever wrap was logged
+    read = {"azimuth_stern": np.angle(np.exp(1j * 2.0 * t))}
+    assert plan_run(model, t, {}, read).levels[-1, a] == pytest.approx(2.0 * t[-1])
+
+
+def test_orders_of_a_pod_are_read_as_they_were_logged(folder, tmp_path):
+    """Unwrapped on reading, a pod with stops would be ordered past them."""
+    a_vehicle("azimuth", folder)
+    trial = plant_trial("azimuth", folder / "azimuth.toml", 3)
+    t = trial.runs[0].t
+    there_and_back = {"azimuth_stern_cmd": np.where((t // 20) % 2 == 0, 2.5, -2.5)}
+    trial = replace(trial, runs=tuple(replace(r, commands=r.commands | there_and_back) for r in trial.runs))
+    again = load_trial(write_trial(trial, tmp_path / "bundle"))
+    for one, two in zip(trial.runs, again.runs, strict=True):
+        assert np.allclose(one.commands["azimuth_stern_cmd"], two.commands["azimuth_stern_cmd"])
+    assert not [text for text in check_runs(again.runs) if "azimuth" in text]
+
+
 def test_jets_whose_buckets_are_half_down_push_sideways_alone(folder):
     """Closed form: with bucket_astern s the jet goes nowhere ahead at b = -(1 - s)/(1 + s)."""
     vehicle = a_vehicle("waterjet", folder)
@@ -254,3 +286,19 @@ def test_a_schema_lists_the_columns(folder):
 
     text = json.dumps(trial_schema())
     assert all(name in text for name in ("azimuth_bow_cmd", "nozzle_port", "bucket_stbd", "delta_4"))
+
+
+def test_a_vehicle_is_shown_with_its_actuators_and_their_effects(folder, capsys):
+    a_vehicle("waterjet", folder)
+    path = str(folder / "waterjet.toml")
+
+    def said(*line):
+        run(list(line))
+        text = capsys.readouterr()
+        return " ".join((text.out + text.err).split())
+
+    shown = said("vehicle", "show", path)
+    assert "waterjet" in shown and "nozzle_port[deg]" in shown and "bucket_astern 0.5" in shown
+    assert "nozzle_port_lag" in said("effect", "list", "--vehicle", path)
+    assert "servo" in said("effect", "show", "nozzle_port_lag", "--vehicle", path)
+    assert "--vehicle" in said("effect", "show", "zzz")

@@ -15,14 +15,22 @@ if TYPE_CHECKING:
 Name = Annotated[
     str, typer.Argument(help="Name of an effect, or another name it goes by.", show_default=False)
 ]
+OfVehicle = Annotated[
+    str | None,
+    typer.Option(
+        "--vehicle", help="Those of this vehicle: with its named actuators, and a ship's own forms."
+    ),
+]
 LIST_COLUMNS = ("effect", "acts on", "family", "dof", "parameters [unit]")
 
 
-def listing(effects: Effects = None, as_json: Json = False, verbose: Verbose = False) -> None:
+def listing(
+    effects: Effects = None, vehicle: OfVehicle = None, as_json: Json = False, verbose: Verbose = False
+) -> None:
     """List the effects of the catalogue."""
     from bayesid.cli.output import print_json, print_table
 
-    found = _catalogue(effects)
+    found = _catalogue(effects, vehicle)
     if as_json:
         print_json({e.name: _plain(e) for e in found})
         return
@@ -32,7 +40,13 @@ def listing(effects: Effects = None, as_json: Json = False, verbose: Verbose = F
     print_table(LIST_COLUMNS, rows)
 
 
-def show(name: Name, effects: Effects = None, as_json: Json = False, verbose: Verbose = False) -> None:
+def show(
+    name: Name,
+    effects: Effects = None,
+    vehicle: OfVehicle = None,
+    as_json: Json = False,
+    verbose: Verbose = False,
+) -> None:
     """Show an effect: parameters, usual size, equation and source."""
     import difflib
 
@@ -40,10 +54,11 @@ def show(name: Name, effects: Effects = None, as_json: Json = False, verbose: Ve
     from bayesid.errors import ModelError
     from bayesid.model.effects.describe import describe
 
-    known = {other: e for e in _catalogue(effects) for other in (e.name, *e.aliases)}
+    known = {other: e for e in _catalogue(effects, vehicle) for other in (e.name, *e.aliases)}
     if name not in known:
         near = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
-        hint = f"; did you mean {', '.join(near)}?" if near else "; `bayesid effect list` names all"
+        other = "" if vehicle else ", with --vehicle those of its actuators"
+        hint = f"; did you mean {', '.join(near)}?" if near else f"; `bayesid effect list` names all{other}"
         raise ModelError(f"no effect {name!r}{hint}")
     effect = known[name]
     if as_json:
@@ -51,14 +66,21 @@ def show(name: Name, effects: Effects = None, as_json: Json = False, verbose: Ve
         return
     print_text(describe(effect))
     key = effect.key(effect.parameters[0].name)
-    print_text(f"\ntry it: bayesid simulate remus100 zigzag:10/10 --set {key}=VALUE")
+    whom = f"{vehicle} MANOEUVRE" if vehicle else "remus100 zigzag:10/10"
+    print_text(f"\ntry it: bayesid simulate {whom} --set {key}=VALUE")
 
 
-def _catalogue(path: Any) -> tuple[Effect, ...]:
+def _catalogue(path: Any, vehicle: str | None) -> tuple[Effect, ...]:
     from bayesid.api.inputs import declared_effects
-    from bayesid.model.effects import CATALOGUE
+    from bayesid.model.effects import CATALOGUE, catalogue_of
+    from bayesid.model.effects.named import named_effects
+    from bayesid.model.vehicles import load_vehicle
 
-    return (*CATALOGUE, *declared_effects(path))
+    if vehicle is None:
+        return (*CATALOGUE, *declared_effects(path))
+    found = load_vehicle(vehicle)
+    of_its_own = named_effects(found.actuators, found.rpm_ref)
+    return (*catalogue_of(found.propulsion.model == "mmg"), *of_its_own, *declared_effects(path))
 
 
 def _parameters(effect: Effect) -> list[str]:

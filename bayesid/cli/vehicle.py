@@ -46,7 +46,7 @@ def show(vehicle: VehicleName, as_json: Json = False, verbose: Verbose = False) 
     found = load_vehicle(vehicle)
     rows = _coefficient_rows(found)
     if as_json:
-        print_json({**_head(found), "coefficients": rows})
+        print_json({**_head(found), "actuators": _actuator_rows(found), "coefficients": rows})
         return
     print_text(f"{found.name}\n{found.source}\n")
     head = {key: value for key, value in _head(found).items() if key not in ("name", "source")}
@@ -54,11 +54,31 @@ def show(vehicle: VehicleName, as_json: Json = False, verbose: Verbose = False) 
     for key, value in head.items():
         print_text(f"{key.ljust(width)}  {_plain(value)}")
     print_text()
+    if found.actuators:
+        by_name = [[r["name"], r["kind"], ", ".join(r["columns"]), _plain(r["numbers"])]
+                   for r in _actuator_rows(found)]  # fmt: skip
+        print_table(["actuator", "kind", "columns (or with _cmd)", "numbers as in the file"], by_name)
+        print_text()
     columns = ["coefficient", *coefficient_cells.COLUMNS, "prior sd [%]", "regressor"]
     keys = ["name", "prime", "si", "unit", "prior_sd_percent", "regressor"]
     if verbose:
         columns, keys = [*columns, "source of the term"], [*keys, "source"]
     print_table(columns, [[row[key] for key in keys] for row in rows])
+
+
+def _actuator_rows(vehicle: Vehicle) -> list[dict[str, Any]]:
+    """Actuators of [actuators.NAME]: kind, columns of a log, what the file states beyond the defaults."""
+    from bayesid.model.channels import channel
+
+    rows = []
+    for a in vehicle.actuators:
+        columns = [f"{s}[{channel(s).shown[1]}]" for s in a.signals]
+        stated = {k: v for k, v in vars(a).items() if k in a.keys and v != a.keys[k].default}
+        numbers = {
+            k: " ".join(f"{x:.4g}" for x in v) if isinstance(v, tuple) else v for k, v in stated.items()
+        }
+        rows.append({"name": a.name, "kind": a.kind, "columns": columns, "numbers": numbers})
+    return rows
 
 
 def _coefficient_rows(vehicle: Vehicle) -> list[dict[str, Any]]:

@@ -18,7 +18,8 @@ class Channel:
     """One quantity a log may hold.
 
     kind : "time", "pose", "velocity", "command", "actuator", "propulsion" or "environment"
-    circular : True for an angle that may be logged wrapped and is unwrapped on reading
+    circular : True for an angle that may be logged wrapped and is unwrapped on reading; an order is not, for
+        which way it goes depends on the vehicle
     through_water : True for velocities measured against the water instead of the ground
     vertical : True if logging it makes the trial a 6-DOF one
     rudder : True for angles whose sign follows `rudder_positive`

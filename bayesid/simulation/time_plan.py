@@ -15,6 +15,7 @@ import numpy as np
 
 from bayesid.equations.model import Model
 from bayesid.errors import ModelError
+from bayesid.model.channels import channel
 
 Array = np.ndarray
 
@@ -102,8 +103,10 @@ def plan_run(
             levels[:, a] = _filled(measured[name], name, t.size)
         elif f"{name}_cmd" in inputs:
             levels[:, a] = _filled(inputs[f"{name}_cmd"], f"{name}_cmd", t.size)
-            if name in servos and max_step is None:
-                moving = np.maximum(moving, _moving(model, servos[name], t, levels[:, a]))
+        if name in servos and channel(name).circular:
+            levels[:, a] = _turns(levels[:, a], model.nominal[model.index[f"limit_{servos[name]}"]])
+        if name in servos and name not in measured and f"{name}_cmd" in inputs and max_step is None:
+            moving = np.maximum(moving, _moving(model, servos[name], t, levels[:, a]))
     short, long = _longest(model, max_step, longer)
     start, steps, record = _steps(t, moving, short, long)
     middle = start + 0.5 * steps
@@ -182,6 +185,12 @@ def _sample_times(t: Array) -> Array:
             f"sample times must be finite and increase; sample {i} at {t[i]:g} s follows {t[i - 1]:g} s"
         )
     return t
+
+
+def _turns(angle: Array, limit: float) -> Array:
+    """A direction as it is followed: the shorter way round, or, with stops, from side to side."""
+    out: Array = np.unwrap(angle) if limit >= math.pi else np.arctan2(np.sin(angle), np.cos(angle))
+    return out
 
 
 def _filled(values: Array, name: str, size: int) -> Array:

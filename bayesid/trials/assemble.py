@@ -82,7 +82,7 @@ def assemble(table: CsvTable, reading: Reading, name: str, manoeuvre: str, role:
     groups: dict[str, dict[str, Floats]] = {kind: {} for kind in ("pose", "velocity", *_FILLED, "propulsion")}
     for key, array in values.items():
         row = channel(key)
-        if row.circular:
+        if row.circular and row.kind != "command":  # which way an order goes is the vehicle's affair
             array = unwrap(array)
         if row.kind in _FILLED:
             array = _fill(t, array, row, notices)

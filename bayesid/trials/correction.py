@@ -111,7 +111,7 @@ def apply(correction: Correction, run: Run) -> Run:
     for name, factor in correction.scale.items():
         if name in series:
             series[name] = series[name] * factor
-            if channel(name).circular and abs(factor) != 1.0:
+            if channel(name).circular and channel(name).kind != "command" and abs(factor) != 1.0:
                 series[name] = _unwrapped(series[name])
     if correction.heading_from == "east" and "psi" in series:
         series["psi"] = math.pi / 2 - series["psi"]

@@ -324,7 +324,7 @@ def _magnitudes(run: Run) -> list[str]:
             notices.append(f"{name} reaches {shown}, which no vehicle of this kind does{hint}")
     for group in (run.commands, run.measured_inputs):
         for name, values in group.items():
-            if channel(name).unit != "rad":
+            if channel(name).unit != "rad" or channel(name).circular:
                 continue
             size = float(np.abs(values).max())
             if size > 1.6:

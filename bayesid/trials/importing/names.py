@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from bayesid.model.channels import is_channel
+from bayesid.model.channels import ACTUATORS, COMMANDS, is_channel
 from bayesid.model.units import UnitError, scale
 from bayesid.trials.importing.raw import RawChannel
 from bayesid.trials.importing.roles import ROLES
@@ -101,6 +101,7 @@ _COMPILED = tuple((role, re.compile(rf"(?:{pattern})")) for role, pattern in PAT
 ABSOLUTE = frozenset({"latitude", "longitude", "north", "east", "heading", "v_north", "v_east", "course"})
 FIELD = 1.9  # score of the field of a struct
 _SENSOR = re.compile(r"acc|gyr|imu|mag|force|vel|rate|wind|curr|cmd|order")
+_STEERED = frozenset({*COMMANDS, *ACTUATORS} - {"n", "n_cmd"})
 WITH_ORDER = ("delta_r", "delta_s", "delta_b", "n")
 
 
@@ -118,7 +119,7 @@ def in_bundle_format(names: Iterable[str]) -> bool:
     """True if a table is written as the CSV files of a bundle, position and heading too."""
     heads = [_OWN_HEADER.fullmatch(name) for name in names]
     own = {found[1] for found in heads if found is not None and is_channel(found[1])}
-    return own >= {"x", "y", "psi"} and bool(own & {"delta_r", "delta_r_cmd"})
+    return own >= {"x", "y", "psi"} and bool(own & _STEERED)
 
 
 def guess_role(channel: RawChannel, own_format: bool = False) -> Guess | None:
