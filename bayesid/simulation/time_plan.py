@@ -38,7 +38,8 @@ class TimePlan:
     times, steps : (m,) start [s from the first sample] and length [s] of every RK4 step
     record : (n,) number of steps done when sample i is taken
     command : (m, na) commanded actuator positions, mean over the step, without any delay [rad, rpm]
-    exogenous : (m, ne) measured wind and latent inputs, held over each step
+    exogenous : (m, ne) measured wind (its mean over `wind_average` of the vehicle) and latent inputs, held
+        over each step
     knots, levels : (k,) and (k, na) switching times and values of the held commands
     measured : names of actuators whose measured position is used instead of the command
     short : step [s] while a fin moves, 0 where all steps are as long as was asked for
@@ -118,8 +119,9 @@ def plan_run(
     if exogenous and "wind_speed" in exogenous and "wind_from" in exogenous:
         speed = _filled(exogenous["wind_speed"], "wind_speed", t.size)
         towards = _filled(exogenous["wind_from"], "wind_from", t.size) + math.pi
+        over = model.vehicle.dimensions.get("wind_average", 0.0)
         for name, values in (("wind_north", speed * np.cos(towards)), ("wind_east", speed * np.sin(towards))):
-            exo[:, model.kernel.exogenous.index(name)] = np.interp(middle, t, values)
+            exo[:, model.kernel.exogenous.index(name)] = np.interp(middle, t, _averaged(t, values, over))
     adaptable = short if max_step is None else 0.0
     return TimePlan(
         t, start - t[0], steps, record, command, exo, t - t[0], levels, tuple(measured), adaptable
@@ -190,6 +192,18 @@ def _sample_times(t: Array) -> Array:
 def _turns(angle: Array, limit: float) -> Array:
     """A direction as it is followed: the shorter way round, or, with stops, from side to side."""
     out: Array = np.unwrap(angle) if limit >= math.pi else np.arctan2(np.sin(angle), np.cos(angle))
+    return out
+
+
+def _averaged(t: Array, values: Array, over: float) -> Array:
+    """First-order mean of a signal over a time [s], exact for what is linear between samples; it starts at
+    the first sample."""
+    if over == 0.0:
+        return values
+    out = values.copy()
+    for i, h in enumerate(np.diff(t).tolist()):
+        behind = over * (values[i + 1] - values[i]) / h  # a ramp is followed this far behind
+        out[i + 1] = values[i + 1] - behind + (out[i] - values[i] + behind) * math.exp(-h / over)
     return out
 
 

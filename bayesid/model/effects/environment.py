@@ -7,10 +7,10 @@ _AX, _AY, _ARM = 0.03, 0.10, 0.05
 _RHO_AIR = 1.2
 # Areas are known to a factor of two (sd .7 of their logarithm); a speed found from the force goes
 # with their root.
-_AREAS = 0.35
+AREAS_SD = 0.35
 
 
-def _air(axis: str, north: str, east: str) -> str:
+def air_force(axis: str, north: str, east: str) -> str:
     """Quadratic air force in the relative wind less what still air already does."""
 
     def drag(north: str, east: str) -> str:
@@ -25,8 +25,8 @@ def _air(axis: str, north: str, east: str) -> str:
 
 
 def _wind(axis: str) -> str:
-    unknown = _air(axis, "blowing_north", "blowing_east")
-    measured = _air(axis, "wind_north", "wind_east")
+    unknown = air_force(axis, "blowing_north", "blowing_east")
+    measured = air_force(axis, "wind_north", "wind_east")
     return f"{unknown} + area_coefficients*({measured})"
 
 
@@ -64,14 +64,14 @@ EFFECTS = (
                 "blowing_north",
                 "m/s",
                 2.0,
-                assumed=_AREAS,
+                assumed=AREAS_SD,
                 about="air velocity to the north where no wind was measured, for the assumed areas",
             ),
             EffectParameter(
                 "blowing_east",
                 "m/s",
                 2.0,
-                assumed=_AREAS,
+                assumed=AREAS_SD,
                 about="air velocity to the east where no wind was measured, for the assumed areas",
             ),
             EffectParameter(

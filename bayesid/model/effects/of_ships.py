@@ -40,8 +40,13 @@ _BLOWING = {
 }
 
 
+def air_beyond_still(axis: str, north: str, east: str) -> str:
+    """Force of the air that blows to north and east [m/s] less what still air already does."""
+    return f"{_air(axis, north, east)} - ({_air(axis, '0', '0')})"
+
+
 def _wind(axis: str) -> str:
-    return f"{_air(axis, *_BLOWING.values())} - ({_air(axis, '0', '0')})"
+    return air_beyond_still(axis, *_BLOWING.values())
 
 
 # the force of a rudder behind a drifting hull has no sign of delta_r: it is stronger to the side it pushes to

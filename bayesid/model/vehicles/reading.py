@@ -22,7 +22,6 @@ from bayesid.model.vehicles.fields import TomlTable, hint, shown
 from bayesid.model.vehicles.inertia import mass_problems
 from bayesid.model.vehicles.prior import read_prior
 from bayesid.model.vehicles.tables import (
-    HEAD,
     read_actuators,
     read_coefficients,
     read_confidence,
@@ -129,7 +128,6 @@ def read_vehicle(data: Mapping[str, Any], where: str, folder: Path | None) -> Ve
         if key not in data:
             problems.append(f"section [{key}] is missing")
     head = TomlTable(data.get("vehicle", {}), "vehicle", problems)
-    head.only(HEAD)
     dialect = head.text("dialect", choices=READ) or None
     coef = read_coefficients(TomlTable(data.get("coef", {}), "coef", problems), dialect)
     prior = None

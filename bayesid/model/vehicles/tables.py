@@ -29,7 +29,15 @@ _SIZES = {
     "air_front": "area exposed to wind from ahead over L^2, of a ship with the mmg model",
     "air_side": "area exposed to wind abeam over L^2, of a ship with the mmg model",
     "air_centroid": "centroid of that area before midship over L",
+    "wind_average": "s, over which the vehicle takes the mean of a measured wind; 0: every gust",
 }
+#: keys somebody may look for, and why there is no such number
+NOT_READ = dict.fromkeys(
+    ("depth_over_draught", "water_depth", "depth", "h_over_d", "h_d"),
+    "is not read: there is no factor for shallow water here, for we found no source of one that we could "
+    "check. Coefficients hold at the depth they were measured at: give those of this depth, or fit them to "
+    "runs there",
+)
 DIMENSIONS = tuple(_SIZES)
 FIN_KEYS = dict(zip(FINS, ("dr", "ds", "db"), strict=True))
 #: keys of [vehicle]; the reader and the JSON Schema (`schema`) take ranges, choices and defaults from here
@@ -99,6 +107,9 @@ def _number(
 
 
 def read_head(head: TomlTable) -> dict[str, Any]:
+    head.only((*HEAD, *NOT_READ))
+    for key in (k for k in NOT_READ if k in head.data):
+        head.problem(f"{key} {NOT_READ[key]}")
     values: dict[str, Any] = {
         "name": head.text("name", HEAD["name"].default),
         "source": head.text("source", HEAD["source"].default),

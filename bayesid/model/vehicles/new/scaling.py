@@ -112,7 +112,7 @@ def scaled(
         prior=prior,
         U_ref=None if vehicle.U_ref is None else vehicle.U_ref * faster,
         dimensions={
-            key: value * (1.0 if key.startswith("air") else size)
+            key: value * (1.0 if key.startswith("air") else size / faster if key == "wind_average" else size)
             for key, value in vehicle.dimensions.items()
             if key != "scale"
         },
