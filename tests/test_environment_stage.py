@@ -157,4 +157,4 @@ def test_refits_begin_where_the_same_unknowns_ended_in_the_other_environment():
     assert other.ended_with(()) is None and other.ended_with((effect,)) == ended.points
     (near,), (anew,) = (refit(p, (effect,), print) for p in (other, problem.with_environment(quiet)))
     assert near.fit.iterations < anew.fit.iterations
-    assert near.fit.values == pytest.approx(anew.fit.values, abs=0.05 * anew.fit.free.sd.max(), rel=0.02)
+    assert np.abs((near.fit.values - anew.fit.values) / anew.fit.sd).max() < 0.2

@@ -386,3 +386,26 @@ def test_a_fit_whose_last_passes_diverge_ends_with_the_last_that_did_not(monkeyp
     assert len(made) == 4 and not found.converged
     total = sum(found.equations[1:], found.equations[0])
     assert posterior(total).log_evidence == found.posterior.log_evidence
+
+
+@pytest.mark.parametrize("far", (1.0, 1.8, -1.5))
+def test_a_fit_begun_near_the_optimum_in_a_loud_environment_arrives_there(far):
+    # the real level holds from the first pass on: passes that let the path settle are no step that swung
+    model = model_of("generic_sub")
+    trial = planted_trial(model, other_vehicle(model, 3), 3, samples=120)
+    problem = build_problem(model, trial)
+    loud = replace(problem.environment.noise_model, force=(2e-5, 5e-5, 2e-4))
+    unit = fits.force_unit(model)
+    loud = replace(loud, force=tuple(np.array(loud.force) * unit))
+    free = problem.coefficients
+    there = fit(model, problem.logs, free, loud, start=problem.path)
+    assert there.converged
+    moved = there.values + far * there.sd / np.sqrt(there.values.size)
+    start = []
+    for point in there.points:
+        par = point.par.copy()
+        par[free.where] = moved
+        start.append(replace(point, par=par))
+    again = fit(model, problem.logs, free, loud, start=start, initial_noise_scale=1e-5)
+    assert again.converged
+    assert np.abs((again.values - there.values) / there.sd).max() < 0.2

@@ -36,6 +36,8 @@ __all__ = ["FilterErrorFit", "fit", "stacked_equations"]
 CONVERGED_STEP = 0.2
 # A step of up to so many posterior standard deviations stays where the evidence takes the model for linear.
 SHORT_STEP = 2.0
+# A step is short enough to stop only where the whole one that it is a share of is no longer than this.
+WHOLE_STEP = 1.0
 # Longest step of one pass, in prior standard deviations.
 MOST_STEP = 3.0
 # What a step is shortened to where it is refused, and the most the next one may be longer again.
@@ -129,8 +131,6 @@ def _fit(
         except ModelError:
             if best is None:
                 raise
-            # the last that was taken stands, where no pass is left for a shorter step
-            paths, equations, post = best.paths, best.equations, best.posterior
             best.shorten()
             points, standardised, values = best.again(model, free)
             continue
@@ -149,9 +149,9 @@ def _fit(
         biggest = float(np.abs(step).max()) if step.size else 0.0
         share = min(1.0, MOST_STEP / biggest) if biggest > 0 else 1.0
         stride = 1.0
-        if best is not None and best.stride < 1.0:  # it was shortened
+        if best is not None and best.moves and best.stride < 1.0:  # it was shortened
             share, stride = min(share, best.share / SHORTEN), min(1.0, best.stride / SHORTEN)
-        elif best is not None and now is noise_model and best.noise_model is noise_model:
+        elif best is not None and best.moves and now is noise_model and best.noise_model is noise_model:
             share = min(share, _relaxation(best.share, best.step / free.sd, step, total))
         if k < WARM_ITERATIONS and initial_noise_scale > 0:
             # Only let the path settle: slopes along raw readings are biased by their noise.
@@ -166,7 +166,7 @@ def _fit(
         if k < WARM_ITERATIONS and initial_noise_scale > 0:
             continue
         if now is noise_model:
-            settled = settled + 1 if length < CONVERGED_STEP else 0
+            settled = settled + 1 if length < CONVERGED_STEP and correction < WHOLE_STEP else 0
             real += 1
             if real >= GIVE_UP_ITERATIONS and post.log_evidence < path_points[0] - 1e3:
                 break
@@ -176,18 +176,20 @@ def _fit(
         else:
             need = max(float(np.sqrt(np.mean(p.force**2, axis=0) / unit**2).max()) for p in points)
             level = min(0.5 * need, 0.5 * level)
+    # the last pass that was taken stands, where no pass was left for a shorter step
+    assert best is not None
     return FilterErrorFit(
         free,
         values,
-        post,
+        best.posterior,
         points[0].par,
-        now,
+        best.noise_model,
         tuple(points),
         model,
         tuple(logs),
-        tuple(p.point for p in paths),
-        tuple(paths),
-        tuple(equations),
+        tuple(p.point for p in best.paths),
+        tuple(best.paths),
+        tuple(best.equations),
         tuple(standardised),
         k + 1,
         converged,
@@ -302,6 +304,11 @@ class _Best:
     equations: list[NormalEquations]
     posterior: GaussianPosterior
     stride: float = 1.0
+
+    @property
+    def moves(self) -> bool:
+        """Whether the parameters moved: in warm passes the path alone does."""
+        return self.share > 0.0
 
     def shorten(self) -> None:
         """Shorter step of the parameters and of the path: along the old path defects are small by design."""
