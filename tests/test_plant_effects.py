@@ -9,7 +9,7 @@ import pytest
 from bayesid.benchmark.plant.body import build
 from bayesid.benchmark.plant.execute_run import execute_run, start_state
 from bayesid.benchmark.plant.listed_causes import CATALOGUE, Scales
-from bayesid.benchmark.plant.sensing import read
+from bayesid.benchmark.plant.sensing import heading_read, read
 from bayesid.benchmark.plant.settings import settings
 from bayesid.equations.model import build_model
 from bayesid.model.vehicles import load_vehicle
@@ -64,3 +64,12 @@ def test_both_implementations_of_an_effect_agree(both, case):
     for name in CHANNELS:
         effect = max(np.abs(mine[name] - bare[name]).max(), floor.get(name, 5e-3))
         assert np.abs(mine[name] - theirs[name]).max() < TOLERANCE.get(case.name, USUAL) * effect, name
+
+
+def test_a_gyrocompass_settles_through_the_true_heading():
+    t = np.linspace(0.0, 80.0, 401)
+    gap = settings({"psi_settle": 0.1, "psi_settle_t": 20.0, "psi_settle_w": math.pi / 20.0})
+    off = heading_read(np.zeros(t.size), t, gap)
+    # through nought after 10 s, at its other side after 20, each half swing e^-1 of the one before
+    assert off[50] == pytest.approx(0.0, abs=1e-12)
+    assert off[::100] == pytest.approx(0.1 * np.exp(-np.arange(5.0)) * np.array([1, -1, 1, -1, 1]))
