@@ -54,3 +54,27 @@ def test_without_opened_wind_the_report_says_nothing_of_it(study, tmp_path):
     run = Run("a", "zigzag 10/10", "holdout", np.arange(3.0), {"u": np.ones(3)})
     trial = Trial("pond", tmp_path, "remus100", 3, (run,))
     assert study.in_opened_wind(trial, None, tmp_path / "wind_opened") == ""
+
+
+def test_bands_count_the_time_inside_and_what_chance_makes_of_it():
+    """Two runs; in one of them a draw diverged, so that it has one share fewer."""
+    from studies.real_logs.bands import _channels, bands_section
+
+    seen = [{"psi": {"inside": 0.9}, "u": {"inside": 1.0}}, {"psi": {"inside": 0.7}}]
+    draws = [{"psi": np.linspace(0.5, 1.0, 11), "u": np.full(11, 0.95)}, {"psi": np.linspace(0.5, 0.95, 10)}]
+    found = _channels(list(zip(seen, draws, strict=True)))
+    assert found["psi"]["inside"] == pytest.approx(0.8)
+    # both have the same ten shares .5 to .95, a draw being one vehicle in both runs
+    assert found["psi"]["chance"] == pytest.approx(list(np.quantile(draws[1]["psi"], (0.05, 0.95))))
+    assert found["u"] == {"inside": 1.0, "chance": pytest.approx([0.95, 0.95])}
+    kinds = {"zigzag": {"runs": 2, "channels": found}}
+    text, table = bands_section({"kinds": kinds, "not_predicted": {"r9": "diverges"}}).blocks
+    assert "0 of 2 cells lie within 90 to 98, 1 below" in text.body and "r9: diverges" in text.body
+    assert list(table.rows[0]) == ["2 zigzag", "80 (52 to 93)", "100 (95 to 95)"]
+
+
+def test_a_lost_run_is_the_worst_of_a_median():
+    from studies.real_logs.report import _median
+
+    assert _median([{"psi": 5.0}, {"psi": np.nan}, {"psi": 37.0}], "psi") == 37.0
+    assert _median([{"psi": np.nan}, {"psi": np.nan}, {"psi": 37.0}], "psi") == np.inf

@@ -288,9 +288,14 @@ def _certainty(found: TrialFit, calibration: Calibration | None) -> list[Section
     if posterior is None:
         return []
     parts, half = posterior.parts, posterior.halves
+    counted = (
+        "Every run is weighed by the covariance of its score"
+        if parts.efficient
+        else f"A reading counts for {100 * parts.weight:.3g} % of what it would with white noise beside the "
+        "prior"
+    )
     text = [
-        f"Errors of the fit: {parts.describe()}. A reading counts for {100 * parts.weight:.3g} % of what it "
-        "would with white noise beside the prior, and the standard deviations are "
+        f"Errors of the fit: {parts.describe()}. {counted}, and the standard deviations are "
         f"{np.median(posterior.sd / posterior.white_sd):.2g} times those of white noise (median)."
     ]
     if half is None:

@@ -45,6 +45,7 @@ class Condition:
     effect : effect parameters of the true vehicle, off in the fit
     piece : length of the pieces the runs are cut into [L/U]; 0 fits whole runs
     estimate_noise : the noise is estimated with the fit instead of stated
+    dt : time between readings [L/U]
     """
 
     memory: float = 0.0
@@ -54,6 +55,7 @@ class Condition:
     effect: Mapping[str, float] = field(default_factory=dict)
     piece: float = 0.0
     estimate_noise: bool = False
+    dt: float = DT
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +67,7 @@ class Setting:
     runs: tuple[Run, ...]
     plans: tuple[TimePlan, ...]
     noise: Mapping[str, float]
+    dt: float = DT
 
     @property
     def time(self) -> float:
@@ -72,7 +75,7 @@ class Setting:
         return float(self.model.scales["L"] / self.model.scales["U"])
 
 
-def setting(angles: tuple[float, ...] = ANGLES, model: Model | None = None) -> Setting:
+def setting(angles: tuple[float, ...] = ANGLES, model: Model | None = None, dt: float = DT) -> Setting:
     """Zig-zags of one vehicle, by default all four, and what is known of its coefficients."""
     model = model or build_model(load_vehicle(VEHICLE), 3)
     s = model.scales
@@ -83,7 +86,7 @@ def setting(angles: tuple[float, ...] = ANGLES, model: Model | None = None) -> S
         virtual_run(
             model,
             model.nominal,
-            zigzag(a * DEG, a * DEG, rpm, approach=2 * time, duration=DURATION * time, dt=DT * time),
+            zigzag(a * DEG, a * DEG, rpm, approach=2 * time, duration=DURATION * time, dt=dt * time),
             name=f"zz{a:g} {i}",
         )
         for i, a in enumerate(angles)
@@ -91,7 +94,7 @@ def setting(angles: tuple[float, ...] = ANGLES, model: Model | None = None) -> S
     unit = {"x": s["L"], "y": s["L"], "psi": 1.0, "u": s["U"], "v": s["U"], "r": s["U"] / s["L"]}
     noise = {c: v * unit[c] for c, v in NOISE.items()}
     plans = tuple(plan_trial_run(model, run) for run in runs)
-    return Setting(model, ParameterSet(entries), runs, plans, noise)
+    return Setting(model, ParameterSet(entries), runs, plans, noise, dt)
 
 
 def with_rows(s: Setting, rows: Mapping[str, float]) -> Setting:
@@ -120,13 +123,19 @@ def drawn_truth(s: Setting, rng: np.random.Generator) -> Array:
 
 
 def campaign(
-    s: Setting, condition: Condition, truth: Array, rng: np.random.Generator, real: Setting | None = None
+    s: Setting,
+    condition: Condition,
+    truth: Array,
+    rng: np.random.Generator,
+    real: Setting | None = None,
+    loudness: float = 1.0,
 ) -> Trial:
     """The runs of a vehicle with these coefficients.
 
     Parameters
     ----------
     real : `with_rows` of the condition, where it has any; made here otherwise
+    loudness : of the sensor noise, 0 for readings without any
     """
     true = real or with_rows(s, condition.rows)
     base = true.model.with_values(condition.effect)
@@ -135,7 +144,7 @@ def campaign(
     for run, plan in zip(s.runs, true.plans, strict=True):
         own = truth + condition.run_spread * sd * rng.standard_normal(truth.size)
         if condition.force > 0:
-            memory = FORCE_MEMORY / DT
+            memory = FORCE_MEMORY / s.dt
             forces = [
                 condition.force * u * remembering(rng, plan.t.size - 1, memory)
                 for u in force_unit(true.model)
@@ -145,7 +154,7 @@ def campaign(
         track = simulate(true.model, par, plan, steady_start(true.model), full=True)
         data = {
             c: track.states[:, true.model.states.index(c)]
-            + sigma * remembering(rng, plan.t.size, condition.memory)
+            + loudness * sigma * remembering(rng, plan.t.size, condition.memory)
             for c, sigma in s.noise.items()
         }
         runs.append(Run(run.name, run.manoeuvre, "identify", run.t, data, run.commands))

@@ -85,7 +85,11 @@ def _simulated(
     s: Setting, conditions: Conditions, group: str, seed: int
 ) -> tuple[Trial, Vehicle, Any, tuple[Run, ...], str]:
     """Four zig-zags to fit; a zig-zag of another angle and a turn that are not."""
-    names = [n for n, c in conditions.items() if n.startswith(FOREIGN) == (group == FOREIGN) and not c.piece]
+    names = [
+        n
+        for n, c in conditions.items()
+        if n.startswith(FOREIGN) == (group == FOREIGN) and not c.piece and c.dt == s.dt
+    ]
     name = names[seed % len(names)]
     condition, rng = conditions[name], np.random.default_rng([2027, GROUPS.index(group), seed])
     truth = drawn_truth(s, rng)

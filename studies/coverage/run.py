@@ -43,17 +43,21 @@ from studies.coverage.campaigns import (
     setting,
     with_rows,
 )
+from studies.coverage.control import projected_truth, white_by_theory
 from studies.coverage.predictions import GROUPS, fresh_runs
-from studies.coverage.report import coverage_report, judged
+from studies.coverage.report import CONTROL_CONDITION, coverage_report, judged
 
 INSIDE90, RANKS = 1.6448536269514722, 99
 REPLICATES, QUICK = 200, 6
 PREDICTED, QUICK_PREDICTED = 25, 2  # vehicles per group whose fresh runs are predicted
 # Campaigns whose fit takes several times as long, and how many of them at most.
 COSTLY, FEWER = (
-    ("large disturbing force", "large disturbing force, pieces", "coefficients differ from run to run"),
+    (
+        "large disturbing force", "large disturbing force, pieces", "coefficients differ from run to run",
+        CONTROL_CONDITION,
+    ),
     60,
-)
+)  # fmt: skip
 # effects and rows of the size that changes the zig-zags by a few times the noise once all else is refitted
 CONDITIONS = {
     "white noise": Condition(),
@@ -62,6 +66,7 @@ CONDITIONS = {
     "noise remembers 10 samples": Condition(memory=10.0),
     "noise remembers 20 samples": Condition(memory=20.0),
     "noise remembers 10 samples, pieces": Condition(memory=10.0, piece=10.0),
+    CONTROL_CONDITION: Condition(memory=20.0, dt=0.05),
     "small disturbing force": Condition(force=3e-5),
     "large disturbing force": Condition(force=3e-4),
     "large disturbing force, pieces": Condition(force=3e-4, piece=10.0),
@@ -79,7 +84,7 @@ def replicate(s: Setting, real: Setting, condition: Condition, seed: int) -> dic
         trial = campaign(s, condition, truth, rng, real)
         problem = problem_of(s, trial, condition.piece)
         options = FitOptions(profile=condition.estimate_noise, seed=seed)
-        _, found, posterior = weighted_fit(problem, options)
+        fitted, found, posterior = weighted_fit(problem, options)
         _, _, white = weighted_fit(problem, options, parts=NoiseParts())
     except BayesidError as error:
         return {"failed": str(error)}
@@ -89,6 +94,13 @@ def replicate(s: Setting, real: Setting, condition: Condition, seed: int) -> dic
     z = (posterior.mean[:k] - truth) / posterior.sd[:k]
     white_z = (white.mean - truth) / white.sd
     parts = posterior.parts
+    told: dict[str, Any] = {}
+    if condition.rows or condition.effect:
+        nearest = projected_truth(s, condition, truth, fitted, real)
+        if nearest is not None:
+            far = (posterior.mean[:k] - nearest) / posterior.sd[:k]
+            moved = (nearest - truth) / posterior.prior_sd[:k]
+            told = {"projected_z": far, "projected_inside": np.abs(far) < INSIDE90, "projected_move": moved}
     return {
         "failed": "", "names": posterior.names[:k], "z": z, "inside": np.abs(z) < INSIDE90,
         "white_z": white_z, "white_inside": np.abs(white_z) < INSIDE90,
@@ -102,7 +114,7 @@ def replicate(s: Setting, real: Setting, condition: Condition, seed: int) -> dic
         "conflicts": int(np.sum(np.abs(posterior.conflict[:k]) > CONFLICT)),
         "form": found.uncertainty.get("form", {}).get("size", 0.0),
         "white_final": white.final, "white_conflicts": int(np.sum(np.abs(white.conflict) > CONFLICT)),
-        "cpu_seconds": time.process_time() - begin,
+        "efficient": parts.efficient, "cpu_seconds": time.process_time() - begin, **told,
     }  # fmt: skip
 
 
@@ -111,13 +123,15 @@ def main(
 ) -> dict[str, Any]:
     """Run everything and write the report; returns the targets."""
     progress, s = Progress(), setting()
+    often = {dt: setting(dt=dt) for dt in {c.dt for c in CONDITIONS.values()} - {s.dt}} | {s.dt: s}
     count = min(replicates, QUICK) if quick else replicates
     records: dict[str, list[dict[str, Any]]] = {}
     for name, condition in CONDITIONS.items():
         key = "".join(c if c.isalnum() else "-" for c in name)
         number = min(count, FEWER) if name in COSTLY else count
         with progress.stage(name, number) as stage:
-            work = partial(replicate, s, with_rows(s, condition.rows), condition)
+            here = often[condition.dt]
+            work = partial(replicate, here, with_rows(here, condition.rows), condition)
             seeds = range(first_seed, first_seed + number)
             records[name] = run_seeds(work, seeds, out / "seeds", key, executor, stage.step)
     fresh: dict[str, list[dict[str, Any]]] = {}
@@ -128,7 +142,8 @@ def main(
             seeds = range(first_seed, first_seed + number)
             work = partial(fresh_runs, s, CONDITIONS, group)
             fresh[group] = run_seeds(work, seeds, out / "seeds", key, executor, stage.step)
-    findings = judged(records, RANKS, fresh)
+    theory = {n: white_by_theory(often[c.dt], c) for n, c in CONDITIONS.items() if c.memory}
+    findings = judged(records, RANKS, fresh, theory)
     inputs = {
         "vehicle": VEHICLE, "vehicle_digest": s.model.vehicle.digest, "unknown": s.params.names,
         "prior_sd": PRIOR_SD, "noise": NOISE, "zigzags": ANGLES, "duration": DURATION, "dt": DT,

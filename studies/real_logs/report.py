@@ -15,6 +15,7 @@ from bayesid.estimation.trial_fit import RunOutcome, TrialFit
 from bayesid.report.fit import fit_report
 from bayesid.report.prediction_error import prediction_numbers
 from bayesid.report.writer import Report, Section, Table, Text, literal
+from studies.real_logs.bands import bands_section
 
 KEYS = {"psi": "psi [deg]", "r": "r [deg/s]", "position": "position [m]"}
 FAR = 3.0  # prior sd; beyond it an estimate has left what was known of the hull
@@ -37,9 +38,9 @@ def logs_report(
     """The report; the last variant is shown in full."""
     best = variants[-1]
     held = zigzags(best.found.runs)
-    given, found = (np.median([_errors(run, which)["psi"] for run in held]) for which in WHICH)
+    given, found = (_median([_errors(run, which) for run in held], "psi") for which in WHICH)
     short_given, short_found = (
-        np.median([_errors(run, which)["psi"] for run in zigzags(best.pieces)]) for which in WHICH
+        _median([_errors(run, which) for run in zigzags(best.pieces)], "psi") for which in WHICH
     )
     trial = best.found.trial
     short, long = min(r.t[-1] - r.t[0] for r in held), max(r.t[-1] - r.t[0] for r in held)
@@ -53,6 +54,7 @@ def logs_report(
     sections = [
         _prediction(variants),
         _rows_that_matter(variants, facts),
+        bands_section(facts["bands"]),
         _halves(facts["halves"]),
         *([_outside(outside)] if outside else []),
         _settings(best.found, facts),
@@ -94,6 +96,11 @@ def _verdict(found: TrialFit) -> str:
             "but they make up for forces the rows lack and are not to be read as coefficients of the hull."
         )
     return words
+
+
+def _median(errors: Sequence[Mapping[str, float]], key: str) -> float:
+    """Over runs; one that is lost is worse than all others."""
+    return float(np.median(np.nan_to_num([e[key] for e in errors], nan=np.inf)))
 
 
 def _pairs(given: Mapping[str, float], found: Mapping[str, float]) -> list[str]:
@@ -143,14 +150,16 @@ def _rows_that_matter(variants: Sequence[Variant], facts: Mapping[str, Any]) -> 
     for words, runs, pieces, which, state in table:
         for rows, chosen in ((whole, runs), (short, pieces)):
             errors = [_errors(run, which) for run in zigzags(chosen)]
-            rows.append([words, *(float(np.median([e[key] for e in errors])) for key in KEYS), state])
+            gone = sum(np.isnan(e["psi"]) for e in errors)
+            said = f"{state}; {gone} of {len(errors)} lost" if gone else state
+            rows.append([words, *(_median(errors, key) for key in KEYS), said])
     columns = ["rows", *KEYS.values(), "search"]
     text = (
-        "Medians over the held-out zig-zags, in one go (whole) and restarted from readings every "
-        f"{facts['piece']:g} s (pieces). The plain set has products of two velocities only; the others add "
-        "cubic rows (`N_vvr` and its kin) and the propeller race on the rudder (`eta`). `Y_*` and `N_*`, a "
-        "constant side force and moment of the single screw, are free in all fits but the one that says "
-        "otherwise."
+        "Medians over the held-out zig-zags, a lost one the worst, in one go (whole) and restarted from "
+        f"readings every {facts['piece']:g} s (pieces). The plain set has products of two velocities only; "
+        "the others add cubic rows (`N_vvr` and its kin) and the propeller race on the rudder (`eta`). "
+        "`Y_*` and `N_*`, a constant side force and moment of the single screw, are free in all fits but the "
+        "one that says otherwise."
     )
     pieces = f"Held-out zig-zags restarted every {facts['piece']:g} s."
     tables = [Table(columns, whole, "Held-out zig-zags in one go.", 3), Table(columns, short, pieces, 3)]

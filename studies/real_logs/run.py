@@ -25,6 +25,7 @@ from bayesid.model.vehicles import Vehicle, load_vehicle
 from bayesid.progress import Progress
 from bayesid.report import writer
 from bayesid.trials import Run, Trial, load_trial, thin, window
+from studies.real_logs.bands import held_out_bands
 from studies.real_logs.report import Variant, logs_report, logs_results
 
 HERE = Path(__file__).parent
@@ -123,7 +124,10 @@ def study(
     strange = tuple(r for r in trial.runs if r.manoeuvre.startswith("random"))
     best = variants[-1].found
     outside = outcomes(best.problem, replace(trial, runs=strange), best.fit) if strange else ()
+    with progress.stage(f"{name}: bands of held-out runs"):
+        bands = held_out_bands(best, inside.holdout, seed)
     facts = {
+        "bands": bands,
         "dt": step,
         "piece": setting.piece,
         "way": setting.way,

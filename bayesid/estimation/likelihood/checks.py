@@ -104,7 +104,12 @@ def prior_sensitivity(composite: Composite, parts: NoiseParts, found: Law) -> Ar
 
     Power scaling of the prior (Kallioinen et al. 2024), to first order.
     """
-    h = sum((r.information for r in composite.runs), np.zeros_like(composite.prior_precision))
+    if parts.efficient:
+        a = composite.data(parts)[0]
+    else:
+        a = parts.weight * sum(
+            (r.information for r in composite.runs), np.zeros_like(composite.prior_precision)
+        )
     pull = composite.prior_score - composite.prior_precision @ found.mean
-    change = np.linalg.solve(parts.weight * h + composite.prior_precision, pull)
+    change = np.linalg.solve(a + composite.prior_precision, pull)
     return np.log(2.0) * change / np.sqrt(np.diag(found.covariance))

@@ -18,14 +18,20 @@ import numpy as np
 from bayesid.equations.model import Model
 from bayesid.estimation.likelihood.composite import LEAST_RUNS
 from bayesid.estimation.likelihood.parts import NoiseParts
-from bayesid.estimation.likelihood.posterior import asked_for, composite_of, groups, scores_and_noise
+from bayesid.estimation.likelihood.posterior import (
+    asked_for,
+    better,
+    composite_of,
+    groups,
+    scores_and_noise,
+)
 from bayesid.estimation.output_error.problem import FitProblem
 from bayesid.model.params import Parameter, ParameterSet, Prior
 from bayesid.model.terms import Term, term
 
 Array = np.ndarray
 SCALE = 1e-3  # of the unknowns: one for all sizes, so that densities of scores compare
-SIZES = (3e-5, 1e-4, 3e-4, 1e-3, 3e-3)
+SIZES = (3e-5, 6e-5, 1e-4, 2e-4, 3e-4, 6e-4, 1e-3, 2e-3, 3e-3)
 FORM_EVIDENCE = 5.0  # log evidence the form must earn
 # Size of a motion at which a row is as large as its prior says: over U, U/L or in rad; 1 for the rest.
 TYPICAL = {
@@ -79,7 +85,13 @@ def form_size(problem: FitProblem, z: Array, parts: NoiseParts) -> float:
     """Size of the form that these runs ask for, 0 for none.
 
     Both must speak for it: the evidence of the runs' scores, each size with the parts of noise it leaves, and
-    the multi-step cost of left-out runs.
+    the multi-step cost of left-out runs, which must fall and may not be above that of the best size by more
+    than chance makes it. (A form that evidence alone asks for, its cost within chance of none, moved the
+    heading of a tanker's held-out zig-zags from 3.5 to 4.8 degrees.) Of the sizes left it is the root of the
+    mean square, weighed by evidence, all sizes as likely before by their logarithm: what the runs do not show
+    of a form varies by that square, whatever they show of it. The size of least cost is the choice of chance
+    among those that differ by less: on simulated vehicles it was a third of that of largest evidence in a
+    third of the campaigns, and the intervals were too narrow.
     """
     k = len(problem.params.names)
     nothing = with_form(problem, NOT_SO_SMALL * SIZES[0])
@@ -88,15 +100,22 @@ def form_size(problem: FitProblem, z: Array, parts: NoiseParts) -> float:
         return 0.0
     start = np.concatenate([z[:k], np.zeros(extra), z[k:]])
     scores, noise = scores_and_noise(nothing, start)  # in units that are the same for all sizes
-    found: list[tuple[float, float, float]] = []
+    found: list[tuple[float, Array, float]] = []
     for size in (0.0, *SIZES):
         composite = composite_of(with_form(problem, size) if size else nothing, start, scores)
         chosen = asked_for(composite, noise.order)
-        cost = float(composite.left_out_costs(parts.weight).sum())
+        cost = composite.left_out_costs(parts)
         found.append((composite.log_evidence(chosen), cost, size))
-    evidence, cost, _ = found[0]
-    able = [(c, size) for e, c, size in found if e > evidence + FORM_EVIDENCE]
-    return min(able)[1] if able and min(able)[0] < cost else 0.0
+    evidence, none, _ = found[0]
+    able = [one for one in found if one[0] > evidence + FORM_EVIDENCE]
+    best = min((cost for _, cost, _ in found), key=np.sum)
+    allowed = [
+        (worth, size) for worth, cost, size in able if cost.sum() < none.sum() and not better(best, cost)
+    ]
+    if not allowed:
+        return 0.0
+    worths, sizes = (np.array(column) for column in zip(*allowed, strict=True))
+    return float(np.sqrt(np.average(sizes**2, weights=np.exp(worths - worths.max()))))
 
 
 def form_part(model: Model, values: Mapping[str, float], given: Mapping[str, float]) -> dict[str, float]:

@@ -20,6 +20,8 @@ class NoiseParts:
     weight : power of the readings' likelihood beside the prior in a fit, `share` to 1: what predicts left-out
         runs best, so no measure of how sure an estimate is
     share : of the information of white noise that the readings carry, 0 to 1
+    efficient : the estimate weighs the score of every run by its own covariance instead, the prior as stated;
+        the power is that of the search it begins from
     """
 
     order: int = 0
@@ -27,6 +29,7 @@ class NoiseParts:
     run_spread: float = 0.0
     weight: float = 1.0
     share: float = 1.0
+    efficient: bool = False
 
     @property
     def white(self) -> bool:

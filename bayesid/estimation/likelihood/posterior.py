@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.stats import t as student_t
 
 from bayesid.estimation.likelihood.checks import (
     DETERMINED,
@@ -36,6 +37,8 @@ WIDEN_P = 0.1
 EXCESS = tuple(float(x) for x in np.geomspace(1.0, 1024.0, 21))
 RUN_SPREAD = (0.0, 0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0)
 WEIGHTS = 13  # weights of the likelihood that are tried
+# Probability that chance alone makes left-out runs be predicted so much better, below which it counts.
+LEFT_OUT_P = 0.1
 # Distance of an estimate from its prior mean, in the sd chance gives it, from which they disagree.
 CONFLICT = 3.0
 # Posterior sd over prior sd from which an estimate is called less sure than its prior.
@@ -258,6 +261,12 @@ def scores_and_noise(
     return run_scores(infos, noise, groups([i.name for i in infos])), noise
 
 
+def scores_under(problem: FitProblem, z: Array, noise: MixedRateNoise) -> tuple[RunScore, ...]:
+    """What every run says at z where the noise is known."""
+    infos = tuple(run_information(problem, z))
+    return run_scores(infos, noise, groups([i.name for i in infos]))
+
+
 def composite_of(problem: FitProblem, z: Array, scores: tuple[RunScore, ...]) -> Composite:
     """Scores of the runs beside the prior of the problem."""
     k = len(problem.params.names)
@@ -314,23 +323,37 @@ def widened(
 
 
 def with_weight(composite: Composite, parts: NoiseParts) -> NoiseParts:
-    """The parts with the least power of the readings' likelihood that predicts left-out runs as well as any.
+    """The parts with scores weighed by their own covariance, unless left-out runs speak for a power.
 
-    Tried between the information share that the parts leave the readings and full weight; as well means
-    within one standard error, over runs, of the best (Breiman et al. 1984). With few runs the share itself.
-    The interval holds for any power, since the error of the estimate is worked out for it.
+    They do where the best power of the readings' likelihood, between the information share that the parts
+    leave them and full weight, predicts left-out runs better than chance makes it (`LEFT_OUT_P`, Student's t
+    over runs): then it is the least power within one standard error of the best (Breiman et al. 1984). That
+    is so on real ships whose prior is too narrow. Always the one of least left-out cost, four simulated runs
+    chose a power in a quarter of the campaigns, whose estimates erred twice as much as the others' and whose
+    90 % intervals held the truth in 79 %: chance of four runs made the choice.
     """
     if parts.white:
-        return replace(parts, weight=1.0, share=1.0)
+        return replace(parts, weight=1.0, share=1.0, efficient=False)
     share = min(1.0, information_share(composite, parts))
+    plain = replace(parts, weight=share, share=share, efficient=True)
     if len(composite.runs) < LEAST_RUNS:
-        return replace(parts, weight=share, share=share)
+        return plain
     powers = np.geomspace(share, 1.0, WEIGHTS)
-    costs = np.array([composite.left_out_costs(float(w)) for w in powers])
-    over = costs - costs[int(np.argmin(costs.sum(axis=1)))]
+    tried = [replace(plain, weight=float(w), efficient=False) for w in powers]
+    costs = np.array([composite.left_out_costs(one) for one in tried])
+    best = costs[int(np.argmin(costs.sum(axis=1)))]
+    if not better(best, composite.left_out_costs(plain)):
+        return plain
+    over = costs - best
     error = over.std(axis=1, ddof=1) * np.sqrt(over.shape[1])
-    weight = float(powers[int(np.argmax(over.sum(axis=1) <= error))])
-    return replace(parts, weight=weight, share=share)
+    return tried[int(np.argmax(over.sum(axis=1) <= error))]
+
+
+def better(one: Array, other: Array) -> bool:
+    """Whether the costs of runs (n,) sum to less than others by more than chance makes it."""
+    over = other - one
+    error = float(over.std(ddof=1)) * np.sqrt(over.size)
+    return bool(over.sum() > student_t.isf(LEFT_OUT_P, over.size - 1) * error)
 
 
 def information_share(composite: Composite, parts: NoiseParts) -> float:

@@ -2,8 +2,8 @@
 
 Takes residuals of several runs. Output error weighs readings as if their errors were independent; where
 they are not, its estimate stands and its covariance does not (Maine and Iliff 1981; Morelli and Klein 1997,
-J. Aircraft 34(2), who take the autocovariance of the residuals; here it comes from an autoregression whose
-order BIC chooses, which also reaches lags a short record shows badly; Lütkepohl 2005, ch. 3 and 4).
+J. Aircraft 34(2), who take the autocovariance of the residuals; here it comes from an autoregression, which
+also reaches lags a short record shows badly; Lütkepohl 2005, ch. 3 and 4).
 """
 
 from __future__ import annotations
@@ -116,25 +116,31 @@ def autocovariance(resids: Sequence[Array], valid: Sequence[Array], count: int) 
 
 
 def residual_noise(resids: Sequence[Array], valid: Sequence[Array], most: int = MOST_ORDER) -> ResidualNoise:
-    """Autoregression of the residuals of several runs; its order, 0 to `most`, has the least BIC."""
+    """Autoregression of the residuals of several runs, of order 0 to `most`.
+
+    Whether they have memory BIC says: some order must beat 0 by it. How long it is says the corrected AIC,
+    efficient where no finite order is the true one (Shibata 1980, Ann. Statist. 8(1)): a slow force under
+    white noise is of infinite order, and the order of least BIC gives its slow errors too little.
+    """
     count = sum(int(ok.any(axis=1).sum()) for ok in valid)
     c = resids[0].shape[1]
     shortest = min(r.shape[0] for r in resids)
     most = max(0, min(most, shortest // 3, count // (5 * c)))
     lags = autocovariance(resids, valid, most + 1)
     lags[0] += 1e-9 * np.diag(np.maximum(np.diag(lags[0]), 1e-12))
-    best: tuple[float, ResidualNoise] | None = None
+    tried: list[tuple[float, float, ResidualNoise]] = []
     for p in range(most + 1):
         coefficients, left = yule_walker(lags, p)
         sign, logdet = np.linalg.slogdet(left)
         if sign <= 0:
             break
-        bic = count * logdet + np.log(max(count, 2)) * p * c * c
-        if best is None or bic < best[0]:
-            best = (bic, ResidualNoise(lags[: p + 1], coefficients))
-    if best is None:
+        misfit, unknowns = count * logdet, p * c * c
+        bic = misfit + np.log(max(count, 2)) * unknowns
+        aic = misfit + 2.0 * unknowns * count * c / (count * c - unknowns - 1)
+        tried.append((aic, bic, ResidualNoise(lags[: p + 1], coefficients)))
+    if not tried or min(tried, key=lambda one: one[1]) is tried[0]:
         return ResidualNoise(lags[:1], np.zeros((0, c, c)))
-    return best[1]
+    return min(tried[1:], key=lambda one: one[0])[2]
 
 
 def yule_walker(lags: Array, order: int) -> tuple[Array, Array]:

@@ -16,8 +16,14 @@ import numpy as np
 from bayesid.errors import FitError, ModelError
 from bayesid.estimation.likelihood.model_form import form_part, form_size, with_form
 from bayesid.estimation.likelihood.parts import NoiseParts
-from bayesid.estimation.likelihood.posterior import CoefficientPosterior, coefficient_posterior
+from bayesid.estimation.likelihood.posterior import (
+    CoefficientPosterior,
+    coefficient_posterior,
+    posterior_of_scores,
+    scores_and_noise,
+)
 from bayesid.estimation.likelihood.predictive_check import predictive_p
+from bayesid.estimation.likelihood.score_step import efficient_estimate, with_settled_starts
 from bayesid.estimation.output_error.fit_result import Fit
 from bayesid.estimation.output_error.problem import FitProblem
 from bayesid.estimation.output_error.search import FitOptions, fit
@@ -155,7 +161,30 @@ def _without_form(
         if found is None:
             break
         result, posterior = again, found
+    if parts is None and posterior is not None and first.converged and posterior.parts.efficient:
+        result, posterior = _by_scores(problem, result, posterior, options.seed)
     return problem, _told(problem, first, result, posterior), posterior
+
+
+def _by_scores(
+    problem: FitProblem, result: Fit, posterior: CoefficientPosterior, seed: int
+) -> tuple[Fit, CoefficientPosterior]:
+    """The fit moved to where its scores, weighed by their own covariance, balance the prior.
+
+    Where the steps do not arrive the fit stays with the power of its search, and its interval is of that.
+    """
+    parts = posterior.parts
+    try:
+        noise = scores_and_noise(problem, result.z)[1]
+        moved = efficient_estimate(problem, result.z, noise, parts)
+        if moved is not None:
+            again = posterior_of_scores(problem, moved.z, moved.scores, noise.order, parts, seed)
+            k = result.n_params
+            z = np.concatenate([np.clip(again.mean, again.low, again.high), moved.z[k:]])
+            return replace(result, z=with_settled_starts(problem, z)), again
+    except ModelError:  # it diverges there
+        pass
+    return result, coefficient_posterior(problem, result.z, replace(parts, efficient=False), seed)
 
 
 def weighed(problem: FitProblem, weight: float) -> FitProblem:
@@ -219,7 +248,9 @@ def _told(
     sd[:k], covariance[:k, :k] = posterior.sd, posterior.covariance
     covariance[:k, k:] = covariance[k:, :k] = 0.0
     message = first.message
-    if result is not first:
+    if posterior.parts.efficient:
+        message = f"{result.message}; then every run weighed by the covariance of its score"
+    elif result is not first:
         message = (
             f"{result.message}; the readings weigh {100 * posterior.parts.weight:.2g} % beside the prior"
         )
