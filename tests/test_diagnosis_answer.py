@@ -314,6 +314,17 @@ def test_re_tuning_is_advised_for_the_coefficients_that_leave_their_uncertainty(
     assert any("`bayesid fit BUNDLE --free N_dr --out FOLDER`" in s for s in steps)
 
 
+def test_re_tuning_is_advised_for_the_coefficients_that_are_listed():
+    """Of nine that moved; by their stated deviations alone the six would be others."""
+    runs = (a_run(position=(76.0, 1.3, 1.3), heading=(0.5, 0.006, 0.006)),)
+    moved = {f"N_{i}": Moved(-1.0, 0.1, -1.1 - 0.1 * i, -1.0, 0.001 * (i + 1) ** 2) for i in range(1, 10)}
+    found = answer(replace(a_result("none", (), (), 0.0, runs=runs), moved=moved))
+    (advice,) = (step for step in found.steps if "--free" in step)
+    listed = [text.split()[0] for text in found.moved]
+    assert len(listed) == 6 and f"--free {','.join(listed)} " in advice
+    assert listed == [f"N_{i}" for i in range(1, 7)]
+
+
 def test_coefficients_that_moved_are_told_by_what_the_runs_leave_open_of_them():
     """The drag of a fouled tanker moved by 40 %, known to 0.7; a term left open led the list, by -12501 %."""
     moved = {
@@ -329,6 +340,14 @@ def test_coefficients_that_moved_are_told_by_what_the_runs_leave_open_of_them():
     ]  # fmt: skip
     (said,) = (text for text in failures(found) if "far from those stated" in text)
     assert "X_vvvv" in said and "N_vvv" not in said
+
+
+def test_what_an_explanation_leaves_open_of_a_coefficient_is_not_held_against_it():
+    left = Moved(-0.0002, 0.00002, 0.0, 0.0244, 0.0, 0.0266)  # 1230 stated, 0.9 of its own
+    assert failures(a_result(moved={"N_vvv": left})) == ()
+    for sd in (0.001, None):  # sure, and of an earlier version
+        (said,) = failures(a_result(moved={"N_vvv": replace(left, explained_sd=sd)}))
+        assert said.startswith("The explanation needs") and "N_vvv by 1230 times" in said
 
 
 def test_an_explanation_by_coefficients_that_keeps_them_as_given_is_called_the_simulator_as_given():

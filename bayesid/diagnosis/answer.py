@@ -21,7 +21,7 @@ from bayesid.diagnosis.hypotheses.rules import NAMING, TURNS_BY_ITSELF
 from bayesid.diagnosis.hypotheses.sensitivity_bank import EVERY
 from bayesid.diagnosis.plain_words import intervals, probability, sentence
 from bayesid.diagnosis.result import Result
-from bayesid.diagnosis.result_parts import LEAST_MOVED, Effect, RunError
+from bayesid.diagnosis.result_parts import LEAST_MOVED, Effect, Moved, RunError
 from bayesid.diagnosis.run_errors import (
     ErrorRow,
     closes,
@@ -328,26 +328,34 @@ def _outcome(result: Result, run: RunError) -> str:
     )
 
 
-def _moved(result: Result) -> tuple[str, ...]:
-    """Coefficients that the runs move out of their stated uncertainty, the surest first.
+def _surely_moved(result: Result) -> list[str]:
+    """Coefficients that the runs move out of their stated uncertainty, the surest first, not too many.
 
     By their own deviations, not by the stated ones: what a model form leaves open may be anywhere.
     """
-    told = []
-    for name, m in result.moved.items():
-        if not (m.prior_sd > 0 and m.given):
-            continue
-        far = abs(m.retuned - m.given) / m.prior_sd
-        if far < LEAST_MOVED or m.open:
-            continue
-        with_it = ""
-        if explanation(result):
-            with_it = f", explained {_change(m.explained, m.given)}"
-        told.append(
-            (m.deviations, f"{name} {_change(m.retuned, m.given, m.retuned_sd)} ({far:.1f} times its stated "
-                           f"uncertainty{with_it})")
-        )  # fmt: skip
-    return tuple(text for _, text in sorted(told, reverse=True)[:MOST_MOVED])
+    told = {
+        name: m.deviations
+        for name, m in result.moved.items()
+        if m.prior_sd > 0 and m.given and _stated_deviations(m) >= LEAST_MOVED and not m.open
+    }
+    return sorted(told, key=lambda name: -told[name])[:MOST_MOVED]
+
+
+def _stated_deviations(m: Moved) -> float:
+    return abs(m.retuned - m.given) / m.prior_sd
+
+
+def _moved(result: Result) -> tuple[str, ...]:
+    """Those coefficients and how far they move."""
+    out = []
+    for name in _surely_moved(result):
+        m = result.moved[name]
+        with_it = f", explained {_change(m.explained, m.given)}" if explanation(result) else ""
+        out.append(
+            f"{name} {_change(m.retuned, m.given, m.retuned_sd)} ({_stated_deviations(m):.1f} times its "
+            f"stated uncertainty{with_it})"
+        )
+    return tuple(out)
 
 
 def _change(value: float, given: float, sd: float | None = None) -> str:
@@ -484,12 +492,7 @@ def _why_not(result: Result) -> str:
 
 
 def _freed(result: Result) -> str:
-    """The option of a fit that frees the coefficients which leave their stated uncertainty; a log seldom
-    determines all of a vehicle's."""
-    far = {
-        n: abs(m.retuned - m.given) / m.prior_sd
-        for n, m in result.moved.items()
-        if m.prior_sd > 0 and m.given and not m.open
-    }
-    names = [n for n in sorted(far, key=lambda n: -far[n]) if far[n] >= LEAST_MOVED][:MOST_MOVED]
+    """The option of a fit that frees the coefficients which are told to have moved; a log seldom determines
+    all of a vehicle's."""
+    names = _surely_moved(result)
     return f" --free {','.join(names)}" if names else ""
