@@ -39,6 +39,7 @@ from bayesid.diagnosis.size_names import declared_sizes
 from bayesid.words import first_few
 
 RMS = " (rms)"
+AS_GIVEN = "explained (as given)"  # the third model where it is the first one
 LARGE_HEADING = 10.0  # degrees rms; a simulator that misses by more is not said to agree
 # Hypotheses from this probability on are named as what else it could be, the first few.
 WORTH_A_WORD, MOST_RIVALS = 0.01, 4
@@ -93,7 +94,7 @@ def answer(result: Result) -> Answer:
         failures(result),
         run_words(shown) if shown is not None else "",
         error_rows(shown) if shown is not None else (),
-        ("as given", "re-tuned", "explained"),
+        ("as given", "re-tuned", AS_GIVEN if as_given(result) else "explained"),
         explained_words(result),
         _moved(result),
         (*mistake_certainty(result), *_certainty(result)),
@@ -151,13 +152,13 @@ def _worse_left_out(gain: float, error: float) -> str:
     )
 
 
-def _as_given(result: Result) -> bool:
-    """Whether the third model is the one as given: an explanation of coefficients alone, not re-tuned, or one
-    that does not predict runs left out better."""
+def as_given(result: Result) -> bool:
+    """Whether the third model is the one as given: no effect or coefficients alone, not re-tuned, or an
+    explanation that does not predict runs left out better."""
+    if result.retuning is None or retuned(result):
+        return False
     used = explanation(result)
-    if used and result.retuning is not None and result.retuning.as_given:
-        return True
-    return bool(used) and not retuned(result) and all(n.startswith("coefficient_error") for n in used)
+    return result.retuning.as_given or all(n.startswith("coefficient_error") for n in used)
 
 
 def _explained(result: Result) -> str:
@@ -168,7 +169,7 @@ def _explained(result: Result) -> str:
         without = " nor the force that the equations lack" if result.verdict == "model_form" else ""
         return f"Explained: {'as re-tuned' if retuned(result) else 'as given'}, no effect{without} is in it."
     words = " + ".join(in_words(n) for n in used)
-    if _as_given(result):
+    if as_given(result):
         return f"Explained: the simulator as given; the best explanation, {words}, is not in it."
     if result.verdict == "model_form":
         return f"Explained: with {words}, which may stand for the force that the equations lack."
@@ -300,7 +301,7 @@ def _outcome(result: Result, run: RunError) -> str:
         else "With them" if result.verdict in NAMING and len(explanation(result)) == len(result.effects)
         else f"With {' + '.join(in_words(n) for n in explanation(result))}"
     )  # fmt: skip
-    if _as_given(result):
+    if as_given(result):
         return (
             f"{what}, runs left out are predicted no better, so nothing is gained: as given, the {verb} "
             f"{run_words(run)} {missed(errors, 0, RMS)}; re-tuned, {missed_too(errors, 1, 0)}."
@@ -433,6 +434,11 @@ def _proof(result: Result) -> str:
     better = sum(not worse(error_rows(run)) for run in held)
     if not explanation(result):
         return f"Held-out runs: {len(held)}, read only after the verdict stood."
+    if as_given(result):
+        return (
+            f"Held-out runs: {len(held)}, read only after the verdict stood. The simulator as given predicts "
+            "them, not the explanation: they are no proof of it."
+        )
     if len(held) == 1:
         return "The held-out run, read after the verdict stood, is predicted " + (
             "no worse than as given." if better else "worse than as given."
@@ -451,7 +457,7 @@ def _steps(result: Result) -> tuple[str, ...]:
                     sizes = {k: result.retuning.sizes.get(k, v) for k, v in sizes.items()}
                 values = " ".join(f"--set {k}={v:.3g}" for k, v in sizes.items())
                 given = "" if retuned(result) else ", coefficients as given"
-                if _as_given(result):
+                if as_given(result):
                     out.append(f"Look for {in_words(e.name)} on the vehicle.")
                     continue
                 out.append(
