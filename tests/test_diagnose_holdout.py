@@ -7,6 +7,7 @@ import numpy as np
 from gap_trials import model_of, other_vehicle, planted_trial
 
 from bayesid.diagnosis.data.problem import build_problem, fit_with
+from bayesid.diagnosis.evidence import holdout_prediction
 from bayesid.diagnosis.evidence.holdout import _worsens, validate_holdout
 from bayesid.diagnosis.evidence.holdout_prediction import pieces_of, start_covariance
 from bayesid.diagnosis.run import parameter_draws
@@ -47,6 +48,40 @@ def test_the_true_effect_closes_the_gap_within_its_interval():
     for horizon_row in shrink.horizons:
         if horizon_row.significant and np.isfinite(horizon_row.interval[0]):
             assert horizon_row.interval[0] <= horizon_row.shrink + 0.1 and horizon_row.interval[1] <= 1.0
+
+
+def test_another_explanation_does_not_predict_again_what_stands_beside_it(monkeypatch):
+    model, best, _, first = case(True)
+    truth = other_vehicle(model_of(relative_sd=0.005), 1)
+    U = model.scales["U"]
+    truth |= {"ocean_current.V_north": 0.08 * U, "ocean_current.V_east": 0.04 * U}
+    trial = planted_trial(model, truth, 1, samples=120, holdout=("turn",))
+    problem = build_problem(model, trial, as_built=0.005)
+    none = fit_with(problem, ())
+    followed, noise_model = [], problem.environment.noise_model
+    real = holdout_prediction.followed
+    monkeypatch.setattr(
+        holdout_prediction, "followed", lambda *a, **k: followed.append(a[2]) or real(*a, **k)
+    )
+
+    def validated(explained, made):
+        followed.clear()
+        models = {"nominal": model.nominal, "recalibrated": none.par, "with effect": explained}
+        return validate_holdout(problem, trial, models, noise_model, 0, made=made), list(followed)
+
+    made = {}
+    alone, calls = validated(best.par, made)
+    assert [h.excess for h in alone.horizons] == [h.excess for h in first.horizons]
+    pieces = sum(h.pieces for h in alone.horizons)
+    assert len(calls) == 3 * pieces
+    with_none, calls = validated(none.par, made)
+    assert len(calls) == pieces and all(par is none.par for par in calls)
+    # what is predicted from nothing kept is the same to the last digit; one model under two names is one
+    again, calls = validated(none.par, {})
+    assert len(calls) == 2 * pieces
+    assert [h.excess for h in again.horizons] == [h.excess for h in with_none.horizons]
+    assert again.measures == with_none.measures and again.measures
+    assert again.horizons[-1].excess["with effect"] == again.horizons[-1].excess["recalibrated"]
 
 
 def test_without_a_gap_there_is_nothing_to_shrink():

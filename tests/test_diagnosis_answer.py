@@ -21,6 +21,7 @@ from bayesid.model.effects import CATALOGUE
 from bayesid.model.effects.environment import EFFECTS
 from bayesid.model.effects.of_ships import SHIP_EFFECTS
 from bayesid.model.vehicles import load_vehicle
+from bayesid.report.diagnosis.holdout import proof_label
 from bayesid.report.diagnosis.report import diagnosis_report, write_diagnosis_report
 from bayesid.report.writer.blocks import Row
 
@@ -314,6 +315,17 @@ def test_re_tuning_is_advised_for_the_coefficients_that_leave_their_uncertainty(
     assert any("`bayesid fit BUNDLE --free N_dr --out FOLDER`" in s for s in steps)
 
 
+def test_re_tuning_is_advised_for_the_coefficients_that_are_listed():
+    """Of nine that moved; by their stated deviations alone the six would be others."""
+    runs = (a_run(position=(76.0, 1.3, 1.3), heading=(0.5, 0.006, 0.006)),)
+    moved = {f"N_{i}": Moved(-1.0, 0.1, -1.1 - 0.1 * i, -1.0, 0.001 * (i + 1) ** 2) for i in range(1, 10)}
+    found = answer(replace(a_result("none", (), (), 0.0, runs=runs), moved=moved))
+    (advice,) = (step for step in found.steps if "--free" in step)
+    listed = [text.split()[0] for text in found.moved]
+    assert len(listed) == 6 and f"--free {','.join(listed)} " in advice
+    assert listed == [f"N_{i}" for i in range(1, 7)]
+
+
 def test_coefficients_that_moved_are_told_by_what_the_runs_leave_open_of_them():
     """The drag of a fouled tanker moved by 40 %, known to 0.7; a term left open led the list, by -12501 %."""
     moved = {
@@ -331,6 +343,21 @@ def test_coefficients_that_moved_are_told_by_what_the_runs_leave_open_of_them():
     assert "X_vvvv" in said and "N_vvv" not in said
 
 
+def test_a_verdict_that_needs_no_effect_and_no_other_coefficients_shows_the_simulator_as_given():
+    given = replace(a_result("model_form", (), ("wind",)), retuning=Retuning(False, 0.3, 0.4, {}))
+    assert answer(given).labels[2] == proof_label(given) == "explained (as given)"
+    tuned = replace(given, retuning=Retuning(True, 0.5, 0.4, {}))
+    assert answer(tuned).labels[2] == "explained" != proof_label(tuned)
+
+
+def test_what_an_explanation_leaves_open_of_a_coefficient_is_not_held_against_it():
+    left = Moved(-0.0002, 0.00002, 0.0, 0.0244, 0.0, 0.0266)  # 1230 stated, 0.9 of its own
+    assert failures(a_result(moved={"N_vvv": left})) == ()
+    for sd in (0.001, None):  # sure, and of an earlier version
+        (said,) = failures(a_result(moved={"N_vvv": replace(left, explained_sd=sd)}))
+        assert said.startswith("The explanation needs") and "N_vvv by 1230 times" in said
+
+
 def test_an_explanation_by_coefficients_that_keeps_them_as_given_is_called_the_simulator_as_given():
     wide = ("coefficient_error:every coefficient x10",)
     same = (a_run(position=(17.9, 15.6, 17.9), heading=(0.2, 0.13, 0.2)),)
@@ -342,6 +369,12 @@ def test_an_explanation_by_coefficients_that_keeps_them_as_given_is_called_the_s
     assert explained_words(found).startswith("Explained: the simulator as given")
     told = answer(found).outcome
     assert "nothing is gained" in told and "as given" in told and "re-tuned" in told
+    assert answer(found).labels[2] == proof_label(found) == "explained (as given)"
+    sure = " ".join(answer(found).certainty)
+    assert "they are no proof of it" in sure and "no worse" not in sure
+    everything = diagnosis_report(found)
+    tables = [b for section in everything.sections for b in section.blocks]
+    assert "errors explained" not in repr(tables) and "repeats the first" in repr(tables)
     assert "times as large" not in explained_words(found)
 
 

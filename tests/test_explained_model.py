@@ -10,10 +10,12 @@ from gap_trials import model_of, other_vehicle, planted_trial
 
 from bayesid.diagnosis.data.problem import build_problem, fit_with
 from bayesid.diagnosis.diagnosed_model import diagnosed_model_of
+from bayesid.diagnosis.evidence import explained_model as module
 from bayesid.diagnosis.evidence.explained_model import as_stated, explained_model
 from bayesid.diagnosis.evidence.replay import misses
 from bayesid.diagnosis.hypotheses.candidate import weighted_hypothesis
 from bayesid.diagnosis.run import diagnose
+from bayesid.estimation.filter_error.fit import fit
 
 LAG = "actuator_lag"
 
@@ -89,6 +91,20 @@ def test_what_is_not_named_must_predict_better_by_a_standard_error_and_a_name_no
         (np.nan, False, False),
     ):  # fmt: skip
         assert replace(explained, given_gain=gain).predicting(named).as_given is as_given
+
+
+def test_without_an_effect_the_model_as_stated_is_the_one_as_given_and_is_fitted_once(monkeypatch):
+    problem, _ = refitted(0, True)
+    none = weighted_hypothesis(problem, (), fit_with(problem, ()))
+    fits = []
+    monkeypatch.setattr(module, "fit", lambda *a, **k: fits.append(a) or fit(*a, **k))
+    found = explained_model(problem, none)
+    assert len(fits) == 1 and found.retuned
+    assert (found.given_gain, found.given_error) == (found.gain, found.error)
+    assert np.array_equal(found.given.par, problem.model.nominal)
+    _, lag = refitted(0, True)  # the control: with an effect these are two models
+    other = explained_model(problem, lag)
+    assert len(fits) == 3 and other.given_gain != other.gain
 
 
 def test_the_size_with_coefficients_as_stated_is_that_of_the_truth_where_they_are_true():

@@ -8,6 +8,7 @@ import pytest
 
 from bayesid.equations.model import build_model
 from bayesid.model.vehicles import load_vehicle
+from bayesid.report.diagnosis.holdout import record_label
 from bayesid.trials import Run, Trial
 from studies.sim_to_real_gap import delphin2, esso_osaka, planted
 from studies.sim_to_real_gap.example_section import _regression
@@ -145,21 +146,35 @@ def test_a_real_log_without_heading_in_its_held_out_runs_has_no_number_there():
 
 
 def test_real_explanations_that_predict_worse_than_the_simulator_as_given_are_counted_and_measured():
-    def record(verdict, given, explained):
+    def record(verdict, given, explained, kept=True):
         rms = {"nominal": {"psi": given}, "recalibrated": {"psi": 0.1}, "with effect": {"psi": explained}}
         short = {"horizon": "6 L/U", "rms": {k: {"psi": 0.1} for k in rms}}
-        return {"verdict": verdict, "gap": {"horizons": [short, {"horizon": "full replay", "rms": rms}]}}
+        gap = {"horizons": [short, {"horizon": "full replay", "rms": rms}]}
+        return {"verdict": verdict, "gap": gap, "retuning": {"kept": kept}}
 
     found = {
         "diagnoses": {"plain": record("ambiguous", 0.2, 0.3), "side": record("none", 0.2, 0.21)},
         "questions": {"late": {"found": record("several", 0.3, 0.2)}},
     }
     lost = lost_against_given(found)
-    assert [named for named, _ in lost] == [False, False, True]
-    assert [more for _, more in lost] == pytest.approx([0.1, 0.01, -0.1])
+    assert [one.named for one in lost] == [False, False, True]
+    assert [one.more for one in lost] == pytest.approx([0.1, 0.01, -0.1])
     said = lost_words(lost)
     assert "2 of 3 explanations predict the heading" in said
     assert "0 of 1 that name a cause; 2 of 2 that name none, by up to 5.7 degrees" in said
     assert lost_words(lost[2:]) == "" == lost_words([])
+    # where the simulator as given predicts it is not compared with itself; equal errors of another model are
+    found["diagnoses"] |= {
+        "given": record("effect", 0.3, 0.3, kept=False), "equal": record("none", 0.3, 0.3),
+        "own": record("none", 0.3, 0.31, kept=False),
+    }  # fmt: skip
+    said = lost_words(lost_against_given(found))
+    assert "3 of 5 explanations predict" in said and "0 of 1 that name a cause; 3 of 4 that name none" in said
+    assert "In 1 more (1 that names a cause) that simulator itself predicts" in said
+    assert (
+        record_label(found["diagnoses"]["given"])
+        == "explained (as given)"
+        != record_label(found["diagnoses"]["equal"])
+    )
     empty = {"verdict": "none", "gap": {"horizons": []}}
     assert lost_against_given({"questions": {"x": {"found": empty}}}) == []

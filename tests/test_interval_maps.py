@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import lru_cache
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from bayesid.estimation.filter_error.noise_model import NoiseModel, whitened
 from bayesid.estimation.run_data import RunData
 from bayesid.model.vehicles import load_vehicle
 from bayesid.simulation import (
+    chain_of,
     inertia_ratio,
     interval_maps,
     observe_sensitivity,
@@ -22,6 +24,7 @@ from bayesid.simulation import (
     steady_start,
 )
 
+maps_module = import_module("bayesid.simulation.interval_maps")  # the package has the function by that name
 VEHICLES = ("remus100", "generic_sub")
 # Central differences: truncation h^2 and cancellation 1e-16/h leave 1e-6 of a column, kinks some more.
 CLOSE = 3e-6
@@ -351,3 +354,27 @@ def test_maps_are_numbers_where_there_is_no_cross_flow_at_all(name):
         still, near = (getattr(maps, part) for maps in found)
         assert np.isfinite(still).all()
         np.testing.assert_allclose(still, near, rtol=1e-5, atol=1e-5 * np.abs(near).max())
+
+
+def test_actuator_motions_that_a_run_keeps_are_few_and_small_in_all(monkeypatch):
+    model, par, plan, _ = case("generic_sub")
+    plan = replace(plan)  # nothing kept yet
+    lag = model.index["actuator_lag.tau"]
+    free = np.array([lag])
+
+    def kept(share):
+        moved = par.copy()
+        moved[lag] = share * model.scales["L"] / model.scales["U"]
+        chain = chain_of(model, moved, plan, free)
+        return chain, list(plan.kept["chains"][1].values())
+
+    first, _ = kept(0.1)
+    assert kept(0.1)[0] is first
+    chains = [kept(share)[1] for share in (0.2, 0.3, 0.4)][-1]
+    assert len(chains) == maps_module.MOST_CHAINS and first not in chains
+    size = chains[-1].act.nbytes + chains[-1].dact.nbytes
+    monkeypatch.setattr(maps_module, "MOST_BYTES", int(2.5 * size))
+    assert len(kept(0.5)[1]) == 2
+    monkeypatch.setattr(maps_module, "MOST_BYTES", size // 2)
+    made, chains = kept(0.6)
+    assert made not in chains

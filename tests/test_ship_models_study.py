@@ -93,6 +93,11 @@ def test_a_failed_fold_is_infinite_and_a_kept_row_serves_its_own_inputs_only(mon
     errors_of(1)
     assert calls == [0, 0, 1, 1]
     assert json.loads((tmp_path / "choice.json").read_text())["one"]["inputs"]["seed"] == 1
+    errors_of(1)
+    assert calls == [0, 0, 1, 1]
+    monkeypatch.setattr(choice, "MEASURES_VERSION", choice.MEASURES_VERSION + 1)
+    errors_of(1)  # errors of other measures are none of these
+    assert calls == [0, 0, 1, 1, 1, 1]
 
 
 def test_the_report_says_which_candidate_other_measures_would_choose():

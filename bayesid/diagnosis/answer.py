@@ -21,7 +21,7 @@ from bayesid.diagnosis.hypotheses.rules import NAMING, TURNS_BY_ITSELF
 from bayesid.diagnosis.hypotheses.sensitivity_bank import EVERY
 from bayesid.diagnosis.plain_words import intervals, probability, sentence
 from bayesid.diagnosis.result import Result
-from bayesid.diagnosis.result_parts import LEAST_MOVED, Effect, RunError
+from bayesid.diagnosis.result_parts import LEAST_MOVED, Effect, Moved, RunError
 from bayesid.diagnosis.run_errors import (
     ErrorRow,
     closes,
@@ -39,6 +39,7 @@ from bayesid.diagnosis.size_names import declared_sizes
 from bayesid.words import first_few
 
 RMS = " (rms)"
+AS_GIVEN = "explained (as given)"  # the third model where it is the first one
 LARGE_HEADING = 10.0  # degrees rms; a simulator that misses by more is not said to agree
 # Hypotheses from this probability on are named as what else it could be, the first few.
 WORTH_A_WORD, MOST_RIVALS = 0.01, 4
@@ -93,7 +94,7 @@ def answer(result: Result) -> Answer:
         failures(result),
         run_words(shown) if shown is not None else "",
         error_rows(shown) if shown is not None else (),
-        ("as given", "re-tuned", "explained"),
+        ("as given", "re-tuned", AS_GIVEN if as_given(result) else "explained"),
         explained_words(result),
         _moved(result),
         (*mistake_certainty(result), *_certainty(result)),
@@ -151,13 +152,13 @@ def _worse_left_out(gain: float, error: float) -> str:
     )
 
 
-def _as_given(result: Result) -> bool:
-    """Whether the third model is the one as given: an explanation of coefficients alone, not re-tuned, or one
-    that does not predict runs left out better."""
+def as_given(result: Result) -> bool:
+    """Whether the third model is the one as given: no effect or coefficients alone, not re-tuned, or an
+    explanation that does not predict runs left out better."""
+    if result.retuning is None or retuned(result):
+        return False
     used = explanation(result)
-    if used and result.retuning is not None and result.retuning.as_given:
-        return True
-    return bool(used) and not retuned(result) and all(n.startswith("coefficient_error") for n in used)
+    return result.retuning.as_given or all(n.startswith("coefficient_error") for n in used)
 
 
 def _explained(result: Result) -> str:
@@ -168,7 +169,7 @@ def _explained(result: Result) -> str:
         without = " nor the force that the equations lack" if result.verdict == "model_form" else ""
         return f"Explained: {'as re-tuned' if retuned(result) else 'as given'}, no effect{without} is in it."
     words = " + ".join(in_words(n) for n in used)
-    if _as_given(result):
+    if as_given(result):
         return f"Explained: the simulator as given; the best explanation, {words}, is not in it."
     if result.verdict == "model_form":
         return f"Explained: with {words}, which may stand for the force that the equations lack."
@@ -300,7 +301,7 @@ def _outcome(result: Result, run: RunError) -> str:
         else "With them" if result.verdict in NAMING and len(explanation(result)) == len(result.effects)
         else f"With {' + '.join(in_words(n) for n in explanation(result))}"
     )  # fmt: skip
-    if _as_given(result):
+    if as_given(result):
         return (
             f"{what}, runs left out are predicted no better, so nothing is gained: as given, the {verb} "
             f"{run_words(run)} {missed(errors, 0, RMS)}; re-tuned, {missed_too(errors, 1, 0)}."
@@ -328,26 +329,34 @@ def _outcome(result: Result, run: RunError) -> str:
     )
 
 
-def _moved(result: Result) -> tuple[str, ...]:
-    """Coefficients that the runs move out of their stated uncertainty, the surest first.
+def _surely_moved(result: Result) -> list[str]:
+    """Coefficients that the runs move out of their stated uncertainty, the surest first, not too many.
 
     By their own deviations, not by the stated ones: what a model form leaves open may be anywhere.
     """
-    told = []
-    for name, m in result.moved.items():
-        if not (m.prior_sd > 0 and m.given):
-            continue
-        far = abs(m.retuned - m.given) / m.prior_sd
-        if far < LEAST_MOVED or m.open:
-            continue
-        with_it = ""
-        if explanation(result):
-            with_it = f", explained {_change(m.explained, m.given)}"
-        told.append(
-            (m.deviations, f"{name} {_change(m.retuned, m.given, m.retuned_sd)} ({far:.1f} times its stated "
-                           f"uncertainty{with_it})")
-        )  # fmt: skip
-    return tuple(text for _, text in sorted(told, reverse=True)[:MOST_MOVED])
+    told = {
+        name: m.deviations
+        for name, m in result.moved.items()
+        if m.prior_sd > 0 and m.given and _stated_deviations(m) >= LEAST_MOVED and not m.open
+    }
+    return sorted(told, key=lambda name: -told[name])[:MOST_MOVED]
+
+
+def _stated_deviations(m: Moved) -> float:
+    return abs(m.retuned - m.given) / m.prior_sd
+
+
+def _moved(result: Result) -> tuple[str, ...]:
+    """Those coefficients and how far they move."""
+    out = []
+    for name in _surely_moved(result):
+        m = result.moved[name]
+        with_it = f", explained {_change(m.explained, m.given)}" if explanation(result) else ""
+        out.append(
+            f"{name} {_change(m.retuned, m.given, m.retuned_sd)} ({_stated_deviations(m):.1f} times its "
+            f"stated uncertainty{with_it})"
+        )
+    return tuple(out)
 
 
 def _change(value: float, given: float, sd: float | None = None) -> str:
@@ -425,6 +434,11 @@ def _proof(result: Result) -> str:
     better = sum(not worse(error_rows(run)) for run in held)
     if not explanation(result):
         return f"Held-out runs: {len(held)}, read only after the verdict stood."
+    if as_given(result):
+        return (
+            f"Held-out runs: {len(held)}, read only after the verdict stood. The simulator as given predicts "
+            "them, not the explanation: they are no proof of it."
+        )
     if len(held) == 1:
         return "The held-out run, read after the verdict stood, is predicted " + (
             "no worse than as given." if better else "worse than as given."
@@ -443,7 +457,7 @@ def _steps(result: Result) -> tuple[str, ...]:
                     sizes = {k: result.retuning.sizes.get(k, v) for k, v in sizes.items()}
                 values = " ".join(f"--set {k}={v:.3g}" for k, v in sizes.items())
                 given = "" if retuned(result) else ", coefficients as given"
-                if _as_given(result):
+                if as_given(result):
                     out.append(f"Look for {in_words(e.name)} on the vehicle.")
                     continue
                 out.append(
@@ -484,12 +498,7 @@ def _why_not(result: Result) -> str:
 
 
 def _freed(result: Result) -> str:
-    """The option of a fit that frees the coefficients which leave their stated uncertainty; a log seldom
-    determines all of a vehicle's."""
-    far = {
-        n: abs(m.retuned - m.given) / m.prior_sd
-        for n, m in result.moved.items()
-        if m.prior_sd > 0 and m.given and not m.open
-    }
-    names = [n for n in sorted(far, key=lambda n: -far[n]) if far[n] >= LEAST_MOVED][:MOST_MOVED]
+    """The option of a fit that frees the coefficients which are told to have moved; a log seldom determines
+    all of a vehicle's."""
+    names = _surely_moved(result)
     return f" --free {','.join(names)}" if names else ""

@@ -93,7 +93,7 @@ def prediction_step(why_not: str = "", model_written: bool = True) -> str:
 def far_off(result: Result) -> str:
     """Sentences where explanation or re-tuning takes coefficients out of all reason; else empty.
 
-    A verdict of wrong coefficients says so itself.
+    A verdict of wrong coefficients says so itself, and of what the runs leave open nothing is told.
     """
     used = explanation(result)
     if not used and result.verdict == "coefficients":
@@ -103,7 +103,7 @@ def far_off(result: Result) -> str:
         {
             n: (m.given, m.explained if used else m.retuned, m.prior_sd)
             for n, m in result.moved.items()
-            if used or not m.open
+            if not (m.explained_open if used else m.open)
         }
     )
     if not told:

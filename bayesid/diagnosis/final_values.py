@@ -213,6 +213,7 @@ def _moved(
 ) -> dict[str, Moved]:
     """Coefficients of the vehicle file as given, re-tuned and explained, in its units."""
     stated, out = problem.stated, {}
+    known = dict(zip(explained.fit.free.names, explained.fit.sd, strict=True))
     for i, name in enumerate(stated.names):
         scale = model.file_scale(name)
         out[name] = Moved(
@@ -221,6 +222,7 @@ def _moved(
             float(none.fit.values[i] / scale),
             float(explained.fit.par[stated.where[i]] / scale),
             _number(none.fit.sd[i] / abs(scale)),
+            _number(known[name] / abs(scale)) if name in known else None,
         )
     return out
 

@@ -243,6 +243,13 @@ class Moved:
     retuned_sd: Annotated[
         float | None, About("Standard deviation of the re-tuned value; null in results of earlier versions.")
     ] = None
+    explained_sd: Annotated[
+        float | None,
+        About(
+            "Standard deviation of the explained value; null where the explanation keeps the coefficient as "
+            "given, and in results of earlier versions."
+        ),
+    ] = None
 
     @property
     def deviations(self) -> float:
@@ -253,8 +260,14 @@ class Moved:
 
     @property
     def open(self) -> bool:
-        """Whether its own deviation is known and leaves room for the value as given."""
+        """Whether the deviation of the re-tuned value is known and leaves room for the value as given."""
         return self.retuned_sd is not None and self.deviations < SURELY_MOVED
+
+    @property
+    def explained_open(self) -> bool:
+        """The same of the explained value."""
+        sd = self.explained_sd
+        return sd is not None and abs(self.explained - self.given) < SURELY_MOVED * sd
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,9 @@ Takes a trial and a vehicle. Gives a frozen `Diagnosis` with its `Result`. Does 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from copy import deepcopy
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -18,7 +20,9 @@ from bayesid.diagnosis.evidence.effect_draws import warning
 from bayesid.diagnosis.evidence.effect_posterior import EffectPosterior, numbers, sample_effect
 from bayesid.diagnosis.evidence.explained_model import ExplainedModel, explained_model
 from bayesid.diagnosis.evidence.holdout import HoldoutValidation, validate_holdout
+from bayesid.diagnosis.evidence.holdout_prediction import Made
 from bayesid.diagnosis.evidence.missing_force import describe_missing_force
+from bayesid.diagnosis.evidence.replay import EXPLAINED
 from bayesid.diagnosis.exclusions import compare_without
 from bayesid.diagnosis.failed_checks import NEEDS_NONE, NO_MODEL
 from bayesid.diagnosis.final_values import result_of
@@ -120,9 +124,10 @@ def diagnose(
     best, none = simplest(candidates), candidates.none
     explained = _explained(problem, best if best.log_evidence > none.log_evidence else none, warnings)
     notify("held-out runs: how far the gap shrinks")
+    validation = _HoldoutModels(problem, trial, candidates, seed)
     holdout = attempt(
         "held-out runs could not be predicted",
-        lambda: _holdout_validation(problem, trial, candidates, explained.fit, seed),
+        lambda: validation.with_explained(explained.fit),
         HoldoutValidation((), ()),
         warnings,
     )
@@ -135,7 +140,7 @@ def diagnose(
     if explained.fit is not judged:  # a name is judged by what it explains; what is told is what predicts
         holdout = attempt(
             "held-out runs could not be predicted with the model that is shown",
-            lambda: _holdout_validation(problem, trial, candidates, explained.fit, seed),
+            lambda: validation.with_explained(explained.fit),
             holdout,
             warnings,
         )
@@ -225,28 +230,49 @@ def _explained(problem: DiagnosisProblem, refit: RefittedHypothesis, warnings: l
     )
 
 
-def _holdout_validation(
-    problem: DiagnosisProblem,
-    trial: Trial,
-    candidates: HypothesisComparison,
-    explained: FilterErrorFit,
-    seed: int,
-) -> HoldoutValidation:
-    if not trial.holdout:
-        return HoldoutValidation((), ())
-    models = {"nominal": problem.model.nominal, "recalibrated": candidates.none.fit.par}
-    rng = np.random.default_rng(seed)
-    draws = {"recalibrated": parameter_draws(candidates.none.fit, rng)}
-    if any(problem.environment.noise_model.force):
-        white = fit(
-            problem.model, problem.logs, problem.coefficients, no_process_noise(problem.model), iterations=12
+@dataclass(frozen=True, eq=False)
+class _HoldoutModels:
+    """What explanations are compared with on held-out runs: as given and re-tuned, also without process
+    noise. Fitted and predicted once, whatever explanations are shown."""
+
+    problem: DiagnosisProblem
+    trial: Trial
+    candidates: HypothesisComparison
+    seed: int
+    made: Made = field(default_factory=dict)
+
+    @cached_property
+    def beside(self) -> tuple[dict[str, Array], dict[str, Array], np.random.Generator]:
+        """Parameters and posterior draws of each model, and the generator after those draws."""
+        problem, retuned = self.problem, self.candidates.none.fit
+        models = {"nominal": problem.model.nominal, "recalibrated": retuned.par}
+        rng = np.random.default_rng(self.seed)
+        draws = {"recalibrated": parameter_draws(retuned, rng)}
+        if any(problem.environment.noise_model.force):
+            calm = no_process_noise(problem.model)
+            white = fit(problem.model, problem.logs, problem.coefficients, calm, iterations=12)
+            models["recalibrated, white"] = white.par
+            draws["recalibrated, white"] = parameter_draws(white, rng)
+        return models, draws, rng
+
+    def with_explained(self, explained: FilterErrorFit) -> HoldoutValidation:
+        """All of them beside an explanation; empty without held-out runs."""
+        if not self.trial.holdout:
+            return HoldoutValidation((), ())
+        models, draws, rng = self.beside
+        if explained is self.candidates.none.fit:
+            drawn = draws["recalibrated"]
+        else:
+            drawn = parameter_draws(explained, deepcopy(rng))
+        return validate_holdout(
+            self.problem,
+            self.trial,
+            {**models, EXPLAINED: explained.par},
+            self.problem.environment.noise_model,
+            self.seed,
+            {**draws, EXPLAINED: drawn},
+            self.made,
         )
-        models["recalibrated, white"] = white.par
-        draws["recalibrated, white"] = parameter_draws(white, rng)
-    models["with effect"] = explained.par
-    same = explained is candidates.none.fit
-    draws["with effect"] = draws["recalibrated"] if same else parameter_draws(explained, rng)
-    return validate_holdout(problem, trial, models, problem.environment.noise_model, seed, draws)
 
 
 def parameter_draws(fitted: FilterErrorFit, rng: np.random.Generator, count: int = HOLDOUT_DRAWS) -> Array:

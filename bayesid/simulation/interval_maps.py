@@ -30,7 +30,8 @@ from bayesid.simulation.time_plan import TimePlan
 
 Array = np.ndarray
 
-# Actuator motions kept per run, the latest: parameters of the hull leave them as they are. None of long runs.
+# Actuator motions kept per run, the latest, and their bytes in all, cut plans aside (`follow` bounds those):
+# parameters of the hull leave them as they are. None of long runs.
 MOST_CHAINS, MOST_BYTES = 3, 4_000_000
 
 
@@ -59,6 +60,11 @@ class Chain(NamedTuple):
     act: Array
     dact: Array
 
+    @property
+    def nbytes(self) -> int:
+        """Bytes of positions and slopes."""
+        return self.act.nbytes + self.dact.nbytes
+
 
 def chain_of(model: Model, par: Array, plan: TimePlan, free: Array, full: bool = True) -> Chain:
     """What the actuators of a run do with the orders.
@@ -80,11 +86,11 @@ def chain_of(model: Model, par: Array, plan: TimePlan, free: Array, full: bool =
     if key not in chains:
         followed = follow(model, par, plan, full)
         made = Chain(followed, *actuate(model, par, followed, slopes=slopes, full=full))
-        if made.act.nbytes + made.dact.nbytes > MOST_BYTES:
+        if made.nbytes > MOST_BYTES:
             return made
-        for old in list(chains)[: len(chains) - MOST_CHAINS + 1]:
-            del chains[old]
         chains[key] = made
+        while len(chains) > MOST_CHAINS or sum(chain.nbytes for chain in chains.values()) > MOST_BYTES:
+            del chains[next(iter(chains))]
     return chains[key]
 
 

@@ -43,7 +43,7 @@ class TimePlan:
     knots, levels : (k,) and (k, na) switching times and values of the held commands
     measured : names of actuators whose measured position is used instead of the command
     short : step [s] while a fin moves, 0 where all steps are as long as was asked for
-    kept : what `follow` has worked out for this plan
+    kept : what `follow` and `chain_of` have worked out for this plan
     """
 
     t: Array

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from bayesid.diagnosis.answer import in_words
 from bayesid.diagnosis.hypotheses.rules import NAMING
 from bayesid.diagnosis.summary import unsigned_zeros
-from bayesid.report.diagnosis.holdout import record_label
+from bayesid.report.diagnosis.holdout import record_as_given, record_label
 from bayesid.report.writer import Block, Section, Table, Text, literal
 from bayesid.words import first_few
 
@@ -100,11 +100,18 @@ def _asked_back(record: Mapping[str, Any]) -> str:
     return text
 
 
-def lost_against_given(found: Mapping[str, Any]) -> list[tuple[bool, float]]:
-    """For every diagnosis of a real ship: whether it names a cause, and by how much what it explains misses
-    the heading of held-out runs by more than the untouched simulator [rad, rms], over the longest horizon
-    there is.
-    """
+class Against(NamedTuple):
+    """A diagnosis of a real ship against the untouched simulator: whether it names a cause, by how much what
+    it explains misses the heading of held-out runs by more [rad, rms], over the longest horizon there is, and
+    whether that simulator itself predicts, so that there is nothing to compare."""
+
+    named: bool
+    more: float
+    as_given: bool = False
+
+
+def lost_against_given(found: Mapping[str, Any]) -> list[Against]:
+    """Every diagnosis of a real ship against the untouched simulator."""
     records = list(found.get("diagnoses", {}).values())
     records += [q["found"] for q in found.get("questions", {}).values()]
     out = []
@@ -112,25 +119,36 @@ def lost_against_given(found: Mapping[str, Any]) -> list[tuple[bool, float]]:
         rows = [h for h in record["gap"]["horizons"] if h["rms"]["nominal"].get("psi") is not None]
         if rows:
             rms = rows[-1]["rms"]
-            out.append((record["verdict"] in NAMING, rms["with effect"]["psi"] - rms["nominal"]["psi"]))
+            more = rms["with effect"]["psi"] - rms["nominal"]["psi"]
+            out.append(Against(record["verdict"] in NAMING, more, record_as_given(record)))
     return out
 
 
-def lost_words(lost: Sequence[tuple[bool, float]]) -> str:
+def lost_words(lost: Sequence[Against]) -> str:
     """Failure of the explanations that predict worse than the simulator as given; empty where none does."""
-    if not any(more > 0.0 for _, more in lost):
+    asked = [one for one in lost if not one.as_given]
+    if not any(one.more > 0.0 for one in asked):
         return ""
     parts = []
     for named, words in ((True, "that name a cause"), (False, "that name none")):
-        mine = [more for n, more in lost if n is named]
+        mine = [one.more for one in asked if one.named is named]
         worse = [more for more in mine if more > 0.0]
         if mine:
             by = f", by up to {np.degrees(max(worse)):.2g} degrees" if worse else ""
             parts.append(f"{len(worse)} of {len(mine)} {words}{by}")
+    left = [one for one in lost if one.as_given]
+    names = sum(one.named for one in left)
+    beside = (
+        f" In {len(left)} more ({names} that {'names' if names == 1 else 'name'} a cause) that simulator "
+        "itself predicts, and nothing is compared."
+        if left
+        else ""
+    )
     return (
-        f"On real ships {sum(more > 0.0 for _, more in lost)} of {len(lost)} explanations predict the "
+        f"On real ships {sum(one.more > 0.0 for one in asked)} of {len(asked)} explanations predict the "
         "heading of held-out runs worse than the simulator as given, over the longest horizon: "
-        f"{'; '.join(parts)}. There, do not rely on them."
+        f"{'; '.join(parts)}.{beside} Predict with an explanation of a real ship only where held-out "
+        "runs are predicted better by it."
     )
 
 

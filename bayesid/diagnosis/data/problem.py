@@ -44,6 +44,8 @@ STRAIGHT_NOISE_SPREAD = 0.2
 PATH_ITERATIONS = 16
 # Passes in which states that hang on nothing but a known motion arrive.
 SETTLING_ITERATIONS = 3
+# Latent force of the first pass where the start already follows the data.
+FOLLOWING_FORCE_LEVEL = 1e-5
 # Where an effect without a slope when off begins, in prior standard deviations.
 USUAL_START = 0.5
 
@@ -391,7 +393,7 @@ def fit_with(
 def fit_without(problem: DiagnosisProblem) -> FilterErrorFit:
     """Filter-error fit without any effect, begun where it ended in another environment."""
     if (ended := problem.ended_with(())) is not None:
-        out = fit_with(problem, (), start=ended, initial_noise_scale=1e-5)
+        out = fit_with(problem, (), start=ended, initial_noise_scale=FOLLOWING_FORCE_LEVEL)
         if out.converged:
             return out
     return fit_with(problem, ())

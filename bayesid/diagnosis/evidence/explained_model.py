@@ -81,32 +81,48 @@ def explained_model(problem: DiagnosisProblem, refit: RefittedHypothesis) -> Exp
     found = ExplainedModel(refit.effects, refit.fit)
     if len(problem.logs) < 2:
         return found
-    if (stated := as_stated(problem, refit)) is not None:
-        gain, error = left_out_gain(problem, stated, refit.fit)
+    stated, left = as_stated(problem, refit), _misses_without_each(problem, refit.fit)
+    if stated is not None:
+        as_is = _misses_without_each(problem, stated)
+        gain, error = _left_out_gain(as_is, left)
         if math.isnan(gain):
             return found
         kept = gain > error
+        if not kept:
+            left = as_is
         found = ExplainedModel(refit.effects, refit.fit if kept else stated, kept, gain, error)
-    nothing = _as_given(problem, refit) if found.fit.free.names else None
-    if nothing is None:
+    if not found.fit.free.names:
         return found
-    gain, error = left_out_gain(problem, nothing, found.fit)
+    if not _stated_effects(refit):  # as stated, nothing is free: that is the simulator as given
+        return found if stated is None else replace(found, given=stated, given_gain=gain, given_error=error)
+    if (nothing := _with_effects(problem, refit, ())) is None:
+        return found
+    gain, error = _left_out_gain(_misses_without_each(problem, nothing), left)
     return replace(found, given=nothing, given_gain=gain, given_error=error)
 
 
-def left_out_gain(
-    problem: DiagnosisProblem, one: FilterErrorFit, other: FilterErrorFit
-) -> tuple[float, float]:
+def _misses_without_each(problem: DiagnosisProblem, fitted: FilterErrorFit) -> list[Array | None]:
+    """Errors by channel of every run, left out of the estimate; None where the others give none."""
+    out: list[Array | None] = []
+    for i, log in enumerate(problem.logs):
+        try:
+            par = _without(fitted, i)
+        except ModelError:
+            out.append(None)
+            continue
+        with np.errstate(all="ignore"):
+            out.append(np.array(list(misses(problem, log, par).values())))
+    return out
+
+
+def _left_out_gain(one: list[Array | None], other: list[Array | None]) -> tuple[float, float]:
     """Mean over runs, each left out of its estimate, of the logarithm of the error of the one over that of
     the other, and its standard error; nan where fewer than two runs can be told."""
     ratios = []
-    for i, log in enumerate(problem.logs):
-        try:
-            pars = [_without(f, i) for f in (one, other)]
-        except ModelError:
+    for first, second in zip(one, other, strict=True):
+        if first is None or second is None:
             continue
         with np.errstate(all="ignore"):
-            first, second = (np.array(list(misses(problem, log, par).values())) for par in pars)
             ratio = np.log(first) - np.log(second)
         if np.isfinite(first).any() or np.isfinite(second).any():
             ratios.append(float(np.clip(np.nanmean(ratio), -MOST_LOG_RATIO, MOST_LOG_RATIO)))
@@ -121,18 +137,18 @@ def as_stated(problem: DiagnosisProblem, refit: RefittedHypothesis) -> FilterErr
     As stated there is no model form either: what re-tuning is compared with is the simulator the user has. It
     starts along the path and from the sizes of the refit: from off a lag does not arrive.
     """
-    names = () if refit.widens else refit.effects
-    return _with_effects(problem, refit, names)
+    return _with_effects(problem, refit, _stated_effects(refit))
 
 
-def _as_given(problem: DiagnosisProblem, refit: RefittedHypothesis) -> FilterErrorFit | None:
-    """The simulator as given along the runs; None where it cannot follow them."""
-    return _with_effects(problem, refit, ())
+def _stated_effects(refit: RefittedHypothesis) -> tuple[str, ...]:
+    """Effects of an explanation beside coefficients as stated; a wider coefficient is none."""
+    return () if refit.widens else refit.effects
 
 
 def _with_effects(
     problem: DiagnosisProblem, refit: RefittedHypothesis, names: Iterable[str]
 ) -> FilterErrorFit | None:
+    """The simulator with effects alone free, along the runs; None where it cannot follow them."""
     free, par = NO_PARAMETERS, problem.model.nominal.copy()
     for name in names:
         free = free + effect_prior(problem.model, problem.model.effects[name])

@@ -19,6 +19,7 @@ from scipy.stats import t as student
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.evidence.holdout_prediction import (
     FULL_HORIZON,
+    Made,
     MeasureComparison,
     Segment,
     average,
@@ -98,6 +99,7 @@ def validate_holdout(
     noise_model: NoiseModel,
     seed: int,
     draws: Mapping[str, Array] | None = None,
+    made: Made | None = None,
 ) -> HoldoutValidation:
     """Score models on the held-out runs.
 
@@ -107,7 +109,10 @@ def validate_holdout(
         -> parameters
     noise_model : environment, for the floor
     draws : model -> (d, n_par) parameter vectors of its posterior, for the intervals
+    made : predictions of the same models and draws, "with effect" apart, from an earlier call; new ones are
+        added
     """
+    made = {} if made is None else made
     rng = np.random.default_rng(seed)
     noise = {c: s for log in problem.logs for c, s in zip(log.channels, log.sigma, strict=True)}
     time = problem.model.scales["L"] / problem.model.scales["U"]
@@ -123,7 +128,7 @@ def validate_holdout(
             for piece, start in pieces_of(run, LEAD_LENGTHS * time, length):
                 found = predicted(
                     problem, piece, noise, models, noise_model, LEAD_LENGTHS * time, start, name, draws or {},
-                    np.random.default_rng([seed, len(segments), 1]),
+                    np.random.default_rng([seed, len(segments), 1]), made,
                 )  # fmt: skip
                 if found is not None:
                     segments.append(found)

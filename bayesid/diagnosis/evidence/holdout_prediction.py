@@ -6,16 +6,17 @@ the explanation expects of its own prediction comes from draws of its parameters
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from bayesid.diagnosis.data.problem import DiagnosisProblem
+from bayesid.diagnosis.evidence.replay import EXPLAINED
 from bayesid.equations.model import Model
 from bayesid.errors import BayesidError
 from bayesid.estimation.filter_error.followed import followed
-from bayesid.estimation.filter_error.linearise import Linearisation, linearise
+from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, linearise
 from bayesid.estimation.filter_error.noise_model import NoiseModel, smoothed
 from bayesid.estimation.filter_error.read_run import filter_error_run
 from bayesid.estimation.likelihood.composite import root
@@ -30,6 +31,8 @@ from bayesid.trials import Run, window
 MOST_SEGMENTS = 8
 FULL_HORIZON = "full replay"
 
+Measures = dict[str, tuple[float, str]]  # name -> value [m, rad] and unit
+
 
 @dataclass(frozen=True)
 class MeasureComparison:
@@ -40,6 +43,20 @@ class MeasureComparison:
     unit: str
     logged: float
     models: dict[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class PiecePrediction:
+    """What one model makes of one piece: mean squared error in noise units per channel of the log, the mean
+    over channels for posterior draws, and standard measures of the replay, None where it has none."""
+
+    square: Array
+    drawn: Array | None
+    measures: Measures | None
+
+
+# Run, start [s], horizon and model of a prediction made before -> it, None where the run cannot be followed.
+Made = dict[tuple[str, float, str, str], PiecePrediction | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +107,14 @@ def predicted(
     horizon: str,
     draws: Mapping[str, Array],
     rng: np.random.Generator,
+    made: Made,
 ) -> Segment | None:
+    """One piece predicted by all models; None where one of them cannot follow it.
+
+    Parameters
+    ----------
+    made : predictions of models other than the explanation, which are not made twice; new ones are added
+    """
     model = problem.model
     try:
         log = filter_error_run(model, run, noise, problem.channels)
@@ -101,39 +125,70 @@ def predicted(
     if early.sum() < 4 or (~early).sum() < 4:
         return None
     known = log.without(np.repeat(~early[:, None], len(log.channels), axis=1))
-    errors, rms, drawn, replays = {}, {}, {}, {}
+    told = _measuring(run, log) if horizon == FULL_HORIZON else None
     floor, chance = np.ones(len(log.channels)), np.zeros(0)
+    found: dict[str, PiecePrediction] = {}
+    followed_by: list[tuple[Array, Trajectory, Array]] = []
     for name, par in models.items():
-        try:
-            begun = followed(model, known, par, noise_model, iterations=15)
-            x0 = begun.points[0].states[0, : len(model.states)]
-            obs = _replayed(model, par, log, x0)
-            if name == "with effect":
-                path = linearise(model, known, begun.points[0], NO_PARAMETERS.where)
-                floor = _floor(model, path, noise_model, ~early)
-                if name in draws:
-                    spread = root(start_covariance(model, path, noise_model))
-                    moved = rng.standard_normal((len(draws[name]), len(spread))) @ spread.T
-                    begins = x0 + moved[:, : x0.size]
-                    chance = _chance(model, draws[name], log, begins, obs, ~early)
-        except BayesidError:
+        key = (run.name, start, horizon, name)
+        one = made.get(key)
+        if key not in made:
+            try:
+                same = [(p, o) for other, p, o in followed_by if np.array_equal(other, par)]
+                point, obs = same[0] if same else _followed(model, known, log, par, noise_model)
+                followed_by.append((par, point, obs))
+                if name == EXPLAINED:
+                    path = linearise(model, known, point, NO_PARAMETERS.where)
+                    floor = _floor(model, path, noise_model, ~early)
+                    if name in draws:
+                        begins = _starts(model, path, noise_model, len(draws[name]), rng)
+                        chance = _chance(model, draws[name], log, begins, obs, ~early)
+                x0 = point.states[0, : len(model.states)]
+                drawn = _drawn(model, draws[name], log, x0, ~early) if name in draws else None
+                measured = told(obs) if told is not None else None
+                one = PiecePrediction(_squares(log, obs, ~early), drawn, measured)
+            except BayesidError:
+                one = None
+            if name != EXPLAINED:
+                made[key] = one
+        if one is None:
             return None
-        replays[name] = obs
-        if name in draws:
-            drawn[name] = _drawn(model, draws[name], log, x0, ~early)
-        square = _squares(log, obs, ~early)
-        at = [problem.channels.index(c) for c in log.channels]
-        errors[name] = np.full(len(problem.channels), np.nan)
-        errors[name][at] = square
-        sigma = np.full(len(problem.channels), np.nan)
-        sigma[at] = log.sigma
-        rms[name] = dict(zip(problem.channels, np.sqrt(errors[name]) * sigma, strict=True))
-    if not np.isfinite(errors["with effect"]).any():
+        found[name] = one
+    at = [problem.channels.index(c) for c in log.channels]
+
+    def every(values: Array) -> Array:
+        out = np.full(len(problem.channels), np.nan)
+        out[at] = values
+        return out
+
+    errors = {name: every(one.square) for name, one in found.items()}
+    if not np.isfinite(errors[EXPLAINED]).any():
         return None
-    whole = np.full(len(problem.channels), np.nan)
-    whole[at] = floor
-    measures = _measures(problem, run, log, replays) if horizon == FULL_HORIZON else ()
-    return Segment(run.name, start, horizon, errors, rms, whole, drawn, chance, measures)
+    sigma = every(log.sigma)
+    rms = {
+        name: dict(zip(problem.channels, np.sqrt(square) * sigma, strict=True))
+        for name, square in errors.items()
+    }
+    drawn_by = {name: one.drawn for name, one in found.items() if one.drawn is not None}
+    measures = _measures(run, told(log.readings.copy()), found) if told is not None else ()
+    return Segment(run.name, start, horizon, errors, rms, every(floor), drawn_by, chance, measures)
+
+
+def _followed(
+    model: Model, known: RunData, log: RunData, par: Array, noise_model: NoiseModel
+) -> tuple[Trajectory, Array]:
+    """Path of a model along a lead-in, and its readings of the whole piece from there."""
+    point = followed(model, known, par, noise_model, iterations=15).points[0]
+    return point, _replayed(model, par, log, point.states[0, : len(model.states)])
+
+
+def _starts(
+    model: Model, path: Linearisation, noise_model: NoiseModel, count: int, rng: np.random.Generator
+) -> Array:
+    """(count, nx) first states drawn from what the lead-in tells of them."""
+    x0 = path.point.states[0, : len(model.states)]
+    spread = root(start_covariance(model, path, noise_model))
+    return x0 + (rng.standard_normal((count, len(spread))) @ spread.T)[:, : x0.size]
 
 
 def _replayed(model: Model, par: Array, log: RunData, x0: Array) -> Array:
@@ -195,35 +250,37 @@ def _drawn(model: Model, pars: Array, log: RunData, x0: Array, late: Array) -> A
     return out
 
 
-def _measures(
-    problem: DiagnosisProblem, run: Run, log: RunData, replays: Mapping[str, Array]
-) -> tuple[MeasureComparison, ...]:
-    """Tactical diameter, advance or overshoots of a run, by its logged orders; none where it has neither."""
-    rudder, names = run.input("delta_r"), list(problem.channels)
+def _measuring(run: Run, log: RunData) -> Callable[[Array], Measures | None] | None:
+    """What gives tactical diameter and advance, or overshoots, of readings (n, q) by the logged orders; None
+    for a run that has neither. It gives None where readings have none."""
+    rudder, names, text = run.input("delta_r"), list(log.channels), run.manoeuvre.lower()
     rudder = run.commands.get("delta_r_cmd", rudder)
-    if rudder is None or not {"x", "y", "psi"} <= set(names):
-        return ()
+    if rudder is None or not {"x", "y", "psi"} <= set(names) or not ("turn" in text or "zig" in text):
+        return None
     x, y, psi = (names.index(c) for c in ("x", "y", "psi"))
-    text = run.manoeuvre.lower()
 
-    def told(values: Array) -> dict[str, tuple[float, str]]:
-        if "turn" in text:
-            turn = turning_circle(run.t, values[:, x], values[:, y], values[:, psi], rudder)
-            return {"tactical diameter": (turn.tactical_diameter, "m"), "advance": (turn.advance, "m")}
-        zig = zigzag(run.t, values[:, psi], rudder, values[:, x], values[:, y])
+    def told(values: Array) -> Measures | None:
+        try:
+            if "turn" in text:
+                turn = turning_circle(run.t, values[:, x], values[:, y], values[:, psi], rudder)
+                return {"tactical diameter": (turn.tactical_diameter, "m"), "advance": (turn.advance, "m")}
+            zig = zigzag(run.t, values[:, psi], rudder, values[:, x], values[:, y])
+        except (BayesidError, ValueError):
+            return None
         return {f"overshoot {i + 1}": (v, "rad") for i, v in enumerate(zig.overshoots[:2])}
 
-    if "turn" not in text and "zig" not in text:
-        return ()
-    try:
-        logged = told(log.readings.copy())
-        replayed = {name: told(obs) for name, obs in replays.items()}
-    except (BayesidError, ValueError):
+    return told
+
+
+def _measures(
+    run: Run, logged: Measures | None, found: Mapping[str, PiecePrediction]
+) -> tuple[MeasureComparison, ...]:
+    """Measures of a run as logged and by each model; none where one of them has none."""
+    by = {name: one.measures for name, one in found.items() if one.measures is not None}
+    if logged is None or len(by) < len(found):
         return ()
     return tuple(
-        MeasureComparison(
-            run.name, what, unit, value, {n: r[what][0] for n, r in replayed.items() if what in r}
-        )
+        MeasureComparison(run.name, what, unit, value, {n: m[what][0] for n, m in by.items() if what in m})
         for what, (value, unit) in logged.items()
         if np.isfinite(value)
     )

@@ -223,12 +223,22 @@ def _replay(
     if not known.valid.any() or not log.valid[late].any():
         return None
     noise_model = problem.environment.noise_model
-    simulated, starts, point = {}, {}, None
+    simulated: dict[str, Array] = {}
+    starts: dict[str, Array] = {}
+    point: Trajectory | None = None
+    begun: dict[str, tuple[Array, Trajectory | None]] = {}
     for name, fitted in models.items():
         par = model.nominal if fitted is None else fitted.par
+        same = next((n for n, (other, _) in begun.items() if np.array_equal(other, par)), None)
+        if same is not None:  # one model under two names is simulated once
+            simulated[name], point = simulated[same], begun[same][1] or point
+            starts |= {name: starts[same]} if same in starts else {}
+            continue
         simulated[name] = np.full(log.readings.shape, np.nan)
+        begun[name] = par, None
         try:
             point = _begun(problem, known, par, noise_model)
+            begun[name] = par, point
             x0 = point.states[0, : len(model.states)]
             simulated[name] = _simulated(problem, log, par, x0)
             starts[name] = x0

@@ -12,7 +12,12 @@ from itertools import combinations
 
 import numpy as np
 
-from bayesid.diagnosis.data.problem import DiagnosisProblem, fit_with, fit_without
+from bayesid.diagnosis.data.problem import (
+    FOLLOWING_FORCE_LEVEL,
+    DiagnosisProblem,
+    fit_with,
+    fit_without,
+)
 from bayesid.diagnosis.evidences import evidences
 from bayesid.diagnosis.hypotheses.candidate import (
     RefittedHypothesis,
@@ -27,7 +32,6 @@ from bayesid.diagnosis.hypotheses.kinematic import by_kinematics, readable
 from bayesid.diagnosis.hypotheses.localisation import Localisation, locate, tried
 from bayesid.diagnosis.hypotheses.probabilities import NO_ERROR, FormError, Remainder, probabilities
 from bayesid.diagnosis.hypotheses.refit import (
-    FOLLOWING_FORCE_LEVEL,
     likely_coefficients,
     refit_again,
     refit_screened,

@@ -12,7 +12,13 @@ from types import MappingProxyType
 
 import numpy as np
 
-from bayesid.diagnosis.data.problem import USUAL_START, DiagnosisProblem, first_fit, fit_with
+from bayesid.diagnosis.data.problem import (
+    FOLLOWING_FORCE_LEVEL,
+    USUAL_START,
+    DiagnosisProblem,
+    first_fit,
+    fit_with,
+)
 from bayesid.diagnosis.hypotheses.candidate import (
     COEFFICIENT_ERROR,
     RefittedHypothesis,
@@ -35,8 +41,6 @@ from bayesid.estimation.parameters import effect_prior
 from bayesid.model.effects import Effect
 
 SHORTLIST_SIZE = 6
-# Latent force of the first pass where the start already follows the data.
-FOLLOWING_FORCE_LEVEL = 1e-5
 # Passes of a refit that begins where a smaller one ended: nine of ten take five or fewer.
 NEAR_ITERATIONS, MOST_ITERATIONS = 12, 25
 Notify = Callable[[str], None]

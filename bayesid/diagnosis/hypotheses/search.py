@@ -10,16 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from bayesid.diagnosis.data.problem import DiagnosisProblem, first_fit
+from bayesid.diagnosis.data.problem import FOLLOWING_FORCE_LEVEL, DiagnosisProblem, first_fit
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains, nested, standing
 from bayesid.diagnosis.hypotheses.localisation import Localisation
-from bayesid.diagnosis.hypotheses.refit import (
-    FOLLOWING_FORCE_LEVEL,
-    refit,
-    refit_again,
-    remainder,
-    sizes_of,
-)
+from bayesid.diagnosis.hypotheses.refit import refit, refit_again, remainder, sizes_of
 from bayesid.diagnosis.hypotheses.sensitivity_bank import (
     SECANT_SIZES,
     Isolability,

@@ -2,7 +2,8 @@
 
 Takes a trial and a model. Gives bytes, and a sentence where there is less. An upper estimate: peaks of
 zig-zags of a planar vehicle at 1 Hz lay at 0.6 to 0.7 of it when what is kept per sample was measured, at 0.5
-since slopes of all runs are held together (10 800 samples).
+since slopes of all runs are held together (10 800 samples). Not counted is what every run keeps of its fins:
+at most 4 MB of their motion (`interval_maps`) and 16 MB of cut steps (`follow`).
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from bayesid.diagnosis.answer import Answer, in_words
+from bayesid.diagnosis.answer import Answer, as_given, in_words
 from bayesid.diagnosis.plain_words import number, sentence
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import Effect
@@ -39,13 +39,17 @@ def runs_blocks(result: Result, a: Answer) -> list[Block]:
     if not rows:
         measured = [measures_table(result, a.labels)] if result.measures else []
         return [Text("No run could be replayed."), *measured]
+    seen = "The last column repeats the first and proves no explanation."
+    if not as_given(result):
+        seen = f"What to see: {against_given(result.runs, a.labels)}"
+        if missed := still_missed(result.runs, a.labels):
+            seen += f" {missed}"
     blocks: list[Block] = [
         Table(
             ["run", "manoeuvre", "role", "rms error", *a.labels],
             rows,
             "Every run replayed open loop from its orders, begun on its first seconds. "
-            f"{literal(a.explained)} What to see: {literal(against_given(result.runs, a.labels))}"
-            + (f" {literal(missed)}" if (missed := still_missed(result.runs, a.labels)) else "")
+            f"{literal(a.explained)} {literal(seen)}"
             + whole_turns(e for run in result.runs for e in error_rows(run)),
         )
     ]

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from bayesid.diagnosis.answer import AS_GIVEN, as_given
 from bayesid.diagnosis.hypotheses.rules import NAMING
 from bayesid.diagnosis.plain_words import number
 from bayesid.diagnosis.result import Result
@@ -24,7 +25,10 @@ MODELS = ("nominal", "recalibrated", "with effect")
 
 
 def proof_label(result: Result) -> str:
-    """What the third model has: what the verdict names, or the best explanation, which may be more."""
+    """What the third model has: what the verdict names, or the best explanation, which may be more or nothing
+    at all."""
+    if as_given(result):
+        return AS_GIVEN
     used = result.explanation
     if result.verdict in NAMING and set(used) == {e.name for e in result.effects}:
         return "with the effect" if len(used) == 1 else "with the effects"
@@ -32,8 +36,19 @@ def proof_label(result: Result) -> str:
 
 
 def record_label(record: Mapping[str, Any]) -> str:
-    """The same for a `diagnosis.json`, which does not say what its best explanation holds."""
+    """The same for a `diagnosis.json`, of which some do not say what their best explanation holds."""
+    if record_as_given(record):
+        return AS_GIVEN
     return "with the effect" if record["verdict"] == "effect" else "best explanation"
+
+
+def record_as_given(record: Mapping[str, Any]) -> bool:
+    """Whether held-out runs are predicted by the simulator as given in place of an explanation: nothing is
+    re-tuned, and the errors are those of the first model to the last digit."""
+    errors, tuned = [h["rms"] for h in record["gap"]["horizons"]], record.get("retuning") or {}
+    if tuned.get("kept", True) or not errors:
+        return False
+    return all(rms["with effect"] == rms["nominal"] for rms in errors)
 
 
 def holdout_blocks(result: Result) -> list[Block]:

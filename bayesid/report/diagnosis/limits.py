@@ -86,8 +86,8 @@ def _why_none(result: Result) -> str:
     if not result.next_asked:
         return "`--quick` leaves it out (in Python `next_manoeuvre=False`)."
     return (
-        "none of the library can be run by this vehicle (one without a rudder runs none) and tell more, or "
-        "ranking failed; see the notes."
+        "none of the library that this vehicle can run would tell more, or ranking failed; see the notes. "
+        "A vehicle without a rudder can run none of it."
     )
 
 
