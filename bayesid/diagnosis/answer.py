@@ -19,9 +19,10 @@ from bayesid.diagnosis.failed_checks import (
 )
 from bayesid.diagnosis.hypotheses.rules import NAMING, TURNS_BY_ITSELF
 from bayesid.diagnosis.hypotheses.sensitivity_bank import EVERY
+from bayesid.diagnosis.moved_words import freeing, moved_words
 from bayesid.diagnosis.plain_words import intervals, probability, sentence
 from bayesid.diagnosis.result import Result
-from bayesid.diagnosis.result_parts import LEAST_MOVED, Effect, Moved, RunError
+from bayesid.diagnosis.result_parts import Effect, RunError
 from bayesid.diagnosis.run_errors import (
     ErrorRow,
     closes,
@@ -43,9 +44,6 @@ AS_GIVEN = "explained (as given)"  # the third model where it is the first one
 LARGE_HEADING = 10.0  # degrees rms; a simulator that misses by more is not said to agree
 # Hypotheses from this probability on are named as what else it could be, the first few.
 WORTH_A_WORD, MOST_RIVALS = 0.01, 4
-MOST_MOVED = 6
-# Change of a coefficient from which its values say more than per cent [%].
-MOST_PERCENT = 300
 TIMES = {3.0: "three", 10.0: "ten"}
 PLACES = {
     "X": "the force ahead", "Y": "the side force", "N": "the turning moment", "Z": "the vertical force",
@@ -96,7 +94,7 @@ def answer(result: Result) -> Answer:
         error_rows(shown) if shown is not None else (),
         ("as given", "re-tuned", AS_GIVEN if as_given(result) else "explained"),
         explained_words(result),
-        _moved(result),
+        moved_words(result),
         (*mistake_certainty(result), *_certainty(result)),
         (*mistake_steps(result), *_steps(result)),
     )
@@ -198,7 +196,7 @@ def _headline(result: Result) -> str:
     if word == "none":
         return _none(result)
     if word == "coefficients":
-        far = _moved(result)[:2]
+        far = moved_words(result)[:2]
         return "No effect is needed, but coefficients lie further off than stated" + (
             f": {'; '.join(far)}." if far else "."
         )
@@ -323,52 +321,10 @@ def _outcome(result: Result, run: RunError) -> str:
         return f"{said}; with coefficients re-tuned alone, it diverges."
     if closes(errors, 1, 2) or closes(errors, 2, 1):
         return f"{said}; re-tuning coefficients alone gives {tuned}."
-    far = _moved(result)[:1]
+    far = moved_words(result)[:1]
     return f"{said}; re-tuning coefficients alone does as well" + (
         f", but moves {far[0].split(', explained')[0].rstrip(')')})." if far else "."
     )
-
-
-def _surely_moved(result: Result) -> list[str]:
-    """Coefficients that the runs move out of their stated uncertainty, the surest first, not too many.
-
-    By their own deviations, not by the stated ones: what a model form leaves open may be anywhere.
-    """
-    told = {
-        name: m.deviations
-        for name, m in result.moved.items()
-        if m.prior_sd > 0 and m.given and _stated_deviations(m) >= LEAST_MOVED and not m.open
-    }
-    return sorted(told, key=lambda name: -told[name])[:MOST_MOVED]
-
-
-def _stated_deviations(m: Moved) -> float:
-    return abs(m.retuned - m.given) / m.prior_sd
-
-
-def _moved(result: Result) -> tuple[str, ...]:
-    """Those coefficients and how far they move."""
-    out = []
-    for name in _surely_moved(result):
-        m = result.moved[name]
-        with_it = f", explained {_change(m.explained, m.given)}" if explanation(result) else ""
-        out.append(
-            f"{name} {_change(m.retuned, m.given, m.retuned_sd)} ({_stated_deviations(m):.1f} times its "
-            f"stated uncertainty{with_it})"
-        )
-    return tuple(out)
-
-
-def _change(value: float, given: float, sd: float | None = None) -> str:
-    """A change in per cent, with its deviation where that is known; the values where it is many per cent."""
-    share = 100 * (value - given) / given
-    if abs(share) > MOST_PERCENT:
-        return f"{given:.3g} to {value:.3g}" + (f" ± {sd:.2g}" if sd else "")
-    if not sd:
-        return f"{round(share):+d} %"
-    spread = 100 * sd / abs(given)
-    decimals = 0 if spread >= 1 else 1
-    return f"{share:+.{decimals}f} ± {max(spread, 0.1):.{decimals}f} %"
 
 
 def rivals(result: Result) -> list[tuple[str, float]]:
@@ -468,7 +424,7 @@ def _steps(result: Result) -> tuple[str, ...]:
         and result.runs
         and closes(error_rows(result.runs[0]), 0, 1)
     ):
-        out.append(f"Re-tune: `bayesid fit BUNDLE{_freed(result)} --out FOLDER` writes the vehicle file.")
+        out.append(f"Re-tune: `bayesid fit BUNDLE{freeing(result)} --out FOLDER` writes the vehicle file.")
     elif result.verdict == "outside":
         out.append(
             "Look where and when it acts (the table of places in the report); a cause of your own is "
@@ -495,10 +451,3 @@ def _why_not(result: Result) -> str:
     if refits and not refits[0].converged:
         return "the fit stopped before it converged"
     return ""
-
-
-def _freed(result: Result) -> str:
-    """The option of a fit that frees the coefficients which are told to have moved; a log seldom determines
-    all of a vehicle's."""
-    names = _surely_moved(result)
-    return f" --free {','.join(names)}" if names else ""

@@ -1,0 +1,64 @@
+"""Coefficients that a diagnosis moves, in words: how far, how sure, and the option of a fit that frees them.
+
+Takes a `Result`. Which are told and which are freed is one choice.
+"""
+
+from __future__ import annotations
+
+from bayesid.diagnosis.failed_checks import explanation
+from bayesid.diagnosis.result import Result
+from bayesid.diagnosis.result_parts import LEAST_MOVED, Moved
+
+MOST_MOVED = 6
+# Change of a coefficient from which its values say more than per cent [%].
+MOST_PERCENT = 300
+
+
+def _surely_moved(result: Result) -> list[str]:
+    """Coefficients that the runs move out of their stated uncertainty, the surest first, not too many.
+
+    By their own deviations, not by the stated ones: what a model form leaves open may be anywhere.
+    """
+    told = {
+        name: m.deviations
+        for name, m in result.moved.items()
+        if m.prior_sd > 0 and m.given and _stated_deviations(m) >= LEAST_MOVED and not m.open
+    }
+    return sorted(told, key=lambda name: -told[name])[:MOST_MOVED]
+
+
+def _stated_deviations(m: Moved) -> float:
+    return abs(m.retuned - m.given) / m.prior_sd
+
+
+def moved_words(result: Result) -> tuple[str, ...]:
+    """Coefficients that the runs move out of their stated uncertainty, and how far, by re-tuning and with the
+    explanation; the surest first."""
+    out = []
+    for name in _surely_moved(result):
+        m = result.moved[name]
+        with_it = f", explained {_change(m.explained, m.given)}" if explanation(result) else ""
+        out.append(
+            f"{name} {_change(m.retuned, m.given, m.retuned_sd)} ({_stated_deviations(m):.1f} times its "
+            f"stated uncertainty{with_it})"
+        )
+    return tuple(out)
+
+
+def _change(value: float, given: float, sd: float | None = None) -> str:
+    """A change in per cent, with its deviation where that is known; the values where it is many per cent."""
+    share = 100 * (value - given) / given
+    if abs(share) > MOST_PERCENT:
+        return f"{given:.3g} to {value:.3g}" + (f" ± {sd:.2g}" if sd else "")
+    if not sd:
+        return f"{round(share):+d} %"
+    spread = 100 * sd / abs(given)
+    decimals = 0 if spread >= 1 else 1
+    return f"{share:+.{decimals}f} ± {max(spread, 0.1):.{decimals}f} %"
+
+
+def freeing(result: Result) -> str:
+    """The option of a fit that frees the coefficients which are told to have moved; a log seldom determines
+    all of a vehicle's."""
+    names = _surely_moved(result)
+    return f" --free {','.join(names)}" if names else ""
