@@ -24,13 +24,17 @@ from bayesid.estimation.likelihood import NoiseParts
 from bayesid.estimation.segments import fit_in_pieces
 from bayesid.manoeuvres import OpenLoop
 from bayesid.manoeuvres.table import read_table, write_table
+from bayesid.model.actuators import UNLIMITED
+from bayesid.model.actuators.declare import servo
 from bayesid.model.effects import CATALOGUE
 from bayesid.model.vehicles import load_vehicle, self_propulsion_speed, write_vehicle
 from bayesid.model.vehicles.new.scaling import scaled
 from bayesid.report.fit_effects import effect_words
 from bayesid.simulation import plan_run, simulate
+from bayesid.simulation.time_plan import _turns
 from bayesid.trials import load_trial, write_trial
 from bayesid.trials.health import check_runs
+from bayesid.trials.importing.names import in_bundle_format
 
 #: a force weaker than stated, a servo slower than stated: of the plant, and the parameters that say so
 BEYOND = {
@@ -302,3 +306,17 @@ def test_a_vehicle_is_shown_with_its_actuators_and_their_effects(folder, capsys)
     assert "nozzle_port_lag" in said("effect", "list", "--vehicle", path)
     assert "servo" in said("effect", "show", "nozzle_port_lag", "--vehicle", path)
     assert "--vehicle" in said("effect", "show", "zzz")
+
+
+def test_a_pod_with_stops_at_astern_is_not_taken_past_them():
+    orders = np.radians([170.0, -170.0, -90.0, -10.0])
+    assert _turns(orders, np.pi) == pytest.approx(orders)  # held at the stop, had it been unwrapped
+    assert _turns(orders, np.radians(200.0)) == pytest.approx(orders)
+    free = servo("azimuth_stern", UNLIMITED, 0.0, UNLIMITED)["limit_azimuth_stern"]
+    assert _turns(orders, free) == pytest.approx(np.radians([170.0, 190.0, 270.0, 350.0]))
+
+
+def test_a_table_with_numbered_actuators_is_in_the_format_of_a_bundle():
+    heads = ["x[m]", "y[m]", "psi[rad]"]
+    assert in_bundle_format([*heads, "n_1_cmd[rpm]", "azimuth_1_cmd[rad]"])
+    assert not in_bundle_format(heads)

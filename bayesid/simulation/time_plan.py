@@ -15,6 +15,7 @@ import numpy as np
 
 from bayesid.equations.model import Model
 from bayesid.errors import ModelError
+from bayesid.model.actuators import UNLIMITED
 from bayesid.model.channels import channel
 
 Array = np.ndarray
@@ -25,6 +26,7 @@ Array = np.ndarray
 # 0.011, 0.06 and 0.12 m for 1.1 to 3.2 times the steps; spirals and rudder steps are below 6 mm.
 STEP_PER_LENGTH = 0.08
 MOVING_STEP_PER_LENGTH = 0.01
+ENDLESS = 0.5 * math.radians(UNLIMITED)  # stops beyond are none
 STILL = 1e-4  # rad L/U: a move times its duration that makes no difference
 
 
@@ -190,8 +192,12 @@ def _sample_times(t: Array) -> Array:
 
 
 def _turns(angle: Array, limit: float) -> Array:
-    """A direction as it is followed: the shorter way round, or, with stops, from side to side."""
-    out: Array = np.unwrap(angle) if limit >= math.pi else np.arctan2(np.sin(angle), np.cos(angle))
+    """A direction as it is followed: the shorter way round, or, with stops, from side to side; as it is
+    logged where the stops let it go beyond astern."""
+    if limit >= ENDLESS:
+        out: Array = np.unwrap(angle)
+    else:
+        out = angle if limit > math.pi else np.arctan2(np.sin(angle), np.cos(angle))
     return out
 
 

@@ -52,7 +52,7 @@ def held_out_bands(found: TrialFit, runs: Sequence[Run], seed: int) -> dict[str,
 
 def _channels(each: Sequence[tuple[Mapping[str, Any], Mapping[str, Any]]]) -> dict[str, Any]:
     out = {}
-    for name in each[0][0]:
+    for name in dict.fromkeys(name for seen, draws in each for name in seen if name in draws):
         drawn = [draws[name] for _, draws in each if name in draws]
         count = min(len(d) for d in drawn)  # of a run in which some draws diverge there are fewer
         low, high = np.quantile(np.mean([d[:count] for d in drawn], axis=0), CHANCE)

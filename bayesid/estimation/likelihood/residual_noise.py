@@ -136,7 +136,7 @@ def residual_noise(resids: Sequence[Array], valid: Sequence[Array], most: int = 
             break
         misfit, unknowns = count * logdet, p * c * c
         bic = misfit + np.log(max(count, 2)) * unknowns
-        aic = misfit + 2.0 * unknowns * count * c / (count * c - unknowns - 1)
+        aic = misfit + 2.0 * unknowns * count * c / max(count * c - unknowns - 1, 1)
         tried.append((aic, bic, ResidualNoise(lags[: p + 1], coefficients)))
     if not tried or min(tried, key=lambda one: one[1]) is tried[0]:
         return ResidualNoise(lags[:1], np.zeros((0, c, c)))

@@ -161,8 +161,12 @@ def _without_form(
         if found is None:
             break
         result, posterior = again, found
-    if parts is None and posterior is not None and first.converged and posterior.parts.efficient:
-        result, posterior = _by_scores(problem, result, posterior, options.seed)
+    if parts is None and posterior is not None and posterior.parts.efficient:
+        if first.converged:
+            result, posterior = _by_scores(problem, result, posterior, options.seed)
+        else:  # the estimate stays where the search stopped, and so does its interval
+            one_power = replace(posterior.parts, efficient=False)
+            posterior = _posterior(problem, result.z, one_power, options.seed)
     return problem, _told(problem, first, result, posterior), posterior
 
 

@@ -96,7 +96,7 @@ PATTERNS: tuple[tuple[str, str], ...] = (
     ("wind_speed", r"(true )?wind speed|tws|true wind|wind velo true|wind speed true"),
     ("wind_from", r"(true )?wind (dir|direction|from)|twd|wind dir true|wind direction true"),
 )  # fmt: skip
-_OWN_HEADER = re.compile(r"([A-Za-z_]+)\[[^\[\]]+\]")
+_OWN_HEADER = re.compile(r"([A-Za-z_]\w*)\[[^\[\]]+\]")
 _COMPILED = tuple((role, re.compile(rf"(?:{pattern})")) for role, pattern in PATTERNS)
 ABSOLUTE = frozenset({"latitude", "longitude", "north", "east", "heading", "v_north", "v_east", "course"})
 FIELD = 1.9  # score of the field of a struct
