@@ -38,7 +38,11 @@ class Scored(NamedTuple):
 
 
 def efficient_estimate(
-    problem: FitProblem, z: Array, noise: MixedRateNoise, parts: NoiseParts
+    problem: FitProblem,
+    z: Array,
+    noise: MixedRateNoise,
+    parts: NoiseParts,
+    scores: tuple[RunScore, ...] | None = None,
 ) -> Scored | None:
     """Unknowns whose scores, weighed by their own covariance, balance the prior; None if no step is of use.
 
@@ -46,8 +50,9 @@ def efficient_estimate(
     ----------
     z : unknowns of the problem at the estimate to begin from
     noise : of the residuals there
+    scores : of the runs there under that noise, where they are known
     """
-    here = Scored(z, scores_under(problem, z, noise))
+    here = Scored(z, scores_under(problem, z, noise) if scores is None else scores)
     for number in range(STEPS):
         composite = composite_of(problem, here.z, here.scores)
         law = composite.law(parts)

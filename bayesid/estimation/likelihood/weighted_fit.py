@@ -179,8 +179,8 @@ def _by_scores(
     """
     parts = posterior.parts
     try:
-        noise = scores_and_noise(problem, result.z)[1]
-        moved = efficient_estimate(problem, result.z, noise, parts)
+        scores, noise = scores_and_noise(problem, result.z)
+        moved = efficient_estimate(problem, result.z, noise, parts, scores)
         if moved is not None:
             again = posterior_of_scores(problem, moved.z, moved.scores, noise.order, parts, seed)
             k = result.n_params
