@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -61,7 +62,7 @@ class Run:
     extra : columns without a canonical name, numbers as in the file
     warnings : what the reader noticed, without the file name
     provenance : how the run came from its file (windows, resampling)
-    digest : SHA-256 of everything above but warnings and notes
+    digest : SHA-256 of everything above but warnings and notes, made when it is first asked for
     """
 
     name: str
@@ -77,7 +78,6 @@ class Run:
     notes: str = ""
     warnings: tuple[str, ...] = ()
     provenance: tuple[str, ...] = ()
-    digest: str = field(init=False)
 
     GROUPS = ("data", "commands", "measured_inputs", "exogenous", "propulsion", "extra")
 
@@ -85,19 +85,26 @@ class Run:
         if self.role not in ROLES:
             raise ValueError(f"role is {self.role!r}; one of {ROLES}")
         object.__setattr__(self, "t", _read_only(self.t))
-        hashed = hashlib.sha256()
-        for text in (self.name, self.manoeuvre, self.role, *self.provenance):
-            hashed.update(text.encode("utf-8", "surrogatepass") + b"\0")
-        hashed.update(self.t.tobytes())
         for group in self.GROUPS:
             frozen = Channels({name: _read_only(values) for name, values in getattr(self, group).items()})
             for name in sorted(frozen):
                 if frozen[name].shape != self.t.shape:
                     raise ValueError(f"{self.name}: {name} has shape {frozen[name].shape}, t {self.t.shape}")
-                hashed.update(f"{group}/{name}".encode("utf-8", "surrogatepass") + b"\0")
-                hashed.update(frozen[name].tobytes())
             object.__setattr__(self, group, frozen)
-        object.__setattr__(self, "digest", hashed.hexdigest())
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of the run but for warnings and notes."""
+        hashed = hashlib.sha256()
+        for text in (self.name, self.manoeuvre, self.role, *self.provenance):
+            hashed.update(text.encode("utf-8", "surrogatepass") + b"\0")
+        hashed.update(self.t.tobytes())
+        for group in self.GROUPS:
+            channels = getattr(self, group)
+            for name in sorted(channels):
+                hashed.update(f"{group}/{name}".encode("utf-8", "surrogatepass") + b"\0")
+                hashed.update(channels[name].tobytes())
+        return hashed.hexdigest()
 
     @property
     def n_samples(self) -> int:
@@ -143,7 +150,8 @@ class Trial:
     warnings : what the reader noticed, with file names
     velocity_from_track : whether u and v are the logged track differentiated, where that is known from
         readings that were thinned since; None: ask the readings
-    digest : SHA-256 of runs, noise, environment, dof and measured point (not of the vehicle)
+    digest : SHA-256 of runs, noise, environment, dof and measured point (not of the vehicle), made when it is
+        first asked for
     """
 
     name: str
@@ -158,13 +166,16 @@ class Trial:
     attribution: str = ""
     warnings: tuple[str, ...] = ()
     velocity_from_track: bool | None = None
-    digest: str = field(init=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "runs", tuple(self.runs))
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of what is read and stated."""
         stated = (self.dof, sorted(self.noise.items()), self.environment, tuple(self.measured_point))
         text = repr(stated) + "".join(run.digest for run in self.runs)
-        object.__setattr__(self, "digest", hashlib.sha256(text.encode()).hexdigest())
+        return hashlib.sha256(text.encode()).hexdigest()
 
     @classmethod
     def from_frames(cls, frames: Mapping[str, Any], vehicle: Any = "", **stated: Any) -> Trial:

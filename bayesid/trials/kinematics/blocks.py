@@ -69,18 +69,23 @@ class Blocks:
 
         The trapezoid rule falls short by a twelfth of (step times frequency) squared: 5 % of a rate that
         swings once in eight readings, which a scale of the instrument, or the clock, would be blamed for.
+
+        Parameters
+        ----------
+        values : (m,), or (m, k) for k series at once
         """
-        slope = self._slopes(values)
-        part = 0.5 * (values[1:] + values[:-1]) * self.step + (slope[:-1] - slope[1:]) * self.step**2 / 12.0
-        running = np.concatenate(([0.0], np.cumsum(part)))
+        h = self.step.reshape(-1, *[1] * (values.ndim - 1))
+        slope = self._slopes(values, h)
+        running = np.zeros(values.shape, dtype=slope.dtype)
+        part = 0.5 * (values[1:] + values[:-1]) * h + (slope[:-1] - slope[1:]) * h**2 / 12.0
+        np.cumsum(part, axis=0, out=running[1:])
         return running[self.last] - running[self.first]
 
-    def _slopes(self, values: np.ndarray) -> np.ndarray:
+    def _slopes(self, values: np.ndarray, h: np.ndarray) -> np.ndarray:
         """Slopes of the cubic spline at its knots; at either end that of a parabola."""
-        h = self.step
         if h.size < 3:
-            return np.gradient(values, self.t, edge_order=1)
-        chord = np.diff(values) / h
+            return np.gradient(values, self.t, axis=0, edge_order=1)
+        chord = np.diff(values, axis=0) / h
         slope = np.empty(values.shape, dtype=chord.dtype)
         slope[0] = chord[0] - h[0] * (chord[1] - chord[0]) / (h[0] + h[1])
         slope[-1] = chord[-1] + h[-1] * (chord[-1] - chord[-2]) / (h[-1] + h[-2])
@@ -88,7 +93,8 @@ class Blocks:
         right[0] -= h[1] * slope[0]
         right[-1] -= h[-2] * slope[-1]
         solve = zgtsv if np.iscomplexobj(right) else dgtsv
-        *_, slope[1:-1], _ = solve(h[2:], 2.0 * (h[:-1] + h[1:]), h[:-2], right)
+        step = self.step
+        *_, slope[1:-1], _ = solve(step[2:], 2.0 * (step[:-1] + step[1:]), step[:-2], right)
         return slope
 
     def change(self, values: np.ndarray) -> np.ndarray:

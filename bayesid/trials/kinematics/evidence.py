@@ -15,6 +15,8 @@ from bayesid.trials.trial import Floats
 
 FLOOR = 2e-3  # relations of rigid-body kinematics between sampled, filtered channels hold no better than this
 LEVELS = 28  # residual levels from the floor to the size of the response, evenly in the logarithm
+_LEVEL2 = np.geomspace(FLOOR, 4.0, LEVELS) ** 2
+_LOG_LEVEL2 = np.log(_LEVEL2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,16 +67,15 @@ def weigh(relation: Relation) -> Held:
     left, values, right = np.linalg.svd(x, full_matrices=False)
     inside = left.T @ y
     outside = max(float(y @ y - inside @ inside), 0.0)
-    level2 = np.geomspace(FLOOR, 4.0, LEVELS) ** 2
-    spread = values**2 + level2[:, None]
+    spread = values**2 + _LEVEL2[:, None]
     n = y.size
-    quadratic = np.sum(inside**2 / spread, axis=1) + outside / level2
-    log_det = np.sum(np.log(spread), axis=1) + (n - values.size) * np.log(level2)
+    quadratic = np.sum(inside**2 / spread, axis=1) + outside / _LEVEL2
+    log_det = np.sum(np.log(spread), axis=1) + (n - values.size) * _LOG_LEVEL2
     each = -0.5 * (quadratic + log_det + n * np.log(2 * np.pi))
     top = float(each.max())
     share = np.exp(each - top)
     total = top + float(np.log(share.mean())) - n * np.log(relation.size) + relation.jacobian
-    best = float(level2[int(each.argmax())])
+    best = float(_LEVEL2[int(each.argmax())])
     gain = values / (values**2 + best)
     z = right.T @ (gain * inside)
     var = np.sum((right.T**2) * (best / (values**2 + best)), axis=1) + 1.0 - np.sum(right.T**2, axis=1)

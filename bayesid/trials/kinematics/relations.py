@@ -44,6 +44,8 @@ class Joined:
     def __init__(self, run: Run, travel: float | None = None) -> None:
         self.t, self._travel = run.t, travel
         self._run, self._kept = run, dict[str, tuple[Floats, np.ndarray]]()
+        self._finite = {name: np.isfinite(values) for name, values in run.data.items()}
+        self._there = {name for name, finite in self._finite.items() if np.count_nonzero(finite) >= 2}
 
     def travel_time(self, period: float) -> float:
         """Time to travel a length [s]."""
@@ -51,7 +53,7 @@ class Joined:
 
     def has(self, *names: str) -> bool:
         """Whether all are logged with at least two readings."""
-        return all(name in self._run.data and np.isfinite(self._run.data[name]).sum() >= 2 for name in names)
+        return self._there.issuperset(names)
 
     def __getitem__(self, name: str) -> Floats:
         return self._of(name)[0]
@@ -62,7 +64,7 @@ class Joined:
 
     def read(self, *names: str) -> np.ndarray:
         """Where all were read."""
-        return np.logical_and.reduce([np.isfinite(self._run.data[name]) for name in names])
+        return np.logical_and.reduce([self._finite[name] for name in names])
 
     def _of(self, name: str) -> tuple[Floats, np.ndarray]:
         if name not in self._kept:
@@ -87,7 +89,8 @@ def relations(
     """
     with np.errstate(all="ignore"):
         asked = [one for one, names in _ALL.items() if only is None or any(name in only for name in names)]
-        found = [one(Joined(run, travel), logged or {}) for one in asked]
+        series = Joined(run, travel)
+        found = [one(series, logged or {}) for one in asked]
     return {r.name: r for r in found if r is not None and r.size > 0 and np.isfinite(r.response).all()}
 
 
@@ -114,14 +117,16 @@ def _track(s: Joined, logged: Mapping[str, float]) -> Relation | None:
     velocity, psi = _level(s, along, side), s["psi"]
     turned = velocity * np.exp(1j * psi)
     moved = blocks.change(s["x"]) + 1j * blocks.change(s["y"])
-    reckoned = blocks.integral(turned)
+    swung = np.gradient(psi, s.t)
+    parts = np.column_stack((turned, turned * swung, turned * np.sin(psi), turned * np.cos(psi)))
+    reckoned, swept, east_west, north_south = blocks.integral(parts).T
     turning = blocks.change(psi)
     period = turning_time(turning / blocks.span, float(s.t[-1] - s.t[0]))
     speed = float(np.sqrt(np.mean(np.abs(reckoned / blocks.span) ** 2)))
     if not speed > 0:
         return None
     travel = s.travel_time(period)
-    by_turn = 1j * blocks.integral(turned * np.gradient(psi, s.t))
+    by_turn = 1j * swept
     head = blocks.change(np.exp(1j * psi))
     complexes = {
         "scale": (reckoned, SCALE),
@@ -130,13 +135,13 @@ def _track(s: Joined, logged: Mapping[str, float]) -> Relation | None:
         "lever_y": (1j * head, LEVER * speed * travel),
         "late_position": (-blocks.change(turned), LATENCY * travel),
         "late_velocity": (blocks.change(turned) - by_turn, LATENCY * travel),
-        "deviation_sin": (1j * blocks.integral(turned * np.sin(psi)), DEVIATION),
-        "deviation_cos": (1j * blocks.integral(turned * np.cos(psi)), DEVIATION),
+        "deviation_sin": (1j * east_west, DEVIATION),
+        "deviation_cos": (1j * north_south, DEVIATION),
         "drift_north": (blocks.span + 0j, (CURRENT if water else DRIFT) * speed),
         "drift_east": (1j * blocks.span, (CURRENT if water else DRIFT) * speed),
     }
     if not s.has(side):
-        complexes["sway"] = (1j * blocks.integral(turned * np.gradient(psi, s.t)) * period, SIDEWAYS)
+        complexes["sway"] = (1j * swept * period, SIDEWAYS)
         complexes["sway_bias"] = (1j * reckoned, ANGLE)
     columns = {k: _stacked(c) for k, (c, _) in complexes.items()}
     sd = {k: v for k, (_, v) in complexes.items()}
