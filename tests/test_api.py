@@ -149,6 +149,7 @@ def test_no_manoeuvre_of_the_rudder_is_designed_for_a_vehicle_without_one():
         design("differential_boat", quick=True)
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_a_name_that_was_not_predicted_is_refused(diagnosed, tmp_path):
     diagnosed.save(tmp_path)
     p = predict("example", ["turn:10"], model=tmp_path, draws=20, dt=1.0)

@@ -37,8 +37,9 @@ def trial():
 @pytest.fixture(scope="module")
 def sampled(trial, tmp_path_factory):
     return bayesid.sample(
-        trial, tmp_path_factory.mktemp("sampled"), free="N_v,N_r,N_dr", prior=0.2, memory="inflate", seed=3
-    )
+        trial, tmp_path_factory.mktemp("sampled"), free="N_v,N_r,N_dr", prior=0.2, memory="inflate", seed=3,
+        ensembles=2,
+    )  # fmt: skip
 
 
 def group(data, name):
@@ -152,7 +153,7 @@ def test_one_run_left_out_by_importance_sampling(sampled, trial):
 def test_no_leaving_out_where_the_likelihood_is_no_sum_over_runs(trial, tmp_path):
     short = bayesid.sample(
         trial, tmp_path, free="N_v,N_r", prior=0.2, noise="marginal", initial="fixed", memory="ignore",
-        quick=True,
+        quick=True, ensembles=2, max_steps=20,
     )  # fmt: skip
     with pytest.raises(SampleError, match="no sum over runs"):
         short.leave_one_run_out()

@@ -56,6 +56,7 @@ def test_settings_that_exclude_each_other_are_told_before_any_work(pond, tmp_pat
     assert not any(tmp_path.iterdir())
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_runs_are_sampled_in_pieces_on_request(pond, tmp_path, capsys):
     line = [
         "sample",

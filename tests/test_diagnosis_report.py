@@ -256,6 +256,7 @@ def test_the_interval_to_use_is_told_from_the_narrower_one_of_the_draws(half, sa
 
 
 @pytest.mark.parametrize("role", ["holdout", "identify"])
+@pytest.mark.usefixtures("without_pictures")
 def test_held_out_is_explained_where_it_is_first_shown_and_each_deviation_says_of_what_it_is(role, tmp_path):
     sizes = dict(zip(("nominal", "recalibrated", "with effect"), (9.0, 5.0, 1.0), strict=True))
     rms = {m: {"x": s, "y": 0.0} for m, s in sizes.items()}

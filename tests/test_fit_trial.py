@@ -188,6 +188,7 @@ def test_memory_of_white_noise_is_one_and_of_an_autoregression_as_theory_says():
     assert memory(series) == pytest.approx(19.0, rel=0.15)  # (1 + a) / (1 - a)
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_a_prediction_tells_the_failed_checks_of_its_fit_first(trial, tmp_path):
     names = (*FREE, "Y_vdot", "Y_rdot", "Y_v|v|", "Y_v|r|", "Y_|r|dr")
     for free, fails in ((names, True), (FREE, False)):

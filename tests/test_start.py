@@ -52,7 +52,9 @@ def raw_log(path, truth, seed=1, **also):
 def dive(tmp_path):
     folder = tmp_path / "dive"
     folder.mkdir()
-    raw_log(folder / "log.csv", motion(np.random.default_rng(4), dt=0.4), **{"Battery (V)": 25.1})
+    # a straight run and two zig-zags: every run more is checked as long as these
+    first = {k: v[:900] for k, v in motion(np.random.default_rng(4), dt=0.4).items()}
+    raw_log(folder / "log.csv", first, **{"Battery (V)": 25.1})
     (folder / "README.txt").write_text("Logs of 3 June.\nAsk Maria.\n")
     return folder
 

@@ -220,8 +220,11 @@ def _line(t: Array, values: Array, at: float, around: float) -> tuple[float, flo
         return float(np.interp(at, knots, read)), float(
             (read[k + 1] - read[k - 1]) / (knots[k + 1] - knots[k - 1])
         )
-    slope, value = np.polyfit(t[near] - at, values[near], 1)
-    return float(value), float(slope)
+    since, read = t[near] - at, values[near]
+    middle, mean = float(since.mean()), float(read.mean())
+    spread = since - middle
+    slope = float(spread @ read) / float(spread @ spread)
+    return mean - slope * middle, slope
 
 
 def _start(model: Model, run: Run, speed: Array, angle: str, t0: float, travel: float) -> Array | None:

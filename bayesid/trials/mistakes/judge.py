@@ -263,7 +263,7 @@ def weigh_one(base: Sequence[Base], mistake: Mistake) -> Weighed | None:
             add(k, i, held.log_evidence - was.log_evidence)
             levels.setdefault(k, np.full((len(base), 2), np.nan))[i] = was.level, held.level
         if turned and any(k in one.signs for k in turned):
-            signs = sign_evidence(fixed)
+            signs = sign_evidence(fixed, turned)
             for k in turned:
                 if k in signs and k in one.signs:
                     add(k, i, signs[k] - one.signs[k])

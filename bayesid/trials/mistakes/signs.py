@@ -7,6 +7,7 @@ have opposite signs near midship. The laws are coarse, so their evidence is temp
 from __future__ import annotations
 
 import math
+from collections.abc import Container
 
 import numpy as np
 from scipy.special import log_ndtr
@@ -27,16 +28,21 @@ SWAY_MOST = 2.0  # nats in one run: a sensor far ahead of the pivot point has th
 SWAY_CORRELATION = 0.5  # below it sway says nothing
 
 
-def sign_evidence(run: Run) -> dict[str, float]:
-    """Sign -> log probability that it is as it must be; "... against" of the contrary."""
+def sign_evidence(run: Run, only: Container[str] = SIGNS) -> dict[str, float]:
+    """Sign -> log probability that it is as it must be; "... against" of the contrary.
+
+    Parameters
+    ----------
+    only : signs that are asked for
+    """
     out: dict[str, float] = {}
     with np.errstate(all="ignore"):
-        found = check_rudder(run)
+        found = check_rudder(run) if "rudder" in only else None
         if found is not None and math.isfinite(found.t_value) and _both_sides(run):
             z = found.t_value / RUDDER_TEMPER
             out["rudder"] = max(float(log_ndtr(-z)), -RUDDER_MOST)
             out["rudder against"] = max(float(log_ndtr(z)), -RUDDER_MOST)
-        sway = _sway(run)
+        sway = _sway(run) if "sway" in only else None
         if sway is not None:
             out["sway"], out["sway against"] = (min(0.0, -SWAY_MOST * s * sway) for s in (1.0, -1.0))
     return out
