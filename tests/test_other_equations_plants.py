@@ -202,7 +202,7 @@ FORCES = tuple(n for n in (*LISTED, *UNLISTED) if n not in SENSORS)
 @pytest.mark.parametrize("name", FORCES)
 def test_every_cause_of_the_motion_moves_the_track_and_a_fitted_start_takes_only_a_part_of_it(name):
     c = draw_campaign(3, "tanker_model", (name,), (1.0,))
-    c = replace(c, runs=tuple(replace(r, role="identify") for r in c.runs[:2]))
+    c = replace(c, runs=(replace(c.runs[0], role="identify"),))  # a zig-zag
     runs = executed(c)
     shown = evidence(c, runs)
     assert shown["D"] > shown["D_pieces"] > 150.0
