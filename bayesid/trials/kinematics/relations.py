@@ -13,7 +13,7 @@ from collections.abc import Container, Mapping
 
 import numpy as np
 
-from bayesid.trials.kinematics.blocks import Blocks, joined
+from bayesid.trials.kinematics.blocks import Blocks, joined, middle
 from bayesid.trials.kinematics.evidence import Relation
 from bayesid.trials.trial import Floats, Run
 
@@ -234,8 +234,8 @@ def _noise_of(rate: Floats, t: Floats, blocks: Blocks) -> float:
     """Standard deviation over a block of the integral of what changes from reading to reading."""
     if rate.size < 4:
         return 0.0
-    white = float(np.median(np.abs(np.diff(rate, 3)))) / 0.6745 / math.sqrt(20.0)
-    return white * math.sqrt(float(np.median(np.diff(t)) * np.median(blocks.span)))
+    white = middle(np.abs(np.diff(rate, 3))) / 0.6745 / math.sqrt(20.0)
+    return white * math.sqrt(middle(np.diff(t)) * middle(blocks.span))
 
 
 def _depth(s: Joined, logged: Mapping[str, float]) -> Relation | None:
