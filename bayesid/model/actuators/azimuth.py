@@ -21,19 +21,14 @@ from bayesid.model.actuators.declare import (
     arms,
     place,
     servo,
+    servo_keys,
     servo_names,
     turned,
 )
 from bayesid.model.actuators.thruster import Thruster, thrust
 from bayesid.model.file_keys import FileKey
 
-TURN: dict[str, FileKey] = {
-    "turn_max_deg": FileKey("number", "deg, largest angle to either side; it turns right round without",
-                            default=UNLIMITED, low=0.0, high=UNLIMITED),
-    "turn_rate_deg_s": FileKey("number", "deg/s, how fast it turns", default=UNLIMITED, low=1e-6,
-                               high=UNLIMITED),
-    "turn_lag": FileKey("number", "s, first-order lag of the angle", default=0.0, low=0.0, high=1e3),
-}  # fmt: skip
+TURN = servo_keys("turn_", "the turn", " to either side; it turns right round without")
 
 
 @dataclass(frozen=True)

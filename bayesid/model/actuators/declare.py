@@ -149,6 +149,30 @@ def turned(along: Vector, angle: str) -> Vector:
     return (f"({dx}*cos({angle}) - {dy}*sin({angle}))", f"({dx}*sin({angle}) + {dy}*cos({angle}))", dz)
 
 
+def servo_keys(stem: str, of: str, without: str = "") -> dict[str, FileKey]:
+    """Largest angle, rate and lag of what a servo turns, as keys of the file.
+
+    Parameters
+    ----------
+    stem : what the keys begin with
+    of : what is turned
+    without : of the angle, what holds where it is not given
+    """
+    return {
+        f"{stem}max_deg": FileKey("number", f"deg, largest angle of {of}{without}", default=UNLIMITED,
+                                  low=0.0, high=UNLIMITED),
+        **travel_keys(f"{stem}rate_deg_s", f"{stem}lag", of, f"deg/s, of {of}"),
+    }  # fmt: skip
+
+
+def travel_keys(rate: str, lag: str, of: str, meaning: str) -> dict[str, FileKey]:
+    """Rate and lag of a servo under these names; `meaning` of the rate, with its unit."""
+    return {
+        rate: FileKey("number", meaning, default=UNLIMITED, low=1e-6, high=UNLIMITED),
+        lag: FileKey("number", f"s, first-order lag of {of}", default=0.0, low=0.0, high=1e3),
+    }
+
+
 def servo_names(signal: str) -> tuple[str, str, str]:
     return (f"inverse_rate_{signal}", f"servo_lag_{signal}", f"limit_{signal}")
 

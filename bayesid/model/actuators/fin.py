@@ -27,6 +27,7 @@ from bayesid.model.actuators.declare import (
     place,
     place_names,
     servo,
+    servo_keys,
     servo_names,
 )
 from bayesid.model.file_keys import FileKey
@@ -40,9 +41,7 @@ _KEYS: dict[str, FileKey] = {
                       choices=(*NAMES, "propeller")),
     "D_uu": FileKey("number", "N s^2/(m^2 rad^2), drag over u|u| and angle squared", default=0.0, low=0.0,
                     high=1e12),
-    "max_deg": FileKey("number", "deg, largest angle", default=UNLIMITED, low=0.0, high=UNLIMITED),
-    "rate_deg_s": FileKey("number", "deg/s", default=UNLIMITED, low=1e-6, high=UNLIMITED),
-    "lag": FileKey("number", "s, first-order lag of the servo", default=0.0, low=0.0, high=1e3),
+    **servo_keys("", "the fin"),
 }  # fmt: skip
 _NUMBERS = ("F_uu", "F_nn", "D_uu")
 

@@ -30,7 +30,9 @@ from bayesid.model.actuators.declare import (
     place,
     place_names,
     servo,
+    servo_keys,
     servo_names,
+    travel_keys,
 )
 from bayesid.model.actuators.thruster import CURVE
 from bayesid.model.file_keys import FileKey
@@ -44,16 +46,10 @@ _CURVE: dict[str, FileKey] = {
     "limit": CURVE["limit"],
 }  # fmt: skip
 _STEER: dict[str, FileKey] = {
-    "nozzle_max_deg": FileKey("number", "deg, largest angle of the nozzle", default=UNLIMITED, low=0.0,
-                              high=UNLIMITED),
-    "nozzle_rate_deg_s": FileKey("number", "deg/s, of the nozzle", default=UNLIMITED, low=1e-6,
-                                 high=UNLIMITED),
-    "nozzle_lag": FileKey("number", "s, first-order lag of the nozzle", default=0.0, low=0.0, high=1e3),
+    **servo_keys("nozzle_", "the nozzle"),
     "bucket_astern": FileKey("number", "thrust astern with the bucket down over thrust ahead; without it "
                              "there is no bucket", low=0.0, high=2.0),
-    "bucket_rate": FileKey("number", "1/s, of the bucket, whose way is 2", default=UNLIMITED, low=1e-6,
-                           high=UNLIMITED),
-    "bucket_lag": FileKey("number", "s, first-order lag of the bucket", default=0.0, low=0.0, high=1e3),
+    **travel_keys("bucket_rate", "bucket_lag", "the bucket", "1/s, of the bucket, whose way is 2"),
 }  # fmt: skip
 
 
