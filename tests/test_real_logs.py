@@ -58,18 +58,25 @@ def test_without_opened_wind_the_report_says_nothing_of_it(study, tmp_path):
 
 def test_bands_count_the_time_inside_and_what_chance_makes_of_it():
     """Two runs; in one of them a draw diverged, so that it has one share fewer."""
-    from studies.real_logs.bands import _channels, bands_section
+    from studies.real_logs.bands import _channels, bands_section, good_by_chance
 
     seen = [{"psi": {"inside": 0.9}, "u": {"inside": 1.0}}, {"psi": {"inside": 0.7}}]
     draws = [{"psi": np.linspace(0.5, 1.0, 11), "u": np.full(11, 0.95)}, {"psi": np.linspace(0.5, 0.95, 10)}]
-    found = _channels(list(zip(seen, draws, strict=True)))
+    found, good = _channels(list(zip(seen, draws, strict=True)))
     assert found["psi"]["inside"] == pytest.approx(0.8)
     # both have the same ten shares .5 to .95, a draw being one vehicle in both runs
     assert found["psi"]["chance"] == pytest.approx(list(np.quantile(draws[1]["psi"], (0.05, 0.95))))
     assert found["u"] == {"inside": 1.0, "chance": pytest.approx([0.95, 0.95])}
+    # u of every draw is within 90 to 98 %, psi of the one that fills .95
+    assert list(good[:8]) == [1] * 8 and good[9] == 2  # .9 itself is a matter of rounding
+    chance = good_by_chance([good, np.zeros(7, dtype=int)])
+    assert chance == pytest.approx([1.0, 1.0, 1.0])  # seven draws of both kinds
     kinds = {"zigzag": {"runs": 2, "channels": found}}
-    text, table = bands_section({"kinds": kinds, "not_predicted": {"r9": "diverges"}}).blocks
+    bands = {"kinds": kinds, "good_by_chance": chance, "not_predicted": {"r9": "diverges"}}
+    text, table = bands_section(bands).blocks
     assert "0 of 2 cells lie within 90 to 98, 1 below" in text.body and "r9: diverges" in text.body
+    assert "1 do (1 to 1 in 90 % of them)" in text.body
+    assert good_by_chance([]) == [0.0, 0.0, 0.0]  # no run was predicted
     assert list(table.rows[0]) == ["2 zigzag", "80 (52 to 93)", "100 (95 to 95)"]
 
 
