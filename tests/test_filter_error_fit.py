@@ -388,6 +388,42 @@ def test_a_fit_whose_last_passes_diverge_ends_with_the_last_that_did_not(monkeyp
     assert posterior(total).log_evidence == found.posterior.log_evidence
 
 
+def away(problem):
+    """Points of the path of a problem with every coefficient off by a prior deviation."""
+    par = problem.path[0].par.copy()
+    par[problem.coefficients.where] += problem.coefficients.sd
+    return [replace(point, par=par) for point in problem.path]
+
+
+def test_a_try_that_comes_out_worse_is_followed_before_it_is_refused(monkeypatch):
+    problem, *_ = case("generic_sub", 1)
+    effects = (problem.model.effects["ocean_current"],)
+    plain = fit_with(problem, effects, start=away(problem), initial_noise_scale=0.0)
+    assert plain.converged and plain.iterations > 3
+    asked = []
+
+    def worse(best, *given):
+        asked.append(best)
+        return len(asked) in (1, 2)
+
+    monkeypatch.setattr(fits._Best, "refused", worse)
+    found = fit_with(problem, effects, start=away(problem), initial_noise_scale=0.0)
+    assert asked[0] is asked[1] is asked[2] is not asked[3]  # against the point before the first of them
+    assert found.converged and found.iterations == plain.iterations
+    assert np.array_equal(found.values, plain.values)
+
+
+def test_a_try_after_which_nothing_comes_out_better_is_gone_back_on(monkeypatch):
+    problem, *_ = case("generic_sub", 1)
+    first = fit_with(problem, (), start=away(problem), initial_noise_scale=0.0, iterations=1)
+    monkeypatch.setattr(fits._Best, "refused", lambda best, *given: True)
+    for passes in (3, fits.WATCHED_PASSES + 3):
+        found = fit_with(problem, (), start=away(problem), initial_noise_scale=0.0, iterations=passes)
+        assert not found.converged and found.iterations == passes
+        assert found.log_evidence == first.log_evidence
+        assert all(np.array_equal(a.par, b.par) for a, b in zip(found.about, first.about, strict=True))
+
+
 @pytest.mark.parametrize("far", (1.0, 1.8, -1.5))
 def test_a_fit_begun_near_the_optimum_in_a_loud_environment_arrives_there(far):
     # the real level holds from the first pass on: passes that let the path settle are no step that swung

@@ -42,6 +42,8 @@ WHOLE_STEP = 1.0
 MOST_STEP = 3.0
 # What a step is shortened to where it is refused, and the most the next one may be longer again.
 SHORTEN = 0.3
+# Passes for which a try that came out worse is followed before it is refused.
+WATCHED_PASSES = 5
 # Least share of a step that is taken where steps swing.
 LEAST_SHARE = 0.1
 # Change of the objective that counts as none where noise bends the valley and steps stay of one size.
@@ -110,6 +112,8 @@ def _fit(
     unit = force_unit(model)
     values = points[0].par[free.where].copy()
     best: _Best | None = None
+    held: _Best | None = None  # what is gone back to where passes after it come out worse
+    watched = 0
     paths: Sequence[Linearisation] = ()
     standardised: list[Array] = []
     converged, level, settled, real, flat = False, initial_noise_scale, 0, 0, 0
@@ -121,6 +125,8 @@ def _fit(
             # by far the most memory of a pass, and asked for again only where the next one is refused
             tried, paths = paths, _let_go(model, paths, free)
             best.paths = paths if best.paths is tried else _let_go(model, best.paths, free)
+            if held is not None:
+                held.paths = _let_go(model, held.paths, free)
         try:
             if k <= WARM_ITERATIONS and initial_noise_scale > 0 and free.names:
                 paths, equations = linear(model, logs, points, free, now)
@@ -131,6 +137,7 @@ def _fit(
         except ModelError:
             if best is None:
                 raise
+            best, held = held or best, None
             best.shorten()
             points, standardised, values = best.again(model, free)
             continue
@@ -140,7 +147,14 @@ def _fit(
         merit = -0.5 * (total.ee - 2 * total.se @ z + z @ total.ss @ z + z @ z + total.logdet)
         step = _within(total, post.mean, (free.low - free.mean) / free.sd) - z
         correction = _length(step, total)
-        if best is not None and best.refused(merit, correction, now, noise_model):
+        against = held or best  # the last at which no pass after it came out worse
+        if against is None or not against.refused(merit, correction, now, noise_model):
+            watched = watched if held is None and best is not None and best.stride < 1.0 else 0
+            held = None
+        elif watched < WATCHED_PASSES:
+            held, watched = against, watched + 1
+        else:
+            best, held = against, None
             best.shorten()
             points, standardised, values = best.again(model, free)
             continue
@@ -167,15 +181,18 @@ def _fit(
             continue
         if now is noise_model:
             settled = settled + 1 if length < CONVERGED_STEP and correction < WHOLE_STEP else 0
-            real += 1
+            real += held is None
             if real >= GIVE_UP_ITERATIONS and post.log_evidence < path_points[0] - 1e3:
                 break
-            if (settled or flat >= 3) and _joined(paths, points):
+            if held is None and (settled or flat >= 3) and _joined(paths, points):
                 converged = True
                 break
         else:
             need = max(float(np.sqrt(np.mean(p.force**2, axis=0) / unit**2).max()) for p in points)
             level = min(0.5 * need, 0.5 * level)
+    if held is not None:
+        best = held
+        points, standardised, values = best.again(model, free)
     # the last pass that was taken stands, where no pass was left for a shorter step
     assert best is not None
     return FilterErrorFit(
@@ -320,7 +337,8 @@ class _Best:
 
         Merits are compared along two paths, and one that has not settled has the better of it. So a short
         step is never refused, nor a try from which the next step is shorter (restricted monotonicity;
-        Deuflhard 2011, 3.3).
+        Deuflhard 2011, 3.3). The path settles only after the parameters have moved, so that a try is followed
+        for some passes before it is refused (watchdog; Chamberlain et al. 1982).
         """
         if now is not real or self.noise_model is not real or merit >= self.merit - 0.5:
             return False
