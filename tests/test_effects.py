@@ -80,7 +80,10 @@ def test_turning_an_effect_on_changes_the_readings(effect):
     """By more than 1e-6 of the run, at one prior width; its off value changes nothing (see below)."""
     dof = max(effect.dof, 3)
     model, *_ = lively(dof)
-    values = {effect.key(p.name): p.mean + model.prior_sd(effect.key(p.name)) for p in effect.parameters}
+    values = {
+        effect.key(p.name): 0.0 if p.dated else p.mean + model.prior_sd(effect.key(p.name))
+        for p in effect.parameters
+    }
     on, off = readings(dof, tuple(values.items())), readings(dof)
     assert np.abs((on - off) / np.maximum(np.abs(off).max(axis=0), 1e-9)).max() > 1e-6
 

@@ -48,7 +48,8 @@ class EffectParameter:
     off). Outside `low` to `high`, in units of `scale` as well, it is not this effect: no probability goes
     there. A planar model cannot tell values from `roll_from` to `off` from a list or heel it leaves out.
     `assumed` is the relative standard deviation that constants assumed in the form (areas nobody declared)
-    add to the size that is told; the force itself is known better.
+    add to the size that is told; the force itself is known better. `dated` is a time of every run from which
+    the effect acts: nothing tells it while the effect is off, so a screen tries several.
     """
 
     name: str
@@ -62,6 +63,7 @@ class EffectParameter:
     high: float = math.inf
     roll_from: float = 0.0
     assumed: float = 0.0
+    dated: bool = False
     about: str = ""
 
 
@@ -144,6 +146,11 @@ class Effect:
             if self.force and all(re.search(pattern, text) for text in self.force.values()):
                 return name
         return ""
+
+    @property
+    def dated(self) -> int | None:
+        """Position of the parameter that is a time of every run, None without one."""
+        return next((i for i, p in enumerate(self.parameters) if p.dated), None)
 
     def key(self, parameter: str) -> str:
         """Name of one parameter in a model's parameter layout."""
