@@ -141,7 +141,7 @@ EFFECTS = (
                 "onset",
                 "s",
                 1000.0,
-                off=600.0,
+                off=1.0,
                 mean=600.0,
                 low=0,
                 dated=True,
