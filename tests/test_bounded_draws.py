@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import kstest, truncnorm
+from scipy.stats import kstest, norm, truncnorm
 
 from bayesid.diagnosis.diagnosed_file import read_diagnosed, write_diagnosed
 from bayesid.errors import ModelError
 from bayesid.estimation.likelihood import NoiseParts
 from bayesid.estimation.output_error import FitOptions
 from bayesid.estimation.trial_fit import fit_trial
-from bayesid.estimation.truncated_normal import within_bounds
+from bayesid.estimation.truncated_normal import about_each, within_bounds
 from bayesid.model.params import ParameterSet
 from bayesid.prediction.fitted_model import with_disturbance
 from studies.coverage.campaigns import Condition, campaign, drawn_truth, setting
@@ -53,6 +53,18 @@ def test_draws_inside_are_left_as_they_are():
     assert within_bounds(drawn, np.zeros(2), np.eye(2), -free, free, rng) is drawn
 
 
+def test_draws_about_a_point_follow_the_truncated_normal_there():
+    rng = np.random.default_rng(4)
+    centres = np.repeat([[-1.0, 0.5, 2.0], [0.0, 0.5, 2.0]], 4000, axis=0)
+    low, high = np.array([-1.0, -np.inf, 0.0]), np.array([np.inf, np.inf, 5.0])
+    found = about_each(centres, np.array([2.0, 3.0, 0.0]), low, high, rng)
+    assert np.array_equal(found[:, 2], centres[:, 2])  # no deviation
+    assert kstest(found[:4000, 0], truncnorm(0.0, np.inf, -1.0, 2.0).cdf).pvalue > 1e-3
+    assert kstest(found[4000:, 0], truncnorm(-0.5, np.inf, 0.0, 2.0).cdf).pvalue > 1e-3
+    assert kstest(found[:, 1], norm(0.5, 3.0).cdf).pvalue > 1e-3
+    assert abs(np.corrcoef(found[:4000, :2].T)[0, 1]) < 0.06
+
+
 @pytest.fixture(scope="module")
 def at_bound():
     """A fit whose N_dr ends on its upper, N_r on its lower bound."""
@@ -75,7 +87,9 @@ def test_draws_of_a_fit_on_its_bounds_stay_within_them_in_memory_and_from_the_fi
     posterior = at_bound.posterior
     drawn = posterior.draws(400, np.random.default_rng(0))
     assert np.all((drawn >= posterior.low) & (drawn <= posterior.high))
+    posterior = replace(posterior, run_sd=0.5 * posterior.sd)  # single runs stay within them as well
     model = with_disturbance(at_bound, posterior, np.full(3, 1e-5), 2.0)
+    assert np.array_equal(model.hypotheses[0].covariance, posterior.covariance)
     write_diagnosed(model, tmp_path)
     where = model.model.positions(posterior.names)
     h, free = model.hypotheses[0], np.full(len(posterior.names), np.inf)

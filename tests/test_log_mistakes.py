@@ -15,7 +15,7 @@ from bayesid.errors import TrialError
 from bayesid.trials import Run, Trial, load_trial
 from bayesid.trials.correction import Correction, apply, read_correction, without_effect
 from bayesid.trials.health import check_runs
-from bayesid.trials.kinematics.blocks import Blocks
+from bayesid.trials.kinematics.blocks import Blocks, middle
 from bayesid.trials.kinematics.evidence import Relation, weigh
 from bayesid.trials.kinematics.relations import relations
 from bayesid.trials.mistakes import MISTAKES, check_input
@@ -278,6 +278,14 @@ def test_skip_repeats_is_read_from_the_file():
     assert read.lines() == ('skip_repeats = ["psi"]',)
     read_correction({"skip_repeats": ["heading!"]}, problems)
     assert len(problems) == 1
+
+
+def test_the_quick_median_is_that_of_numpy_and_none_of_nothing():
+    rng = np.random.default_rng(0)
+    for n in range(1, 8):
+        values = rng.standard_normal(n)
+        assert middle(values) == np.median(values)
+    assert math.isnan(middle(np.zeros(0)))
 
 
 def test_integrals_are_those_of_a_cubic_spline_and_beat_the_trapezoid_rule():

@@ -391,6 +391,158 @@ def test_a_share_of_the_band_is_told_from_chance_by_the_draws_of_the_model():
     assert judged(60.0 + walks[-1, :, 0])["chance"] < 0.01
 
 
+def in_two_sizes_of_sea(run_sd=0.0, effects=((), ())):
+    """The prior under a small and a large disturbance; `run_sd` in units of its standard deviations."""
+    found = found_with()
+    (h,) = found.hypotheses
+    h = replace(h, run_sd=run_sd * np.sqrt(np.diag(h.covariance)))
+    small = replace(h, weight=0.7, noise_model=SEA.scaled(0.5), effects=effects[0])
+    return replace(
+        found, hypotheses=(small, replace(h, weight=0.3, noise_model=SEA.scaled(2.0), effects=effects[1]))
+    )
+
+
+def test_a_vehicle_keeps_its_coefficients_from_run_to_run_and_meets_another_disturbance():
+    # closed forms: coefficients of one vehicle in two runs correlate by V / (V + run_sd^2) = .8, and have the
+    # sd of both together; of two draws with weights .7 and .3 a share of .58 are alike
+    found, rng, n = in_two_sizes_of_sea(0.5), np.random.default_rng(0), 4000
+    seen = found.in_a_run(rng, n)
+    vehicles = found.vehicles(seen, rng)
+    runs = [seen, found.in_another_run(vehicles, rng), found.in_another_run(vehicles, rng)]
+    h, where = found.hypotheses[0], MODEL.positions(found.hypotheses[0].names)
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        both = np.concatenate([runs[i].pars[:, where].T, runs[j].pars[:, where].T])
+        correlation = np.diag(np.corrcoef(both), len(where))
+        assert correlation == pytest.approx(np.full(len(where), 0.8), abs=0.03)
+        assert np.mean(runs[i].which == runs[j].which) == pytest.approx(0.58, abs=0.03)
+    assert h.sd_in_a_run == pytest.approx(np.sqrt(1.25 * np.diag(h.covariance)), rel=1e-12)
+    for run in runs:
+        assert run.pars[:, where].std(axis=0) / h.sd_in_a_run == pytest.approx(np.ones(len(where)), abs=0.06)
+        assert np.mean(run.which == 0) == pytest.approx(0.7, abs=0.03)
+    sd = np.sqrt(np.diag(h.covariance))
+    assert vehicles.pars[:, where].std(axis=0) / sd == pytest.approx(np.ones(len(where)), abs=0.06)
+    # control: hypotheses of two causes are two vehicles, and without deviations a run has the vehicle's own
+    other = in_two_sizes_of_sea(0.0, ((), ("wind",)))
+    assert np.array_equal(other.vehicles(seen, rng).pars, seen.pars)
+    again = other.in_another_run(seen, rng)
+    assert np.array_equal(again.which, seen.which) and np.array_equal(again.pars, seen.pars)
+
+
+def test_vehicles_of_correlated_coefficients_keep_their_covariance_and_bounds():
+    # V and R of two coefficients, one of them without a deviation, a third one known; means on a bound
+    found = found_with()
+    (h,) = found.hypotheses
+    unit = np.sqrt(np.diag(h.covariance))[:3]
+    covariance = np.outer(unit, unit) * [[1.0, 0.9, 0.0], [0.9, 1.0, 0.0], [0.0, 0.0, 0.0]]
+    few = replace(
+        h, names=h.names[:3], mean=h.mean[:3], covariance=covariance, run_sd=unit * [1.0, 0.0, 0.0],
+        low=h.low[:3], high=h.high[:3],
+    )  # fmt: skip
+    rng, where = np.random.default_rng(1), MODEL.positions(few.names)
+    free = replace(found, hypotheses=(few,))
+    seen = free.in_a_run(rng, 6000)
+    vehicles = free.vehicles(seen, rng)
+    assert np.cov(vehicles.pars[:, where].T / unit[:, None]) == pytest.approx(
+        covariance / np.outer(unit, unit), abs=0.05
+    )
+    assert np.array_equal(vehicles.pars[:, where[1:]], seen.pars[:, where[1:]])
+    less = vehicles.pars[:, where[0]] - seen.pars[:, where[0]]
+    assert less.std() / unit[0] == pytest.approx(1.0, abs=0.05)
+    assert abs(np.corrcoef(less, vehicles.pars[:, where[0]])[0, 1]) < 0.05  # the deviation is no part of it
+    known = replace(found, hypotheses=(replace(few, covariance=0.0 * covariance, run_sd=unit / 3.0),))
+    seen = known.in_a_run(rng, 50)
+    assert (seen.pars[:, where].std(axis=0) > 0.2 * unit).all()
+    assert known.vehicles(seen, rng).pars[:, where] == pytest.approx(np.tile(few.mean, (50, 1)), rel=1e-9)
+    bounded = replace(found, hypotheses=(replace(few, low=few.mean - [0.0, np.inf, np.inf]),))
+    seen = bounded.in_a_run(rng, 500)
+    vehicles = bounded.vehicles(seen, rng)
+    for drawn in (seen, vehicles, bounded.in_another_run(vehicles, rng)):
+        assert np.all(drawn.pars[:, where[0]] >= few.mean[0]) and drawn.pars[:, where[0]].std() > 0
+
+
+def test_errors_of_two_runs_go_together_by_the_vehicle_alone():
+    run, _ = logged(1)
+    calm = NoiseModel((0.0,) * 3, SEA.force_tau, 0.0, SEA.drift_tau)
+
+    def together(found):
+        one, two = (predict_run(found, run, 60, 5, occasion=i) for i in (1, 2))
+        return min(np.corrcoef(one.draws[:, -1, j], two.draws[:, -1, j])[0, 1] for j in range(4)), one, two
+
+    least, _, _ = together(found_with(1.0, calm))
+    assert least > 0.9  # of one vehicle, its coefficients differ from those of others
+    known, one, two = together(found_with(1e-4))
+    assert known < 0.4  # of a known vehicle nothing is common to two runs: 99.9 % limit of 60 draws
+    again = predict_run(found_with(1e-4), run, 60, 5, occasion=1)
+    assert np.array_equal(again.draws, one.draws) and not np.array_equal(one.draws, two.draws)
+    # sensor noise as well
+    first = predict_run(found_with(), run, 20, 5)
+    noise = [p.sensor_noise(5).standard_normal(200) for p in (first, one, two)]
+    assert np.abs(np.corrcoef(noise) - np.eye(3)).max() < 0.25
+
+
+def test_vehicles_that_diverge_in_a_run_are_left_out_of_the_mean_over_runs_by_their_number(monkeypatch):
+    import bayesid.prediction.prediction as prediction
+
+    run, _ = logged(1)
+    track, count = prediction._track, [0]
+
+    def diverging(*args):
+        count[0] += 1
+        return None if count[0] in (4, 9) else track(*args)
+
+    whole = predict_run(found_with(), run, 20)
+    assert list(whole.vehicles) == list(range(20))
+    monkeypatch.setattr(prediction, "_track", diverging)
+    p = predict_run(found_with(), run, 20)
+    left = [k for k in range(20) if k not in (3, 8)]
+    assert list(p.vehicles) == left and p.lost == 2
+    assert np.array_equal(p.draws, whole.draws[left])
+    shares = shares_of_draws(p, run)
+    assert np.flatnonzero(np.isnan(shares["psi"])).tolist() == [3, 8] and shares["psi"].shape == (20,)
+    # vehicle by vehicle both shares have a mean of .9, and none fills .8995 or less; by position among those
+    # that came through, the fifth to eighth would stand beside their neighbours, with a mean of .897
+    first = np.linspace(0.95, 0.85, 20)
+    second = 1.8 - first
+    first[3] = second[8] = np.nan
+    seen = [{"psi": {"inside": 0.89}}, {"psi": {"inside": 0.91 - 1e-3}}]
+    (told,) = band_checks(seen, [{"psi": first}, {"psi": second}]).values()
+    assert told == {"inside": pytest.approx(0.8995), "chance": 1 / 19, "least": 1 / 19, "lost": 2}
+    nobody = [{"psi": np.full(3, np.nan)}, {"psi": np.ones(3)}]
+    assert band_checks(seen, nobody) == {}  # no vehicle came through: nothing is told
+
+
+def test_a_run_is_predicted_alike_alone_and_among_others(tmp_path):
+    write_diagnosed(in_two_sizes_of_sea(0.3), tmp_path)
+    trial = planted_trial(MODEL)
+    names = [run.name for run in trial.runs]
+    both = predict(trial, model=tmp_path, draws=20)
+    alone = predict(trial, names[1], model=tmp_path, draws=20)
+    assert len(names) > 1 and np.array_equal(both[names[1]].draws, alone[names[1]].draws)
+    assert [p.occasion for p in both.predictions] == list(range(len(names)))
+    assert all(found["lost"] == 0 for found in both.numbers["band_checks"].values())
+
+
+def test_deviations_from_run_to_run_come_back_from_the_folder_and_older_folders_have_none(tmp_path):
+    path = write_diagnosed(in_two_sizes_of_sea(0.5), tmp_path)
+    h = in_two_sizes_of_sea(0.5).hypotheses[0]
+    back = read_diagnosed(tmp_path)
+    assert np.array_equal(back.hypotheses[1].run_sd, h.run_sd)
+    # the share of a coefficient's spread that is stated has both parts
+    coefficients = read_diagnosed(tmp_path), found_with()
+    assert stated_spread(coefficients[0])[1] == pytest.approx(1.25**0.5 * stated_spread(coefficients[1])[1])
+    record = json.loads(path.read_text())
+    assert record["format"] == 2  # a reader that knows none would draw too narrow
+    for wrong in ([0.1], [-1.0] * len(h.names), [float("nan")] * len(h.names), "none"):
+        spoilt_one = {**record, "hypotheses": [{**record["hypotheses"][0], "weight": 1.0, "run_sd": wrong}]}
+        path.write_text(json.dumps(spoilt_one))
+        with pytest.raises(ModelError, match=r"model\.json"):
+            read_diagnosed(tmp_path)
+    write_diagnosed(found_with(), tmp_path)
+    record = json.loads(path.read_text())
+    assert record["format"] == 1 and "run_sd" not in record["hypotheses"][0]
+    assert not read_diagnosed(tmp_path).hypotheses[0].run_sd.any()
+
+
 def test_the_model_of_another_vehicle_is_refused(tmp_path):
     write_diagnosed(found_with(), tmp_path)
     other = planted_trial(model_of("generic_sub"))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -57,27 +59,85 @@ def test_without_opened_wind_the_report_says_nothing_of_it(study, tmp_path):
 
 
 def test_bands_count_the_time_inside_and_what_chance_makes_of_it():
-    """Two runs; in one of them a draw diverged, so that it has one share fewer."""
-    from studies.real_logs.bands import _channels, bands_section, good_by_chance
+    """Ten vehicles through two runs; vehicle 3 diverged in the first of them, vehicle 7 in the second."""
+    from studies.real_logs.bands import _channels, above_by_chance, bands_section, good_by_chance
 
     seen = [{"psi": {"inside": 0.9}, "u": {"inside": 1.0}}, {"psi": {"inside": 0.7}}]
-    draws = [{"psi": np.linspace(0.5, 1.0, 11), "u": np.full(11, 0.95)}, {"psi": np.linspace(0.5, 0.95, 10)}]
-    found, good = _channels(list(zip(seen, draws, strict=True)))
+    first = np.linspace(0.5, 0.95, 10)
+    draws = [{"psi": first, "u": np.full(10, 0.95)}, {"psi": 1.88 - first}]
+    draws[0]["psi"][3] = draws[0]["u"][3] = draws[1]["psi"][7] = np.nan
+    found, good, above = _channels(list(zip(seen, draws, strict=True)))
     assert found["psi"]["inside"] == pytest.approx(0.8)
-    # both have the same ten shares .5 to .95, a draw being one vehicle in both runs
-    assert found["psi"]["chance"] == pytest.approx(list(np.quantile(draws[1]["psi"], (0.05, 0.95))))
+    # vehicle by vehicle the two shares add up to 1.88, so that chance leaves no spread; paired by position
+    # among those that are left, vehicle 4 would stand beside vehicle 3
+    assert found["psi"]["chance"] == pytest.approx([0.94, 0.94])
     assert found["u"] == {"inside": 1.0, "chance": pytest.approx([0.95, 0.95])}
-    # u of every draw is within 90 to 98 %, psi of the one that fills .95
-    assert list(good[:8]) == [1] * 8 and good[9] == 2  # .9 itself is a matter of rounding
-    chance = good_by_chance([good, np.zeros(7, dtype=int)])
-    assert chance == pytest.approx([1.0, 1.0, 1.0])  # seven draws of both kinds
+    assert np.flatnonzero(np.isnan(good)).tolist() == [3, 7]
+    assert set(good[np.isfinite(good)]) == {2.0} and np.nansum(above) <= 7  # ties are a matter of rounding
+    chance = good_by_chance([good, np.array([1.0] * 9 + [np.nan])])
+    assert chance == pytest.approx([3.0, 3.0, 3.0])  # of the seven that no run of either kind lost
     kinds = {"zigzag": {"runs": 2, "channels": found}}
-    bands = {"kinds": kinds, "good_by_chance": chance, "not_predicted": {"r9": "diverges"}}
+    bands = {
+        "kinds": kinds, "good_by_chance": chance, "above_by_chance": [0.4, 2.0], "lost": 3, "drawn": 10,
+        "not_predicted": {"r9": "diverges"},
+    }  # fmt: skip
     text, table = bands_section(bands).blocks
     assert "0 of 2 cells lie within 90 to 98, 1 below" in text.body and "r9: diverges" in text.body
-    assert "1 do (1 to 1 in 90 % of them)" in text.body
-    assert good_by_chance([]) == [0.0, 0.0, 0.0]  # no run was predicted
-    assert list(table.rows[0]) == ["2 zigzag", "80 (52 to 93)", "100 (95 to 95)"]
+    assert "a median of 3 and lies within 3 to 3 for 90 % of them" in text.body
+    assert "1 of the cells lie above it, of such a vehicle 0.4 on average and at most 2" in text.body
+    assert "diverge in one of the runs: 3 of 10." in text.body
+    assert list(table.rows[0]) == ["2 zigzag", "80 (94 to 94)", "100 (95 to 95)"]
+    assert "diverge" not in bands_section(bands | {"lost": 0, "not_predicted": {}}).blocks[0].body
+    assert good_by_chance([]) == [0.0, 0.0, 0.0] and above_by_chance([]) == [0.0, 0.0]  # nothing predicted
+
+
+def test_held_out_runs_are_other_occasions_of_the_same_vehicles(monkeypatch):
+    import studies.real_logs.bands as bands
+    from bayesid.prediction.prediction import Prediction
+    from bayesid.trials import Run
+
+    t, met = np.arange(50.0), []
+    runs = [Run(f"r{i}", "zigzag 10/10", "holdout", t, {"u": np.ones(50)}) for i in range(3)]
+    runs[2] = Run("r2", "zigzag 10/10", "holdout", t, {"u": np.where(t > 10.0, np.nan, 1.0)})
+
+    def predicted(model, run, draws, seed, occasion):
+        met.append((run.name, seed, occasion))
+        left = np.delete(np.arange(draws), occasion)  # vehicle k diverges in run k
+        values = np.random.default_rng(occasion).normal(1.0, 0.1, (left.size, 50, 1))
+        return Prediction(
+            run.name, run.manoeuvre, t, ("u",), values, {}, None, 10.0, 1, np.zeros(1), vehicles=left,
+            occasion=occasion,
+        )  # fmt: skip
+
+    sized = SimpleNamespace(level={}, tau=1.0, channel={}, keeps_prior=False)
+    monkeypatch.setattr(bands, "predictive_model", lambda *_: (None, sized))
+    monkeypatch.setattr(bands, "predict_run", predicted)
+    found = bands.held_out_bands(None, runs, 7)
+    assert met == [("r0", 7, 0), ("r1", 7, 1), ("r2", 7, 2)]
+    assert found["lost"] == 2 and found["kinds"]["zigzag"]["runs"] == 2
+    assert found["not_predicted"] == {"r2": "nothing is read after its first 10 s"}
+
+
+def test_a_kind_of_motion_of_which_nothing_is_read_counts_no_cell():
+    from studies.real_logs.bands import _channels, above_by_chance, good_by_chance
+
+    found, good, above = _channels([({}, {})])
+    assert found == {}
+    assert good_by_chance([good, np.ones(5)]) == [1.0, 1.0, 1.0]
+    assert above_by_chance([above, np.zeros(5)]) == [0.0, 0.0]
+
+
+def test_cells_above_by_chance_are_as_many_as_their_limits_leave():
+    """Of 12 cells whose vehicles fill any share alike, .05 each lie above; of one that all fill, none."""
+    from studies.real_logs.bands import _channels, above_by_chance
+
+    rng = np.random.default_rng(1)
+    names = [f"c{i}" for i in range(12)]
+    draws = {name: rng.uniform(size=400) for name in names} | {"full": np.full(400, 1.0)}
+    seen = {name: {"inside": 0.95} for name in draws}
+    _, _, above = _channels([(seen, draws)])
+    mean, most = above_by_chance([above])
+    assert mean == pytest.approx(0.6) and most == 2.0
 
 
 def test_a_lost_run_is_the_worst_of_a_median():

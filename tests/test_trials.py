@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import hashlib
 import importlib.util
 import json
 import math
@@ -113,6 +115,65 @@ def test_arrays_and_groups_are_read_only_and_survive_pickling(bundle):
         run.data["x"] = run.t
     again = pickle.loads(pickle.dumps(run))
     assert again.digest == run.digest
+
+
+T3 = np.arange(3.0)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ({"manoeuvre": None}, "run 'a': manoeuvre is NoneType"),
+        ({"name": 3}, "run 3: name is int"),
+        ({"provenance": (1,)}, "run 'a': provenance holds int"),
+        ({"provenance": "cut"}, "run 'a': provenance is str"),
+        ({"warnings": None}, "run 'a': warnings is NoneType"),
+        ({"notes": b"x"}, "run 'a': notes is bytes"),
+        ({"commands": None}, "run 'a': commands is NoneType"),
+    ],
+)
+def test_a_run_of_wrong_types_is_refused_at_once(wrong, told):
+    with pytest.raises(TypeError, match=told):
+        Run(**({"name": "a", "manoeuvre": "", "role": "identify", "t": T3, "data": {"x": T3}} | wrong))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ({"noise": None}, "trial 'pond': noise is NoneType"),
+        ({"noise": {"x": "small"}}, "trial 'pond': noise has 'x': str"),
+        ({"noise": {1: 0.5}}, "trial 'pond': noise has 1: float"),
+        ({"measured_point": None}, "trial 'pond': measured_point is None; three numbers"),
+        ({"measured_point": (0.0, 1.0)}, "three numbers"),
+        ({"measured_point": ("0", "1", "2")}, "three numbers"),
+        ({"runs": ("a",)}, "trial 'pond': runs holds str"),
+        ({"environment": 0.1}, "trial 'pond': environment is float"),
+        ({"name": None}, "trial None: name is NoneType"),
+    ],
+)
+def test_a_trial_of_wrong_types_is_refused_at_once(wrong, told):
+    with pytest.raises(TypeError, match=told):
+        Trial(**({"name": "pond", "folder": Path("."), "vehicle_ref": "", "dof": 3, "runs": ()} | wrong))
+
+
+def test_what_a_trial_was_made_of_may_change_and_its_digest_does_not():
+    noise, point, notes = {"x": 0.5}, [0.1, 0.0, -0.2], ["cut"]
+    run = Run("a", "", "identify", T3, {"x": T3}, provenance=notes)
+    made = [Trial("pond", Path("."), "", 3, (run,), noise, None, point) for _ in range(2)]
+    before = made[0].digest
+    # as of the text that is hashed, written out: digests of trials that were kept stay good
+    stated = "(3, [('x', 0.5)], None, (0.1, 0.0, -0.2))"
+    assert before == hashlib.sha256((stated + run.digest).encode()).hexdigest()
+    noise["x"], point[0] = 0.7, 9.0
+    notes.append("later")
+    assert made[1].digest == before and run.provenance == ("cut",)
+    assert made[1].noise == {"x": 0.5} and made[1].noise | {"y": 1.0} == {"x": 0.5, "y": 1.0}
+    with pytest.raises(TypeError, match="read-only"):
+        made[1].noise["x"] = 0.7
+    again = pickle.loads(pickle.dumps(made[1]))
+    assert again.digest == before and again.noise == made[1].noise
+    other = dataclasses.replace(again, noise={"x": 0.7})
+    assert other.digest != before and dataclasses.replace(other, noise=made[0].noise).digest == before
 
 
 def test_same_content_has_the_same_digest_whatever_the_line_ends_quotes_or_delimiter(bundle):

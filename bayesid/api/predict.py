@@ -9,8 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from bayesid.api.diagnose import diagnosis_route
 from bayesid.api.inputs import (
     TrialLike,
@@ -111,7 +109,7 @@ def predict(
     for text in shown.track(wanted, stage):
         run = _run(logged, text)
         if run is not None:
-            p = predict_run(found, run, draws, seed, lead)
+            p = predict_run(found, run, draws, seed, lead, logged.runs.index(run))
             against = beside_readings(p, run, seed)
             judged.append(against)
             drawn.append(shares_of_draws(p, run, seed))
@@ -251,7 +249,7 @@ class PredictResult(Result):
         sections = []
         for k, (p, row) in enumerate(zip(self.predictions, rows, strict=True), 1):
             run = _run(self.trial, p.name)
-            noise = None if run is None else np.random.default_rng(self.numbers["seed"])
+            noise = None if run is None else p.sensor_noise(self.numbers["seed"])
             band = p.band(LEVEL, noise)
             drawn = bands(p.t, p.channels, p.mean, *band, None if run is None else run.data, p.lead)
             caption = "Left: predicted track (mean). Right: mean (line) and 95 % band of every other channel."

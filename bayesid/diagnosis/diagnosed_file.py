@@ -23,7 +23,7 @@ from bayesid.model.effects import Effect
 from bayesid.model.vehicles import load_vehicle, write_vehicle
 
 Array = np.ndarray
-FORMAT = 1
+FORMAT, FORMAT_WITH_RUNS = 1, 2  # 2: coefficients deviate from run to run, which readers of 1 would leave out
 MODEL_FILE, VEHICLE_FILE = "model.json", "vehicle_nominal.toml"
 LARGEST_MODEL = 2**28  # bytes of model.json; 70 coefficients with covariance take 0.1 MB a hypothesis
 SYMMETRIC = 1e-8
@@ -40,6 +40,7 @@ def write_diagnosed(found: DiagnosedModel, folder: str | os.PathLike[str]) -> Pa
             "names": list(h.names),
             "mean": h.mean.tolist(),
             "covariance": h.covariance.tolist(),
+            **({"run_sd": h.run_sd.tolist()} if h.run_sd.any() else {}),
             "one_sided": np.isfinite(h.low).tolist(),
             "low": np.where(np.isfinite(h.low), h.low, 0.0).tolist(),
             "high": [float(x) if np.isfinite(x) else None for x in h.high],
@@ -53,7 +54,7 @@ def write_diagnosed(found: DiagnosedModel, folder: str | os.PathLike[str]) -> Pa
         for h in found.hypotheses
     ]
     record = {
-        "format": FORMAT,
+        "format": FORMAT_WITH_RUNS if any(h.run_sd.any() for h in found.hypotheses) else FORMAT,
         "vehicle": VEHICLE_FILE,
         "dof": found.model.dof,
         "digest": found.model.digest,
@@ -84,8 +85,10 @@ def read_diagnosed(folder: str | os.PathLike[str], declared: Iterable[Effect] = 
     path = Path(folder) / MODEL_FILE
     try:
         record = json.loads(read_regular(path, LARGEST_MODEL).decode("utf-8"))
-        if record["format"] != FORMAT:
-            raise ModelError(f"{path}: format {record['format']!r}; this version reads {FORMAT}")
+        if record["format"] not in (FORMAT, FORMAT_WITH_RUNS):
+            raise ModelError(
+                f"{path}: format {record['format']!r}; this version reads {FORMAT} and {FORMAT_WITH_RUNS}"
+            )
         hypotheses = tuple(_read(h) for h in record["hypotheses"])
         weights = [h.weight for h in hypotheses]
         if not hypotheses or min(weights) < 0 or not abs(sum(weights) - 1.0) < 1e-6:
@@ -191,6 +194,10 @@ def _read(h: Mapping[str, Any]) -> WeightedHypothesis:
     mean, covariance = array(h["mean"]), array(h["covariance"])
     if mean.shape != (len(names),) or covariance.shape != (len(names),) * 2:
         raise ValueError("mean and covariance do not fit the names")
+    run_sd = array(h.get("run_sd", [0.0] * len(names)))
+    if run_sd.shape != mean.shape:
+        raise ValueError("run_sd does not fit the names")
+    _check_size("run_sd", run_sd.tolist())
     if low.shape != mean.shape or high.shape != mean.shape or not (low < high).all():
         raise ValueError("the bounds do not fit the names, or leave no room")
     _check_gaussian(names, mean, covariance)
@@ -199,5 +206,5 @@ def _read(h: Mapping[str, Any]) -> WeightedHypothesis:
         "drift", (noise_model.drift, noise_model.drift_tau, noise_model.force_tau, noise_model.depth or 0.0)
     )
     return WeightedHypothesis(
-        tuple(h["effects"]), float(h["weight"]), names, mean, covariance, low, high, noise_model
+        tuple(h["effects"]), float(h["weight"]), names, mean, covariance, low, high, noise_model, run_sd
     )

@@ -6,11 +6,14 @@ A verdict that names effects leaves one hypothesis, a model form the one without
 mixture, weighed as the verdict weighed it, so that a prediction is as unsure of the cause. What no hypothesis
 explains is not forgotten: each is given the disturbance its own residuals call for, and is fitted again
 under it.
+
+A vehicle has one cause and one set of coefficients. What is new whenever it runs, a deviation of its
+coefficients and the size of the disturbance, is drawn apart from it, so that it can be followed through runs.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -32,7 +35,7 @@ from bayesid.estimation.filter_error.evidence import NOT_LINEARISABLE, posterior
 from bayesid.estimation.filter_error.fit import FilterErrorFit, fit, stacked_equations
 from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit
 from bayesid.estimation.parameters import GaussianPrior
-from bayesid.estimation.truncated_normal import within_bounds
+from bayesid.estimation.truncated_normal import FLAT, about_each, within_bounds
 
 if TYPE_CHECKING:
     from bayesid.diagnosis.run import Diagnosis
@@ -58,8 +61,11 @@ class WeightedHypothesis:
     ----------
     effects : names, empty for none
     weight : share of the draws
-    names, mean, covariance, low, high : free parameters [SI], their Gaussian, and the bounds it is cut at
+    names, mean, covariance, low, high : free parameters of the vehicle [SI], their Gaussian, and the bounds
+        it is cut at
     noise_model : disturbance force and slow position error that go with it
+    run_sd : (k,) sd of the parameters of single runs about those of the vehicle [SI], which `covariance` does
+        not hold; zeros by default
     """
 
     effects: tuple[str, ...]
@@ -70,6 +76,41 @@ class WeightedHypothesis:
     low: Array
     high: Array
     noise_model: NoiseModel
+    run_sd: Array = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        if self.run_sd is None:
+            object.__setattr__(self, "run_sd", np.zeros(len(self.names)))
+
+    @property
+    def covariance_in_a_run(self) -> Array:
+        """(k, k) covariance of the parameters of a vehicle in a run [SI]."""
+        return self.covariance + np.diag(self.run_sd**2)
+
+    @property
+    def sd_in_a_run(self) -> Array:
+        """(k,) their sd [SI]."""
+        return np.sqrt(np.diag(self.covariance_in_a_run))
+
+    def differs_in_noise_alone(self, other: WeightedHypothesis) -> bool:
+        """Whether both have the same effects and parameters."""
+        arrays = ("mean", "covariance", "low", "high", "run_sd")
+        same = self.effects == other.effects and self.names == other.names
+        return same and all(np.array_equal(getattr(self, a), getattr(other, a)) for a in arrays)
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnVehicles:
+    """Vehicles drawn from a diagnosed model, as they are in one run or on average over runs.
+
+    Attributes
+    ----------
+    which : (m,) position of the hypothesis each is drawn from
+    pars : (m, n_par) parameters [SI]
+    """
+
+    which: Array
+    pars: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,22 +140,73 @@ class DiagnosedModel:
     estimates: tuple[CoefficientEstimate, ...] = ()
 
     def draw(self, rng: np.random.Generator, count: int) -> list[tuple[WeightedHypothesis, Array]]:
-        """Parameter vectors of every hypothesis: (draws, n_par) each, `count` in all."""
+        """Parameter vectors in a run of every hypothesis: (draws, n_par) each, `count` in all."""
+        drawn = self.in_a_run(rng, count)
+        each = [(h, drawn.pars[drawn.which == i]) for i, h in enumerate(self.hypotheses)]
+        return [(h, pars) for h, pars in each if len(pars)]
+
+    def in_a_run(self, rng: np.random.Generator, count: int) -> DrawnVehicles:
+        """Vehicles as they are in one run, those of one hypothesis after those of another."""
         counts = rng.multinomial(count, [h.weight for h in self.hypotheses])
-        out = []
-        for h, n in zip(self.hypotheses, counts, strict=True):
-            pars = np.repeat(self.model.nominal[None], n, axis=0)
-            sd = np.sqrt(np.diag(h.covariance))
-            unit = np.where(sd > 0, sd, 1.0)  # a known coefficient has none
-            # in units of the deviations: NumPy judges a covariance by an absolute tolerance
-            deviations = rng.multivariate_normal(
-                np.zeros(sd.size), h.covariance / np.outer(unit, unit), size=n, method="eigh"
-            )
-            values = within_bounds(h.mean + unit * deviations, h.mean, h.covariance, h.low, h.high, rng)
-            pars[:, self.model.positions(h.names)] = values
-            if n:
-                out.append((h, pars))
-        return out
+        which = np.repeat(np.arange(counts.size), counts)
+        pars = np.repeat(self.model.nominal[None], count, axis=0)
+        for at, h in self._each(which):
+            both = h.covariance_in_a_run
+            drawn = h.mean + _gaussian(both, at[0].size, rng)
+            pars[at] = within_bounds(drawn, h.mean, both, h.low, h.high, rng)
+        return DrawnVehicles(which, pars)
+
+    def vehicles(self, seen: DrawnVehicles, rng: np.random.Generator) -> DrawnVehicles:
+        """Vehicles of which `seen` is one run: theirs less a deviation of that run, given the sum of both."""
+        pars = np.array(seen.pars)
+        for at, h in self._each(seen.which):
+            if not h.run_sd.any():
+                continue
+            unit = np.where(h.sd_in_a_run > 0, h.sd_in_a_run, 1.0)
+            own = np.diag((h.run_sd / unit) ** 2)
+            gain = own @ np.linalg.pinv(h.covariance_in_a_run / np.outer(unit, unit), FLAT, hermitian=True)
+            left = own - gain @ own
+            open_ones = np.diag(left) > FLAT * np.diag(own)  # of a known vehicle rounding alone is left
+            left = np.where(np.outer(open_ones, open_ones), left, 0.0) * np.outer(unit, unit)
+            mean = pars[at] - unit * (((pars[at] - h.mean) / unit) @ gain.T)
+            pars[at] = within_bounds(mean + _gaussian(left, len(mean), rng), mean, left, h.low, h.high, rng)
+        return DrawnVehicles(np.array(seen.which), pars)
+
+    def in_another_run(self, vehicles: DrawnVehicles, rng: np.random.Generator) -> DrawnVehicles:
+        """The same vehicles in another run: their parameters deviate anew, within the bounds.
+
+        Hypotheses that differ in the noise model alone, which is that of the run, are drawn again by weight.
+        """
+        which, pars = np.array(vehicles.which), np.array(vehicles.pars)
+        for some in self._alike():
+            theirs = np.flatnonzero(np.isin(which, some))
+            weights = np.array([self.hypotheses[i].weight for i in some])
+            which[theirs] = rng.choice(some, theirs.size, p=weights / weights.sum())
+        for at, h in self._each(which):
+            pars[at] = about_each(pars[at], h.run_sd, h.low, h.high, rng)
+        return DrawnVehicles(which, pars)
+
+    def _each(self, which: Array) -> Iterator[tuple[tuple[Array, ...], WeightedHypothesis]]:
+        """Rows and columns of the free parameters of every hypothesis."""
+        for i, h in enumerate(self.hypotheses):
+            yield np.ix_(np.flatnonzero(which == i), self.model.positions(h.names)), h
+
+    def _alike(self) -> list[list[int]]:
+        """Positions of hypotheses that differ in the noise model alone, where there are several."""
+        out: list[list[int]] = []
+        for i, h in enumerate(self.hypotheses):
+            same = [some for some in out if h.differs_in_noise_alone(self.hypotheses[some[0]])]
+            same[0].append(i) if same else out.append([i])
+        return [some for some in out if len(some) > 1]
+
+
+def _gaussian(covariance: Array, count: int, rng: np.random.Generator) -> Array:
+    """(count, k) draws about zero."""
+    sd = np.sqrt(np.diag(covariance))
+    unit = np.where(sd > 0, sd, 1.0)  # a known coefficient has none
+    # in units of the deviations: NumPy judges a covariance by an absolute tolerance
+    scaled = covariance / np.outer(unit, unit)
+    return np.asarray(unit * rng.multivariate_normal(np.zeros(sd.size), scaled, size=count, method="eigh"))
 
 
 def diagnosed_model(

@@ -290,7 +290,6 @@ def with_disturbance(
     channel : channel -> sd of errors of its own, which count as noise of that sensor [SI]
     """
     model, s = found.model, found.model.scales
-    covariance = posterior.covariance + np.diag(posterior.run_sd**2)
     time = s["L"] / s["U"]
     noise = NoiseModel(tuple(float(f) for f in level * force_unit(model)), tau, 0.0, 20.0 * time)
     # three-point Gauss-Hermite rule of the logarithm of its size
@@ -304,10 +303,11 @@ def with_disturbance(
             w,
             posterior.names,
             posterior.mean,
-            covariance,
+            posterior.covariance,
             posterior.low,
             posterior.high,
             noise.scaled(float(f)),
+            posterior.run_sd,
         )
         for f, w in (sizes if run_spread > 0 else [(1.0, 1.0)])
     )

@@ -32,7 +32,7 @@ def prediction_csv(p: Prediction, noise_seed: int | None = None, widen: float = 
         would read on average
     widen : factor on the band's distance from the mean, where held-out runs have shown it too narrow
     """
-    rng = None if noise_seed is None else np.random.default_rng(noise_seed)
+    rng = None if noise_seed is None else p.sensor_noise(noise_seed)
     low, high = p.band(rng=rng)
     names, columns = ["t[s]"], [p.t]
     for j, name in enumerate(p.channels):
@@ -52,7 +52,7 @@ def beside_readings(p: Prediction, run: Run, seed: int = 0) -> dict[str, dict[st
     """Per channel: rms error of the mean, its largest, and share of the readings inside the 95 % band, sensor
     noise included; after the lead-in, SI. Neighbouring readings share their error: the share is no binomial.
     """
-    low, high = p.band(rng=np.random.default_rng(seed))
+    low, high = p.band(rng=p.sensor_noise(seed))
     out = {}
     for j, name, error, seen in reading_errors(p, run):
         inside = (error >= low[:, j] - p.mean[:, j]) & (error <= high[:, j] - p.mean[:, j])
@@ -65,38 +65,46 @@ def beside_readings(p: Prediction, run: Run, seed: int = 0) -> dict[str, dict[st
 
 
 def shares_of_draws(p: Prediction, run: Run, seed: int = 0) -> dict[str, Array]:
-    """Channel -> (k,) share of the band that every draw would fill were it the truth, read where the log was.
+    """Channel -> (m,) share of the band that each of the m drawn vehicles would fill were it the truth, read
+    where the log was; nan for one that diverged, so that position k is vehicle k in every run.
 
     What `beside_readings` finds inside is told from chance by these: errors of a run go together, so that a
     share far from the level may be one error (posterior predictive check, Gelman et al. 2013, section 6.3).
     """
-    rng = np.random.default_rng(seed)
+    rng = p.sensor_noise(seed)
     read = p.draws + np.nan_to_num(p.noise) * rng.standard_normal(p.draws.shape)
     low, high = np.quantile(read, (0.5 - 0.5 * INTERVAL_LEVEL, 0.5 + 0.5 * INTERVAL_LEVEL), axis=0)
     inside = (read >= low) & (read <= high)
-    return {name: inside[:, seen, j].mean(axis=1) for j, name, _, seen in reading_errors(p, run)}
+    out = {}
+    for j, name, _, seen in reading_errors(p, run):
+        out[name] = np.full(len(p.draws) + p.lost, np.nan)
+        out[name][p.vehicles] = inside[:, seen, j].mean(axis=1)
+    return out
 
 
 def band_checks(
     found: Sequence[Mapping[str, Mapping[str, float]]], draws: Sequence[Mapping[str, Array]]
 ) -> dict[str, dict[str, float]]:
-    """Channel -> mean share `inside` over runs, the `chance` that draws of the model fill no more of their
-    bands, and the `least` chance that as many draws can tell.
+    """Channel -> mean share `inside` over runs, the `chance` that vehicles of the model fill no more of their
+    bands, the `least` chance that as many can tell, and how many are `lost`: they diverge in one of the runs.
 
     Parameters
     ----------
     found : per run, as `beside_readings`
-    draws : per run, as `shares_of_draws`; a draw is one vehicle in every run
+    draws : per run, as `shares_of_draws`, each of them another occasion of `predict_run` with one seed
     """
     out = {}
     for name in dict.fromkeys(n for one in found for n in one):
         seen = [one[name]["inside"] for one in found if name in one]
         drawn = [one[name] for one in draws if name in one]
-        least = min(len(d) for d in drawn)
-        mean = np.mean([d[:least] for d in drawn], axis=0)
+        mean = np.mean(drawn, axis=0)
+        whole = mean[np.isfinite(mean)]
+        if not whole.size:
+            continue
         inside = float(np.mean(seen))
-        chance = float((1 + np.sum(mean <= inside)) / (1 + least))
-        out[name] = {"inside": inside, "chance": chance, "least": 1.0 / (1 + least)}
+        chance = float((1 + np.sum(whole <= inside)) / (1 + whole.size))
+        lost = mean.size - whole.size
+        out[name] = {"inside": inside, "chance": chance, "least": 1.0 / (1 + whole.size), "lost": lost}
     return out
 
 
@@ -179,7 +187,7 @@ def as_given(p: Prediction) -> Prediction | None:
     if p.given is None:
         return None
     orders = None if p.given_orders is None else p.given_orders[None]
-    return replace(p, draws=p.given[None], orders=orders)
+    return replace(p, draws=p.given[None], orders=orders, vehicles=np.zeros(1, dtype=np.int64))
 
 
 def thinned(p: Prediction, every: int) -> Prediction:
@@ -205,6 +213,6 @@ def stated_spread(found: DiagnosedModel) -> tuple[float, float] | None:
         given = model.nominal[model.positions([h.names[i] for i in at])]
         if not at or not np.allclose(h.mean[at], given, rtol=1e-9, atol=0.0):
             return None
-        sd = np.sqrt(np.diag(h.covariance)[at])
+        sd = h.sd_in_a_run[at]
         shares += [float(s / abs(x)) for s, x in zip(sd, given, strict=True) if x and s]
     return (min(shares), max(shares)) if shares else None

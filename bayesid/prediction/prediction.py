@@ -56,6 +56,8 @@ class Prediction:
     noise : (q,) white noise of the sensors, nan where none is known
     given : (n, q) the vehicle as given, without disturbance; None where it diverges or ends at another time
     given_orders : (n,) its rudder orders in a closed loop, None otherwise
+    vehicles : (k,) which of the drawn vehicles each draw is; all of them, in order, by default
+    occasion : number of the run among those the vehicles are followed through
     """
 
     name: str
@@ -70,6 +72,16 @@ class Prediction:
     noise: Array
     given: Array | None = None
     given_orders: Array | None = None
+    vehicles: Array = None  # type: ignore[assignment]
+    occasion: int = 0
+
+    def __post_init__(self) -> None:
+        if self.vehicles is None:
+            object.__setattr__(self, "vehicles", np.arange(len(self.draws)))
+
+    def sensor_noise(self, seed: int) -> np.random.Generator:
+        """Generator of the white noise of the sensors in this run."""
+        return _generator(seed, self.occasion, 1) if self.occasion else np.random.default_rng(seed)
 
     @property
     def mean(self) -> Array:
@@ -92,14 +104,28 @@ class Prediction:
         return low, high
 
 
+def _generator(seed: int, *use: int) -> np.random.Generator:
+    """Random numbers of one use, independent of those of the seed itself and of other uses."""
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=use))
+
+
 def predict_run(
-    found: DiagnosedModel, run: Run, draws: int = 300, seed: int = 0, lead: float | None = None
+    found: DiagnosedModel,
+    run: Run,
+    draws: int = 300,
+    seed: int = 0,
+    lead: float | None = None,
+    occasion: int = 0,
 ) -> Prediction:
     """Predict a logged run from its orders, begun on its first readings.
 
     Parameters
     ----------
+    seed : of the vehicles, and with the occasion of what is new in the run
     lead : length of the lead-in [s]; default 6 L/U, at most a quarter of the run
+    occasion : number of the run among several through which the vehicles are followed. In each of them
+        vehicle k has the same cause and coefficients; deviation of its coefficients in the run, size of the
+        disturbance, disturbance and start are independent. 0 is the first, or the only one
 
     Raises
     ------
@@ -116,25 +142,34 @@ def predict_run(
     if log.n < 4 or not log.valid.any():
         raise ModelError(f"{run.name}: fewer than four samples in the first {lead:.3g} s; give a longer lead")
     plan, picked = plan_trial_run(model, run), [model.kernel.channels.index(c) for c in channels]
-    tracks = []
-    for h, pars in found.draw(rng, draws):
-        free = model.positions(h.names)
+    tracks: list[Array | None] = [None] * draws
+    there = found.in_a_run(rng, draws)
+    if occasion:
+        vehicles = found.vehicles(there, _generator(seed, 0))
+        rng = _generator(seed, occasion, 0)
+        there = found.in_another_run(vehicles, rng)
+    for i, h in enumerate(found.hypotheses):
+        mine = np.flatnonzero(there.which == i)
+        if not mine.size:
+            continue
+        free, pars = model.positions(h.names), there.pars[mine]
         mean = model.nominal.copy()
         mean[free] = h.mean
-        for par, begin in zip(
-            pars, initial_states(model, log, free, mean, pars, h.noise_model, rng), strict=True
-        ):
+        begun = initial_states(model, log, free, mean, pars, h.noise_model, rng)
+        for k, par, begin in zip(mine, pars, begun, strict=True):
             force, drift = _onwards(h.noise_model, _slow(h.noise_model, channels), begin, run.t, rng)
-            tracks.append(_track(model, par, plan, begin.x0, force, drift, channels, picked))
+            tracks[k] = _track(model, par, plan, begin.x0, force, drift, channels, picked)
     kept = [x for x in tracks if x is not None]
+    whole = np.array([k for k, x in enumerate(tracks) if x is not None])
     _enough(run.name, len(kept), draws)
     noise = np.array([found.noise.get(c, np.nan) for c in channels])
     commands = {**run.commands, **run.measured_inputs}
     lost = draws - len(kept)
     given = _given(found, log, plan, run.n_samples, channels, picked, rng)
     return Prediction(
-        run.name, run.manoeuvre, run.t, channels, np.array(kept), commands, None, lead, lost, noise, given
-    )
+        run.name, run.manoeuvre, run.t, channels, np.array(kept), commands, None, lead, lost, noise, given,
+        vehicles=whole, occasion=occasion,
+    )  # fmt: skip
 
 
 def _given(
@@ -231,11 +266,14 @@ def predict_manoeuvre(
     manoeuvre = ordered_with_shaft_speed(manoeuvre, rpm)
     kept: list[Array] = []
     rudders: list[Array] = []
+    whole: list[int] = []
+    number = -1
     first: Mapping[str, Array] = {}
     t = np.asarray(manoeuvre.t)
     for h, pars in found.draw(rng, draws):
         speeds = np.full(len(pars), speed) if speed is not None else balanced_speed(model, pars, rpm)
         for par, u in zip(pars, speeds, strict=True):
+            number += 1
             executed = _simulated(model, par, manoeuvre, float(u), h, picked, rng)
             if executed is None:
                 continue
@@ -244,6 +282,7 @@ def predict_manoeuvre(
                 h.noise_model, t, _slow(h.noise_model, channels), rng
             )
             kept.append(obs)
+            whole.append(number)
             rudders.append(np.asarray(commands.get("delta_r_cmd", np.zeros(t.size))))
             first = first or commands
     _enough(name, len(kept), draws)
@@ -253,7 +292,7 @@ def predict_manoeuvre(
     return Prediction(
         name, manoeuvre.name, t, channels, np.array(kept), first, np.array(rudders) if closed else None, 0.0,
         draws - len(kept), noise, given,
-        given_orders if closed else None,
+        given_orders if closed else None, np.array(whole, dtype=np.int64),
     )  # fmt: skip
 
 

@@ -10,8 +10,9 @@ import hashlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from numbers import Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,21 +20,57 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     import pandas
 
+T = TypeVar("T")
 Floats = NDArray[np.float64]
 ROLES = ("identify", "holdout")
 
 
-class Channels(dict[str, Floats]):
-    """Name -> read-only (n,) array; a dict that refuses changes and survives pickling."""
+class _ReadOnly(dict[str, T]):
+    """A dict that refuses changes and survives pickling."""
+
+    refusal = ""
 
     def _refuse(self, *_: Any, **__: Any) -> NoReturn:
-        raise TypeError("a run is read-only; window(), resample() and dataclasses.replace() make new ones")
+        raise TypeError(self.refusal)
 
     __setitem__ = __delitem__ = __ior__ = _refuse  # type: ignore[assignment]
     clear = pop = popitem = setdefault = update = _refuse  # type: ignore[assignment]
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return (Channels, (dict(self),))
+        return (type(self), (dict(self),))
+
+
+class Channels(_ReadOnly[Floats]):
+    """Name -> read-only (n,) array."""
+
+    refusal = "a run is read-only; window(), resample() and dataclasses.replace() make new ones"
+
+
+class StatedNoise(_ReadOnly[float]):
+    """Channel -> one sigma of white sensor noise, SI."""
+
+    refusal = "a trial is read-only; dataclasses.replace() makes new ones"
+
+
+def _kind(value: Any) -> str:
+    return type(value).__name__
+
+
+def _check_texts(where: str, **texts: Any) -> None:
+    for name, value in texts.items():
+        if not isinstance(value, str):
+            raise TypeError(f"{where}: {name} is {_kind(value)}; text is wanted")
+
+
+def _all_texts(where: str, name: str, values: Any) -> tuple[str, ...]:
+    """The texts as a tuple."""
+    if isinstance(values, str) or not isinstance(values, Iterable):
+        raise TypeError(f"{where}: {name} is {_kind(values)}; a tuple of texts is wanted")
+    out = tuple(values)
+    for value in out:
+        if not isinstance(value, str):
+            raise TypeError(f"{where}: {name} holds {_kind(value)}; a tuple of texts is wanted")
+    return out
 
 
 def _read_only(values: Any) -> Floats:
@@ -85,10 +122,17 @@ class Run:
     GROUPS = ("data", "commands", "measured_inputs", "exogenous", "propulsion", "extra")
 
     def __post_init__(self) -> None:
+        where = f"run {self.name!r}"
+        _check_texts(where, name=self.name, manoeuvre=self.manoeuvre, notes=self.notes)
         if self.role not in ROLES:
             raise ValueError(f"role is {self.role!r}; one of {ROLES}")
         object.__setattr__(self, "t", _read_only(self.t))
+        for name in ("warnings", "provenance"):
+            object.__setattr__(self, name, _all_texts(where, name, getattr(self, name)))
         for group in self.GROUPS:
+            if not isinstance(getattr(self, group), Mapping):
+                kind = _kind(getattr(self, group))
+                raise TypeError(f"{where}: {group} is {kind}; a mapping of names to arrays is wanted")
             frozen = Channels({name: _read_only(values) for name, values in getattr(self, group).items()})
             for name in sorted(frozen):
                 if frozen[name].shape != self.t.shape:
@@ -148,7 +192,7 @@ class Trial:
     vehicle_ref : path of a vehicle file in the bundle, or the name of a built-in vehicle; "" if not stated
     dof : 3 or 6
     runs : in the order of trial.toml
-    noise : channel -> one sigma of white sensor noise, SI; may be empty
+    noise : channel -> one sigma of white sensor noise, SI, read-only; may be empty
     environment : None if not stated
     measured_point : point whose position is logged, body axes, m
     rudder_positive : convention of the log; inside the program the rudder is always port-positive
@@ -173,12 +217,35 @@ class Trial:
     velocity_from_track: bool | None = None
 
     def __post_init__(self) -> None:
+        where = f"trial {self.name!r}"
+        _check_texts(where, name=self.name)
         object.__setattr__(self, "runs", tuple(self.runs))
+        for run in self.runs:
+            if not isinstance(run, Run):
+                raise TypeError(f"{where}: runs holds {_kind(run)}; Run is wanted")
+        if not isinstance(self.noise, Mapping):
+            raise TypeError(
+                f"{where}: noise is {_kind(self.noise)}; a mapping of channels to sigmas is wanted"
+            )
+        for channel, sigma in self.noise.items():
+            if not (isinstance(channel, str) and isinstance(sigma, Real)):
+                raise TypeError(
+                    f"{where}: noise has {channel!r}: {_kind(sigma)}; text and a number are wanted"
+                )
+        object.__setattr__(self, "noise", StatedNoise(self.noise))
+        if not (self.environment is None or isinstance(self.environment, Environment)):
+            raise TypeError(
+                f"{where}: environment is {_kind(self.environment)}; Environment or None is wanted"
+            )
+        point = tuple(self.measured_point) if isinstance(self.measured_point, Iterable) else ()
+        if len(point) != 3 or not all(isinstance(x, Real) for x in point):
+            raise TypeError(f"{where}: measured_point is {self.measured_point!r}; three numbers are wanted")
+        object.__setattr__(self, "measured_point", point)
 
     @cached_property
     def digest(self) -> str:
         """SHA-256 of what is read and stated."""
-        stated = (self.dof, sorted(self.noise.items()), self.environment, tuple(self.measured_point))
+        stated = (self.dof, sorted(self.noise.items()), self.environment, self.measured_point)
         text = repr(stated) + "".join(run.digest for run in self.runs)
         return hashlib.sha256(text.encode()).hexdigest()
 

@@ -6,6 +6,8 @@ interpolated across their empty cells, the blocks begin and end where the compar
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from scipy.linalg.lapack import dgtsv, zgtsv
 
@@ -15,7 +17,9 @@ LONGEST_HOLE = 5.0  # in median steps of a channel: farther apart, its readings 
 
 
 def middle(values: Floats) -> float:
-    """Median of finite values, as of numpy, whose own takes longer to begin than to find it."""
+    """Median of finite values, nan of none, as of numpy, whose own takes longer to begin than to find it."""
+    if not values.size:
+        return math.nan
     k = values.size // 2
     if values.size % 2:
         return float(np.partition(values, k)[k])
