@@ -126,7 +126,9 @@ EFFECTS = (
         source="Y_* and N_* of the standard equations (Gertler & Hagen 1967)",
         magnitude="equal to some degrees of rudder after damage, one where a fin is bolted on askew",
         form="A side force and a yaw moment with the square of the speed, each of its own size; that of a "
-        "rudder set askew is rudder_offset, that of a propeller goes with its thrust.",
+        "rudder set askew is rudder_offset, that of a propeller goes with its thrust. One propeller behind a "
+        "hull has as much, so it may be part of a model form.",
+        as_form="asked",
     ),
     Effect(
         name="drag_step",
