@@ -5,8 +5,8 @@ in every hypothesis. Does not ask whether the runs need it (`hypotheses.form_sea
 
 Three kinds of unknowns make it up. Rows of the force table the vehicle lacks, normal about zero. Its own rows
 of the same kinds, whose prior is widened by as much: the file's values were tuned to other equations. Effects
-declared as such functions of the motion (`Effect.as_form`): strips in cross flow, cubes, roll; what breaks the
-symmetry of a hull where the runs ask for it.
+declared as such functions of the motion (`Effect.as_form`): strips in cross flow, cubes, roll; what breaks
+the symmetry of a hull where the runs ask for it.
 """
 
 from __future__ import annotations

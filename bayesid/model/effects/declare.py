@@ -101,9 +101,9 @@ class Effect:
     `says` is the effect in one sentence for whoever runs the vehicle, with places for its sizes: see
     `bayesid.diagnosis.plain_words`.
 
-    `as_form` is for a force that depends on the motion alone, as any force does that the equations lack: "also"
-    where it is a cause of its own as well, "only" where it is not, "asked" where it is a cause and breaks the
-    symmetry of a hull, so that it is part of a form only where the runs ask for it.
+    `as_form` is for a force that depends on the motion alone, as any force does that the equations lack:
+    "also" where it is a cause of its own as well, "only" where it is not, "asked" where it is a cause and
+    breaks the symmetry of a hull, so that it is part of a form only where the runs ask for it.
     `planar` effects are what a model in the horizontal plane leaves out; one with roll and pitch has them.
     """
 
