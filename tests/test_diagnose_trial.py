@@ -9,6 +9,7 @@ from gap_trials import model_of, orders, other_vehicle, planted_trial
 
 from bayesid.diagnosis.data import outliers
 from bayesid.diagnosis.data.problem import build_problem, fit_with
+from bayesid.diagnosis.evidence.holdout import validate_holdout
 from bayesid.diagnosis.hypotheses import refit as refits
 from bayesid.diagnosis.hypotheses import sensitivity_bank as banks
 from bayesid.diagnosis.hypotheses.candidate import parameter_table, weighted_hypothesis
@@ -347,7 +348,50 @@ def test_an_effect_that_alone_came_out_as_nothing_does_not_begin_at_nothing():
     off = replace(alone, fit=replace(alone.fit, values=free.mean))
     moved = replace(alone, fit=replace(alone.fit, values=free.mean + free.sd))
     assert sizes_of(problem, [off]) == {}
-    assert sizes_of(problem, [off, moved]) == {"actuator_lag": pytest.approx(1.0)}
+    assert sizes_of(problem, [off, moved]) == {"actuator_lag": pytest.approx((1.0,))}
+
+
+@pytest.mark.parametrize("share", [0.08, 0.42, 0.9])
+def test_a_drag_that_steps_up_is_found_wherever_in_the_runs(share):
+    """The screen tries five times; the refit finds the one between them, and not the middle of the prior."""
+    model = model_of()
+    force = 0.5 * model.scales["rho"] * (model.scales["L"] * model.scales["U"]) ** 2
+    onset = share * float(next(iter(orders(model).values())).t[-1])
+    planted = {"drag_step.extra_drag": 1e-3 * force, "drag_step.onset": onset}
+    problem = build_problem(model, planted_trial(model, other_vehicle(model, 5) | planted, 5))
+    none = weighted_hypothesis(problem, (), fit_with(problem, ()))
+    effects = [model.effects["drag_step"], model.effects["thrust_decay"]]
+    bank = banks.build_bank(problem, problem.path, banks.levels_between(problem, problem.path_level), effects)
+    scores = banks.screen(bank)
+    assert [s.name for s in scores] == ["drag_step", "thrust_decay"]
+    (found,) = refit_screened(problem, bank, scores[0], lambda text: None, none)
+    table = parameter_table(found.fit, problem)
+    for key, value in planted.items():
+        assert abs(table[key][0] - value) < 3.0 * table[key][1], key
+    assert table["drag_step.onset"][1] < model.scales["L"] / model.scales["U"]
+    # beside another effect it begins where it was found
+    pair = (effects[0], model.effects["gyro_scale"])
+    (both,) = refit(problem, pair, lambda text: None, sizes_of(problem, [found]))
+    assert parameter_table(both.fit, problem)["drag_step.onset"][0] == pytest.approx(onset, abs=0.5)
+
+
+def test_held_out_pieces_know_how_long_their_run_has_gone_on():
+    """A piece predicted from its own lead-in, with a drag that came long before it."""
+    model = model_of()
+    scales = model.scales
+    force = 0.5 * scales["rho"] * (scales["L"] * scales["U"]) ** 2
+    planted = {"drag_step.extra_drag": 1.5e-3 * force, "drag_step.onset": 8.0 * scales["L"] / scales["U"]}
+    trial = planted_trial(model, planted, 4, samples=160, holdout=("turn",))
+    problem = build_problem(model, trial)
+    models = {
+        "nominal": model.nominal,
+        "recalibrated": model.nominal,
+        "with effect": model.with_values(planted),
+    }
+    found = validate_holdout(problem, trial, models, problem.environment.noise_model, 0)
+    for rung in found.horizons:
+        assert rung.excess["with effect"] < 0.3 < rung.excess["nominal"], rung.horizon
+    assert not found.worse
 
 
 def test_a_refit_begun_at_the_fit_without_effects_ends_where_one_from_the_readings_does(monkeypatch):

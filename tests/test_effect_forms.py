@@ -185,6 +185,16 @@ CASES = {
     "hull_asymmetry": (
         {"N_u_abs_v": 0.3}, lambda s, p: np.array([0, 0, 0, 0, 0, 0.3 * s.u * abs(s.v)])
     ),
+    "hull_misalignment": (
+        {"side_force": 0.3, "yaw_moment": -0.2},
+        lambda s, p: s.u * abs(s.u) / s.U_ref**2 * np.array([0, 0.3, 0, 0, 0, -0.2]),
+    ),
+    "drag_step": (  # a logistic curve of four per length travelled
+        {"extra_drag": 0.3, "onset": T - 0.4},
+        lambda s, p: (
+            -0.3 * s.u * abs(s.u) / s.U_ref**2 / (1 + np.exp(-4 * 0.4 * s.U_ref / s.L)) * np.eye(6)[0]
+        ),
+    ),
     "tether_drag": ({"k": 0.4}, line),
     "steady_force": (
         {"F_north": 0.3, "F_east": -0.2},

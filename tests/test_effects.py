@@ -1,6 +1,7 @@
 """The catalogue of effects: names as agreed, absent when off, alive when on, generated for users."""
 
 import tomllib
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -17,7 +18,16 @@ from bayesid.errors import ModelError
 from bayesid.model.effects import CATALOGUE, PORTS
 from bayesid.model.terms import term
 from bayesid.model.vehicles import load_vehicle
-from bayesid.simulation import observe, plan_run, simulate, steady_start
+from bayesid.simulation import (
+    interval_maps,
+    observe,
+    plan_run,
+    plan_trial_run,
+    readings_on,
+    simulate,
+    steady_start,
+)
+from bayesid.trials import Run, window
 
 AGREED = tomllib.loads((Path(__file__).parent / "data" / "effect_names.toml").read_text("utf-8"))["effect"]
 BY_NAME = {e.name: e for e in CATALOGUE}
@@ -80,7 +90,10 @@ def test_turning_an_effect_on_changes_the_readings(effect):
     """By more than 1e-6 of the run, at one prior width; its off value changes nothing (see below)."""
     dof = max(effect.dof, 3)
     model, *_ = lively(dof)
-    values = {effect.key(p.name): p.mean + model.prior_sd(effect.key(p.name)) for p in effect.parameters}
+    values = {
+        effect.key(p.name): 0.0 if p.dated else p.mean + model.prior_sd(effect.key(p.name))
+        for p in effect.parameters
+    }
     on, off = readings(dof, tuple(values.items())), readings(dof)
     assert np.abs((on - off) / np.maximum(np.abs(off).max(axis=0), 1e-9)).max() > 1e-6
 
@@ -174,3 +187,41 @@ def test_an_effect_left_out_leaves_the_parameters_alone():
     assert np.array_equal(fewer.nominal, model.nominal) and fewer.digest == model.digest
     with pytest.raises(ModelError, match="did you mean ocean_current"):
         without_effects(model, ("ocean_curent",))
+
+
+def simulate_readings(model, par, plan, x0):
+    track = simulate(model, par, plan, x0, full=True)
+    return observe(model, par, plan, track.states, full=True), track.states[:, : len(model.states)]
+
+
+def map_readings(model, par, plan, x0):
+    """Readings by the maps of single intervals, along the simulated path."""
+    states = simulate(model, par, plan, x0, full=True).states
+    none = np.zeros(0, dtype=int)
+    maps = interval_maps(model, par, plan, states, (), none)
+    ends = np.abs(maps.ends - states[1:]).max()
+    assert ends < 1e-6, ends
+    return readings_on(model, par, plan, states, maps, none).values, states[:, : len(model.states)]
+
+
+@pytest.mark.parametrize("read", [simulate_readings, map_readings], ids=["simulation", "interval maps"])
+def test_a_part_of_a_run_goes_on_with_what_changes_with_time(read):
+    """Begun from the whole run's state, it reads what the whole run reads there."""
+    model = build_model(load_vehicle("remus100"), 3)
+    t = np.arange(0.0, 60.0, 0.5)
+    commands = {"delta_r_cmd": 0.1 * np.sign(np.sin(0.4 * t)), "n_cmd": np.full(t.size, 1500.0)}
+    run = Run("a", "zigzag", "identify", t, {"u": np.ones(t.size)}, commands)
+    par = model.with_values(
+        {
+            "thrust_decay.loss_per_600s": 2.0, "heading_drift.drift_per_600s": 1.0,
+            "ocean_current_varying.dV_north": 2.0, "drag_step.extra_drag": 1.0, "drag_step.onset": 20.0,
+        }
+    )  # fmt: skip
+    whole, states = read(model, par, plan_trial_run(model, run), steady_start(model))
+    at = np.flatnonzero((t >= 30.0) & (t <= 45.0))
+    part, _ = read(model, par, plan_trial_run(model, window(run, 30.0, 45.0)), states[at[0]])
+    np.testing.assert_allclose(part, whole[at], rtol=0, atol=1e-9 * np.abs(whole).max())
+    twice = plan_trial_run(model, window(window(run, 20.0, 50.0), 30.0, 45.0))
+    np.testing.assert_allclose(read(model, par, twice, states[at[0]])[0], part, rtol=0, atol=1e-12)
+    anew, _ = read(model, par, plan_trial_run(model, replace(run, began=20.0)), states[0])
+    assert np.abs(anew - whole).max() > 0.1  # the control: the time does count

@@ -220,17 +220,16 @@ def readings_on(
     maps: Maps,
     free: Array,
     full: bool = True,
-    since: float | None = None,
 ) -> Readings:
     """Readings of every channel on a path, with slopes by the state at the sample and by the free parameters.
 
     A sensor delay T reads x(t) - T dx/dt to second order, the rate taken from the interval maps, so that its
-    slopes need the state at one sample only. `since` is when the run began, of a part of one.
+    slopes need the state at one sample only.
     """
     par = np.array(par, dtype=float, order="C")
     fun = choose(model, par, full)
     column = {int(p): c for c, p in enumerate(free)}
-    values, by_state, sparse = read_channels(fun, par, plan, states, True, since)
+    values, by_state, sparse = read_channels(fun, par, plan, states, True)
     by_parameter = np.zeros((plan.t.size, values.shape[1], len(free)))
     entries = [(e, int(c), column[int(p)]) for e, (c, p) in enumerate(fun.sensor_entries) if int(p) in column]
     for e, c, k in entries:
@@ -252,7 +251,7 @@ def readings_on(
         wanted = [column[i] for i in fun.delays[channel] if i in column]
         acceleration = np.einsum("ixy,iy->ix", turn, rate)
         late, late_slope, late_sparse = read_channels(
-            fun, par, plan, states - delay * rate + 0.5 * delay**2 * acceleration, True, since
+            fun, par, plan, states - delay * rate + 0.5 * delay**2 * acceleration, True
         )
         values[:, channel] = late[:, channel]
         back = np.eye(states.shape[1]) - delay * turn + 0.5 * delay**2 * turn @ turn

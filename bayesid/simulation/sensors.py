@@ -104,19 +104,15 @@ def observe_sensitivity(
 
 
 def read_channels(
-    fun: Functions, par: Array, plan: TimePlan, states: Array, slopes: bool, since: float | None = None
+    fun: Functions, par: Array, plan: TimePlan, states: Array, slopes: bool
 ) -> tuple[Array, Array, Array]:
-    """Readings, their slopes by the states, and by the parameters (sparse, `fun.sensor_entries`).
-
-    since : when the run began [s], where the plan is a part of one
-    """
+    """Readings, their slopes by the states, and by the parameters (sparse, `fun.sensor_entries`)."""
     n, nc = plan.t.size, len(fun.module.CHANNELS)
     obs = np.empty((n, nc))
     dx = np.zeros((n if slopes else 1, nc, states.shape[1]))
     dpar = np.zeros((n if slopes else 1, max(len(fun.sensor_entries), 1)))
     exo = plan.exogenous[np.minimum(plan.record, plan.steps.size - 1)]
-    time = plan.t - (plan.t[0] if since is None else since)
-    fun.sense(np.ascontiguousarray(states), exo, time, par, slopes, obs, dx, dpar)
+    fun.sense(np.ascontiguousarray(states), exo, plan.t - plan.began, par, slopes, obs, dx, dpar)
     return obs, dx, dpar
 
 

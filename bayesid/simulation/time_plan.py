@@ -37,13 +37,15 @@ class TimePlan:
     Attributes
     ----------
     t : (n,) sample times [s]
-    times, steps : (m,) start [s from the first sample] and length [s] of every RK4 step
+    times, steps : (m,) start [s since the run began] and length [s] of every RK4 step
     record : (n,) number of steps done when sample i is taken
     command : (m, na) commanded actuator positions, mean over the step, without any delay [rad, rpm]
     exogenous : (m, ne) measured wind (its mean over `wind_average` of the vehicle) and latent inputs, held
         over each step
-    knots, levels : (k,) and (k, na) switching times and values of the held commands
+    knots, levels : (k,) and (k, na) switching times [s since the run began] and values of the held commands
     measured : names of actuators whose measured position is used instead of the command
+    began : when the run began [s], from which effects that change with time count: the first sample, or one
+        before it of which this is a part
     short : step [s] while a fin moves, 0 where all steps are as long as was asked for
     kept : what `follow` and `chain_of` have worked out for this plan
     """
@@ -58,6 +60,7 @@ class TimePlan:
     levels: Array
     measured: tuple[str, ...] = ()
     short: float = 0.0
+    began: float = 0.0
     kept: dict[Any, Any] = field(default_factory=dict, init=False, repr=False)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -73,6 +76,7 @@ def plan_run(
     exogenous: Mapping[str, Array] | None = None,
     max_step: float | None = None,
     longer: float = 1.0,
+    began: float | None = None,
 ) -> TimePlan:
     """Time grid and inputs for a run.
 
@@ -89,6 +93,7 @@ def plan_run(
         while a fin moves to a new command at the vehicle's own rate, or at that of the parameters a run is
         simulated with (`follow`)
     longer : how much longer the default steps are: maps of single sample intervals gather no error
+    began : when the run began [s], of a part of one; default the first sample
 
     Raises
     ------
@@ -125,14 +130,17 @@ def plan_run(
         for name, values in (("wind_north", speed * np.cos(towards)), ("wind_east", speed * np.sin(towards))):
             exo[:, model.kernel.exogenous.index(name)] = np.interp(middle, t, _averaged(t, values, over))
     adaptable = short if max_step is None else 0.0
+    began = float(t[0]) if began is None else began
     return TimePlan(
-        t, start - t[0], steps, record, command, exo, t - t[0], levels, tuple(measured), adaptable
+        t, start - began, steps, record, command, exo, t - began, levels, tuple(measured), adaptable, began
     )
 
 
 def plan_trial_run(model: Model, run: Any, max_step: float | None = None, longer: float = 1.0) -> TimePlan:
     """Plan of a logged run (`trials.Run`): measured actuators where logged, commands otherwise."""
-    return plan_run(model, run.t, run.commands, run.measured_inputs, run.exogenous, max_step, longer)
+    return plan_run(
+        model, run.t, run.commands, run.measured_inputs, run.exogenous, max_step, longer, run.began
+    )
 
 
 def _longest(model: Model, max_step: float | None, longer: float) -> tuple[float, float]:

@@ -134,7 +134,7 @@ def make_trial(
                 table = table_of(entry)
                 run = assemble(table, stated.reading, entry.name, entry.manoeuvre, entry.role, entry.notes)
                 if entry.window is not None:
-                    run = window(run, *entry.window)
+                    run = replace(window(run, *entry.window), began=None)  # a run of its own
                 logged.append(run)
                 run = apply(stated.correction, run)
                 notices = check_run(run)

@@ -99,6 +99,8 @@ class Run:
     extra : columns without a canonical name, numbers as in the file
     warnings : what the reader noticed, without the file name
     provenance : how the run came from its file (windows, resampling)
+    began : when the run began [s], of a part of one: from there effects that change with time count; None: at
+        its first sample
     digest : SHA-256 of everything above but warnings and notes, made when it is first asked for
     """
 
@@ -115,6 +117,7 @@ class Run:
     notes: str = ""
     warnings: tuple[str, ...] = ()
     provenance: tuple[str, ...] = ()
+    began: float | None = None
 
     GROUPS = ("data", "commands", "measured_inputs", "exogenous", "propulsion", "extra")
 
@@ -143,6 +146,8 @@ class Run:
         for text in (self.name, self.manoeuvre, self.role, *self.provenance):
             hashed.update(text.encode("utf-8", "surrogatepass") + b"\0")
         hashed.update(self.t.tobytes())
+        if self.began is not None:
+            hashed.update(repr(self.began).encode())
         for group in self.GROUPS:
             channels = getattr(self, group)
             for name in sorted(channels):

@@ -18,7 +18,7 @@ MAX_SAMPLES = 50_000_000
 
 
 def window(run: Run, t0: float, t1: float) -> Run:
-    """Samples with t0 <= t <= t1, seconds of the log.
+    """Samples with t0 <= t <= t1, seconds of the log: a part of the run, which began when the run did.
 
     A command given before t0 is held into the window by its first sample, as everywhere.
 
@@ -34,7 +34,8 @@ def window(run: Run, t0: float, t1: float) -> Run:
         )
     groups: dict[str, Any] = {g: {name: v[keep] for name, v in getattr(run, g).items()} for g in Run.GROUPS}
     note = f"window {t0:g} to {t1:g} s of {run.digest[:12]}"
-    return replace(run, t=run.t[keep], provenance=run.provenance + (note,), **groups)
+    began = float(run.t[0]) if run.began is None else run.began
+    return replace(run, t=run.t[keep], provenance=run.provenance + (note,), began=began, **groups)
 
 
 def resample(run: Run, dt: float, max_gap: float | None = None) -> Run:

@@ -34,8 +34,9 @@ from bayesid.benchmark.general_methods.common import (
     base_of,
     one_family,
 )
+from bayesid.diagnosis.data.problem import sizes_tried
 from bayesid.diagnosis.hypotheses.probabilities import credible_set
-from bayesid.diagnosis.hypotheses.sensitivity_bank import SECANT_SIZES, levels_between, secants
+from bayesid.diagnosis.hypotheses.sensitivity_bank import levels_between, secants
 from bayesid.equations.model import Model
 from bayesid.estimation.filter_error.evidence import NormalEquations, posterior
 from bayesid.estimation.filter_error.linearise import Linearisation, forces, linearise
@@ -156,7 +157,7 @@ def banks_of(base: Base) -> list[Bank]:
     kinked = [e for e in base.effects if not e.smooth]
     first = len(free.names)
     for effect in kinked:
-        for _ in SECANT_SIZES:
+        for _ in sizes_tried(problem, effect):
             causes.append((effect.name, np.array([first])))
             first += 1
     by_run: list[list[NormalEquations]] = []

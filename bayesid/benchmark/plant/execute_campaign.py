@@ -26,7 +26,7 @@ SETTLING_LENGTHS = 12.0  # L/U of straight run before a record starts
 # what changes with time starts with the record, not with the approach
 TIMED = (
     "an", "ae", "tide_w", "t_decay", "t_late", "step_d", "stuck_to", "psi_creep", "psi_settle", "psi_swing",
-    "r_creep",
+    "r_creep", "twist_t",
 )  # fmt: skip
 LOGGED = {3: ("delta_r_cmd", "n_cmd"), 6: ("delta_r_cmd", "delta_s_cmd", "n_cmd")}
 

@@ -98,6 +98,7 @@ def rows(x, delta_r, delta_s, b, axis, kind, factors, value, g, s, F):
 def shaft(t, n, lift, b, g, s, F):
     """Propulsion, its losses, and what the race does to hull and rudder."""
     u = s[0]
+    n *= 1.0 + g.revs_swing * math.sin(g.revs_swing_w * t)
     push = thrust_of(u, n, b)
     drag = b.uu * u * abs(u)
     late = max(t - g.late_from, 0.0)
@@ -106,7 +107,8 @@ def shaft(t, n, lift, b, g, s, F):
     if g.foul_linear != 0.0:
         F[0] -= g.foul_linear * thrust_of(b.U0, b.n_ref, b) * u / b.U0
     if g.step_d != 0.0 and t >= g.step_t:
-        F[0] -= g.step_d * thrust_of(b.U0, b.n_ref, b) * u * abs(u) / b.U0**2
+        grown = min((t - g.step_t) / g.step_ramp, 1.0) if g.step_ramp > 0.0 else 1.0
+        F[0] -= g.step_d * grown * u * abs(u)
     F[1] += g.side * push
     F[5] -= 0.5 * b.L * g.side * push
     F[3] += (b.q_ref + g.torque) * n * abs(n) / b.n_ref**2
@@ -117,7 +119,7 @@ def shaft(t, n, lift, b, g, s, F):
 
 
 @njit(cache=True)
-def hull(x, b, g, s, F):
+def hull(t, x, b, g, s, F):
     """Cross-flow, cubic, one-sided and line forces."""
     u, v, r = s[0], s[1], s[5]
     half = 0.5 * b.rho
@@ -133,8 +135,9 @@ def hull(x, b, g, s, F):
     F[1] += g.vvv * v**3 + g.v5 * v**5
     F[5] += g.rrr * r**3 + g.r5 * r**5
     F[5] += g.bent * u * abs(v)
-    F[1] += g.twist_y * u * u
-    F[5] += g.twist_n * u * u
+    if t >= g.twist_t:
+        F[1] += g.twist_y * u * u
+        F[5] += g.twist_n * u * u
     stern = v - 0.5 * b.L * r
     pull = g.tether * math.sqrt(u * u + stern * stern) + g.tether_linear
     F[0] -= pull * u

@@ -161,6 +161,18 @@ def _wind(rng, size, s):
     return {"V_wind": speed, "from": come, "area_coefficients": area}, fields
 
 
+def _step(rng, size, s):
+    drag, onset = 6e-4 * s.force * size, float(rng.uniform(0.2, 0.7)) * s.run
+    return {"extra_drag": drag, "onset": onset}, {"step_d": drag / s.U**2, "step_t": onset}
+
+
+def _twist(rng, size, s):
+    moment, arm = 2e-4 * s.force * s.L * size * sign(rng), float(rng.uniform(-0.5, 0.8)) * s.L
+    side = moment * arm / s.L**2 * 3.0
+    parameters = {"side_force": side, "yaw_moment": moment}
+    return parameters, {"twist_y": side / s.U**2, "twist_n": moment / s.U**2}
+
+
 def _trim(rng, size, s):
     weight, x = 5e-4 * s.force * size * sign(rng), float(rng.uniform(-0.2, 0.2)) * s.L
     return {"weight_excess": weight, "x": x}, {"heavy": weight, "heavy_x": x}
@@ -197,6 +209,8 @@ CATALOGUE = (
     E("cubic_damping", _cubic),
     E("fluid_memory", _memory),
     E("hull_asymmetry", simple("N_u_abs_v", "bent", 0.002, "yaw")),
+    E("hull_misalignment", _twist),
+    E("drag_step", _step),
     E("steady_force", lambda r, z, s: _pair(("F_north", "F_east"), ("fn", "fe"), 3e-4 * s.force)(r, z, s)),
     E("wind", _wind),
     E("tether_drag", simple("k", "tether", 2.5e-4, "line", True)),

@@ -77,7 +77,7 @@ def rates(t, x, delta_r, delta_s, n, body, g, sea, out, work):
     s[0], s[1], s[2], s[3], s[4], s[5] = u - flow[0], v - flow[1], w - flow[2], p, q, r
     lift = rows(x, delta_r, delta_s, b, axis, kind, factors, value, g, s, F)
     shaft(t, n, lift, b, g, s, F)
-    hull(x, b, g, s, F)
+    hull(t, x, b, g, s, F)
     strips(b, s, F)
     surroundings(t, x, b, g, s, cps, sps, F)
     force = work[40:46]

@@ -99,13 +99,23 @@ def _vortex(rng, size, s):
     return _same({"vortex": 6e-4 * size, "vortex_w": 2 * math.pi * float(rng.uniform(0.15, 0.4)) / s.LU})
 
 
-def _step(rng, size, s):
-    return _same({"step_d": 0.3 * size, "step_t": float(rng.uniform(0.3, 0.6)) * s.run})
+def _growing(rng, size, s):
+    first = float(rng.uniform(0.1, 0.4)) * s.run
+    fields = {"step_d": 6e-4 * size * 0.5 * s.rho * s.L**2, "step_t": first}
+    return _same(fields | {"step_ramp": float(rng.uniform(0.2, 0.5)) * s.run})
 
 
-def _twist(rng, size, s):
+def _damage(rng, size, s):
+    """A fin that is bent on the way."""
     moment = 2e-4 * size * sign(rng) * 0.5 * s.rho * s.L**3
-    return _same({"twist_n": moment, "twist_y": 1.5 * moment / s.L})
+    fields = {"twist_n": moment, "twist_y": -1.5 * moment / s.L}
+    return _same(fields | {"twist_t": float(rng.uniform(0.3, 0.6)) * s.run})
+
+
+def _governor(rng, size, s):
+    """Revolutions that swing about their order."""
+    period = float(rng.uniform(8.0, 30.0)) * s.LU
+    return _same({"revs_swing": 0.04 * size, "revs_swing_w": 2 * math.pi / period})
 
 
 def _slosh(rng, size, s):
@@ -140,6 +150,7 @@ VARIANTS = (
     _variant(
         "thrust_decay", "late", lambda r, z, s: _same({"t_late": 0.4 * z / s.run, "late_from": 0.4 * s.run})
     ),
+    _variant("drag_step", "growing", _growing),
     _variant("hull_fouling", "linear", _own("foul_linear", 0.25, one_sided=True)),
     _variant("crossflow_drag", "midships or ends", _midships),
     _variant("cubic_damping", "fifth power", _fifth),
@@ -162,8 +173,8 @@ OUTSIDE = (
     _outside("vortex_shedding", _vortex),
     _outside("stuck_rudder", _stuck),
     _outside("servo_hunting", _hunting),
-    _outside("drag_step", _step),
-    _outside("hull_moment", _twist),
+    _outside("bent_fin", _damage),
+    _outside("governor_hunting", _governor),
     _outside("sloshing_mass", _slosh),
     _outside("compass_swing", _swing),
 )

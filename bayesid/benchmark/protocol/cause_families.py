@@ -17,11 +17,12 @@ _SIDE = ("Y", "N", "Y+N", "X+Y+N")
 _STRANGERS = {
     "bank_suction": _SIDE,
     "vortex_shedding": _SIDE,
-    "hull_moment": (*_SIDE, "rudder"),
+    "hull_moment": (*_SIDE, "rudder"),  # in answers from before it was listed, as hull_misalignment
+    "bent_fin": (*_SIDE, "rudder"),
     "sloshing_mass": (*_SIDE, "K"),
     "stuck_rudder": ("rudder", *_SIDE),
     "servo_hunting": ("rudder", *_SIDE),
-    "drag_step": ("X", "rpm"),
+    "governor_hunting": ("X", "rpm"),
     "compass_creep": ("psi",),  # in answers from before it was listed, as heading_drift
     "compass_swing": ("psi",),
 }

@@ -48,6 +48,14 @@ SETTLING_ITERATIONS = 3
 FOLLOWING_FORCE_LEVEL = 1e-5
 # Where an effect without a slope when off begins, in prior standard deviations.
 USUAL_START = 0.5
+# Secant sizes, in prior standard deviations, of effects without a slope when off, or with one that says
+# nothing of large sizes: a rudder that is late by longer than it moves.
+SECANT_SIZES = (0.15, 0.8, 2.0, 3.0)
+# Times tried of a dated effect, as shares of the longest run: the speed of a hull takes about a tenth of a
+# trial's run to follow, so that one of them is near enough for a refit to find the time.
+ONSETS = (0.5, 0.3, 0.7, 0.15, 0.85)
+# Effect -> how far each of its parameters is from its prior mean, in prior standard deviations.
+Starts = Mapping[str, tuple[float, ...]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -318,21 +326,41 @@ def first_fit(
     problem: DiagnosisProblem,
     effects: Sequence[Effect],
     points: Sequence[Trajectory],
-    sizes: Mapping[str, float] = MappingProxyType({}),
+    sizes: Starts = MappingProxyType({}),
 ) -> list[Trajectory]:
     """Points with some effects at their start: off, or some way from it where they have no slope when off.
 
     Parameters
     ----------
-    sizes : effect -> how far, in prior sd; half of one where not given
+    sizes : effect -> how far each parameter, in prior sd; half of one where not given, and of a dated effect
+        the middle of the longest run
     """
     par = points[0].par.copy()
     for effect in effects:
         prior = effect_prior(problem.model, effect)
         par[prior.where] = [p.mean for p in effect.parameters]
         if not effect.smooth:
-            par[prior.where] += sizes.get(effect.name, USUAL_START) * prior.sd
+            usual = at_time(effect, USUAL_START, sizes_tried(problem, effect)[0])
+            par[prior.where] += np.array(sizes.get(effect.name, usual)) * prior.sd
     return [replace(point, par=par) for point in points]
+
+
+def at_time(effect: Effect, size: float, time: float) -> tuple[float, ...]:
+    """Parameters of an effect, prior sd from their means: a size, and of a dated effect a time."""
+    return tuple(time if p.dated else size for p in effect.parameters)
+
+
+def sizes_tried(problem: DiagnosisProblem, effect: Effect) -> tuple[float, ...]:
+    """Sizes of an effect without a slope when off that a screen tries, the usual one first [prior sd].
+
+    Of a dated effect they are times in the longest run; elsewhere secants stand in for a slope.
+    """
+    if effect.dated is None:
+        return SECANT_SIZES
+    prior = effect_prior(problem.model, effect)
+    mean, sd = float(prior.mean[effect.dated]), float(prior.sd[effect.dated])
+    longest = max(float(np.ptp(log.plan.t)) for log in problem.logs)
+    return tuple((share * longest - mean) / sd for share in ONSETS)
 
 
 def fit_with(
@@ -341,7 +369,7 @@ def fit_with(
     start: Sequence[Trajectory] | None = None,
     iterations: int = 25,
     initial_noise_scale: float = 0.03,
-    sizes: Mapping[str, float] = MappingProxyType({}),
+    sizes: Starts = MappingProxyType({}),
     worth: float = -np.inf,
 ) -> FilterErrorFit:
     """Filter-error fit of coefficients and of some effects' parameters.

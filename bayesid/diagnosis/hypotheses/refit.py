@@ -5,7 +5,7 @@ Takes a `DiagnosisProblem` and scores. Gives `RefittedHypothesis`s.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from types import MappingProxyType
@@ -14,8 +14,10 @@ import numpy as np
 
 from bayesid.diagnosis.data.problem import (
     FOLLOWING_FORCE_LEVEL,
+    SECANT_SIZES,
     USUAL_START,
     DiagnosisProblem,
+    Starts,
     first_fit,
     fit_with,
 )
@@ -26,12 +28,7 @@ from bayesid.diagnosis.hypotheses.candidate import (
     weighted_hypothesis,
 )
 from bayesid.diagnosis.hypotheses.localisation import Localisation, locate
-from bayesid.diagnosis.hypotheses.sensitivity_bank import (
-    EVERY,
-    SECANT_SIZES,
-    ScreenScore,
-    SensitivityBank,
-)
+from bayesid.diagnosis.hypotheses.sensitivity_bank import EVERY, ScreenScore, SensitivityBank
 from bayesid.diagnosis.threshold_table import ARRIVED_SHARE, LINEARISATION_SCATTER
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.evidence import posterior
@@ -64,7 +61,7 @@ def refit(
     problem: DiagnosisProblem,
     effects: tuple[Effect, ...],
     notify: Notify,
-    sizes: Mapping[str, float] = MappingProxyType({}),
+    sizes: Starts = MappingProxyType({}),
     smaller: RefittedHypothesis | None = None,
     promised: float = np.inf,
 ) -> list[RefittedHypothesis]:
@@ -76,7 +73,7 @@ def refit(
 
     Parameters
     ----------
-    sizes : where effects without a slope when off begin, in prior sd (`sizes_of`)
+    sizes : where effects without a slope when off begin (`sizes_of`)
     smaller, promised : refit with fewer of the effects, and the gain of the screen along its path [nats]
     """
     names = tuple(e.name for e in effects)
@@ -113,7 +110,7 @@ class _Near:
 def _near(
     problem: DiagnosisProblem,
     effects: Sequence[Effect],
-    sizes: Mapping[str, float],
+    sizes: Starts,
     smaller: RefittedHypothesis | None,
     promised: float,
 ) -> _Near | None:
@@ -180,8 +177,9 @@ def refit_screened(
     explain the data or the screen's best size is far from it.
     """
     effect = problem.model.effects[score.name]
-    out = refit(problem, (effect,), notify, smaller=none, promised=score.gain)
-    near = SECANT_SIZES[score.variant] <= 2.0 * USUAL_START
+    begun = {} if effect.dated is None else {score.name: score.start}
+    out = refit(problem, (effect,), notify, begun, none, score.gain)
+    near = effect.smooth or effect.dated is not None or score.start[0] <= 2.0 * USUAL_START
     if effect.smooth or (near and any(explains(c) for c in out)):
         return out
     return refit_again(
@@ -194,21 +192,24 @@ def refit_screened(
     )
 
 
-def sizes_of(problem: DiagnosisProblem, candidates: Iterable[RefittedHypothesis]) -> dict[str, float]:
-    """Effect without a slope when off -> its size in prior sd in the first candidate that has it, not off.
+def sizes_of(
+    problem: DiagnosisProblem, candidates: Iterable[RefittedHypothesis]
+) -> dict[str, tuple[float, ...]]:
+    """Effect without a slope when off -> its parameters in the first candidate that has it, not off.
 
     Of one without a slope a search from off finds the nearest hill: a rudder late by longer than it moves
     came out as late by nothing beside another effect.
     """
-    out: dict[str, float] = {}
+    out: dict[str, tuple[float, ...]] = {}
     for c in candidates:
         for name in c.effects:
             effect = problem.model.effects.get(name)
-            if effect is not None and not effect.smooth and name not in out:
-                at = c.fit.free.names.index(effect.key(effect.parameters[0].name))
-                size = float((c.fit.values[at] - c.fit.free.mean[at]) / c.fit.free.sd[at])
-                if abs(size) > SECANT_SIZES[0]:  # at off there is no slope to leave it by
-                    out[name] = size
+            if effect is None or effect.smooth or name in out:
+                continue
+            at = [c.fit.free.names.index(effect.key(p.name)) for p in effect.parameters]
+            away = (c.fit.values[at] - c.fit.free.mean[at]) / c.fit.free.sd[at]
+            if abs(away[0]) > SECANT_SIZES[0]:  # at off there is no slope to leave it by
+                out[name] = tuple(map(float, away))
     return out
 
 
@@ -236,14 +237,19 @@ def refit_again(
 def _estimated(problem: DiagnosisProblem, bank: SensitivityBank, score: ScreenScore) -> list[Trajectory]:
     """Points at the screen's posterior mean of coefficients and effect."""
     model = problem.model
-    prior = effect_prior(model, model.effects[score.name])
+    effect = model.effects[score.name]
+    prior = effect_prior(model, effect)
     total = bank.total(score.level).pick(bank.columns((score.name,), (score.variant,)))
     z = posterior(total).mean
     par = problem.path[0].par.copy()
     c = problem.coefficients
     par[c.where] = np.maximum(c.mean + c.sd * np.clip(z[: bank.n_coef], -3.0, 3.0), c.low)
-    size = float(np.clip(z[bank.n_coef], 0.1, 3.0)) if np.isfinite(prior.low).any() else float(z[bank.n_coef])
-    par[prior.where] = prior.mean + size * prior.sd
+    size = float(z[bank.n_coef])
+    if effect.dated is not None:
+        par[prior.where] = prior.mean + np.array(score.start) * prior.sd
+    else:
+        size = float(np.clip(size, 0.1, 3.0)) if np.isfinite(prior.low).any() else size
+        par[prior.where] = prior.mean + size * prior.sd
     return [replace(point, par=par) for point in problem.path]
 
 

@@ -15,7 +15,6 @@ from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains,
 from bayesid.diagnosis.hypotheses.localisation import Localisation
 from bayesid.diagnosis.hypotheses.refit import refit, refit_again, remainder, sizes_of
 from bayesid.diagnosis.hypotheses.sensitivity_bank import (
-    SECANT_SIZES,
     Isolability,
     ScreenScore,
     build_bank,
@@ -188,7 +187,7 @@ def _beside(
     names = {e.name for e in effects}
     sizes = sizes_of(problem, sorted(refits, key=lambda c: (len(c.effects), -c.log_evidence)))
     if score is not None and not problem.model.effects[score.name].smooth:
-        sizes.setdefault(score.name, SECANT_SIZES[score.variant])
+        sizes.setdefault(score.name, score.start)
     promised = np.inf if score is None else score.gain
     out = refit(problem, effects, notify, sizes, screened_at, promised)
     part = [c for c in refits if set(c.effects) < names and explains(c)]

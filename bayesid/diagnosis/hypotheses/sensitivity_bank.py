@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bayesid.diagnosis.data.problem import DiagnosisProblem
+from bayesid.diagnosis.data.problem import DiagnosisProblem, at_time, sizes_tried
 from bayesid.estimation.filter_error.evidence import NormalEquations, posterior
 from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, linearise, wrap
 from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit
@@ -22,9 +22,6 @@ from bayesid.estimation.run_data import Array
 from bayesid.model.effects import Effect
 from bayesid.simulation import interval_maps, readings_on
 
-# Secant sizes, in prior standard deviations, of effects without a slope when off, or with one that says
-# nothing of large sizes: a rudder that is late by longer than it moves.
-SECANT_SIZES = (0.15, 0.8, 2.0, 3.0)
 # A prior that is too narrow as a whole: how many times its standard deviations.
 EVERY = {"every coefficient x3": 3.0, "every coefficient x10": 10.0}
 
@@ -32,10 +29,11 @@ EVERY = {"every coefficient x3": 3.0, "every coefficient x10": 10.0}
 @dataclass(frozen=True, eq=False)
 class EffectColumns:
     """Columns of one effect in the bank; several `variants` where secants of several sizes stand in for a
-    slope."""
+    slope, or where it begins at a time that is not known: `sizes` in prior sd, empty for a slope."""
 
     effect: Effect
     variants: tuple[Array, ...]
+    sizes: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,11 +107,12 @@ def build_bank(
     kinked = [e for e in effects if not e.smooth]
     n_free = len(free.names)
     columns = {e.name: EffectColumns(e, (position[e.name],)) for e in smooth}
-    for i, effect in enumerate(kinked):
-        first = n_free + i * len(SECANT_SIZES)
-        columns[effect.name] = EffectColumns(
-            effect, tuple(np.array([first + j]) for j in range(len(SECANT_SIZES)))
-        )
+    first = n_free
+    for effect in kinked:
+        sizes = sizes_tried(problem, effect)
+        last = first + len(sizes)
+        columns[effect.name] = EffectColumns(effect, tuple(np.array([j]) for j in range(first, last)), sizes)
+        first = last
     by_run: list[list[NormalEquations]] = []
     for k, (log, point) in enumerate(zip(problem.logs, points, strict=True)):
         # one run at a time: the columns of all effects are the largest thing a diagnosis makes
@@ -128,7 +127,10 @@ def build_bank(
 
 
 def secants(problem: DiagnosisProblem, path: Linearisation, effects: Sequence[Effect]) -> tuple[Array, Array]:
-    """Difference quotients of readings and interval ends, in units of one prior standard deviation."""
+    """Difference quotients of readings and interval ends, in units of one prior standard deviation.
+
+    Of a dated effect those to the size of one standard deviation, for every time tried.
+    """
     model, log, point = problem.model, path.log, path.point
     nothing = np.zeros(0, dtype=np.int64)
     picked = log.positions(model)
@@ -136,9 +138,13 @@ def secants(problem: DiagnosisProblem, path: Linearisation, effects: Sequence[Ef
     direct, drive = [], []
     for effect in effects:
         prior = effect_prior(model, effect)
-        for size in SECANT_SIZES:
+        for size in sizes_tried(problem, effect):
             par = point.par.copy()
-            par[prior.where] = np.maximum(par[prior.where], prior.mean) + size * prior.sd
+            if effect.dated is None:
+                par[prior.where] = np.maximum(par[prior.where], prior.mean) + size * prior.sd
+            else:
+                par[prior.where] = prior.mean + np.array(at_time(effect, 1.0, size)) * prior.sd
+                size = 1.0
             maps = interval_maps(model, par, where.plan, where.states, (), nothing)
             values = readings_on(model, par, where.plan, where.states, maps, nothing).values[:, picked]
             change = wrap(model, log, values - where.values)
@@ -149,12 +155,14 @@ def secants(problem: DiagnosisProblem, path: Linearisation, effects: Sequence[Ef
 
 @dataclass(frozen=True)
 class ScreenScore:
-    """Screen of one effect: gain in log evidence over no effect, best level and secant."""
+    """Screen of one effect: gain in log evidence over no effect, best level and secant, and for one without a
+    slope when off where a refit begins (`Starts`)."""
 
     name: str
     gain: float
     level: int
     variant: int
+    start: tuple[float, ...] = ()
 
 
 def levels_between(problem: DiagnosisProblem, path_level: float) -> list[NoiseModel]:
@@ -183,11 +191,21 @@ def screen(bank: SensitivityBank) -> list[ScreenScore]:
         for i in range(len(bank.levels)):
             total = bank.total(i)
             for v in range(len(column.variants)):
-                gain = posterior(total.pick(bank.columns((name,), (v,)))).log_evidence - none
+                found = posterior(total.pick(bank.columns((name,), (v,))))
+                gain = found.log_evidence - none
                 if gain > best.gain:
-                    best = ScreenScore(name, float(gain), i, v)
+                    start = () if column.effect.smooth else _start(column, v, float(found.mean[-1]))
+                    best = ScreenScore(name, float(gain), i, v, start)
         out.append(best)
     return sorted(out, key=lambda s: -s.gain)
+
+
+def _start(column: EffectColumns, variant: int, estimate: float) -> tuple[float, ...]:
+    """Where a refit begins: at the size of the secant, or at a time tried in the size asked for there."""
+    size = column.sizes[variant]
+    if column.effect.dated is None:
+        return (size,)
+    return at_time(column.effect, float(np.clip(estimate, -3.0, 3.0)), size)
 
 
 def widened(bank: SensitivityBank, names: Sequence[str], factor: float = 10.0) -> dict[str, float]:

@@ -101,10 +101,7 @@ class RemadeSlopes:
             psi[:, :, heavy] += np.einsum(
                 "ixf,pfg,ig->ixp", maps.gamma, self.ratio_slope[heavy], self.force[begin:end], optimize=True
             )
-        read = readings_on(
-            self.model, self.par, part_of(self.plan, begin, end), states, maps, self.free,
-            since=float(self.plan.t[0]),
-        )  # fmt: skip
+        read = readings_on(self.model, self.par, part_of(self.plan, begin, end), states, maps, self.free)
         kept = slice(first - begin, last - begin)
         return read.by_parameter[kept][:, self.picked], psi[first - begin : min(last, n - 1) - begin]
 

@@ -48,7 +48,8 @@ class EffectParameter:
     off). Outside `low` to `high`, in units of `scale` as well, it is not this effect: no probability goes
     there. A planar model cannot tell values from `roll_from` to `off` from a list or heel it leaves out.
     `assumed` is the relative standard deviation that constants assumed in the form (areas nobody declared)
-    add to the size that is told; the force itself is known better.
+    add to the size that is told; the force itself is known better. `dated` is a time of every run from which
+    the effect acts: nothing tells it while the effect is off, so a screen tries several.
     """
 
     name: str
@@ -62,6 +63,7 @@ class EffectParameter:
     high: float = math.inf
     roll_from: float = 0.0
     assumed: float = 0.0
+    dated: bool = False
     about: str = ""
 
 
@@ -99,8 +101,9 @@ class Effect:
     `says` is the effect in one sentence for whoever runs the vehicle, with places for its sizes: see
     `bayesid.diagnosis.plain_words`.
 
-    `as_form` is for a force that the symmetry of a hull allows and that depends on the motion alone, as any
-    force does that the equations lack: "also" where it is a cause of its own as well, "only" where it is not.
+    `as_form` is for a force that depends on the motion alone, as any force does that the equations lack:
+    "also" where it is a cause of its own as well, "only" where it is not, "asked" where it is a cause and
+    breaks the symmetry of a hull, so that it is part of a form only where the runs ask for it.
     `planar` effects are what a model in the horizontal plane leaves out; one with roll and pitch has them.
     """
 
@@ -123,7 +126,7 @@ class Effect:
     smooth: bool = True
     form: str = ""
     says: str = ""
-    as_form: Literal["", "also", "only"] = ""
+    as_form: Literal["", "also", "only", "asked"] = ""
     planar: bool = False
 
     def acts_in(self, dof: int) -> bool:
@@ -144,6 +147,11 @@ class Effect:
             if self.force and all(re.search(pattern, text) for text in self.force.values()):
                 return name
         return ""
+
+    @property
+    def dated(self) -> int | None:
+        """Position of the parameter that is a time of every run, None without one."""
+        return next((i for i, p in enumerate(self.parameters) if p.dated), None)
 
     def key(self, parameter: str) -> str:
         """Name of one parameter in a model's parameter layout."""

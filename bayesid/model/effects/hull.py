@@ -12,6 +12,10 @@ _GAUSS = (
 )
 
 
+# From 0 to 1 within about two lengths travelled, which the surge of a hull cannot tell from at once.
+_BEGUN = "0.5*(1 + tanh(2*(t - onset)*U_ref/L))"
+
+
 def _strip(arm: bool) -> str:
     parts = []
     for xi, weight in _GAUSS:
@@ -102,6 +106,56 @@ EFFECTS = (
         form="A yaw moment alone, even in sway; no side force with it. One propeller behind a rudder makes a "
         "hull asymmetric as well, so it is part of a model form.",
         as_form="also",
+    ),
+    Effect(
+        name="hull_misalignment",
+        says="Something on the hull is out of line: at the usual speed it pushes {side_force:N:to starboard:"
+        "to port} and turns {yaw_moment:N m:to starboard:to port}.",
+        family="hull_misalignment",
+        port="force",
+        where=("N", "Y+N", "Y", "rudder"),
+        parameters=(
+            EffectParameter(
+                "side_force", "N", 3e-4, "rho*L**2*U**2/2", about="at the usual speed, to starboard"
+            ),
+            EffectParameter(
+                "yaw_moment", "N*m", 3e-4, "rho*L**3*U**2/2", about="at the usual speed, to starboard"
+            ),
+        ),
+        force={"Y": "side_force*u*abs(u)/U_ref**2", "N": "yaw_moment*u*abs(u)/U_ref**2"},
+        source="Y_* and N_* of the standard equations (Gertler & Hagen 1967)",
+        magnitude="equal to some degrees of rudder after damage, one where a fin is bolted on askew",
+        form="A side force and a yaw moment with the square of the speed, each of its own size; that of a "
+        "rudder set askew is rudder_offset, that of a propeller goes with its thrust. One propeller behind a "
+        "hull has as much, so it may be part of a model form.",
+        as_form="asked",
+    ),
+    Effect(
+        name="drag_step",
+        says="From {onset:s} after the start of a run on, the vehicle has {extra_drag:N:more:less} drag at "
+        "its usual speed.",
+        family="drag_step",
+        port="force",
+        where=("X", "rpm"),
+        parameters=(
+            EffectParameter("extra_drag", "N", 1e-3, "rho*L**2*U**2/2", about="at the usual speed"),
+            EffectParameter(
+                "onset",
+                "s",
+                1000.0,
+                off=1.0,
+                mean=600.0,
+                low=0,
+                dated=True,
+                about="time from the first sample of each run",
+            ),
+        ),
+        force={"X": f"-extra_drag*u*abs(u)/U_ref**2*{_BEGUN}"},
+        smooth=False,
+        source="assumed: a mast, a flap or a line put out, something caught on the hull",
+        magnitude="10-30 % of the drag",
+        form="With the square of the speed, from nothing to all of it within two lengths travelled, at the "
+        "same time of every run; drag all along is hull_fouling or tether_drag.",
     ),
     Effect(
         name="tether_drag",

@@ -4,7 +4,7 @@ Takes nothing. Gives declarations that are not part of the catalogue: who wants 
 `bayesid fit --effects` and `diagnose --effects` by a file with one line,
 `from bayesid.model.effects.wind_in_time import VARYING as EFFECTS`, or SHIP_VARYING for a ship told by the
 MMG method, whose areas and table of coefficients its file states. Does not: know gusts, which are left to the
-noise, or a wind that turns back within a run; or pieces of a run, each of which would begin anew.
+noise, or a wind that turns back within a run.
 """
 
 from __future__ import annotations
