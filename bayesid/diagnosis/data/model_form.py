@@ -5,8 +5,7 @@ in every hypothesis. Does not ask whether the runs need it (`hypotheses.form_sea
 
 Three kinds of unknowns make it up. Rows of the force table the vehicle lacks, normal about zero. Its own rows
 of the same kinds, whose prior is widened by as much: the file's values were tuned to other equations. Effects
-declared as such functions of the motion (`Effect.as_form`): strips in cross flow, cubes, roll; what breaks
-the symmetry of a hull where the runs ask for it.
+declared as such functions of the motion (`Effect.as_form`): strips in cross flow, cubes, roll.
 """
 
 from __future__ import annotations
@@ -38,12 +37,10 @@ class ModelForm:
     sizes : axis -> standard deviation of every row's force over 1/2 rho L^2 U^2 (moments L^3) at the typical
         motion; 0 for none
     period : of a resonance the planar model leaves out [s]; None without
-    asked : effects that are part of it though no hull has to have them (`Effect.as_form`, "asked")
     """
 
     sizes: Mapping[str, float]
     period: float | None = None
-    asked: tuple[str, ...] = ()
 
     @property
     def acts(self) -> bool:
@@ -59,9 +56,7 @@ def form_effects(model: Model, form: ModelForm) -> tuple[Effect, ...]:
         if effect.as_form == "only":
             if form.period is not None or not resonates(effect):
                 chosen.append(effect)
-        elif effect.as_form == "asked" and effect.name not in form.asked:
-            continue
-        elif effect.as_form and any(form.sizes.get(axis, 0.0) for axis in effect.force):
+        elif effect.as_form == "also" and any(form.sizes.get(axis, 0.0) for axis in effect.force):
             chosen.append(effect)
     return tuple(chosen)
 

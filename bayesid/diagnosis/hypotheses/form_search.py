@@ -10,7 +10,7 @@ chosen per axis, and the density of every run given the others.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -79,16 +79,12 @@ def _asked_for(problem: DiagnosisProblem, equations: _Columns) -> SoughtForm | N
     for _ in range(ROUNDS):
         for axis in equations.axes:
             for size in (0.0, *SIZES):
-                tried = replace(form, sizes={**form.sizes, axis: size})
+                tried = ModelForm({**form.sizes, axis: size}, form.period)
                 value = equations.evidence(tried)
                 if value > best + (ADD_EVIDENCE if form.sizes[axis] == 0.0 else 0.0):
                     best, form = value, tried
         if equations.period is not None and form.period is None:
-            tried = replace(form, period=equations.period)
-            if (value := equations.evidence(tried)) > best + ADD_EVIDENCE:
-                best, form = value, tried
-        for name in (n for n in equations.asked if n not in form.asked):
-            tried = replace(form, asked=(*form.asked, name))
+            tried = ModelForm(form.sizes, equations.period)
             if (value := equations.evidence(tried)) > best + ADD_EVIDENCE:
                 best, form = value, tried
     if not form.acts:
@@ -113,15 +109,14 @@ class _Columns:
         self._problem, self._equations, self._free, self._largest = problem, equations, free, largest
         self._named, self._explanation = named, explanation  # parameters of causes, and of all
         self.axes = tuple(largest.sizes)
-        self.period, self.asked = largest.period, largest.asked
+        self.period = largest.period
 
     @classmethod
     def along(cls, problem: DiagnosisProblem, best: RefittedHypothesis, period: float | None) -> _Columns:
         model, fitted = problem.model, best.fit
         planar = model.dof == 3
         roll = period if planar and any(resonates(e) for e in model.kernel.effects) else None
-        asked = tuple(e.name for e in model.causes if e.as_form == "asked" and e.acts_in(model.dof))
-        largest = ModelForm(dict.fromkeys("XYN" if planar else "XYZKMN", SIZES[-1]), roll, asked)
+        largest = ModelForm(dict.fromkeys("XYN" if planar else "XYZKMN", SIZES[-1]), roll)
         free = with_form(model, problem.stated, largest)
         explanation = [model.effects[n] for n in best.effects if n in model.effects]
         for effect in explanation:

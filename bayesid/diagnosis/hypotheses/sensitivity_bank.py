@@ -74,6 +74,8 @@ def testable(problem: DiagnosisProblem, effect: Effect) -> bool:
         return False
     if any(effect.key(p.name) in problem.coefficients.names for p in effect.parameters):
         return False  # part of the model form, which every hypothesis has
+    if problem.form is not None and effect.as_form == "alone":
+        return False  # equations that lack a force do not tell it from a single screw
     if effect.name == "position_lever_arm" and problem.velocity_from_track:
         return False
     seen = set(effect.sensor) | {c for group in effect.sensor_delay.values() for c in group}

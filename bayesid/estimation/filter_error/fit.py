@@ -250,7 +250,8 @@ def _within(total: NormalEquations, mean: Array, low: Array) -> Array:
     """Optimum of the quadratic above bounds; `mean` is the one without them."""
     if np.all(mean >= low):
         return mean
-    root = cholesky(total.ss + np.eye(mean.size))
+    # of the triangle `posterior` has factored: rounding may leave the other one indefinite
+    root = cholesky(total.ss + np.eye(mean.size), lower=True).T
     found = lsq_linear(root, solve_triangular(root, total.se, trans="T"), (low, np.inf), method="bvls")
     return np.asarray(found.x)
 

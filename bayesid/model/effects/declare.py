@@ -102,8 +102,8 @@ class Effect:
     `bayesid.diagnosis.plain_words`.
 
     `as_form` is for a force that depends on the motion alone, as any force does that the equations lack:
-    "also" where it is a cause of its own as well, "only" where it is not, "asked" where it is a cause and
-    breaks the symmetry of a hull, so that it is part of a form only where the runs ask for it.
+    "also" where it is a cause of its own as well, "only" where it is not, "alone" where it breaks the
+    symmetry of a hull: no part of a form, and a cause only where no form is needed.
     `planar` effects are what a model in the horizontal plane leaves out; one with roll and pitch has them.
     """
 
@@ -126,7 +126,7 @@ class Effect:
     smooth: bool = True
     form: str = ""
     says: str = ""
-    as_form: Literal["", "also", "only", "asked"] = ""
+    as_form: Literal["", "also", "only", "alone"] = ""
     planar: bool = False
 
     def acts_in(self, dof: int) -> bool:

@@ -19,7 +19,7 @@ _PORTS = {
 _AS_FORM = {
     "also": "part of it where the equations lack a force that depends on the motion, else a cause",
     "only": "part of it, never a cause",
-    "asked": "part of it where the equations lack a force and the runs ask for this as well, else a cause",
+    "alone": "no part of it, and a cause only where the equations lack no such force",
 }
 
 
