@@ -66,7 +66,9 @@ def stage(monkeypatch, gain, evidence, follows=True):
     def best(log_evidence, follows=True):
         fit = SimpleNamespace(converged=follows, chi2=1.0)
         none = SimpleNamespace(fit=fit, widens=False)
-        return SimpleNamespace(log_evidence=log_evidence, fit=fit, effects=("lag",), none=none, refits=())
+        return SimpleNamespace(
+            log_evidence=log_evidence, fit=fit, effects=("lag",), none=none, refits=(), widens=False
+        )
 
     environment = SimpleNamespace(source="assumed", noise_model="loud")
     problem = SimpleNamespace(environment=environment, with_environment=lambda noise, fits: noise)
@@ -96,11 +98,53 @@ def test_a_comparison_that_fails_there_leaves_what_was_found_and_says_so(monkeyp
 
     fit = SimpleNamespace(converged=True, chi2=1.0)
     problem = SimpleNamespace(environment=SimpleNamespace(source="assumed", noise_model=None))
-    found = Compared(problem, SimpleNamespace(fit=fit, effects=()), "no form")
+    found = Compared(problem, SimpleNamespace(fit=fit, effects=(), widens=False), "no form")
     monkeypatch.setattr(environment_stage, "simplest", lambda candidates: candidates)
     monkeypatch.setattr(environment_stage, "noise_beside", fails)
     answer = in_its_environment(found, lambda text: None, 0)
     assert answer.problem is problem and answer.unable.startswith("no form; ") and "no path" in answer.unable
+
+
+@pytest.mark.parametrize(
+    ("arrived", "gains", "after", "taken"),
+    [
+        (True, (5.0, 90.0), 140.0, "lag"),  # ahead in a noise of its own
+        (True, (30.0, 40.0), 140.0, "wide"),
+        (True, (5.0, 90.0), 95.0, None),  # what ends below the coefficients is not put before them
+        (False, (0.0, 90.0), 95.0, "lag"),  # evidence of a fit that did not arrive is none
+        (True, (5.0, 10.0), 140.0, None),
+    ],
+)
+def test_a_cause_is_not_put_behind_coefficients_by_the_noise_it_makes_itself(
+    monkeypatch, arrived, gains, after, taken
+):
+    """Coefficients 40 nats ahead of a cause where the environment is what the gap made it."""
+
+    def one(log_evidence, names, gain, converged=True):
+        fit = SimpleNamespace(converged=converged, chi2=1.0, gain=gain, of=names)
+        widens = bool(names) and names[0].startswith("coefficient_error")
+        return SimpleNamespace(log_evidence=log_evidence, effects=names, fit=fit, widens=widens)
+
+    wide = one(100.0, ("coefficient_error:every coefficient x3",), gains[0], arrived)
+    refits = (wide, one(60.0, ("lag",), gains[1]), one(50.0, ("play",), 200.0))
+    environment = SimpleNamespace(source="assumed", noise_model="loud")
+    problem = SimpleNamespace(environment=environment, with_environment=lambda noise, fits: noise)
+    found = Compared(problem, SimpleNamespace(none=one(0.0, (), 0.0), refits=refits, best=wide))
+    later = SimpleNamespace(none=one(0.0, (), 0.0), refits=(one(after, ("lag",), 0.0),))
+    monkeypatch.setattr(environment_stage, "simplest", lambda c: c.refits[0])
+    monkeypatch.setattr(environment_stage, "noise_beside", lambda fit, noise: (fit.of, fit.gain))
+    begun = []
+
+    def compared(noise, notify, seed, earlier):
+        begun.append(earlier.effects)
+        return Compared(noise, later)
+
+    monkeypatch.setattr(environment_stage, "compared", compared)
+    answer = in_its_environment(found, lambda text: None, 0)
+    if taken is None:
+        assert answer is found
+    else:
+        assert answer.candidates is later and begun == [wide.effects if taken == "wide" else ("lag",)]
 
 
 def lacking(model, *effects, values):

@@ -5,7 +5,9 @@ Takes `Compared`. Gives `Compared`. Does not decide.
 Without a straight run the environment is estimated from the manoeuvres under the vehicle as given, and a gap
 passes for process noise: it came out up to ten times too loud. Here it has the most marginal likelihood
 beside the best explanation, coefficients, effects and form integrated out. Each hypothesis with an
-environment of its own would lag by up to 30 % less; the order stayed.
+environment of its own would lag by up to 30 % less; the order stayed, but between coefficients further off
+than stated and a cause: a noise made by the gap suits the former, which bend towards anything. A rudder late
+by 0.13 s, 105 nats behind every coefficient ten times further off, was 221 nats ahead in a noise of its own.
 """
 
 from __future__ import annotations
@@ -16,7 +18,8 @@ from dataclasses import replace
 import numpy as np
 
 from bayesid.diagnosis.form_stage import Compared, compared
-from bayesid.diagnosis.hypotheses.candidate import explains
+from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains
+from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.facts import simplest
 from bayesid.diagnosis.threshold_table import LINEARISATION_SCATTER
 from bayesid.errors import BayesidError
@@ -26,13 +29,22 @@ Notify = Callable[[str], None]
 
 
 def in_its_environment(found: Compared, notify: Notify, seed: int) -> Compared:
-    """The same hypotheses where the best of them asks for another environment by more than refits scatter."""
-    problem, best = found.problem, simplest(found.candidates)
-    if problem.environment.source != "assumed" or not explains(best):
+    """The same hypotheses where the best of them asks for another environment by more than refits scatter.
+
+    The best is that of most evidence in an environment of its own, of the best explanation and, where that is
+    a wider prior or did not arrive, the best cause that did.
+    """
+    problem = found.problem
+    if problem.environment.source != "assumed":
+        return found
+    leading = _leading(found.candidates)
+    if not leading:
         return found
     notify("the environment beside the best explanation")
     try:
-        noise_model, gain = noise_beside(best.fit, problem.environment.noise_model)
+        before = problem.environment.noise_model
+        asked = [(*noise_beside(one.fit, before), one) for one in leading]
+        noise_model, gain, best = max(asked, key=lambda a: a[1] + a[2].log_evidence)
         if gain < LINEARISATION_SCATTER:
             return found
         c = found.candidates
@@ -43,4 +55,15 @@ def in_its_environment(found: Compared, notify: Notify, seed: int) -> Compared:
         return replace(found, unable="; ".join(filter(None, (found.unable, unable))))
     after = simplest(again.candidates)
     # what ends lower in the environment that suits it has not arrived
-    return again if explains(after) and after.log_evidence > best.log_evidence else found
+    least = max(one.log_evidence for one in leading)
+    return again if explains(after) and after.log_evidence > least else found
+
+
+def _leading(candidates: HypothesisComparison) -> list[RefittedHypothesis]:
+    """The best explanation, and the best cause where that is a wider prior or did not arrive."""
+    best = simplest(candidates)
+    out = [best] if explains(best) else []
+    if best.widens or not out:
+        causes = [c for c in candidates.refits if explains(c) and c.effects and not c.widens]
+        out += sorted(causes, key=lambda c: -c.log_evidence)[:1]
+    return out
