@@ -195,6 +195,12 @@ PRIOR_CATALOGUE = Limit(
 PRIOR_OUTSIDE = Limit(
     "PRIOR_OUTSIDE", 0.1, "1", "Prior of a cause that is not listed.", "Stated before any data."
 )
+USUAL_SIZE_PROBABILITY = Limit(
+    "USUAL_SIZE_PROBABILITY", 0.5, "1",
+    "Prior of an effect having its usual size; the rest is shared by smaller ones that would show.",
+    "Stated before any data. With the usual size alone two hulls out of line of a fiftieth of it were told "
+    "as a propeller's and a rudder's side, which pay for one parameter (fourteenth sealed run).",
+)  # fmt: skip
 UNLISTED_ALIKE_SHARE = Limit(
     "UNLISTED_ALIKE_SHARE", 0.5, "1",
     "Share of what lies outside that looks like an effect of the catalogue rather than like any generic "

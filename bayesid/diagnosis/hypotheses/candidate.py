@@ -13,6 +13,7 @@ import numpy as np
 from scipy.special import chdtri, log_ndtr, logsumexp, ndtri, stdtrit
 
 from bayesid.diagnosis.data.problem import DiagnosisProblem
+from bayesid.diagnosis.hypotheses.size_scales import over_usual_size, sizes_of_effect
 from bayesid.diagnosis.threshold_table import (
     FOLLOWS_DATA_CHI2,
     INTERVAL_TOLD,
@@ -92,12 +93,26 @@ def _log_inside(low: float, high: float, mean: float, sd: float) -> float:
     return float(upper + np.log1p(-np.exp(min(lower - upper, -1e-15))))
 
 
-def repeatable_evidence(problem: DiagnosisProblem, fitted: FilterErrorFit) -> float:
+def size_columns(model: Model, names: Sequence[str], effects: Sequence[str]) -> tuple[tuple[int, ...], ...]:
+    """Columns of the sizes of each effect among free parameters of these names."""
+    out = []
+    for effect in (model.effects[n] for n in effects if n in model.effects):
+        keys = [effect.key(effect.parameters[i].name) for i in sizes_of_effect(effect)]
+        out.append(tuple(names.index(k) for k in keys if k in names))
+    return tuple(c for c in out if c)
+
+
+def repeatable_evidence(
+    problem: DiagnosisProblem, fitted: FilterErrorFit, effects: Sequence[str] = ()
+) -> float:
     """Corrected log evidence where a measured environment may differ between runs by its own repeatability.
 
-    Averaged over a log-normal factor on all amplitudes; as it is where the environment was stated.
+    Averaged over a log-normal factor on all amplitudes; as it is where the environment was stated. Effects
+    are of any size (`size_scales`).
     """
-    alone = corrected_evidence(problem.model, fitted)
+    sizes = size_columns(problem.model, fitted.free.names, effects)
+    total = sum(fitted.equations[1:], fitted.equations[0])
+    alone = corrected_evidence(problem.model, fitted) + over_usual_size(total, sizes)
     if problem.environment.source == "stated" or not any(problem.environment.noise_model.force):
         return alone
     logs, paths = np.array(NOISE_SCALE_SHIFTS), fitted.paths
@@ -111,12 +126,14 @@ def repeatable_evidence(problem: DiagnosisProblem, fitted: FilterErrorFit) -> fl
             fitted.free,
             problem.environment.noise_model.scaled(float(np.exp(shift))),
         )
+        total = sum(equations[1:], equations[0])
         try:
-            found = posterior(sum(equations[1:], equations[0]))
+            found = posterior(total)
         except ModelError:
             return alone
         # the ranges hold at every size of the environment: what a forbidden size gains in a calm is no gain
-        values.append(found.log_evidence + log_mass_in_range(problem.model, fitted, found, _every(fitted)))
+        inside = log_mass_in_range(problem.model, fitted, found, _every(fitted))
+        values.append(found.log_evidence + inside + over_usual_size(total, sizes))
     return float(logsumexp(np.array(values) + weight))
 
 
@@ -125,7 +142,7 @@ def weighted_hypothesis(
 ) -> RefittedHypothesis:
     """Candidate with its corrected evidence."""
     # some forty refits are kept to the end of a diagnosis; what they were linearised to is not
-    return RefittedHypothesis(effects, repeatable_evidence(problem, fitted), fitted.released())
+    return RefittedHypothesis(effects, repeatable_evidence(problem, fitted, effects), fitted.released())
 
 
 def away_from_straight(
@@ -144,8 +161,9 @@ def away_from_straight(
     gains = []
     for c in (candidate, none):
         kept = [g for g, s in zip(c.fit.equations, straight, strict=True) if not s]
+        total, sizes = sum(kept[1:], kept[0]), size_columns(model, c.fit.free.names, c.effects)
         try:
-            gains.append(posterior(sum(kept[1:], kept[0])).log_evidence)
+            gains.append(posterior(total).log_evidence + over_usual_size(total, sizes))
         except ModelError:  # its path left the region of one of the runs: it explains nothing
             return replace(candidate, log_evidence=-np.inf) if c is candidate else candidate
     limit = none.log_evidence + gains[0] - gains[1]
@@ -194,13 +212,18 @@ def nested(problem: DiagnosisProblem, candidate: RefittedHypothesis, keep: tuple
     total = sum(fitted.equations[1:], fitted.equations[0])
     kept = {effects[n].key(p.name) for n in keep for p in effects[n].parameters}
     k = len(problem.coefficients.names)
-    less = np.array([i for i, n in enumerate(fitted.free.names) if i < k or n in kept])
-    without = posterior(total.pick(less))
-    model = problem.model
+    names, model = fitted.free.names, problem.model
+    less = np.array([i for i, n in enumerate(names) if i < k or n in kept])
+    fewer = total.pick(less)
+    without = posterior(fewer)
+    other_sizes = over_usual_size(total, size_columns(model, names, candidate.effects)) - over_usual_size(
+        fewer, size_columns(model, [names[i] for i in less], keep)
+    )
     return (
         corrected_evidence(model, fitted)
         - without.log_evidence
         - log_mass_in_range(model, fitted, without, less)
+        + other_sizes
     )
 
 

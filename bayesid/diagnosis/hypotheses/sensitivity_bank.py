@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bayesid.diagnosis.data.problem import DiagnosisProblem, at_time, sizes_tried
+from bayesid.diagnosis.hypotheses.size_scales import over_usual_size, sizes_of_effect
 from bayesid.estimation.filter_error.evidence import NormalEquations, posterior
 from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, linearise, wrap
 from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit
@@ -34,6 +35,12 @@ class EffectColumns:
     effect: Effect
     variants: tuple[Array, ...]
     sizes: tuple[float, ...] = ()
+
+    def sizes_of(self, variant: int) -> Array:
+        """Which columns of a variant are sizes of the effect; a secant is one."""
+        if self.sizes:
+            return np.arange(self.variants[variant].size)
+        return np.array(sizes_of_effect(self.effect), dtype=int)
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,8 +200,10 @@ def screen(bank: SensitivityBank) -> list[ScreenScore]:
         for i in range(len(bank.levels)):
             total = bank.total(i)
             for v in range(len(column.variants)):
-                found = posterior(total.pick(bank.columns((name,), (v,))))
-                gain = found.log_evidence - none
+                columns = bank.columns((name,), (v,))
+                own = total.pick(columns)
+                found = posterior(own)
+                gain = found.log_evidence + over_usual_size(own, [bank.n_coef + column.sizes_of(v)]) - none
                 if gain > best.gain:
                     start = () if column.effect.smooth else _start(column, v, float(found.mean[-1]))
                     best = ScreenScore(name, float(gain), i, v, start)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bayesid.diagnosis.hypotheses.sensitivity_bank import SensitivityBank
+from bayesid.diagnosis.hypotheses.size_scales import gains_of_draws
 from bayesid.diagnosis.threshold_table import FALSE_ALARM, LEAST_NAMING_EVIDENCE, NOISE_MODEL_SLACK
 from bayesid.estimation.run_data import Array
 
@@ -45,11 +46,10 @@ def chance(bank: SensitivityBank, seed: int, draws: int = 2000) -> tuple[Array, 
     moved = se[:, :c] @ inner
     best = np.full(draws, -np.inf)
     for column in bank.effects.values():
-        for k in column.variants:
+        for v, k in enumerate(column.variants):
             rest = se[:, k] - moved @ a[:c, k]
-            s = np.eye(k.size) + a[np.ix_(k, k)] - a[np.ix_(k, np.arange(c))] @ inner @ a[:c, k]
-            gain = 0.5 * np.einsum("dk,dk->d", rest, np.linalg.solve(s, rest.T).T)
-            best = np.maximum(best, gain - 0.5 * np.linalg.slogdet(s)[1])
+            own = a[np.ix_(k, k)] - a[np.ix_(k, np.arange(c))] @ inner @ a[:c, k]
+            best = np.maximum(best, gains_of_draws(own, rest, column.sizes_of(v)))
     return best, np.abs(moved).max(axis=1, initial=0.0)
 
 
