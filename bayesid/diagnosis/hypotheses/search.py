@@ -63,7 +63,8 @@ def search_several(
     """
     left = dict(left or {})
     model = problem.model
-    if len(current.effects) == 2:
+    if len(current.effects) > 1:
+        # best elsewhere, where two may have stood for one that is better here
         refits, current = _exchanged(problem, refits, current, alike, notify)
     while len(current.effects) < MOST_EFFECTS:
         chosen = [model.effects[n] for n in current.effects]
@@ -92,22 +93,33 @@ def search_several(
         if len(current.effects) == 2:
             refits, current = _exchanged(problem, refits, current, alike, notify)
     while len(current.effects) > 1:
-        less = []
-        for name in current.effects:
-            fewer = tuple(model.effects[n] for n in current.effects if n != name)
-            known = [c for c in refits if set(c.effects) == {e.name for e in fewer}]
-            found = known or refit(problem, fewer, notify, sizes_of(problem, [current]))
-            if explains(current) and not any(explains(c) for c in found):
-                # a smaller truth beside which the search went astray arrives from the larger one
-                start = _switched_off(problem, current, fewer)
-                found = refit_again(problem, fewer, start, FOLLOWING_FORCE_LEVEL, found, notify)
-            less += found
-            refits += [c for c in less if c not in refits]
+        less = _one_less(problem, refits, current, notify)
+        refits += [c for c in less if c not in refits]
         smaller = max(less, key=lambda c: c.log_evidence, default=None)
         if smaller is None or smaller.log_evidence < current.log_evidence - DROP_EVIDENCE:
             break
         current = smaller
     return sorted(refits, key=lambda c: -c.log_evidence), left
+
+
+def _one_less(
+    problem: DiagnosisProblem,
+    refits: Sequence[RefittedHypothesis],
+    current: RefittedHypothesis,
+    notify: Notify,
+) -> list[RefittedHypothesis]:
+    """Refits of an explanation without each of its effects in turn, known ones as they are."""
+    less = []
+    for name in current.effects:
+        fewer = tuple(problem.model.effects[n] for n in current.effects if n != name)
+        known = [c for c in refits if set(c.effects) == {e.name for e in fewer}]
+        found = known or refit(problem, fewer, notify, sizes_of(problem, [current]))
+        if explains(current) and not any(explains(c) for c in found):
+            # a smaller truth beside which the search went astray arrives from the larger one
+            start = _switched_off(problem, current, fewer)
+            found = refit_again(problem, fewer, start, FOLLOWING_FORCE_LEVEL, found, notify)
+        less += found
+    return less
 
 
 def gains_beside(

@@ -121,7 +121,7 @@ def identify_noise(
 
 
 def noise_beside(
-    fitted: FilterErrorFit, noise_model: NoiseModel, steps: int = 12
+    fitted: FilterErrorFit, noise_model: NoiseModel, steps: int = 12, louder: bool = True
 ) -> tuple[NoiseModel, float]:
     """Most probable process noise along a fit, everything free in it integrated out, and what that gains in
     log density over the noise the fit was made with [nats].
@@ -131,11 +131,14 @@ def noise_beside(
     Parameters
     ----------
     noise_model : the noise the fit was made with
+    louder : whether forces may be larger than in that
     """
     unknowns = _unknowns(fitted.model, fitted.logs, None, 0.0)
     cost = unknowns.cost(fitted.paths, fitted.free, stacked_equations)
-    start = np.clip(unknowns.theta(noise_model), unknowns.low, unknowns.high)
-    theta = minimise_scaled(cost, start, unknowns.low, unknowns.high, unknowns.spread, steps)
+    start, high = np.clip(unknowns.theta(noise_model), unknowns.low, unknowns.high), unknowns.high
+    if not louder:
+        high[: unknowns.forces] = start[: unknowns.forces]
+    theta = minimise_scaled(cost, start, unknowns.low, high, unknowns.spread, steps)
     return unknowns.noise_model(theta), float(cost(start) - cost(theta))
 
 
