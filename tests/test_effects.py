@@ -179,6 +179,15 @@ def test_an_equation_with_an_unknown_name_is_refused_with_the_effects_name():
         module_source(KernelSpec(3), (*CATALOGUE, replace(PUSH, force={"Y": "F*G"})))
 
 
+@pytest.mark.parametrize("wrong", [{"smooth": True}, {"parameters": BY_NAME["drag_step"].parameters[::-1]}])
+def test_a_time_that_a_screen_would_not_try_is_refused(wrong):
+    """Taken for smooth it had a slope of nought at every time, and was never found."""
+    with pytest.raises(
+        ModelError, match="'drag_step': one dated parameter, behind the size, and smooth=False"
+    ):
+        replace(BY_NAME["drag_step"], **wrong)
+
+
 def test_an_effect_left_out_leaves_the_parameters_alone():
     model = build_model(load_vehicle("remus100"), 3)
     fewer = without_effects(model, ("wind", "ocean_current"))

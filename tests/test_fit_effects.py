@@ -12,14 +12,17 @@ from bayesid.api.inputs import declared_effects
 from bayesid.equations.model import build_model
 from bayesid.errors import FitError, ModelError, VehicleError
 from bayesid.estimation.likelihood import NoiseParts
+from bayesid.estimation.onsets import begun_in_time, onsets_tried
 from bayesid.estimation.output_error.trial_setup import trial_problem
 from bayesid.estimation.parameters import coefficient_set, with_effects
+from bayesid.estimation.segments import in_pieces
 from bayesid.estimation.trial_fit import fit_trial
 from bayesid.manoeuvres import turn, zigzag
 from bayesid.model.vehicles import load_vehicle, write_vehicle
 from bayesid.report.fit_effects import effect_words, parameter_words
 from bayesid.simulation import simulate
 from bayesid.simulation.virtual_trial import virtual_trial
+from bayesid.trials import window
 
 NOISE = {"x": 1.0, "y": 1.0, "psi": 0.01, "u": 0.05, "v": 0.05, "r": 1e-3}
 FREE = ("N_v", "N_r", "N_dr")
@@ -68,6 +71,41 @@ def test_effects_that_are_not_there_have_intervals_that_hold_their_off_value(abs
         assert abs(absent.fit.z[i]) < 3 * absent.fit.sd[i]
     assert all(gain < 0.5 * 3.0**2 + 2 for gain in absent.gains.values())
     assert all("does not show" in words for words in effect_words(absent))
+
+
+@pytest.mark.parametrize(("onset", "piece"), [(45.0, None), (240.0, None), (240.0, 100.0)])
+def test_a_drag_that_steps_up_is_found_though_its_time_has_no_slope_while_it_is_off(onset, piece):
+    """Begun at nothing, at the prior's mean beyond the end of the runs, a search stays there."""
+    s = build_model(load_vehicle("generic_sub"), 3).scales
+    planted = {
+        "drag_step.extra_drag": 1e-3 * 0.5 * s["rho"] * (s["L"] * s["U"]) ** 2,
+        "drag_step.onset": onset,
+    }
+    trial = _trial(planted)
+    trial = trial if piece is None else in_pieces(trial, piece)
+    found = fit_trial(trial, free=FREE, effects=("drag_step",), parts=NoiseParts())
+    for name, truth in planted.items():
+        i = found.fit.names.index(name)
+        assert abs(found.fit.z[i] - truth) < 3 * found.fit.sd[i], name
+    assert found.fit.sd[found.fit.names.index("drag_step.onset")] < 5.0
+    assert "more drag" in " ".join(effect_words(found))
+
+
+def test_times_tried_lie_in_the_parts_of_runs_that_are_read():
+    trial = _trial({})
+    late = replace(trial, runs=tuple(window(run, 150.0, 250.0) for run in trial.runs))
+    tried = onsets_tried(trial_problem(build_model(load_vehicle("generic_sub"), 3), late, threads=1).runs)
+    assert tried == pytest.approx((200.0, 180.0, 220.0, 165.0, 235.0))
+
+
+def test_a_drag_that_steps_up_begins_as_a_vehicle_file_says():
+    vehicle = replace(
+        load_vehicle("generic_sub"), effects={"drag_step.extra_drag": 1.0, "drag_step.onset": 70.0}
+    )
+    model = build_model(vehicle, 3)
+    params = with_effects(model, coefficient_set(model, FREE), ("drag_step",))
+    problem = trial_problem(model, _trial({}), params, threads=1)
+    assert np.array_equal(begun_in_time(problem).start, problem.start)
 
 
 def test_slopes_by_effect_parameters_are_those_of_differences():

@@ -178,6 +178,15 @@ def test_a_hull_out_of_line_is_a_cause_where_no_form_is_needed_alone(size):
         assert verdict.effects == ("hull_misalignment",) and found.problem.form is None
 
 
+def test_a_hull_out_of_line_is_named_beside_another_cause_where_no_form_is_needed():
+    model = model_of("generic_sub")
+    moment = 3e-4 * 0.5 * model.scales["rho"] * model.scales["L"] ** 3 * model.scales["U"] ** 2
+    planted = {"hull_misalignment.yaw_moment": moment, "heading_bias.bias": 0.05}
+    found = compare_without(model, planted_trial(model, other_vehicle(model, 5) | planted, 5, samples=160))
+    assert found.problem.form is None
+    assert set(decide(found.problem, found.candidates).effects) == {"hull_misalignment", "heading_bias"}
+
+
 @pytest.mark.slow
 def test_a_shape_of_a_form_that_was_planted_beside_another_cause_is_named_with_it():
     model = model_of("generic_sub")
@@ -189,12 +198,13 @@ def test_a_shape_of_a_form_that_was_planted_beside_another_cause_is_named_with_i
 
 
 def test_beside_another_cause_a_shape_counts_for_any_force_of_the_motion_unless_that_loses_against_it():
-    effects = {"shape": Plain(as_form="also"), "cause": Plain(as_form="")}
+    effects = {"shape": Plain(as_form="also"), "cause": Plain(as_form=""), "askew": Plain(as_form="alone")}
     both, alone = Plain(effects=("shape", "cause")), Plain(effects=("shape",))
     model = Plain(effects=effects)
     for instead, like in ((np.inf, ("shape",)), (30.0, ("shape",)), (-1.0, ("shape",)), (-9.0, ())):
         assert like_a_form(Plain(form_instead=instead), both, model) == like
         assert like_a_form(Plain(form_instead=instead), alone, model) == ()
+        assert like_a_form(Plain(form_instead=instead), Plain(effects=("askew", "cause")), model) == ()
 
 
 @pytest.mark.parametrize(

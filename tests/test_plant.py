@@ -12,6 +12,8 @@ from scipy.integrate import solve_ivp
 
 from bayesid.benchmark.plant import CASES, draw_campaign
 from bayesid.benchmark.plant.body import build, factors_of
+from bayesid.benchmark.plant.campaign import still
+from bayesid.benchmark.plant.execute_campaign import execute_campaign
 from bayesid.benchmark.plant.execute_run import execute_run, start_state
 from bayesid.benchmark.plant.listed_causes import Scales
 from bayesid.benchmark.plant.noise import ornstein_uhlenbeck
@@ -201,6 +203,15 @@ def test_every_case_shows_at_its_reference_size_and_not_at_a_vanishing_one(case)
     vanishing = 1e-3 if case.variant == "second order" else 1e-9
     assert difference(case, vanishing) < (3e-2 if case.variant == "second order" else 1e-4)
     assert difference(case, 1.0) > 1e-3
+
+
+@pytest.mark.parametrize(("effect", "before"), [("bent_fin", 0), ("drag_step", 0), ("hull_misalignment", 1)])
+def test_what_begins_on_the_way_leaves_the_approach_alone(effect, before):
+    """A record begins in the state of the vehicle without it; a hull out of line all along drifts before."""
+    c = still(draw_campaign(1, effects=(effect,), dof=3, sizes=(1.0, 1.0)))
+    with_it, without = (execute_campaign(x).runs[0] for x in (c, replace(c, planted=())))
+    assert np.array_equal(with_it.start, without.start) == (not before)
+    assert np.abs(with_it.track.states[-1] - without.track.states[-1]).max() > 0.01  # the control: it acts
 
 
 def test_correlated_noise_has_its_variance_and_memory():

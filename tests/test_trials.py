@@ -130,6 +130,9 @@ T3 = np.arange(3.0)
         ({"warnings": None}, "run 'a': warnings is NoneType"),
         ({"notes": b"x"}, "run 'a': notes is bytes"),
         ({"commands": None}, "run 'a': commands is NoneType"),
+        ({"commands": {"n_cmd": T3, 3: T3}}, "run 'a': commands holds int"),
+        ({"began": "noon"}, "run 'a': began is 'noon'"),
+        ({"began": math.nan}, "run 'a': began is nan"),
     ],
 )
 def test_a_run_of_wrong_types_is_refused_at_once(wrong, told):
@@ -154,6 +157,14 @@ def test_a_run_of_wrong_types_is_refused_at_once(wrong, told):
 def test_a_trial_of_wrong_types_is_refused_at_once(wrong, told):
     with pytest.raises(TypeError, match=told):
         Trial(**({"name": "pond", "folder": Path("."), "vehicle_ref": "", "dof": 3, "runs": ()} | wrong))
+
+
+def test_a_masked_reading_is_none():
+    seen = np.ma.array([1.0, 1e20, 3.0], mask=[False, True, False])
+    run = Run("a", "", "identify", T3, {"x": seen})
+    np.testing.assert_array_equal(run.data["x"], [1.0, np.nan, 3.0])
+    plain = Run("a", "", "identify", T3, {"x": np.ma.array(T3)})
+    assert plain.digest == Run("a", "", "identify", T3, {"x": T3}).digest
 
 
 def test_what_a_trial_was_made_of_may_change_and_its_digest_does_not():

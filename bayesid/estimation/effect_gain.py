@@ -11,7 +11,7 @@ import numpy as np
 from bayesid.errors import ModelError
 from bayesid.estimation.output_error.problem import FitProblem
 
-STEPS, SAME = 6, 1e-3  # Gauss-Newton steps without the effect, and change of cost that counts as none
+STEPS, SAME = 6, 1e-3  # Gauss-Newton steps, and change of cost that counts as none
 
 
 def effect_gains(problem: FitProblem, z: np.ndarray, weight: float = 1.0) -> dict[str, float]:
@@ -30,12 +30,12 @@ def effect_gains(problem: FitProblem, z: np.ndarray, weight: float = 1.0) -> dic
         for name in names:
             params = params.changed([name], role="fixed", start=off[problem.model.index[name]], prior=None)
         kept = [i for i, n in enumerate(problem.names) if n not in names]
-        out[effect] = weight * max(_best_cost(problem.with_params(params), z[kept]) - best, 0.0)
+        out[effect] = weight * max(descended(problem.with_params(params), z[kept])[1] - best, 0.0)
     return out
 
 
-def _best_cost(problem: FitProblem, z: np.ndarray) -> float:
-    """Cost after a few Gauss-Newton steps inside the bounds, never more than at z."""
+def descended(problem: FitProblem, z: np.ndarray) -> tuple[np.ndarray, float]:
+    """Unknowns and cost after a few Gauss-Newton steps inside the bounds, never more than at z."""
     cost = problem.cost(z)
     for _ in range(STEPS):
         try:
@@ -50,4 +50,4 @@ def _best_cost(problem: FitProblem, z: np.ndarray) -> float:
         gained, (z, cost) = cost - tried[1], tried
         if gained < SAME:
             break
-    return cost
+    return z, cost

@@ -21,6 +21,7 @@ from bayesid.estimation.effect_gain import effect_gains
 from bayesid.estimation.likelihood import CoefficientPosterior, NoiseParts
 from bayesid.estimation.likelihood.predictive_check import kind_of
 from bayesid.estimation.likelihood.weighted_fit import weighted_fit
+from bayesid.estimation.onsets import begun_in_time
 from bayesid.estimation.output_error.fit_result import Fit
 from bayesid.estimation.output_error.problem import FitProblem
 from bayesid.estimation.output_error.read_run import output_error_run
@@ -135,7 +136,7 @@ def fit_trial(
             model, names, relative_bounds=relative_bounds, use_prior=use_prior, ties=ties
         )
     params = with_effects(model, params, effects)
-    problem = trial_problem(model, trial, params, channels=channels, threads=threads)
+    problem = begun_in_time(trial_problem(model, trial, params, channels=channels, threads=threads))
     options = options or FitOptions()
     if options.profile is None:
         stated = all(c in trial.noise for run in problem.runs for c in run.channels)

@@ -27,10 +27,11 @@ def effect_words(found: TrialFit) -> list[str]:
     for effect in _effects(found):
         sizes = ", ".join(parameter_words(found, f"{effect.name}.{p}") for p in _own(found, effect.name))
         gain = found.gains.get(effect.name, math.inf)
+        own = _own(found, effect.name)
+        dated = {p.name for p in found.model.effects[effect.name].parameters if p.dated}
+        # a time that is sought fits the noise as an amplitude does
         amplitudes = sum(
-            found.model.effect_off[found.model.index[n]] == 0.0
-            for p in _own(found, effect.name)
-            if (n := f"{effect.name}.{p}")
+            p in dated or found.model.effect_off[found.model.index[f"{effect.name}.{p}"]] == 0.0 for p in own
         )
         off = gain < 0.5 * float(chi2.isf(FALSE_ALARM, max(amplitudes, 1)))
         says = f"{effect.name} does not show in these runs" if off else sentence(effect).removesuffix(".")

@@ -7,6 +7,7 @@ Does not: know vehicles or models; a trial only names its vehicle.
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -74,6 +75,8 @@ def _all_texts(where: str, name: str, values: Any) -> tuple[str, ...]:
 
 
 def _read_only(values: Any) -> Floats:
+    if isinstance(values, np.ma.MaskedArray):  # a masked reading is none
+        values = np.ma.filled(values.astype(float), np.nan)
     array = np.asarray(values, dtype=float)
     if array.flags.writeable:
         array = array.copy()
@@ -127,12 +130,17 @@ class Run:
         if self.role not in ROLES:
             raise ValueError(f"role is {self.role!r}; one of {ROLES}")
         object.__setattr__(self, "t", _read_only(self.t))
+        if self.began is not None:
+            if not isinstance(self.began, Real) or not math.isfinite(self.began):
+                raise TypeError(f"{where}: began is {self.began!r}; a time in s or None is wanted")
+            object.__setattr__(self, "began", float(self.began))
         for name in ("warnings", "provenance"):
             object.__setattr__(self, name, _all_texts(where, name, getattr(self, name)))
         for group in self.GROUPS:
             if not isinstance(getattr(self, group), Mapping):
                 kind = _kind(getattr(self, group))
                 raise TypeError(f"{where}: {group} is {kind}; a mapping of names to arrays is wanted")
+            _all_texts(where, group, getattr(self, group))
             frozen = Channels({name: _read_only(values) for name, values in getattr(self, group).items()})
             for name in sorted(frozen):
                 if frozen[name].shape != self.t.shape:

@@ -6,6 +6,7 @@ Does not: write files (`bundles`).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -26,7 +27,7 @@ SETTLING_LENGTHS = 12.0  # L/U of straight run before a record starts
 # what changes with time starts with the record, not with the approach
 TIMED = (
     "an", "ae", "tide_w", "t_decay", "t_late", "step_d", "stuck_to", "psi_creep", "psi_settle", "psi_swing",
-    "r_creep", "twist_t",
+    "r_creep",
 )  # fmt: skip
 LOGGED = {3: ("delta_r_cmd", "n_cmd"), 6: ("delta_r_cmd", "delta_s_cmd", "n_cmd")}
 
@@ -123,6 +124,8 @@ def _start(c: Campaign, body: Body, plan: RunPlan) -> np.ndarray:
     number, calm = body.number, c.gap.copy()
     for field in TIMED:
         calm[field] = 0.0
+    if calm["twist_t"] > 0.0:  # at 0 it is out of line all along
+        calm["twist_t"] = math.inf
     first = plan.levels[0][2] if plan.levels else plan.rpm
     x = start_state(number["U0"] * first / number["n_ref"], plan.heading, plan.depth, calm, plan.place)
     steady = RunPlan(**{**vars(plan), "kind": "straight", "rpm": first, "levels": (), "ordered": None})

@@ -28,6 +28,7 @@ from bayesid.estimation.filter_error.noise_identification import (
 from bayesid.estimation.filter_error.noise_model import NoiseModel
 from bayesid.estimation.filter_error.read_run import LONGER_STEPS, STRAIGHT_LENGTHS, filter_error_run
 from bayesid.estimation.filter_error.straight_run_noise import RemovedForces, identify_straight_noise
+from bayesid.estimation.onsets import onsets_tried
 from bayesid.estimation.parameters import NO_PARAMETERS, GaussianPrior, coefficient_prior, effect_prior
 from bayesid.estimation.run_data import RunData
 from bayesid.model.effects import Effect
@@ -51,9 +52,6 @@ USUAL_START = 0.5
 # Secant sizes, in prior standard deviations, of effects without a slope when off, or with one that says
 # nothing of large sizes: a rudder that is late by longer than it moves.
 SECANT_SIZES = (0.15, 0.8, 2.0, 3.0)
-# Times tried of a dated effect, as shares of the longest run: the speed of a hull takes about a tenth of a
-# trial's run to follow, so that one of them is near enough for a refit to find the time.
-ONSETS = (0.5, 0.3, 0.7, 0.15, 0.85)
 # Effect -> how far each of its parameters is from its prior mean, in prior standard deviations.
 Starts = Mapping[str, tuple[float, ...]]
 
@@ -333,7 +331,7 @@ def first_fit(
     Parameters
     ----------
     sizes : effect -> how far each parameter, in prior sd; half of one where not given, and of a dated effect
-        the middle of the longest run
+        the middle of the runs
     """
     par = points[0].par.copy()
     for effect in effects:
@@ -353,14 +351,13 @@ def at_time(effect: Effect, size: float, time: float) -> tuple[float, ...]:
 def sizes_tried(problem: DiagnosisProblem, effect: Effect) -> tuple[float, ...]:
     """Sizes of an effect without a slope when off that a screen tries, the usual one first [prior sd].
 
-    Of a dated effect they are times in the longest run; elsewhere secants stand in for a slope.
+    Of a dated effect they are times in the runs; elsewhere secants stand in for a slope.
     """
     if effect.dated is None:
         return SECANT_SIZES
     prior = effect_prior(problem.model, effect)
     mean, sd = float(prior.mean[effect.dated]), float(prior.sd[effect.dated])
-    longest = max(float(np.ptp(log.plan.t)) for log in problem.logs)
-    return tuple((share * longest - mean) / sd for share in ONSETS)
+    return tuple((time - mean) / sd for time in onsets_tried(problem.logs))
 
 
 def fit_with(

@@ -273,7 +273,7 @@ def undetectable(candidates: HypothesisComparison) -> tuple[str, ...]:
 
 
 def like_a_form(candidates: HypothesisComparison, best: RefittedHypothesis, model: Model) -> tuple[str, ...]:
-    """Of several effects, those that depend on the motion alone.
+    """Of several effects, those that depend on the motion alone and may be part of a form.
 
     One that explains everything by itself is a cause. Beside another it is what any simulator lacks of any
     vehicle: a force that depends on the motion, of which it is one shape; unless the runs ask for such a
@@ -281,7 +281,8 @@ def like_a_form(candidates: HypothesisComparison, best: RefittedHypothesis, mode
     """
     if len(best.effects) < 2 or candidates.form_instead < np.log(1 / NAMING_PROBABILITY - 1):
         return ()
-    return tuple(n for n in best.effects if model.effects[n].as_form)
+    # one that breaks the symmetry of a hull is no shape of a form: with one it is not even tried
+    return tuple(n for n in best.effects if model.effects[n].as_form == "also")
 
 
 def simplest(candidates: HypothesisComparison) -> RefittedHypothesis:

@@ -33,6 +33,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from bayesid.errors import ModelError
+
 PORTS = ("input", "flow", "force", "sensor")
 _SERVO = re.compile(r"(servo_lag|inverse_rate)_(\w+)")
 _FINS = {"r": "delta_r", "s": "delta_s", "b": "delta_b"}
@@ -49,7 +51,8 @@ class EffectParameter:
     there. A planar model cannot tell values from `roll_from` to `off` from a list or heel it leaves out.
     `assumed` is the relative standard deviation that constants assumed in the form (areas nobody declared)
     add to the size that is told; the force itself is known better. `dated` is a time of every run from which
-    the effect acts: nothing tells it while the effect is off, so a screen tries several.
+    the effect acts: nothing tells it while the effect is off, so a screen tries several, and the effect has
+    `smooth=False`.
     """
 
     name: str
@@ -128,6 +131,14 @@ class Effect:
     says: str = ""
     as_form: Literal["", "also", "only", "alone"] = ""
     planar: bool = False
+
+    def __post_init__(self) -> None:
+        times = [i for i, p in enumerate(self.parameters) if p.dated]
+        if times and (self.smooth or times == [0] or len(times) > 1):
+            raise ModelError(
+                f"effect {self.name!r}: one dated parameter, behind the size, and smooth=False are wanted: "
+                "nothing tells its time while it is off"
+            )
 
     def acts_in(self, dof: int) -> bool:
         """Whether a model of 3 or 6 degrees of freedom can have it."""
