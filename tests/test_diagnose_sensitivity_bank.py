@@ -18,6 +18,7 @@ from bayesid.diagnosis.hypotheses.sensitivity_bank import (
     screen,
     widened,
 )
+from bayesid.diagnosis.hypotheses.size_scales import over_usual_size
 from bayesid.diagnosis.hypotheses.thresholds import chance, thresholds
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.evidence import NormalEquations, normal_equations, posterior
@@ -76,6 +77,12 @@ def p_value(score, information):
 def gain(bank, g, name, variant=0):
     with_it = posterior(g.pick(bank.columns((name,), (variant,)))).log_evidence
     return with_it - posterior(g.pick(bank.columns(()))).log_evidence
+
+
+def gain_of_any_size(bank, g, name, variant=0):
+    own = g.pick(bank.columns((name,), (variant,)))
+    sizes = bank.n_coef + bank.effects[name].sizes_of(variant)
+    return gain(bank, g, name, variant) + over_usual_size(own, [sizes])
 
 
 def test_evidence_is_the_density_of_the_readings():
@@ -289,7 +296,8 @@ def test_thresholds_are_what_trials_without_effect_reach_by_chance():
     seen = []
     for _ in range(150):
         g = draws.one()
-        seen.append(max(gain(bank, g, n, v) for n, e in bank.effects.items() for v in range(len(e.variants))))
+        every = [(n, v) for n, e in bank.effects.items() for v in range(len(e.variants))]
+        seen.append(max(gain_of_any_size(bank, g, n, v) for n, v in every))
     # the same distribution from the evidence itself, draw by draw
     assert stats.ks_2samp(best, seen).pvalue > 1e-3
     assert stats.ks_2samp(best + 0.7, seen).pvalue < 1e-3
