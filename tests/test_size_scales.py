@@ -6,7 +6,7 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from bayesid.diagnosis.hypotheses.size_scales import SMALLER, gains_of_draws, over_usual_size, sizes_of_effect
-from bayesid.diagnosis.threshold_table import UNDETECTABLE_NONCENTRALITY, USUAL_SIZE_PROBABILITY
+from bayesid.diagnosis.threshold_table import SHOWN_NONCENTRALITY, USUAL_SIZE_PROBABILITY
 from bayesid.estimation.filter_error.evidence import NormalEquations, posterior
 from bayesid.model.effects import CATALOGUE
 
@@ -20,7 +20,7 @@ def equations(columns, readings):
 def test_it_is_the_integral_over_a_prior_of_several_widths():
     """One effect, one coefficient; the size integrated numerically under the mixture of normal densities."""
     rng = np.random.default_rng(2)
-    columns = rng.standard_normal((40, 2)) * [1.0, 80.0]
+    columns = rng.standard_normal((40, 2)) * [1.0, 200.0]
     readings = columns @ [0.4, 0.02] + rng.standard_normal(40)
     total = equations(columns, readings)
     shares = [USUAL_SIZE_PROBABILITY, *([(1.0 - USUAL_SIZE_PROBABILITY) / len(SMALLER)] * len(SMALLER))]
@@ -37,7 +37,7 @@ def test_it_is_the_integral_over_a_prior_of_several_widths():
 
 
 def test_what_these_runs_would_not_show_at_smaller_sizes_is_as_before():
-    column = np.full((10, 1), np.sqrt(0.9 * UNDETECTABLE_NONCENTRALITY / SMALLER[0] ** 2 / 10))
+    column = np.full((10, 1), np.sqrt(0.9 * SHOWN_NONCENTRALITY / SMALLER[0] ** 2 / 10))
     readings = np.linspace(-1.0, 2.0, 10)
     assert over_usual_size(equations(column, readings), [[0]]) == 0.0
     assert over_usual_size(equations(2.0 * column, readings), [[0]]) != 0.0

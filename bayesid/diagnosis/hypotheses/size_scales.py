@@ -5,7 +5,7 @@ size alone, and the same of many draws. Pure linear algebra.
 
 The prior standard deviation of an effect is its usual size. A fault that shows clearly may be a hundredth of
 it: half of the probability goes to the usual size, half to smaller ones, every half decade alike, down to
-the smallest that these runs would show and no further than a hundredth. With the usual size alone an effect
+the smallest that these runs would surely show and no further than a hundredth. With the usual size alone an effect
 of two parameters pays twice for being small: a bent fin a fiftieth of the usual, 5.5 nats for each rival that
 has one, and was told as the side force of a propeller by 3.7 nats.
 """
@@ -18,7 +18,7 @@ from itertools import product
 import numpy as np
 from scipy.special import logsumexp
 
-from bayesid.diagnosis.threshold_table import UNDETECTABLE_NONCENTRALITY, USUAL_SIZE_PROBABILITY
+from bayesid.diagnosis.threshold_table import SHOWN_NONCENTRALITY, USUAL_SIZE_PROBABILITY
 from bayesid.estimation.filter_error.evidence import NormalEquations, without
 from bayesid.estimation.run_data import Array
 from bayesid.model.effects import Effect
@@ -71,7 +71,7 @@ def _scales(information: Array, blocks: Sequence[Array]) -> tuple[Array, Array]:
     choices = []
     for block in blocks:
         shown = float(np.trace(information[np.ix_(block, block)])) / max(block.size, 1)
-        least = np.sqrt(UNDETECTABLE_NONCENTRALITY / shown) if shown > 0.0 else np.inf
+        least = np.sqrt(SHOWN_NONCENTRALITY / shown) if shown > 0.0 else np.inf
         smaller = [s for s in SMALLER if s >= least]
         rest = (1.0 - USUAL_SIZE_PROBABILITY) / len(smaller) if smaller else 0.0
         choices.append([(1.0, 1.0 - rest * len(smaller)), *((s, rest) for s in smaller)])
