@@ -116,10 +116,10 @@ NAMED = {
 }
 
 
-def test_what_speaks_at_all_or_leaves_a_trace_is_not_undetectable():
+def test_what_is_worth_a_mention_or_leaves_a_trace_is_not_undetectable():
     told = SimpleNamespace(names=("a", "b", "c", "d"), detect=(9.9, 9.9, 9.9, 10.0))
     comparison = SimpleNamespace(
-        ambiguity=told, evidence={"a": 0.5, "b": 0.0, "d": -1.0}, probabilities={"none": 0.01}
+        ambiguity=told, evidence={"a": 1.2, "b": 1.1, "d": -1.0}, probabilities={"none": 0.01}
     )
     assert facts.undetectable(comparison) == ("b", "c")
     comparison.probabilities["none"] = 0.0099

@@ -217,6 +217,7 @@ def test_the_numbers_of_the_table_are_those_the_practice_campaigns_were_scored_w
         "PRIOR_OUTSIDE": 0.1,
         "USUAL_SIZE_PROBABILITY": 0.5,
         "SHOWN_NONCENTRALITY": 100.0,
+        "BARE_MENTION": 1.15,
         "UNLISTED_ALIKE_SHARE": 0.5,
         "OTHER_FORM_PROBABILITY": 0.25,
         "REMAINDER_EVIDENCE": 3.0,

@@ -28,6 +28,7 @@ from bayesid.diagnosis.hypotheses.localisation import SENSORS
 from bayesid.diagnosis.hypotheses.probabilities import credible_set, told
 from bayesid.diagnosis.hypotheses.sizes import sizes_told
 from bayesid.diagnosis.threshold_table import (
+    BARE_MENTION,
     CONFOUNDED_SHARE,
     EVEN_ODDS,
     FOLLOWS_DATA_CHI2,
@@ -259,7 +260,7 @@ def _of_the_vehicle(problem: DiagnosisProblem, candidates: HypothesisComparison)
 def undetectable(candidates: HypothesisComparison) -> tuple[str, ...]:
     """Effects that these runs would hardly show at their usual size, and do not speak for.
 
-    Their probability is what it was before the data. As an explanation they are no other than "none": what is
+    Their probability is about what it was before the data. As an explanation they are no other than "none": what is
     not there to be seen cannot be told from what is too small to be. Where there surely is a gap none of them
     explains it.
     """
@@ -268,7 +269,7 @@ def undetectable(candidates: HypothesisComparison) -> tuple[str, ...]:
     return tuple(
         n
         for n, d in zip(candidates.ambiguity.names, candidates.ambiguity.detect, strict=True)
-        if d < UNDETECTABLE_NONCENTRALITY and candidates.evidence.get(n, 0.0) <= 0.0
+        if d < UNDETECTABLE_NONCENTRALITY and candidates.evidence.get(n, 0.0) <= BARE_MENTION
     )
 
 
