@@ -210,8 +210,9 @@ USUAL_SIZE_PROBABILITY = Limit(
 SHOWN_NONCENTRALITY = Limit(
     "SHOWN_NONCENTRALITY", 100.0, "1",
     "Noncentrality at one prior sd from which a size smaller than usual is tried.",
-    "Three in four sizes drawn from such a prior would be named alone (a normal number beyond 0.35). With 10, "
-    "where one in four would, sets of clean campaigns held 4.2 families, 2.8 before smaller sizes.",
+    "Three in four sizes drawn from such a prior would be named alone (a normal number beyond "
+    "0.35). With 10, where one in four would, sets of clean campaigns held 4.2 families, 2.8 before smaller "
+    "sizes.",
 )  # fmt: skip
 UNLISTED_ALIKE_SHARE = Limit(
     "UNLISTED_ALIKE_SHARE", 0.5, "1",

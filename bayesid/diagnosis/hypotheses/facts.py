@@ -260,9 +260,9 @@ def _of_the_vehicle(problem: DiagnosisProblem, candidates: HypothesisComparison)
 def undetectable(candidates: HypothesisComparison) -> tuple[str, ...]:
     """Effects that these runs would hardly show at their usual size, and do not speak for.
 
-    Their probability is about what it was before the data. As an explanation they are no other than "none": what is
-    not there to be seen cannot be told from what is too small to be. Where there surely is a gap none of them
-    explains it.
+    Their probability is about what it was before the data. As an explanation they are no other than "none":
+    what is not there to be seen cannot be told from what is too small to be. Where there surely is a gap none
+    of them explains it.
     """
     if candidates.probabilities["none"] < GAP_IS_SURE_BELOW:
         return ()
