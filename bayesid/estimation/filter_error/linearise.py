@@ -205,9 +205,7 @@ def linearise(
         where, states = _beside(model, log, point)
         try:
             same = chain if where is log.plan else None
-            other = interval_maps(
-                model, point.par, where, states, (), free if hold else free[:0], chain=same
-            )
+            other = interval_maps(model, point.par, where, states, (), free if hold else free[:0], chain=same)
         except ModelError:
             if log.straight:
                 raise

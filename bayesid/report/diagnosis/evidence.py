@@ -87,7 +87,9 @@ def moved_blocks(result: Result, a: Answer) -> list[Block]:
 
     rows = [
         [
-            n, m.given, *cells(m.given, m.retuned, m.prior_sd),
+            n,
+            m.given,
+            *cells(m.given, m.retuned, m.prior_sd),
             unsigned_zeros(f"{m.retuned_sd:.2g}") if m.retuned_sd is not None else "–",
             *cells(m.given, m.explained, m.prior_sd),
         ]
