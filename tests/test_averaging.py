@@ -49,6 +49,14 @@ def test_a_command_switches_when_it_did():
     assert run.t[np.argmax(run.commands["delta_r_cmd"] > 0)] == pytest.approx(switched, abs=1e-9)
 
 
+@pytest.mark.parametrize("began", [None, -30.0])
+def test_a_run_began_when_it_did(began):
+    """From there effects that change with time count, not from the middle of the first block."""
+    was = replace(straight(), began=began)
+    run = averaged(trial_of([was]), L_U, 500).runs[0]
+    assert run.t[0] > was.t[0] and run.began == (was.t[0] if began is None else began)
+
+
 def test_inputs_measured_in_every_row_are_averaged_with_the_readings():
     """A rudder that is logged where it acts, and the air: the mean of a ramp is the ramp."""
     was = straight()

@@ -107,10 +107,17 @@ def test_off_values_reproduce_the_bare_model(dof):
 
 @pytest.mark.parametrize("effect", CATALOGUE, ids=lambda e: e.name)
 def test_shape_parameters_alone_change_nothing(effect):
-    """Where off and mean differ (a decay, a lag) the effect is off by its amplitude, whatever the shape."""
+    """Whatever a decay, a lag or a place is, the effect is off by its amplitude; an amplitude alone is on."""
     dof = max(effect.dof, 3)
-    shapes = [(effect.key(p.name), 1.3 * p.off) for p in effect.parameters if p.off != 0.0]
-    assert np.allclose(readings(dof, tuple(shapes)), readings(dof), rtol=1e-12, atol=1e-12)
+    model, *_ = lively(dof)
+
+    def changed(parameter):
+        key = effect.key(parameter.name)
+        value = 1.3 * parameter.off or parameter.mean + model.prior_sd(key)
+        return not np.allclose(readings(dof, ((key, value),)), readings(dof), rtol=1e-12, atol=1e-12)
+
+    on = {p.name: changed(p) for p in effect.parameters}
+    assert on == {p.name: p.off == 0.0 and not p.shape for p in effect.parameters}
 
 
 def test_ballast_carries_its_own_weight():

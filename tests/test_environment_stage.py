@@ -58,6 +58,40 @@ def test_what_straight_runs_measured_may_come_out_quieter_beside_the_cause_but_n
     assert max(held.force) <= 1.001 * max(true.force) < 0.5 * max(free.force)
 
 
+def test_a_sea_measured_below_the_bounds_of_a_first_guess_does_not_become_louder():
+    model = model_of("generic_sub")
+    problem = build_problem(model, planted_trial(model, other_vehicle(model, 3), 3, samples=100))
+    true = problem.environment.noise_model
+    calm = replace(true, force=tuple(1e-3 * f for f in true.force))
+    quiet, gain = noise_beside(fit_with(problem, ()), calm, louder=False)
+    assert (np.array(quiet.force) <= 1.001 * np.array(calm.force)).all() and gain >= 0.0
+
+
+@pytest.mark.parametrize(("axis", "share", "taken"), [(0, 0.3, True), (2, 0.3, True), (1, 0.45, False)])
+def test_only_a_force_below_what_straight_runs_left_possible_is_followed(monkeypatch, axis, share, taken):
+    """0.375 is the lower end of 95 % of a factor with a spread of 0.5 in the logarithm."""
+    fit = SimpleNamespace(converged=True, chi2=1.0)
+    best = SimpleNamespace(log_evidence=100.0, fit=fit, effects=("lag",), widens=False, none=None, refits=())
+    best.none = best
+    measured = SimpleNamespace(
+        source="measured", spread=0.5, noise_model=SimpleNamespace(force=(1.0, 2.0, 3.0))
+    )
+    problem = SimpleNamespace(environment=measured, with_environment=lambda noise, fits: noise)
+    after = SimpleNamespace(log_evidence=150.0, fit=fit)
+    force = np.array(measured.noise_model.force)
+    force[axis] *= share
+
+    def beside(fit, noise, louder):
+        assert not louder
+        return SimpleNamespace(force=tuple(force)), 50.0
+
+    monkeypatch.setattr(environment_stage, "simplest", lambda candidates: candidates)
+    monkeypatch.setattr(environment_stage, "noise_beside", beside)
+    monkeypatch.setattr(environment_stage, "compared", lambda problem, *_, earlier: Compared(problem, after))
+    found = Compared(problem, best)
+    assert (in_its_environment(found, lambda text: None, 0) is not found) == taken
+
+
 @pytest.mark.slow
 def test_the_cause_is_named_in_the_environment_beside_it():
     model = model_of("generic_sub")

@@ -58,10 +58,20 @@ def with_push(**changes):
 def test_wording_changes_neither_digest_nor_key():
     """Sources, magnitudes and the words about a parameter."""
     rows = with_row("Y_v", source="assumed: another wording")
-    reworded = tuple(replace(p, about="other words", sd=2 * p.sd) for p in PUSH.parameters)
+    reworded = tuple(replace(p, about="other words", sd=2 * p.sd, shape=True) for p in PUSH.parameters)
     worded = with_push(source="assumed: other", magnitude="none", aliases=("shove",), parameters=reworded)
     assert (digest(rows=rows), key(rows=rows)) == (digest(), key())
     assert (digest(worded), key(worded)) == (digest(with_push()), key(with_push()))
+
+
+def test_how_a_parameter_is_sought_changes_neither_digest_nor_key():
+    """A time of a run is one in the equations as they are written, marked as such or not."""
+    kinked = replace(
+        PUSH, smooth=False, parameters=(*PUSH.parameters, replace(PUSH.parameters[0], name="t0"))
+    )
+    size, time = kinked.parameters
+    dated = replace(kinked, parameters=(size, replace(time, dated=True)))
+    assert (digest((dated,)), key((dated,))) == (digest((kinked,)), key((kinked,)))
 
 
 OTHER_EQUATIONS = {

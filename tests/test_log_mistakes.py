@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 
 from bayesid.api.simulate import simulate
 from bayesid.errors import TrialError
-from bayesid.trials import Run, Trial, load_trial
+from bayesid.trials import Run, Trial, load_trial, window
 from bayesid.trials.correction import Correction, apply, read_correction, without_effect
 from bayesid.trials.health import check_runs
 from bayesid.trials.kinematics.blocks import Blocks, middle
@@ -110,6 +110,15 @@ def test_a_planted_mistake_is_named_and_its_mend_leaves_a_right_log(name, correc
     for finding in found:
         mended = [apply(finding.correction, run) for run in mended]
     assert check_input(mended).findings == ()
+
+
+def test_a_clock_that_is_mended_moves_the_time_a_part_of_a_run_began():
+    """Effects that change with time count from there, in true seconds like the rest."""
+    run = weave(1)
+    late = apply(Correction(time_scale=2.0), window(run, 30.0, 80.0))
+    whole = apply(Correction(time_scale=2.0), run)
+    assert late.t[0] - late.began == pytest.approx(whole.t[300] - whole.t[0])
+    assert apply(Correction(time_scale=2.0), run).began is None
 
 
 @pytest.mark.parametrize(

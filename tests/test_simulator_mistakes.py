@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from bayesid.diagnosis.data.problem import ESTIMATED_AGAIN
 from bayesid.diagnosis.event_search import verdict_with
 from bayesid.diagnosis.exclusions import compare_without
 from bayesid.diagnosis.hypotheses.verdict import decide
@@ -18,6 +20,8 @@ from bayesid.diagnosis.simulator_words import mistake_sentence
 from bayesid.equations.model import Model, build_model
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.evidence import normal_equations, posterior
+from bayesid.estimation.filter_error.noise_identification import NoiseIdentification
+from bayesid.estimation.filter_error.noise_model import NoiseModel
 from bayesid.estimation.parameters import NO_PARAMETERS, coefficient_prior
 from bayesid.model.vehicles import Vehicle, load_vehicle, with_relative_prior
 from studies.log_mistakes.campaigns import PRIOR_SD, VEHICLES, campaign
@@ -171,6 +175,45 @@ def test_a_mended_simulator_reads_what_the_explanations_it_is_compared_with_read
     tried = judge.Screened(MISTAKES[0], 1.0, Change({}), 50.0, 0.0)
     assert judge.mended_evidence(problem, None, tried, None) is None
     assert asked == [{"as_built": None, "events": ("jam",), "outlying": outliers, "seek_outliers": False}]
+
+
+@pytest.mark.parametrize(
+    ("source", "warnings", "evidence"),
+    [
+        ("measured", (ESTIMATED_AGAIN,), 140.0),
+        ("measured", (), 100.0),  # in the sea of the straight runs, as the explanations are
+        ("assumed", (ESTIMATED_AGAIN,), 100.0),  # measured anew with the mended simulator
+    ],
+)
+def test_a_mend_is_weighed_in_a_quieter_sea_where_the_explanations_are(
+    monkeypatch, source, warnings, evidence
+) -> None:
+    """A sea that straight runs told too loud costs a mended simulator 40 nats."""
+
+    @dataclass(frozen=True)
+    class Problem:
+        environment: NoiseIdentification
+        warnings: tuple[str, ...] = ()
+        model: object = None
+        events: tuple = ()
+        outliers: tuple = ()
+
+    loud, quiet = (NoiseModel((f, f, f), 1.0, 0.0, 1.0) for f in (8.0, 1.0))
+    measured = NoiseIdentification(loud, source, 0.5)
+    monkeypatch.setattr(judge, "build_problem", lambda *_, **given: Problem(measured))
+    monkeypatch.setattr(judge, "mended_model", lambda model, change: model)
+    monkeypatch.setattr(
+        judge, "noise_beside", lambda fit, noise, louder: (quiet if not louder else loud, 50.0)
+    )
+
+    def best(problem, beside):
+        nats = 140.0 if problem.environment.noise_model is quiet else 100.0
+        return SimpleNamespace(log_evidence=nats, fit=SimpleNamespace(free=NO_PARAMETERS, values=()))
+
+    monkeypatch.setattr(judge, "_best_of", best)
+    asked = Problem(NoiseIdentification(quiet, source, 0.5), warnings)
+    tried = judge.Screened(MISTAKES[0], 1.0, Change({}), 50.0, 0.0)
+    assert judge.mended_evidence(asked, None, tried, None).log_evidence == evidence
 
 
 @pytest.mark.slow

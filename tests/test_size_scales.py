@@ -83,3 +83,6 @@ def test_shapes_and_times_are_no_sizes():
     sizes = {e.name: [e.parameters[i].name for i in sizes_of_effect(e)] for e in CATALOGUE}
     assert sizes["drag_step"] == ["extra_drag"] and sizes["fluid_memory"] == ["fraction"]
     assert sizes["hull_misalignment"] == ["side_force", "yaw_moment"]
+    # the place of a mass is not small because the mass is
+    assert sizes["ballast_mass"] == ["mass_fraction"] and sizes["trim_weight"] == ["weight_excess"]
+    assert sizes["crossflow_drag"] == ["Cd"]

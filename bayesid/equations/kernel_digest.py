@@ -38,6 +38,8 @@ _NOT_EQUATIONS = frozenset(
         "as_form",
         "planar",
         "roll_from",
+        "dated",
+        "shape",
     )
 )
 _COMMUTE = ("add", "mul")

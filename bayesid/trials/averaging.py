@@ -130,7 +130,8 @@ def _run(run: Run, width: float, count: int) -> tuple[Run, dict[str, float]]:
             for name, v in getattr(run, group).items()
         }
     note = f"averaged over {width:g} s from {run.digest[:12]}"
-    return replace(run, t=run.t[0] + grid, provenance=(*run.provenance, note), **groups), held
+    began = float(run.t[0]) if run.began is None else run.began  # half a block before its first average
+    return replace(run, t=run.t[0] + grid, began=began, provenance=(*run.provenance, note), **groups), held
 
 
 def _lines(t: Floats, values: Floats, block: np.ndarray, middle: Floats, n: int) -> tuple[Floats, float]:

@@ -125,12 +125,15 @@ def apply(correction: Correction, run: Run) -> Run:
     for name, delay in correction.late.items():
         if name in series:
             series[name] = _earlier(run.t, series[name], delay, channel(name).kind)
-    t = run.t[0] + (run.t - run.t[0]) * correction.time_scale if correction.time_scale != 1.0 else run.t
+    t, began = run.t, run.began
+    if correction.time_scale != 1.0:
+        t = t[0] + (t - t[0]) * correction.time_scale
+        began = None if began is None else float(t[0] + (began - t[0]) * correction.time_scale)
     groups: dict[str, Any] = {group: {} for group in set(_GROUP.values())}
     for name, values in series.items():
         groups[_GROUP[channel(name).kind]][name] = values
     note = "corrected: " + "; ".join(correction.lines())
-    return replace(run, t=t, provenance=run.provenance + (note,), **groups)
+    return replace(run, t=t, began=began, provenance=run.provenance + (note,), **groups)
 
 
 def join(corrections: Sequence[Correction]) -> Correction | None:

@@ -52,6 +52,7 @@ USUAL_START = 0.5
 # Secant sizes, in prior standard deviations, of effects without a slope when off, or with one that says
 # nothing of large sizes: a rudder that is late by longer than it moves.
 SECANT_SIZES = (0.15, 0.8, 2.0, 3.0)
+ESTIMATED_AGAIN = "the environment was estimated again beside the best explanation"
 # Effect -> how far each of its parameters is from its prior mean, in prior standard deviations.
 Starts = Mapping[str, tuple[float, ...]]
 
@@ -127,7 +128,7 @@ class DiagnosisProblem:
             self,
             coefficients=self.stated,
             environment=replace(self.environment, noise_model=noise_model),
-            warnings=(*self.warnings, "the environment was estimated again beside the best explanation"),
+            warnings=(*self.warnings, ESTIMATED_AGAIN),
             path=along.path_points,
             path_level=along.path_force_level,
             form=None,

@@ -29,7 +29,7 @@ SMALLER = (10**-0.5, 1e-1, 10**-1.5, 1e-2)
 
 def sizes_of_effect(effect: Effect) -> tuple[int, ...]:
     """Positions of the parameters of an effect that are nought when it is off: not shapes, not times."""
-    return tuple(i for i, p in enumerate(effect.parameters) if p.off == 0.0 and not p.dated)
+    return tuple(i for i, p in enumerate(effect.parameters) if p.off == 0.0 and not (p.dated or p.shape))
 
 
 def over_usual_size(total: NormalEquations, effects: Sequence[Sequence[int] | Array]) -> float:

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.special import logsumexp, softmax
 
-from bayesid.diagnosis.data.problem import DiagnosisProblem, build_problem, fit_with
+from bayesid.diagnosis.data.problem import ESTIMATED_AGAIN, DiagnosisProblem, build_problem, fit_with
 from bayesid.diagnosis.event_search import verdict_with
 from bayesid.diagnosis.exclusions import compare_without
 from bayesid.diagnosis.form_stage import Compared
@@ -31,6 +31,7 @@ from bayesid.diagnosis.threshold_table import MINOR_SHARE
 from bayesid.equations.model import Model
 from bayesid.errors import BayesidError, ModelError
 from bayesid.estimation.filter_error.evidence import NormalEquations, posterior
+from bayesid.estimation.filter_error.noise_identification import noise_beside
 from bayesid.estimation.parameters import GaussianPrior
 from bayesid.estimation.run_data import Array
 from bayesid.trials import Trial
@@ -258,13 +259,25 @@ def mended_evidence(
         fitted = _free_rows(found, s)
         if fitted:
             # an environment measured where the free rows are not yet found is the wrong simulator's
-            about = problem_of(s.change.about(fitted))
-            again = _best_of(replace(problem, environment=about.environment), beside)
+            about = replace(problem, environment=problem_of(s.change.about(fitted)).environment)
+            again = _best_of(about, beside)
+            if again is not None and again.log_evidence > found.log_evidence:
+                problem, found, fitted = about, again, _free_rows(again, s)
+        if asked.environment.source == "measured" and ESTIMATED_AGAIN in asked.warnings:
+            # where the explanations are weighed in a sea quieter than straight runs told, so is the mend
+            again = _best_of(_quieter(problem, found), beside)
             if again is not None and again.log_evidence > found.log_evidence:
                 found, fitted = again, _free_rows(again, s)
     except BayesidError:
         return None
     return Mended(found.log_evidence + s.share, fitted)
+
+
+def _quieter(problem: DiagnosisProblem, found: RefittedHypothesis) -> DiagnosisProblem:
+    """The problem in the environment beside a refit, no force louder."""
+    measured = problem.environment
+    noise_model, _ = noise_beside(found.fit, measured.noise_model, louder=False)
+    return replace(problem, environment=replace(measured, noise_model=noise_model))
 
 
 def _best_of(problem: DiagnosisProblem, beside: tuple[str, ...]) -> RefittedHypothesis | None:

@@ -135,10 +135,13 @@ def noise_beside(
     """
     unknowns = _unknowns(fitted.model, fitted.logs, None, 0.0)
     cost = unknowns.cost(fitted.paths, fitted.free, stacked_equations)
-    start, high = np.clip(unknowns.theta(noise_model), unknowns.low, unknowns.high), unknowns.high
+    before, low, high = unknowns.theta(noise_model), unknowns.low, unknowns.high
     if not louder:
-        high[: unknowns.forces] = start[: unknowns.forces]
-    theta = minimise_scaled(cost, start, unknowns.low, high, unknowns.spread, steps)
+        # a measured sea may lie outside the bounds of a first guess
+        force = slice(None, unknowns.forces)
+        low[force], high[force] = np.minimum(low, before)[force], before[force]
+    start = np.clip(before, low, high)
+    theta = minimise_scaled(cost, start, low, high, unknowns.spread, steps)
     return unknowns.noise_model(theta), float(cost(start) - cost(theta))
 
 

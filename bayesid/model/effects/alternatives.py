@@ -110,7 +110,7 @@ ALTERNATIVES = (
         where=("X", "Y", "N", "Y+N", "X+Y+N"),
         parameters=(
             EffectParameter("mass_fraction", "-", 0.06, about="trapped, neutrally buoyant mass over mass"),
-            EffectParameter("x", "m", 0.1, "L", about="its position, forward positive"),
+            EffectParameter("x", "m", 0.1, "L", shape=True, about="its position, forward positive"),
         ),
         adjust={
             **NEUTRAL,

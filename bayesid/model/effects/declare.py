@@ -52,7 +52,8 @@ class EffectParameter:
     `assumed` is the relative standard deviation that constants assumed in the form (areas nobody declared)
     add to the size that is told; the force itself is known better. `dated` is a time of every run from which
     the effect acts: nothing tells it while the effect is off, so a screen tries several, and the effect has
-    `smooth=False`.
+    `smooth=False`. `shape` is for a parameter that changes nothing alone though it is nought when off: the
+    place of a mass is not small because the mass is.
     """
 
     name: str
@@ -67,6 +68,7 @@ class EffectParameter:
     roll_from: float = 0.0
     assumed: float = 0.0
     dated: bool = False
+    shape: bool = False
     about: str = ""
 
 

@@ -96,7 +96,7 @@ EFFECTS = (
         where=("Z", "M", "Z+M"),
         parameters=(
             EffectParameter("weight_excess", "N", 5e-4, "rho*L**2*U**2/2", about="W - B"),
-            EffectParameter("x", "m", 0.2, "L", about="where the excess weight sits"),
+            EffectParameter("x", "m", 0.2, "L", shape=True, about="where the excess weight sits"),
         ),
         force={
             "X": "-weight_excess*sin(theta)",

@@ -35,7 +35,13 @@ EFFECTS = (
         parameters=(
             EffectParameter("Cd", "-", 0.5, low=-1, high=3, about="extra strip drag coefficient"),
             EffectParameter(
-                "tilt", "-", 0.3, low=-1, high=1, about="its fore-aft imbalance, bow heavier if positive"
+                "tilt",
+                "-",
+                0.3,
+                low=-1,
+                high=1,
+                shape=True,
+                about="its fore-aft imbalance, bow heavier if positive",
             ),
         ),
         force={"Y": _strip(arm=False), "N": _strip(arm=True)},

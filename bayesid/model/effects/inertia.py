@@ -68,7 +68,9 @@ EFFECTS = (
                 high=0.5,
                 about="trapped, neutrally buoyant mass over mass",
             ),
-            EffectParameter("x", "m", 0.1, "L", low=-0.5, high=0.5, about="its position, forward positive"),
+            EffectParameter(
+                "x", "m", 0.1, "L", low=-0.5, high=0.5, shape=True, about="its position, forward positive"
+            ),
         ),
         adjust={
             **NEUTRAL,
