@@ -62,7 +62,7 @@ BARE_MENTION = Limit(
     "BARE_MENTION", 1.15, "nats",
     "Evidence up to which data do not speak for an effect that these runs would hardly show.",
     "Half a decade: not worth more than a bare mention (Jeffreys 1961). With nought sets of clean campaigns "
-    "drawn for development held 3.3 families, with it 2.9.",
+    "drawn for development held 3.3 families, with it 2.8.",
 )  # fmt: skip
 GAP_IS_SURE_BELOW = Limit(
     "GAP_IS_SURE_BELOW", 0.01, "1",
