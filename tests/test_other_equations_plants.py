@@ -60,6 +60,20 @@ def test_a_ship_on_a_straight_course_keeps_the_speed_its_thrust_balances(name):
     assert faster[6] > 1e-4 * v.U**2 / v.L
 
 
+@pytest.mark.parametrize("name", ["tanker_model", "tanker"])
+def test_a_side_force_is_a_share_of_the_thrust_that_balances_the_drag(name):
+    # a simulator knows its net thrust alone: that of the open propeller is larger by the thrust deduction
+    v = other_vehicle(name)
+    b, rps = v.numbers, self_propulsion_rps(v.numbers, v.U)
+    with_it, without = (
+        rate_of(v, state(u=v.U), rps=rps, g=g) for g in (cause(side_force=0.1), PLAIN)
+    )  # fmt: skip
+    mass, added = b["rho"] * b["volume"], 0.5 * b["rho"] * b["L"] ** 2 * b["d"] * b["m_y"]
+    v_dot, r_dot = (with_it - without)[[7, 11]]
+    drag = 0.5 * b["rho"] * b["L"] * b["d"] * v.U**2 * b["R_0"]
+    assert (mass + added) * v_dot + mass * b["x_G"] * r_dot == pytest.approx(0.1 * drag, rel=1e-5)
+
+
 def test_the_auv_settles_at_its_speed_and_rolls_against_the_torque_of_its_propeller():
     v = other_vehicle("strip_auv")
     t = np.arange(0.0, 60.0, 0.4)

@@ -106,7 +106,7 @@ def ship_rates(t, x, delta, rps, sea, b, g, out):
     K_T = (b.k_0 + b.k_1 * J + b.k_2 * J * J) * (1.0 - g.thrust_loss)
     T = b.rho * speed * speed * b.D_P**4 * K_T
     X += (1.0 - b.t_P) * T
-    side = g.side_force * T
+    side = g.side_force * (1.0 - b.t_P) * T  # of the thrust the hull feels, as simulators state it
     Y += side
     N += side * b.x_R * b.L
     # rudder: race of the propeller over a part of its height, flow straightened by hull and propeller
