@@ -185,6 +185,7 @@ def test_the_numbers_of_the_table_are_those_the_practice_campaigns_were_scored_w
     assert {limit.symbol: float(limit) for limit in TABLE} == {
         "EVEN_ODDS": 0.5,
         "NAMING_PROBABILITY": 0.9,
+        "SURE_PROBABILITY": 0.97,
         "CONFOUNDED_SHARE": 0.98,
         "UNDETECTABLE_NONCENTRALITY": 10.0,
         "GAP_IS_SURE_BELOW": 0.01,

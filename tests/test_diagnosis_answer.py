@@ -16,6 +16,7 @@ from bayesid.diagnosis.plain_words import intervals, sentence
 from bayesid.diagnosis.result_parts import Effect, Moved, Refit, Retuning, RunError, Value
 from bayesid.diagnosis.size_names import contract, declared_sizes
 from bayesid.diagnosis.summary import summary
+from bayesid.diagnosis.threshold_table import SURE_PROBABILITY
 from bayesid.equations.model import build_model
 from bayesid.model.effects import CATALOGUE
 from bayesid.model.effects.environment import EFFECTS
@@ -348,6 +349,17 @@ def test_a_verdict_that_needs_no_effect_and_no_other_coefficients_shows_the_simu
     assert answer(given).labels[2] == proof_label(given) == "explained (as given)"
     tuned = replace(given, retuning=Retuning(True, 0.5, 0.4, {}))
     assert answer(tuned).labels[2] == "explained" != proof_label(tuned)
+
+
+def test_a_name_of_a_probability_that_was_often_wrong_is_told_as_probable():
+    slow = an_effect("actuator_lag", tau=(0.4, 0.05))
+    found = replace(a_result(), effects=(replace(slow, probability=float(SURE_PROBABILITY) - 1e-3),))
+    told = answer(found)
+    assert told.headline.startswith("Probably the rudder follows its orders with a lag of 0.4 seconds (")
+    assert any("one in eleven was wrong" in text for text in told.certainty)
+    sure = answer(replace(found, effects=(replace(slow, probability=float(SURE_PROBABILITY)),)))
+    assert sure.headline.startswith("The rudder follows its orders")
+    assert not any("was wrong" in text for text in sure.certainty)
 
 
 def test_what_an_explanation_leaves_open_of_a_coefficient_is_not_held_against_it():

@@ -37,6 +37,7 @@ from bayesid.diagnosis.run_errors import (
 )
 from bayesid.diagnosis.simulator_words import mistake_certainty, mistake_sentence, mistake_steps
 from bayesid.diagnosis.size_names import declared_sizes
+from bayesid.diagnosis.threshold_table import SURE_PROBABILITY
 from bayesid.words import first_few
 
 RMS = " (rms)"
@@ -181,12 +182,17 @@ def _or_its_like(e: Effect) -> str:
     return f" that it or {' or '.join(map(in_words, e.in_its_place))} acts" if e.in_its_place else ""
 
 
+def _told(e: Effect) -> str:
+    """What is named, without a full stop; how often such names were wrong decides about "probably"."""
+    said = sentence(e).rstrip(".")
+    return said if e.probability >= SURE_PROBABILITY else f"Probably {said[0].lower()}{said[1:]}"
+
+
 def _headline(result: Result) -> str:
     word, effects = result.verdict, result.effects
     if word in NAMING and effects:
         said = " ".join(
-            f"{sentence(e).rstrip('.')} (probability {probability(e.probability)}{_or_its_like(e)})."
-            for e in effects
+            f"{_told(e)} (probability {probability(e.probability)}{_or_its_like(e)})." for e in effects
         )
         rest = {
             "effect_with_remainder": " It does not explain the whole gap.",
@@ -348,6 +354,11 @@ def _certainty(result: Result) -> tuple[str, ...]:
                 + (_or_its_like(e) or " that it acts")
                 + (f"; {', '.join(sizes)}." if sizes else ".")
                 + _usual(e)
+            )
+        if any(e.probability < SURE_PROBABILITY for e in result.effects):
+            out.append(
+                f"Of names with a probability below {SURE_PROBABILITY:.2f} one in eleven was wrong on "
+                "withheld trials, of those above one in thirty."
             )
     other = rivals(result)
     if other and result.verdict != "ambiguous":

@@ -14,6 +14,7 @@ from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import Effect
 from bayesid.diagnosis.run_errors import against_given, error_rows, name_of_run, still_missed, whole_turns
 from bayesid.diagnosis.summary import unsigned_zeros
+from bayesid.diagnosis.threshold_table import NAMING_PROBABILITY
 from bayesid.report import run_picture
 from bayesid.report.diagnosis.cause import where_blocks, which_blocks
 from bayesid.report.diagnosis.first_screen import picture_of, played_blocks
@@ -130,7 +131,7 @@ def cause_blocks(result: Result) -> list[Block]:
             ["cause", "probability", *(["acts, alone or with others"] if joint else []), "in the 95 % set"],
             rows,
             "Shares that add to 1 over no effect, every effect of the catalogue, one wrong coefficient and "
-            "something outside the list; a name needs 0.90.",
+            f"something outside the list; a name needs {NAMING_PROBABILITY:.2f}.",
         )
     )
     if result.hidden_by_coefficients:
