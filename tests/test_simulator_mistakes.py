@@ -8,7 +8,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bayesid.diagnosis.data.problem import ESTIMATED_AGAIN
 from bayesid.diagnosis.event_search import verdict_with
 from bayesid.diagnosis.exclusions import compare_without
 from bayesid.diagnosis.hypotheses.verdict import decide
@@ -178,22 +177,21 @@ def test_a_mended_simulator_reads_what_the_explanations_it_is_compared_with_read
 
 
 @pytest.mark.parametrize(
-    ("source", "warnings", "evidence"),
+    ("source", "again", "evidence"),
     [
-        ("measured", (ESTIMATED_AGAIN,), 140.0),
-        ("measured", (), 100.0),  # in the sea of the straight runs, as the explanations are
-        ("assumed", (ESTIMATED_AGAIN,), 100.0),  # measured anew with the mended simulator
+        ("measured", True, 140.0),
+        ("measured", False, 100.0),  # in the sea of the straight runs, as the explanations are
+        ("assumed", True, 100.0),  # measured anew with the mended simulator
     ],
 )
 def test_a_mend_is_weighed_in_a_quieter_sea_where_the_explanations_are(
-    monkeypatch, source, warnings, evidence
+    monkeypatch, source, again, evidence
 ) -> None:
     """A sea that straight runs told too loud costs a mended simulator 40 nats."""
 
     @dataclass(frozen=True)
     class Problem:
         environment: NoiseIdentification
-        warnings: tuple[str, ...] = ()
         model: object = None
         events: tuple = ()
         outliers: tuple = ()
@@ -211,7 +209,7 @@ def test_a_mend_is_weighed_in_a_quieter_sea_where_the_explanations_are(
         return SimpleNamespace(log_evidence=nats, fit=SimpleNamespace(free=NO_PARAMETERS, values=()))
 
     monkeypatch.setattr(judge, "_best_of", best)
-    asked = Problem(NoiseIdentification(quiet, source, 0.5), warnings)
+    asked = Problem(NoiseIdentification(quiet, source, 0.5, again=again))
     tried = judge.Screened(MISTAKES[0], 1.0, Change({}), 50.0, 0.0)
     assert judge.mended_evidence(asked, None, tried, None).log_evidence == evidence
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.special import logsumexp, softmax
 
-from bayesid.diagnosis.data.problem import ESTIMATED_AGAIN, DiagnosisProblem, build_problem, fit_with
+from bayesid.diagnosis.data.problem import DiagnosisProblem, build_problem, fit_with
 from bayesid.diagnosis.event_search import verdict_with
 from bayesid.diagnosis.exclusions import compare_without
 from bayesid.diagnosis.form_stage import Compared
@@ -263,7 +263,7 @@ def mended_evidence(
             again = _best_of(about, beside)
             if again is not None and again.log_evidence > found.log_evidence:
                 problem, found, fitted = about, again, _free_rows(again, s)
-        if asked.environment.source == "measured" and ESTIMATED_AGAIN in asked.warnings:
+        if asked.environment.source == "measured" and asked.environment.again:
             # where the explanations are weighed in a sea quieter than straight runs told, so is the mend
             again = _best_of(_quieter(problem, found), beside)
             if again is not None and again.log_evidence > found.log_evidence:
@@ -277,7 +277,7 @@ def _quieter(problem: DiagnosisProblem, found: RefittedHypothesis) -> DiagnosisP
     """The problem in the environment beside a refit, no force louder."""
     measured = problem.environment
     noise_model, _ = noise_beside(found.fit, measured.noise_model, louder=False)
-    return replace(problem, environment=replace(measured, noise_model=noise_model))
+    return replace(problem, environment=replace(measured, noise_model=noise_model, again=True))
 
 
 def _best_of(problem: DiagnosisProblem, beside: tuple[str, ...]) -> RefittedHypothesis | None:

@@ -65,12 +65,14 @@ class NoiseIdentification:
     spread : standard deviation of the logarithm of the amplitudes
     left : standard deviation left to each unknown of a first measurement, in its order, the others held;
         empty where not measured, or measured again from an earlier one
+    again : whether it was estimated again beside an explanation of the gap
     """
 
     noise_model: NoiseModel
     source: str
     spread: float
     left: tuple[float, ...] = ()
+    again: bool = False
 
 
 def no_process_noise(model: Model) -> NoiseModel:
