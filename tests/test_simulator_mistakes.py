@@ -14,7 +14,7 @@ from bayesid.diagnosis.hypotheses.verdict import decide
 from bayesid.diagnosis.simulator import find_mistakes, judge
 from bayesid.diagnosis.simulator.judge import Left, shifted
 from bayesid.diagnosis.simulator.mending import mended_model, mended_prior, numbers_of
-from bayesid.diagnosis.simulator.table import MISTAKES, Change
+from bayesid.diagnosis.simulator.table import MISTAKES, Change, SimulatorMistake
 from bayesid.diagnosis.simulator_words import mistake_sentence
 from bayesid.equations.model import Model, build_model
 from bayesid.errors import ModelError
@@ -174,6 +174,28 @@ def test_a_mended_simulator_reads_what_the_explanations_it_is_compared_with_read
     tried = judge.Screened(MISTAKES[0], 1.0, Change({}), 50.0, 0.0)
     assert judge.mended_evidence(problem, None, tried, None) is None
     assert asked == [{"as_built": None, "events": ("jam",), "outlying": outliers, "seek_outliers": False}]
+
+
+def test_a_mistake_whose_mend_no_equations_can_weigh_does_not_change_the_order_of_the_others(
+    monkeypatch,
+) -> None:
+    """Rates in degrees leave readings so far off that rounding takes all evidence: no gain, not one that
+    compares with none of the others."""
+    model = _model(load_vehicle("remus100"), 3)
+    stated = coefficient_prior(model)
+    value = float(stated.mean[stated.names.index("N_v")])
+    tried = [
+        SimulatorMistake(name, "", lambda numbers, size: Change({"N_v": size * value}), (1.0 + k,))
+        for k, name in enumerate(("behind", "not weighed", "ahead"), start=1)
+    ]
+    nothing = normal_equations(np.zeros(1), np.zeros((1, len(stated.names))), 0.0, 1)
+    none = posterior(nothing).log_evidence
+    evidence = iter([none + 5.0, -np.inf, none + 9.0])
+    monkeypatch.setattr(judge, "MISTAKES", tuple(tried))
+    monkeypatch.setattr(judge, "_equations", lambda *_: [nothing])
+    monkeypatch.setattr(judge, "_log_evidence", lambda _: next(evidence))
+    found = judge.screened(SimpleNamespace(problem=SimpleNamespace(model=model, stated=stated)))
+    assert [s.mistake.name for s in found] == ["ahead", "behind"]
 
 
 @pytest.mark.parametrize(

@@ -155,7 +155,8 @@ def _causes(comparison: HypothesisComparison) -> list[RefittedHypothesis]:
 
 
 def screened(compared: Compared) -> list[Screened]:
-    """Every mistake the file can hold, best first, beside the coefficients within their prior."""
+    """Every mistake the file can hold and the log can weigh, best first, beside the coefficients within their
+    prior."""
     problem = compared.problem
     numbers = numbers_of(problem.model)
     index = problem.model.index
@@ -185,6 +186,8 @@ def screened(compared: Compared) -> list[Screened]:
     for mistake in MISTAKES:
         if rows := gains.get(mistake.name):
             top = max(rows, key=lambda row: row[0])
+            if not np.isfinite(top[0]):
+                continue  # no size of it can be weighed: so far off that rounding takes all evidence
             every = float(logsumexp([row[0] for row in rows])) - float(np.log(len(rows)))
             out.append(Screened(mistake, top[1], top[2], top[0], every - top[0]))
     return sorted(out, key=lambda s: -(s.gain + s.share))
