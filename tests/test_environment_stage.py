@@ -168,6 +168,9 @@ def test_a_comparison_that_fails_there_leaves_what_was_found_and_says_so(monkeyp
         (True, (5.0, 90.0), 95.0, None),  # what ends below the coefficients is not put before them
         (False, (0.0, 90.0), 95.0, "lag"),  # evidence of a fit that did not arrive is none
         (True, (5.0, 10.0), 140.0, None),
+        (True, (None, 90.0), 140.0, "lag"),  # a path that noise cannot be told along takes the other not away
+        (True, (30.0, None), 140.0, "wide"),
+        (True, (None, None), 140.0, None),
     ],
 )
 def test_a_cause_is_not_put_behind_coefficients_by_the_noise_it_makes_itself(
@@ -187,8 +190,14 @@ def test_a_cause_is_not_put_behind_coefficients_by_the_noise_it_makes_itself(
     found = Compared(problem, SimpleNamespace(none=one(0.0, (), 0.0), refits=refits, best=wide))
     later = SimpleNamespace(none=one(0.0, (), 0.0), refits=(one(after, ("lag",), 0.0),))
     monkeypatch.setattr(environment_stage, "simplest", lambda c: c.refits[0])
-    monkeypatch.setattr(environment_stage, "noise_beside", lambda fit, noise, louder: (fit.of, fit.gain))
     begun = []
+
+    def beside(fit, noise, louder):
+        if fit.gain is None:
+            raise ModelError("no path")
+        return fit.of, fit.gain
+
+    monkeypatch.setattr(environment_stage, "noise_beside", beside)
 
     def compared(noise, notify, seed, earlier):
         begun.append(earlier.effects)
@@ -197,7 +206,8 @@ def test_a_cause_is_not_put_behind_coefficients_by_the_noise_it_makes_itself(
     monkeypatch.setattr(environment_stage, "compared", compared)
     answer = in_its_environment(found, lambda text: None, 0)
     if taken is None:
-        assert answer is found
+        assert (answer.problem, answer.candidates) == (problem, found.candidates)
+        assert (answer.unable is None) == (gains != (None, None))
     else:
         assert answer.candidates is later and begun == [wide.effects if taken == "wide" else ("lag",)]
 
