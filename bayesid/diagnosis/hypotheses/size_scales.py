@@ -33,7 +33,8 @@ def sizes_of_effect(effect: Effect) -> tuple[int, ...]:
 
 
 def over_usual_size(total: NormalEquations, effects: Sequence[Sequence[int] | Array]) -> float:
-    """What other sizes than the usual add to the log evidence of effects [nats].
+    """What other sizes than the usual add to the log evidence of effects [nats]; nothing where rounding leaves
+    no equations of the sizes alone.
 
     Parameters
     ----------
@@ -44,7 +45,10 @@ def over_usual_size(total: NormalEquations, effects: Sequence[Sequence[int] | Ar
     if columns.size == 0:
         return 0.0
     others = np.setdiff1d(np.arange(total.se.size), columns)
-    own = without(total.pick(np.concatenate([columns, others])), columns.size)
+    try:
+        own = without(total.pick(np.concatenate([columns, others])), columns.size)
+    except np.linalg.LinAlgError:
+        return 0.0
     ends = np.cumsum([0, *(len(e) for e in effects)])
     blocks = [np.arange(a, b) for a, b in zip(ends, ends[1:], strict=False)]
     scale, weight = _scales(own.ss, blocks)
