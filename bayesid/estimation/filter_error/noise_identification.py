@@ -126,7 +126,8 @@ def noise_beside(
     fitted: FilterErrorFit, noise_model: NoiseModel, steps: int = 12, louder: bool = True
 ) -> tuple[NoiseModel, float]:
     """Most probable process noise along a fit, everything free in it integrated out, and what that gains in
-    log density over the noise the fit was made with [nats].
+    log density over the noise the fit was made with [nats]; where drift, times and arms of that lie beyond
+    the bounds of a first guess, over the nearest within.
 
     The path is that of a fit that explains the data: no balance is left that noise could shrink with.
 
