@@ -49,7 +49,7 @@ EVENT = Event("a", 3.0, 5.0, "r", "sensor", 20.0)
 EARLY, LATE = ("a", 1.0, "r"), ("a", 2.0, "psi")
 
 
-def passes(monkeypatch, outliers=(), events=(), fails=lambda events, readings: None):
+def passes(monkeypatch, outliers=(), events=(), fails=lambda events, readings: None, unable=None):
     """Run the loop with stand-ins; what each pass excluded, and the outcome.
 
     `outliers` are contradicted readings once events are known and before: one entry per round of events.
@@ -68,7 +68,9 @@ def passes(monkeypatch, outliers=(), events=(), fails=lambda events, readings: N
     monkeypatch.setattr(exclusions, "fit_with", lambda problem, effects: fitted)
     monkeypatch.setattr(exclusions, "innovation_outliers", lambda problem, base: next(rounds, ()))
     monkeypatch.setattr(
-        exclusions, "compared", lambda problem, notify, seed, base: Compared(problem, f"compared {len(seen)}")
+        exclusions,
+        "compared",
+        lambda problem, notify, seed, base: Compared(problem, f"compared {len(seen)}", unable),
     )
     monkeypatch.setattr(exclusions, "in_its_environment", lambda found, notify, seed: found)
     monkeypatch.setattr(exclusions, "simplest", lambda candidates: None)
@@ -100,6 +102,8 @@ def test_events_whose_removal_cannot_be_diagnosed_are_counted_and_said(monkeypat
     seen, found = passes(monkeypatch, events=(EVENT,), fails=fails)
     assert found.candidates == "compared 1" and found.problem.events == () and len(seen) == 1
     assert found.unable.startswith("the trial without a 3-5 s could not be diagnosed (left the region)")
+    *_, found = passes(monkeypatch, events=(EVENT,), fails=fails, unable="no model form")
+    assert found.unable.startswith("no model form; the trial without a 3-5 s could not")
 
 
 def test_a_trial_with_nothing_to_identify_from_is_an_error(monkeypatch):

@@ -13,6 +13,8 @@ from bayesid.diagnosis.hypotheses import candidate as candidates
 from bayesid.diagnosis.hypotheses import facts, verdict
 from bayesid.diagnosis.hypotheses.location import location_of, locations
 from bayesid.diagnosis.hypotheses.probabilities import FormError
+from bayesid.equations.model import build_model
+from bayesid.model.vehicles import load_vehicle
 
 FAMILY = {"a": "one", "b": "two", "c": "three", "d": "one"}
 EFFECTS = tuple(SimpleNamespace(name=n, family=f, where=("N",), as_form="") for n, f in FAMILY.items())
@@ -185,6 +187,20 @@ def test_an_effect_is_idle_where_its_sizes_are_worth_less_than_odds_of_twenty(mo
     ):  # fmt: skip
         told = table | {"still.size": (size, 0.1), "acts.other": (others, 0.1)}
         assert candidates.idle(both, SimpleNamespace(model=model), table, told) == names
+
+
+def test_a_mass_that_shows_in_its_moment_alone_is_not_idle():
+    """Half of a deviation of mass at a place that is sure: of simulated masses worth 3 nats whose moment
+    shows the size alone would give up more than every second."""
+    model = build_model(load_vehicle("generic_sub"), 3)
+    mass = SimpleNamespace(effects=("ballast_mass",), fit=None)
+    length = model.scales["L"]
+    for place, names in ((0.3, ()), (0.03, ("ballast_mass",))):
+        table = {
+            "ballast_mass.mass_fraction": (0.005, 0.01),
+            "ballast_mass.x": (place * length, 0.06 * length),
+        }
+        assert candidates.idle(mass, SimpleNamespace(model=model), table) == names
 
 
 def test_a_second_effect_that_might_be_another_is_not_named(pair):

@@ -1,5 +1,6 @@
 """Where no straight run tells the environment: what a gap passes for, and what is left beside its cause."""
 
+import json
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -7,16 +8,19 @@ import numpy as np
 import pytest
 from gap_trials import model_of, other_vehicle, planted_trial
 
+from bayesid.benchmark.protocol.problem_file import read_problem, write_problem
 from bayesid.diagnosis import environment_stage
 from bayesid.diagnosis.data.model_form import ModelForm
 from bayesid.diagnosis.data.problem import build_problem, fit_with
 from bayesid.diagnosis.environment_stage import in_its_environment
 from bayesid.diagnosis.exclusions import compare_without
+from bayesid.diagnosis.final_values import _noise
 from bayesid.diagnosis.form_stage import Compared
 from bayesid.diagnosis.hypotheses.candidate import weighted_hypothesis
 from bayesid.diagnosis.hypotheses.kinematic import NOTHING, by_kinematics, parameters_told
 from bayesid.diagnosis.hypotheses.refit import refit
 from bayesid.diagnosis.hypotheses.verdict import decide
+from bayesid.diagnosis.result import schema
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.noise_identification import noise_beside
 
@@ -99,7 +103,7 @@ def test_the_cause_is_named_in_the_environment_beside_it():
     trial = unstated(planted_trial(model, other_vehicle(model, 3) | lag, 3, samples=160))
     problem = build_problem(model, trial)
     found = compare_without(model, trial)
-    assert found.problem.warnings[-1].startswith("the environment was estimated again")
+    assert found.problem.environment.again
     assert found.problem.environment.noise_model.force[-1] < 0.5 * problem.environment.noise_model.force[-1]
     assert decide(found.problem, found.candidates).effects == ("actuator_lag",)
 
@@ -164,6 +168,9 @@ def test_a_comparison_that_fails_there_leaves_what_was_found_and_says_so(monkeyp
         (True, (5.0, 90.0), 95.0, None),  # what ends below the coefficients is not put before them
         (False, (0.0, 90.0), 95.0, "lag"),  # evidence of a fit that did not arrive is none
         (True, (5.0, 10.0), 140.0, None),
+        (True, (None, 90.0), 140.0, "lag"),  # a path that noise cannot be told along takes the other not away
+        (True, (30.0, None), 140.0, "wide"),
+        (True, (None, None), 140.0, None),
     ],
 )
 def test_a_cause_is_not_put_behind_coefficients_by_the_noise_it_makes_itself(
@@ -183,8 +190,14 @@ def test_a_cause_is_not_put_behind_coefficients_by_the_noise_it_makes_itself(
     found = Compared(problem, SimpleNamespace(none=one(0.0, (), 0.0), refits=refits, best=wide))
     later = SimpleNamespace(none=one(0.0, (), 0.0), refits=(one(after, ("lag",), 0.0),))
     monkeypatch.setattr(environment_stage, "simplest", lambda c: c.refits[0])
-    monkeypatch.setattr(environment_stage, "noise_beside", lambda fit, noise, louder: (fit.of, fit.gain))
     begun = []
+
+    def beside(fit, noise, louder):
+        if fit.gain is None:
+            raise ModelError("no path")
+        return fit.of, fit.gain
+
+    monkeypatch.setattr(environment_stage, "noise_beside", beside)
 
     def compared(noise, notify, seed, earlier):
         begun.append(earlier.effects)
@@ -193,7 +206,8 @@ def test_a_cause_is_not_put_behind_coefficients_by_the_noise_it_makes_itself(
     monkeypatch.setattr(environment_stage, "compared", compared)
     answer = in_its_environment(found, lambda text: None, 0)
     if taken is None:
-        assert answer is found
+        assert (answer.problem, answer.candidates) == (problem, found.candidates)
+        assert (answer.unable is None) == (gains != (None, None))
     else:
         assert answer.candidates is later and begun == [wide.effects if taken == "wide" else ("lag",)]
 
@@ -249,7 +263,25 @@ def test_refits_begin_where_the_same_unknowns_ended_in_the_other_environment():
     noise = problem.environment.noise_model
     quiet = replace(noise, force=tuple(0.5 * f for f in noise.force))
     other = problem.with_environment(quiet, [ended])
+    assert other.environment.again and not problem.environment.again
     assert other.ended_with(()) is None and other.ended_with((effect,)) == ended.points
     (near,), (anew,) = (refit(p, (effect,), print) for p in (other, problem.with_environment(quiet)))
     assert near.fit.iterations < anew.fit.iterations
     assert np.abs((near.fit.values - anew.fit.values) / anew.fit.sd).max() < 0.2
+
+
+def test_that_an_environment_was_estimated_again_is_told_and_kept_and_files_without_it_are_read(tmp_path):
+    model = model_of("generic_sub")
+    problem = build_problem(model, planted_trial(model, other_vehicle(model, 3), 3, samples=60))
+    anew = replace(problem, environment=replace(problem.environment, again=True), warnings=())
+    assert [_noise(p).again for p in (problem, anew)] == [False, True]
+    path = write_problem(anew, tmp_path / "posed.npz")
+    assert read_problem(path)[0] == anew.environment
+    with np.load(path) as stored:
+        arrays = dict(stored)
+    about = json.loads(str(arrays["about"]))
+    del about["environment"]["again"]
+    np.savez(path, **arrays | {"about": np.array(json.dumps(about))})
+    assert read_problem(path)[0] == problem.environment
+    kind = schema()["properties"]["environment"]
+    assert kind["properties"]["again"] == {"type": "boolean"} and "again" not in kind["required"]

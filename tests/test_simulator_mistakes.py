@@ -8,14 +8,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bayesid.diagnosis.data.problem import ESTIMATED_AGAIN
 from bayesid.diagnosis.event_search import verdict_with
 from bayesid.diagnosis.exclusions import compare_without
 from bayesid.diagnosis.hypotheses.verdict import decide
 from bayesid.diagnosis.simulator import find_mistakes, judge
 from bayesid.diagnosis.simulator.judge import Left, shifted
 from bayesid.diagnosis.simulator.mending import mended_model, mended_prior, numbers_of
-from bayesid.diagnosis.simulator.table import MISTAKES, Change
+from bayesid.diagnosis.simulator.table import MISTAKES, Change, SimulatorMistake
 from bayesid.diagnosis.simulator_words import mistake_sentence
 from bayesid.equations.model import Model, build_model
 from bayesid.errors import ModelError
@@ -177,23 +176,44 @@ def test_a_mended_simulator_reads_what_the_explanations_it_is_compared_with_read
     assert asked == [{"as_built": None, "events": ("jam",), "outlying": outliers, "seek_outliers": False}]
 
 
+def test_a_mistake_whose_mend_no_equations_can_weigh_does_not_change_the_order_of_the_others(
+    monkeypatch,
+) -> None:
+    """Rates in degrees leave readings so far off that rounding takes all evidence: no gain, not one that
+    compares with none of the others."""
+    model = _model(load_vehicle("remus100"), 3)
+    stated = coefficient_prior(model)
+    value = float(stated.mean[stated.names.index("N_v")])
+    tried = [
+        SimulatorMistake(name, "", lambda numbers, size: Change({"N_v": size * value}), (1.0 + k,))
+        for k, name in enumerate(("behind", "not weighed", "ahead"), start=1)
+    ]
+    nothing = normal_equations(np.zeros(1), np.zeros((1, len(stated.names))), 0.0, 1)
+    none = posterior(nothing).log_evidence
+    evidence = iter([none + 5.0, -np.inf, none + 9.0])
+    monkeypatch.setattr(judge, "MISTAKES", tuple(tried))
+    monkeypatch.setattr(judge, "_equations", lambda *_: [nothing])
+    monkeypatch.setattr(judge, "_log_evidence", lambda _: next(evidence))
+    found = judge.screened(SimpleNamespace(problem=SimpleNamespace(model=model, stated=stated)))
+    assert [s.mistake.name for s in found] == ["ahead", "behind"]
+
+
 @pytest.mark.parametrize(
-    ("source", "warnings", "evidence"),
+    ("source", "again", "evidence"),
     [
-        ("measured", (ESTIMATED_AGAIN,), 140.0),
-        ("measured", (), 100.0),  # in the sea of the straight runs, as the explanations are
-        ("assumed", (ESTIMATED_AGAIN,), 100.0),  # measured anew with the mended simulator
+        ("measured", True, 140.0),
+        ("measured", False, 100.0),  # in the sea of the straight runs, as the explanations are
+        ("assumed", True, 100.0),  # measured anew with the mended simulator
     ],
 )
 def test_a_mend_is_weighed_in_a_quieter_sea_where_the_explanations_are(
-    monkeypatch, source, warnings, evidence
+    monkeypatch, source, again, evidence
 ) -> None:
     """A sea that straight runs told too loud costs a mended simulator 40 nats."""
 
     @dataclass(frozen=True)
     class Problem:
         environment: NoiseIdentification
-        warnings: tuple[str, ...] = ()
         model: object = None
         events: tuple = ()
         outliers: tuple = ()
@@ -211,7 +231,7 @@ def test_a_mend_is_weighed_in_a_quieter_sea_where_the_explanations_are(
         return SimpleNamespace(log_evidence=nats, fit=SimpleNamespace(free=NO_PARAMETERS, values=()))
 
     monkeypatch.setattr(judge, "_best_of", best)
-    asked = Problem(NoiseIdentification(quiet, source, 0.5), warnings)
+    asked = Problem(NoiseIdentification(quiet, source, 0.5, again=again))
     tried = judge.Screened(MISTAKES[0], 1.0, Change({}), 50.0, 0.0)
     assert judge.mended_evidence(asked, None, tried, None).log_evidence == evidence
 

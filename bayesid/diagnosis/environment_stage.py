@@ -17,7 +17,7 @@ what manoeuvres have beyond the sea of straight runs is a gap.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -51,8 +51,7 @@ def in_its_environment(found: Compared, notify: Notify, seed: int) -> Compared:
         return found
     notify("the environment beside the best explanation")
     try:
-        before = problem.environment.noise_model
-        asked = [(*noise_beside(one.fit, before, louder=louder), one) for one in leading]
+        asked = _asked(leading, problem.environment.noise_model, louder)
         noise_model, gain, best = max(asked, key=lambda a: a[1] + a[2].log_evidence)
         if gain < LINEARISATION_SCATTER or not (louder or _contradicted(problem.environment, noise_model)):
             return found
@@ -66,6 +65,27 @@ def in_its_environment(found: Compared, notify: Notify, seed: int) -> Compared:
     # what ends lower in the environment that suits it has not arrived
     least = max(one.log_evidence for one in leading)
     return again if explains(after) and after.log_evidence > least else found
+
+
+def _asked(
+    leading: Sequence[RefittedHypothesis], before: NoiseModel, louder: bool
+) -> list[tuple[NoiseModel, float, RefittedHypothesis]]:
+    """Environment beside each explanation and what it gains; one that tells none does not silence the other.
+
+    Raises
+    ------
+    BayesidError, LinAlgError
+        where none tells any
+    """
+    asked, failed = [], None
+    for one in leading:
+        try:
+            asked.append((*noise_beside(one.fit, before, louder=louder), one))
+        except (BayesidError, np.linalg.LinAlgError) as error:
+            failed = error
+    if failed is not None and not asked:
+        raise failed
+    return asked
 
 
 def _contradicted(measured: NoiseIdentification, beside: NoiseModel) -> bool:

@@ -73,11 +73,11 @@ def compare_without(
         except BayesidError as error:
             if whole is None:
                 raise
-            return replace(
-                whole,
-                unable=f"the trial without {_named(excluded.events)} could not be diagnosed ({error}); the "
-                "verdict counts them",
+            unable = (
+                f"the trial without {_named(excluded.events)} could not be diagnosed ({error}); the verdict "
+                "counts them"
             )
+            return replace(whole, unable="; ".join(filter(None, (whole.unable, unable))))
         if excluded.events:
             return replace(found, candidates=with_events(found.candidates, excluded.events))
         whole = found

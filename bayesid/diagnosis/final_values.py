@@ -337,7 +337,7 @@ def _measure(m: MeasureComparison) -> dict[str, str | float | None]:
 
 def _noise(problem: DiagnosisProblem) -> Noise:
     e, c = problem.environment, problem.environment.noise_model
-    return Noise(e.source, tuple(c.force), c.force_tau, c.drift, c.drift_tau, c.depth, tuple(c.arms))
+    return Noise(e.source, tuple(c.force), c.force_tau, c.drift, c.drift_tau, c.depth, tuple(c.arms), e.again)
 
 
 def _drawings(

@@ -179,7 +179,8 @@ class Result:
             "Noise of the motion the diagnosis allowed for, one standard deviation: force per axis [N, N m] "
             "over force_tau [s], slow error of the position [m] over drift_tau [s], depth that of the depth "
             "[m] (null: as the position, or none logged), arms the moment a disturbance has per force [m]. "
-            "Source: stated in the bundle, measured from straight runs, or assumed."
+            "Source: stated in the bundle, measured from straight runs, or assumed. Again: whether it was "
+            "estimated again beside the best explanation (left out of records before this was told)."
         ),
     ]
     coefficients: Annotated[

@@ -216,6 +216,7 @@ class Noise:
     drift_tau: float
     depth: float | None
     arms: tuple[float, ...]
+    again: bool = False
 
 
 @dataclass(frozen=True)

@@ -97,6 +97,7 @@ def _environment(about_problem: dict[str, Any]) -> NoiseIdentification:
         force, float(c["force_tau"]), float(c["drift"]), float(c["drift_tau"]), arms, depth
     )
     left = tuple(float(v) for v in about_problem["left"])
+    again = bool(about_problem.get("again", False))  # older files do not say
     return NoiseIdentification(
-        noise_model, str(about_problem["source"]), float(about_problem["spread"]), left
+        noise_model, str(about_problem["source"]), float(about_problem["spread"]), left, again
     )

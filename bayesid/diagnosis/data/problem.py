@@ -52,7 +52,6 @@ USUAL_START = 0.5
 # Secant sizes, in prior standard deviations, of effects without a slope when off, or with one that says
 # nothing of large sizes: a rudder that is late by longer than it moves.
 SECANT_SIZES = (0.15, 0.8, 2.0, 3.0)
-ESTIMATED_AGAIN = "the environment was estimated again beside the best explanation"
 # Effect -> how far each of its parameters is from its prior mean, in prior standard deviations.
 Starts = Mapping[str, tuple[float, ...]]
 
@@ -127,8 +126,8 @@ class DiagnosisProblem:
         return replace(
             self,
             coefficients=self.stated,
-            environment=replace(self.environment, noise_model=noise_model),
-            warnings=(*self.warnings, ESTIMATED_AGAIN),
+            environment=replace(self.environment, noise_model=noise_model, again=True),
+            warnings=(*self.warnings, "the environment was estimated again beside the best explanation"),
             path=along.path_points,
             path_level=along.path_force_level,
             form=None,

@@ -44,7 +44,8 @@ class RefittedHypothesis:
     Attributes
     ----------
     effects : names, empty for none; "coefficient_error:N_r" for a widened coefficient
-    log_evidence : Laplace, with ln 2 + ln Phi for one-sided parameters
+    log_evidence : Laplace, with ranges of parameters, repeatability of the environment and sizes smaller than
+        usual (`repeatable_evidence`), or the less it may claim of that (`checked`)
     fit : FilterErrorFit
     """
 
@@ -230,9 +231,10 @@ def nested(problem: DiagnosisProblem, candidate: RefittedHypothesis, keep: tuple
 def wald_limit(problem: DiagnosisProblem, fitted: FilterErrorFit) -> float:
     """Most that effect parameters can have gained: half their squared distance from zero in posterior sd.
 
-    Shape parameters, whose off value is not zero, do not count. Evidence beyond this comes from refits of
-    unlike quality, not from the effect. Where the equations lack a form, deviations are at least those from
-    run to run: an effect that every run asks for in another size has gained nothing as itself.
+    Parameters whose off value is not zero do not count. The place of a mass or weight does: a moment that
+    shows is in the place alone, where the mass itself is hardly told. Evidence beyond this comes from refits
+    of unlike quality, not from the effect. Where the equations lack a form, deviations are at least those
+    from run to run: an effect that every run asks for in another size has gained nothing as itself.
     """
     k = len(problem.coefficients.names)
     model = problem.model

@@ -248,7 +248,9 @@ class Isolability:
     Attributes
     ----------
     names : effects
-    detect : (k,) noncentrality of each effect at one prior sd after the coefficients took their part
+    detect : (k,) noncentrality of each effect after the coefficients took their part, at one prior sd in all:
+        parameters have equal shares of it, also those that change nothing alone (a place, a lag, areas in
+        no wind), so that of a mass and its place half of the mass's is told
     absorbed : (k,) share of the signature the coefficients can hide
     margin : (k, k) expected log-evidence margin of truth i over explanation j at the stated size
     groups : effects that cannot be told apart at the stated size

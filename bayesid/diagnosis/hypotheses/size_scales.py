@@ -4,10 +4,10 @@ Takes normal equations in units of the prior standard deviations. Gives log evid
 size alone, and the same of many draws. Pure linear algebra.
 
 The prior standard deviation of an effect is its usual size. A fault that shows clearly may be a hundredth of
-it: half of the probability goes to the usual size, half to smaller ones, every half decade alike, down to
-the smallest that these runs would surely show and no further than a hundredth. With the usual size alone an
-effect of two parameters pays twice for being small: a bent fin a fiftieth of the usual, 5.5 nats for each
-rival that has one, and was told as the side force of a propeller by 3.7 nats.
+it: half of the probability goes to the usual size, half to smaller ones, every half decade alike, down to the
+smallest that these runs would most likely show (three in four of them) and no further than a hundredth. With
+the usual size alone an effect of two parameters pays twice for being small: a bent fin a fiftieth of the
+usual, 5.5 nats for each rival that has one, and was told as the side force of a propeller by 3.7 nats.
 """
 
 from __future__ import annotations
@@ -33,7 +33,8 @@ def sizes_of_effect(effect: Effect) -> tuple[int, ...]:
 
 
 def over_usual_size(total: NormalEquations, effects: Sequence[Sequence[int] | Array]) -> float:
-    """What other sizes than the usual add to the log evidence of effects [nats].
+    """What other sizes than the usual add to the log evidence of effects [nats]; nothing where rounding
+    leaves no equations of the sizes alone.
 
     Parameters
     ----------
@@ -44,7 +45,10 @@ def over_usual_size(total: NormalEquations, effects: Sequence[Sequence[int] | Ar
     if columns.size == 0:
         return 0.0
     others = np.setdiff1d(np.arange(total.se.size), columns)
-    own = without(total.pick(np.concatenate([columns, others])), columns.size)
+    try:
+        own = without(total.pick(np.concatenate([columns, others])), columns.size)
+    except np.linalg.LinAlgError:
+        return 0.0
     ends = np.cumsum([0, *(len(e) for e in effects)])
     blocks = [np.arange(a, b) for a, b in zip(ends, ends[1:], strict=False)]
     scale, weight = _scales(own.ss, blocks)

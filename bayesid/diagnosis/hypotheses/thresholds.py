@@ -19,7 +19,7 @@ from bayesid.estimation.run_data import Array
 
 @dataclass(frozen=True)
 class Thresholds:
-    """Levels that trials without an effect pass with probability `FALSE`.
+    """Levels that trials without an effect pass with probability `FALSE_ALARM`.
 
     Attributes
     ----------
@@ -58,11 +58,9 @@ def thresholds(bank: SensitivityBank, tried: int, seed: int, draws: int = 2000) 
 
     Parameters
     ----------
-    tried : free signals tried (`localisation.tried`: places times amplitudes times correlation times, and
-    one that
-        keeps time). A Bayes factor exceeds
-        exp(w) by chance with probability exp(-w) at most, so the best of them exceeds
-        log(tried / FALSE_ALARM) with probability `FALSE` at most.
+    tried : free signals tried (`localisation.tried`: places times amplitudes times correlation times, and one
+        that keeps time). A Bayes factor exceeds exp(w) by chance with probability exp(-w) at most, so the
+        best of them exceeds log(tried / FALSE_ALARM) with probability `FALSE_ALARM` at most.
     """
     gain, moved = chance(bank, seed, draws)
     return Thresholds(

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.special import logsumexp, softmax
 
-from bayesid.diagnosis.data.problem import ESTIMATED_AGAIN, DiagnosisProblem, build_problem, fit_with
+from bayesid.diagnosis.data.problem import DiagnosisProblem, build_problem, fit_with
 from bayesid.diagnosis.event_search import verdict_with
 from bayesid.diagnosis.exclusions import compare_without
 from bayesid.diagnosis.form_stage import Compared
@@ -155,7 +155,8 @@ def _causes(comparison: HypothesisComparison) -> list[RefittedHypothesis]:
 
 
 def screened(compared: Compared) -> list[Screened]:
-    """Every mistake the file can hold, best first, beside the coefficients within their prior."""
+    """Every mistake the file can hold and the log can weigh, best first, beside the coefficients within their
+    prior."""
     problem = compared.problem
     numbers = numbers_of(problem.model)
     index = problem.model.index
@@ -185,6 +186,8 @@ def screened(compared: Compared) -> list[Screened]:
     for mistake in MISTAKES:
         if rows := gains.get(mistake.name):
             top = max(rows, key=lambda row: row[0])
+            if not np.isfinite(top[0]):
+                continue  # no size of it can be weighed: so far off that rounding takes all evidence
             every = float(logsumexp([row[0] for row in rows])) - float(np.log(len(rows)))
             out.append(Screened(mistake, top[1], top[2], top[0], every - top[0]))
     return sorted(out, key=lambda s: -(s.gain + s.share))
@@ -263,7 +266,7 @@ def mended_evidence(
             again = _best_of(about, beside)
             if again is not None and again.log_evidence > found.log_evidence:
                 problem, found, fitted = about, again, _free_rows(again, s)
-        if asked.environment.source == "measured" and ESTIMATED_AGAIN in asked.warnings:
+        if asked.environment.source == "measured" and asked.environment.again:
             # where the explanations are weighed in a sea quieter than straight runs told, so is the mend
             again = _best_of(_quieter(problem, found), beside)
             if again is not None and again.log_evidence > found.log_evidence:
@@ -277,7 +280,7 @@ def _quieter(problem: DiagnosisProblem, found: RefittedHypothesis) -> DiagnosisP
     """The problem in the environment beside a refit, no force louder."""
     measured = problem.environment
     noise_model, _ = noise_beside(found.fit, measured.noise_model, louder=False)
-    return replace(problem, environment=replace(measured, noise_model=noise_model))
+    return replace(problem, environment=replace(measured, noise_model=noise_model, again=True))
 
 
 def _best_of(problem: DiagnosisProblem, beside: tuple[str, ...]) -> RefittedHypothesis | None:

@@ -65,12 +65,14 @@ class NoiseIdentification:
     spread : standard deviation of the logarithm of the amplitudes
     left : standard deviation left to each unknown of a first measurement, in its order, the others held;
         empty where not measured, or measured again from an earlier one
+    again : whether it was estimated again beside an explanation of the gap
     """
 
     noise_model: NoiseModel
     source: str
     spread: float
     left: tuple[float, ...] = ()
+    again: bool = False
 
 
 def no_process_noise(model: Model) -> NoiseModel:
@@ -124,7 +126,8 @@ def noise_beside(
     fitted: FilterErrorFit, noise_model: NoiseModel, steps: int = 12, louder: bool = True
 ) -> tuple[NoiseModel, float]:
     """Most probable process noise along a fit, everything free in it integrated out, and what that gains in
-    log density over the noise the fit was made with [nats].
+    log density over the noise the fit was made with [nats]; where drift, times and arms of that lie beyond
+    the bounds of a first guess, over the nearest within.
 
     The path is that of a fit that explains the data: no balance is left that noise could shrink with.
 
