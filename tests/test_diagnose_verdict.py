@@ -11,6 +11,7 @@ from bayesid.diagnosis.data.event import Event
 from bayesid.diagnosis.event_search import verdict_with
 from bayesid.diagnosis.hypotheses import candidate as candidates
 from bayesid.diagnosis.hypotheses import facts, verdict
+from bayesid.diagnosis.hypotheses.kinematic import Kinematics
 from bayesid.diagnosis.hypotheses.location import location_of, locations
 from bayesid.diagnosis.hypotheses.probabilities import FormError
 from bayesid.equations.model import build_model
@@ -42,7 +43,16 @@ def candidate(log_evidence, *effects):
 
 
 def judged(
-    refits, probabilities, inside=None, left=0.0, before=30.0, absorbed=(), as_built=False, faint=(), speak=()
+    refits,
+    probabilities,
+    inside=None,
+    left=0.0,
+    before=30.0,
+    absorbed=(),
+    as_built=False,
+    faint=(),
+    speak=(),
+    place="N",
 ):
     best = max(refits, key=lambda c: c.log_evidence)
     return verdict.decide(
@@ -55,7 +65,7 @@ def judged(
             inside=inside or probabilities,
             evidence={n: 5.0 if n in speak else -0.5 for n in FAMILY},
             where=SimpleNamespace(places=(SimpleNamespace(channel="N", evidence=before),)),
-            where_after=SimpleNamespace(places=(SimpleNamespace(channel="N", evidence=left),)),
+            where_after=SimpleNamespace(places=(SimpleNamespace(channel=place, evidence=left),)),
             ambiguity=SimpleNamespace(
                 names=tuple(FAMILY),
                 absorbed=[0.99 if n in absorbed else 0.1 for n in FAMILY],
@@ -136,6 +146,26 @@ def test_several_effects_are_named_beside_a_remainder_that_is_small_for_each(pai
     neither = judged(pair, share, inside, left=90.0)
     assert (neither.word, neither.effects) == ("ambiguous", ("a", "b"))
     assert judged(pair, {"outside": 0.6, "a": 0.2, "b": 0.2}, inside, left=90.0).word == "outside"
+
+
+@pytest.mark.parametrize(
+    ("channel", "named"), [("psi", ("a",)), ("N", ("a",)), ("u,v", ()), ("r", ())], ids=lambda x: str(x)
+)
+def test_what_kinematics_tells_of_a_sensor_holds_beside_what_is_left_elsewhere(
+    pair, monkeypatch, channel, named
+):
+    """A late velocity log of a vehicle that rolls: roll is left in the compass, and casts no doubt on it."""
+    late = SimpleNamespace(**vars(EFFECTS[0]) | {"sensor": {"r": 1}, "sensor_delay": {"delay": ("u", "v")}})
+    model = SimpleNamespace(kernel=PROBLEM.model.kernel, effects=PROBLEM.model.effects | {"a": late})
+    for name, value in (("model", model), ("form", object()), ("turns", False)):
+        monkeypatch.setattr(PROBLEM, name, value, raising=False)
+    monkeypatch.setattr(facts, "_covered", lambda *more: ((), False))
+    told = Kinematics(50.0, {"a": 50.0})
+    monkeypatch.setattr(facts, "by_kinematics", lambda problem, best: told)
+    v = judged(pair, {"a": 0.5, "b": 0.5}, {"a": 1.0, "b": 1.0}, left=90.0, place=channel)
+    assert v.effects == (named or ("a", "b")) and v.word == (
+        "effect_with_remainder" if named else "ambiguous"
+    )
 
 
 def test_what_chance_may_leave_takes_no_effect_away_though_the_runs_disagree(pair, monkeypatch):

@@ -24,7 +24,7 @@ from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.cross_validation import CrossValidation, cross_validate, excess_where_apart
 from bayesid.diagnosis.hypotheses.form_part import axes_of, beyond, form_excess, lost_without_form
 from bayesid.diagnosis.hypotheses.kinematic import NOTHING, Kinematics, by_kinematics, parameters_told
-from bayesid.diagnosis.hypotheses.localisation import SENSORS
+from bayesid.diagnosis.hypotheses.localisation import SENSORS, Localisation
 from bayesid.diagnosis.hypotheses.probabilities import credible_set, told
 from bayesid.diagnosis.hypotheses.sizes import sizes_told
 from bayesid.diagnosis.threshold_table import (
@@ -191,6 +191,8 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
     sure: tuple[str, ...] = ()
     if several:
         shows = left > limit.remainder
+        # What kinematics tells of a sensor holds whatever else is left.
+        holds = [n for n in sensors.told if not _reads(problem, n, candidates.where_after)]
         # An effect that explains little beside what is left is a part of the remainder; one whose size is
         # nought mends something else.
         kept = [
@@ -198,7 +200,7 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
             for n in best.effects
             if n not in off
             and n not in covered
-            and (not shows or left < MINOR_SHARE * _part(candidates, best, {n}))
+            and (not shows or n in holds or left < MINOR_SHARE * _part(candidates, best, {n}))
         ]
         sure = tuple(n for n in kept if acts(candidates, families, n) >= NAMING_PROBABILITY)
     named = COEFFICIENT_ERROR if best.widens else best.effects[0] if best.effects else ""
@@ -238,6 +240,13 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
     follows = any(c.fit.chi2 < FOLLOWS_DATA_CHI2 for c in (none, *candidates.refits))
     names = Named(best.effects, sure, hidden, along, set95, faint, problem.form is not None, like)
     return Grounds(facts, names, before.channel, best.fit.chi2**0.5, follows, runs)
+
+
+def _reads(problem: DiagnosisProblem, name: str, left: Localisation | None) -> bool:
+    """Whether a free signal is left most in a channel that an effect of a sensor changes."""
+    effect = problem.model.effects[name]
+    own = {*effect.sensor, *(c for group in effect.sensor_delay.values() for c in group)}
+    return left is not None and bool(own & set(SENSORS.get(left.places[0].channel, ())))
 
 
 def _of_sensors(problem: DiagnosisProblem, best: RefittedHypothesis, sensors: Kinematics) -> bool:
