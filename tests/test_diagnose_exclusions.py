@@ -106,6 +106,16 @@ def test_events_whose_removal_cannot_be_diagnosed_are_counted_and_said(monkeypat
     assert found.unable.startswith("no model form; the trial without a 3-5 s could not")
 
 
+def test_outliers_whose_removal_cannot_be_diagnosed_are_counted_and_said(monkeypatch):
+    def fails(events, readings):
+        return ModelError("left the region") if readings else None
+
+    seen, found = passes(monkeypatch, outliers=((LATE,),), fails=fails, unable="no model form")
+    assert seen == [((), ())] * 2 and found.candidates == "compared 2"
+    assert found.unable.startswith("no model form; without 2 readings that all others contradict the trial")
+    assert "(left the region)" in found.unable
+
+
 def test_a_trial_with_nothing_to_identify_from_is_an_error(monkeypatch):
     with pytest.raises(TrialError, match="nothing"):
         passes(monkeypatch, fails=lambda events, readings: TrialError("nothing"))

@@ -50,7 +50,8 @@ def compare_without(
 
     Each pass fits and asks for one kind: outliers first, as a few wrong yaw rates doubled the environment
     measured, events last, as an effect may explain what looks like one. Without the events outliers are
-    sought anew. So there are four passes at most.
+    sought anew. So there are four passes at most, one more where a trial without its outliers fails: then
+    they count.
 
     Raises
     ------
@@ -59,12 +60,13 @@ def compare_without(
     """
     excluded = Excluded()
     whole: Compared | None = None
+    kept: str | None = None  # why outliers are not left out
     while True:
         try:
             problem = build_problem(model, trial, notify, as_built, excluded.events, excluded.readings)
             notify("fit without any effect")
             base = fit_with(problem, ()).released()
-            outliers = () if excluded.readings else innovation_outliers(problem, base)
+            outliers = () if excluded.readings or kept else innovation_outliers(problem, base)
             if outliers:
                 notify(f"once more without {counted(len(outliers), 'reading')} that all others contradict")
                 excluded = Excluded(excluded.events, (*problem.outliers, *outliers))
@@ -72,12 +74,23 @@ def compare_without(
             found = in_its_environment(compared(problem, notify, seed, base), notify, seed)
         except BayesidError as error:
             if whole is None:
-                raise
+                if not excluded.readings:
+                    raise
+                many = counted(len(excluded.readings), "reading")
+                kept = (
+                    f"without {many} that all others contradict the trial could not be diagnosed ({error}); "
+                    "the verdict counts them"
+                )
+                notify(kept)
+                excluded = Excluded()
+                continue
             unable = (
                 f"the trial without {_named(excluded.events)} could not be diagnosed ({error}); the verdict "
                 "counts them"
             )
             return replace(whole, unable="; ".join(filter(None, (whole.unable, unable))))
+        if kept:
+            found = replace(found, unable="; ".join(filter(None, (found.unable, kept))))
         if excluded.events:
             return replace(found, candidates=with_events(found.candidates, excluded.events))
         whole = found
