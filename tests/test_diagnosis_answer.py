@@ -11,7 +11,7 @@ from bayesid.diagnosis.answer import answer, explained_words, in_words
 from bayesid.diagnosis.evidence.effect_draws import warning
 from bayesid.diagnosis.evidence.replay import Replay
 from bayesid.diagnosis.failed_checks import NO_MODEL, failures
-from bayesid.diagnosis.hypotheses.rules import TURNS_BY_ITSELF
+from bayesid.diagnosis.hypotheses.rules import TURNS_BY_ITSELF, UNSURE
 from bayesid.diagnosis.plain_words import intervals, sentence
 from bayesid.diagnosis.result_parts import Effect, Moved, Refit, Retuning, RunError, Value
 from bayesid.diagnosis.size_names import contract, declared_sizes
@@ -419,3 +419,32 @@ def test_a_vehicle_that_turns_by_itself_is_told_before_any_probability(set95, ot
         "Every run turns to one side with the rudder amidships, which heading bias does not explain: "
         f"{others} may be behind both."
     )
+
+
+@pytest.mark.parametrize(
+    ("set95", "probabilities", "rest"),
+    [
+        (("rudder_offset", "propeller_side_force"), {}, "propeller side force (0.24)."),
+        (("rudder_offset", "none"), {"none": 0.2}, "nothing at all (0.20)."),
+        (
+            ("rudder_offset", "outside", "none"),
+            {"none": 0.2},
+            "something not on the list (0.06), or nothing at all (0.20).",
+        ),
+    ],
+)
+def test_the_likeliest_of_several_causes_is_told_with_its_size(set95, probabilities, rest):
+    given = {"none": 0.0, "rudder_offset": 0.7, "propeller_side_force": 0.24, "outside": 0.06} | probabilities
+    found = replace(
+        a_result("ambiguous", (), (), set95=set95, rule=UNSURE, probabilities=given),
+        effects=(an_effect("rudder_offset", offset=(-0.02, 0.002)),),
+    )
+    said = "More likely than not the rudder stands 1.1 degrees to starboard of where it is ordered (0.70)"
+    assert answer(found).headline == f"{said}; these runs do not exclude {rest}"
+    # not where runs speak against it, where it is not more probable than the rest, or where it has no size
+    for other in (
+        replace(found, rule="refuted by the runs"),
+        replace(found, probabilities=given | {"rudder_offset": 0.5}),
+        replace(found, effects=(replace(found.effects[0], parameters={}),)),
+    ):
+        assert answer(other).headline.startswith("These runs cannot tell")

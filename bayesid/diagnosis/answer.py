@@ -17,7 +17,7 @@ from bayesid.diagnosis.failed_checks import (
     prediction_step,
     predicts_worse,
 )
-from bayesid.diagnosis.hypotheses.rules import NAMING, TURNS_BY_ITSELF
+from bayesid.diagnosis.hypotheses.rules import LACKS_PROBABILITY, NAMING, TURNS_BY_ITSELF
 from bayesid.diagnosis.hypotheses.sensitivity_bank import EVERY
 from bayesid.diagnosis.moved_words import freeing, moved_words
 from bayesid.diagnosis.plain_words import intervals, probability, sentence
@@ -37,7 +37,7 @@ from bayesid.diagnosis.run_errors import (
 )
 from bayesid.diagnosis.simulator_words import mistake_certainty, mistake_sentence, mistake_steps
 from bayesid.diagnosis.size_names import declared_sizes
-from bayesid.diagnosis.threshold_table import SURE_PROBABILITY
+from bayesid.diagnosis.threshold_table import EVEN_ODDS, SURE_PROBABILITY
 from bayesid.words import first_few
 
 RMS = " (rms)"
@@ -185,7 +185,11 @@ def _or_its_like(e: Effect) -> str:
 def _told(e: Effect) -> str:
     """What is named, without a full stop; how often such names were wrong decides about "probably"."""
     said = sentence(e).rstrip(".")
-    return said if e.probability >= SURE_PROBABILITY else f"Probably {said[0].lower()}{said[1:]}"
+    return said if e.probability >= SURE_PROBABILITY else f"Probably {_lowered(said)}"
+
+
+def _lowered(text: str) -> str:
+    return text[0].lower() + text[1:]
 
 
 def _headline(result: Result) -> str:
@@ -265,11 +269,26 @@ def _ambiguous(result: Result) -> str:
         alone = ", or only a force that depends on the motion and that the equations lack " + (
             f"({probability(result.probabilities.get('model_form', 0.0))})"
         )
+    if (first := _likeliest(result, chances)) is not None:
+        said = f"{_lowered(sentence(first).rstrip('.'))} ({probability(chances[0][1])})"
+        others = ", ".join(f"{_outside(n)} ({probability(p)})" for n, p in chances[1:])
+        rest = others + (alone if others else alone.removeprefix(", or "))
+        return f"More likely than not {said}; these runs do not exclude {rest}."
     if acting and len(chances) > 1:
         return f"Several things act together and these runs cannot tell which: {listed}{alone}."
     if len(chances) == 1:
         return f"These runs cannot tell whether it is {listed}{alone or ' or something else'}."
     return f"These runs cannot tell which it is: {listed}{alone}."
+
+
+def _likeliest(result: Result, chances: list[tuple[str, float]]) -> Effect | None:
+    """The first of several possible causes where it is more probable than all else together, has a size, and
+    lacks probability alone."""
+    name, p = chances[0]
+    if result.rule not in LACKS_PROBABILITY or not p > EVEN_ODDS:
+        return None
+    rest = len(chances) > 1 or {"none", "model_form"} & set(result.set95)
+    return next((e for e in result.effects if rest and e.name == name and e.parameters), None)
 
 
 def _outside(name: str) -> str:

@@ -22,6 +22,9 @@ WORDS: tuple[Word, ...] = (
 # Words that name an effect.
 NAMING: tuple[Word, ...] = ("effect", "effect_with_remainder", "several")
 TURNS_BY_ITSELF = "turns by itself"
+UNSURE, NONE_LEFT = "unsure effect", "none not excluded"
+# Rules by which the first of several explanations lacks probability and nothing else.
+LACKS_PROBABILITY = (UNSURE, NONE_LEFT)
 
 
 @dataclass(frozen=True)
@@ -168,13 +171,13 @@ RULES: tuple[Rule, ...] = (
         or_none=True,
     ),
     Rule(
-        "none not excluded",
+        NONE_LEFT,
         lambda f: f.none_in_set,
         "ambiguous", "rivals", "nothing",
         "an effect gains, and no effect cannot be excluded",
     ),
     Rule(
-        "unsure effect",
+        UNSURE,
         lambda f: f.acts < NAMING_PROBABILITY,
         "ambiguous", "rivals", "nothing",
         f"the best explanation acts with less than {NAMING_PROBABILITY:.0%}",
