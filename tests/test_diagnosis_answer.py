@@ -356,7 +356,7 @@ def test_a_name_of_a_probability_that_was_often_wrong_is_told_as_probable():
     found = replace(a_result(), effects=(replace(slow, probability=float(SURE_PROBABILITY) - 1e-3),))
     told = answer(found)
     assert told.headline.startswith("Probably the rudder follows its orders with a lag of 0.4 seconds (")
-    assert any("one in eleven was wrong" in text for text in told.certainty)
+    assert any("one in twelve was wrong" in text for text in told.certainty)
     sure = answer(replace(found, effects=(replace(slow, probability=float(SURE_PROBABILITY)),)))
     assert sure.headline.startswith("The rudder follows its orders")
     assert not any("was wrong" in text for text in sure.certainty)

@@ -376,7 +376,7 @@ def _certainty(result: Result) -> tuple[str, ...]:
             )
         if any(e.probability < SURE_PROBABILITY for e in result.effects):
             out.append(
-                f"Of names with a probability below {SURE_PROBABILITY:.2f} one in eleven was wrong on "
+                f"Of names with a probability below {SURE_PROBABILITY:.2f} one in twelve was wrong on "
                 "withheld trials, of those above one in thirty."
             )
     other = rivals(result)
