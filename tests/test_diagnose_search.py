@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from bayesid.diagnosis.hypotheses import search
+from bayesid.model.effects import CATALOGUE
 
 FAMILY = {
     "wind": "force", "push": "force", "lag": "timing", "dead": "timing", "scale": "scale", "bias": "sensor",
@@ -315,3 +316,35 @@ def test_a_set_is_no_part_of_itself(monkeypatch):
     whole.fit.chi2 = 1.0
     search._beside(PROBLEM, [whole], (EFFECTS["wind"], EFFECTS["lag"]), lambda text: None)
     assert not world.starts
+
+
+def refits_of(*ranked):
+    fit = Plain(converged=True, chi2=1.0)
+    return [Plain(effects=tuple(e.split("+")), log_evidence=x, fit=fit, widens=False) for e, x in ranked]
+
+
+@pytest.mark.parametrize(
+    ("ranked", "first"),
+    [
+        # 1.3 nats are no ground to say that a current changes on the way; 3.1 are
+        ((("ocean_current_varying", 50.0), ("ocean_current", 48.7)), "ocean_current"),
+        ((("ocean_current_varying", 50.0), ("ocean_current", 46.9)), "ocean_current_varying"),
+        # beside another effect, in any order, and not where that one is another
+        ((("gyro_bias+ocean_current_varying", 50.0), ("ocean_current+gyro_bias", 48.0)),
+         "ocean_current+gyro_bias"),
+        ((("gyro_bias+ocean_current_varying", 50.0), ("ocean_current+gyro_scale", 48.0)),
+         "gyro_bias+ocean_current_varying"),
+        ((("gyro_bias+ocean_current_varying", 50.0), ("ocean_current", 48.0)),
+         "gyro_bias+ocean_current_varying"),
+        # alike, but no part of one another
+        ((("hull_fouling", 50.0), ("thrust_loss", 49.0)), "hull_fouling"),
+        ((("wind", 50.0), ("steady_force", 49.0)), "wind"),
+        ((("ocean_current", 50.0), ("ocean_current_varying", 49.0)), "ocean_current"),
+    ],
+)  # fmt: skip
+def test_the_plainer_form_of_an_effect_is_told_where_the_richer_is_worth_less_than_odds_of_twenty(
+    ranked, first
+):
+    effects = {e.name: e for e in CATALOGUE}
+    found = search.plainest_first(effects, refits_of(*ranked))
+    assert found[0].effects == tuple(first.split("+")) and len(found) == len(ranked)

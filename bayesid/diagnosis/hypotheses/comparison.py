@@ -39,7 +39,7 @@ from bayesid.diagnosis.hypotheses.refit import (
     remainder,
     shortlist,
 )
-from bayesid.diagnosis.hypotheses.search import search_several
+from bayesid.diagnosis.hypotheses.search import plainest_first, search_several
 from bayesid.diagnosis.hypotheses.sensitivity_bank import (
     Isolability,
     ScreenScore,
@@ -77,7 +77,7 @@ class HypothesisComparison:
     Attributes
     ----------
     none : RefittedHypothesis without effects
-    refits : refitted hypotheses, best first
+    refits : refitted hypotheses, best first, but for a plainer form of the best (`plainest_first`)
     scores : screen of every effect
     evidence : name -> log evidence over none, for every catalogue name, "outside" and "coefficient_error"
     probabilities : name -> posterior probability, same names and "none"
@@ -276,6 +276,8 @@ def weigh(
             problem, refits, first, list(single.effects), single.ambiguity, notify, left
         )
         refits = list(_ranked(problem, found, none, gains))
+    if refits and not refits[0].widens:
+        refits = plainest_first({e.name: e for e in single.effects}, refits)
     if refits and refits[0].log_evidence > none.log_evidence + ADD_EVIDENCE:
         notify("what the best explanation leaves")
         after = left.get(refits[0].effects) or remainder(problem, refits[0])

@@ -224,3 +224,39 @@ def _joint(model: Model, effects: Sequence[Effect]) -> GaussianPrior:
     for part in parts[1:]:
         out = out + part
     return out
+
+
+def plainest_first(
+    effects: Mapping[str, Effect], refits: Sequence[RefittedHypothesis]
+) -> list[RefittedHypothesis]:
+    """Refits with the plainer form of the best explanation in front, where what the richer one has more is
+    worth less than odds of 20 to 1: a current that does not change, in place of one that changes by nothing.
+
+    Parameters
+    ----------
+    refits : best first
+    """
+    out = list(refits)
+    for c in out[1:]:
+        if c.log_evidence < out[0].log_evidence - DROP_EVIDENCE:
+            break
+        if not c.widens and explains(c) and _plainer(effects, c.effects, out[0].effects):
+            return [c, *(x for x in out if x is not c)]
+    return out
+
+
+def _plainer(effects: Mapping[str, Effect], fewer: Sequence[str], more: Sequence[str]) -> bool:
+    """Whether the effects are the same but for some that have fewer of the parameters of their family."""
+
+    def parts(name: str) -> frozenset[str]:
+        return frozenset(p.name for p in effects[name].parameters)
+
+    lost, gained = set(more) - set(fewer), set(fewer) - set(more)
+    partner = {effects[n].family: n for n in gained if n in effects}
+    return (
+        {*fewer, *more} <= set(effects)
+        and len(fewer) == len(more) == len(set(more))
+        and bool(lost)
+        and len(partner) == len(lost) == len(gained)
+        and all(effects[n].family in partner and parts(partner[effects[n].family]) < parts(n) for n in lost)
+    )
