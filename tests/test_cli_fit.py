@@ -44,6 +44,15 @@ def test_a_planted_coefficient_is_found_and_the_held_out_turn_predicted(pond, tm
     assert {p.name for p in tmp_path.iterdir()} >= {"fit.json", "iterates.jsonl", "report.html", "report.md"}
 
 
+def test_a_fit_does_not_write_over_the_vehicle_file_of_its_trial(pond, capsys):
+    before = {p.name: p.read_bytes() for p in pond.iterdir() if p.is_file()}
+    assert run(["fit", str(pond), *RUNS, "--free", "N_dr", "--out", str(pond)]) == 2
+    assert "holds a trial, whose vehicle.toml the fit would write over" in " ".join(
+        capsys.readouterr().err.split()
+    )
+    assert {p.name: p.read_bytes() for p in pond.iterdir() if p.is_file()} == before
+
+
 def test_a_flat_valley_is_not_called_a_success(pond, capsys):
     """All rows of one axis, inertia included, can be scaled together without a trace in the motion."""
     code = run(["fit", str(pond), *RUNS, "--quick", "--json"])

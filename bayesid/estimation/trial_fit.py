@@ -122,8 +122,14 @@ def fit_trial(
     Raises
     ------
     FitError, ModelError, VehicleError
-        set-up that cannot be used; a fit that does not converge is a result
+        set-up that cannot be used, `out` a trial's own folder among it; a fit that does not converge is a
+        result
     """
+    if out is not None and (Path(out) / "trial.toml").exists():
+        raise FitError(
+            f"{out}: holds a trial, whose vehicle.toml the fit would write over; choose another folder, "
+            f"{Path(out) / 'fit'} say"
+        )
     if vehicle is None:
         if not trial.vehicle_ref:
             raise FitError(f"trial {trial.name!r} names no vehicle; pass one or name it in trial.toml")
