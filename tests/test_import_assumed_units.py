@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from bayesid.model.units import scale
-from bayesid.trials.importing import Proposal, propose
+from bayesid.trials.importing import Proposal, apply_map, propose
 from bayesid.trials.importing.unit_words import split_unit
 
 HEADS = ("time_s", "Northing", "Easting", "Compass_deg", "Rudder_cmd_deg", "Shaft_rpm")
@@ -74,3 +75,57 @@ def test_a_rudder_without_a_unit_is_remarked_and_not_asked(tmp_path):
 
 def test_a_rudder_with_its_unit_is_not_remarked(tmp_path):
     assert not [text for text in proposed(tmp_path).remarks if "Rudder" in text and "unit" in text]
+
+
+# --- axes that the compass contradicts
+
+
+def exchanged(rows):
+    return rows[:, [0, 2, 1, 3, 4, 5]]
+
+
+def anticlockwise(rows):
+    return np.column_stack((rows[:, :3], np.mod(-rows[:, 3], 360.0), rows[:, 4:]))
+
+
+def constant_offset(rows):
+    return np.column_stack((rows[:, :3], np.mod(rows[:, 3] + 25.0, 360.0), rows[:, 4:]))
+
+
+def test_exchanged_positions_are_among_the_guesses(tmp_path):
+    question = proposed(tmp_path, change=exchanged).map.questions[0]
+    assert "they agree with 'Northing' and 'Easting' exchanged" in question
+    assert "other sign" not in question
+
+
+def test_a_compass_to_port_is_a_guess_beside_an_easting_to_the_west(tmp_path):
+    question = proposed(tmp_path, change=anticlockwise).map.questions[0]
+    assert "'Easting' of the other sign" in question and "'Compass_deg' of the other sign" in question
+    assert "turn over `rudder_positive`" in question and "exchanged" not in question
+
+
+def test_the_mend_asked_for_a_compass_to_port_gives_the_log_of_a_right_one(tmp_path):
+    made = []
+    for name, change, factor in (("wrong", anticlockwise, -1.0), ("right", lambda rows: rows, 1.0)):
+        (tmp_path / name).mkdir()
+        sources = logs(tmp_path / name / "logs", change=change)
+        found = propose(sources, "remus100", "trial").map
+        channels = {**found.channels, "heading": replace(found.channels["heading"], scale=factor)}
+        over = {"port": "starboard", "starboard": "port"}
+        side = over[found.rudder_positive] if factor < 0 else found.rudder_positive
+        mended = replace(found, channels=channels, questions=(), rudder_positive=side)
+        made.append((side, apply_map(mended, sources)[0][0].data))
+    assert made[0][0] == made[1][0] == "starboard"
+    np.testing.assert_allclose(np.cos(made[0][1]["psi"] - made[1][1]["psi"]), 1.0, atol=1e-9)
+    np.testing.assert_allclose(made[0][1]["delta_r_cmd"], made[1][1]["delta_r_cmd"])
+
+
+def test_a_compass_that_is_off_by_as_much_everywhere_has_no_other_guess(tmp_path):
+    (question,) = proposed(tmp_path, change=constant_offset).map.questions
+    assert "magnetic north" in question and "they agree with" not in question
+
+
+def test_exchanged_positions_are_asked_where_the_turns_of_the_runs_cancel(tmp_path, monkeypatch):
+    monkeypatch.setattr(f"{__name__}.STARTS", (0.0, 90.0, 0.0, 90.0))
+    (question,) = proposed(tmp_path, change=exchanged).map.questions
+    assert "exchanged" in question

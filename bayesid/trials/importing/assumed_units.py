@@ -17,6 +17,7 @@ from bayesid.trials.importing.unit_words import suffix_unit
 from bayesid.words import and_list
 
 _LAST = re.compile(r"(?P<head>.*[^_.\s])[_.\s]+(?P<word>[^\W\d_][^_.\s]*)")
+_SAID = re.compile("states no unit|states a unit|taken as|pulse width")  # questions that name the unit
 _SIDES = frozenset({"port", "stbd", "stb", "starboard", "bb", "fore", "aft", "bow", "stern", "true", "mag"})
 _WORDS = {"deg": "degrees", "rad": "radians", "m": "metres"}
 # told by the other series, or asked and remarked with their unit by `deciding`
@@ -65,7 +66,7 @@ def ask_assumed_units(draft: Draft) -> None:
         shown = draft.column(role)
         if role in _DECIDED or draft.stated.get(role, True) or not (taken := _taken(draft, role)):
             continue
-        if not any(shown in text for _, text in draft.asked if "unit" in text or "taken as" in text):
+        if not any(shown in text for _, text in draft.asked if _SAID.search(text)):
             silent.setdefault(taken, []).append(shown)
     for taken, names in silent.items():
         verb, be = ("states", "is") if len(names) == 1 else ("state", "are")
