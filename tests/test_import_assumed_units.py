@@ -15,6 +15,7 @@ from bayesid.trials.importing.unit_words import split_unit
 
 HEADS = ("time_s", "Northing", "Easting", "Compass_deg", "Rudder_cmd_deg", "Shaft_rpm")
 STARTS = (0.0, 90.0, 200.0, 45.0, -120.0)  # deg, heading in which each run begins
+CIRCLES = (1, 3)  # runs that turn to one side; the others weave
 
 
 def logs(folder: Path, heads=HEADS, change=lambda rows: rows) -> list[Path]:
@@ -24,7 +25,9 @@ def logs(folder: Path, heads=HEADS, change=lambda rows: rows) -> list[Path]:
     paths = []
     for k, start in enumerate(STARTS):
         t = 0.2 * np.arange(500)
-        rudder = 10.0 * np.sign(np.sin(0.25 * t)) * (t > 10.0) if k % 2 == 0 else np.where(t > 10, 12.0, 0.0)
+        rudder = (
+            2.0 * np.sign(np.sin(0.25 * t)) * (t > 10.0) if k not in CIRCLES else np.where(t > 10, 12.0, 0.0)
+        )
         rate, psi = 0.0, [math.radians(start)]
         for order in rudder[1:]:
             rate += 0.2 * (0.6 * math.radians(order) - rate) / 1.5
@@ -126,6 +129,7 @@ def test_a_compass_that_is_off_by_as_much_everywhere_has_no_other_guess(tmp_path
 
 
 def test_exchanged_positions_are_asked_where_the_turns_of_the_runs_cancel(tmp_path, monkeypatch):
-    monkeypatch.setattr(f"{__name__}.STARTS", (0.0, 90.0, 0.0, 90.0))
+    monkeypatch.setattr(f"{__name__}.STARTS", (8.0, 98.0, 8.0, 98.0))
+    monkeypatch.setattr(f"{__name__}.CIRCLES", ())
     (question,) = proposed(tmp_path, change=exchanged).map.questions
-    assert "exchanged" in question
+    assert "does not run along the heading" in question and "exchanged" in question

@@ -107,3 +107,12 @@ def test_an_import_writes_whether_the_header_says_the_side(tmp_path):
         runs, origin = apply_map(found, [source])
         write_bundle(found, runs, origin, tmp_path / f"bundle_{stated}", None)
         assert handedness(tmp_path / f"bundle_{stated}") == Handedness(side_stated=stated)
+
+
+def test_the_lines_to_add_say_what_else_it_may_be(tmp_path, capsys):
+    from bayesid.cli.trial_import import _mend_first
+
+    findings = check_input(turned_compass()).findings
+    _mend_first(findings, tmp_path)
+    said = capsys.readouterr().out
+    assert all(f"# unless it is: {name}" in said for name in findings[0].also) and findings[0].also
