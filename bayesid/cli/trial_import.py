@@ -221,6 +221,8 @@ def _mend_first(findings: Sequence[InputFinding], out: Path) -> None:
         print_text(f"Next: mend {which} in {out / 'trial.toml'}:")
         for line in mend:
             print_text(f"  {line}")
+        for other in findings[0].also:
+            print_text(f"  # unless it is: {other}")
     else:
         print_text(f"Next: log anew what {which} is about; no line of trial.toml mends it.")
     print_text(f"Then: {command('trial', 'check', out)}")

@@ -30,7 +30,8 @@ _TABLE: dict[str, dict[str, float]] = {
         "m": 1.0, "cm": 1e-2, "mm": 1e-3, "km": 1e3, "ft": _FT, "in": 0.0254, "yd": 3 * _FT,
         "nmi": _NM, "NM": _NM,
     },
-    "rad": {"rad": 1.0, "mrad": 1e-3, "deg": _DEG, "°": _DEG, "degrees": _DEG, "degree": _DEG},
+    "rad": {"rad": 1.0, "mrad": 1e-3, "deg": _DEG, "°": _DEG, "degrees": _DEG, "degree": _DEG,
+            "gon": math.pi / 200.0},
     "m/s": {
         "m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "km/h": 1 / 3.6, "kn": _NM / 3600, "kt": _NM / 3600,
         "kts": _NM / 3600, "knot": _NM / 3600, "knots": _NM / 3600, "ft/s": _FT,

@@ -17,6 +17,7 @@ from bayesid.diagnosis.input.wrong_vehicle import wrong_vehicle
 from bayesid.equations.model import Model
 from bayesid.trials import Trial
 from bayesid.trials.correction import apply
+from bayesid.trials.handedness import handedness
 from bayesid.trials.mistakes import InputCheck, check_input
 from bayesid.trials.noise_stated import seen_noise, stated_wrongly
 
@@ -31,11 +32,12 @@ def check_trial(trial: Trial, model: Model | None = None) -> InputCheck:
     runs = trial.identify
     if not runs:
         return InputCheck()
+    known = handedness(trial.folder)
     if model is None:
-        found, size = check_input(runs), None
+        found, size = check_input(runs, known=known), None
     else:
         size = model.scales["L"], model.scales["U"]
-        found = check_input(runs, size[0] / size[1], behaviour_of(model, runs), model.vehicle.rates)
+        found = check_input(runs, size[0] / size[1], behaviour_of(model, runs), model.vehicle.rates, known)
     right = mended(trial, found)
     if model is not None:
         rest = tuple(f for f in found.findings if not open_to_the_simulator(f))

@@ -21,6 +21,7 @@ from bayesid.trials.correction import Correction
 from bayesid.trials.importing.joining import Joined
 from bayesid.trials.importing.log_map import LogMap
 from bayesid.trials.importing.raw import ImportLogError
+from bayesid.trials.importing.unit_words import positive_side
 from bayesid.trials.schema import write_schema
 from bayesid.trials.trial import Trial
 from bayesid.trials.write import copy_vehicle, toml_text
@@ -77,6 +78,13 @@ def provenance(
         "origin": None
         if origin is None
         else {"latitude_deg": origin[0], "longitude_deg": origin[1], "height_m": origin[2]},
+        "rudder_side_in_header": any(
+            positive_side(series)
+            for joined in runs
+            for name in ("delta_r", "delta_r_cmd")
+            if name in joined.origins
+            for series in joined.origins[name].series
+        ),
         "runs": [
             {
                 "file": file,

@@ -17,6 +17,7 @@ from bayesid.trials.importing.agreement import drift, rudder_t, speed_fit, track
 from bayesid.trials.importing.clock_agreement import check_clocks
 from bayesid.trials.importing.draft import Draft
 from bayesid.trials.importing.log_map import LogMap
+from bayesid.trials.importing.other_axes import axes_that_fit
 from bayesid.trials.importing.roles import WORLD_WORDS
 from bayesid.trials.importing.unit_words import positive_side
 
@@ -85,21 +86,6 @@ def _angle_units(draft: Draft) -> None:
             draft.ask(6, f"wind direction {draft.column(role)} states no unit; rad or deg? (read as rad)")
 
 
-def _turned_words(draft: Draft) -> str:
-    """What of the other sign would make track and heading agree; empty where nothing does."""
-    turned = []
-    for role in ("y", "psi"):
-        if draft.has("x", "y", role):
-            fit, rotation = track_misfit(
-                draft.change(role, scale=-draft.map.channels[role].scale), draft.liveliest
-            )
-            if fit < AGREES and abs(rotation) < STRAIGHT:
-                turned.append(f"with {draft.column(role)} of the other sign ({100 * fit:.0f} %)")
-    if not turned:
-        return ""
-    return f"they agree {', or '.join(turned)}: if that is so, write `scale = -1` in its line of the map"
-
-
 def _axes(draft: Draft) -> None:
     """World axes by agreement of track and heading, and whether they can be told from their mirror image."""
     attitude = (
@@ -144,7 +130,7 @@ def _axes(draft: Draft) -> None:
             0,
             f"track and heading {draft.column(_attitude_role(draft))} do not agree in any axes tried "
             f"({100 * misfit:.0f} % of the track unexplained); "
-            f"{_turned_words(draft) or 'are these position and heading of one vehicle, on one clock?'}",
+            f"{axes_that_fit(draft) or 'are these position and heading of one vehicle, on one clock?'}",
         )
         return
     rivals = [
@@ -171,19 +157,28 @@ def _axes(draft: Draft) -> None:
             rotation, least = with_speed[2], 4.0 * _DEG
     else:
         rotation = float(np.median([track_misfit(draft.map, r)[1] for r in draft.recordings[:8]]))
+    guess = axes_that_fit(draft) if draft.handed else ""
     if abs(rotation) > 0.6:
+        mend = guess or "give the heading an `offset`, or another `world`"
         draft.ask(
             0,
             f"the track runs {rotation / _DEG:+.0f} deg off the heading "
             f"{draft.column(_attitude_role(draft))}: position and heading "
-            "count from different norths; give the heading an `offset`, or another `world`",
+            f"count from different norths; {mend}",
         )
     elif abs(rotation) > least:
         draft.ask(
-            3,
+            0 if guess else 3,
             f"the track runs {rotation / _DEG:+.1f} deg off the heading "
             f"{draft.column(_attitude_role(draft))}: magnetic north, a "
-            "misaligned compass or a current? give the heading an `offset` (in its unit), or leave it",
+            "misaligned compass or a current? give the heading an `offset` (in its unit), or leave it"
+            + (f"; {guess}" if guess else ""),
+        )
+    elif guess:
+        draft.ask(
+            0,
+            f"the track does not run along the heading {draft.column(_attitude_role(draft))} in all runs; "
+            f"{guess}",
         )
 
 

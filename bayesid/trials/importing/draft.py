@@ -16,7 +16,10 @@ from bayesid.trials.importing.log_map import LogMap
 
 @dataclass
 class Draft:
-    """A map in the making; `weight` 0 is the most important question."""
+    """A map in the making; `weight` 0 is the most important question.
+
+    by_part : series read by a part of their name -> their last word, where it stands for a unit not known
+    """
 
     map: LogMap
     recordings: list[Recording]
@@ -27,6 +30,7 @@ class Draft:
     remarks: list[str] = field(default_factory=list)
     handed: bool = False
     mirror: bool = False
+    by_part: dict[str, str | None] = field(default_factory=dict)
 
     def ask(self, weight: int, text: str) -> None:
         if text not in [t for _, t in self.asked]:

@@ -16,6 +16,7 @@ from bayesid.errors import BayesidError
 from bayesid.model.units import UnitError, scale
 from bayesid.trials.importing.agreement import common_run, rudder_t
 from bayesid.trials.importing.arranging import arrange, sources_of
+from bayesid.trials.importing.assumed_units import ask_assumed_units, unknown_unit
 from bayesid.trials.importing.clock_agreement import ask_apart
 from bayesid.trials.importing.converting import Recording
 from bayesid.trials.importing.deciding import decide
@@ -87,6 +88,7 @@ def propose(sources: Sequence[Path], vehicle: str = "", name: str = "") -> Propo
         ask_standing_still(draft)
         ask_stamps(draft)
         _ask_time(draft, logs)
+    ask_assumed_units(draft)
     runs, looks = list_runs(draft, groups)
     step = _step(logs)
     if step is not None:
@@ -169,7 +171,8 @@ def _name(draft: Draft, recordings: list[Recording]) -> list[str]:
         if role.split("_cmd")[0] in WITH_ORDER and ordered is None and score < 3.0:
             draft.remark(f"{channel.name!r} is read as {role}, {_how_it_moves(role, channel)}")
         if score < 1.0:
-            draft.ask(4, f"{channel.name!r} is read as {role} by a part of its name; is it?")
+            beside = [other.name for other in first[label].channels if other is not channel]
+            draft.by_part[full] = unknown_unit(channel, beside)
     named = [entry.source for entry in channels.values()]
     for (taken, other_topic), roles in passed.items():
         draft.remark(f"{', '.join(roles)} are read from {taken}, not from {other_topic}")

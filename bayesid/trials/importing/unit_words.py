@@ -28,6 +28,7 @@ _SAME = {
         "deg true", "degrees true", "deg t", "° true", "°t", "° t",
     ),
     "rad": ("rad", "radian", "radians", "rads"),
+    "gon": ("gon", "gons", "gradian", "gradians"),  # not grad: a degree in German, Norwegian, Italian
     "m/s": ("m/s", "mps", "ms-1", "m s-1", "m.s-1", "m s^-1", "m*s-1", "m s**-1", "metre/second",
     "meter/second"),
     "cm/s": ("cm/s", "cm s-1", "cmps"),
@@ -58,6 +59,7 @@ _SIDE = re.compile(
 _SUFFIX = {
     "deg", "rad", "mps", "kn", "kts", "knots", "rpm", "rps", "dps", "ms", "us", "ns", "sec", "degs", "m", "s",
     "ft", "cm", "mm", "rads", "radps", "degps", "kmh", "pwm", "pct", "percent",
+    "gon",
 }  # fmt: skip
 _PAIRS = {("rad", "s"): "rad/s", ("deg", "s"): "deg/s", ("m", "s"): "m/s", ("cm", "s"): "cm/s", ("km",
     "h"): "km/h",
@@ -123,6 +125,11 @@ def split_unit(header: str) -> tuple[str, str | None]:
         if last.lower() not in _LETTERS or _long(head):
             return head, plain_unit(last)
     return header, None
+
+
+def suffix_unit(header: str) -> str | None:
+    """The unit of a header that has it as its last word, as in `Compass_deg`; None for one in brackets."""
+    return None if _BRACKET.fullmatch(header.strip()) else split_unit(header)[1]
 
 
 def _long(head: str) -> bool:

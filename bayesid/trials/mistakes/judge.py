@@ -16,12 +16,13 @@ import numpy as np
 from scipy.special import logsumexp
 
 from bayesid.trials.correction import apply
+from bayesid.trials.handedness import UNKNOWN, Handedness
 from bayesid.trials.kinematics.evidence import Held, weigh
 from bayesid.trials.kinematics.relations import NEEDS, relations
 from bayesid.trials.mistakes.finding import BY_VEHICLE, InputCheck, InputFinding
 from bayesid.trials.mistakes.plausible import implausible
 from bayesid.trials.mistakes.signs import SIGNS, sign_evidence
-from bayesid.trials.mistakes.table import MISTAKES, Mistake
+from bayesid.trials.mistakes.table import Mistake, mistakes_of
 from bayesid.trials.noise import rough_noise, spikes
 from bayesid.trials.trial import Floats, Run
 
@@ -97,6 +98,7 @@ def check_input(
     travel: float | None = None,
     behaviour: Behaviour | None = None,
     fin_rates: Mapping[str, float] | None = None,
+    known: Handedness = UNKNOWN,
 ) -> InputCheck:
     """What kinematics finds wrong in the runs, one mistake at a time until nothing more is found.
 
@@ -106,8 +108,10 @@ def check_input(
         are measured by it
     behaviour : asked about mistakes that kinematics leaves open
     fin_rates : fin -> largest rate [rad/s], inf where it is not known
+    known : what tells a log from its mirror image
     """
     from bayesid.trials.mistakes.frozen import frozen
+    from bayesid.trials.mistakes.mirror import mirrored
     from bayesid.trials.mistakes.orders import ordered
     from bayesid.trials.mistakes.sized import sized
 
@@ -115,7 +119,8 @@ def check_input(
     found: list[InputFinding] = []
     first = base = [base_of(run, travel, behaviour) for run in kept]
     for k in range(MOST):
-        every = [*weighed(base, MISTAKES), *sized(base), *ordered(base, fin_rates), *frozen(base)]
+        every = [*weighed(base, mistakes_of(known)), *mirrored(base, known), *sized(base)]
+        every += [*ordered(base, fin_rates), *frozen(base)]
         if behaviour is not None:
             every = _with_behaviour(every, base, behaviour)
         one = named(every, [run.name for run in kept], ANOTHER * k)

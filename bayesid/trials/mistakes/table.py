@@ -7,11 +7,13 @@ A mistake planted into a log is the inverse of its correction. Does not judge.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from bayesid.trials.correction import EARTH_RADIUS, Correction
+from bayesid.trials.handedness import Handedness
 
 COMMON, USUAL, RARE = -4.0, -7.0, -10.0  # log odds before the data
+NEVER_WEST = -6.0  # added to them for a latitude or longitude that counts the other way
 _DEGREE = math.pi / 180.0
 _KNOT, _FOOT, _RPM = 1852.0 / 3600.0, 0.3048, 2.0 * math.pi / 60.0
 
@@ -207,3 +209,13 @@ def _frames() -> list[Mistake]:
 
 
 MISTAKES: tuple[Mistake, ...] = (*_signs(), *_units(), *_frames())
+
+
+def mistakes_of(known: Handedness) -> tuple[Mistake, ...]:
+    """The table; latitude and longitude nobody counts the other way."""
+    if not known.geographic:
+        return MISTAKES
+    return tuple(
+        replace(m, log_prior=m.log_prior + NEVER_WEST) if m.name in ("sign of x", "sign of y") else m
+        for m in MISTAKES
+    )
