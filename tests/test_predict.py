@@ -256,7 +256,7 @@ def test_the_table_of_a_prediction_reads_as_numbers(tmp_path):
     assert len(rows) == run.n_samples
     for row in rows:
         assert float(row["psi_low[deg]"]) <= float(row["psi[deg]"]) <= float(row["psi_high[deg]"])
-    assert float(rows[-1]["y[m]"]) == pytest.approx(p.mean[-1, p.channels.index("y")], rel=1e-4)
+    assert float(rows[-1]["y[m]"]) == pytest.approx(p.told[-1, p.channels.index("y")], rel=1e-4)
     low, high = p.band()
     noisy_low, noisy_high = p.band(rng=np.random.default_rng(0))
     assert (noisy_high - noisy_low).mean() > (high - low).mean()
@@ -324,6 +324,58 @@ def test_a_band_wider_than_a_full_turn_is_called_no_prediction(tmp_path):
         assert ("Nothing is predicted for any of these" in found.summary()) == lost
         first = found.summary().splitlines()[0]
         assert ("is not known" in first) == lost and ("tactical diameter" in first) != lost
+
+
+def test_coefficients_as_given_predict_what_the_vehicle_that_has_them_does(tmp_path):
+    """Known to 30 % of their size, the mean of their draws is another track; the band is theirs."""
+    trial = planted_trial(MODEL, other_vehicle(MODEL, 3), 3)
+    write_diagnosed(found_with(6.0), tmp_path)
+    found = predict(trial, ["turn", "zigzag:10/10"], model=tmp_path, draws=40, speed=1.5)
+    run, loop = found.predictions
+    for p in (run, loop):
+        assert p.told == pytest.approx(p.given, abs=1e-9)
+        assert np.abs(p.told - p.mean).max() > 0.1
+    for row in found.numbers["predictions"][0]["against_readings"].values():
+        assert row["rms"] == pytest.approx(row["rms_given"], rel=1e-6)
+    first = {m["quantity"]: m for m in found.numbers["predictions"][1]["measures"]}["overshoot 1"]
+    assert first["told"] == first["given"] != first["mean"]
+    assert "predicted is the vehicle that has them" in found.summary()
+    again = predict(trial, ["turn"], model=tmp_path, draws=40, seed=5).predictions[0]
+    assert again.given == pytest.approx(run.given, abs=1e-12)
+
+
+@pytest.mark.parametrize(("verdict", "share"), [("fit", 0.0), ("none", 0.01)])
+def test_coefficients_that_were_fitted_predict_the_mean_of_their_draws(verdict, share):
+    found = found_with()
+    (h,) = found.hypotheses
+    steps = 1.0 + share * np.linspace(0.0, 1.0, h.mean.size)
+    fitted = replace(found, verdict=verdict, hypotheses=(replace(h, mean=h.mean * steps),))
+    p = predict_run(fitted, logged(1)[0], draws=20)
+    assert not p.centres and np.array_equal(p.told, p.mean)
+
+
+def test_explanations_with_coefficients_as_given_are_told_by_their_weight():
+    """A rudder that stands to port and one that stands as far to starboard, 3 to 1."""
+    found = found_with()
+    (h,) = found.hypotheses
+    sides = tuple(
+        replace(
+            h,
+            effects=("rudder_offset",),
+            weight=weight,
+            names=(*h.names, "rudder_offset.offset"),
+            mean=np.append(h.mean, offset),
+            covariance=np.diag(np.append(np.diag(h.covariance), 1e-8)),
+            low=np.append(h.low, -np.inf),
+            high=np.append(h.high, np.inf),
+            run_sd=None,
+        )
+        for weight, offset in ((0.75, 0.03), (0.25, -0.03))
+    )
+    p = predict_run(replace(found, verdict="ambiguous", hypotheses=sides), logged(1)[0], draws=20)
+    port, starboard = p.centres
+    assert p.told == pytest.approx(0.75 * port.readings + 0.25 * starboard.readings)
+    assert abs(port.readings - starboard.readings)[-1, p.channels.index("psi")] > 0.1
 
 
 @pytest.mark.parametrize(("word", "said"), [("model_form", True), ("ambiguous", True), ("effect", False)])
