@@ -315,15 +315,25 @@ def test_one_coefficient_moved_by_a_fit_is_not_called_as_given():
     assert stated_spread(replace(found, hypotheses=(*found.hypotheses, moved))) is None
 
 
-def test_a_band_wider_than_a_full_turn_is_called_no_prediction(tmp_path):
+def test_a_heading_left_open_takes_the_track_and_leaves_the_measures(tmp_path):
     """Coefficients known to 30 % of their size leave a turn open; known to 5 %, they do not."""
     for share, lost in ((6.0, True), (1.0, False)):
         write_diagnosed(found_with(share), tmp_path / str(share))
         trial = planted_trial(MODEL)
         found = predict(trial, ["turn:10"], model=tmp_path / str(share), draws=40, speed=1.5)
-        assert ("Nothing is predicted for any of these" in found.summary()) == lost
-        first = found.summary().splitlines()[0]
-        assert ("is not known" in first) == lost and ("tactical diameter" in first) != lost
+        (row,), (p,) = found.numbers["predictions"], found.predictions
+        low, high = (edge[:, p.channels.index("psi")] for edge in p.band())
+        if lost:
+            since = row["heading_open_from"]
+            assert since > 10.0 and (high - low)[p.t - p.t[0] < since].max() <= 2 * np.pi
+            said = f"not predicted for turn:10 from {since:.0f} s on"
+            assert any(said in text and "they hold" in text for text in found.report().failures)
+        else:
+            assert row["heading_open_from"] is None and "not predicted for" not in found.summary()
+        assert "Nothing is predicted" not in found.summary()
+        assert "tactical diameter of" in found.summary().splitlines()[0]
+        unmeasured = [row | {"measures": []}]
+        assert ("is not known" in headline(found.trial, found.predictions, unmeasured)) == lost
 
 
 def test_coefficients_as_given_predict_what_the_vehicle_that_has_them_does(tmp_path):

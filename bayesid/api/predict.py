@@ -34,6 +34,7 @@ from bayesid.prediction.intervals import (
     band_checks,
     beside_readings,
     measure_bands,
+    open_from,
     prediction_csv,
     shares_of_draws,
     stated_spread,
@@ -42,7 +43,7 @@ from bayesid.prediction.intervals import (
 from bayesid.prediction.prediction import Prediction, predict_manoeuvre, predict_run
 from bayesid.progress import Progress
 from bayesid.report import predict_first_screen as first_screen
-from bayesid.report.prediction_checks import LEVEL, failed_checks
+from bayesid.report.prediction_checks import LEVEL, MEASURED, failed_checks
 from bayesid.report.prediction_figures import bands
 from bayesid.report.writer import Figure, Report, Section, Table, literal
 from bayesid.report.writer.blocks import format_number
@@ -208,7 +209,8 @@ def _row(p: Prediction, against: dict[str, Any], measures: list[dict[str, Any]])
     return {
         "name": p.name, "manoeuvre": p.manoeuvre, "seconds": float(p.t[-1] - p.t[0]), "lead": p.lead,
         "told": told,
-        "diverged": p.lost, "widest_band": width, "against_readings": against, "measures": measures,
+        "diverged": p.lost, "widest_band": width, "heading_open_from": open_from(p),
+        "against_readings": against, "measures": measures,
     }  # fmt: skip
 
 
@@ -331,5 +333,5 @@ def _measures(row: Mapping[str, Any]) -> list[list[Any]]:
     return [
         [m["quantity"], m.get("given"), *_apart(m["told"], m["low"], m["high"]), m["unit"]]
         for m in row["measures"]
-        if m["share"] > 0.5
+        if m["share"] > MEASURED
     ]

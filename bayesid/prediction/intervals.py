@@ -21,6 +21,7 @@ from bayesid.trials import Run
 Array = np.ndarray
 Measure = Callable[[str, Array, Mapping[str, Array]], list[dict[str, Any]]]
 DIGITS = 6
+FULL_TURN = 2 * math.pi  # width of the heading's band from which on where a vehicle goes is not predicted
 
 
 def prediction_csv(p: Prediction, noise_seed: int | None = None, widen: float = 1.0) -> str:
@@ -188,6 +189,15 @@ def _row(key: tuple[str, str, str], values: Sequence[float], draws: int, level: 
         "high": high,
         "share": good.size / draws,
     }
+
+
+def open_from(p: Prediction) -> float | None:
+    """Time [s] from the start at which the heading's band becomes wider than a full turn, None if never."""
+    if "psi" not in p.channels:
+        return None
+    low, high = (edge[:, p.channels.index("psi")] for edge in p.band())
+    wide = np.flatnonzero((high - low > FULL_TURN) & (p.t - p.t[0] > p.lead))
+    return float(p.t[wide[0]] - p.t[0]) if wide.size else None
 
 
 def told_measures(p: Prediction, measure: Measure) -> list[dict[str, Any]]:

@@ -17,7 +17,7 @@ from bayesid.diagnosis.run_errors import WORSE, name_of_run
 from bayesid.measures.angle_errors import turns_note
 from bayesid.prediction.prediction import Prediction
 from bayesid.report import run_picture
-from bayesid.report.prediction_checks import FULL_TURN, LEVEL
+from bayesid.report.prediction_checks import LEVEL, MEASURED
 from bayesid.report.writer import Block, Figure, Row, Table, literal
 from bayesid.trials import Run, Trial
 from bayesid.words import first_few
@@ -111,8 +111,6 @@ def headline(trial: Trial, predictions: Sequence[Prediction], rows: Sequence[Num
             f"The {name} is predicted within {now} of the log (rms), {no_gain}as given within {given}; "
             f"{inside:.0%} of its readings lie in the 95 % band."
         )
-    if row["widest_band"].get("psi", 0.0) > FULL_TURN:
-        return f"What comes of {name} is not known: the 95 % band of its heading is wider than a full turn."
     told = [
         "{quantity} of {0} {unit} (95 %: {1} to {2}".format(*band_text(m["told"], m["low"], m["high"]), **m)
         + (f"; as given {number(m['given'])})" if m.get("given") is not None else ")")
@@ -120,6 +118,8 @@ def headline(trial: Trial, predictions: Sequence[Prediction], rows: Sequence[Num
     ]
     if told:
         return f"Predicted for {name}: {', '.join(told)}."
+    if row["heading_open_from"] is not None:
+        return f"What comes of {name} is not known: the 95 % band of its heading is wider than a full turn."
     width = row["widest_band"]
     if {"x", "y"} <= set(width):
         reach = 0.5 * math.hypot(width["x"], width["y"])
@@ -285,7 +285,7 @@ def _run_row(row: Numbers) -> list[str]:
 
 def _telling(row: Numbers) -> list[Numbers]:
     """Measures a helmsman asks for, most asked first."""
-    there = {m["quantity"]: m for m in row["measures"] if m["share"] > 0.5 and math.isfinite(m["mean"])}
+    there = {m["quantity"]: m for m in row["measures"] if m["share"] > MEASURED and math.isfinite(m["mean"])}
     return [there[q] for q in ASKED if q in there]
 
 
