@@ -388,6 +388,59 @@ def test_explanations_with_coefficients_as_given_are_told_by_their_weight():
     assert abs(port.readings - starboard.readings)[-1, p.channels.index("psi")] > 0.1
 
 
+def with_effect(sizes, share=1.0):
+    """The prior with an effect of known sizes in a share of the vehicles."""
+    found = found_with()
+    (h,) = found.hypotheses
+    count = len(sizes)
+    planted = replace(
+        h,
+        weight=share,
+        names=(*h.names, *sizes),
+        mean=np.append(h.mean, list(sizes.values())),
+        covariance=np.diag(np.append(np.diag(h.covariance), count * [1e-8])),
+        low=np.append(h.low, count * [-np.inf]),
+        high=np.append(h.high, count * [np.inf]),
+        run_sd=None,
+    )
+    rest = () if share == 1.0 else (replace(h, weight=1.0 - share),)
+    return replace(found, verdict="effect", hypotheses=(planted, *rest))
+
+
+@pytest.mark.parametrize(
+    ("sizes", "share", "said"),
+    [
+        (
+            {"ocean_current.V_north": 0.0, "ocean_current.V_east": 0.2},
+            1.0,
+            "a current of 0.2 m/s towards 090",
+        ),
+        (
+            {"wind.blowing_north": -5.0, "wind.blowing_east": 0.0},
+            0.7,
+            "a wind of 5 m/s from 000 degrees acts",
+        ),
+        ({"steady_force.F_north": 0.0, "steady_force.F_east": 0.5}, 1.0, "a steady force of 0.5 N"),
+        ({"rudder_offset.offset": 0.02}, 1.0, None),
+    ],
+)
+def test_what_acts_around_the_vehicle_is_said_with_its_size_and_the_approach(sizes, share, said, tmp_path):
+    write_diagnosed(with_effect(sizes, share), tmp_path)
+    found = predict(planted_trial(MODEL), ["turn:10"], model=tmp_path, draws=40, speed=1.5)
+    second = found.summary().splitlines()[1]
+    if said is None:
+        assert not found.numbers["surroundings"] and "In this prediction" not in found.report().lead
+        return
+    assert second.startswith(f"In this prediction {said}") and "begin on heading 000 degrees" in second
+    assert ("(in 70% of the vehicles drawn)" in second) == (share < 1.0)
+    assert f"In this prediction {said}" in found.report().lead
+    turn = found.predictions[0]
+    psi = turn.channels.index("psi")
+    assert turn.draws[:, 0, psi] == pytest.approx(0.0) and turn.given[0, psi] == pytest.approx(0.0)
+    run = predict(planted_trial(MODEL), ["turn"], model=tmp_path, draws=20).summary()
+    assert said in run and "begin on heading" not in run
+
+
 @pytest.mark.parametrize(("word", "said"), [("model_form", True), ("ambiguous", True), ("effect", False)])
 def test_causes_a_diagnosis_does_not_name_are_said_to_be_none(word, said, tmp_path):
     found = found_with()

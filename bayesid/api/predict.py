@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -41,6 +41,7 @@ from bayesid.prediction.intervals import (
     told_measures,
 )
 from bayesid.prediction.prediction import Prediction, predict_manoeuvre, predict_run
+from bayesid.prediction.surroundings import surroundings
 from bayesid.progress import Progress
 from bayesid.report import predict_first_screen as first_screen
 from bayesid.report.prediction_checks import LEVEL, MEASURED, failed_checks
@@ -136,6 +137,7 @@ def predict(
         "left_out": None if found.left_out is None else [
             {"effects": list(names), "probability": p} for names, p in found.left_out.items()
         ],
+        "surroundings": [asdict(s) for s in surroundings(found)],
         "coefficients_as_given": stated_spread(found), "seed": seed, "draws": draws, "band": LEVEL,
         "sensor_noise": sensor_noise, "model_failed_checks": list(found.failed_checks),
         "band_checks": band_checks(judged, drawn), "predictions": rows,
@@ -276,7 +278,8 @@ class PredictResult(Result):
             sections.append(Section(literal(p.name), blocks))
         lead = (
             f"**{literal(first_screen.headline(self.trial, self.predictions, rows))}**\n\n"
-            f"{literal(first_screen.drawn_words(self.numbers))}."
+            + "".join(f"{literal(words)}\n\n" for words in first_screen.surroundings_words(self.numbers))
+            + f"{literal(first_screen.drawn_words(self.numbers))}."
         )
         return Report(
             f"{self.trial.name}: predictions",
@@ -298,6 +301,7 @@ class PredictResult(Result):
 
     def summary(self, verbose: bool = False) -> str:
         lines = [first_screen.headline(self.trial, self.predictions, self.numbers["predictions"])]
+        lines += first_screen.surroundings_words(self.numbers)
         lines += [f"CHECK FAILED: {words}" for words in self.numbers["failed_checks"]]
         lines += ["", f"{first_screen.drawn_words(self.numbers)}."]
         for row in self.numbers["predictions"]:

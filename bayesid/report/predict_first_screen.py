@@ -24,6 +24,7 @@ from bayesid.words import first_few
 
 DEGREE = 180 / math.pi
 MOST_ROWS, MOST_MEASURES, MOST_LEFT_OUT, MOST_PLACES = 8, 2, 4, 9
+ALL = 0.995  # share of the vehicles drawn that is printed as all
 ROUNDING = 1e-3  # of a band's width, up to which an end counts as the mean
 AS_GIVEN = "coefficients as given"  # what is told of a prediction whose coefficients are not fitted
 LEAST_LEFT_OUT = 0.005  # probability from which one is told; it is printed with two decimals
@@ -176,6 +177,31 @@ def drawn_words(numbers: Numbers) -> str:
         said += f"; {_left_out_words(numbers['left_out'])}"
     diverging = [row["name"] for row in numbers["predictions"] if row["told"] != AS_GIVEN]
     return said + as_given_words(numbers["coefficients_as_given"], diverging)
+
+
+def surroundings_words(numbers: Numbers) -> list[str]:
+    """What acts around the vehicle in the prediction, with its size, and on which heading a manoeuvre begins;
+    nothing where nothing does.
+
+    Parameters
+    ----------
+    numbers : record of a prediction: surroundings, predictions
+    """
+    told = [
+        s["says"][:1].lower()
+        + s["says"][1:].rstrip(".")
+        + (f" (in {s['share']:.0%} of the vehicles drawn)" if s["share"] < ALL else "")
+        for s in numbers["surroundings"]
+    ]
+    if not told:
+        return []
+    out = f"In this prediction {'; '.join(told)}."
+    if any(not row["lead"] for row in numbers["predictions"]):
+        out += (
+            " Manoeuvres begin on heading 000 degrees: on another one, and in still water and air, their "
+            "numbers are others."
+        )
+    return [out]
 
 
 def _left_out_words(rows: Sequence[Numbers]) -> str:
