@@ -37,7 +37,7 @@ from bayesid.prediction.intervals import (
 )
 from bayesid.prediction.prediction import Prediction, predict_manoeuvre, predict_run
 from bayesid.progress import Progress
-from bayesid.report.predict_first_screen import band_text, headline
+from bayesid.report.predict_first_screen import band_text, beside, headline
 from bayesid.simulation import observe, plan_run, simulate, steady_start
 from bayesid.trials import Run, window, write_trial
 
@@ -672,6 +672,18 @@ def test_a_run_predicted_worse_than_as_given_is_said_to_be_no_gain(predicted, sa
     row = {"name": "r1", "against_readings": {"psi": psi}, "measures": []}
     told = headline(SimpleNamespace(runs=()), (), [row])
     assert ("which is no gain" in told) == said and "as given within 10 degrees" in told
+
+
+def test_what_is_compared_is_told_with_as_many_digits():
+    measure = {"quantity": "overshoot 1", "unit": "deg", "share": 1.0, "mean": 0.8419, "told": 0.8419}
+    measure |= {"low": 0.8407, "high": 0.8431, "given": 0.8024}
+    row = {"name": "zigzag:10/10", "against_readings": {}, "measures": [measure], "heading_open_from": None}
+    told = headline(SimpleNamespace(runs=()), (), [row])
+    assert "overshoot 1 of 0.842 deg (95 %: 0.841 to 0.843; as given 0.802)" in told
+    assert beside(0.8024, ("0.842", "0.841", "0.843")) == "0.802"
+    assert beside(356.2, ("332.2", "332.0", "332.5")) == "356.2"
+    assert beside(490.4, ("455", "440", "470")) == "490"
+    assert beside(9.46, ("10", "8", "12")) == "9.5"
 
 
 def test_a_band_is_told_with_digits_that_part_its_ends():

@@ -55,6 +55,13 @@ def band_text(
     return f"{mean:.{places}f}", f"{low:.{places}f}", f"{high:.{places}f}"
 
 
+def beside(value: float, texts: Sequence[str]) -> str:
+    """A number to be compared with others, with no fewer decimals than they are written with."""
+    if not math.isfinite(value):
+        return number(value)
+    return f"{value:.{max(len(text.partition('.')[2]) for text in (number(value), *texts))}f}"
+
+
 def shown(predictions: Sequence[Prediction], rows: Sequence[Numbers]) -> int:
     """Position of the one to draw: the run the vehicle as given misses most, else the first."""
 
@@ -113,9 +120,10 @@ def headline(trial: Trial, predictions: Sequence[Prediction], rows: Sequence[Num
             f"{inside:.0%} of its readings lie in the 95 % band."
         )
     told = [
-        "{quantity} of {0} {unit} (95 %: {1} to {2}".format(*band_text(m["told"], m["low"], m["high"]), **m)
-        + (f"; as given {number(m['given'])})" if m.get("given") is not None else ")")
+        "{quantity} of {0} {unit} (95 %: {1} to {2}".format(*texts, **m)
+        + (f"; as given {beside(m['given'], texts)})" if m.get("given") is not None else ")")
         for m in _telling(row)[:MOST_MEASURES]
+        for texts in [band_text(m["told"], m["low"], m["high"])]
     ]
     if told:
         return f"Predicted for {name}: {', '.join(told)}."
@@ -243,13 +251,14 @@ def first_blocks(trial: Trial, predictions: Sequence[Prediction], rows: Sequence
         )  # fmt: skip
     measures = [
         [
-            literal(_name(trial, row)), f"{m['quantity']} [{m['unit']}]", _number(m.get("given")),
-            mean, f"{low} to {high}",
+            literal(_name(trial, row)), f"{m['quantity']} [{m['unit']}]",
+            "–" if m.get("given") is None else beside(m["given"], texts), texts[0],
+            f"{texts[1]} to {texts[2]}",
         ]
         for row in rows
         if not _errors(row)
         for m in _telling(row)
-        for mean, low, high in [band_text(m["told"], m["low"], m["high"])]
+        for texts in [band_text(m["told"], m["low"], m["high"])]
     ][:MOST_ROWS]  # fmt: skip
     if measures:
         blocks.append(Table(["manoeuvre", "measure", "as given", "predicted", "95 %"], measures))
@@ -313,10 +322,6 @@ def _telling(row: Numbers) -> list[Numbers]:
     """Measures a helmsman asks for, most asked first."""
     there = {m["quantity"]: m for m in row["measures"] if m["share"] > MEASURED and math.isfinite(m["mean"])}
     return [there[q] for q in ASKED if q in there]
-
-
-def _number(x: float | None) -> str:
-    return "–" if x is None else number(x)
 
 
 def _name(trial: Trial, row: Numbers) -> str:
