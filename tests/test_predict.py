@@ -354,6 +354,15 @@ def test_coefficients_as_given_predict_what_the_vehicle_that_has_them_does(tmp_p
     assert again.given == pytest.approx(run.given, abs=1e-12)
 
 
+def test_where_the_vehicle_as_given_diverges_the_mean_of_the_draws_is_told_and_said(monkeypatch, tmp_path):
+    monkeypatch.setattr("bayesid.prediction.prediction._undisturbed", lambda *others: None)
+    write_diagnosed(found_with(), tmp_path)
+    found = predict(planted_trial(MODEL), ["turn", "turn:10"], model=tmp_path, draws=20, speed=1.5)
+    run, turn = found.predictions
+    assert np.array_equal(run.told, run.mean) and turn.centres
+    assert "; it diverges in turn, where the mean of the draws stands." in found.summary()
+
+
 @pytest.mark.parametrize(("verdict", "share"), [("fit", 0.0), ("none", 0.01)])
 def test_coefficients_that_were_fitted_predict_the_mean_of_their_draws(verdict, share):
     found = found_with()
