@@ -98,6 +98,11 @@ def test_turning_an_effect_on_changes_the_readings(effect):
     assert np.abs((on - off) / np.maximum(np.abs(off).max(axis=0), 1e-9)).max() > 1e-6
 
 
+def test_effects_fixed_to_the_earth_are_told_from_those_of_the_vehicle():
+    around = {"steady_force", "wind", "ocean_current", "ocean_current_varying", "heave_current"}
+    assert {e.name for e in CATALOGUE if e.fixed_to_earth} == around
+
+
 @pytest.mark.parametrize("dof", [3, 6])
 def test_off_values_reproduce_the_bare_model(dof):
     """With every effect at its off value, and without any: 1e-12 of each channel's range."""

@@ -37,7 +37,7 @@ from bayesid.prediction.intervals import (
 )
 from bayesid.prediction.prediction import Prediction, predict_manoeuvre, predict_run
 from bayesid.progress import Progress
-from bayesid.report.predict_first_screen import band_text, headline
+from bayesid.report.predict_first_screen import band_text, beside, headline
 from bayesid.simulation import observe, plan_run, simulate, steady_start
 from bayesid.trials import Run, window, write_trial
 
@@ -256,7 +256,7 @@ def test_the_table_of_a_prediction_reads_as_numbers(tmp_path):
     assert len(rows) == run.n_samples
     for row in rows:
         assert float(row["psi_low[deg]"]) <= float(row["psi[deg]"]) <= float(row["psi_high[deg]"])
-    assert float(rows[-1]["y[m]"]) == pytest.approx(p.mean[-1, p.channels.index("y")], rel=1e-4)
+    assert float(rows[-1]["y[m]"]) == pytest.approx(p.told[-1, p.channels.index("y")], rel=1e-4)
     low, high = p.band()
     noisy_low, noisy_high = p.band(rng=np.random.default_rng(0))
     assert (noisy_high - noisy_low).mean() > (high - low).mean()
@@ -315,15 +315,139 @@ def test_one_coefficient_moved_by_a_fit_is_not_called_as_given():
     assert stated_spread(replace(found, hypotheses=(*found.hypotheses, moved))) is None
 
 
-def test_a_band_wider_than_a_full_turn_is_called_no_prediction(tmp_path):
+def test_a_heading_left_open_takes_the_track_and_leaves_the_measures(tmp_path):
     """Coefficients known to 30 % of their size leave a turn open; known to 5 %, they do not."""
     for share, lost in ((6.0, True), (1.0, False)):
         write_diagnosed(found_with(share), tmp_path / str(share))
         trial = planted_trial(MODEL)
         found = predict(trial, ["turn:10"], model=tmp_path / str(share), draws=40, speed=1.5)
-        assert ("Nothing is predicted for any of these" in found.summary()) == lost
-        first = found.summary().splitlines()[0]
-        assert ("is not known" in first) == lost and ("tactical diameter" in first) != lost
+        (row,), (p,) = found.numbers["predictions"], found.predictions
+        low, high = (edge[:, p.channels.index("psi")] for edge in p.band())
+        if lost:
+            since = row["heading_open_from"]
+            assert since > 10.0 and (high - low)[p.t - p.t[0] < since].max() <= 2 * np.pi
+            said = f"not predicted for turn:10 from {since:.0f} s on"
+            assert any(said in text and "they hold" in text for text in found.report().failures)
+        else:
+            assert row["heading_open_from"] is None and "not predicted for" not in found.summary()
+        assert "Nothing is predicted" not in found.summary()
+        assert "tactical diameter of" in found.summary().splitlines()[0]
+        unmeasured = [row | {"measures": []}]
+        assert ("is not known" in headline(found.trial, found.predictions, unmeasured)) == lost
+
+
+def test_coefficients_as_given_predict_what_the_vehicle_that_has_them_does(tmp_path):
+    """Known to 30 % of their size, the mean of their draws is another track; the band is theirs."""
+    trial = planted_trial(MODEL, other_vehicle(MODEL, 3), 3)
+    write_diagnosed(found_with(6.0), tmp_path)
+    found = predict(trial, ["turn", "zigzag:10/10"], model=tmp_path, draws=40, speed=1.5)
+    run, loop = found.predictions
+    for p in (run, loop):
+        assert p.told == pytest.approx(p.given, abs=1e-9)
+        assert np.abs(p.told - p.mean).max() > 0.1
+    for row in found.numbers["predictions"][0]["against_readings"].values():
+        assert row["rms"] == pytest.approx(row["rms_given"], rel=1e-6)
+    first = {m["quantity"]: m for m in found.numbers["predictions"][1]["measures"]}["overshoot 1"]
+    assert first["told"] == first["given"] != first["mean"]
+    assert "predicted is the vehicle that has them" in found.summary()
+    again = predict(trial, ["turn"], model=tmp_path, draws=40, seed=5).predictions[0]
+    assert again.given == pytest.approx(run.given, abs=1e-12)
+
+
+def test_where_the_vehicle_as_given_diverges_the_mean_of_the_draws_is_told_and_said(monkeypatch, tmp_path):
+    monkeypatch.setattr("bayesid.prediction.prediction._undisturbed", lambda *others: None)
+    write_diagnosed(found_with(), tmp_path)
+    found = predict(planted_trial(MODEL), ["turn", "turn:10"], model=tmp_path, draws=20, speed=1.5)
+    run, turn = found.predictions
+    assert np.array_equal(run.told, run.mean) and turn.centres
+    assert "; it diverges in turn, where the mean of the draws stands." in found.summary()
+
+
+@pytest.mark.parametrize(("verdict", "share"), [("fit", 0.0), ("none", 0.01)])
+def test_coefficients_that_were_fitted_predict_the_mean_of_their_draws(verdict, share):
+    found = found_with()
+    (h,) = found.hypotheses
+    steps = 1.0 + share * np.linspace(0.0, 1.0, h.mean.size)
+    fitted = replace(found, verdict=verdict, hypotheses=(replace(h, mean=h.mean * steps),))
+    p = predict_run(fitted, logged(1)[0], draws=20)
+    assert not p.centres and np.array_equal(p.told, p.mean)
+
+
+def test_explanations_with_coefficients_as_given_are_told_by_their_weight():
+    """A rudder that stands to port and one that stands as far to starboard, 3 to 1."""
+    found = found_with()
+    (h,) = found.hypotheses
+    sides = tuple(
+        replace(
+            h,
+            effects=("rudder_offset",),
+            weight=weight,
+            names=(*h.names, "rudder_offset.offset"),
+            mean=np.append(h.mean, offset),
+            covariance=np.diag(np.append(np.diag(h.covariance), 1e-8)),
+            low=np.append(h.low, -np.inf),
+            high=np.append(h.high, np.inf),
+            run_sd=None,
+        )
+        for weight, offset in ((0.75, 0.03), (0.25, -0.03))
+    )
+    p = predict_run(replace(found, verdict="ambiguous", hypotheses=sides), logged(1)[0], draws=20)
+    port, starboard = p.centres
+    assert p.told == pytest.approx(0.75 * port.readings + 0.25 * starboard.readings)
+    assert abs(port.readings - starboard.readings)[-1, p.channels.index("psi")] > 0.1
+
+
+def with_effect(sizes, share=1.0):
+    """The prior with an effect of known sizes in a share of the vehicles."""
+    found = found_with()
+    (h,) = found.hypotheses
+    count = len(sizes)
+    planted = replace(
+        h,
+        weight=share,
+        names=(*h.names, *sizes),
+        mean=np.append(h.mean, list(sizes.values())),
+        covariance=np.diag(np.append(np.diag(h.covariance), count * [1e-8])),
+        low=np.append(h.low, count * [-np.inf]),
+        high=np.append(h.high, count * [np.inf]),
+        run_sd=None,
+    )
+    rest = () if share == 1.0 else (replace(h, weight=1.0 - share),)
+    return replace(found, verdict="effect", hypotheses=(planted, *rest))
+
+
+@pytest.mark.parametrize(
+    ("sizes", "share", "said"),
+    [
+        (
+            {"ocean_current.V_north": 0.0, "ocean_current.V_east": 0.2},
+            1.0,
+            "a current of 0.2 m/s towards 090",
+        ),
+        (
+            {"wind.blowing_north": -5.0, "wind.blowing_east": 0.0},
+            0.7,
+            "a wind of 5 m/s from 000 degrees acts",
+        ),
+        ({"steady_force.F_north": 0.0, "steady_force.F_east": 0.5}, 1.0, "a steady force of 0.5 N"),
+        ({"rudder_offset.offset": 0.02}, 1.0, None),
+    ],
+)
+def test_what_acts_around_the_vehicle_is_said_with_its_size_and_the_approach(sizes, share, said, tmp_path):
+    write_diagnosed(with_effect(sizes, share), tmp_path)
+    found = predict(planted_trial(MODEL), ["turn:10"], model=tmp_path, draws=40, speed=1.5)
+    second = found.summary().splitlines()[1]
+    if said is None:
+        assert not found.numbers["surroundings"] and "In this prediction" not in found.report().lead
+        return
+    assert second.startswith(f"In this prediction {said}") and "begin on heading 000 degrees" in second
+    assert ("(in 70% of the vehicles drawn)" in second) == (share < 1.0)
+    assert f"In this prediction {said}" in found.report().lead
+    turn = found.predictions[0]
+    psi = turn.channels.index("psi")
+    assert turn.draws[:, 0, psi] == pytest.approx(0.0) and turn.given[0, psi] == pytest.approx(0.0)
+    run = predict(planted_trial(MODEL), ["turn"], model=tmp_path, draws=20).summary()
+    assert said in run and "begin on heading" not in run
 
 
 @pytest.mark.parametrize(("word", "said"), [("model_form", True), ("ambiguous", True), ("effect", False)])
@@ -557,6 +681,18 @@ def test_a_run_predicted_worse_than_as_given_is_said_to_be_no_gain(predicted, sa
     row = {"name": "r1", "against_readings": {"psi": psi}, "measures": []}
     told = headline(SimpleNamespace(runs=()), (), [row])
     assert ("which is no gain" in told) == said and "as given within 10 degrees" in told
+
+
+def test_what_is_compared_is_told_with_as_many_digits():
+    measure = {"quantity": "overshoot 1", "unit": "deg", "share": 1.0, "mean": 0.8419, "told": 0.8419}
+    measure |= {"low": 0.8407, "high": 0.8431, "given": 0.8024}
+    row = {"name": "zigzag:10/10", "against_readings": {}, "measures": [measure], "heading_open_from": None}
+    told = headline(SimpleNamespace(runs=()), (), [row])
+    assert "overshoot 1 of 0.842 deg (95 %: 0.841 to 0.843; as given 0.802)" in told
+    assert beside(0.8024, ("0.842", "0.841", "0.843")) == "0.802"
+    assert beside(356.2, ("332.2", "332.0", "332.5")) == "356.2"
+    assert beside(490.4, ("455", "440", "470")) == "490"
+    assert beside(9.46, ("10", "8", "12")) == "9.5"
 
 
 def test_a_band_is_told_with_digits_that_part_its_ends():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,14 +34,17 @@ from bayesid.prediction.intervals import (
     band_checks,
     beside_readings,
     measure_bands,
+    open_from,
     prediction_csv,
     shares_of_draws,
     stated_spread,
+    told_measures,
 )
 from bayesid.prediction.prediction import Prediction, predict_manoeuvre, predict_run
+from bayesid.prediction.surroundings import surroundings
 from bayesid.progress import Progress
 from bayesid.report import predict_first_screen as first_screen
-from bayesid.report.prediction_checks import LEVEL, failed_checks
+from bayesid.report.prediction_checks import LEVEL, MEASURED, failed_checks
 from bayesid.report.prediction_figures import bands
 from bayesid.report.writer import Figure, Report, Section, Table, literal
 from bayesid.report.writer.blocks import format_number
@@ -55,7 +58,7 @@ if TYPE_CHECKING:
 
 SAME_LENGTH = 0.01  # by which two files of one vehicle may differ in length
 AGAINST_COLUMNS = ("channel", "rms as given", "predicted", "largest", "inside the band [%]")
-MEASURE_COLUMNS = ("measure", "as given", "mean", "95 % from", "to", "unit")
+MEASURE_COLUMNS = ("measure", "as given", "predicted", "95 % from", "to", "unit")
 
 
 @one_blas_thread
@@ -115,7 +118,7 @@ def predict(
             drawn.append(shares_of_draws(p, run, seed))
         else:
             p, against = predict_manoeuvre(found, text, orders[text], draws, seed, speed), {}
-        measures = measure_bands(p, named_measures)
+        measures = told_measures(p, named_measures)
         given = as_given(p)
         if given is not None:
             errors = beside_readings(given, run, seed) if run is not None else {}
@@ -134,6 +137,7 @@ def predict(
         "left_out": None if found.left_out is None else [
             {"effects": list(names), "probability": p} for names, p in found.left_out.items()
         ],
+        "surroundings": [asdict(s) for s in surroundings(found)],
         "coefficients_as_given": stated_spread(found), "seed": seed, "draws": draws, "band": LEVEL,
         "sensor_noise": sensor_noise, "model_failed_checks": list(found.failed_checks),
         "band_checks": band_checks(judged, drawn), "predictions": rows,
@@ -202,10 +206,13 @@ def _file_name(text: str) -> str:
 def _row(p: Prediction, against: dict[str, Any], measures: list[dict[str, Any]]) -> dict[str, Any]:
     late = p.t - p.t[0] > p.lead
     low, high = p.band()
+    told = first_screen.AS_GIVEN if p.centres else "mean of the draws"
     width = {c: float((high - low)[late, j].max()) for j, c in enumerate(p.channels)} if late.any() else {}
     return {
         "name": p.name, "manoeuvre": p.manoeuvre, "seconds": float(p.t[-1] - p.t[0]), "lead": p.lead,
-        "diverged": p.lost, "widest_band": width, "against_readings": against, "measures": measures,
+        "told": told,
+        "diverged": p.lost, "widest_band": width, "heading_open_from": open_from(p),
+        "against_readings": against, "measures": measures,
     }  # fmt: skip
 
 
@@ -232,7 +239,7 @@ class PredictResult(Result):
         )
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """One row per prediction and instant: t, and mean, low, high of every channel [SI]."""
+        """One row per prediction and instant: t, and what is told, low, high of every channel [SI]."""
         import pandas
 
         frames = []
@@ -240,7 +247,7 @@ class PredictResult(Result):
             low, high = p.band(LEVEL)
             columns: dict[str, Any] = {"name": p.name, "t": p.t}
             for j, name in enumerate(p.channels):
-                columns |= {name: p.mean[:, j], f"{name}_low": low[:, j], f"{name}_high": high[:, j]}
+                columns |= {name: p.told[:, j], f"{name}_low": low[:, j], f"{name}_high": high[:, j]}
             frames.append(pandas.DataFrame(columns))
         return pandas.concat(frames, ignore_index=True)
 
@@ -251,13 +258,17 @@ class PredictResult(Result):
             run = _run(self.trial, p.name)
             noise = None if run is None else p.sensor_noise(self.numbers["seed"])
             band = p.band(LEVEL, noise)
-            drawn = bands(p.t, p.channels, p.mean, *band, None if run is None else run.data, p.lead)
-            caption = "Left: predicted track (mean). Right: mean (line) and 95 % band of every other channel."
+            drawn = bands(p.t, p.channels, p.told, *band, None if run is None else run.data, p.lead)
+            line = first_screen.AS_GIVEN if p.centres else "mean"
+            caption = (
+                f"Left: predicted track ({line}). Right: the same (line) and 95 % band of every other "
+                "channel."
+            )
             if run is not None:
                 caption = (
-                    "Left: track as predicted (line: mean) and as logged (dots). Right: every other channel, "
-                    f"with the band in which {LEVEL:.0%} of the dots should lie. The model has read the dots "
-                    "of the shaded part only."
+                    f"Left: track as predicted (line: {line}) and as logged (dots). Right: every other "
+                    f"channel, with the band in which {LEVEL:.0%} of the dots should lie. The model has read "
+                    "the dots of the shaded part only."
                 )
             blocks: list[Any] = [Figure(f"prediction{k:02d}", drawn, caption)]
             if row["against_readings"]:
@@ -267,7 +278,8 @@ class PredictResult(Result):
             sections.append(Section(literal(p.name), blocks))
         lead = (
             f"**{literal(first_screen.headline(self.trial, self.predictions, rows))}**\n\n"
-            f"{literal(first_screen.drawn_words(self.numbers))}."
+            + "".join(f"{literal(words)}\n\n" for words in first_screen.surroundings_words(self.numbers))
+            + f"{literal(first_screen.drawn_words(self.numbers))}."
         )
         return Report(
             f"{self.trial.name}: predictions",
@@ -289,6 +301,7 @@ class PredictResult(Result):
 
     def summary(self, verbose: bool = False) -> str:
         lines = [first_screen.headline(self.trial, self.predictions, self.numbers["predictions"])]
+        lines += first_screen.surroundings_words(self.numbers)
         lines += [f"CHECK FAILED: {words}" for words in self.numbers["failed_checks"]]
         lines += ["", f"{first_screen.drawn_words(self.numbers)}."]
         for row in self.numbers["predictions"]:
@@ -313,7 +326,7 @@ def _against(row: Mapping[str, Any]) -> list[list[Any]]:
     return rows
 
 
-def _told(mean: float, low: float, high: float) -> tuple[Any, Any, Any]:
+def _apart(mean: float, low: float, high: float) -> tuple[Any, Any, Any]:
     """The numbers, or texts with more digits where a table would write an end like the mean."""
     told = first_screen.band_text(mean, low, high, format_number)
     return told if told != tuple(map(format_number, (mean, low, high))) else (mean, low, high)
@@ -322,7 +335,7 @@ def _told(mean: float, low: float, high: float) -> tuple[Any, Any, Any]:
 def _measures(row: Mapping[str, Any]) -> list[list[Any]]:
     """Measures that most draws have."""
     return [
-        [m["quantity"], m.get("given"), *_told(m["mean"], m["low"], m["high"]), m["unit"]]
+        [m["quantity"], m.get("given"), *_apart(m["told"], m["low"], m["high"]), m["unit"]]
         for m in row["measures"]
-        if m["share"] > 0.5
+        if m["share"] > MEASURED
     ]

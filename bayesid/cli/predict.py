@@ -72,7 +72,7 @@ def predict(
 ) -> int:
     """Predict runs and manoeuvres with a fitted or diagnosed model.
 
-    --out gets one CSV per prediction (mean and 95 % band of every channel) and a report. Of a run in the
+    --out gets one CSV per prediction (every channel with its 95 % band) and a report. Of a run in the
     bundle only the orders and the first readings are used.
     """
     from bayesid.api.predict import predict as run

@@ -139,6 +139,17 @@ class DiagnosedModel:
     left_out: Mapping[tuple[str, ...], float] | None = None
     estimates: tuple[CoefficientEstimate, ...] = ()
 
+    @property
+    def coefficients_as_given(self) -> bool:
+        """Whether every explanation has coefficients, and has them as the vehicle file gives them."""
+        known = set(self.model.coefficients)
+        for h in self.hypotheses:
+            at = [i for i, name in enumerate(h.names) if name in known]
+            given = self.model.nominal[self.model.positions([h.names[i] for i in at])]
+            if not at or not np.allclose(h.mean[at], given, rtol=1e-9, atol=0.0):
+                return False
+        return self.verdict != "fit"
+
     def draw(self, rng: np.random.Generator, count: int) -> list[tuple[WeightedHypothesis, Array]]:
         """Parameter vectors in a run of every hypothesis: (draws, n_par) each, `count` in all."""
         drawn = self.in_a_run(rng, count)

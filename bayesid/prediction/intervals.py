@@ -21,25 +21,26 @@ from bayesid.trials import Run
 Array = np.ndarray
 Measure = Callable[[str, Array, Mapping[str, Array]], list[dict[str, Any]]]
 DIGITS = 6
+FULL_TURN = 2 * math.pi  # width of the heading's band from which on where a vehicle goes is not predicted
 
 
 def prediction_csv(p: Prediction, noise_seed: int | None = None, widen: float = 1.0) -> str:
-    """CSV text: `t[s]`, per channel mean and band (`x[m],x_low[m],x_high[m]`), orders; degrees for angles.
+    """CSV text: `t[s]`, per channel what is told, band (`x[m],x_low[m],x_high[m]`), orders; deg for angles.
 
     Parameters
     ----------
     noise_seed : widens the band by the white noise of the sensors; without it the band is for what they
         would read on average
-    widen : factor on the band's distance from the mean, where held-out runs have shown it too narrow
+    widen : factor on the band's distance from what is told, where held-out runs have shown it too narrow
     """
     rng = None if noise_seed is None else p.sensor_noise(noise_seed)
     low, high = p.band(rng=rng)
     names, columns = ["t[s]"], [p.t]
     for j, name in enumerate(p.channels):
         factor, unit = channel(name).shown
-        for ending, values in (("", p.mean), ("_low", low), ("_high", high)):
+        for ending, values in (("", p.told), ("_low", low), ("_high", high)):
             names.append(f"{name}{ending}[{unit}]")
-            columns.append(factor * (p.mean + widen * (values - p.mean))[:, j])
+            columns.append(factor * (p.told + widen * (values - p.told))[:, j])
     for name, values in p.commands.items():
         factor, unit = channel(name).shown
         names.append(f"{name}[{unit}]")
@@ -49,13 +50,16 @@ def prediction_csv(p: Prediction, noise_seed: int | None = None, widen: float = 
 
 
 def beside_readings(p: Prediction, run: Run, seed: int = 0) -> dict[str, dict[str, float]]:
-    """Per channel: rms error of the mean, its largest, and share of the readings inside the 95 % band, sensor
-    noise included; after the lead-in, SI. Neighbouring readings share their error: the share is no binomial.
+    """Per channel: rms error of what is told, its largest, and share of the readings inside the 95 % band,
+    sensor noise included; after the lead-in, SI. Neighbouring readings share their error: the share is no
+    binomial.
     """
     low, high = p.band(rng=p.sensor_noise(seed))
     out = {}
+    about_told = {name: error for _, name, error, _ in reading_errors(p, run, p.told)}
     for j, name, error, seen in reading_errors(p, run):
         inside = (error >= low[:, j] - p.mean[:, j]) & (error <= high[:, j] - p.mean[:, j])
+        error = about_told[name]
         out[name] = {
             "rms": float(np.sqrt(np.mean(error[seen] ** 2))),
             "largest": float(np.abs(error[seen]).max()),
@@ -130,13 +134,18 @@ def log_density(p: Prediction, run: Run) -> float:
     )
 
 
-def reading_errors(p: Prediction, run: Run) -> Iterator[tuple[int, str, Array, Array]]:
-    """Per channel read: position, name, (n,) reading minus mean (angles through whole turns), which count."""
+def reading_errors(
+    p: Prediction, run: Run, about: Array | None = None
+) -> Iterator[tuple[int, str, Array, Array]]:
+    """Per channel read: position, name, (n,) reading minus the mean of the draws, or minus `about` (n, q)
+    (angles through whole turns), which count.
+    """
+    centre = p.mean if about is None else about
     late = p.t - p.t[0] > p.lead
     for j, name in enumerate(p.channels):
         if name not in run.data:
             continue
-        error = counted_on((run.data[name] - p.mean[:, j])[:, None], (name,))[:, 0]
+        error = counted_on((run.data[name] - centre[:, j])[:, None], (name,))[:, 0]
         seen = late & np.isfinite(error)
         if seen.any():
             yield j, name, error, seen
@@ -182,12 +191,42 @@ def _row(key: tuple[str, str, str], values: Sequence[float], draws: int, level: 
     }
 
 
+def open_from(p: Prediction) -> float | None:
+    """Time [s] from the start at which the heading's band becomes wider than a full turn, None if never."""
+    if "psi" not in p.channels:
+        return None
+    low, high = (edge[:, p.channels.index("psi")] for edge in p.band())
+    wide = np.flatnonzero((high - low > FULL_TURN) & (p.t - p.t[0] > p.lead))
+    return float(p.t[wide[0]] - p.t[0]) if wide.size else None
+
+
+def told_measures(p: Prediction, measure: Measure) -> list[dict[str, Any]]:
+    """Bands of the measures with what is told of each, `told`: of the explanations with coefficients as given
+    where all of them have it, else the mean.
+    """
+    whole = sum(c.weight for c in p.centres)
+    values = [
+        {m["quantity"]: c.weight / whole * m["mean"] for m in rows if math.isfinite(m["mean"])}
+        for c in p.centres
+        for rows in [measure_bands(_alone(p, c.readings, c.orders), measure)]
+    ]
+    return [
+        row | {"told": sum(v[row["quantity"]] for v in values)}
+        if values and all(row["quantity"] in v for v in values)
+        else row | {"told": row["mean"]}
+        for row in measure_bands(p, measure)
+    ]
+
+
+def _alone(p: Prediction, readings: Array, orders: Array | None) -> Prediction:
+    """The same of one vehicle: one draw, no band."""
+    one = None if orders is None else orders[None]
+    return replace(p, draws=readings[None], orders=one, vehicles=np.zeros(1, dtype=np.int64), centres=())
+
+
 def as_given(p: Prediction) -> Prediction | None:
     """The same of the vehicle as given alone: one draw, no band; None where it has none."""
-    if p.given is None:
-        return None
-    orders = None if p.given_orders is None else p.given_orders[None]
-    return replace(p, draws=p.given[None], orders=orders, vehicles=np.zeros(1, dtype=np.int64))
+    return None if p.given is None else _alone(p, p.given, p.given_orders)
 
 
 def thinned(p: Prediction, every: int) -> Prediction:
@@ -201,18 +240,19 @@ def thinned(p: Prediction, every: int) -> Prediction:
         orders=None if p.orders is None else p.orders[:, pick],
         given=None if p.given is None else p.given[pick],
         given_orders=None if p.given_orders is None else p.given_orders[pick],
+        centres=tuple(
+            replace(c, readings=c.readings[pick], orders=None if c.orders is None else c.orders[pick])
+            for c in p.centres
+        ),
     )
 
 
 def stated_spread(found: DiagnosedModel) -> tuple[float, float] | None:
     """Least and largest sd of the coefficients over their value where all are as given; None where fitted."""
-    model, shares = found.model, []
-    known = set(model.coefficients)
+    if not found.coefficients_as_given:
+        return None
+    shares, known = [], set(found.model.coefficients)
     for h in found.hypotheses:
         at = [i for i, name in enumerate(h.names) if name in known]
-        given = model.nominal[model.positions([h.names[i] for i in at])]
-        if not at or not np.allclose(h.mean[at], given, rtol=1e-9, atol=0.0):
-            return None
-        sd = h.sd_in_a_run[at]
-        shares += [float(s / abs(x)) for s, x in zip(sd, given, strict=True) if x and s]
+        shares += [float(s / abs(x)) for s, x in zip(h.sd_in_a_run[at], h.mean[at], strict=True) if x and s]
     return (min(shares), max(shares)) if shares else None

@@ -2,11 +2,15 @@
 
 Takes a `DiagnosedModel` and a logged run or a manoeuvre. Gives a frozen `Prediction`. Reads of a logged run
 its orders and its lead-in only; the rest of its readings is what the prediction may be compared with.
+
+What is told of coefficients that were fitted is the mean of the draws. Where they are as given the draws come
+from what is stated of them, often a third of their value, and the mean of such tracks is the track of no
+vehicle: there it is the model that the diagnosis shows, and the draws give the band alone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +19,7 @@ import numpy as np
 from bayesid.diagnosis.diagnosed_model import DiagnosedModel, WeightedHypothesis
 from bayesid.equations.model import Model
 from bayesid.errors import BayesidError, ModelError
+from bayesid.estimation.filter_error.followed import followed
 from bayesid.estimation.filter_error.linearise import with_forces
 from bayesid.estimation.filter_error.noise_model import NoiseModel
 from bayesid.estimation.filter_error.read_run import filter_error_run
@@ -40,6 +45,15 @@ MOST_DIVERGED = 0.2
 
 
 @dataclass(frozen=True, eq=False)
+class Centre:
+    """One explanation as it is, undisturbed: its weight, readings (n, q), orders in a closed loop (n,)."""
+
+    weight: float
+    readings: Array
+    orders: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
 class Prediction:
     """A predicted run.
 
@@ -58,6 +72,8 @@ class Prediction:
     given_orders : (n,) its rudder orders in a closed loop, None otherwise
     vehicles : (k,) which of the drawn vehicles each draw is; all of them, in order, by default
     occasion : number of the run among those the vehicles are followed through
+    centres : explanations with coefficients as given, which add up to what is told; empty where they were
+        fitted, or where one diverges
     """
 
     name: str
@@ -74,6 +90,7 @@ class Prediction:
     given_orders: Array | None = None
     vehicles: Array = None  # type: ignore[assignment]
     occasion: int = 0
+    centres: tuple[Centre, ...] = ()
 
     def __post_init__(self) -> None:
         if self.vehicles is None:
@@ -87,6 +104,14 @@ class Prediction:
     def mean(self) -> Array:
         """(n, q) mean of the draws."""
         return self.draws.mean(axis=0)
+
+    @property
+    def told(self) -> Array:
+        """(n, q) what is predicted: explanations with coefficients as given, else the mean of the draws."""
+        if not self.centres:
+            return self.mean
+        whole = sum(c.weight for c in self.centres)
+        return np.asarray(sum(c.weight / whole * c.readings for c in self.centres))
 
     def band(
         self, level: float = INTERVAL_LEVEL, rng: np.random.Generator | None = None
@@ -165,32 +190,50 @@ def predict_run(
     noise = np.array([found.noise.get(c, np.nan) for c in channels])
     commands = {**run.commands, **run.measured_inputs}
     lost = draws - len(kept)
-    given = _given(found, log, plan, run.n_samples, channels, picked, rng)
+
+    def undisturbed(par: Array, noise_model: NoiseModel) -> tuple[Array, None] | None:
+        obs = _undisturbed(model, par, noise_model, log, plan, run.n_samples, channels, picked)
+        return None if obs is None else (obs, None)
+
+    given = undisturbed(model.nominal, found.hypotheses[0].noise_model)
     return Prediction(
-        run.name, run.manoeuvre, run.t, channels, np.array(kept), commands, None, lead, lost, noise, given,
-        vehicles=whole, occasion=occasion,
+        run.name, run.manoeuvre, run.t, channels, np.array(kept), commands, None, lead, lost, noise,
+        None if given is None else given[0], vehicles=whole, occasion=occasion,
+        centres=_centres(found, undisturbed),
     )  # fmt: skip
 
 
-def _given(
-    found: DiagnosedModel,
+def _centres(
+    found: DiagnosedModel, undisturbed: Callable[[Array, NoiseModel], tuple[Array, Array | None] | None]
+) -> tuple[Centre, ...]:
+    """Every explanation, where all have the coefficients as given; none where one of them diverges."""
+    out: list[Centre] = []
+    for h in found.hypotheses if found.coefficients_as_given else ():
+        par = found.model.nominal.copy()
+        par[found.model.positions(h.names)] = h.mean
+        if (made := undisturbed(par, h.noise_model)) is None:
+            return ()
+        out.append(Centre(h.weight, *made))
+    return tuple(out)
+
+
+def _undisturbed(
+    model: Model,
+    par: Array,
+    noise_model: NoiseModel,
     early: RunData,
     plan: TimePlan,
     n: int,
     channels: tuple[str, ...],
     picked: list[int],
-    rng: np.random.Generator,
 ) -> Array | None:
-    """Readings (n, q) of the vehicle as given, begun on the lead-in."""
-    model = found.model
-    none = np.zeros(0, dtype=np.int64)
-    noise_model = found.hypotheses[0].noise_model
+    """Readings (n, q) of one vehicle without disturbance, begun where the lead-in most probably has it."""
     try:
-        (begin,) = initial_states(model, early, none, model.nominal, model.nominal[None], noise_model, rng)
+        begin = followed(model, early, par, noise_model, iterations=8).points[0].states[0]
     except BayesidError:
         return None
     still, drift = np.zeros((n - 1, len(noise_model.force))), np.zeros((n, _slow(noise_model, channels).size))
-    return _track(model, model.nominal, plan, begin.x0, still, drift, channels, picked)
+    return _track(model, par, plan, begin[: len(model.states)], still, drift, channels, picked)
 
 
 def _slow(noise_model: NoiseModel, channels: Sequence[str]) -> Array:
@@ -287,30 +330,40 @@ def predict_manoeuvre(
             first = first or commands
     _enough(name, len(kept), draws)
     closed = not isinstance(manoeuvre, OpenLoop)
-    given, given_orders = _given_manoeuvre(found, manoeuvre, speed, rpm, picked, t.size)
+
+    def undisturbed(par: Array, noise_model: NoiseModel) -> tuple[Array, Array | None] | None:
+        made = _undisturbed_manoeuvre(model, par, manoeuvre, speed, rpm, picked, t.size)
+        return None if made is None else (made[0], made[1] if closed else None)
+
+    given, given_orders = undisturbed(model.nominal, found.hypotheses[0].noise_model) or (None, None)
     noise = np.array([found.noise.get(c, np.nan) for c in channels])
     return Prediction(
         name, manoeuvre.name, t, channels, np.array(kept), first, np.array(rudders) if closed else None, 0.0,
-        draws - len(kept), noise, given,
-        given_orders if closed else None, np.array(whole, dtype=np.int64),
+        draws - len(kept), noise, given, given_orders, np.array(whole, dtype=np.int64),
+        centres=_centres(found, undisturbed),
     )  # fmt: skip
 
 
-def _given_manoeuvre(
-    found: DiagnosedModel, manoeuvre: Manoeuvre, speed: float | None, rpm: float, picked: list[int], n: int
-) -> tuple[Array | None, Array | None]:
-    """Readings (n, q) of the vehicle as given, and its rudder orders (n,)."""
-    model = found.model
+def _undisturbed_manoeuvre(
+    model: Model,
+    par: Array,
+    manoeuvre: Manoeuvre,
+    speed: float | None,
+    rpm: float,
+    picked: list[int],
+    n: int,
+) -> tuple[Array, Array] | None:
+    """Readings (n, q) of one vehicle without disturbance, and its rudder orders (n,)."""
     try:
-        begin = speed if speed is not None else float(balanced_speed(model, model.nominal[None], rpm)[0])
+        begin = speed if speed is not None else float(balanced_speed(model, par[None], rpm)[0])
         x0 = np.zeros(len(model.states))
         x0[model.states.index("u")] = begin
-        track, commands = run_manoeuvre(model, model.nominal, manoeuvre, x0)
-        obs = observe(model, model.nominal, plan_run(model, track.t, commands), track.states)[:, picked]
+        track, commands = run_manoeuvre(model, par, manoeuvre, x0)
+        obs = observe(model, par, plan_run(model, track.t, commands), track.states)[:, picked]
     except BayesidError:
-        return None, None
+        return None
     if len(obs) != n or not np.isfinite(obs).all():
-        return None, None
+        return None
     return obs, np.asarray(commands.get("delta_r_cmd", np.zeros(n)))
 
 

@@ -17,14 +17,16 @@ from bayesid.diagnosis.run_errors import WORSE, name_of_run
 from bayesid.measures.angle_errors import turns_note
 from bayesid.prediction.prediction import Prediction
 from bayesid.report import run_picture
-from bayesid.report.prediction_checks import FULL_TURN
+from bayesid.report.prediction_checks import LEVEL, MEASURED
 from bayesid.report.writer import Block, Figure, Row, Table, literal
 from bayesid.trials import Run, Trial
 from bayesid.words import first_few
 
 DEGREE = 180 / math.pi
 MOST_ROWS, MOST_MEASURES, MOST_LEFT_OUT, MOST_PLACES = 8, 2, 4, 9
+ALL = 0.995  # share of the vehicles drawn that is printed as all
 ROUNDING = 1e-3  # of a band's width, up to which an end counts as the mean
+AS_GIVEN = "coefficients as given"  # what is told of a prediction whose coefficients are not fitted
 LEAST_LEFT_OUT = 0.005  # probability from which one is told; it is printed with two decimals
 Numbers = Mapping[str, Any]
 # What a helmsman asks of a turn and of a zig-zag.
@@ -51,6 +53,13 @@ def band_text(
         return told
     places = min(max(math.ceil(-math.log10(min(gaps))), 0), MOST_PLACES)
     return f"{mean:.{places}f}", f"{low:.{places}f}", f"{high:.{places}f}"
+
+
+def beside(value: float, texts: Sequence[str]) -> str:
+    """A number to be compared with others, with no fewer decimals than they are written with."""
+    if not math.isfinite(value):
+        return number(value)
+    return f"{value:.{max(len(text.partition('.')[2]) for text in (number(value), *texts))}f}"
 
 
 def shown(predictions: Sequence[Prediction], rows: Sequence[Numbers]) -> int:
@@ -110,15 +119,16 @@ def headline(trial: Trial, predictions: Sequence[Prediction], rows: Sequence[Num
             f"The {name} is predicted within {now} of the log (rms), {no_gain}as given within {given}; "
             f"{inside:.0%} of its readings lie in the 95 % band."
         )
-    if row["widest_band"].get("psi", 0.0) > FULL_TURN:
-        return f"What comes of {name} is not known: the 95 % band of its heading is wider than a full turn."
     told = [
-        "{quantity} of {0} {unit} (95 %: {1} to {2}".format(*band_text(m["mean"], m["low"], m["high"]), **m)
-        + (f"; as given {number(m['given'])})" if m.get("given") is not None else ")")
+        "{quantity} of {0} {unit} (95 %: {1} to {2}".format(*texts, **m)
+        + (f"; as given {beside(m['given'], texts)})" if m.get("given") is not None else ")")
         for m in _telling(row)[:MOST_MEASURES]
+        for texts in [band_text(m["told"], m["low"], m["high"])]
     ]
     if told:
         return f"Predicted for {name}: {', '.join(told)}."
+    if row["heading_open_from"] is not None:
+        return f"What comes of {name} is not known: the 95 % band of its heading is wider than a full turn."
     width = row["widest_band"]
     if {"x", "y"} <= set(width):
         reach = 0.5 * math.hypot(width["x"], width["y"])
@@ -126,17 +136,27 @@ def headline(trial: Trial, predictions: Sequence[Prediction], rows: Sequence[Num
     return f"{name} is predicted with a 95 % band."
 
 
-def as_given_words(spread: tuple[float, float] | None) -> str:
-    """That no coefficient was fitted, and how well they are taken to be known; empty where they were.
+def as_given_words(spread: tuple[float, float] | None, diverging: Sequence[str] = ()) -> str:
+    """That no coefficient was fitted, how well they are taken to be known, and what is told; empty where they
+    were.
 
-    `spread` is their least and largest stated standard deviation over their value.
+    Parameters
+    ----------
+    spread : their least and largest stated standard deviation over their value
+    diverging : predictions in which the vehicle with them diverges
     """
     if spread is None:
         return ""
     low, high = (f"{100 * s:.0f}" if s >= 0.1 else f"{100 * s:.2g}" for s in spread)
+    instead = (
+        f"; it diverges in {first_few(diverging, MOST_LEFT_OUT)}, where the mean of the draws stands"
+        if diverging
+        else ""
+    )
     return (
-        "; the coefficients are as given, not fitted: the bands come from their stated standard deviation "
-        f"({low if low == high else f'{low} to {high}'} %)"
+        "; the coefficients are as given, not fitted: predicted is the vehicle that has them, undisturbed, "
+        "and the bands come from their stated standard deviation "
+        f"({low if low == high else f'{low} to {high}'} %){instead}"
     )
 
 
@@ -163,7 +183,33 @@ def drawn_words(numbers: Numbers) -> str:
         )
     if numbers["left_out"] is not None:
         said += f"; {_left_out_words(numbers['left_out'])}"
-    return said + as_given_words(numbers["coefficients_as_given"])
+    diverging = [row["name"] for row in numbers["predictions"] if row["told"] != AS_GIVEN]
+    return said + as_given_words(numbers["coefficients_as_given"], diverging)
+
+
+def surroundings_words(numbers: Numbers) -> list[str]:
+    """What acts around the vehicle in the prediction, with its size, and on which heading a manoeuvre begins;
+    nothing where nothing does.
+
+    Parameters
+    ----------
+    numbers : record of a prediction: surroundings, predictions
+    """
+    told = [
+        s["says"][:1].lower()
+        + s["says"][1:].rstrip(".")
+        + (f" (in {s['share']:.0%} of the vehicles drawn)" if s["share"] < ALL else "")
+        for s in numbers["surroundings"]
+    ]
+    if not told:
+        return []
+    out = f"In this prediction {'; '.join(told)}."
+    if any(not row["lead"] for row in numbers["predictions"]):
+        out += (
+            " Manoeuvres begin on heading 000 degrees: on another one, and in still water and air, their "
+            "numbers are others."
+        )
+    return [out]
 
 
 def _left_out_words(rows: Sequence[Numbers]) -> str:
@@ -205,13 +251,14 @@ def first_blocks(trial: Trial, predictions: Sequence[Prediction], rows: Sequence
         )  # fmt: skip
     measures = [
         [
-            literal(_name(trial, row)), f"{m['quantity']} [{m['unit']}]", _number(m.get("given")),
-            mean, f"{low} to {high}",
+            literal(_name(trial, row)), f"{m['quantity']} [{m['unit']}]",
+            "–" if m.get("given") is None else beside(m["given"], texts), texts[0],
+            f"{texts[1]} to {texts[2]}",
         ]
         for row in rows
         if not _errors(row)
         for m in _telling(row)
-        for mean, low, high in [band_text(m["mean"], m["low"], m["high"])]
+        for texts in [band_text(m["told"], m["low"], m["high"])]
     ][:MOST_ROWS]  # fmt: skip
     if measures:
         blocks.append(Table(["manoeuvre", "measure", "as given", "predicted", "95 %"], measures))
@@ -224,7 +271,7 @@ def first_blocks(trial: Trial, predictions: Sequence[Prediction], rows: Sequence
         if run is not None
         else "Blue: 95 % band; the thin tracks at the left are some of those it is made of."
     )
-    if p.orders is not None:
+    if p.orders is not None and not p.centres:
         band += " The line is their mean: where they swing out of step, each of them swings further."
     blocks.append(
         Row(
@@ -240,18 +287,28 @@ def first_blocks(trial: Trial, predictions: Sequence[Prediction], rows: Sequence
 
 def picture_of(p: Prediction, run: Run | None) -> run_picture.RunPicture:
     """A prediction as a picture: as given, predicted mean, half width of the band, draws."""
-    low, high = p.band(rng=np.random.default_rng(0)) if run is not None else p.band()
+    half = _half_width(p, run is not None)
     readings = np.full(p.mean.shape, np.nan)
     if run is not None:
         for j, channel in enumerate(p.channels):
             if channel in run.data:
                 readings[:, j] = run.data[channel]
-    series = [run_picture.Series("predicted", run_picture.BEST, p.mean)]
+    series = [run_picture.Series("predicted", run_picture.BEST, p.told)]
     if p.given is not None:
         series.insert(0, run_picture.Series("as given", run_picture.GIVEN, p.given))
-    return run_picture.RunPicture(
-        p.t, p.channels, readings, tuple(series), p.lead, 0.5 * (high - low), p.draws
-    )
+    return run_picture.RunPicture(p.t, p.channels, readings, tuple(series), p.lead, half, p.draws)
+
+
+def _half_width(p: Prediction, noisy: bool) -> np.ndarray:
+    """(n, q) how far from the line 95 % of the vehicles are, or of their readings."""
+    rng = np.random.default_rng(0) if noisy else None
+    if not p.centres:
+        low, high = p.band(rng=rng)
+        return np.asarray(0.5 * (high - low))
+    off = p.draws - p.told
+    if rng is not None:
+        off = off + np.nan_to_num(p.noise) * rng.standard_normal(off.shape)
+    return np.asarray(np.quantile(np.abs(off), LEVEL, axis=0))
 
 
 def _run_row(row: Numbers) -> list[str]:
@@ -263,12 +320,8 @@ def _run_row(row: Numbers) -> list[str]:
 
 def _telling(row: Numbers) -> list[Numbers]:
     """Measures a helmsman asks for, most asked first."""
-    there = {m["quantity"]: m for m in row["measures"] if m["share"] > 0.5 and math.isfinite(m["mean"])}
+    there = {m["quantity"]: m for m in row["measures"] if m["share"] > MEASURED and math.isfinite(m["mean"])}
     return [there[q] for q in ASKED if q in there]
-
-
-def _number(x: float | None) -> str:
-    return "–" if x is None else number(x)
 
 
 def _name(trial: Trial, row: Numbers) -> str:

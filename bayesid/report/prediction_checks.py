@@ -5,19 +5,24 @@ Takes the trial and the plain numbers of a prediction. Does not simulate.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
 from bayesid.diagnosis.hypotheses.rules import NAMING
 from bayesid.simulation import shaft_speed_note
 from bayesid.trials import Trial
+from bayesid.words import first_few
 
 LEVEL = 0.95
-FULL_TURN = 2 * math.pi  # width of the heading's band from which a run is not predicted
 # Share of the readings inside the band, on average over runs, below which the band may be too narrow; and the
 # probability, over all channels, that a vehicle drawn from the model fills no more of it, below which it is.
 HELD_SHARE, CHANCE = 0.8, 0.05
+MEASURED = 0.5  # share of the draws that must have a measure for it to be told
+MOST_LOST = 3  # predictions named in a sentence
+MEASURES_HOLD = (
+    " Measures are taken on each drawn vehicle by itself, whenever it gets there: they hold, with the bands "
+    "printed."
+)
 
 
 def failed_checks(trial: Trial, numbers: Mapping[str, Any]) -> list[str]:
@@ -31,12 +36,16 @@ def failed_checks(trial: Trial, numbers: Mapping[str, Any]) -> list[str]:
     if (note := shaft_speed_note(trial)) is not None:
         out.append(f"{note[0].upper()}{note[1:]}.")
     rows = numbers["predictions"]
-    lost = [row["name"] for row in rows if row["widest_band"].get("psi", 0.0) > FULL_TURN]
+    lost = [row for row in rows if row["heading_open_from"] is not None]
     if lost:
+        since = first_few(
+            [f"{row['name']} from {row['heading_open_from']:.0f} s on" for row in lost], MOST_LOST
+        )
+        measured = any(m["share"] > MEASURED for row in lost for m in row["measures"])
         out.append(
-            f"Nothing is predicted for {'any of these' if len(lost) == len(rows) else ', '.join(lost)}: "
-            "the band of the heading becomes wider than a full turn. What is known of the vehicle does "
-            "not fix where it goes."
+            f"Where the vehicle goes is not predicted for {since}: the 95 % band of its heading is wider "
+            "than a full turn there. What is known of the vehicle does not fix it."
+            + (MEASURES_HOLD if measured else "")
         )
     told = numbers["band_checks"]
     few = [

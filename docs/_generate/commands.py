@@ -45,7 +45,7 @@ def commands() -> str:
 def exit_codes() -> str:
     """The codes by which a script knows how a command ended."""
     rows = [
-        ["0", "ok"],
+        ["0", "ok; a check that a prediction or a diagnosis failed is in its first lines"],
         ["1", "a fault of the program, or a worker process was killed"],
         ["2", "usage or bad input; the message says what, where and what to do"],
         ["3", "not converged, or not determined by data and prior"],

@@ -36,6 +36,7 @@ from typing import Literal
 from bayesid.errors import ModelError
 
 PORTS = ("input", "flow", "force", "sensor")
+_OVER_GROUND = re.compile(r"\b(psi|wind_north|wind_east)\b")
 _SERVO = re.compile(r"(servo_lag|inverse_rate)_(\w+)")
 _FINS = {"r": "delta_r", "s": "delta_s", "b": "delta_b"}
 
@@ -160,6 +161,12 @@ class Effect:
             if self.force and all(re.search(pattern, text) for text in self.force.values()):
                 return name
         return ""
+
+    @property
+    def fixed_to_earth(self) -> bool:
+        """Whether it acts around the vehicle, so that what it does depends on the heading: water that moves,
+        or a force with a direction over ground."""
+        return bool(self.flow) or any(_OVER_GROUND.search(text) for text in self.force.values())
 
     @property
     def dated(self) -> int | None:
