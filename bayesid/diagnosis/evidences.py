@@ -70,7 +70,7 @@ def effect_first(refits: Sequence[RefittedHypothesis], wide: Collection[str]) ->
     out = list(refits)
     if not out or not out[0].widens:
         return out
-    share = shares_of_wide(wide)[out[0].effects[0].removeprefix(_PREFIX)]
+    share = shares_of_wide(wide).get(out[0].effects[0].removeprefix(_PREFIX), 1.0)
     least = out[0].log_evidence + np.log(share)
     for c in out:
         if len(c.effects) == 1 and not c.widens and explains(c) and c.log_evidence > least:

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from bayesid.diagnosis.data.problem import FOLLOWING_FORCE_LEVEL, DiagnosisProblem, first_fit
-from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, along_one_path, explains, standing
+from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains, nested, standing
 from bayesid.diagnosis.hypotheses.localisation import Localisation
 from bayesid.diagnosis.hypotheses.refit import refit, refit_again, remainder, sizes_of
 from bayesid.diagnosis.hypotheses.sensitivity_bank import (
@@ -25,6 +25,7 @@ from bayesid.diagnosis.threshold_table import (
     ADD_EVIDENCE,
     DROP_EVIDENCE,
     LEAST_FREE_SIGNAL_SHARE,
+    LINEARISATION_SCATTER,
     MOST_EFFECTS,
     MOST_EXCHANGES,
     RIVALS_TRIED,
@@ -80,7 +81,7 @@ def search_several(
         gains = {s.name: s.gain for s in ranked}
         best = max(tried, key=lambda c: standing(c, gains[c.effects[-1]]))
         if explains(current):
-            step = _step(problem, best, current, gains[best.effects[-1]])
+            step = _step(problem, best, current)
             if step < ADD_EVIDENCE:
                 break
             if current.effects not in left:
@@ -211,17 +212,10 @@ def _beside(
     )
 
 
-def _step(
-    problem: DiagnosisProblem, larger: RefittedHypothesis, smaller: RefittedHypothesis, screened: float
-) -> float:
-    """Gain in log evidence; a small one must also be there along the path of one of the two.
-
-    Parameters
-    ----------
-    screened : gain of the last effect along the path of the smaller [nats]
-    """
+def _step(problem: DiagnosisProblem, larger: RefittedHypothesis, smaller: RefittedHypothesis) -> float:
+    """Gain in log evidence; a small one must also be there along the larger refit's own path."""
     gain = larger.log_evidence - smaller.log_evidence
-    return along_one_path(problem, larger, gain, screened, smaller.effects)
+    return gain if gain > LINEARISATION_SCATTER else min(gain, nested(problem, larger, smaller.effects))
 
 
 def _joint(model: Model, effects: Sequence[Effect]) -> GaussianPrior:
