@@ -89,6 +89,7 @@ CASES = [
         PLAIN, absorbed=CONFOUNDED_SHARE + TINY, none_in_set=True, none=0.9, acts=NAMING_PROBABILITY - TINY,
     ), {
         "absorbed": (CONFOUNDED_SHARE + 0.0, "probably none"),
+        "re_tuned": (1 - NAMING_PROBABILITY, "probably none"),
         "acts": (NAMING_PROBABILITY + 0.0, "probably none")}),
     ("probably none", replace(PLAIN, none_in_set=True, none=EVEN_ODDS + TINY), {
         "none": (EVEN_ODDS + 0.0, "none not excluded"), "none_in_set": (False, "effect")}),
