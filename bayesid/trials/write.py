@@ -40,8 +40,8 @@ def write_trial(trial: Trial, folder: str | Path, overwrite: bool = False, schem
     """
     folder = Path(folder)
     target = folder / "trial.toml"
-    if target.exists() and not overwrite:
-        raise TrialError(f"{folder}: holds a trial already; choose another folder or delete it")
+    if not overwrite:
+        refuse_trial(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         vehicle = trial.vehicle_ref
@@ -56,6 +56,17 @@ def write_trial(trial: Trial, folder: str | Path, overwrite: bool = False, schem
     except OSError as error:
         raise TrialError(f"{folder}: cannot be written: {error.strerror}") from None
     return target
+
+
+def refuse_trial(folder: Path) -> None:
+    """Nothing where a folder holds no trial.
+
+    Raises
+    ------
+    TrialError                 it holds one
+    """
+    if (folder / "trial.toml").exists():
+        raise TrialError(f"{folder}: holds a trial already; choose another folder or delete it")
 
 
 def copy_vehicle(vehicle: Path, folder: Path) -> None:
