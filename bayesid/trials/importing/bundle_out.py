@@ -25,7 +25,7 @@ from bayesid.trials.importing.readers import digest_of
 from bayesid.trials.importing.unit_words import positive_side
 from bayesid.trials.schema import write_schema
 from bayesid.trials.trial import Trial
-from bayesid.trials.write import copy_vehicle, toml_text
+from bayesid.trials.write import copy_vehicle, file_names, toml_text
 
 PART = 20_000  # rows turned into text at a time
 _ORDER = {row.name: k for k, row in enumerate(CHANNELS)}
@@ -61,7 +61,7 @@ def write_bundle(
             raise ImportLogError(f"vehicle {vehicle!r} of the map does not exist beside it")
         copy_vehicle(beside, folder)
         vehicle = "vehicle.toml"
-    files = _file_names([joined.run.name for joined in runs])
+    files = file_names(joined.run.name for joined in runs)
     logs = {digest for joined in runs for digest in joined.digests.values()}
     for file in files:
         if (folder / file).is_file() and digest_of(folder / file) in logs:
@@ -119,19 +119,6 @@ def provenance(
             for joined, file in zip(runs, files, strict=True)
         ],
     }
-
-
-def _file_names(names: Sequence[str]) -> list[str]:
-    import re
-
-    out: list[str] = []
-    for name in names:
-        stem = re.sub(r"[^\w.-]+", "_", name, flags=re.ASCII).strip("._")[:100] or "run"
-        file, k = f"{stem}.csv", 2
-        while file.lower() in {other.lower() for other in out}:
-            file, k = f"{stem}_{k}.csv", k + 1
-        out.append(file)
-    return out
 
 
 def _write_csv(joined: Joined, path: Path) -> None:
