@@ -33,8 +33,9 @@ class LockError(BayesidError):
 class _Lock:
     """A lock this process holds, and how often."""
 
-    def __init__(self, file: Path, handle: int, made: bool) -> None:
+    def __init__(self, file: Path, handle: int, made: bool, command: str) -> None:
         self.file, self.handle, self.made, self.count, self.owner = file, handle, made, 1, os.getpid()
+        self.command = command
 
     def release(self) -> None:
         if self.owner == os.getpid():  # a forked child is not the holder
@@ -89,7 +90,7 @@ def lock(folder: str | os.PathLike[str], command: str) -> str | None:
         except BaseException:
             os.close(handle)
             raise
-        _held[place] = _Lock(file, handle, made)
+        _held[place] = _Lock(file, handle, made, command)
         return None if before is None else _ended(place, before)
 
 
@@ -103,6 +104,33 @@ def lock_or_exit(folder: str | os.PathLike[str], script: str) -> None:
     atexit.register(release, folder)
     if remark is not None:
         print(f"note: {remark}", file=sys.stderr)
+
+
+def holder(folder: str | os.PathLike[str]) -> str | None:
+    """The command under which this process holds a folder; None where it does not."""
+    held = _held.get(Path(folder).resolve())
+    return None if held is None or held.owner != os.getpid() else held.command
+
+
+def left_behind(folder: str | os.PathLike[str]) -> str | None:
+    """The command of an ended process whose lock still lies in a folder; None where there is none.
+
+    Reads only: the lock stays for whoever takes it over.
+    """
+    place = Path(folder).resolve()
+    if place in _held:
+        return None
+    try:
+        handle = os.open(place / LOCK, os.O_RDWR | getattr(os, "O_NOFOLLOW", 0))
+    except OSError:
+        return None
+    try:
+        free, before = _system_lock(handle), _read(handle)
+    finally:
+        os.close(handle)  # gives the system's lock back
+    if free is False or before is None or _may_live(before, proof=free is True):
+        return None
+    return str(before["command"])
 
 
 def release(folder: str | os.PathLike[str]) -> None:

@@ -13,6 +13,8 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, TextIO, TypeVar
 
+from bayesid.errors import BayesidError
+
 T = TypeVar("T")
 _silent = False
 
@@ -209,6 +211,8 @@ class _LineStage(Stage):
         return f", about {time_words(self.seconds * (self.total - self.done) / self.done)} left"
 
     def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
+        if not self.done and isinstance(error, BayesidError):  # refused; the error says what there is to say
+            return
         state = "done" if kind is None else "stopped"
         count = f" {self._count()}" if self.done else ""
         self._print(f"{state}{count} in {self.seconds:.1f} s")

@@ -9,6 +9,7 @@ import difflib
 from collections.abc import Iterable
 
 LEAST_ALIKE = 0.6  # ratio of `difflib` from which a known name is taken for what was meant
+WRITTEN_OUT = 1e7  # below it a large number is written without a power of ten
 
 
 def counted(number: int, noun: str, plural: str = "") -> str:
@@ -23,6 +24,12 @@ def first_few(names: Iterable[str], most: int, between: str = ", ") -> str:
     return between.join(every[:most]) + more
 
 
+def digits(x: float, count: int) -> str:
+    """Some significant digits of a number; one of thousands or millions is written out: 220, not 2.2e+02."""
+    text = f"{x:.{count}g}"
+    return f"{float(text):.0f}" if "e+" in text and abs(x) < WRITTEN_OUT else text
+
+
 def and_list(names: Iterable[str]) -> str:
     """`a`, `a and b`, `a, b and c`; nothing where there is none."""
     *others, last = list(names) or [""]
@@ -30,9 +37,16 @@ def and_list(names: Iterable[str]) -> str:
 
 
 def did_you_mean(names: Iterable[str], known: Iterable[str]) -> str:
-    """`; did you mean N_dr?`: the known name nearest to each unknown one; nothing where none is near."""
+    """`; did you mean N_dr?`: the known name nearest to each unknown one; nothing where none is near.
+
+    The bars of a coefficient, which a shell takes for its own, may be left out: N_rr is N_r|r|.
+    """
     there = list(known)
+    bare = {name.replace("|", "").lower(): name for name in there if "|" in name}
     small = {name.lower(): name for name in there}
-    near = [difflib.get_close_matches(n[:60].lower(), small, n=1, cutoff=LEAST_ALIKE) for n in names]
-    told = list(dict.fromkeys(small[match] for found in near for match in found))
+    told: dict[str, None] = {}
+    for name in names:
+        low = name[:60].lower()
+        near = difflib.get_close_matches(low, small, n=1, cutoff=LEAST_ALIKE)
+        told |= dict.fromkeys([bare[low]] if low in bare else [small[match] for match in near])
     return f"; did you mean {', '.join(told)}?" if told else ""

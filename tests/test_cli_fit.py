@@ -47,7 +47,7 @@ def test_a_planted_coefficient_is_found_and_the_held_out_turn_predicted(pond, tm
 def test_a_fit_does_not_write_over_the_vehicle_file_of_its_trial(pond, capsys):
     before = {p.name: p.read_bytes() for p in pond.iterdir() if p.is_file()}
     assert run(["fit", str(pond), *RUNS, "--free", "N_dr", "--out", str(pond)]) == 2
-    assert "holds a trial, whose vehicle.toml the fit would write over" in " ".join(
+    assert "holds a trial (trial.toml), and `bayesid fit` would mix its files with it" in " ".join(
         capsys.readouterr().err.split()
     )
     assert {p.name: p.read_bytes() for p in pond.iterdir() if p.is_file()} == before

@@ -52,6 +52,7 @@ from bayesid.report.writer.text import table_text
 from bayesid.simulation import with_shaft_speed
 from bayesid.threads import one_blas_thread
 from bayesid.trials import Run, Trial
+from bayesid.trials.write import file_stem
 
 if TYPE_CHECKING:
     import pandas
@@ -200,7 +201,7 @@ def _run(trial: Trial, name: str) -> Run | None:
 
 
 def _file_name(text: str) -> str:
-    return re.sub(r"[^A-Za-z0-9.-]+", "_", text).strip("_.")[:80] or "prediction"
+    return re.sub("_+", "_", file_stem(text)).strip("_.")[:80] or "prediction"
 
 
 def _row(p: Prediction, against: dict[str, Any], measures: list[dict[str, Any]]) -> dict[str, Any]:

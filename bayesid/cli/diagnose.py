@@ -60,11 +60,14 @@ def diagnose(
     from bayesid.api.diagnose import diagnose as run
     from bayesid.api.fleet import bundles_of, diagnose_fleet
     from bayesid.cli.output import answer
+    from bayesid.cli.result_folder import refuse_diagnosis
     from bayesid.executor import executor_of
     from bayesid.progress import Progress
 
     formats = figure_formats(figures, out)
     several = bundles_of(bundle)
+    if out is not None:
+        refuse_diagnosis(out, "diagnosis.json" if several else "fleet.json")
     if several:
         if out is None:
             raise typer.BadParameter("a folder of bundles needs --out", param_hint="--out")

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from bayesid.cli.result_folder import refuse_other
 from bayesid.cli.terminal import set_verbose
 from bayesid.lock import lock
 from bayesid.progress import printable, set_quiet
@@ -18,10 +19,13 @@ def claimed(context: typer.Context, folder: Path | None) -> Path | None:
 
     Raises
     ------
+    OtherResultError
+        it holds the result of another command; nothing in it is touched
     LockError
         another command writes there
     """
     if folder is not None and not context.resilient_parsing:
+        refuse_other(folder, context.command_path)
         taken_over = lock(folder, context.command_path)
         if taken_over is not None:
             print(printable(f"note: {taken_over}"), file=sys.stderr)

@@ -55,7 +55,10 @@ def simulate(
     from bayesid.equations.model import build_model
     from bayesid.model.vehicles import load_vehicle
     from bayesid.trials import write_trial
+    from bayesid.trials.write import refuse_trial
 
+    if out is not None:
+        refuse_trial(out)
     found = load_vehicle(vehicle)
     model = build_model(found, dof or 3)
     trial = simulate_model(

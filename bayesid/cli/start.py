@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from bayesid.cli.options import Quick, Verbose, claimed
+from bayesid.cli.result_folder import refuse_other
 from bayesid.cli.terminal import BAD_INPUT, OK
 from bayesid.words import counted
 
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from bayesid.trials.importing.finding import Found
 
 ASKED = 3  # exit code: a question is open
-STEPS = "steps.sh"
+STEPS, GAP = "steps.sh", "gap"
 HEAD = "#!/bin/sh -e\n# What `bayesid start` did. For others: change names of logs and of the folder."
 
 Folder = Annotated[
@@ -85,6 +86,7 @@ def start(
         print_text(f"{bundle} is a trial bundle already.")
     elif not found.logs and not (out / "trial.toml").exists():
         raise BayesidError(_nothing(folder, found))
+    refuse_other(out / GAP, "bayesid diagnose")
     out.mkdir(parents=True, exist_ok=True)
     claimed(context, out)
     steps = _Steps(out)
@@ -273,7 +275,7 @@ def _judge(bundle: Path, out: Path, vehicle: str | None, steps: _Steps, quick: b
     code = check(bundle, vehicle=own[1] if own else None, verbose=verbose)
     if code not in (OK, WRONG_LOG):  # a diagnosis mends a mistake of the log in memory
         return code
-    gap = out / "gap"
+    gap = out / GAP
     steps.say("diagnose", bundle, "--out", gap, *own, *(["--quick"] if quick else []))
     code = diagnose(bundle, out=gap, vehicle=own[1] if own else None, quick=quick, verbose=verbose)
     print_text(f"\nReport: {gap / 'report.html'}. The commands are in {steps.path}, for the next logs.")

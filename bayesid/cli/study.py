@@ -8,7 +8,8 @@ from typing import Annotated, Any
 import typer
 
 from bayesid.cli.options import Out, Quick, Quiet, Verbose
-from bayesid.lock import lock
+from bayesid.cli.result_folder import refuse_other
+from bayesid.lock import lock, release
 
 HELP = ("-h", "--help")
 # what this command does not know is an option of the study, help among it
@@ -57,6 +58,8 @@ def study(
     if set(HELP) & set(context.args):
         return _run_script(studies[name], ["--help"])
     folder = out or Path("out") / name
+    release(folder)  # held by no study in particular until here
+    refuse_other(folder, f"bayesid study {name}")
     lock(folder, f"bayesid study {name}")
     arguments = ["--out", str(folder), *(["--quick"] if quick else []), *context.args]
     if data is not None:

@@ -118,5 +118,7 @@ def _failed_output() -> str | None:
 
 
 def _show_warning(message: Any, category: Any, filename: str, lineno: int, *_: Any, **__: Any) -> None:
+    if not _verbose and str(message).startswith("Glyph "):  # a figure shows a box; names elsewhere are whole
+        return
     place = f" ({category.__name__}, {filename}:{lineno})" if _verbose else ""
     tell(f"warning: {message}{place}")

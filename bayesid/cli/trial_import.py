@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from bayesid.trials.importing import LogMap, Proposal
+    from bayesid.trials.importing.again import Replaced
     from bayesid.trials.mistakes import InputFinding
 
 ASKED = 3  # exit code: a map was written and asks something
@@ -60,16 +61,22 @@ def import_logs(
     Without --map it guesses one from names, units and kinematics and writes it to BUNDLE/map.toml, with a
     picture of the runs it would cut. Nothing doubtful is taken silently: with an open question it stops with
     exit code 3; answer in the map, delete the question, and give the command again with --map
-    BUNDLE/map.toml. Without a question the bundle is written at once.
+    BUNDLE/map.toml. Without a question the bundle is written at once. An import is corrected in the same
+    way: edit BUNDLE/map.toml and give it as --map again.
     """
     from bayesid.cli.output import print_text
     from bayesid.trials.importing import apply_map, write_bundle
+    from bayesid.trials.importing.again import import_again
 
+    again = (out / "trial.toml").exists()
     found, map_file = _map(sources, out, map_file, vehicle, "import", ("--out", out))
     if found is None:
         return ASKED
     runs, origin = apply_map(found, sources)
-    write_bundle(found, runs, origin, out, map_file)
+    if again:
+        _say_replaced(import_again(found, runs, origin, out, map_file), out)
+    else:
+        write_bundle(found, runs, origin, out, map_file)
     print_text(
         f"\n{counted(len(runs), 'run')} written to {out} (provenance.json says where each channel is from)."
     )
@@ -147,13 +154,17 @@ def _map(
     """
     from bayesid.cli.output import command, print_text
     from bayesid.trials.importing import ImportLogError, map_text, propose, read_map
+    from bayesid.trials.importing.again import may_import_again
     from bayesid.trials.importing.in_place import needs_import
 
     absent = [str(p) for p in sources if not p.exists()]
     if absent:
         raise ImportLogError(f"{absent[0]}: does not exist")
-    if (out / "trial.toml").exists():
-        raise ImportLogError(f"{out}: holds a trial already; choose another folder or delete it")
+    if (out / "trial.toml").exists() and not (verb == "import" and may_import_again(out, map_file)):
+        own = out / "map.toml"
+        imported = verb == "import" and may_import_again(out, own)
+        mend = f". To correct this import, edit {own} and give --map {own}" if imported else ""
+        raise ImportLogError(f"{out}: holds a trial already; choose another folder or delete it{mend}")
     if map_file is not None:
         return read_map(map_file), map_file
     map_file = out / "map.toml"
@@ -176,6 +187,22 @@ def _map(
     print_text(f"\nEdit {map_file}, delete each question when it is answered, then:")
     print_text(command("trial", verb, *sources, "--map", map_file, *more))
     return None, map_file
+
+
+def _say_replaced(done: Replaced, out: Path) -> None:
+    """What an import that was carried out again did to the files of the one before."""
+    from bayesid.cli.output import print_text
+
+    tables = f"{counted(len(done.tables), 'table')} ({first_few(done.tables, 4)})"
+    print_text(f"The import in {out} is replaced: trial.toml, provenance.json and {tables}.")
+    for name, kept in done.aside:
+        print_text(f"  - {name} may have been edited since it was imported: as it was, it is {kept} now")
+    if done.removed:
+        print_text(f"  - removed, as no run is made of it any more: {first_few(done.removed, 4)}")
+    if done.left:
+        print_text(f"  - left, though no run is made of it any more: {first_few(done.left, 4)}")
+    if done.results:
+        print_text(f"  - of the trial as it was before are the results in {first_few(done.results, 4)}")
 
 
 def _what_it_is_like(found: LogMap, out: Path, verbose: bool) -> None:

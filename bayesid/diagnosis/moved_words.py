@@ -8,6 +8,7 @@ from __future__ import annotations
 from bayesid.diagnosis.failed_checks import explanation
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import LEAST_MOVED, Moved
+from bayesid.words import digits
 
 MOST_MOVED = 6
 # Change of a coefficient from which its values say more than per cent [%].
@@ -49,7 +50,7 @@ def _change(value: float, given: float, sd: float | None = None) -> str:
     """A change in per cent, with its deviation where that is known; the values where it is many per cent."""
     share = 100 * (value - given) / given
     if abs(share) > MOST_PERCENT:
-        return f"{given:.3g} to {value:.3g}" + (f" ± {sd:.2g}" if sd else "")
+        return f"{digits(given, 3)} to {digits(value, 3)}" + (f" ± {digits(sd, 2)}" if sd else "")
     if not sd:
         return f"{round(share):+d} %"
     spread = 100 * sd / abs(given)

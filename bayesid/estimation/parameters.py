@@ -54,9 +54,10 @@ def coefficient_set(
     names = tuple(free) if free is not None else model.coefficients
     unknown = [n for n in names if n not in model.index]
     if unknown:
+        hint = did_you_mean(unknown, model.coefficients) or SEE_COEFFICIENTS
         raise FitError(
             f"model of {model.vehicle.name!r} ({model.dof}-DOF) has no parameter "
-            f"{', '.join(unknown)}{did_you_mean(unknown, model.coefficients) or SEE_COEFFICIENTS}"
+            f"{', '.join(unknown)}{hint}{' (a shell wants quotes around the bars)' if '|' in hint else ''}"
         )
     entries = []
     for name in names:

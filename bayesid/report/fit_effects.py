@@ -13,6 +13,7 @@ from bayesid.diagnosis.plain_words import sentence
 from bayesid.diagnosis.result_parts import Effect, Value
 from bayesid.diagnosis.size_names import contract
 from bayesid.estimation.trial_fit import TrialFit
+from bayesid.words import digits
 
 _DEGREE = 180.0 / math.pi
 # unit inside -> unit shown and factor to it
@@ -44,7 +45,7 @@ def parameter_words(found: TrialFit, name: str) -> str:
     value, sd = _value(found, name)
     unit, factor = SHOWN.get(found.model.parameter_unit(name) or "", (found.model.parameter_unit(name), 1.0))
     behind = "" if unit in (None, "-") else f" {unit}"
-    return f"{name.partition('.')[2]} {factor * value:.3g} ± {factor * sd:.2g}{behind}"
+    return f"{name.partition('.')[2]} {digits(factor * value, 3)} ± {digits(factor * sd, 2)}{behind}"
 
 
 def freed(found: TrialFit) -> tuple[str, ...]:

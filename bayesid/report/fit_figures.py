@@ -53,7 +53,7 @@ def overlay(t: Array, channels: Sequence[str], readings: Array, nominal: Array, 
             drawn = np.where(inside[:, None], values[:, position], np.nan)
             plan.plot(drawn[:, 1], drawn[:, 0], line, color=colour, label=label, **style)
         track_axes(plan)
-        plan.legend()
+        plan.legend(ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0))  # above: tracks go anywhere
     else:
         plan.axis("off")
     for axes, i in zip(grid[:, 1], others, strict=False):

@@ -19,11 +19,12 @@ from bayesid.report.fit_effects import effect_words
 from bayesid.report.writer import Block, Figure, Row, Section, Table, Text, literal
 from bayesid.simulation import shaft_speed_note
 from bayesid.trials.noise_stated import noise_warning
-from bayesid.words import counted, first_few
+from bayesid.words import counted, digits, first_few
 
 LABELS = ("as given", "as found")
 MOST_MOVED = 4
 SAME = 1.1
+LEAST_PERCENT = 0.01
 DEGREE = 180 / math.pi
 
 
@@ -90,10 +91,20 @@ def moved(found: TrialFit) -> str:
         if fit.start[i] and "." not in name:
             change = (fit.z[i] - fit.start[i]) / fit.start[i]
             sd = fit.sd[i] / abs(fit.start[i])
-            spread = f" ± {100 * sd:.2g}" if math.isfinite(sd) and sd < 10 else " ± more than can be told"
-            rows.append((abs(change), f"{name} {100 * change:+.3g}{spread} %"))
+            rows.append((abs(change), f"{name} {_percent(change, sd)}"))
     rows.sort(reverse=True)
     return ", ".join(text for _, text in rows[:MOST_MOVED])
+
+
+def _percent(change: float, sd: float) -> str:
+    """ "+90.3 ± 7.4 %", "-340 ± 220 %"; what is smaller than a hundredth of a percent is none."""
+    spread = "more than can be told"
+    if math.isfinite(sd) and sd < 10:
+        spread = digits(100 * sd, 2) if 100 * sd >= LEAST_PERCENT else f"less than {LEAST_PERCENT:g}"
+    size = 100 * abs(change)
+    whole = digits(size, 3) if size >= LEAST_PERCENT else "0"
+    sign = "" if whole == "0" else "+" if change > 0 else "-"
+    return f"{sign}{whole} ± {spread} %"
 
 
 def failures(found: TrialFit, others: list[str]) -> list[str]:

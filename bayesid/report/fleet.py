@@ -14,7 +14,7 @@ from bayesid.diagnosis.fleet import CHANGED, COMMON, SharedEffect, SharedParamet
 from bayesid.diagnosis.shared_coefficients import CoefficientSharing
 from bayesid.report.fleet_coefficients import sharing_blocks, sharing_words
 from bayesid.report.writer import Report, Section, Table, Text, literal
-from bayesid.words import first_few
+from bayesid.words import digits, first_few
 
 FEW = 6  # bundles named in a cell
 MOST_VEHICLES = 3  # whose coefficients the lead speaks of
@@ -100,7 +100,7 @@ def _parameters(parameters: Sequence[SharedParameter]) -> list[Any]:
         return [Text("No effect is named in two bundles of one vehicle.")]
     rows = []
     for p in parameters:
-        each = "; ".join(f"{n} {v:.3g} ± {s:.1g}" for n, v, s in p.each[:FEW])
+        each = "; ".join(f"{n} {digits(v, 3)} ± {digits(s, 1)}" for n, v, s in p.each[:FEW])
         state = "changed" if p.changed else "the same"
         rows.append([p.vehicle, f"{_name(p.effect)}: {p.parameter}", p.value, p.sd, p.unit, p.p, state, each])
     columns = ["vehicle", "parameter", "mean", "sd", "unit", "p", "", "by bundle"]
@@ -112,7 +112,10 @@ def _parameters(parameters: Sequence[SharedParameter]) -> list[Any]:
 
 
 def _told(effect: Mapping[str, Any]) -> str:
-    parts = [f"{n} {p['value']:.3g} ± {p['sd']:.1g} {p['unit']}" for n, p in effect["parameters"].items()]
+    parts = [
+        f"{n} {digits(p['value'], 3)} ± {digits(p['sd'], 1)} {p['unit']}"
+        for n, p in effect["parameters"].items()
+    ]
     return f"{_name(effect['name'])} ({', '.join(parts)})"
 
 

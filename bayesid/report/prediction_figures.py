@@ -51,7 +51,7 @@ def bands(
             plan.plot(readings["y"], readings["x"], ".", color=MEASURED, markersize=2, label="measured")
         plan.plot(mean[:, position[1]], mean[:, position[0]], color=FITTED, label="predicted mean")
         track_axes(plan)
-        plan.legend()
+        plan.legend(ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0))  # above: tracks go anywhere
     else:
         plan.axis("off")
     for axes, i in zip(grid[:, 1], others, strict=False):

@@ -9,6 +9,8 @@ from __future__ import annotations
 import re
 import shutil
 import tomllib
+import unicodedata
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +22,7 @@ from bayesid.trials.schema import write_schema
 from bayesid.trials.table import BadTableError
 from bayesid.trials.trial import Floats, Run, Trial
 
+LONGEST_STEM = 200  # bytes; file systems take names of 255
 _ORDER = {row.name: k for k, row in enumerate(CHANNELS)}
 
 
@@ -40,15 +43,15 @@ def write_trial(trial: Trial, folder: str | Path, overwrite: bool = False, schem
     """
     folder = Path(folder)
     target = folder / "trial.toml"
-    if target.exists() and not overwrite:
-        raise TrialError(f"{folder}: holds a trial already; choose another folder or delete it")
+    if not overwrite:
+        refuse_trial(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         vehicle = trial.vehicle_ref
         if vehicle and Path(vehicle).is_file():
             copy_vehicle(Path(vehicle), folder)
             vehicle = "vehicle.toml"
-        files = _file_names(trial.runs)
+        files = file_names(run.name for run in trial.runs)
         for run, file in zip(trial.runs, files, strict=True):
             (folder / file).write_text(run_csv(run), encoding="utf-8", newline="\n")
         head = write_schema(folder) if schema else ""
@@ -56,6 +59,17 @@ def write_trial(trial: Trial, folder: str | Path, overwrite: bool = False, schem
     except OSError as error:
         raise TrialError(f"{folder}: cannot be written: {error.strerror}") from None
     return target
+
+
+def refuse_trial(folder: Path) -> None:
+    """Nothing where a folder holds no trial.
+
+    Raises
+    ------
+    TrialError                 it holds one
+    """
+    if (folder / "trial.toml").exists():
+        raise TrialError(f"{folder}: holds a trial already; choose another folder or delete it")
 
 
 def copy_vehicle(vehicle: Path, folder: Path) -> None:
@@ -92,15 +106,25 @@ def run_csv(run: Run) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _file_names(runs: tuple[Run, ...]) -> list[str]:
+def file_names(runs: Iterable[str]) -> list[str]:
+    """A file for each run, told apart where capitals are not; a bundle takes the names of its runs from it.
+
+    Letters of any script stay.
+    """
     names: list[str] = []
     for run in runs:
-        stem = re.sub(r"[^\w.-]+", "_", run.name, flags=re.ASCII).strip("._") or "run"
-        name, k = f"{stem[:100]}.csv", 2
+        stem = file_stem(run) or "run"
+        name, k = f"{stem}.csv", 2
         while name.lower() in {other.lower() for other in names}:
-            name, k = f"{stem[:100]}_{k}.csv", k + 1
+            name, k = f"{stem}_{k}.csv", k + 1
         names.append(name)
     return names
+
+
+def file_stem(text: str) -> str:
+    """Letters, digits, points and hyphens of a text, the rest as underlines; empty where none is left."""
+    stem = re.sub(r"[^\w.-]+", "_", unicodedata.normalize("NFC", text)).strip("._")[:100]
+    return stem.encode()[:LONGEST_STEM].decode(errors="ignore")
 
 
 def _toml(trial: Trial, vehicle: str, files: list[str]) -> str:

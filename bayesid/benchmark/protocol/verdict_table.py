@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from bayesid.report.writer import Report, Section, Table, Text, literal
+from bayesid.words import digits
 
 NAMING = ("effect", "effect_with_remainder", "several")
 
@@ -82,7 +83,7 @@ def _effect(effect: Mapping[str, Any]) -> str:
     parts = []
     for name, p in effect["parameters"].items():
         unit = "" if p["unit"] == "-" else f" {p['unit']}"
-        parts.append(f"{name.replace('_', ' ')} {p['value']:.3g} ± {p['sd']:.1g}{unit}")
+        parts.append(f"{name.replace('_', ' ')} {digits(p['value'], 3)} ± {digits(p['sd'], 1)}{unit}")
     return effect["name"].replace("_", " ") + (f" ({', '.join(parts)})" if parts else "")
 
 

@@ -39,6 +39,7 @@ from bayesid.estimation.filter_error.linearise import Trajectory
 from bayesid.estimation.parameters import NO_PARAMETERS, GaussianPrior
 from bayesid.estimation.run_data import Array
 from bayesid.model.vehicles import Vehicle, prime_unit
+from bayesid.words import digits
 
 # Bootstrap inclusion from which a term (or its group) is tried, draws, stretches they keep together [L/U].
 LEAST_INCLUSION, DRAWS, BLOCK_LENGTHS = 0.8, 60, 6.0
@@ -274,7 +275,7 @@ def _words(
         kind = "a change of the vehicle's own row" if t.in_model else "a row the vehicle lacks"
         text = (
             f"The missing {'force' if t.axis in 'XYZ' else 'moment'} in {t.axis} goes as {form}: {t.name} = "
-            f"{t.value:.4g} ± {t.sd:.2g} {t.unit}, {kind}, worth {t.gain:.1f} nats"
+            f"{digits(t.value, 4)} ± {digits(t.sd, 2)} {t.unit}, {kind}, worth {t.gain:.1f} nats"
         )
         if t.rivals:
             text += f"; these runs cannot tell it from {', '.join(t.rivals)}"

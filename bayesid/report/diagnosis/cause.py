@@ -12,6 +12,7 @@ from bayesid.report.coefficient_cells import COLUMNS
 from bayesid.report.diagnosis import figures
 from bayesid.report.diagnosis.words import arrival_words, in_words
 from bayesid.report.writer import Block, Figure, Section, Table, Text, literal
+from bayesid.words import digits
 
 MOST_SCREENED = 14
 
@@ -134,7 +135,10 @@ def which_blocks(result: Result) -> list[Block]:
             r.gain,
             r.chi2,
             arrival_words(r.converged),
-            "; ".join(f"{n.split('.')[1]} = {p.value:.4g} ± {p.sd:.2g}" for n, p in r.parameters.items()),
+            "; ".join(
+                f"{n.split('.')[1]} = {digits(p.value, 4)} ± {digits(p.sd, 2)}"
+                for n, p in r.parameters.items()
+            ),
         ]
         for r in result.refits
     ]

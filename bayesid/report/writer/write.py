@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 
 from bayesid import __version__
 from bayesid.files import write_atomic, write_json
+from bayesid.lock import holder
 from bayesid.report.writer.blocks import (
     Block,
     Figure,
@@ -61,7 +62,8 @@ def write(report: Report, folder: str | os.PathLike[str], results: Mapping[str, 
     report : what to show
     folder : made if missing; files of the same names are replaced, others left alone
     results : numbers behind the report, usually `inputs`, `seeds`, `targets`; the writer adds `title`,
-        `created` (UTC), `versions`. Keys of its own win over those of the writer.
+        `created` (UTC), `versions`, and `command` where one holds the folder. Keys of its own win over those
+        of the writer.
 
     Raises
     ------
@@ -72,7 +74,9 @@ def write(report: Report, folder: str | os.PathLike[str], results: Mapping[str, 
     """
     base = Path(folder)
     created = datetime.now(UTC).replace(microsecond=0).isoformat().replace("+00:00", "Z")
-    record = {"title": report.title, "created": created, "versions": versions(), **results}
+    command = holder(base)
+    by = {} if command is None else {"command": command}
+    record = {"title": report.title, "created": created, "versions": versions(), **by, **results}
     write_json(base / "results.json", record)  # first: the numbers are safe even if drawing fails
     images = {}
     for figure in figures_of((*report.first, *report.sections)):

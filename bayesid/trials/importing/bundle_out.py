@@ -21,10 +21,11 @@ from bayesid.trials.correction import Correction
 from bayesid.trials.importing.joining import Joined
 from bayesid.trials.importing.log_map import LogMap
 from bayesid.trials.importing.raw import ImportLogError
+from bayesid.trials.importing.readers import digest_of
 from bayesid.trials.importing.unit_words import positive_side
 from bayesid.trials.schema import write_schema
 from bayesid.trials.trial import Trial
-from bayesid.trials.write import copy_vehicle, toml_text
+from bayesid.trials.write import copy_vehicle, file_names, toml_text
 
 PART = 20_000  # rows turned into text at a time
 _ORDER = {row.name: k for k, row in enumerate(CHANNELS)}
@@ -46,7 +47,8 @@ def write_bundle(
 
     Raises
     ------
-    ImportLogError             the folder holds a trial already, or a file of the map does not exist
+    ImportLogError             the folder holds a trial already, a table would go over a log it is made of, or
+                               a file of the map does not exist
     """
     target = folder / "trial.toml"
     if target.exists() and not overwrite:
@@ -59,11 +61,21 @@ def write_bundle(
             raise ImportLogError(f"vehicle {vehicle!r} of the map does not exist beside it")
         copy_vehicle(beside, folder)
         vehicle = "vehicle.toml"
-    files = _file_names([joined.run.name for joined in runs])
+    files = file_names(joined.run.name for joined in runs)
+    logs = {digest for joined in runs for digest in joined.digests.values()}
+    for file in files:
+        if (folder / file).is_file() and digest_of(folder / file) in logs:
+            raise ImportLogError(
+                f"{folder / file}: is one of the logs, and a run would be written over it; choose another "
+                "folder, or another name for the run"
+            )
     for joined, file in zip(runs, files, strict=True):
         _write_csv(joined, folder / file)
     write_atomic(target, write_schema(folder) + trial_toml(found, runs, files, vehicle))
-    write_atomic(folder / "provenance.json", json.dumps(provenance(runs, files, origin), indent=1) + "\n")
+    told = provenance(runs, files, origin)
+    # by these an import that is carried out again knows what was edited since
+    told["written"] = {name: digest_of(folder / name) for name in (target.name, *files)}
+    write_atomic(folder / "provenance.json", json.dumps(told, indent=1) + "\n")
     if map_file is not None and map_file.resolve() != (folder / "map.toml").resolve():
         shutil.copyfile(map_file, folder / "map.toml")
     return target
@@ -107,19 +119,6 @@ def provenance(
             for joined, file in zip(runs, files, strict=True)
         ],
     }
-
-
-def _file_names(names: Sequence[str]) -> list[str]:
-    import re
-
-    out: list[str] = []
-    for name in names:
-        stem = re.sub(r"[^\w.-]+", "_", name, flags=re.ASCII).strip("._")[:100] or "run"
-        file, k = f"{stem}.csv", 2
-        while file.lower() in {other.lower() for other in out}:
-            file, k = f"{stem}_{k}.csv", k + 1
-        out.append(file)
-    return out
 
 
 def _write_csv(joined: Joined, path: Path) -> None:

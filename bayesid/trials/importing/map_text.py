@@ -5,6 +5,7 @@ Takes a `LogMap`. Does not: write files.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from datetime import UTC, datetime
 
@@ -57,7 +58,7 @@ def map_text(found: LogMap, remarks: Sequence[str] = (), unused: Sequence[str] =
         else "# step = 0.1  # s; one sample per channel and step"
     )
     for label, source in found.sources.items():
-        lines += ["", f"[sources.{label}]", f"files = [{', '.join(map(toml_text, source.files))}]"]
+        lines += ["", f"[sources.{_key(label)}]", f"files = [{', '.join(map(toml_text, source.files))}]"]
         options = source.options
         if options.columns:
             lines.append(f"columns = [{', '.join(map(toml_text, options.columns))}]")
@@ -100,6 +101,11 @@ def map_text(found: LogMap, remarks: Sequence[str] = (), unused: Sequence[str] =
         if run.notes:
             lines.append(f"notes = {toml_text(run.notes)}")
     return "\n".join(lines) + "\n"
+
+
+def _key(label: str) -> str:
+    """A label as a key of TOML: letters that are not ASCII want quotes."""
+    return label if re.fullmatch(r"[A-Za-z0-9_-]+", label) else toml_text(label)
 
 
 def _entry(role: str, entry: ChannelMap) -> str:
