@@ -353,11 +353,12 @@ def test_a_lead_that_one_run_makes_against_the_others_is_worth_the_odds_of_the_r
     apart = np.array([300.0, -40.0, -30.0, -30.0])
     split = FormError(20.0, by_run={one: -apart, other: np.zeros(4)})
     assert agreed.behind(200.0, one, other) == agreed.lag(200.0) > 100.0
-    assert split.behind(200.0, one, other) == log_odds_over_runs(apart) < 3.0
+    assert split.behind(200.0, one, other) == log_odds_over_runs(apart) < 3.0  # all of it from the runs
     assert split.behind(0.5, one, other) <= 0.5
     assert split.behind(200.0, one, ("unknown",)) == split.lag(200.0)
     opposed = FormError(20.0, by_run={one: np.zeros(4), other: -np.ones(4)})
-    assert opposed.behind(200.0, one, other) == 0.0  # every run left out is predicted better by what lags
+    # every run left out is predicted better by what lags: what was stated before the runs alone speaks
+    assert opposed.behind(200.0, one, other) == opposed.lag(200.0)
     exact = FormError(0.0, by_run=split.by_run)
     assert exact.behind(200.0, one, other) == 200.0  # the equations lack nothing: evidence is what it is
 

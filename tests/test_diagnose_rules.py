@@ -20,7 +20,7 @@ from bayesid.diagnosis.threshold_table import (
 PLAIN = Facts(
     gain=50.0, gain_by_chance=4.0, free=30.0, free_by_chance=19.0, left=2.0, conflict=0.5,
     conflict_by_chance=3.5, none=0.0, outside=0.04, undetectable=0.0, none_in_set=False, effects=1,
-    widens=False, explains=True, acts=0.96, absorbed=0.2, idle=False,
+    widens=False, explains=True, acts=0.96, absorbed=0.2, re_tuned=0.5, idle=False,
     turns_beside=False, sure=0,
     form=False, of_motion=False, covered=False, others_covered=False, runs_refute=False,
     runs_disagree=False,
@@ -89,6 +89,7 @@ CASES = [
         PLAIN, absorbed=CONFOUNDED_SHARE + TINY, none_in_set=True, none=0.9, acts=NAMING_PROBABILITY - TINY,
     ), {
         "absorbed": (CONFOUNDED_SHARE + 0.0, "probably none"),
+        "re_tuned": (1 - NAMING_PROBABILITY, "probably none"),
         "acts": (NAMING_PROBABILITY + 0.0, "probably none")}),
     ("probably none", replace(PLAIN, none_in_set=True, none=EVEN_ODDS + TINY), {
         "none": (EVEN_ODDS + 0.0, "none not excluded"), "none_in_set": (False, "effect")}),

@@ -5,7 +5,7 @@ Takes refits, the screen and what a free signal gains. Does not weigh: priors ar
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from scipy.special import logsumexp
@@ -14,6 +14,8 @@ from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.hypotheses.candidate import COEFFICIENT_ERROR, RefittedHypothesis, explains
 from bayesid.diagnosis.hypotheses.localisation import Localisation
 from bayesid.diagnosis.hypotheses.sensitivity_bank import EVERY, ScreenScore, testable
+
+_PREFIX = f"{COEFFICIENT_ERROR}:"
 
 
 def evidences(
@@ -39,12 +41,41 @@ def evidences(
         )
     for effect in problem.model.causes:
         out.setdefault(effect.name, 0.0 if testable(problem, effect) else -np.inf)
-    prefix = f"{COEFFICIENT_ERROR}:"
-    wide = {n: refitted.get(prefix + n, min(v, floor if refitted else v)) for n, v in wide.items()}
-    # one wrong coefficient, or a prior too narrow as a whole: as probable
-    prior = {n: 0.5 / len(EVERY) if n in EVERY else 0.5 / max(len(wide) - len(EVERY), 1) for n in wide}
+    wide = {n: refitted.get(_PREFIX + n, min(v, floor if refitted else v)) for n, v in wide.items()}
+    prior = shares_of_wide(wide)
     out[COEFFICIENT_ERROR] = float(logsumexp(list(wide.values()), b=[prior[n] for n in wide]))
     out["outside"] = where.outside - zero(none, where)
+    return out
+
+
+def shares_of_wide(names: Collection[str]) -> dict[str, float]:
+    """What each coefficient has of the prior of a wrong one: that of one effect.
+
+    One wrong coefficient, or a prior too narrow as a whole: as probable.
+    """
+    alone = max(len(set(names) - set(EVERY)), 1)
+    return {n: 0.5 / (len(EVERY) if n in EVERY else alone) for n in names}
+
+
+def effect_first(refits: Sequence[RefittedHypothesis], wide: Collection[str]) -> list[RefittedHypothesis]:
+    """Refits, best first, with an effect before a coefficient that has more evidence and is less probable.
+
+    A coefficient with a wide prior follows what an effect of the same force does, as closely; that it is just
+    this one of all coefficients is as much less probable before the data.
+
+    Parameters
+    ----------
+    wide : names of what was tried with a wider prior
+    """
+    out = list(refits)
+    if not out or not out[0].widens:
+        return out
+    share = shares_of_wide(wide).get(out[0].effects[0].removeprefix(_PREFIX), 1.0)
+    least = out[0].log_evidence + np.log(share)
+    for c in out:
+        if len(c.effects) == 1 and not c.widens and explains(c) and c.log_evidence > least:
+            out.remove(c)
+            return [c, *out]
     return out
 
 

@@ -27,7 +27,9 @@ from bayesid.equations.model import Model
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.evidence import GaussianPosterior, NormalEquations, posterior
 from bayesid.estimation.filter_error.fit import FilterErrorFit, stacked_equations
+from bayesid.estimation.filter_error.linearise import linearise_runs
 from bayesid.estimation.filter_error.noise_identification import MANOEUVRE_NOISE_SPREAD
+from bayesid.estimation.parameters import GaussianPrior
 from bayesid.estimation.run_data import Array
 from bayesid.model.effects import Effect
 
@@ -35,6 +37,9 @@ COEFFICIENT_ERROR = "coefficient_error"
 NO_LIMITS = (-np.inf, np.inf)
 # Shifts of the logarithm of a measured environment that are averaged over.
 NOISE_SCALE_SHIFTS = (-0.7, -0.35, 0.0, 0.35, 0.7, 1.05)
+
+# Passes of Gauss-Newton along a path that stays: the second changes evidence by less than 0.3 nats.
+RELINEARISATIONS = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,15 +213,19 @@ def checked(
 
 
 def nested(problem: DiagnosisProblem, candidate: RefittedHypothesis, keep: tuple[str, ...] = ()) -> float:
-    """Log evidence of a refit over some of its effects, or none, along the refit's own path (Dickey 1971)."""
+    """Log evidence of a refit over some of its effects, or none, along the refit's own path (Dickey 1971).
+
+    Without the other effects the same path is linearised anew at the coefficients that take their place. At
+    those of the refit a coefficient that an effect multiplies counts the more the larger the effect: a drag
+    of 58 % more was worth 6.7 nats over coefficients there, and 13.9 as a fit without it tells.
+    """
     fitted, effects = candidate.fit, problem.model.effects
     total = sum(fitted.equations[1:], fitted.equations[0])
     kept = {effects[n].key(p.name) for n in keep for p in effects[n].parameters}
     k = len(problem.coefficients.names)
     names, model = fitted.free.names, problem.model
     less = np.array([i for i, n in enumerate(names) if i < k or n in kept])
-    fewer = total.pick(less)
-    without = posterior(fewer)
+    fewer, without = _relinearised(fitted, less, total.pick(less))
     other_sizes = over_usual_size(total, size_columns(model, names, candidate.effects)) - over_usual_size(
         fewer, size_columns(model, [names[i] for i in less], keep)
     )
@@ -226,6 +235,32 @@ def nested(problem: DiagnosisProblem, candidate: RefittedHypothesis, keep: tuple
         - log_mass_in_range(model, fitted, without, less)
         + other_sizes
     )
+
+
+def _relinearised(
+    fitted: FilterErrorFit, less: Array, fewer: NormalEquations
+) -> tuple[NormalEquations, GaussianPosterior]:
+    """Equations and posterior of some of a fit's parameters, the others at their prior means, along its path;
+    as they are at its own parameters where the path cannot be had at others.
+    """
+    free = fitted.free
+    prior = GaussianPrior(
+        tuple(free.names[i] for i in less), free.where[less], free.mean[less], free.sd[less], free.low[less]
+    )
+    found = posterior(fewer)
+    for _ in range(RELINEARISATIONS):
+        par = fitted.points[0].par.copy()
+        par[free.where] = free.mean
+        par[prior.where] = prior.mean + prior.sd * found.mean
+        points = [replace(point, par=par) for point in fitted.points]
+        try:
+            paths = linearise_runs(fitted.model, fitted.logs, points, prior.where)
+            equations = stacked_equations(fitted.model, paths, prior, fitted.noise_model)
+            fewer = sum(equations[1:], equations[0])
+            found = posterior(fewer)
+        except ModelError:
+            break
+    return fewer, found
 
 
 def wald_limit(problem: DiagnosisProblem, fitted: FilterErrorFit) -> float:

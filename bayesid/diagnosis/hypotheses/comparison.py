@@ -18,7 +18,7 @@ from bayesid.diagnosis.data.problem import (
     fit_with,
     fit_without,
 )
-from bayesid.diagnosis.evidences import evidences
+from bayesid.diagnosis.evidences import effect_first, evidences
 from bayesid.diagnosis.hypotheses.candidate import (
     RefittedHypothesis,
     checked,
@@ -276,6 +276,7 @@ def weigh(
             problem, refits, first, list(single.effects), single.ambiguity, notify, left
         )
         refits = list(_ranked(problem, found, none, gains))
+    refits = effect_first(refits, single.wide)
     if refits and not refits[0].widens:
         refits = plainest_first({e.name: e for e in single.effects}, refits)
     if refits and refits[0].log_evidence > none.log_evidence + ADD_EVIDENCE:

@@ -61,6 +61,7 @@ class Facts:
     explains : whether the best follows the data
     acts : probability that what the best names acts, alone or with others of its family
     absorbed : share of the best effect's trace that coefficients absorb
+    re_tuned : probability that coefficients explain all, those stated or one further off
     idle : whether an effect of the best has a size too near to off for a name
     turns_beside : whether all runs turn to one side with the rudder amidships, and the best is of sensors
         alone, which kinematics does not tell
@@ -89,6 +90,7 @@ class Facts:
     explains: bool
     acts: float
     absorbed: float
+    re_tuned: float
     idle: bool
     turns_beside: bool
     sure: int
@@ -226,6 +228,7 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
         explains=explains(best),
         acts=acts(candidates, families, named),
         absorbed=absorbed.get(named, 0.0),
+        re_tuned=probability["none"] + probability.get(COEFFICIENT_ERROR, 0.0),
         idle=bool(off),
         turns_beside=beside,
         sure=len(sure),

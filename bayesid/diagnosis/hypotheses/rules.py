@@ -158,7 +158,8 @@ RULES: tuple[Rule, ...] = (
     ),
     Rule(
         "hidden by coefficients",
-        lambda f: f.absorbed > CONFOUNDED_SHARE and f.acts < NAMING_PROBABILITY,
+        lambda f: f.absorbed > CONFOUNDED_SHARE and f.acts < NAMING_PROBABILITY
+        and f.re_tuned > 1 - NAMING_PROBABILITY,
         "coefficients", "nothing", "along",
         "the coefficients' own uncertainty can imitate the best explanation on these runs, and with "
         f"{1 - NAMING_PROBABILITY:.0%} or more does",
