@@ -441,6 +441,8 @@ def test_the_likeliest_of_several_causes_is_told_with_its_size(set95, probabilit
     )
     said = "More likely than not the rudder stands 1.1 degrees to starboard of where it is ordered (0.70)"
     assert answer(found).headline == f"{said}; these runs do not exclude {rest}"
+    open_to = "1.15 degrees to starboard (95 %: 0.92 to 1.37)"
+    assert f"If it is rudder offset: {open_to}." in answer(found).certainty
     # not where runs speak against it, where it is not more probable than the rest, or where it has no size
     for other in (
         replace(found, rule="refuted by the runs"),
@@ -448,3 +450,17 @@ def test_the_likeliest_of_several_causes_is_told_with_its_size(set95, probabilit
         replace(found, effects=(replace(found.effects[0], parameters={}),)),
     ):
         assert answer(other).headline.startswith("These runs cannot tell")
+        assert not any(line.startswith("If it is") for line in answer(other).certainty)
+
+
+@pytest.mark.parametrize(
+    "sd, said", [(0.17, "42 %"), (0.02, "42.1 %"), (1.7, "40 %"), (0.0, "42.1 %"), (np.inf, "42.1 %")]
+)
+def test_a_size_has_no_digit_that_its_interval_does_not_ask_for(sd, said):
+    assert f" {said} more drag" in sentence(an_effect("hull_fouling", drag_increase=(0.4213, sd)))
+
+
+def test_the_length_of_a_vector_has_no_digit_that_its_interval_does_not_ask_for():
+    sharp = sentence(an_effect("ocean_current", V_north=(0.3, 0.001), V_east=(0.413, 0.001)))
+    blunt = sentence(an_effect("ocean_current", V_north=(0.3, 3.0), V_east=(0.413, 3.0)))
+    assert "of 0.51 m/s" in sharp and "of 0.5 m/s" in blunt

@@ -246,9 +246,7 @@ def _none(result: Result) -> str:
 
 
 def _ambiguous(result: Result) -> str:
-    chances = [
-        (n, result.probabilities.get(n, 0.0)) for n in result.set95 if n not in ("none", "model_form")
-    ][:MOST_RIVALS]
+    chances = _chances(result)
     acting = any(result.acting.get(n, 0.0) > p + 0.05 for n, p in chances)
     listed = ", ".join(
         f"{_outside(n)} ({probability(result.acting.get(n, p) if acting else p)})" for n, p in chances
@@ -269,7 +267,7 @@ def _ambiguous(result: Result) -> str:
         alone = ", or only a force that depends on the motion and that the equations lack " + (
             f"({probability(result.probabilities.get('model_form', 0.0))})"
         )
-    if (first := _likeliest(result, chances)) is not None:
+    if (first := _leader(result)) is not None:
         said = f"{_lowered(sentence(first).rstrip('.'))} ({probability(chances[0][1])})"
         others = ", ".join(f"{_outside(n)} ({probability(p)})" for n, p in chances[1:])
         rest = others + (alone if others else alone.removeprefix(", or "))
@@ -281,10 +279,17 @@ def _ambiguous(result: Result) -> str:
     return f"These runs cannot tell which it is: {listed}{alone}."
 
 
-def _likeliest(result: Result, chances: list[tuple[str, float]]) -> Effect | None:
+def _chances(result: Result) -> list[tuple[str, float]]:
+    """Possible causes of the 95 % set, most probable first, with their shares."""
+    causes = [n for n in result.set95 if n not in ("none", "model_form")]
+    return [(n, result.probabilities.get(n, 0.0)) for n in causes][:MOST_RIVALS]
+
+
+def _leader(result: Result) -> Effect | None:
     """The first of several possible causes where it is more probable than all else together, has a size, and
     lacks probability alone."""
-    name, p = chances[0]
+    chances = _chances(result)
+    name, p = chances[0] if chances else ("", 0.0)
     if result.rule not in LACKS_PROBABILITY or not p > EVEN_ODDS:
         return None
     rest = len(chances) > 1 or {"none", "model_form"} & set(result.set95)
@@ -379,6 +384,9 @@ def _certainty(result: Result) -> tuple[str, ...]:
                 f"Of names with a probability below {SURE_PROBABILITY:.2f} one in twelve was wrong on "
                 "withheld trials, of those above one in thirty."
             )
+    first = _leader(result) if result.verdict == "ambiguous" else None
+    if first is not None and (sizes := intervals(first)):
+        out.append(f"If it is {in_words(first.name)}: {', '.join(sizes)}.")
     other = rivals(result)
     if other and result.verdict != "ambiguous":
         unlisted = "something not on the list that acts alike"

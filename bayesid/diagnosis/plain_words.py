@@ -80,9 +80,13 @@ def intervals(effect: Effect) -> list[str]:
 
 
 def _aligned(size: Size) -> list[str]:
-    """Value and ends with as many decimals as the interval asks for, two digits of its half width."""
-    places = 1 - math.floor(math.log10(0.5 * (size.high - size.low)))
-    return [f"{x:.{min(max(places, 0), 6)}f}" for x in size]
+    """Value and ends with as many decimals as the interval asks for."""
+    return [f"{x:.{min(max(_places(size), 0), 6)}f}" for x in size]
+
+
+def _places(size: Size) -> int:
+    """Decimals that an interval asks for: two digits of its half width."""
+    return 1 - math.floor(math.log10(0.5 * (size.high - size.low)))
 
 
 def probability(p: float) -> str:
@@ -98,6 +102,13 @@ def number(x: float) -> str:
         return f"{x:.0f}"
     text = f"{x:.2g}" if abs(x) < 10 else f"{x:.3g}"
     return f"{float(text):.4f}".rstrip("0").rstrip(".") if "e" in text else text
+
+
+def _told(size: Size, value: float) -> str:
+    """A number as people say it, with no digit beyond those its interval asks for."""
+    if size.low < size.high and all(math.isfinite(x) for x in size):
+        value = round(value, _places(size))
+    return number(value)
 
 
 def _unit(unit: str) -> tuple[float, str]:
@@ -137,17 +148,19 @@ def _place(effect: Effect, m: re.Match[str]) -> str:
     factor, words = _unit(unit)
     if "," in what:
         first, second = (effect.parameters[name].value for name in what.split(","))
-        text = f"{number(factor * math.hypot(first, second))}{words}"
+        length = Size(*(factor * x for x in _length(effect, what)))
+        text = f"{_told(length, factor * math.hypot(first, second))}{words}"
         if positive is not None:  # a size alone
             return text
         return f"{text} towards {math.atan2(second, first) * _DEGREE % 360:03.0f} degrees"
-    size = _size(effect, what, unit).value
+    whole = _size(effect, what, unit)
+    size = whole.value
     if unit.startswith("1/") and not size < UNLIMITED:
         return "any speed"
     if unit == "bearing":
         return f"{size % 360:03.0f}{words}"
     if positive is not None:
-        return f"{number(abs(size))}{words} {positive if size >= 0 else negative}"
+        return f"{_told(whole, abs(size))}{words} {positive if size >= 0 else negative}"
     if unit.startswith(("+", "-")) and len(unit) > 1:
         return f"{size if unit[0] == '+' else -size:+.2g}{words}"
-    return f"{number(size)}{words}"
+    return f"{_told(whole, size)}{words}"
