@@ -17,7 +17,13 @@ from bayesid.errors import ModelError
 from bayesid.estimation.filter_error import fit as fits
 from bayesid.estimation.filter_error import noise_identification
 from bayesid.estimation.filter_error.evidence import NormalEquations, normal_equations, posterior
-from bayesid.estimation.filter_error.fit import LEAST_SHARE, _relaxation, _within, fit, stacked_equations
+from bayesid.estimation.filter_error.fit import (
+    LEAST_SHARE,
+    _relaxation,
+    fit,
+    stacked_equations,
+    within_bounds,
+)
 from bayesid.estimation.filter_error.linearise import first_trajectory, linearise
 from bayesid.estimation.filter_error.noise_model import filter_settings
 from bayesid.estimation.filter_error.read_run import filter_error_run
@@ -269,9 +275,9 @@ def test_a_bound_holds_one_unknown_and_the_others_are_at_the_best_beside_it():
     a, b = rng.normal(size=(40, 6)), rng.normal(size=40)
     total = normal_equations(b, a, 0.0, 40)
     free = posterior(total).mean
-    assert _within(total, free, np.full(6, -np.inf)) is free
+    assert within_bounds(total, free, np.full(6, -np.inf)) is free
     low = np.where(np.arange(6) < 2, free + 0.3, -np.inf)
-    found = _within(total, free, low)
+    found = within_bounds(total, free, low)
 
     def cost(z):
         return np.sum((b - a @ z) ** 2) + z @ z

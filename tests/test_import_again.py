@@ -128,6 +128,51 @@ def test_an_import_of_an_earlier_version_kept_no_digests_and_loses_nothing(bundl
     assert "first.replaced1.csv" not in after  # it is the same
 
 
+def test_another_vehicle_file_of_the_edited_map_comes_with_it_and_the_one_before_is_kept(bundle, capsys):
+    out, again = bundle
+    other = out.parent / "other.toml"
+    assert run(["vehicle", "new", str(other), "--like", "generic_sub"]) == 0
+    before = (out / "vehicle.toml").read_bytes()
+    edit(out, ('"vehicle.toml"', '"../other.toml"'))
+    capsys.readouterr()
+    for kept in (True, False):
+        assert run(again) == 0
+        assert ("it is vehicle.replaced1.toml now" in capsys.readouterr().out) == kept
+        assert (out / "vehicle.toml").read_bytes() == other.read_bytes()
+        assert (out / "vehicle.replaced1.toml").read_bytes() == before
+        assert not (out / "vehicle.replaced2.toml").exists()
+    (out / "vehicle.toml").unlink()
+    assert run(again) == 0
+    assert load_trial(out).vehicle_ref and (out / "vehicle.toml").read_bytes() == other.read_bytes()
+
+
+def test_what_is_kept_takes_no_name_of_a_run(bundle):
+    out, again = bundle
+    mine = (out / "first.csv").read_text().replace("0.5,", "0.25,", 1)
+    (out / "first.csv").write_text(mine)
+    edit(out, ('name = "second"', 'name = "first.replaced1"'))
+    assert run(again) == 0
+    assert (out / "first.replaced2.csv").read_text() == mine
+    assert [r.name for r in load_trial(out).runs] == ["first", "first.replaced1"]
+    assert (out / "first.replaced1.csv").read_text() != mine
+
+
+def test_a_table_of_the_import_that_is_now_a_log_is_not_written_over(bundle, capsys):
+    out, again = bundle
+    edit(
+        out,
+        ('files = ["dive.csv"]', 'files = ["first.csv"]'),
+        ('"x [m]"', '"x[m]"'),
+        ('"y [m]"', '"y[m]"'),
+        ('"yaw [deg]", unit = "deg"', '"psi[rad]", unit = "rad"'),
+        ('"rudder [deg]", unit = "deg"', '"delta_r_cmd[rad]", unit = "rad"'),
+    )  # fmt: skip
+    before = contents(out)
+    assert run([*again[:2], str(out / "first.csv"), *again[3:]]) == 2
+    assert "is one of the logs" in " ".join(capsys.readouterr().err.split())
+    assert contents(out) == before
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

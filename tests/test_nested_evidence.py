@@ -10,9 +10,12 @@ from gap_trials import model_of, other_vehicle, planted_trial
 
 from bayesid.diagnosis.data.problem import build_problem, fit_with
 from bayesid.diagnosis.evidences import effect_first, shares_of_wide
+from bayesid.diagnosis.hypotheses import candidate
 from bayesid.diagnosis.hypotheses.candidate import nested, repeatable_evidence, weighted_hypothesis
 from bayesid.diagnosis.hypotheses.cross_validation import log_odds_over_runs
 from bayesid.diagnosis.hypotheses.probabilities import FormError
+from bayesid.errors import ModelError
+from bayesid.estimation.filter_error import linearise
 from bayesid.estimation.filter_error.evidence import posterior
 
 DRAG = ("hull_fouling.drag_increase", 0.5)
@@ -58,6 +61,41 @@ def test_keeping_every_effect_is_worth_nothing():
     problem, found, _ = refits(*DRAG, MULTIPLIED[0])
     assert nested(problem, found, found.effects) == pytest.approx(0.0, abs=0.5)
     assert np.isfinite(repeatable_evidence(problem, found.fit, found.effects))
+
+
+def test_paths_without_an_effect_keep_what_stays_inside_its_range(monkeypatch):
+    """A latency of the position beside more drag: the runs would have readings come before they are taken."""
+    model = model_of("remus100", relative_sd=0.1)
+    trial = planted_trial(model, other_vehicle(model, 3) | {DRAG[0]: DRAG[1]}, 3, samples=120)
+    problem, pair = build_problem(model, trial), ("hull_fouling", "position_latency")
+    fitted = fit_with(problem, tuple(model.effects[n] for n in pair))
+    found, where = weighted_hypothesis(problem, pair, fitted), model.index["position_latency.delay"]
+    assert fitted.posterior.mean[-1] < 0.0  # the control: the optimum lies beyond the bound
+    asked, whole = [], linearise.linearise
+
+    def seen(model, log, point, *others):
+        asked.append(point.par[where])
+        return whole(model, log, point, *others)
+
+    monkeypatch.setattr(linearise, "linearise", seen)
+    assert nested(problem, found, pair[1:]) == pytest.approx(6.6, abs=0.2)
+    assert asked and min(asked) >= 0.0
+
+
+def test_where_a_path_cannot_be_had_evidence_and_equations_are_of_the_same_one(monkeypatch):
+    _, found, _ = refits(*DRAG, MULTIPLIED[0])
+    k, whole, calls = len(found.fit.free.names) - 1, posterior, []
+    fewer = sum(found.fit.equations[1:], found.fit.equations[0]).pick(np.arange(k))
+
+    def diverging(equations):
+        calls.append(equations)
+        if len(calls) == 2:
+            raise ModelError("diverges")
+        return whole(equations)
+
+    monkeypatch.setattr(candidate, "posterior", diverging)
+    equations, without = candidate._relinearised(found.fit, np.arange(k), fewer)
+    assert len(calls) == 2 and without.log_evidence == whole(equations).log_evidence
 
 
 def refit(evidence, *effects, explains=True):

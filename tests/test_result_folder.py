@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
+import sys
 
 import pytest
 
 from bayesid.cli.main import run
-from bayesid.cli.result_folder import OtherResultError, refuse_other
+from bayesid.cli.result_folder import OtherResultError, refuse_diagnosis, refuse_other
 from bayesid.lock import LOCK
 
 VERSIONS = {"bayesid": "0.9.0"}
@@ -19,7 +21,7 @@ FIT = json.dumps({"names": [], "cost": 1.0})
 EARLIER = {
     "fit": {"fit.json": FIT, "iterates.jsonl": ITERATES, "results.json": json.dumps({**REPORT, "fit": {}})},
     "sample": {
-        "chain/setup.json": "{}", "fit.json": FIT, "posterior.nc": "",
+        "chain/setup.json": '{"density": "0"}', "fit.json": FIT, "posterior.nc": "",
         "results.json": json.dumps({**REPORT, "rhat_max": 1.0}),
     },
     "diagnose": {"diagnosis.json": '{"verdict": "explained"}', "model.json": '{"hypotheses": []}'},
@@ -37,7 +39,9 @@ KILLED = {
     "fit": {"iterates.jsonl": ITERATES},
     "diagnose": {"refits/0a.fit.npz": ""},
     "identify": {"profile.jsonl": '{"digest": "0", "name": "N_r"}\n'},
-    "sample": {"chain/setup.json": "{}"},
+    "sample": {"chain/setup.json": '{"density": "0"}'},
+    "blind solve": {"a/solved.json": '{"bundle": "0"}'},
+    "blind make": {"secret.key": f"{64 * 'a'}\n"},
 }
 COMMANDS = (*EARLIER, "trial import", "study ridges", "blind score")
 
@@ -120,11 +124,25 @@ def test_a_folder_of_ones_own_files_is_no_result(tmp_path):
     own = {
         "results.json": '{"title": "mine", "versions": 3}', "design.json": "[1]", "model.json": "broken",
         "fit.json": '{"names": ["me"]}', "iterates.jsonl": "", "report.html": "mine", "dive/done.json": "{}",
+        "homework/solved.json": '["mine"]', "secret.key": "mine", "chain/setup.json": "[]",
     }  # fmt: skip
     folder = lay(tmp_path, own)
     for command in COMMANDS:
         refuse_other(folder, f"bayesid {command}")
         refuse_other(tmp_path / "absent", f"bayesid {command}")
+    lay(tmp_path, {"fleet.json": '["boats"]', "diagnosis.json": '{"patient": "mine"}'})
+    for other in ("fleet.json", "diagnosis.json"):
+        refuse_diagnosis(tmp_path, other)
+
+
+def test_a_pipe_is_not_waited_for(tmp_path):
+    for name in ("steps.sh", "results.json", "fleet.json"):
+        os.mkfifo(tmp_path / name)
+    code = (
+        "import sys; from pathlib import Path; from bayesid.cli.result_folder import *; "
+        "refuse_other(Path(sys.argv[1]), 'bayesid fit'); refuse_diagnosis(Path(sys.argv[1]), 'fleet.json')"
+    )
+    subprocess.run([sys.executable, "-c", code, str(tmp_path)], check=True, timeout=60)
 
 
 @pytest.mark.parametrize("command", ["trial check", "trial measure", "trial init", "vehicle check"])

@@ -160,6 +160,21 @@ def test_what_wider_coefficients_explain_nearly_as_well_is_listed_as_either(
     assert ("coefficients further off than stated" in sentence) is bool(told)
 
 
+@pytest.mark.parametrize("first", ["effect", "coefficient"])
+def test_a_mend_is_also_tried_beside_an_effect_that_goes_before_a_coefficient(monkeypatch, first) -> None:
+    """The best explanation may be an effect though a single coefficient of a wide prior has more evidence."""
+    monkeypatch.setattr(judge, "_worth", lambda *_: [judge.Screened(MISTAKES[0], 1.0, Change({}), 50.0, 0.0)])
+    tried = []
+    monkeypatch.setattr(judge, "mended_evidence", lambda *given: tried.append(given[-1]))
+    effect = SimpleNamespace(log_evidence=12.0, widens=False, effects=("rudder_offset",))
+    wide = SimpleNamespace(log_evidence=14.0, widens=True, effects=("coefficient_error:N_v",))
+    refits = [effect, wide] if first == "effect" else [wide, effect]
+    none = SimpleNamespace(log_evidence=0.0, widens=False, effects=())
+    compared = SimpleNamespace(problem=None, candidates=SimpleNamespace(none=none, refits=refits))
+    assert find_mistakes(None, compared, SimpleNamespace(word="effect")) == ()
+    assert tried == [effect.effects if first == "effect" else ()]
+
+
 def test_a_mended_simulator_reads_what_the_explanations_it_is_compared_with_read(monkeypatch) -> None:
     asked = []
 

@@ -42,13 +42,13 @@ def _mark(pattern: str, keys: str, *commands: str) -> _Mark:
     return _Mark(pattern, frozenset(keys.split()), commands)
 
 
+DIAGNOSES = {"diagnosis.json": frozenset({"verdict"}), "fleet.json": frozenset({"verdicts"})}
 # studies keep some of these files in a folder of their own
 MARKS = (
-    _mark("diagnosis.json", "verdict", "diagnose"),
-    _mark("fleet.json", "verdicts", "diagnose"),
+    *(_Mark(file, keys, ("diagnose",)) for file, keys in DIAGNOSES.items()),
     _mark("*/done.json", "key verdict failure", "diagnose", STUDY),
     _mark("refits/*.fit.npz", "", "diagnose"),
-    _mark("chain/setup.json", "", "sample"),
+    _mark("chain/setup.json", "density", "sample"),
     _mark("posterior.nc", "", "sample", "diagnose"),
     _mark("predictions.json", "predictions", "predict"),
     _mark("excitation.json", "groups", "excite"),
@@ -60,7 +60,7 @@ MARKS = (
     _mark("iterates.jsonl", "digest", "fit", "sample"),
     _mark("model.json", "hypotheses", "fit", "diagnose"),
     _mark("seal.json", "verdicts", "blind solve", STUDY),
-    _mark("*/solved.json", "", "blind solve", STUDY),
+    _mark("*/solved.json", "bundle", "blind solve", STUDY),
     _mark("secret.key", "", "blind make", "blind remove", STUDY),
     _mark("commitments.json", "bundles", "blind make", "blind remove", STUDY),
     _mark("detectability.json", "", "blind score", STUDY),
@@ -127,7 +127,7 @@ def refuse_diagnosis(folder: Path, file: str) -> None:
     OtherResultError
         it is there
     """
-    if (folder / file).is_file():
+    if _has(folder / file, DIAGNOSES[file]):
         kind = "one bundle" if file == "diagnosis.json" else "a folder of bundles"
         raise OtherResultError(
             f"{folder}: holds the diagnosis of {kind} ({file}); nothing was changed. Choose another folder, "
@@ -172,23 +172,32 @@ def _marks(folder: Path) -> Iterator[tuple[str, tuple[str, ...]]]:
             if path.is_file() and _has(path, mark.keys):
                 yield path.relative_to(folder).as_posix(), mark.commands
                 break
-    with suppress(OSError, ValueError):
-        if "What `bayesid start` did" in (folder / "steps.sh").read_text(encoding="utf-8")[:200]:
-            yield "steps.sh", ("start", "trial import")
+    if "What `bayesid start` did" in _text(folder / "steps.sh")[:200]:
+        yield "steps.sh", ("start", "trial import")
 
 
 def _has(path: Path, keys: frozenset[str]) -> bool:
-    """Whether a JSON file, or the first line of one of lines, is an object with these keys."""
+    """Whether a JSON file, or the first line of one of lines, is an object with these keys; of a secret,
+    whether it is one."""
+    if path.suffix == ".key":
+        return re.fullmatch(r"[0-9a-f]{32,}\s*", _text(path)) is not None
     return not keys or keys <= set(_object(path, lines=path.suffix == ".jsonl"))
 
 
 def _object(path: Path, lines: bool = False) -> dict[str, Any]:
+    text = _text(path)
     try:
-        text = read_regular(path, LARGEST)
-        found = json.loads(text.partition(b"\n")[0] if lines else text)
-    except (UnreadableError, ValueError, RecursionError):
+        found = json.loads(text.partition("\n")[0] if lines else text)
+    except (ValueError, RecursionError):
         return {}
     return found if isinstance(found, dict) else {}
+
+
+def _text(path: Path) -> str:
+    """Text of a file; empty where it is none, is too large or cannot be read."""
+    with suppress(UnreadableError, ValueError):
+        return read_regular(path, LARGEST).decode()
+    return ""
 
 
 def _report(folder: Path) -> dict[str, Any] | None:

@@ -196,7 +196,12 @@ def _say_replaced(done: Replaced, out: Path) -> None:
     tables = f"{counted(len(done.tables), 'table')} ({first_few(done.tables, 4)})"
     print_text(f"The import in {out} is replaced: trial.toml, provenance.json and {tables}.")
     for name, kept in done.aside:
-        print_text(f"  - {name} may have been edited since it was imported: as it was, it is {kept} now")
+        why = (
+            "is of another vehicle" if name in done.vehicle else "may have been edited since it was imported"
+        )
+        print_text(f"  - {name} {why}: as it was, it is {kept} now")
+    if done.vehicle:
+        print_text(f"  - taken from beside the map: {first_few(done.vehicle, 4)}")
     if done.removed:
         print_text(f"  - removed, as no run is made of it any more: {first_few(done.removed, 4)}")
     if done.left:

@@ -26,9 +26,9 @@ from bayesid.equations.layout import names_read
 from bayesid.equations.model import Model
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.evidence import GaussianPosterior, NormalEquations, posterior
-from bayesid.estimation.filter_error.fit import FilterErrorFit, stacked_equations
-from bayesid.estimation.filter_error.linearise import linearise_runs
+from bayesid.estimation.filter_error.fit import FilterErrorFit, stacked_equations, within_bounds
 from bayesid.estimation.filter_error.noise_identification import MANOEUVRE_NOISE_SPREAD
+from bayesid.estimation.filter_error.shared_linearisations import fresh
 from bayesid.estimation.parameters import GaussianPrior
 from bayesid.estimation.run_data import Array
 from bayesid.model.effects import Effect
@@ -251,13 +251,13 @@ def _relinearised(
     for _ in range(RELINEARISATIONS):
         par = fitted.points[0].par.copy()
         par[free.where] = free.mean
-        par[prior.where] = prior.mean + prior.sd * found.mean
+        inside = within_bounds(fewer, found.mean, (prior.low - prior.mean) / prior.sd)
+        par[prior.where] = prior.mean + prior.sd * inside
         points = [replace(point, par=par) for point in fitted.points]
         try:
-            paths = linearise_runs(fitted.model, fitted.logs, points, prior.where)
-            equations = stacked_equations(fitted.model, paths, prior, fitted.noise_model)
-            fewer = sum(equations[1:], equations[0])
-            found = posterior(fewer)
+            _, equations = fresh(fitted.model, fitted.logs, points, prior, fitted.noise_model)
+            total = sum(equations[1:], equations[0])
+            found, fewer = posterior(total), total
         except ModelError:
             break
     return fewer, found

@@ -77,7 +77,8 @@ class HypothesisComparison:
     Attributes
     ----------
     none : RefittedHypothesis without effects
-    refits : refitted hypotheses, best first, but for a plainer form of the best (`plainest_first`)
+    refits : refitted hypotheses, best first, but for an effect before a less probable coefficient
+        (`effect_first`) and a plainer form of the best (`plainest_first`)
     scores : screen of every effect
     evidence : name -> log evidence over none, for every catalogue name, "outside" and "coefficient_error"
     probabilities : name -> posterior probability, same names and "none"
@@ -115,7 +116,7 @@ class HypothesisComparison:
 
     @property
     def best(self) -> RefittedHypothesis:
-        """Refit of most evidence; no effect where nothing was refitted."""
+        """First of the refits; no effect where nothing was refitted."""
         return self.refits[0] if self.refits else self.none
 
 

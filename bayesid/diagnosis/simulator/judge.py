@@ -101,7 +101,9 @@ def find_mistakes(
         return ()
     explanation = max([comparison.none, *comparison.refits], key=lambda c: c.log_evidence)
     best = explanation.log_evidence
-    beside = () if explanation.widens else explanation.effects
+    # an effect may go before a coefficient of more evidence (`effect_first`)
+    leading = comparison.refits[0] if explanation.widens else explanation
+    beside = () if leading.widens else leading.effects
     cause = max(_causes(comparison), key=lambda c: c.log_evidence).log_evidence
     found = []
     for s in _worth(compared):

@@ -30,7 +30,7 @@ from bayesid.estimation.filter_error.shared_linearisations import fresh, linear
 from bayesid.estimation.parameters import GaussianPrior
 from bayesid.estimation.run_data import Array, RunData
 
-__all__ = ["FilterErrorFit", "fit", "stacked_equations"]
+__all__ = ["FilterErrorFit", "fit", "stacked_equations", "within_bounds"]
 
 # A step this long in posterior standard deviations changes the evidence by about 0.02.
 CONVERGED_STEP = 0.2
@@ -145,7 +145,7 @@ def _fit(
             path_points = (post.log_evidence, tuple(points), level if now is not noise_model else 0.0)
         z = (values - free.mean) / free.sd
         merit = -0.5 * (total.ee - 2 * total.se @ z + z @ total.ss @ z + z @ z + total.logdet)
-        step = _within(total, post.mean, (free.low - free.mean) / free.sd) - z
+        step = within_bounds(total, post.mean, (free.low - free.mean) / free.sd) - z
         correction = _length(step, total)
         against = held or best  # the last at which no pass after it came out worse
         if against is None or not against.refused(merit, correction, now, noise_model):
@@ -246,7 +246,7 @@ def _relaxation(last: float, before: Array, step: Array, total: NormalEquations)
     return float(np.clip(-last * float(before @ bent) / along, LEAST_SHARE, 1.0))
 
 
-def _within(total: NormalEquations, mean: Array, low: Array) -> Array:
+def within_bounds(total: NormalEquations, mean: Array, low: Array) -> Array:
     """Optimum of the quadratic above bounds; `mean` is the one without them."""
     if np.all(mean >= low):
         return mean

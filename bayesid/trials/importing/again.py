@@ -2,8 +2,8 @@
 
 Takes the joined runs. The new bundle is made and read in a folder aside before anything is replaced; what
 goes wrong on the way leaves the old one as it was. Only tables and lists of the earlier import are replaced,
-by the digests it kept; what was edited since is put aside under another name. Does not touch the map, the
-vehicle or anything else in the folder.
+by the digests it kept, and the vehicle where the map names the file of another; what was edited since is put
+aside under another name. Does not touch the map or anything else in the folder.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from bayesid.errors import TrialError
-from bayesid.trials.importing.bundle_out import check_bundle, write_bundle
+from bayesid.trials.importing.bundle_out import check_bundle, refuse_logs, write_bundle
 from bayesid.trials.importing.joining import Joined
 from bayesid.trials.importing.log_map import LogMap
 from bayesid.trials.importing.raw import ImportLogError
@@ -38,6 +38,7 @@ class Replaced:
     removed : tables of the earlier import that no run is made of any more
     aside : (file that was edited since, name under which it is kept)
     left : tables of the earlier import that are no run any more and may have been edited
+    vehicle : files of another vehicle, which the map names
     results : folders inside with results of the earlier trial
     """
 
@@ -45,6 +46,7 @@ class Replaced:
     removed: tuple[str, ...]
     aside: tuple[tuple[str, str], ...]
     left: tuple[str, ...]
+    vehicle: tuple[str, ...]
     results: tuple[str, ...]
 
 
@@ -66,7 +68,7 @@ def import_again(
     Raises
     ------
     ImportLogError
-        a table would go over a file that no import wrote, or something cannot be written
+        a table would go over a file that no import wrote or over a log, or something cannot be written
     TrialError
         the new bundle cannot be read
     """
@@ -88,17 +90,20 @@ def import_again(
                     f"{folder / name}: is there and no import wrote it, while a run of the map has its name; "
                     f"rename the run or the file"
                 )
+        # a table that no run is made of any more goes as well
+        refuse_logs(runs, sorted(earlier | set(tables)), folder)
+        vehicle = _another_vehicle(folder, new, tables)
         changed = [
-            name for name in (TRIAL, *tables)
+            name for name in (TRIAL, *tables, *vehicle)
             if (folder / name).exists() and kept.get(name) != (digest := digest_of(folder / name))
             and digest != digest_of(new / name)
         ]  # fmt: skip
         gone = sorted(name for name in earlier - set(tables) if (folder / name).exists())
         removed = tuple(name for name in gone if kept.get(name) == digest_of(folder / name))
-        aside = tuple((name, _free_name(folder, name)) for name in changed)
-        _exchange(folder, new, Path(place) / "before", (*tables, *LISTS), removed, dict(aside))
+        aside = tuple((name, _free_name(folder, name, tables)) for name in changed)
+        _exchange(folder, new, Path(place) / "before", (*tables, *LISTS, *vehicle), removed, dict(aside))
     results = tuple(sorted(p.parent.name for p in folder.glob("*/results.json")))
-    return Replaced(tables, removed, aside, tuple(n for n in gone if n not in removed), results)
+    return Replaced(tables, removed, aside, tuple(n for n in gone if n not in removed), vehicle, results)
 
 
 def _before(folder: Path) -> dict[str, Any] | None:
@@ -118,10 +123,20 @@ def _read(path: Path) -> Any:
     return json.loads(path.read_text(encoding="utf-8"))
 
 
-def _free_name(folder: Path, name: str) -> str:
+def _another_vehicle(folder: Path, new: Path, tables: Sequence[str]) -> tuple[str, ...]:
+    """Files of the vehicle that are not in the folder as the new bundle has them."""
+    own = {*tables, *LISTS, MAP}
+    found = (path.relative_to(new).as_posix() for path in sorted(new.rglob("*")) if path.is_file())
+    return tuple(
+        name for name in found if name not in own
+        and not ((folder / name).is_file() and digest_of(folder / name) == digest_of(new / name))
+    )  # fmt: skip
+
+
+def _free_name(folder: Path, name: str, tables: Sequence[str]) -> str:
     stem, dot, suffix = name.rpartition(".")
-    number = 1
-    while (folder / (free := f"{stem}.replaced{number}{dot}{suffix}")).exists():
+    number, taken = 1, {table.lower() for table in tables}
+    while (folder / (free := f"{stem}.replaced{number}{dot}{suffix}")).exists() or free.lower() in taken:
         number += 1
     return free
 
@@ -133,6 +148,9 @@ def _exchange(
     old.mkdir()
     moved: list[str] = []
     try:
+        for name in names:
+            for place in (folder, old):
+                (place / name).parent.mkdir(parents=True, exist_ok=True)
         for name in (*names, *removed):
             if (folder / name).exists():
                 moved.append(name)

@@ -62,13 +62,7 @@ def write_bundle(
         copy_vehicle(beside, folder)
         vehicle = "vehicle.toml"
     files = file_names(joined.run.name for joined in runs)
-    logs = {digest for joined in runs for digest in joined.digests.values()}
-    for file in files:
-        if (folder / file).is_file() and digest_of(folder / file) in logs:
-            raise ImportLogError(
-                f"{folder / file}: is one of the logs, and a run would be written over it; choose another "
-                "folder, or another name for the run"
-            )
+    refuse_logs(runs, files, folder)
     for joined, file in zip(runs, files, strict=True):
         _write_csv(joined, folder / file)
     write_atomic(target, write_schema(folder) + trial_toml(found, runs, files, vehicle))
@@ -79,6 +73,22 @@ def write_bundle(
     if map_file is not None and map_file.resolve() != (folder / "map.toml").resolve():
         shutil.copyfile(map_file, folder / "map.toml")
     return target
+
+
+def refuse_logs(runs: Sequence[Joined], files: Sequence[str], folder: Path) -> None:
+    """Nothing where none of some files is a log that runs are made of.
+
+    Raises
+    ------
+    ImportLogError             one is
+    """
+    logs = {digest for joined in runs for digest in joined.digests.values()}
+    for file in files:
+        if (folder / file).is_file() and digest_of(folder / file) in logs:
+            raise ImportLogError(
+                f"{folder / file}: is one of the logs, and a run would be written over it; choose another "
+                "folder, or another name for the run"
+            )
 
 
 def provenance(
