@@ -65,7 +65,7 @@ class World:
             "isolability": lambda bank: "alike",
             "tried": lambda problem: 7,
             "thresholds": lambda bank, tried, seed: self._kept(
-                "thresholds", (tried, seed), Plain(remainder=12.0)
+                "thresholds", (tried, seed), Plain(named=3.0, remainder=12.0)
             ),
             "locate": lambda problem, points, free: self._kept("locate", points, self.where),
             "widened": lambda bank, names: {w.effects[0]: 1.0 for w in wide},

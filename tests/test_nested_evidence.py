@@ -111,14 +111,16 @@ def test_an_effect_goes_before_a_coefficient_that_is_less_probable_for_all_its_e
     assert sum(share.values()) == pytest.approx(0.5)
     coefficient, behind = refit(14.4, "coefficient_error:c0"), -np.log(share["c0"])
     near, far = refit(14.4 - behind + 0.1, "drag"), refit(14.4 - behind - 0.1, "drag")
-    assert effect_first([coefficient, near], wide) == [near, coefficient]
-    assert effect_first([coefficient, far], wide) == [coefficient, far]
+    assert effect_first([coefficient, near], wide, 3.0) == [near, coefficient]
+    assert effect_first([coefficient, far], wide, 3.0) == [coefficient, far]
     lost = refit(14.0, "drag", explains=False)
-    assert effect_first([coefficient, lost, near], wide) == [near, coefficient, lost]
-    assert effect_first([near, coefficient], wide) == [near, coefficient]
+    assert effect_first([coefficient, lost, near], wide, 3.0) == [near, coefficient, lost]
+    assert effect_first([near, coefficient], wide, 3.0) == [near, coefficient]
     pair = refit(14.3, "drag", "lag")
-    assert effect_first([coefficient, pair], wide) == [coefficient, pair]
-    assert effect_first([], wide) == []
+    assert effect_first([coefficient, pair], wide, 3.0) == [coefficient, pair]
+    assert effect_first([], wide, 3.0) == []
+    # one that chance may make does not lead, whatever it is set against
+    assert effect_first([coefficient, near], wide, near.log_evidence + 0.1) == [coefficient, near]
 
 
 def test_what_was_stated_of_coefficients_tells_causes_apart_that_no_run_does():

@@ -57,7 +57,9 @@ def shares_of_wide(names: Collection[str]) -> dict[str, float]:
     return {n: 0.5 / (len(EVERY) if n in EVERY else alone) for n in names}
 
 
-def effect_first(refits: Sequence[RefittedHypothesis], wide: Collection[str]) -> list[RefittedHypothesis]:
+def effect_first(
+    refits: Sequence[RefittedHypothesis], wide: Collection[str], floor: float
+) -> list[RefittedHypothesis]:
     """Refits, best first, with an effect before a coefficient that has more evidence and is less probable.
 
     A coefficient with a wide prior follows what an effect of the same force does, as closely; that it is just
@@ -66,12 +68,13 @@ def effect_first(refits: Sequence[RefittedHypothesis], wide: Collection[str]) ->
     Parameters
     ----------
     wide : names of what was tried with a wider prior
+    floor : log evidence above which an effect gains more than chance allows
     """
     out = list(refits)
     if not out or not out[0].widens:
         return out
     share = shares_of_wide(wide).get(out[0].effects[0].removeprefix(_PREFIX), 1.0)
-    least = out[0].log_evidence + np.log(share)
+    least = max(out[0].log_evidence + np.log(share), floor)
     for c in out:
         if len(c.effects) == 1 and not c.widens and explains(c) and c.log_evidence > least:
             out.remove(c)

@@ -277,7 +277,7 @@ def weigh(
             problem, refits, first, list(single.effects), single.ambiguity, notify, left
         )
         refits = list(_ranked(problem, found, none, gains))
-    refits = effect_first(refits, single.wide)
+    refits = effect_first(refits, single.wide, none.log_evidence + limits.named)
     if refits and not refits[0].widens:
         refits = plainest_first({e.name: e for e in single.effects}, refits)
     if refits and refits[0].log_evidence > none.log_evidence + ADD_EVIDENCE:
