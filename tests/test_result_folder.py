@@ -99,8 +99,12 @@ def test_what_a_killed_command_left_is_known_by_its_lock(tmp_path):
     lay(tmp_path, {"turn_20.csv": "t[s]\n"})
     refuse_other(tmp_path, "bayesid predict")
     before = state(tmp_path)
-    with pytest.raises(OtherResultError, match="`bayesid predict` began and did not end"):
+    with pytest.raises(OtherResultError, match="`bayesid predict` began and did not end") as refused:
         refuse_other(tmp_path, "bayesid fit")
+    # the files may be the user's own: nobody is told to delete more than the lock
+    assert f"or delete {tmp_path / LOCK} if" in str(refused.value) and "delete this one" not in str(
+        refused.value
+    )
     assert state(tmp_path) == before
 
 

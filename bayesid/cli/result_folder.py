@@ -108,7 +108,11 @@ def refusal(folder: Path, mine: str, owner: str, file: str) -> str:
         held, another = f"a result of `bayesid {owner}` ({file})", _beside(folder, verb)
     else:
         held, another = f"a report of another command of bayesid ({file})", _beside(folder, verb)
-    gone = "" if owner in TRIAL else ", or delete this one if it is no longer needed"
+    gone = ", or delete this one if it is no longer needed"
+    if owner in TRIAL:
+        gone = ""
+    elif file == LOCK:  # files of one's own may lie there, and the command may have written none
+        gone = f", or delete {folder / LOCK} if nothing of that command is wanted"
     return (
         f"{folder}: holds {held}, and `bayesid {mine}` would mix its files with it; nothing was changed. "
         f"Choose another folder, --out {another} say{gone}"
