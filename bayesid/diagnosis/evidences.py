@@ -1,6 +1,7 @@
 """Log evidence of every hypothesis over no effect, refitted or only screened.
 
-Takes refits, the screen and what a free signal gains. Does not weigh: priors are `probabilities`'s business.
+Takes refits, the screen and what a free signal gains. Knows what one wrong coefficient has of the prior, and
+which refit goes first for it. Else does not weigh: priors are `probabilities`'s business.
 """
 
 from __future__ import annotations

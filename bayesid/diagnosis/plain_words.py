@@ -149,7 +149,7 @@ def _place(effect: Effect, m: re.Match[str]) -> str:
     if "," in what:
         first, second = (effect.parameters[name].value for name in what.split(","))
         length = Size(*(factor * x for x in _length(effect, what)))
-        text = f"{_told(length, factor * math.hypot(first, second))}{words}"
+        text = f"{_told(length, length.value)}{words}"
         if positive is not None:  # a size alone
             return text
         return f"{text} towards {math.atan2(second, first) * _DEGREE % 360:03.0f} degrees"

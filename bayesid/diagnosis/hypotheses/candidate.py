@@ -38,7 +38,8 @@ NO_LIMITS = (-np.inf, np.inf)
 # Shifts of the logarithm of a measured environment that are averaged over.
 NOISE_SCALE_SHIFTS = (-0.7, -0.35, 0.0, 0.35, 0.7, 1.05)
 
-# Passes of Gauss-Newton along a path that stays: the second changes evidence by less than 0.3 nats.
+# Passes of Gauss-Newton along a path that stays: a third changed 15 of 17 gains of three trials by at most
+# 0.02 nats, two that are far above what their refits gain by up to 1.6.
 RELINEARISATIONS = 2
 
 
