@@ -96,6 +96,8 @@ def hull_forces(coef, nu, fins, plain_abs=False):
         + g("Y_*", 0) * u**2 + g("Y_v", 0) * u * v + g("Y_v|v|", 0) * v * Rv + g("Y_vw", 0) * v * w
         + g("Y_dr", 0) * u**2 * dr + g("Y_v0", 0) * v + g("Y_r0", 0) * r
         + g("Y_vvv", 0) * v**3 + g("Y_vvr", 0) * v**2 * r + g("Y_vrr", 0) * v * r**2 + g("Y_rrr", 0) * r**3
+        + g("Y_drdrdr", 0) * u**2 * dr**3 + u * (g("Y_vdrdr", 0) * v + g("Y_rdrdr", 0) * r) * dr**2
+        + (g("Y_vvdr", 0) * v**2 + g("Y_vrdr", 0) * v * r + g("Y_rrdr", 0) * r**2) * dr
     )  # fmt: skip
     Z = (
         g("Z_pp", 0) * p**2 + g("Z_rr", 0) * r**2 + g("Z_rp", 0) * r * p + g("Z_q|q|", 0) * q * abs(q)
@@ -128,6 +130,8 @@ def hull_forces(coef, nu, fins, plain_abs=False):
         + g("N_*", 0) * u**2 + g("N_v", 0) * u * v + g("N_v|v|", 0) * v * Rv + g("N_vw", 0) * v * w
         + g("N_dr", 0) * u**2 * dr + g("N_v0", 0) * v + g("N_r0", 0) * r
         + g("N_vvv", 0) * v**3 + g("N_vvr", 0) * v**2 * r + g("N_vrr", 0) * v * r**2 + g("N_rrr", 0) * r**3
+        + g("N_drdrdr", 0) * u**2 * dr**3 + u * (g("N_vdrdr", 0) * v + g("N_rdrdr", 0) * r) * dr**2
+        + (g("N_vvdr", 0) * v**2 + g("N_vrdr", 0) * v * r + g("N_rrdr", 0) * r**2) * dr
     )  # fmt: skip
     return np.array([X, Y, Z, K, M, N])
 

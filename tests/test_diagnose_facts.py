@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from bayesid.diagnosis.hypotheses import facts
-from bayesid.diagnosis.hypotheses.kinematic import Kinematics
+from bayesid.diagnosis.hypotheses.kinematic import Kinematics, given_by_roll
 from bayesid.diagnosis.hypotheses.probabilities import FormError
 from bayesid.diagnosis.hypotheses.verdict import decide
 from bayesid.diagnosis.threshold_table import NAMING_PROBABILITY
+from bayesid.model.effects import CATALOGUE
 
 FILE = Path(__file__).parent / "data" / "verdicts.json"
 WORLDS = json.loads(FILE.read_text()) if FILE.exists() else []
@@ -225,6 +226,7 @@ def test_a_sensor_alone_is_not_the_cause_where_the_vehicle_turns_by_itself(
     for effect in EFFECTS:
         monkeypatch.setattr(effect, "port", ports[effect.name], raising=False)
     problem.turns, problem.form = turns, object() if form else None
+    stand_ins["given_by_roll"] = lambda problem, effect, table: False
     stand_ins["by_kinematics"] = lambda problem, best: Kinematics(parts=dict.fromkeys(told, 50.0))
     stand_ins["_covered"] = lambda problem, comparison, best, sensors: ((), True)
     stand_ins["like_a_form"] = lambda comparison, best, model: ()
@@ -234,3 +236,38 @@ def test_a_sensor_alone_is_not_the_cause_where_the_vehicle_turns_by_itself(
     assert found.facts.turns_beside is beside
     if beside:
         assert found.named.set95 == ("a", "b")
+
+
+@pytest.mark.parametrize(
+    ("idle", "rolls", "word"),
+    [
+        ((), (), "ambiguous"),  # the control: b has a size, and is more than the form leaves
+        (("b",), (), "model_form"),
+        ((), ("b",), "model_form"),  # the planar model leaves out the list that gives it
+    ],
+)
+def test_causes_that_have_no_size_or_are_a_list_do_not_keep_the_rest_from_the_form(
+    idle, rolls, word, monkeypatch
+):
+    """Of a and b together, neither sure, a is no larger than what the form leaves."""
+    inside = {"a": 0.6, "b": 0.5, "none": 0.0, "outside": 0.0}
+    problem, comparison, stand_ins = world(WORLDS[0] | NAMED | {"idle": idle, "inside": inside})
+    problem.turns, problem.form = False, object()
+    stand_ins["by_kinematics"] = lambda problem, best: Kinematics()
+    stand_ins["given_by_roll"] = lambda problem, effect, table: effect.name in rolls
+    stand_ins["_covered"] = lambda problem, comparison, best, sensors: (("a",), True)
+    stand_ins["like_a_form"] = lambda comparison, best, model: ()
+    for name, stand_in in stand_ins.items():
+        monkeypatch.setattr(facts, name, stand_in)
+    assert decide(problem, comparison).word == word
+
+
+@pytest.mark.parametrize(
+    ("scale", "dof", "list_gives_it"),
+    [(-0.005, 3, True), (0.005, 3, False), (-0.02, 3, False), (-0.005, 6, False)],
+)
+def test_a_list_of_up_to_eight_degrees_reads_as_a_slow_gyro_in_a_planar_model(scale, dof, list_gives_it):
+    gyro = next(e for e in CATALOGUE if e.name == "gyro_scale")
+    problem = SimpleNamespace(model=SimpleNamespace(dof=dof))
+    assert given_by_roll(problem, gyro, {gyro.key("scale"): (scale, 1e-4)}) is list_gives_it
+    assert np.cos(np.radians(8.0)) - 1.0 == pytest.approx(gyro.parameters[0].roll_from, abs=1e-4)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from bayesid.equations.model import build_model
 from bayesid.errors import FitError
 from bayesid.estimation.likelihood.model_form import form_rows, typical, with_form
 from bayesid.estimation.output_error import FitOptions, fit
+from bayesid.model.terms import term
 from bayesid.model.vehicles import load_vehicle
 from bayesid.simulation import plan_run, simulate, steady_start
 from studies.coverage import run as coverage
@@ -111,3 +113,36 @@ def test_intervals_hold_where_the_equations_lack_rows_and_no_form_is_found_where
     assert white < 0.7  # the control: white noise and the given rows alone
     for name in (CLEAN, FORCE):
         assert np.mean([r["form"] > 0 for r in replicates(name, 25)]) <= 0.08
+
+
+def test_a_form_has_every_odd_product_of_third_order_in_drift_turning_and_rudder():
+    """Abkowitz (1964): u only makes up the degree in velocity."""
+    model = build_model(load_vehicle("lauv"), 3)
+    found = {axis: set() for axis in "YN"}
+    for name in form_rows(model):
+        row = term(name)
+        powers = Counter(f.symbol for f in row.factors if f.symbol != "u")
+        if row.axis in found and not any(f.wrap for f in row.factors) and sum(powers.values()) == 3:
+            found[row.axis].add(tuple(powers[s] for s in ("v", "r", "delta_r")))
+    every = {(i, j, 3 - i - j) for i in range(4) for j in range(4 - i)}
+    assert found == {"Y": every, "N": every}
+
+
+def test_an_asymmetry_in_turns_leaves_a_straight_course_and_moves_both_turns_to_one_side():
+    model = build_model(load_vehicle("lauv"), 3)
+    s, base = model.scales, model.nominal.copy()
+    odd = [n for n in ("Y_*", "N_*") if n in model.index]
+    base[model.positions(odd)] = 0.0
+    with_it = base.copy()
+    with_it[model.index["asymmetry_in_turns.N_rr"]] = 0.02 * abs(base[model.index["N_r"]]) * s["L"] / s["U"]
+
+    def turned(par, rudder):
+        t = 0.1 * s["L"] / s["U"] * np.arange(200)
+        held = {"n_cmd": model.vehicle.rpm_ref, "delta_r_cmd": rudder}
+        plan = plan_run(model, t, {name: np.full(t.size, value) for name, value in held.items()})
+        return simulate(model, par, plan, steady_start(model)).states[-1, model.states.index("psi")]
+
+    assert turned(with_it, 0.0) == turned(base, 0.0) == pytest.approx(0.0, abs=1e-12)
+    port, starboard = (turned(with_it, d) - turned(base, d) for d in (0.1, -0.1))
+    assert port * starboard > 0 and abs(port) > 1e-3
+    assert turned(base, 0.1) == pytest.approx(-turned(base, -0.1), rel=1e-6)

@@ -190,7 +190,8 @@ def test_twenty_two_hydrodynamic_rows_of_the_generic_submarine_live_in_the_plane
 def test_rudder_parity_is_read_from_the_regressor():
     odd = {row.name for row in TERMS if row.odd_in_rudder}
     base = {"Y_dr", "N_dr", "K_dr", "Y_|r|dr", "N_|r|dr", "X_rdr", "X_vdr"}
-    assert odd == base | {"Y_dr,eta", "N_dr,eta"}
+    cubes = {f"{axis}_{name}" for axis in "YN" for name in ("drdrdr", "vvdr", "vrdr", "rrdr")}
+    assert odd == base | cubes | {"Y_dr,eta", "N_dr,eta"}
 
 
 @pytest.mark.parametrize("text", ["u/v", "u+v", "u**2", "abs(abs(v))", "foo", "__import__('os')", "u*2"])

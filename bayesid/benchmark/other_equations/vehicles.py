@@ -98,7 +98,7 @@ def other_vehicle(name: str) -> OtherVehicle:
         noise = dict(x=0.15, y=0.15, psi=0.004, r=8.7e-4, u=0.006, v=0.006)
         return OtherVehicle(
             name, "AUV, 1.33 m, lift and strips, rolls", b, auv_rates, float(b["rho"]), 1.33, 1.5,
-            round(60 * cruise_rps(b, 1.5), 1), 13.6 * DEG, 60 * DEG, 0.05, 0.5, float(b["depth"]), 0.4, 0.01,
+            round(60 * cruise_rps(b, 1.5), 1), 13.6 * DEG, 60 * DEG, 0.0, 0.0, float(b["depth"]), 0.4, 0.01,
             ((8, 8), (12, 15)), (6, 10), 150.0, noise, ("wind",),
         )  # fmt: skip
     raise ModelError(f"other equations: no vehicle {name!r}; there are {', '.join(VEHICLES)}")

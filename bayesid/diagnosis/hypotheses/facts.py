@@ -23,7 +23,13 @@ from bayesid.diagnosis.hypotheses.candidate import (
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.cross_validation import CrossValidation, cross_validate, excess_where_apart
 from bayesid.diagnosis.hypotheses.form_part import axes_of, beyond, form_excess, lost_without_form
-from bayesid.diagnosis.hypotheses.kinematic import NOTHING, Kinematics, by_kinematics, parameters_told
+from bayesid.diagnosis.hypotheses.kinematic import (
+    NOTHING,
+    Kinematics,
+    by_kinematics,
+    given_by_roll,
+    parameters_told,
+)
 from bayesid.diagnosis.hypotheses.localisation import SENSORS, Localisation
 from bayesid.diagnosis.hypotheses.probabilities import credible_set, told
 from bayesid.diagnosis.hypotheses.sizes import sizes_told
@@ -68,7 +74,8 @@ class Facts:
     sure : of several effects, how many may be named
     form : whether every hypothesis has a model form, as the runs ask for one
     of_motion : whether of several effects only such are sure as depend on the motion alone, as a form does
-    covered : whether what the form leaves may be as large as each effect of the best, and as all of them
+    covered : whether what the form leaves may be as large as each effect of the best, and as all of them; of
+        several, those without a size do not count
     others_covered : the same of all effects of the best but those that may be named
     runs_refute : whether runs are predicted worse from the others with the best than without
     runs_disagree : whether runs ask for different sizes of it
@@ -189,7 +196,8 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
         set95 = (*set95, *(n for n in _of_the_vehicle(problem, candidates) if n not in set95))
     within, together = ((), False) if best.widens else _covered(problem, candidates, best, sensors)
     like = () if best.widens else like_a_form(candidates, best, problem.model)
-    covered = tuple(dict.fromkeys((*within, *like)))
+    covered = tuple(dict.fromkeys((*within, *like, *_left_out(problem, best, table))))
+    sizeless = off if several and problem.form is not None else ()
     sure: tuple[str, ...] = ()
     if several:
         shows = left > limit.remainder
@@ -234,7 +242,7 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
         sure=len(sure),
         form=problem.form is not None,
         of_motion=not sure and any(acts(candidates, families, n) >= NAMING_PROBABILITY for n in like),
-        covered=together and bool(best.effects) and set(covered) == set(best.effects),
+        covered=together and bool(best.effects) and set(best.effects) == {*covered, *sizeless},
         others_covered=together and bool(sure) and set(best.effects) == {*sure, *covered},
         runs_refute=runs is not None and runs.refuted,
         runs_disagree=runs is not None and runs.disagree,
@@ -256,6 +264,16 @@ def _of_sensors(problem: DiagnosisProblem, best: RefittedHypothesis, sensors: Ki
     """Whether a hypothesis has effects of sensors alone, none of which kinematics tells."""
     ports = {problem.model.effects[n].port for n in best.effects}
     return ports == {"sensor"} and not sensors.told & set(best.effects)
+
+
+def _left_out(
+    problem: DiagnosisProblem, best: RefittedHypothesis, table: Mapping[str, tuple[float, float]]
+) -> tuple[str, ...]:
+    """Effects of several that are what a planar model leaves out, where the runs ask for a form as well: the
+    list of a vehicle that rolls reads as a gyro that is slow."""
+    if problem.form is None or best.widens:
+        return ()
+    return tuple(n for n in best.effects if given_by_roll(problem, problem.model.effects[n], table))
 
 
 def _of_the_vehicle(problem: DiagnosisProblem, candidates: HypothesisComparison) -> tuple[str, ...]:

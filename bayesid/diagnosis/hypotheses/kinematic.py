@@ -128,11 +128,22 @@ def readable(problem: DiagnosisProblem, effect: Effect, table: Mapping[str, tupl
     ----------
     table : parameter -> estimate and standard deviation (`parameter_table`)
     """
-    channels, planar = set(problem.channels), problem.model.dof == 3
-    sizes = ((p, table.get(effect.key(p.name), (p.off, 0.0))[0]) for p in effect.parameters)
-    rolls = (p.roll_from < size < p.off for p, size in sizes)
+    channels = set(problem.channels)
     seen = set(effect.sensor) | {c for group in effect.sensor_delay.values() for c in group}
-    if effect.port != "sensor" or "z" in seen or (planar and any(rolls)):
+    if effect.port != "sensor" or "z" in seen or given_by_roll(problem, effect, table):
         return False
     whole = {"x", "y", "psi", "u", "v"} <= channels
     return {"psi", "r"} <= channels if seen == {"r"} else whole
+
+
+def given_by_roll(
+    problem: DiagnosisProblem, effect: Effect, table: Mapping[str, tuple[float, float]]
+) -> bool:
+    """Whether a list or heel, which a planar model leaves out, gives what an effect is estimated at.
+
+    Parameters
+    ----------
+    table : parameter -> estimate and standard deviation (`parameter_table`)
+    """
+    sizes = ((p, table.get(effect.key(p.name), (p.off, 0.0))[0]) for p in effect.parameters)
+    return problem.model.dof == 3 and any(p.roll_from < size < p.off for p, size in sizes)

@@ -184,6 +184,40 @@ EFFECTS = (
         form="Quadratic line drag in the water at the stern, x = -L/2, horizontal.",
     ),
     Effect(
+        name="asymmetry_in_turns",
+        says="Turns to port and to starboard are no mirror images of each other, as of a vehicle that lists.",
+        family="asymmetry_in_turns",
+        port="force",
+        where=("Y+N", "Y", "N"),
+        parameters=(
+            EffectParameter("Y_vv", "N*s^2/m^2", 1.25e-3, "rho*L**2/2", about="side force over v^2"),
+            EffectParameter("Y_vr", "N*s^2/m", 8e-4, "rho*L**3/2", about="side force over v r"),
+            EffectParameter("Y_rr", "N*s^2", 5.5e-4, "rho*L**4/2", about="side force over r^2"),
+            EffectParameter("Y_vdr", "N*s^2/m^2", 1e-3, "rho*L**2/2", about="side force over u v delta"),
+            EffectParameter("Y_rdr", "N*s^2/m", 6.5e-4, "rho*L**3/2", about="side force over u r delta"),
+            EffectParameter("Y_drdr", "N*s^2/m^2", 8e-4, "rho*L**2/2", about="side force over u^2 delta^2"),
+            EffectParameter("N_vv", "N*s^2/m", 4e-4, "rho*L**3/2", about="yaw moment over v^2"),
+            EffectParameter("N_vr", "N*s^2", 2.5e-4, "rho*L**4/2", about="yaw moment over v r"),
+            EffectParameter("N_rr", "N*m*s^2", 1.7e-4, "rho*L**5/2", about="yaw moment over r^2"),
+            EffectParameter("N_vdr", "N*s^2/m", 3e-4, "rho*L**3/2", about="yaw moment over u v delta"),
+            EffectParameter("N_rdr", "N*s^2", 2e-4, "rho*L**4/2", about="yaw moment over u r delta"),
+            EffectParameter("N_drdr", "N*s^2/m", 2.5e-4, "rho*L**3/2", about="yaw moment over u^2 delta^2"),
+        ),
+        force={
+            "Y": "Y_vv*v*v + Y_vr*v*r + Y_rr*r*r + Y_vdr*u*v*delta_r + Y_rdr*u*r*delta_r + "
+            "Y_drdr*u*u*delta_r*delta_r",
+            "N": "N_vv*v*v + N_vr*v*r + N_rr*r*r + N_vdr*u*v*delta_r + N_rdr*u*r*delta_r + "
+            "N_drdr*u*u*delta_r*delta_r",
+        },
+        source="even part of the expansion in drift, turning and rudder (Abkowitz 1964), of which a mirror "
+        "image of port in starboard leaves nothing",
+        magnitude="1 % of the hull's force in a turn at a list of 8 degrees",
+        form="Even functions of drift, turning and rudder, none of them on a straight course; what pushes "
+        "aside there is a cause.",
+        as_form="only",
+        planar=True,
+    ),
+    Effect(
         name="roll_motion",
         says="The vehicle rolls, which this model leaves out.",
         family="roll_motion",

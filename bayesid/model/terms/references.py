@@ -17,6 +17,8 @@ REFERENCES = {
     "dasilva2007": "da Silva, J., Terra, B., Martins, R. and Sousa, J. (2007). Modeling and simulation of "
     "the LAUV autonomous underwater vehicle. 13th IEEE IFAC Int. Conf. Methods and Models in Automation "
     "and Robotics; equations as coded in LSTS DUNE (DUNE/Control/AUVModel).",
+    "abkowitz1964": "Abkowitz, M. A. (1964). Lectures on ship hydrodynamics: steering and manoeuvrability. "
+    "Hydro- og Aerodynamisk Laboratorium, Lyngby, Report Hy-5.",
     "yasukawa2015": "Yasukawa, H. and Yoshimura, Y. (2015). Introduction of MMG standard method for ship "
     "maneuvering predictions. J. Mar. Sci. Technol. 20, 37-52. doi:10.1007/s00773-014-0293-y.",
     "roddy1990": "Roddy, R. F. (1990). Investigation of the stability and control characteristics of "

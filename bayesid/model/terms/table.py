@@ -182,10 +182,22 @@ FURTHER = (
     *_rows("K", "dasilva2007", "base", {"p0": "p"}),
 )
 
+# what completes the cubes of drift and turning: all of third order in drift, turning and rudder
+_FIN_CUBES = {
+    "drdrdr": "u*u*delta_r*delta_r*delta_r",
+    "vdrdr": "u*v*delta_r*delta_r",
+    "rdrdr": "u*r*delta_r*delta_r",
+    "vvdr": "v*v*delta_r",
+    "vrdr": "v*r*delta_r",
+    "rrdr": "r*r*delta_r",
+}
+
 SHIP = (
     *_rows("X", "yasukawa2015", "base", {"vvvv": "v*v*v*v"}),
     *_rows("Y", "yasukawa2015", "base", {"vvv": "v*v*v", "vvr": "v*v*r", "vrr": "v*r*r", "rrr": "r*r*r"}),
     *_rows("N", "yasukawa2015", "base", {"vvv": "v*v*v", "vvr": "v*v*r", "vrr": "v*r*r", "rrr": "r*r*r"}),
+    *_rows("Y", "abkowitz1964", "base", _FIN_CUBES),
+    *_rows("N", "abkowitz1964", "base", _FIN_CUBES),
 )
 
 _ETA = {
