@@ -14,6 +14,7 @@ from test_physics_equations import random_point
 from bayesid.benchmark.plant.body import build
 from bayesid.benchmark.plant.settings import settings
 from bayesid.equations.layout import KernelSpec
+from bayesid.equations.model import build_model
 from bayesid.model.effects import CATALOGUE
 from bayesid.model.effects.alternatives import ALTERNATIVES, of
 from bayesid.model.effects.describe import alternatives, describe
@@ -28,8 +29,8 @@ T = 37.0
 class Point:
     """Random state, inputs and parameters of six degrees of freedom; attributes by name."""
 
-    def __init__(self, name, seed=0):
-        kernel = equations_with(SIX, (name,))
+    def __init__(self, name, seed=0, spec=SIX):
+        kernel = equations_with(spec, (name,))
         x, self.act, self.exo, self.par = random_point(kernel, np.random.default_rng(seed), effects_on=False)
         self.exo[[i for i, n in enumerate(kernel.exogenous) if n.startswith("flow")]] = 0.0
         self.kernel, self.x = kernel, x
@@ -68,6 +69,10 @@ def rudder(s):
     for i, axis in ((1, "Y"), (5, "N")):
         out[i] = s.coef(f"{axis}_dr") * s.u**2 * s.delta_r
         out[i] += s.coef(f"{axis}_|r|dr") * s.u * abs(s.r) * s.delta_r
+        out[i] += s.coef(f"{axis}_drdrdr") * s.u**2 * s.delta_r**3
+        out[i] += (s.coef(f"{axis}_vdrdr") * s.v + s.coef(f"{axis}_rdrdr") * s.r) * s.u * s.delta_r**2
+        out[i] += (s.coef(f"{axis}_vvdr") * s.v**2 + s.coef(f"{axis}_rrdr") * s.r**2) * s.delta_r
+        out[i] += s.coef(f"{axis}_vrdr") * s.v * s.r * s.delta_r
     return out
 
 
@@ -229,6 +234,35 @@ def test_an_effect_pushes_as_its_source_says(name, seed):
     size = np.abs(wanted).max()
     assert size > 0
     assert np.allclose(found, wanted, rtol=0, atol=TOLERANCE.get(name, 1e-10) * max(size, 1e-3))
+
+
+# ---- parts of a form that a planar model leaves out ------------------------------------------------------
+EVEN = {  # name of the size without its axis -> product that a mirror image leaves as it is
+    "asymmetry_in_turns": {
+        "vv": lambda s: s.v**2, "vr": lambda s: s.v * s.r, "rr": lambda s: s.r**2,
+    },
+    "asymmetry_under_rudder": {
+        "v_dr": lambda s: s.u * s.v * s.delta_r, "r_dr": lambda s: s.u * s.r * s.delta_r,
+        "dr_dr": lambda s: (s.u * s.delta_r) ** 2,
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "axis", "product"), [(n, a, p) for n, even in EVEN.items() for a in "YN" for p in even]
+)
+def test_an_asymmetry_pushes_by_an_even_product_in_its_axis_alone(name, axis, product):
+    s = Point(name, 1, KernelSpec(3))
+    assert {p.name for p in BY_NAME[name].parameters} == {f"{a}_{p}" for a in "YN" for p in EVEN[name]}
+    found = s.change(name, {f"{axis}_{product}": 0.7})
+    wanted = 0.7 * EVEN[name][product](s) * np.array([axis == "X", axis == "Y", axis == "N"])
+    assert np.abs(wanted).max() > 1e-6 and found == pytest.approx(wanted, rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", ["six_thruster_rov", "differential_boat"])
+def test_a_vehicle_without_a_rudder_may_turn_unlike_its_mirror_image(name):
+    names = {e.name for e in build_model(load_vehicle(name), 3).kernel.effects}
+    assert "asymmetry_in_turns" in names and "asymmetry_under_rudder" not in names
 
 
 # ---- effects that change what the hull weighs ------------------------------------------------------------

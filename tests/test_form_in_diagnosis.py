@@ -45,7 +45,8 @@ def test_a_form_widens_the_rows_it_has_and_adds_those_the_vehicle_lacks():
     added = set(free.names[len(stated.names) :])
     assert {n for n in added if "." not in n} == {n for n in form_rows(model) if n[0] in "YN"}
     assert {n.split(".")[0] for n in added if "." in n} == {
-        "asymmetry_in_turns", "crossflow_drag", "cubic_damping", "heel_in_yaw_rate", "hull_asymmetry",
+        "asymmetry_in_turns", "asymmetry_under_rudder", "crossflow_drag", "cubic_damping", "heel_in_yaw_rate",
+        "hull_asymmetry",
     }  # fmt: skip
 
 

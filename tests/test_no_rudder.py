@@ -48,11 +48,15 @@ def test_effects_of_what_a_vehicle_does_not_have_are_not_on_offer():
     # nothing that moves the boat is dropped: each of these has no force at any of its values
     rng = np.random.default_rng(0)
     full = {n for n in sub.effects if n not in boat.effects}
-    par, state = boat.nominal.copy(), np.array([0.0, 0.0, 0.3, 0.8, 0.1, 0.05])
-    for i, name in enumerate(boat.kernel.parameters):
-        if name.partition(".")[0] in full:
-            par[i] = rng.uniform(0.05, 0.1)
-    assert full and _rates(boat, par, state) == pytest.approx(_rates(boat, boat.nominal, state), abs=1e-12)
+    state = np.array([0.0, 0.0, 0.3, 0.8, 0.1, 0.05])
+    bare = _rates(boat, boat.nominal, state)
+    assert full
+    for effect in full:
+        par = boat.nominal.copy()
+        for i, name in enumerate(boat.kernel.parameters):
+            if name.partition(".")[0] == effect:
+                par[i] = rng.uniform(0.05, 0.1)
+        assert _rates(boat, par, state) == pytest.approx(bare, abs=1e-12), effect
 
 
 def _rates(model, par, state):

@@ -370,7 +370,7 @@ class FormRow:
 
 @dataclass(frozen=True)
 class ModelFormPart:
-    """A force that depends on the motion, that the symmetry of a hull allows, and that the equations lack."""
+    """A force that depends on the motion, not on a straight course, and that the equations lack."""
 
     gain: Annotated[
         float,

@@ -5,7 +5,8 @@ in every hypothesis. Does not ask whether the runs need it (`hypotheses.form_sea
 
 Three kinds of unknowns make it up. Rows of the force table the vehicle lacks, normal about zero. Its own rows
 of the same kinds, whose prior is widened by as much: the file's values were tuned to other equations. Effects
-declared as such functions of the motion (`Effect.as_form`): strips in cross flow, cubes, roll.
+declared as such functions of the motion (`Effect.as_form`): strips in cross flow, cubes, roll,
+a list in turns.
 """
 
 from __future__ import annotations
@@ -53,10 +54,12 @@ def form_effects(model: Model, form: ModelForm) -> tuple[Effect, ...]:
         return ()
     chosen = []
     for effect in model.kernel.effects:
-        if effect.as_form == "only":
-            if form.period is not None or not resonates(effect):
-                chosen.append(effect)
-        elif effect.as_form == "also" and any(form.sizes.get(axis, 0.0) for axis in effect.force):
+        acts = any(form.sizes.get(axis, 0.0) for axis in effect.force)
+        if resonates(effect):
+            acts = form.period is not None
+        elif not effect.force:
+            acts = effect.as_form == "only"  # of a sensor
+        if acts and effect.as_form in ("also", "only"):
             chosen.append(effect)
     return tuple(chosen)
 

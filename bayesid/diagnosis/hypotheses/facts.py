@@ -75,7 +75,7 @@ class Facts:
     form : whether every hypothesis has a model form, as the runs ask for one
     of_motion : whether of several effects only such are sure as depend on the motion alone, as a form does
     covered : whether what the form leaves may be as large as each effect of the best, and as all of them; of
-        several, those without a size do not count
+        several, those without a size and a list that reads as a gyro's scale are asked with the others only
     others_covered : the same of all effects of the best but those that may be named
     runs_refute : whether runs are predicted worse from the others with the best than without
     runs_disagree : whether runs ask for different sizes of it
@@ -196,8 +196,12 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
         set95 = (*set95, *(n for n in _of_the_vehicle(problem, candidates) if n not in set95))
     within, together = ((), False) if best.widens else _covered(problem, candidates, best, sensors)
     like = () if best.widens else like_a_form(candidates, best, problem.model)
-    covered = tuple(dict.fromkeys((*within, *like, *_left_out(problem, best, table))))
-    sizeless = off if several and problem.form is not None else ()
+    covered = tuple(dict.fromkeys((*within, *like)))
+    no_cause = _no_cause(problem, best, off, table)
+    # those are asked for their size with the others only
+    all_within = (
+        together if not no_cause else _small(problem, candidates, best, {*within, *no_cause}, FORM_LEAVES)
+    )
     sure: tuple[str, ...] = ()
     if several:
         shows = left > limit.remainder
@@ -242,7 +246,7 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
         sure=len(sure),
         form=problem.form is not None,
         of_motion=not sure and any(acts(candidates, families, n) >= NAMING_PROBABILITY for n in like),
-        covered=together and bool(best.effects) and set(best.effects) == {*covered, *sizeless},
+        covered=all_within and bool(best.effects) and set(best.effects) == {*covered, *no_cause},
         others_covered=together and bool(sure) and set(best.effects) == {*sure, *covered},
         runs_refute=runs is not None and runs.refuted,
         runs_disagree=runs is not None and runs.disagree,
@@ -266,14 +270,20 @@ def _of_sensors(problem: DiagnosisProblem, best: RefittedHypothesis, sensors: Ki
     return ports == {"sensor"} and not sensors.told & set(best.effects)
 
 
-def _left_out(
-    problem: DiagnosisProblem, best: RefittedHypothesis, table: Mapping[str, tuple[float, float]]
+def _no_cause(
+    problem: DiagnosisProblem,
+    best: RefittedHypothesis,
+    off: Collection[str],
+    table: Mapping[str, tuple[float, float]],
 ) -> tuple[str, ...]:
-    """Effects of several that are what a planar model leaves out, where the runs ask for a form as well: the
-    list of a vehicle that rolls reads as a gyro that is slow."""
-    if problem.form is None or best.widens:
+    """Effects of several that are none where the runs ask for a form: those without a size, and what a planar
+    model leaves out. The list of a vehicle that rolls reads as a gyro that is slow.
+    """
+    if problem.form is None or best.widens or len(best.effects) < 2:
         return ()
-    return tuple(n for n in best.effects if given_by_roll(problem, problem.model.effects[n], table))
+    return tuple(
+        n for n in best.effects if n in off or given_by_roll(problem, problem.model.effects[n], table)
+    )
 
 
 def _of_the_vehicle(problem: DiagnosisProblem, candidates: HypothesisComparison) -> tuple[str, ...]:
@@ -312,7 +322,7 @@ def like_a_form(candidates: HypothesisComparison, best: RefittedHypothesis, mode
     """
     if len(best.effects) < 2 or candidates.form_instead < np.log(1 / NAMING_PROBABILITY - 1):
         return ()
-    # one that breaks the symmetry of a hull is no shape of a form: with one it is not even tried
+    # one that pushes aside on a straight course is no shape of a form: with one it is not even tried
     return tuple(n for n in best.effects if model.effects[n].as_form == "also")
 
 
@@ -377,22 +387,31 @@ def _covered(
     """
     if problem.form is None:
         return (), True
-    excess = excess_where_apart(best.fit.equations, len(problem.coefficients.names))
-    of_form = form_excess(problem, best)
     part = {n: _part(candidates, best, {n}) for n in best.effects}
     first = max(part, key=lambda n: part[n], default="")
-
-    def small(names: Collection[str], share: float) -> bool:
-        axes = frozenset().union(*(axes_of(problem, n) for n in names))
-        # what a resonance leaves comes and goes with its period, as does what an actuator late or slow does
-        swings = any(remembers(problem.model.effects[n]) for n in names)
-        form = lost_without_form(problem, best, axes, resonance=swings)
-        gain = _part(candidates, best, names)
-        return gain < share * form and gain / excess < share * form / of_form
-
     within = tuple(
         n
         for n in best.effects
-        if small({n}, FORM_LEAVES if n == first else FORM_LEAVES_BESIDE) and n not in sensors.told
+        if n not in sensors.told
+        and _small(problem, candidates, best, {n}, FORM_LEAVES if n == first else FORM_LEAVES_BESIDE)
     )
-    return within, not within or small(within, FORM_LEAVES)
+    return within, not within or _small(problem, candidates, best, within, FORM_LEAVES)
+
+
+def _small(
+    problem: DiagnosisProblem,
+    candidates: HypothesisComparison,
+    best: RefittedHypothesis,
+    names: Collection[str],
+    share: float,
+) -> bool:
+    """Whether some effects of the best together gain less than a share of what the form is worth, as it is
+    and by how far the runs agree about either."""
+    excess = excess_where_apart(best.fit.equations, len(problem.coefficients.names))
+    of_form = form_excess(problem, best)
+    axes = frozenset().union(*(axes_of(problem, n) for n in names))
+    # what a resonance leaves comes and goes with its period, as does what an actuator late or slow does
+    swings = any(remembers(problem.model.effects[n]) for n in names)
+    form = lost_without_form(problem, best, axes, resonance=swings)
+    gain = _part(candidates, best, names)
+    return gain < share * form and gain / excess < share * form / of_form

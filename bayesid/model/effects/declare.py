@@ -108,8 +108,8 @@ class Effect:
     `bayesid.diagnosis.plain_words`.
 
     `as_form` is for a force that depends on the motion alone, as any force does that the equations lack:
-    "also" where it is a cause of its own as well, "only" where it is not, "alone" where it breaks the
-    symmetry of a hull: no part of a form, and a cause only where no form is needed.
+    "also" where it is a cause of its own as well, "only" where it is not, "alone" where it pushes to one side
+    on a straight course: no part of a form, and a cause only where no form is needed.
     `planar` effects are what a model in the horizontal plane leaves out; one with roll and pitch has them.
     """
 

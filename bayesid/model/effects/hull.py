@@ -185,35 +185,51 @@ EFFECTS = (
     ),
     Effect(
         name="asymmetry_in_turns",
-        says="Turns to port and to starboard are no mirror images of each other, as of a vehicle that lists.",
+        says="Turns to port and to starboard are no mirror images of each other, as when the vehicle lists.",
         family="asymmetry_in_turns",
         port="force",
         where=("Y+N", "Y", "N"),
         parameters=(
-            EffectParameter("Y_vv", "N*s^2/m^2", 1.25e-3, "rho*L**2/2", about="side force over v^2"),
-            EffectParameter("Y_vr", "N*s^2/m", 8e-4, "rho*L**3/2", about="side force over v r"),
-            EffectParameter("Y_rr", "N*s^2", 5.5e-4, "rho*L**4/2", about="side force over r^2"),
-            EffectParameter("Y_vdr", "N*s^2/m^2", 1e-3, "rho*L**2/2", about="side force over u v delta"),
-            EffectParameter("Y_rdr", "N*s^2/m", 6.5e-4, "rho*L**3/2", about="side force over u r delta"),
-            EffectParameter("Y_drdr", "N*s^2/m^2", 8e-4, "rho*L**2/2", about="side force over u^2 delta^2"),
-            EffectParameter("N_vv", "N*s^2/m", 4e-4, "rho*L**3/2", about="yaw moment over v^2"),
-            EffectParameter("N_vr", "N*s^2", 2.5e-4, "rho*L**4/2", about="yaw moment over v r"),
-            EffectParameter("N_rr", "N*m*s^2", 1.7e-4, "rho*L**5/2", about="yaw moment over r^2"),
-            EffectParameter("N_vdr", "N*s^2/m", 3e-4, "rho*L**3/2", about="yaw moment over u v delta"),
-            EffectParameter("N_rdr", "N*s^2", 2e-4, "rho*L**4/2", about="yaw moment over u r delta"),
-            EffectParameter("N_drdr", "N*s^2/m", 2.5e-4, "rho*L**3/2", about="yaw moment over u^2 delta^2"),
+            EffectParameter("Y_vv", "N*s^2/m^2", 0.00125, "rho*L**2/2", about="side force over v^2"),
+            EffectParameter("Y_vr", "N*s^2/m", 0.0008, "rho*L**3/2", about="side force over v r"),
+            EffectParameter("Y_rr", "N*s^2", 0.00055, "rho*L**4/2", about="side force over r^2"),
+            EffectParameter("N_vv", "N*s^2/m", 0.00038, "rho*L**3/2", about="yaw moment over v^2"),
+            EffectParameter("N_vr", "N*s^2", 0.00024, "rho*L**4/2", about="yaw moment over v r"),
+            EffectParameter("N_rr", "N*m*s^2", 0.00016, "rho*L**5/2", about="yaw moment over r^2"),
+        ),
+        force={"Y": "Y_vv*v*v + Y_vr*v*r + Y_rr*r*r", "N": "N_vv*v*v + N_vr*v*r + N_rr*r*r"},
+        source="even part of second order in drift and turning (Abkowitz 1964), which the port-starboard "
+        "symmetry of a hull forbids",
+        magnitude="1 % of the hull's force in a turn at a list of 8 degrees",
+        form="Products of drift and turning, none on a straight course: a side force there is a cause of its "
+        "own. Those with the rudder are asymmetry_under_rudder.",
+        as_form="only",
+        planar=True,
+    ),
+    Effect(
+        name="asymmetry_under_rudder",
+        says="Rudder to port and to starboard turns the vehicle differently, as when it lists.",
+        family="asymmetry_in_turns",
+        port="force",
+        where=("Y+N", "Y", "N"),
+        parameters=(
+            EffectParameter("Y_v_dr", "N*s^2/m^2", 0.001, "rho*L**2/2", about="side force over u v delta"),
+            EffectParameter("Y_r_dr", "N*s^2/m", 0.00065, "rho*L**3/2", about="side force over u r delta"),
+            EffectParameter(
+                "Y_dr_dr", "N*s^2/m^2", 0.0008, "rho*L**2/2", about="side force over u^2 delta^2"
+            ),
+            EffectParameter("N_v_dr", "N*s^2/m", 0.0003, "rho*L**3/2", about="yaw moment over u v delta"),
+            EffectParameter("N_r_dr", "N*s^2", 0.00019, "rho*L**4/2", about="yaw moment over u r delta"),
+            EffectParameter("N_dr_dr", "N*s^2/m", 0.00024, "rho*L**3/2", about="yaw moment over u^2 delta^2"),
         ),
         force={
-            "Y": "Y_vv*v*v + Y_vr*v*r + Y_rr*r*r + Y_vdr*u*v*delta_r + Y_rdr*u*r*delta_r + "
-            "Y_drdr*u*u*delta_r*delta_r",
-            "N": "N_vv*v*v + N_vr*v*r + N_rr*r*r + N_vdr*u*v*delta_r + N_rdr*u*r*delta_r + "
-            "N_drdr*u*u*delta_r*delta_r",
+            "Y": "Y_v_dr*u*v*delta_r + Y_r_dr*u*r*delta_r + Y_dr_dr*u*u*delta_r*delta_r",
+            "N": "N_v_dr*u*v*delta_r + N_r_dr*u*r*delta_r + N_dr_dr*u*u*delta_r*delta_r",
         },
-        source="even part of the expansion in drift, turning and rudder (Abkowitz 1964), of which a mirror "
-        "image of port in starboard leaves nothing",
+        source="even part of second order in drift, turning and rudder (Abkowitz 1964), which port-starboard "
+        "symmetry forbids",
         magnitude="1 % of the hull's force in a turn at a list of 8 degrees",
-        form="Even functions of drift, turning and rudder, none of them on a straight course; what pushes "
-        "aside there is a cause.",
+        form="Products with the rudder angle; those of drift and turning alone are asymmetry_in_turns.",
         as_form="only",
         planar=True,
     ),
