@@ -43,7 +43,9 @@ def test_a_form_widens_the_rows_it_has_and_adds_those_the_vehicle_lacks():
         if axis == "X" or name.endswith("dot"):
             assert sd[name] == before[name]
     added = set(free.names[len(stated.names) :])
-    assert {n for n in added if "." not in n} == {n for n in form_rows(model) if n[0] in "YN"}
+    assert {n for n in added if "." not in n} == {
+        n for n in form_rows(model, cubes_of_fins=True) if n[0] in "YN"
+    }
     assert {n.split(".")[0] for n in added if "." in n} == {
         "asymmetry_in_turns", "asymmetry_under_rudder", "crossflow_drag", "cubic_damping", "heel_in_yaw_rate",
         "hull_asymmetry",

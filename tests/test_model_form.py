@@ -53,6 +53,14 @@ def test_a_hull_with_its_form_turns_to_starboard_as_to_port(name, dof):
     assert mirrored([*rows, "N_*"]) > 1e-4  # the control: a constant moment has a side
 
 
+def test_the_form_of_a_fit_has_no_cube_of_a_fin():
+    """One that predicts goes beyond the angles flown, where a cube outgrows all."""
+    model = build_model(load_vehicle("lauv"), 3)
+    plain, all_rows = form_rows(model), form_rows(model, cubes_of_fins=True)
+    assert {n[2:] for n in set(all_rows) - set(plain)} == {"drdrdr", "vdrdr", "rdrdr", "vvdr", "vrdr", "rrdr"}
+    assert {"Y_|r|dr", "N_vvv"} & set(plain)  # the control: cubes of the hull and a product with a fin stay
+
+
 def test_a_typical_row_makes_its_force_at_the_typical_motion():
     model = build_model(load_vehicle("lauv"), 3)
     s = model.scales
@@ -119,7 +127,7 @@ def test_a_form_has_every_odd_product_of_third_order_in_drift_turning_and_rudder
     """Abkowitz (1964): u only makes up the degree in velocity."""
     model = build_model(load_vehicle("lauv"), 3)
     found = {axis: set() for axis in "YN"}
-    for name in form_rows(model):
+    for name in form_rows(model, cubes_of_fins=True):
         row = term(name)
         powers = Counter(f.symbol for f in row.factors if f.symbol != "u")
         if row.axis in found and not any(f.wrap for f in row.factors) and sum(powers.values()) == 3:

@@ -67,7 +67,8 @@ def form_effects(model: Model, form: ModelForm) -> tuple[Effect, ...]:
 def with_form(model: Model, stated: GaussianPrior, form: ModelForm) -> GaussianPrior:
     """Prior of the coefficients with a form: the stated ones first, wider; then its own unknowns."""
     wide = np.array([_row_sd(model, n, form) for n in stated.names])
-    rows = tuple(n for n in form_rows(model) if n not in stated.names and _row_sd(model, n, form) > 0)
+    lacked = (n for n in form_rows(model, cubes_of_fins=True) if n not in stated.names)
+    rows = tuple(n for n in lacked if _row_sd(model, n, form) > 0)
     added = GaussianPrior(
         rows,
         model.positions(rows),
