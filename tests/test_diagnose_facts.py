@@ -43,7 +43,7 @@ def world(w):
         where_after=None if w["after"] is None else place(w["after"]),
         ambiguity=SimpleNamespace(names=tuple(FAMILY), absorbed=w["absorbed"], detect=w["detect"]),
         thresholds=SimpleNamespace(named=3.0, remainder=19.0, conflict=w["conflict"]),
-        carried=0.0, carried_beside=0.0, form_instead=np.inf, error=FormError(),
+        carried=0.0, carried_beside=0.0, form_instead=np.inf, error=FormError(), sets={},
     )  # fmt: skip
     problem = SimpleNamespace(
         model=SimpleNamespace(kernel=SimpleNamespace(effects=EFFECTS), effects={e.name: e for e in EFFECTS}),

@@ -75,6 +75,7 @@ def judged(
             carried=0.0,
             carried_beside=0.0,
             form_instead=np.inf,
+            sets={},
             error=FormError(),
         ),
     )  # fmt: skip

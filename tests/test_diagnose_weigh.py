@@ -12,6 +12,7 @@ from bayesid.diagnosis.hypotheses.probabilities import (
     Remainder,
     comparable,
     credible_set,
+    of_causes,
     probabilities,
     rows,
     weights,
@@ -76,6 +77,18 @@ def test_one_faint_effect_splits_its_prior_as_stated():
     assert priors["something like a"] == pytest.approx(UNLISTED_ALIKE_SHARE * PRIOR_OUTSIDE)
     assert sum(priors.values()) == pytest.approx(1.0) and 0 < OTHER_FORM_PROBABILITY < 1
     assert all(r.log_likelihood == 0.0 for r in table)
+
+
+def test_what_a_shape_of_a_form_has_in_company_is_its_causes():
+    sets = {("a",): 0.5, ("b",): 0.2, ("a", "form"): 0.2, ("b", "c", "form"): 0.06, ("form",): 0.04}
+    shared = {"a": 0.6, "b": 0.22, "c": 0.02, "form": 0.16}
+    found = of_causes(shared, sets, ("form",))
+    assert found == pytest.approx({"a": 0.7, "b": 0.23, "c": 0.03, "form": 0.04})
+    assert sum(found.values()) == pytest.approx(1.0)
+    assert of_causes(shared, sets, ()) == shared
+    # shares by evidence may leave a shape less than its equal part: no mass is made
+    less = of_causes({"a": 0.99, "form": 0.01}, {("a", "form"): 1.0}, ("form",))
+    assert less == pytest.approx({"a": 1.0, "form": 0.0})
 
 
 def test_the_credible_set_is_the_smallest_that_holds_the_mass():

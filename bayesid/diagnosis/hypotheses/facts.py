@@ -31,7 +31,7 @@ from bayesid.diagnosis.hypotheses.kinematic import (
     parameters_told,
 )
 from bayesid.diagnosis.hypotheses.localisation import SENSORS, Localisation
-from bayesid.diagnosis.hypotheses.probabilities import credible_set, told
+from bayesid.diagnosis.hypotheses.probabilities import credible_set, of_causes, told
 from bayesid.diagnosis.hypotheses.sizes import sizes_told
 from bayesid.diagnosis.threshold_table import (
     BARE_MENTION,
@@ -173,7 +173,8 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
     none, best = candidates.none, simplest(candidates)
     before = candidates.where.places[0]
     faint = undetectable(candidates)
-    set95 = credible_set(probability, silent=faint)
+    like = () if best.widens else like_a_form(candidates, best, problem.model)
+    set95 = credible_set(of_causes(probability, candidates.sets, like), silent=faint)
     # of several at once each is listed that acts more probably than not, whatever its share of their mass
     likely = (n for n, p in candidates.inside.items() if p > EVEN_ODDS and n not in faint and n not in set95)
     set95 = (*set95, *sorted(likely, key=lambda n: -candidates.inside[n]))
@@ -195,7 +196,6 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
     if beside:
         set95 = (*set95, *(n for n in _of_the_vehicle(problem, candidates) if n not in set95))
     within, together = ((), False) if best.widens else _covered(problem, candidates, best, sensors)
-    like = () if best.widens else like_a_form(candidates, best, problem.model)
     covered = tuple(dict.fromkeys((*within, *like)))
     no_cause = _no_cause(problem, best, off, table)
     # those are asked for their size with the others only

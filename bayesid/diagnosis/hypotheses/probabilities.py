@@ -424,6 +424,26 @@ def credible_set(
     return tuple(out)
 
 
+def of_causes(
+    shared: Mapping[str, float], sets: Mapping[tuple[str, ...], float], like: Collection[str]
+) -> dict[str, float]:
+    """Masses of all names; what an effect that is a shape of a form has in company goes to its causes.
+
+    Parameters
+    ----------
+    like : effects that are such shapes
+    """
+    out = dict(shared)
+    for key, mass in sets.items():
+        causes = [n for n in key if n not in like]
+        for name in set(key) - set(causes) if causes else ():
+            given = min(mass / len(key), out[name])
+            out[name] -= given
+            for cause in causes:
+                out[cause] += given / len(causes)
+    return out
+
+
 def _shares(key: tuple[str, ...], evidence: Mapping[str, float], mends: bool) -> list[float]:
     """How several effects share their mass: alike, or by what each says alone where the runs disagree or the
     data stay unexplained.
