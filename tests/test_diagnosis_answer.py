@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from diagnosis_results import RESULT, a_result, draws
 
-from bayesid.diagnosis.answer import answer, explained_words, in_words
+from bayesid.diagnosis.answer import answer, explained_words
 from bayesid.diagnosis.evidence.effect_draws import warning
 from bayesid.diagnosis.evidence.replay import Replay
 from bayesid.diagnosis.failed_checks import NO_MODEL, failures
-from bayesid.diagnosis.hypotheses.rules import TURNS_BY_ITSELF, UNSURE
-from bayesid.diagnosis.plain_words import intervals, sentence
-from bayesid.diagnosis.result_parts import Effect, Moved, Refit, Retuning, RunError, Value
+from bayesid.diagnosis.hypotheses.rules import NONE_SURE, TURNS_BY_ITSELF, UNSURE
+from bayesid.diagnosis.plain_words import in_words, intervals, sentence
+from bayesid.diagnosis.result_parts import Effect, ModelFormPart, Moved, Refit, Retuning, RunError, Value
 from bayesid.diagnosis.size_names import contract, declared_sizes
 from bayesid.diagnosis.summary import summary
 from bayesid.diagnosis.threshold_table import SURE_PROBABILITY
@@ -451,6 +451,41 @@ def test_the_likeliest_of_several_causes_is_told_with_its_size(set95, probabilit
     ):
         assert answer(other).headline.startswith("These runs cannot tell")
         assert not any(line.startswith("If it is") for line in answer(other).certainty)
+
+
+@pytest.mark.parametrize(
+    ("acting", "form", "start", "end"),
+    [
+        # one acts, alone (0.9) or beside another (0.1)
+        ((0.5, 0.45, 0.15), (), "These runs cannot tell which it is: ", "; two of them may act together."),
+        ((0.5, 0.4, 0.1), (), "These runs cannot tell which it is: ", "gyro bias (0.10)."),
+        (
+            (0.8, 0.7, 0.1),
+            (),
+            "Several things act together and these runs cannot tell which: ",
+            "bias (0.10).",
+        ),
+        # what is a shape of the force the equations lack is no cause beside one
+        ((0.5, 0.5, 0.7), ("gyro_bias",), "These runs cannot tell which it is: ", "gyro bias (0.10)."),
+        (
+            (0.6, 0.4, 0.1),
+            (),
+            "More likely than not the rudder stands",
+            "exclude wind (0.40), gyro bias (0.10).",
+        ),
+    ],
+)
+def test_which_of_several_and_several_at_once_are_different_sentences(acting, form, start, end):
+    names = ("rudder_offset", "wind", "gyro_bias")
+    shares = {"none": 0.0, "rudder_offset": 0.5, "wind": 0.4, "gyro_bias": 0.1}
+    found = a_result("ambiguous", (), (), set95=names, rule=NONE_SURE, probabilities=shares)
+    found = replace(
+        found, acting={"none": 0.0} | dict(zip(names, acting, strict=True)),
+        effects=(an_effect("rudder_offset", offset=(-0.02, 0.002)),),
+        model_form=ModelFormPart(90.0, {}, None, form, ()) if form else None,
+    )  # fmt: skip
+    told = answer(found).headline
+    assert told.startswith(start) and told.endswith(end)
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from bayesid.diagnosis.cannot_tell import MOST_RIVALS, cannot_tell, leading_cause
 from bayesid.diagnosis.failed_checks import (
     MOST_RUNS,
     NO_MODEL,
@@ -17,10 +18,9 @@ from bayesid.diagnosis.failed_checks import (
     prediction_step,
     predicts_worse,
 )
-from bayesid.diagnosis.hypotheses.rules import LACKS_PROBABILITY, NAMING, TURNS_BY_ITSELF
-from bayesid.diagnosis.hypotheses.sensitivity_bank import EVERY
+from bayesid.diagnosis.hypotheses.rules import NAMING
 from bayesid.diagnosis.moved_words import freeing, moved_words
-from bayesid.diagnosis.plain_words import intervals, probability, sentence
+from bayesid.diagnosis.plain_words import in_words, intervals, lowered, probability, sentence
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import Effect, RunError
 from bayesid.diagnosis.run_errors import (
@@ -37,15 +37,14 @@ from bayesid.diagnosis.run_errors import (
 )
 from bayesid.diagnosis.simulator_words import mistake_certainty, mistake_sentence, mistake_steps
 from bayesid.diagnosis.size_names import declared_sizes
-from bayesid.diagnosis.threshold_table import EVEN_ODDS, SURE_PROBABILITY
+from bayesid.diagnosis.threshold_table import SURE_PROBABILITY
 from bayesid.words import first_few
 
 RMS = " (rms)"
 AS_GIVEN = "explained (as given)"  # the third model where it is the first one
 LARGE_HEADING = 10.0  # degrees rms; a simulator that misses by more is not said to agree
-# Hypotheses from this probability on are named as what else it could be, the first few.
-WORTH_A_WORD, MOST_RIVALS = 0.01, 4
-TIMES = {3.0: "three", 10.0: "ten"}
+# Hypotheses from this probability on are named as what else it could be.
+WORTH_A_WORD = 0.01
 PLACES = {
     "X": "the force ahead", "Y": "the side force", "N": "the turning moment", "Z": "the vertical force",
     "M": "the pitching moment", "K": "the heeling moment", "Y+N": "side force and turning moment",
@@ -104,14 +103,6 @@ def answer(result: Result) -> Answer:
 def counted_after(result: Result) -> str:
     """From when on the errors count."""
     return f"after the first {result.runs[0].lead:.3g} s"
-
-
-def in_words(name: str) -> str:
-    """Name of an effect, or of a coefficient that may be wrong (`coefficient_error:N_r`), as prose has it."""
-    kind, _, coefficient = name.partition(":")
-    if coefficient in EVERY:
-        return f"coefficients {TIMES[EVERY[coefficient]]} times further off than the vehicle file says"
-    return kind.replace("_", " ") + (f" of {coefficient}" if coefficient else "")
 
 
 def explained_words(result: Result) -> str:
@@ -185,11 +176,7 @@ def _or_its_like(e: Effect) -> str:
 def _told(e: Effect) -> str:
     """What is named, without a full stop; how often such names were wrong decides about "probably"."""
     said = sentence(e).rstrip(".")
-    return said if e.probability >= SURE_PROBABILITY else f"Probably {_lowered(said)}"
-
-
-def _lowered(text: str) -> str:
-    return text[0].lower() + text[1:]
+    return said if e.probability >= SURE_PROBABILITY else f"Probably {lowered(said)}"
 
 
 def _headline(result: Result) -> str:
@@ -220,7 +207,7 @@ def _headline(result: Result) -> str:
         place = result.where.channel
         where = f", in {PLACES.get(place, place)}" if place is not None else ""
         return f"Something acts that is not among the known effects{where}."
-    return _ambiguous(result)
+    return cannot_tell(result)
 
 
 def _none(result: Result) -> str:
@@ -243,61 +230,6 @@ def _none(result: Result) -> str:
         f"No effect is needed: simulator and log agree to {miss(errors, 0)} on the "
         f"{kind_of_run(result.runs[0])}, the worst of the runs."
     )
-
-
-def _ambiguous(result: Result) -> str:
-    chances = _chances(result)
-    acting = any(result.acting.get(n, 0.0) > p + 0.05 for n, p in chances)
-    listed = ", ".join(
-        f"{_outside(n)} ({probability(result.acting.get(n, p) if acting else p)})" for n, p in chances
-    )
-    nothing = "none" in result.set95
-    if not chances:
-        return "These runs cannot tell whether anything acts."
-    if result.rule == TURNS_BY_ITSELF:  # probabilities know nothing of that
-        seeming = [e.name for e in result.effects[:1]]
-        others = ", ".join(_outside(n) for n, _ in chances if n not in (*seeming, "outside"))
-        return (
-            "Every run turns to one side with the rudder amidships, which "
-            f"{' and '.join(map(in_words, seeming)) or 'the best explanation'} does not explain: "
-            f"{others + ' or ' if others else ''}something else may be behind both."
-        )
-    alone = f", or nothing at all ({probability(result.probabilities.get('none', 0.0))})" if nothing else ""
-    if "model_form" in result.set95:
-        alone = ", or only a force that depends on the motion and that the equations lack " + (
-            f"({probability(result.probabilities.get('model_form', 0.0))})"
-        )
-    if (first := _leader(result)) is not None:
-        said = f"{_lowered(sentence(first).rstrip('.'))} ({probability(chances[0][1])})"
-        others = ", ".join(f"{_outside(n)} ({probability(p)})" for n, p in chances[1:])
-        rest = others + (alone if others else alone.removeprefix(", or "))
-        return f"More likely than not {said}; these runs do not exclude {rest}."
-    if acting and len(chances) > 1:
-        return f"Several things act together and these runs cannot tell which: {listed}{alone}."
-    if len(chances) == 1:
-        return f"These runs cannot tell whether it is {listed}{alone or ' or something else'}."
-    return f"These runs cannot tell which it is: {listed}{alone}."
-
-
-def _chances(result: Result) -> list[tuple[str, float]]:
-    """Possible causes of the 95 % set, most probable first, with their shares."""
-    causes = [n for n in result.set95 if n not in ("none", "model_form")]
-    return [(n, result.probabilities.get(n, 0.0)) for n in causes][:MOST_RIVALS]
-
-
-def _leader(result: Result) -> Effect | None:
-    """The first of several possible causes where it is more probable than all else together, has a size, and
-    lacks probability alone."""
-    chances = _chances(result)
-    name, p = chances[0] if chances else ("", 0.0)
-    if result.rule not in LACKS_PROBABILITY or not p > EVEN_ODDS:
-        return None
-    rest = len(chances) > 1 or {"none", "model_form"} & set(result.set95)
-    return next((e for e in result.effects if rest and e.name == name and e.parameters), None)
-
-
-def _outside(name: str) -> str:
-    return "something not on the list" if name == "outside" else in_words(name)
 
 
 def _like(result: Result) -> str:
@@ -384,7 +316,7 @@ def _certainty(result: Result) -> tuple[str, ...]:
                 f"Of names with a probability below {SURE_PROBABILITY:.2f} one in twelve was wrong on "
                 "withheld trials, of those above one in thirty."
             )
-    first = _leader(result) if result.verdict == "ambiguous" else None
+    first = leading_cause(result) if result.verdict == "ambiguous" else None
     if first is not None and (sizes := intervals(first)):
         out.append(f"If it is {in_words(first.name)}: {', '.join(sizes)}.")
     other = rivals(result)

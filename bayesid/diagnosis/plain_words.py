@@ -15,6 +15,7 @@ import re
 from collections.abc import Callable
 from typing import NamedTuple
 
+from bayesid.diagnosis.hypotheses.sensitivity_bank import EVERY
 from bayesid.diagnosis.result_parts import Effect
 
 _PLACE = re.compile(r"\{([^{}:]+):([^{}:]+)(?::([^{}:]*):([^{}:]*))?\}")
@@ -34,6 +35,7 @@ _UNITS = {
     "L/U": (1.0, " hull lengths of travel"),
     "-": (1.0, ""),
 }
+TIMES = {3.0: "three", 10.0: "ten"}
 UNLIMITED = 1e5  # degrees, or degrees a second, from which a limit is none
 Z95 = 1.96
 
@@ -164,3 +166,16 @@ def _place(effect: Effect, m: re.Match[str]) -> str:
     if unit.startswith(("+", "-")) and len(unit) > 1:
         return f"{size if unit[0] == '+' else -size:+.2g}{words}"
     return f"{_told(whole, size)}{words}"
+
+
+def in_words(name: str) -> str:
+    """Name of an effect, or of a coefficient that may be wrong (`coefficient_error:N_r`), as prose has it."""
+    kind, _, coefficient = name.partition(":")
+    if coefficient in EVERY:
+        return f"coefficients {TIMES[EVERY[coefficient]]} times further off than the vehicle file says"
+    return kind.replace("_", " ") + (f" of {coefficient}" if coefficient else "")
+
+
+def lowered(text: str) -> str:
+    """The text with a small first letter."""
+    return text[0].lower() + text[1:]

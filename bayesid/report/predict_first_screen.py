@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from bayesid.diagnosis.answer import in_words
-from bayesid.diagnosis.plain_words import number
+from bayesid.diagnosis.plain_words import in_words, number
 from bayesid.diagnosis.run_errors import WORSE, name_of_run
 from bayesid.measures.angle_errors import turns_note
 from bayesid.prediction.prediction import Prediction

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from bayesid.diagnosis.answer import in_words
 from bayesid.diagnosis.hypotheses.rules import NAMING
+from bayesid.diagnosis.plain_words import in_words
 from bayesid.diagnosis.summary import unsigned_zeros
 from bayesid.report.diagnosis.holdout import record_as_given, record_label
 from bayesid.report.writer import Block, Section, Table, Text, literal

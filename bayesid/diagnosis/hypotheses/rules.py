@@ -22,9 +22,9 @@ WORDS: tuple[Word, ...] = (
 # Words that name an effect.
 NAMING: tuple[Word, ...] = ("effect", "effect_with_remainder", "several")
 TURNS_BY_ITSELF = "turns by itself"
-UNSURE, NONE_LEFT = "unsure effect", "none not excluded"
+UNSURE, NONE_LEFT, NONE_SURE = "unsure effect", "none not excluded", "several, none sure"
 # Rules by which the first of several explanations lacks probability and nothing else.
-LACKS_PROBABILITY = (UNSURE, NONE_LEFT)
+LACKS_PROBABILITY = (UNSURE, NONE_LEFT, NONE_SURE)
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,7 @@ RULES: tuple[Rule, ...] = (
         f"several effects are each needed, and each acts with at least {NAMING_PROBABILITY:.0%}",
     ),
     Rule(
-        "several, none sure",
+        NONE_SURE,
         lambda f: f.effects > 1 and f.sure == 0,
         "ambiguous", "rivals", "all",
         f"several effects explain most together, and none of them acts with {NAMING_PROBABILITY:.0%}",

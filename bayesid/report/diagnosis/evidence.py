@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from bayesid.diagnosis.answer import Answer, as_given, in_words
-from bayesid.diagnosis.plain_words import number, sentence
+from bayesid.diagnosis.answer import Answer, as_given
+from bayesid.diagnosis.plain_words import in_words, number, sentence
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import Effect
 from bayesid.diagnosis.run_errors import against_given, error_rows, name_of_run, still_missed, whole_turns

@@ -5,7 +5,7 @@ Takes a `Result`. Does not compute.
 
 from __future__ import annotations
 
-from bayesid.diagnosis.answer import in_words
+from bayesid.diagnosis.plain_words import in_words
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import ModelFormPart
 from bayesid.report.writer import Block, Section, Table, Text, literal

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from bayesid.diagnosis.answer import in_words
+from bayesid.diagnosis.plain_words import in_words
 
 __all__ = ["IN_DEGREES", "arrival_words", "in_words"]
 
