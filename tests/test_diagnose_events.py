@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import lru_cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -128,6 +129,7 @@ def test_only_what_an_event_spoiled_is_left_out():
 def test_a_motion_nothing_explains_is_a_gap_and_a_sensor_fault_is_not():
     quiet = Verdict("none", (), ("none",), (), ())
     events = case("remus100", "freeze")[2]
-    assert verdict_with(quiet, events).word == "none"
-    assert verdict_with(quiet, (replace(events[0], kind="motion"),)).word == "outside"
-    assert verdict_with(quiet, ()) is quiet
+    rest = SimpleNamespace(gain=0.0, carried=0.0)
+    assert verdict_with(quiet, events, rest).word == "none"
+    assert verdict_with(quiet, (replace(events[0], kind="motion"),), rest).word == "outside"
+    assert verdict_with(quiet, (), rest) is quiet

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -251,11 +252,47 @@ def test_what_the_coefficients_can_hide_is_named_where_it_is_sure_that_they_do_n
 
 def test_a_motion_nothing_explains_is_a_gap_whatever_the_coefficients_do():
     event = Event("r1", 10.0, 16.0, "delta_r", "motion", 30.0, 200.0)
-    for word, after in (("none", "outside"), ("coefficients", "outside"), ("effect", "effect")):
+    much = SimpleNamespace(gain=500.0, carried=0.0)
+    for word, after in (
+        ("none", "outside"),
+        ("coefficients", "outside"),
+        ("effect", "effect_with_remainder"),
+    ):
         before = verdict.Verdict(word, (), ("none",), (), ())
-        assert verdict_with(before, (event,)).word == after
+        assert verdict_with(before, (event,), much).word == after
     unsure = verdict.Verdict("ambiguous", (), ("outside",), (), ())
-    assert verdict_with(unsure, (event,)).word == "outside"
+    assert verdict_with(unsure, (event,), much).word == "outside"
+
+
+@pytest.mark.parametrize(
+    ("word", "gain", "carried", "after"),
+    [
+        ("effect", 199.0, 0.0, "outside"),
+        ("effect", 201.0, 0.0, "effect_with_remainder"),
+        ("effect", 199.0, 50.0, "effect_with_remainder"),  # a form may carry a part of the motion
+        ("ambiguous", 199.0, 0.0, "outside"),
+        ("ambiguous", 201.0, 0.0, "ambiguous"),
+        ("several", 201.0, 0.0, "several"),
+        ("effect_with_remainder", 199.0, 0.0, "outside"),
+    ],
+)
+def test_an_effect_that_explains_less_than_a_motion_nothing_explains_is_possible_and_not_named(
+    word, gain, carried, after
+):
+    """A rudder that stuck for six seconds was worth 102 nats, the cubic damping that was named 11."""
+    motion = Event("r1", 10.0, 16.0, "delta_r", "motion", 30.0, 200.0)
+    before = verdict.Verdict(word, ("a",), ("a", "outside", "b"), (), ())
+    found = verdict_with(before, (motion,), SimpleNamespace(gain=gain, carried=carried))
+    assert found.word == after and "left out as events" in found.reasons[-1]
+    if after == "outside":
+        assert found.effects == () and found.set95 == ("outside", "a", "b")
+    else:
+        assert (found.effects, found.set95) == (before.effects, before.set95)
+    # the control: readings that were wrong for a while are no motion
+    sensor = verdict_with(
+        before, (replace(motion, kind="sensor"),), SimpleNamespace(gain=gain, carried=carried)
+    )
+    assert sensor.word == word
 
 
 def test_a_named_cause_puts_the_gap_where_it_acts_and_an_unknown_one_where_a_free_signal_says():

@@ -8,10 +8,11 @@ import pytest
 from diagnosis_results import RESULT, a_result, draws
 
 from bayesid.diagnosis.answer import answer, explained_words
+from bayesid.diagnosis.data.event import Event
 from bayesid.diagnosis.evidence.effect_draws import warning
 from bayesid.diagnosis.evidence.replay import Replay
 from bayesid.diagnosis.failed_checks import NO_MODEL, failures
-from bayesid.diagnosis.hypotheses.rules import NONE_SURE, TURNS_BY_ITSELF, UNSURE
+from bayesid.diagnosis.hypotheses.rules import MOTION_EVENT, NONE_SURE, TURNS_BY_ITSELF, UNSURE
 from bayesid.diagnosis.plain_words import in_words, intervals, sentence
 from bayesid.diagnosis.result_parts import Effect, ModelFormPart, Moved, Refit, Retuning, RunError, Value
 from bayesid.diagnosis.size_names import contract, declared_sizes
@@ -451,6 +452,22 @@ def test_the_likeliest_of_several_causes_is_told_with_its_size(set95, probabilit
     ):
         assert answer(other).headline.startswith("These runs cannot tell")
         assert not any(line.startswith("If it is") for line in answer(other).certainty)
+
+
+def test_the_headline_says_when_the_vehicle_moved_as_nothing_known_explains():
+    motion = Event("r3", 63.1, 64.0, "X+Y+N", "motion", 11.8, 101.8)
+    alone = a_result(
+        "outside", (), (), set95=("outside", "cubic_damping"), rule=MOTION_EVENT, events=(motion,)
+    )
+    said = "No known effect explains how the vehicle moves in r3 from 63.1 to 64.0 s."
+    assert answer(alone).headline == f"{said} What the rest of the runs may have: cubic damping."
+    assert answer(replace(alone, set95=("outside",))).headline == said
+    named = replace(a_result("effect_with_remainder"), events=(motion, replace(motion, kind="sensor")))
+    told = answer(named).headline
+    assert told.endswith(" Nor does anything known explain how the vehicle moves in r3 from 63.1 to 64.0 s.")
+    # the control: readings that were wrong are no motion
+    wrong = replace(named, events=(replace(motion, kind="sensor"),))
+    assert answer(wrong).headline.endswith("It does not explain the whole gap.")
 
 
 @pytest.mark.parametrize(

@@ -259,6 +259,8 @@ def test_a_mistaken_simulator_is_named_and_a_right_simulator_is_not(name: str) -
     row = next((r for r in planted() if r.name == name), None)
     model = _model(right if row is None else row.change(right), 3)
     compared = compare_without(model, trial)
-    verdict = verdict_with(decide(compared.problem, compared.candidates), compared.problem.events)
+    verdict = verdict_with(
+        decide(compared.problem, compared.candidates), compared.problem.events, compared.candidates
+    )
     found = [f.name for f in find_mistakes(trial, compared, verdict)]
     assert found[:1] == ([] if row is None else [row.right[0]])

@@ -18,7 +18,7 @@ from bayesid.diagnosis.failed_checks import (
     prediction_step,
     predicts_worse,
 )
-from bayesid.diagnosis.hypotheses.rules import NAMING
+from bayesid.diagnosis.hypotheses.rules import MOTION_EVENT, NAMING
 from bayesid.diagnosis.moved_words import freeing, moved_words
 from bayesid.diagnosis.plain_words import in_words, intervals, lowered, probability, sentence
 from bayesid.diagnosis.result import Result
@@ -189,7 +189,7 @@ def _headline(result: Result) -> str:
             "effect_with_remainder": " It does not explain the whole gap.",
             "several": " Each of them is needed.",
         }
-        return said + rest.get(word, "")
+        return said + rest.get(word, "") + _unexplained(result, " Nor does anything known explain how")
     if word == "none":
         return _none(result)
     if word == "coefficients":
@@ -203,11 +203,21 @@ def _headline(result: Result) -> str:
             + _like(result)
             + ("; no cause beside it can be told.")
         )
+    if result.rule == MOTION_EVENT:
+        known = [in_words(n) for n in result.set95 if n not in ("none", "outside")]
+        also = f" What the rest of the runs may have: {first_few(known, MOST_RIVALS)}." if known else ""
+        return _unexplained(result, "No known effect explains how") + also
     if word == "outside":
         place = result.where.channel
         where = f", in {PLACES.get(place, place)}" if place is not None else ""
         return f"Something acts that is not among the known effects{where}."
     return cannot_tell(result)
+
+
+def _unexplained(result: Result, said: str) -> str:
+    """When the vehicle moved as nothing known explains; nothing where it never did."""
+    times = [f"in {e.run} from {e.start:.1f} to {e.end:.1f} s" for e in result.events if e.kind == "motion"]
+    return f"{said} the vehicle moves {first_few(times, MOST_RUNS)}." if times else ""
 
 
 def _none(result: Result) -> str:

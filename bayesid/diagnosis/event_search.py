@@ -25,6 +25,7 @@ from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.form_part import beyond
 from bayesid.diagnosis.hypotheses.localisation import channel_sets, units
 from bayesid.diagnosis.hypotheses.probabilities import probabilities
+from bayesid.diagnosis.hypotheses.rules import MOTION_EVENT
 from bayesid.diagnosis.hypotheses.verdict import Verdict, simplest
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.evidence import posterior
@@ -232,7 +233,7 @@ def log_without(problem: DiagnosisProblem, run: Run, events: Sequence[Event]) ->
 
 def with_events(candidates: HypothesisComparison, events: Sequence[Event]) -> HypothesisComparison:
     """Candidates of the rest of the trial, with what events of motion say for a cause outside added."""
-    gain = beyond(sum(e.evidence for e in events if e.kind == "motion"), candidates.carried)
+    gain = _motion_gain(events, candidates)
     if gain <= candidates.evidence["outside"]:
         return candidates
     evidence = candidates.evidence | {"outside": gain}
@@ -249,16 +250,34 @@ def with_events(candidates: HypothesisComparison, events: Sequence[Event]) -> Hy
     )
 
 
-MOTION_EVENT = "motion nothing explains"
+def _motion_gain(events: Sequence[Event], rest: HypothesisComparison) -> float:
+    """What events of motion say for a cause outside, beyond what a model form carries [nats]."""
+    return beyond(sum(e.evidence for e in events if e.kind == "motion"), rest.carried)
 
 
-def verdict_with(verdict: Verdict, events: Sequence[Event]) -> Verdict:
-    """Verdict that knows of events: a motion nothing explains is a gap, though it lasted seconds only."""
+def verdict_with(verdict: Verdict, events: Sequence[Event], rest: HypothesisComparison) -> Verdict:
+    """Verdict that knows of events: a motion nothing explains is a gap, though it lasted seconds only.
+
+    It is the greater part of the gap where it says more than the effects explain, which are then no more than
+    possible; else it is what a named effect leaves.
+
+    Parameters
+    ----------
+    rest : hypotheses of the trial without the events
+    """
     if not events:
         return verdict
     listed = [f"{e.run} {e.start:.1f} to {e.end:.1f} s ({e.channel}, {e.kind})" for e in events]
     reasons = (*verdict.reasons, "left out as events: " + "; ".join(listed))
-    silent = verdict.word in ("none", "coefficients", "model_form") or verdict.set95 == ("outside",)
-    if silent and any(e.kind == "motion" for e in events):
-        return replace(verdict, word="outside", set95=("outside",), reasons=reasons, rule=MOTION_EVENT)
+    if any(e.kind == "motion" for e in events):
+        if verdict.word in ("none", "coefficients", "model_form") or verdict.set95 == ("outside",):
+            return replace(verdict, word="outside", set95=("outside",), reasons=reasons, rule=MOTION_EVENT)
+        if _motion_gain(events, rest) > rest.gain:
+            possible = (n for n in verdict.set95 if n not in ("none", "outside"))
+            return replace(
+                verdict, word="outside", effects=(), set95=("outside", *possible), reasons=reasons,
+                rule=MOTION_EVENT,
+            )  # fmt: skip
+        if verdict.word == "effect":
+            return replace(verdict, word="effect_with_remainder", reasons=reasons)
     return replace(verdict, reasons=reasons)

@@ -106,7 +106,7 @@ def diagnose(
     weighed = trial if trust_noise else with_seen_noise(trial, (model.scales["L"], model.scales["U"]))
     compared = compare_without(model, weighed, notify, as_built, seed)
     problem, candidates = compared.problem, compared.candidates
-    verdict = verdict_with(decide(problem, candidates), problem.events)
+    verdict = verdict_with(decide(problem, candidates), problem.events, candidates)
     warnings = [*weighed.warnings, *problem.warnings]
     if compared.unable is not None:
         warnings.append(compared.unable)

@@ -22,6 +22,7 @@ WORDS: tuple[Word, ...] = (
 # Words that name an effect.
 NAMING: tuple[Word, ...] = ("effect", "effect_with_remainder", "several")
 TURNS_BY_ITSELF = "turns by itself"
+MOTION_EVENT = "motion nothing explains"  # said of seconds left out, after the rules
 UNSURE, NONE_LEFT, NONE_SURE = "unsure effect", "none not excluded", "several, none sure"
 # Rules by which the first of several explanations lacks probability and nothing else.
 LACKS_PROBABILITY = (UNSURE, NONE_LEFT, NONE_SURE)

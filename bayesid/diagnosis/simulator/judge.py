@@ -308,7 +308,7 @@ def left_over(model: Model, trial: Trial, as_built: float | None, seed: int) -> 
     except BayesidError:
         return None
     c = again.candidates
-    verdict = verdict_with(decide(again.problem, c), again.problem.events)
+    verdict = verdict_with(decide(again.problem, c), again.problem.events, c)
     if verdict.word == "none":
         return Left()
     if verdict.word in ("outside", "coefficients", "model_form"):
