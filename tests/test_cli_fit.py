@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bayesid.api.inputs import names_of
 from bayesid.cli.main import run
 from bayesid.estimation.segments import in_pieces
 from bayesid.model.vehicles import load_vehicle
@@ -136,3 +137,21 @@ def test_pieces_cover_every_sample_and_leave_held_out_runs_whole(pond):
     assert set(np.concatenate([r.t for r in mine])) == set(first.t)
     held = replace(trial, runs=tuple(replace(r, role="holdout") for r in trial.runs))
     assert [r.n_samples for r in in_pieces(held, 100.0).runs] == [r.n_samples for r in trial.runs]
+
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        ("X_0,U, N_r,U ,Y_dr,eta,N_v", ["X_0,U", "N_r,U", "Y_dr,eta", "N_v"]),
+        ("N_r, U", ["N_r,U"]),
+        ("N_r,N_v,", ["N_r", "N_v"]),
+        ("a,U_x,etalon", ["a", "U_x", "etalon"]),
+    ],
+)
+def test_a_comma_within_the_name_of_a_coefficient_separates_none(text, names):
+    assert names_of(text) == names
+
+
+def test_a_name_with_a_comma_reaches_the_fit_whole(pond, capsys):
+    assert run(["fit", str(pond), *RUNS, "--fix", "N_v,N_r, U"]) == 2
+    assert "no coefficient N_r,U to keep" in capsys.readouterr().err

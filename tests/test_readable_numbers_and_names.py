@@ -33,7 +33,7 @@ def fit_that_moved(start, value, sd):
         (15.0, 9.96, "N_r +1500 ± 1000 %"),
         (0.903, 0.074, "N_r +90.3 ± 7.4 %"),
         (-1e-10, 1e-9, "N_r 0 ± less than 0.01 %"),
-        (0.5, 11.0, "N_r +50 ± more than can be told %"),
+        (0.5, 11.0, "N_r +50 % (not determined)"),
     ],
 )
 def test_how_far_a_coefficient_moves_is_written_out(change, sd, words):

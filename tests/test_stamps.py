@@ -17,8 +17,11 @@ from tests.raw_logs import motion
 DEG = np.pi / 180.0
 
 
-def log(folder, change, bundle=False):
-    """A log of which `change` makes the stamps and the rows in order of writing; its truth."""
+def log(folder, change, bundle=False, noise=0.0):
+    """A log of which `change` makes the stamps and the rows in order of writing; its truth.
+
+    noise : of the rudder in degrees
+    """
     truth = motion(np.random.default_rng(7))
     rng = np.random.default_rng(1)
     t, rows = change(truth["t"].copy(), rng)
@@ -27,7 +30,8 @@ def log(folder, change, bundle=False):
         "y[m]" if bundle else "east [m]": truth["y"][rows],
         "psi[deg]" if bundle else "heading [deg]": truth["psi"][rows] / DEG,
         "r[deg/s]": truth["r"][rows] / DEG, "u[m/s]": truth["u"][rows], "v[m/s]": truth["v"][rows],
-        "delta_r_cmd[deg]": truth["delta_r_cmd"][rows] / DEG, "n_cmd[rpm]": truth["n_cmd"][rows],
+        "delta_r_cmd[deg]": truth["delta_r_cmd"][rows] / DEG + noise * rng.standard_normal(rows.size),
+        "n_cmd[rpm]": truth["n_cmd"][rows],
     }  # fmt: skip
     folder.mkdir(exist_ok=True)
     lines = [",".join(columns)] + [
@@ -83,6 +87,24 @@ def test_the_import_tells_it(tmp_path, change):
     assert any(WORDS[change][0] in text for text in said), said
     if change in (rounded, set_back, gap):
         assert any(WORDS[change][0] in text for text in proposal.map.questions)
+
+
+def held(t, rng):
+    """Seconds lost while the rudder was held."""
+    order = motion(np.random.default_rng(7))["delta_r_cmd"]
+    ends = np.flatnonzero(np.diff(order)) + 1
+    k = int(np.argmax(np.diff(ends)))
+    middle = t[(ends[k] + ends[k + 1]) // 2]
+    rows = np.flatnonzero(np.abs(t - middle) > 2.0)
+    return t[rows], rows
+
+
+@pytest.mark.parametrize(("change", "asked"), [(held, False), (gap, True)])
+def test_noise_of_a_measured_rudder_is_no_other_rudder_after_a_gap(tmp_path, change, asked):
+    log(tmp_path / "raw", change, noise=0.05)
+    proposal = propose([tmp_path / "raw" / "log.csv"])
+    assert any("the rudder is another after it" in q for q in proposal.map.questions) == asked
+    assert asked or any("has a gap" in remark for remark in proposal.remarks)
 
 
 def pauses(t, rng):

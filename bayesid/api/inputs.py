@@ -32,6 +32,10 @@ Names: TypeAlias = "str | Iterable[str] | None"
 TrialLike: TypeAlias = "Trial | str | os.PathLike[str]"
 VehicleLike: TypeAlias = "Vehicle | str | os.PathLike[str]"
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
+# Some coefficients have a comma in their name: "N_r,U", "Y_dr,eta". It separates none.
+_ENDINGS = "|".join(sorted({re.escape(t.name.partition(",")[2]) for t in TERMS if "," in t.name}))
+_SUFFIX = re.compile(rf"\s*,\s*(?=(?:{_ENDINGS})\s*$)")
+_BETWEEN = re.compile(rf",(?!\s*(?:{_ENDINGS})\s*(?:,|$))")
 LARGEST_EFFECTS = 2**20  # bytes of a Python file of effects
 LARGEST_ANGLE = math.radians(35.0)  # largest fin angle of a manoeuvre where the vehicle states no limit
 
@@ -77,10 +81,13 @@ def model_of(
 
 
 def names_of(names: Names) -> list[str] | None:
-    """`"N_v, N_r"` or an iterable of names as a list; None stays None."""
+    """`"N_v, N_r,U"` or an iterable of names as a list, here of two; None stays None."""
     if names is None:
         return None
-    return [n.strip() for n in (names.split(",") if isinstance(names, str) else names) if n.strip()]
+    if isinstance(names, str):
+        parts = (_SUFFIX.sub(",", part) for part in _BETWEEN.split(names))
+        return [n.strip() for n in parts if n.strip()]
+    return [n.strip() for n in names if n.strip()]
 
 
 def prepared(

@@ -24,6 +24,7 @@ from bayesid.words import counted, digits, first_few
 LABELS = ("as given", "as found")
 MOST_MOVED = 4
 SAME = 1.1
+MOST_SPREAD = 10.0  # sd over the value, above which nothing is known of it
 LEAST_PERCENT = 0.01
 DEGREE = 180 / math.pi
 
@@ -97,13 +98,13 @@ def moved(found: TrialFit) -> str:
 
 
 def _percent(change: float, sd: float) -> str:
-    """ "+90.3 ± 7.4 %", "-340 ± 220 %"; what is smaller than a hundredth of a percent is none."""
-    spread = "more than can be told"
-    if math.isfinite(sd) and sd < 10:
-        spread = digits(100 * sd, 2) if 100 * sd >= LEAST_PERCENT else f"less than {LEAST_PERCENT:g}"
+    """ "+90.3 ± 7.4 %", "-340 ± 220 %", "+50 % (not determined)"; below a hundredth of a percent is none."""
     size = 100 * abs(change)
     whole = digits(size, 3) if size >= LEAST_PERCENT else "0"
     sign = "" if whole == "0" else "+" if change > 0 else "-"
+    if not (math.isfinite(sd) and sd < MOST_SPREAD):
+        return f"{sign}{whole} % (not determined)"
+    spread = digits(100 * sd, 2) if 100 * sd >= LEAST_PERCENT else f"less than {LEAST_PERCENT:g}"
     return f"{sign}{whole} ± {spread} %"
 
 

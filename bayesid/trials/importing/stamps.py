@@ -21,6 +21,8 @@ from bayesid.trials.importing.raw import RawLog
 from bayesid.trials.trial import Floats
 
 GAP, SHORTEST = 10.0, 2.0  # times the usual step, and seconds
+# Of the usual difference between successive readings: noise reaches it once in thirty thousand.
+BEYOND_NOISE = 6.0
 
 
 @dataclass(frozen=True)
@@ -109,6 +111,12 @@ def _say(draft: Draft, label: str, log: RawLog, found: Stamps) -> None:
         )
 
 
+def _unsteadiness(values: Floats) -> float:
+    """Difference of two readings of a rudder that noise or rounding may make; next to none for an order."""
+    steps = np.abs(np.diff(values[np.isfinite(values)]))
+    return max(BEYOND_NOISE * float(np.median(steps)), 1e-9) if steps.size else 1e-9
+
+
 def _ask_gaps(draft: Draft, recording: Recording, label: str, log: RawLog, found: Stamps) -> None:
     name = Path(log.path).name
     alone = len(recording.logs) == 1 and (draft.has("delta_r") or draft.has("delta_r_cmd"))
@@ -131,7 +139,7 @@ def _ask_gaps(draft: Draft, recording: Recording, label: str, log: RawLog, found
         start = at + recording.shift[label]
         before, behind = held(own, np.array([start])), held(own, np.array([start + length]))
         inside = (own[0] > start) & (own[0] < start + length)
-        if not inside.any() and abs(float(before[0] - behind[0])) > 1e-9:
+        if not inside.any() and abs(float(before[0] - behind[0])) > _unsteadiness(own[1]):
             draft.ask(
                 1,
                 f"{words}, and the rudder is another after it: what was ordered meanwhile is not known; cut "
