@@ -584,7 +584,10 @@ def test_the_command_asks_first_and_imports_the_answered_map(tmp_path, capsys):
             "[sources.log]\nfiles = 'log.csv'\n[channels]\npsi = { from = 'yaw', unit = 'kn' }",
             "unit of speed",
         ),
-        ("[sources.log]\nfiles = 'log.csv'\n[channels]\npsi = 'jaw'", "has no series 'jaw'"),
+        (
+            "[sources.log]\nfiles = 'log.csv'\n[channels]\npsi = 'jaw'",
+            "has no series 'jaw' for psi; did you mean 'yaw'",
+        ),
         ("[sources.log]\nfiles = 'other.csv'\n[channels]\npsi = 'yaw'", "matches no"),
         ("wordl = 'ned'\n[sources.log]\nfiles = 'log.csv'", "did you mean 'world'"),
         ("questions = ['which?']\n[sources.log]\nfiles = 'log.csv'", "1 question of the map is open"),

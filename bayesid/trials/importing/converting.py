@@ -75,7 +75,7 @@ def convert(
         log = recording.logs[label]
         series = log.by_name.get(name)
         if series is None and len(found.sources[label].files) > 1:
-            recording.notices.append(f"{Path(log.path).name} has no {name!r} for {role}")
+            recording.notices.append(f"{Path(log.path).name} has no {name!r} for {role}{_near(name, log)}")
             continue
         if series is None:
             problems.append(f"{Path(log.path).name}: has no series {name!r} for {role}{_near(name, log)}")
@@ -162,10 +162,9 @@ _OWN = frozenset(name for name, row in ROLES.items() if row.bare and name not in
 def _near(name: str, log: RawLog) -> str:
     import difflib
 
-    near = difflib.get_close_matches(name, [c.name for c in log.channels], n=1, cutoff=0.5)
-    return (
-        f"; did you mean {near[0]!r}?" if near else f"; it has {', '.join(c.name for c in log.channels[:8])}"
-    )
+    names = [*log.others, *log.by_name]
+    near = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+    return f"; did you mean {near[0]!r}?" if near else f"; it has {', '.join(names[:8])}"
 
 
 def at_times(series: Series, t: Floats, angle: bool = False) -> Floats:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import fnmatch
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -118,8 +118,18 @@ def open_recording(found: LogMap, files: Sequence[str], paths: Mapping[str, Path
         }
         for path in its:
             request = Request(frozenset(wanted), None, found.step, frozenset(switching))
-            logs[label] = read_log(path, found.sources[label].options, request)
+            logs[label] = _with_others(
+                read_log(path, found.sources[label].options, request), wanted, found, label
+            )
     return one_clock(logs, {k: found.sources[k].options.offset for k in logs})
+
+
+def _with_others(log: RawLog, wanted: set[str], found: LogMap, label: str) -> RawLog:
+    """The log with the names it has beside, where one that is wanted is not there: it may be misspelt."""
+    if wanted <= set(log.by_name):
+        return log
+    every = read_log(Path(log.path), found.sources[label].options, Request(None, 2))
+    return replace(log, others=tuple(n for n in every.by_name if n not in log.by_name))
 
 
 def one_clock(logs: dict[str, RawLog], offsets: Mapping[str, float]) -> Recording:

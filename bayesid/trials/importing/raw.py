@@ -91,6 +91,7 @@ class RawLog:
     world, body : axes by definition of the format ("ned"/"enu", "frd"/"flu"), None if it has none
     time_names : columns used as time
     doubts : questions about the time stamps
+    others : names of channels that were not asked for, where one that was is not there
     """
 
     path: str
@@ -109,6 +110,7 @@ class RawLog:
     label: str = ""
     thinned: int = 1
     named: bool = True
+    others: tuple[str, ...] = ()
     by_name: Mapping[str, RawChannel] = field(init=False)
 
     def __post_init__(self) -> None:
