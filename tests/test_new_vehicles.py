@@ -22,6 +22,7 @@ from bayesid.model.vehicles.new import (
     estimate,
     estimate_ship,
     from_simulator,
+    read_sheet,
     scaled,
     sheet_of,
     ship_sheet_of,
@@ -564,3 +565,17 @@ def test_a_vehicle_that_cannot_be_is_not_written(tmp_path, capsys):
     assert bayesid(["vehicle", "new", str(out), "--simulator", str(path)]) == 2
     assert "positive" in capsys.readouterr().err
     assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [("draft = 0.46", "its draft is to be called draught"), ("speed = 1.2", r"give it a draught \[m\]")],
+)
+def test_a_sheet_of_a_ship_without_its_draught_says_so(tmp_path, line, said):
+    sheet = tmp_path / "ferry.toml"
+    sheet.write_text(f"length = 7.0\nbreadth = 1.27\nmass = 3270.0\nrudder_area = 0.0539\n{line}\n")
+    with pytest.raises(VehicleError, match=f"rudder_area is of the sheet of a ship.*{said}"):
+        read_sheet(sheet)
+    # the control: a submerged body with a beam and a height of its own
+    sheet.write_text("length = 7.0\nbreadth = 1.27\nheight = 1.2\nmass = 3270.0\nspeed = 1.5\n")
+    assert read_sheet(sheet).name == "vehicle of a data sheet"

@@ -289,6 +289,11 @@ def test_all_problems_of_a_bundle_come_in_one_message(bundle):
         ("format = 1\nvehicle='../v.toml'\n[[runs]]\nfile='r1.csv'", "outside the bundle"),
         ("format = 1\nvehicle='v.toml'\n[[runs]]\nfile='r1.csv'", "vehicle 'v.toml' does not exist"),
         ("format = 1\nrudder_positive='left'\n[[runs]]\nfile='r1.csv'", "one of port, starboard"),
+        ("format = 1\nrudder_postive='port'\n[[runs]]\nfile='r1.csv'", "did you mean 'rudder_positive'"),
+        (
+            "format = 1\n[[runs]]\nfile='r1.csv'\nrol='holdout'",
+            "run 1: 'rol' is not known; did you mean 'role'",
+        ),
         ("format = 1\n[columns]\npsii='a'\n[[runs]]\nfile='r1.csv'", "did you mean 'psi'"),
         ("format = 1\n[environment]\nforce_rms=-1\n[[runs]]\nfile='r1.csv'", "zero or more"),
         ("format = [", "not valid TOML"),

@@ -25,6 +25,7 @@ from bayesid.trials.correction import read_correction
 from bayesid.trials.trial import ROLES, Environment
 
 MAX_RUNS = 10_000
+MISSPELT = 0.85  # likeness from which an unknown key is a known one, misspelt
 #: keys of trial.toml; the reader and the JSON Schema (`schema`) take names, choices and defaults from here
 KEYS: dict[str, FileKey] = {
     "format": FileKey("whole", "of the file", required=True, choices=(1,)),
@@ -120,6 +121,13 @@ class Stated:
             if key not in known:
                 near = difflib.get_close_matches(key[:40], known, n=1)
                 hint = f"; did you mean {near[0]!r}?" if near else ""
+                if (
+                    near
+                    and near[0] not in table
+                    and difflib.get_close_matches(key[:40], near, cutoff=MISSPELT)
+                ):
+                    self.problems.append(f"{place}{_short(key)} is not known{hint}")
+                    continue
                 self.warnings.append(f"trial.toml: {place}{_short(key)} is not known and ignored{hint}")
 
     def _text(self, table: dict[str, Any], key: str, place: str = "", default: str = "") -> str:

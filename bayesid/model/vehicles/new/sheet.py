@@ -6,6 +6,7 @@ Takes: a file or a dictionary of the keys of `KEYS` and a list of fins with thos
 
 from __future__ import annotations
 
+import difflib
 import math
 import os
 import tomllib
@@ -19,7 +20,8 @@ from bayesid.model.vehicles.fields import TomlTable
 from bayesid.model.vehicles.new.fins import KINDS, Fin
 from bayesid.model.vehicles.new.hull import Hull
 from bayesid.model.vehicles.new.sheet_key import Key, template_line
-from bayesid.model.vehicles.new.ship_sheet import SHIP_KEY, ShipSheet, ship_sheet_of
+from bayesid.model.vehicles.new.ship_sheet import SHIP_KEY, SHIP_KEYS, ShipSheet, ship_sheet_of
+from bayesid.words import first_few
 
 FLAT = 1.5  # breadth over height from which a hull may be that of a ship
 _SHIP = "of a ship state the draught instead of a height (bayesid vehicle new --template --ship)"
@@ -99,7 +101,17 @@ def read_sheet(path: str | os.PathLike[str], also: Mapping[str, Any] | None = No
     except ValueError as error:
         raise VehicleError(f"{path}: not valid TOML: {error}") from None
     tree = {**tree, **(also or {})}
-    return ship_sheet_of(tree, path.name) if SHIP_KEY in tree else sheet_of(tree, path.name)
+    if SHIP_KEY in tree:
+        return ship_sheet_of(tree, path.name)
+    if ship := [key for key in tree if key in SHIP_KEYS and key not in KEYS]:
+        near = difflib.get_close_matches(SHIP_KEY, [k[:40] for k in tree if k not in KEYS], n=1)
+        said = f"its {near[0]} is to be called {SHIP_KEY}" if near else f"give it a {SHIP_KEY} [m]"
+        verb = "is" if len(ship) == 1 else "are"
+        raise VehicleError(
+            f"{path.name}: {first_few(ship, 4)} {verb} of the sheet of a ship, which states a {SHIP_KEY}; "
+            f"{said}. The sheet of a submerged body has a diameter, or breadth and height"
+        )
+    return sheet_of(tree, path.name)
 
 
 def sheet_of(tree: Mapping[str, Any], where: str) -> Sheet:
