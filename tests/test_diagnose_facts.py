@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from bayesid.diagnosis.hypotheses import facts
-from bayesid.diagnosis.hypotheses.kinematic import Kinematics, given_by_roll
+from bayesid.diagnosis.hypotheses.kinematic import Kinematics, given_by_leeway, given_by_roll
 from bayesid.diagnosis.hypotheses.probabilities import FormError
 from bayesid.diagnosis.hypotheses.verdict import decide
 from bayesid.diagnosis.threshold_table import NAMING_PROBABILITY
@@ -227,6 +227,7 @@ def test_a_sensor_alone_is_not_the_cause_where_the_vehicle_turns_by_itself(
         monkeypatch.setattr(effect, "port", ports[effect.name], raising=False)
     problem.turns, problem.form = turns, object() if form else None
     stand_ins["given_by_roll"] = lambda problem, effect, table: False
+    stand_ins["given_by_leeway"] = lambda problem, effect, table: False
     stand_ins["by_kinematics"] = lambda problem, best: Kinematics(parts=dict.fromkeys(told, 50.0))
     stand_ins["_covered"] = lambda problem, comparison, best, sensors: ((), True)
     stand_ins["like_a_form"] = lambda comparison, best, model: ()
@@ -260,6 +261,7 @@ def test_causes_that_have_no_size_or_are_a_list_do_not_keep_the_rest_from_the_fo
     problem.turns, problem.form = False, object()
     stand_ins["by_kinematics"] = lambda problem, best: Kinematics()
     stand_ins["given_by_roll"] = lambda problem, effect, table: effect.name in rolls
+    stand_ins["given_by_leeway"] = lambda problem, effect, table: False
     stand_ins["_covered"] = lambda problem, comparison, best, sensors: (
         ("a",) if len(best.effects) > 1 else (),
         True,
@@ -280,3 +282,48 @@ def test_a_list_of_up_to_eight_degrees_reads_as_a_slow_gyro_in_a_planar_model(sc
     problem = SimpleNamespace(model=SimpleNamespace(dof=dof))
     assert given_by_roll(problem, gyro, {gyro.key("scale"): (scale, 1e-4)}) is list_gives_it
     assert np.cos(np.radians(8.0)) - 1.0 == pytest.approx(gyro.parameters[0].roll_from, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("bias", "channels", "form", "leeway_gives_it"),
+    [
+        (0.02, "x y psi", True, True),
+        (-0.02, "x y psi r", True, True),
+        (0.04, "x y psi", True, False),  # more than a side force pushes it aside
+        (0.0, "x y psi", True, False),
+        (0.02, "x y psi u v", True, False),  # v tells them apart
+        (0.02, "x y psi", False, False),  # the force is weighed as well there
+    ],
+)
+def test_a_small_bias_of_the_heading_reads_like_leeway(bias, channels, form, leeway_gives_it):
+    compass = next(e for e in CATALOGUE if e.name == "heading_bias")
+    problem = SimpleNamespace(form=object() if form else None, channels=tuple(channels.split()))
+    assert given_by_leeway(problem, compass, {compass.key("bias"): (bias, 1e-4)}) is leeway_gives_it
+
+
+@pytest.mark.parametrize(
+    ("best", "leeway", "word"),
+    [
+        ("ab", (), "effect_with_remainder"),  # the control: a is sure, b is not
+        ("ab", ("a",), "ambiguous"),
+        ("a", (), "effect"),
+        ("a", ("a",), "ambiguous"),
+    ],
+)
+def test_what_leeway_may_give_is_possible_and_not_named(best, leeway, word, monkeypatch):
+    inside = {"a": 0.98, "b": 0.7 if len(best) > 1 else 0.0, "none": 0.0, "outside": 0.02}
+    shares = dict.fromkeys(WORLDS[0]["p"], 0.0) | {"a": 0.98, "outside": 0.02}
+    refits = [[list(best), 90.0, 1.0, True], [["b"], 20.0, 1.0, True]]
+    more = {"idle": (), "inside": inside, "p": shares, "refits": refits, "absorbed": [0.0] * 4}
+    problem, comparison, stand_ins = world(WORLDS[0] | NAMED | more)
+    problem.turns, problem.form = False, object()
+    stand_ins["by_kinematics"] = lambda problem, best: Kinematics()
+    stand_ins["given_by_roll"] = lambda problem, effect, table: False
+    stand_ins["given_by_leeway"] = lambda problem, effect, table: effect.name in leeway
+    stand_ins["_covered"] = lambda problem, comparison, best, sensors: ((), False)
+    stand_ins["_small"] = lambda problem, comparison, best, names, share: False
+    stand_ins["like_a_form"] = lambda comparison, best, model: ()
+    for name, stand_in in stand_ins.items():
+        monkeypatch.setattr(facts, name, stand_in)
+    found = decide(problem, comparison)
+    assert found.word == word and "a" in found.set95

@@ -163,6 +163,7 @@ def test_what_kinematics_tells_of_a_sensor_holds_beside_what_is_left_elsewhere(
         monkeypatch.setattr(PROBLEM, name, value, raising=False)
     monkeypatch.setattr(facts, "_covered", lambda *more: ((), False))
     monkeypatch.setattr(facts, "given_by_roll", lambda *more: False)
+    monkeypatch.setattr(facts, "given_by_leeway", lambda *more: False)
     told = Kinematics(50.0, {"a": 50.0})
     monkeypatch.setattr(facts, "by_kinematics", lambda problem, best: told)
     v = judged(pair, {"a": 0.5, "b": 0.5}, {"a": 1.0, "b": 1.0}, left=90.0, place=channel)

@@ -38,6 +38,7 @@ _NOT_EQUATIONS = frozenset(
         "as_form",
         "planar",
         "roll_from",
+        "leeway",
         "dated",
         "shape",
     )

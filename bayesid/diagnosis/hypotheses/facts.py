@@ -27,6 +27,7 @@ from bayesid.diagnosis.hypotheses.kinematic import (
     NOTHING,
     Kinematics,
     by_kinematics,
+    given_by_leeway,
     given_by_roll,
     parameters_told,
 )
@@ -202,6 +203,11 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
     all_within = (
         together if not no_cause else _small(problem, candidates, best, {*within, *no_cause}, FORM_LEAVES)
     )
+    leeway = (
+        ()
+        if best.widens
+        else tuple(n for n in best.effects if given_by_leeway(problem, problem.model.effects[n], table))
+    )
     sure: tuple[str, ...] = ()
     if several:
         shows = left > limit.remainder
@@ -212,7 +218,7 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
         kept = [
             n
             for n in best.effects
-            if n not in off
+            if n not in (*off, *leeway)
             and n not in covered
             and (not shows or n in holds or left < MINOR_SHARE * _part(candidates, best, {n}))
         ]
@@ -238,7 +244,7 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
         effects=len(best.effects),
         widens=best.widens,
         explains=explains(best),
-        acts=acts(candidates, families, named),
+        acts=0.0 if named in leeway else acts(candidates, families, named),
         absorbed=absorbed.get(named, 0.0),
         re_tuned=probability["none"] + probability.get(COEFFICIENT_ERROR, 0.0),
         idle=bool(off),

@@ -147,3 +147,17 @@ def given_by_roll(
     """
     sizes = ((p, table.get(effect.key(p.name), (p.off, 0.0))[0]) for p in effect.parameters)
     return problem.model.dof == 3 and any(p.roll_from < size < p.off for p, size in sizes)
+
+
+def given_by_leeway(
+    problem: DiagnosisProblem, effect: Effect, table: Mapping[str, tuple[float, float]]
+) -> bool:
+    """Whether the leeway of a constant side force gives what an effect is estimated at.
+
+    Only where no reading of v tells them apart and beside a model form, where such a force is no hypothesis
+    of its own (one screw pushes a ship aside as well) and the effect would stand for it.
+    """
+    if problem.form is None or "v" in problem.channels:
+        return False
+    sizes = ((p, table.get(effect.key(p.name), (p.off, 0.0))[0]) for p in effect.parameters)
+    return any(0.0 < abs(size - p.off) < p.leeway for p, size in sizes)

@@ -49,7 +49,8 @@ class EffectParameter:
     or "rho*L**2*U**2/2" that turns it into `unit`. `off` is the value at which the effect is absent and
     `mean` the centre of the prior (they differ only for shape parameters whose amplitude partner is zero when
     off). Outside `low` to `high`, in units of `scale` as well, it is not this effect: no probability goes
-    there. A planar model cannot tell values from `roll_from` to `off` from a list or heel it leaves out.
+    there. A planar model cannot tell values from `roll_from` to `off` from a list or heel it leaves out, and
+    without a reading of v none tells values up to `leeway` to either side from that of a constant side force.
     `assumed` is the relative standard deviation that constants assumed in the form (areas nobody declared)
     add to the size that is told; the force itself is known better. `dated` is a time of every run from which
     the effect acts: nothing tells it while the effect is off, so a screen tries several, and the effect has
@@ -67,6 +68,7 @@ class EffectParameter:
     low: float = -math.inf
     high: float = math.inf
     roll_from: float = 0.0
+    leeway: float = 0.0
     assumed: float = 0.0
     dated: bool = False
     shape: bool = False

@@ -3,6 +3,8 @@
 from bayesid.model.effects.declare import Effect, EffectParameter
 
 _DEG = 0.017453292519943295
+# Of twice the usual side force of something out of line (6e-4 of 1/2 rho L^2 U^2) at a sway damping of .02.
+_LEEWAY = 0.03  # rad
 
 EFFECTS = (
     Effect(
@@ -13,7 +15,13 @@ EFFECTS = (
         where=("psi",),
         parameters=(
             EffectParameter(
-                "bias", "rad", 2 * _DEG, low=-30 * _DEG, high=30 * _DEG, about="added to the true heading"
+                "bias",
+                "rad",
+                2 * _DEG,
+                low=-30 * _DEG,
+                high=30 * _DEG,
+                leeway=_LEEWAY,
+                about="added to the true heading",
             ),
         ),
         sensor={"psi": "psi + bias"},
