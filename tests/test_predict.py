@@ -37,7 +37,7 @@ from bayesid.prediction.intervals import (
 )
 from bayesid.prediction.prediction import Prediction, predict_manoeuvre, predict_run
 from bayesid.progress import Progress
-from bayesid.report.predict_first_screen import band_text, beside, headline
+from bayesid.report.predict_first_screen import band_text, beside, headline, mean_until
 from bayesid.simulation import observe, plan_run, simulate, steady_start
 from bayesid.trials import Run, window, write_trial
 
@@ -326,10 +326,12 @@ def test_a_heading_left_open_takes_the_track_and_leaves_the_measures(tmp_path):
         if lost:
             since = row["heading_open_from"]
             assert since > 10.0 and (high - low)[p.t - p.t[0] < since].max() <= 2 * np.pi
+            assert mean_until(replace(p, centres=())) == since
             said = f"not predicted for turn:10 from {since:.0f} s on"
             assert any(said in text and "they hold" in text for text in found.report().failures)
         else:
             assert row["heading_open_from"] is None and "not predicted for" not in found.summary()
+            assert mean_until(replace(p, centres=())) == np.inf
         assert "Nothing is predicted" not in found.summary()
         assert "tactical diameter of" in found.summary().splitlines()[0]
         unmeasured = [row | {"measures": []}]

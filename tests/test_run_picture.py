@@ -69,3 +69,13 @@ def test_the_caption_names_the_panels_that_are_drawn():
         "Left: track, begun at the ring. Right: heading, speed ahead and yaw rate over time."
     )
     assert len(run_picture.over_time(nothing).axes) == 3 == len(run_picture.over_time(logged).axes)
+
+
+@pytest.mark.parametrize(("known", "samples"), [(40.0, 81), (np.inf, 201)])
+def test_no_track_is_drawn_beyond_where_the_heading_is_known(known, samples):
+    shown = RunPicture(
+        T, ("x", "y", "psi"), np.full(LOG.shape, np.nan), (Series("predicted", BEST, LOG, known),)
+    )
+    lines = {line.get_label(): line for line in run_picture.track(shown).axes[0].lines}
+    assert lines["predicted"].get_xdata().size == samples
+    plt.close("all")

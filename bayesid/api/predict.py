@@ -259,7 +259,8 @@ class PredictResult(Result):
             run = _run(self.trial, p.name)
             noise = None if run is None else p.sensor_noise(self.numbers["seed"])
             band = p.band(LEVEL, noise)
-            drawn = bands(p.t, p.channels, p.told, *band, None if run is None else run.data, p.lead)
+            read, until = None if run is None else run.data, first_screen.mean_until(p)
+            drawn = bands(p.t, p.channels, p.told, *band, read, p.lead, until)
             line = first_screen.AS_GIVEN if p.centres else "mean"
             caption = (
                 f"Left: predicted track ({line}). Right: the same (line) and 95 % band of every other "

@@ -14,6 +14,7 @@ import numpy as np
 from bayesid.diagnosis.plain_words import in_words, number
 from bayesid.diagnosis.run_errors import WORSE, name_of_run
 from bayesid.measures.angle_errors import turns_note
+from bayesid.prediction.intervals import open_from
 from bayesid.prediction.prediction import Prediction
 from bayesid.report import run_picture
 from bayesid.report.prediction_checks import LEVEL, MEASURED
@@ -272,6 +273,8 @@ def first_blocks(trial: Trial, predictions: Sequence[Prediction], rows: Sequence
     )
     if p.orders is not None and not p.centres:
         band += " The line is their mean: where they swing out of step, each of them swings further."
+    if math.isfinite(mean_until(p)):
+        band += f" The predicted track ends at {mean_until(p):.0f} s, from when on the heading is open."
     blocks.append(
         Row(
             (
@@ -292,10 +295,17 @@ def picture_of(p: Prediction, run: Run | None) -> run_picture.RunPicture:
         for j, channel in enumerate(p.channels):
             if channel in run.data:
                 readings[:, j] = run.data[channel]
-    series = [run_picture.Series("predicted", run_picture.BEST, p.told)]
+    series = [run_picture.Series("predicted", run_picture.BEST, p.told, mean_until(p))]
     if p.given is not None:
         series.insert(0, run_picture.Series("as given", run_picture.GIVEN, p.given))
     return run_picture.RunPicture(p.t, p.channels, readings, tuple(series), p.lead, half, p.draws)
+
+
+def mean_until(p: Prediction) -> float:
+    """Time from the start [s] up to which a mean of the draws is a track: where headings go all ways, it is
+    none that a vehicle could sail."""
+    known = None if p.centres else open_from(p)
+    return math.inf if known is None else known
 
 
 def _half_width(p: Prediction, noisy: bool) -> np.ndarray:

@@ -27,6 +27,7 @@ def bands(
     high: Array,
     readings: Mapping[str, Array] | None = None,
     lead: float = 0.0,
+    known: float = np.inf,
 ) -> Any:
     """Track on the left, channels over time on the right; the part read to begin on the track is shaded.
 
@@ -35,6 +36,7 @@ def bands(
     mean, low, high : (n, c) SI
     readings : channel -> (n,) SI
     lead : seconds whose readings were used
+    known : time from the start [s] after which the heading is not known; no track is drawn beyond
     """
     keep = np.unique(np.linspace(0, t.size - 1, min(t.size, MOST_POINTS)).astype(int))
     readings = {name: values[keep] for name, values in (readings or {}).items()}
@@ -49,7 +51,8 @@ def bands(
     if len(position) == 2:
         if {"x", "y"} <= set(readings):
             plan.plot(readings["y"], readings["x"], ".", color=MEASURED, markersize=2, label="measured")
-        plan.plot(mean[:, position[1]], mean[:, position[0]], color=FITTED, label="predicted mean")
+        sure = t - t[0] <= known
+        plan.plot(mean[sure, position[1]], mean[sure, position[0]], color=FITTED, label="predicted mean")
         track_axes(plan)
         plan.legend(ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0))  # above: tracks go anywhere
     else:

@@ -30,11 +30,15 @@ BEST: dict[str, Any] = {"color": FITTED, "linestyle": "-", "linewidth": 1.2}
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """One simulation: label, style of its line, (n, q) values SI, nan where it diverges."""
+    """One simulation: label, style of its line, (n, q) values SI, nan where it diverges.
+
+    `known` is the time from the start [s] after which its heading is not known: no track is drawn beyond.
+    """
 
     label: str
     style: dict[str, Any]
     values: Array
+    known: float = np.inf
 
     @property
     def ends(self) -> bool:
@@ -123,7 +127,8 @@ def track(p: RunPicture) -> Any:
     if p.draws is not None:
         for one in p.draws[:MOST_TRACKS]:
             axes.plot(one[keep, y], one[keep, x], color=COLOURS["sky"], alpha=0.35, linewidth=0.7, zorder=0)
-    seen = p.readings[keep] if p.logged("x", "y") else p.last.values[keep]
+    until = p.t[keep] - p.t[0]
+    seen = p.readings[keep] if p.logged("x", "y") else p.last.values[keep][until <= p.last.known]
     low, high = np.nanmin(seen, axis=0), np.nanmax(seen, axis=0)
     room = 0.6 * max(high[x] - low[x], high[y] - low[y], 1e-6)
     if p.logged("x", "y"):
@@ -132,7 +137,7 @@ def track(p: RunPicture) -> Any:
         z = s.values[keep]
         inside = (
             (z[:, x] > low[x] - room) & (z[:, x] < high[x] + room)
-            & (z[:, y] > low[y] - room) & (z[:, y] < high[y] + room)
+            & (z[:, y] > low[y] - room) & (z[:, y] < high[y] + room) & (until <= s.known)
         )  # fmt: skip
         out = np.flatnonzero(~inside)
         end = out[0] if out.size else len(z)
