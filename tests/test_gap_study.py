@@ -125,9 +125,10 @@ def test_terms_of_the_regression_fall_where_the_diagnosis_leaves_nothing():
 
 
 def test_the_lead_counts_one_gap_and_several_in_words_that_fit():
-    assert _score(["wrong name"]) == "Outcome of the planted gap: wrong name."
-    assert _score(["right", "in part", "wrong name"]).startswith(
-        "Of the 3 planted gaps 1 came out right and 1"
+    rows = [row_of("effect", ("wind",), "effect", ("wind",), ("wind",))]
+    assert _score(["wrong name"], rows) == "The planted gap (wind) came out so: wrong name."
+    assert "Of the 3 planted gaps 1 came out right and 1" in _score(
+        ["right", "in part", "wrong name"], 3 * rows
     )
 
 

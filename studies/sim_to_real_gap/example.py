@@ -11,6 +11,7 @@ import numpy as np
 from bayesid.analysis.excitation import excite
 from bayesid.benchmark.plant import truth
 from bayesid.benchmark.plant.example import NAME, example_campaign
+from bayesid.diagnosis.answer import answer
 from bayesid.diagnosis.diagnosed_file import write_diagnosed
 from bayesid.diagnosis.diagnosed_model import DiagnosedModel, WeightedHypothesis, diagnosed_model_of
 from bayesid.diagnosis.run import Diagnosis, diagnose
@@ -41,12 +42,13 @@ def example(out: Path, seed: int, progress: Progress, draws: int = DRAWS) -> dic
     runs = [predicted(run, d, found, seed, draws) for run in trial.holdout]
     with progress.stage("excitation of the example"):
         excited = excite(model, trial.identify, trial.noise, draws=min(draws, EXCITE), seed=seed)
-    answer = truth(example_campaign(), NAME)
+    planted, told = truth(example_campaign(), NAME), answer(d.result)
     return {
+        "said": (told.headline, told.outcome),
         "found": record | {"limit": d.result.thresholds.remainder},
-        "truth": answer,
+        "truth": planted,
         "runs": runs,
-        "coefficients": coefficients(d, answer),
+        "coefficients": coefficients(d, planted),
         "excitation": {
             "rows": term_rows(excited, vehicle=model.vehicle),
             "finding": finding(excited),

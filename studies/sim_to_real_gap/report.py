@@ -22,13 +22,14 @@ def gap_report(parts: Mapping[str, Any]) -> Report:
     rows = parts["planted"]
     judged = [judge(row) for row in rows]
     measured = "delphin2" in parts or bool(parts.get("more"))
-    followed = "one in full" + (", measured ones whose cause nobody planted," if measured else "")
+    others = ", measured ones whose cause nobody planted" if measured else ""
     many = f"{len(rows)} gaps" if len(rows) != 1 else "one gap"
     lead = (
-        f"**{_score(judged)}** A simulator and a log disagree; this study follows such gaps to their cause: "
-        f"{followed} and {many} planted by an independent plant. The "
-        "plant shares no code with the diagnosed model; the diagnosis saw orders, noisy readings and the "
-        "nominal vehicle, and read held-out runs after its verdict."
+        f"**{' '.join(parts['example']['said'])}**\n\n"
+        "That is what `bayesid diagnose` says of a log of a small vehicle that comes with the package: a gap "
+        f"between simulator and log, followed to its cause below{others}, and {many} planted beside it. "
+        "Plants share no code with the diagnosed model; a diagnosis saw orders, noisy readings and the nominal "
+        f"vehicle, and read held-out runs after its verdict. {_score(judged, rows)}"
     )
     failures = [words] if (words := lost_words(parts.get("lost", ()))) else []
     sections = [
@@ -40,12 +41,12 @@ def gap_report(parts: Mapping[str, Any]) -> Report:
     return Report("From a gap to its cause", lead, sections, failures)
 
 
-def _score(judged: Sequence[str]) -> str:
+def _score(judged: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> str:
     """How the planted gaps came out, in a sentence for any number of them."""
     if len(judged) == 1:
-        return f"Outcome of the planted gap: {judged[0]}."
+        return f"The planted gap ({_planted(rows[0])}) came out so: {judged[0]}."
     right, wrong = judged.count("right"), judged.count("wrong name")
-    return f"Of the {len(judged)} planted gaps {right} came out right and {wrong} got a wrong name."
+    return f"**Of the {len(judged)} planted gaps {right} came out right and {wrong} got a wrong name.**"
 
 
 def planted_section(rows: Sequence[Mapping[str, Any]], judged: Sequence[str]) -> Section:
