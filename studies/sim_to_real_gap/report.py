@@ -28,8 +28,8 @@ def gap_report(parts: Mapping[str, Any]) -> Report:
         f"**{' '.join(parts['example']['said'])}**\n\n"
         "That is what `bayesid diagnose` says of a log of a small vehicle that comes with the package: a gap "
         f"between simulator and log, followed to its cause below{others}, and {many} planted beside it. "
-        "Plants share no code with the diagnosed model; a diagnosis saw orders, noisy readings and the nominal "
-        f"vehicle, and read held-out runs after its verdict. {_score(judged, rows)}"
+        "Plants share no code with the diagnosed model; a diagnosis saw orders, noisy readings and the "
+        f"nominal vehicle, and read held-out runs after its verdict. {_score(judged, rows)}"
     )
     failures = [words] if (words := lost_words(parts.get("lost", ()))) else []
     sections = [
