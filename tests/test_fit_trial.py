@@ -127,6 +127,7 @@ def test_a_vehicle_that_cannot_follow_a_run_is_shown_as_missing(found, trial):
 def test_of_a_search_that_did_not_converge_no_prediction_is_recommended(found):
     unfinished = replace(found, fit=replace(found.fit, status="stalled"))
     assert "Do not predict with THIS_FOLDER: its search did not converge." in next_steps(unfinished)
+    assert "`--free`" in next_steps(unfinished)[0] and "`--pieces SECONDS`" in next_steps(unfinished)[0]
 
 
 def test_what_the_data_leave_open_has_the_spread_of_its_bounds_and_the_rest_its_own():

@@ -113,6 +113,11 @@ def _verdict_words(found: TrialFit) -> str:
 def next_steps(found: TrialFit, model_written: bool = True) -> list[str]:
     """What to do with this fit; `model_written` where `bayesid predict` finds its model."""
     out = []
+    if not found.fit.converged:
+        out.append(
+            f"To end the search, free fewer than these {counted(found.fit.n_params, 'coefficient')} (`--free`; those "
+            "of sway, yaw and rudder first, then more from there), or fit pieces of runs (`--pieces SECONDS`)."
+        )
     if any(d.decided_by != "prior" for d in found.fit.flat):
         out.append(
             "Keep what is known (`--free`, `--fix`), or run a manoeuvre that tells: `bayesid design BUNDLE`."
