@@ -115,8 +115,8 @@ def next_steps(found: TrialFit, model_written: bool = True) -> list[str]:
     out = []
     if not found.fit.converged:
         out.append(
-            f"To end the search, free fewer than {found.fit.n_params} coefficients (`--free`; those of sway, yaw "
-            "and rudder first, then more from there), or fit pieces of the runs (`--pieces SECONDS`)."
+            f"To end the search, free fewer than {found.fit.n_params} coefficients (`--free`; those of sway, "
+            "yaw and rudder first, then more from there), or fit pieces of the runs (`--pieces SECONDS`)."
         )
     if any(d.decided_by != "prior" for d in found.fit.flat):
         out.append(
