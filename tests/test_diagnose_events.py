@@ -129,7 +129,8 @@ def test_only_what_an_event_spoiled_is_left_out():
 def test_a_motion_nothing_explains_is_a_gap_and_a_sensor_fault_is_not():
     quiet = Verdict("none", (), ("none",), (), ())
     events = case("remus100", "freeze")[2]
-    rest = SimpleNamespace(gain=0.0, carried=0.0)
+    none = SimpleNamespace(effects=(), log_evidence=0.0)
+    rest = SimpleNamespace(best=none, refits=(), none=none, carried=0.0)
     assert verdict_with(quiet, events, rest).word == "none"
     assert verdict_with(quiet, (replace(events[0], kind="motion"),), rest).word == "outside"
     assert verdict_with(quiet, (), rest) is quiet

@@ -69,6 +69,7 @@ def test_facts_and_verdict_are_those_of_the_code_the_campaigns_were_scored_with(
     expected = w["expected"]
     without_form = {
         "turns_beside": False,
+        "leeway": False,
         "form": False,
         "of_motion": False,
         "covered": False,

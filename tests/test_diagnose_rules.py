@@ -21,7 +21,7 @@ PLAIN = Facts(
     gain=50.0, gain_by_chance=4.0, free=30.0, free_by_chance=19.0, left=2.0, conflict=0.5,
     conflict_by_chance=3.5, none=0.0, outside=0.04, undetectable=0.0, none_in_set=False, effects=1,
     widens=False, explains=True, acts=0.96, absorbed=0.2, re_tuned=0.5, idle=False,
-    turns_beside=False, sure=0,
+    turns_beside=False, leeway=False, sure=0,
     form=False, of_motion=False, covered=False, others_covered=False, runs_refute=False,
     runs_disagree=False,
 )  # fmt: skip
@@ -103,6 +103,9 @@ CASES = [
     ("turns by itself", replace(PLAIN, turns_beside=True, left=25.0), {
         "turns_beside": (False, "effect with a remainder"), "idle": (True, "effect without size"),
         "acts": (NAMING_PROBABILITY - TINY, "unsure effect")}),
+    ("leeway reads the same", replace(PLAIN, leeway=True, left=25.0), {
+        "leeway": (False, "effect with a remainder"),
+        "acts": (NAMING_PROBABILITY - TINY, "unsure effect")}),
     ("effect with a remainder", replace(PLAIN, left=19 + TINY), {"left": (19.0, "effect")}),
     ("effect with a remainder", replace(PLAIN, runs_disagree=True), {"runs_disagree": (False, "effect")}),
     ("effect with a remainder", replace(PLAIN, explains=False), {"explains": (True, "effect")}),
@@ -152,6 +155,7 @@ SAID = {
     "no size beside a model form": ("model_form", (), ()),
     "effect without size": ("ambiguous", ("a", "b"), ()),
     "turns by itself": ("ambiguous", ("a", "b"), ()),
+    "leeway reads the same": ("ambiguous", ("a", "b"), ()),
     "effect with a remainder": ("effect_with_remainder", ("a",), ()),
     "effect": ("effect", ("a",), ()),
 }

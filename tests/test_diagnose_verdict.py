@@ -251,9 +251,22 @@ def test_what_the_coefficients_can_hide_is_named_where_it_is_sure_that_they_do_n
     assert judged(alone, unsure, absorbed="a", as_built=True).word == "ambiguous"
 
 
+def the_rest(gain, carried=0.0):
+    """Hypotheses of a trial without its events."""
+    best = SimpleNamespace(effects=("a",), log_evidence=gain)
+    return SimpleNamespace(best=best, refits=(best,), none=SimpleNamespace(log_evidence=0.0), carried=carried)
+
+
+def test_a_motion_leaves_a_cause_outside_the_list_as_it_is():
+    motion = Event("r1", 10.0, 16.0, "delta_r", "motion", 30.0, 200.0)
+    before = verdict.Verdict("outside", (), ("outside",), (), (), "unlisted cause")
+    found = verdict_with(before, (motion,), the_rest(50.0))
+    assert replace(found, reasons=()) == before and "left out as events" in found.reasons[-1]
+
+
 def test_a_motion_nothing_explains_is_a_gap_whatever_the_coefficients_do():
     event = Event("r1", 10.0, 16.0, "delta_r", "motion", 30.0, 200.0)
-    much = SimpleNamespace(gain=500.0, carried=0.0)
+    much = the_rest(500.0)
     for word, after in (
         ("none", "outside"),
         ("coefficients", "outside"),
@@ -283,16 +296,15 @@ def test_an_effect_that_explains_less_than_a_motion_nothing_explains_is_possible
     """A rudder that stuck for six seconds was worth 102 nats, the cubic damping that was named 11."""
     motion = Event("r1", 10.0, 16.0, "delta_r", "motion", 30.0, 200.0)
     before = verdict.Verdict(word, ("a",), ("a", "outside", "b"), (), ())
-    found = verdict_with(before, (motion,), SimpleNamespace(gain=gain, carried=carried))
-    assert found.word == after and "left out as events" in found.reasons[-1]
+    found = verdict_with(before, (motion,), the_rest(gain, carried))
+    assert found.word == after and "left out as events" in found.reasons[-2]
+    assert f"the best explanation of the rest +{gain:.1f}" in found.reasons[-1]
     if after == "outside":
         assert found.effects == () and found.set95 == ("outside", "a", "b")
     else:
         assert (found.effects, found.set95) == (before.effects, before.set95)
     # the control: readings that were wrong for a while are no motion
-    sensor = verdict_with(
-        before, (replace(motion, kind="sensor"),), SimpleNamespace(gain=gain, carried=carried)
-    )
+    sensor = verdict_with(before, (replace(motion, kind="sensor"),), the_rest(gain, carried))
     assert sensor.word == word
 
 

@@ -15,6 +15,7 @@ from bayesid.diagnosis.hypotheses.probabilities import (
     of_causes,
     probabilities,
     rows,
+    several_act,
     weights,
 )
 from bayesid.diagnosis.threshold_table import (
@@ -89,6 +90,20 @@ def test_what_a_shape_of_a_form_has_in_company_is_its_causes():
     # shares by evidence may leave a shape less than its equal part: no mass is made
     less = of_causes({"a": 0.99, "form": 0.01}, {("a", "form"): 1.0}, ("form",))
     assert less == pytest.approx({"a": 1.0, "form": 0.0})
+
+
+def test_several_act_where_two_causes_do_and_a_shape_of_a_form_is_none():
+    sets = {
+        ("none",): 0.1,
+        ("a",): 0.3,
+        ("a", "form"): 0.2,
+        ("a", "b"): 0.15,
+        ("a", "b", "form"): 0.05,
+        ("outside",): 0.2,
+    }
+    assert several_act(sets, ("form",)) == pytest.approx(0.2)
+    assert several_act(sets, ()) == pytest.approx(0.4)
+    assert several_act({("a", "b", "c"): 0.4, ("a",): 0.6}, ()) == pytest.approx(0.4)  # a triple counts once
 
 
 def test_the_credible_set_is_the_smallest_that_holds_the_mass():

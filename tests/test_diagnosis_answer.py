@@ -12,9 +12,9 @@ from bayesid.diagnosis.data.event import Event
 from bayesid.diagnosis.evidence.effect_draws import warning
 from bayesid.diagnosis.evidence.replay import Replay
 from bayesid.diagnosis.failed_checks import NO_MODEL, failures
-from bayesid.diagnosis.hypotheses.rules import MOTION_EVENT, NONE_SURE, TURNS_BY_ITSELF, UNSURE
+from bayesid.diagnosis.hypotheses.rules import LEEWAY, MOTION_EVENT, NONE_SURE, TURNS_BY_ITSELF, UNSURE
 from bayesid.diagnosis.plain_words import in_words, intervals, sentence
-from bayesid.diagnosis.result_parts import Effect, ModelFormPart, Moved, Refit, Retuning, RunError, Value
+from bayesid.diagnosis.result_parts import Effect, Moved, Refit, Retuning, RunError, Value
 from bayesid.diagnosis.size_names import contract, declared_sizes
 from bayesid.diagnosis.summary import summary
 from bayesid.diagnosis.threshold_table import SURE_PROBABILITY
@@ -460,49 +460,73 @@ def test_the_headline_says_when_the_vehicle_moved_as_nothing_known_explains():
         "outside", (), (), set95=("outside", "cubic_damping"), rule=MOTION_EVENT, events=(motion,)
     )
     said = "No known effect explains how the vehicle moves in r3 from 63.1 to 64.0 s."
-    assert answer(alone).headline == f"{said} What the rest of the runs may have: cubic damping."
+    assert answer(alone).headline == f"{said} What may act beside it: cubic damping."
+    assert answer(replace(alone, set95=("outside", "model_form"))).headline == said
+    lasting = answer(replace(alone, rule="unlisted cause")).headline
+    assert lasting.startswith("Something acts that is not among") and lasting.endswith(said)
+    unsure = a_result("ambiguous", (), (), set95=("wind", "gyro_bias"), rule=UNSURE, events=(motion,))
+    assert answer(unsure).headline.endswith(said)
     assert answer(replace(alone, set95=("outside",))).headline == said
     named = replace(a_result("effect_with_remainder"), events=(motion, replace(motion, kind="sensor")))
     told = answer(named).headline
-    assert told.endswith(" Nor does anything known explain how the vehicle moves in r3 from 63.1 to 64.0 s.")
+    assert told.endswith(f" It does not explain the whole gap. {said}")
     # the control: readings that were wrong are no motion
     wrong = replace(named, events=(replace(motion, kind="sensor"),))
     assert answer(wrong).headline.endswith("It does not explain the whole gap.")
 
 
 @pytest.mark.parametrize(
-    ("acting", "form", "start", "end"),
+    ("shares", "acting", "together", "start", "end"),
     [
-        # one acts, alone (0.9) or beside another (0.1)
-        ((0.5, 0.45, 0.15), (), "These runs cannot tell which it is: ", "; two of them may act together."),
-        ((0.5, 0.4, 0.1), (), "These runs cannot tell which it is: ", "gyro bias (0.10)."),
         (
-            (0.8, 0.7, 0.1),
-            (),
-            "Several things act together and these runs cannot tell which: ",
-            "bias (0.10).",
+            (0.5, 0.4, 0.1),
+            (0.5, 0.45, 0.15),
+            0.1,
+            "These runs cannot tell which it is: ",
+            "may act together.",
         ),
-        # what is a shape of the force the equations lack is no cause beside one
-        ((0.5, 0.5, 0.7), ("gyro_bias",), "These runs cannot tell which it is: ", "gyro bias (0.10)."),
+        ((0.5, 0.4, 0.1), (0.5, 0.4, 0.1), 0.0, "These runs cannot tell which it is: ", "gyro bias (0.10)."),
+        ((0.4, 0.5, 0.1), (0.8, 0.9, 0.1), 0.8, "Several things act together and these runs", "bias (0.10)."),
+        ((0.6, 0.3, 0.1), (0.8, 0.7, 0.1), 0.6, "Several things act together and these runs", "bias (0.10)."),
         (
             (0.6, 0.4, 0.1),
-            (),
-            "More likely than not the rudder stands",
-            "exclude wind (0.40), gyro bias (0.10).",
+            (0.6, 0.4, 0.1),
+            0.0,
+            "More likely than not the rudder",
+            "wind (0.40), gyro bias (0.10).",
+        ),
+        (
+            (0.6, 0.3, 0.1),
+            (0.7, 0.4, 0.1),
+            0.2,
+            "More likely than not the rudder",
+            "; two of them may act together.",
+        ),
+        # sorted by what is printed
+        (
+            (0.3, 0.4, 0.3),
+            (0.4, 0.5, 0.6),
+            0.5,
+            "These runs cannot tell which it is: gyro bias",
+            "act together.",
         ),
     ],
 )
-def test_which_of_several_and_several_at_once_are_different_sentences(acting, form, start, end):
+def test_which_of_several_and_several_at_once_are_different_sentences(shares, acting, together, start, end):
     names = ("rudder_offset", "wind", "gyro_bias")
-    shares = {"none": 0.0, "rudder_offset": 0.5, "wind": 0.4, "gyro_bias": 0.1}
-    found = a_result("ambiguous", (), (), set95=names, rule=NONE_SURE, probabilities=shares)
-    found = replace(
-        found, acting={"none": 0.0} | dict(zip(names, acting, strict=True)),
-        effects=(an_effect("rudder_offset", offset=(-0.02, 0.002)),),
-        model_form=ModelFormPart(90.0, {}, None, form, ()) if form else None,
+    found = a_result(
+        "ambiguous", (), (), set95=names, rule=NONE_SURE, probabilities=dict(zip(names, shares, strict=True)),
+        acting={"none": 0.0} | dict(zip(names, acting, strict=True)), together=together,
     )  # fmt: skip
-    told = answer(found).headline
+    told = answer(replace(found, effects=(an_effect("rudder_offset", offset=(-0.02, 0.002)),))).headline
     assert told.startswith(start) and told.endswith(end)
+
+
+def test_what_leeway_may_give_is_said_with_the_leeway():
+    found = a_result("ambiguous", (), (), set95=("heading_bias",), rule=LEEWAY)
+    told = answer(replace(found, effects=(an_effect("heading_bias", bias=(0.0063, 0.0005)),))).headline
+    assert told.startswith("Either the compass reads 0.36 degrees too much, or a constant side force")
+    assert "(v) both look the same" in told
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from bayesid.errors import TrialError
 from bayesid.trials import load_trial
 from bayesid.trials.equal_times import spread_equal_times
 from bayesid.trials.importing import propose
+from bayesid.trials.importing.stamps import _unsteadiness
 from tests.raw_logs import motion
 
 # the picture of an import is rendered in test_trial_import
@@ -105,6 +106,19 @@ def test_noise_of_a_measured_rudder_is_no_other_rudder_after_a_gap(tmp_path, cha
     proposal = propose([tmp_path / "raw" / "log.csv"])
     assert any("the rudder is another after it" in q for q in proposal.map.questions) == asked
     assert asked or any("has a gap" in remark for remark in proposal.remarks)
+
+
+@pytest.mark.parametrize(("before", "after", "other"), [(-0.09, 0.024, True), (0.05, 0.052, False)])
+def test_what_swings_is_no_noise(before, after, other):
+    t = np.arange(0.0, 200.0)
+    order = np.radians(10.0) * np.sin(2 * np.pi * t / 23.0)
+    assert (abs(after - before) > _unsteadiness(order)) is other
+
+
+def test_one_step_of_a_rounded_rudder_is_no_other_rudder():
+    values = np.radians(np.round(5.0 + 0.02 * np.random.default_rng(1).standard_normal(400) + 0.04, 1))
+    assert np.radians(0.1) < _unsteadiness(values) < np.radians(0.2)
+    assert _unsteadiness(np.full(50, 0.1)) == 1e-9
 
 
 def pauses(t, rng):

@@ -189,7 +189,7 @@ def _headline(result: Result) -> str:
             "effect_with_remainder": " It does not explain the whole gap.",
             "several": " Each of them is needed.",
         }
-        return said + rest.get(word, "") + _unexplained(result, " Nor does anything known explain how")
+        return said + rest.get(word, "") + _unexplained(result)
     if word == "none":
         return _none(result)
     if word == "coefficients":
@@ -204,20 +204,20 @@ def _headline(result: Result) -> str:
             + ("; no cause beside it can be told.")
         )
     if result.rule == MOTION_EVENT:
-        known = [in_words(n) for n in result.set95 if n not in ("none", "outside")]
-        also = f" What the rest of the runs may have: {first_few(known, MOST_RIVALS)}." if known else ""
-        return _unexplained(result, "No known effect explains how") + also
+        known = [in_words(n) for n in result.set95 if n not in ("none", "outside", "model_form")]
+        also = f" What may act beside it: {first_few(known, MOST_RIVALS)}." if known else ""
+        return _unexplained(result).strip() + also
     if word == "outside":
         place = result.where.channel
         where = f", in {PLACES.get(place, place)}" if place is not None else ""
-        return f"Something acts that is not among the known effects{where}."
-    return cannot_tell(result)
+        return f"Something acts that is not among the known effects{where}." + _unexplained(result)
+    return cannot_tell(result) + _unexplained(result)
 
 
-def _unexplained(result: Result, said: str) -> str:
+def _unexplained(result: Result) -> str:
     """When the vehicle moved as nothing known explains; nothing where it never did."""
     times = [f"in {e.run} from {e.start:.1f} to {e.end:.1f} s" for e in result.events if e.kind == "motion"]
-    return f"{said} the vehicle moves {first_few(times, MOST_RUNS)}." if times else ""
+    return f" No known effect explains how the vehicle moves {first_few(times, MOST_RUNS)}." if times else ""
 
 
 def _none(result: Result) -> str:
@@ -335,7 +335,8 @@ def _certainty(result: Result) -> tuple[str, ...]:
         listed = ", ".join(
             f"{unlisted if n == 'outside' else in_words(n)} ({probability(p)})" for n, p in other
         )
-        what = "What may act beside it" if result.verdict == "model_form" else "What else it could be"
+        besides = result.verdict == "model_form" or result.rule == MOTION_EVENT
+        what = "What may act beside it" if besides else "What else it could be"
         out.append(f"{what}: {listed}.")
     elif not other:
         out.append("Nothing else reaches a probability of 0.01.")

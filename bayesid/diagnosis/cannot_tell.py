@@ -5,7 +5,7 @@ Takes a `Result`. Gives sentences. Does not decide.
 
 from __future__ import annotations
 
-from bayesid.diagnosis.hypotheses.rules import LACKS_PROBABILITY, TURNS_BY_ITSELF
+from bayesid.diagnosis.hypotheses.rules import LACKS_PROBABILITY, LEEWAY, TURNS_BY_ITSELF
 from bayesid.diagnosis.plain_words import in_words, lowered, probability, sentence
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import Effect
@@ -35,16 +35,24 @@ def cannot_tell(result: Result) -> str:
         alone = ", or only a force that depends on the motion and that the equations lack " + (
             f"({probability(result.probabilities.get('model_form', 0.0))})"
         )
+    pairs = "; two of them may act together" if len(chances) > 1 and result.together > POSSIBLE else ""
+    if (
+        result.rule == LEEWAY
+        and (compass := next((e for e in result.effects if e.parameters), None)) is not None
+    ):
+        return (
+            f"Either {lowered(sentence(compass).rstrip('.'))}, or a constant side force pushes the vehicle "
+            "aside: without a reading of the velocity across (v) both look the same."
+        )
     if (first := leading_cause(result)) is not None:
         said = f"{lowered(sentence(first).rstrip('.'))} ({probability(chances[0][1])})"
         others = ", ".join(f"{_outside(n)} ({probability(p)})" for n, p in chances[1:])
         rest = others + (alone if others else alone.removeprefix(", or "))
-        return f"More likely than not {said}; these runs do not exclude {rest}."
+        return f"More likely than not {said}; these runs do not exclude {rest}{pairs}."
     if len(chances) == 1:
         return f"These runs cannot tell whether it is {listed}{alone or ' or something else'}."
-    if _several_act(result) > EVEN_ODDS:
+    if result.together > EVEN_ODDS:
         return f"Several things act together and these runs cannot tell which: {listed}{alone}."
-    pairs = "; two of them may act together" if _several_act(result) > POSSIBLE else ""
     return f"These runs cannot tell which it is: {listed}{alone}{pairs}."
 
 
@@ -52,8 +60,9 @@ def leading_cause(result: Result) -> Effect | None:
     """The first of several possible causes where it is more probable than all else together, has a size,
     lacks probability alone, and two causes at once are less probable than one."""
     chances = _chances(result)
-    name, p = chances[0] if chances else ("", 0.0)
-    if result.rule not in LACKS_PROBABILITY or not p > EVEN_ODDS or _several_act(result) > EVEN_ODDS:
+    name = chances[0][0] if chances else ""
+    sure = result.probabilities.get(name, 0.0) > EVEN_ODDS >= result.together
+    if result.rule not in LACKS_PROBABILITY or not sure:
         return None
     rest = len(chances) > 1 or {"none", "model_form"} & set(result.set95)
     return next((e for e in result.effects if rest and e.name == name and e.parameters), None)
@@ -63,17 +72,8 @@ def _chances(result: Result) -> list[tuple[str, float]]:
     """Possible causes of the 95 % set, most probable first: their shares, or where several may act together
     the probability that each acts."""
     causes = [n for n in result.set95 if n not in ("none", "model_form")]
-    told = result.acting if _several_act(result) > POSSIBLE else result.probabilities
-    return [(n, told.get(n, 0.0)) for n in causes][:MOST_RIVALS]
-
-
-def _several_act(result: Result) -> float:
-    """Probability that more than one cause acts, where no more than two do: the number of causes to be
-    expected less the probability that any acts. A shape of the force the equations lack is none.
-    """
-    form = () if result.model_form is None else result.model_form.looks_like
-    causes = (p for n, p in result.acting.items() if n not in ("none", "model_form", *form))
-    return sum(causes) - (1.0 - result.acting.get("none", 0.0))
+    told = result.acting if result.together > POSSIBLE else result.probabilities
+    return sorted(((n, told.get(n, 0.0)) for n in causes), key=lambda c: -c[1])[:MOST_RIVALS]
 
 
 def _outside(name: str) -> str:

@@ -269,15 +269,21 @@ def verdict_with(verdict: Verdict, events: Sequence[Event], rest: HypothesisComp
         return verdict
     listed = [f"{e.run} {e.start:.1f} to {e.end:.1f} s ({e.channel}, {e.kind})" for e in events]
     reasons = (*verdict.reasons, "left out as events: " + "; ".join(listed))
-    if any(e.kind == "motion" for e in events):
-        if verdict.word in ("none", "coefficients", "model_form") or verdict.set95 == ("outside",):
-            return replace(verdict, word="outside", set95=("outside",), reasons=reasons, rule=MOTION_EVENT)
-        if _motion_gain(events, rest) > rest.gain:
-            possible = (n for n in verdict.set95 if n not in ("none", "outside"))
-            return replace(
-                verdict, word="outside", effects=(), set95=("outside", *possible), reasons=reasons,
-                rule=MOTION_EVENT,
-            )  # fmt: skip
-        if verdict.word == "effect":
-            return replace(verdict, word="effect_with_remainder", reasons=reasons)
+    motions, best = [e for e in events if e.kind == "motion"], simplest(rest)
+    moved, gain = _motion_gain(motions, rest), max(best.log_evidence - rest.none.log_evidence, 0.0)
+    silent = verdict.word in ("none", "coefficients", "model_form")
+    if not motions or verdict.word == "outside":
+        return replace(verdict, reasons=reasons)
+    if silent or verdict.set95 == ("outside",):
+        return replace(verdict, word="outside", set95=("outside",), reasons=reasons, rule=MOTION_EVENT)
+    said = f"motions that nothing explains say +{moved:.1f}, the best explanation of the rest +{gain:.1f}"
+    reasons = (*reasons, f"{said}; before they were counted the verdict was {verdict.word} ({verdict.rule})")
+    if moved > gain:
+        possible = (n for n in verdict.set95 if n not in ("none", "outside"))
+        return replace(
+            verdict, word="outside", effects=(), set95=("outside", *possible), reasons=reasons,
+            rule=MOTION_EVENT,
+        )  # fmt: skip
+    if verdict.word == "effect":
+        return replace(verdict, word="effect_with_remainder", reasons=reasons)
     return replace(verdict, reasons=reasons)

@@ -31,6 +31,7 @@ from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.cross_validation import cross_validate
 from bayesid.diagnosis.hypotheses.facts import like_a_form, simplest, undetectable
 from bayesid.diagnosis.hypotheses.location import location_of
+from bayesid.diagnosis.hypotheses.probabilities import several_act
 from bayesid.diagnosis.hypotheses.verdict import Verdict
 from bayesid.diagnosis.next_manoeuvre import Proposal
 from bayesid.diagnosis.result import FORMAT, Result
@@ -98,6 +99,7 @@ def result_of(
         # no effect beside a form that the runs need is not "nothing"
         probability |= {"none": 0.0, MODEL_FORM: probability["none"]}
         acting |= {"none": 0.0, MODEL_FORM: 1.0}  # every hypothesis has it
+    like = () if best.widens else like_a_form(c, best, problem.model)
     apart = c.ambiguity
     gains = best.log_evidence > c.none.log_evidence
     drawn = numbers(posterior) if posterior is not None else None
@@ -131,6 +133,7 @@ def result_of(
         effects=effects_found(model, problem, c, verdict, best, drawn),
         probabilities=probability,
         acting=acting,
+        together=float(min(several_act(c.sets, like), 1.0)),
         set95=verdict.set95,
         unseen=undetectable(c),
         hidden_by_coefficients=verdict.hidden,

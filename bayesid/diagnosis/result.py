@@ -105,7 +105,7 @@ class Result:
         tuple[str, ...],
         About(
             "Fewest hypotheses that hold 95 % of the probability, most probable first. Those of unseen count "
-            "as none."
+            "as none; what a shape of a force the equations lack has in company counts as its causes'."
         ),
     ]
     unseen: Annotated[
@@ -227,6 +227,12 @@ class Result:
             "is that of the simulator as given."
         ),
     ] = ()
+    together: Annotated[
+        Share,
+        About(
+            "That more than one cause acts. Shapes of a force the equations lack, and that force, are none."
+        ),
+    ] = 0.0
     next_asked: Annotated[
         bool, About("Whether manoeuvres to run next were asked for; `--quick` does not.")
     ] = True

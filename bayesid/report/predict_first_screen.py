@@ -273,7 +273,7 @@ def first_blocks(trial: Trial, predictions: Sequence[Prediction], rows: Sequence
     )
     if p.orders is not None and not p.centres:
         band += " The line is their mean: where they swing out of step, each of them swings further."
-    if math.isfinite(mean_until(p)):
+    if math.isfinite(mean_until(p)) and {"x", "y"} <= set(p.channels):
         band += f" The predicted track ends at {mean_until(p):.0f} s, from when on the heading is open."
     blocks.append(
         Row(

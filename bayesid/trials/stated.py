@@ -26,6 +26,7 @@ from bayesid.trials.trial import ROLES, Environment
 
 MAX_RUNS = 10_000
 MISSPELT = 0.85  # likeness from which an unknown key is a known one, misspelt
+WORDS_ONLY = ("name", "notes", "manoeuvre", "attribution")  # change no number
 #: keys of trial.toml; the reader and the JSON Schema (`schema`) take names, choices and defaults from here
 KEYS: dict[str, FileKey] = {
     "format": FileKey("whole", "of the file", required=True, choices=(1,)),
@@ -121,11 +122,7 @@ class Stated:
             if key not in known:
                 near = difflib.get_close_matches(key[:40], known, n=1)
                 hint = f"; did you mean {near[0]!r}?" if near else ""
-                if (
-                    near
-                    and near[0] not in table
-                    and difflib.get_close_matches(key[:40], near, cutoff=MISSPELT)
-                ):
+                if near and near[0] not in table and _misspelt(key, near[0]):
                     self.problems.append(f"{place}{_short(key)} is not known{hint}")
                     continue
                 self.warnings.append(f"trial.toml: {place}{_short(key)} is not known and ignored{hint}")
@@ -278,3 +275,9 @@ def _numbers(value: Any, length: int) -> list[float] | None:
 def _short(value: Any) -> str:
     text = repr(value)
     return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _misspelt(key: str, known: str) -> bool:
+    """Whether a key is a known one, misspelt, that changes numbers; a longer one may be meant."""
+    like = difflib.SequenceMatcher(None, key[:40], known).ratio()
+    return like >= MISSPELT and known not in WORDS_ONLY and not key.startswith(known)

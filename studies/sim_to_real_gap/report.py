@@ -25,7 +25,7 @@ def gap_report(parts: Mapping[str, Any]) -> Report:
     others = ", measured ones whose cause nobody planted" if measured else ""
     many = f"{len(rows)} gaps" if len(rows) != 1 else "one gap"
     lead = (
-        f"**{' '.join(parts['example']['said'])}**\n\n"
+        f"**{' '.join(filter(None, parts['example']['said']))}**\n\n"
         "That is what `bayesid diagnose` says of a log of a small vehicle that comes with the package: a gap "
         f"between simulator and log, followed to its cause below{others}, and {many} planted beside it. "
         "Plants share no code with the diagnosed model; a diagnosis saw orders, noisy readings and the "

@@ -119,11 +119,6 @@ class HypothesisComparison:
         """First of the refits; no effect where nothing was refitted."""
         return self.refits[0] if self.refits else self.none
 
-    @property
-    def gain(self) -> float:
-        """Log evidence of the best over no effect [nats]."""
-        return self.best.log_evidence - self.none.log_evidence
-
 
 @dataclass(frozen=True, eq=False)
 class SingleEffects:

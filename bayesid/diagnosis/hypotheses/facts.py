@@ -71,6 +71,7 @@ class Facts:
     re_tuned : probability that coefficients explain all, those stated or one further off
     idle : whether an effect of the best has a size too near to off for a name
     turns_beside : whether all runs turn to one side with the rudder amidships, and the best is of sensors
+    leeway : whether the best alone is what the leeway of a constant side force gives
         alone, which kinematics does not tell
     sure : of several effects, how many may be named
     form : whether every hypothesis has a model form, as the runs ask for one
@@ -101,6 +102,7 @@ class Facts:
     re_tuned: float
     idle: bool
     turns_beside: bool
+    leeway: bool
     sure: int
     form: bool
     of_motion: bool
@@ -177,7 +179,8 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
     like = () if best.widens else like_a_form(candidates, best, problem.model)
     set95 = credible_set(of_causes(probability, candidates.sets, like), silent=faint)
     # of several at once each is listed that acts more probably than not, whatever its share of their mass
-    likely = (n for n, p in candidates.inside.items() if p > EVEN_ODDS and n not in faint and n not in set95)
+    beyond_set = (n for n, p in candidates.inside.items() if p > EVEN_ODDS and n not in set95)
+    likely = (n for n in beyond_set if n not in (*faint, *like))
     set95 = (*set95, *sorted(likely, key=lambda n: -candidates.inside[n]))
     absorbed = _absorbed(problem, candidates)
     families = {e.name: e.family for e in problem.model.kernel.effects}
@@ -244,11 +247,12 @@ def grounds_of(problem: DiagnosisProblem, candidates: HypothesisComparison) -> G
         effects=len(best.effects),
         widens=best.widens,
         explains=explains(best),
-        acts=0.0 if named in leeway else acts(candidates, families, named),
+        acts=acts(candidates, families, named),
         absorbed=absorbed.get(named, 0.0),
         re_tuned=probability["none"] + probability.get(COEFFICIENT_ERROR, 0.0),
         idle=bool(off),
         turns_beside=beside,
+        leeway=named in leeway,
         sure=len(sure),
         form=problem.form is not None,
         of_motion=not sure and any(acts(candidates, families, n) >= NAMING_PROBABILITY for n in like),

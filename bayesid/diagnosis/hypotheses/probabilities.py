@@ -444,6 +444,11 @@ def of_causes(
     return out
 
 
+def several_act(sets: Mapping[tuple[str, ...], float], like: Collection[str]) -> float:
+    """Probability that more than one cause acts; shapes of a force the equations lack are none."""
+    return sum(p for key, p in sets.items() if len([n for n in key if n not in (*like, "none")]) > 1)
+
+
 def _shares(key: tuple[str, ...], evidence: Mapping[str, float], mends: bool) -> list[float]:
     """How several effects share their mass: alike, or by what each says alone where the runs disagree or the
     data stay unexplained.

@@ -22,6 +22,7 @@ WORDS: tuple[Word, ...] = (
 # Words that name an effect.
 NAMING: tuple[Word, ...] = ("effect", "effect_with_remainder", "several")
 TURNS_BY_ITSELF = "turns by itself"
+LEEWAY = "leeway reads the same"
 MOTION_EVENT = "motion nothing explains"  # said of seconds left out, after the rules
 UNSURE, NONE_LEFT, NONE_SURE = "unsure effect", "none not excluded", "several, none sure"
 # Rules by which the first of several explanations lacks probability and nothing else.
@@ -183,6 +184,13 @@ RULES: tuple[Rule, ...] = (
         lambda f: f.acts < NAMING_PROBABILITY,
         "ambiguous", "rivals", "nothing",
         f"the best explanation acts with less than {NAMING_PROBABILITY:.0%}",
+    ),
+    Rule(
+        LEEWAY,
+        lambda f: f.leeway,
+        "ambiguous", "rivals", "nothing",
+        "without a reading of v the leeway of a constant side force, as of one screw, reads the same as the "
+        "best explanation",
     ),
     Rule(
         "no size beside a model form",

@@ -128,7 +128,10 @@ def _with_others(log: RawLog, wanted: set[str], found: LogMap, label: str) -> Ra
     """The log with the names it has beside, where one that is wanted is not there: it may be misspelt."""
     if wanted <= set(log.by_name):
         return log
-    every = read_log(Path(log.path), found.sources[label].options, Request(None, 2))
+    try:
+        every = read_log(Path(log.path), found.sources[label].options, Request(None, 2))
+    except ImportLogError:  # of a series nobody asked for
+        return log
     return replace(log, others=tuple(n for n in every.by_name if n not in log.by_name))
 
 

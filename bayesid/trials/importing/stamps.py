@@ -21,8 +21,8 @@ from bayesid.trials.importing.raw import RawLog
 from bayesid.trials.trial import Floats
 
 GAP, SHORTEST = 10.0, 2.0  # times the usual step, and seconds
-# Of the usual difference between successive readings: noise reaches it once in thirty thousand.
-BEYOND_NOISE = 6.0
+# Of the usual difference between successive readings; never more than an angle that is no noise of a rudder.
+BEYOND_NOISE, NO_NOISE = 6.0, np.radians(1.0)
 
 
 @dataclass(frozen=True)
@@ -112,9 +112,13 @@ def _say(draft: Draft, label: str, log: RawLog, found: Stamps) -> None:
 
 
 def _unsteadiness(values: Floats) -> float:
-    """Difference of two readings of a rudder that noise or rounding may make; next to none for an order."""
+    """Difference of two readings of a rudder that noise or rounding may make [rad]: one step of a rounded
+    one, several of the usual steps of another."""
     steps = np.abs(np.diff(values[np.isfinite(values)]))
-    return max(BEYOND_NOISE * float(np.median(steps)), 1e-9) if steps.size else 1e-9
+    moved = steps[steps > 0.0]
+    if not moved.size:
+        return 1e-9
+    return float(min(max(BEYOND_NOISE * np.median(steps), 1.01 * moved.min()), NO_NOISE))
 
 
 def _ask_gaps(draft: Draft, recording: Recording, label: str, log: RawLog, found: Stamps) -> None:
