@@ -307,6 +307,12 @@ def test_unusable_trial_toml_is_refused_with_reason(bundle, toml, words):
     assert words in str(caught.value)
 
 
+@pytest.mark.parametrize("line", ["note='calm'", "manoeuver='turn'", "role_by_hand='x'"])
+def test_keys_that_change_no_number_are_reported_and_ignored(bundle, line):
+    found = load_trial(bundle(toml=f"format = 1\n[[runs]]\nfile='r1.csv'\n{line}"))
+    assert any("is not known and ignored" in text for text in found.warnings)
+
+
 def test_links_out_of_the_bundle_and_loops_are_refused(bundle, tmp_path_factory):
     folder = bundle()
     outside = tmp_path_factory.mktemp("outside") / "r1.csv"
