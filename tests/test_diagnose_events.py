@@ -11,7 +11,8 @@ from gap_trials import model_of, other_vehicle, planted_trial
 from bayesid.diagnosis.data.event import blanked, released
 from bayesid.diagnosis.data.problem import build_problem, fit_with
 from bayesid.diagnosis.data.windows import ratios, windows
-from bayesid.diagnosis.event_search import identify_events, suspects, verdict_with
+from bayesid.diagnosis.event_search import identify_events, suspects
+from bayesid.diagnosis.events_counted import verdict_with
 from bayesid.diagnosis.hypotheses.verdict import Verdict
 from bayesid.estimation.filter_error.linearise import linearise
 from bayesid.estimation.parameters import NO_PARAMETERS

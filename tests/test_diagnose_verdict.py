@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bayesid.diagnosis.data.event import Event
-from bayesid.diagnosis.event_search import verdict_with
+from bayesid.diagnosis.events_counted import verdict_with
 from bayesid.diagnosis.hypotheses import candidate as candidates
 from bayesid.diagnosis.hypotheses import facts, verdict
 from bayesid.diagnosis.hypotheses.kinematic import Kinematics

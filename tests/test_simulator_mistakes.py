@@ -8,9 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bayesid.diagnosis.event_search import verdict_with
+from bayesid.diagnosis.events_counted import verdict_of
 from bayesid.diagnosis.exclusions import compare_without
-from bayesid.diagnosis.hypotheses.verdict import decide
 from bayesid.diagnosis.simulator import find_mistakes, judge
 from bayesid.diagnosis.simulator.judge import Left, shifted
 from bayesid.diagnosis.simulator.mending import mended_model, mended_prior, numbers_of
@@ -259,8 +258,6 @@ def test_a_mistaken_simulator_is_named_and_a_right_simulator_is_not(name: str) -
     row = next((r for r in planted() if r.name == name), None)
     model = _model(right if row is None else row.change(right), 3)
     compared = compare_without(model, trial)
-    verdict = verdict_with(
-        decide(compared.problem, compared.candidates), compared.problem.events, compared.candidates
-    )
+    verdict = verdict_of(compared)
     found = [f.name for f in find_mistakes(trial, compared, verdict)]
     assert found[:1] == ([] if row is None else [row.right[0]])

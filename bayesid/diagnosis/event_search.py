@@ -2,7 +2,7 @@
 
 Takes windows of a `DiagnosisProblem` that are predicted far worse than the rest. Gives dated `Event`s with
 the channel that went wrong, and runs without them. Does not decide whether an effect explains them first
-(`run` asks only about what the best explanation of the whole trial leaves).
+(`exclusions` asks only about what the best explanation of the whole trial leaves).
 
 An event is rare. What acts in most windows, or in more than `MOST_TIME_SHARE` of the time, is a gap and
 stays in the data.
@@ -21,12 +21,7 @@ from bayesid.diagnosis.data.event import Event, blanked, released, without_readi
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.data.windows import WINDOW_LENGTHS, Window, cut, window_equations, windows
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains
-from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
-from bayesid.diagnosis.hypotheses.form_part import beyond
 from bayesid.diagnosis.hypotheses.localisation import channel_sets, units
-from bayesid.diagnosis.hypotheses.probabilities import probabilities
-from bayesid.diagnosis.hypotheses.rules import MOTION_EVENT
-from bayesid.diagnosis.hypotheses.verdict import Verdict, simplest
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.evidence import posterior
 from bayesid.estimation.filter_error.fit import FilterErrorFit, fit
@@ -229,61 +224,3 @@ def log_without(problem: DiagnosisProblem, run: Run, events: Sequence[Event]) ->
     noise = {c: s for log in problem.logs for c, s in zip(log.channels, log.sigma, strict=True)}
     model, left = problem.model, blanked(run, events)
     return released(model, filter_error_run(model, left, noise, problem.channels, LONGER_STEPS), events)
-
-
-def with_events(candidates: HypothesisComparison, events: Sequence[Event]) -> HypothesisComparison:
-    """Candidates of the rest of the trial, with what events of motion say for a cause outside added."""
-    gain = _motion_gain(events, candidates)
-    if gain <= candidates.evidence["outside"]:
-        return candidates
-    evidence = candidates.evidence | {"outside": gain}
-    weights = probabilities(evidence, candidates.refits, candidates.none, candidates.where)
-    if simplest(candidates).log_evidence > candidates.none.log_evidence + candidates.thresholds.named:
-        # an effect stands on the rest of the trial; the event is a second cause and takes nothing from it
-        return replace(candidates, evidence=evidence)
-    return replace(
-        candidates,
-        evidence=evidence,
-        probabilities=weights.shared,
-        inside=weights.inside,
-        sets=weights.sets,
-    )
-
-
-def _motion_gain(events: Sequence[Event], rest: HypothesisComparison) -> float:
-    """What events of motion say for a cause outside, beyond what a model form carries [nats]."""
-    return beyond(sum(e.evidence for e in events if e.kind == "motion"), rest.carried)
-
-
-def verdict_with(verdict: Verdict, events: Sequence[Event], rest: HypothesisComparison) -> Verdict:
-    """Verdict that knows of events: a motion nothing explains is a gap, though it lasted seconds only.
-
-    It is the greater part of the gap where it says more than the effects explain, which are then no more than
-    possible; else it is what a named effect leaves.
-
-    Parameters
-    ----------
-    rest : hypotheses of the trial without the events
-    """
-    if not events:
-        return verdict
-    listed = [f"{e.run} {e.start:.1f} to {e.end:.1f} s ({e.channel}, {e.kind})" for e in events]
-    reasons = (*verdict.reasons, "left out as events: " + "; ".join(listed))
-    motions, best = [e for e in events if e.kind == "motion"], simplest(rest)
-    moved, gain = _motion_gain(motions, rest), max(best.log_evidence - rest.none.log_evidence, 0.0)
-    silent = verdict.word in ("none", "coefficients", "model_form")
-    if not motions or verdict.word == "outside":
-        return replace(verdict, reasons=reasons)
-    if silent or verdict.set95 == ("outside",):
-        return replace(verdict, word="outside", set95=("outside",), reasons=reasons, rule=MOTION_EVENT)
-    said = f"motions that nothing explains say +{moved:.1f}, the best explanation of the rest +{gain:.1f}"
-    reasons = (*reasons, f"{said}; before they were counted the verdict was {verdict.word} ({verdict.rule})")
-    if moved > gain:
-        possible = (n for n in verdict.set95 if n not in ("none", "outside"))
-        return replace(
-            verdict, word="outside", effects=(), set95=("outside", *possible), reasons=reasons,
-            rule=MOTION_EVENT,
-        )  # fmt: skip
-    if verdict.word == "effect":
-        return replace(verdict, word="effect_with_remainder", reasons=reasons)
-    return replace(verdict, reasons=reasons)

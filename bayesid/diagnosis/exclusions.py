@@ -18,7 +18,8 @@ from bayesid.diagnosis.data.event import Event
 from bayesid.diagnosis.data.outliers import Found, stripped
 from bayesid.diagnosis.data.problem import DiagnosisProblem, build_problem, fit_with
 from bayesid.diagnosis.environment_stage import in_its_environment
-from bayesid.diagnosis.event_search import find_events, with_events
+from bayesid.diagnosis.event_search import find_events
+from bayesid.diagnosis.events_counted import with_events
 from bayesid.diagnosis.form_stage import Compared, compared
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains
 from bayesid.diagnosis.hypotheses.facts import simplest

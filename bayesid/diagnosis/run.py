@@ -15,7 +15,7 @@ import numpy as np
 from bayesid.diagnosis.attempt import attempt
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.diagnosed_model import DiagnosedModel, diagnosed_model
-from bayesid.diagnosis.event_search import verdict_with
+from bayesid.diagnosis.events_counted import verdict_of
 from bayesid.diagnosis.evidence.effect_draws import warning
 from bayesid.diagnosis.evidence.effect_posterior import EffectPosterior, numbers, sample_effect
 from bayesid.diagnosis.evidence.explained_model import ExplainedModel, explained_model
@@ -28,7 +28,7 @@ from bayesid.diagnosis.failed_checks import NEEDS_NONE, NO_MODEL
 from bayesid.diagnosis.final_values import result_of
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
-from bayesid.diagnosis.hypotheses.verdict import NAMING, Verdict, after_holdout, decide, simplest
+from bayesid.diagnosis.hypotheses.verdict import NAMING, Verdict, after_holdout, simplest
 from bayesid.diagnosis.input.memory_needed import check_memory
 from bayesid.diagnosis.next_manoeuvre import Proposal, propose
 from bayesid.diagnosis.result import Result
@@ -106,7 +106,7 @@ def diagnose(
     weighed = trial if trust_noise else with_seen_noise(trial, (model.scales["L"], model.scales["U"]))
     compared = compare_without(model, weighed, notify, as_built, seed)
     problem, candidates = compared.problem, compared.candidates
-    verdict = verdict_with(decide(problem, candidates), problem.events, candidates)
+    verdict = verdict_of(compared)
     warnings = [*weighed.warnings, *problem.warnings]
     if compared.unable is not None:
         warnings.append(compared.unable)

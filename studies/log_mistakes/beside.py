@@ -12,9 +12,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from bayesid.diagnosis.event_search import verdict_with
+from bayesid.diagnosis.events_counted import verdict_of
 from bayesid.diagnosis.exclusions import compare_without
-from bayesid.diagnosis.hypotheses.verdict import decide
 from bayesid.diagnosis.input import check_trial, mended
 from bayesid.equations.model import Model, build_model
 from bayesid.model.effects import CATALOGUE
@@ -37,10 +36,10 @@ CASES = (
 )
 
 
-def verdict_of(trial: Trial, model: Model) -> tuple[str, list[str]]:
+def judged(trial: Trial, model: Model) -> tuple[str, list[str]]:
     """Verdict on the gap, and the effects it names."""
     compared = compare_without(model, with_seen_noise(trial, (model.scales["L"], model.scales["U"])))
-    verdict = verdict_with(decide(compared.problem, compared.candidates), compared.problem.events)
+    verdict = verdict_of(compared)
     return verdict.word, list(verdict.effects) or list(verdict.set95)
 
 
@@ -57,8 +56,8 @@ def study(out: Path) -> None:
         clean = campaign(VEHICLE, SEED + k, step=STEP, acts=effects[effect])
         wrong = logged(clean, mistakes[mistake], SEED + k)
         check = check_trial(wrong, model)
-        word, names = verdict_of(mended(wrong, check), model)
-        bare, those = verdict_of(clean, model)
+        word, names = judged(mended(wrong, check), model)
+        bare, those = judged(clean, model)
         said: dict[str, Any] = {
             "effect": effect, "mistake": mistake, "input": [f.name for f in check.findings],
             "mistake_right": [f.name for f in check.findings][:1] == [mistake],

@@ -22,9 +22,8 @@ from typing import Any
 import numpy as np
 from scipy.stats import binomtest
 
-from bayesid.diagnosis.event_search import verdict_with
+from bayesid.diagnosis.events_counted import verdict_of
 from bayesid.diagnosis.exclusions import compare_without
-from bayesid.diagnosis.hypotheses.verdict import decide
 from bayesid.diagnosis.input import check_trial, mended
 from bayesid.diagnosis.simulator import find_mistakes
 from bayesid.equations.model import Model, build_model
@@ -129,7 +128,7 @@ def _simulator_blamed(logged: Trial, model: Model, check: InputCheck) -> tuple[s
         return ()
     trial = mended(logged, check.of_log)
     compared = compare_without(model, trial)
-    verdict = verdict_with(decide(compared.problem, compared.candidates), compared.problem.events)
+    verdict = verdict_of(compared)
     return tuple(SIMULATOR + f.name for f in find_mistakes(trial, compared, verdict))
 
 

@@ -14,9 +14,9 @@ import time
 from pathlib import Path
 from typing import Any
 
-from bayesid.diagnosis.event_search import verdict_with
+from bayesid.diagnosis.events_counted import verdict_of
 from bayesid.diagnosis.exclusions import compare_without
-from bayesid.diagnosis.hypotheses.verdict import NAMING, decide
+from bayesid.diagnosis.hypotheses.verdict import NAMING
 from bayesid.diagnosis.input import WRONG_VEHICLE, check_trial, mended
 from bayesid.diagnosis.simulator import find_mistakes
 from bayesid.equations.model import Model, build_model
@@ -55,7 +55,7 @@ def judge(trial: Trial, model: Model, row: Planted, effect: str) -> dict[str, An
     right = mended(trial, check.of_log)
     if WRONG_VEHICLE not in inputs:
         compared = compare_without(model, right)
-        verdict = verdict_with(decide(compared.problem, compared.candidates), compared.problem.events)
+        verdict = verdict_of(compared)
         found = find_mistakes(right, compared, verdict)
         said["verdict"] = verdict.word
         said["effects"] = list(verdict.effects) if verdict.word in NAMING else []

@@ -18,11 +18,10 @@ from pathlib import Path
 from typing import Any
 
 from bayesid.diagnosis.data.problem import build_problem, fit_with
-from bayesid.diagnosis.event_search import verdict_with
+from bayesid.diagnosis.events_counted import verdict_of
 from bayesid.diagnosis.exclusions import compare_without
 from bayesid.diagnosis.form_stage import Compared
 from bayesid.diagnosis.hypotheses.candidate import weighted_hypothesis
-from bayesid.diagnosis.hypotheses.verdict import decide
 from bayesid.diagnosis.input import check_trial, mended
 from bayesid.diagnosis.simulator import find_mistakes
 from bayesid.diagnosis.simulator.judge import LEAD
@@ -95,7 +94,7 @@ def judge(
         return "wrong name" if row is not NOTHING else "false alarm", (), "input", inputs, 0.0
     trial = mended(trial, check.of_log)
     compared = compare_without(model, trial)
-    verdict = verdict_with(decide(compared.problem, compared.candidates), compared.problem.events)
+    verdict = verdict_of(compared)
     begin = time.process_time()
     found = find_mistakes(trial, compared, verdict)
     names = tuple(f.name for f in found)

@@ -17,13 +17,13 @@ import numpy as np
 from scipy.special import logsumexp, softmax
 
 from bayesid.diagnosis.data.problem import DiagnosisProblem, build_problem, fit_with
-from bayesid.diagnosis.event_search import verdict_with
+from bayesid.diagnosis.events_counted import verdict_of
 from bayesid.diagnosis.exclusions import compare_without
 from bayesid.diagnosis.form_stage import Compared
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains, weighted_hypothesis
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.sensitivity_bank import build_bank, levels_between
-from bayesid.diagnosis.hypotheses.verdict import Verdict, decide
+from bayesid.diagnosis.hypotheses.verdict import Verdict
 from bayesid.diagnosis.result_parts import SimulatorMistakeFound
 from bayesid.diagnosis.simulator.mending import beside, mended_model, mended_prior, numbers_of
 from bayesid.diagnosis.simulator.table import MISTAKES, Change, SimulatorMistake
@@ -308,7 +308,7 @@ def left_over(model: Model, trial: Trial, as_built: float | None, seed: int) -> 
     except BayesidError:
         return None
     c = again.candidates
-    verdict = verdict_with(decide(again.problem, c), again.problem.events, c)
+    verdict = verdict_of(again)
     if verdict.word == "none":
         return Left()
     if verdict.word in ("outside", "coefficients", "model_form"):
