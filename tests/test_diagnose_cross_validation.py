@@ -1,5 +1,6 @@
 """Runs against each other, and the weighing of causes: closed forms and Monte Carlo on linear worlds."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,6 +10,7 @@ from scipy.stats import norm
 
 from bayesid.diagnosis.hypotheses.cross_validation import (
     CrossValidation,
+    agreement,
     disagreement,
     excess_where_apart,
     left_out,
@@ -51,6 +53,17 @@ def test_the_p_value_of_one_and_the_same_effect_is_uniform_where_it_is_the_same(
     rng = np.random.default_rng(1)
     p = [disagreement(grams(world(rng)), COEF)[0] for _ in range(300)]
     assert stats.kstest(p, "uniform").pvalue > 1e-3
+
+
+def test_agreement_of_runs_is_that_p_value_and_one_run_has_none():
+    found = grams(world(np.random.default_rng(4)))
+
+    def refit(equations):
+        return SimpleNamespace(fit=SimpleNamespace(equations=equations))
+
+    assert agreement(refit(found), COEF) == disagreement(found, COEF)[0]
+    assert agreement(refit(found[:1]), COEF) is None
+    assert agreement(refit((replace(found[0], ss=np.nan * found[0].ss), *found[1:])), COEF) is None
 
 
 def test_runs_with_effects_of_their_own_disagree():

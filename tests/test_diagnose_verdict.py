@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -15,6 +16,7 @@ from bayesid.diagnosis.hypotheses import facts, verdict
 from bayesid.diagnosis.hypotheses.kinematic import Kinematics
 from bayesid.diagnosis.hypotheses.location import location_of, locations
 from bayesid.diagnosis.hypotheses.probabilities import FormError
+from bayesid.diagnosis.hypotheses.rules import LEFT_OUT_WORSE
 from bayesid.equations.model import build_model
 from bayesid.model.vehicles import load_vehicle
 
@@ -331,6 +333,23 @@ def test_held_out_runs_take_a_name_away_and_give_none():
     assert gone.reasons[0] == "reason" and "5 lengths" in gone.reasons[-1] and "effect (" in gone.reasons[-1]
     silent = verdict.Verdict("none", (), ("none",), (), (), "nothing beyond chance")
     assert verdict.after_holdout(silent, ("5 lengths",)) is silent
+
+
+def test_a_cause_is_not_named_where_runs_left_out_and_their_agreement_both_speak_against_it():
+    named = verdict.Verdict("several", ("a", "b"), ("a", "none", "b"), (), ("reason",), "several sure")
+    gone = verdict.after_left_out(named, -0.30, 0.15, 1e-44)
+    assert (gone.word, gone.effects, gone.set95) == ("outside", (), ("outside", "a", "b"))
+    assert gone.rule == LEFT_OUT_WORSE and gone.reasons[0] == "reason"
+    assert "a + b: runs left out are missed by 1.3 times" in gone.reasons[-1]
+    assert "several sure" in gone.reasons[-1]
+    # one failed check is not enough, nor what was not asked, nor a verdict without a name
+    for gain, error, agreement in (
+        (-0.30, 0.31, 1e-44), (0.30, 0.15, 1e-44), (-0.30, 0.15, 2e-3), (math.nan, math.nan, 1e-44),
+        (-0.30, 0.15, None),
+    ):  # fmt: skip
+        assert verdict.after_left_out(named, gain, error, agreement) is named
+    unsure = verdict.Verdict("ambiguous", ("a",), ("a", "none"), (), (), "unsure effect")
+    assert verdict.after_left_out(unsure, -0.30, 0.15, 1e-44) is unsure
 
 
 def test_a_function_of_the_motion_is_a_cause_alone_and_part_of_a_form_beside_others(pair):

@@ -12,7 +12,14 @@ from bayesid.diagnosis.data.event import Event
 from bayesid.diagnosis.evidence.effect_draws import warning
 from bayesid.diagnosis.evidence.replay import Replay
 from bayesid.diagnosis.failed_checks import NO_MODEL, failures
-from bayesid.diagnosis.hypotheses.rules import LEEWAY, MOTION_EVENT, NONE_SURE, TURNS_BY_ITSELF, UNSURE
+from bayesid.diagnosis.hypotheses.rules import (
+    LEEWAY,
+    LEFT_OUT_WORSE,
+    MOTION_EVENT,
+    NONE_SURE,
+    TURNS_BY_ITSELF,
+    UNSURE,
+)
 from bayesid.diagnosis.plain_words import in_words, intervals, sentence
 from bayesid.diagnosis.result_parts import Effect, Moved, Refit, Retuning, RunError, Value
 from bayesid.diagnosis.size_names import contract, declared_sizes
@@ -452,6 +459,24 @@ def test_the_likeliest_of_several_causes_is_told_with_its_size(set95, probabilit
     ):
         assert answer(other).headline.startswith("These runs cannot tell")
         assert not any(line.startswith("If it is") for line in answer(other).certainty)
+
+
+def test_a_cause_that_left_out_runs_speak_against_is_no_name_and_the_headline_says_why():
+    found = a_result(
+        "outside",
+        (),
+        (),
+        set95=("outside", "wind", "cubic_damping"),
+        rule=LEFT_OUT_WORSE,
+        probabilities={"wind": 0.98, "outside": 0.02},
+    )
+    said = answer(found)
+    assert said.headline == (
+        "Something acts that is not among the known effects. What comes closest (wind, cubic damping) "
+        "predicts runs left out worse than the simulator as given does, and the runs disagree about its size."
+    )
+    assert any(x.startswith("Before runs left out were predicted: wind (0.98)") for x in said.certainty)
+    assert not any("What else it could be" in x for x in said.certainty)
 
 
 def test_the_headline_says_when_the_vehicle_moved_as_nothing_known_explains():

@@ -18,7 +18,7 @@ from bayesid.diagnosis.failed_checks import (
     prediction_step,
     predicts_worse,
 )
-from bayesid.diagnosis.hypotheses.rules import MOTION_EVENT, NAMING
+from bayesid.diagnosis.hypotheses.rules import LEFT_OUT_WORSE, MOTION_EVENT, NAMING
 from bayesid.diagnosis.moved_words import freeing, moved_words
 from bayesid.diagnosis.plain_words import in_words, intervals, lowered, probability, sentence
 from bayesid.diagnosis.result import Result
@@ -207,6 +207,13 @@ def _headline(result: Result) -> str:
         known = [in_words(n) for n in result.set95 if n not in ("none", "outside", "model_form")]
         also = f" What may act beside it: {first_few(known, MOST_RIVALS)}." if known else ""
         return _unexplained(result).strip() + also
+    if result.rule == LEFT_OUT_WORSE:
+        nearest = [in_words(n) for n in result.set95 if n not in ("outside", "model_form")]
+        return (
+            f"Something acts that is not among the known effects. What comes closest ({', '.join(nearest)}) "
+            "predicts runs left out worse than the simulator as given does, and the runs disagree about its "
+            "size." + _unexplained(result)
+        )
     if word == "outside":
         place = result.where.channel
         where = f", in {PLACES.get(place, place)}" if place is not None else ""
@@ -337,6 +344,8 @@ def _certainty(result: Result) -> tuple[str, ...]:
         )
         besides = result.verdict == "model_form" or result.rule == MOTION_EVENT
         what = "What may act beside it" if besides else "What else it could be"
+        if result.rule == LEFT_OUT_WORSE:
+            what = "Before runs left out were predicted"
         out.append(f"{what}: {listed}.")
     elif not other:
         out.append("Nothing else reaches a probability of 0.01.")

@@ -28,7 +28,7 @@ from bayesid.diagnosis.hypotheses.candidate import (
     parameter_table,
 )
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
-from bayesid.diagnosis.hypotheses.cross_validation import cross_validate
+from bayesid.diagnosis.hypotheses.cross_validation import agreement
 from bayesid.diagnosis.hypotheses.facts import like_a_form, simplest, undetectable
 from bayesid.diagnosis.hypotheses.location import location_of
 from bayesid.diagnosis.hypotheses.probabilities import several_act
@@ -59,7 +59,6 @@ from bayesid.diagnosis.result_parts import (
     SimulatorMistakeFound,
 )
 from bayesid.equations.model import Model
-from bayesid.errors import BayesidError
 from bayesid.estimation.likelihood.model_form import typical
 from bayesid.model.terms import term
 from bayesid.trials import Trial
@@ -181,7 +180,7 @@ def result_of(
         warnings=tuple(told),
         runs=tuple(_run_error(r) for r in replays),
         moved=_moved(model, problem, c.none, explained),
-        runs_agree=_agreement(problem, c.none, best) if gains and not best.widens else None,
+        runs_agree=agreement(best, len(problem.coefficients.names)) if gains and not best.widens else None,
         simulator=simulator,
         drawings=_drawings(model, c, posterior, seed, replays),
     )
@@ -228,16 +227,6 @@ def _moved(
             _number(known[name] / abs(scale)) if name in known else None,
         )
     return out
-
-
-def _agreement(problem: DiagnosisProblem, none: RefittedHypothesis, best: RefittedHypothesis) -> float | None:
-    """p-value of one effect for all runs; None for a single run."""
-    if len(problem.logs) < 2:
-        return None
-    try:
-        return _number(cross_validate(best, none, len(problem.coefficients.names)).disagreement)
-    except (BayesidError, np.linalg.LinAlgError):
-        return None
 
 
 def _refit(problem: DiagnosisProblem, none: RefittedHypothesis, refit: RefittedHypothesis) -> Refit:

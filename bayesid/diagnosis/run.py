@@ -28,7 +28,8 @@ from bayesid.diagnosis.failed_checks import NEEDS_NONE, NO_MODEL
 from bayesid.diagnosis.final_values import result_of
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
-from bayesid.diagnosis.hypotheses.verdict import NAMING, Verdict, after_holdout, simplest
+from bayesid.diagnosis.hypotheses.cross_validation import agreement
+from bayesid.diagnosis.hypotheses.verdict import NAMING, Verdict, after_holdout, after_left_out, simplest
 from bayesid.diagnosis.input.memory_needed import check_memory
 from bayesid.diagnosis.next_manoeuvre import Proposal, propose
 from bayesid.diagnosis.result import Result
@@ -110,6 +111,11 @@ def diagnose(
     warnings = [*weighed.warnings, *problem.warnings]
     if compared.unable is not None:
         warnings.append(compared.unable)
+    notify("whether the explanation predicts better with coefficients re-tuned")
+    best, none = simplest(candidates), candidates.none
+    explained = _explained(problem, best if best.log_evidence > none.log_evidence else none, warnings)
+    agree = agreement(best, len(problem.coefficients.names))
+    verdict = after_left_out(verdict, explained.given_gain, explained.given_error, agree)
     # The verdict stands. What follows describes, proves and plans; none of it may cost the verdict.
     description = None
     if verdict.word in ("outside", "effect_with_remainder"):
@@ -120,9 +126,6 @@ def diagnose(
             None,
             warnings,
         )
-    notify("whether the explanation predicts better with coefficients re-tuned")
-    best, none = simplest(candidates), candidates.none
-    explained = _explained(problem, best if best.log_evidence > none.log_evidence else none, warnings)
     notify("held-out runs: how far the gap shrinks")
     validation = _HoldoutModels(problem, trial, candidates, seed)
     holdout = attempt(

@@ -1,7 +1,7 @@
 """The model that stands for an explanation: re-tuned, with coefficients as stated, or the simulator as given.
 
 Takes a `DiagnosisProblem` and the refit of an explanation. Gives a frozen `ExplainedModel`. Reads no held-out
-run and never changes a verdict.
+run and changes no verdict (`hypotheses.verdict.after_left_out` does).
 
 The fit that weighs causes lets a latent force take what the model misses between readings, and moves
 coefficients for the same end. What so predicts the next seconds can predict the next minutes worse: on a

@@ -71,6 +71,17 @@ def cross_validate(
     return CrossValidation(gains, *disagreement(candidate.fit.equations, coefficients))
 
 
+def agreement(candidate: RefittedHypothesis, coefficients: int) -> float | None:
+    """p-value of one and the same effect for all runs; None for a single run, or where it cannot be told."""
+    if len(candidate.fit.equations) < 2:
+        return None
+    try:
+        found = disagreement(candidate.fit.equations, coefficients)[0]
+    except np.linalg.LinAlgError:
+        return None
+    return found if np.isfinite(found) else None
+
+
 def disagreement(equations: tuple[NormalEquations, ...], coefficients: int) -> tuple[float, float]:
     """p-value, and chi-square over its degrees of freedom, of one common effect against one for every run.
 

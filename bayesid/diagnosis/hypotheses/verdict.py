@@ -1,12 +1,13 @@
 """The verdict: one of eight words, with the effects, the set, the reasons and the rule behind it.
 
-Takes `HypothesisComparison`. Gives a frozen `Verdict`. Reads no data and no held-out run, whose prediction
-may only take a name away (`after_holdout`); the rules are in `rules`, the numbers they compare with in
-`threshold_table`.
+Takes `HypothesisComparison`. Gives a frozen `Verdict`. Reads no data and no held-out run; their prediction
+(`after_holdout`) and that of runs left out (`after_left_out`) may only take a name
+away. The rules are in `rules`, the numbers they compare with in `threshold_table`.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -14,9 +15,12 @@ from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.hypotheses.candidate import COEFFICIENT_ERROR
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.facts import Facts, Grounds, Named, grounds_of, simplest
-from bayesid.diagnosis.hypotheses.rules import NAMING, WORDS, Rule, Word, deciding
+from bayesid.diagnosis.hypotheses.rules import LEFT_OUT_WORSE, NAMING, WORDS, Rule, Word, deciding
+from bayesid.diagnosis.threshold_table import DISAGREEMENT_P_VALUE
 
-__all__ = ["NAMING", "REFUTED", "WORDS", "Verdict", "Word", "after_holdout", "decide", "simplest"]
+__all__ = [
+    "NAMING", "REFUTED", "WORDS", "Verdict", "Word", "after_holdout", "after_left_out", "decide", "simplest",
+]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -66,6 +70,37 @@ def after_holdout(verdict: Verdict, worse: Sequence[str]) -> Verdict:
         f"re-tuned coefficients do; before they were read the verdict was {verdict.word} ({verdict.rule})"
     )
     return replace(verdict, word="ambiguous", reasons=(*verdict.reasons, reason), rule=REFUTED)
+
+
+def after_left_out(verdict: Verdict, gain: float, error: float, agreement: float | None) -> Verdict:
+    """Verdict that knows runs left out: what fails two checks on them is no cause, whatever its evidence.
+
+    A name is not given where the runs disagree about its size and, each left out of the estimate, are
+    replayed worse with it than by the simulator as given, by more than one standard error over runs.
+    Something acts then that the list has not: an eddy that a model form, a wind and a screw's race followed
+    run by run.
+
+    Parameters
+    ----------
+    gain, error : mean logarithm of the rms error of the simulator as given over that with the explanation,
+        and its standard error; nan where it was not asked
+    agreement : p-value of one effect for all runs; None where it was not asked
+    """
+    if verdict.word not in NAMING or agreement is None or agreement >= DISAGREEMENT_P_VALUE:
+        return verdict
+    if not gain < -error:
+        return verdict
+    reason = (
+        f"{' + '.join(verdict.effects)}: runs left out are missed by {math.exp(-gain):.2g} times what the "
+        f"simulator as given misses (one standard error {math.exp(-gain - error):.2g} to "
+        f"{math.exp(-gain + error):.2g}), and the runs disagree about it (p = {agreement:.2g}); before "
+        f"that the verdict was {verdict.word} ({verdict.rule})"
+    )
+    set95 = ("outside", *(n for n in verdict.set95 if n not in ("none", "outside")))
+    return replace(
+        verdict, word="outside", effects=(), set95=set95, reasons=(*verdict.reasons, reason),
+        rule=LEFT_OUT_WORSE,
+    )  # fmt: skip
 
 
 def names_of(rule: Rule, named: Named) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
