@@ -489,6 +489,11 @@ def test_one_explanation_is_said_to_be_all_and_an_older_model_says_nothing_of_wh
             {("wind",): 0.004},
             "rudder asymmetry; explanations left out have less than 0.01 of the probability;",
         ),
+        (
+            {("wind",): 0.98, ("thrust_loss",): 0.016},
+            "rudder asymmetry; what the diagnosis holds likely is in none of them: wind (0.98), "
+            "thrust loss (0.02)",
+        ),
     ):
         write_diagnosed(replace(named, left_out=left), tmp_path)
         prediction = predict(planted_trial(MODEL), ["turn:10"], model=tmp_path, draws=20, speed=1.5)
