@@ -136,10 +136,9 @@ def _worse_left_out(gain: float, error: float) -> str:
     if not error:
         return "With it runs left out are lost."
     times, least, most = (math.exp(x - gain) for x in (0.0, -error, error))
-    return (
-        "That it predicts runs left out better is not sure "
-        f"(errors {times:.2g} times as large, one standard error {least:.2g} to {most:.2g})."
-    )
+    worse = gain < -error
+    said = "It predicts runs left out worse" if worse else "That it predicts runs left out better is not sure"
+    return f"{said} (errors {times:.2g} times as large, one standard error {least:.2g} to {most:.2g})."
 
 
 def as_given(result: Result) -> bool:
