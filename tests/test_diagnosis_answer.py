@@ -21,7 +21,7 @@ from bayesid.diagnosis.hypotheses.rules import (
     UNSURE,
 )
 from bayesid.diagnosis.plain_words import in_words, intervals, sentence
-from bayesid.diagnosis.result_parts import Effect, Moved, Refit, Retuning, RunError, Value
+from bayesid.diagnosis.result_parts import Effect, Moved, Refit, Retuning, RunError, StretchFound, Value
 from bayesid.diagnosis.size_names import contract, declared_sizes
 from bayesid.diagnosis.summary import summary
 from bayesid.diagnosis.threshold_table import SURE_PROBABILITY
@@ -465,20 +465,34 @@ def test_the_likeliest_of_several_causes_is_told_with_its_size(set95, probabilit
 
 def test_a_cause_that_left_out_runs_speak_against_is_no_name_and_the_headline_says_why():
     found = a_result(
-        "outside",
-        (),
-        (),
-        set95=("outside", "wind", "cubic_damping"),
-        rule=LEFT_OUT_WORSE,
-        probabilities={"wind": 0.98, "outside": 0.02},
-    )
+        "outside", (), ("wind", "cubic_damping"), set95=("outside", "wind", "cubic_damping", "tether_drag"),
+        rule=LEFT_OUT_WORSE, probabilities={"wind": 0.98, "outside": 0.02},
+    )  # fmt: skip
     said = answer(found)
     assert said.headline == (
-        "Something acts that is not among the known effects. What comes closest (wind, cubic damping) "
-        "predicts runs left out worse than the simulator as given does, and the runs disagree about its size."
+        "No known effect explains these runs, alone or with another, in the heading reading. The best "
+        "explanation, wind + cubic damping, predicts each run, left out of the estimate, worse than the "
+        "simulator as given does, and the runs disagree about its size."
     )
-    assert any(x.startswith("Before runs left out were predicted: wind (0.98)") for x in said.certainty)
+    assert any(x.startswith("The probabilities before that: wind (0.98)") for x in said.certainty)
     assert not any("What else it could be" in x for x in said.certainty)
+
+
+def test_the_headline_says_when_something_acts_that_acts_in_one_run():
+    found = a_result("outside", (), ())
+    stretch = StretchFound("r4", 725.2, 769.8, 90.0, math.radians(-5.4), math.radians(0.3))
+    where = replace(found.where, channel="rudder", evidence={"rudder": 80.0}, stretch=stretch)
+    said = "Something acts that is not among the known effects, in the rudder's angle"
+    when = ", only in r4 from 725 to 770 s"
+    size = ", as if it stood 5.4 ± 0.3 degrees further to starboard on average."
+    assert answer(replace(found, where=where)).headline == said + when + size
+    port = replace(where, stretch=replace(stretch, value=math.radians(5.4)))
+    assert "further to port" in answer(replace(found, where=port)).headline
+    unknown = replace(where, stretch=replace(stretch, value=None, sd=None))
+    assert answer(replace(found, where=unknown)).headline == said + when + "."
+    assert answer(replace(found, where=replace(where, stretch=None))).headline == said + "."
+    elsewhere = replace(where, evidence={"N": 90.0, "rudder": 80.0})  # where the stretch is of another place
+    assert answer(replace(found, where=elsewhere)).headline == said + "."
 
 
 def test_the_headline_says_when_the_vehicle_moved_as_nothing_known_explains():

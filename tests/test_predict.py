@@ -491,7 +491,7 @@ def test_one_explanation_is_said_to_be_all_and_an_older_model_says_nothing_of_wh
         ),
         (
             {("wind",): 0.98, ("thrust_loss",): 0.016},
-            "rudder asymmetry; what the diagnosis holds likely is in none of them: wind (0.98), "
+            "rudder asymmetry; the explanations the diagnosis weighed are in none of them: wind (0.98), "
             "thrust loss (0.02)",
         ),
     ):

@@ -206,18 +206,31 @@ def _headline(result: Result) -> str:
         known = [in_words(n) for n in result.set95 if n not in ("none", "outside", "model_form")]
         also = f" What may act beside it: {first_few(known, MOST_RIVALS)}." if known else ""
         return _unexplained(result).strip() + also
-    if result.rule == LEFT_OUT_WORSE:
-        nearest = [in_words(n) for n in result.set95 if n not in ("outside", "model_form")]
-        return (
-            f"Something acts that is not among the known effects. What comes closest ({', '.join(nearest)}) "
-            "predicts runs left out worse than the simulator as given does, and the runs disagree about its "
-            "size." + _unexplained(result)
-        )
     if word == "outside":
         place = result.where.channel
-        where = f", in {PLACES.get(place, place)}" if place is not None else ""
-        return f"Something acts that is not among the known effects{where}." + _unexplained(result)
+        where = f"{f', in {PLACES.get(place, place)}' if place is not None else ''}{_stretch(result)}"
+        if result.rule != LEFT_OUT_WORSE:
+            return f"Something acts that is not among the known effects{where}." + _unexplained(result)
+        best = " + ".join(in_words(n) for n in explanation(result))
+        return (
+            f"No known effect explains these runs, alone or with another{where}. The best explanation, "
+            f"{best}, predicts each run, left out of the estimate, worse than the simulator as given does, "
+            "and the runs disagree about its size." + _unexplained(result)
+        )
     return cannot_tell(result) + _unexplained(result)
+
+
+def _stretch(result: Result) -> str:
+    """In which run and when something acts that has one, and by how much a rudder is then off."""
+    place, found = result.where.channel, result.where.stretch
+    if found is None or place != next(iter(result.where.evidence), None):
+        return ""
+    when = f", only in {found.run} from {found.start:.0f} to {found.end:.0f} s"
+    if place != "rudder" or found.value is None or found.sd is None:
+        return when
+    side = "port" if found.value > 0.0 else "starboard"
+    size, sd = (f"{math.degrees(abs(x)):.2g}" for x in (found.value, found.sd))
+    return f"{when}, as if it stood {size} ± {sd} degrees further to {side} on average"
 
 
 def _unexplained(result: Result) -> str:
@@ -344,7 +357,7 @@ def _certainty(result: Result) -> tuple[str, ...]:
         besides = result.verdict == "model_form" or result.rule == MOTION_EVENT
         what = "What may act beside it" if besides else "What else it could be"
         if result.rule == LEFT_OUT_WORSE:
-            what = "Before runs left out were predicted"
+            what = "The probabilities before that"
         out.append(f"{what}: {listed}.")
     elif not other:
         out.append("Nothing else reaches a probability of 0.01.")

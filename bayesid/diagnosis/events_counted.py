@@ -77,6 +77,6 @@ def verdict_with(verdict: Verdict, events: Sequence[Event], rest: HypothesisComp
 
 
 def verdict_of(compared: Compared) -> Verdict:
-    """Verdict on a trial whose hypotheses are compared, the events it left out counted."""
+    """Verdict on compared hypotheses, events counted, before any run is left out or held out."""
     problem, candidates = compared.problem, compared.candidates
     return verdict_with(decide(problem, candidates), problem.events, candidates)

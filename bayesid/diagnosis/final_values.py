@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import asdict
 
 import numpy as np
 
@@ -57,6 +58,7 @@ from bayesid.diagnosis.result_parts import (
     RunError,
     Screened,
     SimulatorMistakeFound,
+    StretchFound,
 )
 from bayesid.equations.model import Model
 from bayesid.estimation.likelihood.model_form import typical
@@ -287,6 +289,7 @@ def _location(c: HypothesisComparison, model: Model) -> Location:
         masks(False),
         masks(True),
         {p.channel: float(p.evidence) for p in c.where_after.places} if c.where_after else {},
+        None if c.where.stretch is None else StretchFound(**asdict(c.where.stretch)),
     )
 
 

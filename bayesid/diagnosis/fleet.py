@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import chi2
 
-from bayesid.diagnosis.hypotheses.rules import NAMING
+from bayesid.diagnosis.hypotheses.rules import LEFT_OUT_WORSE, NAMING
 from bayesid.diagnosis.result_parts import LEAST_MOVED, RunError
 from bayesid.diagnosis.run_errors import closes, error_rows
 
@@ -101,7 +101,7 @@ def shared_effects(records: Mapping[str, Mapping[str, Any]]) -> list[SharedEffec
     vehicles = sorted({_vehicle(r) for r in records.values()})
     out = []
     for vehicle in ["", *vehicles] if len(vehicles) > 1 else vehicles:
-        some = {n: r["acting"] for n, r in records.items() if vehicle in ("", _vehicle(r))}
+        some = {n: _acting(r) for n, r in records.items() if vehicle in ("", _vehicle(r))}
         effects = {e for acting in some.values() for e in acting} - {"none", "outside"}
         for effect in sorted(effects):
             p = {n: float(acting.get(effect, 0.0)) for n, acting in some.items()}
@@ -135,6 +135,11 @@ def _pooled(place: tuple[str, str, str, str], each: Sequence[tuple[str, float, f
     return SharedParameter(
         *place, mean, float(weight.sum() ** -0.5), float(chi2.sf(q, len(each) - 1)), tuple(each)
     )
+
+
+def _acting(record: Mapping[str, Any]) -> Mapping[str, float]:
+    """Probability that each effect acts; of none where runs left out took the names away."""
+    return {} if record.get("rule") == LEFT_OUT_WORSE else record["acting"]
 
 
 def _vehicle(record: Mapping[str, Any]) -> str:

@@ -93,6 +93,21 @@ class Region:
 
 
 @dataclass(frozen=True)
+class StretchFound:
+    """A stretch of one run that holds what a free signal gains; times in s by the clock of the log."""
+
+    run: str
+    start: float
+    end: float
+    gain: Annotated[float, About("Gain in log evidence [nats] of the signal allowed only there.")]
+    value: Annotated[
+        float | None,
+        About("Mean of the signal over the stretch, SI; null where the place has more inputs than one."),
+    ] = None
+    sd: Annotated[float | None, About("One standard deviation of it.")] = None
+
+
+@dataclass(frozen=True)
 class Location:
     """Where the gap lies; evidence in nats, period in s."""
 
@@ -123,6 +138,13 @@ class Location:
     after: Annotated[Mapping[str, float], About("As evidence, with the best explanation in the model.")] = (
         field(default_factory=dict)
     )
+    stretch: Annotated[
+        StretchFound | None,
+        About(
+            "The shortest stretch of one run to which the signal in the place of most evidence can be "
+            "confined; null where it acts in several runs, or nowhere."
+        ),
+    ] = None
 
 
 @dataclass(frozen=True)

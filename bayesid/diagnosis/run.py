@@ -114,7 +114,8 @@ def diagnose(
     notify("whether the explanation predicts better with coefficients re-tuned")
     best, none = simplest(candidates), candidates.none
     explained = _explained(problem, best if best.log_evidence > none.log_evidence else none, warnings)
-    agree = agreement(best, len(problem.coefficients.names))
+    alone = set(verdict.effects) == set(best.effects)  # of a part of what was left out this says nothing
+    agree = agreement(best, len(problem.coefficients.names)) if alone else None
     verdict = after_left_out(verdict, explained.given_gain, explained.given_error, agree)
     # The verdict stands. What follows describes, proves and plans; none of it may cost the verdict.
     description = None

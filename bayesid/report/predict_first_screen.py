@@ -223,7 +223,7 @@ def _left_out_words(rows: Sequence[Numbers]) -> str:
     ]
     which = f": {first_few(told, MOST_LEFT_OUT)}" if told else ""
     if whole > 1.0 - LEAST_LEFT_OUT:
-        return f"what the diagnosis holds likely is in none of them{which}"
+        return f"the explanations the diagnosis weighed are in none of them{which}"
     return f"explanations that hold {whole:.2f} of the probability are left out{which}"
 
 

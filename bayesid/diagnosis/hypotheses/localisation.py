@@ -8,12 +8,13 @@ smoothed force with its band. Names channels, never causes.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.hypotheses.periodic_signal import periodic_signals
+from bayesid.diagnosis.hypotheses.stretch import Stretch, stretch_of
 from bayesid.equations.model import Model
 from bayesid.estimation.filter_error.evidence import posterior
 from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, linearise_runs
@@ -76,6 +77,8 @@ class Localisation:
     times, force, band : per run, smoothed latent force in X, Y, N (and Z, K, M) [N, N m] and one standard
     deviation
     gains : (channel, amplitude, time [s]) -> evidence of every force or input tried that has no rhythm
+    stretch : of one run, to which the signal of the winning channel can be confined; None where it acts in
+        several
     """
 
     places: tuple[LocatedSignal, ...]
@@ -87,6 +90,7 @@ class Localisation:
     force: tuple[Array, ...]
     band: tuple[Array, ...]
     gains: Mapping[tuple[str, float, float], float] = field(default_factory=dict)
+    stretch: Stretch | None = None
 
     def kept(self, after: Localisation) -> float:
         """What the best force or input found here still gains in what an explanation leaves; inf if it has a
@@ -191,11 +195,11 @@ def locate(
             averages.append(average)
             gains |= {(name, a, tau): value - base for value, a, tau in seen}
     places.sort(key=lambda p: -p.evidence)
-    found = (
-        _masks(problem, paths, free, noise_model, places[0], base)
-        if masks and places[0].evidence > 5.0
-        else ()
-    )
+    found: tuple[Mask, ...] = ()
+    stretch = None
+    if masks and places[0].evidence > 5.0 and sets[places[0].channel][0]:
+        found = _masks(problem, paths, free, noise_model, places[0], base)
+        stretch = stretch_of(problem, paths, free, noise_model, _of_place(problem, places[0]))
     times, force, band = _force(problem, paths, free, noise_model, size, places)
     return Localisation(
         tuple(places),
@@ -207,12 +211,19 @@ def locate(
         force,
         band,
         gains,
+        stretch,
     )
 
 
 def _log_mean(values: Sequence[float]) -> float:
     top = max(values)
     return float(top + np.log(np.mean(np.exp(np.array(values) - top))))
+
+
+def _of_place(problem: DiagnosisProblem, place: LocatedSignal) -> LatentInputs:
+    """The best latent signal of a place that has inputs."""
+    inputs, size = channel_sets(problem)[place.channel][0], units(problem.model)
+    return LatentInputs(inputs, (), tuple(place.amplitude * size[n] for n in inputs), place.tau)
 
 
 def _masks(
@@ -223,18 +234,13 @@ def _masks(
     place: LocatedSignal,
     base: float,
 ) -> tuple[Mask, ...]:
-    inputs, channels = channel_sets(problem)[place.channel]
-    if not inputs:
-        return ()
-    size = units(problem.model)
+    allowed = _of_place(problem, place)
     out = []
     for kind, name, where in regimes(problem):
         share = sum(int(m.sum()) for m in where) / sum(m.size for m in where)
         if not 0.02 < share < 0.98:
             continue
-        latent = LatentInputs(
-            inputs, channels, tuple(place.amplitude * size[n] for n in inputs), place.tau, tuple(where)
-        )
+        latent = replace(allowed, masks=tuple(where))
         out.append(Mask(kind, name, _evidence(problem, paths, free, noise_model, latent) - base, share))
     return tuple(sorted(out, key=lambda m: -m.evidence))
 

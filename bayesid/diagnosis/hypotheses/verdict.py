@@ -77,8 +77,8 @@ def after_left_out(verdict: Verdict, gain: float, error: float, agreement: float
 
     A name is not given where the runs disagree about its size and, each left out of the estimate, are
     replayed worse with it than by the simulator as given, by more than one standard error over runs.
-    Something acts then that the list has not: an eddy that a model form, a wind and a screw's race followed
-    run by run.
+    Something acts then that no effect as it is declared explains: an eddy that a wind and a screw's race
+    followed run by run.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def after_left_out(verdict: Verdict, gain: float, error: float, agreement: float
         and its standard error; nan where it was not asked
     agreement : p-value of one effect for all runs; None where it was not asked
     """
-    if verdict.word not in NAMING or agreement is None or agreement >= DISAGREEMENT_P_VALUE:
+    if verdict.word not in NAMING or agreement is None or not agreement < DISAGREEMENT_P_VALUE:
         return verdict
     if not gain < -error:
         return verdict
