@@ -1,0 +1,31 @@
+"""A diagnosis takes a name away where runs left out and their agreement speak against it."""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import replace
+
+import pytest
+from gap_trials import model_of, other_vehicle, planted_trial
+
+from bayesid.diagnosis.hypotheses.rules import LEFT_OUT_WORSE
+from bayesid.diagnosis.run import diagnose
+
+
+@pytest.mark.parametrize(("gain", "named"), [(-0.3, False), (0.3, True)])
+def test_a_name_falls_where_both_checks_fail_and_stands_where_one_holds(monkeypatch, gain, named):
+    model = model_of("remus100")
+    truth = other_vehicle(model, 3) | {"rudder_offset.offset": 0.05}
+    trial = planted_trial(model, truth, 3, samples=160)
+    run = importlib.import_module("bayesid.diagnosis.run")
+    real = run.explained_model
+    monkeypatch.setattr(
+        run, "explained_model", lambda *a: replace(real(*a), given_gain=gain, given_error=0.1)
+    )
+    monkeypatch.setattr(run, "agreement", lambda best, coefficients: 1e-9)
+    found = diagnose(trial, model, plan_next=False)
+    if named:
+        assert found.verdict.effects == ("rudder_offset",)
+    else:
+        assert (found.verdict.word, found.verdict.rule) == ("outside", LEFT_OUT_WORSE)
+        assert found.result.effects == () and "rudder_offset" in found.verdict.set95
