@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 from gap_trials import model_of, other_vehicle, planted_trial
 
 from bayesid.diagnosis.data.problem import build_problem, fit_with
+from bayesid.diagnosis.hypotheses import stretch
 from bayesid.diagnosis.hypotheses.localisation import locate
 from bayesid.diagnosis.hypotheses.stretch import CLEAR, shortest
+from bayesid.estimation.filter_error.linearise import linearise_runs
+from bayesid.estimation.filter_error.noise_model import LatentInputs
 
 BEGIN, LASTS = 25.0, 8.0  # L/U
 
@@ -50,3 +56,17 @@ def test_a_moment_in_one_run_is_dated_and_one_in_every_run_is_not():
     _, every = located(("turn", "zigzag"))
     assert every.places[0].evidence > 20.0 and every.stretch is None
     assert located(())[1].stretch is None
+
+
+def test_of_the_only_run_a_part_is_told_and_the_whole_is_not(monkeypatch):
+    model = model_of("remus100")
+    trial = planted_trial(model, other_vehicle(model, 3), 3, None, samples=160)
+    problem = build_problem(model, replace(trial, runs=trial.runs[:1]))
+    none, noise = fit_with(problem, ()), problem.environment.noise_model
+    paths = linearise_runs(model, problem.logs, none.points, problem.coefficients.where)
+    latent = LatentInputs(("delta_r",), (), (0.03,), model.scales["L"] / model.scales["U"])
+    monkeypatch.setattr(stretch, "CLEAR", -np.inf)  # as if a signal were clear
+    for (first, last), told in (((0, 160), False), ((40, 80), True)):
+        monkeypatch.setattr(stretch, "shortest", lambda gain, size, at=(first, last): at)
+        found = stretch.stretch_of(problem, paths, problem.coefficients, noise, latent)
+        assert (found is not None) == told

@@ -51,7 +51,9 @@ def stretch_of(
     noise_model: NoiseModel,
     latent: LatentInputs,
 ) -> Stretch | None:
-    """Shortest stretch of one run to which a latent input can be confined; None where it acts in several.
+    """Shortest stretch of one run to which a latent input can be confined.
+
+    None where it acts in several runs, or all through the only one.
 
     Parameters
     ----------
@@ -81,6 +83,8 @@ def stretch_of(
         return _evidence([*none[:k], equations(k, only(first, last)), *none[k + 1 :]]) - base
 
     first, last = shortest(gain, size)
+    if count == 1 and (first, last) == (0, size):
+        return None
     found = only(first, last)
     equal = [*none[:k], equations(k, found), *none[k + 1 :]]
     t = problem.logs[k].plan.t

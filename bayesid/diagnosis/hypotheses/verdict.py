@@ -1,8 +1,8 @@
 """The verdict: one of eight words, with the effects, the set, the reasons and the rule behind it.
 
 Takes `HypothesisComparison`. Gives a frozen `Verdict`. Reads no data and no held-out run; their prediction
-(`after_holdout`) and that of runs left out (`after_left_out`) may only take a name
-away. The rules are in `rules`, the numbers they compare with in `threshold_table`.
+(`after_holdout`) and that of runs left out (`after_left_out`) may only take a name away. The rules are in
+`rules`, the numbers they compare with in `threshold_table`.
 """
 
 from __future__ import annotations
