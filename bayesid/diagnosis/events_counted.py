@@ -21,7 +21,7 @@ from bayesid.diagnosis.hypotheses.verdict import Verdict, decide, simplest
 def with_events(candidates: HypothesisComparison, events: Sequence[Event]) -> HypothesisComparison:
     """Candidates of the rest of the trial, with what events of motion say for a cause outside added."""
     gain = _motion_gain(events, candidates)
-    if gain <= candidates.evidence["outside"]:
+    if gain <= max(candidates.evidence["outside"], 0.0):  # no motion says nothing
         return candidates
     evidence = candidates.evidence | {"outside": gain}
     weights = probabilities(evidence, candidates.refits, candidates.none, candidates.where)
@@ -38,8 +38,13 @@ def with_events(candidates: HypothesisComparison, events: Sequence[Event]) -> Hy
 
 
 def _motion_gain(events: Sequence[Event], rest: HypothesisComparison) -> float:
-    """What events of motion say for a cause outside, beyond what a model form carries [nats]."""
-    return beyond(sum(e.evidence for e in events if e.kind == "motion"), rest.carried)
+    """What events of motion say for a cause outside, beyond what a model form carries [nats].
+
+    Brief ones were found beside the best explanation, its form included.
+    """
+    motions = [e for e in events if e.kind == "motion"]
+    gross = sum(e.evidence for e in motions if e.misfit is not None)
+    return beyond(gross, rest.carried) + sum(e.evidence for e in motions if e.misfit is None)
 
 
 def verdict_with(verdict: Verdict, events: Sequence[Event], rest: HypothesisComparison) -> Verdict:
@@ -62,7 +67,9 @@ def verdict_with(verdict: Verdict, events: Sequence[Event], rest: HypothesisComp
     if not motions or verdict.word == "outside":
         return replace(verdict, reasons=reasons)
     if silent or verdict.set95 == ("outside",):
-        return replace(verdict, word="outside", set95=("outside",), reasons=reasons, rule=MOTION_EVENT)
+        return replace(
+            verdict, word="outside", effects=(), set95=("outside",), reasons=reasons, rule=MOTION_EVENT
+        )
     said = f"motions that nothing explains say +{moved:.1f}, the best explanation of the rest +{gain:.1f}"
     reasons = (*reasons, f"{said}; before they were counted the verdict was {verdict.word} ({verdict.rule})")
     if moved > gain:

@@ -6,7 +6,7 @@ Takes a trial and a model. Gives the `DiagnosisProblem` without what is excluded
 Two kinds are excluded. Single readings that contradict the fit without any effect (innovation outliers):
 before anything is known a path may bend a little, and one yaw rate off by ten sigma is a possible motion;
 under the measured environment it is not. Events: short pieces that the best explanation of the whole trial
-predicts far worse than the rest, a model form included.
+predicts far worse than the rest, a model form included, or else in which a free force gains beside it.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+from bayesid.diagnosis.brief_events import brief_events
 from bayesid.diagnosis.data.event import Event
 from bayesid.diagnosis.data.outliers import Found, stripped
 from bayesid.diagnosis.data.problem import DiagnosisProblem, build_problem, fit_with
@@ -50,9 +51,9 @@ def compare_without(
     """Hypotheses of a trial once everything to be excluded is.
 
     Each pass fits and asks for one kind: outliers first, as a few wrong yaw rates doubled the environment
-    measured, events last, as an effect may explain what looks like one. Without the events outliers are
-    sought anew. So there are four passes at most, one more where a trial without its outliers fails: then
-    they count.
+    measured, events last, as an effect may explain what looks like one; brief ones after gross ones. Without
+    the events outliers are sought anew. So there are six passes at most, one more where a trial without its
+    outliers fails: then they count.
 
     Raises
     ------
@@ -92,14 +93,12 @@ def compare_without(
             return replace(whole, unable="; ".join(filter(None, (whole.unable, unable))))
         if kept:
             found = replace(found, unable="; ".join(filter(None, (found.unable, kept))))
-        if excluded.events:
-            return replace(found, candidates=with_events(found.candidates, excluded.events))
-        whole = found
-        events = find_events(found.problem, trial, simplest(found.candidates), notify)
+        events = _events(found, trial, excluded.events, notify)
+        whole = replace(found, candidates=with_events(found.candidates, excluded.events))
         if not events:
-            return found
+            return whole
         notify(f"the same without {_named(events)}")
-        excluded = Excluded(events)
+        excluded = Excluded((*excluded.events, *events))
 
 
 def innovation_outliers(problem: DiagnosisProblem, base: FilterErrorFit) -> Found:
@@ -111,6 +110,26 @@ def innovation_outliers(problem: DiagnosisProblem, base: FilterErrorFit) -> Foun
     if not explains(RefittedHypothesis((), base.log_evidence, base)):
         return ()
     return stripped(problem.model, problem.logs, base.points, problem.environment.noise_model)[1]
+
+
+def _events(found: Compared, trial: Trial, known: Sequence[Event], notify: Notify) -> tuple[Event, ...]:
+    """Further events the best explanation leaves: gross ones first; then, once, brief ones that gain more
+    than a signal that acts in all runs and all the time, or more than a model form does.
+    """
+    problem, candidates = found.problem, found.candidates
+    best = simplest(candidates)
+    if not known and (gross := find_events(problem, trial, best, notify)):
+        return gross
+    if any(e.misfit is None for e in known):
+        return ()
+    left = (candidates.where_after or candidates.where).places[0].evidence
+    if brief := brief_events(problem, best, left):
+        return brief
+    converged = [c for c in found.formless if c.fit.converged]
+    if problem.form is None or not converged:
+        return ()
+    formless = max(converged, key=lambda c: c.log_evidence)
+    return brief_events(problem, formless, best.log_evidence - formless.log_evidence)
 
 
 def _named(events: Sequence[Event]) -> str:

@@ -247,5 +247,11 @@ FREE_SIGNAL_SLACK = Limit(
     "How much better a free signal may be alone than with an effect that has nothing to do beside it.",
     "6-DOF in still water: 'outside' at 2000 nats where the refit left 0.3.",
 )  # fmt: skip
+BRIEF_EVENT_EVIDENCE = Limit(
+    "BRIEF_EVENT_EVIDENCE", 20.0, "nats",
+    "Gain of a free force in a few seconds of a run, beyond the logarithm of how many such were tried, from "
+    "which it is an event.",
+    "As LINEARISATION_SCATTER.",
+)  # fmt: skip
 
 TABLE: tuple[Limit, ...] = tuple(value for value in list(globals().values()) if isinstance(value, Limit))

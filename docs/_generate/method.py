@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from _generate.markdown import code, plain, table
 from bayesid.diagnosis import threshold_table
-from bayesid.diagnosis.hypotheses.rules import LEFT_OUT_WORSE, RULES
+from bayesid.diagnosis.hypotheses.rules import LEFT_OUT_WORSE, MOTION_EVENT, RULES
 from bayesid.diagnosis.hypotheses.verdict import REFUTED
 from bayesid.model.terms import TERMS
 from bayesid.model.terms.references import REFERENCES
@@ -50,6 +50,11 @@ def references() -> str:
 def rules() -> str:
     """The rules in the order in which they are asked; the first that holds decides."""
     rows = [[str(k), plain(r.name), code(r.word), plain(r.sentence)] for k, r in enumerate(RULES, 1)]
+    rows.append([
+        "after", plain(MOTION_EVENT), code("outside"),
+        "in some seconds, left out of the rest, the vehicle moves as no effect explains, which is worth more "
+        "than what effects explain of the rest",
+    ])  # fmt: skip
     rows.append([
         "after", plain(LEFT_OUT_WORSE), code("outside"),
         "an effect is named, the runs disagree about it, and runs left out are replayed worse with it than "

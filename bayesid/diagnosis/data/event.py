@@ -27,7 +27,8 @@ class Event:
     channel : sensor channel, or the input or force that shows it best, as in `localisation`
     kind : "sensor" (its readings are wrong for a while), "jump" (a position that shifts and stays) or
         "motion" (the vehicle moves as no model here explains)
-    misfit : of its worst window over the median of all windows
+    misfit : of its worst window over the median of all windows; None where it was found by what a free signal
+        gains there beside the best explanation (`brief_events`)
     evidence : gain in log evidence of a free signal there over none; 0 for a sensor's fault
     """
 
@@ -36,7 +37,7 @@ class Event:
     end: float
     channel: str
     kind: Literal["sensor", "jump", "motion"]
-    misfit: float
+    misfit: float | None
     evidence: float = 0.0
 
 

@@ -113,14 +113,23 @@ def _events(result: Result) -> list[Block]:
     if not result.events:
         return []
     rows = [
-        [literal(e.run), f"{e.start:.1f}", f"{e.end:.1f}", e.channel, EVENT_KINDS[e.kind], e.misfit]
+        [
+            literal(e.run),
+            f"{e.start:.1f}",
+            f"{e.end:.1f}",
+            e.channel,
+            EVENT_KINDS[e.kind],
+            e.misfit if e.misfit is not None else "–",
+            e.evidence,
+        ]
         for e in result.events
     ]
     return [
         Table(
-            ["run", "from [s]", "to [s]", "channel", "what", "misfit over the median"],
+            ["run", "from [s]", "to [s]", "channel", "what", "misfit over the median", "gain [nats]"],
             rows,
-            "Events: short pieces predicted far worse than all others whatever effect is added. They are "
+            "Events: short pieces predicted far worse than all others whatever effect is added, or in which "
+            "a free force, allowed only there, gains more than chance beside the best explanation. They are "
             "left out; what follows starts from a state of its own.",
         )
     ]
