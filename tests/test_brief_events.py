@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from gap_trials import model_of, other_vehicle, planted_trial
 
-from bayesid.diagnosis.brief_events import Found, Pieces, _beside, _gains, _root, brief_events
+import bayesid.diagnosis.brief_events as brief_events_module
+from bayesid.diagnosis.brief_events import Found, Joint, Pieces, _gains, _root, brief_events
 from bayesid.diagnosis.data.problem import build_problem, fit_with
 from bayesid.diagnosis.events_counted import verdict_of
 from bayesid.diagnosis.exclusions import compare_without
@@ -35,12 +36,14 @@ def brief(run, t):
     return (t > BEGIN) & (t < BEGIN + LASTS) & (run == "turn")
 
 
-def events_of(acts, size=SIZE, change=lambda trial: trial):
+def events_of(acts, size=SIZE, change=lambda trial: trial, least=None):
     model = model_of("remus100")
     problem = build_problem(model, change(trial_of(model, acts, size)))
     none = weighted_hypothesis(problem, (), fit_with(problem, ()))
     left = locate(problem, none.fit.points, problem.coefficients).places[0].evidence
-    return model.scales["L"] / model.scales["U"], brief_events(problem, none, left)
+    return model.scales["L"] / model.scales["U"], brief_events(
+        problem, none, left if least is None else least
+    )
 
 
 def test_a_moment_of_seconds_is_dated():
@@ -49,6 +52,18 @@ def test_a_moment_of_seconds_is_dated():
     assert found[0].start / time == pytest.approx(BEGIN, abs=1.5)
     assert found[0].end / time == pytest.approx(BEGIN + LASTS, abs=1.5)
     assert found[0].evidence > 30.0
+
+
+def test_a_rudder_that_sticks_is_told_by_how_much():
+    """As a signal of the rudder would be told that acts in those seconds only (`stretch`)."""
+    _, (event,) = events_of(brief)
+    model = model_of("remus100")
+    problem = build_problem(model, trial_of(model, brief))
+    beside = locate(problem, fit_with(problem, ()).points, problem.coefficients).stretch
+    assert event.channel == "rudder" and beside.value is not None
+    times = [e.value * (e.end - e.start) for e in (event, beside)]
+    assert times[0] == pytest.approx(times[1], rel=0.1)
+    assert event.sd == pytest.approx(beside.sd, rel=0.5)
 
 
 @pytest.mark.parametrize(
@@ -64,8 +79,8 @@ def test_nothing_and_what_lasts_are_no_event(acts):
     assert events_of(acts)[1] == ()
 
 
-def test_a_reading_wrong_for_seconds_is_the_sensors_event():
-    """Heading 1.7 degrees off for five lengths, six times its noise: too small for a gross event."""
+def test_a_reading_wrong_for_seconds_is_no_motion(monkeypatch):
+    """Heading 1.7 degrees off for five lengths, six times its noise: taken for a motion if not asked for."""
 
     def change(trial):
         zigzag, turn = trial.runs
@@ -73,8 +88,15 @@ def test_a_reading_wrong_for_seconds_is_the_sensors_event():
         psi[60:72] += 0.03
         return replace(trial, runs=(zigzag, replace(turn, data={**turn.data, "psi": psi})))
 
-    _, found = events_of(lambda run, t: np.zeros(t.size), change=change)
-    assert [(e.run, e.channel, e.kind, e.evidence) for e in found] == [("turn", "psi", "sensor", 0.0)]
+    def found():
+        return events_of(lambda run, t: np.zeros(t.size), change=change, least=0.0)[1]
+
+    assert found() == ()
+    sets = brief_events_module.channel_sets
+    monkeypatch.setattr(
+        brief_events_module, "channel_sets", lambda problem: {k: v for k, v in sets(problem).items() if v[0]}
+    )
+    assert [e.run for e in found()] == ["turn"]
 
 
 def test_a_diagnosis_says_when_and_blames_no_effect():
@@ -114,14 +136,16 @@ def test_gains_are_those_of_one_linear_model_of_all_runs():
 
     first, second = np.array([1, 2, 3]), np.array([0, 1])
     roots = 0.7 * _root(1, 3, 0.5), 0.4 * _root(1, 2, 0.5)
-    alone = _gains(_beside(runs, known, [])[1], first[None], roots[0])[0]
+    alone = _gains(Joint(runs, known, []).beside()[1], first[None], roots[0])[0]
     assert alone == pytest.approx(joint([(1, first, roots[0])]) - joint([]), rel=1e-9)
     kept = Found(alone, 1, "N", 1, 4, first, roots[0])
     for run in (0, 1):  # beside the first, in the other run and in its own
-        more = _gains(_beside(runs, known, [kept])[run], second[None], roots[1])[0]
+        more = _gains(Joint(runs, known, [kept]).beside()[run], second[None], roots[1])[0]
         both = joint([(1, first, roots[0]), (run, second, roots[1])])
         assert more == pytest.approx(both - joint([(1, first, roots[0])]), rel=1e-9)
     # integrating out the parameters of one run alone agrees with `without`
     g = runs[0].equations
     turned = g.pick(np.array([*range(known, known + signals), *range(known)]))
-    np.testing.assert_allclose(_beside(runs[:1], known, [])[0].ss, without(turned, signals).ss, rtol=1e-9)
+    np.testing.assert_allclose(
+        Joint(runs[:1], known, []).beside()[0].ss, without(turned, signals).ss, rtol=1e-9
+    )

@@ -226,16 +226,26 @@ def _stretch(result: Result) -> str:
     if found is None or place != next(iter(result.where.evidence), None):
         return ""
     when = f", only in {found.run} from {found.start:.0f} to {found.end:.0f} s"
-    if place != "rudder" or found.value is None or found.sd is None:
-        return when
-    side = "port" if found.value > 0.0 else "starboard"
-    size, sd = (f"{math.degrees(abs(x)):.2g}" for x in (found.value, found.sd))
-    return f"{when}, as if it stood {size} ± {sd} degrees further to {side} on average"
+    return when + (_rudder_off("it", found.value, found.sd) if place == "rudder" else "")
+
+
+def _rudder_off(rudder: str, value: float | None, sd: float | None) -> str:
+    """By how much a rudder seems off [rad]; empty where that is not known."""
+    if value is None or sd is None:
+        return ""
+    side = "port" if value > 0.0 else "starboard"
+    size, error = (f"{math.degrees(abs(x)):.2g}" for x in (value, sd))
+    return f", as if {rudder} stood {size} ± {error} degrees further to {side} on average"
 
 
 def _unexplained(result: Result) -> str:
     """When the vehicle moved as nothing known explains; nothing where it never did."""
-    times = [f"in {e.run} from {e.start:.1f} to {e.end:.1f} s" for e in result.events if e.kind == "motion"]
+    times = [
+        f"in {e.run} from {e.start:.1f} to {e.end:.1f} s"
+        + (_rudder_off("the rudder", e.value, e.sd) if e.channel == "rudder" else "")
+        for e in result.events
+        if e.kind == "motion"
+    ]
     return f" No known effect explains how the vehicle moves {first_few(times, MOST_RUNS)}." if times else ""
 
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Literal
 
 import numpy as np
 from numpy.linalg import LinAlgError
@@ -94,7 +93,8 @@ def brief_events(problem: DiagnosisProblem, beside: RefittedHypothesis, least: f
     Signals of `LASTS` pieces, each with the prior of a first-order Gauss-Markov process, in every place and
     run; parameters of the explanation are integrated out. The one that gains most is kept, then the next
     beside it, while each gains `BRIEF_EVENT_EVIDENCE`. None is an event where all together last more than
-    `MOST_TIME_SHARE` of the time: what lasts is a gap.
+    `MOST_TIME_SHARE` of the time: what lasts is a gap. An error of a sensor is asked for as well and stands
+    beside the rest, but is no event while it is not gross: heading of a vehicle that rolls begins with one.
     """
     if not beside.fit.converged:
         return ()
@@ -105,14 +105,16 @@ def brief_events(problem: DiagnosisProblem, beside: RefittedHypothesis, least: f
     most = MOST_TIME_SHARE * sum(r.count * r.width for r in runs)
     found: list[Found] = []
     while len(found) < MOST_EVENTS:
-        rest = _beside(runs, len(free.names), found)
+        rest = Joint(runs, len(free.names), found).beside()
         one = _largest([_largest_of(problem, r, g, signals) for r, g in zip(runs, rest, strict=True)])
         if one is None or one.gain < BRIEF_EVENT_EVIDENCE:
             break
         found.append(one)
         if sum((f.last - f.first) * runs[f.run].width for f in found) > most:
             return ()
-    return _told(problem, runs, found) if sum(f.gain for f in found) > least else ()
+    if not sum(f.gain for f in found if f.place not in SENSORS) > least:
+        return ()
+    return _told(problem, Joint(runs, len(free.names), found), found)
 
 
 def _largest(of_runs: Sequence[tuple[int, Found | None]]) -> Found | None:
@@ -157,36 +159,50 @@ def _cut(
     return Pieces(run, float(t[0]), width, count, g)
 
 
-def _beside(runs: Sequence[Pieces], known: int, found: Sequence[Found]) -> list[NormalEquations]:
-    """Equations of the signals of every run, free parameters and what was found integrated out.
+class Joint:
+    """One linear model of all runs: the free parameters, and what was found, beside any further signal.
 
     Parameters
     ----------
-    known : number of free parameters, the first columns
+    known : number of free parameters, the first columns of every run
     """
-    sizes = [known, *(f.root.shape[1] for f in found)]
-    ends = np.cumsum(sizes)
-    total, pull = np.eye(ends[-1]), np.zeros(ends[-1])
-    crossed = []
-    for r in runs:
-        g = r.equations
-        # columns of the run in terms of what is integrated out
-        basis = np.zeros((g.se.size, ends[-1]))
-        basis[:known, :known] = np.eye(known)
-        for f, begin, end in zip(found, ends[:-1], ends[1:], strict=True):
-            if f.run == r.run:
-                basis[known + f.columns, begin:end] = f.root
-        total += basis.T @ g.ss @ basis
-        pull += basis.T @ g.se
-        crossed.append(basis.T @ g.ss[:, known:])
-    factor = cho_factor(total, lower=True)
-    out = []
-    for r, cross in zip(runs, crossed, strict=True):
-        g = r.equations
-        ss = g.ss[known:, known:] - cross.T @ cho_solve(factor, cross)
-        se = g.se[known:] - cross.T @ cho_solve(factor, pull)
-        out.append(NormalEquations(ss, se, g.ee, g.logdet, g.used))
-    return out
+
+    def __init__(self, runs: Sequence[Pieces], known: int, found: Sequence[Found]) -> None:
+        self.runs, self.known = runs, known
+        ends = np.cumsum([known, *(f.root.shape[1] for f in found)])
+        self.parts = [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+        total, self.pull = np.eye(ends[-1]), np.zeros(ends[-1])
+        self.crossed = []
+        for r in runs:
+            g = r.equations
+            # columns of the run in terms of what is integrated out
+            basis = np.zeros((g.se.size, ends[-1]))
+            basis[:known, :known] = np.eye(known)
+            for f, part in zip(found, self.parts, strict=True):
+                if f.run == r.run:
+                    basis[known + f.columns, part] = f.root
+            total += basis.T @ g.ss @ basis
+            self.pull += basis.T @ g.se
+            self.crossed.append(basis.T @ g.ss[:, known:])
+        self.factor = cho_factor(total, lower=True)
+
+    def beside(self) -> list[NormalEquations]:
+        """Equations of the signals of every run, all of the model integrated out."""
+        out = []
+        for r, cross in zip(self.runs, self.crossed, strict=True):
+            g = r.equations
+            ss = g.ss[self.known :, self.known :] - cross.T @ cho_solve(self.factor, cross)
+            se = g.se[self.known :] - cross.T @ cho_solve(self.factor, self.pull)
+            out.append(NormalEquations(ss, se, g.ee, g.logdet, g.used))
+        return out
+
+    def average(self, found: Found, part: slice) -> tuple[float, float]:
+        """Mean of one signal over its pieces, and its standard deviation, in its unit."""
+        over = np.zeros(self.pull.size)
+        over[part] = found.root.mean(axis=0)
+        return float(over @ cho_solve(self.factor, self.pull)), float(
+            over @ cho_solve(self.factor, over)
+        ) ** 0.5
 
 
 def _largest_of(
@@ -233,13 +249,17 @@ def _gains(g: NormalEquations, at: Array, root: Array) -> Array:
     return 0.5 * (moved**2).sum(axis=1) - np.log(np.diagonal(low, axis1=1, axis2=2)).sum(axis=1)
 
 
-def _told(problem: DiagnosisProblem, runs: Sequence[Pieces], found: Sequence[Found]) -> tuple[Event, ...]:
-    """Events by run and time."""
-    out = []
-    for f in found:
-        piece, sensor = runs[f.run], f.place in SENSORS
+def _told(problem: DiagnosisProblem, joint: Joint, found: Sequence[Found]) -> tuple[Event, ...]:
+    """Events of motion by run and time."""
+    out, size, sets = [], units(problem.model), channel_sets(problem)
+    for f, part in zip(found, joint.parts, strict=True):
+        if f.place in SENSORS:
+            continue
+        piece, (inputs, _) = joint.runs[f.run], sets[f.place]
         start, end = (piece.start + piece.width * k for k in (f.first, f.last))
-        name, channel = problem.logs[f.run].name, ",".join(SENSORS[f.place]) if sensor else f.place
-        kind: Literal["sensor", "motion"] = "sensor" if sensor else "motion"
-        out.append(Event(name, start, end, channel, kind, None, 0.0 if sensor else f.gain))
+        event = Event(problem.logs[f.run].name, start, end, f.place, "motion", None, f.gain)
+        if len(inputs) == 1:
+            value, sd = (size[inputs[0]] * x for x in joint.average(f, part))
+            event = replace(event, value=value, sd=sd)
+        out.append(event)
     return tuple(sorted(out, key=lambda e: (e.run, e.start)))

@@ -30,6 +30,8 @@ class Event:
     misfit : of its worst window over the median of all windows; None where it was found by what a free signal
         gains there beside the best explanation (`brief_events`)
     evidence : gain in log evidence of a free signal there over none; 0 for a sensor's fault
+    value, sd : mean of that signal over the event and its standard deviation, SI (revolutions in rpm), where
+        it was found so and is a single one; else None
     """
 
     run: str
@@ -39,6 +41,8 @@ class Event:
     kind: Literal["sensor", "jump", "motion"]
     misfit: float | None
     evidence: float = 0.0
+    value: float | None = None
+    sd: float | None = None
 
 
 def without_readings(run: Run, readings: Sequence[tuple[str, float, str]]) -> Run:
