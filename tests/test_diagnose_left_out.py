@@ -6,10 +6,13 @@ import importlib
 from dataclasses import replace
 
 import pytest
+from diagnosis_results import a_result
 from gap_trials import model_of, other_vehicle, planted_trial
 
-from bayesid.diagnosis.hypotheses.rules import LEFT_OUT_WORSE
+from bayesid.diagnosis.hypotheses.rules import LEFT_OUT_WORSE, MOTION_EVENT
+from bayesid.diagnosis.hypotheses.verdict import REFUTED
 from bayesid.diagnosis.run import diagnose
+from bayesid.report.diagnosis.evidence import cause_blocks
 
 
 @pytest.mark.parametrize(("gain", "named"), [(-0.3, False), (0.3, True)])
@@ -29,3 +32,9 @@ def test_a_name_falls_where_both_checks_fail_and_stands_where_one_holds(monkeypa
     else:
         assert (found.verdict.word, found.verdict.rule) == ("outside", LEFT_OUT_WORSE)
         assert found.result.effects == () and "rudder_offset" in found.verdict.set95
+
+
+@pytest.mark.parametrize("rule", ["effect", LEFT_OUT_WORSE, MOTION_EVENT, REFUTED])
+def test_probabilities_that_a_later_rule_overruled_say_so(rule):
+    table = cause_blocks(a_result("outside", named=(), rule=rule))[-1]
+    assert table.caption.endswith("a name needs 0.90.") == (rule == "effect")

@@ -97,8 +97,8 @@ class Result:
     acting: Annotated[
         Mapping[str, Share],
         About(
-            "Of every hypothesis: that it is true, alone or with others. Two effects that surely act "
-            "together have 1 each; does not sum to 1."
+            "Of every hypothesis: that it is true, alone or with others, before runs are left out or held "
+            "out. Two effects that surely act together have 1 each; does not sum to 1."
         ),
     ]
     set95: Annotated[

@@ -9,6 +9,8 @@ import math
 from typing import Any
 
 from bayesid.diagnosis.answer import Answer, as_given
+from bayesid.diagnosis.hypotheses.rules import LEFT_OUT_WORSE, MOTION_EVENT
+from bayesid.diagnosis.hypotheses.verdict import REFUTED
 from bayesid.diagnosis.plain_words import in_words, number, sentence
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import Effect
@@ -110,6 +112,14 @@ def moved_blocks(result: Result, a: Answer) -> list[Block]:
     ]
 
 
+# Rules that come after the hypotheses have been compared, and what the probabilities do not know of them.
+OF_BEFORE = {
+    LEFT_OUT_WORSE: " They stand as they were before runs were left out, which took the name away.",
+    REFUTED: " They stand as they were before the held-out runs were read, which took the name away.",
+    MOTION_EVENT: " They are of the runs without the seconds that are left out.",
+}
+
+
 def cause_blocks(result: Result) -> list[Block]:
     """Probabilities of the causes and what their sizes mean."""
     probability, acting = result.probabilities, result.acting
@@ -131,7 +141,8 @@ def cause_blocks(result: Result) -> list[Block]:
             ["cause", "probability", *(["acts, alone or with others"] if joint else []), "in the 95 % set"],
             rows,
             "Shares that add to 1 over no effect, every effect of the catalogue, one wrong coefficient and "
-            f"something outside the list; a name needs {NAMING_PROBABILITY:.2f}.",
+            f"something outside the list; a name needs {NAMING_PROBABILITY:.2f}."
+            + OF_BEFORE.get(result.rule, ""),
         )
     )
     if result.hidden_by_coefficients:
