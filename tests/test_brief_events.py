@@ -1,4 +1,4 @@
-"""Events of seconds that no misfit shows: a force in one run is dated; what lasts, and none, are no event."""
+"""Events that are not gross: a force in one run is dated; none, and one that lasts, are no event."""
 
 from __future__ import annotations
 
@@ -8,18 +8,28 @@ import numpy as np
 import pytest
 from gap_trials import model_of, other_vehicle, planted_trial
 
-import bayesid.diagnosis.brief_events as brief_events_module
-from bayesid.diagnosis.brief_events import Found, Joint, Pieces, _gains, _root, brief_events
+from bayesid.diagnosis import brief_events as module
+from bayesid.diagnosis.brief_events import _gains, _joined, _largest_of, brief_events
+from bayesid.diagnosis.cut_runs import BriefSignal, CutRun, Joint, cut, prior_root, signals_of
 from bayesid.diagnosis.data.problem import build_problem, fit_with
 from bayesid.diagnosis.events_counted import verdict_of
 from bayesid.diagnosis.exclusions import compare_without
 from bayesid.diagnosis.hypotheses.candidate import weighted_hypothesis
-from bayesid.diagnosis.hypotheses.localisation import locate
 from bayesid.diagnosis.hypotheses.rules import MOTION_EVENT
-from bayesid.estimation.filter_error.evidence import NormalEquations, posterior, without
+from bayesid.estimation.filter_error.evidence import NormalEquations, posterior
+from bayesid.estimation.filter_error.linearise import linearise_runs
+from bayesid.simulation import observe, plan_run, simulate, steady_start
 
 BEGIN, LASTS = 25.0, 4.0  # L/U
 SIZE = 1e-4  # over 1/2 rho L^3 U^2
+
+
+def brief(run, t):
+    return (t > BEGIN) & (t < BEGIN + LASTS) & (run == "turn")
+
+
+def nothing(run, t):
+    return np.zeros(t.size)
 
 
 def trial_of(model, acts, size=SIZE):
@@ -32,79 +42,141 @@ def trial_of(model, acts, size=SIZE):
     return planted_trial(model, other_vehicle(model, 3), 3, force, samples=160)
 
 
-def brief(run, t):
-    return (t > BEGIN) & (t < BEGIN + LASTS) & (run == "turn")
-
-
-def events_of(acts, size=SIZE, change=lambda trial: trial, least=None):
+def fitted(trial):
     model = model_of("remus100")
-    problem = build_problem(model, change(trial_of(model, acts, size)))
-    none = weighted_hypothesis(problem, (), fit_with(problem, ()))
-    left = locate(problem, none.fit.points, problem.coefficients).places[0].evidence
-    return model.scales["L"] / model.scales["U"], brief_events(
-        problem, none, left if least is None else least
-    )
+    problem = build_problem(model, trial)
+    return problem, weighted_hypothesis(problem, (), fit_with(problem, ()))
 
 
-def test_a_moment_of_seconds_is_dated():
-    time, found = events_of(brief)
-    assert [e.run for e in found] == ["turn"] and found[0].kind == "motion" and found[0].misfit is None
-    assert found[0].start / time == pytest.approx(BEGIN, abs=1.5)
-    assert found[0].end / time == pytest.approx(BEGIN + LASTS, abs=1.5)
-    assert found[0].evidence > 30.0
-
-
-def test_a_rudder_that_sticks_is_told_by_how_much():
-    """As a signal of the rudder would be told that acts in those seconds only (`stretch`)."""
-    _, (event,) = events_of(brief)
+def events_of(acts, size=SIZE, least=0.0):
     model = model_of("remus100")
-    problem = build_problem(model, trial_of(model, brief))
-    beside = locate(problem, fit_with(problem, ()).points, problem.coefficients).stretch
-    assert event.channel == "rudder" and beside.value is not None
-    times = [e.value * (e.end - e.start) for e in (event, beside)]
-    assert times[0] == pytest.approx(times[1], rel=0.1)
-    assert event.sd == pytest.approx(beside.sd, rel=0.5)
+    problem, none = fitted(trial_of(model, acts, size))
+    return model.scales["L"] / model.scales["U"], none, brief_events(problem, none, least)
+
+
+@pytest.mark.parametrize("size", [1e-4, 4e-4, 1e-3])
+def test_a_moment_is_dated_whether_the_fit_without_it_follows_the_readings_or_not(size):
+    time, none, found = events_of(brief, size)
+    assert none.fit.converged == (size < 2e-4)
+    assert [(e.run, e.kind, e.brief, e.misfit) for e in found] == [("turn", "motion", True, None)]
+    assert found[0].start / time == pytest.approx(BEGIN, abs=1.01)
+    assert found[0].end / time == pytest.approx(BEGIN + LASTS, abs=1.01)
+
+
+def test_it_has_to_gain_more_than_what_would_do_instead():
+    problem, none = fitted(trial_of(model_of("remus100"), brief))
+    (event,) = brief_events(problem, none, 0.0)
+    assert event.evidence > 100.0
+    assert brief_events(problem, none, event.evidence - 1.0) == (event,)
+    assert brief_events(problem, none, event.evidence + 1.0) == ()
+
+
+def test_without_a_moment_there_is_no_event():
+    assert events_of(nothing, least=-np.inf)[-1] == ()
 
 
 @pytest.mark.parametrize(
     "acts",
-    [
-        lambda run, t: np.zeros(t.size),
-        lambda run, t: np.sign(np.sin(t / 5.0)),
-        lambda run, t: np.sin(t / 9.0 + (run == "turn")),
-    ],
-    ids=["nothing", "every few lengths", "a swell"],
+    [lambda run, t: np.sign(np.sin(t / 5.0)), lambda run, t: np.sin(t / 9.0 + (run == "turn"))],
+    ids=["every few lengths", "a swell"],
 )
-def test_nothing_and_what_lasts_are_no_event(acts):
-    assert events_of(acts)[1] == ()
+def test_what_lasts_is_no_event(acts, monkeypatch):
+    assert events_of(acts, 5e-5, -np.inf)[-1] == ()
+    monkeypatch.setattr(module, "MOST_TIME_SHARE", 1.0)
+    assert events_of(acts, 5e-5, -np.inf)[-1] != ()
 
 
-def test_a_reading_wrong_for_seconds_is_no_motion(monkeypatch):
-    """Heading 1.7 degrees off for five lengths, six times its noise: taken for a motion if not asked for."""
-
-    def change(trial):
-        zigzag, turn = trial.runs
-        psi = turn.data["psi"].copy()
-        psi[60:72] += 0.03
-        return replace(trial, runs=(zigzag, replace(turn, data={**turn.data, "psi": psi})))
-
-    def found():
-        return events_of(lambda run, t: np.zeros(t.size), change=change, least=0.0)[1]
-
-    assert found() == ()
-    sets = brief_events_module.channel_sets
-    monkeypatch.setattr(
-        brief_events_module, "channel_sets", lambda problem: {k: v for k, v in sets(problem).items() if v[0]}
+def test_a_moment_is_told_by_how_large_it_is():
+    model = model_of("remus100")
+    problem, none = fitted(trial_of(model, brief))
+    (event,) = brief_events(problem, none, 0.0)
+    L, U, rho = (model.scales[k] for k in ("L", "U", "rho"))
+    assert event.channel == "N" and event.stuck is None
+    assert event.value * (event.end - event.start) == pytest.approx(
+        SIZE * 0.5 * rho * L**3 * U**2 * LASTS * L / U, rel=0.25
     )
-    assert [e.run for e in found()] == ["turn"]
+    assert 0.0 < event.sd < 0.2 * event.value
+
+
+@pytest.mark.parametrize(("channel", "off"), [("psi", 0.03), ("psi", 0.01), ("x", 0.2), ("u", 0.04)])
+def test_readings_wrong_for_a_time_are_no_motion(channel, off, monkeypatch):
+    """By two to six times their noise (L, U): a motion where sensors are not asked, or nothing at all."""
+    model = model_of("remus100")
+    trial = trial_of(model, nothing)
+    zigzag, turn = trial.runs
+    unit = {"psi": 1.0, "x": model.scales["L"], "u": model.scales["U"]}
+    wrong = turn.data[channel].copy()
+    wrong[60:72] += off * unit[channel]
+    problem, none = fitted(replace(trial, runs=(zigzag, replace(turn, data={**turn.data, channel: wrong}))))
+    assert brief_events(problem, none, 0.0) == ()
+    if off == 0.03:
+        sets = module.channel_sets
+        monkeypatch.setattr(
+            module, "channel_sets", lambda problem: {k: v for k, v in sets(problem).items() if v[0]}
+        )
+        assert [e.run for e in brief_events(problem, none, 0.0)] == ["turn"]
+
+
+def executed(model, trial, name, actuator, first, last):
+    """The trial with one run made with the order of one sample kept for some time, logged as ordered."""
+    stuck = next(r for r in trial.runs if r.name == name)
+    kept = {c: v.copy() for c, v in stuck.commands.items()}
+    kept[f"{actuator}_cmd"][first:last] = kept[f"{actuator}_cmd"][first]
+    plan, par = plan_run(model, stuck.t, kept), model.with_values(other_vehicle(model, 3))
+    readings = observe(model, par, plan, simulate(model, par, plan, steady_start(model), full=True).states)
+    rng = np.random.default_rng(4)
+    at = model.kernel.channels.index
+    data = {c: readings[:, at(c)] + sd * rng.standard_normal(stuck.t.size) for c, sd in trial.noise.items()}
+    return replace(trial, runs=tuple(replace(r, data=data) if r.name == name else r for r in trial.runs))
+
+
+@pytest.mark.parametrize(
+    ("actuator", "name", "first", "last"), [("delta_r", "zigzag", 87, 99), ("n", "turn", 47, 58)]
+)
+def test_an_actuator_that_sticks_is_told_with_where_it_stuck(actuator, name, first, last):
+    model = model_of("remus100")
+    trial = planted_trial(model, other_vehicle(model, 3), 3, samples=160)
+    problem, none = fitted(executed(model, trial, name, actuator, first, last))
+    (event,) = brief_events(problem, none, 0.0)
+    run = next(r for r in trial.runs if r.name == name)
+    order = run.commands[f"{actuator}_cmd"]
+    moves = first + int(np.flatnonzero(order[first:] != order[first])[0])
+    step = 0.5 * model.scales["L"] / model.scales["U"]
+    assert (event.run, event.stuck) == (name, actuator)
+    assert event.value == pytest.approx(order[first], rel=0.1) and event.sd < 0.1 * abs(order[first])
+    assert event.start == pytest.approx(run.t[moves], abs=2.0 * step)
+    assert event.end == pytest.approx(run.t[last], abs=2.0 * step)
 
 
 def test_a_diagnosis_says_when_and_blames_no_effect():
     model = model_of("remus100")
     compared = compare_without(model, trial_of(model, brief))
     verdict = verdict_of(compared)
-    assert [(e.run, e.misfit) for e in compared.problem.events] == [("turn", None)]
+    assert [(e.run, e.brief) for e in compared.problem.events] == [("turn", True)]
     assert (verdict.word, verdict.rule, verdict.effects) == ("outside", MOTION_EVENT, ())
+
+
+def test_signals_of_a_run_that_overlap_or_touch_are_one():
+    def signal(run, first, last):
+        return BriefSignal(1.0, run, "N", first, last, np.zeros(0), np.zeros((0, 0)))
+
+    a, b, c, d = signal(0, 4, 8), signal(0, 8, 9), signal(0, 11, 12), signal(1, 5, 7)
+    assert _joined([d, c, a, b]) == [[a, b], [c], [d]]
+
+
+def test_what_a_signal_gains_is_its_evidence_and_its_choice_is_counted():
+    """Columns of a run, made anew for one signal and whitened with all others, against one normal matrix."""
+    problem, none = fitted(trial_of(model_of("remus100"), brief))
+    free, signals = none.fit.free, signals_of(problem)
+    paths = linearise_runs(problem.model, problem.logs, none.fit.points, free.where)
+    runs = [cut(problem, free, k, path, signals) for k, path in enumerate(paths)]
+    sought = module.Sought(problem, none, paths, runs, signals)
+    joint = Joint(runs, sought.known, [])
+    best = module._largest(sought, joint)
+    tried = sum(_largest_of(sought, r, *joint.rest(r.run))[0] for r in runs)
+    assert best.chosen == pytest.approx(np.log(tried)) and best.chosen > np.log(1000)
+    with_it = Joint(runs, sought.known, [best]).log_evidence - joint.log_evidence
+    assert with_it == pytest.approx(best.gain + best.chosen, rel=1e-6)
 
 
 def equations(rng, rows, columns):
@@ -116,7 +188,7 @@ def test_gains_are_those_of_one_linear_model_of_all_runs():
     """Two runs, three shared parameters: evidence of the joint model with a signal over that without it."""
     rng = np.random.default_rng(0)
     known, signals = 3, 6
-    runs = [Pieces(k, 0.0, 1.0, signals, equations(rng, 60, known + signals)) for k in (0, 1)]
+    runs = [CutRun(k, 0.0, 1.0, signals, equations(rng, 60, known + signals)) for k in (0, 1)]
 
     def joint(allowed):
         """Log evidence with signals (run, columns, root), each run's own."""
@@ -134,18 +206,15 @@ def test_gains_are_those_of_one_linear_model_of_all_runs():
             total = one if total is None else total + one
         return posterior(total).log_evidence
 
+    def gain(ss, se, columns, root):
+        return _gains((root.T @ ss[np.ix_(columns, columns)] @ root)[None], (se[columns] @ root)[None])[0]
+
     first, second = np.array([1, 2, 3]), np.array([0, 1])
-    roots = 0.7 * _root(1, 3, 0.5), 0.4 * _root(1, 2, 0.5)
-    alone = _gains(Joint(runs, known, []).beside()[1], first[None], roots[0])[0]
+    roots = 0.7 * prior_root(1, 3, 0.5), 0.4 * prior_root(1, 2, 0.5)
+    alone = gain(*Joint(runs, known, []).rest(1), first, roots[0])
     assert alone == pytest.approx(joint([(1, first, roots[0])]) - joint([]), rel=1e-9)
-    kept = Found(alone, 1, "N", 1, 4, first, roots[0])
+    kept = BriefSignal(alone, 1, "N", 1, 4, first, roots[0])
     for run in (0, 1):  # beside the first, in the other run and in its own
-        more = _gains(Joint(runs, known, [kept]).beside()[run], second[None], roots[1])[0]
+        more = gain(*Joint(runs, known, [kept]).rest(run), second, roots[1])
         both = joint([(1, first, roots[0]), (run, second, roots[1])])
         assert more == pytest.approx(both - joint([(1, first, roots[0])]), rel=1e-9)
-    # integrating out the parameters of one run alone agrees with `without`
-    g = runs[0].equations
-    turned = g.pick(np.array([*range(known, known + signals), *range(known)]))
-    np.testing.assert_allclose(
-        Joint(runs[:1], known, []).beside()[0].ss, without(turned, signals).ss, rtol=1e-9
-    )

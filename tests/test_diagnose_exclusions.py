@@ -6,6 +6,7 @@ from types import SimpleNamespace as Plain
 import numpy as np
 import pytest
 from gap_trials import model_of, other_vehicle, planted_trial
+from numpy.linalg import LinAlgError
 
 from bayesid.diagnosis import exclusions
 from bayesid.diagnosis.data.event import Event, without_readings
@@ -49,10 +50,13 @@ EVENT = Event("a", 3.0, 5.0, "r", "sensor", 20.0)
 EARLY, LATE = ("a", 1.0, "r"), ("a", 2.0, "psi")
 
 
-def passes(monkeypatch, outliers=(), events=(), fails=lambda events, readings: None, unable=None):
+def passes(
+    monkeypatch, outliers=(), events=(), fails=lambda events, readings: None, unable=None, brief=lambda: ()
+):
     """Run the loop with stand-ins; what each pass excluded, and the outcome.
 
     `outliers` are contradicted readings once events are known and before: one entry per round of events.
+    `brief` gives brief events or raises.
     """
     seen = []
 
@@ -75,7 +79,12 @@ def passes(monkeypatch, outliers=(), events=(), fails=lambda events, readings: N
     monkeypatch.setattr(exclusions, "in_its_environment", lambda found, notify, seed: found)
     monkeypatch.setattr(exclusions, "simplest", lambda candidates: None)
     monkeypatch.setattr(exclusions, "find_events", lambda problem, trial, best, notify: events)
-    monkeypatch.setattr(exclusions, "with_events", lambda candidates, found: f"{candidates} + {len(found)}")
+    monkeypatch.setattr(exclusions, "_brief", lambda found, best: brief())
+    monkeypatch.setattr(
+        exclusions,
+        "with_events",
+        lambda candidates, found: f"{candidates} + {len(found)}" if found else candidates,
+    )
     return seen, exclusions.compare_without(None, None)
 
 
@@ -104,6 +113,39 @@ def test_events_whose_removal_cannot_be_diagnosed_are_counted_and_said(monkeypat
     assert found.unable.startswith("the trial without a 3-5 s could not be diagnosed (left the region)")
     *_, found = passes(monkeypatch, events=(EVENT,), fails=fails, unable="no model form")
     assert found.unable.startswith("no model form; the trial without a 3-5 s could not")
+
+
+BRIEF = Event("b", 7.0, 9.0, "rudder", "motion", None, 40.0, brief=True)
+
+
+def test_brief_events_are_looked_for_once_and_after_gross_ones(monkeypatch):
+    seen, found = passes(monkeypatch, brief=lambda: (BRIEF,))
+    assert seen == [((), ()), ((BRIEF,), ())] and found.candidates == "compared 2 + 1"
+    seen, found = passes(monkeypatch, events=(EVENT,), brief=lambda: (BRIEF,))
+    assert seen == [((), ()), ((EVENT,), ()), ((EVENT, BRIEF), ())] and found.candidates == "compared 3 + 2"
+    rounds = ((LATE,), (LATE,), (LATE,))  # of outliers: at first, without gross events, without brief ones
+    seen, _ = passes(monkeypatch, rounds, (EVENT,), brief=lambda: (BRIEF,))
+    assert [events for events, _ in seen] == [(), (), (EVENT,), (EVENT,), (EVENT, BRIEF), (EVENT, BRIEF)]
+
+
+def test_gross_events_stay_left_out_where_brief_ones_cannot_be(monkeypatch):
+    def fails(events, readings):
+        return ModelError("left the region") if BRIEF in events else None
+
+    _, found = passes(monkeypatch, events=(EVENT,), brief=lambda: (BRIEF,), fails=fails)
+    assert found.candidates == "compared 2 + 1" and found.problem.events == (EVENT,)
+    assert (
+        found.unable == "the trial without b 7-9 s could not be diagnosed (left the region); they are counted"
+    )
+
+
+def test_a_search_for_brief_events_that_fails_costs_nothing_else(monkeypatch):
+    def brief():
+        raise LinAlgError("not positive definite")
+
+    seen, found = passes(monkeypatch, brief=brief)
+    assert len(seen) == 1 and found.candidates == "compared 1"
+    assert found.unable == "brief events could not be looked for (not positive definite)"
 
 
 def test_outliers_whose_removal_cannot_be_diagnosed_are_counted_and_said(monkeypatch):

@@ -280,6 +280,16 @@ def test_a_motion_nothing_explains_is_a_gap_whatever_the_coefficients_do():
     assert verdict_with(unsure, (event,), much).word == "outside"
 
 
+def test_a_brief_motion_takes_the_verdict_from_coefficients_only_where_it_says_more():
+    event = Event("r1", 10.0, 16.0, "delta_r", "motion", None, 40.0, brief=True)
+    before = verdict.Verdict("coefficients", ("coefficient_error",), ("coefficient_error",), (), ())
+    less, more = (verdict_with(before, (event,), the_rest(gain, carried=300.0)) for gain in (41.0, 39.0))
+    assert replace(less, reasons=()) == before and "left out as events" in less.reasons[-2]
+    assert (more.word, more.effects, more.set95) == ("outside", (), ("outside",))
+    form = verdict.Verdict("model_form", (), ("model_form",), (), ())
+    assert verdict_with(form, (event,), the_rest(500.0, carried=300.0)).word == "outside"
+
+
 @pytest.mark.parametrize(
     ("word", "gain", "carried", "after"),
     [

@@ -511,9 +511,38 @@ def test_the_headline_says_when_the_vehicle_moved_as_nothing_known_explains():
     named = replace(a_result("effect_with_remainder"), events=(motion, replace(motion, kind="sensor")))
     told = answer(named).headline
     assert told.endswith(f" It does not explain the whole gap. {said}")
+    coefficients = answer(a_result("coefficients", (), (), events=(motion,))).headline
+    assert coefficients.startswith("No effect is needed, but") and coefficients.endswith(said)
     # the control: readings that were wrong are no motion
     wrong = replace(named, events=(replace(motion, kind="sensor"),))
     assert answer(wrong).headline.endswith("It does not explain the whole gap.")
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "sd", "stuck", "told"),
+    [
+        ("rudder", 3.0, 0.2, "delta_r", "rudder stuck at 3 ± 0.2 degrees to port, whatever is ordered"),
+        ("rudder", -12.5, 1.0, "delta_r", "rudder stuck at 12.5 ± 1 degrees to starboard, whatever is ordered"),  # noqa: E501
+        ("rudder", 0.1, 0.2, "delta_r", "rudder stuck at 0.1 ± 0.2 degrees, whatever is ordered"),
+        ("Z+M", -2.0, 0.2, "delta_s", "stern planes stuck at -2 ± 0.2 degrees, whatever is ordered"),
+        ("rudder", -2.0, 0.3, None, "rudder stood 2 ± 0.3 degrees further to starboard on average"),
+        ("N", 5.0, 0.3, None, ""),
+    ],
+)  # fmt: skip
+def test_the_headline_says_what_a_brief_motion_looks_like(place, value, sd, stuck, told):
+    motion = Event(
+        "r3", 63.1, 64.0, place, "motion", None, 50.0, True, math.radians(value), math.radians(sd), stuck
+    )
+    alone = a_result("outside", (), (), set95=("outside",), rule=MOTION_EVENT, events=(motion, motion))
+    said = (
+        "No known effect explains how the vehicle moves in r3 from 63.1 to 64.0 s, in r3 from 63.1 to 64.0 s."
+    )
+    assert answer(alone).headline == said + (f" In r3 it moves then as if the {told}." * 2 if told else "")
+    shaft = replace(motion, stuck="n", value=812.0, sd=4.2)
+    headline = answer(replace(alone, events=(shaft,))).headline
+    assert headline.endswith(
+        "In r3 it moves then as if the shaft stayed at 812 ± 4.2 rpm, whatever is ordered."
+    )
 
 
 @pytest.mark.parametrize(

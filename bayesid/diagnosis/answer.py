@@ -9,6 +9,7 @@ import math
 from dataclasses import dataclass
 
 from bayesid.diagnosis.cannot_tell import MOST_RIVALS, cannot_tell, leading_cause
+from bayesid.diagnosis.event_words import rudder_off, unexplained
 from bayesid.diagnosis.failed_checks import (
     MOST_RUNS,
     NO_MODEL,
@@ -188,13 +189,15 @@ def _headline(result: Result) -> str:
             "effect_with_remainder": " It does not explain the whole gap.",
             "several": " Each of them is needed.",
         }
-        return said + rest.get(word, "") + _unexplained(result)
+        return said + rest.get(word, "") + unexplained(result)
     if word == "none":
         return _none(result)
     if word == "coefficients":
         far = moved_words(result)[:2]
-        return "No effect is needed, but coefficients lie further off than stated" + (
-            f": {'; '.join(far)}." if far else "."
+        return (
+            "No effect is needed, but coefficients lie further off than stated"
+            + (f": {'; '.join(far)}." if far else ".")
+            + unexplained(result)
         )
     if word == "model_form":
         return (
@@ -205,19 +208,19 @@ def _headline(result: Result) -> str:
     if result.rule == MOTION_EVENT:
         known = [in_words(n) for n in result.set95 if n not in ("none", "outside", "model_form")]
         also = f" What may act beside it: {first_few(known, MOST_RIVALS)}." if known else ""
-        return _unexplained(result).strip() + also
+        return unexplained(result).strip() + also
     if word == "outside":
         place = result.where.channel
         where = f"{f', in {PLACES.get(place, place)}' if place is not None else ''}{_stretch(result)}"
         if result.rule != LEFT_OUT_WORSE:
-            return f"Something acts that is not among the known effects{where}." + _unexplained(result)
+            return f"Something acts that is not among the known effects{where}." + unexplained(result)
         best = " + ".join(in_words(n) for n in explanation(result))
         return (
             f"No known effect explains these runs, alone or with another{where}. The best explanation, "
             f"{best}, predicts each run, left out of the estimate, worse than the simulator as given does, "
-            "and the runs disagree about its size." + _unexplained(result)
+            "and the runs disagree about its size." + unexplained(result)
         )
-    return cannot_tell(result) + _unexplained(result)
+    return cannot_tell(result) + unexplained(result)
 
 
 def _stretch(result: Result) -> str:
@@ -226,27 +229,9 @@ def _stretch(result: Result) -> str:
     if found is None or place != next(iter(result.where.evidence), None):
         return ""
     when = f", only in {found.run} from {found.start:.0f} to {found.end:.0f} s"
-    return when + (_rudder_off("it", found.value, found.sd) if place == "rudder" else "")
-
-
-def _rudder_off(rudder: str, value: float | None, sd: float | None) -> str:
-    """By how much a rudder seems off [rad]; empty where that is not known."""
-    if value is None or sd is None:
-        return ""
-    side = "port" if value > 0.0 else "starboard"
-    size, error = (f"{math.degrees(abs(x)):.2g}" for x in (value, sd))
-    return f", as if {rudder} stood {size} ± {error} degrees further to {side} on average"
-
-
-def _unexplained(result: Result) -> str:
-    """When the vehicle moved as nothing known explains; nothing where it never did."""
-    times = [
-        f"in {e.run} from {e.start:.1f} to {e.end:.1f} s"
-        + (_rudder_off("the rudder", e.value, e.sd) if e.channel == "rudder" else "")
-        for e in result.events
-        if e.kind == "motion"
-    ]
-    return f" No known effect explains how the vehicle moves {first_few(times, MOST_RUNS)}." if times else ""
+    if place != "rudder" or found.value is None or found.sd is None:
+        return when
+    return f"{when}, {rudder_off('it', found.value, found.sd)}"
 
 
 def _none(result: Result) -> str:
@@ -437,6 +422,11 @@ def _steps(result: Result) -> tuple[str, ...]:
         and closes(error_rows(result.runs[0]), 0, 1)
     ):
         out.append(f"Re-tune: `bayesid fit BUNDLE{freeing(result)} --out FOLDER` writes the vehicle file.")
+    elif result.rule == MOTION_EVENT:
+        out.append(
+            "See in the notes of the trial, or in the servo's own angle if it is logged, what happened then; "
+            "all else here is without that time."
+        )
     elif result.verdict == "outside":
         out.append(
             "Look where and when it acts (the table of places in the report); a cause of your own is "

@@ -1,4 +1,4 @@
-"""What gross events say: evidence of a cause outside the hypotheses, and a verdict that knows of them.
+"""What events say: evidence of a cause outside the hypotheses, and a verdict that knows of them.
 
 Takes the `Event`s left out of a trial and the hypotheses, or the verdict, of the rest. Gives both with the
 events counted. Does not look for events.
@@ -40,18 +40,19 @@ def with_events(candidates: HypothesisComparison, events: Sequence[Event]) -> Hy
 def _motion_gain(events: Sequence[Event], rest: HypothesisComparison) -> float:
     """What events of motion say for a cause outside, beyond what a model form carries [nats].
 
-    Brief ones were found beside the best explanation, its form included.
+    Brief ones gained beside it, or more than it.
     """
     motions = [e for e in events if e.kind == "motion"]
-    gross = sum(e.evidence for e in motions if e.misfit is not None)
-    return beyond(gross, rest.carried) + sum(e.evidence for e in motions if e.misfit is None)
+    gross = sum(e.evidence for e in motions if not e.brief)
+    return beyond(gross, rest.carried) + sum(e.evidence for e in motions if e.brief)
 
 
 def verdict_with(verdict: Verdict, events: Sequence[Event], rest: HypothesisComparison) -> Verdict:
-    """Verdict that knows of events: a motion nothing explains is a gap, though it lasted seconds only.
+    """Verdict that knows of events: a motion nothing explains is a gap, though it did not last.
 
     It is the greater part of the gap where it says more than the effects explain, which are then no more than
-    possible; else it is what a named effect leaves.
+    possible; else it is what a named effect leaves. Other coefficients stand beside a brief one that says
+    less; a force that the equations lack is no cause and gives way.
 
     Parameters
     ----------
@@ -63,7 +64,8 @@ def verdict_with(verdict: Verdict, events: Sequence[Event], rest: HypothesisComp
     reasons = (*verdict.reasons, "left out as events: " + "; ".join(listed))
     motions, best = [e for e in events if e.kind == "motion"], simplest(rest)
     moved, gain = _motion_gain(motions, rest), max(best.log_evidence - rest.none.log_evidence, 0.0)
-    silent = verdict.word in ("none", "coefficients", "model_form")
+    greater = moved > gain or any(not e.brief for e in motions)
+    silent = verdict.word in ("none", "model_form") or (verdict.word == "coefficients" and greater)
     if not motions or verdict.word == "outside":
         return replace(verdict, reasons=reasons)
     if silent or verdict.set95 == ("outside",):

@@ -14,6 +14,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+from numpy.linalg import LinAlgError
+
 from bayesid.diagnosis.brief_events import brief_events
 from bayesid.diagnosis.data.event import Event
 from bayesid.diagnosis.data.outliers import Found, stripped
@@ -24,6 +26,8 @@ from bayesid.diagnosis.events_counted import with_events
 from bayesid.diagnosis.form_stage import Compared, compared
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains
 from bayesid.diagnosis.hypotheses.facts import simplest
+from bayesid.diagnosis.hypotheses.localisation import SENSORS
+from bayesid.diagnosis.hypotheses.refit import remainder
 from bayesid.equations.model import Model
 from bayesid.errors import BayesidError
 from bayesid.estimation.filter_error.fit import FilterErrorFit
@@ -86,14 +90,14 @@ def compare_without(
                 notify(kept)
                 excluded = Excluded()
                 continue
-            unable = (
-                f"the trial without {_named(excluded.events)} could not be diagnosed ({error}); the verdict "
-                "counts them"
-            )
+            more = tuple(e for e in excluded.events if e not in whole.problem.events)
+            unable = f"the trial without {_named(more)} could not be diagnosed ({error}); they are counted"
             return replace(whole, unable="; ".join(filter(None, (whole.unable, unable))))
         if kept:
             found = replace(found, unable="; ".join(filter(None, (found.unable, kept))))
-        events = _events(found, trial, excluded.events, notify)
+        events, untried = _events(found, trial, excluded.events, notify)
+        if untried:
+            found = replace(found, unable="; ".join(filter(None, (found.unable, untried))))
         whole = replace(found, candidates=with_events(found.candidates, excluded.events))
         if not events:
             return whole
@@ -112,23 +116,36 @@ def innovation_outliers(problem: DiagnosisProblem, base: FilterErrorFit) -> Foun
     return stripped(problem.model, problem.logs, base.points, problem.environment.noise_model)[1]
 
 
-def _events(found: Compared, trial: Trial, known: Sequence[Event], notify: Notify) -> tuple[Event, ...]:
-    """Further events the best explanation leaves: gross ones first; then, once, brief ones that gain more
-    than a signal that acts in all runs and all the time, or more than a model form does.
+def _events(
+    found: Compared, trial: Trial, known: Sequence[Event], notify: Notify
+) -> tuple[tuple[Event, ...], str | None]:
+    """Further events the best explanation leaves, and why brief ones could not be looked for.
+
+    Gross ones first; then, once, brief ones that gain more than a free force that acts in all runs and all
+    the time, or more than a model form does.
     """
+    best = simplest(found.candidates)
+    if not known and (gross := find_events(found.problem, trial, best, notify)):
+        return gross, None
+    if any(e.brief for e in known):
+        return (), None
+    try:
+        return _brief(found, best), None
+    except (BayesidError, LinAlgError, ValueError) as error:
+        return (), f"brief events could not be looked for ({error})"
+
+
+def _brief(found: Compared, best: RefittedHypothesis) -> tuple[Event, ...]:
     problem, candidates = found.problem, found.candidates
-    best = simplest(candidates)
-    if not known and (gross := find_events(problem, trial, best, notify)):
-        return gross
-    if any(e.misfit is None for e in known):
-        return ()
-    left = (candidates.where_after or candidates.where).places[0].evidence
+    after = candidates.where_after if best is candidates.best else None
+    if after is None:
+        after = candidates.where if best is candidates.none else remainder(problem, best)
+    left = max((p.evidence for p in after.places if p.channel not in SENSORS), default=0.0)
     if brief := brief_events(problem, best, left):
         return brief
-    converged = [c for c in found.formless if c.fit.converged]
-    if problem.form is None or not converged:
+    if problem.form is None or not found.formless:
         return ()
-    formless = max(converged, key=lambda c: c.log_evidence)
+    formless = max(found.formless, key=lambda c: c.log_evidence)
     return brief_events(problem, formless, best.log_evidence - formless.log_evidence)
 
 

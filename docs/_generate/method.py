@@ -52,7 +52,7 @@ def rules() -> str:
     rows = [[str(k), plain(r.name), code(r.word), plain(r.sentence)] for k, r in enumerate(RULES, 1)]
     rows.append([
         "after", plain(MOTION_EVENT), code("outside"),
-        "in some seconds, left out of the rest, the vehicle moves as no effect explains, which is worth more "
+        "for a short time, left out of the rest, the vehicle moves as no effect explains; that is worth more "
         "than what effects explain of the rest",
     ])  # fmt: skip
     rows.append([

@@ -1,4 +1,4 @@
-"""One gross event and the logs without it.
+"""One event and the logs without it.
 
 Takes runs and logs. Gives runs without the readings an event spoiled, and logs that let go of the state it
 disturbed. Does not find events (see `event_search`).
@@ -27,11 +27,13 @@ class Event:
     channel : sensor channel, or the input or force that shows it best, as in `localisation`
     kind : "sensor" (its readings are wrong for a while), "jump" (a position that shifts and stays) or
         "motion" (the vehicle moves as no model here explains)
-    misfit : of its worst window over the median of all windows; None where it was found by what a free signal
-        gains there beside the best explanation (`brief_events`)
-    evidence : gain in log evidence of a free signal there over none; 0 for a sensor's fault
-    value, sd : mean of that signal over the event and its standard deviation, SI (revolutions in rpm), where
-        it was found so and is a single one; else None
+    misfit : of its worst window over the median of all windows; None of a brief event
+    evidence : gain in log evidence of a free signal there over none, of a brief event less the logarithm of
+        how many were tried; 0 for a sensor's fault
+    brief : whether it is not gross, and was found by this gain beside an explanation (`brief_events`)
+    value, sd : of a brief event, mean of that signal and its standard deviation, SI (revolutions in rpm),
+        where it is a single one and not near zero; where an actuator stuck, its deflection or revolutions
+    stuck : actuator that stays where it is, whatever is ordered, which explains a brief event as well
     """
 
     run: str
@@ -41,8 +43,10 @@ class Event:
     kind: Literal["sensor", "jump", "motion"]
     misfit: float | None
     evidence: float = 0.0
+    brief: bool = False
     value: float | None = None
     sd: float | None = None
+    stuck: str | None = None
 
 
 def without_readings(run: Run, readings: Sequence[tuple[str, float, str]]) -> Run:

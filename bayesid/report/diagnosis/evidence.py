@@ -116,7 +116,7 @@ def moved_blocks(result: Result, a: Answer) -> list[Block]:
 OF_BEFORE = {
     LEFT_OUT_WORSE: " They stand as they were before runs were left out, which took the name away.",
     REFUTED: " They stand as they were before the held-out runs were read, which took the name away.",
-    MOTION_EVENT: " They are of the runs without the seconds that are left out.",
+    MOTION_EVENT: " They are of the runs without the time that is left out.",
 }
 
 
