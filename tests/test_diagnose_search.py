@@ -20,7 +20,7 @@ EFFECTS = {n: Plain(name=n, family=f, smooth=True) for n, f in FAMILY.items()}
 PROBLEM = Plain(model=Plain(effects=EFFECTS))
 
 
-GOOD = Plain(converged=True, chi2=1.0, points="p", path_points="p", path_force_level=0.01)
+GOOD = Plain(converged=True, chi2=1.0, points="p", path_points="p", followed="p", path_force_level=0.01)
 
 
 def key(*names):
@@ -58,6 +58,7 @@ class World:
         fit = Plain(
             converged=k not in self.lost, chi2=2.0 if k in self.poor else 1.0, points=f"points of {k}",
             path_points=f"path of {k}", path_force_level=0.01,
+            followed=f"path of {k}" if k in self.lost else f"points of {k}",
         )  # fmt: skip
         return Plain(effects=tuple(effects), log_evidence=self.evidence.get(k, 0.0), fit=fit)
 

@@ -23,7 +23,8 @@ PROBLEM = SimpleNamespace(model=MODEL)
 
 
 def candidate(value, *names, chi2=1.0, converged=True):
-    fit = SimpleNamespace(converged=converged, chi2=chi2, points=("points of " + "+".join(names),))
+    points = ("points of " + "+".join(names),)
+    fit = SimpleNamespace(converged=converged, chi2=chi2, points=points, followed=points)
     return SimpleNamespace(effects=names, log_evidence=value, fit=fit)
 
 

@@ -344,6 +344,8 @@ def _certainty(result: Result) -> tuple[str, ...]:
     if first is not None and (sizes := intervals(first)):
         out.append(f"If it is {in_words(first.name)}: {', '.join(sizes)}.")
     other = rivals(result)
+    if result.rule == MOTION_EVENT:  # which is outside the list, and is said
+        other = [(n, p) for n, p in other if n != "outside"]
     if other and result.verdict != "ambiguous":
         unlisted = "something not on the list that acts alike"
         listed = ", ".join(
@@ -354,7 +356,7 @@ def _certainty(result: Result) -> tuple[str, ...]:
         if result.rule == LEFT_OUT_WORSE:
             what = "The probabilities before that"
         out.append(f"{what}: {listed}.")
-    elif not other:
+    elif not other and result.rule != MOTION_EVENT:
         out.append("Nothing else reaches a probability of 0.01.")
     named = {e.name for e in result.effects}
     alike = sorted({n for g in result.ambiguity_groups if named & set(g) for n in g} - named)

@@ -14,16 +14,17 @@ import numpy as np
 from numpy.linalg import LinAlgError
 from scipy.special import logsumexp
 
+from bayesid.diagnosis.actuator_event import ACTUATOR_PLACES, actuator_event
 from bayesid.diagnosis.cut_runs import ELSEWHERE, BriefSignal, CutRun, Joint, cut, prior_root, signals_of
 from bayesid.diagnosis.data.event import Event
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.event_search import MOST_EVENTS, MOST_TIME_SHARE
-from bayesid.diagnosis.hypotheses.candidate import NOISE_SCALE_SHIFTS, RefittedHypothesis
+from bayesid.diagnosis.hypotheses.candidate import NOISE_SCALE_SHIFTS
 from bayesid.diagnosis.hypotheses.localisation import SENSORS, SIGNAL_AMPLITUDES, channel_sets, units
-from bayesid.diagnosis.stuck_actuator import ACTUATOR_PLACES, stuck_actuator
 from bayesid.diagnosis.threshold_table import BRIEF_EVENT_EVIDENCE
-from bayesid.estimation.filter_error.linearise import Linearisation, linearise_runs
+from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, linearise_runs
 from bayesid.estimation.filter_error.noise_identification import MANOEUVRE_NOISE_SPREAD
+from bayesid.estimation.parameters import GaussianPrior
 from bayesid.estimation.run_data import Array
 
 # Pieces that an event lasts.
@@ -39,7 +40,7 @@ class Sought:
     """What events are looked for in: an explanation, linearised, and all runs cut into pieces."""
 
     problem: DiagnosisProblem
-    beside: RefittedHypothesis
+    free: GaussianPrior
     paths: Sequence[Linearisation]
     runs: Sequence[CutRun]
     signals: tuple[str, ...]
@@ -47,17 +48,24 @@ class Sought:
     @property
     def known(self) -> int:
         """Number of free parameters."""
-        return len(self.beside.fit.free.names)
+        return len(self.free.names)
 
 
-def brief_events(problem: DiagnosisProblem, beside: RefittedHypothesis, least: float) -> tuple[Event, ...]:
+def brief_events(
+    problem: DiagnosisProblem,
+    free: GaussianPrior,
+    points: Sequence[Trajectory],
+    least: float,
+    tight: bool = False,
+) -> tuple[Event, ...]:
     """Events beside an explanation; none where together they gain less than what would do instead of them.
 
     Parameters
     ----------
-    beside : explanation of the whole trial; where its fit has not converged, along the path that follows the
-        readings
+    free : parameters of the explanation, integrated out
+    points : where its runs are linearised
     least : log evidence that they have to gain together
+    tight : with the times of what they look like, not with all that a free signal takes
 
     Raises
     ------
@@ -72,12 +80,10 @@ def brief_events(problem: DiagnosisProblem, beside: RefittedHypothesis, least: f
     `MOST_TIME_SHARE` of the time: what lasts is a gap. An error of a sensor is asked for as well and stands
     beside the rest, but is no event while it is not gross: heading of a vehicle that rolls begins with one.
     """
-    fitted = beside.fit
-    points = fitted.points if fitted.converged else fitted.path_points
-    paths = linearise_runs(problem.model, problem.logs, points, fitted.free.where)
+    paths = linearise_runs(problem.model, problem.logs, points, free.where)
     signals = signals_of(problem)
-    runs = [cut(problem, fitted.free, k, path, signals) for k, path in enumerate(paths)]
-    sought = Sought(problem, beside, paths, runs, signals)
+    runs = [cut(problem, free, k, path, signals) for k, path in enumerate(paths)]
+    sought = Sought(problem, free, paths, runs, signals)
     gone = sum(e.end - e.start for e in problem.events if e.kind == "motion")
     most = MOST_TIME_SHARE * sum(r.count * r.width for r in runs) - gone
     errors: list[BriefSignal] = []
@@ -93,7 +99,9 @@ def brief_events(problem: DiagnosisProblem, beside: RefittedHypothesis, least: f
         kept = _repeatable(sought, errors, motions)
         if kept >= BRIEF_EVENT_EVIDENCE * len(motions) and kept > least:
             share = kept / sum(f.gain for f in motions)
-            return tuple(replace(e, evidence=share * e.evidence) for e in _told(sought, errors, motions))
+            return tuple(
+                replace(e, evidence=share * e.evidence) for e in _told(sought, errors, motions, tight)
+            )
         motions.pop()
     return ()
 
@@ -148,7 +156,7 @@ def _gains(products: Array, pull: Array) -> Array:
 def _repeatable(sought: Sought, errors: Sequence[BriefSignal], motions: Sequence[BriefSignal]) -> float:
     """What motions gain together, less their choice, where a measured environment may differ between runs by
     its own repeatability (as `candidate.repeatable_evidence`)."""
-    environment, fitted = sought.problem.environment, sought.beside.fit
+    environment = sought.problem.environment
     chosen = sum(f.chosen for f in motions)
     if environment.source == "stated" or not any(environment.noise_model.force):
         return sum(f.gain for f in motions)
@@ -158,7 +166,7 @@ def _repeatable(sought: Sought, errors: Sequence[BriefSignal], motions: Sequence
     for shift in shifts:
         noise = environment.noise_model.scaled(float(np.exp(shift)))
         runs = [
-            cut(sought.problem, fitted.free, k, path, sought.signals, noise_model=noise)
+            cut(sought.problem, sought.free, k, path, sought.signals, noise_model=noise)
             for k, path in enumerate(sought.paths)
         ]
         with_.append(Joint(runs, sought.known, [*errors, *motions]).log_evidence)
@@ -166,7 +174,9 @@ def _repeatable(sought: Sought, errors: Sequence[BriefSignal], motions: Sequence
     return float(logsumexp(np.array(with_) + weight) - logsumexp(np.array(without) + weight)) - chosen
 
 
-def _told(sought: Sought, errors: Sequence[BriefSignal], motions: Sequence[BriefSignal]) -> tuple[Event, ...]:
+def _told(
+    sought: Sought, errors: Sequence[BriefSignal], motions: Sequence[BriefSignal], tight: bool
+) -> tuple[Event, ...]:
     """Events by run and time: what overlaps is one, an actuator that stuck where that does as well."""
     out, size, sets = [], units(sought.problem.model), channel_sets(sought.problem)
     for together in _joined(motions):
@@ -177,15 +187,20 @@ def _told(sought: Sought, errors: Sequence[BriefSignal], motions: Sequence[Brief
         start, end = (run.start + run.width * k for k in (begins, ends))
         gain = sum(f.gain for f in together)
         event = Event(name, start, end, first.place, "motion", None, gain, brief=True)
-        stuck = stuck_actuator(
-            sought.problem, sought.beside, sought.paths[run.run], sought.runs, others,
+        alike = actuator_event(
+            sought.problem, sought.free, sought.paths[run.run], sought.runs, others,
             replace(first, first=begins, last=ends, gain=gain, chosen=sum(f.chosen for f in together)),
         )  # fmt: skip
         names = sets[first.place][0]
-        if stuck is not None:
-            place = ACTUATOR_PLACES.get(stuck.actuator, first.place)
-            event = replace(event, start=stuck.start, end=stuck.end, channel=place, evidence=stuck.gain)
-            event = replace(event, value=stuck.order, sd=stuck.sd, stuck=stuck.actuator)
+        if alike is not None:
+            place = ACTUATOR_PLACES.get(alike.actuator, first.place)
+            if not tight:
+                start, end = min(start, alike.start), max(end, alike.end)
+            else:
+                start, end = alike.start, alike.end
+            event = replace(event, start=start, end=end, channel=place)
+            stuck = alike.actuator if alike.sticks else None
+            event = replace(event, value=alike.value, sd=alike.sd, stuck=stuck)
         elif len(together) == 1 and len(names) == 1:
             joint = Joint(sought.runs, sought.known, [*others, first])
             value, sd = (size[names[0]] * x for x in joint.average(first, joint.parts[-1]))

@@ -66,6 +66,7 @@ def compare_without(
     """
     excluded = Excluded()
     whole: Compared | None = None
+    uncut: DiagnosisProblem | None = None
     kept: str | None = None  # why outliers are not left out
     while True:
         try:
@@ -98,9 +99,11 @@ def compare_without(
         events, untried = _events(found, trial, excluded.events, notify)
         if untried:
             found = replace(found, unable="; ".join(filter(None, (found.unable, untried))))
-        whole = replace(found, candidates=with_events(found.candidates, excluded.events))
+        counted_in = with_events(found.candidates, excluded.events)
+        whole = replace(found, candidates=counted_in, uncut=uncut)
         if not events:
             return whole
+        uncut = found.problem if any(e.brief for e in events) else None
         notify(f"the same without {_named(events)}")
         excluded = Excluded((*excluded.events, *events))
 
@@ -141,12 +144,13 @@ def _brief(found: Compared, best: RefittedHypothesis) -> tuple[Event, ...]:
     if after is None:
         after = candidates.where if best is candidates.none else remainder(problem, best)
     left = max((p.evidence for p in after.places if p.channel not in SENSORS), default=0.0)
-    if brief := brief_events(problem, best, left):
+    if brief := brief_events(problem, best.fit.free, best.fit.followed, left):
         return brief
     if problem.form is None or not found.formless:
         return ()
     formless = max(found.formless, key=lambda c: c.log_evidence)
-    return brief_events(problem, formless, best.log_evidence - formless.log_evidence)
+    more = best.log_evidence - formless.log_evidence
+    return brief_events(problem, formless.fit.free, formless.fit.followed, more)
 
 
 def _named(events: Sequence[Event]) -> str:

@@ -33,6 +33,7 @@ from bayesid.diagnosis.hypotheses.cross_validation import agreement
 from bayesid.diagnosis.hypotheses.facts import like_a_form, simplest, undetectable
 from bayesid.diagnosis.hypotheses.location import location_of
 from bayesid.diagnosis.hypotheses.probabilities import several_act
+from bayesid.diagnosis.hypotheses.rules import MOTION_EVENT
 from bayesid.diagnosis.hypotheses.verdict import Verdict
 from bayesid.diagnosis.next_manoeuvre import Proposal
 from bayesid.diagnosis.result import FORMAT, Result
@@ -112,6 +113,7 @@ def result_of(
             trial,
             {GIVEN: None, RETUNED: c.none.fit, EXPLAINED: explained.fit},
             seed,
+            [e.run for e in problem.events if e.kind == "motion"] if verdict.rule == MOTION_EVENT else (),
         ),
         nothing,
         told,

@@ -42,12 +42,13 @@ Notify = Callable[[str], None]
 @dataclass(frozen=True, eq=False)
 class Compared:
     """A problem and its hypotheses; `unable` says what could not be tried, and why, `formless` are refits of
-    the problem without the form it has."""
+    the problem without the form it has, `uncut` is the problem with the readings of brief events."""
 
     problem: DiagnosisProblem
     candidates: HypothesisComparison
     unable: str | None = None
     formless: tuple[RefittedHypothesis, ...] = ()
+    uncut: DiagnosisProblem | None = None
 
 
 def compared(

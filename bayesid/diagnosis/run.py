@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy as np
 from bayesid.diagnosis.attempt import attempt
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.diagnosed_model import DiagnosedModel, diagnosed_model
+from bayesid.diagnosis.event_description import described
 from bayesid.diagnosis.events_counted import verdict_of
 from bayesid.diagnosis.evidence.effect_draws import warning
 from bayesid.diagnosis.evidence.effect_posterior import EffectPosterior, numbers, sample_effect
@@ -178,6 +179,9 @@ def diagnose(
             None,
             warnings,
         )
+    events = attempt(
+        "what the events look like could not be asked", lambda: described(compared), problem.events, warnings
+    )
     result = result_of(
         trial,
         model,
@@ -193,6 +197,7 @@ def diagnose(
         posterior,
         mistakes,
     )
+    result = replace(result, events=events)
     return Diagnosis(trial, model, problem, candidates, verdict, result, posterior, diagnosed)
 
 

@@ -104,7 +104,7 @@ def describe_missing_force(
     """Description of what the best explanation leaves (`remainder`), or of the whole gap."""
     if remainder and candidates.where_after is not None:
         best = candidates.best.fit
-        points = best.points if best.converged else best.path_points
+        points = best.followed
         level = 0.0 if best.converged else best.path_force_level
         return describe(problem, points, best.free, candidates.where_after, level, seed, best)
     none = candidates.none

@@ -9,7 +9,7 @@ the start and of the explained model's parameters.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -89,25 +89,31 @@ class Replay:
 
 
 def replay_trial(
-    problem: DiagnosisProblem, trial: Trial, models: Mapping[str, FilterErrorFit | None], seed: int
+    problem: DiagnosisProblem,
+    trial: Trial,
+    models: Mapping[str, FilterErrorFit | None],
+    seed: int,
+    shown: Collection[str] = (),
 ) -> tuple[Replay, ...]:
     """All runs that can be replayed; the first is the one to show.
 
     That is the held-out run which the model as given misses most, in noise units, else the identify run. It
     alone keeps the deviation of its readings, of which the others keep the rms (`expected`); it and the
-    held-out runs have the force that each model lacks.
+    held-out runs have the force that each model lacks. Readings of brief events are in it.
 
     Parameters
     ----------
     models : name -> its fit; None is the model as given
+    shown : names of runs of which one is to be shown first
     """
+    brief = {e.run for e in problem.events if e.brief}
     noise = {c: float(s) for log in problem.logs for c, s in zip(log.channels, log.sigma, strict=True)}
     read = {log.name: log for log in problem.logs}
     found: list[_Replayed] = []
     for run in trial.runs:
         try:
             log = read.get(run.name)
-            if log is None:
+            if log is None or run.name in brief:
                 log = filter_error_run(problem.model, run, noise, problem.channels)
             else:
                 log = replace(log, plan=plan_trial_run(problem.model, run))
@@ -120,8 +126,9 @@ def replay_trial(
         return ()
     held = any(f.replay.role == "holdout" for f in found)
 
-    def rank(f: _Replayed) -> tuple[bool, float]:
-        return held and f.replay.role != "holdout", -f.replay.misfit(GIVEN, noise)
+    def rank(f: _Replayed) -> tuple[bool, bool, float]:
+        later = held and f.replay.role != "holdout"
+        return f.replay.run not in shown, later, -f.replay.misfit(GIVEN, noise)
 
     found.sort(key=rank)
     explained = models.get(EXPLAINED)

@@ -297,5 +297,4 @@ def refit_wide(
 def remainder(problem: DiagnosisProblem, candidate: RefittedHypothesis) -> Localisation:
     """Where the gap lies that a refit leaves."""
     fitted = candidate.fit
-    points = fitted.points if fitted.converged else fitted.path_points
-    return locate(problem, points, fitted.free, masks=False)
+    return locate(problem, fitted.followed, fitted.free, masks=False)

@@ -129,7 +129,7 @@ def gains_beside(
     chosen = [problem.model.effects[n] for n in current.effects]
     families = {e.family for e in chosen}
     others = [e for e in effects if e.family not in families]
-    points = current.fit.points if current.fit.converged else current.fit.path_points
+    points = current.fit.followed
     level = 0.0 if current.fit.converged else current.fit.path_force_level
     levels = levels_between(problem, level)
     return screen(build_bank(problem, points, levels, others, _joint(problem.model, chosen)))

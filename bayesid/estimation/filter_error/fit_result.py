@@ -62,6 +62,12 @@ class FilterErrorFit:
         return self.posterior.log_evidence
 
     @property
+    def followed(self) -> tuple[Trajectory, ...]:
+        """Where its runs follow the readings: its points, or those of its most probable pass before it has
+        converged."""
+        return self.points if self.converged else self.path_points
+
+    @property
     def sd(self) -> Array:
         """Posterior standard deviations [SI]."""
         return np.sqrt(np.diag(self.posterior.covariance)) * self.free.sd
