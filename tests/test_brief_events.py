@@ -9,15 +9,16 @@ import pytest
 from gap_trials import model_of, other_vehicle, planted_trial
 
 from bayesid.diagnosis import brief_events as module
+from bayesid.diagnosis.answer import answer
 from bayesid.diagnosis.brief_events import _gains, _joined, _largest_of, brief_events
 from bayesid.diagnosis.cut_runs import BriefSignal, CutRun, Joint, cut, prior_root, signals_of
 from bayesid.diagnosis.data.problem import build_problem, fit_with
-from bayesid.diagnosis.events_counted import verdict_of
-from bayesid.diagnosis.exclusions import compare_without
 from bayesid.diagnosis.hypotheses.candidate import weighted_hypothesis
 from bayesid.diagnosis.hypotheses.rules import MOTION_EVENT
+from bayesid.diagnosis.run import diagnose
 from bayesid.estimation.filter_error.evidence import NormalEquations, posterior
 from bayesid.estimation.filter_error.linearise import linearise_runs
+from bayesid.report.diagnosis.first_screen import picture_of
 from bayesid.simulation import observe, plan_run, simulate, steady_start
 
 BEGIN, LASTS = 25.0, 4.0  # L/U
@@ -154,11 +155,23 @@ def test_an_actuator_that_sticks_is_told_with_where_it_stuck(actuator, name, fir
 
 
 def test_a_diagnosis_says_when_and_blames_no_effect():
+    """What stands beside an event follows a part of it; beside the rest it has its own times and size."""
     model = model_of("remus100")
-    compared = compare_without(model, trial_of(model, brief))
-    verdict = verdict_of(compared)
-    assert [(e.run, e.brief) for e in compared.problem.events] == [("turn", True)]
-    assert (verdict.word, verdict.rule, verdict.effects) == ("outside", MOTION_EVENT, ())
+    trial = trial_of(model, brief)
+    found = diagnose(trial, model, plan_next=False)
+    (before,), (event,) = found.problem.events, found.result.events
+    assert (found.verdict.word, found.verdict.rule, found.verdict.effects) == ("outside", MOTION_EVENT, ())
+    time = model.scales["L"] / model.scales["U"]
+    assert before.brief and event.evidence == before.evidence
+    assert event.start / time == pytest.approx(BEGIN, abs=0.5)
+    assert event.end / time == pytest.approx(BEGIN + LASTS, abs=0.5)
+    assert event.channel == "rudder" and event.value < -5.0 * event.sd
+    shown = found.result.drawings.replays[0]
+    assert shown.run == found.result.runs[0].run == "turn"
+    readings = next(r for r in trial.runs if r.name == "turn").data["psi"]
+    np.testing.assert_allclose(shown.readings[:, shown.channels.index("psi")], readings)  # those then as well
+    events = (event, replace(event, run="zigzag"), replace(event, kind="sensor"))
+    assert picture_of(shown, answer(found.result), events).events == ((event.start, event.end),)
 
 
 def test_signals_of_a_run_that_overlap_or_touch_are_one():

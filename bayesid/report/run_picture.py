@@ -16,6 +16,7 @@ from bayesid.report.figure_style import COLOURS, FITTED, MEASURED, NOMINAL, styl
 from bayesid.words import and_list
 
 Array = np.ndarray
+EVENT = "#F9D9B0"  # behind a time in which nothing known explains the motion
 MOST_POINTS, MOST_TRACKS = 500, 40
 # Radius of 95 % of a round Gaussian in the plane over the half width of 95 % along a line.
 PLANE95 = 2.45 / 1.96
@@ -64,6 +65,7 @@ class RunPicture:
     lead : first seconds, read to begin on the track
     half : (n, q) half width of the 95 % band around the last series; None without one
     draws : (k, n, q) of which the band is made, drawn as tracks; None without
+    events : begin and end [s], by the clock of `t`, of what is shaded
     """
 
     t: Array
@@ -73,6 +75,7 @@ class RunPicture:
     lead: float = 0.0
     half: Array | None = None
     draws: Array | None = None
+    events: tuple[tuple[float, float], ...] = ()
 
     def column(self, name: str) -> int | None:
         return self.channels.index(name) if name in self.channels else None
@@ -172,6 +175,8 @@ def over_time(p: RunPicture) -> Any:
         draw(axes, p, p.kept, t)
         if p.lead > 0:
             axes.axvspan(0.0, p.lead, color="0.9", zorder=0, linewidth=0)
+        for start, end in p.events:
+            axes.axvspan(start - p.t[0], end - p.t[0], color=EVENT, zorder=0, linewidth=0)
     grid[-1, 0].set_xlabel("time [s]")
     return figure
 

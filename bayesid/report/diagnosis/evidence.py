@@ -19,7 +19,7 @@ from bayesid.diagnosis.summary import unsigned_zeros
 from bayesid.diagnosis.threshold_table import NAMING_PROBABILITY
 from bayesid.report import run_picture
 from bayesid.report.diagnosis.cause import where_blocks, which_blocks
-from bayesid.report.diagnosis.first_screen import picture_of, played_blocks
+from bayesid.report.diagnosis.first_screen import EVENT_SHADED, picture_of, played_blocks
 from bayesid.report.diagnosis.holdout import holdout_blocks, measures_table
 from bayesid.report.diagnosis.limits import margin_table
 from bayesid.report.writer import Block, Figure, Row, Section, Table, Text, literal
@@ -60,7 +60,7 @@ def runs_blocks(result: Result, a: Answer) -> list[Block]:
         blocks.append(measures_table(result, a.labels))
     others = result.drawings.replays[1 : 1 + MOST_PICTURES] if result.drawings is not None else ()
     for k, replay in enumerate(others, 1):
-        drawn = picture_of(replay, a)
+        drawn = picture_of(replay, a, result.events)
         where = literal(name_of_run(replay.run, replay.manoeuvre, replay.role))
         title = where[:1].upper() + where[1:]
         blocks.append(
@@ -69,7 +69,7 @@ def runs_blocks(result: Result, a: Answer) -> list[Block]:
                     Figure(f"run{k}_track", run_picture.track(drawn), alt=f"Track of {where}"),
                     Figure(f"run{k}_time", run_picture.over_time(drawn), alt=f"Errors of {where}"),
                 ),
-                f"{title}.",
+                f"{title}.{EVENT_SHADED if drawn.events else ''}",
             )
         )
         if replay.role == "holdout":

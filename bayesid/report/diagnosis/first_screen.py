@@ -6,12 +6,14 @@ Takes a `Result` and its `Answer`. Does not compute.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from bayesid.diagnosis.answer import Answer, counted_after
+from bayesid.diagnosis.data.event import Event
 from bayesid.diagnosis.evidence import replay as evidence
 from bayesid.diagnosis.evidence.replay import EXPLAINED, GIVEN, RETUNED
 from bayesid.diagnosis.plain_words import Z95, number
@@ -59,7 +61,7 @@ def picture_blocks(result: Result, a: Answer) -> list[Block]:
     """The run the simulator as given misses most; nothing where none could be replayed."""
     if result.drawings is None or not result.drawings.replays:
         return []
-    shown = picture_of(result.drawings.replays[0], a)
+    shown = picture_of(result.drawings.replays[0], a, result.events)
     lost = ""
     for s in shown.series:
         if not s.ends:
@@ -67,7 +69,7 @@ def picture_blocks(result: Result, a: Answer) -> list[Block]:
     drawn = literal(run_picture.caption(shown, "Blue: where 95 % of the small dots should lie."))
     caption = (
         f"{drawn} {lost}A line that leaves its panel misses by more. Grey: first seconds, read to begin on "
-        "the track."
+        f"the track.{EVENT_SHADED if shown.events else ''}"
     )
     where = literal(a.where)
     return [
@@ -140,8 +142,16 @@ def _significant(x: float) -> float | None:
     return float(f"{x:.3g}") if math.isfinite(x) else None
 
 
-def picture_of(r: evidence.Replay, a: Answer) -> run_picture.RunPicture:
-    """A replay as a picture; two simulations where the explained model is the re-tuned one."""
+EVENT_SHADED = " Orange: nothing known explains the motion then."
+
+
+def picture_of(r: evidence.Replay, a: Answer, events: Sequence[Event] = ()) -> run_picture.RunPicture:
+    """A replay as a picture; two simulations where the explained model is the re-tuned one.
+
+    Parameters
+    ----------
+    events : of all runs; those of this one in which the vehicle moves as nothing explains are shaded
+    """
     styles = ((GIVEN, run_picture.GIVEN), (RETUNED, run_picture.BETWEEN), (EXPLAINED, run_picture.BEST))
     series = [
         run_picture.Series(label, style, r.models[m])
@@ -150,7 +160,8 @@ def picture_of(r: evidence.Replay, a: Answer) -> run_picture.RunPicture:
     if np.array_equal(series[1].values, series[2].values, equal_nan=True):
         series = [series[0], replace(series[2], label=series[1].label)]
     half = None if r.sd is None else Z95 * r.sd
-    return run_picture.RunPicture(r.t, r.channels, r.readings, tuple(series), r.lead, half)
+    shaded = tuple((e.start, e.end) for e in events if e.run == r.run and e.kind == "motion")
+    return run_picture.RunPicture(r.t, r.channels, r.readings, tuple(series), r.lead, half, events=shaded)
 
 
 def _cell(x: float) -> str:
