@@ -1,6 +1,6 @@
 """Labelled campaigns of vehicles whose equations are not bayesid's, as the study of them scores.
 
-Usage: python -m studies.other_equations.make --out FOLDER --seed N --count K. Of 16 campaigns 3 have no
+Usage: python -m studies.other_equations.make --out FOLDER --seed N --count K [--only CAUSE]. Of 16 campaigns 3 have no
 cause, 9 one listed, 2 two listed, 2 one that is not listed; vehicles, sizes, sensors and sea are drawn. A
 bundle that is there already is kept. labels.json has the fields of `practice_foreign`; `form_gap_pieces` and
 `effect_over_form_gap` are of the nominal simulator in the bundle.
@@ -47,8 +47,13 @@ SENSOR_SIZES = (0.6, 1.6)
 LEAST_SIZE = 0.3
 
 
-def plan(seed: int, count: int) -> list[dict[str, Any]]:
-    """Vehicle, causes, suite, sea and seed of every campaign; listed causes come round before any repeats."""
+def plan(seed: int, count: int, only: str | None = None) -> list[dict[str, Any]]:
+    """Vehicle, causes, suite, sea and seed of every campaign; listed causes come round before any repeats.
+
+    Parameters
+    ----------
+    only : the one cause of every campaign, in place of what would be drawn
+    """
     rng = np.random.default_rng([seed, 16])
     kinds = [KINDS[k % len(KINDS)] for k in range(count)]
     bodies = [VEHICLES[k % len(VEHICLES)] for k in range(count)]
@@ -64,6 +69,8 @@ def plan(seed: int, count: int) -> list[dict[str, Any]]:
                 bag.remove(causes[-1])
         if kind == "outside":
             causes = [str(rng.choice(list(UNLISTED)))]
+        if only is not None:
+            causes = [only]
         track = rng.random() < TRACK_ONLY and not set(causes) & set(NEED_FULL)
         made.append({
             "seed": 1000 * seed + k, "vehicle": str(body), "causes": causes,
@@ -142,11 +149,11 @@ def write_campaign(row: Mapping[str, Any], name: str, folder: Path) -> dict[str,
     return label(name, campaign, runs, text)
 
 
-def main(out: Path, seed: int, count: int) -> list[dict[str, Any]]:
+def main(out: Path, seed: int, count: int, only: str | None = None) -> list[dict[str, Any]]:
     """Write bundles and labels.json."""
     progress, labels = Progress(), []
     with progress.stage("campaigns", count) as stage:
-        for k, row in enumerate(plan(seed, count)):
+        for k, row in enumerate(plan(seed, count, only)):
             name, kept = f"o{k + 1:03d}", out / ".labels" / f"o{k + 1:03d}.json"
             if not kept.exists():
                 write_json(kept, write_campaign(row, name, out / name))
@@ -161,6 +168,7 @@ if __name__ == "__main__":
     parser.add_argument("--out", type=Path, required=True, help="folder of bundles and labels")
     parser.add_argument("--seed", type=int, required=True)
     parser.add_argument("--count", type=int, default=len(KINDS))
+    parser.add_argument("--only", choices=[*LISTED, *UNLISTED], help="the one cause of every campaign")
     asked = parser.parse_args()
     lock_or_exit(asked.out, "studies/other_equations/make.py")
-    main(asked.out, asked.seed, asked.count)
+    main(asked.out, asked.seed, asked.count, asked.only)
