@@ -3,7 +3,8 @@
 Usage: python -m studies.other_equations.make --out FOLDER --seed N --count K [--only CAUSE]. Of 16 campaigns
 3 have no cause, 9 one listed, 2 two listed, 2 one that is not listed, or all the one that is asked for;
 vehicles, sizes, sensors and sea are drawn. A bundle that is there already is kept. labels.json has the
-fields of `practice_foreign`; `form_gap_pieces` and `effect_over_form_gap` are of the nominal simulator in the bundle.
+fields of `practice_foreign`; `form_gap_pieces` and `effect_over_form_gap` are of the nominal simulator in
+the bundle.
 """
 
 from __future__ import annotations
