@@ -431,8 +431,8 @@ def _steps(result: Result) -> tuple[str, ...]:
         )
     elif result.verdict == "outside":
         out.append(
-            "Look where and when it acts ('Where the gap lies' in the report's appendix); a cause of your own "
-            "is declared in a file and tried with `--effects FILE`."
+            "Look where and when it acts ('Where the gap lies' in the report's appendix); a cause of your "
+            "own is declared in a file and tried with `--effects FILE`."
         )
     if result.next_manoeuvre:
         best = result.next_manoeuvre[0]
