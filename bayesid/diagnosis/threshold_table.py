@@ -251,7 +251,7 @@ BRIEF_EVENT_EVIDENCE = Limit(
     "BRIEF_EVENT_EVIDENCE", 20.0, "nats",
     "Gain of a free force in a few seconds of a run, beyond the logarithm of how many such were tried, from "
     "which it is an event.",
-    "As LINEARISATION_SCATTER.",
+    "As LINEARISATION_SCATTER; none was told in 38 opened trials of the plant without one.",
 )  # fmt: skip
 
 TABLE: tuple[Limit, ...] = tuple(value for value in list(globals().values()) if isinstance(value, Limit))
