@@ -11,8 +11,10 @@ from gap_trials import model_of, other_vehicle, planted_trial
 from bayesid.diagnosis import brief_events as module
 from bayesid.diagnosis.answer import answer
 from bayesid.diagnosis.brief_events import _gains, _joined, _largest_of, brief_events
-from bayesid.diagnosis.cut_runs import BriefSignal, CutRun, Joint, cut, prior_root, signals_of
+from bayesid.diagnosis.cut_runs import BriefSignal, CutRun, Joint, cut, orders, prior_root, signals_of
+from bayesid.diagnosis.data.event import Event
 from bayesid.diagnosis.data.problem import build_problem, fit_with
+from bayesid.diagnosis.event_description import _anew
 from bayesid.diagnosis.hypotheses.candidate import weighted_hypothesis
 from bayesid.diagnosis.hypotheses.rules import MOTION_EVENT
 from bayesid.diagnosis.run import diagnose
@@ -172,6 +174,29 @@ def test_a_diagnosis_says_when_and_blames_no_effect():
     np.testing.assert_allclose(shown.readings[:, shown.channels.index("psi")], readings)  # those then as well
     events = (event, replace(event, run="zigzag"), replace(event, kind="sensor"))
     assert picture_of(shown, answer(found.result), events).events == ((event.start, event.end),)
+
+
+def test_events_found_again_are_told_once_each_with_the_evidence_of_those_they_stand_for():
+    def event(start, end, evidence, run="a", value=None):
+        return Event(run, start, end, "rudder", "motion", None, evidence, True, value, 0.1)
+
+    two, one = (event(10, 20, 60.0), event(25, 32, 25.0)), event(12, 30, 400.0, value=0.2)
+    assert _anew(two, (one,)) == (event(12, 30, 85.0, value=0.2),)
+    parts = event(10, 14, 300.0, value=0.1), event(16, 20, 100.0, value=0.3)
+    assert _anew(two[:1], parts) == (event(10, 14, 45.0, value=0.1), event(16, 20, 15.0, value=0.3))
+    other, gross = event(10, 20, 9.0, "b"), Event("a", 11.0, 12.0, "X", "motion", 20.0, 50.0)
+    assert _anew((two[0], gross), (other,)) == (two[0], gross)
+
+
+def test_an_order_beyond_the_limit_is_the_limit():
+    model = model_of("remus100")
+    trial = planted_trial(model, samples=40)
+    zigzag = trial.runs[0]
+    commands = {**zigzag.commands, "delta_r_cmd": 9.0 * zigzag.commands["delta_r_cmd"]}
+    problem = build_problem(model, replace(trial, runs=(replace(zigzag, commands=commands), trial.runs[1])))
+    limit = float(model.nominal[model.index["limit_r"]])
+    assert 0.0 < limit < 1.8 and np.abs(orders(problem, 0, "delta_r")).max() == limit
+    assert orders(problem, 1, "n").max() == model.vehicle.rpm_ref
 
 
 def test_signals_of_a_run_that_overlap_or_touch_are_one():

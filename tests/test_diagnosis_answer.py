@@ -543,6 +543,9 @@ def test_the_headline_says_what_a_brief_motion_looks_like(place, value, sd, stuc
     assert headline.endswith(
         "In r3 it moves then as if the shaft stayed at 812 ± 4.2 rpm, whatever is ordered."
     )
+    slower = replace(motion, channel="rpm", stuck=None, value=-31.0, sd=4.2)
+    headline = answer(replace(alone, events=(slower,))).headline
+    assert headline.endswith(" as if the shaft turned 31 ± 4.2 rpm slower than ordered.")
 
 
 @pytest.mark.parametrize(

@@ -131,7 +131,8 @@ def _told(best: _Tried, order: Array, t: Array, run: CutRun, size: float, tried:
         distance = np.abs(order[inside] - value)
         apart = float(distance.max())
         away = t[inside][distance > AWAY * apart]
-        start, end = max(start, float(away[0])), min(end, float(away[-1]) + run.width)
+        if away.size:
+            start, end = max(start, float(away[0])), min(end, float(away[-1]) + run.width)
     # times are known to half a piece at either end
     sd = float(np.hypot(size * best.sd, apart * run.width / (2.0 * max(end - start, run.width))))
     gain = best.gain - float(np.log(tried))

@@ -427,7 +427,7 @@ def _steps(result: Result) -> tuple[str, ...]:
     elif result.rule == MOTION_EVENT:
         out.append(
             "See in the notes of the trial, or in the servo's own angle if it is logged, what happened then; "
-            "all else here is without that time."
+            "causes and coefficients are told without that time, the errors above are not."
         )
     elif result.verdict == "outside":
         out.append(

@@ -200,7 +200,8 @@ def _told(
                 start, end = alike.start, alike.end
             event = replace(event, start=start, end=end, channel=place)
             stuck = alike.actuator if alike.sticks else None
-            event = replace(event, value=alike.value, sd=alike.sd, stuck=stuck)
+            if stuck or alike.actuator in ACTUATOR_PLACES:  # else it is no value of the place
+                event = replace(event, value=alike.value, sd=alike.sd, stuck=stuck)
         elif len(together) == 1 and len(names) == 1:
             joint = Joint(sought.runs, sought.known, [*others, first])
             value, sd = (size[names[0]] * x for x in joint.average(first, joint.parts[-1]))

@@ -134,10 +134,12 @@ def cut(
 
 
 def orders(problem: DiagnosisProblem, run: int, actuator: str) -> Array:
-    """(n,) logged order of an actuator at the samples of a run [rad, rpm]."""
-    plan = problem.logs[run].plan
+    """(n,) logged order of an actuator at the samples of a run, within its limit [rad, rpm]."""
+    plan, model = problem.logs[run].plan, problem.model
     at = np.minimum(plan.record, plan.steps.size - 1)
-    return np.asarray(plan.command[at, problem.model.kernel.actuators.index(actuator)])
+    order = np.asarray(plan.command[at, model.kernel.actuators.index(actuator)])
+    limit = model.index.get(f"limit_{actuator.removeprefix('delta_')}")
+    return order if limit is None else np.clip(order, -model.nominal[limit], model.nominal[limit])
 
 
 class Joint:

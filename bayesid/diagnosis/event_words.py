@@ -28,6 +28,9 @@ def _as_if(event: Event) -> str:
     """What an event of motion looks like; empty where that is not known."""
     if event.value is None or event.sd is None:
         return ""
+    if event.stuck is None and event.channel == "rpm":
+        side = "faster" if event.value > 0.0 else "slower"
+        return f"as if the shaft turned {number(abs(event.value))} ± {event.sd:.2g} rpm {side} than ordered"
     if event.stuck is None:
         return rudder_off("the rudder", event.value, event.sd) if event.channel == "rudder" else ""
     if event.stuck == "n":

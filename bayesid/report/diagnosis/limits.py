@@ -130,7 +130,8 @@ def _events(result: Result) -> list[Block]:
             rows,
             "Events: short pieces predicted far worse than all others whatever effect is added, or in which "
             "a free force, allowed only there, gains more than chance beside the best explanation. They are "
-            "left out; what follows starts from a state of its own.",
+            "left out (of a brief one a little more than is told here); what follows starts from a state of "
+            "its own.",
         )
     ]
 
