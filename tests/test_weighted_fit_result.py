@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from bayesid.equations.model import build_model
 from bayesid.errors import FitError
 from bayesid.estimation.likelihood import NoiseParts
 from bayesid.estimation.likelihood import weighted_fit as module
@@ -15,8 +16,10 @@ from bayesid.estimation.likelihood.weighted_fit import weighted_fit
 from bayesid.estimation.output_error import FitOptions
 from bayesid.estimation.output_error.fit_result import load_fit
 from bayesid.model.params import ParameterSet
+from bayesid.model.vehicles import load_vehicle
 from bayesid.report.fit import form_words
 from studies.coverage.campaigns import Condition, campaign, drawn_truth, problem_of, setting
+from studies.posterior.problem import VEHICLE, manoeuvres, posed, prior_of
 
 SIX = ("Y_r", "Y_dr", "N_r", "N_v", "N_dr", "X_u|u|")
 STATED = FitOptions(profile=False)
@@ -29,6 +32,14 @@ def problem():
     s = replace(s, params=ParameterSet(tuple(p for p in s.params.entries if p.name in SIX)))
     rng = np.random.default_rng([31, 4])
     return problem_of(s, campaign(s, Condition(run_spread=0.3, memory=10.0), drawn_truth(s, rng), rng))
+
+
+def spiral_case():
+    """A truth drawn from the prior, its spiral, and the prior."""
+    model = build_model(load_vehicle(VEHICLE), 3)
+    params = prior_of(model, model.coefficients, 0.5)
+    spiral = {"spiral": manoeuvres(dt=2.0)["spiral"]}
+    return posed(model, spiral, params, np.random.default_rng(12))
 
 
 @lru_cache
@@ -91,3 +102,18 @@ def test_a_model_form_that_cannot_be_fitted_is_said(monkeypatch, how):
 def test_a_fit_whose_runs_ask_for_no_form_says_nothing_of_one():
     found = unstopped()
     assert "form" not in found.message and not form_words(found)
+
+
+def test_a_fit_counts_that_the_ridges_of_a_spiral_bend(tmp_path):
+    """22 coefficients known to 50 % from one spiral: combinations fixed at the estimate are less sure."""
+    case = spiral_case()
+    _, found, posterior = weighted_fit(case.problem, STATED, tmp_path, parts=NoiseParts())
+    k = found.n_params
+    linear, told = posterior.covariance, found.covariance[:k, :k]
+    unit = np.outer(case.known.sd, case.known.sd)
+    narrow, wide = (np.sqrt(np.linalg.eigvalsh(c / unit)[0]) for c in (linear, told))
+    assert found.converged
+    assert wide > 1.3 * narrow
+    assert np.sqrt(np.diag(told)) == pytest.approx(found.sd[:k])
+    assert found.uncertainty["nonlinear"]["widest_over_linear"] >= wide / narrow
+    assert load_fit(tmp_path / "fit.json").covariance[:k, :k] == pytest.approx(told)

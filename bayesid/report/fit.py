@@ -315,11 +315,23 @@ def _certainty(found: TrialFit, calibration: Calibration | None) -> list[Section
     if posterior.determined:
         names = ", ".join(f"`{n}`" for n in posterior.determined)
         text.append(f"Determined by the data, to less than half their prior standard deviation: {names}.")
-    text += [*form_words(found.fit), *posterior.doubts(), *predictive_words(found.fit)]
+    text += [*_ridge_words(found.fit), *form_words(found.fit), *posterior.doubts()]
+    text += predictive_words(found.fit)
     if calibration is not None:
         text.append(calibration_words(calibration))
     blocks = [Text(" ".join(text)), *_predictive_table(found.fit)]
     return [Section("What the standard deviations rest on", blocks)]
+
+
+def _ridge_words(fit: Fit) -> list[str]:
+    """A sentence on ridges that bend, where the fit has some."""
+    if not (told := fit.uncertainty.get("nonlinear")):
+        return []
+    return [
+        "Combinations the runs leave open bend away from straight lines: some that are fixed at the estimate "
+        f"are up to {told['widest_over_linear']:.2g} times less sure than linear theory says, which the "
+        "covariance of the identified vehicle counts."
+    ]
 
 
 def _open_directions(fit: Fit) -> Section:

@@ -83,19 +83,24 @@ def _lead(cases: Mapping[str, Sampled], logs: Mapping[str, Sampled], facts: Mapp
     return " ".join(parts)
 
 
+WORDS = {"Laplace": "linear theory", "fit": "a fit", "emcee": "emcee"}
+
+
 def _over_truths(cases: Sequence[Mapping[str, Any]]) -> str:
-    """Who holds the truths drawn from the priors, Laplace beside draws of emcee."""
+    """Who holds the truths drawn from the priors: linear theory, a fit, draws of emcee."""
     parts, good = [], found_valley(cases)
     for name in dict.fromkeys(c["set"] for c in cases):
         some = [c for c in good if c["set"] == name]
-        ways = {way: pooled(some, way) for way in ("Laplace", "emcee")}
-        words = ", ".join(f"{told(w['held']['fixed'])} by {way}" for way, w in ways.items() if w["cases"])
+        ways = {way: pooled(some, way) for way in WORDS}
+        words = ", ".join(
+            f"{told(w['held']['fixed'])} by {WORDS[way]}" for way, w in ways.items() if w["cases"]
+        )
         parts.append(f"{name} {words}")
     return (
         f"Of {len(cases)} truths drawn from priors of 10, 50 and 100 % about the vehicle file, 90 % "
         f"intervals along combinations that the runs fix hold the truth: {'; '.join(parts)} "
-        f"({len(cases) - len(good)} left out whose search ended in another valley). A long ridge bends, and "
-        "Laplace follows its tangent: where the prior is wide, sample."
+        f"({len(cases) - len(good)} left out whose search ended in another valley). A long ridge bends: "
+        "linear theory follows its tangent, a fit counts the bend, emcee follows it."
     )
 
 

@@ -16,7 +16,7 @@ Case = Mapping[str, Any]
 FIXED, OPEN = 0.1, 0.7071  # of the prior sd, as `bayesid sample` says fixed and open
 CENTRE_90 = (0.05, 0.95)
 WRONG_VALLEY = 2.0  # nats by which a search ends above another one
-WAYS = ("Laplace", "emcee", "NUTS")
+WAYS = ("Laplace", "fit", "emcee", "NUTS")
 KINDS = ("fixed", "narrowed", "open")
 
 

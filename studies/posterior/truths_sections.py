@@ -72,7 +72,7 @@ def held_section(cases: Sequence[Case]) -> Section:
     controls = []
     for name in SETS:
         some = [c for c in cases if c["set"] == name]
-        for way in ("Laplace", "emcee"):
+        for way in ("Laplace", "fit", "emcee"):
             found = pooled(some, way)
             if found["cases"]:
                 controls.append([name, way, *(told(found["control"][k]) for k in KINDS)])
@@ -81,7 +81,9 @@ def held_section(cases: Sequence[Case]) -> Section:
     file, high = (sum(r[k] for r in records) for k in ("from_file_too_high", "too_high"))
     text = (
         "Truths within the central 90 % of the draws along each eigenvector of the posterior, by how much of "
-        "the prior it leaves; intervals are 95 %, whole cases resampled where that is wider. "
+        "the prior it leaves. Laplace is linear theory about the estimate, `fit` the covariance that "
+        "`bayesid fit` tells, which counts that ridges bend. Intervals are 95 %, whole cases resampled where "
+        "that is wider. "
         f"{anew} vehicles were drawn anew because they diverged in their runs (prior and likelihood are cut "
         f"there alike). The search from the vehicle file ended in another valley in {file} of {len(cases)} "
         f"cases, the best of three starts in {high} (by thousands of nats and more, which no one could "

@@ -15,6 +15,7 @@ import numpy as np
 
 from bayesid.errors import FitError, ModelError
 from bayesid.estimation.likelihood.model_form import form_part, form_size, with_form
+from bayesid.estimation.likelihood.nonlinear_covariance import nonlinear_covariance
 from bayesid.estimation.likelihood.parts import NoiseParts
 from bayesid.estimation.likelihood.posterior import (
     CoefficientPosterior,
@@ -72,6 +73,8 @@ def weighted_fit(
     if posterior is not None:
         checked = predictive_p(noisy, result.z, posterior, kinds, options.seed)
         result = replace(result, uncertainty={**result.uncertainty, "predictive_p": checked})
+        if result.converged:
+            result = _along_ridges(noisy, result, posterior, options.seed)
     if folder is not None:
         result.save(Path(folder) / "fit.json")
     return noisy, result, posterior
@@ -236,6 +239,21 @@ def _posterior(
         return coefficient_posterior(problem, z, parts, seed)
     except ModelError:
         return None
+
+
+def _along_ridges(problem: FitProblem, result: Fit, posterior: CoefficientPosterior, seed: int) -> Fit:
+    """The fit with the errors of ridges that bend; predictions and the sampler keep the linear law."""
+    told = nonlinear_covariance(
+        weighed(problem, posterior.parts.weight), result.z, posterior.covariance, seed
+    )
+    if not told.pairs:
+        return result
+    k = result.n_params
+    sd, covariance = np.array(result.sd), np.array(result.covariance)
+    covariance[:k, :k] = told.covariance
+    sd[:k] = np.sqrt(np.diag(told.covariance))
+    uncertainty = {**result.uncertainty, "nonlinear": told.record()}
+    return replace(result, sd=sd, covariance=covariance, uncertainty=uncertainty)
 
 
 def _told(

@@ -1,0 +1,126 @@
+"""Errors of an estimate along ridges that bend, against closed forms."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from bayesid.errors import ModelError
+from bayesid.estimation.likelihood.nonlinear_covariance import nonlinear_covariance
+
+SIGMA = 0.05
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Readings f(z) with unit noise beside a prior of unit variance on some unknowns; estimate at 0."""
+
+    names: tuple[str, ...]
+    f: object
+    known: tuple[int, ...]  # unknowns with a prior
+    initial: tuple[str, ...] = ()
+    survives: float = np.inf
+
+    @property
+    def params(self):
+        return SimpleNamespace(names=self.names)
+
+    @property
+    def runs(self):
+        return (
+            SimpleNamespace(
+                initial=self.initial, initial_sd=np.ones(len(self.initial)), residuals=lambda y: y
+            ),
+        )
+
+    def readings(self, z):
+        if np.abs(z).max() > self.survives:
+            raise ModelError("diverges")
+        return [np.asarray(self.f(z), dtype=float)]
+
+    def run_blocks(self, z):
+        step = 1e-6
+        slopes = [
+            (self.readings(z + d)[0] - self.readings(z - d)[0]) / (2 * step) for d in step * np.eye(z.size)
+        ]
+        return lambda i: (self.readings(z)[0], np.stack(slopes, axis=1))
+
+    def prior(self, z):
+        rows = np.eye(z.size)[list(self.known)]
+        return rows @ z, rows
+
+
+def law(curve: Curve, n: int) -> np.ndarray:
+    """Covariance of the first parameters by linear theory."""
+    _, jac = curve.run_blocks(np.zeros(n))(0)
+    rows = np.vstack([jac, curve.prior(np.zeros(n))[1]])
+    k = len(curve.names)
+    return np.linalg.inv(rows.T @ rows)[:k, :k]
+
+
+def test_a_problem_that_is_linear_keeps_its_covariance():
+    rng = np.random.default_rng(3)
+    slopes = rng.standard_normal((7, 4)) * np.array([1.0, 10.0, 1e3, 0.1])
+    line = Curve(("a", "b", "c", "d"), lambda z: slopes @ z, (0, 1, 2, 3))
+    linear = law(line, 4)
+    found = nonlinear_covariance(line, np.zeros(4), linear)
+    assert found.pairs == 0 and found.lost == 0
+    assert found.covariance is linear
+
+
+@pytest.mark.parametrize("bend", [0.1, 0.5])
+def test_a_parabola_adds_the_fourth_moment_of_what_is_left_open(bend):
+    """y = (a + c b^2) / s, b known to 1: the second moment of a is s^2 + 3 c^2, and a does not go with b."""
+    parabola = Curve(("a", "b"), lambda z: [(z[0] + bend * z[1] ** 2) / SIGMA], (1,))
+    linear = law(parabola, 2)
+    found = [nonlinear_covariance(parabola, np.zeros(2), linear, seed) for seed in range(12)]
+    sd = np.array([np.sqrt(f.covariance[0, 0]) for f in found]) / np.sqrt(SIGMA**2 + 3 * bend**2)
+    assert {f.pairs for f in found} == {64} and not any(f.lost for f in found)
+    assert np.mean(sd) == pytest.approx(1.0, abs=0.05)
+    assert np.abs(sd - 1.0).max() < 0.25  # of 64 pairs, where one direction is left open
+    for f in found:
+        assert f.covariance[1, 1] == pytest.approx(1.0, rel=0.01)
+        assert abs(f.covariance[0, 1]) < 0.02 * bend
+        assert f.widest == pytest.approx(np.sqrt(f.covariance[0, 0]) / SIGMA, rel=1e-3)
+
+
+def test_what_bends_too_little_to_tell_is_left_alone():
+    slight = Curve(("a", "b"), lambda z: [(z[0] + 0.1 * SIGMA * z[1] ** 2) / SIGMA], (1,))
+    linear = law(slight, 2)
+    assert nonlinear_covariance(slight, np.zeros(2), linear).covariance is linear
+
+
+def test_initial_states_follow_the_parameters():
+    """What an initial state can take is no error of a parameter."""
+    taken = Curve(("a", "b"), lambda z: [(z[2] + z[1] ** 2) / SIGMA, z[0] / SIGMA], (1,), ("y",))
+    linear = law(taken, 3)
+    assert nonlinear_covariance(taken, np.zeros(3), linear).covariance is linear
+
+
+def test_coefficients_that_are_one_stay_one():
+    """Two perfectly correlated coefficients, as the added masses of a symmetric hull, bend together."""
+    tied = Curve(("a", "a2", "b"), lambda z: [(z[0] + 0.5 * z[2] ** 2) / SIGMA, 1e9 * (z[0] - z[1])], (2,))
+    linear = SIGMA**2 * np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1 / SIGMA**2]])
+    found = nonlinear_covariance(tied, np.zeros(3), linear)
+    assert found.pairs == 64
+    assert found.covariance[:2, :2] == pytest.approx(np.full((2, 2), SIGMA**2 + 0.75), rel=0.4)
+    assert found.covariance[0, 0] == pytest.approx(found.covariance[0, 1], rel=1e-6)
+
+
+def test_where_draws_diverge_linear_theory_stands():
+    cliff = Curve(("a", "b"), lambda z: [(z[0] + 0.5 * z[1] ** 2) / SIGMA], (1,), survives=1e-3)
+    linear = law(cliff, 2)
+    found = nonlinear_covariance(cliff, np.zeros(2), linear)
+    assert found.covariance is linear
+    assert found.pairs == 0 and found.lost > 0
+
+
+def test_the_seed_fixes_the_answer():
+    parabola = Curve(("a", "b"), lambda z: [(z[0] + 0.5 * z[1] ** 2) / SIGMA], (1,))
+    linear = law(parabola, 2)
+    one, same, other = (nonlinear_covariance(parabola, np.zeros(2), linear, s).covariance for s in (1, 1, 2))
+    assert np.array_equal(one, same)
+    assert not np.array_equal(one, other)
