@@ -13,6 +13,7 @@ from bayesid.diagnosis.input import check_trial, mended, not_enough, unmoved_inp
 from bayesid.report.input import check_record, finding_sentence, in_order_line, joint_mend
 from bayesid.trials import Run, Trial
 from bayesid.trials.health import check_run, check_runs
+from bayesid.trials.measured_wind import wind_words
 from bayesid.trials.mistakes import InputCheck
 
 
@@ -26,12 +27,14 @@ class Checked:
     lacking : why nothing could be told from the trial, one sentence each; empty where there is enough
     still : inputs of the vehicle that are not in the log or never move, one sentence each
     same : what the reader noticed that is one of these mistakes again: the mended log has it no more
+    wind : whether a measured wind acts on the vehicle; None where none is measured
     """
 
     check: InputCheck
     lacking: tuple[str, ...] = ()
     still: tuple[str, ...] = ()
     same: frozenset[str] = frozenset()
+    wind: str | None = None
 
     @property
     def mistakes(self) -> tuple[str, ...]:
@@ -56,6 +59,7 @@ class Checked:
             "input_in_order": in_order_line(self.check),
             "not_enough": list(self.lacking),
             "unmoved_inputs": list(self.still),
+            "wind": self.wind,
         }
 
 
@@ -72,7 +76,8 @@ def check(trial: TrialLike, vehicle: VehicleLike | None = None, *, with_vehicle:
     model = model_of(logged, vehicle) if named else None
     still = unmoved_inputs(logged, model.vehicle) if model is not None else ()
     found = check_trial(logged, model)
-    return Checked(found, not_enough(logged, model), still, _same(logged, found))
+    wind = wind_words(model.vehicle, logged) if model is not None else None
+    return Checked(found, not_enough(logged, model), still, _same(logged, found), wind)
 
 
 def _same(logged: Trial, found: InputCheck) -> frozenset[str]:

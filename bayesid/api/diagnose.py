@@ -39,6 +39,7 @@ from bayesid.report.writer import Report
 from bayesid.simulation import with_shaft_speed
 from bayesid.threads import one_blas_thread
 from bayesid.trials import Trial
+from bayesid.trials.measured_wind import wind_words
 from bayesid.trials.mistakes import InputCheck
 
 if TYPE_CHECKING:
@@ -109,6 +110,8 @@ def diagnose(
     logged = trial_of(trial, data)
     model = model_of(logged, vehicle, declared_effects(effects), exclude)
     shown = progress or Progress(quiet=True)
+    if blown := wind_words(model.vehicle, logged):
+        shown.note(blown)
 
     def ready(of: Trial) -> Trial:
         chosen = with_shaft_speed(prepared(of, resample=resample), model.vehicle)

@@ -51,6 +51,7 @@ from bayesid.report.writer import Report
 from bayesid.report.writer.text import table_text
 from bayesid.simulation import with_shaft_speed
 from bayesid.threads import one_blas_thread
+from bayesid.trials.measured_wind import wind_words
 from bayesid.words import counted, did_you_mean
 
 if TYPE_CHECKING:
@@ -135,6 +136,8 @@ def fit(
     # profile None: the noise is estimated where the trial leaves that of a channel open
     options = FitOptions(seed=seed, starts=starts, profile=True if estimate_noise else None, **few)
     shown = progress or Progress(quiet=True)
+    if blown := wind_words(ship, chosen):
+        shown.note(blown)
     shown.expect(1 if out is None or quick else 2)
     with shown.stage("fit") as stage:
         found = fit_in_pieces(

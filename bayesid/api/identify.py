@@ -26,6 +26,7 @@ from bayesid.report.writer import Report
 from bayesid.report.writer.text import table_text
 from bayesid.simulation import shaft_speed_note, with_shaft_speed
 from bayesid.threads import one_blas_thread
+from bayesid.trials.measured_wind import wind_words
 from bayesid.trials.noise import raised, raised_words
 
 if TYPE_CHECKING:
@@ -88,8 +89,7 @@ def identify(
         problem, remarks = problem_at(model, chosen, names, earlier)
     else:
         problem = trial_problem(model, chosen, coefficient_set(model, names))
-    if (held := shaft_speed_note(chosen)) is not None:
-        remarks.append(held)
+    remarks += filter(None, (shaft_speed_note(chosen), wind_words(ship, chosen)))
     problem, words_of_noise = _with_least_noise(problem)
     remarks += words_of_noise
     told = earlier.uncertainty if earlier is not None else {}

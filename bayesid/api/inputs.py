@@ -26,6 +26,7 @@ from bayesid.model.vehicles.sufficient import has_rudder
 from bayesid.trials import Trial, load_trial, thin
 from bayesid.trials.averaging import averaged
 from bayesid.trials.kinematics.derived_velocity import velocity_from_track
+from bayesid.trials.measured_wind import in_measured_wind
 from bayesid.trials.noise_stated import with_seen_noise
 
 Names: TypeAlias = "str | Iterable[str] | None"
@@ -48,7 +49,7 @@ def trial_of(trial: TrialLike, data: str | os.PathLike[str] | None = None) -> Tr
 def vehicle_of(
     vehicle: VehicleLike | None, trial: Trial | None = None, prior: float | None = None
 ) -> Vehicle:
-    """The vehicle itself, read, or the one the trial names.
+    """The vehicle itself, or one that is read, by default that of the trial, in the wind the trial measured.
 
     Parameters
     ----------
@@ -65,7 +66,8 @@ def vehicle_of(
     if not named:
         where = trial.name if trial is not None else "the trial"
         raise TrialError(f"{where} names no vehicle; give one (--vehicle), or name it in trial.toml")
-    return with_relative_prior(load_vehicle(os.fspath(named)), prior)
+    ship = load_vehicle(os.fspath(named))
+    return with_relative_prior(ship if trial is None else in_measured_wind(ship, trial), prior)
 
 
 def model_of(

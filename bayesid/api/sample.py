@@ -51,6 +51,7 @@ from bayesid.report.writer import Report
 from bayesid.report.writer.text import table_text
 from bayesid.simulation import with_shaft_speed
 from bayesid.threads import one_blas_thread
+from bayesid.trials.measured_wind import wind_words
 from bayesid.trials.noise import raised, raised_words
 
 if TYPE_CHECKING:
@@ -135,6 +136,8 @@ def sample(
         seed=seed, first=100 if quick else 200,
     )  # fmt: skip
     shown = progress or Progress(quiet=True)
+    if blown := wind_words(ship, chosen):
+        shown.note(blown)
     shown.expect(3)
     with shown.stage("fit") as stage:
         found = fit_in_pieces(

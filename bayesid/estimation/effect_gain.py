@@ -1,7 +1,8 @@
-"""Whether an effect freed in a fit is there: what the runs lose without it, all else fitted again.
+"""Whether an effect freed in a fit is there: what the runs lose where it is as the vehicle states it.
 
-Takes a `FitProblem` at its estimate. Gives nats per effect. Standard deviations cannot tell: the trace of a
-lag inside a rate limit goes with its square near zero, so that one sd at the estimate says nothing of zero.
+Takes a `FitProblem` at its estimate. Gives nats per effect, all else fitted again. Standard deviations cannot
+tell: the trace of a lag inside a rate limit goes with its square near zero, so that one sd at the estimate says
+nothing of zero.
 """
 
 from __future__ import annotations
@@ -15,7 +16,10 @@ STEPS, SAME = 6, 1e-3  # Gauss-Newton steps, and change of cost that counts as n
 
 
 def effect_gains(problem: FitProblem, z: np.ndarray, weight: float = 1.0) -> dict[str, float]:
-    """Effect -> gain [nats] of the estimate z over the best fit in which the effect is off.
+    """Effect -> gain [nats] of the best fit near the estimate z over that in which the effect is as stated.
+
+    As stated is off where the vehicle states nothing. Both are fits of the readings: the estimate itself may
+    have left the least cost to balance scores of runs, and would then lose to either.
 
     Parameters
     ----------
@@ -23,12 +27,14 @@ def effect_gains(problem: FitProblem, z: np.ndarray, weight: float = 1.0) -> dic
     """
     off = problem.model.effect_off
     freed = [n for n in problem.params.names if problem.model.index[n] in off]
-    best, out = problem.cost(z), {}
+    out: dict[str, float] = {}
+    best = descended(problem, z)[1] if freed else 0.0
     for effect in dict.fromkeys(n.partition(".")[0] for n in freed):
         names = [n for n in freed if n.partition(".")[0] == effect]
         params = problem.params
         for name in names:
-            params = params.changed([name], role="fixed", start=off[problem.model.index[name]], prior=None)
+            stated = float(problem.base[problem.model.index[name]])
+            params = params.changed([name], role="fixed", start=stated, prior=None)
         kept = [i for i, n in enumerate(problem.names) if n not in names]
         out[effect] = weight * max(descended(problem.with_params(params), z[kept])[1] - best, 0.0)
     return out

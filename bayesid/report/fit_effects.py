@@ -11,7 +11,7 @@ from scipy.stats import chi2
 
 from bayesid.diagnosis.plain_words import sentence
 from bayesid.diagnosis.result_parts import Effect, Value
-from bayesid.diagnosis.size_names import contract
+from bayesid.diagnosis.size_names import contract, in_sentence
 from bayesid.estimation.trial_fit import TrialFit
 from bayesid.words import digits
 
@@ -35,7 +35,12 @@ def effect_words(found: TrialFit) -> list[str]:
             p in dated or found.model.effect_off[found.model.index[f"{effect.name}.{p}"]] == 0.0 for p in own
         )
         off = gain < 0.5 * float(chi2.isf(FALSE_ALARM, max(amplitudes, 1)))
-        says = f"{effect.name} does not show in these runs" if off else sentence(effect).removesuffix(".")
+        if off:
+            says = f"{effect.name} does not show in these runs"
+        elif in_sentence(found.model.effects[effect.name]) & set(own):
+            says = sentence(effect).removesuffix(".")
+        else:  # its sentence is of sizes that were not asked for
+            says = f"{effect.name} has other sizes than the vehicle file states"
         out.append(f"{says} ({sizes}, one sd; {gain:.3g} nats).")
     return out
 

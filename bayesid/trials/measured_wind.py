@@ -1,0 +1,57 @@
+"""The wind a trial measured, and the vehicle it blows on.
+
+Takes a trial and a vehicle. Gives the vehicle on which that wind acts, and a sentence on it. Does not
+simulate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from bayesid.model.vehicles import Vehicle
+from bayesid.trials.trial import Trial
+from bayesid.words import counted
+
+OF_WIND, GAIN = "wind.", "wind.gain"
+
+
+def in_measured_wind(vehicle: Vehicle, trial: Trial) -> Vehicle:
+    """The vehicle with the measured wind acting on it as measured, where nothing else is stated of wind.
+
+    Only a ship's file states the areas the air pushes on (`air_front`, `air_side`); `[effects.wind]` with a
+    `gain` of 0 keeps the wind away.
+    """
+    if not _measured(trial) or not _catches_wind(vehicle) or _stated(vehicle):
+        return vehicle
+    return replace(vehicle, effects={**vehicle.effects, GAIN: 1.0})
+
+
+def wind_words(vehicle: Vehicle, trial: Trial) -> str | None:
+    """Whether the wind that some runs measured acts in simulations; None without such runs."""
+    if not (runs := _measured(trial)):
+        return None
+    where = f"the wind of {counted(len(runs), 'run')} is measured"
+    if not _catches_wind(vehicle):
+        return (
+            f"{where} and not simulated: {vehicle.name} states no areas the air pushes on (a ship of the MMG "
+            "model does)"
+        )
+    gain = vehicle.effects.get(GAIN, 0.0 if _stated(vehicle) else 1.0)
+    if gain == 0.0:
+        return f"{where} and not simulated: [effects.wind] of {vehicle.name} has no gain"
+    strong = "as measured" if gain == 1.0 else f"{gain:g} times as fast as measured"
+    return (
+        f"{where} and acts on the vehicle, {strong} (`gain` of [effects.wind] in a vehicle file changes that)"
+    )
+
+
+def _measured(trial: Trial) -> list[str]:
+    return [run.name for run in trial.runs if {"wind_speed", "wind_from"} <= set(run.exogenous)]
+
+
+def _stated(vehicle: Vehicle) -> bool:
+    return any(name.startswith(OF_WIND) for name in vehicle.effects)
+
+
+def _catches_wind(vehicle: Vehicle) -> bool:
+    return vehicle.propulsion.model == "mmg"

@@ -1,0 +1,90 @@
+"""A measured wind acts on the ship whose log has it, and every command says so."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bayesid.api.check import check
+from bayesid.api.inputs import model_of, vehicle_of
+from bayesid.equations.model import build_model
+from bayesid.estimation.trial_fit import fit_trial
+from bayesid.model.vehicles import load_vehicle
+from bayesid.report.fit_effects import effect_words
+from bayesid.simulation import plan_run, simulate, steady_start
+from bayesid.trials import Run, Trial
+from bayesid.trials.measured_wind import in_measured_wind, wind_words
+
+SHIP = "esso_osaka_mmg"
+NOISE = {"x": 0.02, "y": 0.02, "psi": 0.005, "u": 0.01, "v": 0.01, "r": 0.002}
+
+
+def windy(gain=1.0, seed=None, vehicle=SHIP):
+    """A run of the ship in a gusty wind that is measured; it felt `gain` times that wind."""
+    ship = build_model(load_vehicle(SHIP))
+    t = np.arange(0.0, 120.0, 0.5)
+    commands = {
+        "delta_r_cmd": 0.3 * np.sign(np.sin(t / 15.0)),
+        "n_cmd": np.full(t.size, ship.vehicle.rpm_ref),
+    }
+    wind = {"wind_speed": 2.0 + 0.5 * np.sin(t / 7.0), "wind_from": np.full(t.size, 1.0)}
+    plan = plan_run(ship, t, commands, exogenous=wind)
+    track = simulate(ship, ship.with_values({"wind.gain": gain}), plan, steady_start(ship), full=True)
+    rng = np.random.default_rng(seed)
+    data = {
+        name: track.states[:, ship.states.index(name)]
+        + (0.0 if seed is None else NOISE[name] * rng.standard_normal(t.size))
+        for name in NOISE
+    }
+    run = Run("zz", "zigzag", "identify", t, data, commands, exogenous=wind)
+    return Trial("windy", Path("."), vehicle, 3, (run,), noise=NOISE)
+
+
+def calm(trial):
+    return replace(trial, runs=tuple(replace(run, exogenous={}) for run in trial.runs))
+
+
+def test_the_simulator_of_a_windy_log_has_its_wind():
+    trial = windy()
+    run, model = trial.runs[0], model_of(trial)
+    plan = plan_run(model, run.t, run.commands, exogenous=run.exogenous)
+    states = simulate(model, model.nominal, plan, steady_start(model), full=True).states
+    for name, logged in run.data.items():
+        assert states[:, model.states.index(name)] == pytest.approx(logged, abs=1e-9)
+    still = simulate(model, model.without_effects, plan, steady_start(model), full=True).states
+    assert np.abs(still[:, model.states.index("psi")] - run.data["psi"]).max() > np.radians(5.0)
+
+
+def test_nothing_blows_where_no_wind_is_measured_or_the_file_says_otherwise():
+    trial, ship = windy(), load_vehicle(SHIP)
+    assert in_measured_wind(ship, calm(trial)) is ship
+    assert wind_words(ship, calm(trial)) is None
+    sheltered = replace(ship, effects={"wind.gain": 0.0})
+    assert in_measured_wind(sheltered, trial) is sheltered
+    assert "not simulated" in wind_words(sheltered, trial)
+    submarine = load_vehicle("generic_sub")
+    assert in_measured_wind(submarine, trial) is submarine
+    assert "not simulated" in wind_words(submarine, trial)
+    assert vehicle_of(ship, trial).effects == {}  # a vehicle handed over is taken as it is
+    assert vehicle_of(None, trial).effects == {"wind.gain": 1.0}
+
+
+def test_a_check_says_that_the_wind_acts():
+    assert "acts on the vehicle, as measured" in check(windy(seed=1)).wind
+    assert check(calm(windy(seed=1))).wind is None
+
+
+def test_a_fit_tells_how_much_of_the_measured_wind_is_felt():
+    """An anemometer above the hull: .8 of its speed is felt; without that the gain of 1 stands."""
+    found = fit_trial(windy(0.8, seed=2), vehicle_of(SHIP, windy()), free=["N_dr"], effects=["wind.gain"])
+    i = found.fit.names.index("wind.gain")
+    assert found.fit.z[i] == pytest.approx(0.8, abs=3 * found.fit.sd[i])
+    assert found.fit.sd[i] < 0.05
+    (said,) = effect_words(found)
+    assert said.startswith("wind has other sizes than the vehicle file states (gain 0.")
+    right = fit_trial(windy(seed=3), vehicle_of(SHIP, windy()), free=["N_dr"], effects=["wind.gain"])
+    assert right.gains["wind"] < 4.0
+    assert "does not show" in effect_words(right)[0]
