@@ -492,6 +492,21 @@ def test_a_prior_ten_sd_off_is_in_conflict_and_only_there():
     assert z[0] > 8.0 and z[1:].max() < 3.0
 
 
+def test_a_coefficient_that_the_runs_do_not_see_is_in_no_conflict():
+    """Astern coefficients of a ship that only went ahead: the estimate differs from the prior by rounding."""
+    composite, _ = linear_runs(np.random.default_rng(9))
+    blind = np.diag([0.0, 1.0, 1.0, 1.0])
+    runs = tuple(
+        replace(run, information=blind @ run.information @ blind, score=blind @ run.score)
+        for run in composite.runs
+    )
+    score = composite.prior_score + np.array([1e-12, 0.0, 0.0, 0.0])
+    unseen = replace(composite, runs=runs, prior_score=score)
+    z = prior_conflict(unseen, unseen.law(NoiseParts()))
+    assert z[0] == 0.0
+    assert np.isfinite(z[1:]).all() and np.abs(z[1:]).min() > 0.0
+
+
 def test_without_a_prior_there_is_no_conflict():
     composite, _ = linear_runs(np.random.default_rng(9))
     open_one = replace(composite, prior_precision=np.diag([0.0, 1.0, 1.0, 1.0]))

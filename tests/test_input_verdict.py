@@ -16,6 +16,7 @@ from bayesid.api.fit import fit
 from bayesid.api.input_result import InputResult
 from bayesid.api.simulate import simulate, simulate_model
 from bayesid.diagnosis.input import WRONG_VEHICLE, check_trial, mended, not_enough, vehicle_behaviour
+from bayesid.diagnosis.input.wrong_vehicle import wrong_vehicle
 from bayesid.diagnosis.input_gap import InputGap, _change, input_gap
 from bayesid.diagnosis.plain_words import number
 from bayesid.diagnosis.run_errors import ErrorRow
@@ -23,7 +24,9 @@ from bayesid.equations.model import build_model
 from bayesid.errors import TrialError
 from bayesid.estimation.filter_error.fit_journal import SUFFIX, current_journal
 from bayesid.model.vehicles import load_vehicle
-from bayesid.trials import Trial
+from bayesid.simulation import plan_run, steady_start
+from bayesid.simulation import simulate as simulated
+from bayesid.trials import Run, Trial
 from bayesid.trials.correction import Correction, apply
 from bayesid.trials.mistakes import InputCheck, InputFinding
 from studies.simulator_mistakes.plant import planted
@@ -287,11 +290,22 @@ def test_a_remark_that_the_mend_accounts_for_is_not_repeated(clean):
 
 
 def test_mistakes_that_are_not_told_apart_have_a_common_probability(clean):
+    """Heading and yaw rate alone do not tell a heading to port from one that counts from east."""
+    turned = wrong(clean, Correction(scale={"psi": -1.0}))
+    angles = [replace(run, data={k: run.data[k] for k in ("psi", "r")}) for run in turned.runs]
+    turned = replace(turned, runs=tuple(angles))
+    found = check_trial(turned).findings[0]
+    assert {found.name, *found.also} >= {"sign of psi", "heading from east"}
+    assert found.probability < found.together <= 1.0 + 1e-12
+
+
+def test_a_heading_with_the_wrong_sign_beside_a_track_is_told_alone(clean):
+    """No yaw rate is logged, so that its sign makes no second mistake of this one."""
     turned = wrong(clean, Correction(scale={"psi": -1.0}))
     pose = [replace(run, data={k: run.data[k] for k in ("x", "y", "psi")}) for run in turned.runs]
-    turned = replace(turned, runs=tuple(pose))
-    found = check_trial(turned).findings[0]
-    assert found.also and found.probability < found.together <= 1.0 + 1e-12
+    found = check_trial(replace(turned, runs=tuple(pose))).findings[0]
+    assert found.name == "sign of psi"
+    assert not found.also and found.probability > 0.99
 
 
 @pytest.mark.parametrize(("other", "also"), [("nps_auv2", True), ("delphin2", False)])
@@ -308,6 +322,22 @@ def test_what_kinematics_tells_of_the_log_of_another_vehicle_stays_told(clean):
     stranger = build_model(load_vehicle("delphin2"), 3)
     turned = check_trial(wrong(clean, Correction(scale={"psi": -1.0})), stranger)
     assert [f.name for f in turned.findings] == ["sign of psi", WRONG_VEHICLE]
+
+
+def test_a_vehicle_that_starts_from_rest_is_no_slower_vehicle(model):
+    """Runs cut while it still gathers way: it is as fast as the simulator is after such a start."""
+    t = np.arange(0.0, 60.0, 1.0)
+    commands = {"delta_r_cmd": 0.2 * np.sign(np.sin(t / 9.0)), "n_cmd": np.full(t.size, 90.0)}
+    x0 = 0.1 * steady_start(model, 90.0)
+    par = model.nominal
+    states = simulated(model, par, plan_run(model, t, commands), x0).states
+    data = {k: states[:, model.states.index(k)] for k in ("x", "y", "psi", "u", "v", "r")}
+    runs = [Run(f"r{k}", "zigzag", "identify", t, data, commands) for k in (1, 2)]
+    assert vehicle_behaviour.speed_ratio(model, runs[0]) < 0.5
+    assert vehicle_behaviour.speed_beside_simulation(model, runs[0]) == pytest.approx(1.0, abs=0.02)
+    assert wrong_vehicle(model, runs) is None
+    slow = [replace(run, data=run.data | {"u": 0.2 * run.data["u"]}) for run in runs]
+    assert wrong_vehicle(model, slow) is not None
 
 
 def test_a_weak_rudder_is_no_other_vehicle(model):

@@ -265,7 +265,25 @@ def test_a_column_frozen_for_seconds_is_named_and_its_repeats_left_out(name):
 def test_a_track_frozen_beside_a_heading_alone_is_named():
     runs = [stuck(stuck(weave(k), "x", 300, 60), "y", 300, 60) for k in (1, 2)]
     pose = [replace(run, data={k: run.data[k] for k in ("x", "y", "psi")}) for run in runs]
-    assert {f.name for f in check_input(pose).findings} == {"frozen x", "frozen y"}
+    assert [f.name for f in check_input(pose).findings] == ["frozen x, y"]
+
+
+def test_columns_that_freeze_together_are_one_mistake_and_apart_are_two():
+    together = stuck(stuck(weave(), "x", 300, 60), "y", 305, 60)
+    (found,) = check_input([together]).findings
+    assert found.name == "frozen x, y" and found.probability > 0.99 and not found.also
+    assert found.correction.skip_repeats == ("x", "y")
+    apart = stuck(stuck(weave(), "x", 300, 60), "r", 600, 60)
+    assert [f.name for f in check_input([apart]).findings] == ["frozen x", "frozen r"]
+
+
+def test_degrees_of_the_heading_alone_share_no_probability_with_degrees_of_all_angles():
+    """A planar log has no other angle: the two are one mistake, which stood at .499 each."""
+    run = weave()
+    degrees = replace(run, data=run.data | {"psi": np.degrees(run.data["psi"])})
+    (found,) = check_input([degrees]).findings
+    assert found.name == "psi: degrees read as radians"
+    assert found.probability > 0.99 and not found.also
 
 
 def test_a_held_a_saturated_and_a_resting_column_are_not_frozen():

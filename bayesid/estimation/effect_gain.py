@@ -1,8 +1,8 @@
 """Whether an effect freed in a fit is there: what the runs lose where it is as the vehicle states it.
 
 Takes a `FitProblem` at its estimate. Gives nats per effect, all else fitted again. Standard deviations cannot
-tell: the trace of a lag inside a rate limit goes with its square near zero, so that one sd at the estimate says
-nothing of zero.
+tell: the trace of a lag inside a rate limit goes with its square near zero, so that one sd at the estimate
+says nothing of zero.
 """
 
 from __future__ import annotations

@@ -215,7 +215,7 @@ def planted(travel: float = 0.9) -> tuple[Planted, ...]:
         Planted("dead r", _frozen("r"), ("dead r",), ("r", "psi")),
         Planted("dead psi", _frozen("psi"), ("dead psi",), ("psi", "r")),
         Planted("dead u", _frozen("u"), ("dead u",), ("u", "x")),
-        Planted("frozen x, y for a third", _froze("x", "y"), ("frozen x", "frozen y"), ("x", "y")),
+        Planted("frozen x, y for a third", _froze("x", "y"), ("frozen x, y",), ("x", "y")),
         Planted("frozen psi for a third", _froze("psi"), ("frozen psi",), ("psi",)),
         Planted("frozen r for a third", _froze("r"), ("frozen r",), ("r",)),
         Planted("frozen u for a third", _froze("u"), ("frozen u",), ("u",)),

@@ -28,6 +28,7 @@ TAIL = 2.0  # standard deviations from which on the log density falls linearly
 WRONG_SIDE = -12.0  # nats of a vehicle that turns away from where it is steered
 SURE_SIDE = 3.0  # standard deviations of a gain that is surely on one side
 PIECES, PIECE = 12, 4.0  # of a run; length of a piece in L/U
+LAST = 1 / 3  # of a run, its end
 # what the behaviour of the vehicle tells -> channels that matter to it
 NEEDS = {
     "speed": frozenset({"t", "u", "u_water", "x", "y", "n", "n_cmd"}),
@@ -129,6 +130,38 @@ def speed_ratio(model: Model, run: Run) -> float | None:
         return None
     reached = float(np.percentile(speed[at], 80))
     return reached / steady if reached > 0 and steady > 0 else None
+
+
+def speed_beside_simulation(model: Model, run: Run) -> float | None:
+    """Speed over self-propulsion speed or over that of a simulated run at its end, whichever is nearer to 1.
+
+    A run that begins at rest, or turns hard, does not reach the first. 1 where one is above and the other
+    below; None as in `speed_ratio`.
+    """
+    steady, speed = speed_ratio(model, run), _speed(run)
+    if steady is None or speed is None:
+        return steady
+    simulated = _simulated_speed(model, run, speed)
+    if simulated is None:
+        return steady
+    end = run.t >= run.t[-1] - LAST * run.duration
+    behind = float(np.nanmedian(speed[end])) / float(np.median(simulated[end]))
+    if not behind > 0 or (behind - 1.0) * (steady - 1.0) < 0:
+        return steady if not behind > 0 else 1.0
+    return min(steady, behind, key=lambda ratio: abs(math.log(ratio)))
+
+
+def _simulated_speed(model: Model, run: Run, speed: Array) -> Array | None:
+    """(n,) speed ahead of a simulation from the first readings; None where it diverges."""
+    travel = min(model.scales["L"] / model.scales["U"], 0.2 * run.duration)
+    start = _start(model, run, speed, "psi", float(run.t[0]), travel)
+    if start is None:
+        return None
+    try:
+        plan = plan_run(model, run.t, run.commands, run.measured_inputs)
+        return simulate(model, model.nominal, plan, start).states[:, model.states.index("u")]
+    except BayesidError:
+        return None
 
 
 Gain = tuple[float, float] | None

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bayesid.diagnosis.input.vehicle_behaviour import fin_gains, speed_ratio
+from bayesid.diagnosis.input.vehicle_behaviour import fin_gains, speed_beside_simulation
 from bayesid.equations.model import Model
 from bayesid.errors import BayesidError
 from bayesid.trials import Run
@@ -30,7 +30,7 @@ WRONG_VEHICLE = "wrong vehicle"
 def wrong_vehicle(model: Model, runs: Sequence[Run]) -> InputFinding | None:
     """That speed and turn are another vehicle's."""
     with np.errstate(all="ignore"):
-        speeds = [math.log(s) for run in runs if (s := speed_ratio(model, run)) is not None]
+        speeds = [math.log(s) for run in runs if (s := speed_beside_simulation(model, run)) is not None]
         turns = [math.log(g) for run in runs if (g := _gain(model, run)) is not None]
     speed = float(np.median(speeds)) if len(speeds) >= min(FEWEST, len(runs)) and speeds else 0.0
     turn = float(np.median(turns)) if len(turns) >= FEWEST else 0.0

@@ -16,6 +16,8 @@ Array = np.ndarray
 # Posterior sd over prior sd below which data, not prior, determine a coefficient.
 DETERMINED = 0.5
 HALVES_P, DRAWS = 0.02, 4000
+# Sd that chance gives an estimate, over its prior sd, below which the runs said nothing of it.
+SAID_NOTHING = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +98,9 @@ def prior_conflict(composite: Composite, found: Law) -> Array:
     shift = found.mean - prior @ composite.prior_score
     expected = np.diag(found.response @ prior @ found.response.T + found.noise)
     held = np.diag(composite.prior_precision) > 0
-    return np.where(held, shift / np.sqrt(np.maximum(expected, 1e-300)), np.nan)
+    # an estimate that neither noise nor truth moves has only rounding to differ by
+    moves = expected > SAID_NOTHING**2 * np.diag(prior)
+    return np.where(held, np.where(moves, shift / np.sqrt(np.maximum(expected, 1e-300)), 0.0), np.nan)
 
 
 def prior_sensitivity(composite: Composite, parts: NoiseParts, found: Law) -> Array:

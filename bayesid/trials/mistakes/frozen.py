@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -44,7 +45,30 @@ def frozen(base: Sequence[Base]) -> list[Weighed]:
         correction = Correction(skip_repeats=(name,), runs=where if len(where) < len(base) else ())
         mistake = Mistake(f"frozen {name}", says, correction, USUAL)
         out.append(Weighed(mistake, odds, {"size": odds}))
-    return out
+    return out + _at_once(base, out)
+
+
+def _at_once(base: Sequence[Base], found: Sequence[Weighed]) -> list[Weighed]:
+    """All columns that froze, where they did so in the same stretches: one receiver, one mistake."""
+    names = [w.mistake.channels[0] for w in found]
+    stretches = {n: [_frozen(one.run, n) for one in base] for n in names}
+    if len(names) < 2 or not all(_overlap(stretches[names[0]], stretches[n]) for n in names[1:]):
+        return []
+    both = replace(found[0].mistake.correction or Correction(), skip_repeats=tuple(names))
+    says = f"{' and '.join(names)} repeat their last values at the same time, for up to "
+    seconds = max(_longest(one.run, n) for one in base for n in names)
+    says += f"{seconds:.3g} s, while the vehicle moves on"
+    odds = np.sum([w.odds for w in found], axis=0)
+    return [Weighed(Mistake(f"frozen {', '.join(names)}", says, both, USUAL), odds, {"size": odds})]
+
+
+def _overlap(one: Sequence[Sequence[tuple[int, int]]], other: Sequence[Sequence[tuple[int, int]]]) -> bool:
+    """Whether every stretch of either, run by run, meets one of the other."""
+
+    def met(a: Sequence[tuple[int, int]], b: Sequence[tuple[int, int]]) -> bool:
+        return all(any(p <= last and q >= first for p, q in b) for first, last in a)
+
+    return all(met(a, b) and met(b, a) for a, b in zip(one, other, strict=True))
 
 
 def _stretches(run: Run, name: str) -> tuple[np.ndarray, list[tuple[int, int]]]:

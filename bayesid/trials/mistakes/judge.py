@@ -8,7 +8,7 @@ Does not: know a vehicle but its size; what needs one is decided in `bayesid.dia
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
@@ -119,7 +119,8 @@ def check_input(
     found: list[InputFinding] = []
     first = base = [base_of(run, travel, behaviour) for run in kept]
     for k in range(MOST):
-        every = [*weighed(base, mistakes_of(known)), *mirrored(base, known), *sized(base)]
+        asked = distinct(mistakes_of(known), {name for run in kept for name in _logged(run)})
+        every = [*weighed(base, asked), *mirrored(base, known), *sized(base)]
         every += [*ordered(base, fin_rates), *frozen(base)]
         if behaviour is not None:
             every = _with_behaviour(every, base, behaviour)
@@ -132,6 +133,27 @@ def check_input(
         kept = [apply(one.correction, run) for run in kept]
         base = [base_of(run, travel, behaviour) for run in kept]
     return InputCheck(tuple(found), _in_order(first), _unseen(first))
+
+
+def distinct(mistakes: Iterable[Mistake], logged: Container[str]) -> list[Mistake]:
+    """Those that differ on the channels logged: where only the heading is, all angles in degrees is it.
+
+    The first of several stays.
+    """
+    kept: dict[tuple[str, ...], Mistake] = {}
+    for m in mistakes:
+        key: tuple[str, ...] = (m.name,)
+        if m.correction is not None:
+            scale = {k: v for k, v in m.correction.scale.items() if k in logged}
+            key = replace(m.correction, scale=dict(sorted(scale.items()))).lines(15) or key
+        kept.setdefault(key, m)
+    return list(kept.values())
+
+
+def _logged(run: Run) -> Iterator[str]:
+    for group in run.GROUPS:
+        if group != "extra":
+            yield from getattr(run, group)
 
 
 def base_of(run: Run, travel: float | None = None, behaviour: Behaviour | None = None) -> Base:
