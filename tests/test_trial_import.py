@@ -604,12 +604,12 @@ def test_the_noise_of_a_channel_at_half_the_rate_of_the_rows_is_that_of_its_read
     """Joined files of other rates leave empty cells; a diagnosis once found no noise in them."""
     from types import SimpleNamespace
 
-    from bayesid.diagnosis.data.problem import _noise_from_data
+    from bayesid.trials.noise import noise_of_readings
 
     readings = np.random.default_rng(1).normal(scale=0.2, size=400)
     rows = np.full(800, np.nan)
     rows[::2] = readings
-    dense, sparse = (_noise_from_data((SimpleNamespace(data={"x": v}),), ["x"]) for v in (readings, rows))
+    dense, sparse = (noise_of_readings((SimpleNamespace(data={"x": v}),), ["x"]) for v in (readings, rows))
     assert sparse == dense
     assert sparse["x"] == pytest.approx(0.2, rel=0.2)
 

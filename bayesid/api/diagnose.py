@@ -49,7 +49,11 @@ ROUTE = {
     "read": RouteStep(("reading:", "environment:", "path:"), 0.2),
     "none": RouteStep(("fit without any effect",), 0.05),
     "screen": RouteStep(("screen", "where the gap lies"), 0.08),
-    "refits": RouteStep(("refit", "what the best", "whether the equations", "the same", "events:"), 0.22),
+    "refits": RouteStep(
+        ("refit", "what the best", "whether the equations", "the same", "events:"),
+        0.22,
+        "more explanations than usual come near, or all are weighed again",
+    ),
     "held-out": RouteStep(("what the missing", "held-out runs"), 0.07),
     "next": RouteStep(("which manoeuvre",), 0.15),
     "draws": RouteStep(("posterior",), 0.16),
@@ -115,7 +119,9 @@ def diagnose(
 
     def ready(of: Trial) -> Trial:
         chosen = with_shaft_speed(prepared(of, resample=resample), model.vehicle)
-        return chosen if resample else condensed(chosen, model.vehicle, MOST_SAMPLES, trust_input)
+        return (
+            chosen if resample else condensed(chosen, model.vehicle, MOST_SAMPLES, trust_input, as_seen=True)
+        )
 
     def diagnosis(of: Trial, checked: InputCheck) -> DiagnoseResult:
         told = shown.route(diagnosis_route(next_manoeuvre, draws, keep_model))
