@@ -129,7 +129,7 @@ def with_believed_noise(trial: Trial, vehicle: Vehicle) -> Trial:
 
     A vehicle without a usual shaft speed keeps what is stated.
     """
-    speed = _usual_speed(vehicle)
+    speed = usual_speed(vehicle)
     return with_seen_noise(trial, (vehicle.L, speed)) if speed is not None else trial
 
 
@@ -146,7 +146,7 @@ def condensed(
     as_seen : a noise that is not stated is taken from fast changes of the readings as logged, with a warning;
         else a trial without any stated noise keeps its readings
     """
-    speed = _usual_speed(vehicle)
+    speed = usual_speed(vehicle)
     if speed is None or sum(run.n_samples for run in trial.identify) <= most:
         return trial
     believed = trial if trust_noise else with_seen_noise(trial, (vehicle.L, speed))
@@ -155,7 +155,7 @@ def condensed(
     return believed if done is known else done
 
 
-def _usual_speed(vehicle: Vehicle) -> float | None:
+def usual_speed(vehicle: Vehicle) -> float | None:
     """Speed at the usual revolutions [m/s]; None where that is not known."""
     if vehicle.rpm_ref is None:
         return None
