@@ -172,6 +172,23 @@ def test_a_relation_of_noise_alone_names_nothing():
     assert [f.name for f in check_input([run, run]).findings if not f.name.startswith("dead")] == []
 
 
+def test_columns_that_are_dead_are_told_together_and_are_no_rivals_of_each_other():
+    """Three of them were told as "r (probability 0.33), not told from: dead u; dead v", with one left out."""
+    still = {"u": 1.5, "v": 0.0, "r": 0.0}
+    runs = [weave(5), weave(6)]
+    dead = [
+        replace(w, data={**w.data, **{k: np.full(w.n_samples, x) for k, x in still.items()}}) for w in runs
+    ]
+    (found,) = check_input(dead).findings
+    assert found.name == "dead r, u, v" and found.also == () and found.probability > 0.999
+    assert found.correction == Correction(drop=("r", "u", "v"))
+    assert check_input([apply(found.correction, run) for run in dead]).findings == ()
+    # control: one that is dead in the second run only is another mistake than two that are dead in both
+    dead = [replace(w, data={**w.data, "u": np.full(w.n_samples, 1.5), "v": 0 * w.t}) for w in runs]
+    dead[1] = replace(dead[1], data={**dead[1].data, "r": 0 * dead[1].t})
+    assert [f.name for f in check_input(dead).findings] == ["dead u, v", "dead r"]
+
+
 def test_evidence_of_a_relation_is_the_gaussian_marginal_likelihood_averaged_over_its_level():
     from scipy.stats import multivariate_normal
 

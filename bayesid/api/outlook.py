@@ -15,9 +15,10 @@ from bayesid.progress import time_words
 from bayesid.trials import Run
 from bayesid.words import and_list, counted, digits
 
-# Seconds of one core per reading, least and most of seven diagnoses with --quick of AUVs and a submarine in
-# the plane (2000 to 10000 readings), and what else they need; without --quick it is about twice as long.
-PER_READING, BESIDE, WHOLE, SPATIAL = (0.005, 0.015), 10.0, 2.0, 13.0
+# Seconds of one core per reading, least and most of four diagnoses with --quick of AUVs and a submarine in
+# the plane (3100 to 7800 readings: 38 to 79 s), and what else they need; without --quick it is up to half as
+# long again; spatial ones take so many times a planar one.
+PER_READING, BESIDE, WHOLE, SPATIAL = (0.005, 0.015), 10.0, 1.5, 13.0
 PLENTY = 10.0  # readings per length travelled
 
 

@@ -21,6 +21,7 @@ from bayesid.trials.mistakes.judge import FOLLOWS, SOME_RUNS, Base, Weighed, wei
 from bayesid.trials.mistakes.table import COMMON, RARE, USUAL, Mistake
 from bayesid.trials.trial import Floats, Run
 from bayesid.trials.window import window
+from bayesid.words import and_list
 
 LARGEST_BIAS = math.radians(30.0)  # of heading_bias in the catalogue: what is larger is another north
 # Clock: scales of instruments are nought but for one log in twenty, then of the catalogue's usual size
@@ -124,8 +125,10 @@ def scale_by_itself(value: float, sd: float) -> float:
 
 
 def _dead(base: Sequence[Base]) -> list[Weighed | None]:
-    """Columns that never change while others say they must."""
+    """Columns that never change while others say they must, and those that do so in the same runs together:
+    one that is dead makes another no less so, and alone they would be rivals of each other."""
     out: list[Weighed | None] = []
+    alike: dict[tuple[bool, ...], list[str]] = {}
     for name in ("psi", "r", "u", "v", "x", "y", "theta", "q", "delta_r"):
         logged = [one for one in base if _values(one.run, name) is not None]
         still = np.array([_still(one.run, name) for one in base])
@@ -143,6 +146,15 @@ def _dead(base: Sequence[Base]) -> list[Weighed | None]:
         odds = np.where(moved, SURE, 0.0)
         mistake = Mistake(f"dead {name}", says, correction, COMMON, (name,))
         out.append(Weighed(mistake, odds, {"size": odds}))
+        if not rudder:
+            alike.setdefault(tuple(moved.tolist()), []).append(name)
+    for where, names in alike.items():
+        if len(names) > 1:
+            odds = np.where(where, SURE * len(names), 0.0)
+            says = f"{and_list(names)} never change although the vehicle moves: dead columns"
+            prior = COMMON * len(names)
+            mistake = Mistake(f"dead {', '.join(names)}", says, Correction(drop=tuple(names)), prior)
+            out.append(Weighed(mistake, odds, {"size": odds}))
     return out
 
 
