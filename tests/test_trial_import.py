@@ -4,6 +4,7 @@ bundles."""
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -139,6 +140,7 @@ def test_a_header_tells_its_positive_side(header, side):
         ("HDG (deg true)", "heading"), ("Speed thru water (kn)", "speed_through_water"),
         ("FdW [kn]", "speed_through_water"), ("Fahrt über Grund [kn]", "speed_over_ground"),
         ("Fahrt [kn]", "u"), ("Øst [m]", "east"), ("Svingrate [grader/s]", "r"), ("Turtall [o/min]", "n"),
+        ("TWD (deg)", "wind_from"), ("Windrichtung [Grad]", "wind_from"), ("wind_vel [m/s]", "wind_speed"),
         ("Engine", None), ("Engine temp", None), ("engine_hours", None), ("gearbox_oil_rpm", None),
     ],
 )  # fmt: skip
@@ -589,6 +591,7 @@ def test_the_command_asks_first_and_imports_the_answered_map(tmp_path, capsys):
             "has no series 'jaw' for psi; did you mean 'yaw'",
         ),
         ("[sources.log]\nfiles = 'other.csv'\n[channels]\npsi = 'yaw'", "matches no"),
+        ("[sources.log]\nfiles = 'log.csv'\n[channels]\nwind_dir = 'yaw'", "did you mean 'wind_from'"),
         ("wordl = 'ned'\n[sources.log]\nfiles = 'log.csv'", "did you mean 'world'"),
         ("questions = ['which?']\n[sources.log]\nfiles = 'log.csv'", "1 question of the map is open"),
         ("[sources.log]\nfiles = 'log.csv'\n[[runs]]\nfiles = ['no.csv']", "none of the runs"),
@@ -597,6 +600,23 @@ def test_the_command_asks_first_and_imports_the_answered_map(tmp_path, capsys):
 def test_a_map_that_does_not_fit_says_where(tmp_path, text, words):
     (tmp_path / "log.csv").write_text("t,yaw\n0,1\n1,2\n2,3\n3,4\n")
     with pytest.raises(ImportLogError, match=words):
+        imported(tmp_path, text, tmp_path / "log.csv")
+
+
+@pytest.mark.parametrize(
+    ("columns", "words"),
+    [
+        # the unit alone makes them alike: delta_r_cmd[deg] was suggested
+        ("psi[deg],delta_r_cmd[deg]", "for wind_from; it has delta_r_cmd[deg], psi[deg]"),
+        ("psi[deg],delta_r_cmd[deg],TWD [deg]", "for wind_from; did you mean 'TWD [deg]'?"),
+        ("psi[deg],delta_r_cmd[deg],wind_form[deg]", "for wind_from; did you mean 'wind_form[deg]'?"),
+    ],
+)
+def test_a_series_that_is_not_there_is_not_taken_for_one_of_the_same_unit(tmp_path, columns, words):
+    rows = "\n".join(f"{k},{','.join('1' * (columns.count(',') + 1))}" for k in range(5))
+    (tmp_path / "log.csv").write_text(f"t[s],{columns}\n{rows}\n")
+    text = "[sources.log]\nfiles = 'log.csv'\n[channels]\nwind_from = 'wind_from[deg]'\npsi = 'psi[deg]'"
+    with pytest.raises(ImportLogError, match=re.escape(words)):
         imported(tmp_path, text, tmp_path / "log.csv")
 
 
