@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.signal
 
 from bayesid.cli.main import run as bayesid
 from bayesid.trials import load_trial
@@ -502,6 +503,30 @@ def test_a_heading_that_moves_degrees_between_samples_makes_no_zigzag_of_another
     named = cutting.classify(t, angle, psi)[1]
     right = f"zigzag {rudder}/{switch}"
     assert named == right or (step > 1.0 and named == f"zigzag {rudder}")
+
+
+@pytest.mark.parametrize(
+    ("seconds", "still", "word"),
+    [
+        ([60, 60], 0, "turns 12"), ([60, 60, 60], 0, "turns 12"), ([60, 60, 60, 60], 0, "turns 12"),
+        ([60, 60, 60], 15, "turns 12"),  # back amidships in between
+        ([90, 4, 4, 4], 0, "random orders"),  # a turn that is checked
+        ([60], 0, "turning circle 12"),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("step", [0.1, 1.0])
+def test_turns_to_either_side_are_no_zigzag(seconds, still, word, step):
+    """They were named zigzag 12/225; a zig-zag weaves about a course."""
+    orders = [0.0]
+    for k, hold in enumerate(seconds):
+        orders += [12.0 * (-1) ** k] * round(hold / step) + [0.0] * round(still / step)
+    rudder = np.array([0.0] * round(5.0 / step) + orders) * DEG
+    t = step * np.arange(rudder.size)
+    turning = scipy.signal.lfilter([step / 3.0], [1.0, step / 3.0 - 1.0], -rudder)  # 3 s to its rate
+    psi = np.cumsum(turning) * step
+    assert max(np.ptp(psi[(t > 5.0) & (t < 5.0 + seconds[0])]), 0.0) > 1.5 * np.pi
+    kind, words = cutting.classify(t, rudder, psi)
+    assert words == word and kind == ("random" if word == "random orders" else "turn")
 
 
 def test_a_rudder_steered_by_hand_is_no_turn_at_its_smallest_angle():
