@@ -406,6 +406,20 @@ def test_a_turn_with_the_rudder_amidships_is_remarked_on_where_all_runs_have_it(
         assert not any("amidships" in text for text in check_runs(runs))
 
 
+@pytest.mark.parametrize(
+    ("vehicle", "seconds", "kept"), [("nps_auv2", 150, False), ("lauv", 100, False), ("remus100", 100, True)]
+)
+def test_a_current_begins_a_turn_that_only_a_vehicle_unstable_on_course_keeps_up(vehicle, seconds, kept):
+    """What the remark on a turn with the rudder amidships says of a current, which a diagnosis may name."""
+    order, across = f"straight:duration={seconds}", {"ocean_current.V_east": 0.4}
+    rate = np.abs(simulate(vehicle, order, dt=0.1, change=across).runs[0].data["r"])
+    assert (rate[-1] > 0.3 * rate.max()) == kept and (rate[-1] < 1e-3 * rate.max()) != kept
+    assert np.abs(simulate(vehicle, order, dt=0.1).runs[0].data["r"]).max() < 1e-9  # control: still water
+    runs = simulate(vehicle, "turn:12", "zigzag:10/10", dt=0.1, change=across).runs
+    (said,) = (text for text in check_runs(runs) if "amidships" in text)
+    assert "a current begins such a turn where a run begins, and only a vehicle that is unstable" in said
+
+
 @pytest.mark.parametrize("current", [0.0, 0.1])
 def test_speed_over_ground_labelled_as_through_the_water_is_remarked_on(current):
     """The track shows a current beside a speed through the water, none beside one over ground."""
