@@ -117,6 +117,7 @@ def test_it_says_before_it_begins_what_is_read_how_long_it_takes_and_what_it_is_
     assert bayesid(["start", str(dive), "--vehicle", "remus100", "--yes", "--quick"]) == 0
     said = capsys.readouterr().out.partition("$ bayesid diagnose")[0]
     trial = load_trial(dive / "bayesid")
+    assert f"{trial.holdout[0].name} is held out to judge by, as the last run that is not straight" in said
     count = sum(run.n_samples for run in trial.identify)
     assert f"The runs to identify hold {count} readings, 0.4 s apart: 2.2 per length travelled" in said
     assert "averaged" not in said and "on an idle machine" in said
