@@ -183,10 +183,15 @@ def test_columns_that_are_dead_are_told_together_and_are_no_rivals_of_each_other
     assert found.name == "dead r, u, v" and found.also == () and found.probability > 0.999
     assert found.correction == Correction(drop=("r", "u", "v"))
     assert check_input([apply(found.correction, run) for run in dead]).findings == ()
-    # control: one that is dead in the second run only is another mistake than two that are dead in both
+    # control: one that is dead in the second run only is another mistake than two that are dead in both, and
+    # is kept where it lives
+    runs[1] = replace(runs[1], name="second")
     dead = [replace(w, data={**w.data, "u": np.full(w.n_samples, 1.5), "v": 0 * w.t}) for w in runs]
     dead[1] = replace(dead[1], data={**dead[1].data, "r": 0 * dead[1].t})
-    assert [f.name for f in check_input(dead).findings] == ["dead u, v", "dead r"]
+    both, other = check_input(dead).findings
+    assert (both.name, both.all_runs, both.correction) == ("dead u, v", True, Correction(drop=("u", "v")))
+    assert (other.name, other.runs) == ("dead r", ("second",))
+    assert other.correction == Correction(drop=("r",), runs=("second",))
 
 
 def test_evidence_of_a_relation_is_the_gaussian_marginal_likelihood_averaged_over_its_level():

@@ -41,7 +41,7 @@ LONGEST_SHARE = 0.2  # of a run
 DEAD_TURN = 0.3  # rad turned while a rate or heading stands still
 JUMP = 20.0  # a step over the median one, from which on it is looked at
 AT_END = 2  # readings at either end of a run among which a jump is not told from an outlier
-SURE = 30.0  # nats of a column that never changes while another says it must
+SURE = 40.0  # nats of a column that never changes while another says it must, as one frozen at most
 
 
 def sized(base: Sequence[Base]) -> list[Weighed]:
@@ -126,9 +126,11 @@ def scale_by_itself(value: float, sd: float) -> float:
 
 def _dead(base: Sequence[Base]) -> list[Weighed | None]:
     """Columns that never change while others say they must, and those that do so in the same runs together:
-    one that is dead makes another no less so, and alone they would be rivals of each other."""
+    one that is dead makes another no less so, and alone they would be rivals of each other.
+
+    A run in which a column lives speaks against its being dead there: it is kept."""
     out: list[Weighed | None] = []
-    alike: dict[tuple[bool, ...], list[str]] = {}
+    alike: dict[tuple[float, ...], list[str]] = {}
     for name in ("psi", "r", "u", "v", "x", "y", "theta", "q", "delta_r"):
         logged = [one for one in base if _values(one.run, name) is not None]
         still = np.array([_still(one.run, name) for one in base])
@@ -143,14 +145,15 @@ def _dead(base: Sequence[Base]) -> list[Weighed | None]:
         word = "the rudder" if rudder else name
         says = f"{word} never changes although the vehicle moves: a dead column"
         correction = None if rudder else Correction(drop=(name,))
-        odds = np.where(moved, SURE, 0.0)
+        lives = ~still & np.array([_values(one.run, name) is not None for one in base])
+        odds = np.where(moved, SURE, np.where(lives, -SURE, 0.0))
         mistake = Mistake(f"dead {name}", says, correction, COMMON, (name,))
         out.append(Weighed(mistake, odds, {"size": odds}))
         if not rudder:
-            alike.setdefault(tuple(moved.tolist()), []).append(name)
-    for where, names in alike.items():
+            alike.setdefault(tuple(odds.tolist()), []).append(name)
+    for each, names in alike.items():
         if len(names) > 1:
-            odds = np.where(where, SURE * len(names), 0.0)
+            odds = len(names) * np.array(each)
             says = f"{and_list(names)} never change although the vehicle moves: dead columns"
             prior = COMMON * len(names)
             mistake = Mistake(f"dead {', '.join(names)}", says, Correction(drop=tuple(names)), prior)
