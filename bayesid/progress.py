@@ -120,13 +120,15 @@ class RouteStep:
     ----------
     begins : beginnings of the sentences it is told by
     share : usual share of the whole time that it takes
+    varies : what makes it take longer than usual, where it may; said once when it does
     """
 
     begins: tuple[str, ...]
     share: float
+    varies: str = ""
 
 
-LATE = 1.2  # time gone over that planned to the end of a step, from which on nothing is said of what is left
+LATE = 1.2  # time gone over that planned to the end of a step, from which on no time left is told
 
 
 class Route:
@@ -135,7 +137,7 @@ class Route:
     def __init__(self, progress: Progress, steps: Sequence[RouteStep]) -> None:
         self._progress, self._steps, self._at = progress, tuple(steps), 0
         self._begin = time.monotonic()
-        self._entered = 0.0
+        self._entered, self._late = 0.0, -1
 
     def __call__(self, sentence: str) -> None:
         """Tell one sentence."""
@@ -150,10 +152,17 @@ class Route:
         if before > 0.05:  # too little has gone by to tell before
             whole = self._entered / before
             if gone > LATE * whole * (1.0 - after):
-                left = ", longer than usual: no estimate"
+                left = self._longer()
             else:
                 left = f", about {time_words(max(whole - gone, whole * after))} left"
         self._progress.note(f"step {self._at + 1} of {len(self._steps)}: {sentence} ({gone:.0f} s{left})")
+
+    def _longer(self) -> str:
+        """That a step takes longer than usual, and what makes it so, the first time; then nothing."""
+        if self._late == self._at:
+            return ""
+        self._late, why = self._at, self._steps[self._at].varies
+        return ", longer than usual" + (f": {why}" if why else "")
 
 
 def time_words(seconds: float) -> str:

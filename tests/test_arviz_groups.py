@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from dataclasses import replace
 
 import arviz
@@ -178,3 +181,16 @@ def test_the_gradient_sampler_has_nothing_to_resume(trial, tmp_path):
     with pytest.raises(SampleError, match="nothing to resume"):
         bayesid.sample(trial, tmp_path, sampler="nuts", resume=True)
     assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "line", ["from bayesid.estimation.sampling.arviz_import import arviz; arviz()", "import arviz"]
+)
+def test_a_user_is_not_told_of_the_next_version_of_arviz(tmp_path, line):
+    """0.23 announces it once a day; as an error where bayesid does not take it away."""
+    place = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-W", "error::FutureWarning", "-c", line], env=place, capture_output=True
+    )
+    announced = b"major refactor" in done.stderr
+    assert announced == (line == "import arviz" and arviz.__version__.startswith("0.23"))

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 from gap_trials import model_of, noise_of
 
+from bayesid.api.inputs import condensed
 from bayesid.estimation.filter_error.fit import fit
 from bayesid.estimation.filter_error.noise_identification import no_process_noise
 from bayesid.estimation.filter_error.read_run import filter_error_run
 from bayesid.estimation.parameters import coefficient_prior
+from bayesid.model.vehicles import load_vehicle
 from bayesid.simulation import plan_run, simulate, steady_start
 from bayesid.trials import Channels, Run, Trial, thin
 from bayesid.trials.averaging import MOST_BEND, averaged
@@ -89,6 +91,26 @@ def test_the_noise_stated_of_an_average_is_the_one_it_has():
     assert out.noise["psi"] == pytest.approx(NOISE["psi"] / np.sqrt(10))
     # 400 unit normals: the mean square is within 4 sd of 1
     assert np.mean(z**2) == pytest.approx(1.0, abs=4 * np.sqrt(2 / z.size))
+
+
+def test_an_imported_log_without_stated_noise_is_averaged_by_the_noise_its_readings_show():
+    was, rng, vehicle = straight(12000, spacing=0.02), np.random.default_rng(4), load_vehicle("nps_auv2")
+    noisy = replace(was, data={c: v + NOISE[c] * rng.standard_normal(v.size) for c, v in was.data.items()})
+    stated = condensed(trial_of([noisy]), vehicle, 5000)
+    seen = condensed(trial_of([noisy], {}), vehicle, 5000, as_seen=True)
+    assert seen.runs[0].n_samples == stated.runs[0].n_samples < 0.2 * was.n_samples
+    for name in NOISE:
+        np.testing.assert_array_equal(seen.runs[0].data[name], stated.runs[0].data[name])
+        # 12000 third differences tell a noise within about 1 %
+        assert seen.noise[name] == pytest.approx(stated.noise[name], rel=0.04)
+    assert any("psi, u is not stated" in text for text in seen.warnings)
+    # a channel that stands still has no noise to weigh it by: that of the least sensor is taken, not zero
+    still = replace(noisy, data={**noisy.data, "u": np.full(was.n_samples, 2.0)})
+    least = condensed(trial_of([still], {}), vehicle, 5000, as_seen=True)
+    assert least.runs[0].n_samples == stated.runs[0].n_samples and least.noise["u"] > 0.0
+    # control: where nobody may see to the noise, nothing is averaged
+    bare = trial_of([noisy], {})
+    assert condensed(bare, vehicle, 5000) is bare
 
 
 def test_blocks_are_halved_until_what_the_motion_bends_is_small_beside_the_noise():

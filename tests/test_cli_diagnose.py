@@ -1,10 +1,15 @@
 """`bayesid diagnose` as a user runs it: draws of the named effect, and every file it promises."""
 
+import importlib
 import json
+from types import SimpleNamespace
 
+import pytest
+from diagnosis_results import a_result
 from gap_trials import model_of, planted_trial
 from jsonschema import validate
 
+from bayesid.api.diagnose import DiagnoseResult
 from bayesid.cli.main import run
 from bayesid.diagnosis.result import schema
 from bayesid.estimation.sampling import load_posterior
@@ -28,3 +33,12 @@ def test_a_diagnosis_with_draws_holds_the_planted_current_and_writes_its_posteri
     validate(record, schema())
     written = {p.name for p in (tmp_path / "out").iterdir()}
     assert written >= {"diagnosis.json", "model.json", "posterior.nc", "report.html", "report.md"}
+
+
+@pytest.mark.parametrize(("agree", "code"), [(0.2, 0), (1e-6, 3)])
+def test_a_script_learns_by_the_exit_code_that_a_check_failed(monkeypatch, capsys, agree, code):
+    """Runs that disagree about the size of what is named are a check that fails."""
+    found = DiagnoseResult(SimpleNamespace(result=a_result(runs_agree=agree)))
+    monkeypatch.setattr(importlib.import_module("bayesid.api.diagnose"), "diagnose", lambda *_, **__: found)
+    assert run(["diagnose", "example"]) == code
+    assert ("CHECK FAILED: The runs disagree" in capsys.readouterr().out) == (code == 3)

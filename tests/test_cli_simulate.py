@@ -11,7 +11,7 @@ from bayesid.api.inputs import change_notes
 from bayesid.api.simulate import simulate
 from bayesid.cli.main import run
 from bayesid.equations.model import build_model
-from bayesid.errors import ModelError
+from bayesid.errors import ManoeuvreError, ModelError
 from bayesid.manoeuvres import Scale, parse
 from bayesid.model.vehicles import load_vehicle
 from bayesid.simulation.virtual_trial import virtual_run
@@ -54,6 +54,35 @@ def test_a_simulated_bundle_reads_back_as_it_was_executed(model, scale, tmp_path
         np.testing.assert_allclose(logged.data[channel], values, rtol=0, atol=1e-12)
     np.testing.assert_array_equal(logged.commands["delta_r_cmd"], executed.commands["delta_r_cmd"])
     assert run(arguments) == 2, "a bundle is never overwritten unasked"
+
+
+def test_a_run_is_held_out_as_it_was_given_and_quiet_prints_no_measures(tmp_path, capsys):
+    table = tmp_path / "of mine" / "dock 1.csv"
+    table.parent.mkdir()
+    table.write_text("t[s],delta_r_cmd[deg]\n0,0\n10,5\n60,5\n")
+    line = ["simulate", "remus100", f"table:{table}", "turn:12,side=port", "zigzag:10/10", "--dt", "0.5"]
+    held = ["--holdout", "turn:12,side=port", "--holdout", "03_zigzag_10_10"]
+    assert run([*line, *held, "--quiet", "--out", str(tmp_path / "bundle")]) == 0
+    said = capsys.readouterr().out
+    assert "turn 12,side=port, held out: " in said and "tactical diameter" not in said
+    assert [(r.name, r.role, r.manoeuvre) for r in load_trial(tmp_path / "bundle").runs] == [
+        ("01_dock_1", "identify", "orders of dock 1.csv"),  # no folder of this machine
+        ("02_turn_12_side_port", "holdout", "turn 12,side=port"),
+        ("03_zigzag_10_10", "holdout", "zigzag 10/10"),
+    ]
+    assert run([*line, *held]) == 0 and "tactical diameter" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("held", "words"),
+    [
+        (["turn:13"], "no run turn:13 to hold out; did you mean turn:12"),
+        (["turn:12"], "every run is held out"),
+    ],
+)
+def test_a_run_that_is_not_there_and_every_run_are_not_held_out(held, words):
+    with pytest.raises(ManoeuvreError, match=words):
+        simulate("remus100", "turn:12", dt=0.5, holdout=held)
 
 
 def test_one_seed_gives_one_log_and_noise_of_the_stated_size(model, scale):

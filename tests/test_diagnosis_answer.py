@@ -352,9 +352,20 @@ def test_coefficients_that_moved_are_told_by_what_the_runs_leave_open_of_them():
     assert "X_vvvv" in said and "N_vvv" not in said
 
 
+def test_where_the_explanation_keeps_coefficients_as_given_no_change_of_them_by_it_is_listed():
+    """Every line ended with "explained +0 %"."""
+    moved = {"N_v": Moved(-1.0, 0.1, -1.5, -1.0, 0.01)}
+    kept = replace(a_result(moved=moved), retuning=Retuning(False, -0.1, 0.2, {}))
+    assert answer(kept).moved == ("N_v +50 ± 1 % (5.0 times its stated uncertainty)",)
+    assert "that re-tuning moves most (the explanation keeps them as given)\n  N_v" in summary(kept)
+    both = replace(kept, retuning=Retuning(True, 0.5, 0.2, {}))
+    assert answer(both).moved == ("N_v +50 ± 1 % (5.0 times its stated uncertainty, explained +0 %)",)
+    assert "that re-tuning moves most\n  N_v" in summary(both)
+
+
 def test_a_verdict_that_needs_no_effect_and_no_other_coefficients_shows_the_simulator_as_given():
     given = replace(a_result("model_form", (), ("wind",)), retuning=Retuning(False, 0.3, 0.4, {}))
-    assert answer(given).labels[2] == proof_label(given) == "explained (as given)"
+    assert answer(given).labels[2] == proof_label(given) == "as given, nothing added"
     tuned = replace(given, retuning=Retuning(True, 0.5, 0.4, {}))
     assert answer(tuned).labels[2] == "explained" != proof_label(tuned)
 
@@ -389,7 +400,7 @@ def test_an_explanation_by_coefficients_that_keeps_them_as_given_is_called_the_s
     assert explained_words(found).startswith("Explained: the simulator as given")
     told = answer(found).outcome
     assert "nothing is gained" in told and "as given" in told and "re-tuned" in told
-    assert answer(found).labels[2] == proof_label(found) == "explained (as given)"
+    assert answer(found).labels[2] == proof_label(found) == "as given, nothing added"
     sure = " ".join(answer(found).certainty)
     assert "they are no proof of it" in sure and "no worse" not in sure
     everything = diagnosis_report(found)

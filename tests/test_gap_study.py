@@ -174,7 +174,7 @@ def test_real_explanations_that_predict_worse_than_the_simulator_as_given_are_co
     assert "In 1 more (1 that names a cause) that simulator itself predicts" in said
     assert (
         record_label(found["diagnoses"]["given"])
-        == "explained (as given)"
+        == "as given, nothing added"
         != record_label(found["diagnoses"]["equal"])
     )
     empty = {"verdict": "none", "gap": {"horizons": []}}

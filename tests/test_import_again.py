@@ -173,6 +173,21 @@ def test_a_table_of_the_import_that_is_now_a_log_is_not_written_over(bundle, cap
     assert contents(out) == before
 
 
+def test_a_log_that_a_table_of_the_import_repeats_to_the_last_byte_is_imported_again(tmp_path, capsys):
+    """As one that `bayesid simulate` writes: it was taken for the table that is written over."""
+    sim, out = tmp_path / "sim", tmp_path / "out"
+    assert run(["simulate", "remus100", "zigzag:10/10", "--dt", "0.5", "--out", str(sim)]) == 0
+    (log,) = sim.glob("*.csv")
+    line = ["trial", "import", str(log), "--vehicle", "remus100", "--out", str(out)]
+    assert run(line) == 0 and (out / log.name).read_bytes() == log.read_bytes()
+    assert run([*line[:3], "--map", str(out / "map.toml"), "--out", str(out)]) == 0
+    assert (out / log.name).read_bytes() == log.read_bytes()
+    # control: a link to the table is the table
+    (tmp_path / log.name).hardlink_to(out / log.name)
+    linked = ["trial", "import", str(tmp_path / log.name), "--map", str(out / "map.toml"), "--out", str(out)]
+    assert run(linked) == 2 and "is one of the logs" in " ".join(capsys.readouterr().err.split())
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

@@ -172,6 +172,28 @@ def test_a_relation_of_noise_alone_names_nothing():
     assert [f.name for f in check_input([run, run]).findings if not f.name.startswith("dead")] == []
 
 
+def test_columns_that_are_dead_are_told_together_and_are_no_rivals_of_each_other():
+    """Three of them were told as "r (probability 0.33), not told from: dead u; dead v", with one left out."""
+    still = {"u": 1.5, "v": 0.0, "r": 0.0}
+    runs = [weave(5), weave(6)]
+    dead = [
+        replace(w, data={**w.data, **{k: np.full(w.n_samples, x) for k, x in still.items()}}) for w in runs
+    ]
+    (found,) = check_input(dead).findings
+    assert found.name == "dead r, u, v" and found.also == () and found.probability > 0.999
+    assert found.correction == Correction(drop=("r", "u", "v"))
+    assert check_input([apply(found.correction, run) for run in dead]).findings == ()
+    # control: one that is dead in the second run only is another mistake than two that are dead in both, and
+    # is kept where it lives
+    runs[1] = replace(runs[1], name="second")
+    dead = [replace(w, data={**w.data, "u": np.full(w.n_samples, 1.5), "v": 0 * w.t}) for w in runs]
+    dead[1] = replace(dead[1], data={**dead[1].data, "r": 0 * dead[1].t})
+    both, other = check_input(dead).findings
+    assert (both.name, both.all_runs, both.correction) == ("dead u, v", True, Correction(drop=("u", "v")))
+    assert (other.name, other.runs) == ("dead r", ("second",))
+    assert other.correction == Correction(drop=("r",), runs=("second",))
+
+
 def test_evidence_of_a_relation_is_the_gaussian_marginal_likelihood_averaged_over_its_level():
     from scipy.stats import multivariate_normal
 
@@ -405,6 +427,20 @@ def test_a_turn_with_the_rudder_amidships_is_remarked_on_where_all_runs_have_it(
     assert "turns to starboard by 1.4 degrees a second in 2 of 2 runs" in " ".join(said)
     for runs in ([run(0.02)], [run(0.02), run(-0.02)], [run(0.02), run(0.0)], [run(0.02, 5), run(0.02, 5)]):
         assert not any("amidships" in text for text in check_runs(runs))
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "seconds", "kept"), [("nps_auv2", 150, False), ("lauv", 100, False), ("remus100", 100, True)]
+)
+def test_a_current_begins_a_turn_that_only_a_vehicle_unstable_on_course_keeps_up(vehicle, seconds, kept):
+    """What the remark on a turn with the rudder amidships says of a current, which a diagnosis may name."""
+    order, across = f"straight:duration={seconds}", {"ocean_current.V_east": 0.4}
+    rate = np.abs(simulate(vehicle, order, dt=0.1, change=across).runs[0].data["r"])
+    assert (rate[-1] > 0.3 * rate.max()) == kept and (rate[-1] < 1e-3 * rate.max()) != kept
+    assert np.abs(simulate(vehicle, order, dt=0.1).runs[0].data["r"]).max() < 1e-9  # control: still water
+    runs = simulate(vehicle, "turn:12", "zigzag:10/10", dt=0.1, change=across).runs
+    (said,) = (text for text in check_runs(runs) if "amidships" in text)
+    assert "a current begins such a turn where a run begins, and only a vehicle that is unstable" in said
 
 
 @pytest.mark.parametrize("current", [0.0, 0.1])

@@ -7,7 +7,8 @@ import pytest
 from bayesid import progress
 from bayesid.progress import LATE, Progress, Route, RouteStep
 
-STEPS = (RouteStep(("read",), 0.2), RouteStep(("refit",), 0.6), RouteStep(("draw",), 0.2))
+WHY = "more explanations come near"
+STEPS = (RouteStep(("read",), 0.2), RouteStep(("refit",), 0.6, WHY), RouteStep(("draw",), 0.2))
 
 
 @pytest.fixture
@@ -40,6 +41,9 @@ def test_a_step_that_takes_much_longer_than_usual_has_no_number(clock):
     clock[0] += 20.0
     route("refit with wind")
     clock[0] = 100.0 + LATE * 80.0 + 1.0
-    assert "no estimate" in told(route, stream, "refit with current")
+    late = told(route, stream, "refit with current")
+    assert "left" not in late and late.endswith(f"({LATE * 80.0 + 1.0:.0f} s, longer than usual: {WHY})")
+    # the reason is said once
+    assert told(route, stream, "refit with bias").endswith(f"refit with bias ({LATE * 80.0 + 1.0:.0f} s)")
     route("draw")  # the next step tells again, from the time that was taken
     assert "left" in stream.getvalue().strip().splitlines()[-1]

@@ -7,13 +7,16 @@ import json
 import shlex
 import subprocess
 import sys
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from bayesid.api.outlook import outlook
 from bayesid.cli.main import run as bayesid
-from bayesid.trials import load_trial
+from bayesid.trials import Run, Trial, load_trial
 from bayesid.trials.importing import read_map
 from bayesid.trials.importing.finding import look_into
 from tests.raw_logs import motion
@@ -106,6 +109,53 @@ def test_it_goes_from_the_log_to_the_diagnosis_and_keeps_the_commands(dive, caps
     assert bayesid(["start", str(dive), "--yes"]) == 0  # goes on where it stands: nothing is imported again
     assert len(diagnosed) == 2
     assert "trial import" not in capsys.readouterr().out
+
+
+def test_it_says_before_it_begins_what_is_read_how_long_it_takes_and_what_it_is_judged_by(
+    dive, capsys, diagnosed
+):
+    assert bayesid(["start", str(dive), "--vehicle", "remus100", "--yes", "--quick"]) == 0
+    said = capsys.readouterr().out.partition("$ bayesid diagnose")[0]
+    trial = load_trial(dive / "bayesid")
+    assert f"{trial.holdout[0].name} is held out to judge by, as the last run that is not straight" in said
+    count = sum(run.n_samples for run in trial.identify)
+    assert f"The runs to identify hold {count} readings, 0.4 s apart: 2.2 per length travelled" in said
+    assert "averaged" not in said and "on an idle machine" in said
+    (held,) = trial.holdout
+    assert f"{held.name} ({held.manoeuvre}) is held out" in said
+    assert f'`role = "holdout"` or "identify" of the runs in {dive / "bayesid" / "trial.toml"}' in said
+    # another run is held out by what was said
+    path = dive / "bayesid" / "trial.toml"
+    text = path.read_text().replace('role = "holdout"', 'role = "identify"')
+    path.write_text(text.replace('role = "identify"', 'role = "holdout"', 1))
+    assert bayesid(["start", str(dive), "--vehicle", "remus100", "--yes"]) == 0
+    assert f"{trial.runs[0].name} ({trial.runs[0].manoeuvre}) is held out" in capsys.readouterr().out
+    path.write_text(text)
+    assert bayesid(["start", str(dive), "--vehicle", "remus100", "--yes"]) == 0
+    assert "No run is held out" in capsys.readouterr().out
+
+
+def test_a_fast_log_is_said_to_be_averaged_and_one_that_cannot_be_has_a_command_to_thin_it():
+    trial = Trial("fast", Path("."), "nps_auv2", 3, (sailed("r1"), sailed("r2", role="holdout")), {})
+    ahead = outlook(trial)
+    assert ahead.readings == 12000 and ahead.used < 0.2 * 12000 and ahead.coarser is None
+    assert f"averaged to {ahead.used}, {ahead.used_spacing:.3g} s apart" in ahead.sentences()[0]
+    # orders that change with every reading keep every reading
+    busy = outlook(replace(trial, runs=(sailed("r1", busy=True),)))
+    assert busy.used == busy.readings == 12000 and busy.held_out == ()
+    assert busy.coarser == pytest.approx(0.1 * 5.3 / 1.8, rel=0.2)  # a tenth of length over speed
+    assert busy.seconds[0] > ahead.seconds[0] and ahead.seconds[1] > outlook(trial, quick=True).seconds[1]
+
+
+def sailed(name, role="identify", busy=False):
+    """12000 readings 0.02 s apart, with noise that nobody states."""
+    rng, t = np.random.default_rng(5), 0.02 * np.arange(12000)
+    order = np.where(t < 100.0, 0.0, 0.1) + (0.01 * rng.standard_normal(t.size) if busy else 0.0)
+    data = {
+        "psi": 0.002 * t + 0.01 * rng.standard_normal(t.size),
+        "u": 1.8 + 0.05 * rng.standard_normal(t.size),
+    }
+    return Run(name, "turn 6", role, t, data, {"delta_r_cmd": order})
 
 
 def test_a_data_sheet_beside_the_logs_becomes_the_vehicle(dive, diagnosed):

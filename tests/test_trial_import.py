@@ -4,10 +4,12 @@ bundles."""
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.signal
 
 from bayesid.cli.main import run as bayesid
 from bayesid.trials import load_trial
@@ -139,6 +141,7 @@ def test_a_header_tells_its_positive_side(header, side):
         ("HDG (deg true)", "heading"), ("Speed thru water (kn)", "speed_through_water"),
         ("FdW [kn]", "speed_through_water"), ("Fahrt über Grund [kn]", "speed_over_ground"),
         ("Fahrt [kn]", "u"), ("Øst [m]", "east"), ("Svingrate [grader/s]", "r"), ("Turtall [o/min]", "n"),
+        ("TWD (deg)", "wind_from"), ("Windrichtung [Grad]", "wind_from"), ("wind_vel [m/s]", "wind_speed"),
         ("Engine", None), ("Engine temp", None), ("engine_hours", None), ("gearbox_oil_rpm", None),
     ],
 )  # fmt: skip
@@ -502,6 +505,30 @@ def test_a_heading_that_moves_degrees_between_samples_makes_no_zigzag_of_another
     assert named == right or (step > 1.0 and named == f"zigzag {rudder}")
 
 
+@pytest.mark.parametrize(
+    ("seconds", "still", "word"),
+    [
+        ([60, 60], 0, "turns 12"), ([60, 60, 60], 0, "turns 12"), ([60, 60, 60, 60], 0, "turns 12"),
+        ([60, 60, 60], 15, "turns 12"),  # back amidships in between
+        ([90, 4, 4, 4], 0, "random orders"),  # a turn that is checked
+        ([60], 0, "turning circle 12"),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("step", [0.1, 1.0])
+def test_turns_to_either_side_are_no_zigzag(seconds, still, word, step):
+    """They were named zigzag 12/225; a zig-zag weaves about a course."""
+    orders = [0.0]
+    for k, hold in enumerate(seconds):
+        orders += [12.0 * (-1) ** k] * round(hold / step) + [0.0] * round(still / step)
+    rudder = np.array([0.0] * round(5.0 / step) + orders) * DEG
+    t = step * np.arange(rudder.size)
+    turning = scipy.signal.lfilter([step / 3.0], [1.0, step / 3.0 - 1.0], -rudder)  # 3 s to its rate
+    psi = np.cumsum(turning) * step
+    assert max(np.ptp(psi[(t > 5.0) & (t < 5.0 + seconds[0])]), 0.0) > 1.5 * np.pi
+    kind, words = cutting.classify(t, rudder, psi)
+    assert words == word and kind == ("random" if word == "random orders" else "turn")
+
+
 def test_a_rudder_steered_by_hand_is_no_turn_at_its_smallest_angle():
     """As before a zig-zag of the Esso Osaka: 19 degrees in passing, then some 4 degrees for a while."""
     t = np.arange(0.0, 40.0, 0.1)
@@ -589,6 +616,7 @@ def test_the_command_asks_first_and_imports_the_answered_map(tmp_path, capsys):
             "has no series 'jaw' for psi; did you mean 'yaw'",
         ),
         ("[sources.log]\nfiles = 'other.csv'\n[channels]\npsi = 'yaw'", "matches no"),
+        ("[sources.log]\nfiles = 'log.csv'\n[channels]\nwind_dir = 'yaw'", "did you mean 'wind_from'"),
         ("wordl = 'ned'\n[sources.log]\nfiles = 'log.csv'", "did you mean 'world'"),
         ("questions = ['which?']\n[sources.log]\nfiles = 'log.csv'", "1 question of the map is open"),
         ("[sources.log]\nfiles = 'log.csv'\n[[runs]]\nfiles = ['no.csv']", "none of the runs"),
@@ -600,16 +628,33 @@ def test_a_map_that_does_not_fit_says_where(tmp_path, text, words):
         imported(tmp_path, text, tmp_path / "log.csv")
 
 
+@pytest.mark.parametrize(
+    ("columns", "words"),
+    [
+        # the unit alone makes them alike: delta_r_cmd[deg] was suggested
+        ("psi[deg],delta_r_cmd[deg]", "for wind_from; it has delta_r_cmd[deg], psi[deg]"),
+        ("psi[deg],delta_r_cmd[deg],TWD [deg]", "for wind_from; did you mean 'TWD [deg]'?"),
+        ("psi[deg],delta_r_cmd[deg],wind_form[deg]", "for wind_from; did you mean 'wind_form[deg]'?"),
+    ],
+)
+def test_a_series_that_is_not_there_is_not_taken_for_one_of_the_same_unit(tmp_path, columns, words):
+    rows = "\n".join(f"{k},{','.join('1' * (columns.count(',') + 1))}" for k in range(5))
+    (tmp_path / "log.csv").write_text(f"t[s],{columns}\n{rows}\n")
+    text = "[sources.log]\nfiles = 'log.csv'\n[channels]\nwind_from = 'wind_from[deg]'\npsi = 'psi[deg]'"
+    with pytest.raises(ImportLogError, match=re.escape(words)):
+        imported(tmp_path, text, tmp_path / "log.csv")
+
+
 def test_the_noise_of_a_channel_at_half_the_rate_of_the_rows_is_that_of_its_readings():
     """Joined files of other rates leave empty cells; a diagnosis once found no noise in them."""
     from types import SimpleNamespace
 
-    from bayesid.diagnosis.data.problem import _noise_from_data
+    from bayesid.trials.noise import noise_of_readings
 
     readings = np.random.default_rng(1).normal(scale=0.2, size=400)
     rows = np.full(800, np.nan)
     rows[::2] = readings
-    dense, sparse = (_noise_from_data((SimpleNamespace(data={"x": v}),), ["x"]) for v in (readings, rows))
+    dense, sparse = (noise_of_readings((SimpleNamespace(data={"x": v}),), ["x"]) for v in (readings, rows))
     assert sparse == dense
     assert sparse["x"] == pytest.approx(0.2, rel=0.2)
 

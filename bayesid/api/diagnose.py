@@ -25,11 +25,13 @@ from bayesid.diagnosis.answer import answer
 from bayesid.diagnosis.attempt import attempt
 from bayesid.diagnosis.diagnosed_file import write_diagnosed
 from bayesid.diagnosis.diagnosed_model import diagnosed_model_of
+from bayesid.diagnosis.failed_checks import failures
 from bayesid.diagnosis.input import check_trial, mended, not_enough
 from bayesid.diagnosis.input_gap import NO_GAP, input_gap
 from bayesid.diagnosis.run import Diagnosis
 from bayesid.diagnosis.run import diagnose as run
 from bayesid.diagnosis.summary import summary
+from bayesid.equations.model import Model
 from bayesid.estimation.filter_error.fit_journal import FitJournal, fits_kept
 from bayesid.files import write_json
 from bayesid.progress import Progress, RouteStep
@@ -49,7 +51,11 @@ ROUTE = {
     "read": RouteStep(("reading:", "environment:", "path:"), 0.2),
     "none": RouteStep(("fit without any effect",), 0.05),
     "screen": RouteStep(("screen", "where the gap lies"), 0.08),
-    "refits": RouteStep(("refit", "what the best", "whether the equations", "the same", "events:"), 0.22),
+    "refits": RouteStep(
+        ("refit", "what the best", "whether the equations", "the same", "events:"),
+        0.22,
+        "more explanations than usual come near, or all are weighed again",
+    ),
     "held-out": RouteStep(("what the missing", "held-out runs"), 0.07),
     "next": RouteStep(("which manoeuvre",), 0.15),
     "draws": RouteStep(("posterior",), 0.16),
@@ -113,9 +119,8 @@ def diagnose(
     if blown := wind_words(model.vehicle, logged):
         shown.note(blown)
 
-    def ready(of: Trial) -> Trial:
-        chosen = with_shaft_speed(prepared(of, resample=resample), model.vehicle)
-        return chosen if resample else condensed(chosen, model.vehicle, MOST_SAMPLES, trust_input)
+    def used(of: Trial) -> Trial:
+        return ready(of, model, resample, trust_input)
 
     def diagnosis(of: Trial, checked: InputCheck) -> DiagnoseResult:
         told = shown.route(diagnosis_route(next_manoeuvre, draws, keep_model))
@@ -132,7 +137,7 @@ def diagnose(
         untold: list[str] = []
         gap = attempt(
             "how far the log as it is was missed could not be told",
-            lambda: input_gap(result.found, ready(logged), checked.findings),
+            lambda: input_gap(result.found, used(logged), checked.findings),
             NO_GAP,
             untold,
         )
@@ -145,7 +150,7 @@ def diagnose(
         of the simulator explains it."""
         if any(f.correction is None for f in of_log.findings):
             return None
-        right = ready(mended(logged, of_log))
+        right = used(mended(logged, of_log))
         if not_enough(right, model):
             return None
         found = diagnosis(right, of_log)
@@ -156,7 +161,7 @@ def diagnose(
         return None
 
     if trust_input:
-        return diagnosis(ready(logged), InputCheck())
+        return diagnosis(used(logged), InputCheck())
     shown.note("input: what the channels say of one another")
     checked = check_trial(logged, model)
     if any(finding.instead for finding in checked.findings):
@@ -165,11 +170,23 @@ def diagnose(
         checked = checked.insisted
     if any(finding.correction is None for finding in checked.findings):
         return InputResult(logged.name, checked)
-    trial = ready(mended(logged, checked) if checked.findings else logged)
+    trial = used(mended(logged, checked) if checked.findings else logged)
     if reasons := not_enough(trial, model):
         return InputResult(logged.name, checked, reasons)
     result = diagnosis(trial, checked)
     return of_mended(checked, result) if checked.findings else result
+
+
+def ready(trial: Trial, model: Model, resample: float | None = None, trust_input: bool = False) -> Trial:
+    """The trial as a diagnosis reads it: thinned where that is asked for, else averaged where it is dense.
+
+    Parameters
+    ----------
+    resample : time between readings [s]
+    trust_input : keep the noise as stated
+    """
+    chosen = with_shaft_speed(prepared(trial, resample=resample), model.vehicle)
+    return chosen if resample else condensed(chosen, model.vehicle, MOST_SAMPLES, trust_input, as_seen=True)
 
 
 def diagnosis_route(next_manoeuvre: bool, draws: bool, keep_model: bool) -> list[RouteStep]:
@@ -195,6 +212,11 @@ class DiagnoseResult(Result):
     def effects(self) -> tuple[str, ...]:
         """Names of the effects the verdict stands on; of an ambiguous one those in question."""
         return tuple(effect.name for effect in self.found.result.effects)
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """Checks that failed, one sentence each."""
+        return failures(self.found.result)
 
     @property
     def headline(self) -> str:

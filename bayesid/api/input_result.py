@@ -54,6 +54,11 @@ class InputResult(Result):
         """No effect is named before the input is in order."""
         return ()
 
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """No explanation is checked before the input is in order."""
+        return ()
+
     def record(self) -> Mapping[str, Any]:
         return {
             "format": 1,

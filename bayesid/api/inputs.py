@@ -27,7 +27,7 @@ from bayesid.trials import Trial, load_trial, thin
 from bayesid.trials.averaging import averaged
 from bayesid.trials.kinematics.derived_velocity import velocity_from_track
 from bayesid.trials.measured_wind import in_measured_wind
-from bayesid.trials.noise_stated import with_seen_noise
+from bayesid.trials.noise_stated import with_noise_of_readings, with_seen_noise
 
 Names: TypeAlias = "str | Iterable[str] | None"
 TrialLike: TypeAlias = "Trial | str | os.PathLike[str]"
@@ -129,24 +129,33 @@ def with_believed_noise(trial: Trial, vehicle: Vehicle) -> Trial:
 
     A vehicle without a usual shaft speed keeps what is stated.
     """
-    speed = _usual_speed(vehicle)
+    speed = usual_speed(vehicle)
     return with_seen_noise(trial, (vehicle.L, speed)) if speed is not None else trial
 
 
-def condensed(trial: Trial, vehicle: Vehicle, most: int, trust_noise: bool = False) -> Trial:
+def condensed(
+    trial: Trial, vehicle: Vehicle, most: int, trust_noise: bool = False, as_seen: bool = False
+) -> Trial:
     """The trial with dense readings averaged where its runs to identify hold more than `most` samples.
 
     Noise is compared with fast changes of the readings as logged, unless it is to be trusted. A vehicle
     without a usual speed keeps its readings.
+
+    Parameters
+    ----------
+    as_seen : a noise that is not stated is taken from fast changes of the readings as logged, with a warning;
+        else a trial without any stated noise keeps its readings
     """
-    speed = _usual_speed(vehicle)
+    speed = usual_speed(vehicle)
     if speed is None or sum(run.n_samples for run in trial.identify) <= most:
         return trial
     believed = trial if trust_noise else with_seen_noise(trial, (vehicle.L, speed))
-    return averaged(believed, vehicle.L / speed, most)
+    known = with_noise_of_readings(believed, (vehicle.L, speed)) if as_seen else believed
+    done = averaged(known, vehicle.L / speed, most)
+    return believed if done is known else done
 
 
-def _usual_speed(vehicle: Vehicle) -> float | None:
+def usual_speed(vehicle: Vehicle) -> float | None:
     """Speed at the usual revolutions [m/s]; None where that is not known."""
     if vehicle.rpm_ref is None:
         return None

@@ -29,6 +29,7 @@ from bayesid.estimation.output_error import coefficient_set
 from bayesid.estimation.sampling import Posterior, SamplerOptions, SamplingSettings, trial_density
 from bayesid.estimation.sampling import sample as draw
 from bayesid.estimation.sampling.arviz_groups import arviz_groups, variable_units
+from bayesid.estimation.sampling.arviz_import import arviz
 from bayesid.estimation.sampling.nuts import NutsOptions, sample_nuts_until
 from bayesid.estimation.sampling.priors import with_prior
 from bayesid.estimation.sampling.trial_gradient import GradientTrialDensity
@@ -205,9 +206,7 @@ class SampleResult(Result):
 
     def to_xarray(self) -> Any:
         """The draws for ArviZ, read from posterior.nc: InferenceData (ArviZ 0.x) or DataTree (1.x)."""
-        import arviz
-
-        return arviz.from_netcdf(str(self.out / "posterior.nc"))
+        return arviz().from_netcdf(str(self.out / "posterior.nc"))
 
     def leave_one_run_out(self) -> Any:
         """ArviZ's PSIS leave-one-run-out: elpd, its error, and Pareto k per run (above .7: not valid there).
@@ -217,8 +216,6 @@ class SampleResult(Result):
         SampleError
             the likelihood is no sum over runs: noise integrated out, or adjusted to what `fit` finds
         """
-        import arviz
-
         data = self.to_xarray()
         if "log_likelihood" not in getattr(data, "children", ()) and not hasattr(data, "log_likelihood"):
             raise SampleError(
@@ -227,7 +224,7 @@ class SampleResult(Result):
             )
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of a large k, which the result carries
-            return arviz.loo(data, var_name="runs", pointwise=True, reff=1.0)
+            return arviz().loo(data, var_name="runs", pointwise=True, reff=1.0)
 
     def report(self) -> Report:
         return sample_report(self.found, self.posterior, self.view)

@@ -6,14 +6,17 @@ from __future__ import annotations
 import os
 import re
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from pathlib import Path
 
 import numpy as np
 
 from bayesid.api.inputs import VehicleLike, change_notes, ordered, parameter_values, scale_of, vehicle_of
 from bayesid.equations.model import Model, build_model
+from bayesid.errors import ManoeuvreError
 from bayesid.simulation.virtual_trial import virtual_trial
 from bayesid.trials import Trial
+from bayesid.words import did_you_mean
 
 
 def simulate(
@@ -25,6 +28,7 @@ def simulate(
     change: Mapping[str, float | str] | None = None,
     noise: Mapping[str, float] | None = None,
     seed: int = 0,
+    holdout: Iterable[str] = (),
 ) -> Trial:
     """Run manoeuvres from a straight run and log every channel over ground.
 
@@ -39,6 +43,7 @@ def simulate(
     change : coefficient (units of the vehicle file) or effect parameter (SI, or text with a unit) -> value
     noise : channel -> one sigma of white noise [SI]
     seed : of the noise
+    holdout : manoeuvres that are kept for judging, as they are given, or names of their runs
 
     Returns
     -------
@@ -50,7 +55,7 @@ def simulate(
         what cannot be read or executed
     """
     model = build_model(vehicle_of(vehicle), dof)
-    return simulate_model(model, vehicle, manoeuvres, dt, rpm, change, noise, seed)
+    return simulate_model(model, vehicle, manoeuvres, dt, rpm, change, noise, seed, holdout)
 
 
 def simulate_model(
@@ -62,6 +67,7 @@ def simulate_model(
     change: Mapping[str, float | str] | None,
     noise: Mapping[str, float] | None,
     seed: int,
+    holdout: Iterable[str] = (),
 ) -> Trial:
     """`simulate` with a model that is built already."""
     par = model.with_values(parameter_values(model, change), units="file")
@@ -70,7 +76,7 @@ def simulate_model(
     scale = scale_of(model, rpm, dt)
     parsed = ordered(model, manoeuvres, scale, dt)
     orders = {_run_name(text, k): parsed[text] for k, text in enumerate(manoeuvres, 1)}
-    texts = dict(zip(orders, (text.replace(":", " ", 1) for text in manoeuvres), strict=True))
+    texts = dict(zip(orders, map(_words, manoeuvres), strict=True))
     named = model.vehicle.name if not isinstance(vehicle, str | os.PathLike) else os.fspath(vehicle)
     return virtual_trial(
         model,
@@ -81,9 +87,43 @@ def simulate_model(
         descriptions=texts,
         noise=dict(noise or {}),
         rng=np.random.default_rng(seed),
+        holdout=_held_out(dict(zip(orders, manoeuvres, strict=True)), holdout),
     )
 
 
+def _held_out(orders: Mapping[str, str], holdout: Iterable[str]) -> tuple[str, ...]:
+    """Names of the runs that are kept for judging.
+
+    Parameters
+    ----------
+    orders : name of a run -> its manoeuvre as it was given
+    """
+    asked = [holdout] if isinstance(holdout, str) else list(holdout)
+    every = {*orders, *orders.values()}
+    if unknown := [text for text in asked if text not in every]:
+        raise ManoeuvreError(
+            f"no run {', '.join(unknown)} to hold out"
+            + (did_you_mean(unknown, every) or f"; there are {', '.join(dict.fromkeys(orders.values()))}")
+        )
+    held = tuple(name for name, text in orders.items() if name in asked or text in asked)
+    if held and len(held) == len(orders):
+        raise ManoeuvreError("every run is held out: leave one at least to identify from")
+    return held
+
+
+def _table(text: str) -> Path | None:
+    """File of a table of orders; None for another manoeuvre."""
+    kind, _, file = text.partition(":")
+    return Path(file.partition(",")[0].strip()) if kind.strip().lower() == "table" else None
+
+
+def _words(text: str) -> str:
+    """What a run does, for a reader: a table by its file without folder."""
+    file = _table(text)
+    return text.replace(":", " ", 1) if file is None else f"orders of {file.name}"
+
+
 def _run_name(text: str, number: int) -> str:
-    stem = re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_")[:40]
-    return f"{number:02d}_{stem}"
+    file = _table(text)
+    stem = re.sub(r"[^A-Za-z0-9]+", "_", text if file is None else file.stem).strip("_")[:40]
+    return f"{number:02d}_{stem or 'orders'}"

@@ -51,7 +51,8 @@ def diagnose(
     --out gets diagnosis.json, a report, posterior.nc where an effect is named (without --quick), and
     model.json for `bayesid predict`. Held-out runs are read only after the verdict stands. A log with a sign,
     unit, axis or clock mistaken gets the verdict `input`, the line of trial.toml that mends it, and exit
-    code 4. A diagnosis that is stopped goes on where it was when the same line is run again.
+    code 4. Where a check failed, or there is not enough to say anything, it ends with exit code 3. A
+    diagnosis that is stopped goes on where it was when the same line is run again.
 
     A folder of bundles gets a report for each below --out, one page over all, and a vehicle file with the
     coefficients that the bundles of a vehicle share; --workers and --executor are for it. It ends with exit
@@ -89,4 +90,5 @@ def diagnose(
         trust_input=trust, progress=Progress(quiet=as_json), journal=out,
     )  # fmt: skip
     answer(found, out, as_json, verbose, figures=formats)
-    return {"not_enough": NOT_CONVERGED, "input": WRONG_LOG}.get(found.verdict, OK)
+    code = NOT_CONVERGED if found.failures else OK
+    return {"not_enough": NOT_CONVERGED, "input": WRONG_LOG}.get(found.verdict, code)

@@ -32,8 +32,8 @@ from bayesid.cli.vehicle_check import check
 from bayesid.cli.vehicle_new import new
 
 EPILOGUE = (
-    "Exit codes: 0 ok, 2 usage or bad input, 3 not converged, or a question is left, 4 a mistake in the log, "
-    "130 stopped."
+    "Exit codes: 0 ok, 2 usage or bad input, 3 not converged, a check failed, or a question is left, "
+    "4 a mistake in the log, 130 stopped."
 )
 
 

@@ -31,6 +31,14 @@ Changed = Annotated[
         help="Change a coefficient (file units) or an effect parameter (SI, or with a unit: 2deg).",
     ),
 ]
+HeldOut = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--holdout",
+        metavar="MANOEUVRE",
+        help="Keep this run for judging (role `holdout`), e.g. turn:20; may be given several times.",
+    ),
+]
 
 
 def simulate(
@@ -41,13 +49,17 @@ def simulate(
     rpm: Shaft = None,
     change: Changed = None,
     noise: Noise = None,
+    holdout: HeldOut = None,
     out: Out = None,
     seed: Seed = 0,
     as_json: Json = False,
     verbose: Verbose = False,
     quiet: Quiet = False,
 ) -> None:
-    """Simulate manoeuvres and measure them; --out writes a trial bundle."""
+    """Simulate manoeuvres and measure them; --out writes a trial bundle.
+
+    --quiet prints a line per run and no measures. Orders of your own are a table, `table:FILE.csv`.
+    """
     from bayesid.api.simulate import simulate_model
     from bayesid.cli.output import print_json, print_text
     from bayesid.cli.quantity import changes_of, noise_of
@@ -62,7 +74,7 @@ def simulate(
     found = load_vehicle(vehicle)
     model = build_model(found, dof or 3)
     trial = simulate_model(
-        model, vehicle, tuple(manoeuvres), dt, rpm, changes_of(change), noise_of(noise), seed
+        model, vehicle, tuple(manoeuvres), dt, rpm, changes_of(change), noise_of(noise), seed, holdout or ()
     )
     results = {run.name: _summary(run) for run in trial.runs}
     if out is not None:
@@ -74,11 +86,11 @@ def simulate(
         return
     for result in results.values():
         first, last = result["speed at the start [m/s]"], result["speed at the end [m/s]"]
-        print_text(
-            f"{result['manoeuvre']}: {result['duration [s]']:.0f} s, speed {first:.3g} to {last:.3g} m/s"
-        )
-        print_measures(result["measures"], found.L)
-        print_text()
+        name = result["manoeuvre"] + (", held out" if result["role"] == "holdout" else "")
+        print_text(f"{name}: {result['duration [s]']:.0f} s, speed {first:.3g} to {last:.3g} m/s")
+        if not quiet:
+            print_measures(result["measures"], found.L)
+            print_text()
     if out is not None:
         print_text(f"trial bundle: {out / 'trial.toml'}")
 
@@ -90,6 +102,7 @@ def _summary(run: Run) -> dict[str, Any]:
     speed = _speed(run)
     return {
         "manoeuvre": run.manoeuvre,
+        "role": run.role,
         "samples": run.n_samples,
         "duration [s]": run.duration,
         "speed at the start [m/s]": float(speed[0]),

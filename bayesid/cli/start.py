@@ -59,6 +59,8 @@ def start(
 ) -> int:
     """Guide from raw logs to a first diagnosis: find, import, check, diagnose, report.
 
+    Ends with the exit code of the diagnosis: 3 where a check failed, 4 where the log has a mistake.
+
     A vehicle is a built-in name (--vehicle), or a vehicle file, a data sheet (`bayesid vehicle new
     --template`) or a simulator's file in the folder. It asks only what files cannot tell; without a
     terminal, or with --yes, it prints the questions, names the file to edit and stops with exit code 3.
@@ -276,7 +278,23 @@ def _judge(bundle: Path, out: Path, vehicle: str | None, steps: _Steps, quick: b
     if code not in (OK, WRONG_LOG):  # a diagnosis mends a mistake of the log in memory
         return code
     gap = out / GAP
+    _say_before(bundle, gap, own, quick)
     steps.say("diagnose", bundle, "--out", gap, *own, *(["--quick"] if quick else []))
     code = diagnose(bundle, out=gap, vehicle=own[1] if own else None, quick=quick, verbose=verbose)
     print_text(f"\nReport: {gap / 'report.html'}. The commands are in {steps.path}, for the next logs.")
     return code
+
+
+def _say_before(bundle: Path, gap: Path, own: list[str], quick: bool) -> None:
+    """What the diagnosis reads, how long it may take, and which run it is judged by."""
+    from bayesid.api.outlook import outlook
+    from bayesid.cli.output import command, print_text
+
+    ahead = outlook(bundle, own[1] if own else None, quick=quick)
+    rate, time, held = ahead.sentences()
+    if (step := ahead.coarser) is not None:
+        line = command("diagnose", bundle, "--out", gap, *own, "--resample", f"{step:g}")
+        time += f" With single readings it is faster, and knows somewhat less: {line}"
+    other = "another" if ahead.held_out else "one"
+    roles = f'`role = "holdout"` or "identify" of the runs in {bundle / "trial.toml"}'
+    print_text(f"\n{rate}\n{time}\n{held} To hold out {other}: {roles}; then give the same command again.")

@@ -1,7 +1,7 @@
 """What a user sees when something goes wrong: one message and an exit code, a traceback only with -v.
 
-Exit codes: 0 ok, 2 usage or bad input, 3 not converged, 1 a fault of the program or a killed worker, 130
-stopped by the user, 143 by the system.
+Exit codes: 0 ok, 2 usage or bad input, 3 not converged or a check failed, 4 a mistake in the log, 1 a fault
+of the program or a killed worker, 130 stopped by the user, 143 by the system.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ from bayesid.diagnosis.failed_checks import (
     predicts_worse,
 )
 from bayesid.diagnosis.hypotheses.rules import LEFT_OUT_WORSE, MOTION_EVENT, NAMING
-from bayesid.diagnosis.moved_words import freeing, moved_words
+from bayesid.diagnosis.moved_words import freeing, moved_words, retuned
 from bayesid.diagnosis.plain_words import in_words, intervals, lowered, probability, sentence
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import Effect, RunError
@@ -42,7 +42,7 @@ from bayesid.diagnosis.threshold_table import SURE_PROBABILITY
 from bayesid.words import first_few
 
 RMS = " (rms)"
-AS_GIVEN = "explained (as given)"  # the third model where it is the first one
+AS_GIVEN = "as given, nothing added"  # the third model where it is the first one
 LARGE_HEADING = 10.0  # degrees rms; a simulator that misses by more is not said to agree
 # Hypotheses from this probability on are named as what else it could be.
 WORTH_A_WORD = 0.01
@@ -109,11 +109,6 @@ def counted_after(result: Result) -> str:
 def explained_words(result: Result) -> str:
     """What the third model is: with what is named, or with the best explanation, which may be another."""
     return " ".join([_explained(result), *_as_stated(result)])
-
-
-def retuned(result: Result) -> bool:
-    """Whether the third model has the coefficients re-tuned."""
-    return result.retuning is None or result.retuning.kept
 
 
 def _as_stated(result: Result) -> list[str]:

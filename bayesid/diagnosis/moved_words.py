@@ -15,6 +15,11 @@ MOST_MOVED = 6
 MOST_PERCENT = 300
 
 
+def retuned(result: Result) -> bool:
+    """Whether the third model has the coefficients re-tuned."""
+    return result.retuning is None or result.retuning.kept
+
+
 def _surely_moved(result: Result) -> list[str]:
     """Coefficients that the runs move out of their stated uncertainty, the surest first, not too many.
 
@@ -34,11 +39,11 @@ def _stated_deviations(m: Moved) -> float:
 
 def moved_words(result: Result) -> tuple[str, ...]:
     """Coefficients that the runs move out of their stated uncertainty, and how far, by re-tuning and with the
-    explanation; the surest first."""
-    out = []
+    explanation where it does not keep them as given; the surest first."""
+    out, both = [], bool(explanation(result)) and retuned(result)
     for name in _surely_moved(result):
         m = result.moved[name]
-        with_it = f", explained {_change(m.explained, m.given)}" if explanation(result) else ""
+        with_it = f", explained {_change(m.explained, m.given)}" if both else ""
         out.append(
             f"{name} {_change(m.retuned, m.given, m.retuned_sd)} ({_stated_deviations(m):.1f} times its "
             f"stated uncertainty{with_it})"
@@ -56,6 +61,14 @@ def _change(value: float, given: float, sd: float | None = None) -> str:
     spread = 100 * sd / abs(given)
     decimals = 0 if spread >= 1 else 1
     return f"{share:+.{decimals}f} ± {max(spread, 0.1):.{decimals}f} %"
+
+
+def moved_title(result: Result) -> str:
+    """What the list of `moved_words` is called: it says where the explanation moves none of them."""
+    kept = bool(explanation(result)) and not retuned(result)
+    return "coefficients that re-tuning moves most" + (
+        " (the explanation keeps them as given)" if kept else ""
+    )
 
 
 def freeing(result: Result) -> str:

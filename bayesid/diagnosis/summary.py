@@ -11,6 +11,7 @@ from collections.abc import Iterable
 
 from bayesid.diagnosis.answer import Answer, answer, counted_after
 from bayesid.diagnosis.evidence.effect_draws import warning
+from bayesid.diagnosis.moved_words import moved_title
 from bayesid.diagnosis.plain_words import number
 from bayesid.diagnosis.result import Result
 
@@ -38,7 +39,7 @@ def summary(result: Result, verbose: bool = False) -> str:
     if a.errors:
         out += ["", f"rms errors, {a.where}, {counted_after(result)}", *_errors(a), f"  {a.explained}"]
     out += _listed("how sure, and what else it could be", a.certainty)
-    out += _listed("coefficients that move most", a.moved)
+    out += _listed(moved_title(result), a.moved)
     out += _listed("what to do next", a.steps)
     out += _listed("notes", notes(result))
     out.append(f"\nverdict: {result.verdict}; 95 % set: {', '.join(result.set95)}")

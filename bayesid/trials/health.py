@@ -73,7 +73,8 @@ def _amidships(runs: Sequence[Run]) -> list[str]:
         f"with the rudder amidships the vehicle turns to {'starboard' if rate > 0 else 'port'} by "
         f"{abs(rate) / _DEG:.2g} degrees a second in {len(turning)} of {asked} runs before the first "
         "order; no coefficient of a symmetric hull does that: look for an offset of the rudder, wind, a side "
-        "force of the propeller"
+        "force of the propeller; a current begins such a turn where a run begins, and only a vehicle that is "
+        "unstable on course keeps it up"
     ]
 
 

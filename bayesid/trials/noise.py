@@ -6,12 +6,12 @@ Does not: see slow errors; filtered logs look less noisy than they are.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
 from bayesid.model.channels import channel
-from bayesid.trials.trial import Floats
+from bayesid.trials.trial import Floats, Run
 
 _NORMAL = 0.6744897501960817  # median |z| of a unit normal
 
@@ -42,6 +42,30 @@ def raised_words(least: Mapping[str, float]) -> str:
         f"no noise to speak of in {', '.join(least)} (a simulated log?): taken as {LEAST:g} of the vehicle's "
         f"size ({values}); state what the sensors have under [noise], or simulate with --noise"
     )
+
+
+def noise_of_readings(runs: Sequence[Run], names: Iterable[str]) -> dict[str, float]:
+    """White noise per channel [SI], of third differences of its readings, which remove smooth motion.
+
+    A channel slower than the rows has empty cells between its readings. One that no run reads more than a
+    dozen times is left out; the median over the runs is taken."""
+    out = {}
+    for name in names:
+        scatter = []
+        for run in runs:
+            if name in run.data:
+                y = run.data[name][np.isfinite(run.data[name])]
+                d = y[3:] - 3 * y[2:-1] + 3 * y[1:-2] - y[:-3]
+                if d.size > 10:
+                    scatter.append(1.4826 * np.median(np.abs(d)) / np.sqrt(20.0))
+        if scatter:
+            out[name] = float(np.median(scatter))
+    return out
+
+
+def not_stated_words(names: Iterable[str]) -> str:
+    """Where the noise of these channels is from, for a reader."""
+    return f"sensor noise of {', '.join(names)} is not stated; estimated from fast changes of the readings"
 
 
 def rough_noise(t: Floats, values: Floats) -> float:

@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bayesid.model.channels import channel
-from bayesid.trials.noise import difference_noise, raised
-from bayesid.trials.trial import Floats, Run, Trial
+from bayesid.trials.noise import difference_noise, noise_of_readings, not_stated_words, raised
+from bayesid.trials.trial import Floats, Run, Trial, channels_of
 
 ORDER, OTHER_ORDERS = 6, (4, 8)  # of the differences: a quintic is removed, a cubic, a polynomial of 7
 FEWEST = 60  # readings of a channel in all runs together
@@ -135,6 +135,23 @@ def with_seen_noise(trial: Trial, size: tuple[float, float]) -> Trial:
     if wrong is None:
         return trial
     return replace(trial, noise=believed(trial.noise, seen), warnings=(*trial.warnings, wrong))
+
+
+def with_noise_of_readings(trial: Trial, size: tuple[float, float]) -> Trial:
+    """The trial with a noise for every channel: what is not stated is seen in its readings, and said.
+
+    Parameters
+    ----------
+    size : length and speed of the vehicle [m, m/s]; no noise is taken to be less than `LEAST` of it
+    """
+    missing = [name for name in channels_of(trial.identify) if name not in trial.noise]
+    found = noise_of_readings(trial.identify, missing)
+    if not found:
+        return trial
+    noise = {**trial.noise, **found}
+    return replace(
+        trial, noise=noise | raised(noise, *size), warnings=(*trial.warnings, not_stated_words(found))
+    )
 
 
 def noise_warning(trial: Trial) -> str | None:

@@ -45,10 +45,13 @@ def commands() -> str:
 def exit_codes() -> str:
     """The codes by which a script knows how a command ended."""
     rows = [
-        ["0", "ok; a check that a prediction or a diagnosis failed is in its first lines"],
+        ["0", "ok; a check that a prediction failed is in its first lines"],
         ["1", "a fault of the program, or a worker process was killed"],
         ["2", "usage or bad input; the message says what, where and what to do"],
-        ["3", "not converged, or not determined by data and prior"],
+        [
+            "3",
+            "not converged, not determined by data and prior, a failed check of a diagnosis, or a question",
+        ],
         ["4", "the log does not say what its header says: `trial check`, verdict `input` of `diagnose`"],
         ["130, 143", "stopped; what was done is kept, and the same command goes on from there"],
     ]

@@ -35,7 +35,7 @@ from bayesid.model.effects import Effect
 from bayesid.trials import Trial
 from bayesid.trials.health import one_sided_turns
 from bayesid.trials.kinematics.derived_velocity import velocity_from_track
-from bayesid.trials.noise import raised, raised_words
+from bayesid.trials.noise import noise_of_readings, not_stated_words, raised, raised_words
 from bayesid.words import counted
 
 Notify = Callable[[str], None]
@@ -190,10 +190,8 @@ def build_problem(
     measured = {c for run in runs for c in run.data}
     missing = [c for c in model.kernel.channels if c in measured and c not in noise]
     if missing:
-        noise |= _noise_from_data(runs, missing)
-        warnings.append(
-            f"sensor noise of {', '.join(missing)} is not stated; estimated from fast changes of the readings"
-        )
+        noise |= noise_of_readings(runs, missing)
+        warnings.append(not_stated_words(missing))
     channels = tuple(c for c in model.kernel.channels if c in noise and c in measured)
     least = raised({c: noise[c] for c in channels}, model.scales["L"], model.scales["U"])
     if least:
@@ -244,24 +242,6 @@ def build_problem(
         velocity_from_track=derived,
         turns=bool(one_sided_turns(runs)[0]),
     )
-
-
-def _noise_from_data(runs: tuple, names: list[str]) -> dict[str, float]:
-    """White noise per channel from third differences of its readings, which remove smooth motion.
-
-    A channel slower than the rows has empty cells between its readings."""
-    out = {}
-    for name in names:
-        scatter = []
-        for run in runs:
-            if name in run.data:
-                y = run.data[name][np.isfinite(run.data[name])]
-                d = y[3:] - 3 * y[2:-1] + 3 * y[1:-2] - y[:-3]
-                if d.size > 10:
-                    scatter.append(1.4826 * np.median(np.abs(d)) / np.sqrt(20.0))
-        if scatter:
-            out[name] = float(np.median(scatter))
-    return out
 
 
 def _environment(

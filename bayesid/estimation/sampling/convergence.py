@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bayesid.estimation.sampling.arviz_import import arviz
+
 Array = np.ndarray
 MOST_RANKED = 100_000  # draws ranked for R-hat; more would change its fourth digit
 TAIL = (0.05, 0.95)  # quantiles of the tail effective size (Vehtari et al. 2021); arviz 1.x has no default
@@ -152,24 +154,20 @@ def autocorrelation_time(draws: Array, window: float = 5.0) -> Array:
 
 def _rhat(one: Array) -> float:
     """Of (ensembles, steps, walkers): a chain is an ensemble, step by step, so that halves are halves."""
-    import arviz
-
     e = one.shape[0]
     stride = max(1, one.size // MOST_RANKED)
     chains = one[:, ::stride].reshape(e, -1)
     if np.ptp(chains) == 0:
         return float("nan")
-    return float(arviz.rhat(chains)) if e > 1 else float(arviz.rhat(chains.reshape(2, -1)))
+    return float(arviz().rhat(chains)) if e > 1 else float(arviz().rhat(chains.reshape(2, -1)))
 
 
 def effective_size(one: Array, kind: str) -> float:
     """Of (ensembles, steps, walkers): a chain is a walker."""
-    import arviz
-
     chains = np.swapaxes(one, 1, 2).reshape(-1, one.shape[1])
     if one.shape[1] < 4 or np.ptp(chains) == 0:
         return 0.0
-    return float(arviz.ess(chains, method=kind, **({"prob": TAIL} if kind == "tail" else {})))
+    return float(arviz().ess(chains, method=kind, **({"prob": TAIL} if kind == "tail" else {})))
 
 
 def _stuck(draws: Array) -> tuple[tuple[int, int], ...]:

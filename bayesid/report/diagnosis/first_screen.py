@@ -16,6 +16,7 @@ from bayesid.diagnosis.answer import Answer, counted_after
 from bayesid.diagnosis.data.event import Event
 from bayesid.diagnosis.evidence import replay as evidence
 from bayesid.diagnosis.evidence.replay import EXPLAINED, GIVEN, RETUNED
+from bayesid.diagnosis.moved_words import moved_title
 from bayesid.diagnosis.plain_words import Z95, number
 from bayesid.diagnosis.result import Result
 from bayesid.report import run_picture
@@ -51,7 +52,8 @@ def first_blocks(result: Result, a: Answer) -> list[Block]:
     blocks += replay_blocks(result, a)
     sure = [f"- {literal(s)}" for s in a.certainty]
     if a.moved:
-        sure.append(f"- Coefficients that re-tuning moves most: {literal('; '.join(a.moved[:3]))}.")
+        title = moved_title(result)
+        sure.append(f"- {title[:1].upper()}{title[1:]}: {literal('; '.join(a.moved[:3]))}.")
     blocks.append(Section("How sure, and what else it could be", [Text("\n".join(sure))]))
     blocks.append(Section("What to do next", [Text("\n".join(f"- {s}" for s in a.steps))]))
     return blocks

@@ -82,9 +82,10 @@ def refuse_logs(runs: Sequence[Joined], files: Sequence[str], folder: Path) -> N
     ------
     ImportLogError             one is
     """
-    logs = {digest for joined in runs for digest in joined.digests.values()}
+    logs = {log for joined in runs for log in joined.logs if log.exists()}
     for file in files:
-        if (folder / file).is_file() and digest_of(folder / file) in logs:
+        # by the file and not by what is in it: a table of an import holds what a log of the same format does
+        if (folder / file).is_file() and any((folder / file).samefile(log) for log in logs):
             raise ImportLogError(
                 f"{folder / file}: is one of the logs, and a run would be written over it; choose another "
                 "folder, or another name for the run"

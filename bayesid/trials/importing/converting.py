@@ -15,11 +15,14 @@ from bayesid.model.units import UnitError, scale
 from bayesid.trials.assemble import unwrap
 from bayesid.trials.importing import axes, geodesy
 from bayesid.trials.importing.log_map import LogMap
+from bayesid.trials.importing.names import role_of_name
 from bayesid.trials.importing.raw import ImportLogError, RawLog
 from bayesid.trials.importing.roles import QUATERNION, ROLES
+from bayesid.trials.importing.unit_words import split_unit
 from bayesid.trials.trial import Floats
 
 Series = tuple[Floats, Floats]  # times, values
+ALIKE = 0.6  # share of letters from which a series of another name may be meant
 
 
 @dataclass(frozen=True)
@@ -74,11 +77,12 @@ def convert(
             continue
         log = recording.logs[label]
         series = log.by_name.get(name)
+        near = _near(name, role, log) if series is None else ""
         if series is None and len(found.sources[label].files) > 1:
-            recording.notices.append(f"{Path(log.path).name} has no {name!r} for {role}{_near(name, log)}")
+            recording.notices.append(f"{Path(log.path).name} has no {name!r} for {role}{near}")
             continue
         if series is None:
-            problems.append(f"{Path(log.path).name}: has no series {name!r} for {role}{_near(name, log)}")
+            problems.append(f"{Path(log.path).name}: has no series {name!r} for {role}{near}")
             continue
         row = ROLES[role]
         unit = entry.unit if entry.unit is not None else (series.unit or row.bare)
@@ -159,12 +163,15 @@ _OWN = frozenset(name for name, row in ROLES.items() if row.bare and name not in
 ))  # fmt: skip
 
 
-def _near(name: str, log: RawLog) -> str:
+def _near(name: str, role: str, log: RawLog) -> str:
+    """The series that was meant: one whose name tells the same role, else spelt alike without its unit."""
     import difflib
 
-    names = [*log.others, *log.by_name]
-    near = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
-    return f"; did you mean {near[0]!r}?" if near else f"; it has {', '.join(names[:8])}"
+    bare = {split_unit(other)[0].lower(): other for other in (*log.others, *log.by_name)}
+    same = [other for word, other in bare.items() if role_of_name(word) == role]
+    alike = difflib.get_close_matches(split_unit(name)[0].lower(), bare, n=1, cutoff=ALIKE)
+    near = [*same[:1], *(bare[word] for word in alike)]
+    return f"; did you mean {near[0]!r}?" if near else f"; it has {', '.join(list(bare.values())[:8])}"
 
 
 def at_times(series: Series, t: Floats, angle: bool = False) -> Floats:

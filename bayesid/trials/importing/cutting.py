@@ -15,6 +15,8 @@ _DEG = np.pi / 180.0
 NEUTRAL = 1.5 * _DEG  # rudder within this of its middle is amidships
 LEAD = 5.0  # s of steady motion kept before the first order
 SHORTEST = 20.0  # s; shorter pieces are no run
+# rad; a vehicle that turns further before its rudder goes over does not weave about a course: it turns
+LONGEST_LEG = np.pi
 SERVO = 0.25  # of the time a rudder moves from side to side, in which it is still seen to stand
 # Seconds, and times the usual step, without any row, after which a log goes on as another run.
 BETWEEN_RUNS, BETWEEN_STEPS = 60.0, 10.0
@@ -99,6 +101,9 @@ def classify(t: Floats, rudder: Floats, psi: Floats | None) -> tuple[str, str]:
     flips = int(np.sum(signs[1:] != signs[:-1]))
     if flips == 0 and off.sum() <= 2 and (turned > 1.5 * np.pi or (same and _is_held(t, rudder, size))):
         return "turn", f"turning circle {degrees}" if turned > 1.5 * np.pi else f"turn {degrees}"
+    legs = _turned_by_leg(rudder, psi, 0.3 * big) if same and flips else []
+    if legs and max(legs) > LONGEST_LEG:
+        return ("turn", f"turns {degrees}") if np.median(legs) > LONGEST_LEG else ("random", "random orders")
     if same and flips >= 2 and flips == signs.size - 1:
         return _zigzag(t, rudder, psi, degrees)
     steps = np.sign(np.diff(levels[held > 0.0]))
@@ -106,6 +111,15 @@ def classify(t: Floats, rudder: Floats, psi: Floats | None) -> tuple[str, str]:
     if levels.size >= 5 and runs <= 3 and float(np.median(held)) > 8.0:
         return "spiral", "spiral"
     return "random", "random orders"
+
+
+def _turned_by_leg(rudder: Floats, psi: Floats | None, least: float) -> list[float]:
+    """By how much the heading turns while the rudder stays on one side by more than `least` [rad]."""
+    if psi is None:
+        return []
+    at = np.flatnonzero((np.abs(rudder) > least) & np.isfinite(psi))
+    legs = np.split(psi[at], np.flatnonzero(np.diff(np.sign(rudder[at]))) + 1)
+    return [float(np.ptp(leg)) for leg in legs if leg.size]
 
 
 def _is_held(t: Floats, rudder: Floats, size: float) -> bool:

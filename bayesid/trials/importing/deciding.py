@@ -406,8 +406,8 @@ def _rudder(draft: Draft) -> None:
         why = f"{turned} is more likely and set" if abs(pooled) > LIKELY_T else "port is set, a convention"
         draft.ask(
             1,
-            f"rudder_positive: the turns do not tell surely (t = {pooled:.1f}; {SURE_T:g} is enough) whether "
-            f"positive {draft.column(both[0])} turns to port or to starboard; {why}",
+            f"rudder_positive: the turns do not tell surely ({abs(pooled):.1f} standard errors; {SURE_T:g} "
+            f"are enough) whether positive {draft.column(both[0])} turns to port or to starboard; {why}",
         )
     else:
         draft.map = replace(draft.map, rudder_positive=turned)
@@ -415,10 +415,14 @@ def _rudder(draft: Draft) -> None:
             draft.ask(
                 0,
                 f"rudder_positive: {draft.column(both[0])} says that positive is {side}, and the vehicle "
-                f"turns to {turned} by positive values (t = {abs(pooled):.0f}); {turned} is set",
+                f"turns to {turned} by positive values (by {abs(pooled):.0f} standard errors); {turned} is "
+                "set",
             )
         elif draft.handed:
-            draft.remark(f"positive rudder turns to {draft.map.rudder_positive} (t = {abs(pooled):.0f})")
+            draft.remark(
+                f"positive rudder turns to {draft.map.rudder_positive}, as the turns tell by "
+                f"{abs(pooled):.0f} standard errors"
+            )
 
 
 def _revolutions(draft: Draft) -> None:

@@ -30,6 +30,8 @@ class Joined:
     """One run: rows in time, NaN where a channel has no reading then.
 
     start : UTC of t = 0, seconds since 1970, or None
+    digests : file name of a log -> digest
+    logs : files it is made of
     """
 
     run: RunMap
@@ -39,6 +41,7 @@ class Joined:
     start: float | None
     digests: Mapping[str, str]
     notices: tuple[str, ...] = ()
+    logs: tuple[Path, ...] = ()
 
 
 def files_by_label(found: LogMap, sources: Sequence[Path]) -> dict[str, list[Path]]:
@@ -226,5 +229,6 @@ def apply_map(
         if t.size < 2:
             raise ImportLogError(f"run {run.name}: its window holds {t.size} samples")
         digests = {Path(log.path).name: log.digest for log in recording.logs.values()}
-        out.append(Joined(run, t, data, notes, recording.start, digests, tuple(recording.notices)))
+        logs = tuple(Path(log.path) for log in recording.logs.values())
+        out.append(Joined(run, t, data, notes, recording.start, digests, tuple(recording.notices), logs))
     return out, origin

@@ -16,6 +16,7 @@ from typing import Any
 from bayesid.errors import raise_all
 from bayesid.files import UnreadableError, read_regular
 from bayesid.trials.importing.clocks import CLOCKS, UNIT_SECONDS
+from bayesid.trials.importing.names import role_of_name
 from bayesid.trials.importing.raw import ImportLogError, SourceOptions
 from bayesid.trials.importing.roles import BODIES, ROLES, WORLDS
 from bayesid.trials.trial import ROLES as RUN_ROLES
@@ -279,7 +280,8 @@ class _Reader:
     def channel(self, role: str, table: Any, labels: tuple[str, ...]) -> ChannelMap | None:
         place = f"[channels] {role}: "
         if role not in ROLES:
-            near = difflib.get_close_matches(role[:40], ROLES, n=1)
+            meant = role_of_name(role[:40])
+            near = [meant] if meant else difflib.get_close_matches(role[:40], ROLES, n=1)
             hint = f"did you mean {near[0]!r}?" if near else f"one of {', '.join(ROLES)}"
             self.problems.append(f"{place}no such channel; {hint}")
             return None

@@ -9,6 +9,8 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+import numpy as np
+
 from bayesid.model.channels import ACTUATORS, COMMANDS, is_channel
 from bayesid.model.units import UnitError, scale
 from bayesid.trials.importing.raw import RawChannel
@@ -93,8 +95,9 @@ PATTERNS: tuple[tuple[str, str], ...] = (
           r"propeller rate|prop rate|shaft rate"),
     ("thrust", r"thrust|prop(eller)? thrust|schub"),
     ("torque", r"torque|prop(eller)? torque|drehmoment"),
-    ("wind_speed", r"(true )?wind speed|tws|true wind|wind velo true|wind speed true"),
-    ("wind_from", r"(true )?wind (dir|direction|from)|twd|wind dir true|wind direction true"),
+    ("wind_speed", r"(true )?wind (speed|vel(ocity)?)|tws|true wind|wind velo true|wind speed true|"
+                   r"windgeschwindigkeit"),
+    ("wind_from", r"(true )?wind (dir|direction|from)|twd|wind (dir|direction|from) true|windrichtung"),
 )  # fmt: skip
 _OWN_HEADER = re.compile(r"([A-Za-z_]\w*)\[[^\[\]]+\]")
 _COMPILED = tuple((role, re.compile(rf"(?:{pattern})")) for role, pattern in PATTERNS)
@@ -153,6 +156,15 @@ def guess_role(channel: RawChannel, own_format: bool = False) -> Guess | None:
                 if best is None or found.score > best.score:
                     best = found
     return best if best is not None and best.score > 0.2 else None
+
+
+def role_of_name(name: str) -> str | None:
+    """The role that the whole of a name without its unit tells; None if none."""
+    nothing = np.zeros(0)
+    found = guess_role(RawChannel(name, nothing, nothing))
+    if found is None or found.score < 2.0:
+        return None
+    return f"{found.role}_cmd" if found.ordered and found.role in WITH_ORDER else found.role
 
 
 def _field_of_struct(channel: RawChannel) -> list[tuple[str, float]]:

@@ -323,8 +323,8 @@ def _likely_rudder(draft: Draft, recordings: list[Recording], unused: list[str])
         if t is not None and abs(t) > most:
             best, most = name, abs(t)
     return (
-        f"; {best!r} moves before the turns as a rudder does (t = {most:.0f}): state its unit, or scale "
-        f"and offset"
+        f"; {best!r} moves before the turns as a rudder does (by {most:.0f} standard errors): state its "
+        "unit, or scale and offset"
         if best
         else ""
     )

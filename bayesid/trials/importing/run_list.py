@@ -51,6 +51,11 @@ def list_runs(draft: Draft, groups: list[tuple[str, ...]]) -> tuple[list[RunMap]
             (k for k, run in enumerate(runs) if run.manoeuvre not in ("straight", "")), default=len(runs) - 1
         )
         runs[last] = replace(runs[last], role="holdout")
+        why = "" if runs[last].manoeuvre in ("straight", "") else " that is not straight"
+        draft.remark(
+            f"{runs[last].name} is held out to judge by, as the last run{why}; `role` of the runs in the map "
+            "chooses another"
+        )
     return runs, looks
 
 

@@ -21,6 +21,7 @@ from bayesid.trials.mistakes.judge import FOLLOWS, SOME_RUNS, Base, Weighed, wei
 from bayesid.trials.mistakes.table import COMMON, RARE, USUAL, Mistake
 from bayesid.trials.trial import Floats, Run
 from bayesid.trials.window import window
+from bayesid.words import and_list
 
 LARGEST_BIAS = math.radians(30.0)  # of heading_bias in the catalogue: what is larger is another north
 # Clock: scales of instruments are nought but for one log in twenty, then of the catalogue's usual size
@@ -40,7 +41,7 @@ LONGEST_SHARE = 0.2  # of a run
 DEAD_TURN = 0.3  # rad turned while a rate or heading stands still
 JUMP = 20.0  # a step over the median one, from which on it is looked at
 AT_END = 2  # readings at either end of a run among which a jump is not told from an outlier
-SURE = 30.0  # nats of a column that never changes while another says it must
+SURE = 40.0  # nats of a column that never changes while another says it must, as one frozen at most
 
 
 def sized(base: Sequence[Base]) -> list[Weighed]:
@@ -124,8 +125,12 @@ def scale_by_itself(value: float, sd: float) -> float:
 
 
 def _dead(base: Sequence[Base]) -> list[Weighed | None]:
-    """Columns that never change while others say they must."""
+    """Columns that never change while others say they must, and those that do so in the same runs together:
+    one that is dead makes another no less so, and alone they would be rivals of each other.
+
+    A run in which a column lives speaks against its being dead there: it is kept."""
     out: list[Weighed | None] = []
+    alike: dict[tuple[float, ...], list[str]] = {}
     for name in ("psi", "r", "u", "v", "x", "y", "theta", "q", "delta_r"):
         logged = [one for one in base if _values(one.run, name) is not None]
         still = np.array([_still(one.run, name) for one in base])
@@ -140,9 +145,19 @@ def _dead(base: Sequence[Base]) -> list[Weighed | None]:
         word = "the rudder" if rudder else name
         says = f"{word} never changes although the vehicle moves: a dead column"
         correction = None if rudder else Correction(drop=(name,))
-        odds = np.where(moved, SURE, 0.0)
+        lives = ~still & np.array([_values(one.run, name) is not None for one in base])
+        odds = np.where(moved, SURE, np.where(lives, -SURE, 0.0))
         mistake = Mistake(f"dead {name}", says, correction, COMMON, (name,))
         out.append(Weighed(mistake, odds, {"size": odds}))
+        if not rudder:
+            alike.setdefault(tuple(odds.tolist()), []).append(name)
+    for each, names in alike.items():
+        if len(names) > 1:
+            odds = len(names) * np.array(each)
+            says = f"{and_list(names)} never change although the vehicle moves: dead columns"
+            prior = COMMON * len(names)
+            mistake = Mistake(f"dead {', '.join(names)}", says, Correction(drop=tuple(names)), prior)
+            out.append(Weighed(mistake, odds, {"size": odds}))
     return out
 
 
