@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import bayesid
 from bayesid.cli.main import run
-from bayesid.diagnosis.diagnosed_file import write_diagnosed
+from bayesid.diagnosis.diagnosed_file import read_diagnosed, write_diagnosed
 from bayesid.diagnosis.diagnosed_model import DiagnosedModel, WeightedHypothesis
 from bayesid.equations.model import build_model
 from bayesid.errors import ModelError
@@ -61,6 +62,16 @@ def test_a_seed_gives_the_same_ensemble_and_another_one_another(folder, tmp_path
         for name, seed in (("a", 1), ("b", 1), ("c", 2))
     )
     assert one == same != other
+
+
+def test_checks_that_the_model_failed_go_with_its_ensemble(folder, tmp_path, capsys):
+    made = read_diagnosed(folder)
+    write_diagnosed(replace(made, failed_checks=("The runs disagree.",)), tmp_path / "failed")
+    assert run(["export", str(tmp_path / "failed"), "--draws", "2", "--out", str(tmp_path / "e")]) == 0
+    assert "CHECK FAILED: The runs disagree." in capsys.readouterr().out
+    record = json.loads((tmp_path / "e" / "ensemble.json").read_text(encoding="utf-8"))
+    assert record["failed_checks"] == ["The runs disagree."]
+    assert "CHECK FAILED" not in bayesid.export(folder, tmp_path / "f", 2).summary()
 
 
 def test_the_command_writes_the_ensemble_and_refuses_a_folder_without_a_model(folder, tmp_path, capsys):

@@ -258,3 +258,10 @@ def test_finished_seeds_are_not_run_again(tmp_path):
     second = run_seeds(work, range(4), tmp_path, "c")
     assert sorted(calls) == [0, 1, 2, 3] and second[:3] == first
     assert json.loads((tmp_path / "c-3.json").read_text())["value"] == 9
+
+
+def test_a_ship_is_not_given_the_submarine_row_of_a_force_it_has():
+    ship = build_model(load_vehicle("kvlcc2_mmg"), 3)
+    with pytest.raises(FitError, match=r"has N_v,U, N_r,U, by the equations of ships; N_v, N_r would be"):
+        coefficient_set(ship, ["N_v", "N_r", "Y_v,U"])
+    assert coefficient_set(ship, ["N_v,U", "N_r,U"]).names == ("N_v,U", "N_r,U")

@@ -249,6 +249,24 @@ def test_measures_of_a_manoeuvre_come_with_bands():
     assert narrow["high"] - narrow["low"] < 1e-3 * (first["high"] - first["low"])
 
 
+def test_a_draw_that_is_carried_to_the_other_side_has_no_diameter():
+    """No circle is of less than nothing: such a draw lacks the measures instead of stretching their band."""
+    scale = Scale(S["L"], S["U"], MODEL.vehicle.rpm_ref, 0.23, 0.23, 3, TIME / 15)
+    p = predict_manoeuvre(found_with(), "turn:12", parse("turn:12", scale), draws=20)
+    whole = {m["quantity"]: m for m in measure_bands(p, measure)}["tactical diameter"]
+    carried = p.draws.copy()
+    j = p.channels.index("y")
+    carried[:5, :, j] -= (
+        20.0
+        * whole["mean"]
+        * np.sign(carried[:5, -1:, p.channels.index("psi")])
+        * ((p.t - p.t[0]) / (p.t[-1] - p.t[0]))
+    )
+    some = {m["quantity"]: m for m in measure_bands(replace(p, draws=carried), measure)}["tactical diameter"]
+    assert whole["share"] == 1.0 and some["share"] < 1.0
+    assert some["low"] > 0.0
+
+
 def test_the_table_of_a_prediction_reads_as_numbers(tmp_path):
     run, _ = logged(1)
     p = predict_run(found_with(), run, draws=20)
@@ -712,3 +730,5 @@ def test_a_band_is_told_with_digits_that_part_its_ends():
     assert band_text(332.2, 330.0, 332.4) == ("332.2", "330.0", "332.4")
     assert band_text(0.0, 0.0, 2e-4) == ("0", "0", "0.0002")
     assert band_text(5.0, 1.0, np.inf)[0] == "5"
+    # a rudder that was ordered is the same in all draws, but for rounding
+    assert band_text(13.002131245, 13.002131245, 13.0021312451) == ("13", "13", "13")

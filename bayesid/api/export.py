@@ -77,7 +77,7 @@ def export(
     record = {
         "model": found.model.digest, "verdict": found.verdict, "trial": found.trial, "seed": seed,
         "units": "SI; the disturbance is stationary Ornstein-Uhlenbeck noise, one per axis",
-        "sensor_noise": dict(found.noise), "members": members,
+        "sensor_noise": dict(found.noise), "failed_checks": list(found.failed_checks), "members": members,
     }  # fmt: skip
     write_json(Path(out) / ENSEMBLE, record)
     return ExportResult(record, Path(out))
@@ -144,7 +144,9 @@ class ExportResult(Result):
         acting = sorted({name.split(".")[0] for m in members for name in m["effects"]})
         with_effects = f", effects {', '.join(acting)}" if acting else ", no effects"
         vehicles = counted(len(members), "vehicle")
-        return f"{vehicles} of equal weight{with_effects}; {ENSEMBLE} says what goes with each"
+        lines = [f"{vehicles} of equal weight{with_effects}; {ENSEMBLE} says what goes with each"]
+        lines += [f"CHECK FAILED: {text}" for text in self.numbers["failed_checks"]]
+        return "\n".join(lines)
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
         return self.out / ENSEMBLE

@@ -59,6 +59,12 @@ def coefficient_set(
             f"model of {model.vehicle.name!r} ({model.dof}-DOF) has no parameter "
             f"{', '.join(unknown)}{hint}{' (a shell wants quotes around the bars)' if '|' in hint else ''}"
         )
+    if mixed := [n for n in names if n not in model.coefficients and f"{n},U" in model.coefficients]:
+        own = ", ".join(f"{n},U" for n in mixed)
+        raise FitError(
+            f"{model.vehicle.name} has {own}, by the equations of ships; {', '.join(mixed)} would be the "
+            "same force once more"
+        )
     entries = []
     for name in names:
         value = float(model.nominal[model.index[name]])

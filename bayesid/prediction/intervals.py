@@ -21,6 +21,7 @@ from bayesid.trials import Run
 Array = np.ndarray
 Measure = Callable[[str, Array, Mapping[str, Array]], list[dict[str, Any]]]
 DIGITS = 6
+DIAMETER = "diameter"  # ends the names of measures that no circle has below zero
 FULL_TURN = 2 * math.pi  # width of the heading's band from which on where a vehicle goes is not predicted
 
 
@@ -169,6 +170,8 @@ def measure_bands(p: Prediction, measure: Measure, level: float = INTERVAL_LEVEL
         if p.orders is not None:
             data["delta_r"] = p.orders[k]
         for result in measure(f"{p.manoeuvre} {p.name}", p.t, data):
+            if any(quantity.endswith(DIAMETER) and value <= 0.0 for quantity, value, _ in result["rows"]):
+                continue  # it is carried to the other side than it turns to: no circle to measure
             for quantity, value, unit in result["rows"]:
                 found.setdefault((result["kind"], quantity, unit), []).append(float(value))
     return [_row(key, values, len(p.draws), level) for key, values in found.items()]

@@ -26,6 +26,7 @@ DEGREE = 180 / math.pi
 MOST_ROWS, MOST_MEASURES, MOST_LEFT_OUT, MOST_PLACES = 8, 2, 4, 9
 ALL = 0.995  # share of the vehicles drawn that is printed as all
 ROUNDING = 1e-3  # of a band's width, up to which an end counts as the mean
+SAME = 1e-7  # width of a band, over its ends, that is rounding
 AS_GIVEN = "coefficients as given"  # what is told of a prediction whose coefficients are not fitted
 LEAST_LEFT_OUT = 0.005  # probability from which one is told; it is printed with two decimals
 Numbers = Mapping[str, Any]
@@ -47,6 +48,8 @@ def band_text(
     gaps = [gap for gap in (high - low, abs(mean - low), abs(high - mean)) if gap > least]
     if not all(map(math.isfinite, (mean, low, high))) or not gaps:
         return told
+    if high - low <= SAME * max(abs(low), abs(high)):
+        return told  # all draws agree but for rounding, as on what was ordered
     alike = [a == b for a, b in ((told[1], told[2]), (told[0], told[1]), (told[0], told[2]))]
     differ = [abs(a - b) > least for a, b in ((low, high), (mean, low), (mean, high))]
     if not any(same and other for same, other in zip(alike, differ, strict=True)):

@@ -100,7 +100,7 @@ def _with_form_if_asked(
     below = None if folder is None else Path(folder) / "form"
     try:
         formed, again, wider = _without_form(wide, replace(options, starts=1), below, resume, watch, None)
-    except FitError as error:
+    except (FitError, ModelError) as error:  # the vehicle may diverge anywhere on the way
         return plain, _formless(result, size, str(error)), posterior
     if wider is None or not again.converged:
         why = "the vehicle diverges at its estimate" if wider is None else again.message
@@ -156,7 +156,7 @@ def _without_form(
         below = None if folder is None else Path(folder) / f"weighted_{number}"
         try:
             again = fit(started, replace(options, profile=False, starts=1), below, resume, watch, store=False)
-        except FitError:  # it diverges from the readings' own initial states; the round before stands
+        except (FitError, ModelError):  # it diverges; the round before stands
             break
         if not again.converged:
             break
