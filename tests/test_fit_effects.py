@@ -195,3 +195,19 @@ def test_an_effect_of_ones_own_is_freed_by_name(tmp_path):
     i = found.fit.names.index("towed_rope.pull")
     assert abs(found.fit.z[i] - pull) < 3 * found.fit.sd[i] < 0.5 * pull
     assert "A rope pulls with" in effect_words(found)[0]
+
+
+@pytest.mark.slow
+def test_an_effect_is_sampled_beside_coefficients(tmp_path):
+    """The posterior of a planted lag holds it and is narrower than its prior."""
+    from bayesid.api.sample import sample
+
+    trial = _trial(PLANTED)
+    chosen = replace(trial, runs=tuple(window(run, 0.0, 120.0) for run in trial.runs))
+    found = sample(
+        chosen, tmp_path, free=["N_dr"], with_effects=list(EFFECTS), quick=True, max_steps=40, memory="ignore"
+    ).posterior
+    assert found.names[:1] == ("N_dr",)
+    i = found.names.index("actuator_lag.tau")
+    assert abs(found.mean[i] - PLANTED["actuator_lag.tau"]) < 4 * found.sd[i]
+    assert found.sd[i] < 0.3 * PLANTED["actuator_lag.tau"]

@@ -14,6 +14,7 @@ from bayesid.api.inputs import (
     Names,
     TrialLike,
     VehicleLike,
+    declared_effects,
     names_of,
     prepared,
     trial_of,
@@ -72,6 +73,8 @@ def sample(
     data: str | os.PathLike[str] | None = None,
     free: Names = None,
     fix: Names = None,
+    with_effects: Names = None,
+    effects: str | os.PathLike[str] | None = None,
     runs: Names = None,
     resample: float | None = None,
     pieces: float | None = None,
@@ -93,7 +96,7 @@ def sample(
 
     Parameters
     ----------
-    trial, vehicle, data, free, fix, runs, resample, pieces : as in `bayesid.fit`
+    trial, vehicle, data, free, fix, with_effects, effects, runs, resample, pieces : as in `bayesid.fit`
     out : folder of the fit and of the chain, which is kept as it grows
     prior : relative prior sd of every coefficient; by default the vehicle file's, and 0.1 where it states
         none
@@ -126,7 +129,8 @@ def sample(
     ship = vehicle_of(vehicle, logged, prior)
     chosen = with_shaft_speed(prepared(logged, runs, resample, QUICK_SAMPLES if quick else None), ship)
     chosen = with_believed_noise(chosen, ship)
-    model = build_model(ship, 3 if ship.planar_only else chosen.dof)
+    declared = declared_effects(effects)
+    model = build_model(ship, 3 if ship.planar_only else chosen.dof, declared)
     kept = set(names_of(fix) or ())
     params = coefficient_set(model, tuple(n for n in names_of(free) or model.coefficients if n not in kept))
     stated = {p.name for p in params.free if p.prior is not None}
@@ -143,6 +147,7 @@ def sample(
     with shown.stage("fit") as stage:
         found = fit_in_pieces(
             chosen, pieces, ship, out, params=params, parts=None if composite else NoiseParts(),
+            effects=names_of(with_effects) or [], declared=declared,
             watch=lambda n, cost, step: stage.step(info=f"cost {cost:.6g}"),
         )  # fmt: skip
     if not found.fit.converged:

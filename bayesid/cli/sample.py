@@ -6,7 +6,19 @@ from typing import Annotated, Literal
 
 import typer
 
-from bayesid.cli.choices import Bundle, Data, Fix, Free, Pieces, Prior, Resample, Runs, Vehicle
+from bayesid.cli.choices import (
+    Bundle,
+    Data,
+    Effects,
+    Fix,
+    Free,
+    Pieces,
+    Prior,
+    Resample,
+    Runs,
+    Vehicle,
+    With,
+)
 from bayesid.cli.options import Figures, Json, OutFolder, Quick, Quiet, Seed, Verbose, figure_formats
 from bayesid.cli.terminal import NOT_CONVERGED, OK
 
@@ -52,6 +64,8 @@ def sample(
     vehicle: Vehicle = None,
     free: Free = None,
     fix: Fix = None,
+    with_effects: With = None,
+    effects: Effects = None,
     runs: Runs = None,
     resample: Resample = None,
     pieces: Pieces = None,
@@ -83,7 +97,8 @@ def sample(
 
     formats = figure_formats(figures, out)
     found = run(
-        bundle, out, vehicle, data=data, free=free, fix=fix, runs=runs, resample=resample, pieces=pieces,
+        bundle, out, vehicle, data=data, free=free, fix=fix, with_effects=with_effects, effects=effects,
+        runs=runs, resample=resample, pieces=pieces,
         prior=prior, noise=noise, initial=initial, memory=memory, student=student, sampler=sampler,
         ensembles=ensembles, walkers=walkers, max_steps=steps, resume=resume, seed=seed, quick=quick,
         progress=Progress(quiet=as_json),
