@@ -357,10 +357,12 @@ def test_where_the_explanation_keeps_coefficients_as_given_no_change_of_them_by_
     moved = {"N_v": Moved(-1.0, 0.1, -1.5, -1.0, 0.01)}
     kept = replace(a_result(moved=moved), retuning=Retuning(False, -0.1, 0.2, {}))
     assert answer(kept).moved == ("N_v +50 ± 1 % (5.0 times its stated uncertainty)",)
-    assert "that re-tuning moves most (the explanation keeps them as given)\n  N_v" in summary(kept)
+    assert "that re-tuning moves, the surest first (the explanation keeps them as given)\n  N_v" in summary(
+        kept
+    )
     both = replace(kept, retuning=Retuning(True, 0.5, 0.2, {}))
     assert answer(both).moved == ("N_v +50 ± 1 % (5.0 times its stated uncertainty, explained +0 %)",)
-    assert "that re-tuning moves most\n  N_v" in summary(both)
+    assert "that re-tuning moves, the surest first\n  N_v" in summary(both)
 
 
 def test_a_verdict_that_needs_no_effect_and_no_other_coefficients_shows_the_simulator_as_given():

@@ -9,15 +9,18 @@ import numpy as np
 import pytest
 from thruster_plants import BOAT, boat_run, boat_trial
 
+from bayesid.api.compare import compare
 from bayesid.diagnosis.input import unmoved_inputs
 from bayesid.diagnosis.input.vehicle_behaviour import speed_ratio
 from bayesid.diagnosis.next_manoeuvre import propose
 from bayesid.equations.model import build_model
-from bayesid.errors import VehicleError
+from bayesid.errors import ManoeuvreError, VehicleError
 from bayesid.estimation.likelihood import NoiseParts
 from bayesid.estimation.segments import fit_in_pieces
 from bayesid.estimation.trial_fit import fit_trial
 from bayesid.model.vehicles import load_vehicle, self_propulsion_speed, write_vehicle
+from bayesid.model.vehicles.reading import BUILTIN_FOLDER
+from bayesid.model.vehicles.sufficient import lacking
 from bayesid.report.fit_effects import effect_words
 from bayesid.simulation import plan_run, simulate
 from bayesid.trials import load_trial, write_trial
@@ -118,3 +121,26 @@ def test_a_shaft_the_vehicle_does_not_have_says_nothing_of_its_speed(model):
     logged = replace(run, commands=run.commands | {"n_cmd": np.full(t.size, 1500.0)})
     assert speed_ratio(model, logged) is None
     assert speed_ratio(build_model(load_vehicle("esso_osaka_mmg")), logged) is not None  # the control
+
+
+def test_a_direction_of_any_length_is_written_and_read_as_one_vehicle(tmp_path):
+    """A unit vector that was written was made one again, a rounding off: its fits were of another."""
+    text = (
+        (BUILTIN_FOLDER / "differential_boat.toml")
+        .read_text("utf-8")
+        .replace("direction = [1.0, 0.0, 0.0]", "direction = [1.0, -1.0, 0.0]")
+    )
+    assert "[1.0, -1.0, 0.0]" in text
+    (tmp_path / "mine.toml").write_text(text, encoding="utf-8")
+    first = load_vehicle(tmp_path / "mine.toml")
+    write_vehicle(first, tmp_path / "again.toml")
+    second = load_vehicle(tmp_path / "again.toml")
+    assert [a.direction for a in second.actuators] == [a.direction for a in first.actuators]
+    assert np.hypot(*first.actuators[0].direction[:2]) == pytest.approx(1.0)
+    assert build_model(second).digest == build_model(first).digest
+
+
+def test_manoeuvres_of_a_rudder_are_not_compared_for_a_boat_without_one():
+    with pytest.raises(ManoeuvreError, match="has no rudder: manoeuvres are compared for rudder"):
+        compare(BOAT, quick=True)
+    assert any("no rudder" in text for text in lacking(load_vehicle(BOAT))["design"])

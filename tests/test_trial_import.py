@@ -404,6 +404,56 @@ def test_what_is_doubtful_is_asked(tmp_path, change, words):
     assert any(words in text for text in asked), asked
 
 
+def test_the_orders_of_thrusters_are_asked_for_by_the_names_of_the_vehicle(tmp_path):
+    truth = motion(np.random.default_rng(7))
+    columns = {
+        "t [s]": truth["t"], "x [m]": truth["x"], "y [m]": truth["y"], "yaw [deg]": truth["psi"] / DEG,
+        "Thruster port (rpm)": truth["n_cmd"], "Thruster stbd (rpm)": truth["n_cmd"],
+    }  # fmt: skip
+    log = _table(tmp_path, truth, columns)
+    asked = propose([log], inputs=("n_port", "n_stbd")).map.questions
+    assert any('n_port_cmd = "Thruster port (rpm)", n_stbd_cmd = "Thruster stbd (rpm)"' in q for q in asked)
+    assert not any("no rudder found" in q for q in asked)
+    assert any("no rudder found" in q for q in propose([log]).map.questions)
+
+
+@pytest.mark.parametrize("heading", [0.0, 45.0, 170.0])
+def test_a_straight_run_tells_no_drift_of_its_track(tmp_path, heading):
+    """Along a straight line a drift and a wrong speed are one: the drift has no size, on whatever heading."""
+    t, rng = np.arange(0.0, 200.0, 0.5), np.random.default_rng(3)
+    along = 1.6 * t
+    columns = {
+        "t [s]": t,
+        "north [m]": along * np.cos(heading * DEG) + 0.05 * rng.standard_normal(t.size),
+        "east [m]": along * np.sin(heading * DEG) + 0.05 * rng.standard_normal(t.size),
+        "heading [deg]": heading + 0.3 * rng.standard_normal(t.size),
+        "u [m/s]": 1.6 + 0.02 * rng.standard_normal(t.size), "v [m/s]": 0.02 * rng.standard_normal(t.size),
+        "rudder [deg]": np.zeros(t.size), "rpm": np.full(t.size, 900.0),
+    }  # fmt: skip
+    asked = propose([_table(tmp_path, {}, columns)]).map.questions
+    assert not any("drifts" in q for q in asked), asked
+
+
+def test_noise_about_north_makes_no_run_the_liveliest(tmp_path):
+    """Heading 359.9 and 0.1 degrees are no turn: the yaw rate is held against the run that turns."""
+    truth, rng = motion(np.random.default_rng(7)), np.random.default_rng(4)
+    n = truth["t"].size
+    turns = {
+        "t [s]": truth["t"], "north [m]": truth["x"], "east [m]": truth["y"],
+        "heading [deg]": np.mod(truth["psi"] / DEG, 360.0), "r [deg/s]": truth["r"] / DEG,
+        "rudder [deg]": truth["delta_r_cmd"] / DEG, "rpm": truth["n_cmd"],
+    }  # fmt: skip
+    north = turns | {
+        "north [m]": 1.5 * truth["t"], "east [m]": np.zeros(n),
+        "heading [deg]": np.mod(0.3 * rng.standard_normal(n), 360.0),
+        "r [deg/s]": 0.02 * rng.standard_normal(n),
+        "rudder [deg]": np.zeros(n),
+    }  # fmt: skip
+    files = [_table(tmp_path, {}, north, "a_north.csv"), _table(tmp_path, {}, turns, "b_turn.csv")]
+    asked = propose(files).map.questions
+    assert not any("yaw rate" in q for q in asked), asked
+
+
 def test_a_coordinate_of_the_other_sign_is_named_in_the_question_and_mended_by_its_answer(tmp_path):
     truth = motion(np.random.default_rng(7))
     columns = {"t [s]": truth["t"]} | {

@@ -24,7 +24,7 @@ from bayesid.analysis.design.regression_check import inclusion
 from bayesid.analysis.design.ridge_map import per_minute, ridge_map
 from bayesid.analysis.design.run_selection import best_sets
 from bayesid.api.inputs import Names, VehicleLike
-from bayesid.api.planning import case_of, orders, subject_of
+from bayesid.api.planning import case_of, orders, require_rudder, subject_of
 from bayesid.api.result import Result, table
 from bayesid.files import write_json
 from bayesid.model.vehicles import Vehicle
@@ -93,6 +93,7 @@ def compare(
         what cannot be read, set up or executed
     """
     subject, trial = subject_of(source, vehicle, dof, prior, data, resample)
+    require_rudder(subject.vehicle, "compared")
     made = case_of(
         subject, trial, executed=executed, fitted=model, fix=fix, noise=noise, dt=dt, duration=duration,
         rudder=rudder, plane=plane, pieces=pieces,

@@ -14,15 +14,14 @@ from bayesid.analysis.design import Causes, ManoeuvrePlan, SearchEffort, next_ma
 from bayesid.analysis.design.compare import PlanningCase
 from bayesid.analysis.design.discrimination import VIRTUAL_FORCE_LEVEL, causes
 from bayesid.api.inputs import Names, VehicleLike, names_of
-from bayesid.api.planning import case_of, reference_scale, subject_of
+from bayesid.api.planning import case_of, reference_scale, require_rudder, subject_of
 from bayesid.api.result import Result, table
 from bayesid.diagnosis.data.problem import build_problem
 from bayesid.equations.model import Model
-from bayesid.errors import FitError, ManoeuvreError
+from bayesid.errors import FitError
 from bayesid.files import write_json
 from bayesid.manoeuvres import parse, write_table
 from bayesid.model.vehicles import Vehicle
-from bayesid.model.vehicles.sufficient import has_rudder
 from bayesid.progress import Progress
 from bayesid.report import design as words
 from bayesid.report import design_first_screen as screen
@@ -104,11 +103,7 @@ def design(
     if len(goals) > 1:
         raise FitError(f"one goal at a time: gain, predict or tell; given are {' and '.join(goals)}")
     subject, trial = subject_of(source, vehicle, dof, prior, data, resample)
-    if not has_rudder(subject.vehicle):
-        raise ManoeuvreError(
-            f"{subject.vehicle.name} has no rudder: manoeuvres are designed for rudder, plane and shaft; "
-            "order its thrusters by tables of your own (table:FILE.csv), each alone and against the others"
-        )
+    require_rudder(subject.vehicle, "designed")
     made = case_of(
         subject, trial, executed=executed, fitted=model, fix=fix, noise=noise, dt=dt, duration=duration,
         rudder=rudder, rate=rate, rpm=rpm, box=box, depth=depth, plane=plane, pieces=pieces, hold=hold,

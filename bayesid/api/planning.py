@@ -15,10 +15,11 @@ from bayesid.analysis.design.planning_case import PlanningSetup, known_of, trial
 from bayesid.api.earlier_fit import fit_of
 from bayesid.api.inputs import Names, VehicleLike, names_of, ordered, prepared, vehicle_of
 from bayesid.equations.model import Model, build_model
-from bayesid.errors import TrialError, VehicleError
+from bayesid.errors import ManoeuvreError, TrialError, VehicleError
 from bayesid.estimation.segments import in_pieces
 from bayesid.manoeuvres import Manoeuvre, Scale
 from bayesid.model.vehicles import Vehicle
+from bayesid.model.vehicles.sufficient import has_rudder
 from bayesid.simulation import with_shaft_speed
 from bayesid.trials import Trial, load_trial
 from bayesid.trials.bundle import builtin_trials
@@ -52,6 +53,21 @@ def subject_of(
     trial, ship = source, vehicle_of(vehicle, source, prior)
     model = build_model(ship, dof or (3 if ship.planar_only else trial.dof))
     return model, with_shaft_speed(trial, ship)
+
+
+def require_rudder(vehicle: Vehicle, done: str) -> None:
+    """Refuse a vehicle that no manoeuvre of the library moves.
+
+    Raises
+    ------
+    ManoeuvreError
+        a vehicle without a rudder
+    """
+    if not has_rudder(vehicle):
+        raise ManoeuvreError(
+            f"{vehicle.name} has no rudder: manoeuvres are {done} for rudder, plane and shaft; order its "
+            "thrusters by tables of your own (table:FILE.csv), each alone and against the others"
+        )
 
 
 def is_bundle(source: str | os.PathLike[str]) -> bool:

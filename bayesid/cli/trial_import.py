@@ -174,7 +174,7 @@ def _map(
         )
     whole = out.resolve()
     name = whole.parent.name if out.name == "bayesid" else whole.name  # what `bayesid start` makes
-    proposal = propose(sources, _vehicle(vehicle, out), name)
+    proposal = propose(sources, _vehicle(vehicle, out), name, _steered_by(vehicle))
     out.mkdir(parents=True, exist_ok=True)
     map_file.write_text(map_text(proposal.map, proposal.remarks, proposal.unused), encoding="utf-8")
     reasons = needs_import(proposal.map, sources) if verb == "init" and proposal.map.questions else []
@@ -258,6 +258,17 @@ def _mend_first(findings: Sequence[InputFinding], out: Path) -> None:
     else:
         print_text(f"Next: log anew what {which} is about; no line of trial.toml mends it.")
     print_text(f"Then: {command('trial', 'check', out)}")
+
+
+def _steered_by(vehicle: str | None) -> tuple[str, ...]:
+    """Inputs of a vehicle without a rudder."""
+    if vehicle is None:
+        return ()
+    from bayesid.model.vehicles import load_vehicle
+    from bayesid.model.vehicles.sufficient import has_rudder
+
+    ship = load_vehicle(vehicle)
+    return () if has_rudder(ship) else tuple(s for a in ship.actuators for s in a.signals)
 
 
 def _vehicle(vehicle: str | None, out: Path) -> str:

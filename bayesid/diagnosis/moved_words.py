@@ -66,7 +66,7 @@ def _change(value: float, given: float, sd: float | None = None) -> str:
 def moved_title(result: Result) -> str:
     """What the list of `moved_words` is called: it says where the explanation moves none of them."""
     kept = bool(explanation(result)) and not retuned(result)
-    return "coefficients that re-tuning moves most" + (
+    return "coefficients that re-tuning moves, the surest first" + (
         " (the explanation keeps them as given)" if kept else ""
     )
 

@@ -61,6 +61,7 @@ def lacking(vehicle: Vehicle) -> dict[str, list[str]]:
         )
         say(what, "fit", "diagnose", "design")
     if not has_rudder(vehicle):
+        say("it has no rudder: order its thrusters by tables of your own, design has none for them", "design")
         return found
     if not math.isfinite(vehicle.limits.get("delta_r", math.inf)):
         say(

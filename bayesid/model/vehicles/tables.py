@@ -39,6 +39,7 @@ NOT_READ = dict.fromkeys(
     "runs there",
 )
 DIMENSIONS = tuple(_SIZES)
+UNIT = 1e-12  # departure of the length of a direction from 1 that is rounding
 FIN_KEYS = dict(zip(FINS, ("dr", "ds", "db"), strict=True))
 #: keys of [vehicle]; the reader and the JSON Schema (`schema`) take ranges, choices and defaults from here
 HEAD: dict[str, FileKey] = {
@@ -271,7 +272,8 @@ def _actuator(name: str, kind: type[Actuator], inside: TomlTable) -> Actuator | 
     if length == 0.0:
         inside.problem("direction must not be zero")
         return None
-    values["direction"] = tuple(one / length for one in values["direction"])
+    if abs(length - 1.0) > UNIT:  # a unit vector that was written is read as it was
+        values["direction"] = tuple(one / length for one in values["direction"])
     found = kind(name=name, **values)
     for text in found.problems:
         inside.problem(text)

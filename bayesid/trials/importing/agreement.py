@@ -115,7 +115,7 @@ def drift(found: LogMap, recording: Recording) -> tuple[float, float, float] | N
         return None
     left = moved - design @ weights
     freedom = max(1, moved.size - 2)
-    spread = np.linalg.inv(np.real(np.conj(design).T @ design))[1, 1]
+    spread = float(np.linalg.inv(np.conj(design).T @ design)[1, 1].real)
     sd = float(np.sqrt(np.sum(np.abs(left) ** 2) / freedom * abs(spread)))
     return float(abs(weights[1])), sd, float(np.mean(np.abs(velocity)))
 

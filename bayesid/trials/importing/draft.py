@@ -74,6 +74,8 @@ class Draft:
                 if role in self.map.channels:
                     raw = self.raw(role, recording)
                     if raw.size:
+                        if role in ("psi", "heading"):  # noise about north is no turn
+                            raw = np.unwrap(raw, period=360.0 if np.abs(raw).max() > 7.0 else 2 * math.pi)
                         return float(np.ptp(raw)) * math.log(raw.size + 1)
             return 0.0
 

@@ -33,6 +33,7 @@ from bayesid.trials.importing.stamps import ask_stamps
 from bayesid.trials.importing.standing_still import ask_standing_still
 from bayesid.trials.importing.unit_words import split_unit
 from bayesid.trials.trial import Run
+from bayesid.trials.write import toml_text
 from bayesid.words import first_few
 
 LOOK = 100_000  # samples per series a proposal looks at
@@ -52,8 +53,14 @@ class Proposal:
     looks: dict[tuple[str, ...], Run]
 
 
-def propose(sources: Sequence[Path], vehicle: str = "", name: str = "") -> Proposal:
+def propose(
+    sources: Sequence[Path], vehicle: str = "", name: str = "", inputs: Sequence[str] = ()
+) -> Proposal:
     """A map guessed from names, units and kinematics.
+
+    Parameters
+    ----------
+    inputs : what the vehicle is steered by where that is no rudder, as "n_port"
 
     Raises
     ------
@@ -79,7 +86,7 @@ def propose(sources: Sequence[Path], vehicle: str = "", name: str = "") -> Propo
         draft.ask(weight, text)
     unused = _name(draft, recordings)
     _drop_constant(draft)
-    _needs(draft, recordings, unused)
+    _needs(draft, recordings, unused, inputs)
     _declared_axes(draft, logs)
     if ask_apart(draft):
         pass  # nothing that kinematics says of such a recording is about the channels
@@ -262,6 +269,7 @@ def _in_steps(channels: Sequence[RawChannel]) -> bool:
     return all(float(np.mean(np.diff(x) == 0.0)) > 0.5 for x in moving)
 
 
+_WORD = re.compile(r"[a-z]+|[0-9]+")
 _UPRIGHT = (
     "z",
     "depth",
@@ -289,7 +297,7 @@ def _drop_constant(draft: Draft) -> None:
         draft.remark(f"{', '.join(still)} never change and are left out")
 
 
-def _needs(draft: Draft, recordings: list[Recording], unused: list[str]) -> None:
+def _needs(draft: Draft, recordings: list[Recording], unused: list[str], inputs: Sequence[str]) -> None:
     """What a bundle cannot do without, asked for where it was not found."""
     spare = f" (series not used: {first_few(map(repr, unused), 8)})" if unused else ""
     velocities = draft.has("u", "v") or draft.has("u_water", "v_water") or draft.has("v_north", "v_east")
@@ -299,17 +307,34 @@ def _needs(draft: Draft, recordings: list[Recording], unused: list[str]) -> None
         draft.ask(0, f"no position found; add x, y or latitude, longitude to [channels]{spare}")
     if not (draft.has("heading") or draft.has("psi") or draft.has("qw") or draft.has("r")):
         draft.ask(0, f"no heading found; add heading, psi or qw, qx, qy, qz to [channels]{spare}")
-    if not (draft.has("delta_r") or draft.has("delta_r_cmd")):
+    if inputs:
+        lacking = [n for n in inputs if not draft.has(f"{n}_cmd") and not draft.has(n)]
+        if lacking:
+            lines = ", ".join(lines_of_inputs(lacking, unused))
+            others = spare if "..." in lines else ""
+            draft.ask(0, f"what steers this vehicle is not read; to [channels] belong {lines}{others}")
+    elif not (draft.has("delta_r") or draft.has("delta_r_cmd")):
         hint = _likely_rudder(draft, recordings, unused)
         draft.ask(
             0,
             f"no rudder found; add delta_r_cmd (ordered) or delta_r (measured) to [channels]{hint or spare}",
         )
-    if not (draft.has("n") or draft.has("n_cmd")):
+    if not (draft.has("n") or draft.has("n_cmd") or inputs):
         draft.remark(
             "no propeller speed found (n_cmd or n); a vehicle with a propeller is then held at the "
             "rpm_ref of its file"
         )
+
+
+def lines_of_inputs(inputs: Sequence[str], unused: Sequence[str]) -> list[str]:
+    """Line of [channels] per input: `n_3_cmd = "Thruster 3 (rpm)"`, where one series alone has its name."""
+    series = [(text, set(_WORD.findall(text.lower()))) for text in unused]
+    out = []
+    for name in inputs:
+        own = set(_WORD.findall(name.partition("_")[2].lower()))
+        like = [text for text, words in series if own <= words]
+        out.append(f"{name}_cmd = {toml_text(like[0]) if len(like) == 1 else '...'}")
+    return out
 
 
 def _likely_rudder(draft: Draft, recordings: list[Recording], unused: list[str]) -> str:
