@@ -626,3 +626,14 @@ def test_the_length_of_a_vector_has_no_digit_that_its_interval_does_not_ask_for(
     sharp = sentence(an_effect("ocean_current", V_north=(0.3, 0.001), V_east=(0.413, 0.001)))
     blunt = sentence(an_effect("ocean_current", V_north=(0.3, 3.0), V_east=(0.413, 3.0)))
     assert "of 0.51 m/s" in sharp and "of 0.5 m/s" in blunt
+
+
+def test_what_the_explanation_has_beside_the_name_is_told_with_its_probability():
+    """The run that is shown was predicted with it, and a reader must know with what."""
+    more = replace(
+        RESULT, explanation=(*(e.name for e in RESULT.effects), "actuator_backlash"),
+        acting={**RESULT.acting, "actuator_backlash": 0.78},
+    )  # fmt: skip
+    said = " ".join(answer(more).certainty)
+    assert "The explanation also has actuator backlash (0.78 that it acts): too unsure to be named." in said
+    assert "The explanation also has" not in " ".join(answer(RESULT).certainty)

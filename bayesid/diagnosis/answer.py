@@ -335,6 +335,11 @@ def _certainty(result: Result) -> tuple[str, ...]:
                 f"Of names with a probability below {SURE_PROBABILITY:.2f} one in twelve was wrong on "
                 "withheld trials, of those above one in thirty."
             )
+        if unsure := [n for n in explanation(result) if n not in {e.name for e in result.effects}]:
+            beside = ", ".join(
+                f"{in_words(n)} ({probability(result.acting.get(n, 0.0))} that it acts)" for n in unsure
+            )
+            out.append(f"The explanation also has {beside}: too unsure to be named.")
     first = leading_cause(result) if result.verdict == "ambiguous" else None
     if first is not None and (sizes := intervals(first)):
         out.append(f"If it is {in_words(first.name)}: {', '.join(sizes)}.")
