@@ -503,6 +503,10 @@ def test_what_never_moves_is_not_said_to_move(tmp_path):
     )
     said = [text for text in remarks if "propeller" in text]
     assert said and all("stays at 900" in text and "moves" not in text for text in said), said
+    slower = columns | {"propeller [rpm]": np.full(truth["t"].shape, 700.0)}
+    files = [_table(tmp_path, truth, columns, "a.csv"), _table(tmp_path, truth, slower, "b.csv")]
+    said = [text for text in propose(files).remarks if "propeller" in text]
+    assert said and not any("stays at" in text for text in said), said
 
 
 def test_runs_are_cut_by_their_commands():

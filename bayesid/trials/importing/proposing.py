@@ -32,7 +32,7 @@ from bayesid.trials.importing.run_list import list_runs
 from bayesid.trials.importing.stamps import ask_stamps
 from bayesid.trials.importing.standing_still import ask_standing_still
 from bayesid.trials.importing.unit_words import split_unit
-from bayesid.trials.trial import Run
+from bayesid.trials.trial import Floats, Run
 from bayesid.trials.write import toml_text
 from bayesid.words import first_few
 
@@ -176,7 +176,9 @@ def _name(draft: Draft, recordings: list[Recording]) -> list[str]:
             pair = (_topic(channel.name).split(".")[0], _topic(rivals[0][2].name).split(".")[0])
             passed.setdefault(pair, []).append(role)
         if role.split("_cmd")[0] in WITH_ORDER and ordered is None and score < 3.0:
-            draft.remark(f"{channel.name!r} is read as {role}, {_how_it_moves(role, channel)}")
+            everywhere = [r.logs[label].by_name.get(channel.name) for r in recordings if label in r.logs]
+            moves = _how_it_moves(role, np.concatenate([c.values for c in everywhere if c is not None]))
+            draft.remark(f"{channel.name!r} is read as {role}, {moves}")
         if score < 1.0:
             beside = [other.name for other in first[label].channels if other is not channel]
             draft.by_part[full] = unknown_unit(channel, beside)
@@ -214,8 +216,8 @@ def _name(draft: Draft, recordings: list[Recording]) -> list[str]:
     return unused + [name for name in named if name not in read]
 
 
-def _how_it_moves(role: str, channel: RawChannel) -> str:
-    good = channel.values[np.isfinite(channel.values)]
+def _how_it_moves(role: str, values: Floats) -> str:
+    good = values[np.isfinite(values)]
     if not good.size or float(np.ptp(good)) == 0.0:
         return f"ordered: it stays at {good[0]:.4g}" if good.size else "ordered: it holds nothing"
     return "ordered: it moves in steps" if role.endswith("_cmd") else "measured: it moves smoothly"
