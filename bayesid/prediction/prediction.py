@@ -28,6 +28,7 @@ from bayesid.manoeuvres import Manoeuvre, OpenLoop
 from bayesid.prediction.initial_state import InitialState, balanced_speed, coloured_noise, initial_states
 from bayesid.simulation import (
     TimePlan,
+    carried_by_water,
     inertia_ratio,
     observe,
     plan_run,
@@ -358,7 +359,7 @@ def _undisturbed_manoeuvre(
         begin = speed if speed is not None else float(balanced_speed(model, par[None], rpm)[0])
         x0 = np.zeros(len(model.states))
         x0[model.states.index("u")] = begin
-        track, commands = run_manoeuvre(model, par, manoeuvre, x0)
+        track, commands = run_manoeuvre(model, par, manoeuvre, carried_by_water(model, par, x0))
         obs = observe(model, par, plan_run(model, track.t, commands), track.states)[:, picked]
     except BayesidError:
         return None
@@ -385,7 +386,8 @@ def _simulated(
         return _disturbed(model, par, plan, coloured_noise(decay, sd, rng)[:-1])
 
     try:
-        track, commands = run_manoeuvre(model, par, manoeuvre, x0, disturb=disturb)
+        start = carried_by_water(model, par, x0)
+        track, commands = run_manoeuvre(model, par, manoeuvre, start, disturb=disturb)
         plan = plan_run(model, track.t, commands)
         obs = observe(model, par, plan, track.states)[:, picked]
     except BayesidError:

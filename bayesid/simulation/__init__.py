@@ -9,7 +9,7 @@ actuator positions held at their mean over each step, commands held between thei
 
 from bayesid.simulation.accelerations import rates_on
 from bayesid.simulation.batch import THREADED_FROM, gradient_batch, simulate_batch
-from bayesid.simulation.closed_loop import run_manoeuvre, steady_start
+from bayesid.simulation.closed_loop import carried_by_water, run_manoeuvre, steady_start
 from bayesid.simulation.interval_maps import (
     Chain,
     Maps,
@@ -39,6 +39,7 @@ __all__ = [
     "Sensitivity",
     "Track",
     "actuate",
+    "carried_by_water",
     "run_manoeuvre",
     "gradient",
     "gradient_batch",

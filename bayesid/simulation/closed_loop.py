@@ -24,6 +24,7 @@ from bayesid.simulation.prepare import (
     start,
     step_mean,
 )
+from bayesid.simulation.sensors import observe
 from bayesid.simulation.single import Track, simulate
 from bayesid.simulation.time_plan import MOVING_STEP_PER_LENGTH, TimePlan, plan_run
 
@@ -110,6 +111,32 @@ def steady_start(model: Model, rpm: float | None = None, heading: float = 0.0) -
     out = np.zeros(len(model.states))
     out[model.states.index("psi")] = heading
     out[model.states.index("u")] = self_propulsion_speed(model.vehicle, rpm) if rpm != 0.0 else 0.0
+    return out
+
+
+def carried_by_water(model: Model, par: Array, x0: Array) -> Array:
+    """An initial state of a vehicle in still water, in the water as the parameters have it move at that time.
+
+    A vehicle that begins at rest beside a current would swing before any order is given.
+    """
+    flowing = [e for e in model.kernel.effects if e.flow]
+    acts = {model.index[e.key(p.name)]: p.off for e in flowing for p in e.parameters}
+    if not any(par[i] != off for i, off in acts.items()):
+        return x0
+    bare = np.array(par)  # sensors of their own must not read the water
+    for i, off in model.effect_off.items():
+        if i not in acts:
+            bare[i] = off
+    t = np.array([0.0, 1e-3])
+    own = dict(zip(model.states, x0, strict=True))
+    states = np.array([own.get(name, 0.0) for name in model.kernel.full.states])
+    read = observe(model, bare, plan_run(model, t, {}), np.tile(states, (2, 1)), full=True)[0]
+    out, channels = np.array(x0), model.kernel.channels
+    for name in ("u", "v", "w"):
+        if name in channels and f"{name}_water" in channels:
+            out[model.states.index(name)] += (
+                read[channels.index(name)] - read[channels.index(f"{name}_water")]
+            )
     return out
 
 

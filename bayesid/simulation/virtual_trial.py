@@ -16,7 +16,7 @@ import numpy as np
 from bayesid.equations.model import Model
 from bayesid.errors import ModelError
 from bayesid.manoeuvres import Manoeuvre, OpenLoop
-from bayesid.simulation.closed_loop import run_manoeuvre, steady_start
+from bayesid.simulation.closed_loop import carried_by_water, run_manoeuvre, steady_start
 from bayesid.simulation.sensors import observe
 from bayesid.simulation.shaft_speed import ordered_with_shaft_speed
 from bayesid.simulation.time_plan import plan_run
@@ -66,7 +66,8 @@ def virtual_run(
         raise ModelError(f"noise {', '.join(wrong)}: a standard deviation is finite and not negative")
     if any(noise.values()) and rng is None:
         raise ModelError("noise needs a random generator")
-    track, commands = run_manoeuvre(model, par, manoeuvre, steady_start(model, _first_shaft_speed(manoeuvre)))
+    start = carried_by_water(model, par, steady_start(model, _first_shaft_speed(manoeuvre)))
+    track, commands = run_manoeuvre(model, par, manoeuvre, start)
     plan = plan_run(model, track.t, commands)
     readings = observe(model, par, plan, track.states)
     data = {channel: readings[:, model.kernel.channels.index(channel)].copy() for channel in names}
