@@ -297,6 +297,8 @@ def test_columns_that_freeze_together_are_one_mistake_and_apart_are_two():
     assert found.correction.skip_repeats == ("x", "y")
     apart = stuck(stuck(weave(), "x", 300, 60), "r", 600, 60)
     assert [f.name for f in check_input([apart]).findings] == ["frozen x", "frozen r"]
+    beside = stuck(together, "r", 600, 60)
+    assert {f.name for f in check_input([beside]).findings} == {"frozen x, y", "frozen r"}
 
 
 def test_degrees_of_the_heading_alone_share_no_probability_with_degrees_of_all_angles():
@@ -432,8 +434,12 @@ def test_a_turn_with_the_rudder_amidships_is_remarked_on_where_all_runs_have_it(
 @pytest.mark.parametrize(
     ("vehicle", "seconds", "kept"), [("nps_auv2", 150, False), ("lauv", 100, False), ("remus100", 100, True)]
 )
-def test_a_current_begins_a_turn_that_only_a_vehicle_unstable_on_course_keeps_up(vehicle, seconds, kept):
-    """What the remark on a turn with the rudder amidships says of a current, which a diagnosis may name."""
+def test_a_current_begins_a_turn_that_only_a_vehicle_unstable_on_course_keeps_up(
+    monkeypatch, vehicle, seconds, kept
+):
+    """What the remark on a turn with the rudder amidships says of a current, which a diagnosis may name: the
+    run begins at rest beside the water, as one that was held or towed until then."""
+    monkeypatch.setattr("bayesid.simulation.virtual_trial.carried_by_water", lambda model, par, x0: x0)
     order, across = f"straight:duration={seconds}", {"ocean_current.V_east": 0.4}
     rate = np.abs(simulate(vehicle, order, dt=0.1, change=across).runs[0].data["r"])
     assert (rate[-1] > 0.3 * rate.max()) == kept and (rate[-1] < 1e-3 * rate.max()) != kept

@@ -16,7 +16,7 @@ from bayesid.model.vehicles import load_vehicle
 from bayesid.report.fit_effects import effect_words
 from bayesid.simulation import plan_run, simulate, steady_start
 from bayesid.trials import Run, Trial
-from bayesid.trials.measured_wind import in_measured_wind, wind_words
+from bayesid.trials.measured_wind import apart_from_measured_wind, in_measured_wind, wind_words
 
 SHIP = "esso_osaka_mmg"
 NOISE = {"x": 0.02, "y": 0.02, "psi": 0.005, "u": 0.01, "v": 0.01, "r": 0.002}
@@ -68,8 +68,27 @@ def test_nothing_blows_where_no_wind_is_measured_or_the_file_says_otherwise():
     submarine = load_vehicle("generic_sub")
     assert in_measured_wind(submarine, trial) is submarine
     assert "not simulated" in wind_words(submarine, trial)
-    assert vehicle_of(ship, trial).effects == {}  # a vehicle handed over is taken as it is
-    assert vehicle_of(None, trial).effects == {"wind.gain": 1.0}
+    for named in (None, SHIP, ship):
+        blown = vehicle_of(named, trial)
+        assert blown.effects == {"wind.gain": 1.0} and "as measured" in wind_words(blown, trial)
+        assert apart_from_measured_wind(blown).digest == ship.digest
+    assert "not simulated" in wind_words(ship, trial)
+    assert vehicle_of(ship, calm(trial)) == ship
+
+
+def test_a_wind_that_is_no_cause_to_be_named_blows_all_the_same():
+    """`--exclude wind` takes it off the list: with any other effect on, or none, the same wind acts."""
+    trial = windy()
+    run, model = trial.runs[0], model_of(trial, exclude="wind")
+    assert "wind" not in model.effects
+    plan = plan_run(model, run.t, run.commands, exogenous=run.exogenous)
+    faint = model.with_values({"rudder_offset.offset": 1e-9})
+    heading = [
+        simulate(model, par, plan, steady_start(model)).states[:, model.states.index("psi")]
+        for par in (model.nominal, faint)
+    ]
+    assert heading[0] == pytest.approx(run.data["psi"], abs=1e-9)
+    assert heading[1] == pytest.approx(heading[0], abs=1e-6)
 
 
 def test_a_check_says_that_the_wind_acts():
@@ -87,4 +106,4 @@ def test_a_fit_tells_how_much_of_the_measured_wind_is_felt():
     assert said.startswith("wind has other sizes than the vehicle file states (gain 0.")
     right = fit_trial(windy(seed=3), vehicle_of(SHIP, windy()), free=["N_dr"], effects=["wind.gain"])
     assert right.gains["wind"] < 4.0
-    assert "does not show" in effect_words(right)[0]
+    assert "wind is as the vehicle file states (gain 1" in effect_words(right)[0]

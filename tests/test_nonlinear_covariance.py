@@ -124,3 +124,31 @@ def test_the_seed_fixes_the_answer():
     one, same, other = (nonlinear_covariance(parabola, np.zeros(2), linear, s).covariance for s in (1, 1, 2))
     assert np.array_equal(one, same)
     assert not np.array_equal(one, other)
+
+
+def test_a_parameter_on_its_bound_stays_there_and_the_others_bend():
+    """y = (a + c b^2) / s beside d, which may not go below its estimate: beyond it the vehicle diverges."""
+
+    @dataclass(frozen=True)
+    class Bounded(Curve):
+        def readings(self, z):
+            if abs(z[2]) > 1e-5:
+                raise ModelError("diverges")
+            return super().readings(z)
+
+    bounded = Bounded(("a", "b", "d"), lambda z: [(z[0] + 0.5 * z[1] ** 2 + 0.1 * z[2]) / SIGMA], (1, 2))
+    linear = law(bounded, 3)
+    lost = nonlinear_covariance(bounded, np.zeros(3), linear)
+    assert lost.pairs == 0 and lost.lost > 0
+    found = nonlinear_covariance(bounded, np.zeros(3), linear, held=[2])
+    assert found.pairs == 64 and found.lost == 0
+    assert found.covariance[2] == pytest.approx(linear[2])
+    inner = linear[0, 0] - linear[0, 2] ** 2 / linear[2, 2]
+    added = found.covariance[0, 0] - linear[0, 0]
+    assert added == pytest.approx(3 * 0.25, rel=0.4) and inner == pytest.approx(SIGMA**2)
+
+
+def test_an_unknown_that_nothing_holds_leaves_linear_theory():
+    free = Curve(("a", "b"), lambda z: [z[0] / SIGMA], (0,))
+    linear = np.diag([SIGMA**2, 1.0])
+    assert nonlinear_covariance(free, np.zeros(2), linear).covariance is linear

@@ -61,7 +61,8 @@ def vehicle_of(
         nothing names a vehicle
     """
     if isinstance(vehicle, Vehicle):
-        return with_relative_prior(vehicle, prior)
+        ship = vehicle if trial is None else in_measured_wind(vehicle, trial)
+        return with_relative_prior(ship, prior)
     named = vehicle or (trial.vehicle_ref if trial is not None else "")
     if not named:
         where = trial.name if trial is not None else "the trial"

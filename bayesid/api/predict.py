@@ -52,6 +52,7 @@ from bayesid.report.writer.text import table_text
 from bayesid.simulation import with_shaft_speed
 from bayesid.threads import one_blas_thread
 from bayesid.trials import Run, Trial
+from bayesid.trials.measured_wind import wind_words
 from bayesid.trials.write import file_stem
 
 if TYPE_CHECKING:
@@ -85,7 +86,8 @@ def predict(
 
     Parameters
     ----------
-    trial, data : as in `bayesid.fit`; of a run only the orders and the first readings are used
+    trial, data : as in `bayesid.fit`; of a run only the orders, the logged wind
+        and the first readings are used
     what : names of runs, or manoeuvres such as "turn:20"; all runs if left out
     model : folder of `bayesid.fit` or `bayesid.diagnose`; without it the trial is diagnosed first
     out : folder for a CSV per prediction as it is made, and for a model diagnosed on the way
@@ -104,6 +106,8 @@ def predict(
     shown = progress or Progress(quiet=True)
     found = _model(logged, model, out, vehicle, effects, seed, shown)
     logged = with_shaft_speed(logged, found.model.vehicle)
+    if blown := wind_words(found.model.vehicle, logged):
+        shown.note(blown)
     wanted = [what] if isinstance(what, str) else list(what or [run.name for run in logged.runs])
     s = found.model.scales
     scale = scale_of(found.model, rpm, dt if dt is not None else s["L"] / s["U"] / 40)

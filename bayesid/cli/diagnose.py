@@ -56,7 +56,8 @@ def diagnose(
 
     A folder of bundles gets a report for each below --out, one page over all, and a vehicle file with the
     coefficients that the bundles of a vehicle share; --workers and --executor are for it. It ends with exit
-    code 0 also where bundles have the verdict `input`: the page over all says which.
+    code 3 where a bundle has no diagnosis, for a mistake of its log among other reasons: the page over all
+    says which, and which checks failed in the others.
     """
     from bayesid.api.diagnose import diagnose as run
     from bayesid.api.fleet import bundles_of, diagnose_fleet

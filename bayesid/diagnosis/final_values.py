@@ -65,6 +65,7 @@ from bayesid.equations.model import Model
 from bayesid.estimation.likelihood.model_form import typical
 from bayesid.model.terms import term
 from bayesid.trials import Trial
+from bayesid.trials.measured_wind import apart_from_measured_wind
 
 MODELS = ("nominal", "recalibrated", "with effect")
 MOST_MASKS = 5
@@ -127,7 +128,7 @@ def result_of(
             model.dof,
             tuple(problem.channels),
             model.vehicle.name,
-            model.vehicle.digest,
+            apart_from_measured_wind(model.vehicle).digest,
             trial.attribution,
         ),
         model=model.digest,
@@ -267,7 +268,10 @@ def _form(
             rows.append(FormRow(name, term(name).axis, float(value / unit), float(spread / abs(unit))))
         elif resonates(model.effects[effect]):
             continue  # the period says it
-        elif model.effect_off[model.index[name]] == 0.0 and abs(value) > CLEAR * spread:
+        elif (
+            model.effect_off[model.index[name]] == 0.0
+            and abs(value - model.nominal[model.index[name]]) > CLEAR * spread
+        ):
             like.append(effect)
     rows.sort(key=lambda r: -abs(r.force) / r.sd)
     return ModelFormPart(

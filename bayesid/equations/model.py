@@ -38,13 +38,16 @@ class Model:
     vehicle : Vehicle
     dof : 3 (surge, sway, yaw) or 6
     kernel : Kernel
-    nominal : (n,) array, SI, in the order of `kernel.parameters`; effects at their off values
+    nominal : (n,) array, SI, in the order of `kernel.parameters`; effects at their off values, or as the
+        vehicle file states them
+    withheld : effects no longer on offer; one that the vehicle file states acts all the same
     """
 
     vehicle: Vehicle
     dof: int
     kernel: Kernel
     nominal: np.ndarray
+    withheld: tuple[Effect, ...] = ()
 
     @cached_property
     def index(self) -> dict[str, int]:
@@ -177,9 +180,16 @@ class Model:
 
     def is_off(self, par: np.ndarray) -> bool:
         """Whether every effect parameter sits at its off value (last axis of `par` is the parameter)."""
-        where = np.fromiter(self.effect_off, dtype=np.int64)
-        off = np.fromiter(self.effect_off.values(), dtype=float)
+        where, off = self._off_values
         return bool(np.all(par[..., where] == off))
+
+    @cached_property
+    def _off_values(self) -> tuple[np.ndarray, np.ndarray]:
+        """Positions and off values of the parameters of all effects, withheld ones too."""
+        off = {
+            self.index[e.key(p.name)]: p.off for e in self.withheld for p in e.parameters
+        } | self.effect_off
+        return np.fromiter(off, dtype=np.int64), np.fromiter(off.values(), dtype=float)
 
 
 _ROW_NAMES = frozenset(t.name for t in TERMS)
@@ -250,6 +260,8 @@ def kernel_spec(vehicle: Vehicle, dof: int) -> KernelSpec:
 def without_effects(model: Model, names: Iterable[str]) -> Model:
     """The same model and parameters, some effects no longer on offer: a towing tank has no wind.
 
+    What the vehicle file, or a logged wind, has acting goes on acting.
+
     Raises
     ------
     ModelError
@@ -261,7 +273,8 @@ def without_effects(model: Model, names: Iterable[str]) -> Model:
             near = difflib.get_close_matches(name, model.effects, n=3, cutoff=0.5)
             raise ModelError(f"no effect {name!r}" + (f"; did you mean {', '.join(near)}?" if near else ""))
     kept = tuple(e for e in model.kernel.effects if e.name not in names)
-    return replace(model, kernel=replace(model.kernel, effects=kept))
+    gone = tuple(e for e in model.kernel.effects if e.name in names)
+    return replace(model, kernel=replace(model.kernel, effects=kept), withheld=(*model.withheld, *gone))
 
 
 def _centre_of_buoyancy(vehicle: Vehicle) -> tuple[float, float, float]:

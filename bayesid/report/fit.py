@@ -327,6 +327,12 @@ def _ridge_words(fit: Fit) -> list[str]:
     """A sentence on ridges that bend, where the fit has some."""
     if not (told := fit.uncertainty.get("nonlinear")):
         return []
+    if not told["pairs"]:
+        return [
+            "Whether combinations the runs leave open bend away from straight lines could not be told: the "
+            f"vehicle diverges along them, or leaves what it can have ({told['lost']} of the pairs of draws "
+            "tried). Standard deviations are those of linear theory."
+        ]
     return [
         "Combinations the runs leave open bend away from straight lines: some that are fixed at the estimate "
         f"are up to {told['widest_over_linear']:.2g} times less sure than linear theory says, which the "

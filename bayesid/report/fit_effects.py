@@ -35,11 +35,14 @@ def effect_words(found: TrialFit) -> list[str]:
             p in dated or found.model.effect_off[found.model.index[f"{effect.name}.{p}"]] == 0.0 for p in own
         )
         off = gain < 0.5 * float(chi2.isf(FALSE_ALARM, max(amplitudes, 1)))
+        stated = {p for p in own if f"{effect.name}.{p}" in found.model.vehicle.effects}
+        told = in_sentence(found.model.effects[effect.name]) & set(own)
         if off:
-            says = f"{effect.name} does not show in these runs"
-        elif in_sentence(found.model.effects[effect.name]) & set(own):
+            as_stated = "is as the vehicle file states" if stated else "does not show in these runs"
+            says = f"{effect.name} {as_stated}"
+        elif told and not told & stated:
             says = sentence(effect).removesuffix(".")
-        else:  # its sentence is of sizes that were not asked for
+        else:  # the sentence tells an effect the simulator has not, or sizes that were not asked for
             says = f"{effect.name} has other sizes than the vehicle file states"
         out.append(f"{says} ({sizes}, one sd; {gain:.3g} nats).")
     return out

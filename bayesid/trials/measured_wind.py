@@ -26,8 +26,15 @@ def in_measured_wind(vehicle: Vehicle, trial: Trial) -> Vehicle:
     return replace(vehicle, effects={**vehicle.effects, GAIN: 1.0})
 
 
+def apart_from_measured_wind(vehicle: Vehicle) -> Vehicle:
+    """The vehicle without what `in_measured_wind` adds: runs in wind and in calm air are of one vehicle."""
+    if {n for n in vehicle.effects if n.startswith(OF_WIND)} != {GAIN} or vehicle.effects[GAIN] != 1.0:
+        return vehicle
+    return replace(vehicle, effects={n: v for n, v in vehicle.effects.items() if n != GAIN})
+
+
 def wind_words(vehicle: Vehicle, trial: Trial) -> str | None:
-    """Whether the wind that some runs measured acts in simulations; None without such runs."""
+    """Whether the wind that some runs measured acts on a vehicle as simulated; None without such runs."""
     if not (runs := _measured(trial)):
         return None
     where = f"the wind of {counted(len(runs), 'run')} is measured"
@@ -36,7 +43,7 @@ def wind_words(vehicle: Vehicle, trial: Trial) -> str | None:
             f"{where} and not simulated: {vehicle.name} states no areas the air pushes on (a ship of the MMG "
             "model does)"
         )
-    gain = vehicle.effects.get(GAIN, 0.0 if _stated(vehicle) else 1.0)
+    gain = vehicle.effects.get(GAIN, 0.0)
     if gain == 0.0:
         return f"{where} and not simulated: [effects.wind] of {vehicle.name} has no gain"
     strong = "as measured" if gain == 1.0 else f"{gain:g} times as fast as measured"

@@ -384,16 +384,17 @@ def idle(
             continue
         sizes = [k for k in keys if k in table and model.effect_off.get(model.index[k], 0.0) == 0.0]
         if sizes and (
-            0.5 * _squares(table, sizes) < LEAST_NAMING_EVIDENCE
-            or (told is not None and _squares(told, sizes) < chdtri(len(sizes), 1.0 - INTERVAL_TOLD))
+            0.5 * _squares(model, table, sizes) < LEAST_NAMING_EVIDENCE
+            or (told is not None and _squares(model, told, sizes) < chdtri(len(sizes), 1.0 - INTERVAL_TOLD))
         ):
             out.append(name)
     return tuple(out)
 
 
-def _squares(table: Mapping[str, tuple[float, float]], names: Sequence[str]) -> float:
-    """Sum of the squared distances from nought, in standard deviations."""
-    return sum((table[n][0] / table[n][1]) ** 2 for n in names if n in table)
+def _squares(model: Model, table: Mapping[str, tuple[float, float]], names: Sequence[str]) -> float:
+    """Sum of the squared distances from what the vehicle states, nought mostly, in standard deviations."""
+    stated = {n: float(model.nominal[model.index[n]]) for n in names}
+    return sum(((table[n][0] - stated[n]) / table[n][1]) ** 2 for n in names if n in table)
 
 
 def pulls(fitted: FilterErrorFit, problem: DiagnosisProblem) -> Array:

@@ -167,13 +167,14 @@ def _exchanged(
 def _switched_off(
     problem: DiagnosisProblem, larger: RefittedHypothesis, fewer: Sequence[Effect]
 ) -> list[Trajectory]:
-    """Points of a refit with those of its effects off that are not among `fewer`."""
+    """Points of a refit with those of its effects as the vehicle states them that are not among `fewer`."""
     effects, out = problem.model.effects, []
     for point in larger.fit.points:
         par = point.par.copy()
         for name in set(larger.effects) - {e.name for e in fewer}:
             for p in effects[name].parameters:
-                par[problem.model.index[effects[name].key(p.name)]] = p.off
+                at = problem.model.index[effects[name].key(p.name)]
+                par[at] = problem.model.nominal[at]
         out.append(replace(point, par=par))
     return out
 

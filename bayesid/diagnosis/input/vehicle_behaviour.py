@@ -158,7 +158,7 @@ def _simulated_speed(model: Model, run: Run, speed: Array) -> Array | None:
     if start is None:
         return None
     try:
-        plan = plan_run(model, run.t, run.commands, run.measured_inputs)
+        plan = plan_run(model, run.t, run.commands, run.measured_inputs, run.exogenous)
         return simulate(model, model.nominal, plan, start).states[:, model.states.index("u")]
     except BayesidError:
         return None
@@ -219,13 +219,17 @@ def _piece(
     start = _start(model, run, speed, angle, t[0], travel)
     if turned is None or start is None:
         return None
-    groups = [{k: v[inside] for k, v in group.items()} for group in (run.commands, run.measured_inputs)]
+    *groups, wind = (
+        {k: v[inside] for k, v in group.items()}
+        for group in (run.commands, run.measured_inputs, run.exogenous)
+    )
     names = (f"{fin}_cmd", fin)
     free = [{k: np.zeros(v.shape) if k in names else v for k, v in group.items()} for group in groups]
     j, slide = model.states.index(angle), SLIDE[angle][1]
     ends, last = [], []
     for commands, measured in (groups, free):
-        states = simulate(model, model.nominal, plan_run(model, t, commands, measured), start).states
+        plan = plan_run(model, t, commands, measured, wind)
+        states = simulate(model, model.nominal, plan, start).states
         ends.append(states[-1, j] - states[0, j])
         last.append(states[-1, model.states.index(slide)])
     if not np.isfinite(ends).all():

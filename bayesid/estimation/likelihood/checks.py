@@ -115,5 +115,5 @@ def prior_sensitivity(composite: Composite, parts: NoiseParts, found: Law) -> Ar
             (r.information for r in composite.runs), np.zeros_like(composite.prior_precision)
         )
     pull = composite.prior_score - composite.prior_precision @ found.mean
-    change = np.linalg.solve(a + composite.prior_precision, pull)
+    change = inverse(a + composite.prior_precision) @ pull
     return np.log(2.0) * change / np.sqrt(np.diag(found.covariance))

@@ -12,6 +12,7 @@ their linear sd, and 61 % of their 90 % intervals held the truth.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,7 +30,8 @@ PAIRS, PAIRS_EACH, FIRST_PAIRS = 64, 2, 8
 LINEAR = 0.1
 # Steps of a draw, distance [sd] at which it has arrived, shortest part of a step.
 STEPS, ARRIVED, SHORTEST = 12, 0.03, 0.05
-# Share of the draws that must arrive; eigenvalue of a correlation matrix that is rounding.
+# Share of the draws that must arrive; eigenvalue of a correlation matrix, or rest of a column, that is
+# rounding.
 LEAST_ARRIVED, ROUNDING = 0.5, 1e-12
 
 
@@ -56,7 +58,12 @@ class NonlinearCovariance:
 
 
 def nonlinear_covariance(
-    problem: FitProblem, z: Array, covariance: Array, seed: int = 0
+    problem: FitProblem,
+    z: Array,
+    covariance: Array,
+    seed: int = 0,
+    held: Sequence[int] = (),
+    tick: Callable[[], None] = lambda: None,
 ) -> NonlinearCovariance:
     """Second moment of the error about an estimate, readings not being linear in the parameters.
 
@@ -66,6 +73,8 @@ def nonlinear_covariance(
     z : unknowns at the estimate, k parameters first, then initial states, which follow the parameters
     covariance : (k, k) of linear theory [SI]
     seed : of the draws
+    held : positions of parameters on a bound: no draw leaves it, what they add stays that of linear theory
+    tick : called after every pair of draws
 
     Returns
     -------
@@ -80,8 +89,9 @@ def nonlinear_covariance(
     k = len(problem.params.names)
     with np.errstate(invalid="ignore", divide="ignore"):
         sd = np.sqrt(np.diag(covariance))
-        correlation = covariance / np.outer(sd, sd)
-    if not np.isfinite(correlation).all():
+        inner = _given(covariance, held)
+        correlation = inner / np.outer(sd, sd)
+    if not np.isfinite(correlation).all() or len(held) == k:
         return NonlinearCovariance(covariance, 0, 0, 1.0)
     values, vectors = np.linalg.eigh(correlation)
     kept = values > ROUNDING * values[-1]  # coefficients that are one, as symmetric added masses, stay so
@@ -90,6 +100,8 @@ def nonlinear_covariance(
     starts = np.concatenate([np.zeros(0), *(run.initial_sd for run in problem.runs)])
     unit = np.concatenate([sd, np.where(np.isfinite(starts), starts, 1.0)])
     carried = _Carried(problem, np.asarray(z, dtype=float), unit)
+    if carried.open:
+        return NonlinearCovariance(covariance, 0, 0, 1.0)
     linear = _standard(values.size, seed)[:, None, :] * np.array([[1.0], [-1.0]])
     errors, lost = linear.copy(), 0  # a pair that does not arrive counts as linear: losing it would narrow
     for number, pair in enumerate(linear):
@@ -99,6 +111,7 @@ def nonlinear_covariance(
             errors[number] = arrived
         else:
             lost += 1
+        tick()
         if number + 1 == FIRST_PAIRS:
             bent = _moment((errors - linear)[:FIRST_PAIRS])
             if lost > LEAST_ARRIVED * FIRST_PAIRS or (not lost and np.linalg.eigvalsh(bent)[-1] < LINEAR):
@@ -107,8 +120,19 @@ def nonlinear_covariance(
     if lost > LEAST_ARRIVED * len(linear) or more[-1] < 1.0 + LINEAR:
         return NonlinearCovariance(covariance, 0, lost, 1.0)
     wide = spread @ along * np.sqrt(np.maximum(more, 1.0))
-    told = wide @ wide.T * np.outer(sd, sd)
+    told = wide @ wide.T * np.outer(sd, sd) + covariance - inner
     return NonlinearCovariance(told, len(linear) - lost, lost, float(np.sqrt(more[-1])))
+
+
+def _given(covariance: Array, held: Sequence[int]) -> Array:
+    """(k, k) covariance of the parameters where some are known; zero in their rows."""
+    at = list(held)
+    if not at:
+        return covariance
+    gain = np.linalg.solve(covariance[np.ix_(at, at)], covariance[at])
+    out = covariance - covariance[:, at] @ gain
+    out[at], out[:, at] = 0.0, 0.0
+    return out
 
 
 def _moment(errors: Array) -> Array:
@@ -151,6 +175,8 @@ class _Carried:
         self.order = np.concatenate([np.arange(self.k, z.size), np.arange(self.k)])
         q, self.triangle = np.linalg.qr((slopes / self.size)[:, self.order])
         self.q = q.T
+        #: whether some unknown is held by neither readings nor prior
+        self.open = bool(np.abs(np.diag(self.triangle)).min() < ROUNDING)
 
     def to(self, deviation: Array) -> Array | None:
         """(nz,) deviation of the unknowns in `unit`; None where the steps do not arrive or a run diverges.

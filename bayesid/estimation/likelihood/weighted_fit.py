@@ -74,7 +74,7 @@ def weighted_fit(
         checked = predictive_p(noisy, result.z, posterior, kinds, options.seed)
         result = replace(result, uncertainty={**result.uncertainty, "predictive_p": checked})
         if result.converged:
-            result = _along_ridges(noisy, result, posterior, options.seed)
+            result = _along_ridges(noisy, result, posterior, options.seed, watch)
     if folder is not None:
         result.save(Path(folder) / "fit.json")
     return noisy, result, posterior
@@ -213,14 +213,20 @@ def _balanced(
 ) -> Fit:
     """Fit from the start values whose channels weigh as their residuals do, at most as their stated noise."""
     below = None if folder is None else Path(folder) / "balanced"
-    found = fit(problem, replace(options, profile=True), below, resume, watch, store=False)
+    try:
+        found = fit(problem, replace(options, profile=True), below, resume, watch, store=False)
+    except (FitError, ModelError):
+        return first
     if not found.converged:
         return first
     sigma = {c: max(s, first.sigma[c]) for c, s in found.sigma.items()}
     if sigma != found.sigma:
         started = problem.with_params(problem.params.started_at(found.z[: found.n_params])).with_sigma(sigma)
         below = None if below is None else below / "limited"
-        limited = fit(started, replace(options, starts=1), below, resume, watch, store=False)
+        try:
+            limited = fit(started, replace(options, starts=1), below, resume, watch, store=False)
+        except (FitError, ModelError):
+            return first
         found = replace(limited, start=found.start, seconds=found.seconds + limited.seconds)
     return replace(
         found,
@@ -241,14 +247,23 @@ def _posterior(
         return None
 
 
-def _along_ridges(problem: FitProblem, result: Fit, posterior: CoefficientPosterior, seed: int) -> Fit:
+def _along_ridges(
+    problem: FitProblem,
+    result: Fit,
+    posterior: CoefficientPosterior,
+    seed: int,
+    watch: Callable[[int, float, float], None] | None,
+) -> Fit:
     """The fit with the errors of ridges that bend; predictions and the sampler keep the linear law."""
-    told = nonlinear_covariance(
-        weighed(problem, posterior.parts.weight), result.z, posterior.covariance, seed
-    )
-    if not told.pairs:
-        return result
     k = result.n_params
+    told = nonlinear_covariance(
+        weighed(problem, posterior.parts.weight), result.z, posterior.covariance, seed,
+        held=[i for i, n in enumerate(result.names[:k]) if n in result.at_bound],
+        tick=lambda: watch(0, result.cost, 0.0) if watch else None,
+    )  # fmt: skip
+    if not told.pairs:
+        told_so = {"nonlinear": told.record()} if told.lost else {}
+        return replace(result, uncertainty={**result.uncertainty, **told_so})
     sd, covariance = np.array(result.sd), np.array(result.covariance)
     covariance[:k, :k] = told.covariance
     sd[:k] = np.sqrt(np.diag(told.covariance))

@@ -49,26 +49,48 @@ def frozen(base: Sequence[Base]) -> list[Weighed]:
 
 
 def _at_once(base: Sequence[Base], found: Sequence[Weighed]) -> list[Weighed]:
-    """All columns that froze, where they did so in the same stretches: one receiver, one mistake."""
-    names = [w.mistake.channels[0] for w in found]
-    stretches = {n: [_frozen(one.run, n) for one in base] for n in names}
-    if len(names) < 2 or not all(_overlap(stretches[names[0]], stretches[n]) for n in names[1:]):
-        return []
-    both = replace(found[0].mistake.correction or Correction(), skip_repeats=tuple(names))
-    says = f"{' and '.join(names)} repeat their last values at the same time, for up to "
+    """Columns that froze together, at least two: one receiver, one mistake."""
+    frozen_at = {
+        w.mistake.channels[0]: [_samples(one.run, w.mistake.channels[0]) for one in base] for w in found
+    }
+    groups: list[list[Weighed]] = []
+    for w in found:
+        own = frozen_at[w.mistake.channels[0]]
+        first = next((g for g in groups if _together(frozen_at[g[0].mistake.channels[0]], own)), None)
+        if first is None:
+            groups.append([w])
+        else:
+            first.append(w)
+    return [_joint(base, group) for group in groups if len(group) > 1]
+
+
+def _joint(base: Sequence[Base], group: Sequence[Weighed]) -> Weighed:
+    names = [w.mistake.channels[0] for w in group]
+    both = replace(group[0].mistake.correction or Correction(), skip_repeats=tuple(names))
     seconds = max(_longest(one.run, n) for one in base for n in names)
-    says += f"{seconds:.3g} s, while the vehicle moves on"
-    odds = np.sum([w.odds for w in found], axis=0)
-    return [Weighed(Mistake(f"frozen {', '.join(names)}", says, both, USUAL), odds, {"size": odds})]
+    says = f"{' and '.join(names)} repeat their last values at the same time, for up to {seconds:.3g} s, while the "
+    odds = np.sum([w.odds for w in group], axis=0)
+    mistake = Mistake(f"frozen {', '.join(names)}", f"{says}vehicle moves on", both, USUAL)
+    return Weighed(mistake, odds, {"size": odds})
 
 
-def _overlap(one: Sequence[Sequence[tuple[int, int]]], other: Sequence[Sequence[tuple[int, int]]]) -> bool:
-    """Whether every stretch of either, run by run, meets one of the other."""
+def _samples(run: Run, name: str) -> np.ndarray:
+    """Whether a column is frozen at each sample of a run."""
+    out = np.zeros(run.n_samples, dtype=bool)
+    for first, last in _frozen(run, name):
+        out[first : last + 1] = True
+    return out
 
-    def met(a: Sequence[tuple[int, int]], b: Sequence[tuple[int, int]]) -> bool:
-        return all(any(p <= last and q >= first for p, q in b) for first, last in a)
 
-    return all(met(a, b) and met(b, a) for a, b in zip(one, other, strict=True))
+def _together(one: Sequence[np.ndarray], other: Sequence[np.ndarray]) -> bool:
+    """Whether two columns are frozen in the same runs, and half of the time of either in common."""
+    if any(a.any() != b.any() for a, b in zip(one, other, strict=True)):
+        return False
+    common, longer = (
+        sum(int(np.sum(what(a, b))) for a, b in zip(one, other, strict=True))
+        for what in (np.logical_and, np.logical_or)
+    )
+    return 2 * common >= longer
 
 
 def _stretches(run: Run, name: str) -> tuple[np.ndarray, list[tuple[int, int]]]:

@@ -138,7 +138,7 @@ def check_input(
 def distinct(mistakes: Iterable[Mistake], logged: Container[str]) -> list[Mistake]:
     """Those that differ on the channels logged: where only the heading is, all angles in degrees is it.
 
-    The first of several stays.
+    The first of several stays, with the prior of all.
     """
     kept: dict[tuple[str, ...], Mistake] = {}
     for m in mistakes:
@@ -146,7 +146,11 @@ def distinct(mistakes: Iterable[Mistake], logged: Container[str]) -> list[Mistak
         if m.correction is not None:
             scale = {k: v for k, v in m.correction.scale.items() if k in logged}
             key = replace(m.correction, scale=dict(sorted(scale.items()))).lines(15) or key
-        kept.setdefault(key, m)
+        if key in kept:
+            both = float(np.logaddexp(kept[key].log_prior, m.log_prior))
+            kept[key] = replace(kept[key], log_prior=both)
+        else:
+            kept[key] = m
     return list(kept.values())
 
 
