@@ -68,9 +68,9 @@ def _joint(base: Sequence[Base], group: Sequence[Weighed]) -> Weighed:
     names = [w.mistake.channels[0] for w in group]
     both = replace(group[0].mistake.correction or Correction(), skip_repeats=tuple(names))
     seconds = max(_longest(one.run, n) for one in base for n in names)
-    says = f"{' and '.join(names)} repeat their last values at the same time, for up to {seconds:.3g} s, while the "
+    says = f"{' and '.join(names)} repeat their last values at the same time, for up to {seconds:.3g} s"
     odds = np.sum([w.odds for w in group], axis=0)
-    mistake = Mistake(f"frozen {', '.join(names)}", f"{says}vehicle moves on", both, USUAL)
+    mistake = Mistake(f"frozen {', '.join(names)}", f"{says}, while the vehicle moves on", both, USUAL)
     return Weighed(mistake, odds, {"size": odds})
 
 
