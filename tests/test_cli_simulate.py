@@ -100,12 +100,12 @@ def test_one_seed_gives_one_log_and_noise_of_the_stated_size(model, scale):
     np.testing.assert_array_equal(log(5).data["u"], clean.data["u"])
 
 
-def test_a_planted_following_current_ends_as_speed_over_ground(model, capsys):
+def test_a_planted_following_current_is_speed_over_ground_from_the_start(model, capsys):
     current = ["--set", "ocean_current.V_north=0.5"]
     orders = ["simulate", "generic_sub", "straight:duration=1200", *current, "--json"]
     assert run(orders) == 0
     (result,) = json.loads(capsys.readouterr().out)["runs"].values()
-    assert result["speed at the start [m/s]"] == pytest.approx(model.scales["U"])
+    assert result["speed at the start [m/s]"] == pytest.approx(model.scales["U"] + 0.5)
     assert result["speed at the end [m/s]"] == pytest.approx(model.scales["U"] + 0.5, rel=1e-3)
 
 

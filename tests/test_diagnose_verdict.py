@@ -206,6 +206,7 @@ def test_an_effect_is_idle_where_its_sizes_are_worth_less_than_odds_of_twenty(mo
         index={k: i for i, k in enumerate(table)},
         effect_off={1: 1.0, 0: 0.0},
         effect_limits=limits,
+        nominal=np.zeros(4),
     )
     monkeypatch.setattr(candidates, "parameter_table", lambda fit, problem: table)
     both = SimpleNamespace(effects=("still", "acts"), fit=None)
@@ -223,6 +224,10 @@ def test_an_effect_is_idle_where_its_sizes_are_worth_less_than_odds_of_twenty(mo
     ):  # fmt: skip
         told = table | {"still.size": (size, 0.1), "acts.other": (others, 0.1)}
         assert candidates.idle(both, SimpleNamespace(model=model), table, told) == names
+    # a gain that the vehicle states, found where it is stated, is no more than is there already
+    model.nominal[3] = 0.5
+    table["still.size"] = (0.5, 0.1)
+    assert candidates.idle(both, SimpleNamespace(model=model)) == ("acts",)
 
 
 def test_a_mass_that_shows_in_its_moment_alone_is_not_idle():
