@@ -7,7 +7,7 @@ of the worst pair
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,11 +20,14 @@ from bayesid.estimation.filter_error.linearise import Trajectory, linearise
 from bayesid.estimation.filter_error.noise_model import whitened
 from bayesid.estimation.parameters import effect_prior
 from bayesid.estimation.run_data import Array, RunData
-from bayesid.manoeuvres import LIBRARY, library, order_words
+from bayesid.manoeuvres import LIBRARY, Manoeuvre, library, order_words
 from bayesid.model.vehicles.sufficient import has_rudder
 from bayesid.simulation import plan_run, run_manoeuvre, steady_start, with_own_states
 
 MOST_LENGTHS = 60.0
+# Duration of a manoeuvre over that of the longest run of the log, above which there may be no room for it: a
+# spiral of an hour for a model in a pond.
+LONGEST = 3.0
 
 
 @dataclass(frozen=True)
@@ -43,7 +46,8 @@ class Proposal:
 def propose(
     problem: DiagnosisProblem, bank: SensitivityBank, names: Sequence[str], size: float
 ) -> tuple[Proposal, ...]:
-    """Library manoeuvres, best first; none for a vehicle without a rudder, which cannot run them.
+    """Library manoeuvres, best first; none for a vehicle without a rudder, which cannot run them, and none
+    that lasts much longer than any run of the log.
 
     Parameters
     ----------
@@ -62,7 +66,8 @@ def propose(
         executed = library(model.scales["L"], model.scales["U"], rpm, limit, dof=model.dof)
     except BayesidError:
         return ()
-    for name, manoeuvre in executed.items():
+    longest = max(float(log.plan.t[-1] - log.plan.t[0]) for log in problem.logs)
+    for name, manoeuvre in with_room(executed, longest).items():
         try:
             added = added_equations(problem, bank, manoeuvre)
         except BayesidError:
@@ -79,6 +84,12 @@ def propose(
             )
         )  # fmt: skip
     return tuple(sorted(out, key=lambda p: -p.margin_with))
+
+
+def with_room(executed: Mapping[str, Manoeuvre], longest: float) -> dict[str, Manoeuvre]:
+    """Manoeuvres that last no more than `LONGEST` times the longest run [s]; the shortest where all do."""
+    short = {name: m for name, m in executed.items() if float(m.t[-1]) <= LONGEST * longest}
+    return short or dict(sorted(executed.items(), key=lambda item: float(item[1].t[-1]))[:1])
 
 
 def worst_margin(bank: SensitivityBank, names: Sequence[str], size: float) -> float:
