@@ -118,6 +118,13 @@ def test_where_draws_diverge_linear_theory_stands():
     assert found.pairs == 0 and found.lost > 0
 
 
+def test_a_few_draws_that_diverge_are_no_doubt_of_a_problem_that_is_linear():
+    slight = Curve(("a", "b"), lambda z: [(z[0] + 0.05 * SIGMA * z[1] ** 2) / SIGMA], (1,), survives=1.6)
+    linear = law(slight, 2)
+    found = nonlinear_covariance(slight, np.zeros(2), linear)
+    assert found.covariance is linear and found.lost == 0
+
+
 def test_the_seed_fixes_the_answer():
     parabola = Curve(("a", "b"), lambda z: [(z[0] + 0.5 * z[1] ** 2) / SIGMA], (1,))
     linear = law(parabola, 2)

@@ -7,7 +7,7 @@ Draws of linear theory are carried to where the readings, projected on their slo
 that linear theory foretells (randomise-then-optimise; Bardsley, Solonen, Haario and Laine 2014). A
 combination that runs fix at the estimate is not quite the one they fix a standard deviation along a long
 ridge: of 22 coefficients found from a spiral the best known combinations were 2 to 5 times less sure than
-their linear sd, and 61 % of their 90 % intervals held the truth.
+their linear sd, and 75 % of their 90 % intervals held the truth (`reports/posterior`).
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class NonlinearCovariance:
     ----------
     covariance : (k, k) [SI]
     pairs : pairs of opposite draws it rests on; 0 where linear theory stands
-    lost : pairs of which one did not arrive
+    lost : pairs of which one did not arrive; 0 where enough did to tell that linear theory stands
     widest : largest sd of a combination over its linear sd
     """
 
@@ -117,8 +117,10 @@ def nonlinear_covariance(
             if lost > LEAST_ARRIVED * FIRST_PAIRS or (not lost and np.linalg.eigvalsh(bent)[-1] < LINEAR):
                 return NonlinearCovariance(covariance, 0, lost, 1.0)
     more, along = np.linalg.eigh(_moment(errors))
-    if lost > LEAST_ARRIVED * len(linear) or more[-1] < 1.0 + LINEAR:
+    if lost > LEAST_ARRIVED * len(linear):
         return NonlinearCovariance(covariance, 0, lost, 1.0)
+    if more[-1] < 1.0 + LINEAR:
+        return NonlinearCovariance(covariance, 0, 0, 1.0)
     wide = spread @ along * np.sqrt(np.maximum(more, 1.0))
     told = wide @ wide.T * np.outer(sd, sd) + covariance - inner
     return NonlinearCovariance(told, len(linear) - lost, lost, float(np.sqrt(more[-1])))
