@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -66,7 +65,9 @@ def _at_once(base: Sequence[Base], found: Sequence[Weighed]) -> list[Weighed]:
 
 def _joint(base: Sequence[Base], group: Sequence[Weighed]) -> Weighed:
     names = [w.mistake.channels[0] for w in group]
-    both = replace(group[0].mistake.correction or Correction(), skip_repeats=tuple(names))
+    seen = {r for w in group if (c := w.mistake.correction) for r in c.runs or (one.run.name for one in base)}
+    where = tuple(one.run.name for one in base if one.run.name in seen)
+    both = Correction(skip_repeats=tuple(names), runs=where if len(where) < len(base) else ())
     seconds = max(_longest(one.run, n) for one in base for n in names)
     says = f"{' and '.join(names)} repeat their last values at the same time, for up to {seconds:.3g} s"
     odds = np.sum([w.odds for w in group], axis=0)
@@ -83,14 +84,12 @@ def _samples(run: Run, name: str) -> np.ndarray:
 
 
 def _together(one: Sequence[np.ndarray], other: Sequence[np.ndarray]) -> bool:
-    """Whether two columns are frozen in the same runs, and half of the time of either in common."""
-    if any(a.any() != b.any() for a, b in zip(one, other, strict=True)):
-        return False
-    common, longer = (
-        sum(int(np.sum(what(a, b))) for a, b in zip(one, other, strict=True))
-        for what in (np.logical_and, np.logical_or)
-    )
-    return 2 * common >= longer
+    """Whether two columns are frozen in common for half of the time of either.
+
+    Of the shorter: in some runs a column may come back so near to where it froze that it is not seen there.
+    """
+    common = sum(int(np.sum(a & b)) for a, b in zip(one, other, strict=True))
+    return 2 * common >= min(sum(int(np.sum(a)) for a in runs) for runs in (one, other))
 
 
 def _stretches(run: Run, name: str) -> tuple[np.ndarray, list[tuple[int, int]]]:
