@@ -159,3 +159,43 @@ def test_an_unknown_that_nothing_holds_leaves_linear_theory():
     free = Curve(("a", "b"), lambda z: [z[0] / SIGMA], (0,))
     linear = np.diag([SIGMA**2, 1.0])
     assert nonlinear_covariance(free, np.zeros(2), linear).covariance is linear
+
+
+def test_initial_states_taken_out_run_by_run_are_those_of_one_run():
+    """Two runs that bend in parameters and starts: as one run whose starts are those of both."""
+
+    def first(z):
+        a, b, x, y = z[0], z[1], z[2], z[3]
+        return np.array([a + x - 0.2 * b**2, x - 0.1 * a * b, y + a, y - 0.1 * b, 0.02 * b]) / SIGMA
+
+    def second(z):
+        a, b, x = z[0], z[1], z[4]
+        return np.array([a + 2.0 * x - 0.1 * b**2, x - a, x + 0.3 * a**2, 0.01 * b]) / SIGMA
+
+    def together(z):
+        return np.concatenate([first(z), second(z)])
+
+    whole = Curve(("a", "b"), together, (0, 1, 2, 4), initial=("x", "y", "x of the second"))
+
+    @dataclass(frozen=True)
+    class Apart(Curve):
+        @property
+        def runs(self):
+            starts = (("x", "y"), ("x",))
+            return tuple(
+                SimpleNamespace(initial=i, initial_sd=np.ones(len(i)), residuals=lambda y: y) for i in starts
+            )
+
+        def readings(self, z):
+            return [first(z), second(z)]
+
+        def run_blocks(self, z):
+            _, slopes = whole.run_blocks(z)(0)
+            parts = ((slice(0, 5), [0, 1, 2, 3]), (slice(5, 9), [0, 1, 4]))
+            return lambda i: (self.readings(z)[i], slopes[parts[i][0]][:, parts[i][1]])
+
+    apart = Apart(("a", "b"), together, (0, 1, 2, 4))
+    linear = law(whole, 5)
+    one, two = (nonlinear_covariance(c, np.zeros(5), linear) for c in (whole, apart))
+    assert one.pairs > 0 and one.widest > 1.0
+    assert two.covariance == pytest.approx(one.covariance, rel=1e-7)

@@ -151,34 +151,64 @@ def _standard(k: int, seed: int) -> Array:
     return np.asarray(np.linalg.solve(np.linalg.cholesky(rows.T @ rows / len(rows)), rows.T).T)
 
 
+@dataclass(frozen=True, eq=False)
+class _Turned:
+    """Readings of one run, and the prior of its initial states, turned so that those states come first.
+
+    Attributes
+    ----------
+    rows : (r, n) orthogonal: what the slopes see of n residuals
+    there : (r,) of the residuals at the estimate
+    prior : positions of the prior's residuals that are of this run
+    own, by : (s, s) triangle of the run's initial states; (s, k) slopes of the same rows by the parameters
+    """
+
+    rows: Array
+    there: Array
+    prior: Array
+    own: Array
+    by: Array
+
+
 class _Carried:
-    """Carries deviations of the parameters from linear theory to the readings that theory foretells."""
+    """Carries deviations of the parameters from linear theory to the readings that theory foretells.
+
+    Initial states are taken out run by run: with hundreds of short pieces there are thousands of them.
+    """
 
     def __init__(self, problem: FitProblem, z: Array, unit: Array) -> None:
         self.problem, self.z, self.unit = problem, z, unit
-        self.k = len(problem.params.names)
-        block, at = problem.run_blocks(z), self.k
-        self.turned: list[tuple[Array, Array]] = []
-        rows: list[Array] = []
+        self.k = k = len(problem.params.names)
+        block, at = problem.run_blocks(z), k
+        self.prior, of_prior = problem.prior(z)
+        self.runs: list[_Turned] = []
+        below: list[Array] = []
+        common = np.ones(self.prior.size, dtype=bool)
         for i, run in enumerate(problem.runs):
             resid, jac = block(i)
             own = slice(at, at + len(run.initial))
             at = own.stop
+            mine = np.flatnonzero(of_prior[:, own].any(axis=1))
+            common[mine] = False
+            slopes = np.hstack([
+                np.vstack([jac[:, k:], of_prior[mine, own]]) * unit[own],
+                np.vstack([jac[:, :k], of_prior[mine, :k]]) * unit[:k],
+            ])  # fmt: skip
             # orthogonal, not normal equations: an unstable vehicle feels its start e^20 times
-            turn, triangle = np.linalg.qr(jac)
-            wide = np.zeros((triangle.shape[0], z.size))
-            wide[:, : self.k], wide[:, own] = triangle[:, : self.k], triangle[:, self.k :]
-            self.turned.append((turn.T, turn.T @ resid))
-            rows.append(wide)
-        self.prior, slopes = problem.prior(z)
-        slopes = np.vstack([*rows, slopes]) * unit
-        self.size = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
-        # initial states first: what is left of the parameters' slopes stands below
-        self.order = np.concatenate([np.arange(self.k, z.size), np.arange(self.k)])
-        q, self.triangle = np.linalg.qr((slopes / self.size)[:, self.order])
-        self.q = q.T
+            turn, triangle = np.linalg.qr(slopes)
+            there = turn.T @ np.concatenate([resid, self.prior[mine]])
+            first = len(run.initial)
+            self.runs.append(_Turned(turn.T, there, mine, triangle[:first, :first], triangle[:first, first:]))
+            below.append(triangle[first:, first:])
+        self.common = np.flatnonzero(common)
+        self.q, self.triangle = np.linalg.qr(np.vstack([*below, of_prior[self.common, :k] * unit[:k]]))
+        size = np.sqrt(sum((r.by**2).sum(axis=0) for r in self.runs) + (self.triangle**2).sum(axis=0))
+        sized = [np.abs(np.diag(self.triangle)) / np.maximum(size, 1e-300)]
+        sized += [
+            np.abs(np.diag(r.own)) / np.maximum(np.linalg.norm(r.own, axis=0), 1e-300) for r in self.runs
+        ]
         #: whether some unknown is held by neither readings nor prior
-        self.open = bool(np.abs(np.diag(self.triangle)).min() < ROUNDING)
+        self.open = bool(self.triangle.shape[0] < k or np.concatenate(sized).min() < ROUNDING)
 
     def to(self, deviation: Array) -> Array | None:
         """(nz,) deviation of the unknowns in `unit`; None where the steps do not arrive or a run diverges.
@@ -187,9 +217,8 @@ class _Carried:
         ----------
         deviation : (k,) of the parameters by linear theory
         """
-        m = self.z.size - self.k
-        goal = self.triangle[:, m:] @ (deviation * self.size[: self.k])
-        goal[:m] = 0.0  # the initial states that suit the parameters best
+        # the initial states are those that suit the parameters best
+        goal = np.concatenate([np.zeros(self.z.size - self.k), self.triangle @ deviation])
         x, best, part = self._solved(goal), np.inf, 1.0
         base = move = np.zeros_like(x)
         for _ in range(STEPS):
@@ -211,22 +240,31 @@ class _Carried:
         return None
 
     def _missed(self, x: Array, goal: Array) -> Array | None:
-        """(nz,) what the projected readings at x lack of the goal; None where a run diverges."""
+        """(nz,) what the projected readings at x lack of the goal, those of initial states first; None where
+        a run diverges."""
         z = self.z + x * self.unit
         try:
             simulated = self.problem.readings(z)
         except ModelError:
             return None
-        rows = [
-            turn @ run.residuals(y).ravel() - there
-            for (turn, there), run, y in zip(self.turned, self.problem.runs, simulated, strict=True)
-        ]
-        found = self.q @ np.concatenate([*rows, self.problem.prior(z)[0] - self.prior])
-        missed = goal - found
+        prior = self.problem.prior(z)[0]
+        first, below = [np.zeros(0)], []
+        for turned, run, y in zip(self.runs, self.problem.runs, simulated, strict=True):
+            resid = np.concatenate([run.residuals(y).ravel(), prior[turned.prior]])
+            moved = turned.rows @ resid - turned.there
+            first.append(moved[: len(turned.own)])
+            below.append(moved[len(turned.own) :])
+        of_all = self.q.T @ np.concatenate([*below, (prior - self.prior)[self.common]])
+        missed = goal - np.concatenate([*first, of_all])
         return missed if np.isfinite(missed).all() else None
 
     def _solved(self, projected: Array) -> Array:
         """(nz,) deviation in `unit` that linear theory has for projected readings."""
-        x = np.empty_like(projected)
-        x[self.order] = solve_triangular(self.triangle, projected)
-        return x / self.size
+        at = self.z.size - self.k
+        parameters = solve_triangular(self.triangle, projected[at:])
+        out, first = [parameters], 0
+        for r in self.runs:
+            last = first + len(r.own)
+            out.append(solve_triangular(r.own, projected[first:last] - r.by @ parameters))
+            first = last
+        return np.concatenate(out)
