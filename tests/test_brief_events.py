@@ -11,7 +11,16 @@ from gap_trials import model_of, other_vehicle, planted_trial
 from bayesid.diagnosis import brief_events as module
 from bayesid.diagnosis.answer import answer
 from bayesid.diagnosis.brief_events import _gains, _joined, _largest_of, brief_events
-from bayesid.diagnosis.cut_runs import BriefSignal, CutRun, Joint, cut, orders, prior_root, signals_of
+from bayesid.diagnosis.cut_runs import (
+    BriefSignal,
+    CutRun,
+    Joint,
+    cut,
+    orders,
+    prior_root,
+    signals_of,
+    sought_in,
+)
 from bayesid.diagnosis.data.event import Event
 from bayesid.diagnosis.data.problem import build_problem, fit_with
 from bayesid.diagnosis.event_description import _anew
@@ -52,7 +61,7 @@ def fitted(trial):
 
 
 def found_in(problem, none, least, tight=False):
-    return brief_events(problem, none.fit.free, none.fit.followed, least, tight)
+    return brief_events(sought_in(problem, none.fit.free, none.fit.followed), least, tight)
 
 
 def events_of(acts, size=SIZE, least=0.0):

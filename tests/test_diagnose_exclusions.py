@@ -51,12 +51,18 @@ EARLY, LATE = ("a", 1.0, "r"), ("a", 2.0, "psi")
 
 
 def passes(
-    monkeypatch, outliers=(), events=(), fails=lambda events, readings: None, unable=None, brief=lambda: ()
+    monkeypatch,
+    outliers=(),
+    events=(),
+    fails=lambda events, readings: None,
+    unable=None,
+    brief=lambda: (),
+    depends=lambda: None,
 ):
     """Run the loop with stand-ins; what each pass excluded, and the outcome.
 
     `outliers` are contradicted readings once events are known and before: one entry per round of events.
-    `brief` gives brief events or raises.
+    `brief` gives brief events or raises, `depends` what the rest depends on.
     """
     seen = []
 
@@ -77,13 +83,16 @@ def passes(
         lambda problem, notify, seed, base: Compared(problem, f"compared {len(seen)}", unable),
     )
     monkeypatch.setattr(exclusions, "in_its_environment", lambda found, notify, seed: found)
-    monkeypatch.setattr(exclusions, "simplest", lambda candidates: None)
+    best = Plain(fit=Plain(free=None, followed=None))
+    monkeypatch.setattr(exclusions, "simplest", lambda candidates: best)
+    monkeypatch.setattr(exclusions, "sought_in", lambda problem, free, points: None)
     monkeypatch.setattr(exclusions, "find_events", lambda problem, trial, best, notify: events)
-    monkeypatch.setattr(exclusions, "_brief", lambda found, best: brief())
+    monkeypatch.setattr(exclusions, "_brief", lambda found, best, sought: brief())
+    monkeypatch.setattr(exclusions, "_dependence", lambda found, best, sought: depends())
     monkeypatch.setattr(
         exclusions,
         "with_events",
-        lambda candidates, found: f"{candidates} + {len(found)}" if found else candidates,
+        lambda candidates, found, depends: f"{candidates} + {len(found)}" if found else candidates,
     )
     return seen, exclusions.compare_without(None, None)
 
@@ -128,6 +137,15 @@ def test_brief_events_are_looked_for_once_and_after_gross_ones(monkeypatch):
     assert [events for events, _ in seen] == [(), (), (EVENT,), (EVENT,), (EVENT, BRIEF), (EVENT, BRIEF)]
 
 
+def test_what_the_rest_depends_on_is_asked_once_nothing_more_is_left_out(monkeypatch):
+    asked = []
+    seen, found = passes(
+        monkeypatch, events=(EVENT,), brief=lambda: (BRIEF,), depends=lambda: asked.append(1) or "the place"
+    )
+    assert len(seen) == 3 and asked == [1]
+    assert found.dependence == "the place"
+
+
 def test_gross_events_stay_left_out_where_brief_ones_cannot_be(monkeypatch):
     def fails(events, readings):
         return ModelError("left the region") if BRIEF in events else None
@@ -145,7 +163,9 @@ def test_a_search_for_brief_events_that_fails_costs_nothing_else(monkeypatch):
 
     seen, found = passes(monkeypatch, brief=brief)
     assert len(seen) == 1 and found.candidates == "compared 1"
-    assert found.unable == "brief events could not be looked for (not positive definite)"
+    assert found.unable == (
+        "brief events, and forces with the place or a period, could not be looked for (not positive definite)"
+    )
 
 
 def test_outliers_whose_removal_cannot_be_diagnosed_are_counted_and_said(monkeypatch):

@@ -230,6 +230,7 @@ def test_the_numbers_of_the_table_are_those_the_practice_campaigns_were_scored_w
         "LEAST_REMAINDER_SHARE": 1e-3,
         "FREE_SIGNAL_SLACK": 10.0,
         "BRIEF_EVENT_EVIDENCE": 30.0,
+        "DEPENDENCE_EVIDENCE": 30.0,
     }
 
 

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from bayesid.diagnosis.data.dependence import Dependence
 from bayesid.diagnosis.data.event import Event
 from bayesid.diagnosis.events_counted import verdict_with
 from bayesid.diagnosis.hypotheses import candidate as candidates
@@ -16,7 +17,7 @@ from bayesid.diagnosis.hypotheses import facts, verdict
 from bayesid.diagnosis.hypotheses.kinematic import Kinematics
 from bayesid.diagnosis.hypotheses.location import location_of, locations
 from bayesid.diagnosis.hypotheses.probabilities import FormError
-from bayesid.diagnosis.hypotheses.rules import LEFT_OUT_WORSE
+from bayesid.diagnosis.hypotheses.rules import LEFT_OUT_WORSE, OTHER_DEPENDENCE
 from bayesid.equations.model import build_model
 from bayesid.model.vehicles import load_vehicle
 
@@ -293,6 +294,28 @@ def test_a_brief_motion_takes_the_verdict_from_coefficients_only_where_it_says_m
     assert (more.word, more.effects, more.set95) == ("outside", (), ("outside",))
     form = verdict.Verdict("model_form", (), ("model_form",), (), ())
     assert verdict_with(form, (event,), the_rest(500.0, carried=300.0)).word == "outside"
+
+
+@pytest.mark.parametrize(
+    ("word", "alone", "after", "set95"),
+    [
+        ("none", 0.0, "outside", ("outside",)),
+        ("model_form", 0.0, "outside", ("outside",)),
+        ("coefficients", 60.0, "outside", ("outside",)),
+        ("coefficients", 40.0, "coefficients", ("a",)),
+        ("effect", 60.0, "outside", ("outside", "a")),
+        ("effect", 40.0, "effect_with_remainder", ("a",)),
+        ("several", 40.0, "several", ("a",)),
+        ("ambiguous", 40.0, "ambiguous", ("a", "outside")),
+    ],
+)
+def test_a_force_with_the_place_is_what_is_left_or_what_it_is(word, alone, after, set95):
+    """The best explanation gains 50 nats, the force 35 beside it."""
+    before = verdict.Verdict(word, ("a",), ("a",), (), ())
+    found = verdict_with(before, (), the_rest(50.0), Dependence("place", "hull", 35.0, 40.0, 0.2, alone))
+    assert (found.word, found.set95) == (after, set95)
+    assert (found.rule == OTHER_DEPENDENCE) == (after == "outside")
+    assert (found.effects == ()) == (after == "outside")
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 
 from bayesid.diagnosis.cannot_tell import MOST_RIVALS, cannot_tell, leading_cause
-from bayesid.diagnosis.event_words import rudder_off, unexplained
+from bayesid.diagnosis.event_words import rudder_off, unexplained, where_to_look
 from bayesid.diagnosis.failed_checks import (
     MOST_RUNS,
     NO_MODEL,
@@ -19,7 +19,7 @@ from bayesid.diagnosis.failed_checks import (
     prediction_step,
     predicts_worse,
 )
-from bayesid.diagnosis.hypotheses.rules import LEFT_OUT_WORSE, MOTION_EVENT, NAMING
+from bayesid.diagnosis.hypotheses.rules import LEFT_OUT_WORSE, MOTION_EVENT, NAMING, OUTSIDE_SAID
 from bayesid.diagnosis.moved_words import freeing, moved_words, retuned
 from bayesid.diagnosis.plain_words import in_words, intervals, lowered, probability, sentence
 from bayesid.diagnosis.result import Result
@@ -200,7 +200,7 @@ def _headline(result: Result) -> str:
             + _like(result)
             + ("; no cause beside it can be told.")
         )
-    if result.rule == MOTION_EVENT:
+    if result.rule in OUTSIDE_SAID:
         known = [in_words(n) for n in result.set95 if n not in ("none", "outside", "model_form")]
         also = f" What may act beside it: {first_few(known, MOST_RIVALS)}." if known else ""
         return unexplained(result).strip() + also
@@ -344,19 +344,19 @@ def _certainty(result: Result) -> tuple[str, ...]:
     if first is not None and (sizes := intervals(first)):
         out.append(f"If it is {in_words(first.name)}: {', '.join(sizes)}.")
     other = rivals(result)
-    if result.rule == MOTION_EVENT:  # which is outside the list, and is said
+    if result.rule in OUTSIDE_SAID:  # which is outside the list
         other = [(n, p) for n, p in other if n != "outside"]
     if other and result.verdict != "ambiguous":
         unlisted = "something not on the list that acts alike"
         listed = ", ".join(
             f"{unlisted if n == 'outside' else in_words(n)} ({probability(p)})" for n, p in other
         )
-        besides = result.verdict == "model_form" or result.rule == MOTION_EVENT
+        besides = result.verdict == "model_form" or result.rule in OUTSIDE_SAID
         what = "What may act beside it" if besides else "What else it could be"
         if result.rule == LEFT_OUT_WORSE:
             what = "The probabilities before that"
         out.append(f"{what}: {listed}.")
-    elif not other and result.rule != MOTION_EVENT:
+    elif not other and result.rule not in OUTSIDE_SAID:
         out.append("Nothing else reaches a probability of 0.01.")
     named = {e.name for e in result.effects}
     alike = sorted({n for g in result.ambiguity_groups if named & set(g) for n in g} - named)
@@ -429,6 +429,8 @@ def _steps(result: Result) -> tuple[str, ...]:
             "See in the notes of the trial, or in the servo's own angle if it is logged, what happened then; "
             "causes and coefficients are told without that time, the errors above are not."
         )
+    elif result.dependence is not None and result.verdict == "outside":
+        out.append(where_to_look(result.dependence))
     elif result.verdict == "outside":
         out.append(
             "Look where and when it acts ('Where the gap lies' in the report's appendix); a cause of your "

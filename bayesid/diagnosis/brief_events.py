@@ -8,23 +8,20 @@ short time only is neither, unless the motion of that time was flown once. Leave
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.linalg import LinAlgError
 from scipy.special import logsumexp
 
 from bayesid.diagnosis.actuator_event import ACTUATOR_PLACES, actuator_event
-from bayesid.diagnosis.cut_runs import ELSEWHERE, BriefSignal, CutRun, Joint, cut, prior_root, signals_of
+from bayesid.diagnosis.cut_runs import ELSEWHERE, BriefSignal, CutRun, Joint, Sought, cut, prior_root
 from bayesid.diagnosis.data.event import Event
-from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.event_search import MOST_EVENTS, MOST_TIME_SHARE
 from bayesid.diagnosis.hypotheses.candidate import NOISE_SCALE_SHIFTS
 from bayesid.diagnosis.hypotheses.localisation import SENSORS, SIGNAL_AMPLITUDES, channel_sets, units
 from bayesid.diagnosis.threshold_table import BRIEF_EVENT_EVIDENCE
-from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, linearise_runs
 from bayesid.estimation.filter_error.noise_identification import MANOEUVRE_NOISE_SPREAD
-from bayesid.estimation.parameters import GaussianPrior
 from bayesid.estimation.run_data import Array
 
 # Pieces that an event lasts.
@@ -35,35 +32,11 @@ MOST_ERRORS = 8
 TOLD = 2.0
 
 
-@dataclass(frozen=True, eq=False)
-class Sought:
-    """What events are looked for in: an explanation, linearised, and all runs cut into pieces."""
-
-    problem: DiagnosisProblem
-    free: GaussianPrior
-    paths: Sequence[Linearisation]
-    runs: Sequence[CutRun]
-    signals: tuple[str, ...]
-
-    @property
-    def known(self) -> int:
-        """Number of free parameters."""
-        return len(self.free.names)
-
-
-def brief_events(
-    problem: DiagnosisProblem,
-    free: GaussianPrior,
-    points: Sequence[Trajectory],
-    least: float,
-    tight: bool = False,
-) -> tuple[Event, ...]:
+def brief_events(sought: Sought, least: float, tight: bool = False) -> tuple[Event, ...]:
     """Events beside an explanation; none where together they gain less than what would do instead of them.
 
     Parameters
     ----------
-    free : parameters of the explanation, integrated out
-    points : where its runs are linearised
     least : log evidence that they have to gain together
     tight : with the times of what they look like, not with all that a free signal takes
 
@@ -80,10 +53,7 @@ def brief_events(
     `MOST_TIME_SHARE` of the time: what lasts is a gap. An error of a sensor is asked for as well and stands
     beside the rest, but is no event while it is not gross: heading of a vehicle that rolls begins with one.
     """
-    paths = linearise_runs(problem.model, problem.logs, points, free.where)
-    signals = signals_of(problem)
-    runs = [cut(problem, free, k, path, signals) for k, path in enumerate(paths)]
-    sought = Sought(problem, free, paths, runs, signals)
+    problem, runs = sought.problem, sought.runs
     gone = sum(e.end - e.start for e in problem.events if e.kind == "motion")
     most = MOST_TIME_SHARE * sum(r.count * r.width for r in runs) - gone
     errors: list[BriefSignal] = []

@@ -17,7 +17,7 @@ from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.hypotheses.localisation import channel_sets, units
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.evidence import NOT_LINEARISABLE, NormalEquations, normal_equations
-from bayesid.estimation.filter_error.linearise import Linearisation
+from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, linearise_runs
 from bayesid.estimation.filter_error.noise_model import NoiseModel, whitened
 from bayesid.estimation.parameters import GaussianPrior
 from bayesid.estimation.run_data import Array
@@ -52,6 +52,27 @@ class CutRun:
 
 
 @dataclass(frozen=True, eq=False)
+class Sought:
+    """What a signal is looked for in: an explanation, linearised, and all runs cut into pieces.
+
+    Attributes
+    ----------
+    free : parameters of the explanation, integrated out
+    """
+
+    problem: DiagnosisProblem
+    free: GaussianPrior
+    paths: Sequence[Linearisation]
+    runs: Sequence[CutRun]
+    signals: tuple[str, ...]
+
+    @property
+    def known(self) -> int:
+        """Number of free parameters."""
+        return len(self.free.names)
+
+
+@dataclass(frozen=True, eq=False)
 class BriefSignal:
     """A signal allowed in some pieces of a run.
 
@@ -80,6 +101,20 @@ def signals_of(problem: DiagnosisProblem) -> tuple[str, ...]:
     """Inputs and sensor channels of all places."""
     sets = {k: v for k, v in channel_sets(problem).items() if k not in ELSEWHERE}
     return tuple(dict.fromkeys(name for both in sets.values() for part in both for name in part))
+
+
+def sought_in(problem: DiagnosisProblem, free: GaussianPrior, points: Sequence[Trajectory]) -> Sought:
+    """The runs of a problem, linearised at points of an explanation and cut into pieces.
+
+    Raises
+    ------
+    ModelError, LinAlgError
+        if a run cannot be linearised along its path
+    """
+    paths = linearise_runs(problem.model, problem.logs, points, free.where)
+    signals = signals_of(problem)
+    runs = [cut(problem, free, k, path, signals) for k, path in enumerate(paths)]
+    return Sought(problem, free, paths, runs, signals)
 
 
 def cut(

@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from bayesid.diagnosis.brief_events import brief_events
+from bayesid.diagnosis.cut_runs import sought_in
 from bayesid.diagnosis.data.event import Event
 from bayesid.diagnosis.form_stage import Compared
 from bayesid.diagnosis.hypotheses.facts import simplest
@@ -38,7 +39,7 @@ def described(compared: Compared) -> tuple[Event, ...]:
     free = GaussianPrior(fitted.free.names, fitted.free.where, fitted.values, fitted.sd, fitted.free.low)
     points = [replace(point, par=fitted.par) for point in uncut.path]
     with_rest = replace(uncut, environment=compared.problem.environment)
-    again = brief_events(with_rest, free, points, -np.inf, tight=True)
+    again = brief_events(sought_in(with_rest, free, points), -np.inf, tight=True)
     return _anew(known, again)
 
 

@@ -1,4 +1,4 @@
-"""What an event is in words: when, and what it looks like.
+"""What an event is in words: when, and what it looks like; and what a force that is left depends on.
 
 Takes a `Result` or its events. Gives text. Does not compute.
 """
@@ -7,21 +7,65 @@ from __future__ import annotations
 
 import math
 
+from bayesid.diagnosis.data.dependence import Dependence
 from bayesid.diagnosis.data.event import Event
 from bayesid.diagnosis.failed_checks import MOST_RUNS
 from bayesid.diagnosis.plain_words import number
 from bayesid.diagnosis.result import Result
 from bayesid.words import first_few
 
+NOTHING = "no known effect, and nothing in the motion, explains it"
+
 
 def unexplained(result: Result) -> str:
-    """When the vehicle moved as nothing known explains, and as if what; empty where it never did."""
+    """When the vehicle moved as nothing known explains, and as if what, and what a force that is left depends
+    on; empty where there is neither."""
     motions = [e for e in result.events if e.kind == "motion"]
+    said = f" {depends(result.dependence)}" if result.dependence is not None else ""
     if not motions:
-        return ""
+        return said
     times = [f"in {e.run} from {e.start:.1f} to {e.end:.1f} s" for e in motions]
-    alike = [f" In {e.run} it moves then {said}." for e in motions[:MOST_RUNS] if (said := _as_if(e))]
-    return f" No known effect explains how the vehicle moves {first_few(times, MOST_RUNS)}." + "".join(alike)
+    alike = [f" In {e.run} it moves then {look}." for e in motions[:MOST_RUNS] if (look := _as_if(e))]
+    first = f" No known effect explains how the vehicle moves {first_few(times, MOST_RUNS)}."
+    return first + "".join(alike) + said
+
+
+def depends(found: Dependence) -> str:
+    """What a force that is left depends on, as a sentence."""
+    unit = "s" if found.on != "place" else "m"
+    over = f"over about {number(found.scale)} {unit}"
+    if found.on == "period":
+        return (
+            f"A force with a period of {found.scale:.3g} s acts, {_newton(found.size)} (rms), as a swell "
+            f"would give; {NOTHING}."
+        )
+    changes = "from place to place" if found.on == "place" else "with time"
+    if found.acts == "hull":
+        like = ", as over an uneven bottom" if found.on == "place" else ""
+        return f"The hull's forces change {changes} by {found.size:.0%} (rms), {over}{like}; {NOTHING}."
+    like = ", as near a bank or in a current that differs" if found.on == "place" else ""
+    return (
+        f"A force of {_newton(found.size)} (rms) that keeps its direction over ground changes {changes}, "
+        f"{over}{like}; {NOTHING}."
+    )
+
+
+def where_to_look(found: Dependence) -> str:
+    """What to do next about it."""
+    own = "; a cause of your own is declared in a file and tried with `--effects FILE`"
+    if found.on == "period":
+        return f"See whether the sea had that period, or something aboard has it{own}."
+    if found.on == "time":
+        return f"See in the notes of the trial what changed during the runs{own}."
+    return (
+        f"Compare with the depth, the banks and the current along the tracks, or repeat a run elsewhere{own}."
+    )
+
+
+def _newton(force: float) -> str:
+    """A force as people say it."""
+    power = next((p for p in (6, 3) if force >= 10.0**p), 0)
+    return f"{number(force / 10.0**power)} {({6: 'MN', 3: 'kN', 0: 'N'})[power]}"
 
 
 def _as_if(event: Event) -> str:

@@ -9,18 +9,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from bayesid.diagnosis.data.dependence import Dependence
 from bayesid.diagnosis.data.event import Event
 from bayesid.diagnosis.form_stage import Compared
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.form_part import beyond
 from bayesid.diagnosis.hypotheses.probabilities import probabilities
-from bayesid.diagnosis.hypotheses.rules import MOTION_EVENT
+from bayesid.diagnosis.hypotheses.rules import MOTION_EVENT, OTHER_DEPENDENCE
 from bayesid.diagnosis.hypotheses.verdict import Verdict, decide, simplest
 
 
-def with_events(candidates: HypothesisComparison, events: Sequence[Event]) -> HypothesisComparison:
-    """Candidates of the rest of the trial, with what events of motion say for a cause outside added."""
-    gain = _motion_gain(events, candidates)
+def with_events(
+    candidates: HypothesisComparison, events: Sequence[Event], dependence: Dependence | None = None
+) -> HypothesisComparison:
+    """Candidates of the rest of the trial, with what events of motion, and a force that depends on more than
+    the motion, say for a cause outside added."""
+    gain = _motion_gain(events, candidates) + (dependence.alone if dependence is not None else 0.0)
     if gain <= max(candidates.evidence["outside"], 0.0):  # no motion says nothing
         return candidates
     evidence = candidates.evidence | {"outside": gain}
@@ -47,45 +51,57 @@ def _motion_gain(events: Sequence[Event], rest: HypothesisComparison) -> float:
     return beyond(gross, rest.carried) + sum(e.evidence for e in motions if e.brief)
 
 
-def verdict_with(verdict: Verdict, events: Sequence[Event], rest: HypothesisComparison) -> Verdict:
-    """Verdict that knows of events: a motion nothing explains is a gap, though it did not last.
+def verdict_with(
+    verdict: Verdict,
+    events: Sequence[Event],
+    rest: HypothesisComparison,
+    dependence: Dependence | None = None,
+) -> Verdict:
+    """Verdict that knows of events, and of a force that does not depend on the motion: what nothing explains
+    is a gap, though it did not last.
 
     It is the greater part of the gap where it says more than the effects explain, which are then no more than
-    possible; else it is what a named effect leaves. Other coefficients stand beside a brief one that says
+    possible; else it is what a named effect leaves. Other coefficients stand beside a brief event that says
     less; a force that the equations lack is no cause and gives way.
 
     Parameters
     ----------
     rest : hypotheses of the trial without the events
     """
-    if not events:
-        return verdict
-    listed = [f"{e.run} {e.start:.1f} to {e.end:.1f} s ({e.channel}, {e.kind})" for e in events]
-    reasons = (*verdict.reasons, "left out as events: " + "; ".join(listed))
+    if events:
+        listed = [f"{e.run} {e.start:.1f} to {e.end:.1f} s ({e.channel}, {e.kind})" for e in events]
+        verdict = replace(verdict, reasons=(*verdict.reasons, "left out as events: " + "; ".join(listed)))
     motions, best = [e for e in events if e.kind == "motion"], simplest(rest)
+    if dependence is None and not motions:
+        return verdict
     moved, gain = _motion_gain(motions, rest), max(best.log_evidence - rest.none.log_evidence, 0.0)
+    moved += dependence.alone if dependence is not None else 0.0
     greater = moved > gain or any(not e.brief for e in motions)
+    if verdict.word == "outside":
+        return verdict
+    rule = MOTION_EVENT if motions else OTHER_DEPENDENCE
     silent = verdict.word in ("none", "model_form") or (verdict.word == "coefficients" and greater)
-    if not motions or verdict.word == "outside":
-        return replace(verdict, reasons=reasons)
     if silent or verdict.set95 == ("outside",):
-        return replace(
-            verdict, word="outside", effects=(), set95=("outside",), reasons=reasons, rule=MOTION_EVENT
-        )
-    said = f"motions that nothing explains say +{moved:.1f}, the best explanation of the rest +{gain:.1f}"
-    reasons = (*reasons, f"{said}; before they were counted the verdict was {verdict.word} ({verdict.rule})")
+        return replace(verdict, word="outside", effects=(), set95=("outside",), rule=rule)
+    what = "motions" if motions else "a force that depends on more than the motion and"
+    said = f"{what} that nothing explains say +{moved:.1f}, the best explanation of the rest +{gain:.1f}"
+    reasons = (
+        *verdict.reasons,
+        f"{said}; before they were counted the verdict was {verdict.word} ({verdict.rule})",
+    )
+    possible = tuple(n for n in verdict.set95 if n not in ("none", "outside"))
     if moved > gain:
-        possible = (n for n in verdict.set95 if n not in ("none", "outside"))
         return replace(
-            verdict, word="outside", effects=(), set95=("outside", *possible), reasons=reasons,
-            rule=MOTION_EVENT,
-        )  # fmt: skip
+            verdict, word="outside", effects=(), set95=("outside", *possible), reasons=reasons, rule=rule
+        )
     if verdict.word == "effect":
         return replace(verdict, word="effect_with_remainder", reasons=reasons)
+    if verdict.word == "ambiguous" and "outside" not in verdict.set95:
+        verdict = replace(verdict, set95=(*verdict.set95, "outside"))
     return replace(verdict, reasons=reasons)
 
 
 def verdict_of(compared: Compared) -> Verdict:
     """Verdict on compared hypotheses, events counted, before any run is left out or held out."""
     problem, candidates = compared.problem, compared.candidates
-    return verdict_with(decide(problem, candidates), problem.events, candidates)
+    return verdict_with(decide(problem, candidates), problem.events, candidates, compared.dependence)

@@ -17,9 +17,12 @@ from dataclasses import dataclass, replace
 from numpy.linalg import LinAlgError
 
 from bayesid.diagnosis.brief_events import brief_events
+from bayesid.diagnosis.cut_runs import Sought, sought_in
+from bayesid.diagnosis.data.dependence import Dependence
 from bayesid.diagnosis.data.event import Event
 from bayesid.diagnosis.data.outliers import Found, stripped
 from bayesid.diagnosis.data.problem import DiagnosisProblem, build_problem, fit_with
+from bayesid.diagnosis.dependence_search import dependence
 from bayesid.diagnosis.environment_stage import in_its_environment
 from bayesid.diagnosis.event_search import find_events
 from bayesid.diagnosis.events_counted import with_events
@@ -96,11 +99,11 @@ def compare_without(
             return replace(whole, unable="; ".join(filter(None, (whole.unable, unable))))
         if kept:
             found = replace(found, unable="; ".join(filter(None, (found.unable, kept))))
-        events, untried = _events(found, trial, excluded.events, notify)
+        events, depends, untried = _left(found, trial, excluded.events, notify)
         if untried:
             found = replace(found, unable="; ".join(filter(None, (found.unable, untried))))
-        counted_in = with_events(found.candidates, excluded.events)
-        whole = replace(found, candidates=counted_in, uncut=uncut)
+        counted_in = with_events(found.candidates, excluded.events, depends)
+        whole = replace(found, candidates=counted_in, uncut=uncut, dependence=depends)
         if not events:
             return whole
         uncut = found.problem if any(e.brief for e in events) else None
@@ -119,38 +122,53 @@ def innovation_outliers(problem: DiagnosisProblem, base: FilterErrorFit) -> Foun
     return stripped(problem.model, problem.logs, base.points, problem.environment.noise_model)[1]
 
 
-def _events(
+def _left(
     found: Compared, trial: Trial, known: Sequence[Event], notify: Notify
-) -> tuple[tuple[Event, ...], str | None]:
-    """Further events the best explanation leaves, and why brief ones could not be looked for.
+) -> tuple[tuple[Event, ...], Dependence | None, str | None]:
+    """Further events the best explanation leaves, else what the rest depends on beside the motion, and why
+    neither could be looked for.
 
-    Gross ones first; then, once, brief ones that gain more than a free force that acts in all runs and all
+    Gross events first; then, once, brief ones that gain more than a free force that acts in all runs and all
     the time, or more than a model form does.
     """
     best = simplest(found.candidates)
     if not known and (gross := find_events(found.problem, trial, best, notify)):
-        return gross, None
-    if any(e.brief for e in known):
-        return (), None
+        return gross, None, None
     try:
-        return _brief(found, best), None
+        sought = sought_in(found.problem, best.fit.free, best.fit.followed)
+        if not any(e.brief for e in known) and (brief := _brief(found, best, sought)):
+            return brief, None, None
+        return (), _dependence(found, best, sought), None
     except (BayesidError, LinAlgError, ValueError) as error:
-        return (), f"brief events could not be looked for ({error})"
+        return (
+            (),
+            None,
+            f"brief events, and forces with the place or a period, could not be looked for ({error})",
+        )
 
 
-def _brief(found: Compared, best: RefittedHypothesis) -> tuple[Event, ...]:
+def _brief(found: Compared, best: RefittedHypothesis, sought: Sought) -> tuple[Event, ...]:
     problem, candidates = found.problem, found.candidates
     after = candidates.where_after if best is candidates.best else None
     if after is None:
         after = candidates.where if best is candidates.none else remainder(problem, best)
     left = max((p.evidence for p in after.places if p.channel not in SENSORS), default=0.0)
-    if brief := brief_events(problem, best.fit.free, best.fit.followed, left):
+    if brief := brief_events(sought, left):
         return brief
     if problem.form is None or not found.formless:
         return ()
     formless = max(found.formless, key=lambda c: c.log_evidence)
     more = best.log_evidence - formless.log_evidence
-    return brief_events(problem, formless.fit.free, formless.fit.followed, more)
+    return brief_events(sought_in(problem, formless.fit.free, formless.fit.followed), more)
+
+
+def _dependence(found: Compared, best: RefittedHypothesis, sought: Sought) -> Dependence | None:
+    """What a force that is left depends on, with what that gains where no effect acts."""
+    beside, none = dependence(sought, best.fit.par), found.candidates.none
+    if beside is None or best is none:
+        return beside
+    alone = dependence(sought_in(found.problem, none.fit.free, none.fit.followed), none.fit.par)
+    return replace(beside, alone=0.0 if alone is None else alone.evidence)
 
 
 def _named(events: Sequence[Event]) -> str:

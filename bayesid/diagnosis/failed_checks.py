@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from bayesid.diagnosis.hypotheses.rules import OTHER_DEPENDENCE
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.result_parts import RunError
 from bayesid.diagnosis.run_errors import error_rows, missed, missed_too, worse
@@ -24,9 +25,14 @@ MOST_FAR, MOST_RUNS = 2, 3  # named one by one
 NO_MODEL = "the diagnosed model for `bayesid predict` could not be made"
 
 
+def needs_none(word: str, rule: str, set95: tuple[str, ...]) -> bool:
+    """Whether a verdict stands on no effect, be it that a force with the place or a period explains more."""
+    return word in NEEDS_NONE or (rule == OTHER_DEPENDENCE and set95 == ("outside",))
+
+
 def explanation(result: Result) -> tuple[str, ...]:
     """Effects of the third model that is shown: none where the verdict needs none."""
-    return () if result.verdict in NEEDS_NONE else result.explanation
+    return () if needs_none(result.verdict, result.rule, result.set95) else result.explanation
 
 
 def failures(result: Result) -> tuple[str, ...]:

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bayesid.diagnosis.data.dependence import Dependence
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains
 from bayesid.diagnosis.hypotheses.comparison import (
@@ -42,13 +43,15 @@ Notify = Callable[[str], None]
 @dataclass(frozen=True, eq=False)
 class Compared:
     """A problem and its hypotheses; `unable` says what could not be tried, and why, `formless` are refits of
-    the problem without the form it has, `uncut` is the problem with the readings of brief events."""
+    the problem without the form it has, `uncut` is the problem with the readings of brief events,
+    `dependence` is what a force that is left depends on beside the motion."""
 
     problem: DiagnosisProblem
     candidates: HypothesisComparison
     unable: str | None = None
     formless: tuple[RefittedHypothesis, ...] = ()
     uncut: DiagnosisProblem | None = None
+    dependence: Dependence | None = None
 
 
 def compared(

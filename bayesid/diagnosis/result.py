@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
+from bayesid.diagnosis.data.dependence import Dependence
 from bayesid.diagnosis.data.event import Event
 from bayesid.diagnosis.evidence.effect_draws import EffectDraws
 from bayesid.diagnosis.evidence.missing_force import MissingForce
@@ -236,6 +237,14 @@ class Result:
     next_asked: Annotated[
         bool, About("Whether manoeuvres to run next were asked for; `--quick` does not.")
     ] = True
+    dependence: Annotated[
+        Dependence | None,
+        About(
+            "What a force that is left depends on, where neither the motion nor the controls decide it: "
+            "place over ground, time, or a period [s], and over which distance [m] or time [s] it changes; "
+            "size rms, a share of the hull's forces or [N]; evidence beside the explanation, alone [nats]."
+        ),
+    ] = None
     drawings: Drawings | None = field(default=None, metadata={"drawn": True}, compare=False)
 
     def record(self) -> dict[str, Any]:

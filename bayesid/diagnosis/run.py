@@ -25,7 +25,7 @@ from bayesid.diagnosis.evidence.holdout_prediction import Made
 from bayesid.diagnosis.evidence.missing_force import describe_missing_force
 from bayesid.diagnosis.evidence.replay import EXPLAINED
 from bayesid.diagnosis.exclusions import compare_without
-from bayesid.diagnosis.failed_checks import NEEDS_NONE, NO_MODEL
+from bayesid.diagnosis.failed_checks import NO_MODEL, needs_none
 from bayesid.diagnosis.final_values import result_of
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
@@ -138,7 +138,7 @@ def diagnose(
     )
     verdict = after_holdout(verdict, holdout.worse)
     judged = explained.fit
-    if verdict.word in NEEDS_NONE and explained.effects:
+    if needs_none(verdict.word, verdict.rule, verdict.set95) and explained.effects:
         # a verdict that needs no effect is shown without one, though one may gain by chance
         explained = _explained(problem, none, warnings)
     explained = explained.predicting(verdict.word in NAMING)
@@ -197,7 +197,7 @@ def diagnose(
         posterior,
         mistakes,
     )
-    result = replace(result, events=events)
+    result = replace(result, events=events, dependence=compared.dependence)
     return Diagnosis(trial, model, problem, candidates, verdict, result, posterior, diagnosed)
 
 

@@ -254,5 +254,12 @@ BRIEF_EVENT_EVIDENCE = Limit(
     "At 20, as LINEARISATION_SCATTER, one was told at 24.5 of a simulated lever arm, and none in 38 opened "
     "trials of the plant without one.",
 )  # fmt: skip
+DEPENDENCE_EVIDENCE = Limit(
+    "DEPENDENCE_EVIDENCE", 30.0, "nats",
+    "Gain of a force that depends on place, time or a period, beside the explanation and a force of the "
+    "motion and the controls of any shape, from which it is told.",
+    "Of 34 opened trials of vehicles with other equations without such a cause the most was 13, of eight "
+    "with one that the rules before had left to a form or to sets 58 to 349.",
+)  # fmt: skip
 
 TABLE: tuple[Limit, ...] = tuple(value for value in list(globals().values()) if isinstance(value, Limit))

@@ -61,10 +61,16 @@ def along(model: Model, path: Linearisation, columns: Sequence[LibraryColumn]) -
     """(n-1, k) columns at the middles of the sample intervals of a path."""
     nx = len(model.states)
     middle = 0.5 * (path.point.states[1:, :nx] + path.point.states[:-1, :nx])
+    act = actuator_means(model, path)
+    return np.column_stack([evaluate(c.expression, model, middle, act) for c in columns])
+
+
+def actuator_means(model: Model, path: Linearisation) -> Array:
+    """(n-1, na) mean positions of the actuators over the sample intervals of a path [rad, rpm]."""
     plan = path.log.plan
     act, _ = actuate(model, path.point.par, plan)
-    mean = np.add.reduceat(act * plan.steps[:, None], plan.record[:-1], axis=0) / np.diff(plan.t)[:, None]
-    return np.column_stack([evaluate(c.expression, model, middle, mean) for c in columns])
+    mean = np.add.reduceat(act * plan.steps[:, None], plan.record[:-1], axis=0)
+    return np.asarray(mean / np.diff(plan.t)[:, None])
 
 
 def unit_of(column: LibraryColumn) -> str:

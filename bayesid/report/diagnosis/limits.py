@@ -111,7 +111,7 @@ EVENT_KINDS = {
 
 def _events(result: Result) -> list[Block]:
     if not result.events:
-        return []
+        return _depends(result)
     rows = [
         [
             literal(e.run),
@@ -132,6 +132,33 @@ def _events(result: Result) -> list[Block]:
             "a free force, allowed only there, gains more than chance beside the best explanation. They are "
             "left out (of a brief one a little more than is told here); what follows starts from a state of "
             "its own.",
+        ),
+        *_depends(result),
+    ]
+
+
+def _depends(result: Result) -> list[Block]:
+    """What a force that is left depends on."""
+    found = result.dependence
+    if found is None:
+        return []
+    return [
+        Table(
+            ["depends on", "acts on", "over", "size (rms)", "gain [nats]", "gain with no effect [nats]"],
+            [
+                [
+                    found.on,
+                    "the hull's forces"
+                    if found.acts == "hull"
+                    else "the vehicle, in one direction over ground",
+                    f"{found.scale:.3g} {'m' if found.on == 'place' else 's'}",
+                    f"{found.size:.1%}" if found.acts == "hull" else f"{found.size:.3g} N",
+                    found.evidence,
+                    found.alone,
+                ]
+            ],
+            "What a force that is left depends on: its gain stands beside the best explanation and beside a "
+            "force of the motion and the controls of any shape.",
         )
     ]
 

@@ -1,0 +1,31 @@
+"""What a force that is left depends on beside the motion. Data; found by `dependence_search`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+On = Literal["place", "time", "period"]
+Acts = Literal["hull", "ground"]
+
+
+@dataclass(frozen=True)
+class Dependence:
+    """What a force that is left depends on.
+
+    Attributes
+    ----------
+    on : place over ground, time since the start of the run, or a period
+    acts : on the hull's forces, which it changes by a share, or by itself in one direction over ground
+    evidence : log evidence it gains beside the explanation and any force of the motion and the controls
+    scale : over which it changes [m] or [s]; the period [s]
+    size : root mean square over the runs, as a share or [N]
+    alone : log evidence it, or another dependence, gains without any effect
+    """
+
+    on: On
+    acts: Acts
+    evidence: float
+    scale: float
+    size: float
+    alone: float

@@ -1,0 +1,194 @@
+"""Runs cut into pieces and joined: a force in every piece of every run, the explanation integrated out.
+
+Takes what `cut_runs` gives. Gives what the pieces say of any force that is a sum of given columns, and the
+motion at the pieces. Does not say which columns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
+
+from bayesid.analysis.excitation.columns import evaluate
+from bayesid.diagnosis.cut_runs import CutRun
+from bayesid.diagnosis.evidence.force_terms import actuator_means
+from bayesid.equations.layout import rows_of
+from bayesid.equations.model import Model
+from bayesid.estimation.filter_error.evidence import NormalEquations
+from bayesid.estimation.filter_error.linearise import Linearisation
+from bayesid.estimation.run_data import Array
+from bayesid.model.terms import Term
+
+# Symbols of rows that are forces of the hull alone.
+OF_THE_HULL = frozenset(("u", "v", "w", "p", "q", "r", "Rv", "Rw", "U", "S"))
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """The motion at the pieces of all runs.
+
+    Attributes
+    ----------
+    run : (m,) position of its run
+    time : (m,) middle, from the start of its run [L/U]
+    place : (m, 2) or (m, 3) over ground [L]
+    heading : (m,)
+    state : (m, k) velocities, heel and trim, actuators, each over its standard deviation; what never changes
+        is left out
+    hull : (m, axes) force of the hull's rows, in the units of the signals
+    width : (runs,) of a piece [L/U]
+    """
+
+    run: Array
+    time: Array
+    place: Array
+    heading: Array
+    state: Array
+    hull: Array
+    width: Array
+
+    @property
+    def count(self) -> int:
+        """Number of pieces."""
+        return self.run.size
+
+
+class Joined:
+    """Forces in all pieces: their products with each other and with the readings' residual.
+
+    Parameters
+    ----------
+    runs : of equal signals
+    known : number of free parameters, the first columns of each run; integrated out
+    rows : positions of the signals wanted, axis by axis
+
+    Raises
+    ------
+    LinAlgError
+        if the information of the parameters is not positive definite
+    """
+
+    def __init__(self, runs: Sequence[CutRun], known: int, rows: Sequence[int]) -> None:
+        ends = np.cumsum([0, *(r.count for r in runs)])
+        m, axes = int(ends[-1]), len(rows)
+        total, pull = np.eye(known), np.zeros(known)
+        cross = np.zeros((known, axes * m))
+        self.ss, self.se = np.zeros((axes * m, axes * m)), np.zeros(axes * m)
+        for r, first in zip(runs, ends[:-1], strict=True):
+            g, piece = r.equations, np.arange(r.count)
+            at = np.concatenate([known + row * r.count + piece for row in rows])
+            to = np.concatenate([axis * m + first + piece for axis in range(axes)])
+            total += g.ss[:known, :known]
+            pull += g.se[:known]
+            cross[:, to] = g.ss[:known, at]
+            self.ss[np.ix_(to, to)] = g.ss[np.ix_(at, at)]
+            self.se[to] = g.se[at]
+        factor = cho_factor(total, lower=True)
+        self.ss -= cross.T @ cho_solve(factor, cross)
+        self.se -= cross.T @ cho_solve(factor, pull)
+
+    def gains(self, columns: Array, amplitudes: Sequence[float]) -> list[float]:
+        """Log evidence that a force of these columns gains, by prior sd of their coefficients.
+
+        Parameters
+        ----------
+        columns : (axes * m, k)
+        """
+        products, pull = columns.T @ self.ss @ columns, columns.T @ self.se
+        out = []
+        for a in amplitudes:
+            factor = cho_factor(a * a * products + np.eye(pull.size), lower=True)
+            moved = 0.5 * a * a * float(pull @ cho_solve(factor, pull))
+            out.append(moved - float(np.log(np.diag(factor[0])).sum()))
+        return out
+
+    def squares(self, columns: Array) -> Array:
+        """(axes * m,) mean square of a force of these columns, unit prior sd, after the data."""
+        factor = cho_factor(columns.T @ self.ss @ columns + np.eye(columns.shape[1]), lower=True)
+        mean = columns @ cho_solve(factor, columns.T @ self.se)
+        spread = solve_triangular(factor[0], columns.T, lower=True)
+        return np.asarray(mean**2 + (spread**2).sum(axis=0))
+
+    def beside(self, columns: Array) -> Joined:
+        """The same with a force of these columns, unit prior sd, integrated out too."""
+        out = object.__new__(Joined)
+        crossed = self.ss @ columns
+        factor = cho_factor(columns.T @ crossed + np.eye(columns.shape[1]), lower=True)
+        out.ss = self.ss - crossed @ cho_solve(factor, crossed.T)
+        out.se = self.se - crossed @ cho_solve(factor, columns.T @ self.se)
+        return out
+
+
+def fewer(run: CutRun, known: int, most: int) -> CutRun:
+    """The run cut into at most so many pieces: neighbours become one."""
+    if run.count <= most:
+        return run
+    of = (np.arange(run.count) * most) // run.count
+    rows = (run.equations.se.size - known) // run.count
+    merge = np.zeros((run.equations.se.size, known + rows * most))
+    merge[:known, :known] = np.eye(known)
+    for row in range(rows):
+        merge[known + row * run.count + np.arange(run.count), known + row * most + of] = 1.0
+    g = run.equations
+    equations = NormalEquations(merge.T @ g.ss @ merge, merge.T @ g.se, g.ee, g.logdet, g.used)
+    return replace(run, width=run.width * run.count / most, count=most, equations=equations)
+
+
+def pieces_of(
+    model: Model, paths: Sequence[Linearisation], runs: Sequence[CutRun], par: Array, sizes: Sequence[float]
+) -> Pieces:
+    """The motion at the pieces of all runs.
+
+    Parameters
+    ----------
+    par : parameters; those of the hull's rows are read
+    sizes : units of the forces by axis [N, N m]
+    """
+    axes = [n[-1] for n in model.kernel.exogenous if n.startswith("force_")]
+    length, time = model.scales["L"], model.scales["L"] / model.scales["U"]
+    names = list(model.states)
+    rows = [t for t in rows_of(model.kernel.spec) if t.axis in axes and _of_the_hull(t)]
+    seen, felt, where, heading, run, when = [], [], [], [], [], []
+    for k, (path, cut) in enumerate(zip(paths, runs, strict=True)):
+        t = path.log.plan.t
+        middle, states = 0.5 * (t[1:] + t[:-1]), 0.5 * (path.point.states[1:] + path.point.states[:-1])
+        states, act = states[:, : len(names)], actuator_means(model, path)
+        at = np.minimum(((middle - t[0]) / cut.width).astype(int), cut.count - 1)
+        force = np.zeros((middle.size, len(axes)))
+        for row in rows:
+            value = par[model.index[row.name]] * evaluate(row.regressor, model, states, act)
+            force[:, axes.index(row.axis)] += value
+        everything = np.column_stack([states, act, force / np.asarray(sizes)])
+        mean = _by_piece(everything, at, cut.count)
+        pose = [names.index(n) for n in ("x", "y", "z") if n in names]
+        rest = [i for i, n in enumerate(names) if n not in ("x", "y", "z", "psi")]
+        where.append(mean[:, pose] / length)
+        heading.append(mean[:, names.index("psi")])
+        seen.append(mean[:, [*rest, *range(len(names), len(names) + act.shape[1])]])
+        felt.append(mean[:, -len(axes) :])
+        run.append(np.full(cut.count, k))
+        when.append((np.arange(cut.count) + 0.5) * cut.width / time)
+    state = np.concatenate(seen)
+    sd = state.std(axis=0)
+    moves = sd > 1e-9 * np.maximum(np.abs(state).max(axis=0), 1e-300)
+    return Pieces(
+        np.concatenate(run), np.concatenate(when), np.concatenate(where), np.concatenate(heading),
+        state[:, moves] / sd[moves], np.concatenate(felt), np.array([c.width / time for c in runs]),
+    )  # fmt: skip
+
+
+def _of_the_hull(row: Term) -> bool:
+    return not (row.is_inertia or row.is_number) and {f.symbol for f in row.factors} <= OF_THE_HULL
+
+
+def _by_piece(values: Array, at: Array, count: int) -> Array:
+    """(count, k) means of the samples of every piece; of one without a sample that of the nearest."""
+    n = np.bincount(at, minlength=count)
+    total = np.zeros((count, values.shape[1]))
+    np.add.at(total, at, values)
+    full = np.flatnonzero(n)
+    nearest = full[np.abs(np.arange(count)[:, None] - full).argmin(axis=1)]
+    return total[nearest] / n[nearest, None]
