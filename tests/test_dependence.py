@@ -177,7 +177,7 @@ def test_a_force_with_a_period_is_told():
             0.18,
             "from place to place by 18% (rms), over about 2560 m, as over an uneven",
         ),
-        ("time", "ground", 40.0, 3.2, "A force of 3.2 N (rms) that keeps its direction over ground changes"),
+        ("place", "ground", 40.0, 3.2, "A force of 3.2 N (rms) that keeps its direction over ground changes"),
     ],
 )
 def test_it_is_told_in_the_units_of_whoever_reads(on, acts, scale, size, said):

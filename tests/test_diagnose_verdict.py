@@ -299,8 +299,10 @@ def test_a_brief_motion_takes_the_verdict_from_coefficients_only_where_it_says_m
 @pytest.mark.parametrize(
     ("word", "alone", "after", "set95"),
     [
-        ("none", 0.0, "outside", ("outside",)),
-        ("model_form", 0.0, "outside", ("outside",)),
+        ("none", 0.0, "none", ("a",)),
+        ("model_form", 0.0, "model_form", ("a",)),
+        ("none", 31.0, "outside", ("outside",)),
+        ("model_form", 31.0, "outside", ("outside",)),
         ("coefficients", 60.0, "outside", ("outside",)),
         ("coefficients", 40.0, "coefficients", ("a",)),
         ("effect", 60.0, "outside", ("outside", "a")),

@@ -1,17 +1,18 @@
-"""What a force that is left depends on, where neither the motion nor the controls decide it: place, time, a
-period.
+"""What a force that is left depends on, where neither the motion nor the controls decide it: place, a period.
 
 Takes an explanation and all runs cut into pieces. Gives a `Dependence`, or none. Does not name a cause.
 
 Whatever depends on the motion and the controls alone, of any shape, is taken first (a Gaussian process over
 both): only what gains beside that is no shape of the equations. Hull forces that change from place to place
-are those over an uneven bottom, a force with a period of its own is that of a swell.
+are those over an uneven bottom, a force with a period of its own is that of a swell. What changes with time
+and with neither is a rival and never told: gusts do, and so does an environment measured a little wrong.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from scipy.linalg import eigh
@@ -45,7 +46,7 @@ NEGLIGIBLE = 1e-5
 class _Tried:
     """One kind of dependence: evidence averaged over its numbers, and the columns of the best of them."""
 
-    on: On
+    on: On | Literal["time"]
     acts: Acts
     average: float
     scale: float
@@ -76,7 +77,7 @@ def dependence(sought: Sought, par: Array) -> Dependence | None:
     tried = [*_by_place_and_time(rest, pieces), _periodic(rest, pieces, len(forces))]
     best = max(tried, key=lambda t: t.average)
     gain = best.average - float(np.log(len(tried)))
-    if gain < DEPENDENCE_EVIDENCE:
+    if best.on == "time" or gain < DEPENDENCE_EVIDENCE:
         return None
     gain = _repeatable(sought, forces, of_motion, best.columns) - (rest.gains(best.columns, (1.0,))[0] - gain)
     if gain < DEPENDENCE_EVIDENCE:

@@ -32,21 +32,20 @@ def unexplained(result: Result) -> str:
 
 def depends(found: Dependence) -> str:
     """What a force that is left depends on, as a sentence."""
-    unit = "s" if found.on != "place" else "m"
-    over = f"over about {number(found.scale)} {unit}"
     if found.on == "period":
         return (
             f"A force with a period of {found.scale:.3g} s acts, {_newton(found.size)} (rms), as a swell "
             f"would give; {NOTHING}."
         )
-    changes = "from place to place" if found.on == "place" else "with time"
+    over = f"over about {number(found.scale)} m"
     if found.acts == "hull":
-        like = ", as over an uneven bottom" if found.on == "place" else ""
-        return f"The hull's forces change {changes} by {found.size:.0%} (rms), {over}{like}; {NOTHING}."
-    like = ", as near a bank or in a current that differs" if found.on == "place" else ""
+        return (
+            f"The hull's forces change from place to place by {found.size:.0%} (rms), {over}, as over an "
+            f"uneven bottom; {NOTHING}."
+        )
     return (
-        f"A force of {_newton(found.size)} (rms) that keeps its direction over ground changes {changes}, "
-        f"{over}{like}; {NOTHING}."
+        f"A force of {_newton(found.size)} (rms) that keeps its direction over ground changes from place to "
+        f"place, {over}, as near a bank or in a current that differs; {NOTHING}."
     )
 
 
@@ -55,8 +54,6 @@ def where_to_look(found: Dependence) -> str:
     own = "; a cause of your own is declared in a file and tried with `--effects FILE`"
     if found.on == "period":
         return f"See whether the sea had that period, or something aboard has it{own}."
-    if found.on == "time":
-        return f"See in the notes of the trial what changed during the runs{own}."
     return (
         f"Compare with the depth, the banks and the current along the tracks, or repeat a run elsewhere{own}."
     )

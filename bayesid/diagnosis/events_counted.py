@@ -81,10 +81,12 @@ def verdict_with(
         return verdict
     rule = MOTION_EVENT if motions else OTHER_DEPENDENCE
     silent = verdict.word in ("none", "model_form") or (verdict.word == "coefficients" and greater)
+    # a force that is told beside an effect nobody needs, and not without it, is not told
+    silent = silent and bool(motions or moved > 0.0)
     if silent or verdict.set95 == ("outside",):
         return replace(verdict, word="outside", effects=(), set95=("outside",), rule=rule)
-    what = "motions" if motions else "a force that depends on more than the motion and"
-    said = f"{what} that nothing explains say +{moved:.1f}, the best explanation of the rest +{gain:.1f}"
+    what = "motions that nothing explains say" if motions else "a force with the place or a period says"
+    said = f"{what} +{moved:.1f}, the best explanation of the rest +{gain:.1f}"
     reasons = (
         *verdict.reasons,
         f"{said}; before they were counted the verdict was {verdict.word} ({verdict.rule})",

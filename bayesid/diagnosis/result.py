@@ -241,8 +241,8 @@ class Result:
         Dependence | None,
         About(
             "What a force that is left depends on, where neither the motion nor the controls decide it: "
-            "place over ground, time, or a period [s], and over which distance [m] or time [s] it changes; "
-            "size rms, a share of the hull's forces or [N]; evidence beside the explanation, alone [nats]."
+            "place over ground, and over which distance it changes [m], or a period [s]; size rms, a share "
+            "of the hull's forces or [N]; evidence beside the explanation, and without any effect [nats]."
         ),
     ] = None
     drawings: Drawings | None = field(default=None, metadata={"drawn": True}, compare=False)

@@ -256,8 +256,8 @@ BRIEF_EVENT_EVIDENCE = Limit(
 )  # fmt: skip
 DEPENDENCE_EVIDENCE = Limit(
     "DEPENDENCE_EVIDENCE", 30.0, "nats",
-    "Gain of a force that depends on place, time or a period, beside the explanation and a force of the "
-    "motion and the controls of any shape, from which it is told.",
+    "Gain of a force with the place or a period, beside the explanation and a force of the motion and the "
+    "controls of any shape, from which it is told.",
     "Of 34 opened trials of vehicles with other equations without such a cause the most was 13, of eight "
     "with one that the rules before had left to a form or to sets 58 to 349.",
 )  # fmt: skip

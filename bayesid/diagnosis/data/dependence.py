@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-On = Literal["place", "time", "period"]
+On = Literal["place", "period"]
 Acts = Literal["hull", "ground"]
 
 
@@ -15,12 +15,12 @@ class Dependence:
 
     Attributes
     ----------
-    on : place over ground, time since the start of the run, or a period
+    on : place over ground, or a period
     acts : on the hull's forces, which it changes by a share, or by itself in one direction over ground
     evidence : log evidence it gains beside the explanation and any force of the motion and the controls
-    scale : over which it changes [m] or [s]; the period [s]
+    scale : distance over which it changes [m], or the period [s]
     size : root mean square over the runs, as a share or [N]
-    alone : log evidence it, or another dependence, gains without any effect
+    alone : log evidence it, or the other, gains without any effect; 0 where it is not told there
     """
 
     on: On

@@ -24,9 +24,7 @@ NAMING: tuple[Word, ...] = ("effect", "effect_with_remainder", "several")
 TURNS_BY_ITSELF = "turns by itself"
 LEEWAY = "leeway reads the same"
 MOTION_EVENT = "motion nothing explains"  # said of a short time left out, after the rules
-OTHER_DEPENDENCE = (
-    "depends on more than the motion"  # said of a force with place, time or a period, after them
-)
+OTHER_DEPENDENCE = "depends on more than the motion"  # said of a force with the place or a period, after them
 OUTSIDE_SAID = (MOTION_EVENT, OTHER_DEPENDENCE)  # rules that say what is outside the list
 LEFT_OUT_WORSE = "left-out runs predicted worse"  # said of two checks that fail, after the rules
 UNSURE, NONE_LEFT, NONE_SURE = "unsure effect", "none not excluded", "several, none sure"
