@@ -10,14 +10,16 @@ import pytest
 from gap_trials import model_of, noise_of, orders, other_vehicle
 from scipy.stats import multivariate_normal
 
+from bayesid.diagnosis import cut_runs
 from bayesid.diagnosis.cut_runs import CutRun, sought_in
 from bayesid.diagnosis.data.dependence import Dependence
 from bayesid.diagnosis.data.problem import build_problem, fit_with
-from bayesid.diagnosis.dependence_search import dependence
+from bayesid.diagnosis.dependence_search import MOST_COLUMNS, _kept, dependence
 from bayesid.diagnosis.event_words import depends
 from bayesid.diagnosis.hypotheses.candidate import weighted_hypothesis
-from bayesid.diagnosis.joined_runs import Joined, fewer
+from bayesid.diagnosis.joined_runs import fewer, joined
 from bayesid.estimation.filter_error.evidence import NormalEquations
+from bayesid.manoeuvres import OpenLoop
 from bayesid.simulation import observe, plan_run, simulate, steady_start
 from bayesid.trials import Run, Trial
 from bayesid.trials.trial import Environment
@@ -60,10 +62,10 @@ def test_evidence_is_that_of_the_dense_covariance():
         spread = noise + sum((forces @ c @ c.T @ forces.T for c in parts), np.zeros_like(noise))
         return multivariate_normal.logpdf(resid, cov=spread)
 
-    joined = Joined(runs, KNOWN, range(rows))
-    for a, gain in zip((0.1, 1.0), joined.gains(columns, (0.1, 1.0)), strict=True):
+    whole = joined(runs, KNOWN, range(rows), range(len(runs)))
+    for a, gain in zip((0.1, 1.0), whole.gains(columns, (0.1, 1.0)), strict=True):
         assert gain == pytest.approx(density(a * columns) - density(), abs=1e-8)
-    beside = joined.beside(other).gains(columns, (1.0,))[0]
+    beside = whole.beside(other).gains(columns, (1.0,))[0]
     assert beside == pytest.approx(density(columns, other) - density(other), abs=1e-8)
 
 
@@ -72,18 +74,24 @@ def test_fewer_pieces_are_the_same_force_in_neighbours():
     half = fewer(run, KNOWN, 6)
     assert half.count == 6 and half.width == 2.0
     value = np.random.default_rng(3).standard_normal((2, 6))
-    slow = Joined([half], KNOWN, range(2)).gains(value.reshape(-1, 1), (1.0,))[0]
-    fast = Joined([run], KNOWN, range(2)).gains(np.repeat(value, 2, axis=1).reshape(-1, 1), (1.0,))[0]
+    slow = joined([half], KNOWN, range(2), [0]).gains(value.reshape(-1, 1), (1.0,))[0]
+    fast = joined([run], KNOWN, range(2), [0]).gains(np.repeat(value, 2, axis=1).reshape(-1, 1), (1.0,))[0]
     assert slow == pytest.approx(fast, abs=1e-9)
     assert fewer(run, KNOWN, 12) is run
 
 
-def trial_of(force, samples=160):
-    """Two runs of another vehicle of the prior, in a force (time, states) over ground or on the hull."""
+def trial_of(
+    force, samples=160, stated=True, keep=("zigzag", "turn", "zigzag back", "turn back"), wrong=None
+):
+    """Runs of another vehicle of the prior in a force (time, states); `wrong` is added to a channel."""
     model = model_of("remus100")
     par, sigma, rng = model.with_values(other_vehicle(model, 3)), noise_of(model), np.random.default_rng(3)
     runs = []
-    for name, manoeuvre in orders(model, samples).items():
+    flown = dict(orders(model, samples))
+    for name, m in tuple(flown.items()):  # the other way: through places like those of the first
+        other = {c: -v if c == "delta_r_cmd" else v for c, v in m.commands.items()}
+        flown[f"{name} back"] = OpenLoop(m.name, m.t, other)
+    for name, manoeuvre in flown.items():
         plan = plan_run(model, manoeuvre.t, manoeuvre.commands)
         for _ in range(4):  # the force goes with a path that it bends
             states = simulate(model, par, plan, steady_start(model), full=True).states
@@ -92,18 +100,20 @@ def trial_of(force, samples=160):
             for axis, value in force(model, par, name, plan.times, at).items():
                 exogenous[:, model.kernel.exogenous.index(f"force_{axis}")] = value
             plan = replace(plan, exogenous=exogenous)
-        readings = observe(
-            model, par, plan, simulate(model, par, plan, steady_start(model), full=True).states
-        )
+        states = simulate(model, par, plan, steady_start(model), full=True).states
+        readings = observe(model, par, plan, states)
         where = model.kernel.channels.index
         data = {c: readings[:, where(c)] + sd * rng.standard_normal(samples) for c, sd in sigma.items()}
-        runs.append(Run(name, manoeuvre.name, "identify", manoeuvre.t, data, manoeuvre.commands))
-    calm = Environment(force_rms=1e-6, nav_drift=0.0)
+        for channel, error in (wrong or {}).items():
+            data[channel] = data[channel] + error(model, manoeuvre.t)
+        if name in keep:
+            runs.append(Run(name, manoeuvre.name, "identify", manoeuvre.t, data, manoeuvre.commands))
+    calm = Environment(force_rms=1e-6, nav_drift=0.0) if stated else None
     return model, Trial("pond", Path("."), "remus100", 3, tuple(runs), noise=sigma, environment=calm)
 
 
-def found_in(force):
-    model, trial = trial_of(force)
+def found_in(force, **more):
+    model, trial = trial_of(force, **more)
     problem = build_problem(model, trial)
     none = weighted_hypothesis(problem, (), fit_with(problem, ()))
     return model.scales, dependence(sought_in(problem, none.fit.free, none.fit.followed), none.fit.par)
@@ -154,7 +164,7 @@ def test_hull_forces_that_change_from_place_to_place_are_told():
     assert (found.on, found.acts) == ("place", "hull")
     assert found.alone == found.evidence > 30.0
     planted = 0.3 / 2.0**0.5  # of which a force of the motion takes a part
-    assert 0.3 * planted < found.size < 1.2 * planted
+    assert 0.4 * planted < found.size < 1.1 * planted
     assert 2.0 <= found.scale / scales["L"] <= 8.0
 
 
@@ -166,10 +176,70 @@ def test_a_force_with_a_period_is_told():
     assert found.size == pytest.approx(planted, rel=0.3)
 
 
+def test_a_force_with_a_period_is_told_where_nobody_states_the_environment():
+    scales, found = found_in(swell(1e-3, 5.0), stated=False)
+    assert found.on == "period"
+    assert found.scale * scales["U"] / scales["L"] == pytest.approx(5.0, rel=0.03)
+
+
+def test_runs_of_very_many_samples_are_cut_alike_at_every_size_of_the_environment(monkeypatch):
+    """Fewer bytes, fewer pieces: those of the search and those that ask again are the same."""
+    monkeypatch.setattr(cut_runs, "MOST_BYTES", 4_000_000)
+    assert found_in(swell(1e-3, 8.0), stated=False)[1].on == "period"
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_gusts_in_one_run_are_no_place(seed):
+    """In one run the place goes with time: a first-order Gauss-Markov force is told by neither."""
+
+    def gusts(model, par, name, t, at):
+        s = model.scales
+        rng, step = np.random.default_rng(seed), np.diff(t, append=2 * t[-1] - t[-2]) * s["U"] / s["L"]
+        force = np.zeros(t.size)
+        for i in range(1, t.size):
+            keep = np.exp(-step[i] / 8.0)
+            force[i] = keep * force[i - 1] + np.sqrt(1.0 - keep**2) * rng.standard_normal()
+        size = 2e-3 * 0.5 * s["rho"] * s["L"] ** 2 * s["U"] ** 2
+        return {"Y": size * force, "X": 0.3 * size * force}
+
+    assert found_in(gusts, keep=("zigzag",))[1] is None
+
+
+def test_a_position_that_swings_is_no_force_with_a_period():
+    def swings(model, t):
+        time = model.scales["L"] / model.scales["U"]
+        return 0.3 * model.scales["L"] * np.sin(2.0 * np.pi * t / (9.0 * time))
+
+    assert found_in(lambda *rest: {}, wrong={"x": swings})[1] is None
+
+
+def test_of_many_runs_the_longest_are_asked():
+    runs = [CutRun(k, 0.0, 1.0, 10 + k, None) for k in range(60)]
+    kept, most = _kept(runs, 3)
+    assert kept == list(range(60 - len(kept), 60)) and len(kept) * most * 3 <= MOST_COLUMNS
+    assert _kept(runs[:4], 6) == ([0, 1, 2, 3], MOST_COLUMNS // 24)
+
+
+def test_pieces_of_runs_that_do_not_divide_are_equal_but_the_last():
+    (run,), *_ = random_runs((10,), 1)
+    four = fewer(run, KNOWN, 4)
+    assert (four.count, four.width) == (4, 3.0)
+    value = np.array([1.0, -2.0, 0.5, 3.0])
+    slow = joined([four], KNOWN, range(1), [0]).gains(value[:, None], (1.0,))[0]
+    fast = joined([run], KNOWN, range(1), [0]).gains(np.repeat(value, 3)[:10, None], (1.0,))[0]
+    assert slow == pytest.approx(fast, abs=1e-9)
+
+
 @pytest.mark.parametrize(
     ("on", "acts", "scale", "size", "said"),
     [
-        ("period", "ground", 263.0, 1.6e6, "a period of 263 s acts, 1.6 MN (rms)"),
+        (
+            "period",
+            "ground",
+            263.0,
+            1.6e6,
+            "a period of 263 s acts, 1.6 MN (rms), as water that swings",
+        ),
         (
             "place",
             "hull",
@@ -177,7 +247,13 @@ def test_a_force_with_a_period_is_told():
             0.18,
             "from place to place by 18% (rms), over about 2560 m, as over an uneven",
         ),
-        ("place", "ground", 40.0, 3.2, "A force of 3.2 N (rms) that keeps its direction over ground changes"),
+        (
+            "place",
+            "ground",
+            40.0,
+            3.2,
+            "A force of 3.2 N (rms), whatever the heading, changes",
+        ),
     ],
 )
 def test_it_is_told_in_the_units_of_whoever_reads(on, acts, scale, size, said):

@@ -163,9 +163,7 @@ def test_a_search_for_brief_events_that_fails_costs_nothing_else(monkeypatch):
 
     seen, found = passes(monkeypatch, brief=brief)
     assert len(seen) == 1 and found.candidates == "compared 1"
-    assert found.unable == (
-        "brief events, and forces with the place or a period, could not be looked for (not positive definite)"
-    )
+    assert found.unable == "brief events could not be looked for (not positive definite)"
 
 
 def test_outliers_whose_removal_cannot_be_diagnosed_are_counted_and_said(monkeypatch):

@@ -231,6 +231,7 @@ def test_the_numbers_of_the_table_are_those_the_practice_campaigns_were_scored_w
         "FREE_SIGNAL_SLACK": 10.0,
         "BRIEF_EVENT_EVIDENCE": 30.0,
         "DEPENDENCE_EVIDENCE": 30.0,
+        "DEPENDENCE_OVER_RIVALS": 5.0,
     }
 
 

@@ -199,3 +199,9 @@ def test_initial_states_taken_out_run_by_run_are_those_of_one_run():
     one, two = (nonlinear_covariance(c, np.zeros(5), linear) for c in (whole, apart))
     assert one.pairs > 0 and one.widest > 1.0
     assert two.covariance == pytest.approx(one.covariance, rel=1e-7)
+
+
+def test_a_piece_with_fewer_readings_than_initial_states_stays_linear():
+    short = Curve(("a",), lambda z: np.array([z[0] + z[1]]) / SIGMA, (0,), initial=("x", "y"))
+    linear = np.array([[1.0]])
+    assert nonlinear_covariance(short, np.zeros(3), linear).covariance is linear

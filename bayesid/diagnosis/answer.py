@@ -189,11 +189,9 @@ def _headline(result: Result) -> str:
         return _none(result)
     if word == "coefficients":
         far = moved_words(result)[:2]
-        return (
-            "No effect is needed, but coefficients lie further off than stated"
-            + (f": {'; '.join(far)}." if far else ".")
-            + unexplained(result)
-        )
+        left = unexplained(result)
+        begins = "Coefficients" if left else "No effect is needed, but coefficients"
+        return f"{begins} lie further off than stated" + (f": {'; '.join(far)}." if far else ".") + left
     if word == "model_form":
         return (
             "The equations lack a force that depends on the motion"

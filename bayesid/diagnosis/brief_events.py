@@ -15,13 +15,19 @@ from numpy.linalg import LinAlgError
 from scipy.special import logsumexp
 
 from bayesid.diagnosis.actuator_event import ACTUATOR_PLACES, actuator_event
-from bayesid.diagnosis.cut_runs import ELSEWHERE, BriefSignal, CutRun, Joint, Sought, cut, prior_root
+from bayesid.diagnosis.cut_runs import (
+    ELSEWHERE,
+    BriefSignal,
+    CutRun,
+    Joint,
+    Sought,
+    at_noise_scales,
+    prior_root,
+)
 from bayesid.diagnosis.data.event import Event
 from bayesid.diagnosis.event_search import MOST_EVENTS, MOST_TIME_SHARE
-from bayesid.diagnosis.hypotheses.candidate import NOISE_SCALE_SHIFTS
 from bayesid.diagnosis.hypotheses.localisation import SENSORS, SIGNAL_AMPLITUDES, channel_sets, units
 from bayesid.diagnosis.threshold_table import BRIEF_EVENT_EVIDENCE
-from bayesid.estimation.filter_error.noise_identification import MANOEUVRE_NOISE_SPREAD
 from bayesid.estimation.run_data import Array
 
 # Pieces that an event lasts.
@@ -125,23 +131,12 @@ def _gains(products: Array, pull: Array) -> Array:
 
 def _repeatable(sought: Sought, errors: Sequence[BriefSignal], motions: Sequence[BriefSignal]) -> float:
     """What motions gain together, less their choice, where a measured environment may differ between runs by
-    its own repeatability (as `candidate.repeatable_evidence`)."""
-    environment = sought.problem.environment
-    chosen = sum(f.chosen for f in motions)
-    if environment.source == "stated" or not any(environment.noise_model.force):
-        return sum(f.gain for f in motions)
-    shifts = np.array(NOISE_SCALE_SHIFTS)
-    weight = -0.5 * (shifts / MANOEUVRE_NOISE_SPREAD) ** 2
+    its own repeatability."""
     with_, without = [], []
-    for shift in shifts:
-        noise = environment.noise_model.scaled(float(np.exp(shift)))
-        runs = [
-            cut(sought.problem, sought.free, k, path, sought.signals, noise_model=noise)
-            for k, path in enumerate(sought.paths)
-        ]
-        with_.append(Joint(runs, sought.known, [*errors, *motions]).log_evidence)
-        without.append(Joint(runs, sought.known, errors).log_evidence)
-    return float(logsumexp(np.array(with_) + weight) - logsumexp(np.array(without) + weight)) - chosen
+    for weight, runs in at_noise_scales(sought):
+        with_.append(weight + Joint(runs, sought.known, [*errors, *motions]).log_evidence)
+        without.append(weight + Joint(runs, sought.known, errors).log_evidence)
+    return float(logsumexp(with_) - logsumexp(without)) - sum(f.chosen for f in motions)
 
 
 def _told(

@@ -6,7 +6,7 @@ Does not search (see `brief_events`).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -14,10 +14,12 @@ import numpy as np
 from scipy.linalg import block_diag, cho_factor, cho_solve
 
 from bayesid.diagnosis.data.problem import DiagnosisProblem
+from bayesid.diagnosis.hypotheses.candidate import NOISE_SCALE_SHIFTS
 from bayesid.diagnosis.hypotheses.localisation import channel_sets, units
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.evidence import NOT_LINEARISABLE, NormalEquations, normal_equations
 from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, linearise_runs
+from bayesid.estimation.filter_error.noise_identification import MANOEUVRE_NOISE_SPREAD
 from bayesid.estimation.filter_error.noise_model import NoiseModel, whitened
 from bayesid.estimation.parameters import GaussianPrior
 from bayesid.estimation.run_data import Array
@@ -115,6 +117,23 @@ def sought_in(problem: DiagnosisProblem, free: GaussianPrior, points: Sequence[T
     signals = signals_of(problem)
     runs = [cut(problem, free, k, path, signals) for k, path in enumerate(paths)]
     return Sought(problem, free, paths, runs, signals)
+
+
+def at_noise_scales(sought: Sought) -> Iterator[tuple[float, Sequence[CutRun]]]:
+    """The runs cut anew with the noise of the motion larger and smaller, by as much as a measured environment
+    may differ between runs, and the log probability of each; once, as it is, where the environment is stated
+    (as `candidate.repeatable_evidence`)."""
+    problem, environment = sought.problem, sought.problem.environment
+    if environment.source == "stated" or not any(environment.noise_model.force):
+        yield 0.0, sought.runs
+        return
+    for shift in NOISE_SCALE_SHIFTS:
+        noise = environment.noise_model.scaled(float(np.exp(shift)))
+        runs = [
+            cut(problem, sought.free, k, path, sought.signals, noise_model=noise)
+            for k, path in enumerate(sought.paths)
+        ]
+        yield -0.5 * (shift / MANOEUVRE_NOISE_SPREAD) ** 2, runs
 
 
 def cut(

@@ -4,8 +4,9 @@ Takes an explanation and all runs cut into pieces. Gives a `Dependence`, or none
 
 Whatever depends on the motion and the controls alone, of any shape, is taken first (a Gaussian process over
 both): only what gains beside that is no shape of the equations. Hull forces that change from place to place
-are those over an uneven bottom, a force with a period of its own is that of a swell. What changes with time
-and with neither is a rival and never told: gusts do, and so does an environment measured a little wrong.
+are those over an uneven bottom, a force with a period of its own is that of water or of something aboard that
+swings. What changes with time and with neither is a rival and never told: gusts do, and so does an
+environment measured a little wrong. So is an error of a sensor that changes slowly.
 """
 
 from __future__ import annotations
@@ -18,28 +19,27 @@ import numpy as np
 from scipy.linalg import eigh
 from scipy.special import logsumexp
 
-from bayesid.diagnosis.cut_runs import CutRun, Joint, Sought, cut
+from bayesid.diagnosis.cut_runs import CutRun, Joint, Sought, at_noise_scales
 from bayesid.diagnosis.data.dependence import Acts, Dependence, On
-from bayesid.diagnosis.hypotheses.candidate import NOISE_SCALE_SHIFTS
-from bayesid.diagnosis.hypotheses.localisation import units
-from bayesid.diagnosis.joined_runs import Joined, Pieces, fewer, pieces_of
-from bayesid.diagnosis.threshold_table import DEPENDENCE_EVIDENCE
-from bayesid.estimation.filter_error.noise_identification import MANOEUVRE_NOISE_SPREAD
+from bayesid.diagnosis.hypotheses.localisation import SENSORS, SIGNAL_AMPLITUDES, channel_sets, units
+from bayesid.diagnosis.joined_runs import Joined, Pieces, fewer, joined, pieces_of
+from bayesid.diagnosis.threshold_table import DEPENDENCE_EVIDENCE, DEPENDENCE_OVER_RIVALS
 from bayesid.estimation.run_data import Array
 
-# Pieces of all runs together, and the fewest of one run.
-MOST_TOGETHER, FEWEST = 700, 8
-# Distances over which a force of the motion changes, over that of two usual motions; sizes over the units.
+# Axes times pieces of all runs together, and pieces of one run that are enough; of many runs the longest.
+MOST_COLUMNS, ENOUGH_PIECES = 1500, 20
+# Distances over which a force of the motion changes, over that of two usual motions; its sizes over units.
 STATE_DISTANCES = (0.3, 0.6, 1.2)
-STATE_SIZES = (1e-3, 3e-3, 1e-2, 3e-2, 1e-1)
+STATE_SIZES = (1e-3, 3e-3, 1e-2, 3e-2, 1e-1, 3e-1, 1.0)
 # Distances [L] or times [L/U] over which the rest changes; shares of the hull's force; forces over the units.
 DISTANCES = (2.0, 4.0, 8.0)
 SHARES = (0.03, 0.1, 0.3)
-FORCES = (1e-3, 3e-3, 1e-2, 3e-2)
+FORCES = (1e-3, 3e-3, 1e-2, 3e-2, 1e-1)
 # Periods are looked for from three in the longest run to four pieces; steps in one over its length.
 FEWEST_PERIODS, PIECES_PER_PERIOD, STEPS = 3.0, 4.0, 4.0
 # Share of a prior's greatest variance below which a direction of it is left out.
 NEGLIGIBLE = 1e-5
+AXES = dict(zip("uvwpqr", "XYZKMN", strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ class _Tried:
 
 
 def dependence(sought: Sought, par: Array) -> Dependence | None:
-    """What a force left by an explanation depends on; None where the motion and the controls may decide it.
+    """What a force left by an explanation depends on; None where motion, controls, time or sensors may do.
 
     Parameters
     ----------
@@ -66,20 +66,26 @@ def dependence(sought: Sought, par: Array) -> Dependence | None:
         if a run cannot be linearised along its path
     """
     model = sought.problem.model
-    size = units(model)
-    forces = [n for n in model.kernel.exogenous if n.startswith("force_")]
-    sizes = [size[n] for n in forces]
-    runs = _coarse(sought.runs, sought.known)
-    joined = Joined(runs, sought.known, [sought.signals.index(n) for n in forces])
-    pieces = pieces_of(model, sought.paths, runs, par, sizes)
-    of_motion = _of_motion(joined, pieces, len(forces))
-    rest = joined.beside(of_motion)
-    tried = [*_by_place_and_time(rest, pieces), _periodic(rest, pieces, len(forces))]
-    best = max(tried, key=lambda t: t.average)
+    forces = [f"force_{AXES[v]}" for v in model.kernel.velocities]
+    sizes = [units(model)[n] for n in forces]
+    kept, most = _kept(sought.runs, len(forces))
+    runs = [fewer(r, sought.known, most) for r in sought.runs]
+    rows = [sought.signals.index(n) for n in forces]
+    pieces = pieces_of(model, [sought.paths[k] for k in kept], [runs[k] for k in kept], par, sizes)
+    whole = joined(runs, sought.known, rows, kept)
+    of_motion = _of_motion(whole, pieces, len(forces))
+    rest = whole.beside(of_motion)
+    tried = [*_by_place_and_time(rest, pieces), *_periodic(rest, pieces, len(forces))]
+    rival = max(t.average for t in tried if t.on == "time")
+    best = max((t for t in tried if t.on != "time"), key=lambda t: t.average)
     gain = best.average - float(np.log(len(tried)))
-    if best.on == "time" or gain < DEPENDENCE_EVIDENCE:
+    if best.on == "time" or gain < DEPENDENCE_EVIDENCE or best.average < rival + DEPENDENCE_OVER_RIVALS:
         return None
-    gain = _repeatable(sought, forces, of_motion, best.columns) - (rest.gains(best.columns, (1.0,))[0] - gain)
+    of_sensors = _of_sensors(sought, runs, rows, kept, pieces, of_motion)
+    if best.average < of_sensors + DEPENDENCE_OVER_RIVALS:
+        return None
+    chosen = rest.gains(best.columns, (1.0,))[0] - gain
+    gain = _repeatable(sought, forces, kept, most, of_motion, best.columns) - chosen
     if gain < DEPENDENCE_EVIDENCE:
         return None
     square = rest.squares(best.columns).reshape(len(forces), -1)
@@ -91,12 +97,15 @@ def dependence(sought: Sought, par: Array) -> Dependence | None:
     return Dependence(best.on, best.acts, gain, float(best.scale * unit), told, gain)
 
 
-def _coarse(runs: Sequence[CutRun], known: int) -> list[CutRun]:
-    most = max(FEWEST, MOST_TOGETHER // len(runs))
-    return [fewer(r, known, most) for r in runs]
+def _kept(runs: Sequence[CutRun], axes: int) -> tuple[list[int], int]:
+    """Runs whose pieces are asked, in order, and how many pieces of each."""
+    together = MOST_COLUMNS // axes
+    longest = sorted(range(len(runs)), key=lambda k: -runs[k].count * runs[k].width)
+    kept = sorted(longest[: together // ENOUGH_PIECES])
+    return kept, together // len(kept)
 
 
-def _of_motion(joined: Joined, pieces: Pieces, axes: int) -> Array:
+def _of_motion(whole: Joined, pieces: Pieces, axes: int) -> Array:
     """Columns of a force of the motion and the controls, of the shape that gains most; none if none gains."""
     apart = ((pieces.state[:, None] - pieces.state) ** 2).sum(axis=2)
     usual = 2.0 * max(pieces.state.shape[1], 1)
@@ -104,7 +113,7 @@ def _of_motion(joined: Joined, pieces: Pieces, axes: int) -> Array:
     for distance in STATE_DISTANCES:
         one = _root(np.exp(-0.5 * apart / (usual * distance**2)))
         columns = np.kron(np.eye(axes), one)
-        gains = joined.gains(columns, STATE_SIZES)
+        gains = whole.gains(columns, STATE_SIZES)
         if max(gains) > best:
             best, found = max(gains), STATE_SIZES[int(np.argmax(gains))] * columns
     return found
@@ -112,16 +121,11 @@ def _of_motion(joined: Joined, pieces: Pieces, axes: int) -> Array:
 
 def _by_place_and_time(rest: Joined, pieces: Pieces) -> Iterator[_Tried]:
     """Hull forces, and a force over ground, that change with the place or with time."""
-    far = ((pieces.place[:, None] - pieces.place) ** 2).sum(axis=2)
-    long = (pieces.time[:, None] - pieces.time) ** 2
-    same = pieces.run[:, None] == pieces.run
     axes = pieces.hull.shape[1]
     for on in ("place", "time"):
         seen: dict[Acts, list[tuple[float, float, float, Array]]] = {"hull": [], "ground": []}
         for scale in DISTANCES:
-            apart = far if on == "place" else long
-            prior = np.exp(-0.5 * apart / scale**2) * (1.0 if on == "place" else same)
-            one = _root(prior)
+            one = _root(_near(pieces, scale) if on == "place" else _soon(pieces, scale))
             on_hull = np.concatenate([pieces.hull[:, [i]] * one for i in range(axes)])
             for a, gain in zip(SHARES, rest.gains(on_hull, SHARES), strict=True):
                 seen["hull"].append((gain, scale, a, on_hull))
@@ -129,23 +133,66 @@ def _by_place_and_time(rest: Joined, pieces: Pieces) -> Iterator[_Tried]:
             for a, gain in zip(FORCES, rest.gains(over_ground, FORCES), strict=True):
                 seen["ground"].append((gain, scale, a, over_ground))
         for acts, all_ in seen.items():
-            gain, scale, a, columns = max(all_, key=lambda s: s[0])
-            average = float(logsumexp([s[0] for s in all_]) - np.log(len(all_)))
-            yield _Tried(on, acts, average, scale, a * columns)  # type: ignore[arg-type]
+            _, scale, a, columns = max(all_, key=lambda s: s[0])
+            yield _Tried(on, acts, _average([s[0] for s in all_]), scale, a * columns)  # type: ignore[arg-type]
 
 
-def _periodic(rest: Joined, pieces: Pieces, axes: int) -> _Tried:
-    """A force over ground with one period, its size, direction and phase in every run its own."""
+def _periodic(rest: Joined, pieces: Pieces, axes: int) -> Iterator[_Tried]:
+    """A force over ground with one period, its size, direction and phase in every run its own; nothing where
+    no run is long enough."""
     longest = max(float(np.ptp(pieces.time[pieces.run == k])) + w for k, w in enumerate(pieces.width))
     step = 2.0 * np.pi / (STEPS * longest)
     least, most = FEWEST_PERIODS * STEPS * step, 2.0 * np.pi / (PIECES_PER_PERIOD * pieces.width.max())
+    if most <= least:
+        return
     seen: list[tuple[float, float, float]] = []
-    for w in np.arange(least, max(most, least) + step, step):
+    for w in np.arange(least, most, step):
         gains = rest.gains(_waves(pieces, w, axes), FORCES)
         seen += [(gain, w, a) for a, gain in zip(FORCES, gains, strict=True)]
     _, w, a = max(seen)
-    average = float(logsumexp([s[0] for s in seen]) - np.log(len(seen)))
-    return _Tried("period", "ground", average, 2.0 * np.pi / w, a * _waves(pieces, w, axes))
+    columns = a * _waves(pieces, w, axes)
+    yield _Tried("period", "ground", _average([s[0] for s in seen]), 2.0 * np.pi / w, columns)
+
+
+def _of_sensors(
+    sought: Sought,
+    runs: Sequence[CutRun],
+    rows: Sequence[int],
+    kept: Sequence[int],
+    pieces: Pieces,
+    of_motion: Array,
+) -> float:
+    """What a slowly changing error of one sensor gains beside a force of the motion, at most."""
+    best = -np.inf
+    for name in SENSORS:
+        channels = channel_sets(sought.problem).get(name, ((), ()))[1]
+        if not channels:
+            continue
+        with_them = [*rows, *(sought.signals.index(c) for c in channels)]
+        apart = np.zeros((len(channels) * pieces.count, of_motion.shape[1]))
+        rest = joined(runs, sought.known, with_them, kept).beside(np.concatenate([of_motion, apart]))
+        seen = []
+        for scale in DISTANCES:
+            wrong = np.kron(np.eye(len(channels)), _root(_soon(pieces, scale)))
+            none = np.zeros((of_motion.shape[0], wrong.shape[1]))
+            seen += rest.gains(np.concatenate([none, wrong]), SIGNAL_AMPLITUDES)
+        best = max(best, _average(seen))
+    return best
+
+
+def _average(gains: Sequence[float]) -> float:
+    """Log evidence of several that are as probable before the data."""
+    return float(logsumexp(gains) - np.log(len(gains)))
+
+
+def _near(pieces: Pieces, scale: float) -> Array:
+    far = ((pieces.place[:, None] - pieces.place) ** 2).sum(axis=2)
+    return np.asarray(np.exp(-0.5 * far / scale**2))
+
+
+def _soon(pieces: Pieces, scale: float) -> Array:
+    long = (pieces.time[:, None] - pieces.time) ** 2
+    return np.asarray(np.exp(-0.5 * long / scale**2) * (pieces.run[:, None] == pieces.run))
 
 
 def _waves(pieces: Pieces, frequency: float, axes: int) -> Array:
@@ -170,24 +217,18 @@ def _root(prior: Array) -> Array:
     return np.asarray(vectors[:, kept] * np.sqrt(values[kept]))
 
 
-def _repeatable(sought: Sought, forces: Sequence[str], of_motion: Array, columns: Array) -> float:
+def _repeatable(
+    sought: Sought, forces: Sequence[str], kept: Sequence[int], most: int, of_motion: Array, columns: Array
+) -> float:
     """Gain of columns beside a force of the motion, where a measured environment may differ between runs by
-    its own repeatability (as `candidate.repeatable_evidence`)."""
-    problem, known = sought.problem, sought.known
-    environment = problem.environment
-    stated = environment.source == "stated" or not any(environment.noise_model.force)
-    shifts = np.zeros(1) if stated else np.array(NOISE_SCALE_SHIFTS)
-    weight = -0.5 * (shifts / MANOEUVRE_NOISE_SPREAD) ** 2
+    its own repeatability."""
+    known = sought.known
+    rows = [sought.signals.index(n) for n in forces]
     with_, without = [], []
-    for shift in shifts:
-        noise = environment.noise_model.scaled(float(np.exp(shift)))
-        cuts = [
-            cut(problem, sought.free, k, path, forces, noise_model=noise)
-            for k, path in enumerate(sought.paths)
-        ]
-        runs = _coarse(cuts, known)
-        joined = Joined(runs, known, range(len(forces)))
-        base = Joint(runs, known, ()).log_evidence + joined.gains(of_motion, (1.0,))[0]
+    for weight, cuts in at_noise_scales(sought):
+        runs = [fewer(r, known, most) for r in cuts]
+        whole = joined(runs, known, rows, kept)
+        base = weight + Joint(runs, known, ()).log_evidence + whole.gains(of_motion, (1.0,))[0]
         without.append(base)
-        with_.append(base + joined.beside(of_motion).gains(columns, (1.0,))[0])
-    return float(logsumexp(np.array(with_) + weight) - logsumexp(np.array(without) + weight))
+        with_.append(base + whole.beside(of_motion).gains(columns, (1.0,))[0])
+    return float(logsumexp(with_) - logsumexp(without))

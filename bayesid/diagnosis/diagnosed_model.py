@@ -24,7 +24,7 @@ from scipy.special import logsumexp
 from bayesid.diagnosis.coefficient_estimate import CoefficientEstimate, estimate_of
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.evidence.explained_model import as_stated
-from bayesid.diagnosis.failed_checks import failures
+from bayesid.diagnosis.failed_checks import failures, needs_none
 from bayesid.diagnosis.hypotheses.candidate import COEFFICIENT_ERROR, RefittedHypothesis
 from bayesid.diagnosis.hypotheses.comparison import HypothesisComparison
 from bayesid.diagnosis.hypotheses.verdict import NAMING, Verdict, simplest
@@ -321,10 +321,11 @@ def _chosen(c: HypothesisComparison, verdict: Verdict) -> list[RefittedHypothesi
     """The explanations a prediction weighs: the best few that hold every effect the verdict names.
 
     Where it names none, those of no effect, of one and of several compete; leaving out those of several made
-    a track that needs three effects be predicted by one of them. A model form needs none: effects that gain
-    beside it may stand for what it leaves, and predict other manoeuvres worse than its answer shows.
+    a track that needs three effects be predicted by one of them. A model form, or a force with the place or a
+    period that explains more, needs none: effects that gain beside it may stand for what it leaves, and
+    predict other manoeuvres worse than its answer shows.
     """
-    if verdict.word == "model_form":
+    if verdict.word != "none" and needs_none(verdict.word, verdict.rule, verdict.set95):
         return [c.none]
     named = set(verdict.effects) if verdict.word in NAMING else set()
     able = [r for r in c.refits if named <= set(r.effects)]

@@ -14,7 +14,9 @@ from bayesid.diagnosis.plain_words import number
 from bayesid.diagnosis.result import Result
 from bayesid.words import first_few
 
-NOTHING = "no known effect, and nothing in the motion, explains it"
+NOTHING = "no known effect and no force of the motion explains it"
+# Periods up to which the sea swells [s].
+OF_A_SWELL = 30.0
 
 
 def unexplained(result: Result) -> str:
@@ -33,8 +35,9 @@ def unexplained(result: Result) -> str:
 def depends(found: Dependence) -> str:
     """What a force that is left depends on, as a sentence."""
     if found.on == "period":
+        swings = "a swell" if found.scale < OF_A_SWELL else "water that swings slowly"
         return (
-            f"A force with a period of {found.scale:.3g} s acts, {_newton(found.size)} (rms), as a swell "
+            f"A force with a period of {found.scale:.3g} s acts, {_newton(found.size)} (rms), as {swings} "
             f"would give; {NOTHING}."
         )
     over = f"over about {number(found.scale)} m"
@@ -44,8 +47,8 @@ def depends(found: Dependence) -> str:
             f"uneven bottom; {NOTHING}."
         )
     return (
-        f"A force of {_newton(found.size)} (rms) that keeps its direction over ground changes from place to "
-        f"place, {over}, as near a bank or in a current that differs; {NOTHING}."
+        f"A force of {_newton(found.size)} (rms), whatever the heading, changes from place to place, {over}, "
+        f"as in a current that differs; {NOTHING}."
     )
 
 
@@ -53,7 +56,7 @@ def where_to_look(found: Dependence) -> str:
     """What to do next about it."""
     own = "; a cause of your own is declared in a file and tried with `--effects FILE`"
     if found.on == "period":
-        return f"See whether the sea had that period, or something aboard has it{own}."
+        return f"See whether the sea or the basin had that period, or something aboard has it{own}."
     return (
         f"Compare with the depth, the banks and the current along the tracks, or repeat a run elsewhere{own}."
     )

@@ -29,7 +29,8 @@ def with_events(
         return candidates
     evidence = candidates.evidence | {"outside": gain}
     weights = probabilities(evidence, candidates.refits, candidates.none, candidates.where)
-    if simplest(candidates).log_evidence > candidates.none.log_evidence + candidates.thresholds.named:
+    explained = simplest(candidates).log_evidence - candidates.none.log_evidence
+    if explained > candidates.thresholds.named and not _says_more(dependence, explained):
         # an effect stands on the rest of the trial; the event is a second cause and takes nothing from it
         return replace(candidates, evidence=evidence)
     return replace(
@@ -39,6 +40,11 @@ def with_events(
         inside=weights.inside,
         sets=weights.sets,
     )
+
+
+def _says_more(dependence: Dependence | None, explained: float) -> bool:
+    """Whether a force with the place or a period gains more than the effects do."""
+    return dependence is not None and dependence.alone > explained
 
 
 def _motion_gain(events: Sequence[Event], rest: HypothesisComparison) -> float:
@@ -72,25 +78,23 @@ def verdict_with(
         listed = [f"{e.run} {e.start:.1f} to {e.end:.1f} s ({e.channel}, {e.kind})" for e in events]
         verdict = replace(verdict, reasons=(*verdict.reasons, "left out as events: " + "; ".join(listed)))
     motions, best = [e for e in events if e.kind == "motion"], simplest(rest)
-    if dependence is None and not motions:
+    nobody_needs = verdict.word in ("none", "model_form")
+    if dependence is not None and dependence.alone == 0.0 and nobody_needs:
+        dependence = None  # told beside an effect that nobody needs, and not without it
+    if verdict.word == "outside" or (dependence is None and not motions):
         return verdict
     moved, gain = _motion_gain(motions, rest), max(best.log_evidence - rest.none.log_evidence, 0.0)
-    moved += dependence.alone if dependence is not None else 0.0
+    placed = dependence.alone if dependence is not None else 0.0
+    rule = MOTION_EVENT if motions and moved >= placed else OTHER_DEPENDENCE
+    moved += placed
     greater = moved > gain or any(not e.brief for e in motions)
-    if verdict.word == "outside":
-        return verdict
-    rule = MOTION_EVENT if motions else OTHER_DEPENDENCE
-    silent = verdict.word in ("none", "model_form") or (verdict.word == "coefficients" and greater)
-    # a force that is told beside an effect nobody needs, and not without it, is not told
-    silent = silent and bool(motions or moved > 0.0)
+    silent = nobody_needs or (verdict.word == "coefficients" and greater)
     if silent or verdict.set95 == ("outside",):
         return replace(verdict, word="outside", effects=(), set95=("outside",), rule=rule)
     what = "motions that nothing explains say" if motions else "a force with the place or a period says"
     said = f"{what} +{moved:.1f}, the best explanation of the rest +{gain:.1f}"
-    reasons = (
-        *verdict.reasons,
-        f"{said}; before they were counted the verdict was {verdict.word} ({verdict.rule})",
-    )
+    before = f"{said}; before they were counted the verdict was {verdict.word} ({verdict.rule})"
+    reasons = (*verdict.reasons, before)
     possible = tuple(n for n in verdict.set95 if n not in ("none", "outside"))
     if moved > gain:
         return replace(
@@ -98,7 +102,7 @@ def verdict_with(
         )
     if verdict.word == "effect":
         return replace(verdict, word="effect_with_remainder", reasons=reasons)
-    if verdict.word == "ambiguous" and "outside" not in verdict.set95:
+    if verdict.word == "ambiguous" and dependence is not None and "outside" not in verdict.set95:
         verdict = replace(verdict, set95=(*verdict.set95, "outside"))
     return replace(verdict, reasons=reasons)
 

@@ -131,20 +131,17 @@ def _left(
     Gross events first; then, once, brief ones that gain more than a free force that acts in all runs and all
     the time, or more than a model form does.
     """
-    best = simplest(found.candidates)
+    best, what = simplest(found.candidates), "brief events"
     if not known and (gross := find_events(found.problem, trial, best, notify)):
         return gross, None, None
     try:
         sought = sought_in(found.problem, best.fit.free, best.fit.followed)
         if not any(e.brief for e in known) and (brief := _brief(found, best, sought)):
             return brief, None, None
+        what = "forces with the place or a period"
         return (), _dependence(found, best, sought), None
-    except (BayesidError, LinAlgError, ValueError) as error:
-        return (
-            (),
-            None,
-            f"brief events, and forces with the place or a period, could not be looked for ({error})",
-        )
+    except (BayesidError, LinAlgError, ValueError, MemoryError) as error:
+        return (), None, f"{what} could not be looked for ({error})"
 
 
 def _brief(found: Compared, best: RefittedHypothesis, sought: Sought) -> tuple[Event, ...]:
@@ -164,11 +161,14 @@ def _brief(found: Compared, best: RefittedHypothesis, sought: Sought) -> tuple[E
 
 def _dependence(found: Compared, best: RefittedHypothesis, sought: Sought) -> Dependence | None:
     """What a force that is left depends on, with what that gains where no effect acts."""
+    if not explains(best):  # what it does not follow is no small force beside it
+        return None
     beside, none = dependence(sought, best.fit.par), found.candidates.none
     if beside is None or best is none:
         return beside
     alone = dependence(sought_in(found.problem, none.fit.free, none.fit.followed), none.fit.par)
-    return replace(beside, alone=0.0 if alone is None else alone.evidence)
+    same = alone is not None and alone.on == beside.on
+    return replace(beside, alone=alone.evidence if alone is not None and same else 0.0)
 
 
 def _named(events: Sequence[Event]) -> str:

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
-from bayesid.analysis.excitation.columns import evaluate
 from bayesid.diagnosis.cut_runs import CutRun
 from bayesid.diagnosis.evidence.force_terms import actuator_means
 from bayesid.equations.layout import rows_of
@@ -21,9 +20,11 @@ from bayesid.estimation.filter_error.evidence import NormalEquations
 from bayesid.estimation.filter_error.linearise import Linearisation
 from bayesid.estimation.run_data import Array
 from bayesid.model.terms import Term
+from bayesid.simulation import rates_on
 
-# Symbols of rows that are forces of the hull alone.
+# Symbols of rows that are forces of the hull alone, and parameters of the drag of its strips.
 OF_THE_HULL = frozenset(("u", "v", "w", "p", "q", "r", "Rv", "Rw", "U", "S"))
+STRIPS = ("strip_Y", "strip_Z")
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +39,7 @@ class Pieces:
     heading : (m,)
     state : (m, k) velocities, heel and trim, actuators, each over its standard deviation; what never changes
         is left out
-    hull : (m, axes) force of the hull's rows, in the units of the signals
+    hull : (m, axes) force of the hull's rows and strips, in the units of the signals
     width : (runs,) of a piece [L/U]
     """
 
@@ -56,46 +57,24 @@ class Pieces:
         return self.run.size
 
 
+@dataclass(frozen=True, eq=False)
 class Joined:
-    """Forces in all pieces: their products with each other and with the readings' residual.
+    """Signals in all pieces: their products with each other and with the readings' residual.
 
-    Parameters
+    Attributes
     ----------
-    runs : of equal signals
-    known : number of free parameters, the first columns of each run; integrated out
-    rows : positions of the signals wanted, axis by axis
-
-    Raises
-    ------
-    LinAlgError
-        if the information of the parameters is not positive definite
+    ss, se : (rows * m, rows * m) and (rows * m,), signal by signal, all runs side by side
     """
 
-    def __init__(self, runs: Sequence[CutRun], known: int, rows: Sequence[int]) -> None:
-        ends = np.cumsum([0, *(r.count for r in runs)])
-        m, axes = int(ends[-1]), len(rows)
-        total, pull = np.eye(known), np.zeros(known)
-        cross = np.zeros((known, axes * m))
-        self.ss, self.se = np.zeros((axes * m, axes * m)), np.zeros(axes * m)
-        for r, first in zip(runs, ends[:-1], strict=True):
-            g, piece = r.equations, np.arange(r.count)
-            at = np.concatenate([known + row * r.count + piece for row in rows])
-            to = np.concatenate([axis * m + first + piece for axis in range(axes)])
-            total += g.ss[:known, :known]
-            pull += g.se[:known]
-            cross[:, to] = g.ss[:known, at]
-            self.ss[np.ix_(to, to)] = g.ss[np.ix_(at, at)]
-            self.se[to] = g.se[at]
-        factor = cho_factor(total, lower=True)
-        self.ss -= cross.T @ cho_solve(factor, cross)
-        self.se -= cross.T @ cho_solve(factor, pull)
+    ss: Array
+    se: Array
 
     def gains(self, columns: Array, amplitudes: Sequence[float]) -> list[float]:
-        """Log evidence that a force of these columns gains, by prior sd of their coefficients.
+        """Log evidence that a sum of these columns gains, by prior sd of their coefficients.
 
         Parameters
         ----------
-        columns : (axes * m, k)
+        columns : (rows * m, k)
         """
         products, pull = columns.T @ self.ss @ columns, columns.T @ self.se
         out = []
@@ -106,69 +85,101 @@ class Joined:
         return out
 
     def squares(self, columns: Array) -> Array:
-        """(axes * m,) mean square of a force of these columns, unit prior sd, after the data."""
+        """(rows * m,) mean square of a sum of these columns, unit prior sd, after the data."""
         factor = cho_factor(columns.T @ self.ss @ columns + np.eye(columns.shape[1]), lower=True)
         mean = columns @ cho_solve(factor, columns.T @ self.se)
         spread = solve_triangular(factor[0], columns.T, lower=True)
         return np.asarray(mean**2 + (spread**2).sum(axis=0))
 
     def beside(self, columns: Array) -> Joined:
-        """The same with a force of these columns, unit prior sd, integrated out too."""
-        out = object.__new__(Joined)
+        """The same with a sum of these columns, unit prior sd, integrated out too."""
         crossed = self.ss @ columns
         factor = cho_factor(columns.T @ crossed + np.eye(columns.shape[1]), lower=True)
-        out.ss = self.ss - crossed @ cho_solve(factor, crossed.T)
-        out.se = self.se - crossed @ cho_solve(factor, columns.T @ self.se)
-        return out
+        return Joined(
+            self.ss - crossed @ cho_solve(factor, crossed.T),
+            self.se - crossed @ cho_solve(factor, columns.T @ self.se),
+        )
+
+
+def joined(runs: Sequence[CutRun], known: int, rows: Sequence[int], kept: Sequence[int]) -> Joined:
+    """Some signals in all pieces of some runs, beside what all runs say of the free parameters.
+
+    Parameters
+    ----------
+    runs : of equal signals
+    known : number of free parameters, the first columns of each run; integrated out
+    rows : positions of the signals wanted
+    kept : positions of the runs whose pieces are wanted
+
+    Raises
+    ------
+    LinAlgError
+        if the information of the parameters is not positive definite
+    """
+    counts = [runs[k].count for k in kept]
+    ends = np.cumsum([0, *counts])
+    m = int(ends[-1])
+    total, pull = np.eye(known), np.zeros(known)
+    cross = np.zeros((known, len(rows) * m))
+    ss, se = np.zeros((len(rows) * m, len(rows) * m)), np.zeros(len(rows) * m)
+    for r in runs:
+        total += r.equations.ss[:known, :known]
+        pull += r.equations.se[:known]
+    for k, first in zip(kept, ends[:-1], strict=True):
+        g, count = runs[k].equations, runs[k].count
+        piece = np.arange(count)
+        at = np.concatenate([known + row * count + piece for row in rows])
+        to = np.concatenate([i * m + first + piece for i in range(len(rows))])
+        cross[:, to] = g.ss[:known, at]
+        ss[np.ix_(to, to)] = g.ss[np.ix_(at, at)]
+        se[to] = g.se[at]
+    factor = cho_factor(total, lower=True)
+    return Joined(ss - cross.T @ cho_solve(factor, cross), se - cross.T @ cho_solve(factor, pull))
 
 
 def fewer(run: CutRun, known: int, most: int) -> CutRun:
-    """The run cut into at most so many pieces: neighbours become one."""
-    if run.count <= most:
+    """The run cut into at most so many pieces: neighbours become one, the last piece may be shorter."""
+    factor = -(-run.count // most)
+    if factor == 1:
         return run
-    of = (np.arange(run.count) * most) // run.count
+    count = -(-run.count // factor)
+    of = np.arange(run.count) // factor
     rows = (run.equations.se.size - known) // run.count
-    merge = np.zeros((run.equations.se.size, known + rows * most))
+    merge = np.zeros((run.equations.se.size, known + rows * count))
     merge[:known, :known] = np.eye(known)
     for row in range(rows):
-        merge[known + row * run.count + np.arange(run.count), known + row * most + of] = 1.0
+        merge[known + row * run.count + np.arange(run.count), known + row * count + of] = 1.0
     g = run.equations
     equations = NormalEquations(merge.T @ g.ss @ merge, merge.T @ g.se, g.ee, g.logdet, g.used)
-    return replace(run, width=run.width * run.count / most, count=most, equations=equations)
+    return replace(run, width=run.width * factor, count=count, equations=equations)
 
 
 def pieces_of(
     model: Model, paths: Sequence[Linearisation], runs: Sequence[CutRun], par: Array, sizes: Sequence[float]
 ) -> Pieces:
-    """The motion at the pieces of all runs.
+    """The motion at the pieces of runs.
 
     Parameters
     ----------
-    par : parameters; those of the hull's rows are read
+    par : parameters; those of the hull are read
     sizes : units of the forces by axis [N, N m]
     """
-    axes = [n[-1] for n in model.kernel.exogenous if n.startswith("force_")]
     length, time = model.scales["L"], model.scales["L"] / model.scales["U"]
     names = list(model.states)
-    rows = [t for t in rows_of(model.kernel.spec) if t.axis in axes and _of_the_hull(t)]
+    pose = [names.index(n) for n in ("x", "y", "z") if n in names]
+    rest = [i for i, n in enumerate(names) if n not in ("x", "y", "z", "psi")]
     seen, felt, where, heading, run, when = [], [], [], [], [], []
     for k, (path, cut) in enumerate(zip(paths, runs, strict=True)):
         t = path.log.plan.t
         middle, states = 0.5 * (t[1:] + t[:-1]), 0.5 * (path.point.states[1:] + path.point.states[:-1])
         states, act = states[:, : len(names)], actuator_means(model, path)
         at = np.minimum(((middle - t[0]) / cut.width).astype(int), cut.count - 1)
-        force = np.zeros((middle.size, len(axes)))
-        for row in rows:
-            value = par[model.index[row.name]] * evaluate(row.regressor, model, states, act)
-            force[:, axes.index(row.axis)] += value
-        everything = np.column_stack([states, act, force / np.asarray(sizes)])
-        mean = _by_piece(everything, at, cut.count)
-        pose = [names.index(n) for n in ("x", "y", "z") if n in names]
-        rest = [i for i, n in enumerate(names) if n not in ("x", "y", "z", "psi")]
+        force = _of_the_hull(model, par, states, act) / np.asarray(sizes)
+        mean = _by_piece(np.column_stack([states, act, force]), at, cut.count)
         where.append(mean[:, pose] / length)
         heading.append(mean[:, names.index("psi")])
         seen.append(mean[:, [*rest, *range(len(names), len(names) + act.shape[1])]])
-        felt.append(mean[:, -len(axes) :])
+        felt.append(mean[:, -force.shape[1] :])
         run.append(np.full(cut.count, k))
         when.append((np.arange(cut.count) + 0.5) * cut.width / time)
     state = np.concatenate(seen)
@@ -180,7 +191,18 @@ def pieces_of(
     )  # fmt: skip
 
 
-def _of_the_hull(row: Term) -> bool:
+def _of_the_hull(model: Model, par: Array, states: Array, act: Array) -> Array:
+    """(n, nv) force of the hull's rows and of its strips [N, N m], axis by axis as the velocities."""
+    rows = [model.index[t.name] for t in rows_of(model.kernel.spec) if _hull_row(t) and t.name in model.index]
+    rows += [model.index[n] for n in STRIPS if n in model.index]
+    without = np.array(par, dtype=float)
+    without[rows] = 0.0
+    none = np.zeros(0, dtype=int)
+    rates, _, mass = rates_on(model, par, states, act, none)
+    return np.asarray((rates - rates_on(model, without, states, act, none)[0]) @ mass.T)
+
+
+def _hull_row(row: Term) -> bool:
     return not (row.is_inertia or row.is_number) and {f.symbol for f in row.factors} <= OF_THE_HULL
 
 

@@ -197,7 +197,8 @@ def diagnose(
         posterior,
         mistakes,
     )
-    result = replace(result, events=events, dependence=compared.dependence)
+    told = compared.dependence if verdict.word not in ("none", "model_form") else None
+    result = replace(result, events=events, dependence=told)
     return Diagnosis(trial, model, problem, candidates, verdict, result, posterior, diagnosed)
 
 

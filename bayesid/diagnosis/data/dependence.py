@@ -16,7 +16,7 @@ class Dependence:
     Attributes
     ----------
     on : place over ground, or a period
-    acts : on the hull's forces, which it changes by a share, or by itself in one direction over ground
+    acts : on the hull's forces, which it changes by a share, or by itself, whatever the heading
     evidence : log evidence it gains beside the explanation and any force of the motion and the controls
     scale : distance over which it changes [m], or the period [s]
     size : root mean square over the runs, as a share or [N]

@@ -198,6 +198,9 @@ class _Carried:
             turn, triangle = np.linalg.qr(slopes)
             there = turn.T @ np.concatenate([resid, self.prior[mine]])
             first = len(run.initial)
+            if triangle.shape[0] < first:  # fewer readings than initial states
+                self.open = True
+                return
             self.runs.append(_Turned(turn.T, there, mine, triangle[:first, :first], triangle[:first, first:]))
             below.append(triangle[first:, first:])
         self.common = np.flatnonzero(common)

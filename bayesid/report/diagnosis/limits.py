@@ -144,13 +144,18 @@ def _depends(result: Result) -> list[Block]:
         return []
     return [
         Table(
-            ["depends on", "acts on", "over", "size (rms)", "gain [nats]", "gain with no effect [nats]"],
+            [
+                "depends on",
+                "acts on",
+                "distance or period",
+                "size (rms)",
+                "gain [nats]",
+                "gain with no effect [nats]",
+            ],
             [
                 [
                     found.on,
-                    "the hull's forces"
-                    if found.acts == "hull"
-                    else "the vehicle, in one direction over ground",
+                    "the hull's forces" if found.acts == "hull" else "the vehicle, whatever its heading",
                     f"{found.scale:.3g} {'m' if found.on == 'place' else 's'}",
                     f"{found.size:.1%}" if found.acts == "hull" else f"{found.size:.3g} N",
                     found.evidence,

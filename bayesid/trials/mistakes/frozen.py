@@ -70,8 +70,9 @@ def _joint(base: Sequence[Base], group: Sequence[Weighed]) -> Weighed:
     both = Correction(skip_repeats=tuple(names), runs=where if len(where) < len(base) else ())
     seconds = max(_longest(one.run, n) for one in base for n in names)
     says = f"{' and '.join(names)} repeat their last values at the same time, for up to {seconds:.3g} s"
+    runs = f" (in {', '.join(where)})" if both.runs else ""
     odds = np.sum([w.odds for w in group], axis=0)
-    mistake = Mistake(f"frozen {', '.join(names)}", f"{says}, while the vehicle moves on", both, USUAL)
+    mistake = Mistake(f"frozen {', '.join(names)}", f"{says}, while the vehicle moves on{runs}", both, USUAL)
     return Weighed(mistake, odds, {"size": odds})
 
 
@@ -84,12 +85,13 @@ def _samples(run: Run, name: str) -> np.ndarray:
 
 
 def _together(one: Sequence[np.ndarray], other: Sequence[np.ndarray]) -> bool:
-    """Whether two columns are frozen in common for half of the time of either.
+    """Whether two columns are frozen at once for half of the time that either is, in the runs where both are.
 
-    Of the shorter: in some runs a column may come back so near to where it froze that it is not seen there.
+    In others one may come back so near to where it froze that it is not seen.
     """
-    common = sum(int(np.sum(a & b)) for a, b in zip(one, other, strict=True))
-    return 2 * common >= min(sum(int(np.sum(a)) for a in runs) for runs in (one, other))
+    both = [(a, b) for a, b in zip(one, other, strict=True) if a.any() and b.any()]
+    common = sum(int(np.sum(a & b)) for a, b in both)
+    return bool(both) and 2 * common >= sum(int(np.sum(a | b)) for a, b in both)
 
 
 def _stretches(run: Run, name: str) -> tuple[np.ndarray, list[tuple[int, int]]]:
