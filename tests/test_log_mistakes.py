@@ -301,6 +301,21 @@ def test_columns_that_freeze_together_are_one_mistake_and_apart_are_two():
     assert {f.name for f in check_input([beside]).findings} == {"frozen x, y", "frozen r"}
 
 
+def test_columns_that_froze_together_are_one_mistake_where_one_of_them_is_not_seen_in_every_run():
+    """A column that comes back near to where it froze does not leap out of it: x and y at 1 Hz."""
+    runs = [stuck(stuck(weave(k), "x", 300, 60), "y", 300, 60) for k in (1, 2)]
+    back = runs[1].data["y"].copy()
+    back[360:] += back[359] - back[360] + 1e-3
+    runs[1] = replace(runs[1], name="back", data={**runs[1].data, "y": back})
+    (found,) = check_input(runs).findings
+    assert found.name == "frozen x, y" and found.correction.runs == ()
+
+
+def test_a_short_freeze_within_a_long_one_is_another_mistake():
+    run = stuck(stuck(weave(), "x", 300, 200), "r", 380, 40)
+    assert {f.name for f in check_input([run]).findings} == {"frozen x", "frozen r"}
+
+
 def test_degrees_of_the_heading_alone_share_no_probability_with_degrees_of_all_angles():
     """A planar log has no other angle: the two are one mistake, which stood at .499 each."""
     run = weave()

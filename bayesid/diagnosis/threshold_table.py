@@ -258,8 +258,8 @@ DEPENDENCE_EVIDENCE = Limit(
     "DEPENDENCE_EVIDENCE", 30.0, "nats",
     "Gain of a force with the place or a period, beside the explanation and a force of the motion and the "
     "controls of any shape, from which it is told.",
-    "Of 34 opened trials of vehicles with other equations without such a cause the most was 13 before the "
-    "environment was scaled, of eight with one that the rules before had left to a form or to sets 58 to 349.",
+    "Before the environment was scaled the most of 34 opened trials of vehicles with other equations without "
+    "such a cause was 13, the least of eight with one, left to a form or to sets before, 58.",
 )  # fmt: skip
 DEPENDENCE_OVER_RIVALS = Limit(
     "DEPENDENCE_OVER_RIVALS", 5.0, "nats",
