@@ -20,6 +20,7 @@ from scipy.linalg import solve_triangular
 from scipy.stats import norm, qmc
 
 from bayesid.errors import ModelError
+from bayesid.estimation.output_error.elimination import with_own_prior
 from bayesid.estimation.output_error.problem import FitProblem
 
 Array = np.ndarray
@@ -188,12 +189,9 @@ class _Carried:
             resid, jac = block(i)
             own = slice(at, at + len(run.initial))
             at = own.stop
-            mine = np.flatnonzero(of_prior[:, own].any(axis=1))
+            slopes, mine = with_own_prior(jac, of_prior, own, k)
             common[mine] = False
-            slopes = np.hstack([
-                np.vstack([jac[:, k:], of_prior[mine, own]]) * unit[own],
-                np.vstack([jac[:, :k], of_prior[mine, :k]]) * unit[:k],
-            ])  # fmt: skip
+            slopes = slopes * np.concatenate([unit[own], unit[:k]])
             # orthogonal, not normal equations: an unstable vehicle feels its start e^20 times
             turn, triangle = np.linalg.qr(slopes)
             there = turn.T @ np.concatenate([resid, self.prior[mine]])

@@ -264,11 +264,10 @@ def _along_ridges(
     if not told.pairs:
         told_so = {"nonlinear": told.record()} if told.lost else {}
         return replace(result, uncertainty={**result.uncertainty, **told_so})
-    sd, covariance = np.array(result.sd), np.array(result.covariance)
-    covariance[:k, :k] = told.covariance
+    sd = np.array(result.sd)
     sd[:k] = np.sqrt(np.diag(told.covariance))
     uncertainty = {**result.uncertainty, "nonlinear": told.record()}
-    return replace(result, sd=sd, covariance=covariance, uncertainty=uncertainty)
+    return replace(result, sd=sd, covariance=told.covariance, uncertainty=uncertainty)
 
 
 def _told(
@@ -281,9 +280,8 @@ def _told(
     if posterior is None:
         return first
     k = first.n_params
-    sd, covariance = np.array(result.sd), np.array(result.covariance)
-    sd[:k], covariance[:k, :k] = posterior.sd, posterior.covariance
-    covariance[:k, k:] = covariance[k:, :k] = 0.0
+    sd = np.array(result.sd)
+    sd[:k] = posterior.sd
     message = first.message
     if posterior.parts.efficient:
         message = f"{result.message}; then every run weighed by the covariance of its score"
@@ -295,7 +293,7 @@ def _told(
         result,
         start=first.start,
         sd=sd,
-        covariance=covariance,
+        covariance=posterior.covariance,
         cost_start=first.cost_start,
         cost=problem.cost(result.z),
         sigma=first.sigma,

@@ -30,8 +30,9 @@ class Fit:
     ----------
     names : of all unknowns, the `n_params` parameters first, then initial states "run:psi(0)"
     z, start, low, high : (k,) SI
-    sd, covariance : at the estimate, prior included: of white noise, unless `uncertainty` says otherwise; inf
-        where nothing holds
+    sd : (k,) at the estimate, prior included: of white noise, unless `uncertainty` says otherwise; inf where
+        nothing holds
+    covariance : (n_params, n_params) of the parameters, as `sd`
     prior_sd : (k,) of single priors, inf where there is none
     cost_start, cost : half the sum of squared residuals (half of V for the paper's objective)
     at_bound : names on a bound, or within 1e-6 of its width
@@ -141,7 +142,9 @@ def _fit_of(raw: dict[str, Any]) -> Fit:
     known = {f.name: raw[f.name] for f in fields(Fit) if f.name in raw or f.name != "uncertainty"}
     for name in ("z", "start", "low", "high", "scale", "sd", "prior_sd", "singular_values"):
         known[name] = _array(known[name])
-    known["covariance"] = np.array([_array(row) for row in known["covariance"]])
+    # files of before hold that of the initial states too
+    rows = [_array(row)[: known["n_params"]] for row in known["covariance"][: known["n_params"]]]
+    known["covariance"] = np.array(rows)
     known["flat"] = tuple(Direction(**{**d, "vector": _array(d["vector"])}) for d in known["flat"])
     for name in ("names", "at_bound", "costs", "steps", "starts"):
         known[name] = tuple(known[name])

@@ -18,7 +18,8 @@ import numpy as np
 from scipy.stats import qmc
 
 from bayesid.errors import FitError
-from bayesid.estimation.output_error.curvature import covariance_of, predicted_gain, without
+from bayesid.estimation.output_error.curvature import predicted_gain, root_of_covariance
+from bayesid.estimation.output_error.elimination import eliminated
 from bayesid.estimation.output_error.fit_result import Fit
 from bayesid.estimation.output_error.flat_directions import flat_directions, singular_values
 from bayesid.estimation.output_error.iterate_log import IterateLog
@@ -343,17 +344,17 @@ def _result(
     problem = best.problem
     z, low, high, scale = best.z, problem.low, problem.high, problem.scale
     k = len(problem.params.names)
-    _, jac = problem.compressed(z)
-    n_prior = problem.prior(z)[0].size
-    data = (jac[: jac.shape[0] - n_prior] if n_prior else jac) * scale
+    left = eliminated(problem, z)
     prior = problem.params.prior_sd
     prior_all = np.concatenate([prior, *(r.initial_sd for r in problem.runs)])
     half = np.where(np.isfinite(high - low), 0.5 * (high - low), np.inf)
-    seen = data[:, :k] if not problem.n_initial else without(data, k)
+    seen = eliminated(problem, z, prior=False).jac
     flat = flat_directions(
         problem.names[:k], seen, options.flat_level, prior / scale[:k], half[:k] / scale[:k]
     )
-    covariance = covariance_of(jac * scale) * np.outer(scale, scale)
+    root = root_of_covariance(left.jac)
+    variance = np.concatenate([(root**2).sum(axis=1), left.state_variance(root)]) * scale**2
+    covariance = root @ root.T * np.outer(scale[:k], scale[:k])
     width = np.where(np.isfinite(high - low), high - low, np.inf)
     near = (z - low <= 1e-6 * width) | (high - z <= 1e-6 * width)
     total = clock.line_search + clock.gradient + clock.subproblem + clock.other
@@ -363,7 +364,7 @@ def _result(
         message += f"; {same} of {len(searches)} starts end there"
     return Fit(
         names=problem.names, n_params=k, z=z, start=problem.start, low=low, high=high, scale=scale,
-        sd=np.sqrt(np.diag(covariance)), covariance=covariance, prior_sd=prior_all,
+        sd=np.sqrt(variance), covariance=covariance, prior_sd=prior_all,
         cost_start=best.cost_start, cost=best.cost, n_readings=problem.n_readings,
         at_bound=tuple(n for n, b in zip(problem.names, near & np.isfinite(width), strict=True) if b),
         status=best.status, message=message, predicted_gain=best.predicted, flat=flat,
