@@ -7,6 +7,7 @@ import pytest
 
 from bayesid.diagnosis.diagnosed_model import _chosen, _left_out, _log_weights
 from bayesid.diagnosis.hypotheses.probabilities import FormError
+from bayesid.diagnosis.hypotheses.rules import OTHER_DEPENDENCE
 
 
 def refit(log_evidence, *effects):
@@ -26,9 +27,17 @@ def comparison(leaves):
 
 def test_a_model_form_is_predicted_by_what_its_answer_shows():
     """Effects gain 900 nats beside it, and what the form leaves may be worth as much: none is drawn."""
-    assert _chosen(comparison(2000.0), Plain(word="model_form", effects=())) == [NONE]
-    assert _chosen(comparison(2000.0), Plain(word="ambiguous", effects=("lag",))) == [NONE, LAG, WIND]
-    assert _chosen(comparison(2000.0), Plain(word="effect", effects=("wind",))) == [WIND]
+
+    def chosen(word, effects=(), rule="", set95=("lag",)):
+        return _chosen(comparison(2000.0), Plain(word=word, effects=effects, rule=rule, set95=set95))
+
+    assert chosen("model_form") == [NONE]
+    assert chosen("ambiguous", ("lag",)) == [NONE, LAG, WIND]
+    assert chosen("effect", ("wind",)) == [WIND]
+    # a force with the place that explains more is predicted by what its answer shows, too
+    assert chosen("outside", rule=OTHER_DEPENDENCE, set95=("outside",)) == [NONE]
+    assert chosen("outside", rule=OTHER_DEPENDENCE, set95=("outside", "lag")) == [NONE, LAG, WIND]
+    assert chosen("outside", rule="unlisted cause", set95=("outside",)) == [NONE, LAG, WIND]
 
 
 @pytest.mark.parametrize("leaves, odds", [(60.0, 0.5 / 0.4), (0.0, np.exp(20.0))])

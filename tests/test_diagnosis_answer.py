@@ -8,6 +8,7 @@ import pytest
 from diagnosis_results import RESULT, a_result, draws
 
 from bayesid.diagnosis.answer import answer, explained_words
+from bayesid.diagnosis.data.dependence import Dependence
 from bayesid.diagnosis.data.event import Event
 from bayesid.diagnosis.evidence.effect_draws import warning
 from bayesid.diagnosis.evidence.replay import Replay
@@ -526,6 +527,9 @@ def test_the_headline_says_when_the_vehicle_moved_as_nothing_known_explains():
     assert told.endswith(f" It does not explain the whole gap. {said}")
     coefficients = answer(a_result("coefficients", (), (), events=(motion,))).headline
     assert coefficients.startswith("No effect is needed, but") and coefficients.endswith(said)
+    placed = a_result("coefficients", (), (), dependence=Dependence("place", "hull", 40.0, 40.0, 0.2, 50.0))
+    found = answer(placed).headline
+    assert found.startswith("Coefficients lie further off") and "from place to place by 20%" in found
     # the control: readings that were wrong are no motion
     wrong = replace(named, events=(replace(motion, kind="sensor"),))
     assert answer(wrong).headline.endswith("It does not explain the whole gap.")

@@ -190,7 +190,8 @@ def _headline(result: Result) -> str:
     if word == "coefficients":
         far = moved_words(result)[:2]
         left = unexplained(result)
-        begins = "Coefficients" if left else "No effect is needed, but coefficients"
+        acts = result.dependence is not None
+        begins = "Coefficients" if acts else "No effect is needed, but coefficients"
         return f"{begins} lie further off than stated" + (f": {'; '.join(far)}." if far else ".") + left
     if word == "model_form":
         return (
