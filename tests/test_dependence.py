@@ -137,7 +137,8 @@ def uneven(share, far):
     def force(model, par, name, t, at):
         c = {row: par[model.index[row]] if row in model.index else 0.0 for row in HULL}
         u, v, r = at["u"], at["v"], at["r"]
-        grown = share * np.sin(2.0 * np.pi * at["x"] / (far * model.scales["L"]))
+        wave = 2.0 * np.pi * at["x"] / (far * model.scales["L"])
+        grown = share * (np.sin(wave) if np.isfinite(far) else 1.0)
         motion = {
             "v": u * v, "r": u * r, "v|v|": v * abs(v), "r|r|": r * abs(r), "v|r|": v * abs(r),
             "|v|r": abs(v) * r, "uu": u * u, "vv": v * v, "rr": r * r, "vr": v * r,
@@ -203,6 +204,16 @@ def test_gusts_in_one_run_are_no_place(seed):
         return {"Y": size * force, "X": 0.3 * size * force}
 
     assert found_in(gusts, keep=("zigzag",))[1] is None
+
+
+def test_hull_forces_of_a_run_that_is_another_day_s_are_no_place():
+    """Each run its own share, as of a draught or a growth that differs: one number per run."""
+    share = {"zigzag": 0.25, "turn": -0.2, "zigzag back": -0.25, "turn back": 0.2}
+
+    def another_day(model, par, name, t, at):
+        return uneven(share[name], np.inf)(model, par, name, t, at)
+
+    assert found_in(another_day)[1] is None
 
 
 def test_a_position_that_swings_is_no_force_with_a_period():

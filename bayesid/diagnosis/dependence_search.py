@@ -33,6 +33,8 @@ STATE_DISTANCES = (0.3, 0.6, 1.2)
 STATE_SIZES = (1e-3, 3e-3, 1e-2, 3e-2, 1e-1, 3e-1, 1.0)
 # Distances [L] or times [L/U] over which the rest changes; shares of the hull's force; forces over the units.
 DISTANCES = (2.0, 4.0, 8.0)
+# Times of what is slower or lasts a run, one by one rivals: a slow vehicle takes long for a distance.
+SLOW_TIMES = (16.0, 64.0, 1e4)
 SHARES = (0.03, 0.1, 0.3)
 FORCES = (1e-3, 3e-3, 1e-2, 3e-2, 1e-1)
 # Periods are looked for from three in the longest run to four pieces; steps in one over its length.
@@ -78,8 +80,8 @@ def dependence(sought: Sought, par: Array) -> Dependence | None:
     tried = [*_by_place_and_time(rest, pieces), *_periodic(rest, pieces, len(forces))]
     rival = max(t.average for t in tried if t.on == "time")
     best = max((t for t in tried if t.on != "time"), key=lambda t: t.average)
-    gain = best.average - float(np.log(len(tried)))
-    if best.on == "time" or gain < DEPENDENCE_EVIDENCE or best.average < rival + DEPENDENCE_OVER_RIVALS:
+    gain = best.average - float(np.log(len([t for t in tried if t.on != "time"])))
+    if gain < DEPENDENCE_EVIDENCE or best.average < rival + DEPENDENCE_OVER_RIVALS:
         return None
     of_sensors = _of_sensors(sought, runs, rows, kept, pieces, of_motion)
     if best.average < of_sensors + DEPENDENCE_OVER_RIVALS:
@@ -94,7 +96,8 @@ def dependence(sought: Sought, par: Array) -> Dependence | None:
     else:
         told = float(np.sqrt(square[:2].sum(axis=0).mean())) * sizes[0]
     unit = model.scales["L"] / (1.0 if best.on == "place" else model.scales["U"])
-    return Dependence(best.on, best.acts, gain, float(best.scale * unit), told, gain)
+    on: On = "place" if best.on == "place" else "period"
+    return Dependence(on, best.acts, gain, float(best.scale * unit), told, gain)
 
 
 def _kept(runs: Sequence[CutRun], axes: int) -> tuple[list[int], int]:
@@ -122,9 +125,9 @@ def _of_motion(whole: Joined, pieces: Pieces, axes: int) -> Array:
 def _by_place_and_time(rest: Joined, pieces: Pieces) -> Iterator[_Tried]:
     """Hull forces, and a force over ground, that change with the place or with time."""
     axes = pieces.hull.shape[1]
-    for on in ("place", "time"):
+    for on, scales in (("place", DISTANCES), ("time", DISTANCES), *(("time", (t,)) for t in SLOW_TIMES)):
         seen: dict[Acts, list[tuple[float, float, float, Array]]] = {"hull": [], "ground": []}
-        for scale in DISTANCES:
+        for scale in scales:
             one = _root(_near(pieces, scale) if on == "place" else _soon(pieces, scale))
             on_hull = np.concatenate([pieces.hull[:, [i]] * one for i in range(axes)])
             for a, gain in zip(SHARES, rest.gains(on_hull, SHARES), strict=True):
@@ -172,7 +175,7 @@ def _of_sensors(
         apart = np.zeros((len(channels) * pieces.count, of_motion.shape[1]))
         rest = joined(runs, sought.known, with_them, kept).beside(np.concatenate([of_motion, apart]))
         seen = []
-        for scale in DISTANCES:
+        for scale in (*DISTANCES, *SLOW_TIMES):
             wrong = np.kron(np.eye(len(channels)), _root(_soon(pieces, scale)))
             none = np.zeros((of_motion.shape[0], wrong.shape[1]))
             seen += rest.gains(np.concatenate([none, wrong]), SIGNAL_AMPLITUDES)

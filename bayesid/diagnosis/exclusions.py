@@ -166,8 +166,13 @@ def _dependence(found: Compared, best: RefittedHypothesis, sought: Sought) -> De
     beside, none = dependence(sought, best.fit.par), found.candidates.none
     if beside is None or best is none:
         return beside
-    alone = dependence(sought_in(found.problem, none.fit.free, none.fit.followed), none.fit.par)
-    same = alone is not None and alone.on == beside.on
+    if not explains(none):  # what it does not follow may look like a place
+        return replace(beside, alone=0.0)
+    try:
+        alone = dependence(sought_in(found.problem, none.fit.free, none.fit.followed), none.fit.par)
+    except (BayesidError, LinAlgError, ValueError):
+        alone = None
+    same = alone is not None and (alone.on, alone.acts) == (beside.on, beside.acts)
     return replace(beside, alone=alone.evidence if alone is not None and same else 0.0)
 
 

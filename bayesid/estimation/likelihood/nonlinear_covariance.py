@@ -203,13 +203,16 @@ class _Carried:
             below.append(triangle[first:, first:])
         self.common = np.flatnonzero(common)
         self.q, self.triangle = np.linalg.qr(np.vstack([*below, of_prior[self.common, :k] * unit[:k]]))
+        if self.triangle.shape[0] < k:  # fewer rows than parameters
+            self.open = True
+            return
         size = np.sqrt(sum((r.by**2).sum(axis=0) for r in self.runs) + (self.triangle**2).sum(axis=0))
         sized = [np.abs(np.diag(self.triangle)) / np.maximum(size, 1e-300)]
         sized += [
             np.abs(np.diag(r.own)) / np.maximum(np.linalg.norm(r.own, axis=0), 1e-300) for r in self.runs
         ]
         #: whether some unknown is held by neither readings nor prior
-        self.open = bool(self.triangle.shape[0] < k or np.concatenate(sized).min() < ROUNDING)
+        self.open = bool(np.concatenate(sized).min() < ROUNDING)
 
     def to(self, deviation: Array) -> Array | None:
         """(nz,) deviation of the unknowns in `unit`; None where the steps do not arrive or a run diverges.

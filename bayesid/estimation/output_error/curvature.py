@@ -27,7 +27,7 @@ def predicted_gain(problem: FitProblem, z: Array) -> tuple[float, bool]:
     size = sum(float(np.nansum((r.readings / r.sigma) ** 2)) for r in problem.runs)
     zero = left.squares <= (10 * ROUNDING) ** 2 * size
     q, s, vt = np.linalg.svd(left.jac, full_matrices=False)
-    keep = s > 1e-12 * max(s[0], 1e-300)
+    keep = s > 1e-12 * max(s.max(initial=0.0), 1e-300)
     matrix, target = s[keep, None] * vt[keep], -(q.T @ left.resid)[keep]
     low, high = ((limit - z)[:k] / problem.scale[:k] for limit in (problem.low, problem.high))
     low, high = np.minimum(low, -1e-12), np.maximum(high, 1e-12)

@@ -100,7 +100,7 @@ def eliminated(problem: FitProblem, z: Array, prior: bool = True) -> Eliminated:
         first, rest = triangle[:s], triangle[s:]
         if s:
             turn, size, _ = np.linalg.svd(first[:, :s])
-            felt = np.flatnonzero(size > FLAT * max(size[0], 1e-300))
+            felt = np.flatnonzero(size > FLAT * max(size.max(initial=0.0), 1e-300))
             if felt.size < s:
                 first = turn.T @ first
                 rest = np.vstack([rest, np.delete(first, felt, axis=0)])
