@@ -36,7 +36,8 @@ def problem_of(seed, unfelt=False):
     scale = rng.uniform(0.5, 2.0, total)
     found = SimpleNamespace(
         params=SimpleNamespace(names=("a", "b", "c")), runs=runs, scale=scale, low=-bound, high=bound,
-        run_blocks=lambda z: lambda i: blocks[i], prior=lambda z: (resid, prior),
+        prior=lambda z: (resid, prior),
+        triangles=lambda z: [np.linalg.qr(np.column_stack([j, r]), mode="r") for r, j in blocks],
     )  # fmt: skip
     rows, at = [], K
     for (_, jac), s in zip(blocks, STARTS, strict=True):
@@ -51,7 +52,8 @@ def problem_of(seed, unfelt=False):
 @pytest.mark.parametrize("seed", range(3))
 def test_covariance_and_squares_are_those_of_the_dense_problem(seed):
     problem, jac, resid = problem_of(seed)
-    left = eliminated(problem, np.zeros(jac.shape[1]))
+    at = np.zeros(jac.shape[1])
+    left = eliminated(problem, at, problem.triangles(at))
     dense = np.linalg.inv(jac.T @ jac)
     root = root_of_covariance(left.jac)
     np.testing.assert_allclose(root @ root.T, dense[:K, :K], rtol=1e-9, atol=1e-12)
@@ -76,7 +78,8 @@ def test_gain_is_that_of_the_best_step_within_the_bounds(unfelt):
 
 def test_an_initial_state_that_nothing_holds_has_no_deviation():
     problem, jac, _ = problem_of(3, unfelt=True)
-    left = eliminated(problem, np.zeros(jac.shape[1]))
+    at = np.zeros(jac.shape[1])
+    left = eliminated(problem, at, problem.triangles(at))
     root = root_of_covariance(left.jac)
     variance = left.state_variance(root)
     assert np.isinf(variance[:2]).all() and np.isfinite(variance[2:]).all()

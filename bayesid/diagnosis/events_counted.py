@@ -30,7 +30,7 @@ def with_events(
     evidence = candidates.evidence | {"outside": gain}
     weights = probabilities(evidence, candidates.refits, candidates.none, candidates.where)
     explained = simplest(candidates).log_evidence - candidates.none.log_evidence
-    if explained > candidates.thresholds.named and not _says_more(dependence, explained):
+    if explained > candidates.thresholds.named and (dependence is None or gain <= explained):
         # an effect stands on the rest of the trial; the event is a second cause and takes nothing from it
         return replace(candidates, evidence=evidence)
     return replace(
@@ -40,11 +40,6 @@ def with_events(
         inside=weights.inside,
         sets=weights.sets,
     )
-
-
-def _says_more(dependence: Dependence | None, explained: float) -> bool:
-    """Whether a force with the place or a period gains more than the effects do."""
-    return dependence is not None and dependence.alone > explained
 
 
 def _motion_gain(events: Sequence[Event], rest: HypothesisComparison) -> float:
@@ -91,8 +86,11 @@ def verdict_with(
     silent = nobody_needs or (verdict.word == "coefficients" and greater)
     if silent or verdict.set95 == ("outside",):
         return replace(verdict, word="outside", effects=(), set95=("outside",), rule=rule)
-    what = "motions that nothing explains say" if motions else "a force with the place or a period says"
-    said = f"{what} +{moved:.1f}, the best explanation of the rest +{gain:.1f}"
+    told = [f"motions that nothing explains say +{moved - placed:.1f}"] if motions else []
+    if dependence is not None:
+        beside = f"+{dependence.evidence:.1f} beside the best explanation"
+        told.append(f"a force with the place or a period says +{placed:.1f} without any effect and {beside}")
+    said = f"{', '.join(told)}, the best explanation of the rest +{gain:.1f}"
     before = f"{said}; before they were counted the verdict was {verdict.word} ({verdict.rule})"
     reasons = (*verdict.reasons, before)
     possible = tuple(n for n in verdict.set95 if n not in ("none", "outside"))

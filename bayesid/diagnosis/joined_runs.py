@@ -14,6 +14,7 @@ from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from bayesid.diagnosis.cut_runs import CutRun
 from bayesid.diagnosis.evidence.force_terms import actuator_means
+from bayesid.diagnosis.hypotheses.localisation import units
 from bayesid.equations.layout import rows_of
 from bayesid.equations.model import Model
 from bayesid.estimation.filter_error.evidence import NormalEquations
@@ -22,6 +23,8 @@ from bayesid.estimation.run_data import Array
 from bayesid.model.terms import Term
 from bayesid.simulation import rates_on
 
+# Share of a usual motion below which it is rounding.
+ROUNDING = 1e-9
 # Symbols of rows that are forces of the hull alone, and parameters of the drag of its strips.
 OF_THE_HULL = frozenset(("u", "v", "w", "p", "q", "r", "Rv", "Rw", "U", "S"))
 STRIPS = ("strip_Y", "strip_Z")
@@ -184,7 +187,10 @@ def pieces_of(
         when.append((np.arange(cut.count) + 0.5) * cut.width / time)
     state = np.concatenate(seen)
     sd = state.std(axis=0)
-    moves = sd > 1e-9 * np.maximum(np.abs(state).max(axis=0), 1e-300)
+    usual = units(model)
+    moving = [names[i] for i in rest] + list(model.kernel.actuators)
+    least = np.array([usual.get(n, float(np.abs(x).max())) for n, x in zip(moving, state.T, strict=True)])
+    moves = sd > ROUNDING * least
     return Pieces(
         np.concatenate(run), np.concatenate(when), np.concatenate(where), np.concatenate(heading),
         state[:, moves] / sd[moves], np.concatenate(felt), np.array([c.width / time for c in runs]),

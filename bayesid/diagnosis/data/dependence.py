@@ -20,7 +20,7 @@ class Dependence:
     evidence : log evidence it gains beside the explanation and any force of the motion and the controls
     scale : distance over which it changes [m], or the period [s]
     size : root mean square over the runs, as a share or [N]
-    alone : log evidence it, or the other, gains without any effect; 0 where it is not told there
+    alone : log evidence it gains without any effect; 0 where it is not told there
     """
 
     on: On

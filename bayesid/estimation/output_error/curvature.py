@@ -23,7 +23,7 @@ def predicted_gain(problem: FitProblem, z: Array) -> tuple[float, bool]:
     Initial states, which have no bounds, take what they can; directions without curvature (relative 1e-12)
     bring nothing.
     """
-    left, k = eliminated(problem, z), len(problem.params.names)
+    left, k = eliminated(problem, z, problem.triangles(z)), len(problem.params.names)
     size = sum(float(np.nansum((r.readings / r.sigma) ** 2)) for r in problem.runs)
     zero = left.squares <= (10 * ROUNDING) ** 2 * size
     q, s, vt = np.linalg.svd(left.jac, full_matrices=False)

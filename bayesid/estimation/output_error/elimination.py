@@ -6,6 +6,7 @@ thousands of initial states, each of which only its own piece feels.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,29 +74,29 @@ class Eliminated:
         return np.concatenate(out)
 
 
-def eliminated(problem: FitProblem, z: Array, prior: bool = True) -> Eliminated:
+def eliminated(problem: FitProblem, z: Array, triangles: Sequence[Array], prior: bool = True) -> Eliminated:
     """The linear problem at `z`, its initial states taken out.
 
     Parameters
     ----------
+    triangles : of the runs there (`FitProblem.triangles`)
     prior : with the prior's rows, those of the states with their runs
 
     Returns
     -------
     rows in units of `problem.scale`; rows of a run that its own states hardly move stay with the parameters
     """
-    k, block = len(problem.params.names), problem.run_blocks(z)
+    k = len(problem.params.names)
     resid_prior, of_prior = problem.prior(z) if prior else (np.zeros(0), np.zeros((0, z.size)))
     common = np.ones(resid_prior.size, dtype=bool)
     runs, below, left, at = [], [], [], k
-    for i, run in enumerate(problem.runs):
+    for run, turned in zip(problem.runs, triangles, strict=True):
         own = slice(at, at + len(run.initial))
         at = own.stop
-        resid, jac = block(i)
-        slopes, mine = with_own_prior(jac, of_prior, own, k)
+        slopes, mine = with_own_prior(turned[:, :-1], of_prior, own, k)
         common[mine] = False
         slopes = slopes * np.concatenate([problem.scale[own], problem.scale[:k]])
-        rows = np.column_stack([slopes, np.concatenate([resid, resid_prior[mine]])])
+        rows = np.column_stack([slopes, np.concatenate([turned[:, -1], resid_prior[mine]])])
         triangle, s = np.asarray(np.linalg.qr(rows, mode="r")), len(run.initial)
         first, rest = triangle[:s], triangle[s:]
         if s:

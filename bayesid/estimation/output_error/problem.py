@@ -186,14 +186,19 @@ class FitProblem:
         An orthogonal change of rows: norms, J^T J and J^T r are those of `jacobian`, which for long logs with
         many initial states would not fit into memory. The prior's rows stay as they are and come last.
         """
+        turned = self.triangles(z)
+        return self._stacked(z, lambda i: (turned[i][:, -1], turned[i][:, :-1]))
+
+    def triangles(self, z: Array) -> list[Array]:
+        """Triangle of every run's Jacobian, by the parameters and its own initial states, and residuals, the
+        last column, after an orthogonal change of rows; without the prior."""
         block = self.run_blocks(z)
 
-        def one(i: int) -> tuple[Array, Array]:
+        def one(i: int) -> Array:
             resid, jac = block(i)
-            triangle = np.asarray(np.linalg.qr(np.column_stack([jac, resid]), mode="r"))
-            return triangle[:, -1], triangle[:, :-1]
+            return np.asarray(np.linalg.qr(np.column_stack([jac, resid]), mode="r"))
 
-        return self._stacked(z, one)
+        return self._each(one)
 
     def _stacked(self, z: Array, block: Callable[[int], tuple[Array, Array]]) -> tuple[Array, Array]:
         k = len(self.params.names)

@@ -344,16 +344,19 @@ def _result(
     problem = best.problem
     z, low, high, scale = best.z, problem.low, problem.high, problem.scale
     k = len(problem.params.names)
-    left = eliminated(problem, z)
+    turned = problem.triangles(z)
+    left = eliminated(problem, z, turned)
     prior = problem.params.prior_sd
     prior_all = np.concatenate([prior, *(r.initial_sd for r in problem.runs)])
     half = np.where(np.isfinite(high - low), 0.5 * (high - low), np.inf)
-    seen = eliminated(problem, z, prior=False).jac
+    seen = eliminated(problem, z, turned, prior=False).jac
     flat = flat_directions(
         problem.names[:k], seen, options.flat_level, prior / scale[:k], half[:k] / scale[:k]
     )
     root = root_of_covariance(left.jac)
     variance = np.concatenate([(root**2).sum(axis=1), left.state_variance(root)]) * scale**2
+    # no state is less known than before; growth of an unstable run hides its prior in rounding
+    variance[k:] = np.fmin(variance[k:], prior_all[k:] ** 2)
     covariance = root @ root.T * np.outer(scale[:k], scale[:k])
     width = np.where(np.isfinite(high - low), high - low, np.inf)
     near = (z - low <= 1e-6 * width) | (high - z <= 1e-6 * width)

@@ -111,7 +111,7 @@ EVENT_KINDS = {
 
 def _events(result: Result) -> list[Block]:
     if not result.events:
-        return _depends(result)
+        return []
     rows = [
         [
             literal(e.run),
@@ -132,8 +132,7 @@ def _events(result: Result) -> list[Block]:
             "a free force, allowed only there, gains more than chance beside the best explanation. They are "
             "left out (of a brief one a little more than is told here); what follows starts from a state of "
             "its own.",
-        ),
-        *_depends(result),
+        )
     ]
 
 
@@ -181,7 +180,7 @@ def notes_blocks(result: Result) -> list[Block]:
         *([f"- {literal(result.trial.attribution)}"] if result.trial.attribution else []),
     ]
     rows = [[o.run, f"{o.time:.2f}", o.channel] for o in result.outliers[:20]]
-    blocks: list[Block] = [Text("\n".join(lines)), *_events(result)]
+    blocks: list[Block] = [Text("\n".join(lines)), *_events(result), *_depends(result)]
     if rows:
         blocks.append(Table(["run", "time [s]", "channel"], rows, "Readings set aside (first 20)."))
     return blocks
