@@ -44,19 +44,21 @@ def orders(model, samples=80):
     }
 
 
-def planted_trial(model, values=None, seed=0, force=None, samples=80, holdout=()):
+def planted_trial(model, values=None, seed=0, force=None, samples=80, holdout=(), executed=None):
     """Trial of the model with other parameters.
 
     Parameters
     ----------
     values : parameter -> value, SI
     force : (run name, steps' time) -> dict of forces [N, N m] added from outside
+    executed : (run name, orders) -> orders that are executed; those logged by default
     """
     par, sigma = model.with_values(values or {}), noise_of(model)
     rng = np.random.default_rng(seed)
     runs = []
     for name, manoeuvre in orders(model, samples).items():
-        plan = plan_run(model, manoeuvre.t, manoeuvre.commands)
+        done = manoeuvre.commands if executed is None else executed(name, manoeuvre.commands)
+        plan = plan_run(model, manoeuvre.t, done)
         if force is not None:
             exogenous = plan.exogenous.copy()
             for axis, values_now in force(name, plan.times).items():

@@ -14,10 +14,10 @@ from bayesid.diagnosis import cut_runs
 from bayesid.diagnosis.cut_runs import CutRun, sought_in
 from bayesid.diagnosis.data.dependence import Dependence
 from bayesid.diagnosis.data.problem import build_problem, fit_with
-from bayesid.diagnosis.dependence_search import MOST_COLUMNS, _kept, dependence
+from bayesid.diagnosis.dependence_search import dependence
 from bayesid.diagnosis.event_words import depends
 from bayesid.diagnosis.hypotheses.candidate import weighted_hypothesis
-from bayesid.diagnosis.joined_runs import fewer, joined
+from bayesid.diagnosis.joined_runs import MOST_COLUMNS, fewer, joined, longest_runs
 from bayesid.estimation.filter_error.evidence import NormalEquations
 from bayesid.manoeuvres import OpenLoop
 from bayesid.simulation import observe, plan_run, simulate, steady_start
@@ -226,9 +226,9 @@ def test_a_position_that_swings_is_no_force_with_a_period():
 
 def test_of_many_runs_the_longest_are_asked():
     runs = [CutRun(k, 0.0, 1.0, 10 + k, None) for k in range(60)]
-    kept, most = _kept(runs, 3)
+    kept, most = longest_runs(runs, 3)
     assert kept == list(range(60 - len(kept), 60)) and len(kept) * most * 3 <= MOST_COLUMNS
-    assert _kept(runs[:4], 6) == ([0, 1, 2, 3], MOST_COLUMNS // 24)
+    assert longest_runs(runs[:4], 6) == ([0, 1, 2, 3], MOST_COLUMNS // 24)
 
 
 def test_pieces_of_runs_that_do_not_divide_are_equal_but_the_last():

@@ -88,7 +88,8 @@ def passes(
     monkeypatch.setattr(exclusions, "sought_in", lambda problem, free, points: None)
     monkeypatch.setattr(exclusions, "find_events", lambda problem, trial, best, notify: events)
     monkeypatch.setattr(exclusions, "_brief", lambda found, best, sought: brief())
-    monkeypatch.setattr(exclusions, "_dependence", lambda found, best, sought: depends())
+    monkeypatch.setattr(exclusions, "dependence_beside", lambda found, best, sought: depends())
+    monkeypatch.setattr(exclusions, "held_where_stuck", lambda found, *rest: found)
     monkeypatch.setattr(
         exclusions,
         "with_events",

@@ -230,6 +230,8 @@ def test_the_numbers_of_the_table_are_those_the_practice_campaigns_were_scored_w
         "LEAST_REMAINDER_SHARE": 1e-3,
         "FREE_SIGNAL_SLACK": 10.0,
         "BRIEF_EVENT_EVIDENCE": 30.0,
+        "STUCK_TRIED": 20.0,
+        "STUCK_EVIDENCE": 30.0,
         "DEPENDENCE_EVIDENCE": 30.0,
         "DEPENDENCE_OVER_RIVALS": 5.0,
     }

@@ -94,7 +94,8 @@ def actuator_event(
         return None
     signals = signals_of(problem)
     signals = (*signals, *(n for n in actuators if n not in signals))
-    run = cut(problem, free, found.run, path, signals, actuators)
+    taken = [(n, orders(problem, found.run, n)) for n in actuators]
+    run = cut(problem, free, found.run, path, signals, taken)
     if run.count != runs[found.run].count:  # more columns than fit: of other pieces nothing is said
         return None
     joint = Joint([*runs[: found.run], run, *runs[found.run + 1 :]], len(free.names), others)
@@ -127,16 +128,40 @@ def _told(best: _Tried, order: Array, t: Array, run: CutRun, size: float, tried:
     value, apart = size * best.value, abs(size * best.value)
     if best.stays is not None:
         value += best.stays
-        inside = (t >= start) & (t <= end)
-        distance = np.abs(order[inside] - value)
-        apart = float(distance.max())
-        away = t[inside][distance > AWAY * apart]
-        if away.size:
-            start, end = max(start, float(away[0])), min(end, float(away[-1]) + run.width)
-    # times are known to half a piece at either end
-    sd = float(np.hypot(size * best.sd, apart * run.width / (2.0 * max(end - start, run.width))))
+        apart = float(np.abs(order[(t >= start) & (t <= end)] - value).max())
+        start, end = times_apart(t, order, value, start, end, run.width)
+    sd = float(np.hypot(size * best.sd, uncertain_times(apart, start, end, run.width)))
     gain = best.gain - float(np.log(tried))
     return ActuatorEvent(best.actuator, start, end, value, sd, best.stays is not None, gain)
+
+
+def times_apart(
+    t: Array, order: Array, value: float, start: float, end: float, width: float
+) -> tuple[float, float]:
+    """From when an order leaves where its actuator stuck to when it is there again, between two times [s].
+
+    Parameters
+    ----------
+    t, order : of the log
+    width : of a piece [s]
+    """
+    inside = (t >= start) & (t <= end)
+    distance = np.abs(order[inside] - value)
+    away = t[inside][distance > AWAY * distance.max(initial=0.0)]
+    if not away.size:
+        return start, end
+    return max(start, float(away[0])), min(end, float(away[-1]) + width)
+
+
+def uncertain_times(apart: float, start: float, end: float, width: float) -> float:
+    """Standard deviation of where an actuator stuck as its times are known to half a piece at either end.
+
+    Parameters
+    ----------
+    apart : how far its order went away
+    start, end, width : of the event, and of a piece [s]
+    """
+    return apart * width / (2.0 * max(end - start, width))
 
 
 def _gain(

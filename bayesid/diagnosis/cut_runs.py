@@ -16,6 +16,7 @@ from scipy.linalg import block_diag, cho_factor, cho_solve
 from bayesid.diagnosis.data.problem import DiagnosisProblem
 from bayesid.diagnosis.hypotheses.candidate import NOISE_SCALE_SHIFTS
 from bayesid.diagnosis.hypotheses.localisation import channel_sets, units
+from bayesid.equations.model import Model
 from bayesid.errors import ModelError
 from bayesid.estimation.filter_error.evidence import NOT_LINEARISABLE, NormalEquations, normal_equations
 from bayesid.estimation.filter_error.linearise import Linearisation, Trajectory, linearise_runs
@@ -23,6 +24,7 @@ from bayesid.estimation.filter_error.noise_identification import MANOEUVRE_NOISE
 from bayesid.estimation.filter_error.noise_model import NoiseModel, whitened
 from bayesid.estimation.parameters import GaussianPrior
 from bayesid.estimation.run_data import Array
+from bayesid.simulation import TimePlan
 
 # A run is cut into pieces of this time [L/U], or more, so that there are at most so many of them.
 FINEST, MOST_PIECES = 0.5, 100
@@ -142,7 +144,7 @@ def cut(
     run: int,
     path: Linearisation,
     signals: Sequence[str],
-    held: Sequence[str] = (),
+    taken: Sequence[tuple[str, Array]] = (),
     noise_model: NoiseModel | None = None,
 ) -> CutRun:
     """A run cut into pieces.
@@ -150,7 +152,8 @@ def cut(
     Parameters
     ----------
     free : parameters of the explanation, which have the first columns
-    held : actuators that have one more column for every piece: their order taken away [rad, rpm]
+    taken : actuators that have one more column for every piece, which takes so much of them away, (n,) at the
+        samples [rad, rpm]
     noise_model : default that of the problem
 
     Raises
@@ -162,7 +165,7 @@ def cut(
     size, t = units(problem.model), path.log.plan.t
     (n, q), states = path.resid.shape, path.gamma.shape[1]
     time = problem.model.scales["L"] / problem.model.scales["U"]
-    length, rows = float(t[-1] - t[0]), len(signals) + len(held)
+    length, rows = float(t[-1] - t[0]), len(signals) + len(taken)
     most = min(MOST_PIECES, MOST_BYTES // (8 * n * q * rows))
     count = max(1, min(most, int(np.ceil(length / (FINEST * time)))))
     width, known = length / count, len(free.names)
@@ -170,11 +173,11 @@ def cut(
     middle = np.minimum(((0.5 * (t[1:] + t[:-1]) - t[0]) / width).astype(int), count - 1)
     step = free.mean - path.point.par[free.where]
     columns = np.empty((n * q, known + rows * count))
-    for i, name in enumerate((*signals, *held)):
+    for i, name in enumerate((*signals, *(name for name, _ in taken))):
         direct, drive = np.zeros((n, q, count)), np.zeros((n - 1, states, count))
         if name in path.inputs:
             push = path.gamma[:, :, path.inputs.index(name)]
-            push = push * size[name] if i < len(signals) else -push * orders(problem, run, name)[:-1, None]
+            push = push * size[name] if i < len(signals) else -push * taken[i - len(signals)][1][:-1, None]
             drive[np.arange(n - 1), :, middle] = push
         elif name in path.log.channels:
             direct[np.arange(n), path.log.channels.index(name), at] = size[name]
@@ -189,7 +192,11 @@ def cut(
 
 def orders(problem: DiagnosisProblem, run: int, actuator: str) -> Array:
     """(n,) logged order of an actuator at the samples of a run, within its limit [rad, rpm]."""
-    plan, model = problem.logs[run].plan, problem.model
+    return orders_of(problem.model, problem.logs[run].plan, actuator)
+
+
+def orders_of(model: Model, plan: TimePlan, actuator: str) -> Array:
+    """(n,) order of an actuator at the samples of a plan, within its limit [rad, rpm]."""
     at = np.minimum(plan.record, plan.steps.size - 1)
     order = np.asarray(plan.command[at, model.kernel.actuators.index(actuator)])
     limit = model.index.get(f"limit_{actuator.removeprefix('delta_')}")

@@ -22,12 +22,10 @@ from scipy.special import logsumexp
 from bayesid.diagnosis.cut_runs import CutRun, Joint, Sought, at_noise_scales
 from bayesid.diagnosis.data.dependence import Acts, Dependence, On
 from bayesid.diagnosis.hypotheses.localisation import SENSORS, SIGNAL_AMPLITUDES, channel_sets, units
-from bayesid.diagnosis.joined_runs import Joined, Pieces, fewer, joined, pieces_of
+from bayesid.diagnosis.joined_runs import Joined, Pieces, fewer, joined, longest_runs, pieces_of
 from bayesid.diagnosis.threshold_table import DEPENDENCE_EVIDENCE, DEPENDENCE_OVER_RIVALS
 from bayesid.estimation.run_data import Array
 
-# Axes times pieces of all runs together, and pieces of one run that are enough; of many runs the longest.
-MOST_COLUMNS, ENOUGH_PIECES = 1500, 20
 # Distances over which a force of the motion changes, over that of two usual motions; its sizes over units.
 STATE_DISTANCES = (0.3, 0.6, 1.2)
 STATE_SIZES = (1e-3, 3e-3, 1e-2, 3e-2, 1e-1, 3e-1, 1.0)
@@ -70,7 +68,7 @@ def dependence(sought: Sought, par: Array) -> Dependence | None:
     model = sought.problem.model
     forces = [f"force_{AXES[v]}" for v in model.kernel.velocities]
     sizes = [units(model)[n] for n in forces]
-    kept, most = _kept(sought.runs, len(forces))
+    kept, most = longest_runs(sought.runs, len(forces))
     runs = [fewer(r, sought.known, most) for r in sought.runs]
     rows = [sought.signals.index(n) for n in forces]
     pieces = pieces_of(model, [sought.paths[k] for k in kept], [runs[k] for k in kept], par, sizes)
@@ -98,14 +96,6 @@ def dependence(sought: Sought, par: Array) -> Dependence | None:
     unit = model.scales["L"] / (1.0 if best.on == "place" else model.scales["U"])
     on: On = "place" if best.on == "place" else "period"
     return Dependence(on, best.acts, gain, float(best.scale * unit), told, gain)
-
-
-def _kept(runs: Sequence[CutRun], axes: int) -> tuple[list[int], int]:
-    """Runs whose pieces are asked, in order, and how many pieces of each."""
-    together = MOST_COLUMNS // axes
-    longest = sorted(range(len(runs)), key=lambda k: -runs[k].count * runs[k].width)
-    kept = sorted(longest[: together // ENOUGH_PIECES])
-    return kept, together // len(kept)
 
 
 def _of_motion(whole: Joined, pieces: Pieces, axes: int) -> Array:

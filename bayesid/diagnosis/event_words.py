@@ -22,7 +22,7 @@ OF_A_SWELL = 30.0
 def unexplained(result: Result) -> str:
     """When the vehicle moved as nothing known explains, and as if what, and what a force that is left depends
     on; empty where there is neither."""
-    motions = [e for e in result.events if e.kind == "motion"]
+    motions = [e for e in result.events if e.unexplained]
     said = f" {depends(result.dependence)}" if result.dependence is not None else ""
     if not motions:
         return said

@@ -45,11 +45,11 @@ def with_events(
 def _motion_gain(events: Sequence[Event], rest: HypothesisComparison) -> float:
     """What events of motion say for a cause outside, beyond what a model form carries [nats].
 
-    Brief ones gained beside it, or more than it.
+    Brief ones gained beside it, or more than it; actuators that stuck, in refits with it.
     """
-    motions = [e for e in events if e.kind == "motion"]
-    gross = sum(e.evidence for e in motions if not e.brief)
-    return beyond(gross, rest.carried) + sum(e.evidence for e in motions if e.brief)
+    gross = sum(e.evidence for e in events if e.kind == "motion" and not e.brief)
+    others = sum(e.evidence for e in events if e.unexplained and (e.brief or e.kind == "stuck"))
+    return beyond(gross, rest.carried) + others
 
 
 def verdict_with(
@@ -72,7 +72,7 @@ def verdict_with(
     if events:
         listed = [f"{e.run} {e.start:.1f} to {e.end:.1f} s ({e.channel}, {e.kind})" for e in events]
         verdict = replace(verdict, reasons=(*verdict.reasons, "left out as events: " + "; ".join(listed)))
-    motions, best = [e for e in events if e.kind == "motion"], simplest(rest)
+    motions, best = [e for e in events if e.unexplained], simplest(rest)
     nobody_needs = verdict.word in ("none", "model_form")
     if dependence is not None and dependence.alone == 0.0 and nobody_needs:
         dependence = None  # told beside an effect that nobody needs, and not without it

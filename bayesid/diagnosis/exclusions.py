@@ -6,7 +6,8 @@ Takes a trial and a model. Gives the `DiagnosisProblem` without what is excluded
 Two kinds are excluded. Single readings that contradict the fit without any effect (innovation outliers):
 before anything is known a path may bend a little, and one yaw rate off by ten sigma is a possible motion;
 under the measured environment it is not. Events: short pieces that the best explanation of the whole trial
-predicts far worse than the rest, a model form included, or else in which a free force gains beside it.
+predicts far worse than the rest, a model form included, or else in which a free force gains beside it. Last,
+orders are held where an actuator stuck for longer (`stuck_stage`).
 """
 
 from __future__ import annotations
@@ -22,15 +23,14 @@ from bayesid.diagnosis.data.dependence import Dependence
 from bayesid.diagnosis.data.event import Event
 from bayesid.diagnosis.data.outliers import Found, stripped
 from bayesid.diagnosis.data.problem import DiagnosisProblem, build_problem, fit_with
-from bayesid.diagnosis.dependence_search import dependence
+from bayesid.diagnosis.dependence_stage import dependence_beside
 from bayesid.diagnosis.environment_stage import in_its_environment
 from bayesid.diagnosis.event_search import find_events
 from bayesid.diagnosis.events_counted import with_events
-from bayesid.diagnosis.form_stage import Compared, compared
+from bayesid.diagnosis.form_stage import Compared, compared, force_left
 from bayesid.diagnosis.hypotheses.candidate import RefittedHypothesis, explains
 from bayesid.diagnosis.hypotheses.facts import simplest
-from bayesid.diagnosis.hypotheses.localisation import SENSORS
-from bayesid.diagnosis.hypotheses.refit import remainder
+from bayesid.diagnosis.stuck_stage import held_where_stuck
 from bayesid.equations.model import Model
 from bayesid.errors import BayesidError
 from bayesid.estimation.filter_error.fit import FilterErrorFit
@@ -105,7 +105,7 @@ def compare_without(
         counted_in = with_events(found.candidates, excluded.events, depends)
         whole = replace(found, candidates=counted_in, uncut=uncut, dependence=depends)
         if not events:
-            return whole
+            return held_where_stuck(whole, model, trial, notify, as_built, seed)
         uncut = found.problem if any(e.brief for e in events) else None
         notify(f"the same without {_named(events)}")
         excluded = Excluded((*excluded.events, *events))
@@ -139,41 +139,19 @@ def _left(
         if not any(e.brief for e in known) and (brief := _brief(found, best, sought)):
             return brief, None, None
         what = "forces with the place or a period"
-        return (), _dependence(found, best, sought), None
+        return (), dependence_beside(found, best, sought), None
     except (BayesidError, LinAlgError, ValueError, MemoryError) as error:
         return (), None, f"{what} could not be looked for ({error})"
 
 
 def _brief(found: Compared, best: RefittedHypothesis, sought: Sought) -> tuple[Event, ...]:
-    problem, candidates = found.problem, found.candidates
-    after = candidates.where_after if best is candidates.best else None
-    if after is None:
-        after = candidates.where if best is candidates.none else remainder(problem, best)
-    left = max((p.evidence for p in after.places if p.channel not in SENSORS), default=0.0)
-    if brief := brief_events(sought, left):
+    if brief := brief_events(sought, force_left(found)):
         return brief
-    if problem.form is None or not found.formless:
+    if found.problem.form is None or not found.formless:
         return ()
     formless = max(found.formless, key=lambda c: c.log_evidence)
     more = best.log_evidence - formless.log_evidence
-    return brief_events(sought_in(problem, formless.fit.free, formless.fit.followed), more)
-
-
-def _dependence(found: Compared, best: RefittedHypothesis, sought: Sought) -> Dependence | None:
-    """What a force that is left depends on, with what that gains where no effect acts."""
-    if not explains(best):  # what it does not follow is no small force beside it
-        return None
-    beside, none = dependence(sought, best.fit.par), found.candidates.none
-    if beside is None or best is none:
-        return beside
-    if not explains(none):  # what it does not follow may look like a place
-        return replace(beside, alone=0.0)
-    try:
-        alone = dependence(sought_in(found.problem, none.fit.free, none.fit.followed), none.fit.par)
-    except (BayesidError, LinAlgError, ValueError):
-        alone = None
-    same = alone is not None and (alone.on, alone.acts) == (beside.on, beside.acts)
-    return replace(beside, alone=alone.evidence if alone is not None and same else 0.0)
+    return brief_events(sought_in(found.problem, formless.fit.free, formless.fit.followed), more)
 
 
 def _named(events: Sequence[Event]) -> str:

@@ -114,7 +114,7 @@ def result_of(
             trial,
             {GIVEN: None, RETUNED: c.none.fit, EXPLAINED: explained.fit},
             seed,
-            [e.run for e in problem.events if e.kind == "motion"] if verdict.rule == MOTION_EVENT else (),
+            [e.run for e in problem.events if e.unexplained] if verdict.rule == MOTION_EVENT else (),
         ),
         nothing,
         told,

@@ -30,7 +30,7 @@ from bayesid.diagnosis.hypotheses.comparison import (
 from bayesid.diagnosis.hypotheses.facts import like_a_form, simplest
 from bayesid.diagnosis.hypotheses.form_part import form_gain
 from bayesid.diagnosis.hypotheses.form_search import SoughtForm, sought_form
-from bayesid.diagnosis.hypotheses.localisation import Localisation
+from bayesid.diagnosis.hypotheses.localisation import SENSORS, Localisation
 from bayesid.diagnosis.hypotheses.refit import remainder
 from bayesid.diagnosis.hypotheses.search import gains_beside
 from bayesid.diagnosis.threshold_table import FORM_EVIDENCE
@@ -95,6 +95,15 @@ def compared(
             candidates = replace(candidates, form_instead=sought.beyond)
     seen = _seen(problem, candidates, beside, sought)
     return Compared(problem, replace(candidates, form_seen=seen), unable)
+
+
+def force_left(found: Compared) -> float:
+    """Log evidence of a free force that the best explanation leaves, which acts in all runs all the time."""
+    candidates, best = found.candidates, simplest(found.candidates)
+    after = candidates.where_after if best is candidates.best else None
+    if after is None:
+        after = candidates.where if best is candidates.none else remainder(found.problem, best)
+    return max((p.evidence for p in after.places if p.channel not in SENSORS), default=0.0)
 
 
 def _seen(

@@ -23,6 +23,8 @@ from bayesid.estimation.run_data import Array
 from bayesid.model.terms import Term
 from bayesid.simulation import rates_on
 
+# Signals times pieces of all runs together, and pieces of one run that are enough; of many runs the longest.
+MOST_COLUMNS, ENOUGH_PIECES = 1500, 20
 # Share of a usual motion below which it is rounding.
 ROUNDING = 1e-9
 # Symbols of rows that are forces of the hull alone, and parameters of the drag of its strips.
@@ -138,6 +140,14 @@ def joined(runs: Sequence[CutRun], known: int, rows: Sequence[int], kept: Sequen
         se[to] = g.se[at]
     factor = cho_factor(total, lower=True)
     return Joined(ss - cross.T @ cho_solve(factor, cross), se - cross.T @ cho_solve(factor, pull))
+
+
+def longest_runs(runs: Sequence[CutRun], signals: int) -> tuple[list[int], int]:
+    """Runs whose pieces are asked for so many signals, in order, and how many pieces of each."""
+    together = MOST_COLUMNS // signals
+    by_length = sorted(range(len(runs)), key=lambda k: -runs[k].count * runs[k].width)
+    kept = sorted(by_length[: together // ENOUGH_PIECES])
+    return kept, together // len(kept)
 
 
 def fewer(run: CutRun, known: int, most: int) -> CutRun:

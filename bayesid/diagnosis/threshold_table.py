@@ -254,6 +254,18 @@ BRIEF_EVENT_EVIDENCE = Limit(
     "At 20, as LINEARISATION_SCATTER, one was told at 24.5 of a simulated lever arm, and none in 38 opened "
     "trials of the plant without one.",
 )  # fmt: skip
+STUCK_TRIED = Limit(
+    "STUCK_TRIED", 20.0, "nats",
+    "Gain that linear theory gives an actuator that sticks, all runs together, from which the trial is "
+    "refitted with its order held.",
+    "As LINEARISATION_SCATTER; of five simulated rudders that jam for long it lay between 35 and 220.",
+)  # fmt: skip
+STUCK_EVIDENCE = Limit(
+    "STUCK_EVIDENCE", 30.0, "nats",
+    "How much better the best explanation must be with an actuator held where it stuck, beyond the logarithm "
+    "of how many times were tried in each run.",
+    "As BRIEF_EVENT_EVIDENCE.",
+)  # fmt: skip
 DEPENDENCE_EVIDENCE = Limit(
     "DEPENDENCE_EVIDENCE", 30.0, "nats",
     "Gain of a force with the place or a period, beside the explanation and a force of the motion and the "

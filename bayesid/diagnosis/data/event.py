@@ -1,7 +1,7 @@
 """One event and the logs without it.
 
-Takes runs and logs. Gives runs without the readings an event spoiled, and logs that let go of the state it
-disturbed. Does not find events (see `event_search`).
+Takes runs and logs. Gives runs without the readings an event spoiled, or with an actuator held where it
+stuck, and logs that let go of the state it disturbed. Does not find events (see `event_search`).
 """
 
 from __future__ import annotations
@@ -25,11 +25,12 @@ class Event:
     ----------
     run, start, end : where and when [s of the run's own time]
     channel : sensor channel, or the input or force that shows it best, as in `localisation`
-    kind : "sensor" (its readings are wrong for a while), "jump" (a position that shifts and stays) or
-        "motion" (the vehicle moves as no model here explains)
-    misfit : of its worst window over the median of all windows; None of a brief event
+    kind : "sensor" (its readings are wrong for a while), "jump" (a position that shifts and stays), "motion"
+        (the vehicle moves as no model here explains) or "stuck" (it does but for an actuator that stays where
+        it is, whatever is ordered: its readings count, its order does not)
+    misfit : of its worst window over the median of all windows; None of a brief event and of a stuck actuator
     evidence : gain in log evidence of a free signal there over none, of a brief event less the logarithm of
-        how many were tried; 0 for a sensor's fault
+        how many were tried, of a stuck actuator that of a refit; 0 for a sensor's fault
     brief : whether it is not gross, and was found by this gain beside an explanation (`brief_events`)
     value, sd : of a brief event, mean of that signal and its standard deviation, SI (revolutions in rpm),
         where it is a single one and not near zero; where an actuator stuck, its deflection or revolutions
@@ -40,13 +41,18 @@ class Event:
     start: float
     end: float
     channel: str
-    kind: Literal["sensor", "jump", "motion"]
+    kind: Literal["sensor", "jump", "motion", "stuck"]
     misfit: float | None
     evidence: float = 0.0
     brief: bool = False
     value: float | None = None
     sd: float | None = None
     stuck: str | None = None
+
+    @property
+    def unexplained(self) -> bool:
+        """Whether the vehicle moves as no effect here explains, not only its readings."""
+        return self.kind in ("motion", "stuck")
 
 
 def without_readings(run: Run, readings: Sequence[tuple[str, float, str]]) -> Run:
@@ -59,15 +65,19 @@ def without_readings(run: Run, readings: Sequence[tuple[str, float, str]]) -> Ru
 
 
 def blanked(run: Run, events: Sequence[Event]) -> Run:
-    """The run without the readings of its events."""
+    """The run without the readings of its events, and with the orders of its actuators as they stuck."""
     data = {c: v.copy() for c, v in run.data.items()}
+    commands = {c: v.copy() for c, v in run.commands.items()}
     for event in events:
         if event.run != run.name:
+            continue
+        if event.kind == "stuck":
+            commands[f"{event.stuck}_cmd"][(run.t >= event.start) & (run.t < event.end)] = event.value
             continue
         inside = (run.t >= event.start) & (run.t <= event.end)
         for c in data if event.kind == "motion" else event.channel.split(","):
             data[c][inside] = np.nan
-    return replace(run, data=data)
+    return replace(run, data=data, commands=commands)
 
 
 def released(model: Model, log: RunData, events: Sequence[Event]) -> RunData:
@@ -75,7 +85,7 @@ def released(model: Model, log: RunData, events: Sequence[Event]) -> RunData:
     states = model.kernel.full.states
     jumps = np.zeros((log.n - 1, len(states)))
     for event in events:
-        if event.run != log.name or event.kind == "sensor":
+        if event.run != log.name or event.kind in ("sensor", "stuck"):
             continue
         # the last sample without readings: what follows starts from a state of its own
         at = int(np.searchsorted(log.plan.t, event.end, side="right")) - 1

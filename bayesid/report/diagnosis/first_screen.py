@@ -162,7 +162,7 @@ def picture_of(r: evidence.Replay, a: Answer, events: Sequence[Event] = ()) -> r
     if np.array_equal(series[1].values, series[2].values, equal_nan=True):
         series = [series[0], replace(series[2], label=series[1].label)]
     half = None if r.sd is None else Z95 * r.sd
-    shaded = tuple((e.start, e.end) for e in events if e.run == r.run and e.kind == "motion")
+    shaded = tuple((e.start, e.end) for e in events if e.run == r.run and e.unexplained)
     return run_picture.RunPicture(r.t, r.channels, r.readings, tuple(series), r.lead, half, events=shaded)
 
 

@@ -106,6 +106,7 @@ EVENT_KINDS = {
     "sensor": "readings wrong for a while",
     "jump": "position shifts and stays",
     "motion": "the vehicle moves as nothing here explains",
+    "stuck": "an actuator stays where it is; its order is not used",
 }
 
 
