@@ -6,6 +6,7 @@ Takes a count and its noun, or names. Does not: know any sentence.
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable
 
 LEAST_ALIKE = 0.6  # ratio of `difflib` from which a known name is taken for what was meant
@@ -50,3 +51,15 @@ def did_you_mean(names: Iterable[str], known: Iterable[str]) -> str:
         near = difflib.get_close_matches(low, small, n=1, cutoff=LEAST_ALIKE)
         told |= dict.fromkeys([bare[low]] if low in bare else [small[match] for match in near])
     return f"; did you mean {', '.join(told)}?" if told else ""
+
+
+def decimal_comma(text: bytes, error: ValueError) -> str:
+    """ "; is -12,8 meant as -12.8?", where the line that a parser of TOML names has such a number; else
+    nothing."""
+    line = re.search(r"at line (\d+)", str(error))
+    if line is None:
+        return ""
+    lines = text.decode("utf-8", "replace").splitlines()
+    at = int(line[1]) - 1
+    found = re.search(r"=\s*([+-]?\d+),(\d+)\s*(#|$)", lines[at]) if at < len(lines) else None
+    return f"; is {found[1]},{found[2]} meant as {found[1]}.{found[2]}?" if found else ""

@@ -50,6 +50,35 @@ def an_effect(name, **sizes):
     return Effect(name, 0.97, parameters, {}, "", declared.says, {"inverse_rate_r": 180 / math.pi / 1000})
 
 
+def test_coefficients_kept_as_given_are_found_beside_the_effects_by_a_fit_that_is_named():
+    found = a_result()
+    names = ",".join(e.name for e in found.effects)
+    kept = " ".join(answer(replace(found, retuning=Retuning(False, -0.1, 0.2, {}))).steps)
+    assert f"`bayesid fit BUNDLE --with {names} --out FOLDER`" in kept
+    for other in (Retuning(True, 0.5, 0.2, {}), Retuning(False, -0.1, 0.2, {}, as_given=True)):
+        assert "--with" not in " ".join(answer(replace(found, retuning=other)).steps)
+
+
+def test_an_error_that_an_explanation_does_not_lessen_is_said_beside_that_which_it_does():
+    nearer = answer(
+        replace(a_result(), runs=(a_run(position=(12.4, 30.0, 7.7), heading=(1.05, 0.07, 1.08)),))
+    )
+    assert "instead of 12.4 m and 60.2 degrees (no gain in heading)" in nearer.outcome
+    both = answer(replace(a_result(), runs=(a_run(),)))
+    assert "no gain" not in both.outcome
+
+
+def test_what_sticks_is_told_with_its_order_held_and_not_as_left_out():
+    stuck = Event("r2", 50.0, 65.0, "rudder", "stuck", None, 231.0, value=0.2513, sd=0.0173, stuck="delta_r")
+    found = replace(a_result("outside", ()), rule=MOTION_EVENT, events=(stuck,))
+    said = answer(found)
+    assert "in r2 from 50.0 to 65.0 s" in said.headline
+    assert "as if the rudder stuck at 14.4 ± 0.99 degrees to port, whatever is ordered" in said.headline
+    assert "with its order held then" in " ".join(said.steps)
+    brief = replace(found, events=(replace(stuck, kind="motion", brief=True),))
+    assert "without that time" in " ".join(answer(brief).steps)
+
+
 def test_a_slow_rudder_is_told_in_degrees_a_second_with_its_interval():
     """1/R - 1/R0 = 1/28 - 1/1000 s/deg; its deviation of 2 % of 1/R is one of about 2 % of R."""
     per_degree = 180 / math.pi

@@ -741,6 +741,26 @@ def test_a_speed_over_ground_that_nothing_is_made_of_is_said(tmp_path, capsys):
         assert ("speed_over_ground ('SOG [m/s]') is not used" in capsys.readouterr().out) is bool(more)
 
 
+def test_a_proposed_map_says_that_the_position_tells_what_a_speed_over_ground_would(tmp_path, capsys):
+    truth = motion(np.random.default_rng(7))
+    columns = {
+        "t [s]": truth["t"], "x [m]": truth["x"], "y [m]": truth["y"], "psi [rad]": truth["psi"],
+        "SOG [m/s]": truth["u"], "rudder [rad]": truth["delta_r_cmd"],
+    }  # fmt: skip
+    bayesid(["trial", "import", str(_table(tmp_path, truth, columns)), "--out", str(tmp_path / "bundle")])
+    assert "speed_over_ground ('SOG [m/s]') is left out: the position" in capsys.readouterr().out
+
+
+def test_of_a_record_of_few_samples_its_length_is_said_and_no_column_asked_for(tmp_path, capsys):
+    truth = {k: v[:3] for k, v in motion(np.random.default_rng(7)).items()}
+    columns = {"t [s]": truth["t"], "x [m]": truth["x"], "y [m]": truth["y"], "psi [rad]": truth["psi"]}
+    log = _table(tmp_path, truth, columns)
+    assert bayesid(["trial", "import", str(log), "--out", str(tmp_path / "bundle")]) == 3
+    said = capsys.readouterr().out
+    assert "no column of 'log.csv' has more than 3 samples: too few to be a run" in said
+    assert "no position found" not in said
+
+
 def test_a_folder_of_tables_names_the_command_that_takes_it(tmp_path, capsys):
     truth = motion(np.random.default_rng(7))
     _table(tmp_path, truth, {"t [s]": truth["t"]})

@@ -115,6 +115,11 @@ def test_a_built_in_set_has_no_warning(name):
         ({"Izz": 1.5e10}, "belong to no rigid body"),
         ({"uc_per_rpm": 10.0}, "lengths per second"),
         ({"a": -0.002}, r"a \+ b \+ c should be 0"),
+        ({"mass": 2e12}, "more than a solid block as wide as it is long"),
+        ({"mass": 100.0}, "less than the slenderest boat"),
+        ({"Izz": 1e8}, "Izz .* radius of gyration of .* about 0.25 is usual"),
+        ({"coef": {"Y_dr": -0.006}}, "puts the rudder at x = .* ahead of the origin"),
+        ({"coef": {"M_ds": -0.02}}, "puts the stern planes at x = .* than the vehicle is long"),
     ],
 )
 def test_an_unphysical_number_is_found(change, words):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import tomllib
+
 import pytest
 
-from bayesid.words import and_list, counted, did_you_mean, first_few
+from bayesid.words import and_list, counted, decimal_comma, did_you_mean, first_few
 
 
 @pytest.mark.parametrize("count", range(7))
@@ -31,3 +33,18 @@ def test_the_nearest_known_name_is_what_was_meant():
     assert did_you_mean(["N_dx"], known) == "; did you mean N_dr?"
     assert did_you_mean(["n_v", "Ndr"], known) == "; did you mean N_v, N_dr?"
     assert did_you_mean(["rubbish"], known) == did_you_mean([], known) == ""
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("a = 1\nN_dr = -12,8\n", "; is -12,8 meant as -12.8?"),
+        ("a = 1\nN_dr = 0,05  # per rad\n", "; is 0,05 meant as 0.05?"),
+        ("a = 1\nN_dr = [1,2\n", ""),
+        ("a = 1\nN_dr = twelve\n", ""),
+    ],
+)
+def test_a_decimal_comma_is_asked_for_where_the_parser_stopped(text, said):
+    with pytest.raises(tomllib.TOMLDecodeError) as found:
+        tomllib.loads(text)
+    assert decimal_comma(text.encode(), found.value) == said

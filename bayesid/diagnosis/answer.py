@@ -33,6 +33,7 @@ from bayesid.diagnosis.run_errors import (
     miss,
     missed,
     missed_too,
+    no_nearer,
     run_words,
     worse,
 )
@@ -297,6 +298,8 @@ def _outcome(result: Result, run: RunError) -> str:
         )
     before = f" instead of {given}" if given else "; as given, it diverges"
     said = f"{what}, the {verb} {run_words(run)} is within {now} of the log{RMS}{before}"
+    if same := no_nearer(errors, 0, 2):
+        said += f" (no gain in {same})"
     if not tuned:
         return f"{said}; with coefficients re-tuned alone, it diverges."
     if closes(errors, 1, 2) or closes(errors, 2, 1):
@@ -417,6 +420,12 @@ def _steps(result: Result) -> tuple[str, ...]:
                 out.append(
                     f"Look for {in_words(e.name)} on the vehicle, or simulate with it{given}: `{values}`."
                 )
+        if not retuned(result) and not as_given(result) and result.effects:
+            names = ",".join(e.name for e in result.effects)
+            out.append(
+                f"Coefficients beside {'it' if len(result.effects) == 1 else 'them'}: `bayesid fit BUNDLE "
+                f"--with {names} --out FOLDER` finds both and says how it predicts the held-out runs."
+            )
     elif (
         result.verdict in ("none", "coefficients")
         and result.runs
@@ -424,9 +433,11 @@ def _steps(result: Result) -> tuple[str, ...]:
     ):
         out.append(f"Re-tune: `bayesid fit BUNDLE{freeing(result)} --out FOLDER` writes the vehicle file.")
     elif result.rule == MOTION_EVENT:
+        held = all(e.kind == "stuck" for e in result.events if e.unexplained)
+        apart = "with its order held then" if held else "without that time"
         out.append(
             "See in the notes of the trial, or in the servo's own angle if it is logged, what happened then; "
-            "causes and coefficients are told without that time, the errors above are not."
+            f"causes and coefficients are told {apart}, the errors above are not."
         )
     elif result.dependence is not None and result.verdict == "outside":
         out.append(where_to_look(result.dependence))

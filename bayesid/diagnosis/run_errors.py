@@ -119,6 +119,12 @@ def closes(errors: tuple[ErrorRow, ...], before: int, after: int) -> bool:
     )
 
 
+def no_nearer(rows: tuple[ErrorRow, ...], before: int, after: int) -> str:
+    """What a model predicts no better than another, by more than what counts as the same: "heading"."""
+    left = [r.what for r in rows if r.values[before] <= SAME * r.values[after]]
+    return " and ".join(left)
+
+
 def worse(rows: tuple[ErrorRow, ...], model: int = 2) -> bool:
     """Whether one model misses position (else the first error there is) by more than as given."""
     if not rows:

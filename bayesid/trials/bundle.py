@@ -25,6 +25,7 @@ from bayesid.trials.stated import RunEntry, Stated
 from bayesid.trials.table import BadTableError, CsvTable, parse_table, read_bytes
 from bayesid.trials.trial import Run, Trial
 from bayesid.trials.window import window
+from bayesid.words import decimal_comma
 
 BUILTIN = Path(__file__).parent / "builtin"
 
@@ -85,7 +86,7 @@ def _load(raw: bytes, toml: Path, data: Path | None) -> Trial:
                 f"{toml}: is no trial.toml; `bayesid trial import {shlex.quote(str(toml))} --out NEW` makes "
                 "a bundle of a log"
             ) from None
-        raise TrialError(f"{toml}: is not valid TOML: {error}") from None
+        raise TrialError(f"{toml}: is not valid TOML: {error}{decimal_comma(raw, error)}") from None
     except RecursionError:
         raise TrialError(f"{toml}: is not valid TOML: nested too deeply") from None
     stated = Stated(tree)

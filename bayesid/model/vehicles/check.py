@@ -45,6 +45,11 @@ NEGATIVE = {
 #: rows that added mass alone would fix, apart from those that also hold lift and drag
 POTENTIAL_TOLERANCE = 0.25
 VISCOUS = ("Y_v", "Y_r", "N_v", "N_r", "Z_w", "Z_q", "M_w", "M_q", "N_p", "Y_p", "K_p", "K_r", "K_v")
+#: mass over rho L^3, from a racing shell to a solid cube, and radius of gyration over length
+SLENDER, SOLID = 1e-4, 1.5
+GYRATION = (0.08, 0.7)
+#: fin, its force and its moment, and the sign by which their ratio is its place x
+FINS = (("rudder", "Y_dr", "N_dr", 1.0), ("stern planes", "Z_ds", "M_ds", -1.0))
 SYMMETRIC = (("Y_rdot", "N_vdot"), ("Z_qdot", "M_wdot"), ("Y_pdot", "K_vdot"), ("K_rdot", "N_pdot"))
 
 
@@ -60,10 +65,60 @@ class Finding:
 def check_vehicle(vehicle: Vehicle) -> list[Finding]:
     """Findings on signs, inertia, stability, potential flow, propulsion and priors; may be empty."""
     found = [Finding("warning", text) for text in mass_problems(vehicle)]
-    found += _inertia(vehicle) + _signs(vehicle) + _propulsion(vehicle) + _weight(vehicle)
+    found += (
+        _size(vehicle)
+        + _inertia(vehicle)
+        + _signs(vehicle)
+        + _fins(vehicle)
+        + _propulsion(vehicle)
+        + _weight(vehicle)
+    )
     with suppress(VehicleError, np.linalg.LinAlgError):  # no speed or no mass matrix: said above
         found += _stability(stability(vehicle))
     return found + _potential_flow(vehicle) + _prior(vehicle)
+
+
+def _size(vehicle: Vehicle) -> list[Finding]:
+    """Mass and moments of inertia against the length: a unit that is wrong shows by powers of ten."""
+    v, found = vehicle, []
+    share = v.mass / (v.rho * v.L**3)
+    if not SLENDER < share < SOLID:
+        text = f"mass = {v.mass:g} kg is {share:.3g} rho L^3 at L = {v.L:g} m"
+        why = (
+            f"more than a solid block as wide as it is long ({v.rho * v.L**3:.3g} kg)"
+            if share > 1.0
+            else ("less than the slenderest boat")
+        )
+        found.append(Finding("warning", f"{text}, {why}; kg and m are wanted"))
+        return found
+    names = ("Izz",) if v.planar_only else ("Iyy", "Izz")
+    for name in names:
+        radius = (getattr(v, name) / v.mass) ** 0.5 / v.L
+        if not GYRATION[0] < radius < GYRATION[1]:
+            text = f"{name} = {getattr(v, name):g} kg m^2 is a radius of gyration of {radius:.3g} L"
+            found.append(
+                Finding(
+                    "warning",
+                    f"{text}; about 0.25 is usual, outside {GYRATION[0]:g} to {GYRATION[1]:g} hardly any",
+                )
+            )
+    return found
+
+
+def _fins(vehicle: Vehicle) -> list[Finding]:
+    """Where the moment of a fin over its force puts it: within the length, and behind the origin."""
+    found, si = [], coef_si(vehicle)
+    for fin, force, moment, sign in FINS:
+        if not si.get(force) or not si.get(moment):
+            continue
+        x = sign * si[moment] / si[force]
+        if not -vehicle.L < x < 0.0:
+            where = "ahead of the origin" if x > 0.0 else "further behind than the vehicle is long"
+            text = (
+                f"{moment} over {force} puts the {fin} at x = {x:.3g} m, {where}; is a sign or a unit wrong?"
+            )
+            found.append(Finding("warning", text, (force, moment)))
+    return found
 
 
 def _inertia(vehicle: Vehicle) -> list[Finding]:

@@ -35,6 +35,7 @@ from bayesid.model.vehicles.tables import (
     ship_problems,
 )
 from bayesid.model.vehicles.vehicle import Vehicle
+from bayesid.words import decimal_comma
 
 BUILTIN_FOLDER = Path(__file__).parent / "builtin"
 LARGEST_FILE = 1_000_000  # bytes
@@ -105,7 +106,7 @@ def _parsed(path: Path, where: str) -> dict[str, Any]:
     except UnicodeDecodeError as error:
         raise VehicleError(f"{where}: byte {error.start} is not UTF-8; save the file as UTF-8") from None
     except ValueError as error:  # TOMLDecodeError, and an integer of thousands of digits
-        raise VehicleError(f"{where}: not valid TOML: {error}") from None
+        raise VehicleError(f"{where}: not valid TOML: {error}{decimal_comma(data, error)}") from None
     except RecursionError:
         raise VehicleError(f"{where}: not valid TOML: nested too deeply") from None
 

@@ -34,10 +34,11 @@ from bayesid.trials.importing.standing_still import ask_standing_still
 from bayesid.trials.importing.unit_words import split_unit
 from bayesid.trials.trial import Floats, Run
 from bayesid.trials.write import toml_text
-from bayesid.words import first_few
+from bayesid.words import counted, first_few
 
 LOOK = 100_000  # samples per series a proposal looks at
 GENERIC = ("value", "data", "val")  # names that say nothing; that of the file is taken
+FEWEST_SAMPLES = 10  # of the longest series, below which no column is told
 LARGE = 1_000_000  # samples beyond which a step is proposed
 _TEXT_WORLD = re.compile(r"\b(ned|enu|nwu)\b", re.IGNORECASE)
 
@@ -210,7 +211,10 @@ def _name(draft: Draft, recordings: list[Recording]) -> list[str]:
             )
     for role in ("speed_over_ground", "course"):
         if role in channels and {"north", "x", "latitude"} & set(channels):
-            channels.pop(role)
+            draft.remark(
+                f"{role} ({channels.pop(role).source!r}) is left out: the position that is read tells "
+                "the motion over ground"
+            )
     draft.map = replace(draft.map, channels=channels)
     read = {entry.source for entry in channels.values()}
     return unused + [name for name in named if name not in read]
@@ -301,6 +305,16 @@ def _drop_constant(draft: Draft) -> None:
 
 def _needs(draft: Draft, recordings: list[Recording], unused: list[str], inputs: Sequence[str]) -> None:
     """What a bundle cannot do without, asked for where it was not found."""
+    logs = [log for recording in recordings for log in recording.logs.values()]
+    longest = max((c.t.size for log in logs for c in log.channels), default=0)
+    if longest < FEWEST_SAMPLES:
+        names = first_few([repr(Path(log.path).name) for log in logs], 3)
+        draft.ask(
+            0,
+            f"no column of {names} has more than {counted(longest, 'sample')}: too few to be a run or to "
+            f"tell what a column is (at least {FEWEST_SAMPLES}); give longer logs",
+        )
+        return
     spare = f" (series not used: {first_few(map(repr, unused), 8)})" if unused else ""
     velocities = draft.has("u", "v") or draft.has("u_water", "v_water") or draft.has("v_north", "v_east")
     if not (
