@@ -9,6 +9,7 @@ from diagnosis_results import MODELS, RESULT, a_gap, a_horizon, a_result, draws
 from matplotlib.colors import to_hex
 
 from bayesid.diagnosis.answer import answer
+from bayesid.diagnosis.data.dependence import Dependence
 from bayesid.diagnosis.evidence.effect_draws import choice, warning
 from bayesid.diagnosis.next_manoeuvre import Proposal
 from bayesid.diagnosis.result_parts import Moved, RunError
@@ -269,3 +270,14 @@ def test_held_out_is_explained_where_it_is_first_shown_and_each_deviation_says_o
     ) and "it only shows" not in text
     assert "standard deviations stated by the vehicle file" in text
     assert "one standard deviation of a refit" in text
+
+
+@pytest.mark.parametrize(("acts", "row"), [("hull", (1.0, 2.0, 0.1)), ("ground", (1.0, 2.0, 3.0, -4.0))])
+def test_a_force_with_the_place_is_drawn_on_the_tracks(acts, row, tmp_path):
+    placed = Dependence("place", acts, 40.0, 40.0, 0.2, 50.0, (row, tuple(-x for x in row)))
+    write_diagnosis_report(a_result("outside", (), dependence=placed), tmp_path)
+    assert (tmp_path / "figures" / "place.png").stat().st_size > 5000
+    assert "Map of a force that depends on the place" in (tmp_path / "report.html").read_text()
+    without = tmp_path / "without"
+    write_diagnosis_report(a_result("outside", (), dependence=replace(placed, map=())), without)
+    assert not (without / "figures" / "place.png").exists()

@@ -95,7 +95,30 @@ def dependence(sought: Sought, par: Array) -> Dependence | None:
         told = float(np.sqrt(square[:2].sum(axis=0).mean())) * sizes[0]
     unit = model.scales["L"] / (1.0 if best.on == "place" else model.scales["U"])
     on: On = "place" if best.on == "place" else "period"
-    return Dependence(on, best.acts, gain, float(best.scale * unit), told, gain)
+    drawn = _map(best, rest.mean(best.columns).reshape(len(forces), -1), pieces, model.scales["L"], sizes[0])
+    return Dependence(on, best.acts, gain, float(best.scale * unit), told, gain, drawn)
+
+
+def _map(
+    best: _Tried, force: Array, pieces: Pieces, length: float, size: float
+) -> tuple[tuple[float, ...], ...]:
+    """Where the vehicle was, and what acts there.
+
+    Parameters
+    ----------
+    force : (axes, m) mean in the units of the signals
+    length, size : scale of places [m], and unit of a force [N]
+    """
+    if best.on != "place":
+        return ()
+    where = length * pieces.place[:, :2]
+    if best.acts == "hull":
+        square = (pieces.hull**2).sum(axis=1)
+        acts = ((force.T * pieces.hull).sum(axis=1) / np.maximum(square, np.finfo(float).tiny))[:, None]
+    else:
+        c, s = np.cos(pieces.heading), np.sin(pieces.heading)
+        acts = size * np.column_stack([c * force[0] - s * force[1], s * force[0] + c * force[1]])
+    return tuple(tuple(float(x) for x in row) for row in np.hstack([where, acts]))
 
 
 def _of_motion(whole: Joined, pieces: Pieces, axes: int) -> Array:

@@ -33,22 +33,24 @@ def unexplained(result: Result) -> str:
 
 
 def depends(found: Dependence) -> str:
-    """What a force that is left depends on, as a sentence."""
+    """What a force that is left depends on, as a sentence; a force of the motion, of any shape, is taken
+    first, so that the size is the least it is."""
+    size = f"at least {found.size:.0%}" if found.acts == "hull" else f"at least {_newton(found.size)}"
     if found.on == "period":
         swings = "a swell" if found.scale < OF_A_SWELL else "water that swings slowly"
         return (
-            f"A force with a period of {found.scale:.3g} s acts, {_newton(found.size)} (rms), as {swings} "
-            f"would give; {NOTHING}."
+            f"A force with a period of {found.scale:.3g} s acts, {size} (rms), as {swings} would give; "
+            f"{NOTHING}."
         )
     over = f"over about {number(found.scale)} m"
     if found.acts == "hull":
         return (
-            f"The hull's forces change from place to place by {found.size:.0%} (rms), {over}, as over an "
-            f"uneven bottom; {NOTHING}."
+            f"The hull's forces change from place to place by {size} (rms), {over}, as over an uneven "
+            f"bottom; {NOTHING}."
         )
     return (
-        f"A force of {_newton(found.size)} (rms), whatever the heading, changes from place to place, {over}, "
-        f"as in a current that differs; {NOTHING}."
+        f"A force of {size} (rms), whatever the heading, changes from place to place, {over}, as in a "
+        f"current that differs; {NOTHING}."
     )
 
 

@@ -96,6 +96,11 @@ class Joined:
         spread = solve_triangular(factor[0], columns.T, lower=True)
         return np.asarray(mean**2 + (spread**2).sum(axis=0))
 
+    def mean(self, columns: Array) -> Array:
+        """(rows * m,) mean of a sum of these columns, unit prior sd, after the data."""
+        factor = cho_factor(columns.T @ self.ss @ columns + np.eye(columns.shape[1]), lower=True)
+        return np.asarray(columns @ cho_solve(factor, columns.T @ self.se))
+
     def beside(self, columns: Array) -> Joined:
         """The same with a sum of these columns, unit prior sd, integrated out too."""
         crossed = self.ss @ columns

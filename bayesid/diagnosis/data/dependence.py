@@ -21,6 +21,8 @@ class Dependence:
     scale : distance over which it changes [m], or the period [s]
     size : root mean square over the runs, as a share or [N]
     alone : log evidence it gains without any effect; 0 where it is not told there
+    map : where the vehicle was and how much of it acts there: north and east [m], then the share by which the
+        hull's forces change, or the force to the north and to the east [N]; empty of a period
     """
 
     on: On
@@ -29,3 +31,4 @@ class Dependence:
     scale: float
     size: float
     alone: float
+    map: tuple[tuple[float, ...], ...] = ()

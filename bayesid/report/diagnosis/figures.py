@@ -18,6 +18,8 @@ Array = np.ndarray
 
 # Gains are linear up to here and logarithmic beyond, where any exceeds the second number [nats].
 LINEAR, WIDE = 10.0, 40.0
+# Arrows of a map.
+MOST_ARROWS = 120
 
 
 @styled
@@ -145,4 +147,34 @@ def horizon_errors(
     axes.set_xticks(x, horizons)
     axes.set_ylabel("mean squared error\nabove the floor [noise variances]")
     axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3)
+    return figure
+
+
+@styled
+def place_map(north: Array, east: Array, acts: Array, of_hull: bool) -> Any:
+    """What acts where, on the tracks: a share of the hull's forces by colour, or a force by arrows.
+
+    Parameters
+    ----------
+    north, east : (m,) places [m]
+    acts : (m, 1) share, or (m, 2) force to the north and to the east [N]
+    """
+    figure, axes = subplots(height=4.2)
+    if of_hull:
+        most = max(float(np.abs(acts).max()), 1e-9)
+        drawn = axes.scatter(
+            east, north, c=100.0 * acts[:, 0], cmap="coolwarm", vmin=-100.0 * most, vmax=100.0 * most, s=14
+        )
+        figure.colorbar(drawn, ax=axes, label="change of the hull's forces [%]")
+    else:
+        axes.plot(east, north, ".", color=COLOURS["grey"], markersize=2)
+        some = slice(None, None, -(-north.size // MOST_ARROWS))
+        largest = max(float(np.hypot(*acts.T).max()), 1e-300)
+        arrows = axes.quiver(
+            east[some], north[some], acts[some, 1], acts[some, 0], color=COLOURS["blue"], width=0.003
+        )
+        axes.quiverkey(arrows, 0.82, 0.95, largest, f"{largest:.2g} N", labelpos="E", coordinates="axes")
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel("east [m]")
+    axes.set_ylabel("north [m]")
     return figure
