@@ -2,23 +2,41 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import accumulate
+from types import SimpleNamespace as Plain
 
 import numpy as np
 import pytest
 from gap_trials import model_of, other_vehicle, planted_trial
 
+from bayesid.diagnosis import stuck_stage
 from bayesid.diagnosis.answer import answer
 from bayesid.diagnosis.cut_runs import sought_in
 from bayesid.diagnosis.data.event import Event, blanked, released
 from bayesid.diagnosis.data.problem import build_problem, fit_with
 from bayesid.diagnosis.event_words import unexplained
+from bayesid.diagnosis.form_stage import Compared
 from bayesid.diagnosis.joined_runs import Joined
 from bayesid.diagnosis.run import diagnose
-from bayesid.diagnosis.stuck_search import _beside, _best_times, _Ordered, _times_tried, stuck_actuators
-from bayesid.diagnosis.stuck_stage import _same
+from bayesid.diagnosis.stuck_search import (
+    Stuck,
+    _beside,
+    _best_times,
+    _Ordered,
+    _times_tried,
+    stuck_actuators,
+)
+from bayesid.diagnosis.stuck_stage import _same, held_where_stuck
+from bayesid.errors import ModelError
 from bayesid.trials import Environment
+
+
+@dataclass(frozen=True)
+class Problem:
+    events: tuple = ()
+    outliers: tuple = ()
+
 
 MODEL = model_of("remus100")
 LENGTH = MODEL.scales["L"] / MODEL.scales["U"]
@@ -173,6 +191,103 @@ def test_what_sticks_keeps_its_readings_and_loses_its_order():
     problem = build_problem(MODEL, trial)
     assert released(MODEL, problem.logs[0], (event,)) is problem.logs[0]
     assert event.unexplained
+
+
+def passes(monkeypatch, searches, evidences, before=None, left=lambda found: 0.0, depends=lambda *rest: None):
+    """The stage with stand-ins: what is suspected round by round, and the log evidence of each refit."""
+    held, searches, evidences = [], iter(searches), iter(evidences)
+
+    def candidates(evidence):
+        return Plain(best=Plain(log_evidence=evidence, fit=Plain(free=None, followed=None)))
+
+    def suspected(found, trial):
+        one = next(searches)
+        if isinstance(one, Exception):
+            raise one
+        return one
+
+    def build(model, trial, notify, as_built, events, *rest):
+        held.append(events)
+        return Problem(events)
+
+    class Fit:
+        def __init__(self, problem):
+            self.log_evidence = -abs(problem.events[-1].value)
+
+        def released(self):
+            return self
+
+    monkeypatch.setattr(stuck_stage, "_suspected", suspected)
+    monkeypatch.setattr(stuck_stage, "build_problem", build)
+    monkeypatch.setattr(stuck_stage, "fit_with", lambda problem, effects: Fit(problem))
+    monkeypatch.setattr(
+        stuck_stage, "compared", lambda problem, *rest: Compared(problem, candidates(next(evidences)))
+    )
+    monkeypatch.setattr(stuck_stage, "in_its_environment", lambda found, *rest: found)
+    monkeypatch.setattr(stuck_stage, "simplest", lambda candidates: candidates.best)
+    monkeypatch.setattr(stuck_stage, "sought_in", lambda *rest: None)
+    monkeypatch.setattr(stuck_stage, "force_left", left)
+    monkeypatch.setattr(stuck_stage, "dependence_beside", depends)
+    monkeypatch.setattr(stuck_stage, "with_events", lambda candidates, events, depends: candidates)
+    found = before or Compared(Problem(), candidates(0.0))
+    if before is not None:
+        found = replace(before, candidates=candidates(0.0))
+    return held, held_where_stuck(found, MODEL, None, lambda text: None, None, 0)
+
+
+def suspect(value, ordered=None, start=10.0, gain=50.0):
+    start, end = start * LENGTH, (start + 20.0) * LENGTH
+    event = Event("a", start, end, "rudder", "stuck", None, gain, value=value, sd=0.001, stuck="delta_r")
+    return Stuck((event,), (replace(event, value=value if ordered is None else ordered),), gain, 5.0)
+
+
+def fails(*rest):
+    raise np.linalg.LinAlgError("not positive definite")
+
+
+def values(found):
+    return [(e.value, round(e.evidence, 6)) for e in found.problem.events]
+
+
+def test_it_is_told_from_thirty_nats_beyond_what_was_tried(monkeypatch):
+    assert values(passes(monkeypatch, [suspect(0.2), Stuck()], [35.0])[1]) == [(0.2, 30.0)]
+    assert values(passes(monkeypatch, [suspect(0.2), Stuck()], [34.9])[1]) == []
+    held, found = passes(monkeypatch, [suspect(0.2, gain=19.9)], [])
+    assert held == [] and values(found) == []
+
+
+def test_where_nothing_is_suspected_nothing_else_can_fail(monkeypatch):
+    assert passes(monkeypatch, [Stuck()], [], left=fails)[1].unable is None
+
+
+def test_beside_a_free_force_that_does_as_much_it_is_not_told_also_where_a_later_round_fails(monkeypatch):
+    for last in (Stuck(), ModelError("no path")):
+        found = passes(monkeypatch, [suspect(0.2), last], [100.0], left=lambda found: 1000.0)[1]
+        assert values(found) == [] and "in a would explain 95 nats" in found.unable
+    found = passes(monkeypatch, [suspect(0.2), ModelError("no path")], [100.0])[1]
+    assert values(found) == [(0.2, 95.0)] and "no path" in found.unable
+
+
+def test_a_question_that_fails_afterwards_costs_its_answer_only(monkeypatch):
+    before = Compared(Problem(), None, unable="the verdict counts 3 readings")
+    found = passes(monkeypatch, [suspect(0.2), Stuck()], [100.0], before, depends=fails)[1]
+    assert values(found) == [(0.2, 95.0)] and found.dependence is None
+    assert "3 readings" in found.unable and "not positive definite" in found.unable
+
+
+def test_what_is_told_is_what_was_held_or_was_found_beside_it(monkeypatch):
+    rounds = [suspect(0.3, 0.1), suspect(0.25, 0.05, 14.0), suspect(0.2, 0.0, 18.0)]
+    held, found = passes(monkeypatch, rounds, [100.0, 200.0, 300.0])
+    assert held[-1][0].value == 0.0 and values(found) == [(0.0, 295.0)]
+    newer = passes(monkeypatch, [suspect(0.2), suspect(0.25, start=14.0)], [100.0, 90.0])[1]
+    assert values(newer) == [(0.25, 95.0)]
+    worse = passes(monkeypatch, [suspect(0.2), suspect(0.25, start=14.0)], [100.0, 40.0])[1]
+    assert values(worse) == [(0.2, 95.0)]
+
+
+def test_an_actuator_that_stuck_amidships_is_held_once(monkeypatch):
+    held, found = passes(monkeypatch, [suspect(0.0005, 0.0), suspect(0.0005, 0.0)], [100.0])
+    assert len(held) == 2 and len(found.problem.events) == 1
 
 
 def test_held_for_another_length_or_elsewhere_is_not_the_same():

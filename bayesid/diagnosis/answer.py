@@ -424,7 +424,7 @@ def _steps(result: Result) -> tuple[str, ...]:
             names = ",".join(e.name for e in result.effects)
             out.append(
                 f"Coefficients beside {'it' if len(result.effects) == 1 else 'them'}: `bayesid fit BUNDLE "
-                f"--with {names} --out FOLDER` finds both and says how it predicts the held-out runs."
+                f"--with {names} --out FOLDER` finds both, and says how they predict a run that is held out."
             )
     elif (
         result.verdict in ("none", "coefficients")

@@ -107,6 +107,17 @@ def signals_of(problem: DiagnosisProblem) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for both in sets.values() for part in both for name in part))
 
 
+def linearised(problem: DiagnosisProblem, free: GaussianPrior, points: Sequence[Trajectory]) -> Sought:
+    """The runs of a problem, linearised at points of an explanation, for who cuts them into pieces anew.
+
+    Raises
+    ------
+    ModelError, LinAlgError
+        if a run cannot be linearised along its path
+    """
+    return Sought(problem, free, linearise_runs(problem.model, problem.logs, points, free.where), (), ())
+
+
 def sought_in(problem: DiagnosisProblem, free: GaussianPrior, points: Sequence[Trajectory]) -> Sought:
     """The runs of a problem, linearised at points of an explanation and cut into pieces.
 
@@ -199,8 +210,14 @@ def orders_of(model: Model, plan: TimePlan, actuator: str) -> Array:
     """(n,) order of an actuator at the samples of a plan, within its limit [rad, rpm]."""
     at = np.minimum(plan.record, plan.steps.size - 1)
     order = np.asarray(plan.command[at, model.kernel.actuators.index(actuator)])
-    limit = model.index.get(f"limit_{actuator.removeprefix('delta_')}")
-    return order if limit is None else np.clip(order, -model.nominal[limit], model.nominal[limit])
+    limit = limit_of(model, actuator)
+    return np.clip(order, -limit, limit)
+
+
+def limit_of(model: Model, actuator: str) -> float:
+    """Largest deflection of an actuator [rad]; infinite where the vehicle file states none."""
+    at = model.index.get(f"limit_{actuator.removeprefix('delta_')}")
+    return float("inf") if at is None else float(model.nominal[at])
 
 
 class Joint:

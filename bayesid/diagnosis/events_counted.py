@@ -63,7 +63,8 @@ def verdict_with(
 
     It is the greater part of the gap where it says more than the effects explain, which are then no more than
     possible; else it is what a named effect leaves. Other coefficients stand beside a brief event that says
-    less; a force that the equations lack is no cause and gives way.
+    less, but not beside a gross one or an actuator that stuck for long, which was judged against any of them;
+    a force that the equations lack is no cause and gives way.
 
     Parameters
     ----------
@@ -71,7 +72,10 @@ def verdict_with(
     """
     if events:
         listed = [f"{e.run} {e.start:.1f} to {e.end:.1f} s ({e.channel}, {e.kind})" for e in events]
-        verdict = replace(verdict, reasons=(*verdict.reasons, "left out as events: " + "; ".join(listed)))
+        verdict = replace(
+            verdict,
+            reasons=(*verdict.reasons, "left out as events, or with an order held: " + "; ".join(listed)),
+        )
     motions, best = [e for e in events if e.unexplained], simplest(rest)
     nobody_needs = verdict.word in ("none", "model_form")
     if dependence is not None and dependence.alone == 0.0 and nobody_needs:

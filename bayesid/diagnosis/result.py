@@ -165,7 +165,10 @@ class Result:
             "Overshoots, diameters and the like of held-out runs, as logged and as each model replays them."
         ),
     ]
-    events: Annotated[tuple[Event, ...], About("Short pieces left out; see the report for their kinds.")]
+    events: Annotated[
+        tuple[Event, ...],
+        About("Short pieces left out, or with an order held; see the report for their kinds."),
+    ]
     outliers: Annotated[tuple[Outlier, ...], About("Single readings left out.")]
     posterior: Annotated[
         EffectDraws | None, About("Draws of the named effects' parameters, where asked for (SI).")

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from bayesid.diagnosis.actuator_event import ABOUT_ORDER, ACTUATOR_PLACES, times_apart, uncertain_times
-from bayesid.diagnosis.cut_runs import CutRun, Sought, cut, orders, orders_of
+from bayesid.diagnosis.cut_runs import CutRun, Sought, cut, limit_of, orders, orders_of
 from bayesid.diagnosis.data.event import Event
 from bayesid.diagnosis.hypotheses.localisation import units
 from bayesid.diagnosis.joined_runs import Joined, fewer, joined, longest_runs
@@ -22,9 +22,9 @@ from bayesid.estimation.run_data import Array, RunData
 from bayesid.simulation import plan_trial_run
 from bayesid.trials import Trial
 
-# Pieces that it lasts at least.
+# Pieces that it lasts at least: of one, begin and end are not told apart.
 FEWEST_PIECES = 2
-# Log evidence of one run below which nothing is said of it.
+# Log evidence of one run below which nothing is said of it: odds of 150 to 1, its times counted.
 LEAST_OF_RUN = 5.0
 
 
@@ -35,7 +35,7 @@ class Stuck:
     Attributes
     ----------
     ordered : the same events, each at what was ordered when it began
-    chosen : logarithm of how many times were tried, of all runs it is told of
+    chosen : logarithm of how many times, values and actuators were tried, of all runs it is told of
     """
 
     events: tuple[Event, ...] = ()
@@ -130,7 +130,8 @@ def _of_actuator(sought: Sought, trial: Trial, name: str) -> Stuck:
         if one.first.size:
             left.append(one)
     found: list[tuple[Event, Event]] = []
-    gain = chosen = 0.0
+    gain, limit = 0.0, limit_of(problem.model, name)
+    chosen = float(np.log(2.0 * len(_asked(sought))))  # the better of two values, and one actuator of all
     while left:
         times = [_best_times(rest, o) for o in left]
         k = max(range(len(left)), key=lambda i: times[i].average)
@@ -138,10 +139,11 @@ def _of_actuator(sought: Sought, trial: Trial, name: str) -> Stuck:
             break
         one, best = left.pop(k), times[k]
         first, last = int(one.first[best.at]), int(one.last[best.at])
-        event = _event(name, one, first, last, best, size)
+        event = _event(name, one, first, last, best, size, limit)
         found.append((event, replace(event, value=float(size * one.stays[first]))))
         gain += best.average
-        chosen += best.most - best.average
+        # the times that were chosen, and that the value is the best one: the refit has it for sure
+        chosen += best.most - best.average + float(np.log(ABOUT_ORDER / best.sd))
         rest = _beside(rest, one, first, last)
     found.sort(key=lambda both: both[0].run)
     return Stuck(tuple(e for e, _ in found), tuple(o for _, o in found), gain, chosen)
@@ -212,11 +214,12 @@ def _beside(rest: Joined, one: _Ordered, first: int, last: int) -> Joined:
     return Joined(rest.ss, rest.se - rest.ss @ sure).beside(free)
 
 
-def _event(name: str, one: _Ordered, first: int, last: int, best: _Times, size: float) -> Event:
-    value, width = size * best.value, one.run.width
+def _event(name: str, one: _Ordered, first: int, last: int, best: _Times, size: float, limit: float) -> Event:
+    value, width = float(np.clip(size * best.value, -limit, limit)), one.run.width
     start, end = (one.run.start + width * k for k in (first, last))
     apart = float(np.abs(one.order[(one.t >= start) & (one.t <= end)] - value).max(initial=0.0))
     start, end = times_apart(one.t, one.order, value, start, end, width)
+    end = min(end, float(one.t[-1]))
     # far from what was ordered linear theory is no more than half right
     far = 0.5 * abs(value - size * float(one.stays[first]))
     sd = float(np.hypot(np.hypot(size * best.sd, far), uncertain_times(apart, start, end, width)))

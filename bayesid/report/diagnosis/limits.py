@@ -135,7 +135,7 @@ def _events(result: Result) -> list[Block]:
             "Events: short pieces predicted far worse than all others whatever effect is added, or in which "
             "a free force, allowed only there, gains more than chance beside the best explanation. They are "
             "left out (of a brief one a little more than is told here); what follows starts from a state of "
-            "its own.",
+            "its own. Of an actuator that stuck for longer the readings count, with its order held there.",
         )
     ]
 
