@@ -55,6 +55,9 @@ def test_coefficients_kept_as_given_are_found_beside_the_effects_by_a_fit_that_i
     names = ",".join(e.name for e in found.effects)
     kept = " ".join(answer(replace(found, retuning=Retuning(False, -0.1, 0.2, {}))).steps)
     assert f"`bayesid fit BUNDLE --with {names} --out FOLDER`" in kept
+    own = replace(found, effects=tuple(replace(e, name="ice") for e in found.effects))
+    kept = " ".join(answer(replace(own, retuning=Retuning(False, -0.1, 0.2, {}))).steps)
+    assert "--effects FILE --out FOLDER`" in kept
     for other in (Retuning(True, 0.5, 0.2, {}), Retuning(False, -0.1, 0.2, {}, as_given=True)):
         assert "--with" not in " ".join(answer(replace(found, retuning=other)).steps)
 

@@ -40,6 +40,7 @@ from bayesid.diagnosis.run_errors import (
 from bayesid.diagnosis.simulator_words import mistake_certainty, mistake_sentence, mistake_steps
 from bayesid.diagnosis.size_names import declared_sizes
 from bayesid.diagnosis.threshold_table import SURE_PROBABILITY
+from bayesid.model.effects import CATALOGUE
 from bayesid.words import first_few
 
 RMS = " (rms)"
@@ -422,6 +423,8 @@ def _steps(result: Result) -> tuple[str, ...]:
                 )
         if not retuned(result) and not as_given(result) and result.effects:
             names = ",".join(e.name for e in result.effects)
+            if not {e.name for e in result.effects} <= {e.name for e in CATALOGUE}:
+                names += " --effects FILE"
             out.append(
                 f"Coefficients beside {'it' if len(result.effects) == 1 else 'them'}: `bayesid fit BUNDLE "
                 f"--with {names} --out FOLDER` finds both, and says how they predict a run that is held out."

@@ -4,7 +4,7 @@ Takes `Compared`. Gives `Compared`, with events of kind "stuck" where they are n
 they mean.
 
 An actuator that sticks for long in many runs is hidden from any free signal: coefficients, a form and the
-environment bend to it: of five simulated rudders that jam for 12 to 57 % of every run they left 0 to 31
+environment bend to it: of five simulated rudders that jam for 5 to 57 % of every run they left 0 to 31
 nats. The times linear theory finds beside them were right all the same. Whether it stuck is decided by what
 all hypotheses, refitted with the orders held, explain better than before.
 """

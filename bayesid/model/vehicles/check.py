@@ -66,14 +66,8 @@ class Finding:
 def check_vehicle(vehicle: Vehicle) -> list[Finding]:
     """Findings on signs, inertia, stability, potential flow, propulsion and priors; may be empty."""
     found = [Finding("warning", text) for text in mass_problems(vehicle)]
-    found += (
-        _size(vehicle)
-        + _inertia(vehicle)
-        + _signs(vehicle)
-        + _fins(vehicle)
-        + _propulsion(vehicle)
-        + _weight(vehicle)
-    )
+    for part in (_size, _inertia, _signs, _fins, _propulsion, _weight):
+        found += part(vehicle)
     with suppress(VehicleError, np.linalg.LinAlgError):  # no speed or no mass matrix: said above
         found += _stability(stability(vehicle))
     return found + _potential_flow(vehicle) + _prior(vehicle)
@@ -85,11 +79,8 @@ def _size(vehicle: Vehicle) -> list[Finding]:
     share = v.mass / (v.rho * v.L**3)
     if not SLENDER < share < SOLID:
         text = f"mass = {v.mass:g} kg is {share:.3g} rho L^3 at L = {v.L:g} m"
-        why = (
-            f"more than a solid block as wide as it is long ({v.rho * v.L**3:.3g} kg)"
-            if share > 1.0
-            else ("less than the slenderest boat")
-        )
+        block = f"more than a solid block as wide as it is long ({v.rho * v.L**3:.3g} kg)"
+        why = block if share >= SOLID else "less than the slenderest boat"
         found.append(Finding("warning", f"{text}, {why}; kg and m are wanted"))
         return found
     names = ("Izz",) if v.planar_only else ("Iyy", "Izz")
