@@ -20,6 +20,7 @@ from bayesid.diagnosis.moved_words import moved_title
 from bayesid.diagnosis.plain_words import Z95, number
 from bayesid.diagnosis.result import Result
 from bayesid.report import run_picture
+from bayesid.report.diagnosis import figures
 from bayesid.report.writer import Block, Figure, Replay, Row, Section, Table, Text, literal
 
 MOST_FRAMES = 400
@@ -49,6 +50,7 @@ def first_blocks(result: Result, a: Answer) -> list[Block]:
             )
         )
     blocks += picture_blocks(result, a)
+    blocks += place_blocks(result)
     blocks += replay_blocks(result, a)
     sure = [f"- {literal(s)}" for s in a.certainty]
     if a.moved:
@@ -83,6 +85,30 @@ def picture_blocks(result: Result, a: Answer) -> list[Block]:
                 ),
             ),
             caption,
+        )
+    ]
+
+
+def place_blocks(result: Result) -> list[Block]:
+    """Where a force with the place acts; nothing of a period, and of results that did not keep it."""
+    found = result.dependence
+    if found is None or not found.map:
+        return []
+    shown = np.array(found.map)
+    hull = found.acts == "hull"
+    return [
+        Figure(
+            "place",
+            figures.place_map(shown[:, 0], shown[:, 1], shown[:, 2:], hull),
+            "Where the force with the place acts, all runs: "
+            + (
+                "by how much the hull's forces differ from those of the explanation. "
+                if hull
+                else "the force over ground that is left. "
+            )
+            + "Further apart than the distance told places say nothing of each other, and where the "
+            "vehicle goes straight ahead little is felt.",
+            alt="Map of a force that depends on the place",
         )
     ]
 

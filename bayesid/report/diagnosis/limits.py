@@ -7,9 +7,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from bayesid.diagnosis.data.dependence import Dependence
 from bayesid.diagnosis.result import Result
 from bayesid.diagnosis.summary import notes
 from bayesid.report.diagnosis import figures
@@ -168,30 +165,6 @@ def _depends(result: Result) -> list[Block]:
             "What a force that is left depends on: its gain stands beside the best explanation and beside a "
             "force of the motion and the controls of any shape.",
         ),
-        *_map(found),
-    ]
-
-
-def _map(found: Dependence) -> list[Block]:
-    """Where a force with the place acts; nothing of a period, and of results that did not keep it."""
-    if not found.map:
-        return []
-    shown = np.array(found.map)
-    hull = found.acts == "hull"
-    return [
-        Figure(
-            "place",
-            figures.place_map(shown[:, 0], shown[:, 1], shown[:, 2:], hull),
-            "Where it acts, all runs: "
-            + (
-                "by how much the hull's forces differ from those of the explanation. "
-                if hull
-                else "the force over ground that is left. "
-            )
-            + "Further apart than the distance above places say nothing of each other, and where the "
-            "vehicle goes straight ahead little is felt.",
-            alt="Map of a force that depends on the place",
-        )
     ]
 
 
