@@ -232,6 +232,7 @@ def test_the_numbers_of_the_table_are_those_the_practice_campaigns_were_scored_w
         "BRIEF_EVENT_EVIDENCE": 30.0,
         "STUCK_TRIED": 20.0,
         "STUCK_EVIDENCE": 30.0,
+        "WIND_READ_SCATTER": 10.0,
         "DEPENDENCE_EVIDENCE": 30.0,
         "DEPENDENCE_OVER_RIVALS": 5.0,
     }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -171,6 +171,7 @@ def diagnose(
     if any(finding.correction is None for finding in checked.findings):
         return InputResult(logged.name, checked)
     trial = used(mended(logged, checked) if checked.findings else logged)
+    trial = replace(trial, warnings=(*trial.warnings, *checked.left_open))
     if reasons := not_enough(trial, model):
         return InputResult(logged.name, checked, reasons)
     result = diagnosis(trial, checked)
@@ -255,6 +256,5 @@ class DiagnoseResult(Result):
         return report
 
     def summary(self, verbose: bool = False) -> str:
-        line = in_order_line(self.checked)
-        text = summary(self.found.result, verbose)
-        return f"{line}\n{text}" if line else text
+        lines = (in_order_line(self.checked), *(f"but {text}" for text in self.checked.left_open))
+        return "\n".join([*filter(None, lines), summary(self.found.result, verbose)])

@@ -52,7 +52,8 @@ def check(
     problem = None if vehicle else _vehicle_problem(trial)
     found = run(trial, vehicle if problem is None else None, with_vehicle=problem is None)
     summary = {**trial_summary(trial), "vehicle_problem": problem, **found.record()}
-    summary["warnings"] = [*summary["warnings"], *found.still, *filter(None, [found.wind])]
+    summary["warnings"] = [*found.check.left_open, *summary["warnings"], *found.still]
+    summary["warnings"] += filter(None, [found.wind])
     # one mend for one mistake
     summary["warnings"] = [w for w in summary["warnings"] if w.partition(".csv: ")[2] not in found.same]
     summary["warnings"] = [w for w in summary["warnings"] if w not in found.same]

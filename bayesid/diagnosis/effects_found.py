@@ -13,7 +13,7 @@ from bayesid.diagnosis.hypotheses.facts import acts
 from bayesid.diagnosis.hypotheses.sizes import sizes_told
 from bayesid.diagnosis.hypotheses.verdict import Verdict
 from bayesid.diagnosis.result_parts import Effect, Value
-from bayesid.diagnosis.size_names import contract, in_sentence, meanings
+from bayesid.diagnosis.size_names import contract, in_sentence, meanings, said_of
 from bayesid.equations.model import Model
 from bayesid.estimation.filter_error.fit import FilterErrorFit
 
@@ -45,7 +45,8 @@ def effects_found(
         effect = model.effects.get(name)
         parameters = effect.parameters if effect is not None else ()
         keys = {p.name: (effect.key(p.name), p.unit) for p in parameters} if effect is not None else {}
-        needed = in_sentence(effect) if effect is not None else frozenset()
+        says = said_of(effect, model) if effect is not None else ""
+        needed = in_sentence(effect, says) if effect is not None else frozenset()
         values = {
             # draws are of this explanation and its equations, not of others or of kinematics alone
             p: Value(
@@ -63,7 +64,7 @@ def effects_found(
                 contract(name, values, {p.name: p.assumed for p in parameters}),
                 meanings(parameters),
                 effect.magnitude if effect is not None else "",
-                effect.says if effect is not None else "",
+                says,
                 {n: float(model.nominal[model.index[n]]) for n in effect.adjust if n in model.index}
                 if effect is not None
                 else {},

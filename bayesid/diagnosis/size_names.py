@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from bayesid.diagnosis.result_parts import Value
+from bayesid.equations.model import Model
 from bayesid.model.effects.declare import Effect, EffectParameter
 
 WIND = ("blowing_north", "blowing_east")  # told as V_wind and from
@@ -57,8 +58,14 @@ def meanings(parameters: Sequence[EffectParameter]) -> dict[str, str]:
     return out
 
 
-def in_sentence(effect: Effect) -> frozenset[str]:
-    """Parameters of a declaration that its sentence tells, under the names a simulation takes."""
-    places = " ".join(re.findall(r"\{[^{}]*\}", effect.says))
+def said_of(effect: Effect, model: Model) -> str:
+    """The sentence of a declaration beside what the simulator already has of the effect."""
+    has = any(model.nominal[model.index[effect.key(p.name)]] != p.off for p in effect.parameters)
+    return effect.says_over if has and effect.says_over else effect.says
+
+
+def in_sentence(effect: Effect, says: str) -> frozenset[str]:
+    """Parameters of a declaration that a sentence of it tells, under the names a simulation takes."""
+    places = " ".join(re.findall(r"\{[^{}]*\}", says))
     told = {p.name for p in effect.parameters if re.search(rf"\b{re.escape(p.name)}\b", places)}
     return frozenset(told | (set(WIND) if "V_wind" in places else set()))

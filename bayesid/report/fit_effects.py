@@ -11,7 +11,7 @@ from scipy.stats import chi2
 
 from bayesid.diagnosis.plain_words import sentence
 from bayesid.diagnosis.result_parts import Effect, Value
-from bayesid.diagnosis.size_names import contract, in_sentence
+from bayesid.diagnosis.size_names import contract, in_sentence, said_of
 from bayesid.estimation.trial_fit import TrialFit
 from bayesid.words import digits
 
@@ -36,11 +36,14 @@ def effect_words(found: TrialFit) -> list[str]:
         )
         off = gain < 0.5 * float(chi2.isf(FALSE_ALARM, max(amplitudes, 1)))
         stated = {p for p in own if f"{effect.name}.{p}" in found.model.vehicle.effects}
-        told = in_sentence(found.model.effects[effect.name]) & set(own)
+        declared = found.model.effects[effect.name]
+        needed = in_sentence(declared, effect.says)
+        told = needed & set(own)
+        over = bool(stated) and effect.says != declared.says and needed <= set(own)
         if off:
             as_stated = "is as the vehicle file states" if stated else "does not show in these runs"
             says = f"{effect.name} {as_stated}"
-        elif told and not told & stated:
+        elif over or (told and not told & stated):
             says = sentence(effect).removesuffix(".")
         else:  # the sentence tells an effect the simulator has not, or sizes that were not asked for
             says = f"{effect.name} has other sizes than the vehicle file states"
@@ -85,5 +88,5 @@ def _effects(found: TrialFit) -> list[Effect]:
         }
         instead = {n: float(model.nominal[model.index[n]]) for n in declared.adjust if n in model.index}
         sizes = contract(name, known | values, {p.name: p.assumed for p in declared.parameters})
-        out.append(Effect(name, 1.0, sizes, says=declared.says, instead=instead))
+        out.append(Effect(name, 1.0, sizes, says=said_of(declared, model), instead=instead))
     return out

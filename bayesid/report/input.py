@@ -25,6 +25,7 @@ TOLD = {
     "vehicle's turn": "how the vehicle turns for its rudder",
     "vehicle's drift": "how it slides as it turns",
     "vehicle's pitch": "how it pitches for its planes", "vehicle's heave": "how it heaves as it pitches",
+    "wind": "how the ship moves in it",
 }  # fmt: skip
 
 
@@ -106,6 +107,7 @@ def check_record(check: InputCheck) -> dict[str, Any]:
         "in_order": list(check.in_order),
         "not_checked": list(check.unseen),
         "remarks": list(check.remarks),
+        "left_open": list(check.left_open),
     }  # fmt: skip
 
 

@@ -16,13 +16,15 @@ import numpy as np
 
 from bayesid.model.channels import channel, is_channel, nearest_hint
 from bayesid.trials.trial import Floats, Run
+from bayesid.trials.true_wind import READINGS, TRUE, true_wind
 
 EARTH_RADIUS = 6_371_000.0  # m, mean
 _GROUP = {
     "pose": "data", "velocity": "data", "command": "commands", "actuator": "measured_inputs",
     "propulsion": "propulsion", "environment": "exogenous",
 }  # fmt: skip
-TEXTS = {"heading_from": ("north", "east"), "velocity_axes": ("body", "earth")}
+TEXTS = {"heading_from": ("north", "east"), "velocity_axes": ("body", "earth"), "wind": READINGS}
+WIND = frozenset({"wind_speed", "wind_from"})
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,8 @@ class Correction:
     velocity_axes : "earth" where u and v are the velocities north and east
     offset : channel -> added, SI
     from_time : channel -> seconds of the log from which on `offset` holds; the whole run where not stated
+    wind : how wind_speed and wind_from were read: "true" and from north, "from the bow", "apparent" (past the
+        moving vehicle, from the bow) or "apparent by compass"
     late : channel -> seconds by which it was logged late
     time_scale : true seconds per second of the log
     runs : names of the runs concerned; all where empty
@@ -56,6 +60,7 @@ class Correction:
     velocity_axes: str = "body"
     offset: Mapping[str, float] = field(default_factory=dict)
     from_time: Mapping[str, float] = field(default_factory=dict)
+    wind: str = TRUE
     late: Mapping[str, float] = field(default_factory=dict)
     time_scale: float = 1.0
     runs: tuple[str, ...] = ()
@@ -76,6 +81,7 @@ class Correction:
         out |= {"x", "y"} if self.geographic else set()
         out |= {"psi"} if self.heading_from == "east" else set()
         out |= {"u", "v"} if self.velocity_axes == "earth" else set()
+        out |= WIND if self.wind != TRUE else set()
         return frozenset(out | ({"t"} if self.time_scale != 1.0 else set()))
 
     def of(self, run: Run) -> bool:
@@ -122,6 +128,9 @@ def apply(correction: Correction, run: Run) -> Run:
         if name in series:
             since = correction.from_time.get(name, -math.inf)
             series[name] = np.where(run.t >= since, series[name] + value, series[name])
+    if correction.wind != TRUE and set(series) >= WIND:
+        speed, come = true_wind(correction.wind, run.t, series, run.name)
+        series["wind_speed"], series["wind_from"] = speed, _unwrapped(come)
     for name, delay in correction.late.items():
         if name in series:
             series[name] = _earlier(run.t, series[name], delay, channel(name).kind)
@@ -205,6 +214,7 @@ def without_effect(correction: Correction, runs: Sequence[Run]) -> list[str]:
         ("late", correction.late, later),
         ("heading_from", ("psi",) if correction.heading_from == "east" else (), later),
         ("velocity_axes", ("u", "v", "psi") if correction.velocity_axes == "earth" else (), later),
+        ("wind", WIND if correction.wind != TRUE else (), later),
         ("geographic", ("x", "y") if correction.geographic else (), later),
     ]
     there = ", ".join(sorted(logged)) or "no channel"

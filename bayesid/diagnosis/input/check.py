@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from bayesid.diagnosis.input.measured_wind import WindCheck, check_wind
 from bayesid.diagnosis.input.simulator_instead import (
     behaviour_of,
     mistakes_that_clear,
@@ -21,6 +22,8 @@ from bayesid.trials.handedness import handedness
 from bayesid.trials.mistakes import InputCheck, check_input
 from bayesid.trials.noise_stated import seen_noise, stated_wrongly
 
+WIND_WORDS = "the direction of the measured wind against the motion"
+
 
 def check_trial(trial: Trial, model: Model | None = None) -> InputCheck:
     """Mistakes in the runs a fit may read; held-out runs are not looked at.
@@ -29,15 +32,13 @@ def check_trial(trial: Trial, model: Model | None = None) -> InputCheck:
     ----------
     model : with it the behaviour of the vehicle counts too
     """
-    runs = trial.identify
-    if not runs:
+    if not trial.identify:
         return InputCheck()
-    known = handedness(trial.folder)
-    if model is None:
-        found, size = check_input(runs, known=known), None
-    else:
+    found, size, wind = _by_channels(trial, model), None, WindCheck()
+    if model is not None:
         size = model.scales["L"], model.scales["U"]
-        found = check_input(runs, size[0] / size[1], behaviour_of(model, runs), model.vehicle.rates, known)
+        if any(f.by_vehicle for f in found.findings) and (first := _wind_instead(trial, found, model)):
+            found, wind = first
     right = mended(trial, found)
     if model is not None:
         rest = tuple(f for f in found.findings if not open_to_the_simulator(f))
@@ -50,8 +51,47 @@ def check_trial(trial: Trial, model: Model | None = None) -> InputCheck:
                 found, right = replace(found, findings=rest), bare
             other = replace(other, instead=mistakes_that_clear(right.identify, model))
             found = replace(found, findings=(*found.findings, other))
+        elif wind.finding is None:
+            wind = check_wind(right, model)
+            found = _with_wind(found, wind)
     wrong = stated_wrongly(seen_noise(right.identify, right.noise, size))
     return replace(found, remarks=() if wrong is None else (wrong,))
+
+
+def _by_channels(trial: Trial, model: Model | None) -> InputCheck:
+    """What the channels say of one another, and where there is a model its behaviour."""
+    runs, known = trial.identify, handedness(trial.folder)
+    if model is None:
+        return check_input(runs, known=known)
+    travel = model.scales["L"] / model.scales["U"]
+    return check_input(runs, travel, behaviour_of(model, runs), model.vehicle.rates, known)
+
+
+def _wind_instead(trial: Trial, found: InputCheck, model: Model) -> tuple[InputCheck, WindCheck] | None:
+    """A mistake of the measured wind in place of all that only the vehicle tells; None where it is none.
+
+    In a wind that blows the wrong way a ship turns otherwise than its log: that looks like a wrong rudder.
+    """
+    alone = replace(found, findings=tuple(f for f in found.findings if not f.by_vehicle))
+    wind = check_wind(mended(trial, alone), model)
+    if wind.finding is None:
+        return None
+    again = _by_channels(mended(trial, InputCheck((wind.finding,))), model)
+    if any(f.by_vehicle for f in again.findings):
+        return None
+    return _with_wind(again, wind), wind
+
+
+def _with_wind(found: InputCheck, wind: WindCheck) -> InputCheck:
+    if wind.finding is not None:
+        return replace(found, findings=(*found.findings, wind.finding))
+    if wind.remark is not None:
+        found = replace(found, left_open=(*found.left_open, wind.remark))
+    if not wind.asked:
+        return found
+    if wind.in_order:
+        return replace(found, in_order=(*found.in_order, WIND_WORDS))
+    return replace(found, unseen=(*found.unseen, WIND_WORDS))
 
 
 def mended(trial: Trial, check: InputCheck) -> Trial:

@@ -107,7 +107,8 @@ class Effect:
     out) and names the alternative of `alternatives` that chooses otherwise, if there is one.
 
     `says` is the effect in one sentence for whoever runs the vehicle, with places for its sizes: see
-    `bayesid.diagnosis.plain_words`.
+    `bayesid.diagnosis.plain_words`. `says_over` is that sentence where the simulator already has a part of
+    it, such as a wind that is measured.
 
     `as_form` is for a force that depends on the motion alone, as any force does that the equations lack:
     "also" where it is a cause of its own as well, "only" where it is not, "alone" where it pushes to one side
@@ -134,6 +135,7 @@ class Effect:
     smooth: bool = True
     form: str = ""
     says: str = ""
+    says_over: str = ""
     as_form: Literal["", "also", "only", "alone"] = ""
     planar: bool = False
 

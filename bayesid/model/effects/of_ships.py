@@ -65,6 +65,8 @@ SHIP_EFFECTS = (
     Effect(
         name="wind",
         says="A wind of {V_wind:m/s} from {from:bearing} acts that the simulator leaves out.",
+        says_over="The wind that acts is not the measured one: {gain:-} times that, and {V_wind:m/s} from "
+        "{from:bearing} beside it.",
         family="earth_force",
         port="force",
         where=("X+Y+N", "X", "Y", "N", "Y+N", "current"),

@@ -17,9 +17,12 @@ from bayesid.trials.importing.agreement import drift, rudder_t, speed_fit, track
 from bayesid.trials.importing.clock_agreement import check_clocks
 from bayesid.trials.importing.draft import Draft
 from bayesid.trials.importing.log_map import LogMap
+from bayesid.trials.importing.names import APPARENT
 from bayesid.trials.importing.other_axes import axes_that_fit
 from bayesid.trials.importing.roles import WORLD_WORDS
+from bayesid.trials.importing.tables import plain
 from bayesid.trials.importing.unit_words import positive_side
+from bayesid.words import and_list
 
 _DEG = math.pi / 180.0
 CLEAR = 0.35  # a hypothesis must leave less than this share of the next one's misfit
@@ -40,6 +43,7 @@ def decide(draft: Draft) -> None:
     _depth(draft)
     _rudder(draft)
     _revolutions(draft)
+    _apparent_wind(draft)
     check_clocks(draft)
     if draft.mirror:
         body = "flu" if draft.map.body != "flu" else "frd"
@@ -84,6 +88,17 @@ def _angle_units(draft: Draft) -> None:
                 )
         elif role == "wind_from" and unit == "rad" and span < 3.0:
             draft.ask(6, f"wind direction {draft.column(role)} states no unit; rad or deg? (read as rad)")
+
+
+def _apparent_wind(draft: Draft) -> None:
+    """A wind whose name says that it is the one on board; `wind_speed`, `wind_from` are of the true one."""
+    named = [draft.column(role) for role in ("wind_speed", "wind_from") if draft.has(role)]
+    if named and any(APPARENT.search(plain(column)) for column in named):
+        draft.ask(
+            2,
+            f"wind {and_list(named)} looks like the apparent one, past the moving vehicle; is it? (read as "
+            'the true one; else state `[corrections]` `wind = "apparent"` in the trial.toml of the import)',
+        )
 
 
 def _axes(draft: Draft) -> None:

@@ -31,6 +31,8 @@ OTHER = re.compile(
     r"power|temperature|temp|relative|apparent|bias|offset|age|num|satellites|limit|max|min|gain|hdop|"
     r"accuracy)\b"
 )
+# the wind as a moving vehicle has it
+APPARENT = re.compile(r"\b(app|apparent|rel|relative|aws|awa|awd)\b")
 # role -> words of the field, tried against the name without unit; the first group of roles is the surest
 PATTERNS: tuple[tuple[str, str], ...] = (
     ("latitude", r"lat|latitude|gps lat|breite|lat deg"),
@@ -96,8 +98,9 @@ PATTERNS: tuple[tuple[str, str], ...] = (
     ("thrust", r"thrust|prop(eller)? thrust|schub"),
     ("torque", r"torque|prop(eller)? torque|drehmoment"),
     ("wind_speed", r"(true )?wind (speed|vel(ocity)?)|tws|true wind|wind velo true|wind speed true|"
-                   r"windgeschwindigkeit"),
-    ("wind_from", r"(true )?wind (dir|direction|from)|twd|wind (dir|direction|from) true|windrichtung"),
+                   r"windgeschwindigkeit|aws"),
+    ("wind_from", r"(true )?wind (dir|direction|from)|twd|wind (dir|direction|from) true|windrichtung|"
+                  r"awa|awd|(true |app )?wind angle"),
 )  # fmt: skip
 _OWN_HEADER = re.compile(r"([A-Za-z_]\w*)\[[^\[\]]+\]")
 _COMPILED = tuple((role, re.compile(rf"(?:{pattern})")) for role, pattern in PATTERNS)
@@ -140,6 +143,7 @@ def guess_role(channel: RawChannel, own_format: bool = False) -> Guess | None:
         ordered = True if ORDERED.search(kind) else False if MEASURED.search(kind) else None
     bare = " ".join(MEASURED.sub(" ", ORDERED.sub(" ", words)).split())
     odd = bool(OTHER.search(words))
+    less = 0.9 if odd or APPARENT.search(words) else 0.0
     kept = " ".join(OTHER.sub(" ", bare).split()) if odd else bare
     best: Guess | None = None
     tails = _tails(kept) + _field_of_struct(channel)
@@ -150,7 +154,7 @@ def guess_role(channel: RawChannel, own_format: bool = False) -> Guess | None:
             if pattern.fullmatch(tail) and _fits(role, channel):
                 if (len(tail) == 1 or tail in ("speed", "velocity")) and score < FIELD:
                     continue
-                found = Guess(role, score - (0.9 if odd else 0.0), ordered if role in WITH_ORDER else None)
+                found = Guess(role, score - less, ordered if role in WITH_ORDER else None)
                 if ordered and role not in WITH_ORDER:
                     continue  # a commanded heading or speed is no measurement
                 if best is None or found.score > best.score:

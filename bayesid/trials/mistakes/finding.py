@@ -68,12 +68,14 @@ class InputCheck:
     in_order : checks that were made and passed, in words
     unseen : what could not be checked and why, in words
     remarks : what is stated of the log and its readings contradict, a sentence each; not a verdict
+    left_open : mistakes that would explain the log as well as that it is right, a sentence each
     """
 
     findings: tuple[InputFinding, ...] = ()
     in_order: tuple[str, ...] = ()
     unseen: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
+    left_open: tuple[str, ...] = ()
 
     @property
     def of_log(self) -> InputCheck:

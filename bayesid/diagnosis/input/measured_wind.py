@@ -1,0 +1,245 @@
+"""Whether the columns of a measured wind hold what their header says, by how the ship moves in it.
+
+Takes a trial whose other mistakes are mended, and a model on which its wind acts. Gives a `WindCheck`. Every
+reading of the wind is a hypothesis, each with nothing else, with what an anemometer and the areas of a ship
+leave open, and with a current: a gap of the ship must not pass for a mistake of its anemometer. All are
+weighed along one path; those that come near the best are fitted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.linalg import LinAlgError
+from scipy.special import logsumexp
+
+from bayesid.diagnosis.data.problem import DiagnosisProblem, build_problem, first_fit
+from bayesid.diagnosis.threshold_table import (
+    FOLLOWS_DATA_CHI2,
+    PRIOR_CATALOGUE,
+    PRIOR_NONE,
+    WIND_READ_SCATTER,
+)
+from bayesid.equations.model import Model
+from bayesid.errors import BayesidError
+from bayesid.estimation.filter_error.evidence import posterior
+from bayesid.estimation.filter_error.fit import FilterErrorFit, fit
+from bayesid.estimation.filter_error.noise_identification import identify_noise
+from bayesid.estimation.filter_error.read_run import LONGER_STEPS
+from bayesid.estimation.filter_error.shared_linearisations import fresh
+from bayesid.estimation.parameters import GaussianPrior, effect_prior
+from bayesid.simulation import plan_trial_run
+from bayesid.trials import Run, Trial
+from bayesid.trials.averaging import averaged
+from bayesid.trials.correction import WIND, apply
+from bayesid.trials.measured_wind import GAIN
+from bayesid.trials.mistakes import InputFinding
+from bayesid.trials.mistakes.judge import ALSO, NAMED_AT
+from bayesid.trials.mistakes.table import Mistake
+from bayesid.trials.mistakes.wind import WIND_MISTAKES
+from bayesid.trials.noise_stated import with_seen_noise
+from bayesid.trials.true_wind import APPARENT_BY_COMPASS
+
+# Share by which wind at the hull differs from that of an anemometer by its height and place: one sd, assumed
+GAIN_SD = 0.25
+# Readings above which dense ones are averaged; log odds behind the best from which on none is fitted, and how
+# many mistakes are
+MOST_SAMPLES, RULED_OUT, MOST_FITTED = 2_000, 20.0, 2
+# What may act beside a reading of the wind, and what may not: another wind than the one that was read.
+BESIDE: tuple[tuple[str, ...], ...] = ((), ("wind",), ("ocean_current",), ("wind", "ocean_current"))
+ANOTHER_WIND = ("wind.blowing_north", "wind.blowing_east")
+TOLD_BY = "wind"
+SPEED = ("wind_speed",)
+
+
+@dataclass(frozen=True)
+class WindCheck:
+    """What was found of the columns of a measured wind.
+
+    Attributes
+    ----------
+    finding : a mistake; None where the motion tells none
+    asked : whether a wind was measured that acts on the vehicle
+    in_order : whether the motion rules every other reading of its direction out
+    remark : another reading that would explain the motion as well, in words
+    """
+
+    finding: InputFinding | None = None
+    asked: bool = False
+    in_order: bool = False
+    remark: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _Read:
+    """One reading of the wind: its mistake, None where it is as the header says, and its problem."""
+
+    mistake: Mistake | None
+    problem: DiagnosisProblem
+
+
+def check_wind(trial: Trial, model: Model) -> WindCheck:
+    """How the columns of a measured wind are to be read, as the motion of the runs tells it."""
+    runs = [run for run in trial.identify if set(run.exogenous) >= WIND]
+    if not runs or model.vehicle.effects.get(GAIN, 0.0) == 0.0 or "wind" not in model.effects:
+        return WindCheck()
+    try:
+        size = model.scales["L"], model.scales["U"]
+        seen = with_seen_noise(replace(trial, runs=tuple(runs)), size)
+        seen = averaged(seen, size[0] / size[1], MOST_SAMPLES)
+        problem = build_problem(model, seen, seek_outliers=False)
+        nothing = _fitted(problem, ())
+        if not _follows(nothing):
+            loud = identify_noise(model, list(problem.logs), problem.coefficients)
+            problem = problem.with_environment(loud.noise_model)
+            nothing = _fitted(problem, ())
+        if not _follows(nothing):  # nothing along its path tells one reading from another
+            return WindCheck(asked=True)
+        told = {
+            one: _along(one.problem, nothing)
+            for one in _readings(problem, {run.name: run for run in seen.identify})
+        }
+        weights = _weights(model, told)
+        wrong = sorted((one for one in told if one.mistake is not None), key=lambda one: -weights[one])
+        near = [one for one in wrong if weights[one] > max(weights.values()) - RULED_OUT][:MOST_FITTED]
+        if near:
+            # what the header says is never ruled out by linear theory alone
+            read = [one for one in told if one in near or one.mistake is None]
+            told = {one: _with_fits(one.problem, told[one]) if one in read else told[one] for one in told}
+            weights = _weights(model, told)
+    except (BayesidError, LinAlgError):
+        return WindCheck(asked=True)
+    return _judged(weights, [run.name for run in runs])
+
+
+def _weights(model: Model, told: Mapping[_Read, Mapping[tuple[str, ...], float]]) -> dict[_Read, float]:
+    """Log weight of every reading, what may act beside it weighed as the diagnosis weighs it."""
+    each = PRIOR_CATALOGUE / (len(model.causes) + 1)
+    prior = {effects: len(effects) * np.log(each) if effects else np.log(PRIOR_NONE) for effects in BESIDE}
+    return {
+        one: _log_odds(one.mistake) + float(logsumexp([value + prior[e] for e, value in by_effects.items()]))
+        for one, by_effects in told.items()
+    }
+
+
+def _readings(problem: DiagnosisProblem, runs: Mapping[str, Run]) -> list[_Read]:
+    """The wind as its header says, then with every mistake mended."""
+    out = [_Read(None, problem)]
+    for mistake in WIND_MISTAKES:
+        assert mistake.correction is not None
+        try:
+            mended = [apply(mistake.correction, runs[log.name]) for log in problem.logs]
+        except BayesidError:  # the log lacks what this mend needs
+            continue
+        logs = tuple(
+            replace(log, plan=plan_trial_run(problem.model, run, longer=LONGER_STEPS))
+            for log, run in zip(problem.logs, mended, strict=True)
+        )
+        out.append(_Read(mistake, replace(problem, logs=logs)))
+    return out
+
+
+def _free(problem: DiagnosisProblem, effects: Sequence[str]) -> GaussianPrior:
+    """Coefficients and parameters of effects; the gain of the wind as well known as anemometers are."""
+    free = problem.coefficients
+    for name in effects:
+        prior = effect_prior(problem.model, problem.model.effects[name])
+        kept = np.array([n not in ANOTHER_WIND for n in prior.names])
+        sd = np.where(np.array(prior.names) == GAIN, GAIN_SD, prior.sd)[kept]
+        names = tuple(n for n in prior.names if n not in ANOTHER_WIND)
+        free = free + GaussianPrior(names, prior.where[kept], prior.mean[kept], sd, prior.low[kept])
+    return free
+
+
+def _fitted(problem: DiagnosisProblem, effects: Sequence[str]) -> FilterErrorFit:
+    start = first_fit(problem, [problem.model.effects[n] for n in effects], problem.path)
+    level = max(problem.path_level, 1e-5)
+    noise_model = problem.environment.noise_model
+    return fit(
+        problem.model, problem.logs, _free(problem, effects), noise_model, start=start,
+        initial_noise_scale=level,
+    )  # fmt: skip
+
+
+def _follows(fitted: FilterErrorFit) -> bool:
+    """Whether a fit arrived and leaves residuals of about the size of the noise."""
+    return fitted.converged and fitted.chi2 < FOLLOWS_DATA_CHI2
+
+
+def _along(problem: DiagnosisProblem, path: FilterErrorFit) -> dict[tuple[str, ...], float]:
+    """Log evidence of each of `BESIDE` along the path of a fit."""
+    every = _free(problem, list(dict.fromkeys(name for effects in BESIDE for name in effects)))
+    _, equations = fresh(problem.model, problem.logs, path.points, every, problem.environment.noise_model)
+    total, names = sum(equations[1:], equations[0]), every.names
+    out = {}
+    for effects in BESIDE:
+        kept = [i for i, n in enumerate(names) if "." not in n or n.partition(".")[0] in effects]
+        out[effects] = posterior(total.pick(np.array(kept))).log_evidence
+    return out
+
+
+def _with_fits(
+    problem: DiagnosisProblem, along: Mapping[tuple[str, ...], float]
+) -> dict[tuple[str, ...], float]:
+    """The same by fits, where they come higher: one that does not follow the data proves nothing."""
+    out = dict(along)
+    for effects in (e for e, value in along.items() if value > max(along.values()) - RULED_OUT):
+        try:
+            fitted = _fitted(problem, effects)
+        except BayesidError:
+            continue
+        if _follows(fitted):
+            out[effects] = max(out[effects], fitted.log_evidence)
+    return out
+
+
+def _judged(weights: Mapping[_Read, float], runs: Sequence[str]) -> WindCheck:
+    total = float(logsumexp(list(weights.values())))
+    as_read = next(w - total for one, w in weights.items() if one.mistake is None)
+    wrong = [(w - total, one.mistake) for one, w in weights.items() if one.mistake is not None]
+    wrong.sort(key=lambda one: -one[0])
+    if -np.expm1(as_read) < NAMED_AT:
+        other = [(w, mistake) for w, mistake in wrong if _apart(mistake)]
+        # the motion alone, before what a mistake costs that nobody asked for
+        left_open = [(w - _log_odds(mistake), mistake) for w, mistake in other]
+        most, likeliest = max(left_open, key=lambda one: one[0], default=(-np.inf, None))
+        return WindCheck(
+            asked=True,
+            in_order=all(w < as_read - WIND_READ_SCATTER for w, m in other if m.channels != SPEED),
+            remark=_either(likeliest) if likeliest is not None and most > as_read else None,
+        )
+    most, best = wrong[0]
+    near = [(w, mistake) for w, mistake in wrong[1:] if w > most - ALSO]
+    together = float(np.exp(logsumexp([most, *(w for w, _ in near)]))) if near else 0.0
+    found = InputFinding(
+        best.name, best.says, best.channels, tuple(runs), True, float(np.exp(most)), (TOLD_BY,), 0.0, 0.0,
+        best.correction, tuple(mistake.name for _, mistake in near), together, most - as_read,
+    )  # fmt: skip
+    return WindCheck(found, asked=True)
+
+
+def _log_odds(mistake: Mistake | None) -> float:
+    """Log odds of a reading before the data; evidence of one fit and another scatters."""
+    return 0.0 if mistake is None else mistake.log_prior - WIND_READ_SCATTER
+
+
+def _apart(mistake: Mistake) -> bool:
+    """Whether it gives another wind altogether: a slow ship's apparent wind is nearly the true one."""
+    return mistake.correction is not None and mistake.correction.wind != APPARENT_BY_COMPASS
+
+
+def _either(mistake: Mistake) -> str:
+    """Another reading of the wind that the motion leaves open, in words."""
+    assert mistake.correction is not None
+    line = "; ".join(mistake.correction.lines())
+    if mistake.channels != SPEED:
+        return (
+            f"the runs would be explained as well if {mistake.says}: look at it (then [corrections] {line})"
+        )
+    factor = mistake.correction.scale[SPEED[0]]
+    return (
+        f"the runs move as in a wind {factor:.2g} times as fast as measured, or nearly: an anemometer's "
+        f"height and place may do that, or else {mistake.says} (then [corrections] {line})"
+    )
