@@ -35,7 +35,7 @@ from bayesid.diagnosis.run_errors import (
     missed_too,
     no_nearer,
     run_words,
-    worse,
+    worse_in,
 )
 from bayesid.diagnosis.simulator_words import mistake_certainty, mistake_sentence, mistake_steps
 from bayesid.diagnosis.size_names import declared_sizes
@@ -346,7 +346,8 @@ def _certainty(result: Result) -> tuple[str, ...]:
     first = leading_cause(result) if result.verdict == "ambiguous" else None
     if first is not None and (sizes := intervals(first)):
         out.append(f"If it is {in_words(first.name)}: {', '.join(sizes)}.")
-    other = rivals(result)
+    said = explanation(result) if result.verdict in NAMING else ()
+    other = [(n, p) for n, p in rivals(result) if n not in said]
     if result.rule in OUTSIDE_SAID:  # which is outside the list
         other = [(n, p) for n, p in other if n != "outside"]
     if other and result.verdict != "ambiguous":
@@ -389,7 +390,6 @@ def _proof(result: Result) -> str:
         return "No run could be simulated from end to end, so no error is told; the notes say why."
     if not held:
         return "No run was held out, so the errors are of runs that were read; give one the role `holdout`."
-    better = sum(not worse(error_rows(run)) for run in held)
     if not explanation(result):
         return f"Held-out runs: {len(held)}, read only after the verdict stood."
     if as_given(result):
@@ -397,11 +397,15 @@ def _proof(result: Result) -> str:
             f"Held-out runs: {len(held)}, read only after the verdict stood. The simulator as given predicts "
             "them, not the explanation: they are no proof of it."
         )
+    off = {run.run: worse_in(error_rows(run)) for run in held}
     if len(held) == 1:
-        return "The held-out run, read after the verdict stood, is predicted " + (
-            "no worse than as given." if better else "worse than as given."
-        )
-    return f"Of {len(held)} held-out runs, read after the verdict stood, {better} are predicted no worse."
+        said = f"worse than as given in {off[held[0].run]}" if off[held[0].run] else "no worse than as given"
+        return f"The held-out run, read after the verdict stood, is predicted {said}."
+    lost = first_few([f"{run} in {what}" for run, what in off.items() if what], MOST_RUNS)
+    better = sum(not what for what in off.values())
+    beside = f" (worse: {lost})" if lost else ""
+    of = f"Of {len(held)} held-out runs, read after the verdict stood,"
+    return f"{of} {better} are predicted no worse{beside}."
 
 
 def _steps(result: Result) -> tuple[str, ...]:

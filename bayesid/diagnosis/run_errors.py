@@ -14,7 +14,7 @@ from bayesid.diagnosis.plain_words import number
 from bayesid.diagnosis.result_parts import RunError
 from bayesid.measures.angle_errors import turns_note
 from bayesid.model.channels import channel
-from bayesid.words import counted, first_few
+from bayesid.words import and_list, counted, first_few
 
 MODELS = (GIVEN, RETUNED, EXPLAINED)
 # An explanation that misses a held-out run by so much more than the model as given has failed.
@@ -131,6 +131,12 @@ def worse(rows: tuple[ErrorRow, ...], model: int = 2) -> bool:
         return False
     given, now = rows[0].values[0], rows[0].values[model]
     return math.isfinite(given) and not now <= WORSE * given
+
+
+def worse_in(rows: tuple[ErrorRow, ...], model: int = 2) -> str:
+    """What one model misses by more than as given: "heading", "position and heading"; empty for nothing."""
+    off = [r.what for r in rows if math.isfinite(r.values[0]) and not r.values[model] <= WORSE * r.values[0]]
+    return and_list(off) if off else ""
 
 
 def against_given(runs: Sequence[RunError], labels: Sequence[str]) -> str:

@@ -21,6 +21,8 @@ MOST_POINTS, MOST_TRACKS = 500, 40
 # Radius of 95 % of a round Gaussian in the plane over the half width of 95 % along a line.
 PLANE95 = 2.45 / 1.96
 NEAR = 4.0  # times the last series' own reach, up to which a line is kept inside its panel
+# Reach of an error panel over that of its lines at most, however wide the band.
+MOST_OF_BAND = 3.0
 HEIGHT, WIDTH = 4.3, 3.75
 MISSES = {"heading error": "logged heading", "distance": "logged position"}  # panels of errors, of what
 # Lines differ in dashes and width as well: a grey print tells them apart.
@@ -251,13 +253,16 @@ def _distance(axes: Any, p: RunPicture, keep: Array, t: Array) -> None:
 
 
 def _misses(axes: Any, p: RunPicture, t: Array, miss: list[Array], band: Array | None) -> float:
-    """Draw running means and the dots of the last series; gives the reach, its own and of what is near it."""
+    """Draw running means and the dots of the last series; gives the reach, its own, of what is near it and of
+    the band."""
     for s, values in zip(p.series, miss, strict=True):
         axes.plot(t, _smooth(values), **s.style)
     of_last = miss[p.series.index(p.last)]
     axes.plot(t, of_last, ".", color=p.last.style["color"], markersize=1.5, alpha=0.35, zorder=1)
     own = max(_largest(of_last), 0.0 if band is None else _largest(band), 0.1)
-    return 1.25 * max([own, *(x for x in map(_largest, miss) if x < NEAR * own)])
+    reach = max([_largest(of_last), 0.1, *(x for x in map(_largest, miss) if x < NEAR * own)])
+    # a band that grows beyond all bounds fills the panel, and must not flatten the lines in it
+    return 1.25 * min(max(own, reach), MOST_OF_BAND * reach)
 
 
 def _smooth(values: Array) -> Array:

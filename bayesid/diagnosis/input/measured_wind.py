@@ -91,35 +91,45 @@ def check_wind(trial: Trial, model: Model) -> WindCheck:
         seen = averaged(seen, size[0] / size[1], MOST_SAMPLES)
         problem = build_problem(model, seen, seek_outliers=False)
         nothing = _fitted(problem, ())
-        if not _follows(nothing):
+        if nothing.chi2 > FOLLOWS_DATA_CHI2:
             loud = identify_noise(model, list(problem.logs), problem.coefficients)
             problem = problem.with_environment(loud.noise_model)
             nothing = _fitted(problem, ())
-        if not _follows(nothing):  # nothing along its path tells one reading from another
+        if not nothing.converged:  # nothing along its path tells one reading from another
             return WindCheck(asked=True)
+        # residuals beyond the noise: evidence counts by so much less (McCullagh and Nelder 1989, 9.2)
+        less = max(nothing.chi2, 1.0)
         told = {
             one: _along(one.problem, nothing)
             for one in _readings(problem, {run.name: run for run in seen.identify})
         }
-        weights = _weights(model, told)
+        weights = _weights(model, told, less)
         wrong = sorted((one for one in told if one.mistake is not None), key=lambda one: -weights[one])
         near = [one for one in wrong if weights[one] > max(weights.values()) - RULED_OUT][:MOST_FITTED]
         if near:
             # what the header says is never ruled out by linear theory alone
             read = [one for one in told if one in near or one.mistake is None]
             told = {one: _with_fits(one.problem, told[one]) if one in read else told[one] for one in told}
-            weights = _weights(model, told)
+            weights = _weights(model, told, less)
     except (BayesidError, LinAlgError):
         return WindCheck(asked=True)
     return _judged(weights, [run.name for run in runs])
 
 
-def _weights(model: Model, told: Mapping[_Read, Mapping[tuple[str, ...], float]]) -> dict[_Read, float]:
-    """Log weight of every reading, what may act beside it weighed as the diagnosis weighs it."""
+def _weights(
+    model: Model, told: Mapping[_Read, Mapping[tuple[str, ...], float]], less: float
+) -> dict[_Read, float]:
+    """Log weight of every reading, what may act beside it weighed as the diagnosis weighs it.
+
+    Parameters
+    ----------
+    less : what evidence is divided by
+    """
     each = PRIOR_CATALOGUE / (len(model.causes) + 1)
     prior = {effects: len(effects) * np.log(each) if effects else np.log(PRIOR_NONE) for effects in BESIDE}
     return {
-        one: _log_odds(one.mistake) + float(logsumexp([value + prior[e] for e, value in by_effects.items()]))
+        one: _log_odds(one.mistake)
+        + float(logsumexp([value / less + prior[e] for e, value in by_effects.items()]))
         for one, by_effects in told.items()
     }
 
@@ -163,11 +173,6 @@ def _fitted(problem: DiagnosisProblem, effects: Sequence[str]) -> FilterErrorFit
     )  # fmt: skip
 
 
-def _follows(fitted: FilterErrorFit) -> bool:
-    """Whether a fit arrived and leaves residuals of about the size of the noise."""
-    return fitted.converged and fitted.chi2 < FOLLOWS_DATA_CHI2
-
-
 def _along(problem: DiagnosisProblem, path: FilterErrorFit) -> dict[tuple[str, ...], float]:
     """Log evidence of each of `BESIDE` along the path of a fit."""
     every = _free(problem, list(dict.fromkeys(name for effects in BESIDE for name in effects)))
@@ -183,14 +188,14 @@ def _along(problem: DiagnosisProblem, path: FilterErrorFit) -> dict[tuple[str, .
 def _with_fits(
     problem: DiagnosisProblem, along: Mapping[tuple[str, ...], float]
 ) -> dict[tuple[str, ...], float]:
-    """The same by fits, where they come higher: one that does not follow the data proves nothing."""
+    """The same by fits, where they come higher: one that has not arrived proves nothing."""
     out = dict(along)
     for effects in (e for e, value in along.items() if value > max(along.values()) - RULED_OUT):
         try:
             fitted = _fitted(problem, effects)
         except BayesidError:
             continue
-        if _follows(fitted):
+        if fitted.converged:
             out[effects] = max(out[effects], fitted.log_evidence)
     return out
 
@@ -205,10 +210,13 @@ def _judged(weights: Mapping[_Read, float], runs: Sequence[str]) -> WindCheck:
         # the motion alone, before what a mistake costs that nobody asked for
         left_open = [(w - _log_odds(mistake), mistake) for w, mistake in other]
         most, likeliest = max(left_open, key=lambda one: one[0], default=(-np.inf, None))
+        still_open = likeliest if most > as_read else None
+        turned = [w for w, mistake in other if mistake.channels != SPEED]
         return WindCheck(
             asked=True,
-            in_order=all(w < as_read - WIND_READ_SCATTER for w, m in other if m.channels != SPEED),
-            remark=_either(likeliest) if likeliest is not None and most > as_read else None,
+            in_order=all(w < as_read - WIND_READ_SCATTER for w in turned)
+            and (still_open is None or still_open.channels == SPEED),
+            remark=None if still_open is None else _either(still_open),
         )
     most, best = wrong[0]
     near = [(w, mistake) for w, mistake in wrong[1:] if w > most - ALSO]

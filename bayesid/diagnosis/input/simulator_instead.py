@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from bayesid.diagnosis.input.vehicle_behaviour import VehicleBehaviour
+from bayesid.diagnosis.input.vehicle_behaviour import NEEDS, VehicleBehaviour, steering
 from bayesid.diagnosis.input.wrong_vehicle import wrong_vehicle
 from bayesid.diagnosis.simulator.mending import mended_model, numbers_of
 from bayesid.diagnosis.simulator.table import MISTAKES
@@ -22,6 +22,7 @@ from bayesid.errors import BayesidError
 from bayesid.trials import Run, Trial
 from bayesid.trials.mistakes import SIMULATOR, InputFinding
 from bayesid.trials.mistakes.judge import ALSO
+from bayesid.trials.mistakes.signs import SIGNS
 from bayesid.trials.mistakes.table import USUAL
 
 MOST_LISTED = 3  # mistakes not told from one another, that of the log among them
@@ -30,7 +31,15 @@ RUNS_COUNT_AS = 2.0  # independent observations, however many runs: they share o
 
 def behaviour_of(model: Model, runs: Sequence[Run], seen: bool = False) -> VehicleBehaviour:
     """The behaviour of a vehicle, as evidence in so many runs; `seen` as there."""
-    return VehicleBehaviour(model, min(1.0, RUNS_COUNT_AS / len(runs)), seen)
+    named, needs = steering(model), dict(NEEDS)
+    if named != ("delta_r",):
+        fins = {name for fin in named for name in (fin, f"{fin}_cmd")}
+        needs |= {
+            "turn": needs["turn"] | fins,
+            "drift": needs["drift"] | fins,
+            "steering": SIGNS["rudder"] | fins,
+        }
+    return VehicleBehaviour(model, min(1.0, RUNS_COUNT_AS / len(runs)), seen, needs, named)
 
 
 def mended_simulators(model: Model) -> Iterator[tuple[str, Model]]:

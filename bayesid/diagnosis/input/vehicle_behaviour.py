@@ -8,8 +8,8 @@ Does not: know mistakes.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -19,6 +19,10 @@ from bayesid.model.vehicles import self_propulsion_speed
 from bayesid.model.vehicles.sufficient import missing_actuators
 from bayesid.simulation import plan_run, simulate
 from bayesid.trials import Run
+from bayesid.trials.correction import Correction
+from bayesid.trials.mistakes.signs import sign_evidence
+from bayesid.trials.mistakes.table import COMMON, Mistake
+from bayesid.words import and_list
 
 Array = np.ndarray
 
@@ -39,9 +43,9 @@ NEEDS = {
     "pitch": frozenset({"t", "u", "w", "q", "theta", "delta_s", "delta_s_cmd", "x", "y"}),
     "heave": frozenset({"u", "u_water", "w", "w_water", "q", "theta", "delta_s", "delta_s_cmd"}),
 }
-# fin -> the angle it turns, what is told of turn and slide; angle -> its rate, the slide that goes with it,
+# fins -> the angle they turn, what is told of turn and slide; angle -> its rate, the slide that goes with it,
 # and that slide over rate and length as a turn begins: a hull slides outwards
-FINS = {"delta_r": ("psi", "turn", "drift"), "delta_s": ("theta", "pitch", "heave")}
+FINS = {("delta_r",): ("psi", "turn", "drift"), ("delta_s",): ("theta", "pitch", "heave")}
 SLIDE = {"psi": ("r", "v", -0.3), "theta": ("q", "w", 0.3)}
 
 
@@ -53,12 +57,36 @@ class VehicleBehaviour:
     ----------
     weight : of one run: runs of one trial share the vehicle's errors and count as two together
     seen : whether a turn has to be seen: a simulator in question that scatters must not be excused by it
+    needs : what is told -> channels that matter to it
+    steering : fins that turn it; named ones where it has no `delta_r`
     """
 
     model: Model
     weight: float = 1.0
     seen: bool = False
     needs: Mapping[str, frozenset[str]] = field(default_factory=lambda: dict(NEEDS))
+    steering: tuple[str, ...] = ("delta_r",)
+
+    @property
+    def mistakes(self) -> tuple[Mistake, ...]:
+        """Mistakes of channels that only this vehicle has: named rudders with the opposite sign."""
+        if self.steering == ("delta_r",):
+            return ()
+        scale = {name: -1.0 for fin in self.steering for name in (fin, f"{fin}_cmd")}
+        many = len(self.steering) > 1
+        says = (
+            f"{'rudders' if many else 'rudder'} {and_list([n.removeprefix('delta_') for n in self.steering])}"
+        )
+        verb = "have" if many else "has"
+        name = f"sign of {', '.join(self.steering)}"
+        return (
+            Mistake(
+                name,
+                f"{says} {verb} the opposite sign, or `direction` in the vehicle file has",
+                Correction(scale=scale),
+                COMMON,
+            ),
+        )
 
     def __call__(self, run: Run) -> dict[str, float]:
         """What is told -> log likelihood [nats]."""
@@ -68,9 +96,10 @@ class VehicleBehaviour:
             speed = speed_ratio(self.model, run)
             if speed is not None:
                 out["speed"] = self.weight * _log_density(math.log(speed) / SPEED_SD)
-            for fin, (angle, turn, slide) in FINS.items():
+            for fins, (angle, turn, slide) in FINS.items():
                 try:
-                    gains = fin_gains(self.model, run, fin, angle)
+                    steered = self.steering if angle == "psi" else fins
+                    gains = fin_gains(self.model, run, steered, angle)
                 except BayesidError:
                     continue
                 for name, gain in zip((turn, slide), gains, strict=True):
@@ -79,7 +108,32 @@ class VehicleBehaviour:
                 if gains[0] is not None and gains[1] is not None and _turned(*gains[0]):
                     # steered the other way round: how it slides tells nothing of the sign of v or w
                     out[slide] = min(out[slide], self.weight * WRONG_SIDE)
+            if self.steering != ("delta_r",):  # the sign of that one the channels tell by themselves
+                signs = sign_evidence(_with_rudder(self.model, run, self.steering), ("rudder",))
+                out |= {"steering": signs["rudder"]} if "rudder" in signs else {}
         return {k: v for k, v in out.items() if math.isfinite(v)}
+
+
+def steering(model: Model) -> tuple[str, ...]:
+    """The fins that turn a vehicle: its rudder, or the named ones that push sideways where it has none."""
+    vehicle = model.vehicle
+    if "delta_r" not in missing_actuators(vehicle):
+        return ("delta_r",)
+    named = tuple(
+        f"delta_{fin.name}" for fin in vehicle.fins if abs(fin.direction[1]) > abs(fin.direction[2])
+    )
+    return named or ("delta_r",)
+
+
+def _with_rudder(model: Model, run: Run, fins: Sequence[str]) -> Run:
+    """The run with named fins as one rudder, positive to port: their mean, each as it turns the vehicle."""
+    place = {f"delta_{fin.name}": fin.at[0] * fin.direction[1] for fin in model.vehicle.fins}
+    orders = [
+        -math.copysign(1.0, place[fin]) * order for fin in fins if (order := run.input(fin)) is not None
+    ]
+    if not orders:
+        return run
+    return replace(run, commands={**run.commands, "delta_r_cmd": np.mean(orders, axis=0)})
 
 
 def _log_density(z: float) -> float:
@@ -167,19 +221,19 @@ def _simulated_speed(model: Model, run: Run, speed: Array) -> Array | None:
 Gain = tuple[float, float] | None
 
 
-def fin_gains(model: Model, run: Run, fin: str, angle: str) -> tuple[Gain, Gain]:
-    """Turn a fin gives over the turn it gives in the simulator, and sway (heave) over the simulated one, over
-    pieces.
+def fin_gains(model: Model, run: Run, fins: Sequence[str], angle: str) -> tuple[Gain, Gain]:
+    """Turn that fins give over the turn they give in the simulator, and sway (heave) over the simulated one,
+    over pieces.
 
     Returns
     -------
     tuple                      (gain, sd) each; None where the run does not say, and of a fin there is not
     """
-    order = run.input(fin)
+    orders = [order for fin in fins if (order := run.input(fin)) is not None]
     speed = _speed(run)
-    if order is None or speed is None or angle not in run.data or np.ptp(order) == 0.0:
+    if speed is None or angle not in run.data or not any(np.ptp(order) > 0.0 for order in orders):
         return None, None
-    if fin in missing_actuators(model.vehicle):
+    if missing_actuators(model.vehicle) & set(fins):
         return None, None
     usual = float(np.nanmedian(speed))
     if angle not in model.states or not usual > 0:
@@ -189,7 +243,7 @@ def fin_gains(model: Model, run: Run, fin: str, angle: str) -> tuple[Gain, Gain]
     if run.duration < 3 * length:
         return None, None
     starts = np.linspace(run.t[0] + travel, run.t[-1] - length, min(PIECES, int(run.duration / length)))
-    rows = [row for t0 in starts if (row := _piece(model, run, speed, fin, angle, t0, length, travel))]
+    rows = [row for t0 in starts if (row := _piece(model, run, speed, fins, angle, t0, length, travel))]
     if len(rows) < 4:
         return None, None
     turned, steered, slid, simulated = np.array(rows).T
@@ -208,7 +262,14 @@ def _slope(logged: Array, simulated: Array) -> Gain:
 
 
 def _piece(
-    model: Model, run: Run, speed: Array, fin: str, angle: str, t0: float, length: float, travel: float
+    model: Model,
+    run: Run,
+    speed: Array,
+    fins: Sequence[str],
+    angle: str,
+    t0: float,
+    length: float,
+    travel: float,
 ) -> tuple[float, float, float, float] | None:
     """Turn beyond what a free start gives and last sway or heave, logged and simulated; None if not read."""
     inside = (run.t >= t0) & (run.t <= t0 + length)
@@ -223,7 +284,7 @@ def _piece(
         {k: v[inside] for k, v in group.items()}
         for group in (run.commands, run.measured_inputs, run.exogenous)
     )
-    names = (f"{fin}_cmd", fin)
+    names = {name for fin in fins for name in (f"{fin}_cmd", fin)}
     free = [{k: np.zeros(v.shape) if k in names else v for k, v in group.items()} for group in groups]
     j, slide = model.states.index(angle), SLIDE[angle][1]
     ends, last = [], []

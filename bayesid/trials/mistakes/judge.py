@@ -44,6 +44,9 @@ class Behaviour(Protocol):
     @property
     def needs(self) -> Mapping[str, frozenset[str]]: ...
 
+    @property
+    def mistakes(self) -> Sequence[Mistake]: ...
+
     def __call__(self, run: Run) -> Mapping[str, float]: ...
 
 
@@ -119,7 +122,8 @@ def check_input(
     found: list[InputFinding] = []
     first = base = [base_of(run, travel, behaviour) for run in kept]
     for k in range(MOST):
-        asked = distinct(mistakes_of(known), {name for run in kept for name in _logged(run)})
+        own = () if behaviour is None else behaviour.mistakes
+        asked = distinct((*mistakes_of(known), *own), {name for run in kept for name in _logged(run)})
         every = [*weighed(base, asked), *mirrored(base, known), *sized(base)]
         every += [*ordered(base, fin_rates), *frozen(base)]
         if behaviour is not None:

@@ -1,0 +1,105 @@
+"""Named rudders that turn a vehicle the other way than its log does are told before any cause is weighed."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bayesid.diagnosis.input import check_trial
+from bayesid.equations.model import build_model
+from bayesid.model.vehicles import load_vehicle
+from bayesid.simulation import plan_run, simulate, steady_start
+from bayesid.trials import Run, Trial
+
+LAUNCH = """
+format = 1
+[vehicle]
+name = "launch with two rudders"
+source = "made up"
+nondimensional = false
+plain_abs = true
+planar_only = true
+rho = 1025.0
+L = 10.0
+mass = 8000.0
+Izz = 60000.0
+U_ref = 4.0
+[propulsion]
+model = "quadratic"
+rpm_ref = 600.0
+[actuators.3]
+at = [-4.5, 0.0, 0.0]
+direction = [1.0, 0.0, 0.0]
+T_nn = 0.012
+T_un = -0.8
+[actuators.1]
+kind = "fin"
+at = [-4.8, -0.8, 0.0]
+direction = [0.0, 1.0, 0.0]
+F_uu = 300.0
+[actuators.2]
+kind = "fin"
+at = [-4.8, 0.8, 0.0]
+direction = [0.0, 1.0, 0.0]
+F_uu = 300.0
+[coef]
+X_udot = -400
+Y_vdot = -5000
+N_rdot = -40000
+"X_u|u|" = -180
+Y_v = -2500
+Y_r = 4000
+N_v = -4000
+N_r = -45000
+"""
+NOISE = {"x": 0.2, "y": 0.2, "psi": 0.005, "r": 0.002}
+
+
+@pytest.fixture(scope="module")
+def zigzags(tmp_path_factory) -> Trial:
+    file = tmp_path_factory.mktemp("launch") / "launch.toml"
+    file.write_text(LAUNCH)
+    model = build_model(load_vehicle(file), 3)
+    rng, runs = np.random.default_rng(0), []
+    for k, period in enumerate((18.0, 26.0)):
+        t = np.arange(0.0, 120.0, 0.5)
+        angle = 0.25 * np.sign(np.sin(2 * np.pi * t / period))
+        commands = {"n_3_cmd": np.full(t.size, 600.0), "delta_1_cmd": angle, "delta_2_cmd": angle}
+        plan = plan_run(model, t, commands)
+        states = simulate(model, model.nominal, plan, steady_start(model)).states
+        data = {n: states[:, model.states.index(n)] + rng.normal(0.0, NOISE[n], t.size) for n in NOISE}
+        runs.append(Run(f"zz{k}", "zigzag", "identify", t, data, commands))
+    return Trial("launch", Path("."), str(file), 3, tuple(runs), noise=NOISE)
+
+
+def turned(trial: Trial, names: tuple[str, ...]) -> Trial:
+    """The trial with some orders logged with the opposite sign."""
+    runs = [
+        replace(r, commands={k: -v if k in names else v for k, v in r.commands.items()}) for r in trial.runs
+    ]
+    return replace(trial, runs=tuple(runs))
+
+
+def model_of(trial: Trial):
+    return build_model(load_vehicle(trial.vehicle_ref), 3)
+
+
+def test_rudders_of_the_right_sign_are_no_mistake(zigzags):
+    assert check_trial(zigzags, model_of(zigzags)).findings == ()
+
+
+def test_rudders_of_the_opposite_sign_are_told_with_their_mend(zigzags):
+    wrong = turned(zigzags, ("delta_1_cmd", "delta_2_cmd"))
+    (found,) = check_trial(wrong, model_of(wrong)).findings
+    assert found.name == "sign of delta_1, delta_2"
+    assert "`direction` in the vehicle file" in found.says
+    assert found.correction.scale["delta_1_cmd"] == -1.0
+    assert max(found.probability, found.together) > 0.95
+
+
+def test_a_direction_of_the_wrong_sign_in_the_vehicle_file_is_told_alike(zigzags):
+    model = model_of(zigzags)
+    fins = tuple(replace(f, direction=(0.0, -f.direction[1], 0.0)) for f in model.vehicle.fins)
+    (found,) = check_trial(zigzags, build_model(replace(model.vehicle, fins=fins), 3)).findings
+    assert found.name == "sign of delta_1, delta_2"
