@@ -103,3 +103,34 @@ def test_a_direction_of_the_wrong_sign_in_the_vehicle_file_is_told_alike(zigzags
     fins = tuple(replace(f, direction=(0.0, -f.direction[1], 0.0)) for f in model.vehicle.fins)
     (found,) = check_trial(zigzags, build_model(replace(model.vehicle, fins=fins), 3)).findings
     assert found.name == "sign of delta_1, delta_2"
+
+
+def test_twin_rudders_have_one_lag_that_is_the_lag_of_both(zigzags):
+    """One size on both gives the motion that each of two equal sizes gives."""
+    model = model_of(zigzags)
+    names = {e.name for e in model.causes}
+    assert {"twin_fins_1_2_lag", "twin_fins_1_2_offset", "twin_fins_1_2_effectiveness"} <= names
+    run = zigzags.runs[0]
+    plan, start = plan_run(model, run.t, run.commands), steady_start(model)
+
+    def motion(**values):
+        return simulate(
+            model, model.with_values({k.replace("__", "."): v for k, v in values.items()}), plan, start
+        )
+
+    for kind, size, value in (
+        ("lag", "tau", 0.8),
+        ("offset", "offset", 0.05),
+        ("effectiveness", "share", 0.2),
+    ):
+        both = motion(**{f"twin_fins_1_2_{kind}__{size}": value}).states[:, :6]
+        each = motion(**{f"delta_{k}_{kind}__{size}": value for k in (1, 2)}).states[:, :6]
+        assert both == pytest.approx(each, rel=1e-9, abs=1e-9)
+        assert np.abs(both - motion().states[:, :6]).max() > 1e-3
+
+
+def test_fins_that_are_no_twins_have_no_common_effect(zigzags):
+    vehicle = model_of(zigzags).vehicle
+    apart = tuple(replace(f, F_uu=f.F_uu * k) for k, f in enumerate(vehicle.fins, 1))
+    named = {e.name for e in build_model(replace(vehicle, fins=apart), 3).causes}
+    assert "delta_1_lag" in named and not any(name.startswith("twin") for name in named)

@@ -1,17 +1,20 @@
 """What may be wrong with each named actuator of a vehicle, by the name of the column it is ordered by.
 
 Takes: the actuators of a vehicle file. Gives declarations as in the catalogue: a shaft `n_bow` has the
-effects `thruster_bow_...`, an angle or bucket those of its column (`azimuth_bow_...`, `delta_1_...`).
+effects `thruster_bow_...`, an angle or bucket those of its column (`azimuth_bow_...`, `delta_1_...`). Twin
+rudders have one steering gear, or two of one type: what both have alike is one effect, `twin_fins_1_2_...`.
 Does not: know a kind of actuator; what it needs stands in its shape.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import astuple, replace
 
-from bayesid.model.actuators import Actuator, Shape, kind_of
+from bayesid.model.actuators import Actuator, Fin, Shape, kind_of
 from bayesid.model.actuators.declare import servo_names
 from bayesid.model.effects.declare import Effect, EffectParameter, InputStage
+from bayesid.words import and_list
 
 _DEG = 0.017453292519943295
 _PUSHES = ("X", "N", "X+Y+N")
@@ -21,6 +24,12 @@ _WORDS = {
     "azimuth": "The thruster {} turns", "nozzle": "The nozzle {} turns", "bucket": "The bucket {} moves",
     "delta": "The fin {} turns",
 }  # fmt: skip
+# words of one fin -> of several
+_PLURAL = {
+    "The fin {} turns": "The fins {} turn",
+    "The fin {} gives": "The fins {} give",
+    "The fin {} is": "The fins {} are",
+}
 
 
 def named_effects(actuators: Iterable[Actuator], rpm_ref: float | None = None) -> tuple[Effect, ...]:
@@ -32,6 +41,7 @@ def named_effects(actuators: Iterable[Actuator], rpm_ref: float | None = None) -
     rpm_ref : usual revolutions, which size the offset of a shaft
     """
     out: list[Effect] = []
+    actuators = tuple(actuators)
     for actuator in actuators:
         shape = actuator.shape
         angles = kind_of(shape).turned_by(shape)
@@ -42,7 +52,52 @@ def named_effects(actuators: Iterable[Actuator], rpm_ref: float | None = None) -
                 out += _of_shaft(shape, signal, rpm_ref or 1000.0)
         if actuator.signals == angles:
             out += _of_fin(shape, angles[0])
+    for twins in _twins(actuators):
+        out += _of_both(twins)
     return tuple(out)
+
+
+def _twins(actuators: Sequence[Actuator]) -> list[tuple[Fin, ...]]:
+    """Fins that are alike but for the side on which they are."""
+    alike: dict[tuple[object, ...], list[Fin]] = {}
+    for fin in actuators:
+        if isinstance(fin, Fin):
+            x, y, z = fin.at
+            rest = replace(fin, name="", at=(x, abs(y), z), behind=None)
+            alike.setdefault(astuple(rest), []).append(fin)
+    return [tuple(fins) for fins in alike.values() if len(fins) > 1]
+
+
+def _of_both(twins: Sequence[Fin]) -> list[Effect]:
+    """The effects of one fin, on all twins by the same size."""
+    each = []
+    for fin in twins:
+        (signal,) = fin.signals
+        each.append([*_of_servo(signal, fin.name), *_of_fin(fin.shape, signal)])
+    names = [fin.name for fin in twins]
+    out = []
+    for effects in zip(*each, strict=True):
+        first = effects[0]
+        kind = first.name.removeprefix(f"{twins[0].signals[0]}_")
+        says = first.says
+        for one, many in _PLURAL.items():
+            said = one.format(names[0])
+            if says.startswith(said):
+                says = many.format(and_list(names)) + says.removeprefix(said)
+        axes = {axis: " + ".join(e.force[axis] for e in effects) for axis in first.force}
+        out.append(
+            replace(
+                first,
+                name=f"twin_fins_{'_'.join(names)}_{kind}",
+                says=says.replace("than its order is", "than their orders are"),
+                family=f"twin_fins_{'_'.join(names)}_{first.family.removeprefix(f'{twins[0].signals[0]}_')}",
+                stages=tuple(stage for e in effects for stage in e.stages),
+                adjust={k: v for e in effects for k, v in e.adjust.items()},
+                force=axes,
+                form=f"{first.form.removesuffix('.')}; the same on both.",
+            )
+        )
+    return out
 
 
 def _beyond(shape: Shape, share: str) -> dict[str, str]:
