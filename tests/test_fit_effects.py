@@ -71,6 +71,12 @@ def test_effects_that_are_not_there_have_intervals_that_hold_their_off_value(abs
         assert abs(absent.fit.z[i]) < 3 * absent.fit.sd[i]
     assert all(gain < 0.5 * 3.0**2 + 2 for gain in absent.gains.values())
     assert all("does not show" in words for words in effect_words(absent))
+    assert not any("as well" in words for words in effect_words(absent))
+
+
+def test_a_size_far_from_zero_that_gains_nothing_says_that_the_runs_do_without_it(found):
+    nothing = effect_words(replace(found, gains=dict.fromkeys(found.gains, 0.1)))
+    assert all("does not show in these runs: with all else fitted again" in words for words in nothing)
 
 
 @pytest.mark.parametrize(("onset", "piece"), [(45.0, None), (240.0, None), (240.0, 100.0)])

@@ -16,6 +16,7 @@ from bayesid.estimation.trial_fit import fit_trial, memory, outcomes, within_wid
 from bayesid.manoeuvres import turn, zigzag
 from bayesid.model.vehicles import coef_si, load_vehicle
 from bayesid.report.fit import failed_checks, fit_report, next_steps, write_fit_report
+from bayesid.report.fit_first_screen import unphysical
 from bayesid.simulation.virtual_trial import virtual_trial
 
 NOISE = {"x": 1.0, "y": 1.0, "psi": 0.01, "u": 0.05, "v": 0.05, "r": 1e-3}
@@ -161,6 +162,21 @@ def test_added_mass_of_the_wrong_sign_is_a_failed_check_unless_it_was_given_so(f
     given = replace(wrong, problem=replace(found.problem, model=build_model(turned, 3)))
     for fine in (found, given):
         assert not any("No real vehicle" in text for text in failed_checks(fine))
+
+
+def test_a_row_of_a_model_form_and_a_sign_that_is_not_told_are_no_failed_check(found):
+    """Damping of the form is beside the vehicle's own; a sign within its deviation is none."""
+    i = found.fit.names.index("N_dr")
+    turned = replace(found.identified, coef={**found.identified.coef, "N_dr": -found.identified.coef["N_dr"]})
+    wrong = replace(found, identified=turned)
+    assert any("No real vehicle has these coefficients: N_dr" in text for text in failed_checks(wrong))
+    sd = np.array(found.fit.sd)
+    sd[i] = abs(found.fit.z[i])
+    unsure = replace(wrong, fit=replace(found.fit, sd=sd))
+    form = {**found.fit.uncertainty, "form": {"size": 1e-3, "rows": {"N_dr": 1e-3}}}
+    formed = replace(wrong, fit=replace(found.fit, uncertainty=form))
+    for fine in (unsure, formed):
+        assert unphysical(fine) == []
 
 
 def test_where_no_model_was_written_the_fit_that_writes_one_is_named(found):

@@ -38,7 +38,6 @@ from bayesid.report.fit import (
     calibration_words,
     failed_checks,
     fit_report,
-    form_rows_of,
     form_words,
     noise_level,
     predictive_words,
@@ -46,6 +45,7 @@ from bayesid.report.fit import (
 )
 from bayesid.report.fit_effects import effect_words
 from bayesid.report.fit_first_screen import headline, moved
+from bayesid.report.fit_form import form_rows_of
 from bayesid.report.prediction_error import PREDICTION_COLUMNS, prediction_numbers, prediction_rows
 from bayesid.report.writer import Report
 from bayesid.report.writer.text import table_text

@@ -23,6 +23,7 @@ from bayesid.prediction.fitted_model import Calibration
 from bayesid.report import coefficient_cells, writer
 from bayesid.report import fit_figures as figures
 from bayesid.report import fit_first_screen as first_screen
+from bayesid.report.fit_form import form_rows_of
 from bayesid.report.writer import Block, Figure, Report, Section, Table, Text, literal
 from bayesid.words import counted
 
@@ -214,11 +215,6 @@ def holdout_words(runs: tuple[RunOutcome, ...]) -> list[str]:
         "unstable vehicle amplify small errors; try shorter pieces, hold what is known, or predict with "
         "a band."
     ]
-
-
-def form_rows_of(fit: Fit) -> Mapping[str, float]:
-    """Rows of the model form a fit needed: force over 1/2 rho L^2 U^2 at the typical motion."""
-    return fit.uncertainty.get("form", {}).get("rows", {})
 
 
 def form_words(fit: Fit) -> list[str]:

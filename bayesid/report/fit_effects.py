@@ -20,6 +20,8 @@ _DEGREE = 180.0 / math.pi
 SHOWN = {"rad": ("deg", _DEGREE), "rad/s": ("deg/s", _DEGREE), "s/rad": ("s/deg", 1.0 / _DEGREE)}
 # Chance that an effect which is absent shows in a fit (likelihood ratio, chi-square of its amplitudes).
 FALSE_ALARM = 0.01
+# Standard deviations from which a size looks told by itself.
+FAR = 3.0
 
 
 def effect_words(found: TrialFit) -> list[str]:
@@ -42,13 +44,24 @@ def effect_words(found: TrialFit) -> list[str]:
         over = bool(stated) and effect.says != declared.says and needed <= set(own)
         if off:
             as_stated = "is as the vehicle file states" if stated else "does not show in these runs"
-            says = f"{effect.name} {as_stated}"
+            far = any(abs(value - known) > FAR * sd for value, sd, known in _sizes(found, effect.name, own))
+            why = ": with all else fitted again they do without these sizes as well" if far else ""
+            says = f"{effect.name} {as_stated}{why}"
         elif over or (told and not told & stated):
             says = sentence(effect).removesuffix(".")
         else:  # the sentence tells an effect the simulator has not, or sizes that were not asked for
             says = f"{effect.name} has other sizes than the vehicle file states"
         out.append(f"{says} ({sizes}, one sd; {gain:.3g} nats).")
     return out
+
+
+def _sizes(found: TrialFit, effect: str, own: list[str]) -> list[tuple[float, float, float]]:
+    """Value, sd, and value as the vehicle states it, of each parameter that was freed."""
+    model = found.model
+    return [
+        (*_value(found, key), float(model.nominal[model.index[key]]))
+        for key in (f"{effect}.{p}" for p in own)
+    ]
 
 
 def parameter_words(found: TrialFit, name: str) -> str:

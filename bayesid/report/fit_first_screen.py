@@ -16,6 +16,7 @@ from bayesid.estimation.trial_fit import RunOutcome, TrialFit
 from bayesid.model.vehicles.check import check_vehicle
 from bayesid.report import run_picture
 from bayesid.report.fit_effects import effect_words
+from bayesid.report.fit_form import form_rows_of
 from bayesid.report.writer import Block, Figure, Row, Section, Table, Text, literal
 from bayesid.simulation import shaft_speed_note
 from bayesid.trials.noise_stated import noise_warning
@@ -26,6 +27,7 @@ MOST_MOVED = 4
 SAME = 1.1
 MOST_SPREAD = 10.0  # sd over the value, above which nothing is known of it
 LEAST_PERCENT = 0.01
+SIGN_TOLD = 2.0  # standard deviations from zero
 DEGREE = 180 / math.pi
 
 
@@ -133,12 +135,21 @@ def failures(found: TrialFit, others: list[str]) -> list[str]:
 
 
 def unphysical(found: TrialFit) -> list[str]:
-    """What the check of a vehicle finds impossible in rows of the one found, and not of the one given."""
+    """What the check of a vehicle finds impossible in rows of the one found, and not of the one given.
+
+    Rows of a model form are forces beside the vehicle's own, and a sign that is not told is none.
+    """
+    fit, form = found.fit, form_rows_of(found.fit)
+    sure = {n: abs(z) > SIGN_TOLD * sd for n, z, sd in zip(fit.names, fit.z, fit.sd, strict=False)}
     given, after = (
         {f.rows: f.text for f in check_vehicle(vehicle) if f.level == "warning" and f.rows}
         for vehicle in (found.problem.model.vehicle, found.identified)
     )
-    return [text for rows, text in after.items() if rows not in given]
+    return [
+        text
+        for rows, text in after.items()
+        if rows not in given and not set(rows) & set(form) and all(sure.get(name, True) for name in rows)
+    ]
 
 
 def _stated(found: TrialFit) -> dict[str, tuple[float, float, float]]:

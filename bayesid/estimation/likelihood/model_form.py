@@ -28,6 +28,7 @@ from bayesid.estimation.likelihood.posterior import (
 from bayesid.estimation.output_error.problem import FitProblem
 from bayesid.model.params import Parameter, ParameterSet, Prior
 from bayesid.model.terms import Term, term
+from bayesid.model.vehicles.sufficient import missing_actuators
 
 Array = np.ndarray
 SCALE = 1e-3  # of the unknowns: one for all sizes, so that densities of scores compare
@@ -45,7 +46,8 @@ NOT_SO_SMALL = 1e-9  # of a size: no form at all, in the same unknowns
 
 
 def form_rows(model: Model, cubes_of_fins: bool = False) -> tuple[str, ...]:
-    """Rows the vehicle lacks that the symmetry of its hull allows; no accelerations, no constants.
+    """Rows the vehicle lacks that the symmetry of its hull allows; no accelerations, no constants, none of a
+    fin it does not have.
 
     Parameters
     ----------
@@ -53,7 +55,12 @@ def form_rows(model: Model, cubes_of_fins: bool = False) -> tuple[str, ...]:
         their form: it sent two of seven held-out zig-zags and turns of a ship out of all bounds (30 and 35
         degrees of rudder), none without them.
     """
-    rows = (n for n in model.candidate_rows if depends_on_motion(term(n)))
+    lacks = missing_actuators(model.vehicle)
+    rows = (
+        n
+        for n in model.candidate_rows
+        if depends_on_motion(term(n)) and not lacks & {f.symbol for f in term(n).factors}
+    )
     return tuple(n for n in rows if cubes_of_fins or not is_cube_of_fins(term(n)))
 
 
