@@ -9,6 +9,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -81,7 +82,7 @@ def test_a_folder_is_searched_for_all_it_needs(dive, tmp_path):
     assert [p.name for p in found.logs] == ["log.csv"]
     assert [p.name for p, _ in found.skipped] == ["README.txt"]
     assert found.sheet is not None
-    assert found.vehicle is None
+    assert found.vehicles == ()
     assert found.bundle is None
 
 
@@ -91,6 +92,19 @@ def test_without_a_vehicle_it_asks_and_stops(dive, capsys, diagnosed):
     assert "which vehicle" in said
     assert "--template" in said and "of a ship: --template --ship" in said
     assert not diagnosed
+
+
+def test_of_two_vehicle_files_it_asks_for_one_and_what_a_fit_wrote_is_none(dive, capsys, diagnosed):
+    text = (files("bayesid.model.vehicles") / "builtin" / "remus100.toml").read_text()
+    for name in ("boat.toml", "boat_old.toml"):
+        (dive / name).write_text(text)
+    assert bayesid(["start", str(dive), "--yes"]) == 3
+    said = capsys.readouterr().out
+    assert "boat.toml" in said and "boat_old.toml" in said and "--vehicle" in said and not diagnosed
+    (dive / "boat_old.toml").unlink()
+    (dive / "fit").mkdir()
+    (dive / "fit" / "vehicle.toml").write_text(text)
+    assert look_into(dive).vehicles == (dive / "boat.toml",)
 
 
 def test_it_goes_from_the_log_to_the_diagnosis_and_keeps_the_commands(dive, capsys, diagnosed):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -172,8 +172,12 @@ def _vehicle(
             return None, OK
         if made.exists():
             return str(made), OK
-        if found.vehicle is not None:
-            given = str(found.vehicle)
+        if len(found.vehicles) > 1:
+            given = _which(found.vehicles, ask)
+            if given is None:
+                return None, ASKED
+        elif found.vehicles:
+            given = str(found.vehicles[0])
         elif found.sheet is not None:
             code = steps.made(
                 lambda: new(made, sheet=found.sheet), made, "vehicle", "new", made, "--sheet", found.sheet
@@ -201,6 +205,21 @@ def _vehicle(
     if given is not None:
         load_vehicle(given)
     return given, OK
+
+
+def _which(vehicles: Sequence[Path], ask: bool) -> str | None:
+    """One of several vehicle files; None where nobody can be asked."""
+    from bayesid.cli.output import print_text
+
+    print_text("Question: which vehicle is it? There are several files:")
+    for path in vehicles:
+        print_text(f"  - {path}")
+    if ask:
+        return str(typer.prompt("Which one?")).strip()
+    print_text(
+        f"Give the same command again with --vehicle, as in --vehicle {shlex.quote(str(vehicles[0]))}."
+    )
+    return None
 
 
 def _bundle_names_one(bundle: Path) -> bool:

@@ -26,14 +26,15 @@ LARGEST_TOML = 1_000_000  # bytes
 
 @dataclass(frozen=True)
 class Found:
-    """skipped: (file, why it is no log); damaged: (TOML file, why it cannot be read)."""
+    """skipped: (file, why it is no log); damaged: (TOML file, why it cannot be read); vehicles: vehicle files,
+    those nearest to the top."""
 
     logs: tuple[Path, ...]
     skipped: tuple[tuple[Path, str], ...]
     damaged: tuple[tuple[Path, str], ...]
     bundle: Path | None
     map: Path | None
-    vehicle: Path | None
+    vehicles: tuple[Path, ...]
     sheet: Path | None
     simulator: tuple[Path, ...]
 
@@ -72,10 +73,16 @@ def look_into(folder: Path, leave_out: Path | None = None) -> Found:
         tuple(damaged),
         next((p.parent for p in trees if p.name == "trial.toml"), None),
         first("channels", "sources"),
-        first("vehicle", "coef"),
+        _nearest([p for p, tree in trees.items() if {"vehicle", "coef"} <= set(tree)]),
         next((p for p, tree in trees.items() if len(set(tree) & set(KEYS)) >= 3), None),
         tuple(p for p in files if p.suffix.lower() in SIMULATORS),
     )
+
+
+def _nearest(paths: list[Path]) -> tuple[Path, ...]:
+    """Those with the fewest folders above them: what a fit wrote lies below the file that it was given."""
+    least = min((len(p.parts) for p in paths), default=0)
+    return tuple(p for p in paths if len(p.parts) == least)
 
 
 def _files(folder: Path, leave_out: Path | None) -> Iterator[Path]:
