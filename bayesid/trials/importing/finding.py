@@ -26,8 +26,8 @@ LARGEST_TOML = 1_000_000  # bytes
 
 @dataclass(frozen=True)
 class Found:
-    """skipped: (file, why it is no log); damaged: (TOML file, why it cannot be read); vehicles: vehicle files,
-    those nearest to the top."""
+    """skipped: (file, why it is no log); damaged: (TOML file, why it cannot be read); vehicles: their files
+    nearest to the top."""
 
     logs: tuple[Path, ...]
     skipped: tuple[tuple[Path, str], ...]
