@@ -110,8 +110,8 @@ def _run(run: Run, noise: dict[str, float]) -> dict[str, Any]:
         "speed": _range(_speed(run)),
         "heading_turned_deg": _range(run.data.get("psi"), _DEG),
         "yaw_rate_deg_s": _range(run.data.get("r"), _DEG),
-        "rudder_deg": _range(run.input("delta_r"), _DEG),
-        "rpm": _range(run.input("n")),
+        "rudder_deg": _range(_widest(run, "delta_r", "delta_"), _DEG),
+        "rpm": _range(_widest(run, "n", "n_")),
         "wind_speed": _range(run.exogenous.get("wind_speed")),
         "channels": list(run.data),
         "inputs": [*run.commands, *run.measured_inputs],
@@ -132,6 +132,15 @@ def _speed(run: Run) -> Floats | None:
         if set(names) <= set(run.data):
             return np.hypot(run.data[names[0]], run.data[names[1]])
     return None
+
+
+def _widest(run: Run, name: str, named: str) -> Floats | None:
+    """The rudder or shaft of a run; of those that have names, the one that moves most."""
+    if (own := run.input(name)) is not None:
+        return own
+    inputs = {k.removesuffix("_cmd") for k in (*run.commands, *run.measured_inputs)}
+    there = [x for k in sorted(inputs) if k.startswith(named) and (x := run.input(k)) is not None]
+    return max(there, key=lambda x: float(np.nanmax(x) - np.nanmin(x)), default=None)
 
 
 def _range(values: Floats | None, unit: float = 1.0) -> list[float] | None:

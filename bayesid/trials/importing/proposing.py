@@ -172,7 +172,8 @@ def _name(draft: Draft, recordings: list[Recording]) -> list[str]:
         rivals = [o for o in found[1:] if o[0] > score - 0.3]
         if rivals and score < 3.0:
             shown = ", ".join(repr(o[2].name) for o in rivals[:3])
-            draft.ask(3, f"{role} is read from {channel.name!r}; {shown} would fit as well")
+            twins = " (of two shafts that turn alike, either)" if role.partition("_")[0] == "n" else ""
+            draft.ask(3, f"{role} is read from {channel.name!r}; {shown} would fit as well{twins}")
         elif rivals:
             pair = (_topic(channel.name).split(".")[0], _topic(rivals[0][2].name).split(".")[0])
             passed.setdefault(pair, []).append(role)
@@ -182,7 +183,9 @@ def _name(draft: Draft, recordings: list[Recording]) -> list[str]:
             draft.remark(f"{channel.name!r} is read as {role}, {moves}")
         if score < 1.0:
             beside = [other.name for other in first[label].channels if other is not channel]
-            draft.by_part[full] = unknown_unit(channel, beside)
+            word = unknown_unit(channel, beside)
+            if not rivals or word is not None:  # of several that fit it is asked already
+                draft.by_part[full] = word
     named = [entry.source for entry in channels.values()]
     for (taken, other_topic), roles in passed.items():
         draft.remark(f"{', '.join(roles)} are read from {taken}, not from {other_topic}")
