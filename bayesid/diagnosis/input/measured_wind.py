@@ -31,7 +31,7 @@ from bayesid.estimation.filter_error.read_run import LONGER_STEPS
 from bayesid.estimation.filter_error.shared_linearisations import fresh
 from bayesid.estimation.parameters import GaussianPrior, effect_prior
 from bayesid.simulation import plan_trial_run
-from bayesid.trials import Run, Trial
+from bayesid.trials import Run, Trial, thin
 from bayesid.trials.averaging import averaged
 from bayesid.trials.correction import WIND, apply
 from bayesid.trials.measured_wind import GAIN
@@ -39,7 +39,7 @@ from bayesid.trials.mistakes import InputFinding
 from bayesid.trials.mistakes.judge import ALSO, NAMED_AT
 from bayesid.trials.mistakes.table import Mistake
 from bayesid.trials.mistakes.wind import WIND_MISTAKES
-from bayesid.trials.noise_stated import with_seen_noise
+from bayesid.trials.noise_stated import with_noise_of_readings, with_seen_noise
 from bayesid.trials.true_wind import APPARENT_BY_COMPASS
 
 # Share by which wind at the hull differs from that of an anemometer by its height and place: one sd, assumed
@@ -47,6 +47,7 @@ GAIN_SD = 0.25
 # Readings above which dense ones are averaged; log odds behind the best from which on none is fitted, and how
 # many mistakes are
 MOST_SAMPLES, RULED_OUT, MOST_FITTED = 2_000, 20.0, 2
+WORTH_THINNING = 2.0  # times as many samples
 # What may act beside a reading of the wind, and what may not: another wind than the one that was read.
 BESIDE: tuple[tuple[str, ...], ...] = ((), ("wind",), ("ocean_current",), ("wind", "ocean_current"))
 ANOTHER_WIND = ("wind.blowing_north", "wind.blowing_east")
@@ -87,8 +88,7 @@ def check_wind(trial: Trial, model: Model) -> WindCheck:
         return WindCheck()
     try:
         size = model.scales["L"], model.scales["U"]
-        seen = with_seen_noise(replace(trial, runs=tuple(runs)), size)
-        seen = averaged(seen, size[0] / size[1], MOST_SAMPLES)
+        seen = _short(with_seen_noise(replace(trial, runs=tuple(runs)), size), size)
         problem = build_problem(model, seen, seek_outliers=False)
         nothing = _fitted(problem, ())
         if nothing.chi2 > FOLLOWS_DATA_CHI2:
@@ -114,6 +114,16 @@ def check_wind(trial: Trial, model: Model) -> WindCheck:
     except (BayesidError, LinAlgError):
         return WindCheck(asked=True)
     return _judged(weights, [run.name for run in runs])
+
+
+def _short(trial: Trial, size: tuple[float, float]) -> Trial:
+    """Dense readings averaged; where that cannot be, fewer of them."""
+    trial = averaged(with_noise_of_readings(trial, size), size[0] / size[1], MOST_SAMPLES)
+    samples = sum(run.n_samples for run in trial.runs)
+    if samples <= WORTH_THINNING * MOST_SAMPLES:
+        return trial
+    step = sum(run.duration for run in trial.runs) / MOST_SAMPLES
+    return replace(trial, runs=tuple(thin(run, step) for run in trial.runs))
 
 
 def _weights(
