@@ -64,8 +64,10 @@ def said_of(effect: Effect, model: Model) -> str:
     return effect.says_over if has and effect.says_over else effect.says
 
 
-def in_sentence(effect: Effect, says: str) -> frozenset[str]:
-    """Parameters of a declaration that a sentence of it tells, under the names a simulation takes."""
-    places = " ".join(re.findall(r"\{[^{}]*\}", says))
+def in_sentence(effect: Effect, says: str = "") -> frozenset[str]:
+    """Parameters of a declaration that a sentence of it tells, its own where none is given, under the names a
+    simulation takes.
+    """
+    places = " ".join(re.findall(r"\{[^{}]*\}", says or effect.says))
     told = {p.name for p in effect.parameters if re.search(rf"\b{re.escape(p.name)}\b", places)}
     return frozenset(told | (set(WIND) if "V_wind" in places else set()))

@@ -54,7 +54,7 @@ def surroundings(found: DiagnosedModel) -> tuple[Surrounding, ...]:
 
 def _acts(model: Model, effect: Effect, par: Array) -> bool:
     """Whether what its sentence tells of it is there; any parameter, where the sentence tells none."""
-    told = in_sentence(effect, effect.says)
+    told = in_sentence(effect)
     return any(
         par[model.index[effect.key(p.name)]] != p.off for p in effect.parameters if p.name in told or not told
     )
