@@ -112,10 +112,8 @@ def _print(summary: dict[str, Any], mistakes: Sequence[str], lacking: Sequence[s
         _print_list(lacking)
     print_table(RUN_COLUMNS, [_run_row(run) for run in summary["runs"]], digits=3)
     print_text(_roles(summary))
-    if any(run["rudder_deg"] is not None for run in summary["runs"]):
-        print_text(
-            "Rudder angles are as they are read, `delta_r` positive to port, whatever side the log counts."
-        )
+    if any({"delta_r", "delta_r_cmd"} & set(run["inputs"]) for run in summary["runs"]):
+        print_text("Rudder angles count positive to port, whatever side the log counts.")
     print_text()
     print_table(
         ["channel", "unit", "stated noise", "seen noise"],
