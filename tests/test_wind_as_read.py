@@ -139,6 +139,14 @@ def test_a_speed_in_another_unit_is_left_to_the_anemometer_or_the_unit():
     assert said is not None and "knots" in said
 
 
+def test_of_a_calm_that_is_measured_no_direction_is_in_order():
+    """Every reading of no wind is the same: the motion says nothing of its direction."""
+    still = [replace(r, exogenous={**r.exogenous, "wind_speed": 0.0 * r.t}) for r in circles(1).runs]
+    trial = replace(circles(1), runs=tuple(still))
+    found = check_wind(trial, model_of(trial))
+    assert found.asked and not found.in_order and found.finding is None and found.remark is None
+
+
 def test_an_anemometer_that_stands_high_is_no_mistake():
     trial = circles(3, gain=0.8)
     found = check_wind(trial, model_of(trial))

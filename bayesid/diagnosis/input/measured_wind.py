@@ -111,7 +111,7 @@ def check_wind(trial: Trial, model: Model) -> WindCheck:
             read = [one for one in told if one in near or one.mistake is None]
             told = {one: _with_fits(one.problem, told[one]) if one in read else told[one] for one in told}
             weights = _weights(model, told, less)
-    except (BayesidError, LinAlgError):
+    except (BayesidError, LinAlgError, ValueError, MemoryError):  # what ends this check, not a diagnosis
         return WindCheck(asked=True)
     return _judged(weights, [run.name for run in runs])
 
@@ -221,11 +221,10 @@ def _judged(weights: Mapping[_Read, float], runs: Sequence[str]) -> WindCheck:
         left_open = [(w - _log_odds(mistake), mistake) for w, mistake in other]
         most, likeliest = max(left_open, key=lambda one: one[0], default=(-np.inf, None))
         still_open = likeliest if most > as_read else None
-        turned = [w for w, mistake in other if mistake.channels != SPEED]
+        turned = [w for w, mistake in left_open if mistake.channels != SPEED]
         return WindCheck(
             asked=True,
-            in_order=all(w < as_read - WIND_READ_SCATTER for w in turned)
-            and (still_open is None or still_open.channels == SPEED),
+            in_order=all(w < as_read - WIND_READ_SCATTER for w in turned),
             remark=None if still_open is None else _either(still_open),
         )
     most, best = wrong[0]
