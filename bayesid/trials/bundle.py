@@ -54,7 +54,8 @@ def load_trial(path: str | os.PathLike[str], data: str | os.PathLike[str] | None
         if not toml.exists():
             raise TrialError(
                 f"{toml}: does not exist; a trial is a folder with a trial.toml, or the name of a built-in "
-                f"one ({', '.join(builtin_trials())}); `bayesid trial import LOG... --out NEW` makes one of logs"
+                f"one ({', '.join(builtin_trials())}); `bayesid trial import LOG... --out NEW` makes one of "
+                "logs"
             )
         raw = read_bytes(toml, limit=2**20)
     except BadTableError as error:
