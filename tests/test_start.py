@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import json
+import re
 import shlex
 import subprocess
 import sys
@@ -197,8 +198,10 @@ def test_questions_of_the_map_stop_it_and_answers_let_it_go_on(tmp_path, capsys,
     assert bayesid([*order, "--yes"]) == 3
     path = folder / "bayesid" / "map.toml"
     said = capsys.readouterr().out
-    assert "which axes?" in said
+    assert said.count("which axes?") == 1 and said.count("delete each question") == 1
     assert str(path) in said
+    questions = read_map(path).questions
+    assert questions and all(said.count(text) == 1 for text in questions)
     assert "import" not in (folder / "bayesid" / "steps.sh").read_text()
     assert bayesid([*order, "--yes"]) == 3  # still open
     # at a terminal, what holds as it stands is taken
@@ -212,6 +215,28 @@ def test_questions_of_the_map_stop_it_and_answers_let_it_go_on(tmp_path, capsys,
     assert len(asked) >= 1
     assert read_map(path).questions == ()
     assert diagnosed
+
+
+def test_what_the_check_has_said_of_the_log_is_not_said_by_the_import_too(dive, capsys, diagnosed):
+    order = ["start", str(dive), "--vehicle", "remus100", "--yes"]
+    log = dive / "log.csv"
+    rows = log.read_text().splitlines()
+    log.write_text("\n".join([rows[0], *rows[1:400], *rows[460:]]) + "\n")  # a gap: 24 s without readings
+    assert bayesid(order) == 3  # which order acted in the gap
+    map_file = dive / "bayesid" / "map.toml"
+    map_file.write_text(re.sub(r"(?ms)^questions = \[.*?^\]\n", "", map_file.read_text()))
+    capsys.readouterr()
+    assert bayesid(order) == 0
+    said = capsys.readouterr().out
+    remarks = said.partition("$ bayesid trial check")[2].partition("remark")[2]
+    first = next(line.strip() for line in remarks.splitlines() if line.startswith("  - "))
+    assert said.count(first) == 1
+    assert "Next: " not in said  # the next step is taken
+    # an import given by itself says it, and what to do next
+    (dive / "alone").mkdir()
+    assert bayesid(["trial", "import", str(log), "--map", str(map_file), "--out", str(dive / "alone")]) == 0
+    said = capsys.readouterr().out
+    assert first in said and "Next: " in said
 
 
 def test_a_damaged_vehicle_file_and_unused_columns_are_told(dive, capsys, diagnosed):

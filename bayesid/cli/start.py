@@ -245,7 +245,7 @@ def _map_names_one(path: Path) -> bool:
 def _import(found: Found, vehicle: str | None, out: Path, steps: _Steps, ask: bool) -> int:
     """Bundle in `out`; exit code."""
     from bayesid.cli.output import print_text
-    from bayesid.cli.trial_import import import_logs
+    from bayesid.cli.trial_import import imported
     from bayesid.trials.importing import read_map
 
     logs, own, bundle = list(found.logs), out / "map.toml", out / "trial.toml"
@@ -255,11 +255,12 @@ def _import(found: Found, vehicle: str | None, out: Path, steps: _Steps, ask: bo
     if given is None:
         words = ["--vehicle", vehicle] if vehicle else []
         order = ["trial", "import", *logs, "--out", out, *words]
-        if steps.made(lambda: import_logs(logs, out, None, vehicle), bundle, *order) == OK:
+        if steps.made(lambda: imported(logs, out, None, vehicle, guided=True)[0], bundle, *order) == OK:
             return OK
         given = own
     if questions := read_map(given).questions:
-        print_text(f"\n{counted(len(questions), 'question is', 'questions are')} open in {given}:")
+        are = counted(len(questions), "question is", "questions are")
+        print_text(f"\n{are} open in {given}{', most important first' if questions[1:] else ''}:")
         for k, text in enumerate(questions, 1):
             print_text(f"  {k}. {text}")
         if not ask or not _accepted(given, questions):
@@ -268,7 +269,7 @@ def _import(found: Found, vehicle: str | None, out: Path, steps: _Steps, ask: bo
             )
             return ASKED
     order = ["trial", "import", *logs, "--map", given, "--out", out]
-    return steps.made(lambda: import_logs(logs, out, given), bundle, *order)
+    return steps.made(lambda: imported(logs, out, given, None, guided=True)[0], bundle, *order)
 
 
 def _accepted(path: Path, questions: tuple[str, ...]) -> bool:
@@ -300,7 +301,7 @@ def _judge(bundle: Path, out: Path, vehicle: str | None, steps: _Steps, quick: b
     _say_before(bundle, gap, own, quick)
     steps.say("diagnose", bundle, "--out", gap, *own, *(["--quick"] if quick else []))
     code = diagnose(bundle, out=gap, vehicle=own[1] if own else None, quick=quick, verbose=verbose)
-    print_text(f"\nReport: {gap / 'report.html'}. The commands are in {steps.path}, for the next logs.")
+    print_text(f"\nThe commands are in {steps.path}, for the next logs.")
     return code
 
 

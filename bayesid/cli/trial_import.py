@@ -64,14 +64,29 @@ def import_logs(
     BUNDLE/map.toml. Without a question the bundle is written at once. An import is corrected in the same
     way: edit BUNDLE/map.toml and give it as --map again.
     """
+    code, found = imported(sources, out, map_file, vehicle)
+    if found is not None:
+        _what_it_is_like(found, out, verbose)
+    return code
+
+
+def imported(
+    sources: list[Path], out: Path, map_file: Path | None, vehicle: str | None, guided: bool = False
+) -> tuple[int, LogMap | None]:
+    """(exit code, the map carried out or None while it asks).
+
+    Parameters
+    ----------
+    guided : `start` calls it, which prints the questions and says how to go on
+    """
     from bayesid.cli.output import print_text
     from bayesid.trials.importing import apply_map, write_bundle
     from bayesid.trials.importing.again import import_again
 
     again = (out / "trial.toml").exists()
-    found, map_file = _map(sources, out, map_file, vehicle, "import", ("--out", out))
+    found, map_file = _map(sources, out, map_file, vehicle, "import", ("--out", out), guided)
     if found is None:
-        return ASKED
+        return ASKED, None
     runs, origin = apply_map(found, sources)
     if again:
         _say_replaced(import_again(found, runs, origin, out, map_file), out)
@@ -85,8 +100,7 @@ def import_logs(
         print_text(f"  - {text}")
     if notices[6:]:
         print_text(f"  and {len(notices) - 6} more in provenance.json")
-    _what_it_is_like(found, out, verbose)
-    return 0
+    return 0, found
 
 
 def init(
@@ -144,6 +158,7 @@ def _map(
     vehicle: str | None,
     verb: str,
     more: tuple[object, ...] = (),
+    guided: bool = False,
 ) -> tuple[LogMap | None, Path]:
     """(the map given or proposed, None while it asks; its file).
 
@@ -151,6 +166,7 @@ def _map(
     ----------
     verb, more : name and last words of the command to give once the questions are answered; where that is
         `init` and trial.toml cannot say it, the import is named instead, before the questions
+    guided : neither the questions nor how to go on are printed
     """
     from bayesid.cli.output import command, print_text
     from bayesid.trials.importing import ImportLogError, map_text, propose, read_map
@@ -181,9 +197,11 @@ def _map(
     if reasons:
         print_text(f"These tables cannot be read in place, they need an import: {'; '.join(reasons)}.\n")
         verb, more = "import", ("--out", out / "bundle")
-    _say(proposal, out)
+    _say(proposal, out, with_questions=not guided)
     if not proposal.map.questions:
         return proposal.map, map_file
+    if guided:
+        return None, map_file
     print_text(f"\nEdit {map_file}, delete each question when it is answered, then:")
     print_text(command("trial", verb, *sources, "--map", map_file, *more))
     return None, map_file
@@ -293,7 +311,7 @@ def _vehicle(vehicle: str | None, out: Path) -> str:
     return "vehicle.toml"
 
 
-def _say(proposal: Proposal, out: Path) -> None:
+def _say(proposal: Proposal, out: Path, with_questions: bool = True) -> None:
     from bayesid.cli.output import print_table, print_text
     from bayesid.report.import_figure import draw_runs
     from bayesid.trials.importing.roles import ROLES
@@ -326,7 +344,7 @@ def _say(proposal: Proposal, out: Path) -> None:
     if proposal.unused:
         remarks.insert(0, f"not used: {first_few(map(repr, proposal.unused), 8)}")
     for head, texts in (
-        ("Questions, most important first:", found.questions),
+        ("Questions, most important first:", found.questions if with_questions else ()),
         ("Taken for granted:", remarks),
     ):
         if texts:
