@@ -11,6 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from bayesid import simulate
 from bayesid.errors import VehicleError
 from bayesid.model.vehicles import builtin_names, check_vehicle, coef_si, load_vehicle
 from bayesid.model.vehicles.reading import BUILTIN_FOLDER, LARGEST_FILE
@@ -84,6 +85,22 @@ def test_each_fault_has_its_words(tmp_path, old, new, words):
         load(tmp_path, text)
     assert str(caught.value).startswith("boat.toml: ")
     assert str(tmp_path) not in str(caught.value)
+
+
+def test_a_planar_vehicle_moves_alike_with_and_without_the_strips_of_heave(tmp_path):
+    """The strips' force up and down has no part in the plane; sideways it has."""
+    planar = REMUS.replace("[vehicle]", "[vehicle]\nplanar_only = true", 1)
+    sideways = "Cdy = 1.1\nheight = 0.2"
+    runs = []
+    for strips in (sideways, f"{sideways}\nCdz = 0.9\nwidth = 0.3", "Cdy = 0\nheight = 0.2"):
+        ship = load(tmp_path, planar.replace("[coef]", f"[crossflow]\n{strips}\n[coef]", 1))
+        runs.append(simulate(ship, "turn:10,duration=20").runs[0].data["v"])
+    assert np.array_equal(runs[0], runs[1])
+    assert not np.allclose(runs[0], runs[2])
+    for key in ("Cdy = 1.1", "height = 0.2"):
+        text = planar.replace("[coef]", f"[crossflow]\n{sideways.replace(key, '')}\n[coef]", 1)
+        with pytest.raises(VehicleError, match=f"{key.split()[0]} is missing"):
+            load(tmp_path, text)
 
 
 def test_all_problems_of_a_file_come_at_once(tmp_path):

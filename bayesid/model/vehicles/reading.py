@@ -150,7 +150,9 @@ def read_vehicle(data: Mapping[str, Any], where: str, folder: Path | None) -> Ve
         "limits": limits,
         "rates": rates,
         "propulsion": read_propulsion(TomlTable(data.get("propulsion", {}), "propulsion", problems)),
-        "crossflow": read_crossflow(TomlTable(data["crossflow"], "crossflow", problems))
+        "crossflow": read_crossflow(
+            TomlTable(data["crossflow"], "crossflow", problems), values["planar_only"]
+        )
         if "crossflow" in data
         else None,
         "validation": dict(TomlTable(data.get("validation", {}), "validation", problems).data),

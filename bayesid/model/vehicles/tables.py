@@ -90,11 +90,12 @@ CONTROL: dict[str, FileKey] = {
 #: keys of [crossflow]
 CROSSFLOW: dict[str, FileKey] = {
     "Cdy": FileKey("number", "drag coefficient of the strips, sideways", required=True, low=0.0, high=1e5),
-    "Cdz": FileKey("number", "drag coefficient of the strips, up and down", required=True, low=0.0, high=1e5),
+    "Cdz": FileKey("number", "drag coefficient of the strips, up and down; not if planar_only",
+                   low=0.0, high=1e5),
     "height": FileKey("number", "m, of the strips", required=True, low=0.0, high=1e5),
-    "width": FileKey("number", "m, of the strips", required=True, low=0.0, high=1e5),
+    "width": FileKey("number", "m, of the strips; not if planar_only", low=0.0, high=1e5),
     "sections": FileKey("whole", "stations of the integral", low=3, high=1001, default=21),
-}
+}  # fmt: skip
 
 
 def _number(
@@ -211,9 +212,18 @@ def ship_problems(model: str, planar: bool, coef: Mapping[str, float]) -> list[s
     )
 
 
-def read_crossflow(table: TomlTable) -> Crossflow:
+def read_crossflow(table: TomlTable, planar: bool) -> Crossflow:
+    """Strips; `planar`: no force acts up and down, so that its two numbers may be left out."""
     table.only(CROSSFLOW)
-    numbers = [_number(table, CROSSFLOW, key) for key in list(CROSSFLOW)[:4]]
+    numbers = [
+        table.number(
+            key,
+            required=CROSSFLOW[key].required or not planar,
+            low=CROSSFLOW[key].low or 0.0,
+            high=CROSSFLOW[key].high or math.inf,
+        )
+        for key in ("Cdy", "Cdz", "height", "width")
+    ]
     sections = table.data.get("sections", CROSSFLOW["sections"].default)
     if not isinstance(sections, int) or isinstance(sections, bool) or not 3 <= sections <= 1001:
         table.problem(f"sections must be a whole number between 3 and 1001, not {shown(sections)}")
