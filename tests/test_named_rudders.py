@@ -6,9 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import bayesid
 from bayesid.diagnosis.input import check_trial
 from bayesid.equations.model import build_model
+from bayesid.errors import ManoeuvreError
 from bayesid.model.vehicles import load_vehicle
+from bayesid.model.vehicles.sufficient import lacking
 from bayesid.simulation import plan_run, simulate, steady_start
 from bayesid.trials import Run, Trial
 
@@ -134,3 +137,18 @@ def test_fins_that_are_no_twins_have_no_common_effect(zigzags):
     apart = tuple(replace(f, F_uu=f.F_uu * k) for k, f in enumerate(vehicle.fins, 1))
     named = {e.name for e in build_model(replace(vehicle, fins=apart), 3).causes}
     assert "delta_1_lag" in named and not any(name.startswith("twin") for name in named)
+
+
+def test_a_vehicle_with_two_named_rudders_is_not_said_to_have_none(tmp_path):
+    (tmp_path / "launch.toml").write_text(LAUNCH)
+    ship = load_vehicle(tmp_path / "launch.toml")
+    (design,) = [text for text in lacking(ship)["design"] if "rudder" in text]
+    with pytest.raises(ManoeuvreError, match=r"columns t\[s\], n_3_cmd\[rpm\], delta_1_cmd") as said:
+        bayesid.design(ship, quick=True)
+    for text in (design, str(said.value)):
+        assert "has no rudder delta_r, its rudders 1 and 2 have orders of their own" in text
+    # what its table orders, its table can order
+    columns = str(said.value).partition("columns ")[2].partition(")")[0].split(", ")
+    (tmp_path / "orders.csv").write_text(f"{','.join(columns)}\n0,600,0,0\n20,600,10,10\n40,600,0,0\n")
+    (run,) = bayesid.simulate(ship, f"table:{tmp_path / 'orders.csv'}").runs
+    assert abs(run.data["psi"][-1]) > 0.1

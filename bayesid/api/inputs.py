@@ -199,14 +199,19 @@ def ordered(
     for text in texts:
         order, table = parse(text, scale), text.partition(":")[0].strip() == "table"
         if not table and not has_rudder(model.vehicle):
-            signals = [channel(f"{s}_cmd") for a in model.vehicle.actuators for s in a.signals]
-            names = ", ".join(f"{c.name}[{c.shown[1]}]" for c in signals)
             raise ManoeuvreError(
                 f"{text}: {model.vehicle.name} has no rudder delta_r; order its actuators by a table "
-                f"(table:FILE.csv with columns t[s], {names})"
+                f"({table_of(model.vehicle)})"
             )
         found[text] = with_rows_every(order, dt) if table and dt and isinstance(order, OpenLoop) else order
     return found
+
+
+def table_of(vehicle: Vehicle) -> str:
+    """How a table of orders of a vehicle with actuators of its own is given, in words."""
+    orders = [channel(f"{signal}_cmd") for actuator in vehicle.actuators for signal in actuator.signals]
+    names = ", ".join(f"{order.name}[{order.shown[1]}]" for order in orders)
+    return f"table:FILE.csv with columns t[s], {names}"
 
 
 def parameter_values(model: Model, changes: Mapping[str, float | str] | None) -> dict[str, float]:

@@ -13,13 +13,13 @@ from pathlib import Path
 from bayesid.analysis.design import limits, usual_logging
 from bayesid.analysis.design.planning_case import PlanningSetup, known_of, trial_case, vehicle_case
 from bayesid.api.earlier_fit import fit_of
-from bayesid.api.inputs import Names, VehicleLike, names_of, ordered, prepared, vehicle_of
+from bayesid.api.inputs import Names, VehicleLike, names_of, ordered, prepared, table_of, vehicle_of
 from bayesid.equations.model import Model, build_model
 from bayesid.errors import ManoeuvreError, TrialError, VehicleError
 from bayesid.estimation.segments import in_pieces
 from bayesid.manoeuvres import Manoeuvre, Scale
 from bayesid.model.vehicles import Vehicle
-from bayesid.model.vehicles.sufficient import has_rudder
+from bayesid.model.vehicles.sufficient import has_rudder, without_rudder
 from bayesid.simulation import with_shaft_speed
 from bayesid.trials import Trial, load_trial
 from bayesid.trials.bundle import builtin_trials
@@ -65,8 +65,9 @@ def require_rudder(vehicle: Vehicle, done: str) -> None:
     """
     if not has_rudder(vehicle):
         raise ManoeuvreError(
-            f"{vehicle.name} has no rudder: manoeuvres are {done} for rudder, plane and shaft; order its "
-            "thrusters by tables of your own (table:FILE.csv), each alone and against the others"
+            f"{vehicle.name} {without_rudder(vehicle)}: manoeuvres are {done} for rudder, plane and shaft; "
+            f"order its actuators by tables of your own ({table_of(vehicle)}), each alone and against the "
+            "others"
         )
 
 

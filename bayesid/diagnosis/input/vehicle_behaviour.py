@@ -16,7 +16,7 @@ import numpy as np
 from bayesid.equations.model import Model
 from bayesid.errors import BayesidError
 from bayesid.model.vehicles import self_propulsion_speed
-from bayesid.model.vehicles.sufficient import missing_actuators
+from bayesid.model.vehicles.sufficient import missing_actuators, named_rudders
 from bayesid.simulation import plan_run, simulate
 from bayesid.trials import Run
 from bayesid.trials.correction import Correction
@@ -116,13 +116,9 @@ class VehicleBehaviour:
 
 def steering(model: Model) -> tuple[str, ...]:
     """The fins that turn a vehicle: its rudder, or the named ones that push sideways where it has none."""
-    vehicle = model.vehicle
-    if "delta_r" not in missing_actuators(vehicle):
+    if "delta_r" not in missing_actuators(model.vehicle):
         return ("delta_r",)
-    named = tuple(
-        f"delta_{fin.name}" for fin in vehicle.fins if abs(fin.direction[1]) > abs(fin.direction[2])
-    )
-    return named or ("delta_r",)
+    return tuple(f"delta_{name}" for name in named_rudders(model.vehicle)) or ("delta_r",)
 
 
 def _with_rudder(model: Model, run: Run, fins: Sequence[str]) -> Run:

@@ -11,7 +11,7 @@ from bayesid.errors import VehicleError
 from bayesid.model.propulsion import MODELS, propulsion_rows
 from bayesid.model.vehicles.stability import usual_speed
 from bayesid.model.vehicles.vehicle import ASSUMED_RELATIVE_SD, Vehicle
-from bayesid.words import first_few
+from bayesid.words import and_list, first_few
 
 COMMANDS = ("simulate", "fit", "diagnose", "design")
 
@@ -61,7 +61,8 @@ def lacking(vehicle: Vehicle) -> dict[str, list[str]]:
         )
         say(what, "fit", "diagnose", "design")
     if not has_rudder(vehicle):
-        say("it has no rudder: order its thrusters by tables of your own, design has none for them", "design")
+        what = f"it {without_rudder(vehicle)}: order its actuators by tables of your own"
+        say(f"{what}, design has none for them", "design")
         return found
     if not math.isfinite(vehicle.limits.get("delta_r", math.inf)):
         say(
@@ -76,6 +77,21 @@ def lacking(vehicle: Vehicle) -> dict[str, list[str]]:
 def has_rudder(vehicle: Vehicle) -> bool:
     """Whether `delta_r` turns it; one with actuators of its own has none unless its file gives rows of it."""
     return not vehicle.actuators or any(name.endswith("dr") for name in vehicle.coef)
+
+
+def named_rudders(vehicle: Vehicle) -> tuple[str, ...]:
+    """Names of the fins of [actuators.NAME] that push sideways."""
+    return tuple(fin.name for fin in vehicle.fins if abs(fin.direction[1]) > abs(fin.direction[2]))
+
+
+def without_rudder(vehicle: Vehicle) -> str:
+    """What a vehicle of which `has_rudder` is false has in its place; stands after its name."""
+    names = named_rudders(vehicle)
+    if not names:
+        return "has no rudder"
+    if len(names) == 1:
+        return f"has no rudder delta_r, its rudder {names[0]} has orders of its own"
+    return f"has no rudder delta_r, its rudders {and_list(names)} have orders of their own"
 
 
 def has_propeller(vehicle: Vehicle) -> bool:
