@@ -17,7 +17,7 @@ from bayesid.cli.main import run as bayesid
 from bayesid.diagnosis.diagnosed_file import read_diagnosed, write_diagnosed
 from bayesid.diagnosis.diagnosed_model import DiagnosedModel, WeightedHypothesis, diagnosed_model_of
 from bayesid.diagnosis.run import diagnose
-from bayesid.errors import ModelError
+from bayesid.errors import ManoeuvreError, ModelError
 from bayesid.estimation.filter_error.fit import fit
 from bayesid.estimation.filter_error.linearise import linearise, with_forces
 from bayesid.estimation.filter_error.noise_model import NoiseModel, force_unit, smoothed
@@ -95,6 +95,24 @@ def test_a_model_file_that_holds_no_gaussian_is_refused_in_words(how, words, tmp
     path.write_text(json.dumps(spoilt(json.loads(path.read_text()), how)))
     with pytest.raises(ModelError, match=f"model.json.*{words}"):
         read_diagnosed(tmp_path)
+
+
+def test_a_misspelt_run_is_told_with_the_runs_there_are_and_before_anything_is_diagnosed(monkeypatch):
+    def no(*_):
+        raise AssertionError("a model is asked for")
+
+    monkeypatch.setattr("bayesid.api.predict._model", no)
+    trial = planted_trial(MODEL)
+    names = [run.name for run in trial.runs]
+    runs = replace(trial, runs=tuple(replace(r, name=f"harbour_{r.name}") for r in trial.runs))
+    with pytest.raises(ManoeuvreError, match=rf"did you mean harbour_{names[0]}\?; runs: harbour_") as said:
+        predict(runs, f"harbor_{names[0]}")
+    assert all(f"harbour_{name}" in str(said.value) for name in names) and "zigzag" in str(said.value)
+    with pytest.raises(ManoeuvreError, match=r"did you mean zigzag\?"):
+        predict(runs, "zigzak:10/10")
+    for good in (f"harbour_{names[0]}", "Turn:10", "spiral", "turn,side=starboard"):
+        with pytest.raises(AssertionError, match="a model is asked for"):
+            predict(runs, good)
 
 
 @lru_cache

@@ -25,8 +25,9 @@ from bayesid.diagnosis.diagnosed_file import read_diagnosed, write_diagnosed
 from bayesid.diagnosis.diagnosed_model import DiagnosedModel, diagnosed_model_of
 from bayesid.diagnosis.input import check_trial
 from bayesid.diagnosis.run import diagnose
-from bayesid.errors import BayesidError, ModelError, TrialError
+from bayesid.errors import BayesidError, ManoeuvreError, ModelError, TrialError
 from bayesid.files import write_atomic, write_json
+from bayesid.manoeuvres import REGISTRY
 from bayesid.measures import named_measures
 from bayesid.model.channels import channel
 from bayesid.prediction.intervals import (
@@ -54,6 +55,7 @@ from bayesid.threads import one_blas_thread
 from bayesid.trials import Run, Trial
 from bayesid.trials.measured_wind import wind_words
 from bayesid.trials.write import file_stem
+from bayesid.words import did_you_mean, first_few
 
 if TYPE_CHECKING:
     import pandas
@@ -104,11 +106,12 @@ def predict(
     """
     logged = trial_of(trial, data)
     shown = progress or Progress(quiet=True)
+    wanted = [what] if isinstance(what, str) else list(what or [run.name for run in logged.runs])
+    _refuse_unknown(logged, wanted)  # before a diagnosis of minutes
     found = _model(logged, model, out, vehicle, effects, seed, shown)
     logged = with_shaft_speed(logged, found.model.vehicle)
     if blown := wind_words(found.model.vehicle, logged):
         shown.note(blown)
-    wanted = [what] if isinstance(what, str) else list(what or [run.name for run in logged.runs])
     s = found.model.scales
     scale = scale_of(found.model, rpm, dt if dt is not None else s["L"] / s["U"] / 40)
     orders = ordered(found.model, (text for text in wanted if _run(logged, text) is None), scale, dt)
@@ -202,6 +205,18 @@ def _check_vehicle(found: DiagnosedModel, trial: Trial) -> None:
 
 def _run(trial: Trial, name: str) -> Run | None:
     return next((run for run in trial.runs if run.name == name), None)
+
+
+def _refuse_unknown(trial: Trial, wanted: Iterable[str]) -> None:
+    runs = [run.name for run in trial.runs]
+    for text in wanted:
+        head = text.partition(":")[0].partition(",")[0].strip()
+        if text not in runs and head.lower() not in REGISTRY:
+            raise ManoeuvreError(
+                f"{text[:80]!r} is neither a run of the trial nor a manoeuvre"
+                f"{did_you_mean([head], [*runs, *REGISTRY])}; runs: {first_few(runs, 12)}; manoeuvres: "
+                f"{', '.join(REGISTRY)}"
+            )
 
 
 def _file_name(text: str) -> str:
