@@ -12,6 +12,7 @@ import pytest
 import scipy.signal
 
 from bayesid.cli.main import run as bayesid
+from bayesid.report.import_figure import draw_runs
 from bayesid.trials import load_trial
 from bayesid.trials.importing import (
     ImportLogError,
@@ -759,6 +760,61 @@ def test_of_a_record_of_few_samples_its_length_is_said_and_no_column_asked_for(t
     said = capsys.readouterr().out
     assert "no column of 'log.csv' has more than 3 samples: too few to be a run" in said
     assert "no position found" not in said
+    truth = {k: v[:5] for k, v in motion(np.random.default_rng(7)).items()}
+    columns = {
+        "t [s]": truth["t"], "x [m]": truth["x"], "y [m]": truth["y"], "heading [deg]": truth["psi"] / DEG,
+        "rudder [deg]": truth["delta_r_cmd"] / DEG, "RPM_port": truth["n_cmd"], "RPM_stbd": truth["n_cmd"],
+    }  # fmt: skip
+    asked = propose([_table(tmp_path, truth, columns)]).map.questions
+    assert len(asked) == 1 and "5 samples" in asked[0]  # the rest is of columns that five do not tell
+
+
+def test_a_run_without_rudder_and_heading_is_drawn_without_a_warning(tmp_path, recwarn):
+    truth = motion(np.random.default_rng(7))
+    columns = {
+        "t [s]": truth["t"], "north [m]": truth["x"], "east [m]": truth["y"], "rpm": truth["n_cmd"]
+    }  # fmt: skip
+    assert draw_runs(propose([_table(tmp_path, truth, columns)]), tmp_path)
+    assert not [str(w.message) for w in recwarn]
+
+
+def test_a_course_that_moves_with_the_turns_is_no_rudder_and_a_column_of_no_name_is_offered(tmp_path):
+    truth = motion(np.random.default_rng(7))
+    early = np.gradient(np.roll(truth["psi"], -3), truth["t"]) / DEG
+    columns = {
+        "t [s]": truth["t"], "north [m]": truth["x"], "east [m]": truth["y"],
+        "heading [deg]": truth["psi"] / DEG, "rpm": truth["n_cmd"],
+    }  # fmt: skip
+    course = propose([_table(tmp_path, truth, {**columns, "COG [deg]": early})]).map.questions
+    (asked,) = [text for text in course if "no rudder found" in text]
+    assert "as a rudder does" not in asked and "series not used: 'COG [deg]'" in asked
+    servo = propose([_table(tmp_path, truth, {**columns, "servo 4": early})]).map.questions
+    assert any("'servo 4' moves before the turns as a rudder does" in text for text in servo)
+
+
+def test_a_yaw_rate_without_a_heading_is_not_said_to_be_missing(tmp_path):
+    truth = motion(np.random.default_rng(7))
+    columns = {
+        "t [s]": truth["t"], "north [m]": truth["x"], "east [m]": truth["y"], "r [deg/s]": truth["r"] / DEG,
+        "rudder [deg]": truth["delta_r_cmd"] / DEG, "rpm": truth["n_cmd"],
+    }  # fmt: skip
+    asked = propose([_table(tmp_path, truth, columns)]).map.questions
+    (body,) = [text for text in asked if text.startswith("body: ")]
+    assert "yaw rate 'r [deg/s]' is read without a heading" in body
+
+
+@pytest.mark.parametrize("apart", [0.0, 0.01])
+def test_of_two_shafts_the_question_says_how_far_they_differ_and_what_may_be_done(tmp_path, apart):
+    truth = motion(np.random.default_rng(7))
+    columns = {
+        "t [s]": truth["t"], "north [m]": truth["x"], "east [m]": truth["y"],
+        "heading [deg]": truth["psi"] / DEG, "rudder [deg]": truth["delta_r_cmd"] / DEG,
+        "RPM_port": truth["n_cmd"], "RPM_stbd": truth["n_cmd"] * (1.0 + apart),
+    }  # fmt: skip
+    asked = propose([_table(tmp_path, truth, columns)]).map.questions
+    (shafts,) = [text for text in asked if "would fit as well" in text]
+    assert f"they differ by {100.0 * apart:.2g} % (rms)" in shafts
+    assert "column of their mean" in shafts and "[actuators.NAME]" in shafts
 
 
 def test_a_folder_of_tables_names_the_command_that_takes_it(tmp_path, capsys):

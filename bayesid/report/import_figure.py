@@ -52,7 +52,8 @@ def draw_runs(proposal: Proposal, folder: Path) -> list[Path]:
                 )
             command.set_title(f"{run.name}: {run.manoeuvre or 'not named'} ({run.role})", fontsize=9)
             command.set_xlabel("t [s]")
-            command.legend(fontsize=7, loc="upper right")
+            if command.lines:
+                command.legend(fontsize=7, loc="upper right")
         path = folder / (f"runs_{len(paths) + 1}.png" if len(rows) > ROWS else "runs.png")
         figure.savefig(path, dpi=90)
         paths.append(path)

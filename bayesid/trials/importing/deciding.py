@@ -231,10 +231,13 @@ def _rates(draft: Draft) -> None:
                 f"{'deg/s' if top > 3.0 else 'rad/s'}",
             )
         if not draft.body_stated:
+            headed = draft.has("psi") or draft.has("heading") or draft.has("qw")
+            why = "is read without a heading" if not headed else "does not follow the heading"
+            why = "cannot be held against the heading" if headed and fit is None else why
             draft.ask(
                 2,
-                "body: no yaw rate tells whether body axes are forward-starboard-down (frd) or "
-                "forward-port-up (flu)",
+                f"body: yaw rate {draft.column('r')} {why}, so that nothing tells whether it counts to "
+                "starboard (frd) or to port (flu)",
             )
         return
     size = {u: abs(fit[0]) * scale(units[0], "rad/s", "r") / scale(u, "rad/s", "r") for u in units}

@@ -18,7 +18,7 @@ from bayesid.trials.importing.agreement import common_run, rudder_t
 from bayesid.trials.importing.arranging import arrange, sources_of
 from bayesid.trials.importing.assumed_units import ask_assumed_units, unknown_unit
 from bayesid.trials.importing.clock_agreement import ask_apart
-from bayesid.trials.importing.converting import Recording
+from bayesid.trials.importing.converting import Recording, resolve
 from bayesid.trials.importing.deciding import decide
 from bayesid.trials.importing.draft import Draft
 from bayesid.trials.importing.joining import one_clock
@@ -38,7 +38,9 @@ from bayesid.words import counted, first_few
 
 LOOK = 100_000  # samples per series a proposal looks at
 GENERIC = ("value", "data", "val")  # names that say nothing; that of the file is taken
+FIRST = -1  # weight of a question before all others
 FEWEST_SAMPLES = 10  # of the longest series, below which no column is told
+BY_NAME = 1.0  # score of a series whose name, or the last words of it, tell its role
 LARGE = 1_000_000  # samples beyond which a step is proposed
 _TEXT_WORLD = re.compile(r"\b(ned|enu|nwu)\b", re.IGNORECASE)
 
@@ -108,7 +110,10 @@ def propose(
         for text in log.notices:
             draft.remark(f"{Path(log.path).name}: {text}")
     ask_lost_cells(draft)
-    questions = tuple(text for _, text in sorted(draft.asked, key=lambda item: item[0]))
+    asked = sorted(draft.asked, key=lambda item: item[0])
+    if _longest(recordings) < FEWEST_SAMPLES:  # the rest is of columns that so few samples do not tell
+        asked = asked[:1]
+    questions = tuple(text for _, text in asked)
     if not any(role in _UPRIGHT for role in draft.map.channels) and not draft.has("qw"):
         draft.map = replace(draft.map, dof=3)
     draft.map = replace(draft.map, world=draft.map.world or "ned", body=draft.map.body or "frd")
@@ -172,7 +177,7 @@ def _name(draft: Draft, recordings: list[Recording]) -> list[str]:
         rivals = [o for o in found[1:] if o[0] > score - 0.3]
         if rivals and score < 3.0:
             shown = ", ".join(repr(o[2].name) for o in rivals[:3])
-            twins = " (of two shafts that turn alike, either)" if role.partition("_")[0] == "n" else ""
+            twins = _of_two_shafts(channel, rivals[0][2]) if role.partition("_")[0] == "n" else ""
             draft.ask(3, f"{role} is read from {channel.name!r}; {shown} would fit as well{twins}")
         elif rivals:
             pair = (_topic(channel.name).split(".")[0], _topic(rivals[0][2].name).split(".")[0])
@@ -221,6 +226,22 @@ def _name(draft: Draft, recordings: list[Recording]) -> list[str]:
     draft.map = replace(draft.map, channels=channels)
     read = {entry.source for entry in channels.values()}
     return unused + [name for name in named if name not in read]
+
+
+def _of_two_shafts(one: RawChannel, other: RawChannel) -> str:
+    """What to do of two shaft speeds where the vehicle has one propeller: a map reads a channel from one
+    series."""
+    apart = ""
+    if one.values.shape == other.values.shape:
+        both = np.isfinite(one.values) & np.isfinite(other.values)
+        level = float(np.sqrt(np.mean(one.values[both] ** 2))) if both.any() else 0.0
+        if level > 0.0:
+            rms = float(np.sqrt(np.mean((one.values - other.values)[both] ** 2)))
+            apart = f"they differ by {100.0 * rms / level:.2g} % (rms); "
+    return (
+        f" ({apart}of two shafts that turn alike, either; of two that do not, write a column of their mean "
+        "into the log, or give the vehicle both by [actuators.NAME])"
+    )
 
 
 def _how_it_moves(role: str, values: Floats) -> str:
@@ -308,12 +329,12 @@ def _drop_constant(draft: Draft) -> None:
 
 def _needs(draft: Draft, recordings: list[Recording], unused: list[str], inputs: Sequence[str]) -> None:
     """What a bundle cannot do without, asked for where it was not found."""
-    logs = [log for recording in recordings for log in recording.logs.values()]
-    longest = max((c.t.size for log in logs for c in log.channels), default=0)
+    longest = _longest(recordings)
     if longest < FEWEST_SAMPLES:
+        logs = [log for recording in recordings for log in recording.logs.values()]
         names = first_few([repr(Path(log.path).name) for log in logs], 3)
         draft.ask(
-            0,
+            FIRST,
             f"no column of {names} has more than {counted(longest, 'sample')}: too few to be a run or to "
             f"tell what a column is (at least {FEWEST_SAMPLES}); give longer logs",
         )
@@ -345,6 +366,12 @@ def _needs(draft: Draft, recordings: list[Recording], unused: list[str], inputs:
         )
 
 
+def _longest(recordings: Sequence[Recording]) -> int:
+    """Samples of the longest series."""
+    logs = [log for recording in recordings for log in recording.logs.values()]
+    return max((c.t.size for log in logs for c in log.channels), default=0)
+
+
 def lines_of_inputs(inputs: Sequence[str], unused: Sequence[str]) -> list[str]:
     """Line of [channels] per input: `n_3_cmd = "Thruster 3 (rpm)"`, where one series alone has its name."""
     series = [(text, set(_WORD.findall(text.lower()))) for text in unused]
@@ -359,6 +386,8 @@ def lines_of_inputs(inputs: Sequence[str], unused: Sequence[str]) -> list[str]:
 def _likely_rudder(draft: Draft, recordings: list[Recording], unused: list[str]) -> str:
     best, most = "", 6.0
     for name in unused[:200]:
+        if _is_another(draft, recordings[0], name):
+            continue
         channels = {**draft.map.channels, "delta_r": ChannelMap(name, "deg", scale=1.0)}
         try:
             t = rudder_t(replace(draft.map, channels=channels), recordings[0])
@@ -372,6 +401,16 @@ def _likely_rudder(draft: Draft, recordings: list[Recording], unused: list[str])
         if best
         else ""
     )
+
+
+def _is_another(draft: Draft, recording: Recording, name: str) -> bool:
+    """Whether a series is by its name something other than an angle of a rudder, as a course, which moves
+    with the turns too."""
+    probe = replace(draft.map, channels={"delta_r": ChannelMap(name)})
+    label, column = resolve(probe, "delta_r")
+    channel = recording.logs[label].by_name.get(column) if label in recording.logs else None
+    guess = None if channel is None else guess_role(channel)
+    return guess is not None and guess.score >= BY_NAME and guess.role not in WITH_ORDER
 
 
 def _declared_axes(draft: Draft, logs: dict[str, RawLog]) -> None:
