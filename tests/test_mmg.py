@@ -177,3 +177,26 @@ def test_a_ship_stops_and_goes_astern_and_starts_from_rest(name):
     ahead = {"delta_r_cmd": np.full(t.size, 0.6), "n_cmd": np.full(t.size, rpm)}
     start = simulate(model, model.nominal, plan_run(model, t, ahead), 0.0 * steady_start(model))
     assert start["u"][-1] > 0 > start["r"][-1]  # to port, as the rudder
+
+
+def test_two_screws_and_rudders_stand_in_a_ship_as_one_by_the_factors_of_the_guide():
+    """Of the disc area of both, with K_T as a function of its own J: forces are twice those of one, ahead and
+    astern; with the larger diameter alone they are not."""
+    ship = load_vehicle("esso_osaka_mmg")
+    one = {**ship.coef, **ship.propulsion.values, "rho": ship.rho, "L": ship.L, "U_ref": 0.5}
+    root = np.sqrt(2.0)
+    larger = one | {"D_P": root * one["D_P"], "H_R": root * one["H_R"], "A_R": 2.0 * one["A_R"]}
+    both = larger | {"k_0": one["k_0"] / 2.0, "k_1": one["k_1"] / root}
+    rng = np.random.default_rng(5)
+    u, v, r, rudder = rng.uniform([[-0.3], [-0.1], [-0.1], [-0.6]], [[0.6], [0.1], [0.1], [0.6]], (4, 200))
+    n = rng.uniform(-600.0, 900.0, 200)
+    single, pair = (ship_forces(values, u, v, r, rudder, n) for values in (one, both))
+    for name in ("propeller X", "rudder X", "rudder Y", "rudder N"):
+        assert np.abs(single[name]).max() > 0.0
+        np.testing.assert_allclose(pair[name], 2.0 * single[name], rtol=1e-9, atol=1e-12)
+    at_rest, under_way = (
+        [float(ship_forces(values, speed, n=600.0)["propeller X"]) for values in (one, larger)]
+        for speed in (0.0, 0.5)
+    )
+    assert at_rest[1] == pytest.approx(4.0 * at_rest[0])
+    assert under_way[1] > 4.05 * under_way[0]
